@@ -1,0 +1,61 @@
+//! From latent mean and variance to the probability of success (docs/method.md, section 6).
+
+use crate::polya_gamma::normal_cdf;
+
+/// The latent function at some points: mean and variance of each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Latent {
+    /// Means, one per point.
+    pub mean: Vec<f64>,
+    /// Variances, one per point, not negative.
+    pub variance: Vec<f64>,
+}
+
+impl Latent {
+    /// Probability of success at every point: [`success_probability`] of each mean and variance.
+    pub fn probability(&self) -> Vec<f64> {
+        self.mean.iter().zip(&self.variance).map(|(&mean, &variance)| success_probability(mean, variance)).collect()
+    }
+}
+
+/// Weight and scale of each normal distribution function in the mixture that stands for the logistic function (Monahan and
+/// Stefanski 1992, eight terms): |σ(x) − Σ weight · Φ(scale · x)| < 2.1e-9 for every x.
+const MIXTURE: [(f64, f64); 8] = [
+    (0.003246343272134, 1.365340806296348),
+    (0.051517477033972, 1.059523971016916),
+    (0.195077912673858, 0.830791313765644),
+    (0.315569823632818, 0.650732166639391),
+    (0.274149576158423, 0.508135425366489),
+    (0.131076880695470, 0.396313345166341),
+    (0.027912418727972, 0.308904252267995),
+    (0.001449567805354, 0.238212616409306),
+];
+
+/// ∫ σ(f) N(f; mean, variance) df: the probability of success where the latent function has this mean and variance.
+///
+/// Absolute error below 3e-9 for every mean and every variance, because the mixture's error is uniform in f. The exact value
+/// lies between σ(mean) and ½ (averaging over a symmetric density pulls towards even odds), and so does the result, which
+/// keeps the far tails right where the mixture alone would fall too fast.
+///
+/// ```
+/// assert!((dgpc::success_probability(0.0, 4.0) - 0.5).abs() < 1e-8);
+/// ```
+pub fn success_probability(mean: f64, variance: f64) -> f64 {
+    let variance = variance.max(0.0);
+    let mixture: f64 = MIXTURE
+        .iter()
+        .map(|&(weight, scale)| weight * normal_cdf(mean * scale / (1.0 + scale * scale * variance).sqrt()))
+        .sum();
+    let tail = logistic(-mean.abs());
+    if mean < 0.0 { mixture.clamp(tail, 0.5) } else { mixture.clamp(0.5, 1.0 - tail) }
+}
+
+/// σ(f), without overflow.
+fn logistic(f: f64) -> f64 {
+    if f >= 0.0 {
+        1.0 / (1.0 + (-f).exp())
+    } else {
+        let odds = f.exp();
+        odds / (1.0 + odds)
+    }
+}

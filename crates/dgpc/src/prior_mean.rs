@@ -1,0 +1,91 @@
+//! What is believed before the first event: prior mean functions, and the prior they form with a kernel.
+
+use crate::error::{Error, Result, finite, same_size};
+use crate::inputs::Inputs;
+use crate::kernel::Kernel;
+
+/// The latent function expected before any event, μ₀(x).
+#[derive(Debug, Clone, PartialEq)]
+pub enum PriorMean {
+    /// μ₀ = 0: even odds everywhere.
+    Zero,
+    /// The same log-odds everywhere.
+    Constant(f64),
+    /// μ₀ = intercept − slope · ‖x\[from\] − x\[to\]‖: log-odds that fall with the distance between two sets of columns. This is
+    /// where a conservative range goes in: the odds are even at distance intercept / slope.
+    Range {
+        /// Log-odds at distance zero.
+        intercept: f64,
+        /// Log-odds lost per unit of distance.
+        slope: f64,
+        /// Columns of one end.
+        from: Vec<usize>,
+        /// Columns of the other end, as many.
+        to: Vec<usize>,
+    },
+}
+
+impl PriorMean {
+    /// Checks that the numbers are finite and the columns pair up.
+    fn check(&self) -> Result<()> {
+        match self {
+            PriorMean::Zero => Ok(()),
+            PriorMean::Constant(value) => finite("prior mean", *value).map(drop),
+            PriorMean::Range { intercept, slope, from, to } => {
+                finite("prior mean intercept", *intercept)?;
+                finite("prior mean slope", *slope)?;
+                same_size("columns of the two ends of a range prior mean", from.len(), to.len())
+            }
+        }
+    }
+
+    /// μ₀ at every point. O(Nd).
+    ///
+    /// # Errors
+    /// [`Error::BadColumn`] when a range prior mean names a column that the inputs do not have.
+    pub fn values(&self, inputs: &Inputs) -> Result<Vec<f64>> {
+        match self {
+            PriorMean::Zero => Ok(vec![0.0; inputs.len()]),
+            PriorMean::Constant(value) => Ok(vec![*value; inputs.len()]),
+            PriorMean::Range { intercept, slope, from, to } => {
+                let columns = inputs.dimension();
+                if let Some(&column) = from.iter().chain(to).find(|&&column| column >= columns) {
+                    return Err(Error::BadColumn { what: "range prior mean", column, columns });
+                }
+                let distance = |row: &[f64]| {
+                    let squares = from.iter().zip(to).map(|(&a, &b)| (row[a] - row[b]).powi(2));
+                    squares.sum::<f64>().sqrt()
+                };
+                Ok(inputs.rows().map(|row| intercept - slope * distance(row)).collect())
+            }
+        }
+    }
+}
+
+/// A Gaussian-process prior f ~ GP(μ₀, k).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prior {
+    kernel: Kernel,
+    mean: PriorMean,
+}
+
+impl Prior {
+    /// Puts a kernel and a prior mean together.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`] or [`Error::SizeMismatch`] when the prior mean is not well formed.
+    pub fn new(kernel: Kernel, mean: PriorMean) -> Result<Self> {
+        mean.check()?;
+        Ok(Self { kernel, mean })
+    }
+
+    /// The covariance function.
+    pub fn kernel(&self) -> &Kernel {
+        &self.kernel
+    }
+
+    /// The mean function.
+    pub fn mean(&self) -> &PriorMean {
+        &self.mean
+    }
+}

@@ -1,0 +1,303 @@
+//! What a set of events says about the latent function at a few inducing points (docs/method.md, section 3).
+
+use crate::error::{Error, Result, same_size};
+use crate::inputs::Inputs;
+use crate::linalg::{Cholesky, Matrix, product, semidefinite_root, symmetric_eigen};
+use crate::mean_field::{Features, fill_scaled};
+use crate::prior_mean::Prior;
+use crate::sites::Sites;
+
+/// A Gaussian message about f at M inducing points Z, under a prior.
+///
+/// It is kept whitened: with K_ZZ = LLᵀ, the precision Ĝ = L⁻¹GL⁻ᵀ and the shift b̂ = L⁻¹b, both free of the conditioning of
+/// K_ZZ. Summaries of one prior and one Z form a commutative group: [`Summary::merge`] adds, [`Summary::subtract`] takes away.
+#[derive(Debug, Clone)]
+pub struct Summary {
+    prior: Prior,
+    inducing_points: Inputs,
+    cholesky: Cholesky,
+    precision: Matrix,
+    shift: Vec<f64>,
+}
+
+impl Summary {
+    /// A summary that says nothing yet. O(M³).
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] when inducing points coincide too closely for any small jitter;
+    /// [`Error::BadColumn`] when the prior needs columns that they do not have.
+    pub fn empty(prior: &Prior, inducing_points: &Inputs) -> Result<Self> {
+        let points = inducing_points.len();
+        Self::from_whitened(prior, inducing_points, Matrix::zeros(points, points), vec![0.0; points])
+    }
+
+    /// A summary from its whitened parts, Ĝ (M×M, symmetric, positive semi-definite) and b̂ (M). O(M³).
+    ///
+    /// # Errors
+    /// As [`Summary::empty`], and [`Error::SizeMismatch`].
+    pub fn from_whitened(prior: &Prior, inducing_points: &Inputs, precision: Matrix, shift: Vec<f64>) -> Result<Self> {
+        let points = inducing_points.len();
+        same_size("rows of a summary's precision, one per inducing point", points, precision.rows())?;
+        same_size("columns of a summary's precision, one per inducing point", points, precision.columns())?;
+        same_size("entries of a summary's shift, one per inducing point", points, shift.len())?;
+        let cholesky = Cholesky::with_jitter("K_MM", &prior.kernel().gram(inducing_points)?)?;
+        Ok(Self { prior: prior.clone(), inducing_points: inducing_points.clone(), cholesky, precision, shift })
+    }
+
+    /// The variational summary of `sites` (the paper's): G = K_MN Ω K_NM, b = K_MN κ̃. Additive over events; treats what the
+    /// inducing points cannot explain as if it were not there. O(NM²).
+    ///
+    /// # Errors
+    /// As [`Summary::empty`].
+    pub fn variational(prior: &Prior, sites: &Sites, inducing_points: &Inputs) -> Result<Self> {
+        let mut summary = Self::empty(prior, inducing_points)?;
+        summary.observe(sites)?;
+        Ok(summary)
+    }
+
+    /// The marginal summary of `sites`: the exact message of these events about f(Z), with (K̃ + Ω⁻¹)⁻¹ in place of Ω.
+    /// Never overconfident; not additive over events. O(N³ + NM²).
+    ///
+    /// # Errors
+    /// As [`Summary::empty`].
+    pub fn marginal(prior: &Prior, sites: &Sites, inducing_points: &Inputs) -> Result<Self> {
+        let mut summary = Self::empty(prior, inducing_points)?;
+        if sites.is_empty() {
+            return Ok(summary);
+        }
+        let features = Features::with_cholesky(prior, sites.inputs(), inducing_points, summary.cholesky.clone())?;
+        // K̃ = K_NN − ΦΦᵀ; B = I + Ω^½K̃Ω^½ = L_bL_bᵀ; V = L_b⁻¹Ω^½Φ.
+        let mut residual = prior.kernel().gram(sites.inputs())?;
+        residual.add_scaled(-1.0, &product(features.by_event.t(), features.by_event.view()));
+        let roots: Vec<f64> = sites.omega().iter().map(|omega| omega.sqrt()).collect();
+        let mut b = Matrix::zeros(sites.len(), sites.len());
+        fill_scaled(&mut b, &residual, &roots);
+        let b = Cholesky::new("I + Ω^½K̃Ω^½", b)?;
+        let mut v = Matrix::from_fn(sites.len(), inducing_points.len(), |n, m| roots[n] * features.by_event[(m, n)]);
+        b.solve_lower_matrix(&mut v);
+        let mut target: Vec<f64> =
+            sites.shift(prior.mean())?.iter().zip(&roots).map(|(shift, root)| shift / root).collect();
+        b.solve_lower(&mut target);
+        summary.precision = product(v.t(), v.view());
+        summary.precision.symmetrise();
+        summary.shift = v.transposed_times(&target);
+        Ok(summary)
+    }
+
+    /// The message that takes the prior at Z to a Gaussian of the given mean about the prior mean (M) and covariance (M×M, not
+    /// above the prior's): what a posterior says about f(Z).
+    pub(crate) fn from_moments(
+        prior: &Prior,
+        inducing_points: &Inputs,
+        mean: &[f64],
+        covariance: &Matrix,
+    ) -> Result<Self> {
+        let mut summary = Self::empty(prior, inducing_points)?;
+        // S = L⁻¹ΣL⁻ᵀ has eigenvalues in (0, 1]; Ĝ = S⁻¹ − I, b̂ = S⁻¹L⁻¹m.
+        let mut whitened = covariance.clone();
+        summary.cholesky.solve_lower_matrix(&mut whitened);
+        let mut whitened = whitened.transposed();
+        summary.cholesky.solve_lower_matrix(&mut whitened);
+        whitened.symmetrise();
+        let (values, vectors) = symmetric_eigen("posterior covariance at the inducing points", &whitened)?;
+        let mut target = mean.to_vec();
+        summary.cholesky.solve_lower(&mut target);
+        let mut scaled = vectors.clone();
+        let mut rotated = vectors.transposed_times(&target);
+        for (column, value) in values.iter().enumerate() {
+            let value = value.clamp(f64::EPSILON, 1.0);
+            let gain = 1.0 / value - 1.0;
+            scaled.column_mut(column).iter_mut().for_each(|entry| *entry *= gain);
+            rotated[column] /= value;
+        }
+        summary.precision = product(scaled.view(), vectors.t());
+        summary.precision.symmetrise();
+        summary.shift = vectors.times(&rotated);
+        Ok(summary)
+    }
+
+    /// Adds the variational message of more events. O(NM²).
+    ///
+    /// # Errors
+    /// [`Error::BadColumn`] or [`Error::SizeMismatch`] when the events' inputs do not fit.
+    pub fn observe(&mut self, sites: &Sites) -> Result<()> {
+        self.observe_times(1.0, sites)
+    }
+
+    /// Takes the variational message of events away again that were observed before. O(NM²).
+    ///
+    /// # Errors
+    /// As [`Summary::observe`].
+    pub fn forget(&mut self, sites: &Sites) -> Result<()> {
+        self.observe_times(-1.0, sites)
+    }
+
+    fn observe_times(&mut self, factor: f64, sites: &Sites) -> Result<()> {
+        if sites.is_empty() || self.is_empty() {
+            return Ok(());
+        }
+        let cholesky = self.cholesky.clone();
+        let features = Features::with_cholesky(&self.prior, sites.inputs(), &self.inducing_points, cholesky)?;
+        let mut precision = Matrix::zeros(self.len(), self.len());
+        features.precision(sites.omega(), &mut precision);
+        let shift = features.by_event.times(&sites.shift(self.prior.mean())?);
+        self.add(factor, &precision, &shift);
+        Ok(())
+    }
+
+    /// Adds the message of another summary at the same points, as if their events had been observed together. O(M²).
+    ///
+    /// # Errors
+    /// [`Error::Different`] when prior or inducing points differ.
+    pub fn merge(&mut self, other: &Summary) -> Result<()> {
+        self.check_alike(other)?;
+        self.add(1.0, &other.precision, &other.shift);
+        Ok(())
+    }
+
+    /// Takes the message of another summary at the same points away. The result is a message only if `other` was part of it.
+    ///
+    /// # Errors
+    /// [`Error::Different`] when prior or inducing points differ.
+    pub fn subtract(&mut self, other: &Summary) -> Result<()> {
+        self.check_alike(other)?;
+        self.add(-1.0, &other.precision, &other.shift);
+        Ok(())
+    }
+
+    fn check_alike(&self, other: &Summary) -> Result<()> {
+        if self.prior != other.prior {
+            return Err(Error::Different { what: "summaries", of: "priors" });
+        }
+        if self.inducing_points != other.inducing_points {
+            return Err(Error::Different { what: "summaries", of: "inducing points" });
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, factor: f64, precision: &Matrix, shift: &[f64]) {
+        self.precision.add_scaled(factor, precision);
+        self.shift.iter_mut().zip(shift).for_each(|(own, other)| *own += factor * other);
+    }
+
+    /// The same message read under another prior: its kernel-free factor stays what it was. With L_s from this summary's
+    /// prior and L_r from the other, Ĝ_r = L_rᵀL_s⁻ᵀĜL_s⁻¹L_r; no matrix is inverted. O(M³).
+    ///
+    /// # Errors
+    /// As [`Summary::empty`].
+    pub fn under(&self, prior: &Prior) -> Result<Summary> {
+        let mut other = Self::empty(prior, &self.inducing_points)?;
+        // A = L_s⁻¹L_r.
+        let mut change = other.cholesky.lower();
+        self.cholesky.solve_lower_matrix(&mut change);
+        let half = product(self.precision.view(), change.view());
+        other.precision = product(change.t(), half.view());
+        other.precision.symmetrise();
+        // The shift is about the prior mean: h gains P(μ₀ of the old prior − μ₀ of the new one).
+        let old_mean = self.prior.mean().values(&self.inducing_points)?;
+        let new_mean = prior.mean().values(&self.inducing_points)?;
+        let mut moved: Vec<f64> = old_mean.iter().zip(&new_mean).map(|(old, new)| old - new).collect();
+        self.cholesky.solve_lower(&mut moved);
+        let gained = self.precision.times(&moved);
+        let shift: Vec<f64> = self.shift.iter().zip(&gained).map(|(shift, gained)| shift + gained).collect();
+        other.shift = change.transposed_times(&shift);
+        Ok(other)
+    }
+
+    /// Number of inducing points M.
+    pub fn len(&self) -> usize {
+        self.inducing_points.len()
+    }
+
+    /// Whether there are no inducing points.
+    pub fn is_empty(&self) -> bool {
+        self.inducing_points.is_empty()
+    }
+
+    /// The prior that the message is about.
+    pub fn prior(&self) -> &Prior {
+        &self.prior
+    }
+
+    /// The inducing points Z, M×d.
+    pub fn inducing_points(&self) -> &Inputs {
+        &self.inducing_points
+    }
+
+    /// Whitened precision Ĝ, M×M.
+    pub fn whitened_precision(&self) -> &Matrix {
+        &self.precision
+    }
+
+    /// Whitened shift b̂, M.
+    pub fn whitened_shift(&self) -> &[f64] {
+        &self.shift
+    }
+
+    /// What was added to the diagonal of K_MM to factorise it (0 in the ordinary case).
+    pub fn jitter(&self) -> f64 {
+        self.cholesky.jitter()
+    }
+
+    pub(crate) fn cholesky(&self) -> &Cholesky {
+        &self.cholesky
+    }
+
+    /// R with Ĝ = RRᵀ, M×M.
+    pub(crate) fn root(&self) -> Result<Matrix> {
+        semidefinite_root("summary precision", &self.precision)
+    }
+
+    /// G = LĜLᵀ, M×M: K_MN Ω K_NM for a variational summary.
+    pub fn precision(&self) -> Matrix {
+        let lower = self.cholesky.lower();
+        let half = product(lower.view(), self.precision.view());
+        product(half.view(), lower.t())
+    }
+
+    /// b = Lb̂, M: K_MN κ̃ for a variational summary.
+    pub fn shift(&self) -> Vec<f64> {
+        self.cholesky.lower_times(&self.shift)
+    }
+
+    /// Mean (M) and covariance (M×M) of f(Z) given this message alone: μ₀ + L(I+Ĝ)⁻¹b̂ and L(I+Ĝ)⁻¹Lᵀ. O(M³).
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] when I + Ĝ is not, as after subtracting what was never observed.
+    pub fn moments(&self) -> Result<(Vec<f64>, Matrix)> {
+        let mut total = self.precision.clone();
+        (0..self.len()).for_each(|i| total[(i, i)] += 1.0);
+        let total = Cholesky::new("I + Ĝ", total)?;
+        let mut mean = self.shift.clone();
+        total.solve(&mut mean);
+        let prior_mean = self.prior.mean().values(&self.inducing_points)?;
+        let mean = self.cholesky.lower_times(&mean).iter().zip(&prior_mean).map(|(m, prior)| m + prior).collect();
+        let mut half = self.cholesky.lower().transposed();
+        total.solve_lower_matrix(&mut half);
+        Ok((mean, product(half.t(), half.view())))
+    }
+
+    /// The kernel-free factor: exp(−½fᵀPf + ηᵀf) in f = f(Z). O(M³).
+    pub fn factor(&self) -> Result<Factor> {
+        let mut half = self.root()?;
+        self.cholesky.solve_upper_matrix(&mut half);
+        let precision = product(half.view(), half.t());
+        let mut shift = self.shift.clone();
+        self.cholesky.solve_upper(&mut shift);
+        let prior_mean = self.prior.mean().values(&self.inducing_points)?;
+        let offset = precision.times(&prior_mean);
+        let shift = shift.iter().zip(&offset).map(|(h, offset)| h + offset).collect();
+        Ok(Factor { inducing_points: self.inducing_points.clone(), precision, shift })
+    }
+}
+
+/// A Gaussian factor on f at some points that knows no kernel and no prior mean: exp(−½fᵀPf + ηᵀf).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Factor {
+    /// Where, M×d.
+    pub inducing_points: Inputs,
+    /// Precision P = K_MM⁻¹GK_MM⁻¹, M×M. Badly scaled where points come close; compute with [`Summary::under`] instead.
+    pub precision: Matrix,
+    /// η = K_MM⁻¹b + Pμ₀(Z), M.
+    pub shift: Vec<f64>,
+}
