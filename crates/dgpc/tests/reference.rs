@@ -1,6 +1,8 @@
 //! Every number of the reference vectors, computed there by dense formulas, against this crate. Another file of the same format
 //! can be named by the variable `DGPC_REFERENCE`.
 
+#![allow(clippy::unwrap_used)]
+
 use dgpc::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;

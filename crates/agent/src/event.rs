@@ -1,0 +1,98 @@
+//! What a vehicle records: who tried to reach whom, from where to where, and whether it worked.
+
+use std::cmp::Ordering;
+use std::fmt;
+
+/// The name of a vehicle, as it stands in the event log.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct VehicleId(String);
+
+impl VehicleId {
+    /// The vehicle called `name`.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self(name.into())
+    }
+
+    /// The name.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for VehicleId {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.pad(&self.0)
+    }
+}
+
+/// A place, in metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Position {
+    /// Metres east of the log's origin.
+    pub east_m: f64,
+    /// Metres north of the log's origin.
+    pub north_m: f64,
+    /// Metres below the surface, where known.
+    pub depth_m: Option<f64>,
+}
+
+impl Position {
+    /// A place of unknown depth.
+    pub fn new(east_m: f64, north_m: f64) -> Self {
+        Self { east_m, north_m, depth_m: None }
+    }
+}
+
+/// Both ends of an attempted transmission.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Link {
+    /// Where the transmitter was.
+    pub transmitter: Position,
+    /// Where the receiver was.
+    pub receiver: Position,
+}
+
+impl Link {
+    /// Horizontal distance between the ends, in metres.
+    pub fn range_m(&self) -> f64 {
+        let east = self.transmitter.east_m - self.receiver.east_m;
+        let north = self.transmitter.north_m - self.receiver.north_m;
+        east.hypot(north)
+    }
+}
+
+/// One attempted transmission, as its receiver knows it: heard or missed. The receiver owns the event.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// When it was sent, in seconds.
+    pub time_s: f64,
+    /// Who sent.
+    pub transmitter_id: VehicleId,
+    /// Who should have heard it.
+    pub receiver_id: VehicleId,
+    /// From where to where.
+    pub link: Link,
+    /// Whether it was heard.
+    pub success: bool,
+}
+
+impl Event {
+    /// The order in which events are kept, whatever the order in which they arrive: by time, then transmitter, receiver and
+    /// place. Events that are equal in all of these but not in outcome are ordered by outcome.
+    pub fn canonical_order(&self, other: &Event) -> Ordering {
+        let place = |event: &Event| {
+            let Link { transmitter: t, receiver: r } = event.link;
+            [t.east_m, t.north_m, t.depth_m.unwrap_or(0.0), r.east_m, r.north_m, r.depth_m.unwrap_or(0.0)]
+        };
+        let by_place = || {
+            let pairs = place(self).into_iter().zip(place(other));
+            pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+        };
+        self.time_s
+            .total_cmp(&other.time_s)
+            .then_with(|| self.transmitter_id.cmp(&other.transmitter_id))
+            .then_with(|| self.receiver_id.cmp(&other.receiver_id))
+            .then_with(by_place)
+            .then_with(|| self.success.cmp(&other.success))
+    }
+}

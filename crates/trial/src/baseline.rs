@@ -1,0 +1,133 @@
+//! What anybody would try first: the base rate, and logistic regression on the distance alone.
+
+use pingmap_agent::Link;
+
+/// Probability of success wherever the ends are: the share of successes, with half an event of each kind added so that it is
+/// never 0 or 1.
+pub fn base_rate(outcomes: &[bool]) -> f64 {
+    let successes = outcomes.iter().filter(|&&success| success).count();
+    (successes as f64 + 0.5) / (outcomes.len() as f64 + 1.0)
+}
+
+/// Logistic regression of success on the distance between the ends, in kilometres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DistanceOnly {
+    intercept: f64,
+    slope_per_km: f64,
+}
+
+/// Precision of the normal prior that keeps the slope finite when the classes can be told apart by distance.
+const SLOPE_PRECISION: f64 = 0.01;
+
+/// The same for the intercept; weak enough not to matter but for a log of one class.
+const INTERCEPT_PRECISION: f64 = 1e-4;
+
+impl DistanceOnly {
+    /// Fits by Newton's method, which converges from zero because the penalised likelihood is concave and steps are halved
+    /// until it rises. O(N) a step.
+    pub fn fit(links: &[Link], outcomes: &[bool]) -> Self {
+        let range_km: Vec<f64> = links.iter().map(|link| link.range_m() / 1000.0).collect();
+        let mut fit = Self { intercept: 0.0, slope_per_km: 0.0 };
+        let mut objective = fit.objective(&range_km, outcomes);
+        for _ in 0..100 {
+            let (mut gradient, mut h) = (
+                [-INTERCEPT_PRECISION * fit.intercept, -SLOPE_PRECISION * fit.slope_per_km],
+                [INTERCEPT_PRECISION, 0.0, SLOPE_PRECISION],
+            );
+            for (&range, &success) in range_km.iter().zip(outcomes) {
+                let p = fit.probability_at_km(range);
+                let error = f64::from(u8::from(success)) - p;
+                gradient = [gradient[0] + error, gradient[1] + error * range];
+                let weight = p * (1.0 - p);
+                h = [h[0] + weight, h[1] + weight * range, h[2] + weight * range * range];
+            }
+            let determinant = h[0] * h[2] - h[1] * h[1];
+            let step = [
+                (h[2] * gradient[0] - h[1] * gradient[1]) / determinant,
+                (h[0] * gradient[1] - h[1] * gradient[0]) / determinant,
+            ];
+            let Some((next, risen)) = fit.best_along(step, objective, &range_km, outcomes) else { break };
+            let settled = risen - objective < 1e-12 * objective.abs();
+            (fit, objective) = (next, risen);
+            if settled {
+                break;
+            }
+        }
+        fit
+    }
+
+    /// The first of the whole step, its half, its quarter … that raises the objective.
+    fn best_along(self, step: [f64; 2], objective: f64, range_km: &[f64], outcomes: &[bool]) -> Option<(Self, f64)> {
+        let mut share = 1.0;
+        while share > 1e-6 {
+            let next =
+                Self { intercept: self.intercept + share * step[0], slope_per_km: self.slope_per_km + share * step[1] };
+            let risen = next.objective(range_km, outcomes);
+            if risen > objective {
+                return Some((next, risen));
+            }
+            share *= 0.5;
+        }
+        None
+    }
+
+    /// Penalised log-likelihood.
+    fn objective(&self, range_km: &[f64], outcomes: &[bool]) -> f64 {
+        let log_likelihood: f64 = range_km
+            .iter()
+            .zip(outcomes)
+            .map(|(range, &success)| {
+                let odds = self.intercept + self.slope_per_km * range;
+                let odds = if success { odds } else { -odds };
+                // ln σ(odds) without overflow.
+                odds.min(0.0) - (-odds.abs()).exp().ln_1p()
+            })
+            .sum();
+        let penalty = INTERCEPT_PRECISION * self.intercept.powi(2) + SLOPE_PRECISION * self.slope_per_km.powi(2);
+        log_likelihood - 0.5 * penalty
+    }
+
+    fn probability_at_km(&self, range_km: f64) -> f64 {
+        1.0 / (1.0 + (-self.intercept - self.slope_per_km * range_km).exp())
+    }
+
+    /// Probability of success over a link.
+    pub fn probability(&self, link: &Link) -> f64 {
+        self.probability_at_km(link.range_m() / 1000.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pingmap_agent::Position;
+
+    fn links(ranges_m: &[f64]) -> Vec<Link> {
+        let link =
+            |&range_m: &f64| Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(0.0, range_m) };
+        ranges_m.iter().map(link).collect()
+    }
+
+    #[test]
+    fn the_gradient_vanishes_at_the_fit() {
+        let links = links(&[100.0, 300.0, 500.0, 700.0, 900.0, 1100.0]);
+        let outcomes = [true, true, false, true, false, false];
+        let fit = DistanceOnly::fit(&links, &outcomes);
+        let residual: f64 = links.iter().zip(outcomes).map(|(l, y)| f64::from(u8::from(y)) - fit.probability(l)).sum();
+        assert!((residual - INTERCEPT_PRECISION * fit.intercept).abs() < 1e-6, "{residual}");
+        assert!(fit.slope_per_km < 0.0);
+    }
+
+    #[test]
+    fn separable_and_one_sided_logs_stay_finite() {
+        let links = links(&[100.0, 200.0, 800.0, 900.0]);
+        for outcomes in [[true, true, false, false], [true; 4], [false; 4]] {
+            let fit = DistanceOnly::fit(&links, &outcomes);
+            for (link, outcome) in links.iter().zip(outcomes) {
+                let p = fit.probability(link);
+                assert!(p.is_finite() && (p > 0.5) == outcome, "{fit:?} {p}");
+            }
+        }
+        assert!(base_rate(&[true; 4]) < 1.0 && base_rate(&[]) == 0.5);
+    }
+}

@@ -1,0 +1,107 @@
+//! Length-scale and variance by a coarse grid search on the evidence bound E (docs/method.md, section 7).
+
+use dgpc::{Observations, Shape, mean_field};
+use pingmap_agent::{Chart, Event, InputSpec, Model};
+use rand::seq::SliceRandom;
+
+use crate::split::stream;
+
+/// Kernel variances that are tried.
+const VARIANCES: [f64; 5] = [1.0, 2.0, 4.0, 8.0, 16.0];
+
+/// Length-scales that are tried, as shares of the median distance between inputs.
+const LENGTH_SCALE_SHARES: [f64; 9] = [2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.125];
+
+/// Length-scale where all events happened at one place, so that nothing can be said about it.
+const LENGTH_SCALE_FALLBACK_M: f64 = 500.0;
+
+/// What is given, what is searched.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KernelChoice {
+    /// How covariance falls with distance.
+    pub shape: Shape,
+    /// Whether both directions of a link behave alike.
+    pub reciprocal: bool,
+    /// Length-scale in metres; searched if not given.
+    pub length_scale_m: Option<f64>,
+    /// Kernel variance; searched if not given.
+    pub variance: Option<f64>,
+}
+
+/// The model found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GridFit {
+    /// The model.
+    pub model: Model,
+    /// Its length-scale, in metres.
+    pub length_scale_m: f64,
+    /// Its kernel variance.
+    pub variance: f64,
+    /// E of the events used, in nats; `None` where both numbers were given and nothing was searched.
+    pub evidence: Option<f64>,
+    /// How many events the search looked at.
+    pub events_used: usize,
+}
+
+/// The most events that the search looks at; of more, so many are drawn.
+pub const GRID_EVENTS_MAX: usize = 600;
+
+/// Finds the model of largest evidence among 9 length-scales × 5 variances, on at most [`GRID_EVENTS_MAX`] of `events`, drawn
+/// with `seed`. Numbers that are given are kept. O(45 · iterations · N³).
+///
+/// # Errors
+/// [`dgpc::Error`] for a length-scale or variance that is not finite and positive, or a position that is not finite.
+pub fn search(
+    choice: &KernelChoice,
+    chart: Chart,
+    inputs: InputSpec,
+    events: &[&Event],
+    seed: u64,
+) -> dgpc::Result<GridFit> {
+    let model = |length_scale_m, variance| {
+        Model::isotropic(chart, inputs, choice.shape, choice.reciprocal, length_scale_m, variance)
+    };
+    if let (Some(length_scale_m), Some(variance)) = (choice.length_scale_m, choice.variance) {
+        let model = model(length_scale_m, variance)?;
+        return Ok(GridFit { model, length_scale_m, variance, evidence: None, events_used: 0 });
+    }
+    let mut drawn: Vec<&Event> = events.to_vec();
+    if drawn.len() > GRID_EVENTS_MAX {
+        drawn.shuffle(&mut stream(seed, u64::MAX - 1));
+        drawn.truncate(GRID_EVENTS_MAX);
+    }
+    let rows = model(1.0, 1.0)?.inputs(drawn.iter().map(|event| &event.link))?;
+    let length_scales_m = match (choice.length_scale_m, median_distance(&rows)) {
+        (Some(length_scale_m), _) => vec![length_scale_m],
+        (None, 0.0) => vec![LENGTH_SCALE_FALLBACK_M],
+        (None, distance) => LENGTH_SCALE_SHARES.iter().map(|share| share * distance).collect(),
+    };
+    let variances = choice.variance.map_or(VARIANCES.to_vec(), |variance| vec![variance]);
+    let observations = Observations::new(rows, drawn.iter().map(|event| event.success).collect())?;
+
+    // E is stationary in the tilts, so that a tolerance of 1e-3 costs it about 1e-6 an event; each fit starts from its neighbour.
+    let mut options = mean_field::Options { tolerance: 1e-3, iterations_max: 100, start: None };
+    let mut best: Option<GridFit> = None;
+    for &length_scale_m in &length_scales_m {
+        for &variance in &variances {
+            let model = model(length_scale_m, variance)?;
+            let fit = mean_field::dense(&model.prior, &observations, &options)?;
+            if best.as_ref().is_none_or(|best| Some(fit.evidence) > best.evidence) {
+                let (evidence, events_used) = (Some(fit.evidence), observations.len());
+                best = Some(GridFit { model, length_scale_m, variance, evidence, events_used });
+            }
+            options.start = Some(fit.tilts);
+        }
+    }
+    best.ok_or(dgpc::Error::OutOfRange { what: "number of grid points", expected: "at least 1", value: 0.0 })
+}
+
+/// Median distance between distinct inputs, over at most 200 of them spread over the log; 0 with fewer than two.
+fn median_distance(inputs: &dgpc::Inputs) -> f64 {
+    let rows: Vec<&[f64]> = inputs.rows().step_by(inputs.len().div_ceil(200).max(1)).collect();
+    let distance = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
+    let pairs = (0..rows.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
+    let mut distances: Vec<f64> = pairs.map(|(a, b)| distance(rows[a], rows[b])).filter(|&d| d > 0.0).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or(0.0)
+}

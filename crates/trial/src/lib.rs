@@ -1,0 +1,20 @@
+//! Field trials: event logs in, many vehicles on one mission, scores out. Returns data and draws nothing.
+//!
+//! The only crate with threads: splits and vehicles run in parallel on the current rayon pool. Everything random comes from
+//! one seed through streams of their own, so that results do not depend on the number of threads.
+
+mod baseline;
+mod event_log;
+mod evidence_grid;
+mod mission;
+mod replay;
+mod score;
+mod split;
+
+pub use baseline::{DistanceOnly, base_rate};
+pub use event_log::{EventLog, FileError, Problem, REQUIRED_COLUMNS, read_links};
+pub use evidence_grid::{GRID_EVENTS_MAX, GridFit, KernelChoice, search};
+pub use mission::{Mission, Plan};
+pub use replay::{Replay, ReplayError, Sharing, SplitSummary, replay};
+pub use score::{MeanScore, Score};
+pub use split::{Split, draw_splits, read_splits, thin};

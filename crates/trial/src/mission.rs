@@ -1,0 +1,151 @@
+//! One split of a log as a mission: a team that has seen its training events, and the events it must predict.
+
+use std::sync::Arc;
+
+use dgpc::Inputs;
+use pingmap_agent::{Agent, AgentError, Event, Fusion, Limits, Link, Packet, PacketPlan, SummaryKind, VehicleId};
+use rayon::prelude::*;
+
+use crate::event_log::EventLog;
+use crate::evidence_grid::{self, GridFit, KernelChoice};
+use crate::split::Split;
+
+/// How a team learns and what it sends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plan {
+    /// Kernel, as far as it is given.
+    pub kernel: KernelChoice,
+    /// Bounds on work and memory of every vehicle.
+    pub limits: Limits,
+    /// Which message a packet carries.
+    pub summary: SummaryKind,
+    /// How packets are put together.
+    pub fusion: Fusion,
+    /// Inducing points in a packet.
+    pub points_per_frame: usize,
+    /// Packets that every vehicle plans, at most.
+    pub frames_max: usize,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+/// A team after it learned from its training events, before it shares.
+#[derive(Debug, Clone)]
+pub struct Mission {
+    /// The model, learned on the pooled training events.
+    pub fit: GridFit,
+    /// Every vehicle, in alphabetical order.
+    pub team: Vec<Agent>,
+    /// One vehicle that saw all training events: what sharing tries to reach.
+    pub centralised: Agent,
+    /// The packets that every vehicle plans to send.
+    pub packet_plans: Vec<PacketPlan>,
+    /// The links that are predicted.
+    pub held_out: Vec<Link>,
+    /// What happened there.
+    pub outcomes: Vec<bool>,
+    /// The links learned from, pooled, in log order.
+    pub training: Vec<Link>,
+    /// What happened there.
+    pub training_outcomes: Vec<bool>,
+    plan: Plan,
+}
+
+impl Mission {
+    /// Splits the log, learns the model, lets every vehicle learn from its own training events, and plans their packets. Runs
+    /// vehicles in parallel on the current thread pool.
+    ///
+    /// # Errors
+    /// [`AgentError`] when the method refuses.
+    pub fn prepare(log: &EventLog, split: &Split, plan: &Plan) -> Result<Self, AgentError> {
+        let events = |held_out| split.indices(held_out).into_iter().map(|n| &log.events[n]).collect::<Vec<_>>();
+        let (training, held_out) = (events(false), events(true));
+        let fit = evidence_grid::search(&plan.kernel, log.chart(), log.inputs(), &training, plan.seed)?;
+        let model = Arc::new(fit.model.clone());
+        let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| {
+            let mut agent = Agent::new(id, model.clone(), plan.limits);
+            training.iter().filter(|event| owns(event)).for_each(|event| agent.observe((*event).clone()));
+            agent.learn().map(|()| agent)
+        };
+        let learn_vehicle = |id: VehicleId| {
+            let agent = learn(id.clone(), &|event| event.receiver_id == id)?;
+            let packet_plan = agent.plan_packets(plan.frames_max, plan.points_per_frame)?;
+            Ok((agent, packet_plan))
+        };
+        let (team, centralised) = rayon::join(
+            || log.vehicles().into_par_iter().map(learn_vehicle).collect::<Result<Vec<_>, AgentError>>(),
+            || learn(VehicleId::new("centralised"), &|_| true),
+        );
+        let (team, packet_plans) = team?.into_iter().unzip();
+        let links = |events: &[&Event]| events.iter().map(|event| event.link).collect();
+        let outcomes = |events: &[&Event]| events.iter().map(|event| event.success).collect();
+        Ok(Self {
+            fit,
+            team,
+            centralised: centralised?,
+            packet_plans,
+            held_out: links(&held_out),
+            outcomes: outcomes(&held_out),
+            training: links(&training),
+            training_outcomes: outcomes(&training),
+            plan: *plan,
+        })
+    }
+
+    /// The first `frames` packets of every vehicle.
+    ///
+    /// # Errors
+    /// [`AgentError`] when the method refuses.
+    pub fn packets(&self, frames: usize) -> Result<Vec<Packet>, AgentError> {
+        let send = |(agent, packet_plan): (&Agent, &PacketPlan)| agent.packets(packet_plan, frames, self.plan.summary);
+        let sent: Result<Vec<_>, _> = self.team.par_iter().zip(&self.packet_plans).map(send).collect();
+        Ok(sent?.into_iter().flatten().collect())
+    }
+
+    /// The team after everybody received `packets`.
+    ///
+    /// # Errors
+    /// [`AgentError`] when a packet was formed under another model.
+    pub fn after_sharing(&self, packets: &[Packet]) -> Result<Vec<Agent>, AgentError> {
+        let receive = |agent: &Agent| {
+            let mut agent = agent.clone();
+            packets.iter().try_for_each(|packet| agent.receive(packet.clone())).map(|()| agent)
+        };
+        self.team.iter().map(receive).collect()
+    }
+
+    /// Probability of success of every held-out event, as the centralised vehicle sees it.
+    ///
+    /// # Errors
+    /// [`AgentError`] when the method refuses.
+    pub fn predict_centralised(&self) -> Result<Vec<f64>, AgentError> {
+        self.predict(&self.centralised, Fusion::Sites, &self.inputs()?)
+    }
+
+    /// Probability of success of every held-out event, as every vehicle sees it by itself.
+    ///
+    /// # Errors
+    /// [`AgentError`] when the method refuses.
+    pub fn predict_alone(&self) -> Result<Vec<Vec<f64>>, AgentError> {
+        let inputs = self.inputs()?;
+        self.team.par_iter().map(|agent| self.predict(agent, Fusion::Sites, &inputs)).collect()
+    }
+
+    /// Probability of success of every held-out event, as every vehicle sees it after each sent its first `frames` packets.
+    ///
+    /// # Errors
+    /// [`AgentError`] when the method refuses.
+    pub fn predict_as_team(&self, frames: usize) -> Result<Vec<Vec<f64>>, AgentError> {
+        let inputs = self.inputs()?;
+        let team = self.after_sharing(&self.packets(frames)?)?;
+        team.par_iter().map(|agent| self.predict(agent, self.plan.fusion, &inputs)).collect()
+    }
+
+    fn inputs(&self) -> dgpc::Result<Inputs> {
+        self.fit.model.inputs(&self.held_out)
+    }
+
+    fn predict(&self, agent: &Agent, fusion: Fusion, inputs: &Inputs) -> Result<Vec<f64>, AgentError> {
+        Ok(agent.posterior(fusion)?.probability(inputs)?)
+    }
+}

@@ -1,0 +1,211 @@
+//! Replaying a mission over many splits: what each vehicle knows alone, what the team knows after sharing, and what it could
+//! know at best.
+
+use pingmap_agent::{AgentError, Link, VehicleId};
+use rayon::prelude::*;
+
+use crate::baseline::{DistanceOnly, base_rate};
+use crate::event_log::EventLog;
+use crate::mission::{Mission, Plan};
+use crate::score::{MeanScore, Score};
+use crate::split::Split;
+
+/// Below this difference between own and centralised there is no gap worth a ratio.
+const GAP_NLL_MIN: f64 = 0.002;
+
+/// Why a replay was not possible.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReplayError {
+    /// Nothing to predict.
+    #[error("split {split} holds out no event; expected at least one to predict")]
+    NothingHeldOut {
+        /// The split.
+        split: String,
+    },
+    /// No splits.
+    #[error("no splits; expected at least one")]
+    NoSplits,
+    /// The method refused.
+    #[error("split {split}: {source}")]
+    Method {
+        /// The split.
+        split: String,
+        /// Why.
+        source: AgentError,
+    },
+}
+
+/// Scores of a replay, means over splits.
+#[derive(Debug, Clone)]
+pub struct Replay {
+    /// Every vehicle that owns events.
+    pub vehicles: Vec<VehicleId>,
+    /// The share of successes, wherever the ends are.
+    pub base_rate: MeanScore,
+    /// Logistic regression on the distance between the ends.
+    pub distance_only: MeanScore,
+    /// Every vehicle by itself; mean over vehicles.
+    pub own: MeanScore,
+    /// One vehicle with all raw events.
+    pub centralised: MeanScore,
+    /// The true probabilities, where the log has them: what no method can beat.
+    pub true_probability: Option<MeanScore>,
+    /// The team after sharing, one entry for each number of frames.
+    pub sharing: Vec<Sharing>,
+    /// What each split was like.
+    pub splits: Vec<SplitSummary>,
+}
+
+/// The team after every vehicle sent `frames` packets.
+#[derive(Debug, Clone)]
+pub struct Sharing {
+    /// Packets from every vehicle.
+    pub frames: usize,
+    /// Mean over vehicles.
+    pub team: MeanScore,
+    /// NLL of the vehicle that does worst.
+    pub worst_vehicle_nll: f64,
+    /// (own − team) / (own − centralised) in NLL; `None` where there is no gap to close.
+    pub gap_closed: Option<f64>,
+}
+
+/// One split and the model learned on it.
+#[derive(Debug, Clone)]
+pub struct SplitSummary {
+    /// What the split is called.
+    pub name: String,
+    /// Events learned from.
+    pub training_events: usize,
+    /// Events predicted.
+    pub held_out_events: usize,
+    /// Vehicles without any training event.
+    pub vehicles_without_events: Vec<VehicleId>,
+    /// Length-scale, in metres.
+    pub length_scale_m: f64,
+    /// Kernel variance.
+    pub variance: f64,
+    /// Evidence bound of the search, in nats; `None` where both numbers were given.
+    pub evidence: Option<f64>,
+    /// Training events that the search looked at.
+    pub search_events: usize,
+    /// Whether every vehicle, and the centralised one, was fitted densely.
+    pub dense: (bool, bool),
+}
+
+/// What one split yields.
+struct SplitScores {
+    summary: SplitSummary,
+    base_rate: Score,
+    distance_only: Score,
+    own: Score,
+    centralised: Score,
+    true_probability: Option<Score>,
+    /// One row a number of frames, one column a vehicle.
+    team: Vec<Vec<Score>>,
+}
+
+/// Replays the mission once for every split, in parallel on the current thread pool; results do not depend on how many threads
+/// it has. `step` is called after every stage: 1 + `frames.len()` times a split.
+///
+/// # Errors
+/// [`ReplayError`] when there is nothing to predict or the method refuses.
+pub fn replay(
+    log: &EventLog,
+    splits: &[Split],
+    frames: &[usize],
+    plan: &Plan,
+    step: &(dyn Fn() + Sync),
+) -> Result<Replay, ReplayError> {
+    let plan = Plan { frames_max: frames.iter().copied().max().unwrap_or(0), ..*plan };
+    let scores: Result<Vec<SplitScores>, ReplayError> =
+        splits.par_iter().map(|split| replay_split(log, split, frames, &plan, step)).collect();
+    let scores = scores?;
+    let mean = |of: &dyn Fn(&SplitScores) -> Score| {
+        MeanScore::over(&scores.iter().map(of).collect::<Vec<_>>()).ok_or(ReplayError::NoSplits)
+    };
+    let (own, centralised) = (mean(&|s| s.own)?, mean(&|s| s.centralised)?);
+    let true_scores: Option<Vec<Score>> = scores.iter().map(|s| s.true_probability).collect();
+    let vehicles = log.vehicles();
+    let share = |(row, &frames): (usize, &usize)| {
+        let team = mean(&|s| mean_over_vehicles(&s.team[row]))?;
+        let of_vehicle = |v: usize| scores.iter().map(|s| s.team[row][v].nll).sum::<f64>() / scores.len() as f64;
+        let gap = own.nll - centralised.nll;
+        Ok(Sharing {
+            frames,
+            team,
+            worst_vehicle_nll: (0..vehicles.len()).map(of_vehicle).fold(f64::NEG_INFINITY, f64::max),
+            gap_closed: (gap >= GAP_NLL_MIN).then(|| (own.nll - team.nll) / gap),
+        })
+    };
+    Ok(Replay {
+        base_rate: mean(&|s| s.base_rate)?,
+        distance_only: mean(&|s| s.distance_only)?,
+        own,
+        centralised,
+        true_probability: true_scores.and_then(|scores| MeanScore::over(&scores)),
+        sharing: frames.iter().enumerate().map(share).collect::<Result<_, ReplayError>>()?,
+        splits: scores.into_iter().map(|s| s.summary).collect(),
+        vehicles,
+    })
+}
+
+fn replay_split(
+    log: &EventLog,
+    split: &Split,
+    frames: &[usize],
+    plan: &Plan,
+    step: &(dyn Fn() + Sync),
+) -> Result<SplitScores, ReplayError> {
+    let failed = |source: AgentError| ReplayError::Method { split: split.name.clone(), source };
+    let nothing = || ReplayError::NothingHeldOut { split: split.name.clone() };
+    let mission = Mission::prepare(log, split, plan).map_err(failed)?;
+    let score = |probabilities: &[f64]| Score::new(probabilities, &mission.outcomes).ok_or_else(nothing);
+    let score_each = |predictions: Vec<Vec<f64>>| predictions.iter().map(|p| score(p)).collect::<Result<Vec<_>, _>>();
+
+    let rate = base_rate(&mission.training_outcomes);
+    let distance_only = DistanceOnly::fit(&mission.training, &mission.training_outcomes);
+    let by_distance: Vec<f64> = mission.held_out.iter().map(|link: &Link| distance_only.probability(link)).collect();
+    let own = score_each(mission.predict_alone().map_err(failed)?)?;
+    let centralised = score(&mission.predict_centralised().map_err(failed)?)?;
+    let true_probability = match &log.true_probability {
+        Some(known) => Some(score(&split.indices(true).iter().map(|&n| known[n]).collect::<Vec<_>>())?),
+        None => None,
+    };
+    step();
+    let mut team = Vec::with_capacity(frames.len());
+    for &frames in frames {
+        team.push(score_each(mission.predict_as_team(frames).map_err(failed)?)?);
+        step();
+    }
+    Ok(SplitScores {
+        base_rate: score(&vec![rate; mission.held_out.len()])?,
+        distance_only: score(&by_distance)?,
+        own: mean_over_vehicles(&own),
+        centralised,
+        true_probability,
+        team,
+        summary: summarise(split, &mission),
+    })
+}
+
+/// Every split has at least one vehicle, because every log has at least one event.
+fn mean_over_vehicles(scores: &[Score]) -> Score {
+    Score::mean(scores).unwrap_or(Score { accuracy: 0.0, nll: 0.0 })
+}
+
+fn summarise(split: &Split, mission: &Mission) -> SplitSummary {
+    let fit = &mission.fit;
+    let empty = mission.team.iter().filter(|agent| agent.events().is_empty());
+    SplitSummary {
+        name: split.name.clone(),
+        training_events: mission.training.len(),
+        held_out_events: mission.held_out.len(),
+        vehicles_without_events: empty.map(|agent| agent.id().clone()).collect(),
+        length_scale_m: fit.length_scale_m,
+        variance: fit.variance,
+        evidence: fit.evidence,
+        search_events: fit.events_used,
+        dense: (mission.team.iter().all(|agent| agent.learns_densely()), mission.centralised.learns_densely()),
+    }
+}
