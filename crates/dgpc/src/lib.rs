@@ -30,6 +30,7 @@
 //! # Ok::<(), dgpc::Error>(())
 //! ```
 
+mod anderson;
 mod bound;
 mod error;
 mod gibbs;

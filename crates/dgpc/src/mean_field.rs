@@ -1,5 +1,6 @@
 //! ω by mean field: a deterministic fixed point that maximises the evidence bound E (docs/method.md, sections 2 and 7).
 
+use crate::anderson::Anderson;
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::linalg::{Cholesky, Matrix, add_symmetric_product, dot, multiply_vector, squared_norm};
@@ -33,7 +34,7 @@ pub struct MeanField {
     pub mean: Vec<f64>,
     /// Posterior variances of f at the events, N.
     pub variance: Vec<f64>,
-    /// Tilts c_n = √E\[f_n²\], N.
+    /// Tilts c_n = √E\[f_n²\] that ω̄ was computed from, N.
     pub tilts: Vec<f64>,
     /// The evidence bound E, in nats: a lower bound on the log marginal likelihood.
     pub evidence: f64,
@@ -199,6 +200,9 @@ impl Features {
     }
 }
 
+/// Tilts below this are this: ω̄ differs from its limit ¼ by less than rounding.
+const TILT_MIN: f64 = 1e-9;
+
 /// The fixed point c_n² = E_q\[f_n²\]. `posterior(omega, shift, mean, variance)` writes the posterior mean about the prior mean and
 /// the variance at every event, and returns the terms of E that depend on the covariance.
 fn iterate(
@@ -210,29 +214,39 @@ fn iterate(
     let size = observations.len();
     let (kappa, weights) = (observations.kappa(), observations.weights());
     let prior_mean = prior.mean().values(observations.inputs())?;
-    let mut tilts = match &options.start {
-        Some(start) if start.len() == size => start.clone(),
-        _ => vec![1.0; size],
+    // The iteration runs in ln c, where acceleration cannot leave the domain.
+    let mut log_tilts = match &options.start {
+        Some(start) if start.len() == size => start.iter().map(|tilt| tilt.max(TILT_MIN).ln()).collect(),
+        _ => vec![0.0; size],
     };
+    let (mut tilts, mut images) = (vec![1.0; size], vec![0.0; size]);
     let (mut omega, mut shift) = (vec![0.0; size], vec![0.0; size]);
     let (mut mean, mut variance) = (vec![0.0; size], vec![0.0; size]);
-    let (mut evidence, mut change, mut iterations) = (0.0, f64::INFINITY, 0);
+    let mut anderson = Anderson::new();
+    let (mut evidence, mut change, mut iterations) = (f64::NEG_INFINITY, f64::INFINITY, 0);
     while iterations < options.iterations_max.max(1) && change > options.tolerance {
         iterations += 1;
         for n in 0..size {
+            tilts[n] = log_tilts[n].exp();
             omega[n] = polya_gamma::mean(weights[n], tilts[n]).max(f64::MIN_POSITIVE);
             shift[n] = kappa[n] - omega[n] * prior_mean[n];
         }
+        let before = evidence;
         evidence = posterior(&omega, &shift, &mut mean, &mut variance)?;
         change = 0.0;
         for n in 0..size {
             evidence += 0.5 * omega[n] * tilts[n] * tilts[n] - weights[n] * ln_2_cosh(0.5 * tilts[n]);
             evidence += (kappa[n] - 0.5 * omega[n] * prior_mean[n]) * prior_mean[n];
             mean[n] += prior_mean[n];
-            let tilt = (mean[n] * mean[n] + variance[n]).sqrt();
+            let tilt = (mean[n] * mean[n] + variance[n]).sqrt().max(TILT_MIN);
             change = f64::max(change, (tilt - tilts[n]).abs());
-            tilts[n] = tilt;
+            images[n] = tilt.ln();
         }
+        // Plain steps never lower E; after an accelerated one that did, a plain one follows.
+        if evidence < before {
+            anderson.restart();
+        }
+        log_tilts = anderson.propose(&log_tilts, &images);
     }
     let converged = change <= options.tolerance;
     let sites = Sites::new(observations, omega)?;

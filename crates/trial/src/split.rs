@@ -72,7 +72,7 @@ pub fn thin(log: &EventLog, events_max: usize, seed: u64) -> Vec<usize> {
     for vehicle in log.vehicles() {
         let mut own: Vec<usize> = (0..log.events.len()).filter(|&n| log.events[n].receiver_id == vehicle).collect();
         if own.len() > events_max {
-            own.partial_shuffle(&mut rng, events_max);
+            let _ = own.partial_shuffle(&mut rng, events_max);
             // `partial_shuffle` leaves the drawn ones at the end.
             own.drain(..own.len() - events_max);
         }

@@ -1,0 +1,323 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use dgpc::Shape;
+use pingmap_agent::{Fusion, Limits, SummaryKind};
+use pingmap_trial::KernelChoice;
+
+/// Learn, while under way, the probability that a message from here reaches there.
+///
+/// Event logs are CSV files with the columns time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m and
+/// success (1 heard, 0 missed), one line per attempted transmission. Results go to standard output, everything else to standard
+/// error. Exit status: 0 success, 1 failure, 2 bad input.
+#[derive(Parser)]
+#[command(version)]
+pub struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    /// Replay a field trial that comes with pingmap, print the scores and write a report with maps
+    Demo(Demo),
+    /// Replay a mission: what each vehicle knows alone, what the team knows after sharing packets, what it could know at best
+    Replay(Replay),
+    /// Predict the probability of success over links
+    Predict(Predict),
+    /// Draw the probability of success seen from one place
+    Map(Map),
+    /// Choose the inducing points that sum up a locality region, with the certificate of the choice
+    Select(Select),
+}
+
+#[derive(Args)]
+pub struct Demo {
+    /// Folder for the report
+    #[arg(long, default_value = "pingmap-report", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+    /// Worker threads; 0 takes one per core. Results do not depend on it
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+}
+
+#[derive(Args)]
+pub struct Replay {
+    /// Event log
+    pub events: PathBuf,
+    /// CSV of fixed splits: one column a split, one row an event, 1 = held out
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["repeats", "test_share"])]
+    pub splits: Option<PathBuf>,
+    /// Number of random splits
+    #[arg(long, default_value_t = 3, value_parser = at_least_one)]
+    pub repeats: usize,
+    /// Share of every vehicle's events that is held out
+    #[arg(long, default_value_t = 0.35, value_parser = open_share)]
+    pub test_share: f64,
+    /// Numbers of packets that every vehicle sends
+    #[arg(long, default_value = "1,2,5,10,20", value_delimiter = ',', value_parser = at_least_one)]
+    pub frames: Vec<usize>,
+    /// Inducing points in a packet
+    #[arg(long, default_value_t = 4, value_parser = at_least_one)]
+    pub points_per_frame: usize,
+    /// How packets are put together
+    #[arg(long, value_enum, default_value_t = FusionName::Sites)]
+    pub fusion: FusionName,
+    /// Which message a packet carries about its region
+    #[arg(long, value_enum, default_value_t = SummaryName::Marginal)]
+    pub summary: SummaryName,
+    /// Also write a report with maps to this folder
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
+    #[command(flatten)]
+    pub kernel: Kernel,
+    #[command(flatten)]
+    pub work: Work,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct Predict {
+    /// Event log to learn from
+    #[arg(long)]
+    pub events: PathBuf,
+    /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m
+    #[arg(long)]
+    pub links: PathBuf,
+    /// Learn from this vehicle's events only
+    #[arg(long)]
+    pub vehicle: Option<String>,
+    /// File for the result; standard output if not given
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub kernel: Kernel,
+    #[command(flatten)]
+    pub work: Work,
+    /// Write one JSON object instead of CSV
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct Map {
+    /// Event log to learn from
+    #[arg(long)]
+    pub events: PathBuf,
+    /// The place the map is seen from, in metres of the log
+    #[arg(long, value_name = "EAST,NORTH", value_parser = pair, allow_hyphen_values = true)]
+    pub at: (f64, f64),
+    /// Whether that place transmits or receives
+    #[arg(long = "as", value_enum, default_value_t = End::Tx)]
+    pub end: End,
+    /// Learn from this vehicle's events only
+    #[arg(long)]
+    pub vehicle: Option<String>,
+    /// File for the map; its ending says what it is: .png, .svg, .csv (the grid) or .geojson (the contours; needs --origin)
+    #[arg(long, short, value_name = "FILE", default_value = "map.png")]
+    pub output: PathBuf,
+    /// Latitude and longitude of (0, 0) of the log, in degrees
+    #[arg(long, value_name = "LAT,LON", value_parser = pair, allow_hyphen_values = true)]
+    pub origin: Option<(f64, f64)>,
+    /// Width of a grid cell; the longer side has 120 cells if not given
+    #[arg(long, value_parser = positive)]
+    pub cell_m: Option<f64>,
+    #[command(flatten)]
+    pub kernel: Kernel,
+    #[command(flatten)]
+    pub work: Work,
+    /// Print what was drawn as one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct Select {
+    /// Event log
+    pub events: PathBuf,
+    /// The vehicle whose events are summed up
+    #[arg(long)]
+    pub vehicle: String,
+    /// Centre of the locality region, in metres; the vehicle's event with most of its own events around it if not given
+    #[arg(long, value_name = "TX_EAST,TX_NORTH,RX_EAST,RX_NORTH", value_parser = quadruple, allow_hyphen_values = true)]
+    pub centre: Option<[f64; 4]>,
+    /// Radius of the locality region over all four coordinates; 1.384 length-scales if not given
+    #[arg(long, value_parser = positive)]
+    pub radius_m: Option<f64>,
+    /// How many inducing points
+    #[arg(long, default_value_t = 2, value_parser = at_least_one)]
+    pub points: usize,
+    /// Which points to choose
+    #[arg(long, value_enum, default_value_t = PolicyName::Good)]
+    pub policy: PolicyName,
+    #[command(flatten)]
+    pub kernel: Kernel,
+    #[command(flatten)]
+    pub work: Work,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The kernel, as far as it is given.
+#[derive(Args)]
+pub struct Kernel {
+    /// How covariance falls with distance
+    #[arg(long = "kernel", value_enum, default_value_t = ShapeName::Matern52)]
+    pub shape: ShapeName,
+    /// Treat the two directions of a link as unrelated
+    #[arg(long)]
+    pub one_way: bool,
+    /// Length-scale; found by a grid search on the evidence if not given
+    #[arg(long, value_parser = positive)]
+    pub length_scale_m: Option<f64>,
+    /// Kernel variance; found by a grid search on the evidence if not given
+    #[arg(long, value_parser = positive)]
+    pub variance: Option<f64>,
+}
+
+impl Kernel {
+    /// What the search has to keep to.
+    pub fn choice(&self) -> KernelChoice {
+        let Self { shape, one_way, length_scale_m, variance } = *self;
+        KernelChoice { shape: shape.shape(), reciprocal: !one_way, length_scale_m, variance }
+    }
+}
+
+/// Bounds on work, and the seed.
+#[derive(Args)]
+pub struct Work {
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Use at most so many events of each vehicle, drawn at random
+    #[arg(long, default_value_t = 20_000, value_parser = at_least_one)]
+    pub events_max: usize,
+    /// Fit exactly up to so many events, and with inducing points beyond
+    #[arg(long, default_value_t = Limits::default().dense_events_max, value_parser = at_least_one)]
+    pub dense_events_max: usize,
+    /// Inducing points of a fit that is not exact
+    #[arg(long, default_value_t = Limits::default().inducing_points_max, value_parser = at_least_one)]
+    pub inducing_points_max: usize,
+    /// Worker threads; 0 takes one per core. Results do not depend on it
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+}
+
+impl Work {
+    /// The bounds of one vehicle.
+    pub fn limits(&self) -> Limits {
+        let Self { dense_events_max, inducing_points_max, .. } = *self;
+        Limits { dense_events_max, inducing_points_max, ..Limits::default() }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ShapeName {
+    SquaredExponential,
+    Matern32,
+    Matern52,
+}
+
+impl ShapeName {
+    fn shape(self) -> Shape {
+        match self {
+            ShapeName::SquaredExponential => Shape::SquaredExponential,
+            ShapeName::Matern32 => Shape::Matern32,
+            ShapeName::Matern52 => Shape::Matern52,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FusionName {
+    /// Packets join the vehicle's own raw events; the prior counts once
+    Sites,
+    /// The paper's: packets alone, stacked block by block
+    Concatenation,
+}
+
+impl FusionName {
+    pub fn fusion(self) -> Fusion {
+        match self {
+            FusionName::Sites => Fusion::Sites,
+            FusionName::Concatenation => Fusion::Concatenation,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum SummaryName {
+    /// The exact message about the inducing points
+    Marginal,
+    /// The paper's: additive, overconfident in large regions
+    Variational,
+}
+
+impl SummaryName {
+    pub fn kind(self) -> SummaryKind {
+        match self {
+            SummaryName::Marginal => SummaryKind::Marginal,
+            SummaryName::Variational => SummaryKind::Variational,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PolicyName {
+    /// Leave as little prior variance unexplained as possible
+    Good,
+    /// Leave as much as possible
+    Bad,
+    /// Draw the points uniformly
+    Random,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum End {
+    /// Transmits
+    Tx,
+    /// Receives
+    Rx,
+}
+
+/// What the user calls a value of one of the enumerations above.
+pub fn name_of(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|&number| number >= 1).ok_or_else(|| "expected a whole number of at least 1".to_owned())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "expected a finite number above 0".to_owned())
+}
+
+fn open_share(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| *number > 0.0 && *number < 1.0);
+    number.ok_or_else(|| "expected a number above 0 and below 1".to_owned())
+}
+
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|part| part.trim().parse::<f64>().ok().filter(|number| number.is_finite())).collect();
+    let numbers = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
+    numbers.ok_or_else(|| format!("expected {N} finite numbers with commas between them"))
+}
+
+fn pair(text: &str) -> Result<(f64, f64), String> {
+    numbers::<2>(text).map(|[a, b]| (a, b))
+}
+
+fn quadruple(text: &str) -> Result<[f64; 4], String> {
+    numbers(text)
+}

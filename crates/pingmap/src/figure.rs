@@ -1,0 +1,455 @@
+//! Figures: a map of success probability, and a map of links. The only file that names the plotting crate.
+//!
+//! `kuva` supplies the axes, the title, the colour scale and bar, and the SVG and PNG writers.
+//! Everything inside the axes is added to its public `Scene` in pixel coordinates, because its
+//! own plots have no fixed colour range, no dashed contours, no outlines and no long legend keys.
+
+use crate::contour::{Grid, Point, contour_lines};
+use kuva::backend::raster::RasterBackend;
+use kuva::prelude::{ColorMap, Layout, LegendEntry, LegendShape, LinePlot, Plot, QuiverPlot, SvgBackend, TickFormat};
+use kuva::render::color::Color;
+use kuva::render::layout::ComputedLayout;
+use kuva::render::render::{PathData, Primitive, Scene, TextAnchor, render_multiple};
+
+const FONT_PX: u32 = 12;
+const ROW_PX: f64 = 20.0;
+const KEY_PX: f64 = 42.0;
+
+/// Of more tracks than this the legend names none.
+const TRACKS_NAMED_MAX: usize = 24;
+
+/// The shape of a marker.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Mark {
+    None,
+    Dot,
+    Square,
+    Triangle,
+    Diamond,
+    Star,
+}
+
+/// How a line and its markers look; an empty `dash` is a solid line, a zero `width` is no line.
+#[derive(Clone, Copy)]
+pub struct Style<'a> {
+    pub color: &'a str,
+    pub width: f64,
+    pub dash: &'a [f64],
+    pub mark: Mark,
+}
+
+/// A named line with markers.
+pub struct Series<'a> {
+    pub name: &'a str,
+    pub points: &'a [Point],
+    pub style: Style<'a>,
+}
+
+/// Named arrows from the first point of each pair to the second.
+pub struct Arrows<'a> {
+    pub name: &'a str,
+    pub pairs: &'a [(Point, Point)],
+    pub style: Style<'a>,
+}
+
+/// A finished figure.
+pub struct Figure(Scene);
+
+impl Figure {
+    /// The figure as SVG; `embed_font` makes it independent of installed fonts (and 3.2 MB larger).
+    pub fn svg(&self, embed_font: bool) -> String {
+        let backend = SvgBackend::new().with_embedded_font(embed_font);
+        backend.render_scene(&self.0)
+    }
+
+    /// The figure as PNG bytes, two pixels per SVG unit.
+    pub fn png(&self) -> anyhow::Result<Vec<u8>> {
+        RasterBackend::new()
+            .with_scale(2.0)
+            .render_scene(&self.0)
+            .map_err(|error| anyhow::anyhow!("cannot draw: {error}"))
+    }
+}
+
+/// Draws the map of success probability, `side` pixels along its longer side.
+pub fn probability_map(
+    title: &str,
+    grid: &Grid,
+    contours: &[f64],
+    tracks: &[Series],
+    seen_from: (&str, Point),
+    side: f64,
+) -> Figure {
+    let bar = Some("probability of success");
+    let mut frame = Frame::map(title, grid.east, grid.north, bar, side);
+    frame.heat_map(grid);
+    for (n, &level) in contours.iter().enumerate() {
+        let dash = if n == 0 { &[5.0, 4.0][..] } else { &[] };
+        frame.contour(grid, level, Style { color: "#000000", width: 1.4, dash, mark: Mark::None });
+    }
+    frame.tracks(tracks);
+    let (name, place) = seen_from;
+    let star = Style { color: "#d00000", width: 0.0, dash: &[], mark: Mark::Star };
+    let (x, y) = frame.pixel(place);
+    frame.mark((x, y), 10.0, star);
+    frame.label((x, y - 20.0), name);
+    frame.finish()
+}
+
+/// Draws arrows (transmitter to receiver) and tracks on a map with equal scales.
+pub fn link_map(
+    title: &str,
+    east: (f64, f64),
+    north: (f64, f64),
+    links: &[Arrows],
+    tracks: &[Series],
+    side: f64,
+) -> Figure {
+    let mut frame = Frame::map(title, east, north, None, side);
+    frame.tracks(tracks);
+    for group in links {
+        for &(from, to) in group.pairs {
+            let (from, to) = (frame.pixel(from), frame.pixel(to));
+            frame.arrow(from, to, group.style);
+        }
+        frame.key(group.name, group.style, true);
+    }
+    frame.finish()
+}
+
+/// A figure under construction.
+struct Frame {
+    scene: Scene,
+    axes: ComputedLayout,
+    /// What is drawn inside the axes, in pixels.
+    inside: Vec<Primitive>,
+    /// What is drawn right of everything else.
+    legend: Vec<Primitive>,
+    rows: usize,
+    legend_width: f64,
+}
+
+impl Frame {
+    /// Makes map axes with one metre the same length both ways.
+    fn map(title: &str, east: (f64, f64), north: (f64, f64), bar: Option<&str>, side: f64) -> Self {
+        let (width, height) = (east.1 - east.0, north.1 - north.0);
+        let scale = side / width.max(height);
+        let step = round_step(width.max(height) / 10.0);
+        let layout = Layout::new(east, north)
+            .with_title(title)
+            .with_x_label("east (m)")
+            .with_y_label("north (m)")
+            .with_x_tick_step(step)
+            .with_y_tick_step(step);
+        Self::new(layout, east, north, bar, (width * scale, height * scale))
+    }
+
+    /// Makes axes over exactly `x` and `y` whose data area is `size` pixels.
+    fn new(layout: Layout, x: Point, y: Point, bar: Option<&str>, size: Point) -> Self {
+        let mut layout = layout
+            .with_x_axis_min(x.0)
+            .with_x_axis_max(x.1)
+            .with_y_axis_min(y.0)
+            .with_y_axis_max(y.1)
+            .with_colorbar_tick_format(TickFormat::Fixed(1))
+            .with_box_axes();
+        layout.show_colorbar = bar.is_some();
+        // The margins do not depend on the size, so measure them first and add them.
+        let margins = ComputedLayout::from_layout(&layout);
+        let layout = layout
+            .with_width(size.0 + margins.margin_left + margins.margin_right)
+            .with_height(size.1 + margins.margin_top + margins.margin_bottom);
+        // A vector plot without vectors draws nothing but a colour bar with a fixed range; an
+        // empty line draws nothing at all (without any plot there would be no axes).
+        let plot: Plot = match bar {
+            Some(label) => QuiverPlot::new()
+                .with_color_map(ColorMap::Cividis)
+                .with_color_range(0.0, 1.0)
+                .with_color_legend_label(label)
+                .into(),
+            None => LinePlot::new().into(),
+        };
+        let axes = ComputedLayout::from_layout(&layout);
+        let scene = render_multiple(vec![plot], layout);
+        let (inside, legend) = (Vec::new(), Vec::new());
+        Self { scene, axes, inside, legend, rows: 0, legend_width: 0.0 }
+    }
+
+    /// Where a data point is on the page.
+    fn pixel(&self, (x, y): Point) -> Point {
+        (self.axes.map_x(x), self.axes.map_y(y))
+    }
+
+    /// Fills the cells of a grid, joining equal neighbours in a row.
+    fn heat_map(&mut self, grid: &Grid) {
+        let rows = grid.values.len() / grid.columns;
+        let (left, top) = self.pixel((grid.east.0, grid.north.1));
+        let (right, bottom) = self.pixel((grid.east.1, grid.north.0));
+        let (width, height) = ((right - left) / grid.columns as f64, (bottom - top) / rows as f64);
+        let (mut x, mut y, mut w, mut h) = (vec![], vec![], vec![], vec![]);
+        let mut fills = vec![];
+        for (row, values) in grid.values.chunks_exact(grid.columns).enumerate() {
+            // A hundred shades are about what the eye tells apart, and they join into longer runs.
+            let shades: Vec<f64> = values.iter().map(|p| (p.clamp(0.0, 1.0) * 100.0).round() / 100.0).collect();
+            let mut column = 0;
+            for run in shades.chunk_by(|a, b| a == b) {
+                let shade = Some(run[0]).filter(|p| !p.is_nan());
+                if let Some((r, g, b)) = shade.and_then(|p| ColorMap::Cividis.map_rgb(p)) {
+                    x.push(left + column as f64 * width);
+                    y.push(bottom - (row + 1) as f64 * height);
+                    // Half a pixel more hides the seams between cells.
+                    w.push(run.len() as f64 * width + 0.5);
+                    h.push(height + 0.5);
+                    fills.push(Color::Rgb(r, g, b));
+                }
+                column += run.len();
+            }
+        }
+        self.inside.push(Primitive::RectBatch { x, y, w, h, fills });
+    }
+
+    /// Draws and labels the lines on which the grid has the value `level`.
+    fn contour(&mut self, grid: &Grid, level: f64, style: Style) {
+        let name = format!("{level}");
+        let mut longest: Vec<Point> = vec![];
+        for line in contour_lines(grid, level) {
+            let line: Vec<Point> = line.iter().map(|&point| self.pixel(point)).collect();
+            self.line(&line, style, 2.0);
+            if line.len() > longest.len() {
+                longest = line;
+            }
+        }
+        if let Some(&middle) = longest.get(longest.len() / 2) {
+            self.label(middle, &name);
+        }
+        self.key(&format!("contour {name}"), style, false);
+    }
+
+    /// Draws tracks with a marker here and there, and adds them to the legend; of very many, all look alike under one name.
+    fn tracks(&mut self, tracks: &[Series]) {
+        let many = tracks.len() > TRACKS_NAMED_MAX;
+        let plain = Style { color: "#d7301f", width: 1.0, dash: &[], mark: Mark::Dot };
+        for track in tracks {
+            let style = if many { plain } else { track.style };
+            let points: Vec<Point> = thin(track.points, 2000).map(|&point| self.pixel(point)).collect();
+            self.line(&points, style, 2.5);
+            for &point in thin(&points, 12) {
+                self.mark(point, 4.5, style);
+            }
+            if !many {
+                self.key(track.name, style, false);
+            }
+        }
+        if many {
+            self.key(&format!("{} vehicles", tracks.len()), plain, false);
+        }
+    }
+
+    fn line(&mut self, points: &[Point], style: Style, halo: f64) {
+        draw_line(&mut self.inside, points, style, halo);
+    }
+
+    fn mark(&mut self, at: Point, radius: f64, style: Style) {
+        draw_mark(&mut self.inside, at, radius, style);
+    }
+
+    fn arrow(&mut self, from: Point, to: Point, style: Style) {
+        draw_arrow(&mut self.inside, from, to, style);
+    }
+
+    /// Writes a text centred on a point, on a white ground, moved so that it is not cut.
+    fn label(&mut self, at: Point, text: &str) {
+        let (half, axes) = (text_width(text) / 2.0 + 3.0, &self.axes);
+        let (left, right) = (axes.margin_left, axes.width - axes.margin_right);
+        let (top, bottom) = (axes.margin_top, axes.height - axes.margin_bottom);
+        let x = at.0.min(right - half - 2.0).max(left + half + 2.0);
+        let y = at.1.min(bottom - 11.0).max(top + 11.0);
+        self.inside.push(Primitive::Rect {
+            x: x - half,
+            y: y - 8.0,
+            width: 2.0 * half,
+            height: 16.0,
+            fill: "#ffffff".into(),
+            stroke: None,
+            stroke_width: None,
+            opacity: Some(0.8),
+        });
+        self.inside.push(text_at((x, y), text, TextAnchor::Middle));
+    }
+
+    /// Adds a row to the legend, right of the axes and of the colour bar.
+    fn key(&mut self, name: &str, style: Style, arrow: bool) {
+        let (x, y) = (self.axes.width + 8.0, self.row(self.rows));
+        let ends = [(x, y), (x + KEY_PX, y)];
+        if arrow {
+            draw_arrow(&mut self.legend, ends[0], ends[1], style);
+        } else {
+            draw_line(&mut self.legend, &ends, style, 0.0);
+        }
+        let radius = if style.width > 0.0 { 4.5 } else { 3.5 };
+        draw_mark(&mut self.legend, (x + KEY_PX / 2.0, y), radius, style);
+        self.legend.push(text_at((x + KEY_PX + 8.0, y), name, TextAnchor::Start));
+        self.legend_width = self.legend_width.max(KEY_PX + 28.0 + text_width(name));
+        self.rows += 1;
+    }
+
+    /// The height of the middle of a legend row.
+    fn row(&self, row: usize) -> f64 {
+        self.axes.margin_top + ROW_PX * (row as f64 + 0.5)
+    }
+
+    /// Puts the parts together.
+    fn finish(mut self) -> Figure {
+        let bottom = self.row(self.rows);
+        let axes = &self.axes;
+        let frame = Primitive::Rect {
+            x: axes.margin_left,
+            y: axes.margin_top,
+            width: axes.plot_width(),
+            height: axes.plot_height(),
+            fill: Color::None,
+            stroke: Some("#000000".into()),
+            stroke_width: Some(1.0),
+            opacity: None,
+        };
+        let elements = &mut self.scene.elements;
+        let clip_end = elements.iter().rposition(|part| matches!(part, Primitive::ClipEnd));
+        let at = clip_end.unwrap_or(elements.len());
+        elements.splice(at..at, self.inside);
+        elements.push(frame);
+        elements.append(&mut self.legend);
+        self.scene.width = (self.scene.width + self.legend_width).ceil();
+        self.scene.height = self.scene.height.max(bottom).ceil();
+        Figure(self.scene)
+    }
+}
+
+/// At most about `count` of the points, evenly spread, the first among them.
+fn thin(points: &[Point], count: usize) -> impl Iterator<Item = &Point> {
+    points.iter().step_by(points.len().div_ceil(count).max(1))
+}
+
+/// Draws a line over a white `halo`. The dashes are cut here: the PNG writer would start the
+/// pattern anew at every vertex and would not scale it.
+fn draw_line(out: &mut Vec<Primitive>, points: &[Point], style: Style, halo: f64) {
+    let mut stroke = |points: Vec<Point>, color: &str, stroke_width: f64| {
+        out.push(Primitive::PolyLine { points, stroke: color.into(), stroke_width, stroke_dasharray: None });
+    };
+    if style.width <= 0.0 || points.len() < 2 {
+        return;
+    }
+    if halo > 0.0 {
+        stroke(points.to_vec(), "#ffffff", style.width + halo);
+    }
+    if style.dash.is_empty() {
+        stroke(points.to_vec(), style.color, style.width);
+        return;
+    }
+    let (mut piece, mut part, mut left) = (vec![points[0]], 0_usize, style.dash[0]);
+    for pair in points.windows(2) {
+        let (mut from, to) = (pair[0], pair[1]);
+        let mut length = (to.0 - from.0).hypot(to.1 - from.1);
+        while length > left {
+            let share = left / length;
+            from = (from.0 + (to.0 - from.0) * share, from.1 + (to.1 - from.1) * share);
+            piece.push(from);
+            if part.is_multiple_of(2) {
+                stroke(std::mem::take(&mut piece), style.color, style.width);
+            }
+            length -= left;
+            part += 1;
+            left = style.dash[part % style.dash.len()];
+            piece = vec![from];
+        }
+        left -= length;
+        piece.push(to);
+    }
+    if part.is_multiple_of(2) {
+        stroke(piece, style.color, style.width);
+    }
+}
+
+/// Draws an arrow with a filled head.
+fn draw_arrow(out: &mut Vec<Primitive>, from: Point, to: Point, style: Style) {
+    let length = (to.0 - from.0).hypot(to.1 - from.1);
+    if length < 1.0 {
+        return;
+    }
+    let head = 11.0_f64.min(length);
+    let (x, y) = ((to.0 - from.0) / length, (to.1 - from.1) / length);
+    let base = (to.0 - x * head, to.1 - y * head);
+    draw_line(out, &[from, base], style, 0.0);
+    let side = 0.4 * head;
+    let corners = [to, (base.0 - y * side, base.1 + x * side), (base.0 + y * side, base.1 - x * side)];
+    out.push(polygon(&corners, style.color, style.color));
+}
+
+/// Draws a marker with an outline that shows on dark and light grounds.
+fn draw_mark(out: &mut Vec<Primitive>, (x, y): Point, radius: f64, style: Style) {
+    let corners = |count: usize, turn: f64, inner: f64| -> Vec<Point> {
+        let corner = |k: usize| {
+            let angle = std::f64::consts::TAU * (k as f64 / count as f64 + turn);
+            let r = if k.is_multiple_of(2) { radius * 1.3 } else { radius * 1.3 * inner };
+            (x + r * angle.sin(), y - r * angle.cos())
+        };
+        (0..count).map(corner).collect()
+    };
+    let shape = match style.mark {
+        Mark::None => return,
+        Mark::Dot => {
+            out.push(Primitive::Circle {
+                cx: x,
+                cy: y,
+                r: radius,
+                fill: style.color.into(),
+                fill_opacity: None,
+                stroke: Some("#ffffff".into()),
+                stroke_width: Some(1.4),
+            });
+            return;
+        }
+        Mark::Square => corners(4, 0.125, 1.0),
+        Mark::Triangle => corners(3, 0.0, 1.0),
+        Mark::Diamond => corners(4, 0.0, 1.0),
+        Mark::Star => corners(10, 0.0, 0.42),
+    };
+    out.push(polygon(&shape, style.color, "#ffffff"));
+}
+
+fn polygon(corners: &[Point], fill: &str, edge: &str) -> Primitive {
+    let steps: Vec<String> = corners.iter().map(|(x, y)| format!("{x:.2},{y:.2}")).collect();
+    Primitive::Path(Box::new(PathData {
+        d: format!("M{} Z", steps.join(" L")),
+        fill: Some(fill.into()),
+        stroke: edge.into(),
+        stroke_width: 1.2,
+        opacity: None,
+        stroke_dasharray: None,
+    }))
+}
+
+fn text_at((x, y): Point, text: &str, anchor: TextAnchor) -> Primitive {
+    Primitive::Text {
+        x,
+        y: y + 0.365 * f64::from(FONT_PX),
+        content: text.into(),
+        size: FONT_PX,
+        anchor,
+        rotate: None,
+        bold: false,
+        color: None,
+    }
+}
+
+/// The width of a text; `kuva` keeps its measure private but sizes legends with it.
+fn text_width(text: &str) -> f64 {
+    let entry = LegendEntry { label: text.into(), color: String::new(), shape: LegendShape::Line, dasharray: None };
+    Layout::new((0.0, 1.0), (0.0, 1.0)).with_legend_entries(vec![entry]).legend_width - 41.0
+}
+
+/// The smallest of 1, 2 or 5 times a power of ten that is not below `step`.
+fn round_step(step: f64) -> f64 {
+    let power = 10.0_f64.powf(step.log10().floor());
+    let factor = [1.0, 2.0, 5.0].into_iter().find(|f| f * power >= step);
+    factor.unwrap_or(10.0) * power
+}

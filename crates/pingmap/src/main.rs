@@ -1,0 +1,40 @@
+//! Learn, while under way, the probability that a message from here reaches there. Glue: arguments in, calls to the other
+//! crates, words and pictures out.
+
+mod cli;
+mod contour;
+mod demo;
+mod figure;
+mod map;
+mod output;
+mod predict;
+mod region;
+mod replay;
+mod report;
+mod survey;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::output::BadInput;
+
+fn main() -> ExitCode {
+    let arguments = cli::Arguments::parse();
+    let done = match arguments.command {
+        cli::Command::Demo(options) => demo::run(&options),
+        cli::Command::Replay(options) => replay::run(&options),
+        cli::Command::Predict(options) => predict::run(&options),
+        cli::Command::Map(options) => map::run(&options),
+        cli::Command::Select(options) => region::run(&options),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        // A reader that has seen enough, such as `head`, is not a failure.
+        Err(error) if output::is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("pingmap: {error:#}");
+            ExitCode::from(if BadInput::is_behind(&error) { 2 } else { 1 })
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! The report of a replay: one self-contained HTML page, and its figures as PNG beside it.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use pingmap_agent::{Agent, Link, Packet, Position, VehicleId};
+use pingmap_trial::{Mission, Plan};
+
+use crate::cli::End;
+use crate::contour::Point;
+use crate::figure::{Arrows, Figure, link_map};
+use crate::map::{self, SIDE, SuccessMap};
+use crate::output::{spinner, write_file};
+use crate::replay::Replayed;
+
+/// Packets that the pictures show, if the replay went that far.
+const FRAMES_SHOWN: usize = 10;
+
+/// Writes the report to a folder and returns its page.
+pub fn write(replayed: &Replayed, folder: &Path) -> anyhow::Result<PathBuf> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let bar = spinner("drawing the report");
+    let pictures = Pictures::draw(replayed)?;
+    let page = folder.join("index.html");
+    write_file(&folder.join("map.png"), &pictures.map.png()?)?;
+    write_file(&folder.join("packets.png"), &pictures.packets.png()?)?;
+    write_file(&page, html(replayed, &pictures).as_bytes())?;
+    bar.finish_and_clear();
+    Ok(page)
+}
+
+struct Pictures {
+    /// Whose map it is.
+    viewer: VehicleId,
+    frames: usize,
+    split: String,
+    map: Figure,
+    packets: Figure,
+}
+
+impl Pictures {
+    /// Plays the first split once more, up to [`FRAMES_SHOWN`] packets, and draws what the first vehicle then knows.
+    fn draw(replayed: &Replayed) -> anyhow::Result<Self> {
+        let counts = replayed.replay.sharing.iter().map(|sharing| sharing.frames);
+        let frames = counts.clone().filter(|&frames| frames <= FRAMES_SHOWN).max().or(counts.min()).unwrap_or(0);
+        let split = replayed.splits.first().context("a replay has at least one split")?;
+        let plan = Plan { frames_max: frames, ..replayed.plan };
+        let mission = Mission::prepare(&replayed.log, split, &plan)?;
+        let sent = mission.packets(frames)?;
+        let team = mission.after_sharing(&sent)?;
+        let viewer = team.first().context("every log has a receiver")?;
+        let at = last_position(viewer).unwrap_or_else(|| replayed.log.events[0].link.receiver);
+        let (posterior, model) = (viewer.posterior(replayed.plan.fusion)?, viewer.model());
+        let map = SuccessMap::new(&posterior, model, &replayed.log.events, at, End::Tx, None)?;
+        Ok(Self {
+            viewer: viewer.id().clone(),
+            frames,
+            split: split.name.clone(),
+            map: map.figure(&replayed.log.events),
+            packets: packets_figure(replayed, viewer, &sent),
+        })
+    }
+}
+
+/// Where a vehicle received last.
+fn last_position(agent: &Agent) -> Option<Position> {
+    agent.events().last().map(|event| event.link.receiver)
+}
+
+/// The inducing points that everybody sent, as arrows from transmitter to receiver over the tracks.
+fn packets_figure(replayed: &Replayed, viewer: &Agent, sent: &[Packet]) -> Figure {
+    let origin = viewer.model().chart.origin;
+    let half = viewer.model().inputs.dimension() / 2;
+    let mut arrows: BTreeMap<&VehicleId, Vec<(Point, Point)>> = BTreeMap::new();
+    for packet in sent {
+        for row in packet.summary.inducing_points().rows() {
+            let end = |first: usize| (row[first] + origin.east_m, row[first + 1] + origin.north_m);
+            arrows.entry(&packet.sender).or_default().push((end(0), end(half)));
+        }
+    }
+    let tracks = map::tracks(&replayed.log.events);
+    let place = |id: &VehicleId| tracks.keys().position(|other| *other == id).unwrap_or_default();
+    let names: Vec<String> = arrows.keys().map(|id| format!("sent by {id}")).collect();
+    let groups: Vec<Arrows> = arrows
+        .iter()
+        .zip(&names)
+        .map(|((id, pairs), name)| Arrows { name, pairs, style: map::style(place(id)) })
+        .collect();
+    let any: &Link = &replayed.log.events[0].link;
+    let (east, north) = map::extent(&replayed.log.events, &any.receiver);
+    link_map(
+        "What the packets sum up: links at their inducing points",
+        east,
+        north,
+        &groups,
+        &map::tracks_as_series(&tracks),
+        SIDE,
+    )
+}
+
+fn html(replayed: &Replayed, pictures: &Pictures) -> String {
+    let mut page = String::from(HEAD);
+    let vehicles: Vec<&str> = replayed.replay.vehicles.iter().map(VehicleId::as_str).collect();
+    let facts = format!(
+        "{} events, vehicles {}; {} splits, seed {}. {}.",
+        replayed.log.events.len(),
+        vehicles.join(", "),
+        replayed.splits.len(),
+        replayed.plan.seed,
+        replayed.kernel_line()
+    );
+    // Writing to a String cannot fail.
+    let _ = writeln!(page, "<p>{}</p>", escape(&facts));
+    page += "<h2>How well are held-out events predicted?</h2>\n";
+    page += &html_table(&["", "accuracy", "NLL", "± s.e."], &replayed.score_rows());
+    let header = ["after sharing, per vehicle", "accuracy", "NLL", "± s.e.", "worst vehicle", "gap closed"];
+    page += &html_table(&header, &replayed.sharing_rows());
+    page += "<p>NLL is the negative log-likelihood in nats: lower is better. The gap is that between own events only and all raw \
+             events in one place. A dash: no gap to close, or a single split.</p>\n";
+    let (viewer, frames, split) = (escape(pictures.viewer.as_str()), pictures.frames, escape(&pictures.split));
+    let packets = if frames == 1 { "packet".to_owned() } else { format!("{frames} packets") };
+    let _ = writeln!(
+        page,
+        "<h2>The map of {viewer}</h2>\n<p>Probability that a message from the last position of {viewer} is heard, as {viewer} sees \
+         it after every vehicle sent {packets} (split {split}).</p>\n<figure>{}</figure>",
+        pictures.map.svg(false)
+    );
+    let _ = writeln!(
+        page,
+        "<h2>What was sent</h2>\n<p>Every arrow is an inducing point, drawn from transmitter to receiver: the links that stand for \
+         all others in a packet.</p>\n<figure>{}</figure>\n</body>\n</html>",
+        pictures.packets.svg(false)
+    );
+    page
+}
+
+const HEAD: &str = "<!DOCTYPE html>
+<html lang=\"en\">
+<head>
+<meta charset=\"utf-8\">
+<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">
+<title>pingmap report</title>
+<style>
+body { font: 16px/1.5 'DejaVu Sans', Verdana, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
+table { border-collapse: collapse; margin: 1rem 0; }
+th, td { padding: .25rem .9rem; text-align: right; border-bottom: 1px solid #ddd; font-variant-numeric: tabular-nums; }
+th:first-child, td:first-child { text-align: left; }
+figure { margin: 1rem 0; overflow-x: auto; }
+figure svg { max-width: 100%; height: auto; }
+</style>
+</head>
+<body>
+<h1>pingmap: will a message from here reach there?</h1>
+";
+
+fn html_table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let cells = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
+        cells.map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect::<String>()
+    };
+    let head = cells("th", &mut header.iter().copied());
+    let body = rows.iter().map(|row| format!("<tr>{}</tr>\n", cells("td", &mut row.iter().map(String::as_str))));
+    format!("<table>\n<tr>{head}</tr>\n{}</table>\n", body.collect::<String>())
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
