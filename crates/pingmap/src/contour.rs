@@ -61,10 +61,10 @@ pub fn contour_lines(grid: &Grid, level: f64) -> Vec<Vec<Point>> {
     for start in starts {
         let (mut line, mut edge) = (vec![crossing(start)], start);
         while let Some(next) = links.get_mut(&edge).and_then(Vec::pop) {
-            if let Some(back) = links.get_mut(&next) {
-                if let Some(at) = back.iter().position(|&other| other == edge) {
-                    back.swap_remove(at);
-                }
+            if let Some(back) = links.get_mut(&next)
+                && let Some(at) = back.iter().position(|&other| other == edge)
+            {
+                back.swap_remove(at);
             }
             line.push(crossing(next));
             edge = next;

@@ -106,11 +106,12 @@ pub fn link_map(
     side: f64,
 ) -> Figure {
     let mut frame = Frame::map(title, east, north, None, side);
-    frame.tracks(tracks);
+    let faint = tracks.iter().map(|track| Series { style: Style { width: 0.8, ..track.style }, ..*track });
+    frame.tracks(&faint.collect::<Vec<_>>());
     for group in links {
         for &(from, to) in group.pairs {
             let (from, to) = (frame.pixel(from), frame.pixel(to));
-            frame.arrow(from, to, group.style);
+            draw_arrow(&mut frame.inside, from, to, group.style);
         }
         frame.key(group.name, group.style, true);
     }
@@ -251,10 +252,6 @@ impl Frame {
 
     fn mark(&mut self, at: Point, radius: f64, style: Style) {
         draw_mark(&mut self.inside, at, radius, style);
-    }
-
-    fn arrow(&mut self, from: Point, to: Point, style: Style) {
-        draw_arrow(&mut self.inside, from, to, style);
     }
 
     /// Writes a text centred on a point, on a white ground, moved so that it is not cut.

@@ -10,13 +10,16 @@ use pingmap_trial::{Mission, Plan};
 
 use crate::cli::End;
 use crate::contour::Point;
-use crate::figure::{Arrows, Figure, link_map};
+use crate::figure::{Arrows, Figure, Mark, Style, link_map};
 use crate::map::{self, SIDE, SuccessMap};
 use crate::output::{spinner, write_file};
 use crate::replay::Replayed;
 
-/// Packets that the pictures show, if the replay went that far.
+/// Packets of every vehicle behind the map, if the replay went that far.
 const FRAMES_SHOWN: usize = 10;
+
+/// Packets of every vehicle whose points are drawn; more would hide each other.
+const PACKETS_DRAWN: usize = 2;
 
 /// Writes the report to a folder and returns its page.
 pub fn write(replayed: &Replayed, folder: &Path) -> anyhow::Result<PathBuf> {
@@ -74,7 +77,7 @@ fn packets_figure(replayed: &Replayed, viewer: &Agent, sent: &[Packet]) -> Figur
     let origin = viewer.model().chart.origin;
     let half = viewer.model().inputs.dimension() / 2;
     let mut arrows: BTreeMap<&VehicleId, Vec<(Point, Point)>> = BTreeMap::new();
-    for packet in sent {
+    for packet in sent.iter().filter(|packet| packet.region < PACKETS_DRAWN) {
         for row in packet.summary.inducing_points().rows() {
             let end = |first: usize| (row[first] + origin.east_m, row[first + 1] + origin.north_m);
             arrows.entry(&packet.sender).or_default().push((end(0), end(half)));
@@ -86,12 +89,12 @@ fn packets_figure(replayed: &Replayed, viewer: &Agent, sent: &[Packet]) -> Figur
     let groups: Vec<Arrows> = arrows
         .iter()
         .zip(&names)
-        .map(|((id, pairs), name)| Arrows { name, pairs, style: map::style(place(id)) })
+        .map(|((id, pairs), name)| Arrows { name, pairs, style: Style { mark: Mark::None, ..map::style(place(id)) } })
         .collect();
     let any: &Link = &replayed.log.events[0].link;
     let (east, north) = map::extent(&replayed.log.events, &any.receiver);
     link_map(
-        "What the packets sum up: links at their inducing points",
+        "Links that stand for all others: the first inducing points",
         east,
         north,
         &groups,
@@ -129,8 +132,9 @@ fn html(replayed: &Replayed, pictures: &Pictures) -> String {
     );
     let _ = writeln!(
         page,
-        "<h2>What was sent</h2>\n<p>Every arrow is an inducing point, drawn from transmitter to receiver: the links that stand for \
-         all others in a packet.</p>\n<figure>{}</figure>\n</body>\n</html>",
+        "<h2>What was sent</h2>\n<p>Every arrow is an inducing point of one of the first {} packets of each vehicle, drawn from \
+         transmitter to receiver: a link that stands for those around it.</p>\n<figure>{}</figure>\n</body>\n</html>",
+        frames.min(PACKETS_DRAWN),
         pictures.packets.svg(false)
     );
     page
