@@ -320,10 +320,7 @@ impl Agent {
         let prior = &self.model.prior;
         if fusion == Fusion::Concatenation {
             let summaries: Vec<&Summary> = self.received.values().map(|packet| &packet.summary).collect();
-            if !summaries.is_empty() {
-                return Ok(Posterior::concatenate(prior, &summaries)?);
-            }
-            return Ok(Posterior::fuse(prior, &Sites::empty(self.model.inputs.dimension()), &[])?);
+            return Ok(Posterior::concatenate(prior, &summaries)?);
         }
         // What it sent itself it knows better from its own events.
         let others = self.received.values().filter(|packet| packet.sender != self.id);

@@ -13,7 +13,7 @@ use crate::sites::{Observations, Sites};
 /// A Markov chain over (ω, f) whose stationary distribution is their exact posterior.
 ///
 /// One sweep draws ω_n ~ PG(w_n, f_n), then f | ω, y by pathwise conditioning: a prior draw, corrected by one Cholesky of
-/// I + Ω^½KΩ^½. O(N³/3) a sweep and no allocation; 3N² memory.
+/// I + Ω^½KΩ^½. O(N³/3) a sweep and no allocation, plus a Pólya-Gamma draw for every unit of weight; 3N² memory.
 ///
 /// ```
 /// use dgpc::{Gibbs, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term};

@@ -13,6 +13,9 @@ use crate::linalg::{Cholesky, Matrix, add_symmetric_product, product, squared_no
 /// A candidate whose variance given the points already chosen is below this share of its prior variance is one of them.
 pub const DISTINCT_SHARE: f64 = 1e-4;
 
+/// What is left of a prior variance below this share is rounding.
+const ROUNDING_SHARE: f64 = 1e-12;
+
 /// Chosen candidates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
@@ -81,10 +84,15 @@ impl Candidates {
 
     /// Counts the candidates at `indices` as known from now on. O(N²) each.
     pub fn condition_on(&mut self, indices: &[usize]) {
+        self.take_out(indices, DISTINCT_SHARE);
+    }
+
+    /// Conditions on those of `indices` that keep at least `share_min` of their prior variance when their turn comes.
+    fn take_out(&mut self, indices: &[usize], share_min: f64) {
         let mut pivot_column = vec![0.0; self.len()];
         for &pivot in indices {
             let pivot_variance = self.gram[(pivot, pivot)];
-            if !self.is_distinct(pivot, pivot_variance) {
+            if pivot_variance < share_min * self.variance[pivot] {
                 continue;
             }
             pivot_column.copy_from_slice(self.gram.column(pivot));
@@ -156,7 +164,8 @@ impl Candidates {
                 let mut others = selection.indices.clone();
                 others.remove(place);
                 let mut left = self.clone();
-                left.condition_on(&others);
+                // A swap may have brought two of them close; they are chosen all the same.
+                left.take_out(&others, ROUNDING_SHARE);
                 let Some((candidate, reduction)) = left.best(aim) else { continue };
                 let trace = left.trace() - reduction;
                 let tolerance = 1e-12 * self.trace();
@@ -196,9 +205,10 @@ impl Candidates {
             let reductions = (0..j).filter_map(|i| {
                 let (kii, cii) = (k[(i, i)], c[(i, i)]);
                 let determinant = kii * kjj - kj[i] * kj[i];
-                let distinct = determinant >= DISTINCT_SHARE * self.variance[j] * kii
-                    && determinant >= DISTINCT_SHARE * self.variance[i] * kjj
-                    && determinant > 0.0;
+                let distinct = self.is_distinct(i, kii)
+                    && self.is_distinct(j, kjj)
+                    && determinant >= DISTINCT_SHARE * self.variance[j] * kii
+                    && determinant >= DISTINCT_SHARE * self.variance[i] * kjj;
                 distinct.then(|| ((i, j), (cii * kjj + cjj * kii - 2.0 * kj[i] * cj[i]) / determinant))
             });
             best = best_of(best.into_iter().chain(reductions), aim);

@@ -1,6 +1,6 @@
 //! Covariance functions: sums of stationary terms over chosen input columns, each reciprocal or not (docs/method.md, section 7).
 
-use crate::error::{Error, Result, positive, same_size};
+use crate::error::{Error, Result, finite, positive, same_size};
 use crate::inputs::Inputs;
 use crate::linalg::Matrix;
 
@@ -19,15 +19,21 @@ impl Shape {
     /// Correlation at squared scaled distance r².
     #[inline]
     fn correlation(self, squared_distance: f64) -> f64 {
+        // Farther than numbers reach, where the products below would be 0 · ∞.
+        if !squared_distance.is_finite() {
+            return 0.0;
+        }
         match self {
             Shape::SquaredExponential => (-0.5 * squared_distance).exp(),
             Shape::Matern32 => {
                 let r = (3.0 * squared_distance).sqrt();
-                (1.0 + r) * (-r).exp()
+                let decay = (-r).exp();
+                decay + r * decay
             }
             Shape::Matern52 => {
                 let r = (5.0 * squared_distance).sqrt();
-                (1.0 + r + r * r / 3.0) * (-r).exp()
+                let decay = (-r).exp();
+                decay + r * decay + r * (r * decay) / 3.0
             }
         }
     }
@@ -36,9 +42,8 @@ impl Shape {
 /// An involution x → Rx of the inputs that exchanges columns or turns their sign, such as swapping the two ends of a link.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reflection {
-    /// (Rx)_j = sign_j · x_{source_j}; columns beyond the end stay as they are.
-    source: Vec<usize>,
-    sign: Vec<f64>,
+    /// (Rx)_column = sign · x_source for each (column, source, sign); other columns stay as they are.
+    images: Vec<(usize, usize, f64)>,
 }
 
 impl Reflection {
@@ -47,11 +52,7 @@ impl Reflection {
     /// # Errors
     /// [`Error::BadColumn`] when a column is named twice.
     pub fn swap(pairs: &[(usize, usize)]) -> Result<Self> {
-        let mut reflection = Self::identity(pairs.iter().flat_map(|&(a, b)| [a, b]))?;
-        for &(a, b) in pairs {
-            reflection.source.swap(a, b);
-        }
-        Ok(reflection)
+        Self::new(pairs.iter().flat_map(|&(a, b)| [(a, b, 1.0), (b, a, 1.0)]).collect())
     }
 
     /// Turns the sign of the named columns.
@@ -59,30 +60,23 @@ impl Reflection {
     /// # Errors
     /// [`Error::BadColumn`] when a column is named twice.
     pub fn negate(columns: &[usize]) -> Result<Self> {
-        let mut reflection = Self::identity(columns.iter().copied())?;
-        for &column in columns {
-            reflection.sign[column] = -1.0;
-        }
-        Ok(reflection)
+        Self::new(columns.iter().map(|&column| (column, column, -1.0)).collect())
     }
 
-    /// The identity over as many columns as `named` needs, after a check that none is named twice.
-    fn identity(named: impl Iterator<Item = usize>) -> Result<Self> {
-        let mut named: Vec<usize> = named.collect();
-        named.sort_unstable();
-        let columns = named.last().map_or(0, |last| last + 1);
-        if let Some(twice) = named.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(Error::BadColumn { what: "reflection", column: twice[0], columns });
+    /// Checks that no column is named twice.
+    fn new(images: Vec<(usize, usize, f64)>) -> Result<Self> {
+        for (n, &(column, ..)) in images.iter().enumerate() {
+            if images[..n].iter().any(|&(other, ..)| other == column) {
+                return Err(Error::BadColumn { what: "reflection", column, columns: images.len() });
+            }
         }
-        Ok(Self { source: (0..columns).collect(), sign: vec![1.0; columns] })
+        Ok(Self { images })
     }
 
     /// The column that lands in `column`, and with which sign.
     fn image(&self, column: usize) -> (usize, f64) {
-        match self.source.get(column) {
-            Some(&source) => (source, self.sign[column]),
-            None => (column, 1.0),
-        }
+        let image = self.images.iter().find(|&&(own, ..)| own == column);
+        image.map_or((column, 1.0), |&(_, source, sign)| (source, sign))
     }
 }
 
@@ -109,6 +103,7 @@ impl Term {
         same_size("length-scales, one per kernel column", columns.len(), length_scales.len())?;
         for &length_scale in length_scales {
             positive("length-scale", length_scale)?;
+            finite("reciprocal of a length-scale", length_scale.recip())?;
         }
         for (i, column) in columns.iter().enumerate() {
             if columns[..i].contains(column) {
@@ -270,11 +265,15 @@ impl Kernel {
         &self.terms
     }
 
+    /// Every column that a term looks at.
+    pub(crate) fn columns(&self) -> impl Iterator<Item = usize> {
+        self.terms.iter().flat_map(|term| &term.columns).copied()
+    }
+
     /// Checks that inputs have every column that a term looks at.
     pub(crate) fn check(&self, inputs: &Inputs) -> Result<()> {
         let columns = inputs.dimension();
-        let named = self.terms.iter().flat_map(|term| &term.columns);
-        match named.copied().find(|&column| column >= columns) {
+        match self.columns().find(|&column| column >= columns) {
             Some(column) => Err(Error::BadColumn { what: "kernel term", column, columns }),
             None => Ok(()),
         }

@@ -356,13 +356,14 @@ pub(crate) fn symmetric_eigen(what: &'static str, matrix: &Matrix) -> Result<(Ve
     Ok((values, vectors))
 }
 
-/// R with A = RRᵀ for a symmetric positive semi-definite A; eigenvalues that rounding made negative count as zero.
+/// R with A = RRᵀ for a symmetric positive semi-definite A that stands beside the identity; eigenvalues that rounding made
+/// negative count as zero.
 ///
 /// # Errors
 /// [`Error::NotPositiveDefinite`] when an eigenvalue is more negative than rounding explains.
 pub(crate) fn semidefinite_root(what: &'static str, matrix: &Matrix) -> Result<Matrix> {
     let (values, mut root) = symmetric_eigen(what, matrix)?;
-    let largest = values.iter().fold(0.0f64, |a, v| a.max(v.abs()));
+    let largest = values.iter().fold(1.0f64, |a, v| a.max(v.abs()));
     for (column, &value) in values.iter().enumerate() {
         if value < -1e-9 * largest {
             return Err(Error::NotPositiveDefinite { what, pivot: column, size: values.len(), jitter: 0.0 });

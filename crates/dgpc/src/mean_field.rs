@@ -1,7 +1,7 @@
 //! ω by mean field: a deterministic fixed point that maximises the evidence bound E (docs/method.md, sections 2 and 7).
 
 use crate::anderson::Anderson;
-use crate::error::Result;
+use crate::error::{Error, Result, finite, positive, same_size};
 use crate::inputs::Inputs;
 use crate::linalg::{Cholesky, Matrix, add_symmetric_product, dot, multiply_vector, squared_norm};
 use crate::polya_gamma;
@@ -22,6 +22,28 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self { tolerance: 1e-10, iterations_max: 1000, start: None }
+    }
+}
+
+impl Options {
+    /// Checks the numbers for a fit of `events` events.
+    fn check(&self, events: usize) -> Result<()> {
+        let Self { tolerance, iterations_max, start } = self;
+        if !(tolerance.is_finite() && *tolerance >= 0.0) {
+            return Err(Error::OutOfRange {
+                what: "tolerance",
+                expected: "a finite number, at least 0",
+                value: *tolerance,
+            });
+        }
+        positive("largest number of iterations", *iterations_max as f64)?;
+        if let Some(start) = start {
+            same_size("tilts to start from, one per event", events, start.len())?;
+            for &tilt in start {
+                positive("tilt to start from", tilt)?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -62,8 +84,9 @@ pub struct MeanField {
 /// ```
 ///
 /// # Errors
-/// [`crate::Error::BadColumn`] when the prior needs columns that the inputs do not have;
-/// [`crate::Error::NotPositiveDefinite`] if I + Ω^½KΩ^½ cannot be factorised, which takes numbers near the end of the range.
+/// [`crate::Error::BadColumn`] when the prior needs columns that the inputs do not have; [`crate::Error::OutOfRange`] or
+/// [`crate::Error::SizeMismatch`] for options that make no sense; [`crate::Error::NotPositiveDefinite`] or
+/// [`crate::Error::NotFinite`] when numbers near the end of the range overflow.
 pub fn dense(prior: &Prior, observations: &Observations, options: &Options) -> Result<MeanField> {
     let gram = prior.kernel().gram(observations.inputs())?;
     let size = observations.len();
@@ -211,27 +234,27 @@ fn iterate(
     options: &Options,
     mut posterior: impl FnMut(&[f64], &[f64], &mut [f64], &mut [f64]) -> Result<f64>,
 ) -> Result<MeanField> {
+    options.check(observations.len())?;
     let size = observations.len();
     let (kappa, weights) = (observations.kappa(), observations.weights());
     let prior_mean = prior.mean().values(observations.inputs())?;
     // The iteration runs in ln c, where acceleration cannot leave the domain.
-    let mut log_tilts = match &options.start {
-        Some(start) if start.len() == size => start.iter().map(|tilt| tilt.max(TILT_MIN).ln()).collect(),
-        _ => vec![0.0; size],
-    };
+    let start = options.start.clone().unwrap_or_else(|| vec![1.0; size]);
+    let mut log_tilts: Vec<f64> = start.iter().map(|tilt| tilt.max(TILT_MIN).ln()).collect();
+    let mut plain_step = log_tilts.clone();
     let (mut tilts, mut images) = (vec![1.0; size], vec![0.0; size]);
     let (mut omega, mut shift) = (vec![0.0; size], vec![0.0; size]);
     let (mut mean, mut variance) = (vec![0.0; size], vec![0.0; size]);
     let mut anderson = Anderson::new();
-    let (mut evidence, mut change, mut iterations) = (f64::NEG_INFINITY, f64::INFINITY, 0);
-    while iterations < options.iterations_max.max(1) && change > options.tolerance {
+    let mut best = f64::NEG_INFINITY;
+    let (mut evidence, mut change, mut iterations) = (best, f64::INFINITY, 0);
+    while iterations < options.iterations_max && change > options.tolerance {
         iterations += 1;
         for n in 0..size {
             tilts[n] = log_tilts[n].exp();
             omega[n] = polya_gamma::mean(weights[n], tilts[n]).max(f64::MIN_POSITIVE);
             shift[n] = kappa[n] - omega[n] * prior_mean[n];
         }
-        let before = evidence;
         evidence = posterior(&omega, &shift, &mut mean, &mut variance)?;
         change = 0.0;
         for n in 0..size {
@@ -242,10 +265,17 @@ fn iterate(
             change = f64::max(change, (tilt - tilts[n]).abs());
             images[n] = tilt.ln();
         }
-        // Plain steps never lower E; after an accelerated one that did, a plain one follows.
-        if evidence < before {
+        finite("evidence bound", evidence)?;
+        // Plain steps never lower E. An accelerated one that did is taken back for the plain one, and acceleration starts anew.
+        let lowered = evidence < best - 1e-10 * best.abs();
+        if lowered && log_tilts != plain_step {
+            log_tilts.copy_from_slice(&plain_step);
             anderson.restart();
+            change = f64::INFINITY;
+            continue;
         }
+        best = best.max(evidence);
+        plain_step.copy_from_slice(&images);
         log_tilts = anderson.propose(&log_tilts, &images);
     }
     let converged = change <= options.tolerance;

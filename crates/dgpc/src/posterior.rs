@@ -102,7 +102,7 @@ impl Posterior {
     /// # Errors
     /// As [`Posterior::fuse`]; also when the inducing points of all summaries together coincide too closely for any small jitter.
     pub fn concatenate(prior: &Prior, summaries: &[&Summary]) -> Result<Self> {
-        let dimension = summaries.first().map_or(1, |summary| summary.inducing_points().dimension());
+        let dimension = summaries.first().map_or(prior.dimension_min(), |first| first.inducing_points().dimension());
         let (support, whitening) = lay_out(prior, &Inputs::empty(dimension), summaries)?;
         let size = support.len();
         let gram = Cholesky::with_jitter("K_MM of all summaries", &prior.kernel().gram(&support)?)?;

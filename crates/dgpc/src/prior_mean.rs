@@ -39,6 +39,24 @@ impl PriorMean {
         }
     }
 
+    /// Every column that the mean looks at.
+    fn columns(&self) -> impl Iterator<Item = usize> {
+        let ends: [&[usize]; 2] = match self {
+            PriorMean::Range { from, to, .. } => [from, to],
+            _ => [&[], &[]],
+        };
+        ends.into_iter().flatten().copied()
+    }
+
+    /// Checks that inputs have every column that the mean looks at.
+    fn check_columns(&self, inputs: &Inputs) -> Result<()> {
+        let columns = inputs.dimension();
+        match self.columns().find(|&column| column >= columns) {
+            Some(column) => Err(Error::BadColumn { what: "range prior mean", column, columns }),
+            None => Ok(()),
+        }
+    }
+
     /// μ₀ at every point. O(Nd).
     ///
     /// # Errors
@@ -48,10 +66,7 @@ impl PriorMean {
             PriorMean::Zero => Ok(vec![0.0; inputs.len()]),
             PriorMean::Constant(value) => Ok(vec![*value; inputs.len()]),
             PriorMean::Range { intercept, slope, from, to } => {
-                let columns = inputs.dimension();
-                if let Some(&column) = from.iter().chain(to).find(|&&column| column >= columns) {
-                    return Err(Error::BadColumn { what: "range prior mean", column, columns });
-                }
+                self.check_columns(inputs)?;
                 let distance = |row: &[f64]| {
                     let squares = from.iter().zip(to).map(|(&a, &b)| (row[a] - row[b]).powi(2));
                     squares.sum::<f64>().sqrt()
@@ -77,6 +92,17 @@ impl Prior {
     pub fn new(kernel: Kernel, mean: PriorMean) -> Result<Self> {
         mean.check()?;
         Ok(Self { kernel, mean })
+    }
+
+    /// Checks that inputs have every column that kernel and mean look at.
+    pub(crate) fn check(&self, inputs: &Inputs) -> Result<()> {
+        self.kernel.check(inputs)?;
+        self.mean.check_columns(inputs)
+    }
+
+    /// The fewest columns that inputs can have.
+    pub(crate) fn dimension_min(&self) -> usize {
+        self.kernel.columns().chain(self.mean.columns()).max().map_or(1, |column| column + 1)
     }
 
     /// The covariance function.

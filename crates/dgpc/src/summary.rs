@@ -1,6 +1,6 @@
 //! What a set of events says about the latent function at a few inducing points (docs/method.md, section 3).
 
-use crate::error::{Error, Result, same_size};
+use crate::error::{Error, Result, finite, same_size};
 use crate::inputs::Inputs;
 use crate::linalg::{Cholesky, Matrix, product, semidefinite_root, symmetric_eigen};
 use crate::mean_field::{Features, fill_scaled};
@@ -31,15 +31,23 @@ impl Summary {
         Self::from_whitened(prior, inducing_points, Matrix::zeros(points, points), vec![0.0; points])
     }
 
-    /// A summary from its whitened parts, Ĝ (M×M, symmetric, positive semi-definite) and b̂ (M). O(M³).
+    /// A summary from its whitened parts, Ĝ (M×M, positive semi-definite; its symmetric part is taken) and b̂ (M). O(M³).
     ///
     /// # Errors
-    /// As [`Summary::empty`], and [`Error::SizeMismatch`].
+    /// As [`Summary::empty`], [`Error::SizeMismatch`], and [`Error::NotFinite`]. That Ĝ has no negative eigenvalue is checked when
+    /// it is used.
     pub fn from_whitened(prior: &Prior, inducing_points: &Inputs, precision: Matrix, shift: Vec<f64>) -> Result<Self> {
         let points = inducing_points.len();
         same_size("rows of a summary's precision, one per inducing point", points, precision.rows())?;
         same_size("columns of a summary's precision, one per inducing point", points, precision.columns())?;
         same_size("entries of a summary's shift, one per inducing point", points, shift.len())?;
+        prior.check(inducing_points)?;
+        for (column, &entry) in shift.iter().enumerate() {
+            finite("summary shift", entry)?;
+            precision.column(column).iter().try_for_each(|&entry| finite("summary precision", entry).map(drop))?;
+        }
+        let mut precision = precision;
+        precision.symmetrise();
         let cholesky = Cholesky::with_jitter("K_MM", &prior.kernel().gram(inducing_points)?)?;
         Ok(Self { prior: prior.clone(), inducing_points: inducing_points.clone(), cholesky, precision, shift })
     }

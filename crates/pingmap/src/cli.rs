@@ -57,7 +57,7 @@ pub struct Replay {
     #[arg(long, default_value_t = 3, value_parser = at_least_one)]
     pub repeats: usize,
     /// Share of every vehicle's events that is held out
-    #[arg(long, default_value_t = 0.35, value_parser = open_share)]
+    #[arg(long, default_value_t = 0.35, value_parser = open_share, allow_negative_numbers = true)]
     pub test_share: f64,
     /// Numbers of packets that every vehicle sends
     #[arg(long, default_value = "1,2,5,10,20", value_delimiter = ',', value_parser = at_least_one)]
@@ -127,7 +127,7 @@ pub struct Map {
     #[arg(long, value_name = "LAT,LON", value_parser = pair, allow_hyphen_values = true)]
     pub origin: Option<(f64, f64)>,
     /// Width of a grid cell; the longer side has 120 cells if not given
-    #[arg(long, value_parser = positive)]
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub cell_m: Option<f64>,
     #[command(flatten)]
     pub kernel: Kernel,
@@ -149,7 +149,7 @@ pub struct Select {
     #[arg(long, value_name = "TX_EAST,TX_NORTH,RX_EAST,RX_NORTH", value_parser = quadruple, allow_hyphen_values = true)]
     pub centre: Option<[f64; 4]>,
     /// Radius of the locality region over all four coordinates; 1.384 length-scales if not given
-    #[arg(long, value_parser = positive)]
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub radius_m: Option<f64>,
     /// How many inducing points
     #[arg(long, default_value_t = 2, value_parser = at_least_one)]
@@ -176,10 +176,10 @@ pub struct Kernel {
     #[arg(long)]
     pub one_way: bool,
     /// Length-scale; found by a grid search on the evidence if not given
-    #[arg(long, value_parser = positive)]
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub length_scale_m: Option<f64>,
     /// Kernel variance; found by a grid search on the evidence if not given
-    #[arg(long, value_parser = positive)]
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub variance: Option<f64>,
 }
 

@@ -124,6 +124,8 @@ struct Frame {
     axes: ComputedLayout,
     /// What is drawn inside the axes, in pixels.
     inside: Vec<Primitive>,
+    /// Texts inside the axes, over everything else there.
+    labels: Vec<Primitive>,
     /// What is drawn right of everything else.
     legend: Vec<Primitive>,
     rows: usize,
@@ -172,8 +174,8 @@ impl Frame {
         };
         let axes = ComputedLayout::from_layout(&layout);
         let scene = render_multiple(vec![plot], layout);
-        let (inside, legend) = (Vec::new(), Vec::new());
-        Self { scene, axes, inside, legend, rows: 0, legend_width: 0.0 }
+        let (inside, labels, legend) = (Vec::new(), Vec::new(), Vec::new());
+        Self { scene, axes, inside, labels, legend, rows: 0, legend_width: 0.0 }
     }
 
     /// Where a data point is on the page.
@@ -220,29 +222,34 @@ impl Frame {
                 longest = line;
             }
         }
-        if let Some(&middle) = longest.get(longest.len() / 2) {
-            self.label(middle, &name);
+        match longest.get(longest.len() / 2) {
+            Some(&middle) => {
+                self.label(middle, &name);
+                self.key(&format!("contour {name}"), style, false);
+            }
+            None => self.key(&format!("contour {name} (nowhere)"), style, false),
         }
-        self.key(&format!("contour {name}"), style, false);
     }
 
-    /// Draws tracks with a marker here and there, and adds them to the legend; of very many, all look alike under one name.
+    /// Draws tracks with a marker here and there, those of who stays in place on top, and adds them to the legend; of very many,
+    /// all look alike under one name.
     fn tracks(&mut self, tracks: &[Series]) {
         let many = tracks.len() > TRACKS_NAMED_MAX;
         let plain = Style { color: "#d7301f", width: 1.0, dash: &[], mark: Mark::Dot };
-        for track in tracks {
+        let (moving, fixed): (Vec<&Series>, Vec<&Series>) = tracks.iter().partition(|track| track.points.len() > 1);
+        for track in moving.into_iter().chain(fixed) {
             let style = if many { plain } else { track.style };
             let points: Vec<Point> = thin(track.points, 2000).map(|&point| self.pixel(point)).collect();
             self.line(&points, style, 2.5);
+            let radius = if points.len() > 1 { 4.5 } else { 6.5 };
             for &point in thin(&points, 12) {
-                self.mark(point, 4.5, style);
-            }
-            if !many {
-                self.key(track.name, style, false);
+                self.mark(point, radius, style);
             }
         }
         if many {
             self.key(&format!("{} vehicles", tracks.len()), plain, false);
+        } else {
+            tracks.iter().for_each(|track| self.key(track.name, track.style, false));
         }
     }
 
@@ -261,7 +268,7 @@ impl Frame {
         let (top, bottom) = (axes.margin_top, axes.height - axes.margin_bottom);
         let x = at.0.min(right - half - 2.0).max(left + half + 2.0);
         let y = at.1.min(bottom - 11.0).max(top + 11.0);
-        self.inside.push(Primitive::Rect {
+        self.labels.push(Primitive::Rect {
             x: x - half,
             y: y - 8.0,
             width: 2.0 * half,
@@ -271,7 +278,7 @@ impl Frame {
             stroke_width: None,
             opacity: Some(0.8),
         });
-        self.inside.push(text_at((x, y), text, TextAnchor::Middle));
+        self.labels.push(text_at((x, y), text, TextAnchor::Middle));
     }
 
     /// Adds a row to the legend, right of the axes and of the colour bar.
@@ -312,7 +319,7 @@ impl Frame {
         let elements = &mut self.scene.elements;
         let clip_end = elements.iter().rposition(|part| matches!(part, Primitive::ClipEnd));
         let at = clip_end.unwrap_or(elements.len());
-        elements.splice(at..at, self.inside);
+        elements.splice(at..at, self.inside.into_iter().chain(self.labels));
         elements.push(frame);
         elements.append(&mut self.legend);
         self.scene.width = (self.scene.width + self.legend_width).ceil();

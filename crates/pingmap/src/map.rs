@@ -220,7 +220,8 @@ impl SuccessMap {
     }
 }
 
-/// The area of a log and a place, with a margin of a twentieth and at least 50 m.
+/// The area of a log and a place, with a margin of a twentieth and at least 50 m; never narrower than half its length, so
+/// that a straight survey line still makes a picture.
 pub fn extent(events: &[Event], at: &Position) -> (Point, Point) {
     let ends = events.iter().flat_map(|event| [event.link.transmitter, event.link.receiver]);
     let (mut east, mut north) = ((at.east_m, at.east_m), (at.north_m, at.north_m));
@@ -228,8 +229,12 @@ pub fn extent(events: &[Event], at: &Position) -> (Point, Point) {
         east = (east.0.min(end.east_m), east.1.max(end.east_m));
         north = (north.0.min(end.north_m), north.1.max(end.north_m));
     }
-    let margin = f64::max(50.0, 0.05 * (east.1 - east.0).max(north.1 - north.0));
-    ((east.0 - margin, east.1 + margin), (north.0 - margin, north.1 + margin))
+    let longest = (east.1 - east.0).max(north.1 - north.0);
+    let widen = |(low, high): (f64, f64)| {
+        let margin = f64::max(f64::max(50.0, 0.05 * longest), 0.5 * (0.5 * longest - (high - low)));
+        (low - margin, high + margin)
+    };
+    (widen(east), widen(north))
 }
 
 /// Everybody's positions in time, transmitting or receiving; who stays in place has one.
@@ -250,19 +255,16 @@ pub fn tracks(events: &[Event]) -> BTreeMap<&VehicleId, Vec<Point>> {
     tracks
 }
 
-/// Colours that differ in lightness, dashes and markers: no two of the first eight tracks share all three.
-const STYLES: [(&str, &[f64], Mark); 4] = [
-    ("#d7301f", &[], Mark::Square),
-    ("#1b9e77", &[8.0, 4.0], Mark::Triangle),
-    ("#984ea3", &[2.0, 3.0], Mark::Diamond),
-    ("#ff7f00", &[10.0, 3.0, 2.0, 3.0], Mark::Dot),
-];
+/// Colours that differ in lightness, dashes and markers.
+const COLORS: [&str; 4] = ["#d7301f", "#1b9e77", "#984ea3", "#ff7f00"];
+const DASHES: [&[f64]; 4] = [&[], &[8.0, 4.0], &[2.0, 3.0], &[10.0, 3.0, 2.0, 3.0]];
+const MARKS: [Mark; 4] = [Mark::Square, Mark::Triangle, Mark::Diamond, Mark::Dot];
 
-/// The style of the n-th vehicle.
+/// The style of the n-th vehicle: of the first sixteen no two share colour and marker, nor colour and dashes.
 pub fn style(n: usize) -> Style<'static> {
-    let (color, _, mark) = STYLES[n % STYLES.len()];
-    let (_, dash, _) = STYLES[(n + n / STYLES.len()) % STYLES.len()];
-    Style { color, width: 1.6, dash, mark }
+    let round = n / COLORS.len();
+    let pick = |shift: usize| (n + shift) % COLORS.len();
+    Style { color: COLORS[pick(0)], width: 1.6, dash: DASHES[pick(2 * round + round / 2)], mark: MARKS[pick(round)] }
 }
 
 /// Tracks ready to be drawn.

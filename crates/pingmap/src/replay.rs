@@ -211,7 +211,7 @@ impl Replayed {
                 "summary": self.names.1, "fusion": self.names.0,
             },
             "kernel": {
-                "shape": shape_words(kernel.shape), "reciprocal": kernel.reciprocal,
+                "shape": shape_name(kernel.shape), "reciprocal": kernel.reciprocal,
                 "inputs": if self.log.inputs() == InputSpec::Positions { "positions" } else { "positions and depths" },
                 "length_scale_m": self.median(|split| split.length_scale_m),
                 "variance": self.median(|split| split.variance),
@@ -235,6 +235,15 @@ fn score_row(name: &str, score: &MeanScore) -> Vec<String> {
 
 fn score_json(score: &MeanScore) -> Value {
     json!({ "acc": score.accuracy, "nll": score.nll, "nll_se": score.nll_se })
+}
+
+/// As the option `--kernel` calls it.
+fn shape_name(shape: Shape) -> &'static str {
+    match shape {
+        Shape::SquaredExponential => "squared-exponential",
+        Shape::Matern32 => "matern32",
+        Shape::Matern52 => "matern52",
+    }
 }
 
 fn shape_words(shape: Shape) -> &'static str {

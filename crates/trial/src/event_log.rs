@@ -66,9 +66,9 @@ pub enum Problem {
         /// The line.
         line: u64,
         /// Fields in the header.
-        expected: u64,
+        expected: usize,
         /// Fields in the line.
-        found: u64,
+        found: usize,
     },
     /// A field holds something else than its column says.
     #[error("line {line}, column {column}: found {value:?}; expected {expected}")]
@@ -220,7 +220,8 @@ pub(crate) struct Table<R> {
 
 impl<R: Read> Table<R> {
     pub(crate) fn new(reader: R, path: &Path, required: &[&str]) -> Result<Self, FileError> {
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(reader);
+        // Flexible, so that bytes that are no text are found before a wrong number of fields.
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(reader);
         let fail = |problem| FileError { path: path.to_owned(), problem };
         let header = reader.headers().map_err(|error| fail(problem_of(&error)))?;
         // Spreadsheets put a byte-order mark before the first column.
@@ -241,6 +242,10 @@ impl<R: Read> Table<R> {
     pub(crate) fn next(&mut self) -> Result<bool, FileError> {
         let more = self.reader.read_record(&mut self.record).map_err(|error| self.error(problem_of(&error)))?;
         self.line = self.record.position().map_or(self.line, |position| position.line());
+        let (expected, found) = (self.header.len(), self.record.len());
+        if more && found != expected {
+            return Err(self.error(Problem::Ragged { line: self.line, expected, found }));
+        }
         Ok(more)
     }
 
@@ -305,9 +310,6 @@ fn problem_of(error: &csv::Error) -> Problem {
     let line_of = |position: &Option<csv::Position>| position.as_ref().map_or(1, |position| position.line());
     match error.kind() {
         csv::ErrorKind::Utf8 { pos, .. } => Problem::NotText { line: line_of(pos) },
-        csv::ErrorKind::UnequalLengths { pos, expected_len, len } => {
-            Problem::Ragged { line: line_of(pos), expected: *expected_len, found: *len }
-        }
         csv::ErrorKind::Io(error) => Problem::Unreadable(std::io::Error::new(error.kind(), error.to_string())),
         _ => Problem::Unreadable(std::io::Error::other(error.to_string())),
     }

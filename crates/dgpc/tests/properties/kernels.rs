@@ -1,0 +1,72 @@
+//! Kernels are symmetric, positive semi-definite and reciprocal where they say so.
+
+use super::problems::*;
+use crate::common::*;
+use dgpc::*;
+use proptest::prelude::*;
+
+proptest! {
+    #![proptest_config(cases(400))]
+
+    #[test]
+    fn grams_are_symmetric_and_semidefinite(problem in problems(1..=20)) {
+        let kernel = problem.prior.kernel();
+        let gram = problem.gram();
+        prop_assert_eq!(&gram, &transposed(&gram));
+        assert_near_matrix("cross", &rows(&kernel.cross(problem.inputs(), problem.inputs()).unwrap()), &gram, 1e-14);
+        let diagonal: Vec<f64> = (0..gram.len()).map(|n| gram[n][n]).collect();
+        assert_near("diagonal", &kernel.diagonal(problem.inputs()).unwrap(), &diagonal, 1e-14);
+        // No eigenvalue is below −1e-12 of the trace.
+        let lifted = sum(&gram, &diagonal_matrix(gram.iter().map(|_| 1e-12 * trace(&gram))));
+        prop_assert!(cholesky(&lifted).is_some());
+    }
+
+    #[test]
+    fn reciprocal_kernels_do_not_tell_the_ends_apart(problem in problems(1..=10)) {
+        let dimension = problem.inputs().dimension();
+        let terms = problem.prior.kernel().terms().iter().take(1).cloned();
+        let terms: Vec<Term> = terms.filter(Term::is_reciprocal).collect();
+        prop_assume!(!terms.is_empty());
+        let kernel = Kernel::new(terms).unwrap();
+        let images = swapped(problem.inputs());
+        let gram = rows(&kernel.cross(problem.inputs(), &problem.elsewhere).unwrap());
+        for (a, b) in [
+            (&images, &problem.elsewhere),
+            (problem.inputs(), &swapped(&problem.elsewhere)),
+            (&images, &swapped(&problem.elsewhere)),
+        ] {
+            assert_near_matrix("swapped", &rows(&kernel.cross(a, b).unwrap()), &gram, 1e-13);
+        }
+        // Half of the plain kernel at x′ and half at its image.
+        let term = &kernel.terms()[0];
+        let plain = Term::new(term.shape(), term.variance(), term.columns(), term.length_scales()).unwrap();
+        let plain = Kernel::new(vec![plain]).unwrap();
+        let direct = rows(&plain.cross(problem.inputs(), &problem.elsewhere).unwrap());
+        let reflected = rows(&plain.cross(&images, &problem.elsewhere).unwrap());
+        let expected: Dense =
+            sum(&direct, &reflected).iter().map(|row| row.iter().map(|entry| 0.5 * entry).collect()).collect();
+        assert_near_matrix("halves", &gram, &expected, 1e-13);
+        prop_assert_eq!(dimension, images.dimension());
+    }
+
+    #[test]
+    fn untied_length_scales_are_refused(first in 0.1..5.0f64, ratio in prop_oneof![1.0000001..3.0f64, 0.3..0.9999999]) {
+        let second = first * ratio;
+        let term = Term::new(Shape::Matern32, 1.0, &[0, 1, 2, 3], &[first, 1.0, second, 1.0]).unwrap();
+        let refused = term.reciprocal(swap(4));
+        prop_assert_eq!(refused, Err(Error::NotReciprocal {
+            column: 0,
+            partner: 2,
+            length_scale: first,
+            partner_length_scale: second,
+        }));
+        // A column without its partner.
+        let term = Term::new(Shape::Matern32, 1.0, &[0, 1, 3], &[first, 1.0, 1.0]).unwrap();
+        let refused = term.reciprocal(swap(4));
+        let alone = matches!(
+            refused,
+            Err(Error::NotReciprocal { column: 0, partner: 2, partner_length_scale, .. }) if partner_length_scale.is_nan()
+        );
+        prop_assert!(alone);
+    }
+}

@@ -1,0 +1,18 @@
+//! What must hold for every problem: random small problems against dense formulas, against brute force, and against each other.
+
+#![allow(clippy::unwrap_used)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod certificate;
+mod kernels;
+mod mean_field;
+mod nearness;
+mod nothing;
+mod posteriors;
+mod probabilities;
+mod problems;
+mod refusals;
+mod selection;
+mod summaries;

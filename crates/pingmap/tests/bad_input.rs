@@ -1,0 +1,194 @@
+//! Input at fault: exit status 2, a message that says where and what was expected, nothing on standard output, no file left.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{HEADER, file, log, pingmap, stderr, stdout};
+use std::path::Path;
+
+/// Every command that reads an event log, on `events.csv`.
+const COMMANDS: [&[&str]; 4] = [
+    &["replay", "events.csv"],
+    &["predict", "--events", "events.csv", "--links", "links.csv", "-o", "result"],
+    &["map", "--events", "events.csv", "--at", "0,0", "-o", "result.png"],
+    &["select", "events.csv", "--vehicle", "a"],
+];
+
+/// Checks that all commands refuse a log, naming all of `expected`.
+fn refused(content: impl AsRef<[u8]>, expected: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", content);
+    file(folder.path(), "links.csv", "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n0,0,1,1\n");
+    for command in COMMANDS {
+        refused_command(folder.path(), command, expected);
+        let files = std::fs::read_dir(folder.path()).unwrap().count();
+        assert_eq!(files, 2, "{command:?} left a file behind");
+    }
+}
+
+fn refused_command(folder: &Path, command: &[&str], expected: &[&str]) {
+    let output = pingmap(folder, command);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{command:?}: {message}");
+    assert_eq!(stdout(&output), "", "{command:?}");
+    assert!(!message.contains("panicked"), "{command:?}: {message}");
+    for expected in expected {
+        assert!(message.contains(expected), "{command:?} should say {expected:?}: {message}");
+    }
+}
+
+/// A log with one good line and one other line.
+fn with_line(line: &str) -> String {
+    format!("{HEADER}\n1,a,b,0,0,1,1,1\n{line}\n")
+}
+
+#[test]
+fn missing_file() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in COMMANDS {
+        let output = pingmap(folder.path(), command);
+        assert_eq!(output.status.code(), Some(2), "{command:?}");
+        let message = stderr(&output);
+        assert!(message.contains("events.csv") || message.contains("links.csv"), "{message}");
+        assert!(message.contains("cannot be read"), "{message}");
+    }
+}
+
+#[test]
+fn folder_instead_of_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("events.csv")).unwrap();
+    refused_command(folder.path(), &["replay", "events.csv"], &["events.csv", "cannot be read"]);
+}
+
+#[test]
+fn wrong_header() {
+    refused("when,who,what\n1,a,b\n", &["events.csv", "line 1", "time_s", "success", "found when,who,what"]);
+    let without_success = HEADER.replace(",success", "");
+    refused(format!("{without_success}\n1,a,b,0,0,1,1\n"), &["lacks the column success"]);
+    refused(format!("{HEADER},success\n1,a,b,0,0,1,1,1,1\n"), &["success", "more than once"]);
+}
+
+#[test]
+fn text_in_a_number() {
+    refused(with_line("2,a,b,0,zero,1,1,1"), &["events.csv", "line 3", "tx_northing_m", "\"zero\"", "a finite number"]);
+    refused(with_line("noon,a,b,0,0,1,1,1"), &["line 3", "time_s", "\"noon\""]);
+}
+
+#[test]
+fn not_a_number_and_infinity() {
+    for bad in ["NaN", "inf", "-inf", "1e999"] {
+        refused(with_line(&format!("2,a,b,0,0,{bad},1,1")), &["line 3", "rx_easting_m", bad, "a finite number"]);
+    }
+}
+
+#[test]
+fn success_other_than_0_or_1() {
+    for bad in ["2", "yes", "-1", "0.5", ""] {
+        refused(with_line(&format!("2,a,b,0,0,1,1,{bad}")), &["line 3", "column success", bad, "0 or 1"]);
+    }
+}
+
+#[test]
+fn nameless_vehicle() {
+    refused(with_line("2,a,,0,0,1,1,1"), &["line 3", "rx_id", "the name of a vehicle"]);
+}
+
+#[test]
+fn probability_out_of_range() {
+    let content = format!("{HEADER},true_probability\n1,a,b,0,0,1,1,1,1.5\n");
+    refused(content, &["line 2", "true_probability", "1.5", "from 0 to 1"]);
+}
+
+#[test]
+fn ragged_rows() {
+    refused(with_line("2,a,b,0,0,1,1"), &["events.csv", "line 3", "7 fields", "expected 8"]);
+    refused(with_line("2,a,b,0,0,1,1,1,extra"), &["line 3", "9 fields", "expected 8"]);
+}
+
+#[test]
+fn no_events() {
+    refused(format!("{HEADER}\n"), &["events.csv", "no events", "at least one line"]);
+    refused("", &["events.csv", "line 1", "time_s"]);
+}
+
+#[test]
+fn binary_file() {
+    refused([0x89, b'P', b'N', b'G', 0, 0xff, 0xfe, b'\n', 0x80, 0x81], &["events.csv", "not a text file"]);
+    let late = [with_line("2,a,b,0,0,1,1,1").as_bytes(), &[0xff, 0xfe, b'\n']].concat();
+    refused(late, &["events.csv", "line 4", "not a text file"]);
+}
+
+#[test]
+fn splits_that_do_not_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 4));
+    let refused = |content: &str, expected: &[&str]| {
+        file(folder.path(), "splits.csv", content);
+        refused_command(folder.path(), &["replay", "events.csv", "--splits", "splits.csv"], expected);
+    };
+    refused("s0\n1\n0\n", &["splits.csv", "2 rows", "one per event of the log: 4"]);
+    refused("s0\n1\n0\n2\n0\n", &["splits.csv", "line 4", "s0", "0 or 1"]);
+    refused("s0\n0\n0\n0\n0\n", &["split s0", "holds out no event"]);
+}
+
+#[test]
+fn options_out_of_range() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 20));
+    for (options, expected) in [
+        (&["--length-scale-m", "-3"][..], "above 0"),
+        (&["--length-scale-m", "NaN"], "above 0"),
+        (&["--variance", "0"], "above 0"),
+        (&["--test-share", "1"], "below 1"),
+        (&["--frames", "1,0"], "at least 1"),
+        (&["--repeats", "0"], "at least 1"),
+        (&["--fusion", "magic"], "possible values"),
+    ] {
+        let command = [&["replay", "events.csv"], options].concat();
+        // The argument parser says what the option is; the value checks what it must be.
+        refused_command(folder.path(), &command, &[options[0], expected]);
+    }
+}
+
+#[test]
+fn select_and_map_say_what_they_need() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 30));
+    refused_command(
+        folder.path(),
+        &["select", "events.csv", "--vehicle", "z"],
+        &["no events received by vehicle \"z\"", "expected one of a, b"],
+    );
+    let far = ["select", "events.csv", "--vehicle", "a", "--centre", "9e6,0,0,0", "--radius-m", "10"];
+    refused_command(folder.path(), &far, &["no event of a lies within 10 m"]);
+    let map = ["map", "--events", "events.csv", "--at", "0,0"];
+    let with = |more: &[&'static str]| [&map[..], more].concat();
+    refused_command(folder.path(), &with(&["-o", "map.pdf"]), &["map.pdf", ".png, .svg, .csv or .geojson"]);
+    refused_command(folder.path(), &with(&["-o", "map.geojson"]), &["--origin"]);
+    refused_command(folder.path(), &with(&["-o", "map.geojson", "--origin", "91,0"]), &["latitude"]);
+    refused_command(folder.path(), &with(&["--cell-m", "0.001"]), &["--cell-m", "cells"]);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a file was left behind");
+}
+
+#[test]
+fn links_that_do_not_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 30));
+    let command = ["predict", "--events", "events.csv", "--links", "links.csv"];
+    let header = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m";
+    file(folder.path(), "links.csv", format!("{header}\n0,0,1,x\n"));
+    refused_command(folder.path(), &command, &["links.csv", "line 2", "rx_northing_m", "\"x\""]);
+    file(folder.path(), "links.csv", format!("{header}\n"));
+    refused_command(folder.path(), &command, &["links.csv", "no links"]);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_a_failure_not_bad_input() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 30));
+    let output = pingmap(folder.path(), &["map", "--events", "events.csv", "--at", "0,0", "-o", "nowhere/map.png"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("nowhere/map.png"), "{}", stderr(&output));
+}

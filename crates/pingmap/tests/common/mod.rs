@@ -1,0 +1,64 @@
+//! Running the program, and logs to run it on.
+
+#![allow(dead_code)]
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+pub const HEADER: &str = "time_s,tx_id,rx_id,tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m,success";
+
+/// Runs `pingmap` in a folder.
+pub fn pingmap(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pingmap"));
+    command.current_dir(folder).args(arguments).output().expect("the program can be started")
+}
+
+pub fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).expect("text on standard output")
+}
+
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).expect("text on standard error")
+}
+
+/// Runs `pingmap`, which must succeed, and parses the one JSON object that it prints.
+pub fn json(folder: &Path, arguments: &[&str]) -> serde_json::Value {
+    let output = pingmap(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    serde_json::from_str(&stdout(&output)).expect("one JSON object on standard output")
+}
+
+/// Writes a file to a folder and returns its path.
+pub fn file(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, content).expect("the folder can be written to");
+    path
+}
+
+/// A log of `count` events between the named vehicles on two crossing tracks: heard within 500 m, missed beyond.
+pub fn log(vehicles: &[&str], count: usize) -> String {
+    let mut text = format!("{HEADER}\n");
+    for n in 0..count {
+        let (tx, rx) =
+            (n % vehicles.len(), (n + 1 + n / vehicles.len() % (vehicles.len() - 1).max(1)) % vehicles.len());
+        let along = (n * 37 % 101) as f64 * 10.0;
+        let (tx_east, rx_north) = (along, (n * 53 % 97) as f64 * 10.0);
+        let range = (tx_east - 500.0).hypot(rx_north - 200.0);
+        let success = u8::from(range < 500.0);
+        let (tx, rx) = (vehicles[tx], vehicles[rx]);
+        writeln!(text, "{n},{tx},{rx},{tx_east},200,500,{rx_north},{success}").expect("writing to a String");
+    }
+    text
+}
+
+/// The folder of shared data; says so where there is none.
+pub fn shared_data(file: &str) -> Option<PathBuf> {
+    let Some(root) = std::env::var_os("PINGMAP_SHARED") else {
+        println!("skipped: PINGMAP_SHARED is not set, so there is no {file}");
+        return None;
+    };
+    let path = Path::new(&root).join("data").join(file);
+    assert!(path.exists(), "PINGMAP_SHARED is set, but {} does not exist", path.display());
+    Some(path)
+}

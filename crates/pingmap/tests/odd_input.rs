@@ -1,0 +1,141 @@
+//! Input that is odd but not wrong: it works, with a word of warning.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{HEADER, file, json, log, pingmap, stderr};
+use serde_json::Value;
+use std::fmt::Write;
+
+/// Replays a log quickly, checks the warning and that every number is finite, and returns the result.
+fn replay(content: &str, options: &[&str], warning: &str) -> Value {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", content);
+    let command = [&["replay", "events.csv", "--frames", "1,3", "--json"], options].concat();
+    let output = pingmap(folder.path(), &command);
+    let said = stderr(&output);
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains(warning), "should warn of {warning:?}: {said}");
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    for score in ["base_rate", "distance_only", "own", "centralised"] {
+        assert!(result["scores"][score]["nll"].as_f64().unwrap().is_finite(), "{score}: {result}");
+    }
+    for sharing in result["sharing"].as_array().unwrap() {
+        assert!(sharing["team"]["nll"].as_f64().unwrap().is_finite(), "{result}");
+    }
+    result
+}
+
+#[test]
+fn one_class_only() {
+    for outcome in ["1", "0"] {
+        let content: String =
+            log(&["a", "b"], 60)
+                .lines()
+                .map(|line| {
+                    if line == HEADER { format!("{line}\n") } else { format!("{}{outcome}\n", &line[..line.len() - 1]) }
+                })
+                .collect();
+        let result = replay(&content, &[], "every one of the 60 events was");
+        assert!(result["scores"]["centralised"]["nll"].as_f64().unwrap() < 0.2, "{result}");
+    }
+}
+
+#[test]
+fn one_vehicle_only() {
+    let mut content = format!("{HEADER}\n");
+    for n in 0..80 {
+        writeln!(content, "{n},shore,buoy,0,0,{},0,{}", n * 10, u8::from(n < 40)).unwrap();
+    }
+    let result = replay(&content, &[], "buoy is the only receiver");
+    assert_eq!(result["vehicles"], 1);
+    assert_eq!(result["scores"]["own"], result["scores"]["centralised"]);
+    assert!(result["sharing"].as_array().unwrap().iter().all(|sharing| sharing["gap_closed"].is_null()), "{result}");
+}
+
+#[test]
+fn many_events_at_one_place() {
+    let mut content = format!("{HEADER}\n");
+    for n in 0..200 {
+        let (tx, rx) = if n % 2 == 0 { ("a", "b") } else { ("b", "a") };
+        writeln!(content, "{n},{tx},{rx},0,0,300,400,{}", u8::from(n % 5 == 0)).unwrap();
+    }
+    let result = replay(&content, &[], "only 1 distinct links among 200 events");
+    // Nothing but the base rate can be learned: one event in five, 0.5 nats.
+    let nll = result["scores"]["centralised"]["nll"].as_f64().unwrap();
+    assert!((0.4..0.6).contains(&nll), "{nll}");
+}
+
+#[test]
+fn a_vehicle_without_training_events_in_one_split() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b", "c"], 60));
+    let text = std::fs::read_to_string(folder.path().join("events.csv")).unwrap();
+    let mut splits = "all_of_b,some\n".to_owned();
+    for (n, line) in text.lines().skip(1).enumerate() {
+        let received_by_b = line.split(',').nth(2) == Some("b");
+        writeln!(splits, "{},{}", u8::from(received_by_b), u8::from(n % 3 == 0)).unwrap();
+    }
+    file(folder.path(), "splits.csv", splits);
+    let output = pingmap(folder.path(), &["replay", "events.csv", "--splits", "splits.csv", "--frames", "2", "--json"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stderr(&output).contains("split all_of_b: b has no training events"), "{}", stderr(&output));
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    // It knows nothing by itself, and something once the others have spoken.
+    let (own, team) = (&result["scores"]["own"]["nll"], &result["sharing"][0]["team"]["nll"]);
+    assert!(team.as_f64() < own.as_f64(), "{result}");
+}
+
+#[test]
+fn unknown_columns_are_named_once_and_optional_ones_are_not() {
+    let mut content = format!("success,comment,{},true_probability\n", HEADER.trim_end_matches(",success"));
+    for line in log(&["a", "b"], 40).lines().skip(1) {
+        let (rest, success) = line.rsplit_once(',').unwrap();
+        writeln!(content, "{success},calm,{rest},0.5").unwrap();
+    }
+    let result = replay(&content, &[], "ignoring the column comment");
+    let nll = result["scores"]["true_probability"]["nll"].as_f64().unwrap();
+    assert!((nll - 2f64.ln()).abs() < 1e-12, "{nll}");
+}
+
+#[test]
+fn depths_make_six_inputs() {
+    let mut content = format!("{HEADER},tx_depth_m,rx_depth_m\n");
+    log(&["a", "b"], 40)
+        .lines()
+        .skip(1)
+        .enumerate()
+        .for_each(|(n, line)| writeln!(content, "{line},{},{n}", 40 - n).unwrap());
+    let result = replay(&content, &[], "");
+    assert_eq!(result["kernel"]["inputs"], "positions and depths");
+}
+
+#[test]
+fn byte_order_mark_blank_lines_and_windows_line_ends() {
+    let content = format!("\u{feff}{}", log(&["a", "b"], 40).replace('\n', "\r\n\r\n"));
+    assert_eq!(replay(&content, &[], "")["events"], 40);
+}
+
+#[test]
+fn more_events_than_are_used() {
+    let result = replay(&log(&["a", "b"], 400), &["--events-max", "50"], "using 100 of 400 events");
+    assert_eq!((&result["events"], &result["events_used"]), (&Value::from(400), &Value::from(100)));
+}
+
+#[test]
+fn sparse_fits_say_so_and_come_close_to_dense_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 300));
+    let run = |options: &[&str]| {
+        let fixed = ["replay", "events.csv", "--frames", "1", "--json", "--length-scale-m", "300", "--variance", "4"];
+        json(folder.path(), &[&fixed, options].concat())
+    };
+    let (dense, sparse) = (run(&[]), run(&["--dense-events-max", "20", "--inducing-points-max", "100"]));
+    assert_eq!(dense["inference"]["own"], "dense mean field");
+    assert_eq!(sparse["inference"]["own"], "sparse mean field");
+    for score in ["own", "centralised"] {
+        let nll = |result: &Value| result["scores"][score]["nll"].as_f64().unwrap();
+        assert!((nll(&dense) - nll(&sparse)).abs() < 0.005, "{score}: {} against {}", nll(&dense), nll(&sparse));
+    }
+}
