@@ -3,7 +3,6 @@
 use super::problems::*;
 use crate::common::*;
 use dgpc::*;
-use proptest::prelude::*;
 
 #[test]
 fn no_events_leave_the_prior() {

@@ -1,6 +1,6 @@
 //! Running the program, and logs to run it on.
 
-#![allow(dead_code)]
+#![allow(dead_code, clippy::print_stdout)]
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
