@@ -10,7 +10,7 @@ use serde_json::json;
 use crate::cli::{self, End, name_of};
 use crate::contour::{Grid, Point, contour_lines};
 use crate::figure::{self, Mark, Series, Style};
-use crate::output::{BadInput, note, print_json, use_threads, write_file};
+use crate::output::{BadInput, note, print_json, spinner, use_threads, write_file};
 use crate::predict::csv_text;
 use crate::survey::Survey;
 
@@ -37,6 +37,7 @@ pub fn run(options: &cli::Map) -> anyhow::Result<()> {
     let survey = Survey::learn(&options.events, options.vehicle.as_deref(), &options.kernel, &options.work)?;
     let (east, north) = options.at;
     let at = Position { depth_m: mean_depth_m(&survey.log.events), ..Position::new(east, north) };
+    let bar = spinner("drawing");
     let map = SuccessMap::new(&survey.posterior, survey.model(), &survey.log.events, at, options.end, options.cell_m)?;
     let bytes = match format {
         Format::Png => map.figure(&survey.log.events).png()?,
@@ -49,6 +50,7 @@ pub fn run(options: &cli::Map) -> anyhow::Result<()> {
         }
     };
     write_file(&options.output, &bytes)?;
+    bar.finish_and_clear();
     note(format_args!("wrote {}", options.output.display()));
     if options.json {
         print_json(&json!({

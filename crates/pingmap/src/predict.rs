@@ -5,14 +5,16 @@ use pingmap_trial::read_links;
 use serde_json::json;
 
 use crate::cli;
-use crate::output::{print, use_threads, write_file};
+use crate::output::{print, spinner, use_threads, write_file};
 use crate::survey::Survey;
 
 pub fn run(options: &cli::Predict) -> anyhow::Result<()> {
     use_threads(options.work.threads)?;
     let links = read_links(&options.links)?;
     let survey = Survey::learn(&options.events, options.vehicle.as_deref(), &options.kernel, &options.work)?;
+    let bar = spinner("predicting");
     let latent = survey.posterior.latent(&survey.model().inputs(&links)?)?;
+    bar.finish_and_clear();
     let depths = survey.model().inputs == InputSpec::PositionsAndDepths;
     let rows: Vec<Vec<f64>> = links
         .iter()

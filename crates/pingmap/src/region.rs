@@ -6,7 +6,7 @@ use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use serde_json::json;
 
 use crate::cli::{self, PolicyName, name_of};
-use crate::output::{BadInput, note, print, print_json, table, use_threads, warn};
+use crate::output::{BadInput, note, print, print_json, spinner, table, use_threads, warn};
 use crate::survey;
 
 /// Radius of the reference locality region in length-scales, √(−2 ln ε) for ε = 0.384: the paper's 0.4 / 0.289.
@@ -19,6 +19,7 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
     use_threads(options.work.threads)?;
     let log = survey::open_log(&options.events)?;
     let own = survey::only(&log, &options.vehicle)?;
+    let bar = spinner("learning");
     let fit = survey::fit(&log, &options.kernel.choice(), options.work.seed)?;
     let own_inputs = fit.model.inputs(own.events.iter().map(|event| &event.link))?;
     let radius_m = options.radius_m.unwrap_or(RADIUS_LENGTH_SCALES * fit.length_scale_m);
@@ -58,6 +59,7 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
     let certificate = Certificate::new(&fit.model.prior, &sites, &points)?;
     let kl = log_evidence(&fit.model.prior, &sites)? - certificate.lower;
 
+    bar.finish_and_clear();
     let chosen: Vec<&Event> = selection.indices.iter().map(|&i| region[i]).collect();
     note(survey::describe(&fit, log.events.len(), true));
     if options.json {
