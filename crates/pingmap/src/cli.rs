@@ -85,22 +85,14 @@ pub struct Replay {
 
 #[derive(Args)]
 pub struct Predict {
-    /// Event log to learn from
-    #[arg(long)]
-    pub events: PathBuf,
+    #[command(flatten)]
+    pub source: Source,
     /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m
     #[arg(long)]
     pub links: PathBuf,
-    /// Learn from this vehicle's events only
-    #[arg(long)]
-    pub vehicle: Option<String>,
     /// File for the result; standard output if not given
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    #[command(flatten)]
-    pub kernel: Kernel,
-    #[command(flatten)]
-    pub work: Work,
     /// Write one JSON object instead of CSV
     #[arg(long)]
     pub json: bool,
@@ -108,18 +100,14 @@ pub struct Predict {
 
 #[derive(Args)]
 pub struct Map {
-    /// Event log to learn from
-    #[arg(long)]
-    pub events: PathBuf,
+    #[command(flatten)]
+    pub source: Source,
     /// The place the map is seen from, in metres of the log
     #[arg(long, value_name = "EAST,NORTH", value_parser = pair, allow_hyphen_values = true)]
     pub at: (f64, f64),
     /// Whether that place transmits or receives
     #[arg(long = "as", value_enum, default_value_t = End::Tx)]
     pub end: End,
-    /// Learn from this vehicle's events only
-    #[arg(long)]
-    pub vehicle: Option<String>,
     /// File for the map; its ending says what it is: .png, .svg, .csv (the grid) or .geojson (the contours; needs --origin)
     #[arg(long, short, value_name = "FILE", default_value = "map.png")]
     pub output: PathBuf,
@@ -129,10 +117,6 @@ pub struct Map {
     /// Width of a grid cell; the longer side has 120 cells if not given
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub cell_m: Option<f64>,
-    #[command(flatten)]
-    pub kernel: Kernel,
-    #[command(flatten)]
-    pub work: Work,
     /// Print what was drawn as one JSON object
     #[arg(long)]
     pub json: bool,
@@ -164,6 +148,21 @@ pub struct Select {
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
+}
+
+/// What a map is learned from, and how.
+#[derive(Args)]
+pub struct Source {
+    /// Event log to learn from
+    #[arg(long)]
+    pub events: PathBuf,
+    /// Learn from this vehicle's events only
+    #[arg(long)]
+    pub vehicle: Option<String>,
+    #[command(flatten)]
+    pub kernel: Kernel,
+    #[command(flatten)]
+    pub work: Work,
 }
 
 /// The kernel, as far as it is given.

@@ -27,14 +27,14 @@ const CELLS_MAX: f64 = 4e6;
 pub const SIDE: f64 = 640.0;
 
 pub fn run(options: &cli::Map) -> anyhow::Result<()> {
-    use_threads(options.work.threads)?;
+    use_threads(options.source.work.threads)?;
     let format = Format::of(&options.output)?;
     let origin = options.origin.map(geographic).transpose()?;
     if format == Format::GeoJson && origin.is_none() {
         let message = "a .geojson map needs --origin LAT,LON, the latitude and longitude of (0, 0) of the log";
         return Err(BadInput(message.to_owned()).into());
     }
-    let survey = Survey::learn(&options.events, options.vehicle.as_deref(), &options.kernel, &options.work)?;
+    let survey = Survey::learn(&options.source)?;
     let (east, north) = options.at;
     let at = Position { depth_m: mean_depth_m(&survey.log.events), ..Position::new(east, north) };
     let bar = spinner("drawing");

@@ -9,9 +9,9 @@ use crate::output::{print, spinner, use_threads, write_file};
 use crate::survey::Survey;
 
 pub fn run(options: &cli::Predict) -> anyhow::Result<()> {
-    use_threads(options.work.threads)?;
+    use_threads(options.source.work.threads)?;
     let links = read_links(&options.links)?;
-    let survey = Survey::learn(&options.events, options.vehicle.as_deref(), &options.kernel, &options.work)?;
+    let survey = Survey::learn(&options.source)?;
     let bar = spinner("predicting");
     let latent = survey.posterior.latent(&survey.model().inputs(&links)?)?;
     bar.finish_and_clear();

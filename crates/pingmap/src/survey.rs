@@ -70,8 +70,9 @@ pub struct Survey {
 
 impl Survey {
     /// Reads a log, keeps one vehicle's events if asked to, and learns.
-    pub fn learn(path: &Path, vehicle: Option<&str>, kernel: &cli::Kernel, work: &cli::Work) -> anyhow::Result<Self> {
-        let mut log = open_log(path)?;
+    pub fn learn(source: &cli::Source) -> anyhow::Result<Self> {
+        let cli::Source { events, vehicle, kernel, work } = source;
+        let mut log = open_log(events)?;
         if let Some(vehicle) = vehicle {
             log = only(&log, vehicle)?;
         }
