@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use dgpc::{Candidates, Inputs, Observations, Posterior, Sites, Summary, mean_field};
+use dgpc::{Candidates, Inputs, MeanField, Observations, Posterior, Sites, Summary, mean_field};
 
 use crate::event::{Event, Link, VehicleId};
 use crate::model::Model;
@@ -100,9 +100,21 @@ impl PacketPlan {
     }
 }
 
+/// How a fit went.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitQuality {
+    /// Whether the fixed point was reached.
+    pub converged: bool,
+    /// Largest change of a tilt in the last iteration.
+    pub change: f64,
+    /// What was added to a diagonal to factorise it (0 in the ordinary case).
+    pub jitter: f64,
+}
+
 /// What an agent learned from its own events.
 #[derive(Debug)]
 struct Knowledge {
+    quality: FitQuality,
     sites: Sites,
     /// Stands for the sites when they are too many to be used one by one.
     condensed: Option<Summary>,
@@ -141,8 +153,8 @@ pub struct Agent {
     id: VehicleId,
     model: Arc<Model>,
     limits: Limits,
-    /// In [`Event::canonical_order`], so that results do not depend on the order of arrival.
-    events: Vec<Event>,
+    /// In [`Event::canonical_order`], so that results do not depend on the order of arrival; shared by copies of the agent.
+    events: Arc<Vec<Event>>,
     knowledge: Option<Arc<Knowledge>>,
     /// The latest packet of every region, in an order that does not depend on arrival.
     received: BTreeMap<(VehicleId, usize), Packet>,
@@ -151,7 +163,7 @@ pub struct Agent {
 impl Agent {
     /// A vehicle that has seen nothing.
     pub fn new(id: VehicleId, model: Arc<Model>, limits: Limits) -> Self {
-        Self { id, model, limits, events: Vec::new(), knowledge: None, received: BTreeMap::new() }
+        Self { id, model, limits, events: Arc::default(), knowledge: None, received: BTreeMap::new() }
     }
 
     /// Who it is.
@@ -171,8 +183,17 @@ impl Agent {
 
     /// Records an event. O(1) for one later than all before, O(N) otherwise.
     pub fn observe(&mut self, event: Event) {
-        let place = self.events.partition_point(|known| known.canonical_order(&event).is_le());
-        self.events.insert(place, event);
+        let events = Arc::make_mut(&mut self.events);
+        let place = events.partition_point(|known| known.canonical_order(&event).is_le());
+        events.insert(place, event);
+        self.knowledge = None;
+    }
+
+    /// Records many events in any order. O(N log N).
+    pub fn observe_all(&mut self, new: impl IntoIterator<Item = Event>) {
+        let events = Arc::make_mut(&mut self.events);
+        events.extend(new);
+        events.sort_by(Event::canonical_order);
         self.knowledge = None;
     }
 
@@ -187,18 +208,28 @@ impl Agent {
         let prior = &self.model.prior;
         // Predictions move by far less than their own uncertainty at a tolerance of 1e-6 in the latent function.
         let options = mean_field::Options { tolerance: 1e-6, ..Default::default() };
+        let quality = |fit: &MeanField| FitQuality { converged: fit.converged, change: fit.change, jitter: fit.jitter };
         let knowledge = if self.learns_densely() {
-            Knowledge { sites: mean_field::dense(prior, &observations, &options)?.sites, condensed: None }
+            let fit = mean_field::dense(prior, &observations, &options)?;
+            Knowledge { quality: quality(&fit), sites: fit.sites, condensed: None }
         } else {
             let candidates = self.candidate_inputs(observations.inputs());
             let chosen = Candidates::new(prior.kernel(), &candidates)?.greedy(self.limits.inducing_points_max);
             let inducing_points = candidates.select(&chosen.indices);
-            let sites = mean_field::sparse(prior, &observations, &inducing_points, &options)?.sites;
-            let condensed = Some(Summary::variational(prior, &sites, &inducing_points)?);
-            Knowledge { sites, condensed }
+            let fit = mean_field::sparse(prior, &observations, &inducing_points, &options)?;
+            let condensed = Some(Summary::variational(prior, &fit.sites, &inducing_points)?);
+            Knowledge { quality: quality(&fit), sites: fit.sites, condensed }
         };
         self.knowledge = Some(Arc::new(knowledge));
         Ok(())
+    }
+
+    /// How the fit to its own events went.
+    ///
+    /// # Errors
+    /// [`AgentError::NotLearned`] when events arrived since [`Agent::learn`].
+    pub fn fit_quality(&self) -> Result<FitQuality, AgentError> {
+        Ok(self.knowledge()?.quality)
     }
 
     /// Whether its events are few enough for a dense fit.

@@ -42,8 +42,8 @@ impl Chart {
         (position.east_m - self.origin.east_m, position.north_m - self.origin.north_m)
     }
 
-    /// Latitude and longitude of a position, where the chart knows its own: a local plane tangent to WGS 84 at the log's (0, 0),
-    /// good to about a metre within 10 km.
+    /// Latitude and longitude of a position, where the chart knows its own: a local plane tangent to WGS 84 at the log's (0, 0).
+    /// Good to about a metre within 2 km and 30 m within 15 km at middle latitudes.
     pub fn geographic(&self, position: &Position) -> Option<Geographic> {
         let Geographic { latitude_deg, longitude_deg } = self.geographic?;
         let (axis, eccentricity) = WGS84;

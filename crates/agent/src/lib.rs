@@ -8,7 +8,7 @@ mod chart;
 mod event;
 mod model;
 
-pub use agent::{Agent, AgentError, Fusion, Limits, Packet, PacketPlan, SummaryKind};
+pub use agent::{Agent, AgentError, FitQuality, Fusion, Limits, Packet, PacketPlan, SummaryKind};
 pub use chart::{Chart, Geographic};
 pub use event::{Event, Link, Position, VehicleId};
 pub use model::{InputSpec, MODEL_SCHEMA, Model};

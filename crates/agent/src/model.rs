@@ -5,7 +5,7 @@ use dgpc::{Inputs, Kernel, Prior, PriorMean, Reflection, Shape, Term};
 use crate::chart::Chart;
 use crate::event::Link;
 
-/// Version of everything in [`Model`]; a file or message of a newer one is refused.
+/// Version of what a [`Model`] holds. Whoever reads one from a file or message refuses a newer version.
 pub const MODEL_SCHEMA: u32 = 1;
 
 /// The numbers that a link is turned into.

@@ -54,7 +54,7 @@ impl Certificate {
         let closed_form = 0.5 * spread + 0.5 * spread * largest * target / (1.0 + spread);
         let paper = if sites.is_empty() { 0.0 } else { 0.5 * spread + 0.5 * squared_norm(&shift) / smallest };
         let jitter = features.cholesky.jitter();
-        Ok(Self { trace, lower, upper, gap: upper - lower, closed_form, paper, jitter })
+        Ok(Self { trace, lower, upper, gap: (upper - lower).max(0.0), closed_form, paper, jitter })
     }
 }
 

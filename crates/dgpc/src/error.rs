@@ -36,8 +36,16 @@ pub enum Error {
         /// The size that was given.
         found: usize,
     },
-    /// A kernel term or prior mean looks at a column that the inputs do not have, or twice at one.
-    #[error("{what} names column {column}, which must be one of {columns} and be named once")]
+    /// A kernel term, reflection or prior mean names a column twice.
+    #[error("{what} names column {column} twice")]
+    RepeatedColumn {
+        /// Who names the column.
+        what: &'static str,
+        /// The column that was named.
+        column: usize,
+    },
+    /// A kernel term or prior mean looks at a column that the inputs do not have.
+    #[error("{what} names column {column}, but the inputs have {columns} columns")]
     BadColumn {
         /// Who names the column.
         what: &'static str,
@@ -82,8 +90,8 @@ pub enum Error {
         /// In what they differ.
         of: &'static str,
     },
-    /// Gibbs sampling needs whole event weights, because it draws PG(1, c).
-    #[error("Gibbs sampling needs whole event weights, event {event} has weight {weight}")]
+    /// Gibbs sampling needs whole event weights, because it draws PG(1, c) once for every unit.
+    #[error("Gibbs sampling needs whole event weights up to 1e6, event {event} has weight {weight}")]
     FractionalWeight {
         /// Index of the event.
         event: usize,

@@ -10,6 +10,9 @@ use crate::polya_gamma;
 use crate::prior_mean::Prior;
 use crate::sites::{Observations, Sites};
 
+/// The most Pólya-Gamma draws that one event may take in a sweep.
+const WEIGHT_MAX: f64 = 1e6;
+
 /// A Markov chain over (ω, f) whose stationary distribution is their exact posterior.
 ///
 /// One sweep draws ω_n ~ PG(w_n, f_n), then f | ω, y by pathwise conditioning: a prior draw, corrected by one Cholesky of
@@ -51,16 +54,18 @@ impl Gibbs {
     /// A chain that starts at f = μ₀. O(N³/3).
     ///
     /// # Errors
-    /// [`Error::FractionalWeight`] for event weights that are not whole, [`Error::BadColumn`] when the prior needs columns that the
+    /// [`Error::FractionalWeight`] for event weights that are not whole or above 1e6, [`Error::BadColumn`] when the prior needs columns that the
     /// inputs do not have, [`Error::NotPositiveDefinite`] when K cannot be factorised even with jitter.
     pub fn new(prior: &Prior, observations: Observations) -> Result<Self> {
         let weights = observations.weights().iter().enumerate();
-        if let Some((event, &weight)) = weights.into_iter().find(|(_, weight)| weight.fract() != 0.0) {
+        if let Some((event, &weight)) = weights.into_iter().find(|(_, w)| w.fract() != 0.0 || **w > WEIGHT_MAX) {
             return Err(Error::FractionalWeight { event, weight });
         }
         let size = observations.len();
-        let gram = prior.kernel().gram(observations.inputs())?;
+        let mut gram = prior.kernel().gram(observations.inputs())?;
         let prior_cholesky = Cholesky::with_jitter("K", &gram)?;
+        // The chain is exact for the prior it draws from.
+        (0..size).for_each(|n| gram[(n, n)] += prior_cholesky.jitter());
         let prior_mean = prior.mean().values(observations.inputs())?;
         let (cholesky, scratch) = Cholesky::reserve(size);
         Ok(Self {

@@ -41,6 +41,7 @@ pub struct Candidates {
     gram: Matrix,
     /// Prior variances k(z, z), N.
     variance: Vec<f64>,
+    jitter: f64,
 }
 
 impl Candidates {
@@ -49,7 +50,7 @@ impl Candidates {
     /// # Errors
     /// [`crate::Error::BadColumn`] when the kernel looks at a column that the inputs do not have.
     pub fn new(kernel: &Kernel, inputs: &Inputs) -> Result<Self> {
-        Ok(Self { gram: kernel.gram(inputs)?, variance: kernel.diagonal(inputs)? })
+        Ok(Self { gram: kernel.gram(inputs)?, variance: kernel.diagonal(inputs)?, jitter: 0.0 })
     }
 
     /// Candidates given f at `known` points, so that no choice is spent on what those already tell. O(N²M).
@@ -62,9 +63,15 @@ impl Candidates {
             let cholesky = Cholesky::with_jitter("K at the known points", &kernel.gram(known)?)?;
             let mut features = kernel.cross(known, inputs)?;
             cholesky.solve_lower_matrix(&mut features);
+            candidates.jitter = cholesky.jitter();
             candidates.gram.add_scaled(-1.0, &product(features.t(), features.view()));
         }
         Ok(candidates)
+    }
+
+    /// What was added to the diagonal of K at the known points to factorise it (0 in the ordinary case).
+    pub fn jitter(&self) -> f64 {
+        self.jitter
     }
 
     /// Number of candidates N.

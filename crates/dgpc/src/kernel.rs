@@ -50,7 +50,7 @@ impl Reflection {
     /// Exchanges the columns of each pair: `swap(&[(0, 2), (1, 3)])` turns (a, b, c, d) into (c, d, a, b).
     ///
     /// # Errors
-    /// [`Error::BadColumn`] when a column is named twice.
+    /// [`Error::RepeatedColumn`] when a column is named twice.
     pub fn swap(pairs: &[(usize, usize)]) -> Result<Self> {
         Self::new(pairs.iter().flat_map(|&(a, b)| [(a, b, 1.0), (b, a, 1.0)]).collect())
     }
@@ -58,7 +58,7 @@ impl Reflection {
     /// Turns the sign of the named columns.
     ///
     /// # Errors
-    /// [`Error::BadColumn`] when a column is named twice.
+    /// [`Error::RepeatedColumn`] when a column is named twice.
     pub fn negate(columns: &[usize]) -> Result<Self> {
         Self::new(columns.iter().map(|&column| (column, column, -1.0)).collect())
     }
@@ -67,7 +67,7 @@ impl Reflection {
     fn new(images: Vec<(usize, usize, f64)>) -> Result<Self> {
         for (n, &(column, ..)) in images.iter().enumerate() {
             if images[..n].iter().any(|&(other, ..)| other == column) {
-                return Err(Error::BadColumn { what: "reflection", column, columns: images.len() });
+                return Err(Error::RepeatedColumn { what: "reflection", column });
             }
         }
         Ok(Self { images })
@@ -96,7 +96,7 @@ impl Term {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a variance or length-scale that is not finite and positive or for no columns,
-    /// [`Error::SizeMismatch`] for another number of length-scales than columns, [`Error::BadColumn`] for a repeated column.
+    /// [`Error::SizeMismatch`] for another number of length-scales than columns, [`Error::RepeatedColumn`].
     pub fn new(shape: Shape, variance: f64, columns: &[usize], length_scales: &[f64]) -> Result<Self> {
         positive("kernel variance", variance)?;
         positive("number of kernel columns", columns.len() as f64)?;
@@ -107,7 +107,7 @@ impl Term {
         }
         for (i, column) in columns.iter().enumerate() {
             if columns[..i].contains(column) {
-                return Err(Error::BadColumn { what: "kernel term", column: *column, columns: columns.len() });
+                return Err(Error::RepeatedColumn { what: "kernel term", column: *column });
             }
         }
         Ok(Self { shape, variance, columns: columns.to_vec(), length_scales: length_scales.to_vec(), reflection: None })

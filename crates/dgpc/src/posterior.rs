@@ -1,6 +1,6 @@
 //! Own events and everybody's summaries put together (docs/method.md, section 6).
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, finite};
 use crate::inputs::Inputs;
 use crate::linalg::{Cholesky, Matrix, dot, multiply_rows, product, squared_norm};
 use crate::predict::Latent;
@@ -121,7 +121,7 @@ impl Posterior {
         gram.solve_lower_matrix(&mut covariance);
         let mut covariance = covariance.transposed();
         gram.solve_lower_matrix(&mut covariance);
-        let jitter = gram.jitter();
+        let jitter = summaries.iter().map(|summary| summary.jitter()).fold(gram.jitter(), f64::max);
         let spread = Spread::Concatenated { gram, covariance };
         Ok(Self { prior: prior.clone(), support, whitening: Vec::new(), weights, spread, jitter })
     }
@@ -139,24 +139,29 @@ impl Posterior {
     /// Latent mean and variance at every point. O(n²) a point, in blocks: memory does not grow with the number of points.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] or [`Error::BadColumn`] when the inputs do not fit.
+    /// [`Error::SizeMismatch`] or [`Error::BadColumn`] when the inputs do not fit, [`Error::NotFinite`] when numbers near the end of
+    /// the range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
         let mut latent =
             Latent { mean: self.prior.mean().values(inputs)?, variance: self.prior.kernel().diagonal(inputs)? };
         for first in (0..inputs.len()).step_by(BLOCK) {
             let block = inputs.slice(first..inputs.len().min(first + BLOCK));
             let mut features = self.features(&block)?;
+            let stacked = match &self.spread {
+                Spread::Concatenated { covariance, .. } => Some(product(covariance.view(), features.view())),
+                Spread::Sites { .. } => None,
+            };
             for n in 0..block.len() {
                 latent.mean[first + n] += dot(features.column(n), &self.weights);
-                if let Spread::Concatenated { covariance, .. } = &self.spread {
-                    let t = features.column(n);
-                    latent.variance[first + n] += dot(t, &covariance.times(t));
+                if let Some(stacked) = &stacked {
+                    latent.variance[first + n] += dot(features.column(n), stacked.column(n));
                 }
             }
             self.explain(&mut features);
             for n in 0..block.len() {
-                let variance = &mut latent.variance[first + n];
-                *variance = (*variance - squared_norm(features.column(n))).max(0.0);
+                let variance = latent.variance[first + n] - squared_norm(features.column(n));
+                finite("latent mean", latent.mean[first + n])?;
+                latent.variance[first + n] = finite("latent variance", variance)?.max(0.0);
             }
         }
         Ok(latent)

@@ -37,14 +37,14 @@ const MIXTURE: [(f64, f64); 8] = [
 /// lies between σ(mean) and ½ (averaging over a symmetric density pulls towards even odds), and so does the result, which
 /// keeps the far tails right where the mixture alone would fall too fast.
 ///
-/// Numbers that say nothing (a NaN, or an infinite variance) give ½.
+/// A NaN gives a NaN; [`crate::Posterior::latent`] returns none.
 ///
 /// ```
 /// assert!((dgpc::success_probability(0.0, 4.0) - 0.5).abs() < 1e-8);
 /// ```
 pub fn success_probability(mean: f64, variance: f64) -> f64 {
-    if mean.is_nan() || variance.is_nan() || variance == f64::INFINITY {
-        return 0.5;
+    if mean.is_nan() || variance.is_nan() {
+        return f64::NAN;
     }
     let variance = variance.max(0.0);
     let mixture: f64 = MIXTURE

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dgpc::Shape;
 use pingmap_agent::{Fusion, Limits, SummaryKind};
-use pingmap_trial::KernelChoice;
+use pingmap_trial::{COORDINATE_MAX_M, KernelChoice};
 
 /// Learn, while under way, the probability that a message from here reaches there.
 ///
@@ -42,7 +42,7 @@ pub struct Demo {
     #[arg(long)]
     pub json: bool,
     /// Worker threads; 0 takes one per core. Results do not depend on it
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = threads)]
     pub threads: usize,
 }
 
@@ -132,7 +132,7 @@ pub struct Select {
     /// Centre of the locality region, in metres; the vehicle's event with most of its own events around it if not given
     #[arg(long, value_name = "TX_EAST,TX_NORTH,RX_EAST,RX_NORTH", value_parser = quadruple, allow_hyphen_values = true)]
     pub centre: Option<[f64; 4]>,
-    /// Radius of the locality region over all four coordinates; 1.384 length-scales if not given
+    /// Radius of the locality region over all coordinates of both ends; 1.384 length-scales if not given
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub radius_m: Option<f64>,
     /// How many inducing points
@@ -143,8 +143,15 @@ pub struct Select {
     pub policy: PolicyName,
     #[command(flatten)]
     pub kernel: Kernel,
-    #[command(flatten)]
-    pub work: Work,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Sum up at most so many events of the region, those nearest to its centre
+    #[arg(long, default_value_t = 1000, value_parser = at_least_one)]
+    pub events_max: usize,
+    /// Worker threads; 0 takes one per core. Results do not depend on it
+    #[arg(long, default_value_t = 0, value_parser = threads)]
+    pub threads: usize,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
@@ -196,8 +203,8 @@ pub struct Work {
     /// Seed of everything random
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Use at most so many events of each vehicle, drawn at random
-    #[arg(long, default_value_t = 20_000, value_parser = at_least_one)]
+    /// Use at most so many events, drawn at random; vehicles with few keep theirs
+    #[arg(long, default_value_t = 100_000, value_parser = at_least_one)]
     pub events_max: usize,
     /// Fit exactly up to so many events, and with inducing points beyond
     #[arg(long, default_value_t = Limits::default().dense_events_max, value_parser = at_least_one)]
@@ -206,7 +213,7 @@ pub struct Work {
     #[arg(long, default_value_t = Limits::default().inducing_points_max, value_parser = at_least_one)]
     pub inducing_points_max: usize,
     /// Worker threads; 0 takes one per core. Results do not depend on it
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = threads)]
     pub threads: usize,
 }
 
@@ -296,9 +303,14 @@ fn at_least_one(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|&number| number >= 1).ok_or_else(|| "expected a whole number of at least 1".to_owned())
 }
 
+/// Lengths and variances beyond these bounds mean a slip of the pen, and would overflow when squared.
 fn positive(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number > 0.0);
-    number.ok_or_else(|| "expected a finite number above 0".to_owned())
+    let number = text.parse::<f64>().ok().filter(|number| (1e-6..=1e9).contains(number));
+    number.ok_or_else(|| "expected a number above 0, from 1e-6 to 1e9".to_owned())
+}
+
+fn threads(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|&number| number <= 256).ok_or_else(|| "expected a whole number from 0 to 256".to_owned())
 }
 
 fn open_share(text: &str) -> Result<f64, String> {
@@ -308,9 +320,9 @@ fn open_share(text: &str) -> Result<f64, String> {
 
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let numbers: Option<Vec<f64>> =
-        text.split(',').map(|part| part.trim().parse::<f64>().ok().filter(|number| number.is_finite())).collect();
+        text.split(',').map(|part| part.trim().parse::<f64>().ok().filter(|x| x.abs() <= COORDINATE_MAX_M)).collect();
     let numbers = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
-    numbers.ok_or_else(|| format!("expected {N} finite numbers with commas between them"))
+    numbers.ok_or_else(|| format!("expected {N} numbers, at most 1e9 from zero, with commas between them"))
 }
 
 fn pair(text: &str) -> Result<(f64, f64), String> {

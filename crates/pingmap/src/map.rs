@@ -5,6 +5,7 @@ use std::path::Path;
 
 use dgpc::Posterior;
 use pingmap_agent::{Event, Geographic, Link, Model, Position, VehicleId};
+use pingmap_trial::EventLog;
 use serde_json::json;
 
 use crate::cli::{self, End, name_of};
@@ -12,7 +13,7 @@ use crate::contour::{Grid, Point, contour_lines};
 use crate::figure::{self, Mark, Series, Style};
 use crate::output::{BadInput, note, print_json, spinner, use_threads, write_file};
 use crate::predict::csv_text;
-use crate::survey::Survey;
+use crate::survey::{Survey, mean_depth_m};
 
 /// Probabilities whose contours are drawn.
 pub const CONTOURS: [f64; 2] = [0.5, 0.9];
@@ -35,8 +36,11 @@ pub fn run(options: &cli::Map) -> anyhow::Result<()> {
         return Err(BadInput(message.to_owned()).into());
     }
     let survey = Survey::learn(&options.source)?;
+    if origin.is_some() {
+        check_near_origin(&survey.log)?;
+    }
     let (east, north) = options.at;
-    let at = Position { depth_m: mean_depth_m(&survey.log.events), ..Position::new(east, north) };
+    let at = Position { depth_m: mean_depth_m(&survey.log), ..Position::new(east, north) };
     let bar = spinner("drawing");
     let map = SuccessMap::new(&survey.posterior, survey.model(), &survey.log.events, at, options.end, options.cell_m)?;
     let bytes = match format {
@@ -100,11 +104,22 @@ fn geographic((latitude_deg, longitude_deg): (f64, f64)) -> anyhow::Result<Geogr
     Ok(Geographic { latitude_deg, longitude_deg })
 }
 
-/// Mean depth of all ends; unknown without depths.
-fn mean_depth_m(events: &[Event]) -> Option<f64> {
-    let ends = events.iter().flat_map(|event| [event.link.transmitter.depth_m, event.link.receiver.depth_m]);
-    let depths: Vec<f64> = ends.flatten().collect();
-    (!depths.is_empty()).then(|| depths.iter().sum::<f64>() / depths.len() as f64)
+/// A plane tangent to the Earth is no map of it farther out than this.
+const ORIGIN_DISTANCE_MAX_M: f64 = 1e5;
+
+/// Checks that (0, 0) of the log is near its events, as `--origin` needs.
+fn check_near_origin(log: &EventLog) -> anyhow::Result<()> {
+    let ends = log.events.iter().flat_map(|event| [event.link.transmitter, event.link.receiver]);
+    let farthest_m = ends.map(|end| end.east_m.hypot(end.north_m)).fold(0.0, f64::max);
+    if farthest_m > ORIGIN_DISTANCE_MAX_M {
+        let farthest_km = farthest_m / 1000.0;
+        let message = format!(
+            "--origin is the place of (0, 0), but events lie up to {farthest_km:.0} km from there; expected at most 100 km (are \
+             these UTM coordinates?)"
+        );
+        return Err(BadInput(message).into());
+    }
+    Ok(())
 }
 
 /// Probability of success between one place and every cell of a grid.

@@ -60,30 +60,43 @@ pub fn warn(text: impl Display) {
     eprintln!("warning: {text}");
 }
 
-/// Writes a file aside and moves it into place, so that nobody ever sees half of it.
+/// Writes a file aside and moves it into place, so that nobody ever sees half of it. Through a symbolic link it replaces what the
+/// link points to; a device or pipe is written to as it is.
 pub fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let context = || format!("cannot write {}", path.display());
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let mut file = tempfile::Builder::new().prefix(".pingmap-").tempfile_in(folder).with_context(context)?;
-    file.write_all(bytes).with_context(context)?;
-    make_readable(file.as_file()).with_context(context)?;
-    file.persist(path).map_err(|error| error.error).with_context(context)?;
+    replace(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+}
+
+fn replace(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    if target.metadata().is_ok_and(|metadata| !metadata.is_file()) {
+        return std::fs::OpenOptions::new().write(true).open(&target)?.write_all(bytes);
+    }
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = aside().tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.persist(&target).map_err(|error| error.error)?;
     Ok(())
 }
 
-/// Temporary files are private; a result is for everybody whom the folder lets in.
+/// Temporary files are private by default; a result may be read by whomever the umask lets.
 #[cfg(unix)]
-fn make_readable(file: &std::fs::File) -> std::io::Result<()> {
+fn aside() -> tempfile::Builder<'static, 'static> {
     use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".pingmap-").permissions(std::fs::Permissions::from_mode(0o666));
+    builder
 }
 
 #[cfg(not(unix))]
-fn make_readable(_: &std::fs::File) -> std::io::Result<()> {
-    Ok(())
+fn aside() -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".pingmap-");
+    builder
+}
+
+/// "1 event", "2 events".
+pub fn count(number: usize, noun: &str) -> String {
+    if number == 1 { format!("1 {noun}") } else { format!("{number} {noun}s") }
 }
 
 /// A table with plain rules; the first column left-aligned, the others right-aligned.

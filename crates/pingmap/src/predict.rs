@@ -6,12 +6,13 @@ use serde_json::json;
 
 use crate::cli;
 use crate::output::{print, spinner, use_threads, write_file};
-use crate::survey::Survey;
+use crate::survey::{Survey, fill_depths};
 
 pub fn run(options: &cli::Predict) -> anyhow::Result<()> {
     use_threads(options.source.work.threads)?;
-    let links = read_links(&options.links)?;
+    let mut links = read_links(&options.links)?;
     let survey = Survey::learn(&options.source)?;
+    fill_depths(&mut links, &survey.log);
     let bar = spinner("predicting");
     let latent = survey.posterior.latent(&survey.model().inputs(&links)?)?;
     bar.finish_and_clear();

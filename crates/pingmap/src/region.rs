@@ -2,70 +2,45 @@
 
 use dgpc::{Candidates, Certificate, Inputs, Observations, Selection, log_evidence, mean_field};
 use pingmap_agent::{Event, Link, Position};
+use pingmap_trial::{EventLog, GridFit};
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use serde_json::json;
 
 use crate::cli::{self, PolicyName, name_of};
-use crate::output::{BadInput, note, print, print_json, spinner, table, use_threads, warn};
+use crate::output::{BadInput, count, note, print, print_json, spinner, table, use_threads, warn};
 use crate::survey;
 
 /// Radius of the reference locality region in length-scales, √(−2 ln ε) for ε = 0.384: the paper's 0.4 / 0.289.
 const RADIUS_LENGTH_SCALES: f64 = 1.384;
 
-/// Above so many events the exact KL divergence, O(N³), is not worth waiting for.
-const EXACT_EVENTS_MAX: usize = 2000;
-
 pub fn run(options: &cli::Select) -> anyhow::Result<()> {
-    use_threads(options.work.threads)?;
+    use_threads(options.threads)?;
     let log = survey::open_log(&options.events)?;
     let own = survey::only(&log, &options.vehicle)?;
     let bar = spinner("learning");
-    let fit = survey::fit(&log, &options.kernel.choice(), options.work.seed)?;
-    let own_inputs = fit.model.inputs(own.events.iter().map(|event| &event.link))?;
-    let radius_m = options.radius_m.unwrap_or(RADIUS_LENGTH_SCALES * fit.length_scale_m);
-    let centre = match options.centre {
-        Some([tx_east, tx_north, rx_east, rx_north]) => {
-            let link =
-                Link { transmitter: Position::new(tx_east, tx_north), receiver: Position::new(rx_east, rx_north) };
-            fit.model.inputs([&link])?.row(0).to_vec()
-        }
-        None => busiest(&own_inputs, radius_m).to_vec(),
-    };
-    let members = within(&own_inputs, &centre, radius_m);
-    if members.is_empty() {
-        let message =
-            format!("no event of {} lies within {radius_m} m of the centre; expected at least one", options.vehicle);
-        return Err(BadInput(message).into());
-    }
-    if members.len() > EXACT_EVENTS_MAX {
-        let message = format!(
-            "the region holds {} events; expected at most {EXACT_EVENTS_MAX}, so make --radius-m smaller than {radius_m:.0}",
-            members.len()
-        );
-        return Err(BadInput(message).into());
-    }
-    let region: Vec<&Event> = members.iter().map(|&n| &own.events[n]).collect();
-    let inputs = own_inputs.select(&members);
-
-    let candidates = Candidates::new(fit.model.prior.kernel(), &inputs)?;
+    let fit = survey::fit(&log, &options.kernel.choice(), options.seed)?;
+    let Region { events: region, inputs, radius_m } = Region::find(&own, &fit, options)?;
+    let prior = &fit.model.prior;
+    let candidates = Candidates::new(prior.kernel(), &inputs)?;
     let selection = choose(&candidates, options);
+    let observations = Observations::new(inputs.clone(), region.iter().map(|event| event.success).collect())?;
+    let mean_field_options = mean_field::Options { tolerance: 1e-6, ..Default::default() };
+    let sites = mean_field::dense(prior, &observations, &mean_field_options)?.sites;
+    let certificate = Certificate::new(prior, &sites, &inputs.select(&selection.indices))?;
+    // Where the points explain everything the difference is rounding, of either sign.
+    let kl = (log_evidence(prior, &sites)? - certificate.lower).max(0.0);
+    bar.finish_and_clear();
+
     if selection.indices.len() < options.points {
         let (found, wanted) = (selection.indices.len(), options.points);
         warn(format_args!("only {found} of {wanted} points are distinct in this region"));
     }
-    let observations = Observations::new(inputs.clone(), region.iter().map(|event| event.success).collect())?;
-    let sites = mean_field::dense(&fit.model.prior, &observations, &Default::default())?.sites;
-    let points = inputs.select(&selection.indices);
-    let certificate = Certificate::new(&fit.model.prior, &sites, &points)?;
-    let kl = log_evidence(&fit.model.prior, &sites)? - certificate.lower;
-
-    bar.finish_and_clear();
     let chosen: Vec<&Event> = selection.indices.iter().map(|&i| region[i]).collect();
-    note(survey::describe(&fit, log.events.len(), true));
+    note(survey::describe(&fit, region.len(), true));
     if options.json {
         return print_json(&json!({
             "schema": 1, "vehicle": options.vehicle, "policy": name_of(&options.policy), "radius_m": radius_m,
-            "events_in_region": region.len(), "seed": options.work.seed,
+            "events_in_region": region.len(), "seed": options.seed,
             "kernel": { "length_scale_m": fit.length_scale_m, "variance": fit.variance },
             "inducing_points": chosen.iter().map(|event| point_json(event)).collect::<Vec<_>>(),
             "trace": selection.trace,
@@ -76,17 +51,16 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
             },
         }));
     }
+    let (points, events) = (count(chosen.len(), "point"), count(region.len(), "event"));
     let text = format!(
-        "{} {} points for {} events of {} within {:.0} m:\n\n{}\n\ntr K̃ {:.4} of {:.4} without points\nKL {:.4} nats ≤ gap {:.4} ≤ closed form {:.4} (the paper's: {:.4})",
-        chosen.len(),
+        "{} choice of {points} for {events} of {} within {radius_m:.0} m:\n\n{}\n\n\
+         tr K̃ {:.4} of {:.4} without points\n\
+         KL {kl:.4} nats ≤ gap {:.4} ≤ closed form {:.4} (the paper's: {:.4})",
         name_of(&options.policy),
-        region.len(),
         options.vehicle,
-        radius_m,
         points_table(&chosen),
         selection.trace,
         candidates.trace(),
-        kl,
         certificate.gap,
         certificate.closed_form,
         certificate.paper,
@@ -94,21 +68,63 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
     print(&text)
 }
 
+/// The events of one vehicle around a centre.
+struct Region<'a> {
+    events: Vec<&'a Event>,
+    inputs: Inputs,
+    radius_m: f64,
+}
+
+impl<'a> Region<'a> {
+    /// The region that the options describe, or the busiest one; at most as many events as they allow.
+    fn find(own: &'a EventLog, fit: &GridFit, options: &cli::Select) -> anyhow::Result<Self> {
+        let inputs = fit.model.inputs(own.events.iter().map(|event| &event.link))?;
+        let radius_m = options.radius_m.unwrap_or(RADIUS_LENGTH_SCALES * fit.length_scale_m);
+        let centre = match options.centre {
+            Some([tx_east, tx_north, rx_east, rx_north]) => {
+                let (transmitter, receiver) = (Position::new(tx_east, tx_north), Position::new(rx_east, rx_north));
+                let mut link = [Link { transmitter, receiver }];
+                survey::fill_depths(&mut link, own);
+                fit.model.inputs(&link)?.row(0).to_vec()
+            }
+            None => busiest(&inputs, radius_m).to_vec(),
+        };
+        let mut members = within(&inputs, &centre, radius_m);
+        if members.is_empty() {
+            let vehicle = &options.vehicle;
+            let message =
+                format!("no event of {vehicle} lies within {radius_m} m of the centre; expected at least one");
+            return Err(BadInput(message).into());
+        }
+        if members.len() > options.events_max {
+            let (found, used) = (members.len(), options.events_max);
+            warn(format_args!(
+                "the region holds {found} events; using the {used} nearest to its centre (--events-max)"
+            ));
+            let distance = |n: &usize| squared_distance(inputs.row(*n), &centre);
+            members.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+            members.truncate(used);
+        }
+        let events = members.iter().map(|&n| &own.events[n]).collect();
+        Ok(Self { events, inputs: inputs.select(&members), radius_m })
+    }
+}
+
 fn choose(candidates: &Candidates, options: &cli::Select) -> Selection {
     match options.policy {
         PolicyName::Good => candidates.good(options.points),
         PolicyName::Bad => candidates.bad(options.points),
-        PolicyName::Random => candidates.random(options.points, &mut ChaCha8Rng::seed_from_u64(options.work.seed)),
+        PolicyName::Random => candidates.random(options.points, &mut ChaCha8Rng::seed_from_u64(options.seed)),
     }
 }
 
 /// Indices of the inputs within a radius.
 fn within(inputs: &Inputs, centre: &[f64], radius_m: f64) -> Vec<usize> {
-    let near = |row: &[f64]| {
-        let squares: f64 = row.iter().zip(centre).map(|(a, b)| (a - b) * (a - b)).sum();
-        squares <= radius_m * radius_m
-    };
-    (0..inputs.len()).filter(|&n| near(inputs.row(n))).collect()
+    (0..inputs.len()).filter(|&n| squared_distance(inputs.row(n), centre) <= radius_m * radius_m).collect()
+}
+
+fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
 /// The input with most inputs within a radius; the first of equals.

@@ -8,12 +8,15 @@ use pingmap_trial::{EventLog, MeanScore, Plan, Replay, Split, draw_splits, read_
 use serde_json::{Value, json};
 
 use crate::cli::{self, name_of};
-use crate::output::{note, print, print_json, progress, table, use_threads, warn};
+use crate::output::{count, note, print, print_json, progress, table, use_threads, warn};
 use crate::report;
 use crate::survey::{open_log, thinned};
 
 pub fn run(options: &cli::Replay) -> anyhow::Result<()> {
     use_threads(options.work.threads)?;
+    if let Some(folder) = &options.report {
+        report::make_folder(folder)?;
+    }
     let log = open_log(&options.events)?;
     let splits = match &options.splits {
         Some(path) => read_splits(path, &log)?,
@@ -66,13 +69,18 @@ impl Replayed {
     /// Warns, prints, and writes the report if one is wanted.
     pub fn show(&self, as_json: bool, report: Option<&Path>) -> anyhow::Result<()> {
         for split in &self.replay.splits {
-            if !split.vehicles_without_events.is_empty() {
-                let names: Vec<&str> = split.vehicles_without_events.iter().map(VehicleId::as_str).collect();
+            let (name, without) = (&split.name, &split.vehicles_without_events);
+            if split.training_events == 0 {
+                warn(format_args!("split {name}: every event is held out, so that nothing can be learned"));
+            } else if !without.is_empty() {
+                let names: Vec<&str> = without.iter().map(VehicleId::as_str).collect();
                 warn(format_args!(
-                    "split {}: {} has no training events and knows only what it hears",
-                    split.name,
+                    "split {name}: no training events for {}: knowing only what others send",
                     names.join(", ")
                 ));
+            }
+            if !split.converged {
+                warn(format_args!("split {name}: a fit stopped before its fixed point"));
             }
         }
         if as_json {
@@ -98,9 +106,9 @@ impl Replayed {
             several => format!("mean of {} splits", several.len()),
         };
         format!(
-            "{} events, {} vehicles ({}); {splits}, seed {}\n{}\n{}\n\n{}\n\n{}\n\n{}",
-            self.log.events.len(),
-            vehicles.len(),
+            "{}, {} ({}); {splits}, seed {}\n{}\n{}\n\n{}\n\n{}\n\n{}",
+            count(self.log.events.len(), "event"),
+            count(vehicles.len(), "vehicle"),
             vehicles.join(", "),
             self.plan.seed,
             self.kernel_line(),
@@ -130,8 +138,8 @@ impl Replayed {
     /// The team for each number of frames.
     pub fn sharing_rows(&self) -> Vec<Vec<String>> {
         let row = |sharing: &pingmap_trial::Sharing| {
-            let packets = if sharing.frames == 1 { "packet" } else { "packets" };
-            let name = format!("{} {packets} of {} points", sharing.frames, self.plan.points_per_frame);
+            let (frames, points) = (count(sharing.frames, "packet"), count(self.plan.points_per_frame, "point"));
+            let name = format!("{frames} of {points}");
             let gap = sharing.gap_closed.map_or("–".to_owned(), |gap| format!("{:.0} %", 100.0 * gap));
             [score_row(&name, &sharing.team), vec![format!("{:.4}", sharing.worst_vehicle_nll), gap]].concat()
         };
@@ -142,7 +150,14 @@ impl Replayed {
         let kernel = &self.plan.kernel;
         let direction = if kernel.reciprocal { ", the same both ways" } else { "" };
         let source = match self.replay.splits.iter().find_map(|split| split.evidence.map(|_| split.search_events)) {
-            Some(events) => format!("by grid search on {events} pooled training events"),
+            Some(events) => {
+                let splits = &self.replay.splits;
+                let edge = match splits.iter().filter(|split| split.at_grid_edge).count() {
+                    0 => String::new(),
+                    at_edge => format!("; at the edge of the grid in {at_edge} of {}", count(splits.len(), "split")),
+                };
+                format!("by grid search on {events} pooled training events{edge}")
+            }
             None => "as given".to_owned(),
         };
         format!(
@@ -194,7 +209,8 @@ impl Replayed {
             json!({
                 "name": split.name, "training_events": split.training_events, "held_out_events": split.held_out_events,
                 "length_scale_m": split.length_scale_m, "variance": split.variance, "evidence": split.evidence,
-                "search_events": split.search_events,
+                "search_events": split.search_events, "at_grid_edge": split.at_grid_edge,
+                "converged": split.converged, "jitter_max": split.jitter_max,
             })
         });
         json!({

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use pingmap_agent::{Agent, Link, Packet, Position, VehicleId};
-use pingmap_trial::{Mission, Plan};
+use pingmap_trial::{KernelChoice, Mission, Plan};
 
 use crate::cli::End;
 use crate::contour::Point;
@@ -21,9 +21,14 @@ const FRAMES_SHOWN: usize = 10;
 /// Packets of every vehicle whose points are drawn; more would hide each other.
 const PACKETS_DRAWN: usize = 2;
 
+/// Makes the folder of a report, before any work is done for it.
+pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
+}
+
 /// Writes the report to a folder and returns its page.
 pub fn write(replayed: &Replayed, folder: &Path) -> anyhow::Result<PathBuf> {
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    make_folder(folder)?;
     let bar = spinner("drawing the report");
     let pictures = Pictures::draw(replayed)?;
     let page = folder.join("index.html");
@@ -49,7 +54,11 @@ impl Pictures {
         let counts = replayed.replay.sharing.iter().map(|sharing| sharing.frames);
         let frames = counts.clone().filter(|&frames| frames <= FRAMES_SHOWN).max().or(counts.min()).unwrap_or(0);
         let split = replayed.splits.first().context("a replay has at least one split")?;
-        let plan = Plan { frames_max: frames, ..replayed.plan };
+        // The kernel that the replay found for this split.
+        let found = replayed.replay.splits.first().context("a replay has at least one split")?;
+        let (length_scale_m, variance) = (Some(found.length_scale_m), Some(found.variance));
+        let kernel = KernelChoice { length_scale_m, variance, ..replayed.plan.kernel };
+        let plan = Plan { frames_max: frames, kernel, ..replayed.plan };
         let mission = Mission::prepare(&replayed.log, split, &plan)?;
         let sent = mission.packets(frames)?;
         let team = mission.after_sharing(&sent)?;

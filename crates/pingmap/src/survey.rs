@@ -5,11 +5,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use dgpc::Posterior;
-use pingmap_agent::{Agent, Fusion, Link, Model, VehicleId};
+use pingmap_agent::{Agent, FitQuality, Fusion, Link, Model, VehicleId};
 use pingmap_trial::{EventLog, GridFit, KernelChoice, Split, search, thin};
 
 use crate::cli;
-use crate::output::{BadInput, note, spinner, warn};
+use crate::output::{BadInput, count, note, spinner, warn};
 
 /// Reads an event log and warns about what its reader should know.
 pub fn open_log(path: &Path) -> anyhow::Result<EventLog> {
@@ -25,10 +25,8 @@ fn warn_about(log: &EventLog) {
     let successes = log.events.iter().filter(|event| event.success).count();
     if successes == 0 || successes == log.events.len() {
         let class = if successes == 0 { "missed" } else { "heard" };
-        warn(format_args!(
-            "every one of the {} events was {class}: the map can only say so with growing certainty",
-            log.events.len()
-        ));
+        let events = count(log.events.len(), "event");
+        warn(format_args!("all of {events} {class}: the map can only say so with growing certainty"));
     }
     if let [vehicle] = log.vehicles().as_slice() {
         warn(format_args!("{vehicle} is the only receiver: there is nobody to share with"));
@@ -47,14 +45,14 @@ fn warn_about(log: &EventLog) {
     }
 }
 
-/// Keeps at most `events_max` events of every vehicle, and says so.
+/// Keeps at most `events_max` events, and says so.
 pub fn thinned(log: EventLog, splits: Vec<Split>, events_max: usize, seed: u64) -> (EventLog, Vec<Split>) {
     let kept = thin(&log, events_max, seed);
     if kept.len() == log.events.len() {
         return (log, splits);
     }
     warn(format_args!(
-        "using {} of {} events: at most {events_max} of each vehicle, drawn with seed {seed} (--events-max, --seed)",
+        "using {} of {} events, drawn with seed {seed}; vehicles with few keep theirs (--events-max, --seed)",
         kept.len(),
         log.events.len()
     ));
@@ -80,8 +78,9 @@ impl Survey {
         let bar = spinner("learning");
         let fit = fit(&log, &kernel.choice(), work.seed)?;
         let mut agent = Agent::new(VehicleId::new("survey"), Arc::new(fit.model.clone()), work.limits());
-        log.events.iter().for_each(|event| agent.observe(event.clone()));
+        agent.observe_all(log.events.iter().cloned());
         agent.learn()?;
+        warn_of_quality(&agent.fit_quality()?);
         let posterior = agent.posterior(Fusion::Sites)?;
         bar.finish_and_clear();
         note(describe(&fit, log.events.len(), agent.learns_densely()));
@@ -91,6 +90,34 @@ impl Survey {
     /// The model.
     pub fn model(&self) -> &Model {
         &self.fit.model
+    }
+}
+
+/// Warns of a fit that is not what it should be.
+pub fn warn_of_quality(quality: &FitQuality) {
+    if !quality.converged {
+        warn(format_args!("the fit stopped before its fixed point: tilts still change by {:.1e}", quality.change));
+    }
+}
+
+/// Mean depth of all ends in a log; unknown without depths.
+pub fn mean_depth_m(log: &EventLog) -> Option<f64> {
+    let ends = log.events.iter().flat_map(|event| [event.link.transmitter.depth_m, event.link.receiver.depth_m]);
+    let depths: Vec<f64> = ends.flatten().collect();
+    (!depths.is_empty()).then(|| depths.iter().sum::<f64>() / depths.len() as f64)
+}
+
+/// Gives ends without a depth the mean depth of a log that has depths, and says so.
+pub fn fill_depths(links: &mut [Link], log: &EventLog) {
+    let Some(depth_m) = mean_depth_m(log) else { return };
+    let unknown = links.iter_mut().flat_map(|link| [&mut link.transmitter.depth_m, &mut link.receiver.depth_m]);
+    let mut filled = false;
+    for depth in unknown.filter(|depth| depth.is_none()) {
+        *depth = Some(depth_m);
+        filled = true;
+    }
+    if filled {
+        warn(format_args!("places without a depth are taken to lie at {depth_m:.1} m, the mean depth of the log"));
     }
 }
 
@@ -114,10 +141,14 @@ pub fn only(log: &EventLog, vehicle: &str) -> anyhow::Result<EventLog> {
 /// The model in one line.
 pub fn describe(fit: &GridFit, events: usize, dense: bool) -> String {
     let source = match fit.evidence {
-        Some(evidence) => format!("found by grid search on {} events, evidence {evidence:.1} nats", fit.events_used),
+        Some(evidence) => {
+            let edge = if fit.at_grid_edge { ", at the edge of the grid" } else { "" };
+            format!("found by grid search on {} events{edge}, evidence {evidence:.1} nats", fit.events_used)
+        }
         None => "as given".to_owned(),
     };
     let inference = if dense { "dense mean field" } else { "sparse mean field" };
     let (length_scale_m, variance) = (fit.length_scale_m, fit.variance);
-    format!("{events} events, {inference}; length-scale {length_scale_m:.0} m, variance {variance} ({source})")
+    let events = count(events, "event");
+    format!("{events}, {inference}; length-scale {length_scale_m:.0} m, variance {variance} ({source})")
 }

@@ -78,7 +78,7 @@ fn text_in_a_number() {
 
 #[test]
 fn not_a_number_and_infinity() {
-    for bad in ["NaN", "inf", "-inf", "1e999"] {
+    for bad in ["NaN", "inf", "-inf", "1e999", "1e200"] {
         refused(with_line(&format!("2,a,b,0,0,{bad},1,1")), &["line 3", "rx_easting_m", bad, "a finite number"]);
     }
 }
@@ -93,6 +93,7 @@ fn success_other_than_0_or_1() {
 #[test]
 fn nameless_vehicle() {
     refused(with_line("2,a,,0,0,1,1,1"), &["line 3", "rx_id", "the name of a vehicle"]);
+    refused(with_line("2,a\u{1b}[2J,b,0,0,1,1,1"), &["line 3", "tx_id", "without control characters"]);
 }
 
 #[test]
@@ -140,6 +141,9 @@ fn options_out_of_range() {
     for (options, expected) in [
         (&["--length-scale-m", "-3"][..], "above 0"),
         (&["--length-scale-m", "NaN"], "above 0"),
+        (&["--length-scale-m", "1e-300"], "from 1e-6"),
+        (&["--variance", "1e308"], "to 1e9"),
+        (&["--threads", "100000"], "0 to 256"),
         (&["--variance", "0"], "above 0"),
         (&["--test-share", "1"], "below 1"),
         (&["--frames", "1,0"], "at least 1"),
@@ -169,7 +173,18 @@ fn select_and_map_say_what_they_need() {
     refused_command(folder.path(), &with(&["-o", "map.geojson"]), &["--origin"]);
     refused_command(folder.path(), &with(&["-o", "map.geojson", "--origin", "91,0"]), &["latitude"]);
     refused_command(folder.path(), &with(&["--cell-m", "0.001"]), &["--cell-m", "cells"]);
+    refused_command(folder.path(), &["map", "--events", "events.csv", "--at", "1e200,0"], &["--at", "1e9"]);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a file was left behind");
+}
+
+#[test]
+fn geojson_of_a_log_far_from_its_origin() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = "1,a,b,431000,4700000,431100,4700100,1\n";
+    file(folder.path(), "events.csv", format!("{HEADER}\n{}", line.repeat(4)));
+    let command =
+        ["map", "--events", "events.csv", "--at", "431000,4700000", "--origin", "42,-71", "-o", "map.geojson"];
+    refused_command(folder.path(), &command, &["--origin", "UTM", "100 km"]);
 }
 
 #[test]
@@ -191,4 +206,25 @@ fn an_output_that_cannot_be_written_is_a_failure_not_bad_input() {
     let output = pingmap(folder.path(), &["map", "--events", "events.csv", "--at", "0,0", "-o", "nowhere/map.png"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("nowhere/map.png"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_result_goes_where_a_link_points_and_replaces_no_device() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 30));
+    file(folder.path(), "links.csv", "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n0,0,1,1\n");
+    let target = file(folder.path(), "target.csv", "old");
+    let predict = |output: &str| {
+        let command = ["predict", "--events", "events.csv", "--links", "links.csv", "-o", output];
+        assert!(pingmap(folder.path(), &command).status.success(), "{output}");
+    };
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(&target, folder.path().join("link.csv")).unwrap();
+        predict("link.csv");
+        assert!(folder.path().join("link.csv").is_symlink());
+        assert!(std::fs::read_to_string(&target).unwrap().contains("probability"));
+        predict("/dev/null");
+        assert!(!std::fs::metadata("/dev/null").unwrap().is_file());
+    }
 }

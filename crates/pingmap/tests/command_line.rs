@@ -152,6 +152,8 @@ fn select_takes_a_centre_and_a_radius() {
     let command = ["select", "events.csv", "--vehicle", "b", "--centre", "500,200,500,300", "--radius-m", "300"];
     let output = pingmap(folder.path(), &command);
     assert!(stdout(&output).contains("within 300 m"), "{}{}", stdout(&output), stderr(&output));
+    let few = pingmap(folder.path(), &[&command[..], &["--events-max", "5"]].concat());
+    assert!(stderr(&few).contains("using the 5 nearest") && stdout(&few).contains("for 5 events"), "{}", stderr(&few));
 }
 
 #[test]

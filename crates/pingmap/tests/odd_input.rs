@@ -37,7 +37,7 @@ fn one_class_only() {
                     if line == HEADER { format!("{line}\n") } else { format!("{}{outcome}\n", &line[..line.len() - 1]) }
                 })
                 .collect();
-        let result = replay(&content, &[], "every one of the 60 events was");
+        let result = replay(&content, &[], "all of 60 events");
         assert!(result["scores"]["centralised"]["nll"].as_f64().unwrap() < 0.2, "{result}");
     }
 }
@@ -80,7 +80,7 @@ fn a_vehicle_without_training_events_in_one_split() {
     file(folder.path(), "splits.csv", splits);
     let output = pingmap(folder.path(), &["replay", "events.csv", "--splits", "splits.csv", "--frames", "2", "--json"]);
     assert!(output.status.success(), "{}", stderr(&output));
-    assert!(stderr(&output).contains("split all_of_b: b has no training events"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("split all_of_b: no training events for b"), "{}", stderr(&output));
     let result: Value = serde_json::from_slice(&output.stdout).unwrap();
     // It knows nothing by itself, and something once the others have spoken.
     let (own, team) = (&result["scores"]["own"]["nll"], &result["sharing"][0]["team"]["nll"]);
@@ -119,7 +119,7 @@ fn byte_order_mark_blank_lines_and_windows_line_ends() {
 
 #[test]
 fn more_events_than_are_used() {
-    let result = replay(&log(&["a", "b"], 400), &["--events-max", "50"], "using 100 of 400 events");
+    let result = replay(&log(&["a", "b"], 400), &["--events-max", "100"], "using 100 of 400 events");
     assert_eq!((&result["events"], &result["events_used"]), (&Value::from(400), &Value::from(100)));
 }
 
@@ -138,4 +138,69 @@ fn sparse_fits_say_so_and_come_close_to_dense_ones() {
         let nll = |result: &Value| result["scores"][score]["nll"].as_f64().unwrap();
         assert!((nll(&dense) - nll(&sparse)).abs() < 0.005, "{score}: {} against {}", nll(&dense), nll(&sparse));
     }
+}
+
+#[test]
+fn a_million_rows() {
+    let mut content = format!("{HEADER}\n");
+    for n in 0..1_000_000_u64 {
+        let (tx, rx) = if n % 2 == 0 { ("a", "b") } else { ("b", "a") };
+        let (east, north) = (n * 7919 % 2003, n * 104_729 % 1999);
+        writeln!(content, "{n},{tx},{rx},{east},0,0,{north},{}", u8::from(east + north < 1500)).unwrap();
+    }
+    let options = ["--events-max", "2000", "--repeats", "1", "--length-scale-m", "500", "--variance", "4"];
+    let result = replay(&content, &options, "using 2000 of 1000000 events");
+    assert_eq!(result["events"], 1_000_000);
+    let nll = |score: &str| result["scores"][score]["nll"].as_f64().unwrap();
+    assert!(nll("centralised") < 0.7 * nll("base_rate"), "{result}");
+}
+
+#[test]
+fn everything_held_out() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "splits.csv", format!("s0\n{}", "1\n".repeat(30)));
+    let splits = folder.path().join("splits.csv");
+    let options = ["--splits", splits.to_str().unwrap()];
+    let result = replay(&log(&["a", "b"], 30), &options, "split s0: every event is held out");
+    assert!((result["scores"]["own"]["nll"].as_f64().unwrap() - 2f64.ln()).abs() < 1e-12, "{result}");
+}
+
+#[test]
+fn utm_coordinates_give_the_same_scores() {
+    let near = log(&["a", "b"], 60);
+    let far: String = near
+        .lines()
+        .enumerate()
+        .map(|(n, line)| {
+            let shift = |(column, field): (usize, &str)| match (n, column) {
+                (1.., 3 | 5) => format!("{}", field.parse::<f64>().unwrap() + 431_000.0),
+                (1.., 4 | 6) => format!("{}", field.parse::<f64>().unwrap() + 4_700_000.0),
+                _ => field.to_owned(),
+            };
+            line.split(',').enumerate().map(shift).collect::<Vec<_>>().join(",") + "\n"
+        })
+        .collect();
+    let nll = |content: &str| replay(content, &[], "")["scores"]["centralised"]["nll"].as_f64().unwrap();
+    assert!((nll(&near) - nll(&far)).abs() < 1e-6);
+}
+
+#[test]
+fn places_without_a_depth_lie_at_the_mean_depth() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut content = format!("{HEADER},tx_depth_m,rx_depth_m\n");
+    log(&["a", "b"], 100).lines().skip(1).for_each(|line| writeln!(content, "{line},1000,1000").unwrap());
+    file(folder.path(), "events.csv", &content);
+    let header = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m";
+    file(folder.path(), "links.csv", format!("{header}\n500,200,500,300\n"));
+    let output = pingmap(folder.path(), &["predict", "--events", "events.csv", "--links", "links.csv", "--json"]);
+    assert!(stderr(&output).contains("1000.0 m, the mean depth"), "{}", stderr(&output));
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(result["predictions"][0]["probability"].as_f64().unwrap() > 0.8, "{result}");
+    let centre = ["select", "events.csv", "--vehicle", "a", "--centre", "500,200,500,300", "--radius-m", "300"];
+    let output = pingmap(folder.path(), &centre);
+    assert!(output.status.success(), "{}", stderr(&output));
+    // A depth of one end alone means nothing.
+    file(folder.path(), "events.csv", content.replace(",rx_depth_m", ",note"));
+    let output = pingmap(folder.path(), &["replay", "events.csv", "--frames", "1", "--repeats", "1"]);
+    assert!(stderr(&output).contains("ignoring the column tx_depth_m, note"), "{}", stderr(&output));
 }

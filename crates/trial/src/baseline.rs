@@ -9,11 +9,14 @@ pub fn base_rate(outcomes: &[bool]) -> f64 {
     (successes as f64 + 0.5) / (outcomes.len() as f64 + 1.0)
 }
 
-/// Logistic regression of success on the distance between the ends, in kilometres.
+/// Logistic regression of success on the distance between the ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DistanceOnly {
     intercept: f64,
-    slope_per_km: f64,
+    /// Log-odds per `unit_m`.
+    slope: f64,
+    /// Mean distance of the links learned from, so that tank and ocean are treated alike.
+    unit_m: f64,
 }
 
 /// Precision of the normal prior that keeps the slope finite when the classes can be told apart by distance.
@@ -26,16 +29,17 @@ impl DistanceOnly {
     /// Fits by Newton's method, which converges from zero because the penalised likelihood is concave and steps are halved
     /// until it rises. O(N) a step.
     pub fn fit(links: &[Link], outcomes: &[bool]) -> Self {
-        let range_km: Vec<f64> = links.iter().map(|link| link.range_m() / 1000.0).collect();
-        let mut fit = Self { intercept: 0.0, slope_per_km: 0.0 };
-        let mut objective = fit.objective(&range_km, outcomes);
+        let mean_m = links.iter().map(Link::range_m).sum::<f64>() / links.len().max(1) as f64;
+        let mut fit = Self { intercept: 0.0, slope: 0.0, unit_m: if mean_m > 0.0 { mean_m } else { 1.0 } };
+        let ranges: Vec<f64> = links.iter().map(|link| link.range_m() / fit.unit_m).collect();
+        let mut objective = fit.objective(&ranges, outcomes);
         for _ in 0..100 {
             let (mut gradient, mut h) = (
-                [-INTERCEPT_PRECISION * fit.intercept, -SLOPE_PRECISION * fit.slope_per_km],
+                [-INTERCEPT_PRECISION * fit.intercept, -SLOPE_PRECISION * fit.slope],
                 [INTERCEPT_PRECISION, 0.0, SLOPE_PRECISION],
             );
-            for (&range, &success) in range_km.iter().zip(outcomes) {
-                let p = fit.probability_at_km(range);
+            for (&range, &success) in ranges.iter().zip(outcomes) {
+                let p = fit.probability_at(range);
                 let error = f64::from(u8::from(success)) - p;
                 gradient = [gradient[0] + error, gradient[1] + error * range];
                 let weight = p * (1.0 - p);
@@ -46,7 +50,7 @@ impl DistanceOnly {
                 (h[2] * gradient[0] - h[1] * gradient[1]) / determinant,
                 (h[0] * gradient[1] - h[1] * gradient[0]) / determinant,
             ];
-            let Some((next, risen)) = fit.best_along(step, objective, &range_km, outcomes) else { break };
+            let Some((next, risen)) = fit.best_along(step, objective, &ranges, outcomes) else { break };
             let settled = risen - objective < 1e-12 * objective.abs();
             (fit, objective) = (next, risen);
             if settled {
@@ -57,12 +61,12 @@ impl DistanceOnly {
     }
 
     /// The first of the whole step, its half, its quarter … that raises the objective.
-    fn best_along(self, step: [f64; 2], objective: f64, range_km: &[f64], outcomes: &[bool]) -> Option<(Self, f64)> {
+    fn best_along(self, step: [f64; 2], objective: f64, ranges: &[f64], outcomes: &[bool]) -> Option<(Self, f64)> {
         let mut share = 1.0;
         while share > 1e-6 {
             let next =
-                Self { intercept: self.intercept + share * step[0], slope_per_km: self.slope_per_km + share * step[1] };
-            let risen = next.objective(range_km, outcomes);
+                Self { intercept: self.intercept + share * step[0], slope: self.slope + share * step[1], ..self };
+            let risen = next.objective(ranges, outcomes);
             if risen > objective {
                 return Some((next, risen));
             }
@@ -72,28 +76,28 @@ impl DistanceOnly {
     }
 
     /// Penalised log-likelihood.
-    fn objective(&self, range_km: &[f64], outcomes: &[bool]) -> f64 {
-        let log_likelihood: f64 = range_km
+    fn objective(&self, ranges: &[f64], outcomes: &[bool]) -> f64 {
+        let log_likelihood: f64 = ranges
             .iter()
             .zip(outcomes)
             .map(|(range, &success)| {
-                let odds = self.intercept + self.slope_per_km * range;
+                let odds = self.intercept + self.slope * range;
                 let odds = if success { odds } else { -odds };
                 // ln σ(odds) without overflow.
                 odds.min(0.0) - (-odds.abs()).exp().ln_1p()
             })
             .sum();
-        let penalty = INTERCEPT_PRECISION * self.intercept.powi(2) + SLOPE_PRECISION * self.slope_per_km.powi(2);
+        let penalty = INTERCEPT_PRECISION * self.intercept.powi(2) + SLOPE_PRECISION * self.slope.powi(2);
         log_likelihood - 0.5 * penalty
     }
 
-    fn probability_at_km(&self, range_km: f64) -> f64 {
-        1.0 / (1.0 + (-self.intercept - self.slope_per_km * range_km).exp())
+    fn probability_at(&self, range: f64) -> f64 {
+        1.0 / (1.0 + (-self.intercept - self.slope * range).exp())
     }
 
     /// Probability of success over a link.
     pub fn probability(&self, link: &Link) -> f64 {
-        self.probability_at_km(link.range_m() / 1000.0)
+        self.probability_at(link.range_m() / self.unit_m)
     }
 }
 
@@ -115,7 +119,7 @@ mod tests {
         let fit = DistanceOnly::fit(&links, &outcomes);
         let residual: f64 = links.iter().zip(outcomes).map(|(l, y)| f64::from(u8::from(y)) - fit.probability(l)).sum();
         assert!((residual - INTERCEPT_PRECISION * fit.intercept).abs() < 1e-6, "{residual}");
-        assert!(fit.slope_per_km < 0.0);
+        assert!(fit.slope < 0.0);
     }
 
     #[test]

@@ -18,6 +18,9 @@ pub const REQUIRED_COLUMNS: [&str; 8] =
 /// Columns that mean something where they are present.
 const OPTIONAL_COLUMNS: [&str; 4] = ["true_probability", "tx_depth_m", "rx_depth_m", "rate"];
 
+/// Farther than anything on Earth, and near enough that no square overflows.
+pub const COORDINATE_MAX_M: f64 = 1e9;
+
 /// Why a file could not be read: where, and what was expected.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", path.display())]
@@ -107,7 +110,7 @@ pub struct EventLog {
     pub true_probability: Option<Vec<f64>>,
     /// Whether both ends have depths.
     pub has_depths: bool,
-    /// Columns of the file that mean nothing here.
+    /// Columns of the file that mean nothing here, such as depths of one end only.
     pub unknown_columns: Vec<String>,
 }
 
@@ -130,7 +133,8 @@ impl EventLog {
         let has_depths = table.has("tx_depth_m") && table.has("rx_depth_m");
         let has_probability = table.has("true_probability");
         let known = |column: &String| {
-            REQUIRED_COLUMNS.contains(&column.as_str()) || OPTIONAL_COLUMNS.contains(&column.as_str())
+            let lone_depth = column.ends_with("_depth_m") && !has_depths;
+            REQUIRED_COLUMNS.contains(&column.as_str()) || OPTIONAL_COLUMNS.contains(&column.as_str()) && !lone_depth
         };
         let unknown_columns = table.header.iter().filter(|column| !known(column)).cloned().collect();
         let mut events = Vec::new();
@@ -254,13 +258,16 @@ impl<R: Read> Table<R> {
     }
 
     fn has(&self, column: &str) -> bool {
-        self.header.iter().any(|name| name == column)
+        self.place(column).is_some()
+    }
+
+    fn place(&self, column: &str) -> Option<usize> {
+        self.header.iter().position(|name| name == column)
     }
 
     /// The field in a column that is known to exist.
     fn field(&self, column: &str) -> &str {
-        let place = self.header.iter().position(|name| name == column);
-        place.and_then(|place| self.record.get(place)).unwrap_or_default()
+        self.place(column).and_then(|place| self.record.get(place)).unwrap_or_default()
     }
 
     fn bad(&self, column: &str, expected: &'static str) -> FileError {
@@ -278,25 +285,36 @@ impl<R: Read> Table<R> {
         number.ok_or_else(|| self.bad(column, "a probability from 0 to 1"))
     }
 
-    pub(crate) fn flag(&self, column: &str) -> Result<bool, FileError> {
-        match self.field(column) {
-            "1" => Ok(true),
-            "0" => Ok(false),
-            _ => Err(self.bad(column, "0 or 1")),
+    fn flag(&self, column: &str) -> Result<bool, FileError> {
+        self.flag_at(self.place(column).unwrap_or(usize::MAX))
+    }
+
+    /// The flag in the n-th column.
+    pub(crate) fn flag_at(&self, place: usize) -> Result<bool, FileError> {
+        match self.record.get(place) {
+            Some("1") => Ok(true),
+            Some("0") => Ok(false),
+            _ => Err(self.bad(self.header.get(place).map_or("", String::as_str), "0 or 1")),
         }
     }
 
     fn vehicle(&self, column: &str) -> Result<VehicleId, FileError> {
-        match self.field(column) {
-            "" => Err(self.bad(column, "the name of a vehicle")),
-            name => Ok(VehicleId::new(name)),
+        let name = self.field(column);
+        if name.is_empty() || name.contains(char::is_control) {
+            return Err(self.bad(column, "the name of a vehicle, without control characters"));
         }
+        Ok(VehicleId::new(name))
+    }
+
+    fn metres(&self, column: &str) -> Result<f64, FileError> {
+        let number = self.field(column).parse::<f64>().ok().filter(|number| number.abs() <= COORDINATE_MAX_M);
+        number.ok_or_else(|| self.bad(column, "a finite number of metres, at most 1e9 from zero"))
     }
 
     fn link(&self, has_depths: bool) -> Result<Link, FileError> {
         let end = |east, north, depth| {
-            let depth_m = if has_depths { Some(self.number(depth)?) } else { None };
-            Ok(Position { east_m: self.number(east)?, north_m: self.number(north)?, depth_m })
+            let depth_m = if has_depths { Some(self.metres(depth)?) } else { None };
+            Ok(Position { east_m: self.metres(east)?, north_m: self.metres(north)?, depth_m })
         };
         Ok(Link {
             transmitter: end("tx_easting_m", "tx_northing_m", "tx_depth_m")?,

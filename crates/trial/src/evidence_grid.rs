@@ -41,6 +41,8 @@ pub struct GridFit {
     pub evidence: Option<f64>,
     /// How many events the search looked at.
     pub events_used: usize,
+    /// Whether a number that was searched took the largest or smallest value tried.
+    pub at_grid_edge: bool,
 }
 
 /// The most events that the search looks at; of more, so many are drawn.
@@ -63,7 +65,7 @@ pub fn search(
     };
     if let (Some(length_scale_m), Some(variance)) = (choice.length_scale_m, choice.variance) {
         let model = model(length_scale_m, variance)?;
-        return Ok(GridFit { model, length_scale_m, variance, evidence: None, events_used: 0 });
+        return Ok(GridFit { model, length_scale_m, variance, evidence: None, events_used: 0, at_grid_edge: false });
     }
     let mut drawn: Vec<&Event> = events.to_vec();
     if drawn.len() > GRID_EVENTS_MAX {
@@ -82,13 +84,23 @@ pub fn search(
     // E is stationary in the tilts, so that a tolerance of 1e-3 costs it about 1e-6 an event; each fit starts from its neighbour.
     let mut options = mean_field::Options { tolerance: 1e-3, iterations_max: 100, start: None };
     let mut best: Option<GridFit> = None;
-    for &length_scale_m in &length_scales_m {
-        for &variance in &variances {
+    for (row, &length_scale_m) in length_scales_m.iter().enumerate() {
+        // To and fro through the variances, so that neighbours follow each other.
+        for column in 0..variances.len() {
+            let column = if row % 2 == 0 { column } else { variances.len() - 1 - column };
+            let variance = variances[column];
             let model = model(length_scale_m, variance)?;
             let fit = mean_field::dense(&model.prior, &observations, &options)?;
             if best.as_ref().is_none_or(|best| Some(fit.evidence) > best.evidence) {
-                let (evidence, events_used) = (Some(fit.evidence), observations.len());
-                best = Some(GridFit { model, length_scale_m, variance, evidence, events_used });
+                let edge = |place: usize, tried: usize| tried > 1 && (place == 0 || place + 1 == tried);
+                best = Some(GridFit {
+                    model,
+                    length_scale_m,
+                    variance,
+                    evidence: Some(fit.evidence),
+                    events_used: observations.len(),
+                    at_grid_edge: edge(row, length_scales_m.len()) || edge(column, variances.len()),
+                });
             }
             options.start = Some(fit.tilts);
         }

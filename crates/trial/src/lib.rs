@@ -12,7 +12,7 @@ mod score;
 mod split;
 
 pub use baseline::{DistanceOnly, base_rate};
-pub use event_log::{EventLog, FileError, Problem, REQUIRED_COLUMNS, read_links};
+pub use event_log::{COORDINATE_MAX_M, EventLog, FileError, Problem, REQUIRED_COLUMNS, read_links};
 pub use evidence_grid::{GRID_EVENTS_MAX, GridFit, KernelChoice, search};
 pub use mission::{Mission, Plan};
 pub use replay::{Replay, ReplayError, Sharing, SplitSummary, replay};

@@ -64,7 +64,7 @@ impl Mission {
         let model = Arc::new(fit.model.clone());
         let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| {
             let mut agent = Agent::new(id, model.clone(), plan.limits);
-            training.iter().filter(|event| owns(event)).for_each(|event| agent.observe((*event).clone()));
+            agent.observe_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()));
             agent.learn().map(|()| agent)
         };
         let learn_vehicle = |id: VehicleId| {

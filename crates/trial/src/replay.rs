@@ -1,7 +1,7 @@
 //! Replaying a mission over many splits: what each vehicle knows alone, what the team knows after sharing, and what it could
 //! know at best.
 
-use pingmap_agent::{AgentError, Link, VehicleId};
+use pingmap_agent::{Agent, AgentError, Link, VehicleId};
 use rayon::prelude::*;
 
 use crate::baseline::{DistanceOnly, base_rate};
@@ -27,7 +27,7 @@ pub enum ReplayError {
     #[error("no splits; expected at least one")]
     NoSplits,
     /// The method refused.
-    #[error("split {split}: {source}")]
+    #[error("split {split}")]
     Method {
         /// The split.
         split: String,
@@ -89,8 +89,14 @@ pub struct SplitSummary {
     pub evidence: Option<f64>,
     /// Training events that the search looked at.
     pub search_events: usize,
+    /// Whether the kernel found lies at the edge of the grid, so that one beyond might be better.
+    pub at_grid_edge: bool,
     /// Whether every vehicle, and the centralised one, was fitted densely.
     pub dense: (bool, bool),
+    /// Whether every fit reached its fixed point.
+    pub converged: bool,
+    /// The largest jitter that any fit needed (0 in the ordinary case).
+    pub jitter_max: f64,
 }
 
 /// What one split yields.
@@ -101,8 +107,8 @@ struct SplitScores {
     own: Score,
     centralised: Score,
     true_probability: Option<Score>,
-    /// One row a number of frames, one column a vehicle.
-    team: Vec<Vec<Score>>,
+    /// For each number of frames the mean over vehicles, and each vehicle.
+    team: Vec<(Score, Vec<Score>)>,
 }
 
 /// Replays the mission once for every split, in parallel on the current thread pool; results do not depend on how many threads
@@ -128,8 +134,8 @@ pub fn replay(
     let true_scores: Option<Vec<Score>> = scores.iter().map(|s| s.true_probability).collect();
     let vehicles = log.vehicles();
     let share = |(row, &frames): (usize, &usize)| {
-        let team = mean(&|s| mean_over_vehicles(&s.team[row]))?;
-        let of_vehicle = |v: usize| scores.iter().map(|s| s.team[row][v].nll).sum::<f64>() / scores.len() as f64;
+        let team = mean(&|s| s.team[row].0)?;
+        let of_vehicle = |v: usize| scores.iter().map(|s| s.team[row].1[v].nll).sum::<f64>() / scores.len() as f64;
         let gap = own.nll - centralised.nll;
         Ok(Sharing {
             frames,
@@ -161,12 +167,15 @@ fn replay_split(
     let nothing = || ReplayError::NothingHeldOut { split: split.name.clone() };
     let mission = Mission::prepare(log, split, plan).map_err(failed)?;
     let score = |probabilities: &[f64]| Score::new(probabilities, &mission.outcomes).ok_or_else(nothing);
-    let score_each = |predictions: Vec<Vec<f64>>| predictions.iter().map(|p| score(p)).collect::<Result<Vec<_>, _>>();
+    let score_each = |predictions: Vec<Vec<f64>>| {
+        let each = predictions.iter().map(|p| score(p)).collect::<Result<Vec<_>, _>>()?;
+        Ok((Score::mean(&each).ok_or_else(nothing)?, each))
+    };
 
     let rate = base_rate(&mission.training_outcomes);
     let distance_only = DistanceOnly::fit(&mission.training, &mission.training_outcomes);
     let by_distance: Vec<f64> = mission.held_out.iter().map(|link: &Link| distance_only.probability(link)).collect();
-    let own = score_each(mission.predict_alone().map_err(failed)?)?;
+    let (own, _) = score_each(mission.predict_alone().map_err(failed)?)?;
     let centralised = score(&mission.predict_centralised().map_err(failed)?)?;
     let true_probability = match &log.true_probability {
         Some(known) => Some(score(&split.indices(true).iter().map(|&n| known[n]).collect::<Vec<_>>())?),
@@ -181,23 +190,23 @@ fn replay_split(
     Ok(SplitScores {
         base_rate: score(&vec![rate; mission.held_out.len()])?,
         distance_only: score(&by_distance)?,
-        own: mean_over_vehicles(&own),
+        own,
         centralised,
         true_probability,
         team,
-        summary: summarise(split, &mission),
+        summary: summarise(split, &mission).map_err(failed)?,
     })
 }
 
-/// Every split has at least one vehicle, because every log has at least one event.
-fn mean_over_vehicles(scores: &[Score]) -> Score {
-    Score::mean(scores).unwrap_or(Score { accuracy: 0.0, nll: 0.0 })
-}
-
-fn summarise(split: &Split, mission: &Mission) -> SplitSummary {
+fn summarise(split: &Split, mission: &Mission) -> Result<SplitSummary, AgentError> {
     let fit = &mission.fit;
     let empty = mission.team.iter().filter(|agent| agent.events().is_empty());
-    SplitSummary {
+    let everybody = mission.team.iter().chain([&mission.centralised]);
+    let quality = everybody.map(Agent::fit_quality).collect::<Result<Vec<_>, _>>()?;
+    Ok(SplitSummary {
+        converged: quality.iter().all(|quality| quality.converged),
+        jitter_max: quality.iter().map(|quality| quality.jitter).fold(0.0, f64::max),
+        at_grid_edge: fit.at_grid_edge,
         name: split.name.clone(),
         training_events: mission.training.len(),
         held_out_events: mission.held_out.len(),
@@ -207,5 +216,5 @@ fn summarise(split: &Split, mission: &Mission) -> SplitSummary {
         evidence: fit.evidence,
         search_events: fit.events_used,
         dense: (mission.team.iter().all(|agent| agent.learns_densely()), mission.centralised.learns_densely()),
-    }
+    })
 }

@@ -1,7 +1,9 @@
 //! Which events are held out: drawn per vehicle, or read from a file.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
+use pingmap_agent::VehicleId;
 use rand::seq::SliceRandom;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
@@ -34,8 +36,7 @@ pub fn draw_splits(log: &EventLog, repeats: usize, test_share: f64, seed: u64) -
     let draw = |repeat: usize| {
         let mut rng = stream(seed, repeat as u64);
         let mut held_out = vec![false; log.events.len()];
-        for vehicle in log.vehicles() {
-            let mut own: Vec<usize> = (0..log.events.len()).filter(|&n| log.events[n].receiver_id == vehicle).collect();
+        for mut own in events_by_vehicle(log).into_values() {
             own.shuffle(&mut rng);
             let count = (own.len() as f64 * test_share).round() as usize;
             own[..count].iter().for_each(|&n| held_out[n] = true);
@@ -54,8 +55,8 @@ pub fn read_splits(path: &Path, log: &EventLog) -> Result<Vec<Split>, FileError>
     let mut splits: Vec<Split> =
         table.header.iter().map(|name| Split { name: name.clone(), held_out: Vec::new() }).collect();
     while table.next()? {
-        for split in &mut splits {
-            split.held_out.push(table.flag(&split.name)?);
+        for (column, split) in splits.iter_mut().enumerate() {
+            split.held_out.push(table.flag_at(column)?);
         }
     }
     let found = splits.first().map_or(0, |split| split.held_out.len());
@@ -65,21 +66,42 @@ pub fn read_splits(path: &Path, log: &EventLog) -> Result<Vec<Split>, FileError>
     Ok(splits)
 }
 
-/// Draws at most `events_max` events of every vehicle, uniformly; indices in log order. All of them where there are no more.
+/// Draws at most `events_max` events in all, uniformly among those of a vehicle; vehicles with few keep all of theirs, the others
+/// are cut to the same number. Indices in log order; all of them where there are no more.
 pub fn thin(log: &EventLog, events_max: usize, seed: u64) -> Vec<usize> {
+    let mut by_vehicle = events_by_vehicle(log);
+    let share = fair_share(by_vehicle.values().map(Vec::len).collect(), events_max);
     let mut rng = stream(seed, u64::MAX);
-    let mut kept = Vec::with_capacity(log.events.len());
-    for vehicle in log.vehicles() {
-        let mut own: Vec<usize> = (0..log.events.len()).filter(|&n| log.events[n].receiver_id == vehicle).collect();
-        if own.len() > events_max {
-            let _ = own.partial_shuffle(&mut rng, events_max);
-            // `partial_shuffle` leaves the drawn ones at the end.
-            own.drain(..own.len() - events_max);
-        }
-        kept.extend(own);
+    let mut kept = Vec::with_capacity(log.events.len().min(events_max));
+    for own in by_vehicle.values_mut() {
+        let drawn = if own.len() > share { own.partial_shuffle(&mut rng, share).0 } else { own };
+        kept.extend_from_slice(drawn);
     }
     kept.sort_unstable();
     kept
+}
+
+/// The largest number such that no more than `total` are left when nobody keeps more.
+fn fair_share(mut sizes: Vec<usize>, total: usize) -> usize {
+    sizes.sort_unstable();
+    let mut left = total;
+    for (n, &size) in sizes.iter().enumerate() {
+        let share = left / (sizes.len() - n);
+        if size > share {
+            return share;
+        }
+        left -= size;
+    }
+    usize::MAX
+}
+
+/// Indices of the events that each vehicle owns, in log order.
+fn events_by_vehicle(log: &EventLog) -> BTreeMap<&VehicleId, Vec<usize>> {
+    let mut by_vehicle: BTreeMap<&VehicleId, Vec<usize>> = BTreeMap::new();
+    for (n, event) in log.events.iter().enumerate() {
+        by_vehicle.entry(&event.receiver_id).or_default().push(n);
+    }
+    by_vehicle
 }
 
 /// Stream `stream` of a seed: independent of all others, whatever the thread count.
@@ -87,4 +109,72 @@ pub(crate) fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(stream);
     rng
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pingmap_agent::{Event, Link, Position};
+
+    /// A log in which the n-th vehicle received `sizes[n]` events.
+    fn log(sizes: &[usize]) -> EventLog {
+        let event = |(n, receiver): (usize, usize)| Event {
+            time_s: n as f64,
+            transmitter_id: VehicleId::new("t"),
+            receiver_id: VehicleId::new(format!("v{receiver}")),
+            link: Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(1.0, 1.0) },
+            success: n % 2 == 0,
+        };
+        let receivers = sizes.iter().enumerate().flat_map(|(vehicle, &size)| std::iter::repeat_n(vehicle, size));
+        EventLog {
+            events: receivers.enumerate().map(event).collect(),
+            true_probability: None,
+            has_depths: false,
+            unknown_columns: Vec::new(),
+        }
+    }
+
+    /// How many of the indices belong to each vehicle.
+    fn counts(log: &EventLog, indices: &[usize]) -> Vec<usize> {
+        let kept = log.select(indices);
+        events_by_vehicle(&kept).values().map(Vec::len).collect()
+    }
+
+    #[test]
+    fn a_split_holds_out_its_share_of_every_vehicle() {
+        let log = log(&[40, 7, 100]);
+        let splits = draw_splits(&log, 3, 0.35, 1);
+        for split in &splits {
+            assert_eq!(counts(&log, &split.indices(true)), [14, 2, 35]);
+            assert_eq!(split.indices(true).len() + split.indices(false).len(), 147);
+        }
+        assert_ne!(splits[0].held_out, splits[1].held_out);
+        // The first splits do not depend on how many follow, and another seed draws others.
+        assert_eq!(draw_splits(&log, 1, 0.35, 1)[0], splits[0]);
+        assert_ne!(draw_splits(&log, 1, 0.35, 2)[0], splits[0]);
+    }
+
+    #[test]
+    fn thinning_spares_vehicles_with_few_events() {
+        let log = log(&[1000, 5, 300]);
+        let kept = thin(&log, 405, 1);
+        assert_eq!(counts(&log, &kept), [200, 5, 200]);
+        assert!(kept.is_sorted() && kept.windows(2).all(|pair| pair[0] != pair[1]));
+        assert_ne!(thin(&log, 405, 2), kept);
+        assert_eq!(thin(&log, 2000, 1).len(), 1305);
+        // Uniformly: the mean index of vehicle 0 is near the middle of its 1000 events, within four standard errors.
+        let mean = kept[..200].iter().sum::<usize>() as f64 / 200.0;
+        assert!((mean - 499.5).abs() < 4.0 * 1000.0 / 12f64.sqrt() / 200f64.sqrt(), "{mean}");
+    }
+
+    #[test]
+    fn shares_add_up() {
+        for (sizes, total) in
+            [(vec![10, 20, 30], 60), (vec![10, 20, 30], 35), (vec![5; 7], 3), (vec![], 9), (vec![4], 0)]
+        {
+            let share = fair_share(sizes.clone(), total);
+            let kept: usize = sizes.iter().map(|&size| size.min(share)).sum();
+            assert!(kept <= total && (share == usize::MAX || kept + sizes.len() > total), "{sizes:?} {total}: {share}");
+        }
+    }
 }

@@ -33,11 +33,14 @@ fn terms_refuse_what_is_not_positive() {
     }
     assert!(matches!(Term::new(Shape::Matern32, 1.0, &[], &[]), Err(Error::OutOfRange { .. })));
     assert!(matches!(Term::new(Shape::Matern32, 1.0, &[0, 1], &[1.0]), Err(Error::SizeMismatch { .. })));
-    assert!(matches!(Term::new(Shape::Matern32, 1.0, &[1, 1], &[1.0; 2]), Err(Error::BadColumn { column: 1, .. })));
+    assert!(matches!(
+        Term::new(Shape::Matern32, 1.0, &[1, 1], &[1.0; 2]),
+        Err(Error::RepeatedColumn { column: 1, .. })
+    ));
     assert!(matches!(Kernel::new(vec![]), Err(Error::OutOfRange { .. })));
-    assert!(matches!(Reflection::swap(&[(0, 1), (1, 2)]), Err(Error::BadColumn { column: 1, .. })));
-    assert!(matches!(Reflection::swap(&[(3, 3)]), Err(Error::BadColumn { column: 3, .. })));
-    assert!(matches!(Reflection::negate(&[2, 0, 2]), Err(Error::BadColumn { column: 2, .. })));
+    assert!(matches!(Reflection::swap(&[(0, 1), (1, 2)]), Err(Error::RepeatedColumn { column: 1, .. })));
+    assert!(matches!(Reflection::swap(&[(3, 3)]), Err(Error::RepeatedColumn { column: 3, .. })));
+    assert!(matches!(Reflection::negate(&[2, 0, 2]), Err(Error::RepeatedColumn { column: 2, .. })));
 }
 
 #[test]
