@@ -7,7 +7,7 @@ use rand::seq::SliceRandom;
 use crate::split::stream;
 
 /// Kernel variances that are tried.
-const VARIANCES: [f64; 4] = [1.0, 4.0, 16.0, 64.0];
+const VARIANCES: [f64; 5] = [1.0, 4.0, 16.0, 64.0, 256.0];
 
 /// Length-scales that are tried, as shares of the median distance between inputs.
 const LENGTH_SCALE_SHARES: [f64; 9] = [2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.125];
@@ -48,8 +48,8 @@ pub struct GridFit {
 /// The most events that the search looks at; of more, so many are drawn.
 pub const GRID_EVENTS_MAX: usize = 600;
 
-/// Finds the model of largest evidence among 9 length-scales × 4 variances, on at most [`GRID_EVENTS_MAX`] of `events`, drawn
-/// with `seed`. Numbers that are given are kept. O(36 · iterations · N³).
+/// Finds the model of largest evidence among 9 length-scales × 5 variances, on at most [`GRID_EVENTS_MAX`] of `events`, drawn
+/// with `seed`. Numbers that are given are kept. O(45 · iterations · N³).
 ///
 /// # Errors
 /// [`dgpc::Error`] for a length-scale or variance that is not finite and positive, or a position that is not finite.
