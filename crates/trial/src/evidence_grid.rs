@@ -117,3 +117,57 @@ fn median_distance(inputs: &dgpc::Inputs) -> f64 {
     distances.sort_by(f64::total_cmp);
     distances.get(distances.len() / 2).copied().unwrap_or(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pingmap_agent::{Link, Position, VehicleId};
+
+    const CHOICE: KernelChoice =
+        KernelChoice { shape: Shape::Matern52, reciprocal: true, length_scale_m: None, variance: None };
+
+    fn events(link: impl Fn(usize) -> (f64, f64), success: impl Fn(f64) -> bool) -> Vec<Event> {
+        let event = |n: usize| {
+            let (east_m, north_m) = link(n);
+            let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(east_m, north_m) };
+            let (transmitter_id, receiver_id) = (VehicleId::new("t"), VehicleId::new("r"));
+            Event { time_s: n as f64, transmitter_id, receiver_id, success: success(link.range_m()), link }
+        };
+        (0..150).map(event).collect()
+    }
+
+    fn search_in(choice: &KernelChoice, events: &[Event]) -> GridFit {
+        let chart = Chart { origin: Position::new(0.0, 0.0), geographic: None };
+        search(choice, chart, InputSpec::Positions, &events.iter().collect::<Vec<_>>(), 1).expect("a fit")
+    }
+
+    #[test]
+    fn rings_of_success_want_a_shorter_length_scale_than_a_disc() {
+        let spread = |n: usize| ((n * 37 % 101) as f64 * 20.0, (n * 53 % 97) as f64 * 20.0);
+        let disc = search_in(&CHOICE, &events(spread, |range_m| range_m < 1000.0));
+        let rings = search_in(&CHOICE, &events(spread, |range_m| (range_m / 300.0).sin() > 0.0));
+        assert!(rings.length_scale_m < disc.length_scale_m, "{} {}", rings.length_scale_m, disc.length_scale_m);
+        // The best of the grid: at the other's length-scale the disc does no better.
+        let given = KernelChoice { length_scale_m: Some(rings.length_scale_m), ..CHOICE };
+        let other = search_in(&given, &events(spread, |range_m| range_m < 1000.0));
+        assert!(other.evidence <= disc.evidence.map(|evidence| evidence + 0.01));
+    }
+
+    #[test]
+    fn what_is_given_is_kept() {
+        let events = events(|n| (n as f64, 0.0), |range_m| range_m < 70.0);
+        let both = search_in(&KernelChoice { length_scale_m: Some(123.0), variance: Some(7.0), ..CHOICE }, &events);
+        assert_eq!((both.length_scale_m, both.variance, both.evidence), (123.0, 7.0, None));
+        let one = search_in(&KernelChoice { variance: Some(7.0), ..CHOICE }, &events);
+        assert_eq!(one.variance, 7.0);
+        assert!(one.evidence.is_some() && one.events_used == 150);
+    }
+
+    #[test]
+    fn one_place_says_nothing_about_length() {
+        let fit = search_in(&CHOICE, &events(|_| (300.0, 400.0), |_| true));
+        assert_eq!(fit.length_scale_m, LENGTH_SCALE_FALLBACK_M);
+        let none = search_in(&CHOICE, &[]);
+        assert_eq!((none.length_scale_m, none.events_used), (LENGTH_SCALE_FALLBACK_M, 0));
+    }
+}
