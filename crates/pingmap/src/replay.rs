@@ -14,14 +14,14 @@ use crate::survey::{open_log, thinned};
 
 pub fn run(options: &cli::Replay) -> anyhow::Result<()> {
     use_threads(options.work.threads)?;
-    if let Some(folder) = &options.report {
-        report::make_folder(folder)?;
-    }
     let log = open_log(&options.events)?;
     let splits = match &options.splits {
         Some(path) => read_splits(path, &log)?,
         None => draw_splits(&log, options.repeats, options.test_share, options.work.seed),
     };
+    if let Some(folder) = &options.report {
+        report::make_folder(folder)?;
+    }
     let events = log.events.len();
     let (log, splits) = thinned(log, splits, options.work.events_max, options.work.seed);
     let plan = Plan {
