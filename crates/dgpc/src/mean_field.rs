@@ -265,16 +265,16 @@ fn iterate(
             change = f64::max(change, (tilt - tilts[n]).abs());
             images[n] = tilt.ln();
         }
-        finite("evidence bound", evidence)?;
-        // Plain steps never lower E. An accelerated one that did is taken back for the plain one, and acceleration starts anew.
-        let lowered = evidence < best - 1e-10 * best.abs();
+        // Plain steps never lower E. An accelerated one that did, or that overflowed, is taken back for the plain one, and
+        // acceleration starts anew.
+        let lowered = evidence.is_nan() || evidence < best - 1e-10 * best.abs();
         if lowered && log_tilts != plain_step {
             log_tilts.copy_from_slice(&plain_step);
             anderson.restart();
             change = f64::INFINITY;
             continue;
         }
-        best = best.max(evidence);
+        best = best.max(finite("evidence bound", evidence)?);
         plain_step.copy_from_slice(&images);
         log_tilts = anderson.propose(&log_tilts, &images);
     }
