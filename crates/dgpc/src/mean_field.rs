@@ -235,36 +235,19 @@ fn iterate(
     mut posterior: impl FnMut(&[f64], &[f64], &mut [f64], &mut [f64]) -> Result<f64>,
 ) -> Result<MeanField> {
     options.check(observations.len())?;
-    let size = observations.len();
-    let (kappa, weights) = (observations.kappa(), observations.weights());
-    let prior_mean = prior.mean().values(observations.inputs())?;
+    let mut pass = Pass::new(prior, observations, options)?;
     // The iteration runs in ln c, where acceleration cannot leave the domain.
-    let start = options.start.clone().unwrap_or_else(|| vec![1.0; size]);
-    let mut log_tilts: Vec<f64> = start.iter().map(|tilt| tilt.max(TILT_MIN).ln()).collect();
+    let mut log_tilts: Vec<f64> = pass.tilts.iter().map(|tilt| tilt.max(TILT_MIN).ln()).collect();
     let mut plain_step = log_tilts.clone();
-    let (mut tilts, mut images) = (vec![1.0; size], vec![0.0; size]);
-    let (mut omega, mut shift) = (vec![0.0; size], vec![0.0; size]);
-    let (mut mean, mut variance) = (vec![0.0; size], vec![0.0; size]);
     let mut anderson = Anderson::new();
-    let mut best = f64::NEG_INFINITY;
-    let (mut evidence, mut change, mut iterations) = (best, f64::INFINITY, 0);
+    let (mut evidence, mut best) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+    let (mut change, mut iterations) = (f64::INFINITY, 0);
     while iterations < options.iterations_max && change > options.tolerance {
         iterations += 1;
-        for n in 0..size {
-            tilts[n] = log_tilts[n].exp();
-            omega[n] = polya_gamma::mean(weights[n], tilts[n]).max(f64::MIN_POSITIVE);
-            shift[n] = kappa[n] - omega[n] * prior_mean[n];
-        }
-        evidence = posterior(&omega, &shift, &mut mean, &mut variance)?;
-        change = 0.0;
-        for n in 0..size {
-            evidence += 0.5 * omega[n] * tilts[n] * tilts[n] - weights[n] * ln_2_cosh(0.5 * tilts[n]);
-            evidence += (kappa[n] - 0.5 * omega[n] * prior_mean[n]) * prior_mean[n];
-            mean[n] += prior_mean[n];
-            let tilt = (mean[n] * mean[n] + variance[n]).sqrt().max(TILT_MIN);
-            change = f64::max(change, (tilt - tilts[n]).abs());
-            images[n] = tilt.ln();
-        }
+        pass.set_sites(&log_tilts);
+        evidence = posterior(&pass.omega, &pass.shift, &mut pass.mean, &mut pass.variance)?;
+        evidence += pass.event_terms();
+        change = pass.set_images();
         // Plain steps never lower E. An accelerated one that did, or that overflowed, is taken back for the plain one, and
         // acceleration starts anew.
         let lowered = evidence.is_nan() || evidence < best - 1e-10 * best.abs();
@@ -275,12 +258,75 @@ fn iterate(
             continue;
         }
         best = best.max(finite("evidence bound", evidence)?);
-        plain_step.copy_from_slice(&images);
-        log_tilts = anderson.propose(&log_tilts, &images);
+        plain_step.copy_from_slice(&pass.images);
+        log_tilts = anderson.propose(&log_tilts, &pass.images);
     }
     let converged = change <= options.tolerance;
+    let Pass { omega, mean, variance, tilts, .. } = pass;
     let sites = Sites::new(observations, omega)?;
     Ok(MeanField { sites, mean, variance, tilts, evidence, iterations, change, converged, jitter: 0.0 })
+}
+
+/// What one pass of the iteration reads and writes: one entry per event in every field.
+struct Pass<'a> {
+    weights: &'a [f64],
+    kappa: Vec<f64>,
+    prior_mean: Vec<f64>,
+    tilts: Vec<f64>,
+    omega: Vec<f64>,
+    shift: Vec<f64>,
+    mean: Vec<f64>,
+    variance: Vec<f64>,
+    /// ln c after the pass.
+    images: Vec<f64>,
+}
+
+impl<'a> Pass<'a> {
+    fn new(prior: &Prior, observations: &'a Observations, options: &Options) -> Result<Self> {
+        let zeros = vec![0.0; observations.len()];
+        Ok(Self {
+            weights: observations.weights(),
+            kappa: observations.kappa(),
+            prior_mean: prior.mean().values(observations.inputs())?,
+            tilts: options.start.clone().unwrap_or_else(|| vec![1.0; observations.len()]),
+            omega: zeros.clone(),
+            shift: zeros.clone(),
+            mean: zeros.clone(),
+            variance: zeros.clone(),
+            images: zeros,
+        })
+    }
+
+    /// ω̄ and κ̃ at the given ln c.
+    fn set_sites(&mut self, log_tilts: &[f64]) {
+        for (n, log_tilt) in log_tilts.iter().enumerate() {
+            self.tilts[n] = log_tilt.exp();
+            self.omega[n] = polya_gamma::mean(self.weights[n], self.tilts[n]).max(f64::MIN_POSITIVE);
+            self.shift[n] = self.kappa[n] - self.omega[n] * self.prior_mean[n];
+        }
+    }
+
+    /// The terms of E that are sums over events.
+    fn event_terms(&self) -> f64 {
+        let term = |n: usize| {
+            let (tilt, omega, mean) = (self.tilts[n], self.omega[n], self.prior_mean[n]);
+            let tilted = 0.5 * omega * tilt * tilt - self.weights[n] * ln_2_cosh(0.5 * tilt);
+            tilted + (self.kappa[n] - 0.5 * omega * mean) * mean
+        };
+        (0..self.tilts.len()).map(term).sum()
+    }
+
+    /// Takes the posterior mean from about the prior mean to about zero, and sets the images. The largest change of a tilt.
+    fn set_images(&mut self) -> f64 {
+        let mut change = 0.0;
+        for n in 0..self.tilts.len() {
+            self.mean[n] += self.prior_mean[n];
+            let tilt = (self.mean[n] * self.mean[n] + self.variance[n]).sqrt().max(TILT_MIN);
+            change = f64::max(change, (tilt - self.tilts[n]).abs());
+            self.images[n] = tilt.ln();
+        }
+        change
+    }
 }
 
 /// ln(2 cosh x), without overflow.
