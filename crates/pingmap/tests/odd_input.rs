@@ -78,7 +78,10 @@ fn a_vehicle_without_training_events_in_one_split() {
         writeln!(splits, "{},{}", u8::from(received_by_b), u8::from(n % 3 == 0)).unwrap();
     }
     file(folder.path(), "splits.csv", splits);
-    let output = pingmap(folder.path(), &["replay", "events.csv", "--splits", "splits.csv", "--frames", "2", "--json"]);
+    // A kernel given, so that what is compared is sharing and not the search.
+    let command = ["replay", "events.csv", "--splits", "splits.csv", "--frames", "2", "--json"];
+    let kernel = ["--length-scale-m", "500", "--variance", "4"];
+    let output = pingmap(folder.path(), &[&command[..], &kernel].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(stderr(&output).contains("split all_of_b: no training events for b"), "{}", stderr(&output));
     let result: Value = serde_json::from_slice(&output.stdout).unwrap();
