@@ -53,6 +53,11 @@ pub struct Link {
 }
 
 impl Link {
+    /// Transmitter, then receiver.
+    pub fn ends(&self) -> [Position; 2] {
+        [self.transmitter, self.receiver]
+    }
+
     /// Horizontal distance between the ends, in metres.
     pub fn range_m(&self) -> f64 {
         let east = self.transmitter.east_m - self.receiver.east_m;

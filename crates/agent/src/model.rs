@@ -82,8 +82,8 @@ impl Model {
     pub fn inputs<'a>(&self, links: impl IntoIterator<Item = &'a Link>) -> dgpc::Result<Inputs> {
         let mut values = Vec::new();
         for link in links {
-            for end in [&link.transmitter, &link.receiver] {
-                let (east_m, north_m) = self.chart.local_m(end);
+            for end in link.ends() {
+                let (east_m, north_m) = self.chart.local_m(&end);
                 values.extend([east_m, north_m]);
                 if self.inputs == InputSpec::PositionsAndDepths {
                     values.push(end.depth_m.unwrap_or(0.0));

@@ -66,7 +66,7 @@ fn gaussian_terms(features: &Features, omega: &[f64], shift: &[f64], slack: f64)
     let points = features.by_event.rows();
     let mut system = Matrix::zeros(points, points);
     features.precision(&damped, &mut system);
-    (0..points).for_each(|i| system[(i, i)] += 1.0);
+    system.add_to_diagonal(1.0);
     let cholesky = Cholesky::new("I + ΦᵀΩΦ", system)?;
     let mut explained = features.by_event.times(&target);
     cholesky.solve_lower(&mut explained);

@@ -65,7 +65,7 @@ impl Gibbs {
         let mut gram = prior.kernel().gram(observations.inputs())?;
         let prior_cholesky = Cholesky::with_jitter("K", &gram)?;
         // The chain is exact for the prior it draws from.
-        (0..size).for_each(|n| gram[(n, n)] += prior_cholesky.jitter());
+        gram.add_to_diagonal(prior_cholesky.jitter());
         let prior_mean = prior.mean().values(observations.inputs())?;
         let (cholesky, scratch) = Cholesky::reserve(size);
         Ok(Self {

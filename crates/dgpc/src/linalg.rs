@@ -57,6 +57,11 @@ impl Matrix {
         (0..self.rows().min(self.columns())).map(|i| self[(i, i)]).collect()
     }
 
+    /// Adds a number to every entry of the diagonal.
+    pub(crate) fn add_to_diagonal(&mut self, value: f64) {
+        (0..self.rows().min(self.columns())).for_each(|i| self[(i, i)] += value);
+    }
+
     /// The transposed matrix, copied.
     pub fn transposed(&self) -> Self {
         Self(self.0.transpose().to_owned())
@@ -217,9 +222,7 @@ impl Cholesky {
             cholesky.jitter = mean * 10f64.powi(exponent);
             exponent += 1;
             cholesky.factor.copy_from(matrix);
-            for i in 0..size {
-                cholesky.factor[(i, i)] += cholesky.jitter;
-            }
+            cholesky.factor.add_to_diagonal(cholesky.jitter);
             failure = cholesky.factorise(&mut scratch);
         }
         Ok(cholesky)
@@ -295,6 +298,14 @@ impl Cholesky {
     /// X ← L⁻ᵀX. O(n² columns).
     pub(crate) fn solve_upper_matrix(&self, x: &mut Matrix) {
         triangular_solve::solve_upper_triangular_in_place(self.factor.t(), x.0.as_mut(), Par::Seq);
+    }
+
+    /// L⁻¹XL⁻ᵀ for a symmetric X. O(n³).
+    pub(crate) fn whiten(&self, mut x: Matrix) -> Matrix {
+        self.solve_lower_matrix(&mut x);
+        let mut x = x.transposed();
+        self.solve_lower_matrix(&mut x);
+        x
     }
 
     /// Rows `first..first + n` of X ← L⁻¹ of the same rows.

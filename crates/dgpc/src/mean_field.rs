@@ -144,7 +144,7 @@ pub fn sparse(
         features.precision(omega, &mut precision);
         cholesky.refactorise("I + ΦᵀΩΦ", &mut scratch, |b| {
             b.copy_from(&precision);
-            (0..points).for_each(|i| b[(i, i)] += 1.0);
+            b.add_to_diagonal(1.0);
         })?;
         multiply_vector(features.by_event.view(), shift, &mut weights);
         cholesky.solve_lower(&mut weights);

@@ -85,7 +85,7 @@ impl Posterior {
         roots.rotate(&mut system);
         let mut system = system.transposed();
         roots.rotate(&mut system);
-        (0..support.len()).for_each(|i| system[(i, i)] += 1.0);
+        system.add_to_diagonal(1.0);
         let cholesky = Cholesky::new("I + RᵀTR", system)?;
         cholesky.solve(&mut correction);
         roots.apply(&mut correction);
@@ -118,9 +118,7 @@ impl Posterior {
             }
         }
         gram.solve_lower(&mut weights);
-        gram.solve_lower_matrix(&mut covariance);
-        let mut covariance = covariance.transposed();
-        gram.solve_lower_matrix(&mut covariance);
+        let covariance = gram.whiten(covariance);
         let jitter = summaries.iter().map(|summary| summary.jitter()).fold(gram.jitter(), f64::max);
         let spread = Spread::Concatenated { gram, covariance };
         Ok(Self { prior: prior.clone(), support, whitening: Vec::new(), weights, spread, jitter })

@@ -102,10 +102,7 @@ impl Summary {
     ) -> Result<Self> {
         let mut summary = Self::empty(prior, inducing_points)?;
         // S = L⁻¹ΣL⁻ᵀ has eigenvalues in (0, 1]; Ĝ = S⁻¹ − I, b̂ = S⁻¹L⁻¹m.
-        let mut whitened = covariance.clone();
-        summary.cholesky.solve_lower_matrix(&mut whitened);
-        let mut whitened = whitened.transposed();
-        summary.cholesky.solve_lower_matrix(&mut whitened);
+        let mut whitened = summary.cholesky.whiten(covariance.clone());
         whitened.symmetrise();
         let (values, vectors) = symmetric_eigen("posterior covariance at the inducing points", &whitened)?;
         let mut target = mean.to_vec();
@@ -274,7 +271,7 @@ impl Summary {
     /// [`Error::NotPositiveDefinite`] when I + Ĝ is not, as after subtracting what was never observed.
     pub fn moments(&self) -> Result<(Vec<f64>, Matrix)> {
         let mut total = self.precision.clone();
-        (0..self.len()).for_each(|i| total[(i, i)] += 1.0);
+        total.add_to_diagonal(1.0);
         let total = Cholesky::new("I + Ĝ", total)?;
         let mut mean = self.shift.clone();
         total.solve(&mut mean);

@@ -28,12 +28,10 @@ pub fn run(options: &cli::Demo) -> anyhow::Result<()> {
         summary: SummaryKind::Marginal,
         fusion: Fusion::Sites,
         points_per_frame: 4,
-        frames_max: 0,
         seed: SEED,
     };
     let splits = draw_splits(&log, 3, 0.35, SEED);
     let events = log.events.len();
-    let names = ("sites".to_owned(), "marginal".to_owned());
-    let mission = Replayed::new(log, events, splits, &[1, 2, 5, 10, 20], plan, names)?;
+    let mission = Replayed::new(log, events, splits, &[1, 2, 5, 10, 20], plan)?;
     mission.show(options.json, Some(&options.out))
 }

@@ -109,7 +109,7 @@ const ORIGIN_DISTANCE_MAX_M: f64 = 1e5;
 
 /// Checks that (0, 0) of the log is near its events, as `--origin` needs.
 fn check_near_origin(log: &EventLog) -> anyhow::Result<()> {
-    let ends = log.events.iter().flat_map(|event| [event.link.transmitter, event.link.receiver]);
+    let ends = log.events.iter().flat_map(|event| event.link.ends());
     let farthest_m = ends.map(|end| end.east_m.hypot(end.north_m)).fold(0.0, f64::max);
     if farthest_m > ORIGIN_DISTANCE_MAX_M {
         let farthest_km = farthest_m / 1000.0;
@@ -240,7 +240,7 @@ impl SuccessMap {
 /// The area of a log and a place, with a margin of a twentieth and at least 50 m; never narrower than half its length, so
 /// that a straight survey line still makes a picture.
 pub fn extent(events: &[Event], at: &Position) -> (Point, Point) {
-    let ends = events.iter().flat_map(|event| [event.link.transmitter, event.link.receiver]);
+    let ends = events.iter().flat_map(|event| event.link.ends());
     let (mut east, mut north) = ((at.east_m, at.east_m), (at.north_m, at.north_m));
     for end in ends {
         east = (east.0.min(end.east_m), east.1.max(end.east_m));

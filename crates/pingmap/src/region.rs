@@ -19,7 +19,9 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
     let own = survey::only(&log, &options.vehicle)?;
     let bar = spinner("learning");
     let fit = survey::fit(&log, &options.kernel.choice(), options.seed)?;
+    bar.finish_and_clear();
     let Region { events: region, inputs, radius_m } = Region::find(&own, &fit, options)?;
+    let bar = spinner("selecting");
     let prior = &fit.model.prior;
     let candidates = Candidates::new(prior.kernel(), &inputs)?;
     let selection = choose(&candidates, options);

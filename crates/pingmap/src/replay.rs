@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use dgpc::Shape;
-use pingmap_agent::{InputSpec, VehicleId};
+use pingmap_agent::{Fusion, InputSpec, SummaryKind, VehicleId};
 use pingmap_trial::{EventLog, MeanScore, Plan, Replay, Split, draw_splits, read_splits};
 use serde_json::{Value, json};
 
-use crate::cli::{self, name_of};
+use crate::cli;
 use crate::output::{count, note, print, print_json, progress, table, use_threads, warn};
 use crate::report;
 use crate::survey::{open_log, thinned};
@@ -30,11 +30,9 @@ pub fn run(options: &cli::Replay) -> anyhow::Result<()> {
         summary: options.summary.kind(),
         fusion: options.fusion.fusion(),
         points_per_frame: options.points_per_frame,
-        frames_max: 0,
         seed: options.work.seed,
     };
-    let names = (name_of(&options.fusion), name_of(&options.summary));
-    let mission = Replayed::new(log, events, splits, &options.frames, plan, names)?;
+    let mission = Replayed::new(log, events, splits, &options.frames, plan)?;
     mission.show(options.json, options.report.as_deref())
 }
 
@@ -46,24 +44,15 @@ pub struct Replayed {
     pub replay: Replay,
     /// Events in the file, before thinning.
     events: usize,
-    /// What the user calls the fusion and the summary.
-    names: (String, String),
 }
 
 impl Replayed {
     /// Replays the mission with a progress bar.
-    pub fn new(
-        log: EventLog,
-        events: usize,
-        splits: Vec<Split>,
-        frames: &[usize],
-        plan: Plan,
-        names: (String, String),
-    ) -> anyhow::Result<Self> {
+    pub fn new(log: EventLog, events: usize, splits: Vec<Split>, frames: &[usize], plan: Plan) -> anyhow::Result<Self> {
         let bar = progress((splits.len() * (1 + frames.len())) as u64, "replaying");
         let replay = pingmap_trial::replay(&log, &splits, frames, &plan, &|| bar.inc(1))?;
         bar.finish_and_clear();
-        Ok(Self { log, splits, plan, replay, events, names })
+        Ok(Self { log, splits, plan, replay, events })
     }
 
     /// Warns, prints, and writes the report if one is wanted.
@@ -175,8 +164,8 @@ impl Replayed {
             "{} mean field for each vehicle, {} for all events together; {} summaries, fusion by {}",
             words(own),
             words(centralised),
-            self.names.1,
-            self.names.0,
+            summary_name(self.plan.summary),
+            fusion_name(self.plan.fusion),
         )
     }
 
@@ -224,7 +213,7 @@ impl Replayed {
             "inference": {
                 "own": method(own), "centralised": method(centralised),
                 "dense_events_max": limits.dense_events_max, "inducing_points_max": limits.inducing_points_max,
-                "summary": self.names.1, "fusion": self.names.0,
+                "summary": summary_name(self.plan.summary), "fusion": fusion_name(self.plan.fusion),
             },
             "kernel": {
                 "shape": shape_name(kernel.shape), "reciprocal": kernel.reciprocal,
@@ -251,6 +240,22 @@ fn score_row(name: &str, score: &MeanScore) -> Vec<String> {
 
 fn score_json(score: &MeanScore) -> Value {
     json!({ "acc": score.accuracy, "nll": score.nll, "nll_se": score.nll_se })
+}
+
+/// As the option `--fusion` calls it.
+fn fusion_name(fusion: Fusion) -> &'static str {
+    match fusion {
+        Fusion::Sites => "sites",
+        Fusion::Concatenation => "concatenation",
+    }
+}
+
+/// As the option `--summary` calls it.
+fn summary_name(kind: SummaryKind) -> &'static str {
+    match kind {
+        SummaryKind::Marginal => "marginal",
+        SummaryKind::Variational => "variational",
+    }
 }
 
 /// As the option `--kernel` calls it.

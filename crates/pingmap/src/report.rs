@@ -26,9 +26,8 @@ pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
 }
 
-/// Writes the report to a folder and returns its page.
+/// Writes the report to a folder that [`make_folder`] made, and returns its page.
 pub fn write(replayed: &Replayed, folder: &Path) -> anyhow::Result<PathBuf> {
-    make_folder(folder)?;
     let bar = spinner("drawing the report");
     let pictures = Pictures::draw(replayed)?;
     let page = folder.join("index.html");
@@ -58,8 +57,8 @@ impl Pictures {
         let found = replayed.replay.splits.first().context("a replay has at least one split")?;
         let (length_scale_m, variance) = (Some(found.length_scale_m), Some(found.variance));
         let kernel = KernelChoice { length_scale_m, variance, ..replayed.plan.kernel };
-        let plan = Plan { frames_max: frames, kernel, ..replayed.plan };
-        let mission = Mission::prepare(&replayed.log, split, &plan)?;
+        let plan = Plan { kernel, ..replayed.plan };
+        let mission = Mission::prepare(&replayed.log, split, &plan, frames)?;
         let sent = mission.packets(frames)?;
         let team = mission.after_sharing(&sent)?;
         let viewer = team.first().context("every log has a receiver")?;

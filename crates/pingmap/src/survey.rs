@@ -31,10 +31,8 @@ fn warn_about(log: &EventLog) {
     if let [vehicle] = log.vehicles().as_slice() {
         warn(format_args!("{vehicle} is the only receiver: there is nobody to share with"));
     }
-    let bits = |link: &Link| {
-        let ends = [link.transmitter, link.receiver];
-        ends.map(|end| [end.east_m, end.north_m, end.depth_m.unwrap_or(0.0)].map(f64::to_bits))
-    };
+    let bits =
+        |link: &Link| link.ends().map(|end| [end.east_m, end.north_m, end.depth_m.unwrap_or(0.0)].map(f64::to_bits));
     let distinct: HashSet<_> = log.events.iter().map(|event| bits(&event.link)).collect();
     if log.events.len() >= 100 && distinct.len() * 20 < log.events.len() {
         warn(format_args!(
@@ -80,9 +78,9 @@ impl Survey {
         let mut agent = Agent::new(VehicleId::new("survey"), Arc::new(fit.model.clone()), work.limits());
         agent.observe_all(log.events.iter().cloned());
         agent.learn()?;
-        warn_of_quality(&agent.fit_quality()?);
         let posterior = agent.posterior(Fusion::Sites)?;
         bar.finish_and_clear();
+        warn_of_quality(&agent.fit_quality()?);
         note(describe(&fit, log.events.len(), agent.learns_densely()));
         Ok(Self { log, fit, posterior })
     }
@@ -94,7 +92,7 @@ impl Survey {
 }
 
 /// Warns of a fit that is not what it should be.
-pub fn warn_of_quality(quality: &FitQuality) {
+fn warn_of_quality(quality: &FitQuality) {
     if !quality.converged {
         warn(format_args!("the fit stopped before its fixed point: tilts still change by {:.1e}", quality.change));
     }
@@ -102,8 +100,8 @@ pub fn warn_of_quality(quality: &FitQuality) {
 
 /// Mean depth of all ends in a log; unknown without depths.
 pub fn mean_depth_m(log: &EventLog) -> Option<f64> {
-    let ends = log.events.iter().flat_map(|event| [event.link.transmitter.depth_m, event.link.receiver.depth_m]);
-    let depths: Vec<f64> = ends.flatten().collect();
+    let ends = log.events.iter().flat_map(|event| event.link.ends());
+    let depths: Vec<f64> = ends.filter_map(|end| end.depth_m).collect();
     (!depths.is_empty()).then(|| depths.iter().sum::<f64>() / depths.len() as f64)
 }
 

@@ -177,7 +177,7 @@ impl EventLog {
 
     /// A chart about the middle of all positions.
     pub fn chart(&self) -> Chart {
-        Chart::about(self.events.iter().flat_map(|event| [event.link.transmitter, event.link.receiver]))
+        Chart::about(self.events.iter().flat_map(|event| event.link.ends()))
     }
 
     /// The inputs that these links can yield.

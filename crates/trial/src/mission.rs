@@ -23,8 +23,6 @@ pub struct Plan {
     pub fusion: Fusion,
     /// Inducing points in a packet.
     pub points_per_frame: usize,
-    /// Packets that every vehicle plans, at most.
-    pub frames_max: usize,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -52,12 +50,12 @@ pub struct Mission {
 }
 
 impl Mission {
-    /// Splits the log, learns the model, lets every vehicle learn from its own training events, and plans their packets. Runs
+    /// Splits the log, learns the model, lets every vehicle learn from its own training events, and plans up to `frames_max` packets of each. Runs
     /// vehicles in parallel on the current thread pool.
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses.
-    pub fn prepare(log: &EventLog, split: &Split, plan: &Plan) -> Result<Self, AgentError> {
+    pub fn prepare(log: &EventLog, split: &Split, plan: &Plan, frames_max: usize) -> Result<Self, AgentError> {
         let events = |held_out| split.indices(held_out).into_iter().map(|n| &log.events[n]).collect::<Vec<_>>();
         let (training, held_out) = (events(false), events(true));
         let fit = evidence_grid::search(&plan.kernel, log.chart(), log.inputs(), &training, plan.seed)?;
@@ -69,7 +67,7 @@ impl Mission {
         };
         let learn_vehicle = |id: VehicleId| {
             let agent = learn(id.clone(), &|event| event.receiver_id == id)?;
-            let packet_plan = agent.plan_packets(plan.frames_max, plan.points_per_frame)?;
+            let packet_plan = agent.plan_packets(frames_max, plan.points_per_frame)?;
             Ok((agent, packet_plan))
         };
         let (team, centralised) = rayon::join(

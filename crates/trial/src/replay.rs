@@ -123,9 +123,8 @@ pub fn replay(
     plan: &Plan,
     step: &(dyn Fn() + Sync),
 ) -> Result<Replay, ReplayError> {
-    let plan = Plan { frames_max: frames.iter().copied().max().unwrap_or(0), ..*plan };
     let scores: Result<Vec<SplitScores>, ReplayError> =
-        splits.par_iter().map(|split| replay_split(log, split, frames, &plan, step)).collect();
+        splits.par_iter().map(|split| replay_split(log, split, frames, plan, step)).collect();
     let scores = scores?;
     let mean = |of: &dyn Fn(&SplitScores) -> Score| {
         MeanScore::over(&scores.iter().map(of).collect::<Vec<_>>()).ok_or(ReplayError::NoSplits)
@@ -165,7 +164,8 @@ fn replay_split(
 ) -> Result<SplitScores, ReplayError> {
     let failed = |source: AgentError| ReplayError::Method { split: split.name.clone(), source };
     let nothing = || ReplayError::NothingHeldOut { split: split.name.clone() };
-    let mission = Mission::prepare(log, split, plan).map_err(failed)?;
+    let frames_max = frames.iter().copied().max().unwrap_or(0);
+    let mission = Mission::prepare(log, split, plan, frames_max).map_err(failed)?;
     let score = |probabilities: &[f64]| Score::new(probabilities, &mission.outcomes).ok_or_else(nothing);
     let score_each = |predictions: Vec<Vec<f64>>| {
         let each = predictions.iter().map(|p| score(p)).collect::<Result<Vec<_>, _>>()?;
