@@ -1,12 +1,13 @@
 //! How far a sparse posterior is from the full one: bounds on the log evidence given ω, and the KL certificate (docs/method.md,
 //! section 4).
 
+use crate::dense::fill_scaled;
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::linalg::{Cholesky, Matrix, squared_norm};
-use crate::mean_field::{Features, fill_scaled};
 use crate::prior_mean::Prior;
 use crate::sites::Sites;
+use crate::sparse::Features;
 
 /// What is certain about KL\[sparse posterior ‖ full posterior\] given ω, without ever forming an N×N matrix.
 ///

@@ -119,5 +119,9 @@ pub(crate) fn finite(what: &'static str, value: f64) -> Result<f64> {
 
 /// Checks that two sizes agree.
 pub(crate) fn same_size(what: &'static str, expected: usize, found: usize) -> Result<()> {
-    if expected == found { Ok(()) } else { Err(Error::SizeMismatch { what, expected, found }) }
+    if expected == found { Ok(()) } else { Err(size_mismatch(what, expected, found)) }
+}
+
+pub(crate) fn size_mismatch(what: &'static str, expected: usize, found: usize) -> Error {
+    Error::SizeMismatch { what, expected, found }
 }

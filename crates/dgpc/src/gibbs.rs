@@ -3,9 +3,9 @@
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
+use crate::dense::fill_scaled;
 use crate::error::{Error, Result, same_size};
 use crate::linalg::{Cholesky, CholeskyScratch, Matrix, multiply_vector};
-use crate::mean_field::fill_scaled;
 use crate::polya_gamma;
 use crate::prior_mean::Prior;
 use crate::sites::{Observations, Sites};

@@ -37,6 +37,31 @@ impl Shape {
             }
         }
     }
+
+    /// Correlation at squared scaled distance r², and its derivative by r².
+    #[inline]
+    fn correlation_and_slope(self, squared_distance: f64) -> (f64, f64) {
+        if !squared_distance.is_finite() {
+            return (0.0, 0.0);
+        }
+        match self {
+            Shape::SquaredExponential => {
+                let correlation = (-0.5 * squared_distance).exp();
+                (correlation, -0.5 * correlation)
+            }
+            Shape::Matern32 => {
+                let r = (3.0 * squared_distance).sqrt();
+                let decay = (-r).exp();
+                (decay + r * decay, -1.5 * decay)
+            }
+            Shape::Matern52 => {
+                let r = (5.0 * squared_distance).sqrt();
+                let decay = (-r).exp();
+                let linear = decay + r * decay;
+                (linear + r * (r * decay) / 3.0, -5.0 / 6.0 * linear)
+            }
+        }
+    }
 }
 
 /// An involution x → Rx of the inputs that exchanges columns or turns their sign, such as swapping the two ends of a link.
@@ -87,12 +112,15 @@ pub struct Term {
     shape: Shape,
     variance: f64,
     columns: Vec<usize>,
+    /// One per column.
     length_scales: Vec<f64>,
+    /// For every column the group whose length-scale it shares; groups are numbered from 0 in the order of their first column.
+    groups: Vec<usize>,
     reflection: Option<Reflection>,
 }
 
 impl Term {
-    /// A term over `columns` with one length-scale per column (the same everywhere: isotropic).
+    /// A term over `columns` with one length-scale per column, each learned by itself (see [`Term::tied`]).
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a variance or length-scale that is not finite and positive or for no columns,
@@ -110,19 +138,39 @@ impl Term {
                 return Err(Error::RepeatedColumn { what: "kernel term", column: *column });
             }
         }
-        Ok(Self { shape, variance, columns: columns.to_vec(), length_scales: length_scales.to_vec(), reflection: None })
+        let groups = (0..columns.len()).collect();
+        let (columns, length_scales) = (columns.to_vec(), length_scales.to_vec());
+        Ok(Self { shape, variance, columns, length_scales, groups, reflection: None })
     }
 
-    /// An isotropic term over the first `dimension` columns. See [`Term::new`].
+    /// An isotropic term over the first `dimension` columns, which share one length-scale. See [`Term::new`].
     ///
     /// # Errors
     /// As [`Term::new`].
     pub fn isotropic(shape: Shape, variance: f64, length_scale: f64, dimension: usize) -> Result<Self> {
         let columns: Vec<usize> = (0..dimension).collect();
-        Self::new(shape, variance, &columns, &vec![length_scale; dimension])
+        Self::new(shape, variance, &columns, &vec![length_scale; dimension])?.tied(&vec![0; dimension])
     }
 
-    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] (docs/method.md, section 7). Its diagonal depends on x.
+    /// Ties the length-scales of columns with the same number in `groups` (one per column) to each other: they are one
+    /// parameter when the kernel is learned.
+    ///
+    /// # Errors
+    /// [`Error::SizeMismatch`] for another number of groups than columns, [`Error::Different`] when tied length-scales differ.
+    pub fn tied(mut self, groups: &[usize]) -> Result<Self> {
+        same_size("groups of length-scales, one per kernel column", self.columns.len(), groups.len())?;
+        let first = |group: usize| groups.iter().position(|&other| other == group).unwrap_or_default();
+        for (column, &group) in groups.iter().enumerate() {
+            if self.length_scales[first(group)] != self.length_scales[column] {
+                return Err(Error::Different { what: "tied columns of a kernel term", of: "length-scales" });
+            }
+        }
+        self.groups = renumbered(groups);
+        Ok(self)
+    }
+
+    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] (docs/method.md, section 7). Its diagonal depends on x. Columns that
+    /// the reflection exchanges are tied.
     ///
     /// # Errors
     /// [`Error::NotReciprocal`] when the reflection leaves the term's columns or exchanges columns of different
@@ -143,6 +191,13 @@ impl Term {
                 });
             }
         }
+        for (place, column) in self.columns.iter().enumerate() {
+            let (partner, _) = reflection.image(*column);
+            let partner = self.columns.iter().position(|&c| c == partner).unwrap_or(place);
+            let (own, other) = (self.groups[place], self.groups[partner]);
+            self.groups.iter_mut().filter(|group| **group == other).for_each(|group| *group = own);
+        }
+        self.groups = renumbered(&self.groups);
         self.reflection = Some(reflection);
         Ok(self)
     }
@@ -167,9 +222,40 @@ impl Term {
         &self.length_scales
     }
 
+    /// For every column the group of tied columns that it belongs to, numbered from 0.
+    pub fn groups(&self) -> &[usize] {
+        &self.groups
+    }
+
     /// Whether the term is reciprocal.
     pub fn is_reciprocal(&self) -> bool {
         self.reflection.is_some()
+    }
+
+    /// Number of length-scales that are not tied to each other.
+    fn group_count(&self) -> usize {
+        self.groups.iter().max().map_or(0, |last| last + 1)
+    }
+
+    /// Number of parameters that can be learned: the variance, and a length-scale for every group.
+    fn parameter_count(&self) -> usize {
+        1 + self.group_count()
+    }
+
+    /// ln of the variance and of every group's length-scale.
+    fn log_parameters(&self) -> impl Iterator<Item = f64> {
+        let length_scale = |group: usize| {
+            let column = self.groups.iter().position(|&other| other == group).unwrap_or_default();
+            self.length_scales[column].ln()
+        };
+        std::iter::once(self.variance.ln()).chain((0..self.group_count()).map(length_scale))
+    }
+
+    /// The same term with other parameters, as [`Term::log_parameters`] lays them out.
+    fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
+        let length_scales: Vec<f64> = self.groups.iter().map(|&group| parameters[1 + group].exp()).collect();
+        let checked = Self::new(self.shape, parameters[0].exp(), &self.columns, &length_scales)?;
+        Ok(Self { groups: self.groups.clone(), reflection: self.reflection.clone(), ..checked })
     }
 
     /// The chosen columns of every point, reflected if asked, divided by their length-scales: N rows of `columns.len()`.
@@ -215,6 +301,74 @@ impl Term {
                 self.add_correlations(weight, point, &left[first * width..], &mut out.column_mut(column)[first..]);
             }
         }
+    }
+
+    /// Adds Σ wᵢ · (correlation, its derivative by r² times each column's part of r²) over the pairs of `point` and `others`
+    /// to `sums`, one entry more than columns.
+    fn add_slopes(&self, point: &[f64], others: &[f64], weights: &[f64], sums: &mut [f64]) {
+        let mut squares = vec![0.0; point.len()];
+        for (other, weight) in others.chunks_exact(point.len()).zip(weights) {
+            for ((square, a), b) in squares.iter_mut().zip(point).zip(other) {
+                *square = (a - b) * (a - b);
+            }
+            let (correlation, slope) = self.shape.correlation_and_slope(squares.iter().sum());
+            sums[0] += weight * correlation;
+            let slope = weight * slope;
+            // Beyond the reach of numbers the slope is zero and the square may be infinite.
+            if slope != 0.0 {
+                sums[1..].iter_mut().zip(&squares).for_each(|(sum, square)| *sum += slope * square);
+            }
+        }
+    }
+
+    /// Adds `factor` · the sums of [`Term::add_slopes`] to a gradient by ln variance and ln length-scales: ∂r²/∂ln ℓ_c is
+    /// −2 · (column c's part of r²).
+    fn add_parts(&self, factor: f64, sums: &[f64], gradient: &mut [f64]) {
+        gradient[0] += factor * sums[0];
+        for (sum, &group) in sums[1..].iter().zip(&self.groups) {
+            gradient[1 + group] -= 2.0 * factor * sum;
+        }
+    }
+
+    /// Adds Σ W_ij ∂k(a_i, b_j)/∂(log parameters) to `gradient`, over rows from `first_row(column)` of each column on.
+    fn add_cross_gradient(
+        &self,
+        (a, b): (&Inputs, &Inputs),
+        first_row: impl Fn(usize) -> usize,
+        weights: &Matrix,
+        gradient: &mut [f64],
+    ) {
+        let width = self.columns.len();
+        let left = self.scaled(a, false);
+        let mut images = vec![self.scaled(b, false)];
+        if self.reflection.is_some() {
+            images.push(self.scaled(b, true));
+        }
+        let mut sums = vec![0.0; 1 + width];
+        for image in &images {
+            for (column, point) in image.chunks_exact(width).enumerate() {
+                let first = first_row(column);
+                self.add_slopes(point, &left[first * width..], &weights.column(column)[first..], &mut sums);
+            }
+        }
+        self.add_parts(self.variance / images.len() as f64, &sums, gradient);
+    }
+
+    /// Adds Σ w_n ∂k(x_n, x_n)/∂(log parameters) to `gradient`.
+    fn add_diagonal_gradient(&self, inputs: &Inputs, weights: &[f64], gradient: &mut [f64]) {
+        let width = self.columns.len();
+        let mut sums = vec![0.0; 1 + width];
+        let total: f64 = weights.iter().sum();
+        if self.reflection.is_none() {
+            gradient[0] += self.variance * total;
+            return;
+        }
+        let (points, images) = (self.scaled(inputs, false), self.scaled(inputs, true));
+        for ((point, image), weight) in points.chunks_exact(width).zip(images.chunks_exact(width)).zip(weights) {
+            self.add_slopes(point, image, std::slice::from_ref(weight), &mut sums);
+        }
+        sums[0] += total;
+        self.add_parts(0.5 * self.variance, &sums, gradient);
     }
 
     /// Adds k(x, x) for every point to `out`.
@@ -319,4 +473,77 @@ impl Kernel {
         }
         Ok(diagonal)
     }
+
+    /// What is learned of a kernel: term by term ln of the variance, then ln of the length-scale of every group of tied columns.
+    pub fn log_parameters(&self) -> Vec<f64> {
+        self.terms.iter().flat_map(Term::log_parameters).collect()
+    }
+
+    /// The same kernel with other parameters, as [`Kernel::log_parameters`] lays them out.
+    ///
+    /// # Errors
+    /// [`Error::SizeMismatch`] for another number of parameters, [`Error::OutOfRange`] or [`Error::NotFinite`] where a variance or
+    /// length-scale leaves the range of numbers.
+    pub fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
+        same_size("parameters of a kernel", self.parameter_count(), parameters.len())?;
+        let parts = self.parts();
+        let terms = self.terms.iter().zip(parts).map(|(term, part)| term.with_log_parameters(&parameters[part]));
+        Ok(Self { terms: terms.collect::<Result<_>>()? })
+    }
+
+    /// Number of parameters.
+    pub(crate) fn parameter_count(&self) -> usize {
+        self.terms.iter().map(Term::parameter_count).sum()
+    }
+
+    /// Which parameters belong to each term.
+    fn parts(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        self.terms.iter().scan(0, |first, term| {
+            let part = *first..*first + term.parameter_count();
+            *first = part.end;
+            Some(part)
+        })
+    }
+
+    /// Σ_ij W_ij ∂k(x_i, x_j)/∂(log parameters) for a symmetric W, N×N. O(N²d).
+    pub(crate) fn gram_gradient(&self, inputs: &Inputs, weights: &Matrix) -> Vec<f64> {
+        let mut gradient = vec![0.0; self.parameter_count()];
+        for (term, part) in self.terms.iter().zip(self.parts()) {
+            term.add_cross_gradient((inputs, inputs), |column| column, weights, &mut gradient[part]);
+        }
+        gradient.iter_mut().for_each(|entry| *entry *= 2.0);
+        let diagonal = self.diagonal_gradient(inputs, &weights.diagonal());
+        gradient.iter_mut().zip(&diagonal).for_each(|(entry, diagonal)| *entry -= diagonal);
+        gradient
+    }
+
+    /// Σ_ij W_ij ∂k(a_i, b_j)/∂(log parameters), W of size N_a×N_b. O(N_a N_b d).
+    pub(crate) fn cross_gradient(&self, a: &Inputs, b: &Inputs, weights: &Matrix) -> Vec<f64> {
+        let mut gradient = vec![0.0; self.parameter_count()];
+        for (term, part) in self.terms.iter().zip(self.parts()) {
+            term.add_cross_gradient((a, b), |_| 0, weights, &mut gradient[part]);
+        }
+        gradient
+    }
+
+    /// Σ_n w_n ∂k(x_n, x_n)/∂(log parameters). O(Nd).
+    pub(crate) fn diagonal_gradient(&self, inputs: &Inputs, weights: &[f64]) -> Vec<f64> {
+        let mut gradient = vec![0.0; self.parameter_count()];
+        for (term, part) in self.terms.iter().zip(self.parts()) {
+            term.add_diagonal_gradient(inputs, weights, &mut gradient[part]);
+        }
+        gradient
+    }
+}
+
+/// The same partition with groups numbered from 0 in the order of their first member.
+fn renumbered(groups: &[usize]) -> Vec<usize> {
+    let mut seen: Vec<usize> = Vec::new();
+    let number = |&group: &usize| {
+        seen.iter().position(|&other| other == group).unwrap_or_else(|| {
+            seen.push(group);
+            seen.len() - 1
+        })
+    };
+    groups.iter().map(number).collect()
 }

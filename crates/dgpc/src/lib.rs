@@ -32,7 +32,10 @@
 
 mod anderson;
 mod bound;
+mod data;
+mod dense;
 mod error;
+pub mod evidence;
 mod gibbs;
 mod inducing;
 mod inputs;
@@ -44,10 +47,12 @@ mod posterior;
 mod predict;
 mod prior_mean;
 mod sites;
+mod sparse;
 mod summary;
 
 pub use bound::{Certificate, log_evidence};
 pub use error::{Error, Result};
+pub use evidence::Evidence;
 pub use gibbs::Gibbs;
 pub use inducing::{Candidates, DISTINCT_SHARE, Selection};
 pub use inputs::Inputs;

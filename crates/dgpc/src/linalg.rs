@@ -9,7 +9,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::evd;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::linalg::{matmul::matmul, triangular_solve};
+use faer::linalg::{matmul::matmul, triangular_inverse, triangular_solve};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
 use crate::error::{Error, Result};
@@ -111,6 +111,17 @@ impl Matrix {
         }
     }
 
+    /// The last `count` columns, copied.
+    pub(crate) fn last_columns(&self, count: usize) -> Self {
+        Self(self.view().subcols(self.columns() - count, count).to_owned())
+    }
+
+    /// Replaces as many last columns as `other` has.
+    pub(crate) fn set_last_columns(&mut self, other: &Matrix) {
+        let first = self.columns() - other.columns();
+        (0..other.columns()).for_each(|column| self.column_mut(first + column).copy_from_slice(other.column(column)));
+    }
+
     /// ½(A + Aᵀ), in place: takes rounding out of a matrix that is symmetric by its definition.
     pub(crate) fn symmetrise(&mut self) {
         for column in 1..self.columns() {
@@ -169,6 +180,22 @@ pub(crate) fn add_symmetric_product(factor: f64, a: View<'_>, out: &mut Matrix) 
         BlockStructure::Rectangular,
         a.transpose(),
         BlockStructure::Rectangular,
+        factor,
+        Par::Seq,
+    );
+    out.mirror_lower();
+}
+
+/// Adds `factor`·LᵀL to `out`, both triangles, for a lower triangular L. O(n³/3).
+pub(crate) fn add_lower_gram(factor: f64, lower: &Matrix, out: &mut Matrix) {
+    triangular::matmul(
+        out.0.as_mut(),
+        BlockStructure::TriangularLower,
+        Accum::Add,
+        lower.t(),
+        BlockStructure::TriangularUpper,
+        lower.view(),
+        BlockStructure::TriangularLower,
         factor,
         Par::Seq,
     );
@@ -312,6 +339,11 @@ impl Cholesky {
     pub(crate) fn solve_lower_rows(&self, x: &mut Matrix, first: usize) {
         let rows = x.0.as_mut().subrows_mut(first, self.size());
         triangular_solve::solve_lower_triangular_in_place(self.factor.view(), rows, Par::Seq);
+    }
+
+    /// Writes L⁻¹ to the lower triangle of `out`. O(n³/3).
+    pub(crate) fn invert_lower(&self, out: &mut Matrix) {
+        triangular_inverse::invert_lower_triangular(out.0.as_mut(), self.factor.view(), Par::Seq);
     }
 
     /// L·x. O(n²).

@@ -1,12 +1,15 @@
 //! ω by mean field: a deterministic fixed point that maximises the evidence bound E (docs/method.md, sections 2 and 7).
 
 use crate::anderson::Anderson;
+use crate::data::Data;
+use crate::dense::Dense;
 use crate::error::{Error, Result, finite, positive, same_size};
 use crate::inputs::Inputs;
-use crate::linalg::{Cholesky, Matrix, add_symmetric_product, dot, multiply_vector, squared_norm};
 use crate::polya_gamma;
+use crate::predict::success_probability;
 use crate::prior_mean::Prior;
 use crate::sites::{Observations, Sites};
+use crate::sparse::Sparse;
 
 /// When to stop, and where to start.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,9 +71,28 @@ pub struct MeanField {
     pub converged: bool,
     /// What was added to the diagonal of K_MM (0 for a dense fit, which factorises nothing but I + Ω^½KΩ^½).
     pub jitter: f64,
+    /// The part of `variance` that inducing points leave unexplained, N; zeros for a dense fit.
+    residual: Vec<f64>,
 }
 
-/// Mean field with the full Gaussian posterior. O(N³) an iteration, 2N² memory.
+impl MeanField {
+    /// ln p(y_n | all other events), nearly: what every event's posterior becomes when its own site is taken away, without a
+    /// second fit. Only nearly, because ω_n has seen y_n. Weights do not count. N, in nats. O(N) (docs/method.md, section 7).
+    pub fn leave_one_out(&self) -> Vec<f64> {
+        let log_predictive = |n: usize| {
+            let (omega, kappa) = (self.sites.omega()[n], self.sites.kappa()[n]);
+            // Only what the sites can move has a cavity: explained⁻¹ − ω, which is positive but for rounding.
+            let explained = (self.variance[n] - self.residual[n]).max(0.0);
+            let share = (1.0 - omega * explained).max(f64::EPSILON);
+            let mean = (self.mean[n] - explained * kappa) / share;
+            let probability = success_probability(mean * kappa.signum(), explained / share + self.residual[n]);
+            probability.max(f64::MIN_POSITIVE).ln()
+        };
+        (0..self.mean.len()).map(log_predictive).collect()
+    }
+}
+
+/// Mean field with the full Gaussian posterior. O(N³) an iteration, 3N² memory.
 ///
 /// ```
 /// use dgpc::{mean_field, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term};
@@ -88,42 +110,9 @@ pub struct MeanField {
 /// [`crate::Error::SizeMismatch`] for options that make no sense; [`crate::Error::NotPositiveDefinite`] or
 /// [`crate::Error::NotFinite`] when numbers near the end of the range overflow.
 pub fn dense(prior: &Prior, observations: &Observations, options: &Options) -> Result<MeanField> {
-    let gram = prior.kernel().gram(observations.inputs())?;
-    let size = observations.len();
-    let (mut cholesky, mut scratch) = Cholesky::reserve(size);
-    let mut whitened = Matrix::zeros(size, size);
-    let (mut roots, mut projected, mut correction) = (vec![0.0; size], vec![0.0; size], vec![0.0; size]);
-    iterate(prior, observations, options, |sites, shift, mean, variance| {
-        roots.iter_mut().zip(sites).for_each(|(root, omega)| *root = omega.sqrt());
-        cholesky.refactorise("I + Ω^½KΩ^½", &mut scratch, |b| fill_scaled(b, &gram, &roots))?;
-        for column in 0..size {
-            let scaled = whitened.column_mut(column).iter_mut().zip(gram.column(column)).zip(&roots);
-            scaled.for_each(|((out, k), root)| *out = k * root);
-        }
-        cholesky.solve_lower_matrix(&mut whitened);
-        multiply_vector(whitened.view(), shift, &mut projected);
-        multiply_vector(whitened.t(), &projected, &mut correction);
-        multiply_vector(gram.view(), shift, mean);
-        for n in 0..size {
-            mean[n] -= correction[n];
-            variance[n] = (gram[(n, n)] - squared_norm(whitened.column(n))).max(0.0);
-        }
-        Ok(0.5 * dot(mean, shift) - 0.5 * cholesky.log_determinant())
-    })
+    let data = Data::new(observations, &[])?;
+    Ok(iterate(&mut Dense::new(prior, &data)?, prior, &data, options)?.0)
 }
-
-/// Writes I + diag(roots)·K·diag(roots) to the lower triangle of `b`.
-pub(crate) fn fill_scaled(b: &mut Matrix, gram: &Matrix, roots: &[f64]) {
-    for column in 0..roots.len() {
-        let root = roots[column];
-        let entries = b.column_mut(column)[column..].iter_mut().zip(&gram.column(column)[column..]);
-        entries.zip(&roots[column..]).for_each(|((out, k), other)| *out = root * k * other);
-        b[(column, column)] += 1.0;
-    }
-}
-
-/// Events that one block of the sparse fit takes: M × 256 doubles stay in the second-level cache.
-const BLOCK: usize = 256;
 
 /// Mean field with a Gaussian posterior supported on M inducing points. O(NM²) an iteration, NM memory.
 ///
@@ -135,107 +124,41 @@ pub fn sparse(
     inducing_points: &Inputs,
     options: &Options,
 ) -> Result<MeanField> {
-    let features = Features::new(prior, observations.inputs(), inducing_points)?;
-    let points = inducing_points.len();
-    let (mut cholesky, mut scratch) = Cholesky::reserve(points);
-    let mut precision = Matrix::zeros(points, points);
-    let mut weights = vec![0.0; points];
-    let mut fit = iterate(prior, observations, options, |omega, shift, mean, variance| {
-        features.precision(omega, &mut precision);
-        cholesky.refactorise("I + ΦᵀΩΦ", &mut scratch, |b| {
-            b.copy_from(&precision);
-            b.add_to_diagonal(1.0);
-        })?;
-        multiply_vector(features.by_event.view(), shift, &mut weights);
-        cholesky.solve_lower(&mut weights);
-        let explained = squared_norm(&weights);
-        cholesky.solve_upper(&mut weights);
-        multiply_vector(features.by_event.t(), &weights, mean);
-        features.add_variance(&cholesky, variance);
-        let slack: f64 = omega.iter().zip(&features.residual).map(|(omega, residual)| omega * residual).sum();
-        Ok(0.5 * explained - 0.5 * cholesky.log_determinant() - 0.5 * slack)
-    })?;
-    fit.jitter = features.cholesky.jitter();
-    Ok(fit)
+    let data = Data::new(observations, &[])?;
+    Ok(iterate(&mut Sparse::new(prior, &data, inducing_points)?, prior, &data, options)?.0)
 }
 
-/// Φᵀ = L⁻¹K_MN of events against inducing points, K_MM = LLᵀ, and what it leaves of each event's prior variance.
-pub(crate) struct Features {
-    pub(crate) cholesky: Cholesky,
-    /// Φᵀ, M×N.
-    pub(crate) by_event: Matrix,
-    /// diag(K_NN − ΦΦᵀ), N, not negative.
-    pub(crate) residual: Vec<f64>,
-}
+/// A Gaussian posterior that can be updated for other ω.
+pub(crate) trait Engine {
+    /// Writes the posterior mean about the prior mean and the variance of everything observed, and returns the terms of E that
+    /// depend on the covariance.
+    fn pass(&mut self, omega: &[f64], shift: &[f64], mean: &mut [f64], variance: &mut [f64]) -> Result<f64>;
 
-impl Features {
-    /// O(NM²).
-    pub(crate) fn new(prior: &Prior, inputs: &Inputs, inducing_points: &Inputs) -> Result<Self> {
-        let cholesky = Cholesky::with_jitter("K_MM", &prior.kernel().gram(inducing_points)?)?;
-        Self::with_cholesky(prior, inputs, inducing_points, cholesky)
-    }
+    /// ∂E/∂(log parameters of the kernel) at the ω and shift of the last pass.
+    fn kernel_gradient(&self, prior: &Prior, data: &Data<'_>, omega: &[f64]) -> Vec<f64>;
 
-    /// The same with K_MM factorised beforehand.
-    pub(crate) fn with_cholesky(
-        prior: &Prior,
-        inputs: &Inputs,
-        inducing_points: &Inputs,
-        cholesky: Cholesky,
-    ) -> Result<Self> {
-        let mut by_event = prior.kernel().cross(inducing_points, inputs)?;
-        cholesky.solve_lower_matrix(&mut by_event);
-        let diagonal = prior.kernel().diagonal(inputs)?;
-        let residual =
-            diagonal.iter().enumerate().map(|(n, k)| (k - squared_norm(by_event.column(n))).max(0.0)).collect();
-        Ok(Self { cholesky, by_event, residual })
-    }
+    /// α = κ̃ − Ωδ of the last pass, which is ∂E/∂μ₀ of everything observed.
+    fn alpha(&self) -> &[f64];
 
-    /// ΦᵀΩΦ, M×M, by blocks of events. O(NM²).
-    pub(crate) fn precision(&self, omega: &[f64], out: &mut Matrix) {
-        (0..out.columns()).for_each(|column| out.column_mut(column).fill(0.0));
-        let mut block = Matrix::zeros(out.rows(), BLOCK.min(omega.len()));
-        for first in (0..omega.len()).step_by(BLOCK) {
-            let width = BLOCK.min(omega.len() - first);
-            for column in 0..width {
-                let root = omega[first + column].sqrt();
-                let features = self.by_event.column(first + column);
-                block.column_mut(column).iter_mut().zip(features).for_each(|(out, phi)| *out = root * phi);
-            }
-            add_symmetric_product(1.0, block.view().subcols(0, width), out);
-        }
-    }
+    /// Prior variance of the first `events` that no pass can explain.
+    fn residual(&self, events: usize) -> Vec<f64>;
 
-    /// residual_n + φ_nᵀS⁻¹φ_n for S = `cholesky`, by blocks of events. O(NM²).
-    fn add_variance(&self, cholesky: &Cholesky, variance: &mut [f64]) {
-        let points = self.by_event.rows();
-        let mut block = Matrix::zeros(points, BLOCK.min(variance.len()));
-        for first in (0..variance.len()).step_by(BLOCK) {
-            let width = BLOCK.min(variance.len() - first);
-            for column in 0..width {
-                block.column_mut(column).copy_from_slice(self.by_event.column(first + column));
-            }
-            cholesky.solve_lower_matrix(&mut block);
-            for column in 0..width {
-                let n = first + column;
-                variance[n] = self.residual[n] + squared_norm(block.column(column));
-            }
-        }
-    }
+    /// What was added to the diagonal of K_MM.
+    fn jitter(&self) -> f64;
 }
 
 /// Tilts below this are this: ω̄ differs from its limit ¼ by less than rounding.
 const TILT_MIN: f64 = 1e-9;
 
-/// The fixed point c_n² = E_q\[f_n²\]. `posterior(omega, shift, mean, variance)` writes the posterior mean about the prior mean and
-/// the variance at every event, and returns the terms of E that depend on the covariance.
-fn iterate(
+/// The fixed point c_n² = E_q\[f_n²\], and ω of everything observed.
+pub(crate) fn iterate(
+    engine: &mut impl Engine,
     prior: &Prior,
-    observations: &Observations,
+    data: &Data<'_>,
     options: &Options,
-    mut posterior: impl FnMut(&[f64], &[f64], &mut [f64], &mut [f64]) -> Result<f64>,
-) -> Result<MeanField> {
-    options.check(observations.len())?;
-    let mut pass = Pass::new(prior, observations, options)?;
+) -> Result<(MeanField, Vec<f64>)> {
+    options.check(data.events())?;
+    let mut pass = Pass::new(prior, data, options)?;
     // The iteration runs in ln c, where acceleration cannot leave the domain.
     let mut log_tilts: Vec<f64> = pass.tilts.iter().map(|tilt| tilt.max(TILT_MIN).ln()).collect();
     let mut plain_step = log_tilts.clone();
@@ -245,8 +168,8 @@ fn iterate(
     while iterations < options.iterations_max && change > options.tolerance {
         iterations += 1;
         pass.set_sites(&log_tilts);
-        evidence = posterior(&pass.omega, &pass.shift, &mut pass.mean, &mut pass.variance)?;
-        evidence += pass.event_terms();
+        evidence = engine.pass(&pass.omega, &pass.shift, &mut pass.mean, &mut pass.variance)?;
+        evidence += pass.sum_terms();
         change = pass.set_images();
         // Plain steps never lower E. An accelerated one that did, or that overflowed, is taken back for the plain one, and
         // acceleration starts anew.
@@ -262,12 +185,18 @@ fn iterate(
         log_tilts = anderson.propose(&log_tilts, &pass.images);
     }
     let converged = change <= options.tolerance;
-    let Pass { omega, mean, variance, tilts, .. } = pass;
-    let sites = Sites::new(observations, omega)?;
-    Ok(MeanField { sites, mean, variance, tilts, evidence, iterations, change, converged, jitter: 0.0 })
+    let Pass { omega, mut mean, mut variance, tilts, .. } = pass;
+    let events = data.events();
+    let sites = Sites::new(data.observations, omega[..events].to_vec())?;
+    mean.truncate(events);
+    variance.truncate(events);
+    let (residual, jitter) = (engine.residual(events), engine.jitter());
+    let fit = MeanField { sites, mean, variance, tilts, evidence, iterations, change, converged, jitter, residual };
+    Ok((fit, omega))
 }
 
-/// What one pass of the iteration reads and writes: one entry per event in every field.
+/// What one pass of the iteration reads and writes: one entry per event in tilts and images, one for everything observed in the
+/// others.
 struct Pass<'a> {
     weights: &'a [f64],
     kappa: Vec<f64>,
@@ -282,22 +211,24 @@ struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    fn new(prior: &Prior, observations: &'a Observations, options: &Options) -> Result<Self> {
-        let zeros = vec![0.0; observations.len()];
+    fn new(prior: &Prior, data: &Data<'a>, options: &Options) -> Result<Self> {
+        let (events, size) = (data.events(), data.len());
+        let (kappa, prior_mean) = (data.kappa(), data.prior_mean(prior.mean())?);
         Ok(Self {
-            weights: observations.weights(),
-            kappa: observations.kappa(),
-            prior_mean: prior.mean().values(observations.inputs())?,
-            tilts: options.start.clone().unwrap_or_else(|| vec![1.0; observations.len()]),
-            omega: zeros.clone(),
-            shift: zeros.clone(),
-            mean: zeros.clone(),
-            variance: zeros.clone(),
-            images: zeros,
+            weights: data.observations.weights(),
+            tilts: options.start.clone().unwrap_or_else(|| vec![1.0; events]),
+            // What messages stand for has unit noise throughout.
+            omega: vec![1.0; size],
+            shift: kappa.iter().zip(&prior_mean).map(|(kappa, mean)| kappa - mean).collect(),
+            kappa,
+            prior_mean,
+            mean: vec![0.0; size],
+            variance: vec![0.0; size],
+            images: vec![0.0; events],
         })
     }
 
-    /// ω̄ and κ̃ at the given ln c.
+    /// ω̄ and κ̃ of the events at the given ln c.
     fn set_sites(&mut self, log_tilts: &[f64]) {
         for (n, log_tilt) in log_tilts.iter().enumerate() {
             self.tilts[n] = log_tilt.exp();
@@ -306,21 +237,21 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// The terms of E that are sums over events.
-    fn event_terms(&self) -> f64 {
-        let term = |n: usize| {
-            let (tilt, omega, mean) = (self.tilts[n], self.omega[n], self.prior_mean[n]);
-            let tilted = 0.5 * omega * tilt * tilt - self.weights[n] * ln_2_cosh(0.5 * tilt);
-            tilted + (self.kappa[n] - 0.5 * omega * mean) * mean
+    /// The terms of E that are sums over what is observed.
+    fn sum_terms(&self) -> f64 {
+        let tilted = |n: usize| {
+            let (tilt, omega) = (self.tilts[n], self.omega[n]);
+            0.5 * omega * tilt * tilt - self.weights[n] * ln_2_cosh(0.5 * tilt)
         };
-        (0..self.tilts.len()).map(term).sum()
+        let about_mean = |n: usize| (self.kappa[n] - 0.5 * self.omega[n] * self.prior_mean[n]) * self.prior_mean[n];
+        (0..self.tilts.len()).map(tilted).sum::<f64>() + (0..self.kappa.len()).map(about_mean).sum::<f64>()
     }
 
     /// Takes the posterior mean from about the prior mean to about zero, and sets the images. The largest change of a tilt.
     fn set_images(&mut self) -> f64 {
+        self.mean.iter_mut().zip(&self.prior_mean).for_each(|(mean, prior)| *mean += prior);
         let mut change = 0.0;
         for n in 0..self.tilts.len() {
-            self.mean[n] += self.prior_mean[n];
             let tilt = (self.mean[n] * self.mean[n] + self.variance[n]).sqrt().max(TILT_MIN);
             change = f64::max(change, (tilt - self.tilts[n]).abs());
             self.images[n] = tilt.ln();

@@ -1,6 +1,6 @@
 //! What is believed before the first event: prior mean functions, and the prior they form with a kernel.
 
-use crate::error::{Error, Result, finite, same_size};
+use crate::error::{Error, Result, finite, same_size, size_mismatch};
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
 
@@ -67,14 +67,53 @@ impl PriorMean {
             PriorMean::Constant(value) => Ok(vec![*value; inputs.len()]),
             PriorMean::Range { intercept, slope, from, to } => {
                 self.check_columns(inputs)?;
-                let distance = |row: &[f64]| {
-                    let squares = from.iter().zip(to).map(|(&a, &b)| (row[a] - row[b]).powi(2));
-                    squares.sum::<f64>().sqrt()
-                };
-                Ok(inputs.rows().map(|row| intercept - slope * distance(row)).collect())
+                Ok(inputs.rows().map(|row| intercept - slope * distance(row, from, to)).collect())
             }
         }
     }
+
+    /// What is learned of a prior mean: nothing, the constant, or intercept and slope.
+    pub fn parameters(&self) -> Vec<f64> {
+        match self {
+            PriorMean::Zero => Vec::new(),
+            PriorMean::Constant(value) => vec![*value],
+            PriorMean::Range { intercept, slope, .. } => vec![*intercept, *slope],
+        }
+    }
+
+    /// The same kind of mean with other parameters, as [`PriorMean::parameters`] lays them out.
+    ///
+    /// # Errors
+    /// [`crate::Error::SizeMismatch`] for another number of parameters, [`crate::Error::NotFinite`].
+    pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
+        let mean = match (self, parameters) {
+            (PriorMean::Zero, []) => PriorMean::Zero,
+            (PriorMean::Constant(_), &[value]) => PriorMean::Constant(value),
+            (PriorMean::Range { from, to, .. }, &[intercept, slope]) => {
+                PriorMean::Range { intercept, slope, from: from.clone(), to: to.clone() }
+            }
+            _ => return Err(size_mismatch("parameters of a prior mean", self.parameters().len(), parameters.len())),
+        };
+        mean.check()?;
+        Ok(mean)
+    }
+
+    /// Σ_n w_n ∂μ₀(x_n)/∂(parameters).
+    pub(crate) fn gradient(&self, inputs: &Inputs, weights: &[f64]) -> Vec<f64> {
+        match self {
+            PriorMean::Zero => Vec::new(),
+            PriorMean::Constant(_) => vec![weights.iter().sum()],
+            PriorMean::Range { from, to, .. } => {
+                let by_slope = inputs.rows().zip(weights).map(|(row, weight)| -weight * distance(row, from, to));
+                vec![weights.iter().sum(), by_slope.sum()]
+            }
+        }
+    }
+}
+
+/// Distance between two sets of columns of one row.
+fn distance(row: &[f64], from: &[usize], to: &[usize]) -> f64 {
+    from.iter().zip(to).map(|(&a, &b)| (row[a] - row[b]).powi(2)).sum::<f64>().sqrt()
 }
 
 /// A Gaussian-process prior f ~ GP(μ₀, k).
@@ -108,6 +147,20 @@ impl Prior {
     /// The covariance function.
     pub fn kernel(&self) -> &Kernel {
         &self.kernel
+    }
+
+    /// Everything that can be learned: [`Kernel::log_parameters`], then [`PriorMean::parameters`].
+    pub fn parameters(&self) -> Vec<f64> {
+        [self.kernel.log_parameters(), self.mean.parameters()].concat()
+    }
+
+    /// A prior of the same structure with other parameters, as [`Prior::parameters`] lays them out.
+    ///
+    /// # Errors
+    /// As [`Kernel::with_log_parameters`] and [`PriorMean::with_parameters`].
+    pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
+        let (kernel, mean) = parameters.split_at(self.kernel.parameter_count().min(parameters.len()));
+        Self::new(self.kernel.with_log_parameters(kernel)?, self.mean.with_parameters(mean)?)
     }
 
     /// The mean function.

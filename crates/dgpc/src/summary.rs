@@ -1,11 +1,12 @@
 //! What a set of events says about the latent function at a few inducing points (docs/method.md, section 3).
 
+use crate::dense::fill_scaled;
 use crate::error::{Error, Result, finite, same_size};
 use crate::inputs::Inputs;
 use crate::linalg::{Cholesky, Matrix, product, semidefinite_root, symmetric_eigen};
-use crate::mean_field::{Features, fill_scaled};
 use crate::prior_mean::Prior;
 use crate::sites::Sites;
+use crate::sparse::Features;
 
 /// A Gaussian message about f at M inducing points Z, under a prior.
 ///
@@ -73,7 +74,7 @@ impl Summary {
         if sites.is_empty() {
             return Ok(summary);
         }
-        let features = Features::with_cholesky(prior, sites.inputs(), inducing_points, summary.cholesky.clone())?;
+        let features = Features::of_inputs(prior, sites.inputs(), inducing_points, summary.cholesky.clone())?;
         // K̃ = K_NN − ΦΦᵀ; B = I + Ω^½K̃Ω^½ = L_bL_bᵀ; V = L_b⁻¹Ω^½Φ.
         let mut residual = prior.kernel().gram(sites.inputs())?;
         residual.add_scaled(-1.0, &product(features.by_event.t(), features.by_event.view()));
@@ -142,7 +143,7 @@ impl Summary {
             return Ok(());
         }
         let cholesky = self.cholesky.clone();
-        let features = Features::with_cholesky(&self.prior, sites.inputs(), &self.inducing_points, cholesky)?;
+        let features = Features::of_inputs(&self.prior, sites.inputs(), &self.inducing_points, cholesky)?;
         let mut precision = Matrix::zeros(self.len(), self.len());
         features.precision(sites.omega(), &mut precision);
         let shift = features.by_event.times(&sites.shift(self.prior.mean())?);

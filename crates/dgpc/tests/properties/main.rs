@@ -6,6 +6,7 @@
 mod common;
 
 mod certificate;
+mod evidence;
 mod kernels;
 mod mean_field;
 mod nearness;

@@ -1,0 +1,172 @@
+//! What a fit learns from: events of one's own, and the messages of others (docs/method.md, section 7).
+
+use crate::error::{Result, same_size};
+use crate::inputs::Inputs;
+use crate::kernel::Kernel;
+use crate::linalg::{Matrix, dot, multiply_rows, product, squared_norm};
+use crate::prior_mean::PriorMean;
+use crate::sites::Observations;
+use crate::summary::Summary;
+
+/// Events, and messages as further Gaussian observations. A message with kernel-free factor (P, η) at Z, P = RRᵀ, is the
+/// observation of Rᵀf(Z) with unit noise: so to speak M more events, whose ω is 1 and whose κ is R⁻¹η.
+pub(crate) struct Data<'a> {
+    pub(crate) observations: &'a Observations,
+    /// The inducing points of all messages, one below the other.
+    points: Inputs,
+    /// R of each message, kernel-free.
+    roots: Vec<Matrix>,
+    /// R⁻¹η of all messages.
+    shift: Vec<f64>,
+    /// Events' inputs, then `points`.
+    support: Inputs,
+}
+
+impl<'a> Data<'a> {
+    /// Events, and messages formed under whatever prior. O(M³) a message.
+    pub(crate) fn new(observations: &'a Observations, summaries: &[&Summary]) -> Result<Self> {
+        let mut points = Inputs::empty(observations.inputs().dimension());
+        let (mut roots, mut shift) = (Vec::new(), Vec::new());
+        for summary in summaries {
+            same_size("input dimension", points.dimension(), summary.inducing_points().dimension())?;
+            points.append(summary.inducing_points())?;
+            // R = L⁻ᵀQ with Ĝ = QQᵀ; R⁻¹η = Q⁻¹b̂ + Rᵀμ₀, over the directions in which the message says anything.
+            let mut root = summary.root()?;
+            let norms: Vec<f64> = (0..root.columns()).map(|column| squared_norm(root.column(column))).collect();
+            let largest = norms.iter().fold(0.0, |a: f64, &b| a.max(b));
+            let said = |(column, &norm): (usize, &f64)| {
+                let significant = norm > 1e-13 * largest;
+                if significant { dot(root.column(column), summary.whitened_shift()) / norm } else { 0.0 }
+            };
+            let whitened: Vec<f64> = norms.iter().enumerate().map(said).collect();
+            summary.cholesky().solve_upper_matrix(&mut root);
+            let offset = root.transposed_times(&summary.prior().mean().values(summary.inducing_points())?);
+            shift.extend(whitened.iter().zip(&offset).map(|(shift, offset)| shift + offset));
+            roots.push(root);
+        }
+        let mut support = observations.inputs().clone();
+        support.append(&points)?;
+        Ok(Self { observations, points, roots, shift, support })
+    }
+
+    /// Number of events N.
+    pub(crate) fn events(&self) -> usize {
+        self.observations.len()
+    }
+
+    /// Number of events and of observations that messages stand for.
+    pub(crate) fn len(&self) -> usize {
+        self.support.len()
+    }
+
+    /// κ of the events, and R⁻¹η of the messages.
+    pub(crate) fn kappa(&self) -> Vec<f64> {
+        [self.observations.kappa(), self.shift.clone()].concat()
+    }
+
+    /// Prior mean of everything observed.
+    pub(crate) fn prior_mean(&self, mean: &PriorMean) -> Result<Vec<f64>> {
+        let mut values = mean.values(&self.support)?;
+        for (root, first) in self.blocks(self.events()) {
+            let part = root.transposed_times(&values[first..first + root.rows()]);
+            values[first..first + root.rows()].copy_from_slice(&part);
+        }
+        Ok(values)
+    }
+
+    /// Prior covariance of everything observed, n×n.
+    pub(crate) fn gram(&self, kernel: &Kernel) -> Result<Matrix> {
+        let mut gram = kernel.gram(&self.support)?;
+        if !self.roots.is_empty() {
+            self.compress_rows(&mut gram, self.events());
+            gram = gram.transposed();
+            self.compress_rows(&mut gram, self.events());
+            gram.symmetrise();
+        }
+        Ok(gram)
+    }
+
+    /// Prior covariance of `points` against everything observed, M×n.
+    pub(crate) fn cross(&self, kernel: &Kernel, points: &Inputs) -> Result<Matrix> {
+        let mut cross = kernel.cross(points, &self.support)?;
+        if !self.roots.is_empty() {
+            let mut messages = cross.last_columns(self.points.len()).transposed();
+            self.compress_rows(&mut messages, 0);
+            cross.set_last_columns(&messages.transposed());
+        }
+        Ok(cross)
+    }
+
+    /// Prior variance of everything observed, n.
+    pub(crate) fn diagonal(&self, kernel: &Kernel) -> Result<Vec<f64>> {
+        let mut diagonal = kernel.diagonal(self.observations.inputs())?;
+        for (root, first) in self.blocks(0) {
+            let gram = kernel.gram(&self.points.slice(first..first + root.rows()))?;
+            let half = product(gram.view(), root.view());
+            diagonal.extend((0..root.columns()).map(|column| dot(root.column(column), half.column(column))));
+        }
+        Ok(diagonal)
+    }
+
+    /// Gradient by the prior mean's parameters, from the derivative by the prior mean of everything observed.
+    pub(crate) fn mean_gradient(&self, mean: &PriorMean, weights: &[f64]) -> Vec<f64> {
+        let mut weights = weights.to_vec();
+        for (root, first) in self.blocks(self.events()) {
+            let part = root.times(&weights[first..first + root.rows()]);
+            weights[first..first + root.rows()].copy_from_slice(&part);
+        }
+        mean.gradient(&self.support, &weights)
+    }
+
+    /// Gradient by the kernel's parameters, from the symmetric derivative by [`Data::gram`].
+    pub(crate) fn gram_gradient(&self, kernel: &Kernel, mut weights: Matrix) -> Vec<f64> {
+        if !self.roots.is_empty() {
+            self.expand_rows(&mut weights, self.events());
+            weights = weights.transposed();
+            self.expand_rows(&mut weights, self.events());
+        }
+        kernel.gram_gradient(&self.support, &weights)
+    }
+
+    /// Gradient by the kernel's parameters, from the derivative by the last columns of [`Data::cross`], those of the messages.
+    pub(crate) fn message_cross_gradient(&self, kernel: &Kernel, points: &Inputs, weights: &Matrix) -> Vec<f64> {
+        let mut weights = weights.transposed();
+        self.expand_rows(&mut weights, 0);
+        kernel.cross_gradient(points, &self.points, &weights.transposed())
+    }
+
+    /// Gradient by the kernel's parameters of `factor` · Σ of [`Data::diagonal`] over the messages.
+    pub(crate) fn message_diagonal_gradient(&self, kernel: &Kernel, factor: f64) -> Vec<f64> {
+        let mut gradient = vec![0.0; kernel.parameter_count()];
+        for (root, first) in self.blocks(0) {
+            let points = self.points.slice(first..first + root.rows());
+            let block = kernel.gram_gradient(&points, &product(root.view(), root.t()));
+            gradient.iter_mut().zip(&block).for_each(|(sum, entry)| *sum += factor * entry);
+        }
+        gradient
+    }
+
+    /// Whether anybody said anything.
+    pub(crate) fn has_messages(&self) -> bool {
+        !self.roots.is_empty()
+    }
+
+    /// Every R, and where its rows start if those of the first message start at `first`.
+    fn blocks(&self, first: usize) -> impl Iterator<Item = (&Matrix, usize)> {
+        self.roots.iter().scan(first, |next, root| {
+            let first = *next;
+            *next += root.rows();
+            Some((root, first))
+        })
+    }
+
+    /// Rows from `first` on ← blockdiag(Rᵀ) · rows.
+    fn compress_rows(&self, matrix: &mut Matrix, first: usize) {
+        self.blocks(first).for_each(|(root, first)| multiply_rows(root.t(), matrix, first));
+    }
+
+    /// Rows from `first` on ← blockdiag(R) · rows.
+    fn expand_rows(&self, matrix: &mut Matrix, first: usize) {
+        self.blocks(first).for_each(|(root, first)| multiply_rows(root.view(), matrix, first));
+    }
+}

@@ -1,0 +1,99 @@
+//! The full Gaussian posterior of a mean field, and how its evidence bound changes with the prior (docs/method.md, sections 2, 7).
+
+use crate::data::Data;
+use crate::error::Result;
+use crate::linalg::{Cholesky, CholeskyScratch, Matrix, add_lower_gram, dot, multiply_vector, squared_norm};
+use crate::mean_field::Engine;
+use crate::prior_mean::Prior;
+
+/// Below this product of ω and prior variance, a posterior variance is computed by a solve instead of from diag(B⁻¹), which would
+/// lose its digits.
+const INFORMATIVE: f64 = 1e-4;
+
+/// K and the factors of B = I + Ω^½KΩ^½. Everything in the order of [`Data`].
+pub(crate) struct Dense {
+    gram: Matrix,
+    cholesky: Cholesky,
+    scratch: CholeskyScratch,
+    /// L⁻¹ with B = LLᵀ.
+    inverse: Matrix,
+    roots: Vec<f64>,
+    /// α = κ̃ − Ωδ, δ the posterior mean about the prior mean: K⁻¹δ.
+    alpha: Vec<f64>,
+}
+
+impl Dense {
+    pub(crate) fn new(prior: &Prior, data: &Data<'_>) -> Result<Self> {
+        let gram = data.gram(prior.kernel())?;
+        let size = gram.rows();
+        let (cholesky, scratch) = Cholesky::reserve(size);
+        let inverse = Matrix::zeros(size, size);
+        Ok(Self { gram, cholesky, scratch, inverse, roots: vec![0.0; size], alpha: vec![0.0; size] })
+    }
+
+    /// s_n = (1 − (B⁻¹)_nn)/ω_n, where B⁻¹ = L⁻ᵀL⁻¹.
+    fn variance(&self, n: usize) -> f64 {
+        let (root, prior) = (self.roots[n], self.gram[(n, n)]);
+        let omega = root * root;
+        if omega * prior > INFORMATIVE {
+            return ((1.0 - squared_norm(&self.inverse.column(n)[n..])) / omega).max(0.0);
+        }
+        let mut column: Vec<f64> = self.gram.column(n).iter().zip(&self.roots).map(|(k, root)| k * root).collect();
+        self.cholesky.solve_lower(&mut column);
+        (prior - squared_norm(&column)).max(0.0)
+    }
+}
+
+impl Engine for Dense {
+    fn pass(&mut self, omega: &[f64], shift: &[f64], mean: &mut [f64], variance: &mut [f64]) -> Result<f64> {
+        self.roots.iter_mut().zip(omega).for_each(|(root, omega)| *root = omega.sqrt());
+        let (gram, roots) = (&self.gram, &self.roots);
+        self.cholesky.refactorise("I + Ω^½KΩ^½", &mut self.scratch, |b| fill_scaled(b, gram, roots))?;
+        self.cholesky.invert_lower(&mut self.inverse);
+        // α = κ̃ − Ω^½B⁻¹Ω^½Kκ̃, δ = Kα.
+        multiply_vector(gram.view(), shift, &mut self.alpha);
+        self.alpha.iter_mut().zip(roots).for_each(|(entry, root)| *entry *= root);
+        self.cholesky.solve(&mut self.alpha);
+        for ((entry, root), shift) in self.alpha.iter_mut().zip(roots).zip(shift) {
+            *entry = shift - root * *entry;
+        }
+        multiply_vector(gram.view(), &self.alpha, mean);
+        variance.iter_mut().enumerate().for_each(|(n, variance)| *variance = self.variance(n));
+        Ok(0.5 * dot(mean, shift) - 0.5 * self.cholesky.log_determinant())
+    }
+
+    fn kernel_gradient(&self, prior: &Prior, data: &Data<'_>, _: &[f64]) -> Vec<f64> {
+        // ∂E/∂K = ½(ααᵀ − Ω^½B⁻¹Ω^½).
+        let mut scaled = self.inverse.clone();
+        for (column, root) in self.roots.iter().enumerate() {
+            scaled.column_mut(column)[column..].iter_mut().for_each(|entry| *entry *= root);
+        }
+        let mut weights =
+            Matrix::from_fn(self.alpha.len(), self.alpha.len(), |i, j| 0.5 * self.alpha[i] * self.alpha[j]);
+        add_lower_gram(-0.5, &scaled, &mut weights);
+        data.gram_gradient(prior.kernel(), weights)
+    }
+
+    fn alpha(&self) -> &[f64] {
+        &self.alpha
+    }
+
+    fn residual(&self, events: usize) -> Vec<f64> {
+        vec![0.0; events]
+    }
+
+    fn jitter(&self) -> f64 {
+        // Nothing but I + Ω^½KΩ^½ is factorised.
+        0.0
+    }
+}
+
+/// Writes I + diag(roots)·K·diag(roots) to the lower triangle of `b`.
+pub(crate) fn fill_scaled(b: &mut Matrix, gram: &Matrix, roots: &[f64]) {
+    for column in 0..roots.len() {
+        let root = roots[column];
+        let entries = b.column_mut(column)[column..].iter_mut().zip(&gram.column(column)[column..]);
+        entries.zip(&roots[column..]).for_each(|((out, k), other)| *out = root * k * other);
+        b[(column, column)] += 1.0;
+    }
+}
