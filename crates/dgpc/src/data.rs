@@ -146,6 +146,11 @@ impl<'a> Data<'a> {
         gradient
     }
 
+    /// The inducing points of all messages, one below the other.
+    pub(crate) fn message_points(&self) -> &Inputs {
+        &self.points
+    }
+
     /// Whether anybody said anything.
     pub(crate) fn has_messages(&self) -> bool {
         !self.roots.is_empty()

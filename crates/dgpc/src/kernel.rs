@@ -238,12 +238,12 @@ impl Term {
     }
 
     /// Number of parameters that can be learned: the variance, and a length-scale for every group.
-    fn parameter_count(&self) -> usize {
+    pub(crate) fn parameter_count(&self) -> usize {
         1 + self.group_count()
     }
 
     /// ln of the variance and of every group's length-scale.
-    fn log_parameters(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn log_parameters(&self) -> impl Iterator<Item = f64> {
         let length_scale = |group: usize| {
             let column = self.groups.iter().position(|&other| other == group).unwrap_or_default();
             self.length_scales[column].ln()
@@ -252,7 +252,7 @@ impl Term {
     }
 
     /// The same term with other parameters, as [`Term::log_parameters`] lays them out.
-    fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
+    pub(crate) fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
         let length_scales: Vec<f64> = self.groups.iter().map(|&group| parameters[1 + group].exp()).collect();
         let checked = Self::new(self.shape, parameters[0].exp(), &self.columns, &length_scales)?;
         Ok(Self { groups: self.groups.clone(), reflection: self.reflection.clone(), ..checked })

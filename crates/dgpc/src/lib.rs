@@ -40,6 +40,7 @@ mod gibbs;
 mod inducing;
 mod inputs;
 mod kernel;
+pub mod learn;
 mod linalg;
 pub mod mean_field;
 pub mod polya_gamma;
