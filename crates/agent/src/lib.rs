@@ -7,8 +7,10 @@ mod agent;
 mod chart;
 mod event;
 mod model;
+mod structure;
 
 pub use agent::{Agent, AgentError, FitQuality, Fusion, Limits, Packet, PacketPlan, SummaryKind};
 pub use chart::{Chart, Geographic};
 pub use event::{Event, Link, Position, VehicleId};
 pub use model::{InputSpec, MODEL_SCHEMA, Model};
+pub use structure::{Expectation, PathInputs, Structure, Terms};

@@ -1,5 +1,8 @@
 //! What a team agrees on before the mission: the chart, the inputs that a link yields, and the prior over them.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::ops::Range;
+
 use dgpc::{Inputs, Kernel, Prior, PriorMean, Reflection, Shape, Term};
 
 use crate::chart::Chart;
@@ -8,19 +11,64 @@ use crate::event::Link;
 /// Version of what a [`Model`] holds. Whoever reads one from a file or message refuses a newer version.
 pub const MODEL_SCHEMA: u32 = 1;
 
-/// The numbers that a link is turned into.
+/// The numbers that a link is turned into: raw positions and what follows from them. Kernel terms choose among these columns.
+///
+/// | columns | what |
+/// |---|---|
+/// | `tx_…`, `rx_…` | both ends, in metres about the chart's origin: east, north (and depth) |
+/// | `u_…` | (tx + rx)/√2: where the link lies |
+/// | `v_…` | (tx − rx)/√2: which way and how far it reaches; swapping the ends turns its sign |
+/// | `range` | distance between the ends, in metres |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InputSpec {
-    /// Transmitter east, north, receiver east, north, in metres: four columns.
+    /// East and north of each end: nine columns.
     Positions,
-    /// Transmitter east, north, depth, receiver east, north, depth, in metres: six columns. Unknown depth counts as 0.
+    /// East, north and depth of each end: thirteen columns. Unknown depth counts as 0.
     PositionsAndDepths,
 }
 
 impl InputSpec {
     /// Number of columns.
     pub fn dimension(self) -> usize {
-        2 * self.dimension_of_an_end()
+        4 * self.dimension_of_an_end() + 1
+    }
+
+    /// Names of the columns, in order.
+    pub fn column_names(self) -> Vec<String> {
+        let axes = &["east", "north", "depth"][..self.dimension_of_an_end()];
+        let groups = ["tx", "rx", "u", "v"].iter();
+        let names = groups.flat_map(|group| axes.iter().map(move |axis| format!("{group}_{axis}")));
+        names.chain(["range".to_owned()]).collect()
+    }
+
+    /// Columns of the transmitter.
+    pub fn transmitter(self) -> Range<usize> {
+        self.group(0)
+    }
+
+    /// Columns of the receiver.
+    pub fn receiver(self) -> Range<usize> {
+        self.group(1)
+    }
+
+    /// Columns of both ends: the raw positions, from which all others follow.
+    pub fn ends(self) -> Range<usize> {
+        0..self.group(1).end
+    }
+
+    /// Columns of the link coordinates, u and then v.
+    pub fn link_coordinates(self) -> Range<usize> {
+        self.group(2).start..self.group(3).end
+    }
+
+    /// Column of the distance between the ends.
+    pub fn range(self) -> usize {
+        self.dimension() - 1
+    }
+
+    fn group(self, place: usize) -> Range<usize> {
+        let width = self.dimension_of_an_end();
+        place * width..(place + 1) * width
     }
 
     fn dimension_of_an_end(self) -> usize {
@@ -35,9 +83,18 @@ impl InputSpec {
     /// # Errors
     /// None in practice: no column is named twice.
     pub fn swap_ends(self) -> dgpc::Result<Reflection> {
-        let width = self.dimension_of_an_end();
-        let pairs: Vec<(usize, usize)> = (0..width).map(|column| (column, column + width)).collect();
-        Reflection::swap(&pairs)
+        let pairs: Vec<(usize, usize)> = self.transmitter().zip(self.receiver()).collect();
+        Reflection::swap(&pairs)?.and_negate(&self.group(3).collect::<Vec<_>>())
+    }
+
+    /// The columns of a link given both ends' numbers.
+    fn row(self, ends: &[f64]) -> impl Iterator<Item = f64> {
+        let (transmitter, receiver) = ends.split_at(self.dimension_of_an_end());
+        let pairs = || transmitter.iter().zip(receiver);
+        let u = pairs().map(|(t, r)| (t + r) * FRAC_1_SQRT_2);
+        let v = pairs().map(|(t, r)| (t - r) * FRAC_1_SQRT_2);
+        let range = pairs().map(|(t, r)| (t - r) * (t - r)).sum::<f64>().sqrt();
+        ends.iter().copied().chain(u).chain(v).chain([range]).collect::<Vec<_>>().into_iter()
     }
 }
 
@@ -67,7 +124,9 @@ impl Model {
         length_scale_m: f64,
         variance: f64,
     ) -> dgpc::Result<Self> {
-        let mut term = Term::isotropic(shape, variance, length_scale_m, inputs.dimension())?;
+        let columns: Vec<usize> = inputs.ends().collect();
+        let length_scales_m = vec![length_scale_m; columns.len()];
+        let mut term = Term::new(shape, variance, &columns, &length_scales_m)?.tied(&vec![0; columns.len()])?;
         if reciprocal {
             term = term.reciprocal(inputs.swap_ends()?)?;
         }
@@ -82,13 +141,15 @@ impl Model {
     pub fn inputs<'a>(&self, links: impl IntoIterator<Item = &'a Link>) -> dgpc::Result<Inputs> {
         let mut values = Vec::new();
         for link in links {
+            let mut ends = Vec::with_capacity(6);
             for end in link.ends() {
                 let (east_m, north_m) = self.chart.local_m(&end);
-                values.extend([east_m, north_m]);
+                ends.extend([east_m, north_m]);
                 if self.inputs == InputSpec::PositionsAndDepths {
-                    values.push(end.depth_m.unwrap_or(0.0));
+                    ends.push(end.depth_m.unwrap_or(0.0));
                 }
             }
+            values.extend(self.inputs.row(&ends));
         }
         Inputs::new(values, self.inputs.dimension())
     }

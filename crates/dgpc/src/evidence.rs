@@ -52,6 +52,14 @@ pub(crate) fn sparse_of(prior: &Prior, data: &Data<'_>, points: &Inputs, options
     evaluate(Sparse::new(prior, data, points)?, prior, data, options)
 }
 
+pub(crate) fn dense_fit(prior: &Prior, data: &Data<'_>, options: &Options) -> Result<MeanField> {
+    Ok(iterate(&mut Dense::new(prior, data)?, prior, data, options)?.0)
+}
+
+pub(crate) fn sparse_fit(prior: &Prior, data: &Data<'_>, points: &Inputs, options: &Options) -> Result<MeanField> {
+    Ok(iterate(&mut Sparse::new(prior, data, points)?, prior, data, options)?.0)
+}
+
 /// At the fixed point E does not change with the tilts, so that its gradient is that at fixed ω.
 fn evaluate(mut engine: impl Engine, prior: &Prior, data: &Data<'_>, options: &Options) -> Result<Evidence> {
     let (fit, omega) = iterate(&mut engine, prior, data, options)?;

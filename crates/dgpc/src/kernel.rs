@@ -85,7 +85,16 @@ impl Reflection {
     /// # Errors
     /// [`Error::RepeatedColumn`] when a column is named twice.
     pub fn negate(columns: &[usize]) -> Result<Self> {
-        Self::new(columns.iter().map(|&column| (column, column, -1.0)).collect())
+        Self { images: Vec::new() }.and_negate(columns)
+    }
+
+    /// The same reflection that also turns the sign of other columns.
+    ///
+    /// # Errors
+    /// [`Error::RepeatedColumn`] when a column is named twice or is already exchanged.
+    pub fn and_negate(mut self, columns: &[usize]) -> Result<Self> {
+        self.images.extend(columns.iter().map(|&column| (column, column, -1.0)));
+        Self::new(self.images)
     }
 
     /// Checks that no column is named twice.
@@ -494,6 +503,16 @@ impl Kernel {
     /// Number of parameters.
     pub(crate) fn parameter_count(&self) -> usize {
         self.terms.iter().map(Term::parameter_count).sum()
+    }
+
+    /// Places of the variances among the parameters.
+    pub(crate) fn variance_places(&self) -> impl Iterator<Item = usize> {
+        self.parts().map(|part| part.start)
+    }
+
+    /// Places of the length-scales among the parameters.
+    pub(crate) fn length_scale_places(&self) -> impl Iterator<Item = usize> {
+        self.parts().flat_map(|part| part.start + 1..part.end)
     }
 
     /// Which parameters belong to each term.

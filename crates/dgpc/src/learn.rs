@@ -1,19 +1,13 @@
 //! Learning a prior from events: the parameters that maximise the evidence bound E (docs/method.md, section 7).
 
-use std::cell::RefCell;
-
-use argmin::core::{CostFunction, Executor, Gradient, State, TerminationReason, TerminationStatus};
-use argmin::solver::linesearch::MoreThuenteLineSearch;
-use argmin::solver::quasinewton::LBFGS;
-
 use crate::data::Data;
 use crate::error::{Error, Result};
-use crate::evidence::{self, Evidence};
 use crate::inducing::Candidates;
 use crate::inputs::Inputs;
-use crate::kernel::{Kernel, Term};
-use crate::mean_field::{self, MeanField};
+use crate::kernel::Term;
+use crate::mean_field::MeanField;
 use crate::prior_mean::{Prior, PriorMean};
+use crate::search::{Found, Search};
 use crate::sites::Observations;
 use crate::summary::Summary;
 
@@ -51,7 +45,7 @@ impl Spread {
     }
 
     /// One number for every parameter of a prior, in the order of [`Prior::parameters`].
-    fn of_parameters(&self, prior: &Prior) -> Vec<f64> {
+    pub(crate) fn of_parameters(&self, prior: &Prior) -> Vec<f64> {
         let of_term = |term: &Term| {
             let mut spread = vec![self.length_scale; term.parameter_count()];
             spread[0] = self.variance;
@@ -72,10 +66,8 @@ impl Spread {
 pub struct Options {
     /// How far parameters may go from the template's.
     pub spread: Spread,
-    /// The search starts once from the template with all its length-scales multiplied by each of these, on a share of the events,
-    /// and goes on from the best.
-    pub length_scale_factors: Vec<f64>,
-    /// Starts from here instead, on all events: an earlier optimum, of the template's structure. The result is never worse in E.
+    /// Start here and on all events at once: an earlier [`Learned::optimum`], of the template's structure. The new optimum is never
+    /// worse in E. Without it there are several starts.
     pub warm_start: Option<Prior>,
     /// How many events the starts are compared on, at most.
     pub start_events_max: usize,
@@ -85,20 +77,22 @@ pub struct Options {
     pub inducing_points_max: usize,
     /// How many steps a search takes at most.
     pub iterations_max: usize,
+    /// Whether all variances are multiplied by a common factor at the end, that which maximises the corrected evidence
+    /// ([`MeanField::corrected_evidence`]): the slack of E grows with the variance, so that E alone leaves it too small.
+    pub calibrate: bool,
 }
 
 impl Options {
-    /// The default for inputs that typically lie `distance` apart: weak spread, starts at the template's length-scales, a third and
-    /// thrice of them.
+    /// The default for inputs that typically lie `distance` apart.
     pub fn new(distance: f64) -> Self {
         Self {
             spread: Spread::weak(distance),
-            length_scale_factors: vec![1.0, 1.0 / 3.0, 3.0],
             warm_start: None,
-            start_events_max: 250,
+            start_events_max: 150,
             dense_events_max: 1000,
             inducing_points_max: 256,
             iterations_max: 60,
+            calibrate: true,
         }
     }
 }
@@ -117,20 +111,25 @@ pub enum Stop {
 /// One of the starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
-    /// What the template's length-scales were multiplied by.
-    pub length_scale_factor: f64,
-    /// E plus the logarithm of the spread's density at the end of its search, on [`Learned::start_events`] events; `None` where E
-    /// could not be computed.
+    /// Where it began.
+    pub prior: Prior,
+    /// E plus the log density of the spread where it ended, on [`Learned::start_events`] events; `None` where E could not be computed.
     pub objective: Option<f64>,
 }
 
 /// A learned prior.
 #[derive(Debug, Clone)]
 pub struct Learned {
-    /// The prior.
+    /// The prior: the optimum, its variances multiplied by `variance_factor`.
     pub prior: Prior,
-    /// The fit of all events under it; [`MeanField::evidence`] is E.
+    /// The fit of all events under the prior; [`MeanField::evidence`] is its E.
     pub fit: MeanField,
+    /// The prior that maximises E within the spread, before its variances were calibrated.
+    pub optimum: Prior,
+    /// E of the optimum, in nats.
+    pub optimum_evidence: f64,
+    /// What the variances were multiplied by: 1 without calibration.
+    pub variance_factor: f64,
     /// Inducing points of a sparse fit; `None` where it was dense.
     pub inducing_points: Option<Inputs>,
     /// What the starts came to.
@@ -144,8 +143,10 @@ pub struct Learned {
 }
 
 /// Finds the parameters of `template` that maximise E plus the log density of [`Options::spread`], by L-BFGS in the logarithms of
-/// length-scales and variances, from several starts. All events count in the result; the starts are compared on some of them.
-/// Messages of others count as in [`evidence::dense`].
+/// length-scales and variances, then calibrates the variances. Messages of others count as in [`crate::evidence::dense`].
+///
+/// Several starts (the template, a third of all its length-scales, and a third of each alone) are compared on some events.
+/// On all events the search begins at the best of their ends and, because few events may point elsewhere, at the template too.
 ///
 /// ```
 /// use dgpc::{learn, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term};
@@ -162,7 +163,7 @@ pub struct Learned {
 /// ```
 ///
 /// # Errors
-/// As [`evidence::dense`] and [`evidence::sparse`] when E cannot be computed at any start; [`Error::OutOfRange`] for options that make no sense;
+/// As [`crate::evidence::dense`] and [`crate::evidence::sparse`] when E cannot be computed at any start; [`Error::OutOfRange`] for options that make no sense;
 /// [`Error::Different`] for a warm start of another structure than the template.
 pub fn learn(
     template: &Prior,
@@ -172,92 +173,115 @@ pub fn learn(
 ) -> Result<Learned> {
     options.spread.check()?;
     let data = Data::new(observations, messages)?;
-    match &options.warm_start {
-        Some(start) => {
-            let points = inducing_points(start, &data, options)?;
-            continue_from(template, start, &data, points, options)
-        }
-        None => learn_afresh(template, &data, messages, options),
+    if let Some(start) = &options.warm_start {
+        return learn_from(template, std::slice::from_ref(start), &data, options);
     }
-}
-
-/// Several starts on some of the events, and all events from the best of them.
-fn learn_afresh(template: &Prior, data: &Data<'_>, messages: &[&Summary], options: &Options) -> Result<Learned> {
     let some = spread_out(data.events(), options.start_events_max);
-    let few = data.observations.select(&some);
-    let few = Data::new(&few, messages)?;
-    let mut starts = Vec::new();
-    let mut best: Option<(f64, Prior)> = None;
-    let mut failure = None;
-    for &factor in &options.length_scale_factors {
-        let found = scaled(template, factor).and_then(|start| Search::new(template, &few, None, options)?.run(&start));
-        let objective = found.as_ref().ok().map(|found| found.objective);
-        starts.push(Start { length_scale_factor: factor, objective });
-        match found {
-            Ok(found) if best.as_ref().is_none_or(|(objective, _)| found.objective > *objective) => {
-                best = Some((found.objective, found.prior));
-            }
-            Ok(_) => {}
-            Err(error) => failure = Some(error),
-        }
+    let few = observations.select(&some);
+    let (starts, best) = compare_starts(template, &Data::new(&few, messages)?, options)?;
+    let mut again = vec![best];
+    if some.len() < data.events() {
+        again.push(template.clone());
     }
-    let start = match (best, failure) {
-        (Some((_, prior)), _) => prior,
-        (None, Some(error)) => return Err(error),
-        (None, None) => template.clone(),
-    };
-    let points = inducing_points(&start, data, options)?;
-    let learned = continue_from(template, &start, data, points, options)?;
+    let learned = learn_from(template, &again, &data, options)?;
     Ok(Learned { starts, start_events: some.len(), ..learned })
 }
 
-/// One search on all events.
-fn continue_from(
-    template: &Prior,
-    start: &Prior,
-    data: &Data<'_>,
-    points: Option<Inputs>,
-    options: &Options,
-) -> Result<Learned> {
-    let search = Search::new(template, data, points.as_ref(), options)?;
-    let found = search.run(start)?;
-    let begun = search.evaluate(start, &found.tilts)?;
-    let ended = search.evaluate(&found.prior, &found.tilts)?;
+/// Searches from every start on a few events. The starts, and the best of their ends.
+fn compare_starts(template: &Prior, few: &Data<'_>, options: &Options) -> Result<(Vec<Start>, Prior)> {
+    let search = Search::new(template, few, None, options);
+    let (mut starts, mut ends, mut failure) = (Vec::new(), Vec::new(), None);
+    for prior in starting_points(template)? {
+        let found = search.run(&prior);
+        starts.push(Start { prior, objective: found.as_ref().ok().map(|found| found.objective) });
+        match found {
+            Ok(found) => ends.push(found),
+            Err(error) => failure = Some(error),
+        }
+    }
+    let best = ends.into_iter().max_by(|a, b| a.objective.total_cmp(&b.objective));
+    match (best, failure) {
+        (Some(best), _) => Ok((starts, best.prior)),
+        (None, failure) => {
+            Err(failure.unwrap_or(Error::NotFinite { what: "evidence bound", row: 0, column: 0, value: f64::NAN }))
+        }
+    }
+}
+
+/// The template, a third of all its length-scales, and a third of each alone.
+fn starting_points(template: &Prior) -> Result<Vec<Prior>> {
+    let parameters = template.parameters();
+    let length_scales: Vec<usize> = template.kernel().length_scale_places().collect();
+    let shortened = |places: &[usize]| {
+        let mut parameters = parameters.clone();
+        places.iter().for_each(|&place| parameters[place] -= 3f64.ln());
+        template.with_parameters(&parameters)
+    };
+    let mut points = vec![template.clone(), shortened(&length_scales)?];
+    if length_scales.len() > 1 {
+        points.extend(length_scales.iter().map(|&place| shortened(&[place])).collect::<Result<Vec<_>>>()?);
+    }
+    Ok(points)
+}
+
+/// Searches on all events from each of `starts`, and calibrates the best end.
+fn learn_from(template: &Prior, starts: &[Prior], data: &Data<'_>, options: &Options) -> Result<Learned> {
+    let points = inducing_points(starts.first().unwrap_or(template), data, options)?;
+    let search = Search::new(template, data, points.as_ref(), options);
+    let (mut best, mut evaluations): (Option<(&Prior, Found)>, usize) = (None, 0);
+    for start in starts {
+        let found = search.run(start)?;
+        evaluations += found.evaluations;
+        if best.as_ref().is_none_or(|(_, best)| found.objective > best.objective) {
+            best = Some((start, found));
+        }
+    }
+    let Some((start, found)) = best else {
+        return Err(Error::OutOfRange { what: "number of starts", expected: "at least 1", value: 0.0 });
+    };
     // What the spread gains must not be paid for in E.
-    let (prior, fit) = if ended.evidence >= begun.evidence { (found.prior, ended) } else { (start.clone(), begun) };
+    let begun = search.careful_fit(start, &found.tilts)?;
+    let ended = search.careful_fit(&found.prior, &found.tilts)?;
+    let (optimum, fit) = if ended.evidence >= begun.evidence { (found.prior, ended) } else { (start.clone(), begun) };
+    let optimum_evidence = fit.evidence;
+    let calibrate = options.calibrate && options.spread.variance > 0.0;
+    let variance_factor = if calibrate { search.calibrate(&optimum, &fit, options.spread.variance) } else { 1.0 };
+    let prior = with_variances_times(&optimum, variance_factor)?;
+    let fit = if calibrate { search.careful_fit(&prior, &fit.tilts)? } else { fit };
+    let stop = found.stop;
     Ok(Learned {
         prior,
         fit,
+        optimum,
+        optimum_evidence,
+        variance_factor,
         inducing_points: points,
         starts: Vec::new(),
         start_events: 0,
-        evaluations: found.evaluations,
-        stop: found.stop,
+        evaluations,
+        stop,
     })
 }
 
-/// At most `count_max` of `count` numbers, spread evenly without any period that a schedule of events might share: multiples of
+/// At most `count_max` of the numbers below `count`, in ascending order, spread evenly without any period that a schedule of events might share: multiples of
 /// the golden ratio.
-fn spread_out(count: usize, count_max: usize) -> Vec<usize> {
+pub fn spread_out(count: usize, count_max: usize) -> Vec<usize> {
     if count <= count_max {
         return (0..count).collect();
     }
     let golden = 0.618_033_988_749_894_9;
-    let mut chosen: Vec<usize> = (0..count_max).map(|i| ((i as f64 * golden).fract() * count as f64) as usize).collect();
+    let mut chosen: Vec<usize> =
+        (0..count_max).map(|i| ((i as f64 * golden).fract() * count as f64) as usize).collect();
     chosen.sort_unstable();
     chosen.dedup();
     chosen
 }
 
-/// The template with all length-scales multiplied.
-fn scaled(template: &Prior, factor: f64) -> Result<Prior> {
-    let scale = |term: &Term| {
-        let mut parameters: Vec<f64> = term.log_parameters().collect();
-        parameters[1..].iter_mut().for_each(|parameter| *parameter += factor.ln());
-        term.with_log_parameters(&parameters)
-    };
-    let terms = template.kernel().terms().iter().map(scale).collect::<Result<_>>()?;
-    Prior::new(Kernel::new(terms)?, template.mean().clone())
+/// A prior with all variances multiplied.
+pub(crate) fn with_variances_times(prior: &Prior, factor: f64) -> Result<Prior> {
+    let mut parameters = prior.parameters();
+    prior.kernel().variance_places().for_each(|place| parameters[place] += factor.ln());
+    prior.with_parameters(&parameters)
 }
 
 /// Inducing points for all events, where they are too many for a dense fit.
@@ -271,157 +295,4 @@ fn inducing_points(prior: &Prior, data: &Data<'_>, options: &Options) -> Result<
     let mut points = candidates.select(&chosen.indices);
     points.append(data.message_points())?;
     Ok(Some(points))
-}
-
-/// A maximisation of E plus the log density of the spread.
-struct Search<'a> {
-    data: &'a Data<'a>,
-    points: Option<&'a Inputs>,
-    template: &'a Prior,
-    centre: Vec<f64>,
-    /// Places of the parameters that may move, and how far each may.
-    moving: Vec<(usize, f64)>,
-    iterations_max: u64,
-}
-
-/// Where a search ended.
-struct Found {
-    prior: Prior,
-    objective: f64,
-    tilts: Vec<f64>,
-    evaluations: usize,
-    stop: Stop,
-}
-
-impl<'a> Search<'a> {
-    fn new(template: &'a Prior, data: &'a Data<'a>, points: Option<&'a Inputs>, options: &Options) -> Result<Self> {
-        let spread = options.spread.of_parameters(template);
-        let moving = spread.into_iter().enumerate().filter(|&(_, spread)| spread > 0.0).collect();
-        let iterations_max = options.iterations_max as u64;
-        Ok(Self { data, points, template, centre: template.parameters(), moving, iterations_max })
-    }
-
-    /// Coordinates of a prior: what moves, in units of its spread about the template.
-    fn coordinates(&self, prior: &Prior) -> Result<Vec<f64>> {
-        let parameters = prior.parameters();
-        if parameters.len() != self.centre.len() {
-            return Err(Error::Different { what: "template and start of a search", of: "structures" });
-        }
-        Ok(self.moving.iter().map(|&(place, spread)| (parameters[place] - self.centre[place]) / spread).collect())
-    }
-
-    fn prior(&self, coordinates: &[f64]) -> Result<Prior> {
-        let mut parameters = self.centre.clone();
-        for (&(place, spread), coordinate) in self.moving.iter().zip(coordinates) {
-            parameters[place] += spread * coordinate;
-        }
-        self.template.with_parameters(&parameters)
-    }
-
-    fn evidence(&self, prior: &Prior, options: &mean_field::Options) -> Result<Evidence> {
-        match self.points {
-            Some(points) => evidence::sparse_of(prior, self.data, points, options),
-            None => evidence::dense_of(prior, self.data, options),
-        }
-    }
-
-    /// A fit that is done with care.
-    fn evaluate(&self, prior: &Prior, tilts: &[f64]) -> Result<MeanField> {
-        let options = mean_field::Options { tolerance: 1e-6, start: Some(tilts.to_vec()), ..Default::default() };
-        Ok(self.evidence(prior, &options)?.fit)
-    }
-
-    fn run(&self, start: &Prior) -> Result<Found> {
-        let start = self.coordinates(start)?;
-        let objective = Objective { search: self, memory: RefCell::new(Memory::default()) };
-        objective.at(&start)?;
-        let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective, start) };
-        let Memory { best, evaluations, .. } = objective.memory.into_inner();
-        let Some(Best { coordinates, objective, tilts }) = best else {
-            return Err(Error::NotFinite { what: "evidence bound", row: 0, column: 0, value: f64::NAN });
-        };
-        Ok(Found { prior: self.prior(&coordinates)?, objective, tilts, evaluations, stop })
-    }
-
-    /// L-BFGS. Whatever it returns, the best point it looked at is in the memory.
-    fn maximise(&self, objective: &Objective<'_>, start: Vec<f64>) -> Stop {
-        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 8).with_tolerance_grad(1e-4);
-        let solver = solver.and_then(|solver| solver.with_tolerance_cost(1e-8));
-        let run = solver.and_then(|solver| {
-            let executor = Executor::new(objective, solver).timer(false);
-            executor.configure(|state| state.param(start).max_iters(self.iterations_max)).run()
-        });
-        match run.as_ref().map(|result| result.state().get_termination_status()) {
-            Ok(TerminationStatus::Terminated(TerminationReason::SolverConverged)) => Stop::Converged,
-            Ok(TerminationStatus::Terminated(TerminationReason::MaxItersReached)) => Stop::IterationsMax,
-            Ok(other) => Stop::NoProgress(other.to_string()),
-            Err(error) => Stop::NoProgress(error.to_string()),
-        }
-    }
-}
-
-/// −(E + log density of the spread) per event, as the optimiser sees it. It asks for cost and gradient at the same place one
-/// after the other; the memory saves the second evaluation.
-struct Objective<'a> {
-    search: &'a Search<'a>,
-    memory: RefCell<Memory>,
-}
-
-#[derive(Default)]
-struct Memory {
-    /// The last place, its cost and its gradient.
-    last: Option<(Vec<f64>, f64, Vec<f64>)>,
-    best: Option<Best>,
-    evaluations: usize,
-}
-
-struct Best {
-    coordinates: Vec<f64>,
-    objective: f64,
-    tilts: Vec<f64>,
-}
-
-impl Objective<'_> {
-    /// Cost and gradient.
-    fn at(&self, coordinates: &[f64]) -> Result<(f64, Vec<f64>)> {
-        let mut memory = self.memory.borrow_mut();
-        if let Some((last, cost, gradient)) = &memory.last
-            && last == coordinates
-        {
-            return Ok((*cost, gradient.clone()));
-        }
-        // E does not change with the tilts to first order: at this tolerance its error is about 1e-9 an event.
-        let start = memory.best.as_ref().map(|best| best.tilts.clone());
-        let options = mean_field::Options { tolerance: 1e-4, iterations_max: 200, start };
-        let evidence = self.search.evidence(&self.search.prior(coordinates)?, &options)?;
-        memory.evaluations += 1;
-        let objective = evidence.fit.evidence - 0.5 * coordinates.iter().map(|x| x * x).sum::<f64>();
-        let per_event = 1.0 / self.search.data.len().max(1) as f64;
-        let slope = |(&(place, spread), x): (&(usize, f64), &f64)| -per_event * (spread * evidence.gradient[place] - x);
-        let gradient: Vec<f64> = self.search.moving.iter().zip(coordinates).map(slope).collect();
-        if memory.best.as_ref().is_none_or(|best| objective > best.objective) {
-            memory.best = Some(Best { coordinates: coordinates.to_vec(), objective, tilts: evidence.fit.tilts });
-        }
-        let cost = -per_event * objective;
-        memory.last = Some((coordinates.to_vec(), cost, gradient.clone()));
-        Ok((cost, gradient))
-    }
-}
-
-impl CostFunction for &Objective<'_> {
-    type Param = Vec<f64>;
-    type Output = f64;
-
-    fn cost(&self, coordinates: &Vec<f64>) -> std::result::Result<f64, argmin::core::Error> {
-        Ok(self.at(coordinates)?.0)
-    }
-}
-
-impl Gradient for &Objective<'_> {
-    type Param = Vec<f64>;
-    type Gradient = Vec<f64>;
-
-    fn gradient(&self, coordinates: &Vec<f64>) -> std::result::Result<Vec<f64>, argmin::core::Error> {
-        Ok(self.at(coordinates)?.1)
-    }
 }

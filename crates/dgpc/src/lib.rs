@@ -47,6 +47,7 @@ pub mod polya_gamma;
 mod posterior;
 mod predict;
 mod prior_mean;
+mod search;
 mod sites;
 mod sparse;
 mod summary;

@@ -1,0 +1,133 @@
+//! Which kernel and prior mean a link is read with, before their numbers are learned.
+
+use std::fmt;
+use std::ops::Range;
+
+use dgpc::{Kernel, Prior, PriorMean, Shape, Term};
+
+use crate::model::InputSpec;
+
+/// Over which columns the path term measures distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PathInputs {
+    /// The raw positions of both ends, one length-scale for all.
+    Raw,
+    /// Link coordinates, one length-scale for each: where the link lies, and which way and how far it reaches.
+    Link,
+}
+
+/// What the latent function is a sum of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Terms {
+    /// The path between the ends.
+    Path,
+    /// The path, noise at the receiver, and loss over the range.
+    PathReceiverRange,
+}
+
+/// What is expected before the first event.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Expectation {
+    /// Even odds.
+    Zero,
+    /// The same odds everywhere.
+    Constant,
+    /// Odds that fall with range.
+    Range,
+    /// Even odds at a range that people trust, and log-odds that fall so much per metre.
+    Conservative {
+        /// Where the odds are even, in metres.
+        range_m: f64,
+        /// Log-odds lost per metre.
+        slope_per_m: f64,
+    },
+}
+
+/// A kernel and prior mean without their numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Structure {
+    /// How covariance falls with distance, in every term.
+    pub shape: Shape,
+    /// Columns of the path term.
+    pub path_inputs: PathInputs,
+    /// Whether both directions of a path behave alike.
+    pub reciprocal: bool,
+    /// What the latent function is a sum of.
+    pub terms: Terms,
+    /// What is expected before the first event.
+    pub expectation: Expectation,
+}
+
+/// Variance of the path term before anything is learned: log-odds of ±2 are ordinary.
+const PATH_VARIANCE: f64 = 4.0;
+
+/// The same of the receiver and range terms.
+const OTHER_VARIANCE: f64 = 1.0;
+
+/// Log-odds that a link loses over the chart's scale, before anything is learned.
+const LOSS_OVER_SCALE: f64 = 2.0;
+
+impl Structure {
+    /// The prior before anything is learned, for a chart of this scale: what length-scales and slopes are measured against.
+    ///
+    /// # Errors
+    /// [`dgpc::Error::OutOfRange`] for a scale that is not finite and positive, or a conservative range that is not finite.
+    pub fn template(&self, inputs: InputSpec, scale_m: f64) -> dgpc::Result<Prior> {
+        let term = |variance: f64, columns: Range<usize>, tied: bool| {
+            let columns: Vec<usize> = columns.collect();
+            let term = Term::new(self.shape, variance, &columns, &vec![scale_m; columns.len()])?;
+            if tied { term.tied(&vec![0; columns.len()]) } else { Ok(term) }
+        };
+        let mut path = match self.path_inputs {
+            PathInputs::Raw => term(PATH_VARIANCE, inputs.ends(), true)?,
+            PathInputs::Link => term(PATH_VARIANCE, inputs.link_coordinates(), false)?,
+        };
+        if self.reciprocal {
+            path = path.reciprocal(inputs.swap_ends()?)?;
+        }
+        let mut terms = vec![path];
+        if self.terms == Terms::PathReceiverRange {
+            terms.push(term(OTHER_VARIANCE, inputs.receiver(), true)?);
+            terms.push(term(OTHER_VARIANCE, inputs.range()..inputs.range() + 1, true)?);
+        }
+        let range = |intercept, slope| PriorMean::Range {
+            intercept,
+            slope,
+            from: inputs.transmitter().collect(),
+            to: inputs.receiver().collect(),
+        };
+        let mean = match self.expectation {
+            Expectation::Zero => PriorMean::Zero,
+            Expectation::Constant => PriorMean::Constant(0.0),
+            Expectation::Range => range(LOSS_OVER_SCALE, LOSS_OVER_SCALE / scale_m),
+            Expectation::Conservative { range_m, slope_per_m } => range(range_m * slope_per_m, slope_per_m),
+        };
+        Prior::new(Kernel::new(terms)?, mean)
+    }
+}
+
+impl fmt::Display for Structure {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let shape = match self.shape {
+            Shape::SquaredExponential => "SE",
+            Shape::Matern32 => "Matérn 3/2",
+            Shape::Matern52 => "Matérn 5/2",
+        };
+        let inputs = match self.path_inputs {
+            PathInputs::Raw => "raw",
+            PathInputs::Link => "link",
+        };
+        let direction = if self.reciprocal { "reciprocal" } else { "one-way" };
+        let terms = match self.terms {
+            Terms::Path => "path",
+            Terms::PathReceiverRange => "path + receiver + range",
+        };
+        let mean = match self.expectation {
+            Expectation::Zero => "zero",
+            Expectation::Constant => "constant",
+            Expectation::Range => "range",
+            Expectation::Conservative { .. } => "conservative range",
+        };
+        write!(formatter, "{shape}, {inputs}, {direction}, {terms}, {mean} mean")
+    }
+}
