@@ -3,9 +3,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use dgpc::{Candidates, Inputs, MeanField, Observations, Posterior, Sites, Summary, mean_field};
+use dgpc::{Candidates, Inputs, MeanField, Observations, Posterior, Prior, Sites, Summary, mean_field};
 
 use crate::event::{Event, Link, VehicleId};
+use crate::learning::{Fit, Learning};
+use crate::limits::Limits;
 use crate::model::Model;
 
 /// What an agent can refuse to do.
@@ -64,23 +66,6 @@ pub struct Packet {
     pub summary: Summary,
 }
 
-/// Bounds on work and memory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Limits {
-    /// Up to so many events are fitted densely, O(N³); beyond, with inducing points, O(NM²).
-    pub dense_events_max: usize,
-    /// How many inducing points a sparse fit has at most.
-    pub inducing_points_max: usize,
-    /// How many events are candidates for inducing points at most: every k-th in time, with the smallest k that keeps to this.
-    pub candidates_max: usize,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self { dense_events_max: 1000, inducing_points_max: 256, candidates_max: 1000 }
-    }
-}
-
 /// The inducing points of an agent's packets, in the order of sending: the first F packets of a plan are the plan for F.
 #[derive(Debug, Clone)]
 pub struct PacketPlan {
@@ -111,7 +96,7 @@ pub struct FitQuality {
     pub jitter: f64,
 }
 
-/// What an agent learned from its own events.
+/// A fit of an agent's own events under some prior.
 #[derive(Debug)]
 struct Knowledge {
     quality: FitQuality,
@@ -120,13 +105,53 @@ struct Knowledge {
     condensed: Option<Summary>,
 }
 
+impl Knowledge {
+    /// Fits `observations` given what others said: densely up to [`Limits::dense_events_max`], sparsely beyond.
+    fn fit(prior: &Prior, observations: &Observations, messages: &[&Summary], limits: &Limits) -> dgpc::Result<Self> {
+        // Predictions move by far less than their own uncertainty at a tolerance of 1e-6 in the latent function.
+        let options = mean_field::Options { tolerance: 1e-6, ..Default::default() };
+        let quality = |fit: &MeanField| FitQuality { converged: fit.converged, change: fit.change, jitter: fit.jitter };
+        if observations.len() <= limits.dense_events_max {
+            let fit = mean_field::dense_with_messages(prior, observations, messages, &options)?;
+            return Ok(Self { quality: quality(&fit), sites: fit.sites, condensed: None });
+        }
+        let candidates = limits.candidates(observations.inputs());
+        let chosen = Candidates::new(prior.kernel(), &candidates)?.greedy(limits.inducing_points_max);
+        let mut inducing_points = candidates.select(&chosen.indices);
+        messages.iter().try_for_each(|message| inducing_points.append(message.inducing_points()))?;
+        let fit = mean_field::sparse_with_messages(prior, observations, messages, &inducing_points, &options)?;
+        let condensed = Some(Summary::variational(prior, &fit.sites, &inducing_points)?);
+        Ok(Self { quality: quality(&fit), sites: fit.sites, condensed })
+    }
+
+    /// Own events and summaries, all under `prior`, put together.
+    fn fuse(&self, prior: &Prior, summaries: &[&Summary]) -> dgpc::Result<Posterior> {
+        match &self.condensed {
+            None => Posterior::fuse(prior, &self.sites, summaries),
+            Some(condensed) => {
+                let none = Sites::empty(condensed.inducing_points().dimension());
+                Posterior::fuse(prior, &none, &[summaries, &[condensed]].concat())
+            }
+        }
+    }
+}
+
+/// A model that an agent learned by itself, and the fit of its own events under it.
+#[derive(Debug)]
+struct Own {
+    fit: Fit,
+    knowledge: Knowledge,
+    /// How many events it had then.
+    events: usize,
+}
+
 /// One vehicle. Events may arrive late and in any order; packets may arrive in any order and more than once.
 ///
 /// ```
 /// use pingmap_agent::*;
 /// use std::sync::Arc;
 ///
-/// let chart = Chart { origin: Position::new(0.0, 0.0), geographic: None };
+/// let chart = Chart::about([]);
 /// let shape = dgpc::Shape::SquaredExponential;
 /// let model = Arc::new(Model::isotropic(chart, InputSpec::Positions, shape, true, 400.0, 4.0)?);
 /// let link = |east_m| Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(east_m, 0.0) };
@@ -156,6 +181,8 @@ pub struct Agent {
     /// In [`Event::canonical_order`], so that results do not depend on the order of arrival; shared by copies of the agent.
     events: Arc<Vec<Event>>,
     knowledge: Option<Arc<Knowledge>>,
+    /// Its own model, once it learned one.
+    own: Option<Arc<Own>>,
     /// The latest packet of every region, in an order that does not depend on arrival.
     received: BTreeMap<(VehicleId, usize), Packet>,
 }
@@ -163,7 +190,7 @@ pub struct Agent {
 impl Agent {
     /// A vehicle that has seen nothing.
     pub fn new(id: VehicleId, model: Arc<Model>, limits: Limits) -> Self {
-        Self { id, model, limits, events: Arc::default(), knowledge: None, received: BTreeMap::new() }
+        Self { id, model, limits, events: Arc::default(), knowledge: None, own: None, received: BTreeMap::new() }
     }
 
     /// Who it is.
@@ -197,31 +224,46 @@ impl Agent {
         self.knowledge = None;
     }
 
-    /// Fits its own events by mean field: densely up to [`Limits::dense_events_max`], O(N³) an iteration, sparsely beyond.
+    /// Fits its own events by mean field under the team's model: densely up to [`Limits::dense_events_max`], O(N³) an iteration,
+    /// sparsely beyond.
     ///
     /// # Errors
     /// [`AgentError::Method`] when a position is not finite.
     pub fn learn(&mut self) -> Result<(), AgentError> {
-        let inputs = self.model.inputs(self.events.iter().map(|event| &event.link))?;
-        let outcomes = self.events.iter().map(|event| event.success).collect();
-        let observations = Observations::new(inputs, outcomes)?;
-        let prior = &self.model.prior;
-        // Predictions move by far less than their own uncertainty at a tolerance of 1e-6 in the latent function.
-        let options = mean_field::Options { tolerance: 1e-6, ..Default::default() };
-        let quality = |fit: &MeanField| FitQuality { converged: fit.converged, change: fit.change, jitter: fit.jitter };
-        let knowledge = if self.learns_densely() {
-            let fit = mean_field::dense(prior, &observations, &options)?;
-            Knowledge { quality: quality(&fit), sites: fit.sites, condensed: None }
-        } else {
-            let candidates = self.candidate_inputs(observations.inputs());
-            let chosen = Candidates::new(prior.kernel(), &candidates)?.greedy(self.limits.inducing_points_max);
-            let inducing_points = candidates.select(&chosen.indices);
-            let fit = mean_field::sparse(prior, &observations, &inducing_points, &options)?;
-            let condensed = Some(Summary::variational(prior, &fit.sites, &inducing_points)?);
-            Knowledge { quality: quality(&fit), sites: fit.sites, condensed }
-        };
-        self.knowledge = Some(Arc::new(knowledge));
+        let observations = self.model.observations(self.events.iter())?;
+        self.knowledge = Some(Arc::new(Knowledge::fit(&self.model.prior, &observations, &[], &self.limits)?));
         Ok(())
+    }
+
+    /// Learns a model of its own from its own events and from what others said, and from then on predicts under that. What it
+    /// sends stays under the team's model. The first time every structure is tried; later the chosen one goes on from its last
+    /// optimum, at the cost of one search that never ends worse in E than it began.
+    ///
+    /// # Errors
+    /// As [`Learning::best`].
+    pub fn adapt(&mut self, learning: &Learning) -> Result<&Fit, AgentError> {
+        let Model { chart, inputs, .. } = *self.model;
+        let messages = self.messages();
+        let events = self.events.iter();
+        let fit = match &self.own {
+            Some(own) => learning.fit(&own.fit.structure, chart, inputs, events, &messages, Some(&own.fit))?,
+            None => learning.best(chart, inputs, events, &messages)?,
+        };
+        let observations = fit.model.observations(self.events.iter())?;
+        let knowledge = Knowledge::fit(&fit.model.prior, &observations, &messages, &self.limits)?;
+        let events = self.events.len();
+        Ok(&self.own.insert(Arc::new(Own { fit, knowledge, events })).fit)
+    }
+
+    /// The model it learned by itself, if it did.
+    pub fn own_fit(&self) -> Option<&Fit> {
+        self.own.as_ref().map(|own| &own.fit)
+    }
+
+    /// What others said. What it sent itself it knows better from its own events.
+    fn messages(&self) -> Vec<&Summary> {
+        let others = self.received.values().filter(|packet| packet.sender != self.id);
+        others.map(|packet| &packet.summary).collect()
     }
 
     /// How the fit to its own events went.
@@ -237,15 +279,12 @@ impl Agent {
         self.events.len() <= self.limits.dense_events_max
     }
 
-    /// Every k-th of its inputs in time, k the smallest that keeps to [`Limits::candidates_max`].
-    fn candidate_inputs(&self, inputs: &Inputs) -> Inputs {
-        let step = inputs.len().div_ceil(self.limits.candidates_max.max(1)).max(1);
-        inputs.select(&(0..inputs.len()).step_by(step).collect::<Vec<_>>())
+    fn knowledge(&self) -> Result<&Knowledge, AgentError> {
+        self.knowledge.as_deref().ok_or_else(|| self.not_learned())
     }
 
-    fn knowledge(&self) -> Result<&Knowledge, AgentError> {
-        let stale = || AgentError::NotLearned { id: self.id.clone(), events: self.events.len() };
-        self.knowledge.as_deref().ok_or_else(stale)
+    fn not_learned(&self) -> AgentError {
+        AgentError::NotLearned { id: self.id.clone(), events: self.events.len() }
     }
 
     /// Chooses the inducing points of up to `frames` packets of `points_per_frame` points: packet by packet the points that leave
@@ -254,7 +293,7 @@ impl Agent {
     /// # Errors
     /// [`AgentError::NotLearned`] when events arrived since [`Agent::learn`].
     pub fn plan_packets(&self, frames: usize, points_per_frame: usize) -> Result<PacketPlan, AgentError> {
-        let inputs = self.candidate_inputs(self.knowledge()?.sites.inputs());
+        let inputs = self.limits.candidates(self.knowledge()?.sites.inputs());
         let mut candidates = Candidates::new(self.model.prior.kernel(), &inputs)?;
         let mut packets = Vec::new();
         while packets.len() < frames {
@@ -342,23 +381,28 @@ impl Agent {
         Ok(())
     }
 
-    /// Its own events and all packets put together. O(n³), n = own events + all inducing points.
+    /// Its own events and all packets put together, under its own model if it learned one. O(n³), n = own events + all inducing
+    /// points.
     ///
     /// # Errors
-    /// [`AgentError::NotLearned`] when events arrived since [`Agent::learn`].
+    /// [`AgentError::NotLearned`] when events arrived since [`Agent::learn`], or since [`Agent::adapt`] if it has a model of its own.
     pub fn posterior(&self, fusion: Fusion) -> Result<Posterior, AgentError> {
-        let knowledge = self.knowledge()?;
-        let prior = &self.model.prior;
+        let team = &self.model.prior;
         if fusion == Fusion::Concatenation {
+            self.knowledge()?;
             let summaries: Vec<&Summary> = self.received.values().map(|packet| &packet.summary).collect();
-            return Ok(Posterior::concatenate(prior, &summaries)?);
+            return Ok(Posterior::concatenate(team, &summaries)?);
         }
-        // What it sent itself it knows better from its own events.
-        let others = self.received.values().filter(|packet| packet.sender != self.id);
-        let summaries: Vec<&Summary> = others.map(|packet| &packet.summary).chain(&knowledge.condensed).collect();
-        let none = Sites::empty(self.model.inputs.dimension());
-        let own = if knowledge.condensed.is_some() { &none } else { &knowledge.sites };
-        Ok(Posterior::fuse(prior, own, &summaries)?)
+        match &self.own {
+            None => Ok(self.knowledge()?.fuse(team, &self.messages())?),
+            Some(own) if own.events < self.events.len() => Err(self.not_learned()),
+            Some(own) => {
+                let prior = &own.fit.model.prior;
+                let messages =
+                    self.messages().iter().map(|message| message.under(prior)).collect::<dgpc::Result<Vec<_>>>()?;
+                Ok(own.knowledge.fuse(prior, &messages.iter().collect::<Vec<_>>())?)
+            }
+        }
     }
 
     /// Probability of success over each link. See [`Agent::posterior`].

@@ -6,11 +6,17 @@
 mod agent;
 mod chart;
 mod event;
+mod learning;
+mod limits;
 mod model;
+mod model_file;
 mod structure;
 
-pub use agent::{Agent, AgentError, FitQuality, Fusion, Limits, Packet, PacketPlan, SummaryKind};
-pub use chart::{Chart, Geographic};
+pub use agent::{Agent, AgentError, FitQuality, Fusion, Packet, PacketPlan, SummaryKind};
+pub use chart::{Chart, Geographic, SCALE_FALLBACK_M};
 pub use event::{Event, Link, Position, VehicleId};
+pub use learning::{Criterion, Fit, Learning};
+pub use limits::Limits;
 pub use model::{InputSpec, MODEL_SCHEMA, Model};
-pub use structure::{Expectation, PathInputs, Structure, Terms};
+pub use model_file::{ModelFile, ModelFileError, Provenance};
+pub use structure::{Expectation, Given, PathInputs, Structure, Terms};

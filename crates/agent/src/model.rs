@@ -3,10 +3,10 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
-use dgpc::{Inputs, Kernel, Prior, PriorMean, Reflection, Shape, Term};
+use dgpc::{Inputs, Kernel, Observations, Prior, PriorMean, Reflection, Shape, Term};
 
 use crate::chart::Chart;
-use crate::event::Link;
+use crate::event::{Event, Link};
 
 /// Version of what a [`Model`] holds. Whoever reads one from a file or message refuses a newer version.
 pub const MODEL_SCHEMA: u32 = 1;
@@ -112,6 +112,28 @@ pub struct Model {
 }
 
 impl Model {
+    /// A model of the current schema.
+    pub fn new(chart: Chart, inputs: InputSpec, prior: Prior) -> Self {
+        Self { schema: MODEL_SCHEMA, chart, inputs, prior }
+    }
+
+    /// Geometric mean of the length-scales of its first term, in metres: how far what is seen of one link says something of others.
+    pub fn length_scale_m(&self) -> f64 {
+        let length_scales = self.prior.kernel().terms().first().map_or(&[][..], |term| term.length_scales());
+        (length_scales.iter().map(|length_scale| length_scale.ln()).sum::<f64>() / length_scales.len().max(1) as f64)
+            .exp()
+    }
+
+    /// The events as the method sees them.
+    ///
+    /// # Errors
+    /// [`dgpc::Error::NotFinite`] with row and column of the first NaN or infinity.
+    pub fn observations<'a>(&self, events: impl IntoIterator<Item = &'a Event>) -> dgpc::Result<Observations> {
+        let (links, outcomes): (Vec<&Link>, Vec<bool>) =
+            events.into_iter().map(|event| (&event.link, event.success)).unzip();
+        Observations::new(self.inputs(links)?, outcomes)
+    }
+
     /// A model with one isotropic kernel term over all inputs, reciprocal or not, and a zero prior mean.
     ///
     /// # Errors
@@ -131,7 +153,7 @@ impl Model {
             term = term.reciprocal(inputs.swap_ends()?)?;
         }
         let prior = Prior::new(Kernel::new(vec![term])?, PriorMean::Zero)?;
-        Ok(Self { schema: MODEL_SCHEMA, chart, inputs, prior })
+        Ok(Self::new(chart, inputs, prior))
     }
 
     /// The inputs of `links`: one row each, as [`InputSpec`] says, about the chart's origin.

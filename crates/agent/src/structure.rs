@@ -106,16 +106,76 @@ impl Structure {
     }
 }
 
+/// The parts of a structure that are given; the others are up to the data.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Given {
+    /// How covariance falls with distance.
+    pub shape: Option<Shape>,
+    /// Columns of the path term.
+    pub path_inputs: Option<PathInputs>,
+    /// Whether both directions of a path behave alike.
+    pub reciprocal: Option<bool>,
+    /// What the latent function is a sum of.
+    pub terms: Option<Terms>,
+    /// What is expected before the first event.
+    pub expectation: Option<Expectation>,
+}
+
+impl Given {
+    /// The structures that were best on field trials: with and without receiver and range terms.
+    pub fn few(&self) -> Vec<Structure> {
+        let structure = |terms| Structure {
+            shape: self.shape.unwrap_or(Shape::Matern32),
+            path_inputs: self.path_inputs.unwrap_or(PathInputs::Link),
+            reciprocal: self.reciprocal.unwrap_or(true),
+            terms,
+            expectation: self.expectation.unwrap_or(Expectation::Zero),
+        };
+        match self.terms {
+            Some(terms) => vec![structure(terms)],
+            None => vec![structure(Terms::PathReceiverRange), structure(Terms::Path)],
+        }
+    }
+
+    /// [`Given::few`] with every expectation, then what differs from them in one part of the kernel, with a zero or a range mean.
+    pub fn many(&self) -> Vec<Structure> {
+        let expectations = |all: &[Expectation]| match self.expectation {
+            Some(given) => vec![given],
+            None => all.to_vec(),
+        };
+        let with = |expectations: Vec<Expectation>, change: &dyn Fn(Structure) -> Structure| {
+            let changed = self.few().into_iter().map(change);
+            let all = changed.flat_map(|structure| {
+                expectations.iter().map(move |&expectation| Structure { expectation, ..structure }).collect::<Vec<_>>()
+            });
+            all.collect::<Vec<_>>()
+        };
+        let mut all = with(expectations(&[Expectation::Zero, Expectation::Constant, Expectation::Range]), &|s| s);
+        let two = || expectations(&[Expectation::Zero, Expectation::Range]);
+        if self.shape.is_none() {
+            all.extend(with(two(), &|s| Structure { shape: Shape::Matern52, ..s }));
+            all.extend(with(two(), &|s| Structure { shape: Shape::SquaredExponential, ..s }));
+        }
+        if self.path_inputs.is_none() {
+            all.extend(with(two(), &|s| Structure { path_inputs: PathInputs::Raw, ..s }));
+        }
+        if self.reciprocal.is_none() {
+            all.extend(with(two(), &|s| Structure { reciprocal: false, ..s }));
+        }
+        all
+    }
+}
+
 impl fmt::Display for Structure {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let shape = match self.shape {
-            Shape::SquaredExponential => "SE",
+            Shape::SquaredExponential => "squared exponential",
             Shape::Matern32 => "Matérn 3/2",
             Shape::Matern52 => "Matérn 5/2",
         };
         let inputs = match self.path_inputs {
-            PathInputs::Raw => "raw",
-            PathInputs::Link => "link",
+            PathInputs::Raw => "raw positions",
+            PathInputs::Link => "link coordinates",
         };
         let direction = if self.reciprocal { "reciprocal" } else { "one-way" };
         let terms = match self.terms {

@@ -9,7 +9,7 @@ use pingmap_agent::*;
 use proptest::prelude::*;
 
 fn model() -> Arc<Model> {
-    let chart = Chart { origin: Position::new(0.0, 0.0), geographic: None };
+    let chart = Chart::about([]);
     Arc::new(Model::isotropic(chart, InputSpec::Positions, Shape::Matern52, true, 300.0, 4.0).unwrap())
 }
 
@@ -144,7 +144,7 @@ fn a_sparse_fit_sends_nearly_what_a_dense_one_does() {
 
 #[test]
 fn foreign_packets_and_unlearned_events_are_refused() {
-    let chart = Chart { origin: Position::new(0.0, 0.0), geographic: None };
+    let chart = Chart::about([]);
     let other = Model::isotropic(chart, InputSpec::Positions, Shape::Matern52, true, 301.0, 4.0).unwrap();
     let mut foreigner = Agent::new(VehicleId::new("x"), Arc::new(other), Limits::default());
     events("x", 10, 0.0).into_iter().for_each(|event| foreigner.observe(event));

@@ -77,6 +77,17 @@ impl Inputs {
         Self { values, dimension: self.dimension }
     }
 
+    /// Some columns of every point.
+    ///
+    /// # Panics
+    /// When the range is empty or leaves the columns.
+    pub fn columns(&self, columns: std::ops::Range<usize>) -> Self {
+        assert!(!columns.is_empty(), "points need at least one column");
+        let dimension = columns.len();
+        let values = self.rows().flat_map(|row| &row[columns.clone()]).copied().collect();
+        Self { values, dimension }
+    }
+
     /// Appends the points of `other`.
     ///
     /// # Errors

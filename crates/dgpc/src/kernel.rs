@@ -211,6 +211,15 @@ impl Term {
         Ok(self)
     }
 
+    /// The same term with another variance.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a variance that is not finite and positive.
+    pub fn with_variance(&self, variance: f64) -> Result<Self> {
+        positive("kernel variance", variance)?;
+        Ok(Self { variance, ..self.clone() })
+    }
+
     /// How covariance falls with distance.
     pub fn shape(&self) -> Shape {
         self.shape

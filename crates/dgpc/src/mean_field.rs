@@ -9,6 +9,7 @@ use crate::polya_gamma;
 use crate::predict::success_probability;
 use crate::prior_mean::Prior;
 use crate::sites::{Observations, Sites};
+use crate::summary::Summary;
 
 /// When to stop, and where to start.
 #[derive(Debug, Clone, PartialEq)]
@@ -150,7 +151,21 @@ impl Cavity {
 /// [`crate::Error::SizeMismatch`] for options that make no sense; [`crate::Error::NotPositiveDefinite`] or
 /// [`crate::Error::NotFinite`] when numbers near the end of the range overflow.
 pub fn dense(prior: &Prior, observations: &Observations, options: &Options) -> Result<MeanField> {
-    dense_fit(prior, &Data::new(observations, &[])?, options)
+    dense_with_messages(prior, observations, &[], options)
+}
+
+/// The same given what others said: messages count with their kernel-free factors, whatever prior they were formed under. O(n³) an
+/// iteration for n = events + all inducing points of the messages.
+///
+/// # Errors
+/// As [`dense`]; [`crate::Error::NotPositiveDefinite`] also for a message with a clearly negative eigenvalue.
+pub fn dense_with_messages(
+    prior: &Prior,
+    observations: &Observations,
+    messages: &[&Summary],
+    options: &Options,
+) -> Result<MeanField> {
+    dense_fit(prior, &Data::new(observations, messages)?, options)
 }
 
 /// Mean field with a Gaussian posterior supported on M inducing points. O(NM²) an iteration, NM memory.
@@ -163,7 +178,22 @@ pub fn sparse(
     inducing_points: &Inputs,
     options: &Options,
 ) -> Result<MeanField> {
-    sparse_fit(prior, &Data::new(observations, &[])?, inducing_points, options)
+    sparse_with_messages(prior, observations, &[], inducing_points, options)
+}
+
+/// The same given what others said, as in [`dense_with_messages`]; the inducing points of the messages should be among those of the
+/// fit. O(nM²) an iteration.
+///
+/// # Errors
+/// As [`sparse`] and [`dense_with_messages`].
+pub fn sparse_with_messages(
+    prior: &Prior,
+    observations: &Observations,
+    messages: &[&Summary],
+    inducing_points: &Inputs,
+    options: &Options,
+) -> Result<MeanField> {
+    sparse_fit(prior, &Data::new(observations, messages)?, inducing_points, options)
 }
 
 /// A Gaussian posterior that can be updated for other ω.

@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dgpc::Shape;
-use pingmap_agent::{Fusion, Limits, SummaryKind};
-use pingmap_trial::{COORDINATE_MAX_M, KernelChoice};
+use pingmap_agent::{
+    Criterion, Expectation, Fusion, Given, Learning, Limits, PathInputs, Structure, SummaryKind, Terms,
+};
+use pingmap_trial::COORDINATE_MAX_M;
 
 /// Learn, while under way, the probability that a message from here reaches there.
 ///
@@ -25,6 +27,8 @@ pub enum Command {
     Demo(Demo),
     /// Replay a mission: what each vehicle knows alone, what the team knows after sharing packets, what it could know at best
     Replay(Replay),
+    /// Learn from an event log how links behave, and write it to a model file that all other commands take
+    Learn(Learn),
     /// Predict the probability of success over links
     Predict(Predict),
     /// Draw the probability of success seen from one place
@@ -74,6 +78,28 @@ pub struct Replay {
     /// Also write a report with maps to this folder
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
+    /// Who learns the model
+    #[arg(long, value_enum, default_value_t = LearnName::Pooled)]
+    pub learn: LearnName,
+    #[command(flatten)]
+    pub source: ModelSource,
+    #[command(flatten)]
+    pub work: Work,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct Learn {
+    /// Event log
+    pub events: PathBuf,
+    /// File for the model
+    #[arg(long, short, value_name = "FILE", default_value = "model.toml")]
+    pub output: PathBuf,
+    /// Also hold out this share of every vehicle's events, and print how well the rest predicts them
+    #[arg(long, value_parser = open_share, allow_negative_numbers = true)]
+    pub test_share: Option<f64>,
     #[command(flatten)]
     pub kernel: Kernel,
     #[command(flatten)]
@@ -142,7 +168,7 @@ pub struct Select {
     #[arg(long, value_enum, default_value_t = PolicyName::Good)]
     pub policy: PolicyName,
     #[command(flatten)]
-    pub kernel: Kernel,
+    pub model: ModelSource,
     /// Seed of everything random
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -167,33 +193,83 @@ pub struct Source {
     #[arg(long)]
     pub vehicle: Option<String>,
     #[command(flatten)]
-    pub kernel: Kernel,
+    pub model: ModelSource,
     #[command(flatten)]
     pub work: Work,
 }
 
-/// The kernel, as far as it is given.
+/// What links are read with: a model file, or what is learned.
 #[derive(Args)]
-pub struct Kernel {
-    /// How covariance falls with distance
-    #[arg(long = "kernel", value_enum, default_value_t = ShapeName::Matern52)]
-    pub shape: ShapeName,
-    /// Treat the two directions of a link as unrelated
-    #[arg(long)]
-    pub one_way: bool,
-    /// Length-scale; found by a grid search on the evidence if not given
-    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
-    pub length_scale_m: Option<f64>,
-    /// Kernel variance; found by a grid search on the evidence if not given
-    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
-    pub variance: Option<f64>,
+pub struct ModelSource {
+    /// Model file, as `pingmap learn` writes it; learned from the events if not given
+    #[arg(long, value_name = "FILE", conflicts_with = "Kernel")]
+    pub model: Option<PathBuf>,
+    #[command(flatten)]
+    pub kernel: Kernel,
 }
 
+/// Kernel and prior mean, as far as they are given. What is not given is learned.
+#[derive(Args)]
+#[group(id = "Kernel", multiple = true)]
+pub struct Kernel {
+    /// How covariance falls with distance
+    #[arg(long = "kernel", value_enum)]
+    pub shape: Option<ShapeName>,
+    /// What the path term measures distance over
+    #[arg(long, value_enum)]
+    pub inputs: Option<InputsName>,
+    /// Whether the two directions of a path behave alike
+    #[arg(long, value_enum, value_name = "YES|NO")]
+    pub reciprocal: Option<YesNo>,
+    /// What the log-odds are a sum of
+    #[arg(long, value_enum)]
+    pub terms: Option<TermsName>,
+    /// What is expected before the first event
+    #[arg(long, value_enum, conflicts_with = "conservative_range_m")]
+    pub prior_mean: Option<MeanName>,
+    /// The range that is trusted before the first event: even odds there, falling with range; learning starts from it
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    pub conservative_range_m: Option<f64>,
+    /// Log-odds that such a prior loses per kilometre; four over the conservative range if not given
+    #[arg(long, value_parser = positive, allow_negative_numbers = true, requires = "conservative_range_m")]
+    pub conservative_slope_per_km: Option<f64>,
+    /// Fix every length-scale
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    pub length_scale_m: Option<f64>,
+    /// Fix the variance of every term
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    pub variance: Option<f64>,
+    /// What decides among kernels and prior means
+    #[arg(long, value_enum, default_value_t = CriterionName::LeaveOneOut)]
+    pub criterion: CriterionName,
+    /// Learn kernel and prior mean from at most so many events, spread evenly over the log
+    #[arg(long, default_value_t = Learning::default().events_max, value_parser = at_least_one)]
+    pub learn_events_max: usize,
+}
+
+/// Log-odds that a conservative prior loses from range zero to its range.
+const CONSERVATIVE_LOSS: f64 = 4.0;
+
 impl Kernel {
-    /// What the search has to keep to.
-    pub fn choice(&self) -> KernelChoice {
-        let Self { shape, one_way, length_scale_m, variance } = *self;
-        KernelChoice { shape: shape.shape(), reciprocal: !one_way, length_scale_m, variance }
+    /// The parts that are given.
+    pub fn given(&self) -> Given {
+        let conservative = self.conservative_range_m.map(|range_m| {
+            let slope_per_m = self.conservative_slope_per_km.map(|slope| slope / 1000.0);
+            Expectation::Conservative { range_m, slope_per_m: slope_per_m.unwrap_or(CONSERVATIVE_LOSS / range_m) }
+        });
+        Given {
+            shape: self.shape.map(ShapeName::shape),
+            path_inputs: self.inputs.map(InputsName::inputs),
+            reciprocal: self.reciprocal.map(|reciprocal| reciprocal == YesNo::Yes),
+            terms: self.terms.map(TermsName::terms),
+            expectation: conservative.or(self.prior_mean.map(MeanName::expectation)),
+        }
+    }
+
+    /// Learning with these structures to choose from.
+    pub fn learning(&self, structures: Vec<Structure>, limits: Limits) -> Learning {
+        let Self { length_scale_m, variance, learn_events_max: events_max, .. } = *self;
+        Learning { structures, criterion: self.criterion.criterion(), length_scale_m, variance, events_max, limits }
     }
 }
 
@@ -240,6 +316,93 @@ impl ShapeName {
             ShapeName::Matern52 => Shape::Matern52,
         }
     }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InputsName {
+    /// The positions of both ends, one length-scale for all
+    Raw,
+    /// Where the link lies, and which way and how far it reaches; a length-scale for each coordinate
+    Link,
+}
+
+impl InputsName {
+    fn inputs(self) -> PathInputs {
+        match self {
+            InputsName::Raw => PathInputs::Raw,
+            InputsName::Link => PathInputs::Link,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum YesNo {
+    Yes,
+    No,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TermsName {
+    /// The path between the ends
+    Path,
+    /// The path, noise at the receiver, and loss over the range
+    PathReceiverRange,
+}
+
+impl TermsName {
+    fn terms(self) -> Terms {
+        match self {
+            TermsName::Path => Terms::Path,
+            TermsName::PathReceiverRange => Terms::PathReceiverRange,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum MeanName {
+    /// Even odds
+    Zero,
+    /// The same odds everywhere
+    Constant,
+    /// Odds that fall with range
+    Range,
+}
+
+impl MeanName {
+    fn expectation(self) -> Expectation {
+        match self {
+            MeanName::Zero => Expectation::Zero,
+            MeanName::Constant => Expectation::Constant,
+            MeanName::Range => Expectation::Range,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum CriterionName {
+    /// The leave-one-out log predictive probability
+    LeaveOneOut,
+    /// The evidence bound
+    Evidence,
+}
+
+impl CriterionName {
+    fn criterion(self) -> Criterion {
+        match self {
+            CriterionName::LeaveOneOut => Criterion::LeaveOneOut,
+            CriterionName::Evidence => Criterion::Evidence,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum LearnName {
+    /// Somebody who saw the training events of all, beforehand
+    Pooled,
+    /// Every vehicle by itself, from its own events and what it received
+    Own,
+    /// Both, side by side
+    Both,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use dgpc::Shape;
-use pingmap_agent::{Fusion, Limits, SummaryKind};
-use pingmap_trial::{EventLog, KernelChoice, Plan, draw_splits};
+use pingmap_agent::{Fusion, Learning, Limits, SummaryKind};
+use pingmap_trial::{EventLog, Learners, Plan, draw_splits};
 
 use crate::cli;
 use crate::output::{note, use_threads};
@@ -23,7 +22,9 @@ pub fn run(options: &cli::Demo) -> anyhow::Result<()> {
     note("Three underwater vehicles record which of each other's messages they hear. Each learns from the events it");
     note("received, sends a few packets that sum them up, and predicts events that nobody learned from.\n");
     let plan = Plan {
-        kernel: KernelChoice { shape: Shape::Matern52, reciprocal: true, length_scale_m: None, variance: None },
+        model: None,
+        learning: Learning::default(),
+        learners: Learners::Pooled,
         limits: Limits::default(),
         summary: SummaryKind::Marginal,
         fusion: Fusion::Sites,

@@ -5,6 +5,7 @@ mod cli;
 mod contour;
 mod demo;
 mod figure;
+mod learn;
 mod map;
 mod output;
 mod predict;
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
     let done = match arguments.command {
         cli::Command::Demo(options) => demo::run(&options),
         cli::Command::Replay(options) => replay::run(&options),
+        cli::Command::Learn(options) => learn::run(&options),
         cli::Command::Predict(options) => predict::run(&options),
         cli::Command::Map(options) => map::run(&options),
         cli::Command::Select(options) => region::run(&options),

@@ -11,6 +11,7 @@ use serde_json::json;
 use crate::cli::{self, End, name_of};
 use crate::contour::{Grid, Point, contour_lines};
 use crate::figure::{self, Mark, Series, Style};
+use crate::learn::kernel_json;
 use crate::output::{BadInput, note, print_json, spinner, use_threads, write_file};
 use crate::predict::csv_text;
 use crate::survey::{Survey, mean_depth_m};
@@ -60,7 +61,7 @@ pub fn run(options: &cli::Map) -> anyhow::Result<()> {
         print_json(&json!({
             "schema": 1, "file": options.output, "at": [east, north], "as": name_of(&options.end),
             "events_used": survey.log.events.len(),
-            "kernel": { "length_scale_m": survey.fit.length_scale_m, "variance": survey.fit.variance },
+            "kernel": kernel_json(survey.model()),
             "columns": map.columns, "rows": map.values.len() / map.columns, "cell_m": map.cell_m,
             "share_above": CONTOURS.map(|level| json!({ "probability": level, "share": map.share_above(level) })),
         }))?;

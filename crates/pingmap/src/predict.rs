@@ -5,6 +5,7 @@ use pingmap_trial::read_links;
 use serde_json::json;
 
 use crate::cli;
+use crate::learn::kernel_json;
 use crate::output::{print, spinner, use_threads, write_file};
 use crate::survey::{Survey, fill_depths};
 
@@ -30,10 +31,9 @@ pub fn run(options: &cli::Predict) -> anyhow::Result<()> {
     let text = if options.json {
         let rows = rows.iter().map(|row| header.iter().zip(row).map(|(k, v)| (k.to_string(), json!(v))).collect());
         let predictions: Vec<serde_json::Map<_, _>> = rows.collect();
-        let (length_scale_m, variance) = (survey.fit.length_scale_m, survey.fit.variance);
         let object = json!({
             "schema": 1, "events_used": survey.log.events.len(), "jitter": survey.posterior.jitter(),
-            "kernel": { "length_scale_m": length_scale_m, "variance": variance }, "predictions": predictions,
+            "kernel": kernel_json(survey.model()), "predictions": predictions,
         });
         serde_json::to_string_pretty(&object)?
     } else {

@@ -1,14 +1,15 @@
 //! `pingmap select`: the inducing points that sum up a locality region.
 
 use dgpc::{Candidates, Certificate, Inputs, Observations, Selection, log_evidence, mean_field};
-use pingmap_agent::{Event, Link, Position};
-use pingmap_trial::{EventLog, GridFit};
+use pingmap_agent::{Event, Limits, Link, Model, Position};
+use pingmap_trial::EventLog;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use serde_json::json;
 
 use crate::cli::{self, PolicyName, name_of};
+use crate::learn::kernel_json;
 use crate::output::{BadInput, count, note, print, print_json, spinner, table, use_threads, warn};
-use crate::survey;
+use crate::survey::{self, Known};
 
 /// Radius of the reference locality region in length-scales, √(−2 ln ε) for ε = 0.384: the paper's 0.4 / 0.289.
 const RADIUS_LENGTH_SCALES: f64 = 1.384;
@@ -17,12 +18,10 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
     use_threads(options.threads)?;
     let log = survey::open_log(&options.events)?;
     let own = survey::only(&log, &options.vehicle)?;
-    let bar = spinner("learning");
-    let fit = survey::fit(&log, &options.kernel.choice(), options.seed)?;
-    bar.finish_and_clear();
-    let Region { events: region, inputs, radius_m } = Region::find(&own, &fit, options)?;
+    let known = Known::new(&options.model, &log, Limits::default())?;
+    let Region { events: region, inputs, radius_m } = Region::find(&own, &known.model, options)?;
     let bar = spinner("selecting");
-    let prior = &fit.model.prior;
+    let prior = &known.model.prior;
     let candidates = Candidates::new(prior.kernel(), &inputs)?;
     let selection = choose(&candidates, options);
     let observations = Observations::new(inputs.clone(), region.iter().map(|event| event.success).collect())?;
@@ -38,12 +37,12 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
         warn(format_args!("only {found} of {wanted} points are distinct in this region"));
     }
     let chosen: Vec<&Event> = selection.indices.iter().map(|&i| region[i]).collect();
-    note(survey::describe(&fit, region.len(), true));
+    note(known.describe(region.len(), true));
     if options.json {
         return print_json(&json!({
             "schema": 1, "vehicle": options.vehicle, "policy": name_of(&options.policy), "radius_m": radius_m,
             "events_in_region": region.len(), "seed": options.seed,
-            "kernel": { "length_scale_m": fit.length_scale_m, "variance": fit.variance },
+            "kernel": kernel_json(&known.model),
             "inducing_points": chosen.iter().map(|event| point_json(event)).collect::<Vec<_>>(),
             "trace": selection.trace,
             "trace_before": candidates.trace(),
@@ -79,19 +78,20 @@ struct Region<'a> {
 
 impl<'a> Region<'a> {
     /// The region that the options describe, or the busiest one; at most as many events as they allow.
-    fn find(own: &'a EventLog, fit: &GridFit, options: &cli::Select) -> anyhow::Result<Self> {
-        let inputs = fit.model.inputs(own.events.iter().map(|event| &event.link))?;
-        let radius_m = options.radius_m.unwrap_or(RADIUS_LENGTH_SCALES * fit.length_scale_m);
+    fn find(own: &'a EventLog, model: &Model, options: &cli::Select) -> anyhow::Result<Self> {
+        let inputs = model.inputs(own.events.iter().map(|event| &event.link))?;
+        let ends = inputs.columns(model.inputs.ends());
+        let radius_m = options.radius_m.unwrap_or(RADIUS_LENGTH_SCALES * model.length_scale_m());
         let centre = match options.centre {
             Some([tx_east, tx_north, rx_east, rx_north]) => {
                 let (transmitter, receiver) = (Position::new(tx_east, tx_north), Position::new(rx_east, rx_north));
                 let mut link = [Link { transmitter, receiver }];
                 survey::fill_depths(&mut link, own);
-                fit.model.inputs(&link)?.row(0).to_vec()
+                model.inputs(&link)?.columns(model.inputs.ends()).row(0).to_vec()
             }
-            None => busiest(&inputs, radius_m).to_vec(),
+            None => busiest(&ends, radius_m).to_vec(),
         };
-        let mut members = within(&inputs, &centre, radius_m);
+        let mut members = within(&ends, &centre, radius_m);
         if members.is_empty() {
             let vehicle = &options.vehicle;
             let message =
@@ -103,7 +103,7 @@ impl<'a> Region<'a> {
             warn(format_args!(
                 "the region holds {found} events; using the {used} nearest to its centre (--events-max)"
             ));
-            let distance = |n: &usize| squared_distance(inputs.row(*n), &centre);
+            let distance = |n: &usize| squared_distance(ends.row(*n), &centre);
             members.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
             members.truncate(used);
         }

@@ -1,16 +1,17 @@
 //! `pingmap replay`: what each vehicle knows alone, what the team knows after sharing, what it could know at best.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use dgpc::Shape;
-use pingmap_agent::{Fusion, InputSpec, SummaryKind, VehicleId};
-use pingmap_trial::{EventLog, MeanScore, Plan, Replay, Split, draw_splits, read_splits};
+use pingmap_agent::{Fit, Fusion, InputSpec, SummaryKind, VehicleId};
+use pingmap_trial::{EventLog, Learners, MeanScore, Plan, Replay, Split, draw_splits, read_splits};
 use serde_json::{Value, json};
 
-use crate::cli;
+use crate::cli::{self, LearnName};
+use crate::learn::{kernel_json, prior_mean_json, stop_words};
 use crate::output::{count, note, print, print_json, progress, table, use_threads, warn};
 use crate::report;
-use crate::survey::{open_log, thinned};
+use crate::survey::{of_events, open_log, open_model, path_variance, thinned, warn_of_search};
 
 pub fn run(options: &cli::Replay) -> anyhow::Result<()> {
     use_threads(options.work.threads)?;
@@ -24,15 +25,21 @@ pub fn run(options: &cli::Replay) -> anyhow::Result<()> {
     }
     let events = log.events.len();
     let (log, splits) = thinned(log, splits, options.work.events_max, options.work.seed);
+    let kernel = &options.source.kernel;
     let plan = Plan {
-        kernel: options.kernel.choice(),
+        model: options.source.model.as_ref().map(|path| open_model(path, &log)).transpose()?,
+        learning: kernel.learning(kernel.given().few(), options.work.limits()),
+        learners: if options.learn == LearnName::Own { Learners::Own } else { Learners::Pooled },
         limits: options.work.limits(),
         summary: options.summary.kind(),
         fusion: options.fusion.fusion(),
         points_per_frame: options.points_per_frame,
         seed: options.work.seed,
     };
-    let mission = Replayed::new(log, events, splits, &options.frames, plan)?;
+    let mut mission = Replayed::new(log, events, splits, &options.frames, plan)?;
+    if options.learn == LearnName::Both {
+        mission.learn_own(&options.frames)?;
+    }
     mission.show(options.json, options.report.as_deref())
 }
 
@@ -42,6 +49,8 @@ pub struct Replayed {
     pub splits: Vec<Split>,
     pub plan: Plan,
     pub replay: Replay,
+    /// The same with every vehicle learning by itself, if that was asked for beside the pooled one.
+    own_learning: Option<Replay>,
     /// Events in the file, before thinning.
     events: usize,
 }
@@ -49,10 +58,15 @@ pub struct Replayed {
 impl Replayed {
     /// Replays the mission with a progress bar.
     pub fn new(log: EventLog, events: usize, splits: Vec<Split>, frames: &[usize], plan: Plan) -> anyhow::Result<Self> {
-        let bar = progress((splits.len() * (1 + frames.len())) as u64, "replaying");
-        let replay = pingmap_trial::replay(&log, &splits, frames, &plan, &|| bar.inc(1))?;
-        bar.finish_and_clear();
-        Ok(Self { log, splits, plan, replay, events })
+        let replay = with_progress(&log, &splits, frames, &plan)?;
+        Ok(Self { log, splits, plan, replay, own_learning: None, events })
+    }
+
+    /// Replays it once more with every vehicle learning by itself.
+    fn learn_own(&mut self, frames: &[usize]) -> anyhow::Result<()> {
+        let plan = Plan { learners: Learners::Own, ..self.plan.clone() };
+        self.own_learning = Some(with_progress(&self.log, &self.splits, frames, &plan)?);
+        Ok(())
     }
 
     /// Warns, prints, and writes the report if one is wanted.
@@ -71,6 +85,7 @@ impl Replayed {
             if !split.converged {
                 warn(format_args!("split {name}: a fit stopped before its fixed point"));
             }
+            split.fit.iter().for_each(warn_of_search);
         }
         if as_json {
             print_json(&self.json())?;
@@ -94,8 +109,8 @@ impl Replayed {
             [_] => "1 split".to_owned(),
             several => format!("mean of {} splits", several.len()),
         };
-        format!(
-            "{}, {} ({}); {splits}, seed {}\n{}\n{}\n\n{}\n\n{}\n\n{}",
+        let mut text = format!(
+            "{}, {} ({}); {splits}, seed {}\n{}\n{}\n\n{}\n\n{}",
             count(self.log.events.len(), "event"),
             count(vehicles.len(), "vehicle"),
             vehicles.join(", "),
@@ -107,8 +122,35 @@ impl Replayed {
                 &["after sharing, per vehicle", "accuracy", "NLL", "± s.e.", "worst vehicle", "gap closed"],
                 &self.sharing_rows()
             ),
-            "NLL: negative log-likelihood of held-out events in nats, lower is better. Gap closed: how much of the way from\nown events only to all raw events in one place sharing goes.",
-        )
+        );
+        if let Some(own) = &self.own_learning {
+            let header = ["who learns the model", "pooled, NLL", "± s.e.", "every vehicle, NLL", "± s.e."];
+            text += &format!("\n\n{}", table(&header, &self.learner_rows(own)));
+        }
+        text + "\n\nNLL: negative log-likelihood of held-out events in nats, lower is better. Gap closed: how much of the way from\nown events \
+                only to all raw events in one place sharing goes."
+    }
+
+    /// The model learned from pooled events beside models that every vehicle learned by itself.
+    fn learner_rows(&self, own: &Replay) -> Vec<Vec<String>> {
+        let row = |name: &str, pooled: &MeanScore, own: &MeanScore| {
+            let [pooled, own] = [pooled, own].map(|score| score_row("", score)[2..].to_vec());
+            [vec![name.to_owned()], pooled, own].concat()
+        };
+        let mut rows = vec![row("own events only", &self.replay.own, &own.own)];
+        rows.extend(
+            self.replay
+                .sharing
+                .iter()
+                .zip(&own.sharing)
+                .map(|(pooled, own)| row(&self.packets_name(pooled.frames), &pooled.team, &own.team)),
+        );
+        rows.push(row("all raw events in one place", &self.replay.centralised, &own.centralised));
+        rows
+    }
+
+    fn packets_name(&self, frames: usize) -> String {
+        format!("{} of {}", count(frames, "packet"), count(self.plan.points_per_frame, "point"))
     }
 
     /// The scores that sharing is compared with.
@@ -127,33 +169,43 @@ impl Replayed {
     /// The team for each number of frames.
     pub fn sharing_rows(&self) -> Vec<Vec<String>> {
         let row = |sharing: &pingmap_trial::Sharing| {
-            let (frames, points) = (count(sharing.frames, "packet"), count(self.plan.points_per_frame, "point"));
-            let name = format!("{frames} of {points}");
+            let name = self.packets_name(sharing.frames);
             let gap = sharing.gap_closed.map_or("–".to_owned(), |gap| format!("{:.0} %", 100.0 * gap));
             [score_row(&name, &sharing.team), vec![format!("{:.4}", sharing.worst_vehicle_nll), gap]].concat()
         };
         self.replay.sharing.iter().map(row).collect()
     }
 
+    /// What links are read with, in one line.
     pub fn kernel_line(&self) -> String {
-        let kernel = &self.plan.kernel;
-        let direction = if kernel.reciprocal { ", the same both ways" } else { "" };
-        let source = match self.replay.splits.iter().find_map(|split| split.evidence.map(|_| split.search_events)) {
-            Some(events) => {
-                let splits = &self.replay.splits;
-                let edge = match splits.iter().filter(|split| split.at_grid_edge).count() {
-                    0 => String::new(),
-                    at_edge => format!("; at the edge of the grid in {at_edge} of {}", count(splits.len(), "split")),
-                };
-                format!("by grid search on {events} pooled training events{edge}")
-            }
-            None => "as given".to_owned(),
+        let splits = &self.replay.splits;
+        let numbers = format!(
+            "path: length-scale {:.0} m, variance {:.2}",
+            self.median(|split| split.model.length_scale_m()),
+            self.median(|split| path_variance(&split.model)),
+        );
+        if self.plan.learners == Learners::Own {
+            return format!("every vehicle learns its own model; packets under a fixed one, {numbers}");
+        }
+        let Some(fit) = splits.iter().find_map(|split| split.fit.as_ref()) else {
+            return format!("model as given; {numbers}");
         };
+        let mut structures: BTreeMap<String, usize> = BTreeMap::new();
+        for fit in splits.iter().filter_map(|split| split.fit.as_ref()) {
+            *structures.entry(fit.structure.to_string()).or_default() += 1;
+        }
+        let in_splits = |(structure, &count): (&String, &usize)| {
+            if count == splits.len() {
+                structure.clone()
+            } else {
+                format!("{structure} ({count} of {} splits)", splits.len())
+            }
+        };
+        let structures: Vec<String> = structures.iter().map(in_splits).collect();
         format!(
-            "{} kernel{direction}: length-scale {:.0} m, variance {} ({source})",
-            shape_words(kernel.shape),
-            self.median(|split| split.length_scale_m),
-            self.median(|split| split.variance),
+            "{}; learned from {}; {numbers}",
+            structures.join("; "),
+            of_events(fit.events_used, fit.events).replace("event", "pooled training event"),
         )
     }
 
@@ -183,7 +235,6 @@ impl Replayed {
 
     fn json(&self) -> Value {
         let replay = &self.replay;
-        let kernel = &self.plan.kernel;
         let limits = &self.plan.limits;
         let (own, centralised) = self.dense();
         let method = |dense: bool| if dense { "dense mean field" } else { "sparse mean field" };
@@ -195,10 +246,14 @@ impl Replayed {
             })
         });
         let per_split = replay.splits.iter().map(|split| {
+            let fit = split.fit.as_ref();
             json!({
                 "name": split.name, "training_events": split.training_events, "held_out_events": split.held_out_events,
-                "length_scale_m": split.length_scale_m, "variance": split.variance, "evidence": split.evidence,
-                "search_events": split.search_events, "at_grid_edge": split.at_grid_edge,
+                "length_scale_m": split.model.length_scale_m(), "variance": path_variance(&split.model),
+                "structure": fit.map(|fit| fit.structure.to_string()), "kernel": kernel_json(&split.model),
+                "prior_mean": prior_mean_json(split.model.prior.mean()), "evidence": fit.map(Fit::evidence),
+                "leave_one_out": fit.map(Fit::leave_one_out), "learning_events": fit.map(|fit| fit.events_used),
+                "stop": fit.map(|fit| stop_words(&fit.learned.stop)),
                 "converged": split.converged, "jitter_max": split.jitter_max,
             })
         });
@@ -215,13 +270,16 @@ impl Replayed {
                 "dense_events_max": limits.dense_events_max, "inducing_points_max": limits.inducing_points_max,
                 "summary": summary_name(self.plan.summary), "fusion": fusion_name(self.plan.fusion),
             },
-            "kernel": {
-                "shape": shape_name(kernel.shape), "reciprocal": kernel.reciprocal,
-                "inputs": if self.log.inputs() == InputSpec::Positions { "positions" } else { "positions and depths" },
-                "length_scale_m": self.median(|split| split.length_scale_m),
-                "variance": self.median(|split| split.variance),
-            },
-            "prior_mean": "zero",
+            "learn": if self.plan.learners == Learners::Own { "own" } else { "pooled" },
+            "kernel": replay.splits.first().map(|split| {
+                let mut kernel = kernel_json(&split.model);
+                kernel["inputs"] = json!(if split.model.inputs == InputSpec::Positions { "positions" } else { "positions and depths" });
+                kernel["length_scale_m"] = json!(self.median(|split| split.model.length_scale_m()));
+                kernel["variance"] = json!(self.median(|split| path_variance(&split.model)));
+                kernel
+            }),
+            "prior_mean": replay.splits.first().map(|split| prior_mean_json(split.model.prior.mean())),
+            "own_learning": self.own_learning.as_ref().map(own_learning_json),
             "scores": {
                 "base_rate": score_json(&replay.base_rate), "distance_only": score_json(&replay.distance_only),
                 "own": score_json(&replay.own), "centralised": score_json(&replay.centralised),
@@ -258,19 +316,24 @@ fn summary_name(kind: SummaryKind) -> &'static str {
     }
 }
 
-/// As the option `--kernel` calls it.
-fn shape_name(shape: Shape) -> &'static str {
-    match shape {
-        Shape::SquaredExponential => "squared-exponential",
-        Shape::Matern32 => "matern32",
-        Shape::Matern52 => "matern52",
-    }
+/// The scores of every vehicle learning by itself, beside those of the pooled model.
+fn own_learning_json(own: &Replay) -> Value {
+    let sharing = own.sharing.iter().map(|sharing| {
+        json!({
+            "frames": sharing.frames, "team": score_json(&sharing.team), "worst_vehicle_nll": sharing.worst_vehicle_nll,
+            "gap_closed": sharing.gap_closed,
+        })
+    });
+    json!({
+        "scores": { "own": score_json(&own.own), "centralised": score_json(&own.centralised) },
+        "sharing": sharing.collect::<Vec<_>>(),
+    })
 }
 
-fn shape_words(shape: Shape) -> &'static str {
-    match shape {
-        Shape::SquaredExponential => "squared-exponential",
-        Shape::Matern32 => "Matérn 3/2",
-        Shape::Matern52 => "Matérn 5/2",
-    }
+/// A replay with a progress bar.
+fn with_progress(log: &EventLog, splits: &[Split], frames: &[usize], plan: &Plan) -> anyhow::Result<Replay> {
+    let bar = progress((splits.len() * (1 + frames.len())) as u64, "replaying");
+    let replay = pingmap_trial::replay(log, splits, frames, plan, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(replay)
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use pingmap_agent::{Agent, Link, Packet, Position, VehicleId};
-use pingmap_trial::{KernelChoice, Mission, Plan};
+use pingmap_trial::{Mission, Plan};
 
 use crate::cli::End;
 use crate::contour::Point;
@@ -53,11 +53,9 @@ impl Pictures {
         let counts = replayed.replay.sharing.iter().map(|sharing| sharing.frames);
         let frames = counts.clone().filter(|&frames| frames <= FRAMES_SHOWN).max().or(counts.min()).unwrap_or(0);
         let split = replayed.splits.first().context("a replay has at least one split")?;
-        // The kernel that the replay found for this split.
+        // The model that the replay found for this split.
         let found = replayed.replay.splits.first().context("a replay has at least one split")?;
-        let (length_scale_m, variance) = (Some(found.length_scale_m), Some(found.variance));
-        let kernel = KernelChoice { length_scale_m, variance, ..replayed.plan.kernel };
-        let plan = Plan { kernel, ..replayed.plan };
+        let plan = Plan { model: Some(found.model.clone()), ..replayed.plan.clone() };
         let mission = Mission::prepare(&replayed.log, split, &plan, frames)?;
         let sent = mission.packets(frames)?;
         let team = mission.after_sharing(&sent)?;
@@ -83,7 +81,7 @@ fn last_position(agent: &Agent) -> Option<Position> {
 /// The inducing points that everybody sent, as arrows from transmitter to receiver over the tracks.
 fn packets_figure(replayed: &Replayed, viewer: &Agent, sent: &[Packet]) -> Figure {
     let origin = viewer.model().chart.origin;
-    let half = viewer.model().inputs.dimension() / 2;
+    let half = viewer.model().inputs.receiver().start;
     let mut arrows: BTreeMap<&VehicleId, Vec<(Point, Point)>> = BTreeMap::new();
     for packet in sent.iter().filter(|packet| packet.region < PACKETS_DRAWN) {
         for row in packet.summary.inducing_points().rows() {

@@ -4,9 +4,11 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use dgpc::Posterior;
-use pingmap_agent::{Agent, FitQuality, Fusion, Link, Model, VehicleId};
-use pingmap_trial::{EventLog, GridFit, KernelChoice, Split, search, thin};
+use dgpc::{Posterior, learn::Stop};
+use pingmap_agent::{
+    Agent, Chart, Event, Fit, FitQuality, Fusion, InputSpec, Limits, Link, Model, ModelFile, VehicleId,
+};
+use pingmap_trial::{EventLog, Split, learn_best, thin};
 
 use crate::cli;
 use crate::output::{BadInput, count, note, spinner, warn};
@@ -57,38 +59,137 @@ pub fn thinned(log: EventLog, splits: Vec<Split>, events_max: usize, seed: u64) 
     (log.select(&kept), splits.iter().map(|split| split.select(&kept)).collect())
 }
 
+/// What links are read with, and how it was learned if it was.
+pub struct Known {
+    pub model: Model,
+    pub fit: Option<Fit>,
+}
+
+impl Known {
+    /// The model file that the user names, or the best of a few structures learned from all of a log.
+    pub fn new(source: &cli::ModelSource, log: &EventLog, limits: Limits) -> anyhow::Result<Self> {
+        if let Some(path) = &source.model {
+            return Ok(Self { model: open_model(path, log)?, fit: None });
+        }
+        let bar = spinner("learning");
+        let learning = source.kernel.learning(source.kernel.given().few(), limits);
+        let fit = learn_best(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?;
+        bar.finish_and_clear();
+        warn_of_search(&fit);
+        Ok(Self { model: fit.model.clone(), fit: Some(fit) })
+    }
+
+    /// The model in one line.
+    pub fn describe(&self, events: usize, dense: bool) -> String {
+        let inference = if dense { "dense mean field" } else { "sparse mean field" };
+        let source = match &self.fit {
+            Some(fit) => format!(
+                "{}; learned from {}, E {:.1} nats, leave-one-out {:.4} nats an event",
+                fit.structure,
+                of_events(fit.events_used, fit.events),
+                fit.evidence(),
+                fit.leave_one_out()
+            ),
+            None => "model as given".to_owned(),
+        };
+        let (length_scale_m, variance) = (self.model.length_scale_m(), path_variance(&self.model));
+        let events = count(events, "event");
+        format!("{events}, {inference}; {source}; path: length-scale {length_scale_m:.0} m, variance {variance:.2}")
+    }
+}
+
+/// Variance of the path term.
+pub fn path_variance(model: &Model) -> f64 {
+    model.prior.kernel().terms().first().map_or(0.0, dgpc::Term::variance)
+}
+
+/// "698 events", "10000 of 12972 events".
+pub fn of_events(used: usize, all: usize) -> String {
+    if used == all { count(all, "event") } else { format!("{used} of {}", count(all, "event")) }
+}
+
+/// Warns of a search that is not what it should be.
+pub fn warn_of_search(fit: &Fit) {
+    if fit.learned.stop == Stop::IterationsMax {
+        warn(format_args!("{}: the search for its numbers stopped before its end", fit.structure));
+    }
+}
+
+/// How many of a chart's scales a log may lie from its origin.
+const FRAME_SCALES: f64 = 10.0;
+
+/// Reads a model file, and checks that it is for a chart such as this log's.
+pub fn open_model(path: &Path, log: &EventLog) -> anyhow::Result<Model> {
+    let bad = |message: &dyn std::fmt::Display| BadInput(format!("{}: {message}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| bad(&format_args!("cannot read it: {error}")))?;
+    let model = ModelFile::parse(&text).map_err(|error| bad(&error))?.model;
+    let Chart { origin, scale_m, .. } = model.chart;
+    let middle = Chart::about(log.events.iter().flat_map(|event| event.link.ends())).origin;
+    let distance_m = Link { transmitter: origin, receiver: middle }.range_m();
+    // Origins are rounded to 100 m.
+    if distance_m > FRAME_SCALES * scale_m + 100.0 {
+        let message = format!(
+            "the model is for a chart about ({:.0}, {:.0}) with a scale of {scale_m} m, but the events lie {:.1} km from there;              expected at most {FRAME_SCALES} scales (if it is meant for these events, change [chart])",
+            origin.east_m,
+            origin.north_m,
+            distance_m / 1000.0
+        );
+        return Err(bad(&message).into());
+    }
+    match (model.inputs, log.inputs()) {
+        (InputSpec::PositionsAndDepths, InputSpec::Positions) => {
+            Err(bad(&"the model reads depths, but the events have none; expected columns tx_depth_m and rx_depth_m")
+                .into())
+        }
+        (InputSpec::Positions, InputSpec::PositionsAndDepths) => {
+            warn(format_args!("{}: the model does not read depths; those of the log are ignored", path.display()));
+            Ok(model)
+        }
+        _ => Ok(model),
+    }
+}
+
 /// A log and what was learned from all of it.
 pub struct Survey {
     pub log: EventLog,
-    pub fit: GridFit,
+    pub known: Known,
     pub posterior: Posterior,
 }
 
 impl Survey {
     /// Reads a log, keeps one vehicle's events if asked to, and learns.
     pub fn learn(source: &cli::Source) -> anyhow::Result<Self> {
-        let cli::Source { events, vehicle, kernel, work } = source;
+        let cli::Source { events, vehicle, model, work } = source;
         let mut log = open_log(events)?;
         if let Some(vehicle) = vehicle {
             log = only(&log, vehicle)?;
         }
         let (log, _) = thinned(log, Vec::new(), work.events_max, work.seed);
-        let bar = spinner("learning");
-        let fit = fit(&log, &kernel.choice(), work.seed)?;
-        let mut agent = Agent::new(VehicleId::new("survey"), Arc::new(fit.model.clone()), work.limits());
-        agent.observe_all(log.events.iter().cloned());
-        agent.learn()?;
+        let known = Known::new(model, &log, work.limits())?;
+        let bar = spinner("fitting");
+        let agent = all_in_one(&known.model, log.events.iter().cloned(), work.limits())?;
         let posterior = agent.posterior(Fusion::Sites)?;
         bar.finish_and_clear();
         warn_of_quality(&agent.fit_quality()?);
-        note(describe(&fit, log.events.len(), agent.learns_densely()));
-        Ok(Self { log, fit, posterior })
+        note(known.describe(log.events.len(), agent.learns_densely()));
+        Ok(Self { log, known, posterior })
     }
 
     /// The model.
     pub fn model(&self) -> &Model {
-        &self.fit.model
+        &self.known.model
     }
+}
+
+/// One vehicle that owns all of these events, after it learned from them.
+pub fn all_in_one(
+    model: &Model,
+    events: impl IntoIterator<Item = Event>,
+    limits: Limits,
+) -> Result<Agent, pingmap_agent::AgentError> {
+    let mut agent = Agent::new(VehicleId::new("survey"), Arc::new(model.clone()), limits);
+    agent.observe_all(events);
+    agent.learn().map(|()| agent)
 }
 
 /// Warns of a fit that is not what it should be.
@@ -119,11 +220,6 @@ pub fn fill_depths(links: &mut [Link], log: &EventLog) {
     }
 }
 
-/// Searches the kernel on all events of a log.
-pub fn fit(log: &EventLog, choice: &KernelChoice, seed: u64) -> dgpc::Result<GridFit> {
-    search(choice, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>(), seed)
-}
-
 /// The part of a log that one vehicle owns.
 pub fn only(log: &EventLog, vehicle: &str) -> anyhow::Result<EventLog> {
     let own = |n: &usize| log.events[*n].receiver_id.as_str() == vehicle;
@@ -134,19 +230,4 @@ pub fn only(log: &EventLog, vehicle: &str) -> anyhow::Result<EventLog> {
         return Err(BadInput(message).into());
     }
     Ok(log.select(&own))
-}
-
-/// The model in one line.
-pub fn describe(fit: &GridFit, events: usize, dense: bool) -> String {
-    let source = match fit.evidence {
-        Some(evidence) => {
-            let edge = if fit.at_grid_edge { ", at the edge of the grid" } else { "" };
-            format!("found by grid search on {} events{edge}, evidence {evidence:.1} nats", fit.events_used)
-        }
-        None => "as given".to_owned(),
-    };
-    let inference = if dense { "dense mean field" } else { "sparse mean field" };
-    let (length_scale_m, variance) = (fit.length_scale_m, fit.variance);
-    let events = count(events, "event");
-    format!("{events}, {inference}; length-scale {length_scale_m:.0} m, variance {variance} ({source})")
 }

@@ -5,7 +5,7 @@
 
 mod baseline;
 mod event_log;
-mod evidence_grid;
+mod learning;
 mod mission;
 mod replay;
 mod score;
@@ -13,8 +13,8 @@ mod split;
 
 pub use baseline::{DistanceOnly, base_rate};
 pub use event_log::{COORDINATE_MAX_M, EventLog, FileError, Problem, REQUIRED_COLUMNS, read_links};
-pub use evidence_grid::{GRID_EVENTS_MAX, GridFit, KernelChoice, search};
-pub use mission::{Mission, Plan};
+pub use learning::{learn_all, learn_best};
+pub use mission::{Learners, Mission, Plan};
 pub use replay::{Replay, ReplayError, Sharing, SplitSummary, replay};
 pub use score::{MeanScore, Score};
 pub use split::{Split, draw_splits, read_splits, thin};

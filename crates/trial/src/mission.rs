@@ -3,18 +3,34 @@
 use std::sync::Arc;
 
 use dgpc::Inputs;
-use pingmap_agent::{Agent, AgentError, Event, Fusion, Limits, Link, Packet, PacketPlan, SummaryKind, VehicleId};
+use pingmap_agent::{
+    Agent, AgentError, Event, Fit, Fusion, Learning, Limits, Link, Model, Packet, PacketPlan, SummaryKind, VehicleId,
+};
 use rayon::prelude::*;
 
 use crate::event_log::EventLog;
-use crate::evidence_grid::{self, GridFit, KernelChoice};
+use crate::learning::learn_best;
 use crate::split::Split;
 
+/// Who learns the model that links are read with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Learners {
+    /// Somebody who saw all training events, before the mission; the team then shares that model.
+    Pooled,
+    /// Every vehicle by itself, from its own events and what it received. Packets are formed under a model fixed beforehand.
+    Own,
+}
+
 /// How a team learns and what it sends.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// Kernel, as far as it is given.
-    pub kernel: KernelChoice,
+    /// The team's model, if it is given. Otherwise it is learned from the pooled training events, or is what the first structure
+    /// expects before any event where every vehicle learns by itself.
+    pub model: Option<Model>,
+    /// How models are learned.
+    pub learning: Learning,
+    /// Who learns.
+    pub learners: Learners,
     /// Bounds on work and memory of every vehicle.
     pub limits: Limits,
     /// Which message a packet carries.
@@ -30,8 +46,10 @@ pub struct Plan {
 /// A team after it learned from its training events, before it shares.
 #[derive(Debug, Clone)]
 pub struct Mission {
-    /// The model, learned on the pooled training events.
-    pub fit: GridFit,
+    /// The team's model, under which packets are formed.
+    pub model: Arc<Model>,
+    /// How it was learned, if it was.
+    pub fit: Option<Fit>,
     /// Every vehicle, in alphabetical order.
     pub team: Vec<Agent>,
     /// One vehicle that saw all training events: what sharing tries to reach.
@@ -50,20 +68,24 @@ pub struct Mission {
 }
 
 impl Mission {
-    /// Splits the log, learns the model, lets every vehicle learn from its own training events, and plans up to `frames_max` packets of each. Runs
-    /// vehicles in parallel on the current thread pool.
+    /// Splits the log, learns the model, lets every vehicle learn from its own training events, and plans up to `frames_max` packets
+    /// of each. Runs vehicles in parallel on the current thread pool.
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses.
     pub fn prepare(log: &EventLog, split: &Split, plan: &Plan, frames_max: usize) -> Result<Self, AgentError> {
         let events = |held_out| split.indices(held_out).into_iter().map(|n| &log.events[n]).collect::<Vec<_>>();
         let (training, held_out) = (events(false), events(true));
-        let fit = evidence_grid::search(&plan.kernel, log.chart(), log.inputs(), &training, plan.seed)?;
-        let model = Arc::new(fit.model.clone());
-        let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| {
+        let (model, fit) = team_model(log, &training, plan)?;
+        let model = Arc::new(model);
+        let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| -> Result<Agent, AgentError> {
             let mut agent = Agent::new(id, model.clone(), plan.limits);
             agent.observe_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()));
-            agent.learn().map(|()| agent)
+            agent.learn()?;
+            if plan.learners == Learners::Own {
+                agent.adapt(&plan.learning)?;
+            }
+            Ok(agent)
         };
         let learn_vehicle = |id: VehicleId| {
             let agent = learn(id.clone(), &|event| event.receiver_id == id)?;
@@ -78,6 +100,7 @@ impl Mission {
         let links = |events: &[&Event]| events.iter().map(|event| event.link).collect();
         let outcomes = |events: &[&Event]| events.iter().map(|event| event.success).collect();
         Ok(Self {
+            model,
             fit,
             team,
             centralised: centralised?,
@@ -86,7 +109,7 @@ impl Mission {
             outcomes: outcomes(&held_out),
             training: links(&training),
             training_outcomes: outcomes(&training),
-            plan: *plan,
+            plan: plan.clone(),
         })
     }
 
@@ -100,16 +123,20 @@ impl Mission {
         Ok(sent?.into_iter().flatten().collect())
     }
 
-    /// The team after everybody received `packets`.
+    /// The team after everybody received `packets` and, where every vehicle learns by itself, learned from them.
     ///
     /// # Errors
-    /// [`AgentError`] when a packet was formed under another model.
+    /// [`AgentError`] when a packet was formed under another model, or the method refuses.
     pub fn after_sharing(&self, packets: &[Packet]) -> Result<Vec<Agent>, AgentError> {
         let receive = |agent: &Agent| {
             let mut agent = agent.clone();
-            packets.iter().try_for_each(|packet| agent.receive(packet.clone())).map(|()| agent)
+            packets.iter().try_for_each(|packet| agent.receive(packet.clone()))?;
+            if self.plan.learners == Learners::Own {
+                agent.adapt(&self.plan.learning)?;
+            }
+            Ok(agent)
         };
-        self.team.iter().map(receive).collect()
+        self.team.par_iter().map(receive).collect()
     }
 
     /// Probability of success of every held-out event, as the centralised vehicle sees it.
@@ -140,10 +167,28 @@ impl Mission {
     }
 
     fn inputs(&self) -> dgpc::Result<Inputs> {
-        self.fit.model.inputs(&self.held_out)
+        self.model.inputs(&self.held_out)
     }
 
     fn predict(&self, agent: &Agent, fusion: Fusion, inputs: &Inputs) -> Result<Vec<f64>, AgentError> {
         Ok(agent.posterior(fusion)?.probability(inputs)?)
+    }
+}
+
+/// The team's model, and how it was learned if it was.
+fn team_model(log: &EventLog, training: &[&Event], plan: &Plan) -> dgpc::Result<(Model, Option<Fit>)> {
+    if let Some(model) = &plan.model {
+        return Ok((model.clone(), None));
+    }
+    let (chart, inputs) = (log.chart(), log.inputs());
+    match (plan.learners, plan.learning.structures.first()) {
+        (Learners::Own, Some(structure)) => {
+            let prior = plan.learning.template(structure, inputs, chart.scale_m)?;
+            Ok((Model::new(chart, inputs, prior), None))
+        }
+        _ => {
+            let fit = learn_best(&plan.learning, chart, inputs, training)?;
+            Ok((fit.model.clone(), Some(fit)))
+        }
     }
 }

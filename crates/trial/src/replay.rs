@@ -1,7 +1,7 @@
 //! Replaying a mission over many splits: what each vehicle knows alone, what the team knows after sharing, and what it could
 //! know at best.
 
-use pingmap_agent::{Agent, AgentError, Link, VehicleId};
+use pingmap_agent::{Agent, AgentError, Fit, Link, Model, VehicleId};
 use rayon::prelude::*;
 
 use crate::baseline::{DistanceOnly, base_rate};
@@ -81,16 +81,10 @@ pub struct SplitSummary {
     pub held_out_events: usize,
     /// Vehicles without any training event.
     pub vehicles_without_events: Vec<VehicleId>,
-    /// Length-scale, in metres.
-    pub length_scale_m: f64,
-    /// Kernel variance.
-    pub variance: f64,
-    /// Evidence bound of the search, in nats; `None` where both numbers were given.
-    pub evidence: Option<f64>,
-    /// Training events that the search looked at.
-    pub search_events: usize,
-    /// Whether the kernel found lies at the edge of the grid, so that one beyond might be better.
-    pub at_grid_edge: bool,
+    /// The team's model.
+    pub model: Model,
+    /// How it was learned, if it was.
+    pub fit: Option<Fit>,
     /// Whether every vehicle, and the centralised one, was fitted densely.
     pub dense: (bool, bool),
     /// Whether every fit reached its fixed point.
@@ -199,22 +193,18 @@ fn replay_split(
 }
 
 fn summarise(split: &Split, mission: &Mission) -> Result<SplitSummary, AgentError> {
-    let fit = &mission.fit;
     let empty = mission.team.iter().filter(|agent| agent.events().is_empty());
     let everybody = mission.team.iter().chain([&mission.centralised]);
     let quality = everybody.map(Agent::fit_quality).collect::<Result<Vec<_>, _>>()?;
     Ok(SplitSummary {
         converged: quality.iter().all(|quality| quality.converged),
         jitter_max: quality.iter().map(|quality| quality.jitter).fold(0.0, f64::max),
-        at_grid_edge: fit.at_grid_edge,
         name: split.name.clone(),
         training_events: mission.training.len(),
         held_out_events: mission.held_out.len(),
         vehicles_without_events: empty.map(|agent| agent.id().clone()).collect(),
-        length_scale_m: fit.length_scale_m,
-        variance: fit.variance,
-        evidence: fit.evidence,
-        search_events: fit.events_used,
+        model: (*mission.model).clone(),
+        fit: mission.fit.clone(),
         dense: (mission.team.iter().all(|agent| agent.learns_densely()), mission.centralised.learns_densely()),
     })
 }

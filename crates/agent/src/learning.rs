@@ -1,0 +1,169 @@
+//! Learning a model from events: the numbers of one structure, and the choice among several (docs/method.md, section 7).
+
+use dgpc::learn::{self, Learned, Spread, spread_out};
+use dgpc::{Prior, PriorMean, Summary};
+
+use crate::chart::Chart;
+use crate::event::Event;
+use crate::limits::Limits;
+use crate::model::{InputSpec, Model};
+use crate::structure::{Given, Structure};
+
+/// What decides among structures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Criterion {
+    /// The mean leave-one-out log predictive probability.
+    LeaveOneOut,
+    /// The evidence bound E.
+    Evidence,
+}
+
+/// What is tried, what is given, and how much work it may take.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Learning {
+    /// The structures to choose from.
+    pub structures: Vec<Structure>,
+    /// What decides among them.
+    pub criterion: Criterion,
+    /// All length-scales, in metres, where they are given and not learned.
+    pub length_scale_m: Option<f64>,
+    /// The variance of every term, where it is given and not learned.
+    pub variance: Option<f64>,
+    /// Learn from at most so many events, spread evenly over the log.
+    pub events_max: usize,
+    /// When to go from dense to sparse fits.
+    pub limits: Limits,
+}
+
+impl Default for Learning {
+    /// The structures that were best on field trials.
+    fn default() -> Self {
+        Self {
+            structures: Given::default().few(),
+            criterion: Criterion::LeaveOneOut,
+            length_scale_m: None,
+            variance: None,
+            events_max: 10_000,
+            limits: Limits::default(),
+        }
+    }
+}
+
+/// A model learned from events.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// Its kernel and prior mean without their numbers.
+    pub structure: Structure,
+    /// Everything about the search.
+    pub learned: Learned,
+    /// How many events it looked at.
+    pub events_used: usize,
+    /// How many there were.
+    pub events: usize,
+    /// The model.
+    pub model: Model,
+}
+
+impl Fit {
+    /// E at the optimum over the events used, in nats.
+    pub fn evidence(&self) -> f64 {
+        self.learned.optimum_evidence
+    }
+
+    /// Mean leave-one-out log predictive probability of the events used, in nats; 0 without any.
+    pub fn leave_one_out(&self) -> f64 {
+        self.learned.fit.leave_one_out().iter().sum::<f64>() / self.events_used.max(1) as f64
+    }
+
+    /// What `criterion` says of it; more is better.
+    pub fn merit(&self, criterion: Criterion) -> f64 {
+        match criterion {
+            Criterion::LeaveOneOut => self.leave_one_out(),
+            Criterion::Evidence => self.evidence(),
+        }
+    }
+}
+
+impl Learning {
+    /// The prior of a structure before anything is learned, with the numbers that are given.
+    ///
+    /// # Errors
+    /// As [`Structure::template`]; [`dgpc::Error::OutOfRange`] for a given number that is not finite and positive.
+    pub fn template(&self, structure: &Structure, inputs: InputSpec, scale_m: f64) -> dgpc::Result<Prior> {
+        let template = structure.template(inputs, self.length_scale_m.unwrap_or(scale_m))?;
+        let mean = structure.template(inputs, scale_m)?.mean().clone();
+        match self.variance {
+            Some(variance) => with_variance(&template, variance, mean),
+            None => Prior::new(template.kernel().clone(), mean),
+        }
+    }
+
+    /// Learns the numbers of one structure from `events` and from what others said. An earlier fit of the same structure is where
+    /// it starts, and makes it cheap: one search, whose result is never worse in E.
+    ///
+    /// # Errors
+    /// [`dgpc::Error`] for a position that is not finite, or a scale or given number that is not finite and positive.
+    pub fn fit<'a>(
+        &self,
+        structure: &Structure,
+        chart: Chart,
+        inputs: InputSpec,
+        events: impl IntoIterator<Item = &'a Event>,
+        messages: &[&Summary],
+        earlier: Option<&Fit>,
+    ) -> dgpc::Result<Fit> {
+        let prior = self.template(structure, inputs, chart.scale_m)?;
+        let template = Model::new(chart, inputs, prior);
+        let events: Vec<&Event> = events.into_iter().collect();
+        let used: Vec<&Event> = spread_out(events.len(), self.events_max).into_iter().map(|n| events[n]).collect();
+        let observations = template.observations(used.iter().copied())?;
+        let learned = learn::learn(&template.prior, &observations, messages, &self.options(chart.scale_m, earlier))?;
+        let model = Model { prior: learned.prior.clone(), ..template };
+        Ok(Fit { structure: *structure, learned, events_used: observations.len(), events: events.len(), model })
+    }
+
+    /// Learns every structure and returns the best fit by [`Learning::criterion`].
+    ///
+    /// # Errors
+    /// As [`Learning::fit`]; [`dgpc::Error::OutOfRange`] without structures.
+    pub fn best<'a>(
+        &self,
+        chart: Chart,
+        inputs: InputSpec,
+        events: impl IntoIterator<Item = &'a Event> + Clone,
+        messages: &[&Summary],
+    ) -> dgpc::Result<Fit> {
+        let fits =
+            self.structures.iter().map(|structure| self.fit(structure, chart, inputs, events.clone(), messages, None));
+        self.choose(fits.collect::<dgpc::Result<_>>()?)
+    }
+
+    /// The best of several fits; the first of equals.
+    ///
+    /// # Errors
+    /// [`dgpc::Error::OutOfRange`] without any.
+    pub fn choose(&self, fits: Vec<Fit>) -> dgpc::Result<Fit> {
+        let merit = |fit: &Fit| fit.merit(self.criterion);
+        let best = fits.into_iter().reduce(|best, next| if merit(&next) > merit(&best) { next } else { best });
+        best.ok_or(dgpc::Error::OutOfRange { what: "number of structures", expected: "at least 1", value: 0.0 })
+    }
+
+    fn options(&self, scale_m: f64, earlier: Option<&Fit>) -> learn::Options {
+        let mut spread = Spread::weak(scale_m);
+        if self.length_scale_m.is_some() {
+            spread.length_scale = 0.0;
+        }
+        if self.variance.is_some() {
+            spread.variance = 0.0;
+        }
+        let Limits { dense_events_max, inducing_points_max, .. } = self.limits;
+        let warm_start = earlier.map(|earlier| earlier.learned.optimum.clone());
+        learn::Options { spread, warm_start, dense_events_max, inducing_points_max, ..learn::Options::new(scale_m) }
+    }
+}
+
+/// The prior with the given mean and the same variance for every term.
+fn with_variance(prior: &Prior, variance: f64, mean: PriorMean) -> dgpc::Result<Prior> {
+    let terms = prior.kernel().terms().iter().map(|term| term.with_variance(variance)).collect::<dgpc::Result<_>>()?;
+    Prior::new(dgpc::Kernel::new(terms)?, mean)
+}

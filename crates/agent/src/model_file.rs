@@ -1,0 +1,327 @@
+//! A model as a TOML text that a person can read and edit. Unknown keys are refused: a slip of the pen must not pass for a default.
+
+use dgpc::{Kernel, Prior, PriorMean, Shape, Term};
+use serde::{Deserialize, Serialize};
+
+use crate::chart::{Chart, Geographic};
+use crate::event::Position;
+use crate::model::{InputSpec, MODEL_SCHEMA, Model};
+
+/// Why a text is not a model.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ModelFileError {
+    /// Not TOML, or a key that is unknown, missing or of the wrong kind.
+    #[error("{0}")]
+    Syntax(String),
+    /// Written by a newer version of this software.
+    #[error("schema {found}, but this version reads schema {MODEL_SCHEMA}; it was written by a newer version")]
+    Newer {
+        /// The schema of the text.
+        found: u32,
+    },
+    /// A term names a column that links do not have.
+    #[error("kernel term {term}: unknown column {column:?}; expected one of {known}")]
+    UnknownColumn {
+        /// The number of the term, from 1.
+        term: usize,
+        /// The name.
+        column: String,
+        /// The names that there are.
+        known: String,
+    },
+    /// A term has another number of length-scales than columns.
+    #[error("kernel term {term}: {found} length-scales for {expected} columns; expected one for all or one for each")]
+    LengthScales {
+        /// The number of the term, from 1.
+        term: usize,
+        /// How many columns there are.
+        expected: usize,
+        /// How many length-scales.
+        found: usize,
+    },
+    /// The numbers of a term make no kernel.
+    #[error("kernel term {term}: {source}")]
+    Term {
+        /// The number of the term, from 1.
+        term: usize,
+        /// Why.
+        source: dgpc::Error,
+    },
+    /// There is no kernel term, or the prior mean makes no sense.
+    #[error(transparent)]
+    Prior(#[from] dgpc::Error),
+    /// A number outside its domain.
+    #[error("{key} must be {expected}, found {value}")]
+    OutOfRange {
+        /// The key.
+        key: &'static str,
+        /// The domain, in words.
+        expected: &'static str,
+        /// The number.
+        value: f64,
+    },
+}
+
+/// What a model was learned from, and how well it did.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// The event log.
+    pub from: String,
+    /// The structure, in words.
+    pub structure: String,
+    /// How many events the log has.
+    pub events: usize,
+    /// How many of them were used.
+    pub events_used: usize,
+    /// E at the optimum, in nats.
+    pub evidence: f64,
+    /// Mean leave-one-out log predictive probability of an event, in nats.
+    pub leave_one_out: f64,
+    /// What all variances were multiplied by after E was maximised.
+    pub variance_factor: f64,
+    /// Why the search ended.
+    pub stop: String,
+}
+
+/// A model and what it was learned from, as it stands in a file.
+///
+/// ```
+/// use pingmap_agent::{Chart, InputSpec, Learning, Model, ModelFile};
+///
+/// let learning = Learning::default();
+/// let prior = learning.template(&learning.structures[0], InputSpec::Positions, 490.0)?;
+/// let file = ModelFile { model: Model::new(Chart::about([]), InputSpec::Positions, prior), learned: None };
+/// assert_eq!(ModelFile::parse(&file.to_toml()).expect("its own text"), file);
+/// # Ok::<(), dgpc::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelFile {
+    /// The model.
+    pub model: Model,
+    /// What it was learned from; nothing for a model that a person wrote.
+    pub learned: Option<Provenance>,
+}
+
+impl ModelFile {
+    /// Reads a model.
+    ///
+    /// # Errors
+    /// [`ModelFileError`] with what was found and what was expected.
+    pub fn parse(text: &str) -> Result<Self, ModelFileError> {
+        let version: Version = read(text)?;
+        if version.schema > MODEL_SCHEMA {
+            return Err(ModelFileError::Newer { found: version.schema });
+        }
+        let Layout { schema, depths, chart, prior_mean, kernel, learned } = read(text)?;
+        let inputs = if depths { InputSpec::PositionsAndDepths } else { InputSpec::Positions };
+        let terms = kernel.iter().enumerate().map(|(n, term)| term.read(n + 1, inputs)).collect::<Result<_, _>>()?;
+        let prior = Prior::new(Kernel::new(terms)?, prior_mean.read(inputs))?;
+        Ok(Self { model: Model { schema, chart: chart.read()?, inputs, prior }, learned })
+    }
+
+    /// The text, which [`ModelFile::parse`] reads back to the same model.
+    pub fn to_toml(&self) -> String {
+        let Model { schema, chart, inputs, prior } = &self.model;
+        let layout = Layout {
+            schema: *schema,
+            depths: *inputs == InputSpec::PositionsAndDepths,
+            chart: ChartLayout::write(chart),
+            prior_mean: MeanLayout::write(prior.mean()),
+            kernel: prior.kernel().terms().iter().map(|term| TermLayout::write(term, *inputs)).collect(),
+            learned: self.learned.clone(),
+        };
+        // Nothing in the layout can fail to be written: tables of numbers, texts and lists of them.
+        HEAD.to_owned() + &toml::to_string(&layout).unwrap_or_default()
+    }
+}
+
+const HEAD: &str = "\
+# A model of how links behave: what pingmap reads links with. Lengths are in metres.
+# Columns of a link: tx_east, tx_north, rx_east, rx_north (both ends about the chart's origin, and ..._depth with depths = true),
+# u_... = (tx + rx)/sqrt(2), v_... = (tx - rx)/sqrt(2), range. One length-scale is for all columns of a term, a list has one for each.
+# prior_mean: kind = \"zero\", \"constant\" (log_odds) or \"range\" (log-odds = intercept - slope_per_m * range).
+
+";
+
+fn read<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, ModelFileError> {
+    toml::from_str(text).map_err(|error| ModelFileError::Syntax(error.to_string().trim_end().to_owned()))
+}
+
+/// What is read first, so that a newer file is called newer and not misspelt.
+#[derive(Deserialize)]
+struct Version {
+    schema: u32,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Layout {
+    schema: u32,
+    #[serde(default)]
+    depths: bool,
+    chart: ChartLayout,
+    prior_mean: MeanLayout,
+    kernel: Vec<TermLayout>,
+    learned: Option<Provenance>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ChartLayout {
+    origin_east_m: f64,
+    origin_north_m: f64,
+    scale_m: f64,
+    latitude_deg: Option<f64>,
+    longitude_deg: Option<f64>,
+}
+
+impl ChartLayout {
+    fn write(chart: &Chart) -> Self {
+        Self {
+            origin_east_m: chart.origin.east_m,
+            origin_north_m: chart.origin.north_m,
+            scale_m: chart.scale_m,
+            latitude_deg: chart.geographic.map(|place| place.latitude_deg),
+            longitude_deg: chart.geographic.map(|place| place.longitude_deg),
+        }
+    }
+
+    fn read(&self) -> Result<Chart, ModelFileError> {
+        let check = |key, value: f64, range: std::ops::RangeInclusive<f64>, expected| {
+            if range.contains(&value) { Ok(value) } else { Err(ModelFileError::OutOfRange { key, expected, value }) }
+        };
+        let coordinate = |key, value| check(key, value, -1e9..=1e9, "a number of metres, at most 1e9 from zero");
+        let origin = Position::new(
+            coordinate("origin_east_m", self.origin_east_m)?,
+            coordinate("origin_north_m", self.origin_north_m)?,
+        );
+        let scale_m = check("scale_m", self.scale_m, 1e-6..=1e9, "a number of metres from 1e-6 to 1e9")?;
+        let geographic = match (self.latitude_deg, self.longitude_deg) {
+            (Some(latitude_deg), Some(longitude_deg)) => Some(Geographic {
+                latitude_deg: check("latitude_deg", latitude_deg, -89.999..=89.999, "between -90 and 90")?,
+                longitude_deg: check("longitude_deg", longitude_deg, -180.0..=180.0, "from -180 to 180")?,
+            }),
+            (None, None) => None,
+            _ => return Err(ModelFileError::Syntax("chart: latitude_deg and longitude_deg go together".to_owned())),
+        };
+        Ok(Chart { origin, scale_m, geographic })
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+enum MeanLayout {
+    Zero {},
+    Constant { log_odds: f64 },
+    Range { intercept: f64, slope_per_m: f64 },
+}
+
+impl MeanLayout {
+    fn write(mean: &PriorMean) -> Self {
+        match mean {
+            PriorMean::Zero => Self::Zero {},
+            PriorMean::Constant(log_odds) => Self::Constant { log_odds: *log_odds },
+            PriorMean::Range { intercept, slope, .. } => Self::Range { intercept: *intercept, slope_per_m: *slope },
+        }
+    }
+
+    fn read(&self, inputs: InputSpec) -> PriorMean {
+        match *self {
+            Self::Zero {} => PriorMean::Zero,
+            Self::Constant { log_odds } => PriorMean::Constant(log_odds),
+            Self::Range { intercept, slope_per_m } => PriorMean::Range {
+                intercept,
+                slope: slope_per_m,
+                from: inputs.transmitter().collect(),
+                to: inputs.receiver().collect(),
+            },
+        }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TermLayout {
+    shape: ShapeLayout,
+    variance: f64,
+    columns: Vec<String>,
+    length_scale_m: LengthScales,
+    #[serde(default)]
+    reciprocal: bool,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum ShapeLayout {
+    SquaredExponential,
+    Matern32,
+    Matern52,
+}
+
+/// One for all columns, or one for each.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum LengthScales {
+    Tied(f64),
+    Each(Vec<f64>),
+}
+
+impl TermLayout {
+    fn write(term: &Term, inputs: InputSpec) -> Self {
+        let names = inputs.column_names();
+        let length_scale_m = match term.length_scales() {
+            [first, ..] if term.groups().iter().all(|&group| group == 0) => LengthScales::Tied(*first),
+            each => LengthScales::Each(each.to_vec()),
+        };
+        Self {
+            shape: match term.shape() {
+                Shape::SquaredExponential => ShapeLayout::SquaredExponential,
+                Shape::Matern32 => ShapeLayout::Matern32,
+                Shape::Matern52 => ShapeLayout::Matern52,
+            },
+            variance: term.variance(),
+            columns: term.columns().iter().map(|&column| names[column].clone()).collect(),
+            length_scale_m,
+            reciprocal: term.is_reciprocal(),
+        }
+    }
+
+    fn read(&self, number: usize, inputs: InputSpec) -> Result<Term, ModelFileError> {
+        let names = inputs.column_names();
+        let column = |name: &String| {
+            names.iter().position(|known| known == name).ok_or_else(|| ModelFileError::UnknownColumn {
+                term: number,
+                column: name.clone(),
+                known: names.join(", "),
+            })
+        };
+        let columns = self.columns.iter().map(column).collect::<Result<Vec<_>, _>>()?;
+        let failed = |source| ModelFileError::Term { term: number, source };
+        let term = match &self.length_scale_m {
+            LengthScales::Tied(length_scale) => {
+                let all = vec![*length_scale; columns.len()];
+                self.term(&columns, &all).and_then(|term| term.tied(&vec![0; columns.len()])).map_err(failed)?
+            }
+            LengthScales::Each(each) if each.len() != columns.len() => {
+                let (expected, found) = (columns.len(), each.len());
+                return Err(ModelFileError::LengthScales { term: number, expected, found });
+            }
+            LengthScales::Each(each) => self.term(&columns, each).map_err(failed)?,
+        };
+        if self.reciprocal {
+            return inputs.swap_ends().and_then(|swap| term.reciprocal(swap)).map_err(failed);
+        }
+        Ok(term)
+    }
+
+    fn term(&self, columns: &[usize], length_scales: &[f64]) -> dgpc::Result<Term> {
+        let shape = match self.shape {
+            ShapeLayout::SquaredExponential => Shape::SquaredExponential,
+            ShapeLayout::Matern32 => Shape::Matern32,
+            ShapeLayout::Matern52 => Shape::Matern52,
+        };
+        Term::new(shape, self.variance, columns, length_scales)
+    }
+}
