@@ -7,7 +7,7 @@ use crate::chart::Chart;
 use crate::event::Event;
 use crate::limits::Limits;
 use crate::model::{InputSpec, Model};
-use crate::structure::{Given, Structure};
+use crate::structure::{Expectation, Given, Structure};
 
 /// What decides among structures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -117,7 +117,8 @@ impl Learning {
         let events: Vec<&Event> = events.into_iter().collect();
         let used: Vec<&Event> = spread_out(events.len(), self.events_max).into_iter().map(|n| events[n]).collect();
         let observations = template.observations(used.iter().copied())?;
-        let learned = learn::learn(&template.prior, &observations, messages, &self.options(chart.scale_m, earlier))?;
+        let learned =
+            learn::learn(&template.prior, &observations, messages, &self.options(structure, chart.scale_m, earlier))?;
         let model = Model { prior: learned.prior.clone(), ..template };
         Ok(Fit { structure: *structure, learned, events_used: observations.len(), events: events.len(), model })
     }
@@ -148,8 +149,13 @@ impl Learning {
         best.ok_or(dgpc::Error::OutOfRange { what: "number of structures", expected: "at least 1", value: 0.0 })
     }
 
-    fn options(&self, scale_m: f64, earlier: Option<&Fit>) -> learn::Options {
+    fn options(&self, structure: &Structure, scale_m: f64, earlier: Option<&Fit>) -> learn::Options {
         let mut spread = Spread::weak(scale_m);
+        if let Expectation::Conservative { slope_per_m, .. } = structure.expectation {
+            // What people state before the first event takes more than a few events to change.
+            spread.intercept = 1.0;
+            spread.slope = 0.5 * slope_per_m;
+        }
         if self.length_scale_m.is_some() {
             spread.length_scale = 0.0;
         }

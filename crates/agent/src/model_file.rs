@@ -40,6 +40,22 @@ pub enum ModelFileError {
         /// How many length-scales.
         found: usize,
     },
+    /// A reciprocal term that would not be the same after swapping the ends.
+    #[error(
+        "kernel term {term}: reciprocal, but swapping the ends exchanges {column} ({length_scale}) with {partner} ({partner_length_scale})"
+    )]
+    NotReciprocal {
+        /// The number of the term, from 1.
+        term: usize,
+        /// A column of the term.
+        column: String,
+        /// The column it is exchanged with.
+        partner: String,
+        /// The length-scale of the one, in words.
+        length_scale: String,
+        /// That of the other.
+        partner_length_scale: String,
+    },
     /// The numbers of a term make no kernel.
     #[error("kernel term {term}: {source}")]
     Term {
@@ -311,7 +327,25 @@ impl TermLayout {
             LengthScales::Each(each) => self.term(&columns, each).map_err(failed)?,
         };
         if self.reciprocal {
-            return inputs.swap_ends().and_then(|swap| term.reciprocal(swap)).map_err(failed);
+            return inputs.swap_ends().and_then(|swap| term.reciprocal(swap)).map_err(|error| match error {
+                dgpc::Error::NotReciprocal { column, partner, length_scale, partner_length_scale } => {
+                    let words = |length_scale: f64| {
+                        if length_scale.is_nan() {
+                            "not among its columns".to_owned()
+                        } else {
+                            format!("{length_scale} m")
+                        }
+                    };
+                    ModelFileError::NotReciprocal {
+                        term: number,
+                        column: names[column].clone(),
+                        partner: names[partner].clone(),
+                        length_scale: words(length_scale),
+                        partner_length_scale: words(partner_length_scale),
+                    }
+                }
+                other => failed(other),
+            });
         }
         Ok(term)
     }

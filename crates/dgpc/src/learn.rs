@@ -24,14 +24,14 @@ pub struct Spread {
     pub variance: f64,
     /// Of a constant prior mean, or the intercept of a range prior mean.
     pub intercept: f64,
-    /// Of the slope of a range prior mean, per unit of distance: a few over a typical distance is weak.
+    /// Of the slope of a range prior mean, per unit of distance.
     pub slope: f64,
 }
 
 impl Spread {
     /// The default, for inputs that typically lie `distance` apart.
     pub fn weak(distance: f64) -> Self {
-        Self { length_scale: 1.5, variance: 1.5, intercept: 3.0, slope: 5.0 / distance }
+        Self { length_scale: 1.5, variance: 1.5, intercept: 2.0, slope: 2.0 / distance }
     }
 
     /// Checks that every number is finite and not negative.

@@ -116,7 +116,7 @@ fn a_model_that_cannot_be_used_is_refused_with_the_reason() {
     expect(with("\"tx_east\"", "\"tx_up\""), &["kernel term 1", "tx_up", "expected one of tx_east"]);
     expect(with("\"rx_east\", ", ""), &["reciprocal", "rx_east"]);
     expect(with("schema = 1", "schema = 2"), &["schema 2", "newer"]);
-    expect(with("schema = 1", "schema = 1\ndepths = true"), &["depths", "tx_depth_m"]);
+    expect(with("depths = false", "depths = true"), &["depths", "tx_depth_m"]);
     expect(with("kind = \"zero\"", "kind = \"zero\"\nintercept = 2.0"), &["intercept"]);
     expect(with("origin_east_m = ", "origin_east_m = 9000"), &["chart", "km", "[chart]"]);
     expect(with("scale_m = ", "scale_m = -"), &["scale_m", "1e-6"]);
