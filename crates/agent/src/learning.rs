@@ -43,7 +43,7 @@ impl Default for Learning {
             criterion: Criterion::LeaveOneOut,
             length_scale_m: None,
             variance: None,
-            events_max: 3000,
+            events_max: 2000,
             limits: Limits::default(),
         }
     }

@@ -163,8 +163,8 @@ pub struct Learned {
 /// ```
 ///
 /// # Errors
-/// As [`crate::evidence::dense`] and [`crate::evidence::sparse`] when E cannot be computed at any start; [`Error::OutOfRange`] for options that make no sense;
-/// [`Error::Different`] for a warm start of another structure than the template.
+/// As [`crate::evidence::dense`] and [`crate::evidence::sparse`] when E cannot be computed at any start; [`Error::OutOfRange`] for
+/// options that make no sense; [`Error::Different`] for a warm start of another structure than the template.
 pub fn learn(
     template: &Prior,
     observations: &Observations,
@@ -190,26 +190,30 @@ pub fn learn(
 /// Searches from every start on a few events. The starts, and the best of their ends.
 fn compare_starts(template: &Prior, few: &Data<'_>, options: &Options) -> Result<(Vec<Start>, Prior)> {
     let search = Search::new(template, few, None, options);
-    let (mut starts, mut ends, mut failure) = (Vec::new(), Vec::new(), None);
-    for prior in starting_points(template)? {
-        let found = search.run(&prior);
-        starts.push(Start { prior, objective: found.as_ref().ok().map(|found| found.objective) });
-        match found {
-            Ok(found) => ends.push(found),
-            Err(error) => failure = Some(error),
-        }
-    }
-    let best = ends.into_iter().max_by(|a, b| a.objective.total_cmp(&b.objective));
-    match (best, failure) {
-        (Some(best), _) => Ok((starts, best.prior)),
-        (None, failure) => {
-            Err(failure.unwrap_or(Error::NotFinite { what: "evidence bound", row: 0, column: 0, value: f64::NAN }))
-        }
-    }
+    let begin = starting_points(template, options)?;
+    let ends: Vec<Result<Found>> = begin.iter().map(|prior| search.run(prior)).collect();
+    let start =
+        |(prior, end): (Prior, &Result<Found>)| Start { prior, objective: end.as_ref().ok().map(|end| end.objective) };
+    let starts = begin.into_iter().zip(&ends).map(start).collect();
+    Ok((starts, best(ends)?.prior))
+}
+
+/// The best of several ends; where all searches failed, why.
+fn best(ends: Vec<Result<Found>>) -> Result<Found> {
+    let better = |a: Result<Found>, b: Result<Found>| match (a, b) {
+        (Ok(a), Ok(b)) => Ok(if b.objective > a.objective { b } else { a }),
+        (a, b) => a.or(b),
+    };
+    let none = Error::OutOfRange { what: "number of starts", expected: "at least 1", value: 0.0 };
+    ends.into_iter().reduce(better).unwrap_or(Err(none))
 }
 
 /// The template, a third of all its length-scales, and a third of each alone.
-fn starting_points(template: &Prior) -> Result<Vec<Prior>> {
+fn starting_points(template: &Prior, options: &Options) -> Result<Vec<Prior>> {
+    if options.spread.length_scale == 0.0 {
+        return Ok(vec![template.clone()]);
+    }
+
     let parameters = template.parameters();
     let length_scales: Vec<usize> = template.kernel().length_scale_places().collect();
     let shortened = |places: &[usize]| {
@@ -228,21 +232,18 @@ fn starting_points(template: &Prior) -> Result<Vec<Prior>> {
 fn learn_from(template: &Prior, starts: &[Prior], data: &Data<'_>, options: &Options) -> Result<Learned> {
     let points = inducing_points(starts.first().unwrap_or(template), data, options)?;
     let search = Search::new(template, data, points.as_ref(), options);
-    let (mut best, mut evaluations): (Option<(&Prior, Found)>, usize) = (None, 0);
-    for start in starts {
-        let found = search.run(start)?;
-        evaluations += found.evaluations;
-        if best.as_ref().is_none_or(|(_, best)| found.objective > best.objective) {
-            best = Some((start, found));
-        }
-    }
-    let Some((start, found)) = best else {
-        return Err(Error::OutOfRange { what: "number of starts", expected: "at least 1", value: 0.0 });
-    };
-    // What the spread gains must not be paid for in E.
-    let begun = search.careful_fit(start, &found.tilts)?;
+    let ends: Vec<Result<Found>> = starts.iter().map(|start| search.run(start)).collect();
+    let evaluations = ends.iter().flatten().map(|end| end.evaluations).sum();
+    let found = best(ends)?;
     let ended = search.careful_fit(&found.prior, &found.tilts)?;
-    let (optimum, fit) = if ended.evidence >= begun.evidence { (found.prior, ended) } else { (start.clone(), begun) };
+    let (optimum, fit) = match &options.warm_start {
+        // What the spread gains must not be paid for in E.
+        Some(start) => {
+            let begun = search.careful_fit(start, &found.tilts)?;
+            if ended.evidence >= begun.evidence { (found.prior, ended) } else { (start.clone(), begun) }
+        }
+        None => (found.prior, ended),
+    };
     let optimum_evidence = fit.evidence;
     let calibrate = options.calibrate && options.spread.variance > 0.0;
     let variance_factor = if calibrate { search.calibrate(&optimum, &fit, options.spread.variance) } else { 1.0 };
@@ -263,8 +264,8 @@ fn learn_from(template: &Prior, starts: &[Prior], data: &Data<'_>, options: &Opt
     })
 }
 
-/// At most `count_max` of the numbers below `count`, in ascending order, spread evenly without any period that a schedule of events might share: multiples of
-/// the golden ratio.
+/// At most `count_max` of the numbers below `count`, in ascending order, spread evenly without any period that a schedule of events
+/// might share: multiples of the golden ratio.
 pub fn spread_out(count: usize, count_max: usize) -> Vec<usize> {
     if count <= count_max {
         return (0..count).collect();

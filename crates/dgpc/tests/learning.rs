@@ -91,7 +91,8 @@ fn objective(template: &Prior, at: &[f64], spread: &Spread, events: &Observation
 // The bound against the truth.
 // ---------------------------------------------------------------------------------------------------------------------
 
-/// ∫ g(z) N(z; 0, 1) dz by the trapezoid rule. σ has its poles at a distance of π/√variance, at which this step is exact to rounding.
+/// ∫ g(z) N(z; 0, 1) dz by the trapezoid rule. σ has its poles at a distance of π/√variance, where this step is exact to
+/// rounding.
 fn normal_expectation(g: impl Fn(f64) -> f64) -> f64 {
     let at = |i: i32| {
         let z = 0.1 * f64::from(i);
@@ -297,7 +298,6 @@ fn weighted_events_are_bounded_too() {
             let slack_max = 1.5 * events.weights().iter().sum::<f64>() * slack_max(variance, prior.mean());
             let fit = mean_field::dense(&prior, &events, &Default::default()).unwrap();
             let truth = Integral::new(&prior, &events).by_sampling(&mut rng, 100_000);
-            let slack = truth.0 - fit.evidence;
             assert_bounds(&fit, truth, slack_max, 0.5);
         }
     }
@@ -362,8 +362,9 @@ fn learn_process(events: &Observations, truth: &Prior, options: &Options) -> Lea
     learned
 }
 
-/// Of forty seeds nine have all four length-scales within 25 %: on average they come out a tenth too long, because E leans towards
-/// smooth functions, with a scatter of a quarter (the longest, half as long as the region, most). These two are among the nine.
+/// Of seeds 1 to 40 nine have all four length-scales within 25 %, and these are two of them. On average (of the logarithm)
+/// they come out longer by 10 to 23 %, because E leans towards smooth functions, with a scatter of 15 to 25 %; the variance
+/// comes out at 3.0, calibrated at 4.4, with a scatter of 25 %.
 #[test]
 fn four_length_scales_are_recovered() {
     let scales = [0.5, 0.7, 1.0, 1.5];
@@ -412,7 +413,6 @@ fn few_inducing_points_cost_little() {
     let sparse = learn(&template, &events, &[], &options).unwrap();
     let [full, of_truth, of_template] =
         [&sparse.optimum, &truth, &template].map(|prior| evidence_of(prior, &events, &[]));
-    println!("{full} {of_truth} {of_template}");
     assert!(sparse.optimum_evidence < full, "{} with points, {full} without", sparse.optimum_evidence);
     assert!(full - of_template > 0.7 * (of_truth - of_template), "{full}, truth {of_truth}, template {of_template}");
     assert_ratios("length-scales", length_scales(&sparse.prior), &scales, 0.6);
@@ -493,32 +493,49 @@ fn a_sparse_warm_start_never_ends_below_where_it_began() {
     }
 }
 
+/// Learns, and asserts that no parameter can be moved alone for a better objective.
+#[track_caller]
+fn assert_maximum(template: &Prior, events: &Observations, messages: &[&Summary], options: &Options) -> Learned {
+    let learned = learn(template, events, messages, options).unwrap();
+    let at = learned.optimum.parameters();
+    let value = |at: &[f64]| objective(template, at, &options.spread, events, messages);
+    let best = value(&at);
+    for (place, sd) in spread_of(template, &options.spread).into_iter().enumerate() {
+        for step in [-0.05, 0.05, -0.3, 0.3] {
+            let mut moved = at.clone();
+            moved[place] += step * sd;
+            let rise = value(&moved) - best;
+            assert!(rise < 0.02, "parameter {place} by {step} standard deviations gains {rise}");
+        }
+    }
+    if learned.start_events == events.len() {
+        let starts = learned.starts.iter().map(|start| start.objective.unwrap());
+        assert!(starts.clone().count() > 1 && starts.clone().all(|other| best > other - 1e-3), "{best}, {starts:?}");
+    }
+    learned
+}
+
 #[test]
 fn the_optimum_is_a_maximum_within_the_spread() {
+    let mut rng = seeded(5);
     for seed in 0..18 {
-        let mut rng = seeded(500 + seed);
-        let template = &templates()[seed as usize % 3];
-        let (events, said) = (waves(600 + seed, rng.random_range(30..180)), message(700 + seed));
-        let messages = if seed % 2 == 0 { vec![&said] } else { vec![] };
+        let (events, said) = (waves(600 + seed, rng.random_range(30..150)), message(700 + seed));
+        let messages = if rng.random() { vec![&said] } else { vec![] };
         let options = Options { spread: random_spread(&mut rng), ..Options::new(1.0) };
-        let learned = learn(template, &events, &messages, &options).unwrap();
-        let at = learned.optimum.parameters();
-        let value = |at: &[f64]| objective(template, at, &options.spread, &events, &messages);
-        let best = value(&at);
-        for (place, sd) in spread_of(template, &options.spread).into_iter().enumerate() {
-            for step in [-0.05, 0.05, -0.3, 0.3] {
-                let mut moved = at.clone();
-                moved[place] += step * sd;
-                let rise = value(&moved) - best;
-                assert!(rise < 0.02, "seed {seed}: parameter {place} by {step} standard deviations gains {rise}");
-            }
-        }
-        // Every start was worth comparing with, and none of their ends beats the end on all events.
-        assert!(learned.starts.len() > 1 && learned.starts.iter().all(|start| start.objective.is_some()));
-        if learned.start_events == events.len() {
-            let others = learned.starts.iter().filter_map(|start| start.objective).fold(f64::NEG_INFINITY, f64::max);
-            assert!(best > others - 1e-3, "seed {seed}: {best}, starts came to {others}");
-        }
+        let learned = assert_maximum(&templates()[seed as usize % 3], &events, &messages, &options);
+        assert_eq!(learned.start_events, events.len());
+    }
+}
+
+/// That E must not end below where it began is for warm starts. Here the beginning is what a few events said.
+#[test]
+#[ignore = "the best end on few events is kept where it has the larger E on all of them, though the spread speaks against it"]
+fn the_optimum_is_a_maximum_within_the_spread_whatever_few_events_said() {
+    let template = prior(vec![term(Shape::SquaredExponential, 4.0, &[1.0])], PriorMean::Zero);
+    let spread = Spread { length_scale: 0.7, variance: 0.7, ..Spread::weak(1.0) };
+    for (seed, count, start_events_max) in [SEEDS] {
+        let options = Options { spread, start_events_max, ..Options::new(1.0) };
+        assert_maximum(&template, &waves(seed, count), &[], &options);
     }
 }
 
@@ -526,32 +543,21 @@ fn the_optimum_is_a_maximum_within_the_spread() {
 fn calibration_raises_the_corrected_evidence() {
     for seed in 0..12 {
         let template = &templates()[seed as usize % 3];
-        let events = waves(800 + seed, 60);
-        let options = Options::new(1.0);
+        let (events, options) = (waves(800 + seed, 60), Options::new(1.0));
         let learned = learn(template, &events, &[], &options).unwrap();
-        let value = |factor: f64| {
-            let mut parameters = learned.optimum.parameters();
-            let terms = learned.optimum.kernel().terms();
-            let mut place = 0;
-            for term in terms {
-                parameters[place] += factor.ln();
-                place += 2 + term.groups().iter().max().unwrap();
-            }
-            let prior = template.with_parameters(&parameters).unwrap();
-            let fit = mean_field::dense(&prior, &events, &Default::default()).unwrap();
-            fit.corrected_evidence() - 0.5 * (factor.ln() / options.spread.variance).powi(2)
+        let corrected = |factor: f64| {
+            let terms = learned.optimum.kernel().terms().iter();
+            let terms = terms.map(|term| term.with_variance(factor * term.variance()).unwrap()).collect();
+            let prior = prior(terms, learned.optimum.mean().clone());
+            mean_field::dense(&prior, &events, &Default::default()).unwrap().corrected_evidence()
         };
-        let found = value(learned.variance_factor);
-        for step in -20..=40 {
-            let factor = (0.05 * f64::from(step)).exp();
-            assert!(value(factor) < found + 0.02, "seed {seed}: {factor} is better than {}", learned.variance_factor);
+        let value = |factor: f64| corrected(factor) - 0.5 * (factor.ln() / options.spread.variance).powi(2);
+        let found = learned.variance_factor;
+        assert_near("corrected E", &[learned.fit.corrected_evidence()], &[corrected(found)], 1e-6);
+        for factor in (-20..=40).map(|step| (0.05 * f64::from(step)).exp()) {
+            let gain = value(factor) - value(found);
+            assert!(gain < 0.02, "seed {seed}: {factor} instead of {found} gains {gain}");
         }
-        assert_near(
-            "corrected E",
-            &[learned.fit.corrected_evidence()],
-            &[found + 0.5 * (learned.variance_factor.ln() / 1.5).powi(2)],
-            1e-6,
-        );
     }
 }
 
