@@ -79,7 +79,8 @@ pub struct MeanField {
 
 impl MeanField {
     /// ln p(y_n | all other events), nearly: what every event's posterior becomes when its own site is taken away, without a
-    /// second fit. Only nearly, because ω_n has seen y_n. Weights do not count. N, in nats. O(N) (docs/method.md, section 7).
+    /// second fit. Optimistic, because ω_n has seen y_n, and the more so the larger the variance. Weights do not count. N, in
+    /// nats. O(N) (docs/method.md, section 7).
     pub fn leave_one_out(&self) -> Vec<f64> {
         (0..self.mean.len()).map(|n| self.cavity(n).log_predictive()).collect()
     }

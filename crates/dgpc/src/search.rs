@@ -15,7 +15,7 @@ use crate::learn::{Options, Stop, with_variances_times};
 use crate::mean_field::{self, MeanField};
 use crate::prior_mean::Prior;
 
-/// No search goes farther from the template than so many standard deviations of the spread.
+/// No search goes farther from the template than its start by more than so many standard deviations of the spread.
 const COORDINATE_MAX: f64 = 8.0;
 
 /// Nats per event that no sensible place costs.
@@ -98,7 +98,8 @@ impl<'a> Search<'a> {
     /// From `start` to the nearest maximum.
     pub(crate) fn run(&self, start: &Prior) -> Result<Found> {
         let start = self.coordinates(start)?;
-        let objective = Objective { search: self, memory: RefCell::new(Memory::default()) };
+        let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
+        let objective = Objective { search: self, reach, memory: RefCell::new(Memory::default()) };
         objective.at(&start)?;
         let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective, start) };
         let Memory { best, evaluations, .. } = objective.memory.into_inner();
@@ -164,6 +165,8 @@ impl CostFunction for &Calibration<'_> {
 /// after the other; the memory saves the second evaluation.
 struct Objective<'a> {
     search: &'a Search<'a>,
+    /// No place is looked at whose largest coordinate lies beyond.
+    reach: f64,
     memory: RefCell<Memory>,
 }
 
@@ -184,7 +187,7 @@ struct Best {
 impl Objective<'_> {
     /// Cost and gradient.
     fn at(&self, coordinates: &[f64]) -> Result<(f64, Vec<f64>)> {
-        if coordinates.iter().any(|x| x.abs() > COORDINATE_MAX) {
+        if coordinates.iter().any(|x| x.abs() > self.reach) {
             return Ok(self.beyond(coordinates));
         }
         let mut memory = self.memory.borrow_mut();
