@@ -509,6 +509,15 @@ impl Kernel {
         Ok(Self { terms: terms.collect::<Result<_>>()? })
     }
 
+    /// Whether the other differs in nothing but variances and length-scales.
+    pub(crate) fn has_structure_of(&self, other: &Kernel) -> bool {
+        let same = |(own, other): (&Term, &Term)| {
+            let part = |term: &Term| (term.shape, term.columns.clone(), term.groups.clone(), term.reflection.clone());
+            part(own) == part(other)
+        };
+        self.terms.len() == other.terms.len() && self.terms.iter().zip(&other.terms).all(same)
+    }
+
     /// Number of parameters.
     pub(crate) fn parameter_count(&self) -> usize {
         self.terms.iter().map(Term::parameter_count).sum()

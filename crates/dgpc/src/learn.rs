@@ -174,7 +174,11 @@ pub fn learn(
     options.spread.check()?;
     let data = Data::new(observations, messages)?;
     if let Some(start) = &options.warm_start {
-        return learn_from(template, std::slice::from_ref(start), &data, options);
+        if !start.has_structure_of(template) {
+            return Err(Error::Different { what: "template and warm start", of: "structures" });
+        }
+        let points = inducing_points(start, &data, options)?;
+        return learn_from(template, std::slice::from_ref(start), &data, points, options);
     }
     let some = spread_out(data.events(), options.start_events_max);
     let few = observations.select(&some);
@@ -183,7 +187,20 @@ pub fn learn(
     if some.len() < data.events() {
         again.push(template.clone());
     }
-    let learned = learn_from(template, &again, &data, options)?;
+    // Points for shorter length-scales than the start's serve them too; the other way round they would hide what is short.
+    let points = inducing_points(&with_length_scales_times(&again[0], 1.0 / 3.0)?, &data, options)?;
+    let is_sparse = points.is_some();
+    let mut learned = learn_from(template, &again, &data, points, options)?;
+    if is_sparse {
+        // Once more with the points that suit what was found.
+        let points = inducing_points(&learned.optimum, &data, options)?;
+        let better = learn_from(template, std::slice::from_ref(&learned.optimum), &data, points, options)?;
+        let evaluations = learned.evaluations + better.evaluations;
+        if better.optimum_evidence > learned.optimum_evidence {
+            learned = better;
+        }
+        learned.evaluations = evaluations;
+    }
     Ok(Learned { starts, start_events: some.len(), ..learned })
 }
 
@@ -216,21 +233,26 @@ fn starting_points(template: &Prior, options: &Options) -> Result<Vec<Prior>> {
 
     let parameters = template.parameters();
     let length_scales: Vec<usize> = template.kernel().length_scale_places().collect();
-    let shortened = |places: &[usize]| {
+    let shortened = |&place: &usize| {
         let mut parameters = parameters.clone();
-        places.iter().for_each(|&place| parameters[place] -= 3f64.ln());
+        parameters[place] -= 3f64.ln();
         template.with_parameters(&parameters)
     };
-    let mut points = vec![template.clone(), shortened(&length_scales)?];
+    let mut points = vec![template.clone(), with_length_scales_times(template, 1.0 / 3.0)?];
     if length_scales.len() > 1 {
-        points.extend(length_scales.iter().map(|&place| shortened(&[place])).collect::<Result<Vec<_>>>()?);
+        points.extend(length_scales.iter().map(shortened).collect::<Result<Vec<_>>>()?);
     }
     Ok(points)
 }
 
 /// Searches on all events from each of `starts`, and calibrates the best end.
-fn learn_from(template: &Prior, starts: &[Prior], data: &Data<'_>, options: &Options) -> Result<Learned> {
-    let points = inducing_points(starts.first().unwrap_or(template), data, options)?;
+fn learn_from(
+    template: &Prior,
+    starts: &[Prior],
+    data: &Data<'_>,
+    points: Option<Inputs>,
+    options: &Options,
+) -> Result<Learned> {
     let search = Search::new(template, data, points.as_ref(), options);
     let ends: Vec<Result<Found>> = starts.iter().map(|start| search.run(start)).collect();
     let evaluations = ends.iter().flatten().map(|end| end.evaluations).sum();
@@ -239,8 +261,9 @@ fn learn_from(template: &Prior, starts: &[Prior], data: &Data<'_>, options: &Opt
     let (optimum, fit) = match &options.warm_start {
         // What the spread gains must not be paid for in E.
         Some(start) => {
-            let begun = search.careful_fit(start, &found.tilts)?;
-            if ended.evidence >= begun.evidence { (found.prior, ended) } else { (start.clone(), begun) }
+            let start = search.within_reach(start)?;
+            let begun = search.careful_fit(&start, &found.tilts)?;
+            if ended.evidence >= begun.evidence { (found.prior, ended) } else { (start, begun) }
         }
         None => (found.prior, ended),
     };
@@ -264,18 +287,32 @@ fn learn_from(template: &Prior, starts: &[Prior], data: &Data<'_>, options: &Opt
     })
 }
 
-/// At most `count_max` of the numbers below `count`, in ascending order, spread evenly without any period that a schedule of events
-/// might share: multiples of the golden ratio.
+/// At most `count_max` of the numbers below `count`, in ascending order: one from each of as many equal parts, at a place that looks
+/// random but is always the same, so that no period of a schedule of events shows.
 pub fn spread_out(count: usize, count_max: usize) -> Vec<usize> {
     if count <= count_max {
         return (0..count).collect();
     }
-    let golden = 0.618_033_988_749_894_9;
-    let mut chosen: Vec<usize> =
-        (0..count_max).map(|i| ((i as f64 * golden).fract() * count as f64) as usize).collect();
-    chosen.sort_unstable();
-    chosen.dedup();
-    chosen
+    let part = |i: usize| {
+        let (first, end) = (i * count / count_max, (i + 1) * count / count_max);
+        first + (scrambled(i as u64) % (end - first) as u64) as usize
+    };
+    (0..count_max).map(part).collect()
+}
+
+/// The output function of the generator SplitMix64 (Steele, Lea and Flood 2014).
+fn scrambled(number: u64) -> u64 {
+    let mut z = number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// A prior with all length-scales multiplied.
+fn with_length_scales_times(prior: &Prior, factor: f64) -> Result<Prior> {
+    let mut parameters = prior.parameters();
+    prior.kernel().length_scale_places().for_each(|place| parameters[place] += factor.ln());
+    prior.with_parameters(&parameters)
 }
 
 /// A prior with all variances multiplied.

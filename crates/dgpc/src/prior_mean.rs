@@ -149,6 +149,17 @@ impl Prior {
         &self.kernel
     }
 
+    /// Whether the other differs in nothing but the numbers that can be learned.
+    pub fn has_structure_of(&self, other: &Prior) -> bool {
+        let same_mean = match (&self.mean, &other.mean) {
+            (PriorMean::Range { from, to, .. }, PriorMean::Range { from: other_from, to: other_to, .. }) => {
+                from == other_from && to == other_to
+            }
+            (own, other) => std::mem::discriminant(own) == std::mem::discriminant(other),
+        };
+        same_mean && self.kernel.has_structure_of(&other.kernel)
+    }
+
     /// Everything that can be learned: [`Kernel::log_parameters`], then [`PriorMean::parameters`].
     pub fn parameters(&self) -> Vec<f64> {
         [self.kernel.log_parameters(), self.mean.parameters()].concat()

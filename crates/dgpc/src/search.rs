@@ -55,12 +55,14 @@ impl<'a> Search<'a> {
     }
 
     /// Coordinates of a prior: what moves, in units of its spread about the template.
-    fn coordinates(&self, prior: &Prior) -> Result<Vec<f64>> {
+    fn coordinates(&self, prior: &Prior) -> Vec<f64> {
         let parameters = prior.parameters();
-        if parameters.len() != self.centre.len() {
-            return Err(Error::Different { what: "template and start of a search", of: "structures" });
-        }
-        Ok(self.moving.iter().map(|&(place, spread)| (parameters[place] - self.centre[place]) / spread).collect())
+        self.moving.iter().map(|&(place, spread)| (parameters[place] - self.centre[place]) / spread).collect()
+    }
+
+    /// The prior that a search from `start` begins at: what may not move is the template's.
+    pub(crate) fn within_reach(&self, start: &Prior) -> Result<Prior> {
+        self.prior(&self.coordinates(start))
     }
 
     fn prior(&self, coordinates: &[f64]) -> Result<Prior> {
@@ -97,7 +99,7 @@ impl<'a> Search<'a> {
 
     /// From `start` to the nearest maximum.
     pub(crate) fn run(&self, start: &Prior) -> Result<Found> {
-        let start = self.coordinates(start)?;
+        let start = self.coordinates(start);
         let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
         let objective = Objective { search: self, reach, memory: RefCell::new(Memory::default()) };
         objective.at(&start)?;

@@ -425,7 +425,6 @@ fn few_inducing_points_cost_little() {
 /// Where few events, or the template, point to long length-scales, a few points explain everything; with those points
 /// short length-scales then look bad.
 #[test]
-#[ignore = "inducing points are chosen once, under the start, and learning never recovers from too few of them"]
 fn inducing_points_of_a_smooth_start_do_not_hold_learning_back() {
     let (events, truth) = (process(2, 1200, 9.0, &[0.25; 2]), process_prior(9.0, &[0.25; 2]));
     let options = Options { dense_events_max: 100, inducing_points_max: 256, ..Options::new(1.0) };
@@ -492,6 +491,8 @@ fn a_sparse_warm_start_never_ends_below_where_it_began() {
         let later = learn(template, &all, &[&said], &options).unwrap();
         let points = later.inducing_points.unwrap();
         assert!(points.len() <= 33, "{} points", points.len());
+        let said_about = |z: &[f64]| points.rows().any(|point| point == z);
+        assert!(said.inducing_points().rows().all(said_about), "what others spoke about is no inducing point");
         let begun = evidence::sparse(&start, &all, &[&said], &points, &Default::default()).unwrap().fit.evidence;
         assert!(later.optimum_evidence >= begun - 1e-6, "seed {seed}: {} after {begun}", later.optimum_evidence);
     }
@@ -548,6 +549,22 @@ fn what_few_events_said_does_not_stand_against_all_events() {
             few > all - 0.02,
             "seed {seed}: {few} after comparing starts on {start_events_max} events, {all} on all"
         );
+    }
+}
+
+/// Ten events lead to a poor maximum on some of these data, the template never does worse than itself.
+#[test]
+fn comparing_starts_is_never_worse_than_starting_at_the_template() {
+    for seed in 900..930 {
+        let (template, events) = (&templates()[seed as usize % 3], waves(seed, 60));
+        let options = Options { start_events_max: 10, ..Options::new(1.0) };
+        let value = |warm_start: Option<Prior>| {
+            let options = Options { warm_start, ..options.clone() };
+            let optimum = learn(template, &events, &[], &options).unwrap().optimum;
+            objective(template, &optimum.parameters(), &options.spread, &events, &[])
+        };
+        let (found, from_template) = (value(None), value(Some(template.clone())));
+        assert!(found > from_template - 1e-3, "seed {seed}: {found}, {from_template} from the template");
     }
 }
 
@@ -752,7 +769,6 @@ fn warm_starts_with_more_or_fewer_parameters_are_refused() {
 }
 
 #[test]
-#[ignore = "only the number of parameters is compared"]
 fn warm_starts_of_another_structure_are_refused() {
     let line = |shape, mean| prior(vec![term(shape, 4.0, &[1.0])], mean);
     let template = &line(Shape::SquaredExponential, PriorMean::Constant(0.0));
@@ -765,7 +781,6 @@ fn warm_starts_of_another_structure_are_refused() {
 }
 
 #[test]
-#[ignore = "a warm start that differs from the template in a fixed parameter may be returned as the optimum"]
 fn a_parameter_without_spread_is_that_of_the_template_after_a_warm_start() {
     let (template, events) = (&templates()[0], waves(1, 60));
     let start = learn(template, &events, &[], &Options::new(1.0)).unwrap().optimum;
@@ -845,7 +860,6 @@ fn chosen_events_share_no_period_with_a_schedule() {
 }
 
 #[test]
-#[ignore = "where the count is near a multiple of a Lucas number: spread_out(5490, 150) are all multiples of 9"]
 fn chosen_events_share_no_period_with_a_schedule_of_any_length() {
     for count in (151..8000).chain([8430, 12_345, 37_629, 100_000]) {
         for period in 2..=10 {
