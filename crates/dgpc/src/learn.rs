@@ -146,7 +146,8 @@ pub struct Learned {
 /// length-scales and variances, then calibrates the variances. Messages of others count as in [`crate::evidence::dense`].
 ///
 /// Several starts (the template, a third of all its length-scales, and a third of each alone) are compared on some events.
-/// On all events the search begins at the best of their ends and, because few events may point elsewhere, at the template too.
+/// On all events the search begins at the best of their ends and, because few events may point elsewhere, at the template too. With
+/// inducing points there is a second round, with points that suit what the first one found.
 ///
 /// ```
 /// use dgpc::{learn, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term};

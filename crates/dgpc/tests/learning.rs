@@ -438,6 +438,22 @@ fn inducing_points_of_a_smooth_start_do_not_hold_learning_back() {
     assert!(found > best - 3.0, "E {found} with {few} points, {best} with {many} from the truth");
 }
 
+/// The same for a vehicle, which learns from where it was.
+#[test]
+#[ignore = "a warm start chooses its inducing points once, under the start: 60 nats worse than a cold start"]
+fn inducing_points_of_a_smooth_warm_start_do_not_hold_learning_back() {
+    let events = process(2, 1200, 9.0, &[0.25; 2]);
+    let options = Options { dense_events_max: 100, inducing_points_max: 256, ..Options::new(1.0) };
+    let template = process_prior(4.0, &[1.0; 2]);
+    let cold = learn(&template, &events, &[], &options).unwrap();
+    let warm = Options { warm_start: Some(template.clone()), ..options };
+    let warm = learn(&template, &events, &[], &warm).unwrap();
+    let points = |learned: &Learned| learned.inducing_points.as_ref().unwrap().len();
+    let (few, many) = (points(&warm), points(&cold));
+    let (warm, cold) = (warm.optimum_evidence, cold.optimum_evidence);
+    assert!(warm > cold - 3.0, "E {warm} with {few} points, {cold} with {many} without a warm start");
+}
+
 // ---------------------------------------------------------------------------------------------------------------------
 // Where searches begin and end.
 // ---------------------------------------------------------------------------------------------------------------------
@@ -552,10 +568,10 @@ fn what_few_events_said_does_not_stand_against_all_events() {
     }
 }
 
-/// Ten events lead to a poor maximum on some of these data, the template never does worse than itself.
+/// On the last of these data ten events lead to a maximum that is 3 nats worse than the one near the template.
 #[test]
 fn comparing_starts_is_never_worse_than_starting_at_the_template() {
-    for seed in 900..930 {
+    for seed in (900..912).chain([1929, 2511]) {
         let (template, events) = (&templates()[seed as usize % 3], waves(seed, 60));
         let options = Options { start_events_max: 10, ..Options::new(1.0) };
         let value = |warm_start: Option<Prior>| {
