@@ -195,12 +195,13 @@ pub fn learn(
     if is_sparse {
         // Once more with the points that suit what was found.
         let points = inducing_points(&learned.optimum, &data, options)?;
-        let better = learn_from(template, std::slice::from_ref(&learned.optimum), &data, points, options)?;
-        let evaluations = learned.evaluations + better.evaluations;
-        if better.optimum_evidence > learned.optimum_evidence {
-            learned = better;
+        let again = learn_from(template, std::slice::from_ref(&learned.optimum), &data, points, options);
+        // Where this fails, the first round stands.
+        if let Ok(again) = again
+            && again.optimum_evidence > learned.optimum_evidence
+        {
+            learned = Learned { evaluations: learned.evaluations + again.evaluations, ..again };
         }
-        learned.evaluations = evaluations;
     }
     Ok(Learned { starts, start_events: some.len(), ..learned })
 }
@@ -323,15 +324,25 @@ pub(crate) fn with_variances_times(prior: &Prior, factor: f64) -> Result<Prior> 
     prior.with_parameters(&parameters)
 }
 
-/// Inducing points for all events, where they are too many for a dense fit.
+/// Inducing points for all events, where they are too many for a dense fit: those that suit the prior, or shorter length-scales where
+/// fewer than allowed would do. A prior that is too smooth needs few, and with few no shorter length-scale could show itself.
 fn inducing_points(prior: &Prior, data: &Data<'_>, options: &Options) -> Result<Option<Inputs>> {
     if data.events() <= options.dense_events_max {
         return Ok(None);
     }
     let inputs = data.observations.inputs();
     let candidates = inputs.select(&spread_out(inputs.len(), 4 * options.inducing_points_max));
-    let chosen = Candidates::new(prior.kernel(), &candidates)?.greedy(options.inducing_points_max);
-    let mut points = candidates.select(&chosen.indices);
+    let choose = |factor: f64| {
+        let kernel = with_length_scales_times(prior, factor)?;
+        Ok(Candidates::new(kernel.kernel(), &candidates)?.greedy(options.inducing_points_max).indices)
+    };
+    let mut chosen: Vec<usize> = choose(1.0)?;
+    for factor in [1.0 / 3.0, 1.0 / 9.0] {
+        if chosen.len() < options.inducing_points_max {
+            chosen = choose(factor)?;
+        }
+    }
+    let mut points = candidates.select(&chosen);
     points.append(data.message_points())?;
     Ok(Some(points))
 }

@@ -440,7 +440,6 @@ fn inducing_points_of_a_smooth_start_do_not_hold_learning_back() {
 
 /// The same for a vehicle, which learns from where it was.
 #[test]
-#[ignore = "a warm start chooses its inducing points once, under the start: 60 nats worse than a cold start"]
 fn inducing_points_of_a_smooth_warm_start_do_not_hold_learning_back() {
     let events = process(2, 1200, 9.0, &[0.25; 2]);
     let options = Options { dense_events_max: 100, inducing_points_max: 256, ..Options::new(1.0) };
