@@ -70,12 +70,13 @@ struct Candidate {
 impl Candidate {
     fn row(&self) -> Vec<String> {
         let per_event = self.fit.evidence() / self.fit.events_used.max(1) as f64;
-        let mut row = vec![
-            self.fit.structure.to_string(),
+        // A structure in words is its parts with commas between them.
+        let mut row: Vec<String> = self.fit.structure.to_string().split(", ").map(str::to_owned).collect();
+        row.extend([
             format!("{per_event:.4}"),
             format!("{:.4}", self.fit.leave_one_out()),
             format!("{:.1}", self.seconds),
-        ];
+        ]);
         row.extend(self.held_out_nll.map(|nll| format!("{nll:.4}")));
         row
     }
@@ -115,7 +116,8 @@ fn held_out_nll(
 }
 
 fn text(candidates: &[Candidate], best: &Fit, criterion: Criterion, held_out: bool) -> String {
-    let mut header = vec!["structure", "E / event", "leave-one-out", "seconds"];
+    let mut header =
+        vec!["kernel", "inputs", "direction", "terms", "prior mean", "E / event", "leave-one-out", "seconds"];
     if held_out {
         header.push("held-out NLL");
     }
