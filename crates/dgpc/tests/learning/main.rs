@@ -1,0 +1,115 @@
+//! Learning a prior: the evidence bound against the marginal likelihood that it bounds, where searches end, what they
+//! refuse.
+
+#![allow(clippy::unwrap_used)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod bound;
+mod recovery;
+mod refusals;
+mod search;
+mod silence;
+
+use common::{Dense, assert_near, cholesky, dot, logistic, rows, seeded, solve, transposed};
+use dgpc::learn::{Learned, Options, Spread, Stop, learn, spread_out};
+use dgpc::*;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{ChiSquared, StandardNormal};
+
+fn prior(terms: Vec<Term>, mean: PriorMean) -> Prior {
+    Prior::new(Kernel::new(terms).unwrap(), mean).unwrap()
+}
+
+/// A term over the first columns, one length-scale each.
+fn term(shape: Shape, variance: f64, length_scales: &[f64]) -> Term {
+    let columns: Vec<usize> = (0..length_scales.len()).collect();
+    Term::new(shape, variance, &columns, length_scales).unwrap()
+}
+
+fn range_mean(intercept: f64, slope: f64) -> PriorMean {
+    PriorMean::Range { intercept, slope, from: vec![0], to: vec![1] }
+}
+
+fn inputs(rng: &mut ChaCha8Rng, count: usize, dimension: usize, reach: f64) -> Inputs {
+    let values = (0..count * dimension).map(|_| rng.random_range(-reach..reach)).collect();
+    Inputs::new(values, dimension).unwrap()
+}
+
+fn normals(rng: &mut ChaCha8Rng, count: usize) -> Vec<f64> {
+    (0..count).map(|_| rng.sample(StandardNormal)).collect()
+}
+
+/// Two-dimensional events whose odds go up and down along the first column only.
+fn waves(seed: u64, count: usize) -> Observations {
+    let mut rng = seeded(seed);
+    let inputs = inputs(&mut rng, count, 2, 2.0);
+    let outcomes = inputs.rows().map(|x| rng.random::<f64>() < logistic(3.0 * (2.0 * x[0]).sin())).collect();
+    Observations::new(inputs, outcomes).unwrap()
+}
+
+/// Priors over two columns with every kind of parameter: ARD, sums of terms, tied and reciprocal columns, each prior
+/// mean.
+fn templates() -> [Prior; 3] {
+    let matern = Term::isotropic(Shape::Matern52, 3.0, 1.0, 2).unwrap();
+    let column = Term::new(Shape::Matern32, 1.0, &[1], &[0.8]).unwrap();
+    let reciprocal = Term::isotropic(Shape::SquaredExponential, 4.0, 0.9, 2).unwrap();
+    let reciprocal = reciprocal.reciprocal(Reflection::swap(&[(0, 1)]).unwrap()).unwrap();
+    [
+        prior(vec![term(Shape::SquaredExponential, 4.0, &[1.0, 1.0])], PriorMean::Zero),
+        prior(vec![matern, column], PriorMean::Constant(0.2)),
+        prior(vec![reciprocal], range_mean(0.5, 0.3)),
+    ]
+}
+
+/// What another agent, with another prior, says about three points.
+fn message(seed: u64) -> Summary {
+    let other = prior(vec![term(Shape::Matern32, 1.5, &[1.2, 0.7])], PriorMean::Constant(0.3));
+    let events = waves(seed, 12);
+    let sites = Sites::new(&events, vec![0.2; 12]).unwrap();
+    Summary::marginal(&other, &sites, &events.inputs().select(&[0, 4, 8])).unwrap()
+}
+
+/// E by a fit of its own.
+fn evidence_of(prior: &Prior, events: &Observations, messages: &[&Summary]) -> f64 {
+    evidence::dense(prior, events, messages, &mean_field::Options::default()).unwrap().fit.evidence
+}
+
+/// One standard deviation for every parameter, as the documentation of [`Prior::parameters`] and of [`Spread`] has
+/// them.
+fn spread_of(prior: &Prior, spread: &Spread) -> Vec<f64> {
+    let of_term = |term: &Term| {
+        let mut length_scales = vec![spread.length_scale; term.groups().iter().max().unwrap() + 1];
+        length_scales.insert(0, spread.variance);
+        length_scales
+    };
+    let mut all: Vec<f64> = prior.kernel().terms().iter().flat_map(of_term).collect();
+    all.extend([spread.intercept, spread.slope].iter().take(prior.mean().parameters().len()));
+    all
+}
+
+/// E plus the log density of the spread, up to its constant.
+fn objective(template: &Prior, at: &[f64], spread: &Spread, events: &Observations, messages: &[&Summary]) -> f64 {
+    let distance = at.iter().zip(template.parameters()).zip(spread_of(template, spread));
+    let density: f64 = distance.map(|((at, centre), sd)| -0.5 * ((at - centre) / sd).powi(2)).sum();
+    evidence_of(&template.with_parameters(at).unwrap(), events, messages) + density
+}
+
+fn variance(prior: &Prior) -> f64 {
+    prior.kernel().terms()[0].variance()
+}
+
+fn length_scales(prior: &Prior) -> &[f64] {
+    prior.kernel().terms()[0].length_scales()
+}
+
+/// Asserts that every entry is its expected value times a factor between 1/(1 + share) and 1 + share.
+#[track_caller]
+fn assert_ratios(what: &str, found: &[f64], expected: &[f64], share: f64) {
+    for (found, expected) in found.iter().zip(expected) {
+        let factor = (found / expected).ln().abs().exp();
+        assert!(factor < 1.0 + share, "{what}: {found}, expected {expected} times or over {}", 1.0 + share);
+    }
+}
