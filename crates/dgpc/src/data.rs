@@ -77,7 +77,7 @@ impl<'a> Data<'a> {
     /// Prior covariance of everything observed, n×n.
     pub(crate) fn gram(&self, kernel: &Kernel) -> Result<Matrix> {
         let mut gram = kernel.gram(&self.support)?;
-        if !self.roots.is_empty() {
+        if self.has_messages() {
             self.compress_rows(&mut gram, self.events());
             gram = gram.transposed();
             self.compress_rows(&mut gram, self.events());
@@ -89,7 +89,7 @@ impl<'a> Data<'a> {
     /// Prior covariance of `points` against everything observed, M×n.
     pub(crate) fn cross(&self, kernel: &Kernel, points: &Inputs) -> Result<Matrix> {
         let mut cross = kernel.cross(points, &self.support)?;
-        if !self.roots.is_empty() {
+        if self.has_messages() {
             let mut messages = cross.last_columns(self.points.len()).transposed();
             self.compress_rows(&mut messages, 0);
             cross.set_last_columns(&messages.transposed());
@@ -120,7 +120,7 @@ impl<'a> Data<'a> {
 
     /// Gradient by the kernel's parameters, from the symmetric derivative by [`Data::gram`].
     pub(crate) fn gram_gradient(&self, kernel: &Kernel, mut weights: Matrix) -> Vec<f64> {
-        if !self.roots.is_empty() {
+        if self.has_messages() {
             self.expand_rows(&mut weights, self.events());
             weights = weights.transposed();
             self.expand_rows(&mut weights, self.events());

@@ -19,28 +19,13 @@ impl Shape {
     /// Correlation at squared scaled distance r².
     #[inline]
     fn correlation(self, squared_distance: f64) -> f64 {
-        // Farther than numbers reach, where the products below would be 0 · ∞.
-        if !squared_distance.is_finite() {
-            return 0.0;
-        }
-        match self {
-            Shape::SquaredExponential => (-0.5 * squared_distance).exp(),
-            Shape::Matern32 => {
-                let r = (3.0 * squared_distance).sqrt();
-                let decay = (-r).exp();
-                decay + r * decay
-            }
-            Shape::Matern52 => {
-                let r = (5.0 * squared_distance).sqrt();
-                let decay = (-r).exp();
-                decay + r * decay + r * (r * decay) / 3.0
-            }
-        }
+        self.correlation_and_slope(squared_distance).0
     }
 
     /// Correlation at squared scaled distance r², and its derivative by r².
     #[inline]
     fn correlation_and_slope(self, squared_distance: f64) -> (f64, f64) {
+        // Farther than numbers reach, where the products below would be 0 · ∞.
         if !squared_distance.is_finite() {
             return (0.0, 0.0);
         }
@@ -293,6 +278,15 @@ impl Term {
         inputs.rows().flat_map(|row| picks.iter().map(|&(column, factor)| row[column] * factor)).collect()
     }
 
+    /// The scaled points and, for a reciprocal term, their reflections.
+    fn images(&self, inputs: &Inputs) -> Vec<Vec<f64>> {
+        let mut images = vec![self.scaled(inputs, false)];
+        if self.reflection.is_some() {
+            images.push(self.scaled(inputs, true));
+        }
+        images
+    }
+
     /// Adds `weight` · correlation between `point` and every one of `others` (rows of scaled coordinates) to `out`.
     fn add_correlations(&self, weight: f64, point: &[f64], others: &[f64], out: &mut [f64]) {
         for (other, out) in others.chunks_exact(point.len()).zip(out) {
@@ -308,10 +302,7 @@ impl Term {
     fn add_gram(&self, a: &Inputs, b: &Inputs, first_row: impl Fn(usize) -> usize, out: &mut Matrix) {
         let width = self.columns.len();
         let left = self.scaled(a, false);
-        let mut images = vec![self.scaled(b, false)];
-        if self.reflection.is_some() {
-            images.push(self.scaled(b, true));
-        }
+        let images = self.images(b);
         let weight = self.variance / images.len() as f64;
         for image in &images {
             for (column, point) in image.chunks_exact(width).enumerate() {
@@ -358,10 +349,7 @@ impl Term {
     ) {
         let width = self.columns.len();
         let left = self.scaled(a, false);
-        let mut images = vec![self.scaled(b, false)];
-        if self.reflection.is_some() {
-            images.push(self.scaled(b, true));
-        }
+        let images = self.images(b);
         let mut sums = vec![0.0; 1 + width];
         for image in &images {
             for (column, point) in image.chunks_exact(width).enumerate() {

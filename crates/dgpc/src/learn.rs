@@ -232,7 +232,6 @@ fn starting_points(template: &Prior, options: &Options) -> Result<Vec<Prior>> {
     if options.spread.length_scale == 0.0 {
         return Ok(vec![template.clone()]);
     }
-
     let parameters = template.parameters();
     let length_scales: Vec<usize> = template.kernel().length_scale_places().collect();
     let shortened = |&place: &usize| {

@@ -124,8 +124,7 @@ pub fn open_model(path: &Path, log: &EventLog) -> anyhow::Result<Model> {
     let text = std::fs::read_to_string(path).map_err(|error| bad(&format_args!("cannot read it: {error}")))?;
     let model = ModelFile::parse(&text).map_err(|error| bad(&error))?.model;
     let Chart { origin, scale_m, .. } = model.chart;
-    let middle = Chart::about(log.events.iter().flat_map(|event| event.link.ends())).origin;
-    let distance_m = Link { transmitter: origin, receiver: middle }.range_m();
+    let distance_m = Link { transmitter: origin, receiver: log.chart().origin }.range_m();
     // Origins are rounded to 100 m.
     if distance_m > FRAME_SCALES * scale_m + 100.0 {
         let message = format!(
