@@ -1,0 +1,18 @@
+//! Any bytes as a map message: they are refused, or say something that has no other form than these bytes.
+
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use pingmap_packet::{Key, MapMessage, Seal};
+
+fuzz_target!(|bytes: &[u8]| {
+    let key = Key::new([7; 32]);
+    for seal in [None, Some(Seal { key: &key, context: b"model" })] {
+        let Ok((layout, message)) = MapMessage::decode(bytes, seal) else { continue };
+        let again = message.encode(layout, seal).expect("what was decoded is within bounds");
+        assert!(again.len() <= layout.frame_bytes);
+        let (sent, filling) = bytes.split_at(again.len());
+        assert_eq!(sent, again);
+        assert!(filling.iter().all(|&byte| byte == 0));
+    }
+});

@@ -1,0 +1,66 @@
+//! A stream of bits: bit i is bit i mod 8, least significant first, of byte i div 8.
+
+use alloc::vec::Vec;
+
+/// Writes numbers, least significant bit first.
+#[derive(Debug, Default)]
+pub(crate) struct BitWriter {
+    bytes: Vec<u8>,
+    bits: usize,
+}
+
+impl BitWriter {
+    /// Appends the lowest `width` bits of `value` (width at most 64).
+    pub(crate) fn write(&mut self, value: u64, width: u32) {
+        for place in 0..width {
+            if self.bits.is_multiple_of(8) {
+                self.bytes.push(0);
+            }
+            if let Some(byte) = self.bytes.last_mut() {
+                *byte |= (((value >> place) & 1) as u8) << (self.bits % 8);
+            }
+            self.bits += 1;
+        }
+    }
+
+    /// The bytes so far, the last one filled up with zeros.
+    pub(crate) fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+}
+
+/// Reads what [`BitWriter`] wrote.
+#[derive(Debug)]
+pub(crate) struct BitReader<'a> {
+    bytes: &'a [u8],
+    position: usize,
+}
+
+impl<'a> BitReader<'a> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, position: 0 }
+    }
+
+    /// The next `width` bits (at most 64), or `None` when fewer are left.
+    pub(crate) fn read(&mut self, width: u32) -> Option<u64> {
+        let end = self.position.checked_add(width as usize)?;
+        if end > 8 * self.bytes.len() {
+            return None;
+        }
+        let bit = |position: usize| u64::from(self.bytes[position / 8] >> (position % 8) & 1);
+        let value = (0..width).fold(0, |value, place| value | bit(self.position + place as usize) << place);
+        self.position = end;
+        Some(value)
+    }
+
+    /// Skips to the next whole byte; false when a skipped bit is set.
+    pub(crate) fn align(&mut self) -> bool {
+        let padding = (8 - self.position % 8) % 8;
+        self.read(padding as u32) == Some(0)
+    }
+
+    /// Number of whole bytes that were not touched.
+    pub(crate) fn bytes_left(&self) -> usize {
+        self.bytes.len() - self.position.div_ceil(8)
+    }
+}

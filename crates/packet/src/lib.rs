@@ -1,0 +1,50 @@
+//! Bits on the water.
+//!
+//! * [`Schema`], [`Fields`], [`Value`]: the part of DCCL (codec version 4, and 3 where it is the same) that our messages and most of
+//!   a fleet's own need. Unlike the reference implementation, values out of bounds are refused both ways, by name.
+//! * [`MapMessage`]: what a vehicle tells of its map, in frames of 32, 64 or 256 bytes. Its `.proto` ships beside this crate
+//!   (`proto/pingmap.proto`) and says the same as [`Layout::schema`].
+//! * [`Key`]: authentication of whole frames.
+//!
+//! The crate knows integers only: what a cell or a level means is the team's chart and packet model. No I/O, no panics, no `std`.
+//!
+//! ```
+//! use pingmap_packet::{Block, Layout, MapMessage};
+//!
+//! let layout = Layout::for_frame(32, false, false).expect("there is one for frames of 32 bytes");
+//! let message = MapMessage { sender: 3, counter: 17, model: 0x2a5, blocks: vec![Block::silent(layout)] };
+//! let bytes = message.encode(layout, None)?;
+//! assert_eq!(bytes.len(), 32);
+//! let (found, again) = MapMessage::decode(&bytes, None)?;
+//! assert_eq!((found.id, again), (layout.id, message));
+//! # Ok::<(), pingmap_packet::Error>(())
+//! ```
+
+#![no_std]
+
+extern crate alloc;
+#[cfg(test)]
+extern crate std;
+
+mod bits;
+mod check;
+mod decode;
+mod encode;
+mod error;
+mod hex;
+mod map_message;
+mod number;
+mod schema;
+mod seal;
+mod value;
+mod widths;
+
+pub use error::Error;
+pub use hex::{from_hex, to_hex};
+pub use map_message::{
+    Block, CORRELATION_LEVELS, Cell, DEPTH_CELLS, HORIZONTAL_CELLS, INFORMATION_LEVELS, LAYOUTS, Layout, MEAN_LEVELS,
+    MapMessage, PROTO, Point, Seal,
+};
+pub use schema::{Field, Kind, Number, Rule, Schema};
+pub use seal::{Key, digest};
+pub use value::{Fields, Value};

@@ -1,0 +1,52 @@
+//! What a message says.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+
+/// One value.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// True or false.
+    Bool(bool),
+    /// A number, whole or not.
+    Number(f64),
+    /// The name of an enum's value.
+    Enum(String),
+    /// Bytes.
+    Bytes(Vec<u8>),
+    /// A text.
+    Text(String),
+    /// A message inside a message.
+    Message(Fields),
+    /// The elements of a repeated field.
+    List(Vec<Value>),
+}
+
+/// The values of a message by field name. Fields that are not set are absent.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Fields(Vec<(String, Value)>);
+
+impl Fields {
+    /// Nothing set.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Sets a field; a second value replaces the first.
+    pub fn set(&mut self, name: &str, value: Value) {
+        match self.0.iter_mut().find(|(known, _)| known == name) {
+            Some((_, known)) => *known = value,
+            None => self.0.push((name.into(), value)),
+        }
+    }
+
+    /// The value of a field, if it is set.
+    pub fn get(&self, name: &str) -> Option<&Value> {
+        self.0.iter().find(|(known, _)| known == name).map(|(_, value)| value)
+    }
+
+    /// All values that are set, in the order of setting.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Value)> {
+        self.0.iter().map(|(name, value)| (name.as_str(), value))
+    }
+}

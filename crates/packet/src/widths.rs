@@ -1,0 +1,146 @@
+//! How many bits things take.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+use alloc::{format, vec};
+
+use crate::schema::{Field, Kind, Rule, Schema};
+
+impl Schema {
+    /// The id that these bytes begin with. An id below 128 in two bytes is none: every message has one form only.
+    pub fn id_of(bytes: &[u8]) -> Option<u16> {
+        let (&first, rest) = bytes.split_first()?;
+        if first & 1 == 0 {
+            return Some(u16::from(first >> 1));
+        }
+        let id = (u16::from(*rest.first()?) << 8 | u16::from(first)) >> 1;
+        (id >= 128).then_some(id)
+    }
+
+    /// Bytes of the longest form of the message.
+    pub fn length(&self) -> usize {
+        let bits = |head: bool| {
+            let fields = self.fields.iter().filter(|field| field.in_head == head && field.oneof.is_none());
+            sum(fields.map(Field::bits_max))
+        };
+        let id_bytes = self.id.map_or(0, |id| if id < 128 { 1 } else { 2 });
+        let body = bits(false).saturating_add(oneof_bits(&self.fields));
+        usize::try_from(bits(true).div_ceil(8).saturating_add(body.div_ceil(8)).saturating_add(id_bytes))
+            .unwrap_or(usize::MAX)
+    }
+
+    /// Bits of every field where all have their greatest length, in the order of declaration. Head and body are each filled up to a
+    /// whole byte.
+    pub fn bits(&self) -> Vec<(&str, u64)> {
+        self.fields.iter().map(|field| (field.name.as_str(), field.bits_max())).collect()
+    }
+}
+
+impl Field {
+    /// Bits of its longest form.
+    fn bits_max(&self) -> u64 {
+        if self.oneof.is_some() {
+            return self.element_bits();
+        }
+        match self.rule {
+            Rule::Required => self.element_bits(),
+            Rule::Optional => self.element_bits().saturating_add(self.optional_bits()),
+            Rule::Repeated { min, max } => {
+                let count_bits = u64::from(width(max.saturating_sub(min) as u64 + 1));
+                (max as u64).saturating_mul(self.element_bits()).saturating_add(count_bits)
+            }
+        }
+    }
+
+    /// Bits of one element in required form.
+    fn element_bits(&self) -> u64 {
+        match &self.kind {
+            Kind::Bool => 1,
+            Kind::Number(number) => width(number.codes()).into(),
+            Kind::Enum { values, packed } => width(enum_range(values, *packed).1).into(),
+            Kind::Bytes { length_max } | Kind::Text { length_max } => {
+                let length_max = *length_max as u64;
+                length_max.saturating_mul(8).saturating_add(width(length_max.saturating_add(1)).into())
+            }
+            Kind::Message(fields) => {
+                let alone = fields.iter().filter(|field| field.oneof.is_none());
+                sum(alone.map(Field::bits_max)).saturating_add(oneof_bits(fields))
+            }
+        }
+    }
+
+    /// Bits that being optional adds.
+    fn optional_bits(&self) -> u64 {
+        match &self.kind {
+            Kind::Number(number) if !self.presence => grown(number.codes()),
+            Kind::Enum { values, packed } if !self.presence => grown(enum_range(values, *packed).1),
+            _ => 1,
+        }
+    }
+}
+
+/// Bits that one more code takes.
+fn grown(codes: u64) -> u64 {
+    u64::from(width(codes.saturating_add(1)) - width(codes))
+}
+
+/// A sum that stops at the largest number.
+fn sum(bits: impl Iterator<Item = u64>) -> u64 {
+    bits.fold(0, u64::saturating_add)
+}
+
+/// Bits for so many codes.
+pub(crate) fn width(codes: u64) -> u32 {
+    u64::BITS - codes.saturating_sub(1).leading_zeros()
+}
+
+/// The smallest code value and how many there are: places in the declaration, or the span of the numbers.
+pub(crate) fn enum_range(values: &[(String, i32)], packed: bool) -> (i64, u64) {
+    if packed {
+        return (0, values.len() as u64);
+    }
+    let numbers = || values.iter().map(|(_, number)| i64::from(*number));
+    let (min, max) = (numbers().min().unwrap_or(0), numbers().max().unwrap_or(0));
+    (min, (max - min) as u64 + 1)
+}
+
+/// Whether an optional field says by a bit of its own that it is set; otherwise by code 0.
+pub(crate) fn has_presence_bit(field: &Field) -> bool {
+    field.presence || matches!(field.kind, Kind::Bytes { .. } | Kind::Text { .. } | Kind::Message(_))
+}
+
+/// Bits of an optional field whose code 0 means "not set".
+pub(crate) fn optional_width(kind: &Kind) -> u32 {
+    match kind {
+        Kind::Bool => 2,
+        Kind::Number(number) => width(number.codes() + 1),
+        Kind::Enum { values, packed } => width(enum_range(values, *packed).1 + 1),
+        Kind::Bytes { .. } | Kind::Text { .. } | Kind::Message(_) => 1,
+    }
+}
+
+/// Names of the oneofs and of their members, in the order of declaration.
+pub(crate) fn oneofs(fields: &[Field]) -> Vec<(&str, Vec<&Field>)> {
+    let mut all: Vec<(&str, Vec<&Field>)> = Vec::new();
+    for field in fields {
+        if let Some(name) = field.oneof.as_deref() {
+            match all.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, members)) => members.push(field),
+                None => all.push((name, vec![field])),
+            }
+        }
+    }
+    all
+}
+
+/// Bits that the oneofs take at most: which of the members are set, and the longest of each.
+fn oneof_bits(fields: &[Field]) -> u64 {
+    let longest = |members: &[&Field]| members.iter().map(|member| member.element_bits()).max().unwrap_or(0);
+    let bits = |members: &Vec<&Field>| longest(members).saturating_add(width(members.len() as u64 + 1).into());
+    sum(oneofs(fields).iter().map(|(_, members)| bits(members)))
+}
+
+/// The name of a field inside what is around it.
+pub(crate) fn path(around: &str, name: &str) -> String {
+    if around.is_empty() { name.into() } else { format!("{around}.{name}") }
+}

@@ -1,0 +1,412 @@
+//! What must hold for all map messages: they survive the water, and nothing else is taken for one.
+
+#![allow(clippy::unwrap_used)]
+
+use pingmap_packet::*;
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+const CONTEXT: &[u8] = b"model 7";
+
+fn key() -> Key {
+    Key::new(*b"the secret of a team of vehicles")
+}
+
+/// The seal that a layout asks for.
+fn seal<'a>(layout: &Layout, key: &'a Key) -> Option<Seal<'a>> {
+    layout.is_sealed.then_some(Seal { key, context: CONTEXT })
+}
+
+fn encode(layout: &Layout, message: &MapMessage) -> Result<Vec<u8>, Error> {
+    message.encode(layout, seal(layout, &key()))
+}
+
+fn decode(layout: &Layout, bytes: &[u8]) -> Result<(&'static Layout, MapMessage), Error> {
+    MapMessage::decode(bytes, seal(layout, &key()))
+}
+
+fn layouts() -> impl Strategy<Value = &'static Layout> {
+    proptest::sample::select(LAYOUTS.iter().collect::<Vec<_>>())
+}
+
+fn cell(has_depth: bool) -> impl Strategy<Value = Cell> {
+    let depths = if has_depth { DEPTH_CELLS } else { 1 };
+    (0..HORIZONTAL_CELLS, 0..HORIZONTAL_CELLS, 0..depths).prop_map(|(east, north, depth)| Cell { east, north, depth })
+}
+
+fn point(has_depth: bool) -> impl Strategy<Value = Point> {
+    let levels = (0..INFORMATION_LEVELS, -MEAN_LEVELS..=MEAN_LEVELS);
+    let fields = (cell(has_depth), cell(has_depth), levels);
+    fields.prop_map(|(transmitter, receiver, (information, mean))| Point { transmitter, receiver, information, mean })
+}
+
+fn block(layout: &Layout) -> impl Strategy<Value = Block> + use<> {
+    let correlations = vec(-CORRELATION_LEVELS..=CORRELATION_LEVELS, layout.correlations());
+    let fields = (vec(point(layout.has_depth), layout.points), correlations);
+    fields.prop_map(|(points, correlations)| Block { points, correlations })
+}
+
+/// Any message within the bounds of its layout.
+fn messages() -> impl Strategy<Value = (&'static Layout, MapMessage)> {
+    layouts().prop_flat_map(|layout| {
+        let models = if layout.is_sealed { 1 } else { 1_u16 << 14 };
+        let fields = (any::<u8>(), any::<u16>(), 0..models, vec(block(layout), layout.blocks));
+        fields.prop_map(move |(sender, counter, model, blocks)| (layout, MapMessage { sender, counter, model, blocks }))
+    })
+}
+
+/// The same message on every run, with another level in every field.
+fn varied(layout: &Layout, sender: u8) -> MapMessage {
+    let cell = |n: usize| Cell {
+        east: (7 * n % 64) as u8,
+        north: (11 * n % 64) as u8,
+        depth: if layout.has_depth { (5 * n % 32) as u8 } else { 0 },
+    };
+    let point = |n: usize| Point {
+        transmitter: cell(n + 1),
+        receiver: cell(n + 20),
+        information: (3 * n % 32) as u8,
+        mean: (4 * n % 31) as i8 - 15,
+    };
+    let block = |n: usize| Block {
+        points: (0..layout.points).map(|place| point(n * layout.points + place)).collect(),
+        correlations: (0..layout.correlations()).map(|place| ((n + 2 * place) % 15) as i8 - 7).collect(),
+    };
+    let model = if layout.is_sealed { 0 } else { 0x2a5 };
+    MapMessage { sender, counter: 0x1234, model, blocks: (0..layout.blocks).map(block).collect() }
+}
+
+/// The bounds of every number, written down once more.
+fn is_within_bounds(layout: &Layout, message: &MapMessage) -> bool {
+    let is_cell = |cell: &Cell| {
+        let is_depth = if layout.has_depth { cell.depth < 32 } else { cell.depth == 0 };
+        cell.east < 64 && cell.north < 64 && is_depth
+    };
+    let is_point = |point: &Point| {
+        let is_level = point.information < 32 && (-15..=15).contains(&point.mean);
+        is_cell(&point.transmitter) && is_cell(&point.receiver) && is_level
+    };
+    let is_block = |block: &Block| {
+        let is_size = block.points.len() == layout.points && block.correlations.len() == layout.correlations();
+        is_size && block.points.iter().all(is_point) && block.correlations.iter().all(|c| (-7..=7).contains(c))
+    };
+    message.model < 1 << 14 && message.blocks.len() == layout.blocks && message.blocks.iter().all(is_block)
+}
+
+/// Whatever the bytes are, they are refused, or say something within bounds and are the only way to say it.
+fn check_canonical(bytes: &[u8]) -> Result<(), TestCaseError> {
+    let key = key();
+    for seal in [None, Some(Seal { key: &key, context: CONTEXT })] {
+        if let Ok((layout, message)) = MapMessage::decode(bytes, seal) {
+            prop_assert!(is_within_bounds(layout, &message), "{message:?}");
+            let again = message.encode(layout, seal).unwrap();
+            prop_assert_eq!(&bytes[..again.len()], &again);
+            prop_assert!(bytes[again.len()..].iter().all(|&byte| byte == 0));
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_message_comes_back((layout, message) in messages()) {
+        let mut bytes = encode(layout, &message).unwrap();
+        prop_assert!(bytes.len() <= layout.frame_bytes);
+        prop_assert_eq!(bytes.len(), layout.schema().length());
+        prop_assert_eq!(Layout::of(&bytes), Some(layout));
+        prop_assert_eq!(decode(layout, &bytes), Ok((layout, message.clone())));
+        bytes.resize(layout.frame_bytes, 0);
+        prop_assert_eq!(decode(layout, &bytes), Ok((layout, message)));
+    }
+
+    #[test]
+    fn any_bytes_are_refused_or_canonical(bytes in vec(any::<u8>(), 0..300)) {
+        check_canonical(&bytes)?;
+    }
+
+    #[test]
+    fn any_bytes_behind_a_valid_id_are_refused_or_canonical(layout in layouts(), rest in vec(any::<u8>(), 0..300)) {
+        check_canonical(&[id_bytes(layout), rest].concat())?;
+    }
+
+    #[test]
+    fn a_damaged_message_is_refused_or_canonical(
+        (layout, message) in messages(),
+        flips in vec(any::<prop::sample::Index>(), 1..4),
+        length in any::<prop::sample::Index>(),
+    ) {
+        let mut bytes = encode(layout, &message).unwrap();
+        flips.iter().for_each(|flip| flip_bit(&mut bytes, flip.index(8 * layout.schema().length())));
+        check_canonical(&bytes)?;
+        check_canonical(&bytes[..length.index(bytes.len())])?;
+    }
+
+    #[test]
+    fn a_damaged_sealed_message_is_refused((layout, message) in messages(), flip in any::<prop::sample::Index>()) {
+        let sealed = LAYOUTS.iter().find(|sealed| sealed.is_sealed && sealed.frame_bytes == layout.frame_bytes).unwrap();
+        let message = MapMessage { sender: message.sender, ..varied(sealed, 0) };
+        let mut bytes = encode(sealed, &message).unwrap();
+        flip_bit(&mut bytes, flip.index(8 * sealed.schema().length()));
+        prop_assert!(decode(sealed, &bytes).is_err());
+    }
+}
+
+fn id_bytes(layout: &Layout) -> Vec<u8> {
+    let id = layout.id;
+    if id < 128 { vec![(id << 1) as u8] } else { (id << 1 | 1).to_le_bytes().to_vec() }
+}
+
+fn flip_bit(bytes: &mut [u8], bit: usize) {
+    bytes[bit / 8] ^= 1 << (bit % 8);
+}
+
+/// A change that makes a message impossible, and the error that must name it.
+type Spoiler = (fn(&mut MapMessage), &'static str, f64, f64, f64);
+
+const SPOILERS: [Spoiler; 11] = [
+    (|m| m.blocks[0].points[1].information = 32, "information", 0.0, 31.0, 32.0),
+    (|m| m.blocks[0].points[0].mean = 16, "mean", -15.0, 15.0, 16.0),
+    (|m| m.blocks[0].points[2].mean = -16, "mean", -15.0, 15.0, -16.0),
+    (|m| m.blocks[0].correlations[0] = 8, "correlation", -7.0, 7.0, 8.0),
+    (|m| m.blocks[0].correlations[1] = -8, "correlation", -7.0, 7.0, -8.0),
+    (|m| m.blocks[0].points[0].transmitter.east = 64, "tx_east", 0.0, 63.0, 64.0),
+    (|m| m.blocks[0].points[0].transmitter.north = 64, "tx_north", 0.0, 63.0, 64.0),
+    (|m| m.blocks[0].points[0].receiver.east = 255, "rx_east", 0.0, 63.0, 255.0),
+    (|m| m.blocks[0].points[0].receiver.north = 64, "rx_north", 0.0, 63.0, 64.0),
+    // Bounds of layouts with depth; the others hold no depth at all.
+    (|m| m.blocks[0].points[0].transmitter.depth = 32, "tx_depth", 0.0, 31.0, 32.0),
+    (|m| m.blocks[0].points[0].receiver.depth = 32, "rx_depth", 0.0, 31.0, 32.0),
+];
+
+#[test]
+fn a_level_out_of_bounds_is_refused_by_name() {
+    for layout in &LAYOUTS {
+        for (spoil, field, min, max, value) in SPOILERS {
+            let mut message = varied(layout, 3);
+            spoil(&mut message);
+            let is_depth = field.ends_with("depth");
+            let (field, max) = if is_depth && !layout.has_depth { ("depth", 0.0) } else { (field, max) };
+            let expected = Error::OutOfBounds { field: field.into(), min, max, value };
+            assert_eq!(encode(layout, &message), Err(expected.clone()), "{}", layout.name);
+            let text = expected.to_string();
+            assert!([field, &min.to_string(), &max.to_string(), &value.to_string()].iter().all(|s| text.contains(s)));
+        }
+    }
+}
+
+#[test]
+fn any_depth_in_a_layout_without_depth_is_refused() {
+    for layout in LAYOUTS.iter().filter(|layout| !layout.has_depth) {
+        let mut message = varied(layout, 3);
+        message.blocks.last_mut().unwrap().points.last_mut().unwrap().receiver.depth = 1;
+        let expected = Error::OutOfBounds { field: "depth".into(), min: 0.0, max: 0.0, value: 1.0 };
+        assert_eq!(encode(layout, &message), Err(expected));
+    }
+}
+
+#[test]
+fn a_model_of_more_than_14_bits_is_refused_where_it_is_sent() {
+    for layout in LAYOUTS.iter().filter(|layout| !layout.is_sealed) {
+        let message = |model| MapMessage { model, ..varied(layout, 3) };
+        let expected = Error::OutOfBounds { field: "model".into(), min: 0.0, max: 16383.0, value: 16384.0 };
+        assert_eq!(encode(layout, &message(1 << 14)), Err(expected));
+        assert!(encode(layout, &message((1 << 14) - 1)).is_ok());
+    }
+}
+
+#[test]
+fn a_sealed_message_does_not_carry_the_model() {
+    for layout in LAYOUTS.iter().filter(|layout| layout.is_sealed) {
+        let message = varied(layout, 3);
+        let bytes = encode(layout, &MapMessage { model: 77, ..message.clone() }).unwrap();
+        assert_eq!(decode(layout, &bytes), Ok((layout, message)));
+    }
+}
+
+/// A change of how many things there are, and what the error must call them.
+type Resizer = (fn(&mut MapMessage), &'static str);
+
+#[test]
+fn wrong_numbers_of_things_are_refused_by_name() {
+    let spoilers: [Resizer; 6] = [
+        (|m| m.blocks.clear(), "blocks"),
+        (|m| m.blocks.push(m.blocks[0].clone()), "blocks"),
+        (|m| m.blocks[0].points.push(Point::default()), "points of block 0"),
+        (|m| m.blocks[0].points.truncate(1), "points of block 0"),
+        (|m| m.blocks[0].correlations.push(0), "correlations of block 0"),
+        (|m| m.blocks[0].correlations.truncate(1), "correlations of block 0"),
+    ];
+    for layout in &LAYOUTS {
+        for (spoil, name) in spoilers {
+            let mut message = varied(layout, 3);
+            spoil(&mut message);
+            let error = encode(layout, &message).unwrap_err();
+            assert!(matches!(&error, Error::Count { field, .. } if field == name), "{}: {error}", layout.name);
+        }
+    }
+}
+
+/// Where the bits of a field of the body begin, and how many its first element has.
+fn place_of(layout: &Layout, name: &str, count: usize) -> (usize, usize) {
+    let head = if layout.id < 128 { 32 } else { 40 };
+    let schema = layout.schema();
+    let bits = schema.bits();
+    let (before, field) = (bits.iter().skip(2).take_while(|(known, _)| *known != name), bits.iter());
+    let (_, width) = *field.clone().find(|(known, _)| *known == name).unwrap();
+    (head + before.map(|(_, width)| *width as usize).sum::<usize>(), width as usize / count)
+}
+
+#[test]
+fn codes_beyond_the_bounds_are_refused_on_the_wire() {
+    for layout in &LAYOUTS {
+        let points = layout.blocks * layout.points;
+        let correlations = layout.blocks * layout.correlations();
+        for (name, count, max) in [("mean", points, 15.0), ("correlation", correlations, 7.0)] {
+            for element in [0, count - 1] {
+                let mut bytes = encode(layout, &varied(layout, 3)).unwrap();
+                let (start, width) = place_of(layout, name, count);
+                let bits = (start + element * width)..(start + (element + 1) * width);
+                bits.for_each(|bit| bytes[bit / 8] |= 1 << (bit % 8));
+                let expected = Error::OutOfBounds { field: name.into(), min: -max, max, value: max + 1.0 };
+                assert_eq!(decode(layout, &bytes), Err(expected), "{}", layout.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_padding_bit_is_refused() {
+    for layout in &LAYOUTS {
+        let schema = layout.schema();
+        let head = if layout.id < 128 { 32 } else { 40 };
+        let used = head + schema.bits().iter().skip(2).map(|(_, bits)| *bits as usize).sum::<usize>();
+        for bit in used..8 * schema.length() {
+            let mut bytes = encode(layout, &varied(layout, 3)).unwrap();
+            flip_bit(&mut bytes, bit);
+            assert_eq!(decode(layout, &bytes), Err(Error::Padding), "{}, bit {bit}", layout.name);
+        }
+    }
+}
+
+#[test]
+fn a_flipped_bit_of_a_sealed_message_is_refused() {
+    for layout in LAYOUTS.iter().filter(|layout| layout.is_sealed) {
+        // A sender of 0 makes the first bytes of a short id those of a long one when its lowest bit flips.
+        for sender in [0, 3, 255] {
+            let bytes = encode(layout, &varied(layout, sender)).unwrap();
+            for bit in 0..8 * bytes.len() {
+                let mut bytes = bytes.clone();
+                flip_bit(&mut bytes, bit);
+                let error = decode(layout, &bytes).unwrap_err();
+                let is_expected = match error {
+                    Error::Forged | Error::OutOfBounds { .. } | Error::Padding => true,
+                    // Another id is that of another form, or of none.
+                    Error::Id { .. } | Error::Seal(_) | Error::Short { .. } | Error::Long { .. } => bit < 16,
+                    _ => false,
+                };
+                assert!(is_expected, "{}, bit {bit}: {error}", layout.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_short_id_in_its_long_form_is_refused() {
+    for layout in LAYOUTS.iter().filter(|layout| layout.id < 128) {
+        let mut bytes = encode(layout, &varied(layout, 0)).unwrap();
+        flip_bit(&mut bytes, 0);
+        assert!(matches!(decode(layout, &bytes), Err(Error::Id { .. })), "{}", layout.name);
+        assert!(matches!(layout.schema().decode(&bytes), Err(Error::Id { .. })), "{}", layout.name);
+    }
+}
+
+#[test]
+fn only_the_same_key_and_context_open_a_sealed_message() {
+    let (key, other) = (key(), Key::new([1; 32]));
+    for layout in LAYOUTS.iter().filter(|layout| layout.is_sealed) {
+        let bytes = encode(layout, &varied(layout, 3)).unwrap();
+        let open = |key, context| MapMessage::decode(&bytes, Some(Seal { key, context })).map(|_| ());
+        assert_eq!(open(&key, CONTEXT), Ok(()));
+        assert_eq!(open(&other, CONTEXT), Err(Error::Forged));
+        for context in [&b""[..], b"model 8", b"model 7 ", b"model "] {
+            assert_eq!(open(&key, context), Err(Error::Forged));
+        }
+    }
+}
+
+#[test]
+fn messages_of_another_length_are_refused() {
+    for layout in &LAYOUTS {
+        let bytes = encode(layout, &varied(layout, 3)).unwrap();
+        for length in 0..bytes.len() {
+            let error = decode(layout, &bytes[..length]).unwrap_err();
+            assert!(matches!(error, Error::Short { .. } | Error::Id { .. }), "{}: {error}", layout.name);
+        }
+        for extra in [&[1][..], &[0, 0, 128], &[255; 300]] {
+            let longer = [&bytes[..], extra].concat();
+            assert_eq!(decode(layout, &longer), Err(Error::Long { extra: extra.len() }), "{}", layout.name);
+        }
+    }
+}
+
+#[test]
+fn sealed_and_open_messages_are_not_mixed_up() {
+    let key = key();
+    for layout in &LAYOUTS {
+        let message = varied(layout, 3);
+        let right = seal(layout, &key);
+        let wrong = if layout.is_sealed { None } else { Some(Seal { key: &key, context: CONTEXT }) };
+        let bytes = message.encode(layout, right).unwrap();
+        assert!(matches!(message.encode(layout, wrong), Err(Error::Seal(_))), "{}", layout.name);
+        assert!(matches!(MapMessage::decode(&bytes, wrong), Err(Error::Seal(_))), "{}", layout.name);
+    }
+}
+
+/// Written down once: vehicles in the water cannot follow a change of the format.
+#[test]
+fn the_format_does_not_drift() {
+    for (name, expected) in [
+        ("Map32", "f8033412a5c2e154dcb858217b339316a2dc29f7081826314010832064a8ec31"),
+        ("MapSealed32", "fa0334128753718b15b2cca485dc29f760980408622064a8876ffa009e2cea28"),
+    ] {
+        let layout = LAYOUTS.iter().find(|layout| layout.name == name).unwrap();
+        let bytes = encode(layout, &varied(layout, 3)).unwrap();
+        let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!(hex, expected, "{name}");
+    }
+}
+
+#[test]
+fn a_key_is_64_hexadecimal_digits() {
+    let digits = "00112233445566778899aAbBcCdDeEfF".repeat(2);
+    let sealed_by = |key: &Key| {
+        let layout = Layout::for_frame(32, false, true).unwrap();
+        varied(layout, 3).encode(layout, Some(Seal { key, context: CONTEXT })).unwrap()
+    };
+    let bytes: Vec<u8> = (0..32).map(|place| place % 16 * 0x11).collect();
+    let parsed = Key::parse(&format!(" {digits}\n")).unwrap();
+    assert_eq!(sealed_by(&parsed), sealed_by(&Key::new(bytes.try_into().unwrap())));
+}
+
+#[test]
+fn what_is_not_a_key_is_refused_without_repeating_it() {
+    let digits = "0123456789abcdef".repeat(4);
+    let signs = "+f".repeat(32);
+    let umlauts = "ä".repeat(32);
+    let letters = "secretpassphrase".repeat(4);
+    for text in ["", "secret", &digits[1..], &format!("{digits}0"), &format!("0x{digits}"), &signs, &umlauts, &letters]
+    {
+        let error = Key::parse(text).unwrap_err();
+        assert!(text.is_empty() || !format!("{error} {error:?}").contains(text), "{error:?}");
+    }
+}
+
+#[test]
+fn a_key_does_not_show_itself() {
+    let shown = format!("{:?} {:#?}", Key::new([0xab; 32]), Key::new([0xab; 32]));
+    for secret in ["ab", "AB", "171"] {
+        assert!(!shown.contains(secret), "{shown}");
+    }
+}

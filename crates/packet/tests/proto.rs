@@ -1,0 +1,138 @@
+//! The `.proto` that ships beside the crate says what the code does, and every form of the map message fits its frame.
+
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use pingmap_packet::{Field, Kind, LAYOUTS, Layout, PROTO, Rule};
+
+const HEADER: &str = r#"// Messages in which vehicles tell each other where their acoustic links work: for DCCL 4, and so for Goby.
+//
+// One message for every frame size, with or without depth, open or sealed. All numbers are whole. Cells get their meaning in metres
+// from the team's chart, levels theirs from the team's packet model; "model" is 14 bits of a BLAKE3 digest of both and of the message
+// with 0 in their place, so that neither another team's message nor a damaged one passes.
+//
+// Inducing points come in blocks of equal size, one block after the other in every field. "correlation" has, block after block, the
+// partial correlations of the pairs of points (2,1), (3,1), (3,2), (4,1), (4,2) and so on, counted from 1. A point with information 0
+// is unused: nothing is said about it.
+//
+// The tag of a sealed message is the first 8 bytes of keyed BLAKE3: four in "tag_low", four in "tag_high", both little-endian. Hashed
+// are the length of the team's context in 8 bytes, little-endian, the context, and the frame as encoded with zero in both tag fields,
+// without the zeros that a modem may add. The context stands for the model, which a sealed message does not name.
+//
+// "counter" never repeats for one sender under one key.
+
+syntax = "proto2";
+
+import "dccl/option_extensions.proto";
+
+package pingmap;
+"#;
+
+#[test]
+fn the_proto_file_says_what_the_schemas_say() {
+    let messages = LAYOUTS.iter().map(|layout| format!("\n{}", rendered(layout)));
+    let expected = HEADER.to_owned() + &messages.collect::<String>();
+    let mismatch = PROTO.lines().zip(expected.lines()).position(|(found, expected)| found != expected);
+    assert!(PROTO == expected, "proto/pingmap.proto, first wrong line {mismatch:?}; it should be:\n{expected}");
+}
+
+/// A form of the map message as proto2 text.
+fn rendered(layout: &Layout) -> String {
+    let schema = layout.schema();
+    let blocks = if layout.blocks == 1 { "block" } else { "blocks" };
+    let depth = if layout.has_depth { "with" } else { "without" };
+    let seal = if layout.is_sealed { "sealed" } else { "open" };
+    let mut text = format!(
+        "// {} bytes, {depth} depth, {seal}: {} {blocks} of {} points.\n",
+        layout.frame_bytes, layout.blocks, layout.points
+    );
+    let id = schema.id.unwrap();
+    writeln!(text, "message {} {{", schema.name).unwrap();
+    writeln!(text, "  option (dccl.msg) = {{ codec_version: 4 id: {id} max_bytes: {} }};", schema.bytes_max).unwrap();
+    for (place, field) in schema.fields.iter().enumerate() {
+        writeln!(text, "  {}", rendered_field(field, place + 1)).unwrap();
+    }
+    text + "}\n"
+}
+
+fn rendered_field(field: &Field, tag: usize) -> String {
+    let Kind::Number(number) = &field.kind else { panic!("{} is not a number", field.name) };
+    assert!(number.integer && number.resolution == 1.0 && !field.presence && field.oneof.is_none());
+    let (rule, repeats) = match field.rule {
+        Rule::Required => ("required", String::new()),
+        Rule::Optional => ("optional", String::new()),
+        Rule::Repeated { min, max } => ("repeated", format!(" min_repeat: {min} max_repeat: {max}")),
+    };
+    let kind = if number.min >= 0.0 { "uint32" } else { "int32" };
+    let head = if field.in_head { " in_head: true" } else { "" };
+    let options = format!("min: {} max: {}{repeats}{head}", number.min, number.max);
+    format!("{rule} {kind} {} = {tag} [(dccl.field) = {{ {options} }}];", field.name)
+}
+
+#[test]
+fn every_form_fits_its_frame() {
+    for layout in &LAYOUTS {
+        let schema = layout.schema();
+        assert!(schema.length() <= layout.frame_bytes, "{}", layout.name);
+        assert!(id_bits(layout) + field_bits(layout) <= 8 * layout.frame_bytes, "{}", layout.name);
+        assert_eq!(schema.bytes_max, layout.frame_bytes, "{}", layout.name);
+    }
+}
+
+#[test]
+fn no_form_could_carry_another_block_or_larger_blocks() {
+    for layout in &LAYOUTS {
+        let more_blocks = Layout { blocks: layout.blocks + 1, ..*layout };
+        let more_points = Layout { points: layout.points + 1, ..*layout };
+        for larger in [more_blocks, more_points] {
+            assert!(larger.schema().length() > layout.frame_bytes, "{} could be {larger:?}", layout.name);
+        }
+    }
+}
+
+#[test]
+fn the_smallest_frames_are_nearly_full() {
+    let unused = |layout: &Layout| 8 * layout.frame_bytes - id_bits(layout) - field_bits(layout);
+    let unused = LAYOUTS.iter().filter(|layout| layout.frame_bytes == 32).map(|layout| (layout.name, unused(layout)));
+    let expected = [("Map32", 0), ("MapSealed32", 0), ("MapDepth32", 10), ("MapDepthSealed32", 16)];
+    assert_eq!(unused.collect::<Vec<_>>(), expected);
+}
+
+#[test]
+fn the_smallest_frames_carry_these_points() {
+    let points = |has_depth, is_sealed| Layout::for_frame(32, has_depth, is_sealed).unwrap().points;
+    assert_eq!(points(false, false), 5);
+    assert_eq!(points(false, true), 4);
+    assert!(points(true, false) < points(false, false));
+    assert!(points(true, true) < points(false, true));
+}
+
+#[test]
+fn ids_are_distinct_and_for_private_use() {
+    let ids: BTreeSet<u16> = LAYOUTS.iter().map(|layout| layout.id).collect();
+    assert_eq!(ids.len(), LAYOUTS.len());
+    assert!(ids.iter().all(|id| (124..=255).contains(id)), "{ids:?}");
+    let names: BTreeSet<&str> = LAYOUTS.iter().map(|layout| layout.name).collect();
+    assert_eq!(names.len(), LAYOUTS.len());
+}
+
+#[test]
+fn the_largest_form_that_fits_is_chosen() {
+    for layout in &LAYOUTS {
+        let chosen = |frame_bytes| Layout::for_frame(frame_bytes, layout.has_depth, layout.is_sealed);
+        assert_eq!(chosen(layout.frame_bytes), Some(layout));
+        assert_eq!(chosen(layout.frame_bytes + 1), Some(layout));
+        assert_ne!(chosen(layout.frame_bytes - 1), Some(layout));
+    }
+    assert_eq!(Layout::for_frame(31, false, false), None);
+}
+
+fn id_bits(layout: &Layout) -> usize {
+    if layout.id < 128 { 8 } else { 16 }
+}
+
+fn field_bits(layout: &Layout) -> usize {
+    layout.schema().bits().iter().map(|(_, bits)| *bits as usize).sum()
+}
