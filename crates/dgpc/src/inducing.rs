@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
 use crate::linalg::{Cholesky, Matrix, add_symmetric_product, product, squared_norm};
+use crate::posterior::Posterior;
 
 /// A candidate whose variance given the points already chosen is below this share of its prior variance is one of them.
 pub const DISTINCT_SHARE: f64 = 1e-4;
@@ -41,6 +42,8 @@ pub struct Candidates {
     gram: Matrix,
     /// Prior variances k(z, z), N.
     variance: Vec<f64>,
+    /// Variance that stays at a candidate once it is chosen, N: 0 where f is taken as known there.
+    floor: Vec<f64>,
     jitter: f64,
 }
 
@@ -50,7 +53,8 @@ impl Candidates {
     /// # Errors
     /// [`crate::Error::BadColumn`] when the kernel looks at a column that the inputs do not have.
     pub fn new(kernel: &Kernel, inputs: &Inputs) -> Result<Self> {
-        Ok(Self { gram: kernel.gram(inputs)?, variance: kernel.diagonal(inputs)?, jitter: 0.0 })
+        let variance = kernel.diagonal(inputs)?;
+        Ok(Self { gram: kernel.gram(inputs)?, floor: vec![0.0; variance.len()], variance, jitter: 0.0 })
     }
 
     /// Candidates given f at `known` points, so that no choice is spent on what those already tell. O(N²M).
@@ -67,6 +71,31 @@ impl Candidates {
             candidates.gram.add_scaled(-1.0, &product(features.t(), features.view()));
         }
         Ok(candidates)
+    }
+
+    /// Candidates for telling somebody who knows `public` what `own` knows: choosing one makes the variance there `own`'s, and the
+    /// choice is greedy for the largest drop of the variance that `public` has at all candidates. O(n²N + N²n).
+    ///
+    /// # Errors
+    /// As [`Posterior::latent`].
+    pub fn to_tell(public: &Posterior, own: &Posterior, inputs: &Inputs) -> Result<Self> {
+        let variance = own.prior().kernel().diagonal(inputs)?;
+        let (_, gram) = public.joint(inputs)?;
+        Ok(Self { gram, variance, floor: own.latent(inputs)?.variance, jitter: public.jitter() })
+    }
+
+    /// The candidates that are points of their own, in order: those whose variance given the ones before is not below
+    /// [`DISTINCT_SHARE`] of their prior variance. O(N³).
+    pub fn distinct(&self) -> Vec<usize> {
+        let mut left = self.clone();
+        let mut kept = Vec::new();
+        for candidate in 0..self.len() {
+            if left.is_distinct(candidate, left.gram[(candidate, candidate)]) {
+                left.condition_on(&[candidate]);
+                kept.push(candidate);
+            }
+        }
+        kept
     }
 
     /// What was added to the diagonal of K at the known points to factorise it (0 in the ordinary case).
@@ -89,7 +118,7 @@ impl Candidates {
         (0..self.len()).map(|n| self.gram[(n, n)].max(0.0)).sum()
     }
 
-    /// Counts the candidates at `indices` as known from now on. O(N²) each.
+    /// Counts the candidates at `indices` as known from now on (or as told, see [`Candidates::to_tell`]). O(N²) each.
     pub fn condition_on(&mut self, indices: &[usize]) {
         self.take_out(indices, DISTINCT_SHARE);
     }
@@ -103,8 +132,9 @@ impl Candidates {
                 continue;
             }
             pivot_column.copy_from_slice(self.gram.column(pivot));
+            let share = self.share_told(pivot);
             for column in 0..self.len() {
-                let factor = pivot_column[column] / pivot_variance;
+                let factor = share * (pivot_column[column] / pivot_variance);
                 let entries = self.gram.column_mut(column).iter_mut().zip(&pivot_column);
                 entries.for_each(|(entry, pivot)| *entry -= factor * pivot);
             }
@@ -145,6 +175,7 @@ impl Candidates {
 
     fn choose(&self, points: usize, aim: Aim) -> Selection {
         match points {
+            _ if self.floor.iter().any(|&floor| floor > 0.0) => self.greedy_towards(points, aim),
             2 => self.best_pair(aim).unwrap_or_else(|| self.greedy_towards(1, aim)),
             0 | 1 => self.greedy_towards(points, aim),
             _ => self.exchange(self.greedy_towards(points, aim), aim),
@@ -195,8 +226,11 @@ impl Candidates {
         let reductions = (0..self.len())
             .map(|candidate| (candidate, self.gram[(candidate, candidate)]))
             .filter(|&(candidate, variance)| self.is_distinct(candidate, variance))
-            .map(|(candidate, variance)| (candidate, squared_norm(self.gram.column(candidate)) / variance));
-        best_of(reductions, aim)
+            .map(|(candidate, variance)| {
+                let explained = squared_norm(self.gram.column(candidate)) / variance;
+                (candidate, explained * self.share_told(candidate))
+            });
+        best_of(reductions.filter(|&(_, reduction)| reduction > 0.0), aim)
     }
 
     /// The best pair, over all of them, from one symmetric product C = K²: the reduction by {i, j} is
@@ -221,6 +255,12 @@ impl Candidates {
             best = best_of(best.into_iter().chain(reductions), aim);
         }
         best.map(|((i, j), reduction)| Selection { indices: vec![i, j], trace: self.trace() - reduction })
+    }
+
+    /// The share of a candidate's variance that goes once it is chosen.
+    fn share_told(&self, candidate: usize) -> f64 {
+        let variance = self.gram[(candidate, candidate)];
+        (1.0 - self.floor[candidate] / variance).max(0.0)
     }
 
     /// Whether a candidate of this conditional variance is not one of the known points.

@@ -260,6 +260,27 @@ impl Cholesky {
         (Self { factor: Matrix::zeros(size, size), jitter: 0.0 }, CholeskyScratch::new(size))
     }
 
+    /// The factor of [A, X; Xᵀ, C] from that of A (n×n), X (n×m) and C (m×m): O(n²m + m³).
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] names `what` and the failing pivot.
+    pub(crate) fn extended(&self, what: &'static str, mut x: Matrix, mut c: Matrix) -> Result<Self> {
+        let (old, size) = (self.size(), self.size() + c.rows());
+        self.solve_lower_matrix(&mut x);
+        add_symmetric_product(-1.0, x.t(), &mut c);
+        let corner = Self::new(what, c).map_err(|error| match error {
+            Error::NotPositiveDefinite { pivot, jitter, .. } => {
+                Error::NotPositiveDefinite { what, pivot: pivot + old, size, jitter }
+            }
+            other => other,
+        })?;
+        let mut factor = Matrix::zeros(size, size);
+        factor.0.as_mut().submatrix_mut(0, 0, old, old).copy_from(self.factor.view());
+        factor.0.as_mut().submatrix_mut(old, 0, size - old, old).copy_from(x.t());
+        factor.0.as_mut().submatrix_mut(old, old, size - old, size - old).copy_from(corner.factor.view());
+        Ok(Self { factor, jitter: self.jitter })
+    }
+
     /// Replaces the matrix by what `fill` writes to the lower triangle, and factorises it. O(n³/3), no allocation.
     pub(crate) fn refactorise(
         &mut self,

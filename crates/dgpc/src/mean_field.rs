@@ -6,6 +6,7 @@ use crate::error::{Error, Result, finite, positive, same_size};
 use crate::evidence::{dense_fit, sparse_fit};
 use crate::inputs::Inputs;
 use crate::polya_gamma;
+use crate::posterior::Posterior;
 use crate::predict::success_probability;
 use crate::prior_mean::Prior;
 use crate::sites::{Observations, Sites};
@@ -133,6 +134,29 @@ impl Cavity {
         0.5 * omega * (tilt * tilt - residual) - ln_2_cosh(0.5 * tilt) + quadratic / share - 0.5 * share.ln()
     }
 }
+
+/// Sites of more events beside what is known, all of which stays as it is: each has its own fixed point of c² = E f² given what is
+/// known and itself. What a fit of everything would change besides is left to the next one. O(n²) an event.
+///
+/// # Errors
+/// As [`Posterior::latent`].
+pub fn beside(known: &Posterior, observations: &Observations) -> Result<Sites> {
+    let latent = known.latent(observations.inputs())?;
+    let one = |(((&mean, &variance), kappa), &weight): (((&f64, &f64), f64), &f64)| {
+        // A start at ω's largest value; every step contracts, so a fixed number is enough.
+        (0..BESIDE_ITERATIONS).fold(0.25, |omega, _| {
+            let narrowed = variance / (1.0 + variance * omega);
+            let moved = mean + narrowed * (kappa - omega * mean);
+            polya_gamma::mean(weight, (moved * moved + narrowed).sqrt())
+        })
+    };
+    let moments = latent.mean.iter().zip(&latent.variance);
+    let omega = moments.zip(observations.kappa()).zip(observations.weights()).map(one).collect();
+    Sites::new(observations, omega)
+}
+
+/// Steps to the fixed point of a single site.
+const BESIDE_ITERATIONS: usize = 50;
 
 /// Mean field with the full Gaussian posterior. O(N³) an iteration, 3N² memory.
 ///

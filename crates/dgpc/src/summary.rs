@@ -171,6 +171,50 @@ impl Summary {
         Ok(())
     }
 
+    /// The message that somebody who holds `known` is missing: what takes the posterior of `known` at Z to the posterior of this
+    /// summary. Where `known` is more certain than this summary (its messages may have been rounded on their way, and the fit
+    /// behind them may have moved since), nothing is taken back: the difference of the precisions is clipped to positive
+    /// semi-definite, and the shift is such that the means agree all the same. O(M³).
+    ///
+    /// # Errors
+    /// [`Error::Different`] when prior or inducing points differ, and as [`Summary::moments`].
+    pub fn beyond(&self, known: &Summary) -> Result<Summary> {
+        self.check_alike(known)?;
+        let mut difference = self.precision.clone();
+        difference.add_scaled(-1.0, &known.precision);
+        difference.symmetrise();
+        let (values, vectors) = symmetric_eigen("difference of two precisions", &difference)?;
+        let mut scaled = vectors.clone();
+        for (column, value) in values.iter().enumerate() {
+            scaled.column_mut(column).iter_mut().for_each(|entry| *entry *= value.max(0.0));
+        }
+        let mut precision = product(scaled.view(), vectors.t());
+        precision.symmetrise();
+        let mut total = precision.clone();
+        total.add_scaled(1.0, &known.precision);
+        let mean = self.whitened_mean()?;
+        let shift =
+            mean.iter().zip(total.times(&mean)).zip(&known.shift).map(|((m, t), known)| m + t - known).collect();
+        Ok(Self { precision, shift, ..self.clone() })
+    }
+
+    /// L⁻¹(μ − μ₀(Z)) = (I + Ĝ)⁻¹b̂: the mean of f(Z) given this message alone, whitened. O(M³).
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] when I + Ĝ is not.
+    pub fn whitened_mean(&self) -> Result<Vec<f64>> {
+        let mut mean = self.shift.clone();
+        self.total()?.solve(&mut mean);
+        Ok(mean)
+    }
+
+    /// I + Ĝ.
+    fn total(&self) -> Result<Cholesky> {
+        let mut total = self.precision.clone();
+        total.add_to_diagonal(1.0);
+        Cholesky::new("I + Ĝ", total)
+    }
+
     fn check_alike(&self, other: &Summary) -> Result<()> {
         if self.prior != other.prior {
             return Err(Error::Different { what: "summaries", of: "priors" });
@@ -271,9 +315,7 @@ impl Summary {
     /// # Errors
     /// [`Error::NotPositiveDefinite`] when I + Ĝ is not, as after subtracting what was never observed.
     pub fn moments(&self) -> Result<(Vec<f64>, Matrix)> {
-        let mut total = self.precision.clone();
-        total.add_to_diagonal(1.0);
-        let total = Cholesky::new("I + Ĝ", total)?;
+        let total = self.total()?;
         let mut mean = self.shift.clone();
         total.solve(&mut mean);
         let prior_mean = self.prior.mean().values(&self.inducing_points)?;

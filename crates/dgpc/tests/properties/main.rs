@@ -7,6 +7,7 @@ mod common;
 
 mod certificate;
 mod evidence;
+mod increments;
 mod kernels;
 mod mean_field;
 mod nearness;

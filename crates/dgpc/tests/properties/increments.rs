@@ -1,0 +1,146 @@
+//! Posteriors that grow, and what one posterior is missing of another.
+
+use crate::problems::*;
+use dgpc::*;
+use proptest::prelude::*;
+
+proptest! {
+    #![proptest_config(cases(60))]
+
+    #[test]
+    fn absorbing_in_pieces_is_fusing_at_once(problem in problems(6..=24), cuts in any::<[u8; 3]>()) {
+        let z = problem.inputs().select(&problem.spread(3));
+        let half = problem.inputs().len() / 2;
+        let sites = |range: std::ops::Range<usize>| problem.sites.select(&range.collect::<Vec<_>>());
+        let (near, far) = (sites(0..half), sites(half..problem.inputs().len()));
+        let messages = [
+            Summary::marginal(&problem.prior, &far, &z).unwrap(),
+            Summary::variational(&problem.prior, &far, &problem.elsewhere.slice(0..1)).unwrap(),
+        ];
+        let at_once = Posterior::fuse(&problem.prior, &near, &[&messages[0], &messages[1]]).unwrap();
+        // Events and messages in turns, from nothing.
+        let mut grown = Posterior::prior_alone(&problem.prior, problem.inputs().dimension());
+        let none = Sites::empty(problem.inputs().dimension());
+        let cut = usize::from(cuts[0]) % (half + 1);
+        grown.absorb(&sites(0..cut), &[]).unwrap();
+        grown.absorb(&none, &[&messages[1]]).unwrap();
+        grown.absorb(&none, &[]).unwrap();
+        grown.absorb(&sites(cut..half), &[&messages[0]]).unwrap();
+        prop_assert_eq!(grown.len(), at_once.len());
+        let latent = |posterior: &Posterior| posterior.latent(&problem.elsewhere).unwrap();
+        assert_same_latent(&latent(&grown), &latent(&at_once), 1e-9);
+        let said = |posterior: &Posterior| posterior.summarise(&z).unwrap();
+        assert_same_message(&said(&grown), &said(&at_once), 1e-7);
+    }
+
+    #[test]
+    fn what_cannot_be_absorbed_changes_nothing(problem in problems(2..=10)) {
+        let mut posterior = problem.full();
+        let before = posterior.latent(&problem.elsewhere).unwrap();
+        let other = Prior::new(problem.prior.kernel().clone(), PriorMean::Constant(7.0)).unwrap();
+        let foreign = Summary::empty(&other, &problem.elsewhere).unwrap();
+        let none = Sites::empty(problem.inputs().dimension());
+        prop_assert!(posterior.absorb(&none, &[&foreign]).is_err());
+        prop_assert!(posterior.absorb(&Sites::empty(problem.inputs().dimension() + 1), &[&foreign]).is_err());
+        let mut stacked = Posterior::concatenate(&problem.prior, &[]).unwrap();
+        prop_assert!(stacked.absorb(&problem.sites, &[]).is_err());
+        prop_assert_eq!(posterior.latent(&problem.elsewhere).unwrap(), before);
+    }
+
+    #[test]
+    fn the_joint_has_the_marginals(problem in problems(1..=16)) {
+        let posterior = problem.full();
+        let (mean, covariance) = posterior.joint(&problem.elsewhere).unwrap();
+        let latent = posterior.latent(&problem.elsewhere).unwrap();
+        let prior_mean = problem.prior.mean().values(&problem.elsewhere).unwrap();
+        let mean = mean.iter().zip(&prior_mean).map(|(mean, prior)| mean + prior).collect();
+        assert_same_latent(&Latent { mean, variance: covariance.diagonal() }, &latent, 1e-9);
+    }
+
+    #[test]
+    fn a_residual_is_what_was_missing(problem in problems(4..=20)) {
+        // `known` has seen some of the events of `all`, so that nothing is clipped.
+        let z = problem.inputs().select(&problem.spread(4));
+        let some: Vec<usize> = (0..problem.inputs().len()).step_by(2).collect();
+        let all = Summary::variational(&problem.prior, &problem.sites, &z).unwrap();
+        let known = Summary::variational(&problem.prior, &problem.sites.select(&some), &z).unwrap();
+        let mut told = known.clone();
+        told.merge(&all.beyond(&known).unwrap()).unwrap();
+        assert_same_message(&told, &all, 1e-8);
+        // Of itself nothing is missing.
+        let nothing = all.beyond(&all).unwrap();
+        assert_same_message(&nothing, &Summary::empty(&problem.prior, &z).unwrap(), 1e-7);
+    }
+
+    #[test]
+    fn a_residual_takes_nothing_back_and_corrects_the_mean(problem in problems(4..=20)) {
+        let z = problem.inputs().select(&problem.spread(4));
+        let some: Vec<usize> = (0..problem.inputs().len()).step_by(2).collect();
+        let all = Summary::variational(&problem.prior, &problem.sites, &z).unwrap();
+        let less = Summary::variational(&problem.prior, &problem.sites.select(&some), &z).unwrap();
+        // Somebody who knows more than there is to tell stays as certain, and gets the mean.
+        let mut told = all.clone();
+        told.merge(&less.beyond(&all).unwrap()).unwrap();
+        let (certain, moments) = (told.moments().unwrap(), all.moments().unwrap());
+        let before = Latent { mean: certain.0.clone(), variance: moments.1.diagonal() };
+        let after = Latent { mean: less.moments().unwrap().0, variance: certain.1.diagonal() };
+        assert_same_latent(&before, &after, 1e-7);
+    }
+
+    #[test]
+    fn telling_lowers_the_trace_as_foreseen(problem in problems(4..=20)) {
+        let own = problem.full();
+        let some: Vec<usize> = (0..problem.inputs().len()).step_by(3).collect();
+        let public = Posterior::fuse(&problem.prior, &problem.sites.select(&some), &[]).unwrap();
+        let chosen = Candidates::to_tell(&public, &own, problem.inputs()).unwrap().greedy(1);
+        let trace = |posterior: &Posterior| posterior.latent(problem.inputs()).unwrap().variance.iter().sum::<f64>();
+        prop_assert!(chosen.trace <= trace(&public) + 1e-9);
+        let z = problem.inputs().select(&chosen.indices);
+        if !z.is_empty() {
+            let residual = own.summarise(&z).unwrap().beyond(&public.summarise(&z).unwrap()).unwrap();
+            let mut told = public.clone();
+            told.absorb(&Sites::empty(z.dimension()), &[&residual]).unwrap();
+            prop_assert!((trace(&told) - chosen.trace).abs() <= 1e-8 * trace(&public), "{} {}", trace(&told), chosen.trace);
+            // No other point would have lowered it more.
+            for n in 0..problem.inputs().len() {
+                let z = problem.inputs().select(&[n]);
+                let residual = own.summarise(&z).unwrap().beyond(&public.summarise(&z).unwrap()).unwrap();
+                let mut other = public.clone();
+                other.absorb(&Sites::empty(z.dimension()), &[&residual]).unwrap();
+                prop_assert!(trace(&told) <= trace(&other) + 1e-8 * trace(&public));
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_left_to_tell_somebody_who_knows_as_much(problem in problems(2..=12)) {
+        let own = problem.full();
+        let candidates = Candidates::to_tell(&own, &own, problem.inputs()).unwrap();
+        let chosen = candidates.greedy(3);
+        prop_assert!(candidates.trace() - chosen.trace <= 1e-6 * candidates.trace());
+    }
+
+    #[test]
+    fn a_site_beside_what_is_known_is_at_its_fixed_point(problem in problems(2..=16)) {
+        let last = problem.inputs().len() - 1;
+        let known = Posterior::fuse(&problem.prior, &problem.sites.select(&(0..last).collect::<Vec<_>>()), &[]).unwrap();
+        let event = problem.observations.select(&[last]);
+        let site = mean_field::beside(&known, &event).unwrap();
+        let mut with = known.clone();
+        with.absorb(&site, &[]).unwrap();
+        let latent = with.latent(event.inputs()).unwrap();
+        let tilt = (latent.mean[0].powi(2) + latent.variance[0]).sqrt();
+        let expected = polya_gamma::mean(event.weights()[0], tilt);
+        prop_assert!((site.omega()[0] - expected).abs() <= 1e-7 * expected, "{} {expected}", site.omega()[0]);
+    }
+
+    #[test]
+    fn distinct_points_are_those_that_a_gram_matrix_can_tell_apart(problem in problems(3..=12)) {
+        let twice = [0, 1, 0, 2, 1].map(|n: usize| n.min(problem.inputs().len() - 1));
+        let points = problem.inputs().select(&twice);
+        let distinct = Candidates::new(problem.prior.kernel(), &points).unwrap().distinct();
+        prop_assert!(distinct.contains(&0) && !distinct.contains(&2) && !distinct.contains(&4));
+        let kept = points.select(&distinct);
+        prop_assert_eq!(Summary::empty(&problem.prior, &kept).unwrap().jitter(), 0.0);
+    }
+}
