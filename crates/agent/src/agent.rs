@@ -1,151 +1,76 @@
-//! One vehicle: the events it owns, what it learned from them, what it tells the others and what it heard from them.
+//! One vehicle as a state machine: events and packets in, packets and probabilities out.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use dgpc::{Candidates, Inputs, MeanField, Observations, Posterior, Prior, Sites, Summary, mean_field};
+use dgpc::{Posterior, Prior, Sites, Summary, mean_field};
 
 use crate::event::{Event, Link, VehicleId};
+use crate::knowledge::{FitQuality, Knowledge};
 use crate::learning::{Fit, Learning};
 use crate::limits::Limits;
+use crate::live::{LivePackets, PacketKey};
 use crate::model::Model;
+use crate::receipt::Counts;
+use crate::team::{Team, TeamError};
 
 /// What an agent can refuse to do.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AgentError {
-    /// Events arrived since the agent last learned, or it never did.
-    #[error("vehicle {id} has {events} events that it has not learned from yet")]
-    NotLearned {
-        /// The vehicle.
+    /// Only members send.
+    #[error("{id} is not a member of the team, and has no number to send under")]
+    NotAMember {
+        /// Who it is.
         id: VehicleId,
-        /// How many events it has in all.
-        events: usize,
     },
-    /// A packet was formed under another model than the agent's.
-    #[error("vehicle {id} cannot use a packet of {sender}: it was formed under another model")]
-    ForeignPacket {
+    /// A counter must never repeat under one key.
+    #[error("{id} has used up all counters of key epoch {epoch}; sending needs a new epoch")]
+    CountersUsedUp {
         /// The vehicle.
         id: VehicleId,
-        /// Who sent the packet.
-        sender: VehicleId,
+        /// The epoch.
+        epoch: u32,
+    },
+    /// The frame is too small.
+    #[error(transparent)]
+    Team(#[from] TeamError),
+    /// A packet could not be encoded.
+    #[error(transparent)]
+    Packet(#[from] pingmap_packet::Error),
+    /// Bytes that are no snapshot of this vehicle.
+    #[error("not a snapshot of {id}: {problem}")]
+    Snapshot {
+        /// The vehicle.
+        id: VehicleId,
+        /// What is wrong.
+        problem: String,
     },
     /// The method refused.
     #[error(transparent)]
     Method(#[from] dgpc::Error),
 }
 
-/// Which message a packet carries about its region (docs/method.md, section 3).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SummaryKind {
-    /// The exact message about the inducing points: never overconfident.
-    Marginal,
-    /// The paper's: additive over events, overconfident where a region is too large for its points.
-    Variational,
-}
-
-/// How packets are put together (docs/method.md, section 6).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fusion {
-    /// Packets join the vehicle's own raw events as sites; the prior counts once.
-    Sites,
-    /// The paper's: all packets, the vehicle's own included, stacked block by block; raw events stay out.
-    Concatenation,
-}
-
-/// What an agent sends: its message about one region of its events.
-#[derive(Debug, Clone)]
-pub struct Packet {
-    /// Who sent it.
-    pub sender: VehicleId,
-    /// Which of the sender's regions it is about.
-    pub region: usize,
-    /// How many events it sums up.
-    pub events: usize,
-    /// The message: inducing points, and what the events say about them.
-    pub summary: Summary,
-}
-
-/// The inducing points of an agent's packets, in the order of sending: the first F packets of a plan are the plan for F.
-#[derive(Debug, Clone)]
-pub struct PacketPlan {
-    /// Inducing points of each packet.
-    packets: Vec<Inputs>,
-}
-
-impl PacketPlan {
-    /// How many packets are worth sending, at most as many as were asked for.
-    pub fn len(&self) -> usize {
-        self.packets.len()
-    }
-
-    /// Whether nothing is worth sending.
-    pub fn is_empty(&self) -> bool {
-        self.packets.is_empty()
-    }
-}
-
-/// How a fit went.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FitQuality {
-    /// Whether the fixed point was reached.
-    pub converged: bool,
-    /// Largest change of a tilt in the last iteration.
-    pub change: f64,
-    /// What was added to a diagonal to factorise it (0 in the ordinary case).
-    pub jitter: f64,
-}
-
-/// A fit of an agent's own events under some prior.
-#[derive(Debug)]
-struct Knowledge {
-    quality: FitQuality,
-    sites: Sites,
-    /// Stands for the sites when they are too many to be used one by one.
-    condensed: Option<Summary>,
-}
-
-impl Knowledge {
-    /// Fits `observations` given what others said: densely up to [`Limits::dense_events_max`], sparsely beyond.
-    fn fit(prior: &Prior, observations: &Observations, messages: &[&Summary], limits: &Limits) -> dgpc::Result<Self> {
-        // Predictions move by far less than their own uncertainty at a tolerance of 1e-6 in the latent function.
-        let options = mean_field::Options { tolerance: 1e-6, ..Default::default() };
-        let quality = |fit: &MeanField| FitQuality { converged: fit.converged, change: fit.change, jitter: fit.jitter };
-        if observations.len() <= limits.dense_events_max {
-            let fit = mean_field::dense_with_messages(prior, observations, messages, &options)?;
-            return Ok(Self { quality: quality(&fit), sites: fit.sites, condensed: None });
-        }
-        let candidates = limits.candidates(observations.inputs());
-        let chosen = Candidates::new(prior.kernel(), &candidates)?.greedy(limits.inducing_points_max);
-        let mut inducing_points = candidates.select(&chosen.indices);
-        messages.iter().try_for_each(|message| inducing_points.append(message.inducing_points()))?;
-        let fit = mean_field::sparse_with_messages(prior, observations, messages, &inducing_points, &options)?;
-        let condensed = Some(Summary::variational(prior, &fit.sites, &inducing_points)?);
-        Ok(Self { quality: quality(&fit), sites: fit.sites, condensed })
-    }
-
-    /// Own events and summaries, all under `prior`, put together.
-    fn fuse(&self, prior: &Prior, summaries: &[&Summary]) -> dgpc::Result<Posterior> {
-        match &self.condensed {
-            None => Posterior::fuse(prior, &self.sites, summaries),
-            Some(condensed) => {
-                let none = Sites::empty(condensed.inducing_points().dimension());
-                Posterior::fuse(prior, &none, &[summaries, &[condensed]].concat())
-            }
-        }
-    }
-}
-
 /// A model that an agent learned by itself, and the fit of its own events under it.
 #[derive(Debug)]
-struct Own {
+pub(crate) struct Own {
     fit: Fit,
     knowledge: Knowledge,
-    /// How many events it had then.
-    events: usize,
 }
 
-/// One vehicle. Events may arrive late and in any order; packets may arrive in any order and more than once.
+/// What arrived and is not in the posteriors yet.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct News {
+    pub(crate) events: Vec<Event>,
+    pub(crate) packets: BTreeSet<PacketKey>,
+}
+
+/// One vehicle. Events may arrive late and in any order; packets may be lost, repeated and reordered. It does no input or output
+/// and knows no clock.
+///
+/// What it knows is held in three posteriors: of its own events alone, of what it sent alone (what any listener can know by it),
+/// and of its own events with all that others sent. Each grows by what arrives, at O(n²) for an event or packet on top of n
+/// events and inducing points; [`Agent::rebuild`] makes all of them afresh.
 ///
 /// ```
 /// use pingmap_agent::*;
@@ -153,44 +78,86 @@ struct Own {
 ///
 /// let chart = Chart::about([]);
 /// let shape = dgpc::Shape::SquaredExponential;
-/// let model = Arc::new(Model::isotropic(chart, InputSpec::Positions, shape, true, 400.0, 4.0)?);
+/// let model = Model::isotropic(chart, InputSpec::Positions, shape, true, 400.0, 4.0)?;
+/// let names = ["alice", "bob"].map(VehicleId::new);
+/// let reach = [Position::new(-1000.0, -1000.0), Position::new(1000.0, 1000.0)];
+/// let team = Arc::new(Team::new(names.clone(), model, reach)?);
 /// let link = |east_m| Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(east_m, 0.0) };
 ///
-/// let mut alice = Agent::new(VehicleId::new("alice"), model.clone(), Limits::default());
+/// let mut alice = Agent::new(names[0].clone(), team.clone());
 /// for (time_s, east_m, success) in [(0.0, 100.0, true), (10.0, 200.0, true), (20.0, 900.0, false)] {
-///     let (transmitter_id, receiver_id) = (VehicleId::new("bob"), VehicleId::new("alice"));
-///     alice.observe(Event { time_s, transmitter_id, receiver_id, link: link(east_m), success });
+///     let [receiver_id, transmitter_id] = names.clone();
+///     alice.observe(Event { time_s, transmitter_id, receiver_id, link: link(east_m), success })?;
 /// }
-/// alice.learn()?;
-/// let plan = alice.plan_packets(1, 2)?;
+/// let frame = alice.next_packet(30.0, 32)?.expect("there is something to tell");
+/// assert!(frame.len() <= 32);
 ///
-/// let mut bob = Agent::new(VehicleId::new("bob"), model, Limits::default());
-/// bob.learn()?;
-/// for packet in alice.packets(&plan, 1, SummaryKind::Marginal)? {
-///     bob.receive(packet)?;
-/// }
-/// let p = bob.probability(&[link(150.0), link(900.0)], Fusion::Sites)?;
-/// assert!(p[0] > 0.5 && p[1] < 0.5);
-/// # Ok::<(), pingmap_agent::AgentError>(())
+/// let mut bob = Agent::new(names[1].clone(), team);
+/// assert_eq!(bob.receive(&frame, 31.0), Receipt::Accepted);
+/// assert_eq!(bob.receive(&frame, 32.0), Receipt::Refused(Refusal::Duplicate));
+/// assert!(bob.probability(&link(150.0))? > 0.5);
+/// assert!(bob.probability(&link(900.0))? < 0.5);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Agent {
-    id: VehicleId,
-    model: Arc<Model>,
-    limits: Limits,
-    /// In [`Event::canonical_order`], so that results do not depend on the order of arrival; shared by copies of the agent.
-    events: Arc<Vec<Event>>,
-    knowledge: Option<Arc<Knowledge>>,
-    /// Its own model, once it learned one.
-    own: Option<Arc<Own>>,
-    /// The latest packet of every region, in an order that does not depend on arrival.
-    received: BTreeMap<(VehicleId, usize), Packet>,
+    pub(crate) id: VehicleId,
+    /// Its number in the team, if it is a member.
+    pub(crate) number: Option<u8>,
+    pub(crate) team: Arc<Team>,
+    pub(crate) digest: [u8; 32],
+    /// In [`Event::canonical_order`], so that fits do not depend on the order of arrival; shared by copies of the agent.
+    pub(crate) events: Arc<Vec<Event>>,
+    pub(crate) live: LivePackets,
+    /// Counter of its next packet.
+    pub(crate) counter_next: u32,
+    /// How often each live packet of its own was sent again.
+    pub(crate) repeats: BTreeMap<u16, u8>,
+    pub(crate) counts: Counts,
+    pub(crate) heard_s: BTreeMap<u8, f64>,
+    /// The last fit of its own events, and its own model's.
+    pub(crate) knowledge: Option<Arc<Knowledge>>,
+    pub(crate) own_model: Option<Arc<Own>>,
+    /// Its own events under the team's model.
+    pub(crate) own: Posterior,
+    /// What it sent, under the team's model.
+    pub(crate) public: Posterior,
+    /// Its own events and what others sent, under its own model if it has one.
+    pub(crate) fused: Posterior,
+    pub(crate) news: News,
+    /// Whether something went that posteriors cannot forget.
+    pub(crate) is_stale: bool,
+    /// Events since the last fit.
+    pub(crate) unfitted: usize,
+    /// The frame for which the last attempt found nothing to tell, if nothing happened since.
+    pub(crate) told_all_in: Option<usize>,
 }
 
 impl Agent {
-    /// A vehicle that has seen nothing.
-    pub fn new(id: VehicleId, model: Arc<Model>, limits: Limits) -> Self {
-        Self { id, model, limits, events: Arc::default(), knowledge: None, own: None, received: BTreeMap::new() }
+    /// A vehicle that has seen nothing. Who is not a member of the team listens only.
+    pub fn new(id: VehicleId, team: Arc<Team>) -> Self {
+        let nothing = Posterior::prior_alone(&team.model.prior, team.model.inputs.dimension());
+        Self {
+            number: team.number(&id),
+            id,
+            digest: team.digest(),
+            events: Arc::default(),
+            live: LivePackets::new(team.packets_per_sender_max),
+            counter_next: 0,
+            repeats: BTreeMap::new(),
+            counts: Counts::default(),
+            heard_s: BTreeMap::new(),
+            knowledge: None,
+            own_model: None,
+            own: nothing.clone(),
+            public: nothing.clone(),
+            fused: nothing,
+            news: News::default(),
+            is_stale: false,
+            unfitted: 0,
+            told_all_in: None,
+            team,
+        }
     }
 
     /// Who it is.
@@ -198,9 +165,19 @@ impl Agent {
         &self.id
     }
 
-    /// The model it shares with its team.
+    /// Whether it has a number to send under.
+    pub fn is_member(&self) -> bool {
+        self.number.is_some()
+    }
+
+    /// What the team agreed on.
+    pub fn team(&self) -> &Team {
+        &self.team
+    }
+
+    /// The packet model.
     pub fn model(&self) -> &Model {
-        &self.model
+        &self.team.model
     }
 
     /// Its own events, in canonical order.
@@ -208,30 +185,171 @@ impl Agent {
         &self.events
     }
 
-    /// Records an event. O(1) for one later than all before, O(N) otherwise.
-    pub fn observe(&mut self, event: Event) {
-        let events = Arc::make_mut(&mut self.events);
-        let place = events.partition_point(|known| known.canonical_order(&event).is_le());
-        events.insert(place, event);
-        self.knowledge = None;
+    /// Packets received, by what became of them.
+    pub fn counts(&self) -> &Counts {
+        &self.counts
+    }
+
+    /// How many packets count at present, its own included.
+    pub fn live_packets(&self) -> usize {
+        self.live.len()
+    }
+
+    /// When a member was last heard by a packet that counted.
+    pub fn heard_s(&self, member: &VehicleId) -> Option<f64> {
+        self.team.number(member).and_then(|number| self.heard_s.get(&number)).copied()
+    }
+
+    /// Records an event of its own. Beyond [`Limits::events_max`] the oldest go, a sixteenth at a time. O(log N) to find its place.
+    ///
+    /// # Errors
+    /// [`AgentError::Method`] for a time or position that is not finite.
+    pub fn observe(&mut self, event: Event) -> Result<(), AgentError> {
+        self.observe_all([event])
     }
 
     /// Records many events in any order. O(N log N).
-    pub fn observe_all(&mut self, new: impl IntoIterator<Item = Event>) {
+    ///
+    /// # Errors
+    /// As [`Agent::observe`], and then none is recorded.
+    pub fn observe_all(&mut self, new: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
+        let new: Vec<Event> = new.into_iter().collect();
+        self.team.model.inputs(new.iter().map(|event| &event.link))?;
+        // Time, and depths that the model does not look at.
+        for (row, event) in new.iter().enumerate() {
+            let depths = event.link.ends().into_iter().filter_map(|end| end.depth_m).map(|depth| ("depth", depth));
+            let mut numbers = [("time of an event", event.time_s)].into_iter().chain(depths);
+            if let Some((what, value)) = numbers.find(|(_, value)| !value.is_finite()) {
+                return Err(dgpc::Error::NotFinite { what, row, column: 0, value }.into());
+            }
+        }
+        if new.is_empty() {
+            return Ok(());
+        }
         let events = Arc::make_mut(&mut self.events);
-        events.extend(new);
-        events.sort_by(Event::canonical_order);
-        self.knowledge = None;
+        if let [event] = new.as_slice() {
+            let place = events.partition_point(|known| known.canonical_order(event).is_le());
+            events.insert(place, event.clone());
+        } else {
+            events.extend(new.iter().cloned());
+            events.sort_by(Event::canonical_order);
+        }
+        // A sixteenth at a time: whoever forgets must fit again.
+        let Limits { events_max, .. } = self.team.limits;
+        let beyond = if events.len() > events_max { events.len() - events_max + events_max / 16 } else { 0 };
+        events.drain(..beyond);
+        self.unfitted += new.len();
+        self.is_stale |= beyond > 0 || self.unfitted > UNFITTED_MAX;
+        if !self.is_stale {
+            self.news.events.extend(new);
+        }
+        self.told_all_in = None;
+        Ok(())
     }
 
-    /// Fits its own events by mean field under the team's model: densely up to [`Limits::dense_events_max`], O(N³) an iteration,
-    /// sparsely beyond.
+    /// Probability of success over a link.
     ///
     /// # Errors
     /// [`AgentError::Method`] when a position is not finite.
-    pub fn learn(&mut self) -> Result<(), AgentError> {
-        let observations = self.model.observations(self.events.iter())?;
-        self.knowledge = Some(Arc::new(Knowledge::fit(&self.model.prior, &observations, &[], &self.limits)?));
+    pub fn probability(&mut self, link: &Link) -> Result<f64, AgentError> {
+        Ok(self.probabilities(std::slice::from_ref(link))?[0])
+    }
+
+    /// Probability of success over each link: takes in what arrived since the last time, and nothing else is computed again, but
+    /// for a new fit once in 64 events, and when packets fell out of their window. O(n²) a link.
+    ///
+    /// # Errors
+    /// As [`Agent::probability`].
+    pub fn probabilities(&mut self, links: &[Link]) -> Result<Vec<f64>, AgentError> {
+        let inputs = self.team.model.inputs(links)?;
+        Ok(self.posterior()?.probability(&inputs)?)
+    }
+
+    /// Its own events and all that others sent, put together.
+    ///
+    /// # Errors
+    /// [`AgentError::Method`] when the method refuses.
+    pub fn posterior(&mut self) -> Result<&Posterior, AgentError> {
+        self.settle()?;
+        Ok(&self.fused)
+    }
+
+    /// Its own events alone, under the team's model.
+    ///
+    /// # Errors
+    /// [`AgentError::Method`] when the method refuses.
+    pub fn own_posterior(&mut self) -> Result<&Posterior, AgentError> {
+        self.settle()?;
+        Ok(&self.own)
+    }
+
+    /// The sites of its own events in the last fit, under the team's model; `None` before the first.
+    pub fn sites(&self) -> Option<&Sites> {
+        self.knowledge.as_ref().map(|knowledge| &knowledge.sites)
+    }
+
+    /// Takes what arrived into the posteriors: O(n²) for every event and point. After a failure all is put together anew.
+    pub(crate) fn settle(&mut self) -> Result<(), AgentError> {
+        if self.is_stale {
+            return self.rebuild();
+        }
+        let settled = self.absorb_news();
+        self.is_stale = settled.is_err();
+        settled
+    }
+
+    fn absorb_news(&mut self) -> Result<(), AgentError> {
+        for event in std::mem::take(&mut self.news.events) {
+            let observation = self.team.model.observations([&event])?;
+            let site = mean_field::beside(&self.own, &observation)?;
+            self.own.absorb(&site, &[])?;
+            // Under its own model an event has another site.
+            let site = if self.own_model.is_some() { mean_field::beside(&self.fused, &observation)? } else { site };
+            self.fused.absorb(&site, &[])?;
+        }
+        let keys = std::mem::take(&mut self.news.packets);
+        let (own, others): (Vec<PacketKey>, _) = keys.into_iter().partition(|key| Some(key.0) == self.number);
+        let none = Sites::empty(self.team.model.inputs.dimension());
+        let said = |keys: &[PacketKey]| -> Vec<&Summary> {
+            keys.iter().filter_map(|&key| self.live.get(key)).flat_map(|packet| &packet.summaries).collect()
+        };
+        self.public.absorb(&none, &said(&own))?;
+        let others = under(self.fused.prior(), &said(&others))?;
+        self.fused.absorb(&none, &others.iter().collect::<Vec<_>>())?;
+        Ok(())
+    }
+
+    /// Fits its own events again if some came since the last time, and puts everything together in canonical order: what comes of
+    /// it depends on nothing but the events, the live packets and the model it learned, if it did ([`Agent::adapt`]; that fits its
+    /// events with what was heard until then). O(N³) up to [`Limits::dense_events_max`] events, plus O(n³).
+    ///
+    /// # Errors
+    /// [`AgentError::Method`] when the method refuses.
+    pub fn rebuild(&mut self) -> Result<(), AgentError> {
+        let (model, limits) = (&self.team.model, &self.team.limits);
+        if self.unfitted > 0 || self.knowledge.is_none() {
+            let observations = model.observations(self.events.iter())?;
+            self.knowledge = Some(Arc::new(Knowledge::fit(&model.prior, &observations, &[], limits)?));
+            if let Some(own) = &self.own_model {
+                let knowledge = Knowledge::fit(&own.fit.model.prior, &observations, &self.messages(), limits)?;
+                self.own_model = Some(Arc::new(Own { fit: own.fit.clone(), knowledge }));
+            }
+        }
+        let Some(knowledge) = &self.knowledge else { return Ok(()) };
+        let none = Sites::empty(model.inputs.dimension());
+        let public: Vec<&Summary> =
+            self.number.iter().flat_map(|&number| self.live.of(number)).flat_map(|(_, p)| &p.summaries).collect();
+        self.public = Posterior::fuse(&model.prior, &none, &public)?;
+        self.own = knowledge.fuse(&model.prior, &[])?;
+        self.fused = match &self.own_model {
+            None => knowledge.fuse(&model.prior, &self.messages())?,
+            Some(own) => {
+                let messages = under(&own.fit.model.prior, &self.messages())?;
+                own.knowledge.fuse(&own.fit.model.prior, &messages.iter().collect::<Vec<_>>())?
+            }
+        };
+        self.news = News::default();
+        (self.is_stale, self.unfitted) = (false, 0);
         Ok(())
     }
 
@@ -242,175 +360,65 @@ impl Agent {
     /// # Errors
     /// As [`Learning::best`].
     pub fn adapt(&mut self, learning: &Learning) -> Result<&Fit, AgentError> {
-        let Model { chart, inputs, .. } = *self.model;
+        let Model { chart, inputs, .. } = self.team.model;
         let messages = self.messages();
         let events = self.events.iter();
-        let fit = match &self.own {
+        let fit = match &self.own_model {
             Some(own) => learning.fit(&own.fit.structure, chart, inputs, events, &messages, Some(&own.fit))?,
             None => learning.best(chart, inputs, events, &messages)?,
         };
         let observations = fit.model.observations(self.events.iter())?;
-        let knowledge = Knowledge::fit(&fit.model.prior, &observations, &messages, &self.limits)?;
-        let events = self.events.len();
-        Ok(&self.own.insert(Arc::new(Own { fit, knowledge, events })).fit)
+        let knowledge = Knowledge::fit(&fit.model.prior, &observations, &messages, &self.team.limits)?;
+        let own = self.own_model.insert(Arc::new(Own { fit, knowledge })).clone();
+        self.rebuild()?;
+        Ok(&self.own_model.insert(own).fit)
     }
 
     /// The model it learned by itself, if it did.
     pub fn own_fit(&self) -> Option<&Fit> {
-        self.own.as_ref().map(|own| &own.fit)
+        self.own_model.as_ref().map(|own| &own.fit)
     }
 
     /// What others said. What it sent itself it knows better from its own events.
     fn messages(&self) -> Vec<&Summary> {
-        let others = self.received.values().filter(|packet| packet.sender != self.id);
-        others.map(|packet| &packet.summary).collect()
+        let others = self.live.iter().filter(|((sender, _), _)| Some(*sender) != self.number);
+        others.flat_map(|(_, packet)| &packet.summaries).collect()
     }
 
-    /// How the fit to its own events went.
-    ///
-    /// # Errors
-    /// [`AgentError::NotLearned`] when events arrived since [`Agent::learn`].
-    pub fn fit_quality(&self) -> Result<FitQuality, AgentError> {
-        Ok(self.knowledge()?.quality)
+    /// How the last fit to its own events went; `None` before the first.
+    pub fn fit_quality(&self) -> Option<FitQuality> {
+        self.knowledge.as_ref().map(|knowledge| knowledge.quality)
     }
 
     /// Whether its events are few enough for a dense fit.
     pub fn learns_densely(&self) -> bool {
-        self.events.len() <= self.limits.dense_events_max
+        self.events.len() <= self.team.limits.dense_events_max
     }
 
-    fn knowledge(&self) -> Result<&Knowledge, AgentError> {
-        self.knowledge.as_deref().ok_or_else(|| self.not_learned())
+    pub(crate) fn digest(&self) -> [u8; 32] {
+        self.digest
     }
 
-    fn not_learned(&self) -> AgentError {
-        AgentError::NotLearned { id: self.id.clone(), events: self.events.len() }
+    pub(crate) fn counter_next(&self) -> u32 {
+        self.counter_next
     }
 
-    /// Chooses the inducing points of up to `frames` packets of `points_per_frame` points: packet by packet the points that leave
-    /// the least prior variance at its own events unexplained, given the packets before. Fewer where nothing is left to tell.
-    ///
-    /// # Errors
-    /// [`AgentError::NotLearned`] when events arrived since [`Agent::learn`].
-    pub fn plan_packets(&self, frames: usize, points_per_frame: usize) -> Result<PacketPlan, AgentError> {
-        let inputs = self.limits.candidates(self.knowledge()?.sites.inputs());
-        let mut candidates = Candidates::new(self.model.prior.kernel(), &inputs)?;
-        let mut packets = Vec::new();
-        while packets.len() < frames {
-            let chosen = candidates.good(points_per_frame);
-            if chosen.indices.is_empty() {
-                break;
-            }
-            candidates.condition_on(&chosen.indices);
-            packets.push(inputs.select(&chosen.indices));
-        }
-        Ok(PacketPlan { packets })
+    /// Counters below this are taken.
+    pub(crate) fn skip_counters(&mut self, below: u32) {
+        self.counter_next = self.counter_next.max(below);
     }
 
-    /// The first `frames` packets of a plan. Every own event goes into exactly one of them: that of the inducing point with which
-    /// it correlates most. O(region³) a packet for marginal summaries.
-    ///
-    /// # Errors
-    /// [`AgentError::NotLearned`] when events arrived since [`Agent::learn`].
-    pub fn packets(&self, plan: &PacketPlan, frames: usize, kind: SummaryKind) -> Result<Vec<Packet>, AgentError> {
-        let knowledge = self.knowledge()?;
-        let points = &plan.packets[..frames.min(plan.packets.len())];
-        let regions = self.regions(knowledge.sites.inputs(), points)?;
-        let packet = |(region, (points, members)): (usize, (&Inputs, Vec<usize>))| {
-            let summary = self.summarise(knowledge, &members, points, kind)?;
-            Ok(Packet { sender: self.id.clone(), region, events: members.len(), summary })
-        };
-        points.iter().zip(regions).enumerate().map(packet).collect()
-    }
-
-    /// For every packet the events that it speaks for.
-    fn regions(&self, inputs: &Inputs, packets: &[Inputs]) -> Result<Vec<Vec<usize>>, AgentError> {
-        let kernel = self.model.prior.kernel();
-        let mut best = vec![(0, f64::NEG_INFINITY); inputs.len()];
-        for (packet, points) in packets.iter().enumerate() {
-            let covariance = kernel.cross(inputs, points)?;
-            for (column, variance) in kernel.diagonal(points)?.iter().enumerate() {
-                for (best, k) in best.iter_mut().zip(covariance.column(column)) {
-                    // k² / k(z, z): the prior variance at the event that the point explains.
-                    let explained = k * k / variance;
-                    if explained > best.1 {
-                        *best = (packet, explained);
-                    }
-                }
-            }
-        }
-        let mut regions = vec![Vec::new(); packets.len()];
-        if !packets.is_empty() {
-            best.iter().enumerate().for_each(|(event, &(packet, _))| regions[packet].push(event));
-        }
-        Ok(regions)
-    }
-
-    /// The message of the events at `members` about `points`.
-    fn summarise(
-        &self,
-        knowledge: &Knowledge,
-        members: &[usize],
-        points: &Inputs,
-        kind: SummaryKind,
-    ) -> Result<Summary, AgentError> {
-        let prior = &self.model.prior;
-        let sites = knowledge.sites.select(members);
-        match (kind, &knowledge.condensed) {
-            (SummaryKind::Variational, _) => Ok(Summary::variational(prior, &sites, points)?),
-            (SummaryKind::Marginal, Some(condensed)) if members.len() > self.limits.dense_events_max => {
-                // The region's share of the sparse fit stands for its events.
-                let region = Summary::variational(prior, &sites, condensed.inducing_points())?;
-                let none = Sites::empty(points.dimension());
-                Ok(Posterior::fuse(prior, &none, &[&region])?.summarise(points)?)
-            }
-            (SummaryKind::Marginal, _) => Ok(Summary::marginal(prior, &sites, points)?),
-        }
-    }
-
-    /// Takes in a packet; one of the same sender and region replaces the older. Its own packets are kept for
-    /// [`Fusion::Concatenation`] only.
-    ///
-    /// # Errors
-    /// [`AgentError::ForeignPacket`] when it was formed under another model.
-    pub fn receive(&mut self, packet: Packet) -> Result<(), AgentError> {
-        if packet.summary.prior() != &self.model.prior {
-            return Err(AgentError::ForeignPacket { id: self.id.clone(), sender: packet.sender });
-        }
-        self.received.insert((packet.sender.clone(), packet.region), packet);
-        Ok(())
-    }
-
-    /// Its own events and all packets put together, under its own model if it learned one. O(n³), n = own events + all inducing
-    /// points.
-    ///
-    /// # Errors
-    /// [`AgentError::NotLearned`] when events arrived since [`Agent::learn`], or since [`Agent::adapt`] if it has a model of its own.
-    pub fn posterior(&self, fusion: Fusion) -> Result<Posterior, AgentError> {
-        let team = &self.model.prior;
-        if fusion == Fusion::Concatenation {
-            self.knowledge()?;
-            let summaries: Vec<&Summary> = self.received.values().map(|packet| &packet.summary).collect();
-            return Ok(Posterior::concatenate(team, &summaries)?);
-        }
-        match &self.own {
-            None => Ok(self.knowledge()?.fuse(team, &self.messages())?),
-            Some(own) if own.events < self.events.len() => Err(self.not_learned()),
-            Some(own) => {
-                let prior = &own.fit.model.prior;
-                let messages =
-                    self.messages().iter().map(|message| message.under(prior)).collect::<dgpc::Result<Vec<_>>>()?;
-                Ok(own.knowledge.fuse(prior, &messages.iter().collect::<Vec<_>>())?)
-            }
-        }
-    }
-
-    /// Probability of success over each link. See [`Agent::posterior`].
-    ///
-    /// # Errors
-    /// As [`Agent::posterior`]; [`AgentError::Method`] when a position is not finite.
-    pub fn probability(&self, links: &[Link], fusion: Fusion) -> Result<Vec<f64>, AgentError> {
-        let inputs = self.model.inputs(links)?;
-        Ok(self.posterior(fusion)?.probability(&inputs)?)
+    pub(crate) fn live(&self) -> &LivePackets {
+        &self.live
     }
 }
+
+/// Summaries read under another prior.
+fn under(prior: &Prior, summaries: &[&Summary]) -> dgpc::Result<Vec<Summary>> {
+    let read =
+        |summary: &&Summary| if summary.prior() == prior { Ok((*summary).clone()) } else { summary.under(prior) };
+    summaries.iter().map(read).collect()
+}
+
+/// So many events may stand beside the last fit before the next.
+const UNFITTED_MAX: usize = 64;

@@ -87,7 +87,9 @@ impl Event {
     pub fn canonical_order(&self, other: &Event) -> Ordering {
         let place = |event: &Event| {
             let Link { transmitter: t, receiver: r } = event.link;
-            [t.east_m, t.north_m, t.depth_m.unwrap_or(0.0), r.east_m, r.north_m, r.depth_m.unwrap_or(0.0)]
+            // Unknown depth comes before any.
+            let depth = |end: Position| end.depth_m.unwrap_or(f64::NEG_INFINITY);
+            [t.east_m, t.north_m, depth(t), r.east_m, r.north_m, depth(r)]
         };
         let by_place = || {
             let pairs = place(self).into_iter().zip(place(other));

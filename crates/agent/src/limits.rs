@@ -2,9 +2,11 @@
 
 use dgpc::Inputs;
 
-/// Bounds on work and memory.
+/// Bounds on work and memory. Packets are bounded by [`crate::Team::packets_per_sender_max`], on which a team must agree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
+    /// How many of its own events a vehicle keeps: the latest.
+    pub events_max: usize,
     /// Up to so many events are fitted densely, O(N³); beyond, with inducing points, O(NM²).
     pub dense_events_max: usize,
     /// How many inducing points a sparse fit has at most.
@@ -15,14 +17,19 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { dense_events_max: 1000, inducing_points_max: 256, candidates_max: 1000 }
+        Self { events_max: 100_000, dense_events_max: 1000, inducing_points_max: 256, candidates_max: 1000 }
     }
 }
 
 impl Limits {
-    /// Every k-th of some inputs in time, k the smallest that keeps to [`Limits::candidates_max`].
+    /// The places of every k-th of so many things, k the smallest that keeps to [`Limits::candidates_max`].
+    pub(crate) fn spread(&self, count: usize) -> Vec<usize> {
+        let step = count.div_ceil(self.candidates_max.max(1)).max(1);
+        (0..count).step_by(step).collect()
+    }
+
+    /// Every k-th of some inputs. See [`Limits::spread`].
     pub(crate) fn candidates(&self, inputs: &Inputs) -> Inputs {
-        let step = inputs.len().div_ceil(self.candidates_max.max(1)).max(1);
-        inputs.select(&(0..inputs.len()).step_by(step).collect::<Vec<_>>())
+        inputs.select(&self.spread(inputs.len()))
     }
 }

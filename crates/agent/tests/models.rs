@@ -103,68 +103,74 @@ fn events(receiver: &str, count: usize, phase: f64) -> Vec<Event> {
     (0..count).map(event).collect()
 }
 
-fn team_model() -> Arc<Model> {
+fn team() -> Arc<Team> {
     let prior: Prior = Given::default().few()[0].template(InputSpec::Positions, 500.0).unwrap();
     let chart = Chart { scale_m: 500.0, ..Chart::about([]) };
-    Arc::new(Model::new(chart, InputSpec::Positions, prior))
+    let reach = [Position::new(-500.0, -500.0), Position::new(500.0, 500.0)];
+    let names = ["a", "b"].map(VehicleId::new);
+    Arc::new(Team::new(names, Model::new(chart, InputSpec::Positions, prior), reach).unwrap())
+}
+
+fn vehicle(team: &Arc<Team>, name: &str, events: Vec<Event>) -> Agent {
+    let mut agent = Agent::new(VehicleId::new(name), team.clone());
+    agent.observe_all(events).unwrap();
+    agent
 }
 
 #[test]
 fn an_agent_that_learns_by_itself_predicts_better_and_goes_on_from_there() {
-    let mut agent = Agent::new(VehicleId::new("a"), team_model(), Limits::default());
-    agent.observe_all(events("a", 80, 0.0));
-    agent.learn().unwrap();
+    let team = team();
+    let mut agent = vehicle(&team, "a", events("a", 80, 0.0));
     let elsewhere = events("a", 200, 0.19);
     let links: Vec<Link> = elsewhere.iter().map(|event| event.link).collect();
-    let nll = |agent: &Agent| {
-        let p = agent.probability(&links, Fusion::Sites).unwrap();
+    let nll = |agent: &mut Agent| {
+        let p = agent.probabilities(&links).unwrap();
         let ln = |(p, event): (&f64, &Event)| if event.success { p.ln() } else { (1.0 - p).ln() };
         -p.iter().zip(&elsewhere).map(ln).sum::<f64>() / p.len() as f64
     };
-    let before = nll(&agent);
+    let before = nll(&mut agent);
     let first = agent.adapt(&Learning::default()).unwrap().clone();
-    assert!(nll(&agent) < before, "{} {before}", nll(&agent));
-    assert_eq!(agent.model().prior, team_model().prior);
+    let after = nll(&mut agent);
+    assert!(after < before, "{after} {before}");
+    assert_eq!(agent.model().prior, team.model.prior);
 
-    // New events make its own model stale, until it goes on from where it was.
-    let new = events("a", 100, 0.0).into_iter().skip(80);
-    agent.observe_all(new);
-    agent.learn().unwrap();
-    assert!(matches!(agent.probability(&links, Fusion::Sites), Err(AgentError::NotLearned { events: 100, .. })));
+    // New events are read under its own model, until it goes on learning from where it was.
+    agent.observe_all(events("a", 100, 0.0).into_iter().skip(80)).unwrap();
+    assert_eq!(agent.posterior().unwrap().prior(), &first.model.prior);
+    assert_eq!(agent.own_posterior().unwrap().prior(), &team.model.prior);
+    let beside = agent.probabilities(&links).unwrap();
+    agent.rebuild().unwrap();
+    assert_eq!(agent.own_fit().unwrap().events, 80);
+    let fitted = agent.probabilities(&links).unwrap();
+    let moved = beside.iter().zip(&fitted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(moved < 0.08, "{moved}");
     let second = agent.adapt(&Learning::default()).unwrap().clone();
     assert_eq!((second.structure, second.events_used), (first.structure, 100));
     assert!(second.learned.starts.is_empty(), "a warm start is the only one");
-    let observations = team_model().observations(agent.events()).unwrap();
+    let observations = team.model.observations(agent.events()).unwrap();
     let begin = dgpc::mean_field::dense(&first.learned.optimum, &observations, &Default::default()).unwrap().evidence;
     assert!(second.evidence() >= begin - 1e-6, "{} {begin}", second.evidence());
 }
 
 #[test]
 fn what_others_say_is_learned_from_too() {
-    let mut sender = Agent::new(VehicleId::new("b"), team_model(), Limits::default());
-    sender.observe_all(events("b", 100, 0.5));
-    sender.learn().unwrap();
-    let plan = sender.plan_packets(5, 4).unwrap();
-    let packets = sender.packets(&plan, 5, SummaryKind::Marginal).unwrap();
-
-    let fresh = || {
-        let mut agent = Agent::new(VehicleId::new("a"), team_model(), Limits::default());
-        agent.observe_all(events("a", 12, 0.0));
-        agent.learn().unwrap();
-        agent
-    };
+    let team = team();
+    let mut sender = vehicle(&team, "b", events("b", 100, 0.5));
+    let packets: Vec<Vec<u8>> = (0..5).map_while(|_| sender.next_packet(0.0, 32).unwrap()).collect();
+    let fresh = || vehicle(&team, "a", events("a", 12, 0.0));
     let (mut alone, mut told) = (fresh(), fresh());
     alone.adapt(&Learning::default()).unwrap();
-    packets.into_iter().for_each(|packet| told.receive(packet).unwrap());
+    packets.iter().for_each(|bytes| assert_eq!(told.receive(bytes, 0.0), Receipt::Accepted));
     told.adapt(&Learning::default()).unwrap();
     assert_ne!(alone.own_fit().unwrap().model.prior, told.own_fit().unwrap().model.prior);
     let elsewhere = events("b", 200, 0.61);
     let links: Vec<Link> = elsewhere.iter().map(|event| event.link).collect();
-    let right = |agent: &Agent| {
-        let p = agent.probability(&links, Fusion::Sites).unwrap();
+    let right = |agent: &mut Agent| {
+        let p = agent.probabilities(&links).unwrap();
         p.iter().zip(&elsewhere).filter(|(p, event)| (**p > 0.5) == event.success).count()
     };
-    assert!(right(&told) > right(&alone), "{} {}", right(&told), right(&alone));
+    let (told, alone) = (right(&mut told), right(&mut alone));
+    assert!(told > alone, "{told} {alone}");
 }
 
 #[test]
@@ -179,4 +185,25 @@ fn given_parts_are_kept() {
         .unwrap();
     let term = &fit.model.prior.kernel().terms()[0];
     assert!((term.variance() - 3.0).abs() < 1e-12 && term.length_scales().iter().all(|l| (l - 250.0).abs() < 1e-9));
+}
+
+#[test]
+fn what_is_heard_after_learning_is_read_under_the_learned_model() {
+    let team = team();
+    let mut sender = vehicle(&team, "b", events("b", 100, 0.5));
+    let mut agent = vehicle(&team, "a", events("a", 60, 0.0));
+    agent.adapt(&Learning::default()).unwrap();
+    for n in 0..3 {
+        agent.receive(&sender.next_packet(f64::from(n), 32).unwrap().unwrap(), 0.0);
+        agent.posterior().unwrap();
+    }
+    let links: Vec<Link> = events("b", 30, 0.61).into_iter().map(|event| event.link).collect();
+    let absorbed = agent.probabilities(&links).unwrap();
+    agent.rebuild().unwrap();
+    for (absorbed, rebuilt) in absorbed.iter().zip(agent.probabilities(&links).unwrap()) {
+        assert!((absorbed - rebuilt).abs() < 1e-9, "{absorbed} {rebuilt}");
+    }
+    // What it sends stays under the team's model: others know nothing of its own.
+    let mut plain = vehicle(&team, "a", events("a", 60, 0.0));
+    assert_eq!(agent.next_packet(9.0, 32), plain.next_packet(9.0, 32));
 }

@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dgpc::Shape;
-use pingmap_agent::{
-    Criterion, Expectation, Fusion, Given, Learning, Limits, PathInputs, Structure, SummaryKind, Terms,
-};
-use pingmap_trial::COORDINATE_MAX_M;
+use pingmap_agent::{Criterion, Expectation, Given, Learning, Limits, PathInputs, Structure, Terms};
+use pingmap_trial::{COORDINATE_MAX_M, Water};
 
 /// Learn, while under way, the probability that a message from here reaches there.
 ///
@@ -35,6 +33,88 @@ pub enum Command {
     Map(Map),
     /// Choose the inducing points that sum up a locality region, with the certificate of the choice
     Select(Select),
+    /// Write what a team must agree on before the mission: members, grid, frames, and the model that packets are formed under
+    Team(Team),
+    /// Look at the bytes on the water: what a packet says, what fields it has, and the .proto of them all
+    #[command(subcommand)]
+    Packet(Packet),
+}
+
+#[derive(Args)]
+pub struct Team {
+    /// Event log: its receivers are the members, and the grid holds all of its positions
+    pub events: PathBuf,
+    /// Model file, as `pingmap learn` writes it
+    #[arg(long, value_name = "FILE", default_value = "model.toml")]
+    pub model: PathBuf,
+    /// File with the team's key, 64 hexadecimal digits, if packets are to be sealed
+    #[arg(long, value_name = "FILE")]
+    pub key_file: Option<PathBuf>,
+    /// Bytes of a frame
+    #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
+    pub frame_bytes: usize,
+    /// Number of the key epoch: to be raised whenever a key is used for another mission, or a vehicle lost its memory
+    #[arg(long, default_value_t = 0)]
+    pub epoch: u32,
+    /// Side of a cell of the grid; the finest that holds the log if not given
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    pub cell_m: Option<f64>,
+    /// File for the team, in the folder of the model file or above it
+    #[arg(long, short, value_name = "FILE", default_value = "team.toml")]
+    pub output: PathBuf,
+}
+
+#[derive(Subcommand)]
+pub enum Packet {
+    /// Say what a packet holds
+    Decode(PacketDecode),
+    /// Turn what `decode --json` prints, or a person wrote, into a packet
+    Encode(PacketEncode),
+    /// Print the fields of the packets and their bits
+    Schema(PacketSchema),
+}
+
+#[derive(Args)]
+pub struct PacketDecode {
+    /// The packet in hexadecimal
+    pub hex: String,
+    /// Team file: checks that the packet is one of the team, and says in metres what it is about
+    #[arg(long, value_name = "FILE")]
+    pub team: Option<PathBuf>,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct PacketEncode {
+    /// JSON file
+    pub file: PathBuf,
+    /// Team file: seals the packet, or puts the digest of the team's model in
+    #[arg(long, value_name = "FILE")]
+    pub team: Option<PathBuf>,
+    /// Print one JSON object instead of the bytes in hexadecimal
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct PacketSchema {
+    /// Bytes of a frame
+    #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
+    pub frame_bytes: usize,
+    /// Sealed with a team's key
+    #[arg(long)]
+    pub sealed: bool,
+    /// With depths
+    #[arg(long)]
+    pub depth: bool,
+    /// Print the .proto of all packets instead, as Goby and other users of DCCL load it
+    #[arg(long, conflicts_with_all = ["json", "sealed", "depth", "frame_bytes"])]
+    pub proto: bool,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args)]
@@ -64,17 +144,20 @@ pub struct Replay {
     #[arg(long, default_value_t = 0.35, value_parser = open_share, allow_negative_numbers = true)]
     pub test_share: f64,
     /// Numbers of packets that every vehicle sends
-    #[arg(long, default_value = "1,2,5,10,20", value_delimiter = ',', value_parser = at_least_one)]
+    #[arg(long, default_value = "1,2,5,10,20,40", value_delimiter = ',', value_parser = at_least_one)]
     pub frames: Vec<usize>,
-    /// Inducing points in a packet
-    #[arg(long, default_value_t = 4, value_parser = at_least_one)]
-    pub points_per_frame: usize,
-    /// How packets are put together
-    #[arg(long, value_enum, default_value_t = FusionName::Sites)]
-    pub fusion: FusionName,
-    /// Which message a packet carries about its region
-    #[arg(long, value_enum, default_value_t = SummaryName::Marginal)]
-    pub summary: SummaryName,
+    #[command(flatten)]
+    pub sharing: Sharing,
+    /// Compare with other ways to use the same bytes
+    #[arg(long)]
+    pub compare: bool,
+    /// Run the mission in the order of time instead: every event is predicted by its receiver before it is learned from, and
+    /// packets ride on the transmissions of the log. Without --model or --team nothing is learned beforehand
+    #[arg(long, conflicts_with_all = ["splits", "repeats", "test_share", "frames", "compare", "learn", "reorder"])]
+    pub online: bool,
+    /// With --online: every so many of its transmissions a vehicle may send a packet; 10 if not given
+    #[arg(long, value_name = "TRANSMISSIONS", value_parser = at_least_one, requires = "online")]
+    pub slot_every: Option<usize>,
     /// Also write a report with maps to this folder
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
@@ -88,6 +171,40 @@ pub struct Replay {
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
+}
+
+/// What is sent, and what happens to it on its way.
+#[derive(Args)]
+pub struct Sharing {
+    /// Team file: members, model, grid, frames and key
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["Kernel", "model", "frame_bytes", "key_file", "repeat", "dense_events_max", "inducing_points_max"])]
+    pub team: Option<PathBuf>,
+    /// Bytes of a frame
+    #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
+    pub frame_bytes: usize,
+    /// File with the team's key, 64 hexadecimal digits: packets are sealed with it, which takes 8 bytes of each
+    #[arg(long, value_name = "FILE")]
+    pub key_file: Option<PathBuf>,
+    /// Share of packets that are lost on their way to a receiver
+    #[arg(long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    pub loss: f64,
+    /// Share of packets that arrive twice
+    #[arg(long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    pub duplicate: f64,
+    /// Share of packets that later ones overtake
+    #[arg(long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    pub reorder: f64,
+    /// Send every packet again up to so many times, once there is nothing new to tell
+    #[arg(long, default_value_t = 0)]
+    pub repeat: u8,
+}
+
+impl Sharing {
+    /// What happens to packets.
+    pub fn water(&self) -> Water {
+        let Self { loss, duplicate, reorder, .. } = *self;
+        Water { loss, duplicate, reorder }
+    }
 }
 
 #[derive(Args)]
@@ -296,8 +413,8 @@ pub struct Work {
 impl Work {
     /// The bounds of one vehicle.
     pub fn limits(&self) -> Limits {
-        let Self { dense_events_max, inducing_points_max, .. } = *self;
-        Limits { dense_events_max, inducing_points_max, ..Limits::default() }
+        let Self { events_max, dense_events_max, inducing_points_max, .. } = *self;
+        Limits { events_max, dense_events_max, inducing_points_max, ..Limits::default() }
     }
 }
 
@@ -406,40 +523,6 @@ pub enum LearnName {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum FusionName {
-    /// Packets join the vehicle's own raw events; the prior counts once
-    Sites,
-    /// The paper's: packets alone, stacked block by block
-    Concatenation,
-}
-
-impl FusionName {
-    pub fn fusion(self) -> Fusion {
-        match self {
-            FusionName::Sites => Fusion::Sites,
-            FusionName::Concatenation => Fusion::Concatenation,
-        }
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum SummaryName {
-    /// The exact message about the inducing points
-    Marginal,
-    /// The paper's: additive, overconfident in large regions
-    Variational,
-}
-
-impl SummaryName {
-    pub fn kind(self) -> SummaryKind {
-        match self {
-            SummaryName::Marginal => SummaryKind::Marginal,
-            SummaryName::Variational => SummaryKind::Variational,
-        }
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum PolicyName {
     /// Leave as little prior variance unexplained as possible
     Good,
@@ -474,6 +557,16 @@ fn positive(text: &str) -> Result<f64, String> {
 
 fn threads(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|&number| number <= 256).ok_or_else(|| "expected a whole number from 0 to 256".to_owned())
+}
+
+fn frame_bytes(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|number| (32..=65536).contains(number));
+    number.ok_or_else(|| "expected a whole number from 32 to 65536: no packet fits into less".to_owned())
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| (0.0..=1.0).contains(number));
+    number.ok_or_else(|| "expected a number from 0 to 1".to_owned())
 }
 
 fn open_share(text: &str) -> Result<f64, String> {

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use pingmap_agent::{Fusion, Learning, Limits, SummaryKind};
-use pingmap_trial::{EventLog, Learners, Plan, draw_splits};
+use pingmap_agent::Learning;
+use pingmap_trial::{EventLog, Plan, draw_splits};
 
 use crate::cli;
 use crate::output::{note, use_threads};
@@ -21,16 +21,7 @@ pub fn run(options: &cli::Demo) -> anyhow::Result<()> {
     let log = EventLog::read(TRIAL, Path::new("bay3.csv (built in)"))?;
     note("Three underwater vehicles record which of each other's messages they hear. Each learns from the events it");
     note("received, sends a few packets that sum them up, and predicts events that nobody learned from.\n");
-    let plan = Plan {
-        model: None,
-        learning: Learning::default(),
-        learners: Learners::Pooled,
-        limits: Limits::default(),
-        summary: SummaryKind::Marginal,
-        fusion: Fusion::Sites,
-        points_per_frame: 4,
-        seed: SEED,
-    };
+    let plan = Plan::new(Learning::default(), SEED);
     let splits = draw_splits(&log, 3, 0.35, SEED);
     let events = log.events.len();
     let mission = Replayed::new(log, events, splits, &[1, 2, 5, 10, 20], plan)?;

@@ -118,6 +118,31 @@ pub fn link_map(
     frame.finish()
 }
 
+/// Draws curves over a common axis, each with a marker here and there.
+pub fn curves(title: &str, x_label: &str, y_label: &str, series: &[Series], size: Point) -> Figure {
+    let points = || series.iter().flat_map(|series| series.points);
+    let range = |of: fn(&Point) -> f64| {
+        let (low, high) = points().map(of).fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
+        if low < high { (low, high) } else { (low.min(0.0), low.max(0.0) + 1.0) }
+    };
+    let (x, (low, high)) = (range(|point| point.0), range(|point| point.1));
+    let margin = 0.05 * (high - low);
+    let y = (low - margin, high + margin);
+    let layout = Layout::new(x, y).with_title(title).with_x_label(x_label).with_y_label(y_label);
+    let layout =
+        layout.with_x_tick_step(round_step((x.1 - x.0) / 10.0)).with_y_tick_step(round_step((y.1 - y.0) / 8.0));
+    let mut frame = Frame::new(layout, x, y, None, size);
+    for series in series {
+        let line: Vec<Point> = series.points.iter().map(|&point| frame.pixel(point)).collect();
+        frame.line(&line, series.style, 0.0);
+        for &point in thin(&line, 12) {
+            frame.mark(point, 4.0, series.style);
+        }
+        frame.key(series.name, series.style, false);
+    }
+    frame.finish()
+}
+
 /// A figure under construction.
 struct Frame {
     scene: Scene,

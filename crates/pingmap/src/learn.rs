@@ -2,7 +2,7 @@
 
 use dgpc::learn::Stop;
 use dgpc::{PriorMean, Shape};
-use pingmap_agent::{Criterion, Event, Fit, Fusion, Model, ModelFile, Provenance};
+use pingmap_agent::{Criterion, Event, Fit, Model, ModelFile, Provenance};
 use pingmap_trial::{EventLog, Score, draw_splits, learn_all, learn_best};
 use serde_json::{Value, json};
 
@@ -109,10 +109,10 @@ fn held_out_nll(
     if held_out.is_empty() {
         return Ok(None);
     }
-    let agent = all_in_one(model, training.iter().map(|event| (*event).clone()), limits)?;
+    let mut agent = all_in_one(model, training.iter().map(|event| (*event).clone()), limits)?;
     let links: Vec<_> = held_out.iter().map(|event| event.link).collect();
     let outcomes: Vec<bool> = held_out.iter().map(|event| event.success).collect();
-    Ok(Score::new(&agent.probability(&links, Fusion::Sites)?, &outcomes).map(|score| score.nll))
+    Ok(Score::new(&agent.probabilities(&links)?, &outcomes).map(|score| score.nll))
 }
 
 fn text(candidates: &[Candidate], best: &Fit, criterion: Criterion, held_out: bool) -> String {

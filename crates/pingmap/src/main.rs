@@ -7,12 +7,15 @@ mod demo;
 mod figure;
 mod learn;
 mod map;
+mod online;
 mod output;
+mod packet;
 mod predict;
 mod region;
 mod replay;
 mod report;
 mod survey;
+mod team;
 
 use std::process::ExitCode;
 
@@ -29,6 +32,8 @@ fn main() -> ExitCode {
         cli::Command::Predict(options) => predict::run(&options),
         cli::Command::Map(options) => map::run(&options),
         cli::Command::Select(options) => region::run(&options),
+        cli::Command::Team(options) => team::run(&options),
+        cli::Command::Packet(command) => packet::run(&command),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

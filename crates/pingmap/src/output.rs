@@ -32,6 +32,12 @@ impl BadInput {
     }
 }
 
+/// Reads a file of text.
+pub fn read_text(path: &Path) -> anyhow::Result<String> {
+    let text = std::fs::read_to_string(path);
+    Ok(text.map_err(|error| BadInput(format!("{}: cannot read it: {error}", path.display())))?)
+}
+
 /// Whether the reader of standard output went away.
 pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
     let broken = |cause: &std::io::Error| cause.kind() == std::io::ErrorKind::BrokenPipe;

@@ -3,44 +3,64 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use pingmap_agent::{Fit, Fusion, InputSpec, SummaryKind, VehicleId};
-use pingmap_trial::{EventLog, Learners, MeanScore, Plan, Replay, Split, draw_splits, read_splits};
+use pingmap_agent::{Fit, InputSpec, VehicleId};
+use pingmap_packet::Layout;
+use pingmap_trial::{
+    Agreed, Alternative, EventLog, Learners, MeanScore, Plan, Replay, Split, Water, draw_splits, read_splits,
+};
 use serde_json::{Value, json};
 
 use crate::cli::{self, LearnName};
 use crate::learn::{kernel_json, prior_mean_json, stop_words};
+use crate::online;
 use crate::output::{count, note, print, print_json, progress, table, use_threads, warn};
 use crate::report;
 use crate::survey::{of_events, open_log, open_model, path_variance, thinned, warn_of_search};
+use crate::team::{open_key, open_team};
 
 pub fn run(options: &cli::Replay) -> anyhow::Result<()> {
     use_threads(options.work.threads)?;
     let log = open_log(&options.events)?;
+    if let Some(folder) = &options.report {
+        report::make_folder(folder)?;
+    }
+    if options.online {
+        let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
+        return online::run(&log, &plan(options, &log)?, options);
+    }
     let splits = match &options.splits {
         Some(path) => read_splits(path, &log)?,
         None => draw_splits(&log, options.repeats, options.test_share, options.work.seed),
     };
-    if let Some(folder) = &options.report {
-        report::make_folder(folder)?;
-    }
     let events = log.events.len();
     let (log, splits) = thinned(log, splits, options.work.events_max, options.work.seed);
-    let kernel = &options.source.kernel;
-    let plan = Plan {
-        model: options.source.model.as_ref().map(|path| open_model(path, &log)).transpose()?,
-        learning: kernel.learning(kernel.given().few(), options.work.limits()),
-        learners: if options.learn == LearnName::Own { Learners::Own } else { Learners::Pooled },
-        limits: options.work.limits(),
-        summary: options.summary.kind(),
-        fusion: options.fusion.fusion(),
-        points_per_frame: options.points_per_frame,
-        seed: options.work.seed,
-    };
+    let plan = plan(options, &log)?;
     let mut mission = Replayed::new(log, events, splits, &options.frames, plan)?;
     if options.learn == LearnName::Both {
         mission.learn_own(&options.frames)?;
     }
     mission.show(options.json, options.report.as_deref())
+}
+
+/// What the options say of the team and of what it sends.
+fn plan(options: &cli::Replay, log: &EventLog) -> anyhow::Result<Plan> {
+    let kernel = &options.source.kernel;
+    let sharing = &options.sharing;
+    let agreed = match (&options.source.model, &sharing.team) {
+        (_, Some(path)) => Agreed::Team(open_team(path, log)?),
+        (Some(path), None) => Agreed::Model(open_model(path, log)?),
+        (None, None) => Agreed::Nothing,
+    };
+    Ok(Plan {
+        agreed,
+        learners: if options.learn == LearnName::Own { Learners::Own } else { Learners::Pooled },
+        frame_bytes: sharing.frame_bytes,
+        key: sharing.key_file.as_ref().map(|path| open_key(path)).transpose()?,
+        repeats_max: sharing.repeat,
+        water: sharing.water(),
+        compare: options.compare,
+        ..Plan::new(kernel.learning(kernel.given().few(), options.work.limits()), options.work.seed)
+    })
 }
 
 /// A replay and all that is needed to speak about it.
@@ -118,17 +138,42 @@ impl Replayed {
             self.kernel_line(),
             self.inference_line(),
             table(&["", "accuracy", "NLL", "± s.e."], &self.score_rows()),
-            table(
-                &["after sharing, per vehicle", "accuracy", "NLL", "± s.e.", "worst vehicle", "gap closed"],
-                &self.sharing_rows()
-            ),
+            table(&SHARING_HEADER, &self.sharing_rows()),
         );
+        if self.plan.compare {
+            text += &format!("\n\n{}", table(&self.comparison_header(), &self.comparison_rows()));
+            text += "\n\nA star marks the best of those that can be sent.";
+        }
         if let Some(own) = &self.own_learning {
             let header = ["who learns the model", "pooled, NLL", "± s.e.", "every vehicle, NLL", "± s.e."];
             text += &format!("\n\n{}", table(&header, &self.learner_rows(own)));
         }
         text + "\n\nNLL: negative log-likelihood of held-out events in nats, lower is better. Gap closed: how much of the way from\nown events \
                 only to all raw events in one place sharing goes."
+    }
+
+    /// What the bytes are used for: ours, then every alternative.
+    pub fn comparison_header(&self) -> Vec<&'static str> {
+        let tried = self.replay.sharing.first().map_or(&[][..], |sharing| &sharing.alternatives);
+        let names = tried.iter().map(|(way, _)| alternative_name(*way));
+        ["NLL at equal bytes", "bytes", "pingmap"].into_iter().chain(names).collect()
+    }
+
+    /// NLL of each way, one row for each number of frames. The best of those that can be sent is marked.
+    pub fn comparison_rows(&self) -> Vec<Vec<String>> {
+        let bytes = self.layout().map_or(0, |layout| layout.frame_bytes);
+        let row = |sharing: &pingmap_trial::Sharing| {
+            let sendable = sharing.alternatives.iter().filter(|(way, _)| *way != Alternative::Unrounded);
+            let best = sendable.map(|(_, nll)| *nll).fold(sharing.team.nll, f64::min);
+            let cell = |nll: f64| format!("{nll:.4}{}", if nll <= best + 5e-5 { " *" } else { "  " });
+            let ways = sharing.alternatives.iter().map(|(way, nll)| match way {
+                Alternative::Unrounded => format!("{nll:.4}"),
+                _ => cell(*nll),
+            });
+            let ours = [frames_name(sharing.frames), (bytes * sharing.frames).to_string(), cell(sharing.team.nll)];
+            ours.into_iter().chain(ways).collect()
+        };
+        self.replay.sharing.iter().map(row).collect()
     }
 
     /// The model learned from pooled events beside models that every vehicle learned by itself.
@@ -143,14 +188,10 @@ impl Replayed {
                 .sharing
                 .iter()
                 .zip(&own.sharing)
-                .map(|(pooled, own)| row(&self.packets_name(pooled.frames), &pooled.team, &own.team)),
+                .map(|(pooled, own)| row(&frames_name(pooled.frames), &pooled.team, &own.team)),
         );
         rows.push(row("all raw events in one place", &self.replay.centralised, &own.centralised));
         rows
-    }
-
-    fn packets_name(&self, frames: usize) -> String {
-        format!("{} of {}", count(frames, "packet"), count(self.plan.points_per_frame, "point"))
     }
 
     /// The scores that sharing is compared with.
@@ -169,9 +210,15 @@ impl Replayed {
     /// The team for each number of frames.
     pub fn sharing_rows(&self) -> Vec<Vec<String>> {
         let row = |sharing: &pingmap_trial::Sharing| {
-            let name = self.packets_name(sharing.frames);
+            let name = frames_name(sharing.frames);
+            let bytes = format!("{:.0}", sharing.bytes_per_vehicle);
             let gap = sharing.gap_closed.map_or("–".to_owned(), |gap| format!("{:.0} %", 100.0 * gap));
-            [score_row(&name, &sharing.team), vec![format!("{:.4}", sharing.worst_vehicle_nll), gap]].concat()
+            [
+                vec![name, bytes],
+                score_row("", &sharing.team)[1..].to_vec(),
+                vec![format!("{:.4}", sharing.worst_vehicle_nll), gap],
+            ]
+            .concat()
         };
         self.replay.sharing.iter().map(row).collect()
     }
@@ -181,8 +228,8 @@ impl Replayed {
         let splits = &self.replay.splits;
         let numbers = format!(
             "path: length-scale {:.0} m, variance {:.2}",
-            self.median(|split| split.model.length_scale_m()),
-            self.median(|split| path_variance(&split.model)),
+            self.median(|split| split.model().length_scale_m()),
+            self.median(|split| path_variance(split.model())),
         );
         if self.plan.learners == Learners::Own {
             return format!("every vehicle learns its own model; packets under a fixed one, {numbers}");
@@ -213,18 +260,49 @@ impl Replayed {
         let (own, centralised) = self.dense();
         let words = |dense: bool| if dense { "dense" } else { "sparse" };
         format!(
-            "{} mean field for each vehicle, {} for all events together; {} summaries, fusion by {}",
+            "{} mean field for each vehicle, {} for all events together; {}",
             words(own),
             words(centralised),
-            summary_name(self.plan.summary),
-            fusion_name(self.plan.fusion),
+            self.packets_line(),
         )
+    }
+
+    /// What is sent, and what happens to it, in a few words.
+    fn packets_line(&self) -> String {
+        let Water { loss, duplicate, reorder } = self.plan.water;
+        let mut line = self.layout().map_or_else(String::new, |layout| {
+            let points = layout.blocks * layout.points;
+            let sealed = if layout.is_sealed { ", sealed" } else { "" };
+            format!("packets of {} with up to {points} points{sealed}", count(layout.schema().length(), "byte"))
+        });
+        for (share, what) in [(loss, "lost"), (duplicate, "doubled"), (reorder, "overtaken")] {
+            if share > 0.0 {
+                line += &format!(", {:.0} % {what}", 100.0 * share);
+            }
+        }
+        line
+    }
+
+    /// The form of the packets.
+    pub fn layout(&self) -> Option<&'static Layout> {
+        let team = &self.replay.splits.first()?.team;
+        team.layout(team.frame_bytes).ok()
     }
 
     /// Whether every vehicle's fit, and the centralised one, was dense in every split.
     fn dense(&self) -> (bool, bool) {
         let splits = &self.replay.splits;
         (splits.iter().all(|split| split.dense.0), splits.iter().all(|split| split.dense.1))
+    }
+
+    fn packets_json(&self) -> Value {
+        let Water { loss, duplicate, reorder } = self.plan.water;
+        let team = self.replay.splits.first().map(|split| &split.team);
+        json!({
+            "message": self.layout().map(|layout| layout.name), "bytes": self.layout().map(|layout| layout.schema().length()),
+            "sealed": self.layout().map(|layout| layout.is_sealed), "cell_m": team.map(|team| team.grid.cell_m),
+            "loss": loss, "duplicate": duplicate, "reorder": reorder, "repeats_max": team.map(|team| team.repeats_max),
+        })
     }
 
     fn median(&self, of: impl Fn(&pingmap_trial::SplitSummary) -> f64) -> f64 {
@@ -238,20 +316,25 @@ impl Replayed {
         let limits = &self.plan.limits;
         let (own, centralised) = self.dense();
         let method = |dense: bool| if dense { "dense mean field" } else { "sparse mean field" };
+        let points = self.layout().map(|layout| layout.blocks * layout.points);
         let sharing = replay.sharing.iter().map(|sharing| {
             json!({
-                "frames": sharing.frames, "points_per_frame": self.plan.points_per_frame, "bytes_per_vehicle": null,
+                "frames": sharing.frames, "points_per_frame": points,
+                "packets_per_vehicle": sharing.packets_per_vehicle, "bytes_per_vehicle": sharing.bytes_per_vehicle,
                 "team": score_json(&sharing.team), "worst_vehicle_nll": sharing.worst_vehicle_nll,
                 "gap_closed": sharing.gap_closed,
+                "alternatives": sharing.alternatives.iter().map(|(way, nll)| json!({
+                    "name": alternative_name(*way).trim_matches(['(', ')']), "nll": nll,
+                })).collect::<Vec<_>>(),
             })
         });
         let per_split = replay.splits.iter().map(|split| {
             let fit = split.fit.as_ref();
             json!({
                 "name": split.name, "training_events": split.training_events, "held_out_events": split.held_out_events,
-                "length_scale_m": split.model.length_scale_m(), "variance": path_variance(&split.model),
-                "structure": fit.map(|fit| fit.structure.to_string()), "kernel": kernel_json(&split.model),
-                "prior_mean": prior_mean_json(split.model.prior.mean()), "evidence": fit.map(Fit::evidence),
+                "length_scale_m": split.model().length_scale_m(), "variance": path_variance(split.model()),
+                "structure": fit.map(|fit| fit.structure.to_string()), "kernel": kernel_json(split.model()),
+                "prior_mean": prior_mean_json(split.model().prior.mean()), "evidence": fit.map(Fit::evidence),
                 "leave_one_out": fit.map(Fit::leave_one_out), "learning_events": fit.map(|fit| fit.events_used),
                 "stop": fit.map(|fit| stop_words(&fit.learned.stop)),
                 "converged": split.converged, "jitter_max": split.jitter_max,
@@ -268,17 +351,18 @@ impl Replayed {
             "inference": {
                 "own": method(own), "centralised": method(centralised),
                 "dense_events_max": limits.dense_events_max, "inducing_points_max": limits.inducing_points_max,
-                "summary": summary_name(self.plan.summary), "fusion": fusion_name(self.plan.fusion),
+                "summary": "residual", "fusion": "sites",
             },
+            "packets": self.packets_json(),
             "learn": if self.plan.learners == Learners::Own { "own" } else { "pooled" },
             "kernel": replay.splits.first().map(|split| {
-                let mut kernel = kernel_json(&split.model);
-                kernel["inputs"] = json!(if split.model.inputs == InputSpec::Positions { "positions" } else { "positions and depths" });
-                kernel["length_scale_m"] = json!(self.median(|split| split.model.length_scale_m()));
-                kernel["variance"] = json!(self.median(|split| path_variance(&split.model)));
+                let mut kernel = kernel_json(split.model());
+                kernel["inputs"] = json!(if split.model().inputs == InputSpec::Positions { "positions" } else { "positions and depths" });
+                kernel["length_scale_m"] = json!(self.median(|split| split.model().length_scale_m()));
+                kernel["variance"] = json!(self.median(|split| path_variance(split.model())));
                 kernel
             }),
-            "prior_mean": replay.splits.first().map(|split| prior_mean_json(split.model.prior.mean())),
+            "prior_mean": replay.splits.first().map(|split| prior_mean_json(split.model().prior.mean())),
             "own_learning": self.own_learning.as_ref().map(own_learning_json),
             "scores": {
                 "base_rate": score_json(&replay.base_rate), "distance_only": score_json(&replay.distance_only),
@@ -300,20 +384,24 @@ fn score_json(score: &MeanScore) -> Value {
     json!({ "acc": score.accuracy, "nll": score.nll, "nll_se": score.nll_se })
 }
 
-/// As the option `--fusion` calls it.
-fn fusion_name(fusion: Fusion) -> &'static str {
-    match fusion {
-        Fusion::Sites => "sites",
-        Fusion::Concatenation => "concatenation",
+/// Columns of [`Replayed::sharing_rows`].
+pub const SHARING_HEADER: [&str; 7] =
+    ["after sharing, per vehicle", "bytes", "accuracy", "NLL", "± s.e.", "worst vehicle", "gap closed"];
+
+/// What an alternative is called in a table.
+fn alternative_name(way: Alternative) -> &'static str {
+    match way {
+        Alternative::Unrounded => "(unrounded)",
+        Alternative::RawEvents => "raw events",
+        Alternative::RandomPoints => "random points",
+        Alternative::BadPoints => "bad points",
+        Alternative::Variational => "variational",
+        Alternative::Concatenation => "concatenation",
     }
 }
 
-/// As the option `--summary` calls it.
-fn summary_name(kind: SummaryKind) -> &'static str {
-    match kind {
-        SummaryKind::Marginal => "marginal",
-        SummaryKind::Variational => "variational",
-    }
+fn frames_name(frames: usize) -> String {
+    count(frames, "packet")
 }
 
 /// The scores of every vehicle learning by itself, beside those of the pooled model.

@@ -5,15 +5,15 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use pingmap_agent::{Agent, Link, Packet, Position, VehicleId};
-use pingmap_trial::{Mission, Plan};
+use pingmap_agent::{Agent, Link, Position, VehicleId};
+use pingmap_trial::{Agreed, Mission, Plan};
 
 use crate::cli::End;
 use crate::contour::Point;
 use crate::figure::{Arrows, Figure, Mark, Style, link_map};
 use crate::map::{self, SIDE, SuccessMap};
 use crate::output::{spinner, write_file};
-use crate::replay::Replayed;
+use crate::replay::{Replayed, SHARING_HEADER};
 
 /// Packets of every vehicle behind the map, if the replay went that far.
 const FRAMES_SHOWN: usize = 10;
@@ -53,22 +53,23 @@ impl Pictures {
         let counts = replayed.replay.sharing.iter().map(|sharing| sharing.frames);
         let frames = counts.clone().filter(|&frames| frames <= FRAMES_SHOWN).max().or(counts.min()).unwrap_or(0);
         let split = replayed.splits.first().context("a replay has at least one split")?;
-        // The model that the replay found for this split.
+        // What the team had agreed on in this split.
         let found = replayed.replay.splits.first().context("a replay has at least one split")?;
-        let plan = Plan { model: Some(found.model.clone()), ..replayed.plan.clone() };
+        let plan = Plan { agreed: Agreed::Team((*found.team).clone()), ..replayed.plan.clone() };
         let mission = Mission::prepare(&replayed.log, split, &plan, frames)?;
-        let sent = mission.packets(frames)?;
-        let team = mission.after_sharing(&sent)?;
-        let viewer = team.first().context("every log has a receiver")?;
+        let mut team = mission.after_sharing(frames)?;
+        let viewer = team.first_mut().context("every log has a receiver")?;
         let at = last_position(viewer).unwrap_or_else(|| replayed.log.events[0].link.receiver);
-        let (posterior, model) = (viewer.posterior(replayed.plan.fusion)?, viewer.model());
-        let map = SuccessMap::new(&posterior, model, &replayed.log.events, at, End::Tx, None)?;
+        let posterior = viewer.posterior()?.clone();
+        let map = SuccessMap::new(&posterior, viewer.model(), &replayed.log.events, at, End::Tx, None)?;
+        let mut told = viewer.told_links();
+        told.extend(own_links(&mission));
         Ok(Self {
             viewer: viewer.id().clone(),
             frames,
             split: split.name.clone(),
             map: map.figure(&replayed.log.events),
-            packets: packets_figure(replayed, viewer, &sent),
+            packets: packets_figure(replayed, &told),
         })
     }
 }
@@ -78,16 +79,28 @@ fn last_position(agent: &Agent) -> Option<Position> {
     agent.events().last().map(|event| event.link.receiver)
 }
 
+/// The links of packets, by sender and counter.
+type Told = Vec<(VehicleId, u16, Vec<Link>)>;
+
+/// What the first vehicle itself sent: a copy of it hears it.
+fn own_links(mission: &Mission) -> Told {
+    let (Some(vehicle), Some(packets)) = (mission.vehicles.first(), mission.packets.first()) else {
+        return Told::new();
+    };
+    let mut listener = Agent::new(vehicle.id().clone(), mission.team.clone());
+    for packet in packets {
+        listener.receive(packet, 0.0);
+    }
+    listener.told_links()
+}
+
 /// The inducing points that everybody sent, as arrows from transmitter to receiver over the tracks.
-fn packets_figure(replayed: &Replayed, viewer: &Agent, sent: &[Packet]) -> Figure {
-    let origin = viewer.model().chart.origin;
-    let half = viewer.model().inputs.receiver().start;
+fn packets_figure(replayed: &Replayed, told: &Told) -> Figure {
     let mut arrows: BTreeMap<&VehicleId, Vec<(Point, Point)>> = BTreeMap::new();
-    for packet in sent.iter().filter(|packet| packet.region < PACKETS_DRAWN) {
-        for row in packet.summary.inducing_points().rows() {
-            let end = |first: usize| (row[first] + origin.east_m, row[first + 1] + origin.north_m);
-            arrows.entry(&packet.sender).or_default().push((end(0), end(half)));
-        }
+    for (sender, _, links) in told.iter().filter(|(_, counter, _)| usize::from(*counter) < PACKETS_DRAWN) {
+        let end = |place: Position| (place.east_m, place.north_m);
+        let pairs = links.iter().map(|link| (end(link.transmitter), end(link.receiver)));
+        arrows.entry(sender).or_default().extend(pairs);
     }
     let tracks = map::tracks(&replayed.log.events);
     let place = |id: &VehicleId| tracks.keys().position(|other| *other == id).unwrap_or_default();
@@ -124,10 +137,14 @@ fn html(replayed: &Replayed, pictures: &Pictures) -> String {
     let _ = writeln!(page, "<p>{}</p>", escape(&facts));
     page += "<h2>How well are held-out events predicted?</h2>\n";
     page += &html_table(&["", "accuracy", "NLL", "± s.e."], &replayed.score_rows());
-    let header = ["after sharing, per vehicle", "accuracy", "NLL", "± s.e.", "worst vehicle", "gap closed"];
-    page += &html_table(&header, &replayed.sharing_rows());
+    page += &html_table(&SHARING_HEADER, &replayed.sharing_rows());
     page += "<p>NLL is the negative log-likelihood in nats: lower is better. The gap is that between own events only and all raw \
              events in one place. A dash: no gap to close, or a single split.</p>\n";
+    if replayed.plan.compare {
+        page += "<h2>Other uses of the same bytes</h2>\n";
+        page += &html_table(&replayed.comparison_header(), &replayed.comparison_rows());
+        page += "<p>NLL of held-out events; a star marks the best of those that can be sent.</p>\n";
+    }
     let (viewer, frames, split) = (escape(pictures.viewer.as_str()), pictures.frames, escape(&pictures.split));
     let packets = if frames == 1 { "packet".to_owned() } else { format!("{frames} packets") };
     let _ = writeln!(
@@ -144,6 +161,17 @@ fn html(replayed: &Replayed, pictures: &Pictures) -> String {
         pictures.packets.svg(false)
     );
     page
+}
+
+/// The page of a mission in the order of time.
+pub fn online_page(headline: &str, header: &[&str], rows: &[Vec<String>], figure: &Figure) -> String {
+    format!(
+        "{HEAD}<p>{}</p>\n<h2>How well are coming events predicted?</h2>\n<figure>{}</figure>\n{}<p>Every event is predicted by its \
+         receiver before it is learned from. NLL is the negative log-likelihood in nats: lower is better.</p>\n</body>\n</html>\n",
+        escape(headline),
+        figure.svg(false),
+        html_table(header, rows)
+    )
 }
 
 const HEAD: &str = "<!DOCTYPE html>

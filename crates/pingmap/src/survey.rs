@@ -5,13 +5,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use dgpc::{Posterior, learn::Stop};
-use pingmap_agent::{
-    Agent, Chart, Event, Fit, FitQuality, Fusion, InputSpec, Limits, Link, Model, ModelFile, VehicleId,
-};
+use pingmap_agent::{Agent, Chart, Event, Fit, FitQuality, InputSpec, Limits, Link, Model, ModelFile, Team, VehicleId};
 use pingmap_trial::{EventLog, Split, learn_best, thin};
 
 use crate::cli;
-use crate::output::{BadInput, count, note, spinner, warn};
+use crate::output::{BadInput, count, note, read_text, spinner, warn};
 
 /// Reads an event log and warns about what its reader should know.
 pub fn open_log(path: &Path) -> anyhow::Result<EventLog> {
@@ -120,9 +118,18 @@ const FRAME_SCALES: f64 = 10.0;
 
 /// Reads a model file, and checks that it is for a chart such as this log's.
 pub fn open_model(path: &Path, log: &EventLog) -> anyhow::Result<Model> {
+    fitting(read_model(path)?, path, log)
+}
+
+/// Reads a model file.
+pub fn read_model(path: &Path) -> anyhow::Result<Model> {
     let bad = |message: &dyn std::fmt::Display| BadInput(format!("{}: {message}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| bad(&format_args!("cannot read it: {error}")))?;
-    let model = ModelFile::parse(&text).map_err(|error| bad(&error))?.model;
+    Ok(ModelFile::parse(&read_text(path)?).map_err(|error| bad(&error))?.model)
+}
+
+/// A model from a file, if it is for a chart such as this log's.
+pub fn fitting(model: Model, path: &Path, log: &EventLog) -> anyhow::Result<Model> {
+    let bad = |message: &dyn std::fmt::Display| BadInput(format!("{}: {message}", path.display()));
     let Chart { origin, scale_m, .. } = model.chart;
     let distance_m = Link { transmitter: origin, receiver: log.chart().origin }.range_m();
     // Origins are rounded to 100 m.
@@ -166,10 +173,10 @@ impl Survey {
         let (log, _) = thinned(log, Vec::new(), work.events_max, work.seed);
         let known = Known::new(model, &log, work.limits())?;
         let bar = spinner("fitting");
-        let agent = all_in_one(&known.model, log.events.iter().cloned(), work.limits())?;
-        let posterior = agent.posterior(Fusion::Sites)?;
+        let mut agent = all_in_one(&known.model, log.events.iter().cloned(), work.limits())?;
+        let posterior = agent.posterior()?.clone();
         bar.finish_and_clear();
-        warn_of_quality(&agent.fit_quality()?);
+        agent.fit_quality().iter().for_each(warn_of_quality);
         note(known.describe(log.events.len(), agent.learns_densely()));
         Ok(Self { log, known, posterior })
     }
@@ -186,9 +193,11 @@ pub fn all_in_one(
     events: impl IntoIterator<Item = Event>,
     limits: Limits,
 ) -> Result<Agent, pingmap_agent::AgentError> {
-    let mut agent = Agent::new(VehicleId::new("survey"), Arc::new(model.clone()), limits);
-    agent.observe_all(events);
-    agent.learn().map(|()| agent)
+    let id = VehicleId::new("survey");
+    let team = Team { limits, ..Team::new([id.clone()], model.clone(), [])? };
+    let mut agent = Agent::new(id, Arc::new(team));
+    agent.observe_all(events)?;
+    agent.rebuild().map(|()| agent)
 }
 
 /// Warns of a fit that is not what it should be.

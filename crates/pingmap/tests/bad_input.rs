@@ -148,11 +148,14 @@ fn options_out_of_range() {
         (&["--test-share", "1"], "below 1"),
         (&["--frames", "1,0"], "at least 1"),
         (&["--repeats", "0"], "at least 1"),
-        (&["--fusion", "magic"], "possible values"),
+        (&["--learn", "magic"], "possible values"),
+        (&["--frame-bytes", "31"], "from 32"),
+        (&["--loss", "1.5"], "0 to 1"),
+        (&["--online", "--slot-every", "0"], "at least 1"),
     ] {
         let command = [&["replay", "events.csv"], options].concat();
         // The argument parser says what the option is; the value checks what it must be.
-        refused_command(folder.path(), &command, &[options[0], expected]);
+        refused_command(folder.path(), &command, &[options[options.len() - 2], expected]);
     }
 }
 

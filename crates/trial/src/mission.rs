@@ -1,16 +1,14 @@
-//! One split of a log as a mission: a team that has seen its training events, and the events it must predict.
+//! One split of a log as a mission: a team that has seen its training events, what it sends, and the events it must predict.
 
 use std::sync::Arc;
 
-use dgpc::Inputs;
-use pingmap_agent::{
-    Agent, AgentError, Event, Fit, Fusion, Learning, Limits, Link, Model, Packet, PacketPlan, SummaryKind, VehicleId,
-};
+use pingmap_agent::{Agent, AgentError, Event, Fit, Key, Learning, Limits, Link, Model, Team, VehicleId};
 use rayon::prelude::*;
 
 use crate::event_log::EventLog;
 use crate::learning::learn_best;
 use crate::split::Split;
+use crate::water::Water;
 
 /// Who learns the model that links are read with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,41 +19,110 @@ pub enum Learners {
     Own,
 }
 
+/// What a team has agreed on already.
+#[derive(Debug, Clone)]
+pub enum Agreed {
+    /// Nothing: the packet model is learned from the pooled training events, or is what the first structure expects before any
+    /// event where every vehicle learns by itself.
+    Nothing,
+    /// The packet model.
+    Model(Model),
+    /// Everything.
+    Team(Team),
+}
+
 /// How a team learns and what it sends.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Plan {
-    /// The team's model, if it is given. Otherwise it is learned from the pooled training events, or is what the first structure
-    /// expects before any event where every vehicle learns by itself.
-    pub model: Option<Model>,
+    /// What is agreed on. What is not follows from the log and the fields below.
+    pub agreed: Agreed,
     /// How models are learned.
     pub learning: Learning,
     /// Who learns.
     pub learners: Learners,
     /// Bounds on work and memory of every vehicle.
     pub limits: Limits,
-    /// Which message a packet carries.
-    pub summary: SummaryKind,
-    /// How packets are put together.
-    pub fusion: Fusion,
-    /// Inducing points in a packet.
-    pub points_per_frame: usize,
+    /// Bytes of a frame.
+    pub frame_bytes: usize,
+    /// The secret that packets are sealed with, if any.
+    pub key: Option<Key>,
+    /// How often a packet is sent again at most.
+    pub repeats_max: u8,
+    /// What happens to packets.
+    pub water: Water,
+    /// Whether other ways to use the same bytes are tried too.
+    pub compare: bool,
     /// Seed of everything random.
     pub seed: u64,
 }
 
-/// A team after it learned from its training events, before it shares.
+impl Plan {
+    /// A team that learns as `learning` says and sends frames of 32 bytes over water that loses nothing.
+    pub fn new(learning: Learning, seed: u64) -> Self {
+        Self {
+            agreed: Agreed::Nothing,
+            limits: learning.limits,
+            learning,
+            learners: Learners::Pooled,
+            frame_bytes: 32,
+            key: None,
+            repeats_max: 0,
+            water: Water::default(),
+            compare: false,
+            seed,
+        }
+    }
+
+    /// The team of a log, and how its model was learned from these events if it was. Without events, and where every vehicle learns
+    /// by itself, the model is what the first structure expects before any event.
+    ///
+    /// # Errors
+    /// [`AgentError`] when the method refuses, or the log has more vehicles than packets can tell apart.
+    pub fn team(&self, log: &EventLog, training: Option<&[&Event]>) -> Result<(Team, Option<Fit>), AgentError> {
+        let (model, fit) = match &self.agreed {
+            Agreed::Team(team) => return Ok((team.clone(), None)),
+            Agreed::Model(model) => (model.clone(), None),
+            Agreed::Nothing => self.model(log, training)?,
+        };
+        let positions = log.events.iter().flat_map(|event| event.link.ends());
+        let team = Team {
+            key: self.key.clone(),
+            repeats_max: self.repeats_max,
+            limits: self.limits,
+            ..Team::new(log.vehicles(), model, positions)?.with_frames(self.frame_bytes)
+        };
+        Ok((team, fit))
+    }
+
+    fn model(&self, log: &EventLog, training: Option<&[&Event]>) -> dgpc::Result<(Model, Option<Fit>)> {
+        let (chart, inputs) = (log.chart(), log.inputs());
+        let expected = self.learning.structures.first();
+        match (training.filter(|_| self.learners == Learners::Pooled), expected) {
+            (None, Some(structure)) => {
+                let prior = self.learning.template(structure, inputs, chart.scale_m)?;
+                Ok((Model::new(chart, inputs, prior), None))
+            }
+            (training, _) => {
+                let fit = learn_best(&self.learning, chart, inputs, training.unwrap_or_default())?;
+                Ok((fit.model.clone(), Some(fit)))
+            }
+        }
+    }
+}
+
+/// A team after it learned from its training events, and what it sends.
 #[derive(Debug, Clone)]
 pub struct Mission {
-    /// The team's model, under which packets are formed.
-    pub model: Arc<Model>,
-    /// How it was learned, if it was.
+    /// What the team agreed on.
+    pub team: Arc<Team>,
+    /// How its model was learned, if it was.
     pub fit: Option<Fit>,
-    /// Every vehicle, in alphabetical order.
-    pub team: Vec<Agent>,
+    /// Every vehicle, in alphabetical order, before it received anything.
+    pub vehicles: Vec<Agent>,
     /// One vehicle that saw all training events: what sharing tries to reach.
     pub centralised: Agent,
-    /// The packets that every vehicle plans to send.
-    pub packet_plans: Vec<PacketPlan>,
+    /// The packets that each vehicle sends, in order: at most as many as were asked for, fewer where nothing is worth a frame.
+    pub packets: Vec<Vec<Vec<u8>>>,
     /// The links that are predicted.
     pub held_out: Vec<Link>,
     /// What happened there.
@@ -68,20 +135,20 @@ pub struct Mission {
 }
 
 impl Mission {
-    /// Splits the log, learns the model, lets every vehicle learn from its own training events, and plans up to `frames_max` packets
-    /// of each. Runs vehicles in parallel on the current thread pool.
+    /// Splits the log, learns the model, lets every vehicle learn from its own training events, and lets each form up to
+    /// `frames_max` packets. Runs vehicles in parallel on the current thread pool.
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses.
     pub fn prepare(log: &EventLog, split: &Split, plan: &Plan, frames_max: usize) -> Result<Self, AgentError> {
         let events = |held_out| split.indices(held_out).into_iter().map(|n| &log.events[n]).collect::<Vec<_>>();
         let (training, held_out) = (events(false), events(true));
-        let (model, fit) = team_model(log, &training, plan)?;
-        let model = Arc::new(model);
+        let (team, fit) = plan.team(log, Some(&training))?;
+        let team = Arc::new(team);
         let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| -> Result<Agent, AgentError> {
-            let mut agent = Agent::new(id, model.clone(), plan.limits);
-            agent.observe_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()));
-            agent.learn()?;
+            let mut agent = Agent::new(id, team.clone());
+            agent.observe_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()))?;
+            agent.rebuild()?;
             if plan.learners == Learners::Own {
                 agent.adapt(&plan.learning)?;
             }
@@ -89,22 +156,22 @@ impl Mission {
         };
         let learn_vehicle = |id: VehicleId| {
             let agent = learn(id.clone(), &|event| event.receiver_id == id)?;
-            let packet_plan = agent.plan_packets(frames_max, plan.points_per_frame)?;
-            Ok((agent, packet_plan))
+            let packets = send(&mut agent.clone(), frames_max)?;
+            Ok((agent, packets))
         };
-        let (team, centralised) = rayon::join(
+        let (vehicles, centralised) = rayon::join(
             || log.vehicles().into_par_iter().map(learn_vehicle).collect::<Result<Vec<_>, AgentError>>(),
-            || learn(VehicleId::new("centralised"), &|_| true),
+            || learn(VehicleId::new(CENTRALISED), &|_| true),
         );
-        let (team, packet_plans) = team?.into_iter().unzip();
+        let (vehicles, packets) = vehicles?.into_iter().unzip();
         let links = |events: &[&Event]| events.iter().map(|event| event.link).collect();
         let outcomes = |events: &[&Event]| events.iter().map(|event| event.success).collect();
         Ok(Self {
-            model,
-            fit,
             team,
+            fit,
+            vehicles,
             centralised: centralised?,
-            packet_plans,
+            packets,
             held_out: links(&held_out),
             outcomes: outcomes(&held_out),
             training: links(&training),
@@ -113,30 +180,40 @@ impl Mission {
         })
     }
 
+    /// Seed of everything random.
+    pub fn seed(&self) -> u64 {
+        self.plan.seed
+    }
+
     /// The first `frames` packets of every vehicle.
+    pub fn sent(&self, frames: usize) -> impl Iterator<Item = &[Vec<u8>]> {
+        self.packets.iter().map(move |packets| &packets[..frames.min(packets.len())])
+    }
+
+    /// Bytes that a vehicle sends in its first `frames` packets, mean over vehicles.
+    pub fn bytes_per_vehicle(&self, frames: usize) -> f64 {
+        self.sent(frames).flatten().map(Vec::len).sum::<usize>() as f64 / self.packets.len().max(1) as f64
+    }
+
+    /// The team after everybody received what the water let through of the first `frames` packets of the others and, where every
+    /// vehicle learns by itself, learned from them.
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses.
-    pub fn packets(&self, frames: usize) -> Result<Vec<Packet>, AgentError> {
-        let send = |(agent, packet_plan): (&Agent, &PacketPlan)| agent.packets(packet_plan, frames, self.plan.summary);
-        let sent: Result<Vec<_>, _> = self.team.par_iter().zip(&self.packet_plans).map(send).collect();
-        Ok(sent?.into_iter().flatten().collect())
-    }
-
-    /// The team after everybody received `packets` and, where every vehicle learns by itself, learned from them.
-    ///
-    /// # Errors
-    /// [`AgentError`] when a packet was formed under another model, or the method refuses.
-    pub fn after_sharing(&self, packets: &[Packet]) -> Result<Vec<Agent>, AgentError> {
-        let receive = |agent: &Agent| {
+    pub fn after_sharing(&self, frames: usize) -> Result<Vec<Agent>, AgentError> {
+        let receive = |(receiver, agent): (usize, &Agent)| {
             let mut agent = agent.clone();
-            packets.iter().try_for_each(|packet| agent.receive(packet.clone()))?;
+            for (sender, packets) in self.sent(frames).enumerate().filter(|&(sender, _)| sender != receiver) {
+                for place in self.plan.water.arrivals(packets.len(), self.plan.seed, sender, receiver) {
+                    agent.receive(&packets[place], place as f64);
+                }
+            }
             if self.plan.learners == Learners::Own {
                 agent.adapt(&self.plan.learning)?;
             }
             Ok(agent)
         };
-        self.team.par_iter().map(receive).collect()
+        self.vehicles.par_iter().enumerate().map(receive).collect()
     }
 
     /// Probability of success of every held-out event, as the centralised vehicle sees it.
@@ -144,7 +221,7 @@ impl Mission {
     /// # Errors
     /// [`AgentError`] when the method refuses.
     pub fn predict_centralised(&self) -> Result<Vec<f64>, AgentError> {
-        self.predict(&self.centralised, Fusion::Sites, &self.inputs()?)
+        self.centralised.clone().probabilities(&self.held_out)
     }
 
     /// Probability of success of every held-out event, as every vehicle sees it by itself.
@@ -152,8 +229,7 @@ impl Mission {
     /// # Errors
     /// [`AgentError`] when the method refuses.
     pub fn predict_alone(&self) -> Result<Vec<Vec<f64>>, AgentError> {
-        let inputs = self.inputs()?;
-        self.team.par_iter().map(|agent| self.predict(agent, Fusion::Sites, &inputs)).collect()
+        self.predict(self.vehicles.clone())
     }
 
     /// Probability of success of every held-out event, as every vehicle sees it after each sent its first `frames` packets.
@@ -161,34 +237,26 @@ impl Mission {
     /// # Errors
     /// [`AgentError`] when the method refuses.
     pub fn predict_as_team(&self, frames: usize) -> Result<Vec<Vec<f64>>, AgentError> {
-        let inputs = self.inputs()?;
-        let team = self.after_sharing(&self.packets(frames)?)?;
-        team.par_iter().map(|agent| self.predict(agent, self.plan.fusion, &inputs)).collect()
+        self.predict(self.after_sharing(frames)?)
     }
 
-    fn inputs(&self) -> dgpc::Result<Inputs> {
-        self.model.inputs(&self.held_out)
-    }
-
-    fn predict(&self, agent: &Agent, fusion: Fusion, inputs: &Inputs) -> Result<Vec<f64>, AgentError> {
-        Ok(agent.posterior(fusion)?.probability(inputs)?)
+    fn predict(&self, mut team: Vec<Agent>) -> Result<Vec<Vec<f64>>, AgentError> {
+        team.par_iter_mut().map(|agent| agent.probabilities(&self.held_out)).collect()
     }
 }
 
-/// The team's model, and how it was learned if it was.
-fn team_model(log: &EventLog, training: &[&Event], plan: &Plan) -> dgpc::Result<(Model, Option<Fit>)> {
-    if let Some(model) = &plan.model {
-        return Ok((model.clone(), None));
-    }
-    let (chart, inputs) = (log.chart(), log.inputs());
-    match (plan.learners, plan.learning.structures.first()) {
-        (Learners::Own, Some(structure)) => {
-            let prior = plan.learning.template(structure, inputs, chart.scale_m)?;
-            Ok((Model::new(chart, inputs, prior), None))
-        }
-        _ => {
-            let fit = learn_best(&plan.learning, chart, inputs, training)?;
-            Ok((fit.model.clone(), Some(fit)))
+/// A name that no log has.
+pub(crate) const CENTRALISED: &str = "\u{0}all events";
+
+/// Up to `frames` packets of a vehicle, if it is a member of the team.
+fn send(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, AgentError> {
+    let mut packets = Vec::new();
+    if agent.is_member() {
+        while packets.len() < frames
+            && let Some(packet) = agent.next_packet(packets.len() as f64, agent.team().frame_bytes)?
+        {
+            packets.push(packet);
         }
     }
+    Ok(packets)
 }

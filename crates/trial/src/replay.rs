@@ -1,9 +1,12 @@
 //! Replaying a mission over many splits: what each vehicle knows alone, what the team knows after sharing, and what it could
 //! know at best.
 
-use pingmap_agent::{Agent, AgentError, Fit, Link, Model, VehicleId};
+use std::sync::Arc;
+
+use pingmap_agent::{Agent, AgentError, Fit, FitQuality, Link, Model, Team, VehicleId};
 use rayon::prelude::*;
 
+use crate::alternatives::Alternative;
 use crate::baseline::{DistanceOnly, base_rate};
 use crate::event_log::EventLog;
 use crate::mission::{Mission, Plan};
@@ -62,12 +65,18 @@ pub struct Replay {
 pub struct Sharing {
     /// Packets from every vehicle.
     pub frames: usize,
+    /// Packets that a vehicle really sent (fewer where nothing more was worth a frame), mean over vehicles and splits.
+    pub packets_per_vehicle: f64,
+    /// Bytes of these.
+    pub bytes_per_vehicle: f64,
     /// Mean over vehicles.
     pub team: MeanScore,
     /// NLL of the vehicle that does worst.
     pub worst_vehicle_nll: f64,
     /// (own − team) / (own − centralised) in NLL; `None` where there is no gap to close.
     pub gap_closed: Option<f64>,
+    /// NLL of other ways to use as many frames, mean over vehicles and splits, if [`Plan::compare`] asks for it.
+    pub alternatives: Vec<(Alternative, f64)>,
 }
 
 /// One split and the model learned on it.
@@ -81,8 +90,8 @@ pub struct SplitSummary {
     pub held_out_events: usize,
     /// Vehicles without any training event.
     pub vehicles_without_events: Vec<VehicleId>,
-    /// The team's model.
-    pub model: Model,
+    /// What the team agreed on.
+    pub team: Arc<Team>,
     /// How it was learned, if it was.
     pub fit: Option<Fit>,
     /// Whether every vehicle, and the centralised one, was fitted densely.
@@ -91,6 +100,13 @@ pub struct SplitSummary {
     pub converged: bool,
     /// The largest jitter that any fit needed (0 in the ordinary case).
     pub jitter_max: f64,
+}
+
+impl SplitSummary {
+    /// The packet model.
+    pub fn model(&self) -> &Model {
+        &self.team.model
+    }
 }
 
 /// What one split yields.
@@ -103,6 +119,10 @@ struct SplitScores {
     true_probability: Option<Score>,
     /// For each number of frames the mean over vehicles, and each vehicle.
     team: Vec<(Score, Vec<Score>)>,
+    /// For each number of frames the packets and bytes that a vehicle sent, mean over vehicles.
+    sent: Vec<(f64, f64)>,
+    /// For each number of frames the NLL of every alternative, mean over vehicles.
+    alternatives: Vec<Vec<(Alternative, f64)>>,
 }
 
 /// Replays the mission once for every split, in parallel on the current thread pool; results do not depend on how many threads
@@ -117,8 +137,15 @@ pub fn replay(
     plan: &Plan,
     step: &(dyn Fn() + Sync),
 ) -> Result<Replay, ReplayError> {
-    let scores: Result<Vec<SplitScores>, ReplayError> =
-        splits.par_iter().map(|split| replay_split(log, split, frames, plan, step)).collect();
+    let scores: Result<Vec<SplitScores>, ReplayError> = splits
+        .par_iter()
+        .enumerate()
+        .map(|(n, split)| {
+            // What happens to packets differs from split to split.
+            let plan = Plan { seed: plan.seed.wrapping_add((n as u64) << 32), ..plan.clone() };
+            replay_split(log, split, frames, &plan, step)
+        })
+        .collect();
     let scores = scores?;
     let mean = |of: &dyn Fn(&SplitScores) -> Score| {
         MeanScore::over(&scores.iter().map(of).collect::<Vec<_>>()).ok_or(ReplayError::NoSplits)
@@ -128,12 +155,16 @@ pub fn replay(
     let vehicles = log.vehicles();
     let share = |(row, &frames): (usize, &usize)| {
         let team = mean(&|s| s.team[row].0)?;
+        let of_split = |of: &dyn Fn(&SplitScores) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
         let of_vehicle = |v: usize| scores.iter().map(|s| s.team[row].1[v].nll).sum::<f64>() / scores.len() as f64;
         let gap = own.nll - centralised.nll;
         Ok(Sharing {
             frames,
+            packets_per_vehicle: of_split(&|s| s.sent[row].0),
+            bytes_per_vehicle: of_split(&|s| s.sent[row].1),
             team,
             worst_vehicle_nll: (0..vehicles.len()).map(of_vehicle).fold(f64::NEG_INFINITY, f64::max),
+            alternatives: mean_alternatives(&scores, row),
             gap_closed: (gap >= GAP_NLL_MIN).then(|| (own.nll - team.nll) / gap),
         })
     };
@@ -147,6 +178,13 @@ pub fn replay(
         splits: scores.into_iter().map(|s| s.summary).collect(),
         vehicles,
     })
+}
+
+/// Means over splits of what each alternative did with one number of frames.
+fn mean_alternatives(scores: &[SplitScores], row: usize) -> Vec<(Alternative, f64)> {
+    let tried = scores.first().map_or(&[][..], |first| &first.alternatives[row]);
+    let mean = |place: usize| scores.iter().map(|s| s.alternatives[row][place].1).sum::<f64>() / scores.len() as f64;
+    tried.iter().enumerate().map(|(place, &(way, _))| (way, mean(place))).collect()
 }
 
 fn replay_split(
@@ -177,8 +215,15 @@ fn replay_split(
     };
     step();
     let mut team = Vec::with_capacity(frames.len());
+    let mut sent = Vec::with_capacity(frames.len());
+    let mut alternatives = Vec::with_capacity(frames.len());
     for &frames in frames {
+        let packets = mission.sent(frames).map(<[_]>::len).sum::<usize>();
+        sent.push((packets as f64 / mission.packets.len().max(1) as f64, mission.bytes_per_vehicle(frames)));
         team.push(score_each(mission.predict_as_team(frames).map_err(failed)?)?);
+        let tried = if plan.compare { &Alternative::ALL[..] } else { &[] };
+        let nll = |&way: &Alternative| Ok((way, score_each(way.predict(&mission, frames).map_err(failed)?)?.0.nll));
+        alternatives.push(tried.iter().map(nll).collect::<Result<Vec<_>, ReplayError>>()?);
         step();
     }
     Ok(SplitScores {
@@ -188,23 +233,25 @@ fn replay_split(
         centralised,
         true_probability,
         team,
-        summary: summarise(split, &mission).map_err(failed)?,
+        sent,
+        alternatives,
+        summary: summarise(split, &mission),
     })
 }
 
-fn summarise(split: &Split, mission: &Mission) -> Result<SplitSummary, AgentError> {
-    let empty = mission.team.iter().filter(|agent| agent.events().is_empty());
-    let everybody = mission.team.iter().chain([&mission.centralised]);
-    let quality = everybody.map(Agent::fit_quality).collect::<Result<Vec<_>, _>>()?;
-    Ok(SplitSummary {
+fn summarise(split: &Split, mission: &Mission) -> SplitSummary {
+    let empty = mission.vehicles.iter().filter(|agent| agent.events().is_empty());
+    let everybody = mission.vehicles.iter().chain([&mission.centralised]);
+    let quality: Vec<FitQuality> = everybody.filter_map(Agent::fit_quality).collect();
+    SplitSummary {
         converged: quality.iter().all(|quality| quality.converged),
         jitter_max: quality.iter().map(|quality| quality.jitter).fold(0.0, f64::max),
         name: split.name.clone(),
         training_events: mission.training.len(),
         held_out_events: mission.held_out.len(),
         vehicles_without_events: empty.map(|agent| agent.id().clone()).collect(),
-        model: (*mission.model).clone(),
+        team: mission.team.clone(),
         fit: mission.fit.clone(),
-        dense: (mission.team.iter().all(|agent| agent.learns_densely()), mission.centralised.learns_densely()),
-    })
+        dense: (mission.vehicles.iter().all(Agent::learns_densely), mission.centralised.learns_densely()),
+    }
 }

@@ -1,0 +1,57 @@
+//! Any bytes as what a vehicle hears: whatever they are, a probability stays a probability.
+
+#![no_main]
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use libfuzzer_sys::fuzz_target;
+use pingmap_agent::{Agent, Chart, InputSpec, Key, Link, Model, Position, Receipt, Refusal, Team, VehicleId};
+
+/// Frames that one vehicle hears at most.
+const FRAMES_MAX: usize = 16;
+
+fn listener(inputs: InputSpec, length_scale_m: f64, key: Option<Key>) -> Agent {
+    let shape = dgpc::Shape::Matern32;
+    let model = Model::isotropic(Chart::about([]), inputs, shape, true, length_scale_m, 4.0).expect("numbers in range");
+    let reach = [-500.0, 500.0].map(|east_m| Position { depth_m: Some(50.0), ..Position::new(east_m, 0.0) });
+    let names = (0..4).map(|n| VehicleId::new(format!("vehicle {n}")));
+    let team = Team { key, ..Team::new(names, model, reach).expect("four members") };
+    Agent::new(VehicleId::new("vehicle 0"), Arc::new(team))
+}
+
+thread_local! {
+    static LISTENERS: RefCell<Vec<Agent>> = RefCell::new(vec![
+        listener(InputSpec::Positions, 300.0, None),
+        listener(InputSpec::Positions, 1e6, None),
+        listener(InputSpec::PositionsAndDepths, 1.0, None),
+        listener(InputSpec::Positions, 300.0, Some(Key::new([7; 32]))),
+    ]);
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    LISTENERS.with_borrow(|listeners| listeners.iter().for_each(|listener| hear(listener.clone(), bytes)));
+});
+
+/// Frames of 32 bytes, one after the other, and a last shorter one.
+fn hear(mut agent: Agent, bytes: &[u8]) {
+    for frame in bytes.chunks(32).take(FRAMES_MAX) {
+        let before = agent.snapshot();
+        let mut frame = frame.to_vec();
+        let receipt = match agent.receive(&frame, 0.0) {
+            // The bits of the digest are not for a fuzzer to guess: they are in bytes 4 and 5.
+            Receipt::Refused(Refusal::OtherModel { expected, .. }) => {
+                let [low, high] = expected.to_le_bytes();
+                (frame[4], frame[5]) = (low, frame[5] & 0xc0 | high);
+                agent.receive(&frame, 0.0)
+            }
+            receipt => receipt,
+        };
+        assert_eq!(receipt == Receipt::Accepted, agent.snapshot() != before, "{receipt:?}");
+    }
+    let place = |east_m| Position::new(east_m, 10.0);
+    let told = agent.told_links().into_iter().flat_map(|(_, _, links)| links);
+    let links: Vec<Link> = told.chain([Link { transmitter: place(-40.0), receiver: place(200.0) }]).collect();
+    let probabilities = agent.probabilities(&links).expect("packets that count leave a posterior");
+    assert!(probabilities.iter().all(|p| (0.0..=1.0).contains(p)), "{probabilities:?}");
+}

@@ -1,0 +1,103 @@
+//! The chart in whole cells, as packets name places.
+
+use pingmap_packet::{Cell, DEPTH_CELLS, HORIZONTAL_CELLS};
+
+use crate::chart::Chart;
+use crate::event::{Link, Position};
+
+/// How a team's chart is cut into cells: 64 × 64 about the chart's origin, and 32 from the surface down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grid {
+    /// Side of a cell east and north, in metres.
+    pub cell_m: f64,
+    /// Height of a cell, in metres.
+    pub depth_cell_m: f64,
+}
+
+/// Cells on one side of the origin.
+const HALF: f64 = HORIZONTAL_CELLS as f64 / 2.0;
+
+impl Grid {
+    /// The finest grid of two-digit cells that holds all these positions.
+    pub fn covering(chart: &Chart, positions: impl IntoIterator<Item = Position>) -> Self {
+        let (mut reach_m, mut depth_max_m) = (0.0f64, 0.0f64);
+        for position in positions {
+            let (east_m, north_m) = chart.local_m(&position);
+            reach_m = reach_m.max(east_m.abs()).max(north_m.abs());
+            depth_max_m = depth_max_m.max(position.depth_m.unwrap_or(0.0));
+        }
+        Self { cell_m: round_up(reach_m / HALF), depth_cell_m: round_up(depth_max_m / f64::from(DEPTH_CELLS)) }
+    }
+
+    /// The cell of a position, if the grid holds it.
+    pub fn cell(&self, chart: &Chart, position: &Position) -> Option<Cell> {
+        let (east_m, north_m) = chart.local_m(position);
+        let place = |value: f64, cells: u8| (value >= 0.0 && value < f64::from(cells)).then_some(value as u8);
+        Some(Cell {
+            east: place((east_m / self.cell_m + HALF).floor(), HORIZONTAL_CELLS)?,
+            north: place((north_m / self.cell_m + HALF).floor(), HORIZONTAL_CELLS)?,
+            depth: match position.depth_m {
+                // Floats and buoys lie on the surface, or a little above what a sensor calls it.
+                Some(depth_m) => place((depth_m / self.depth_cell_m).floor().max(0.0), DEPTH_CELLS)?,
+                None => 0,
+            },
+        })
+    }
+
+    /// The middle of a cell.
+    pub fn position(&self, chart: &Chart, cell: Cell, has_depth: bool) -> Position {
+        let middle = |place: u8| (f64::from(place) + 0.5 - HALF) * self.cell_m;
+        Position {
+            east_m: chart.origin.east_m + middle(cell.east),
+            north_m: chart.origin.north_m + middle(cell.north),
+            depth_m: has_depth.then(|| (f64::from(cell.depth) + 0.5) * self.depth_cell_m),
+        }
+    }
+
+    /// The cells of both ends, if the grid holds them.
+    pub fn cells(&self, chart: &Chart, link: &Link) -> Option<[Cell; 2]> {
+        Some([self.cell(chart, &link.transmitter)?, self.cell(chart, &link.receiver)?])
+    }
+}
+
+/// The smallest number of two digits that is greater; 1 where there is nothing to cover.
+fn round_up(value: f64) -> f64 {
+    if !(value.is_finite() && value > 0.0) {
+        return 1.0;
+    }
+    let unit = 10f64.powf(value.log10().floor() - 1.0);
+    ((value / unit).floor() + 1.0) * unit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_place_lies_in_the_cell_that_is_sent_for_it() {
+        let corners = [(-812.0, 1499.0), (703.0, -1500.0), (0.0, 0.0)].map(|(east, north): (f64, f64)| Position {
+            depth_m: Some(east.abs() / 10.0),
+            ..Position::new(5e5 + east, 4e6 + north)
+        });
+        let chart = Chart::about(corners);
+        let grid = Grid::covering(&chart, corners);
+        for corner in corners {
+            let cell = grid.cell(&chart, &corner).expect("the grid covers it");
+            let middle = grid.position(&chart, cell, true);
+            let off = |a: f64, b: f64| (a - b).abs();
+            assert!(off(middle.east_m, corner.east_m) <= 0.5 * grid.cell_m + 1e-9, "{middle:?} {corner:?}");
+            assert!(off(middle.north_m, corner.north_m) <= 0.5 * grid.cell_m + 1e-9);
+            let depths = (middle.depth_m.unwrap_or(0.0), corner.depth_m.unwrap_or(0.0));
+            assert!(off(depths.0, depths.1) <= 0.5 * grid.depth_cell_m + 1e-9, "{depths:?}");
+            assert_eq!(grid.cell(&chart, &middle), Some(cell));
+        }
+        assert_eq!(grid.cell(&chart, &Position::new(5e5 + 40.0 * grid.cell_m, 4e6)), None);
+        assert!(grid.cell_m * 32.0 < 1.1 * 1600.0, "{grid:?}");
+    }
+
+    #[test]
+    fn nowhere_is_covered_too() {
+        let grid = Grid::covering(&Chart::about([]), []);
+        assert_eq!(grid, Grid { cell_m: 1.0, depth_cell_m: 1.0 });
+    }
+}

@@ -1,0 +1,214 @@
+//! What a team agrees on before the mission.
+
+use std::collections::BTreeMap;
+
+use pingmap_packet::{Key, Layout, digest};
+
+use crate::event::{Position, VehicleId};
+use crate::grid::Grid;
+use crate::limits::Limits;
+use crate::model::{InputSpec, Model};
+use crate::model_file::ModelFile;
+use crate::wire::Wire;
+
+/// Version of `team.toml`. A newer one is refused.
+pub const TEAM_SCHEMA: u32 = 1;
+
+/// Inducing points of all live packets together, where the team does not say how many packets each sender may have.
+const LIVE_POINTS: usize = 2560;
+
+/// What a team agrees on before the mission.
+#[derive(Debug, Clone)]
+pub struct Team {
+    /// The number by which packets name each member.
+    pub members: BTreeMap<u8, VehicleId>,
+    /// The packet model: what packets are formed and read under, fixed for the mission.
+    pub model: Model,
+    /// The chart in cells.
+    pub grid: Grid,
+    /// Bytes of a frame: 32, 64 or 256, or what the link has beyond one of these.
+    pub frame_bytes: usize,
+    /// Who sends when.
+    pub slots: Slots,
+    /// The secret that packets are sealed with, if any.
+    pub key: Option<Key>,
+    /// Number of the key epoch: packets of another epoch are foreign, and counters begin again.
+    pub epoch: u32,
+    /// Packets of every sender that count, those behind its latest: bounds everybody's memory. A sender says again what falls out.
+    pub packets_per_sender_max: u16,
+    /// A packet is sent if it brings what others can know by it closer to what the sender knows by so many nats an event at least:
+    /// mean Kullback-Leibler divergence at the sender's own events.
+    pub worth_nats: f64,
+    /// How often a packet is sent again at most, when there is nothing new to tell: what lossy water needs.
+    pub repeats_max: u8,
+    /// Bounds on work and memory of every vehicle.
+    pub limits: Limits,
+}
+
+/// Whose turn it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Slots {
+    /// Length of a slot in seconds.
+    pub duration_s: f64,
+    /// Senders in turn.
+    pub order: Vec<VehicleId>,
+}
+
+impl Slots {
+    /// Who may send at this time; nobody in a schedule without members.
+    pub fn owner(&self, time_s: f64) -> Option<&VehicleId> {
+        let slot = (time_s / self.duration_s).floor().rem_euclid(self.order.len().max(1) as f64);
+        self.order.get(slot as usize)
+    }
+}
+
+/// What makes no team.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TeamError {
+    /// Not TOML, or a key that is unknown, missing or of the wrong kind.
+    #[error("{0}")]
+    Syntax(String),
+    /// Written by a newer version of this software.
+    #[error("schema {found}, but this version reads schema {TEAM_SCHEMA}; it was written by a newer version")]
+    Newer {
+        /// The schema of the text.
+        found: u32,
+    },
+    /// A number out of its range.
+    #[error("{key} must be {expected}, found {value}")]
+    OutOfRange {
+        /// The key.
+        key: &'static str,
+        /// What it should be.
+        expected: &'static str,
+        /// What it is.
+        value: f64,
+    },
+    /// More members than packets can tell apart, or none.
+    #[error("a team has 1 to 256 members, found {found}")]
+    Members {
+        /// How many there are.
+        found: usize,
+    },
+    /// Two members with one number.
+    #[error("members {first} and {second} both have number {number}")]
+    SameNumber {
+        /// The number.
+        number: u8,
+        /// One of them.
+        first: VehicleId,
+        /// The other.
+        second: VehicleId,
+    },
+    /// Two members with one name.
+    #[error("two members are called {name}")]
+    SameName {
+        /// The name.
+        name: VehicleId,
+    },
+    /// A slot for somebody who is not in the team.
+    #[error("slots: {name} is not a member")]
+    UnknownMember {
+        /// The name.
+        name: VehicleId,
+    },
+    /// No packet fits into such a frame.
+    #[error("frame_bytes must be at least 32, found {found}")]
+    FrameTooSmall {
+        /// Bytes of the frame.
+        found: usize,
+    },
+}
+
+impl Team {
+    /// A team with the defaults of this software: members numbered in the order given, frames of 32 bytes, no key, and a grid over all
+    /// these positions.
+    ///
+    /// # Errors
+    /// [`TeamError::Members`] for none or more than 256.
+    pub fn new(
+        members: impl IntoIterator<Item = VehicleId>,
+        model: Model,
+        positions: impl IntoIterator<Item = Position>,
+    ) -> Result<Self, TeamError> {
+        let names: Vec<VehicleId> = members.into_iter().collect();
+        let found = names.len();
+        let members: BTreeMap<u8, VehicleId> =
+            names.iter().enumerate().map_while(|(n, name)| Some((u8::try_from(n).ok()?, name.clone()))).collect();
+        if members.is_empty() || members.len() < found {
+            return Err(TeamError::Members { found });
+        }
+        if let Some(name) = names.iter().enumerate().find_map(|(n, name)| names[..n].contains(name).then_some(name)) {
+            return Err(TeamError::SameName { name: name.clone() });
+        }
+        Ok(Self {
+            grid: Grid::covering(&model.chart, positions),
+            packets_per_sender_max: packets_per_sender_max(members.len(), FRAME_BYTES),
+            members,
+            model,
+            frame_bytes: FRAME_BYTES,
+            slots: Slots { duration_s: SLOT_S, order: names },
+            key: None,
+            epoch: 0,
+            worth_nats: WORTH_NATS,
+            repeats_max: 0,
+            limits: Limits::default(),
+        })
+    }
+
+    /// The same team with other frames, and as many live packets as fit its memory.
+    pub fn with_frames(self, frame_bytes: usize) -> Self {
+        let packets_per_sender_max = packets_per_sender_max(self.members.len(), frame_bytes);
+        Self { frame_bytes, packets_per_sender_max, ..self }
+    }
+
+    /// The number of a member.
+    pub fn number(&self, id: &VehicleId) -> Option<u8> {
+        self.members.iter().find(|(_, name)| *name == id).map(|(&number, _)| number)
+    }
+
+    /// The form of a packet in a frame of so many bytes.
+    ///
+    /// # Errors
+    /// [`TeamError::FrameTooSmall`] below 32.
+    pub fn layout(&self, frame_bytes: usize) -> Result<&'static Layout, TeamError> {
+        let has_depth = self.model.inputs == InputSpec::PositionsAndDepths;
+        let layout = Layout::for_frame(frame_bytes, has_depth, self.key.is_some());
+        layout.ok_or(TeamError::FrameTooSmall { found: frame_bytes })
+    }
+
+    /// What the numbers of a packet mean.
+    pub fn wire(&self) -> Wire<'_> {
+        Wire { model: &self.model, grid: &self.grid }
+    }
+
+    /// Digest of all that gives a packet its meaning: model, grid, members, window, epoch and key. Whoever differs in one of these reads
+    /// another team's packets as foreign.
+    pub fn digest(&self) -> [u8; 32] {
+        let model = ModelFile { model: self.model.clone(), learned: None }.to_toml();
+        let Grid { cell_m, depth_cell_m } = self.grid;
+        let members: String = self.members.iter().map(|(number, name)| format!("{number} {name:?}\n")).collect();
+        let (epoch, window) = (self.epoch, self.packets_per_sender_max);
+        let key = self.key.as_ref().map(Key::fingerprint);
+        let text = format!(
+            "{model}\ngrid {cell_m:?} {depth_cell_m:?}\n{members}epoch {epoch}\nwindow {window}\nkey {key:?}\n"
+        );
+        digest(text.as_bytes())
+    }
+}
+
+/// Bytes of a frame where nothing else is said: what every acoustic modem carries.
+pub(crate) const FRAME_BYTES: usize = 32;
+
+/// Slot length that is assumed where none is given.
+pub(crate) const SLOT_S: f64 = 10.0;
+
+/// The default of [`Team::worth_nats`].
+pub(crate) const WORTH_NATS: f64 = 3e-5;
+
+/// Packets of a sender that count, such that those of all have about [`LIVE_POINTS`].
+pub(crate) fn packets_per_sender_max(members: usize, frame_bytes: usize) -> u16 {
+    let points = Layout::for_frame(frame_bytes, false, false).map_or(1, |layout| layout.blocks * layout.points);
+    (LIVE_POINTS / points / members.saturating_sub(1).max(1)).clamp(2, 64) as u16
+}

@@ -1,0 +1,190 @@
+//! What a team agrees on as a TOML text. Unknown keys are refused: a slip of the pen must not pass for a default.
+
+use std::collections::BTreeMap;
+
+use pingmap_packet::Key;
+use serde::{Deserialize, Serialize};
+
+use crate::event::VehicleId;
+use crate::grid::Grid;
+use crate::limits::Limits;
+use crate::model::Model;
+use crate::team::{FRAME_BYTES, SLOT_S, Slots, TEAM_SCHEMA, Team, TeamError, WORTH_NATS, packets_per_sender_max};
+
+/// `team.toml`, with the names of the files that belong to it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TeamFile {
+    schema: u32,
+    /// File of the packet model.
+    pub model_file: String,
+    /// File with the team's key, 64 hexadecimal digits, if packets are sealed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub key_file: Option<String>,
+    #[serde(default)]
+    epoch: u32,
+    #[serde(default = "frame_bytes")]
+    frame_bytes: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    packets_per_sender_max: Option<u16>,
+    #[serde(default = "worth_nats")]
+    worth_nats: f64,
+    #[serde(default)]
+    repeats_max: u8,
+    members: BTreeMap<String, u8>,
+    grid: GridLayout,
+    #[serde(default)]
+    slots: SlotsLayout,
+    #[serde(default)]
+    limits: LimitsLayout,
+}
+
+fn frame_bytes() -> usize {
+    FRAME_BYTES
+}
+
+fn worth_nats() -> f64 {
+    WORTH_NATS
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GridLayout {
+    cell_m: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    depth_cell_m: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct SlotsLayout {
+    duration_s: f64,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    order: Vec<String>,
+}
+
+impl Default for SlotsLayout {
+    fn default() -> Self {
+        Self { duration_s: SLOT_S, order: Vec::new() }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct LimitsLayout {
+    events_max: usize,
+    dense_events_max: usize,
+    inducing_points_max: usize,
+    candidates_max: usize,
+}
+
+impl Default for LimitsLayout {
+    fn default() -> Self {
+        let Limits { events_max, dense_events_max, inducing_points_max, candidates_max } = Limits::default();
+        Self { events_max, dense_events_max, inducing_points_max, candidates_max }
+    }
+}
+
+/// What is read first, so that a newer file is called newer and not misspelt.
+#[derive(Deserialize)]
+struct Version {
+    schema: u32,
+}
+
+impl TeamFile {
+    /// Reads the text. What it says is checked by [`TeamFile::team`], once the files it names are at hand.
+    ///
+    /// # Errors
+    /// [`TeamError::Syntax`] or [`TeamError::Newer`].
+    pub fn parse(text: &str) -> Result<Self, TeamError> {
+        let syntax = |error: toml::de::Error| TeamError::Syntax(error.to_string().trim_end().to_owned());
+        let Version { schema } = toml::from_str(text).map_err(syntax)?;
+        if schema > TEAM_SCHEMA {
+            return Err(TeamError::Newer { found: schema });
+        }
+        toml::from_str(text).map_err(syntax)
+    }
+
+    /// The text of a team whose model, and key if it has one, lie in these files.
+    ///
+    /// # Errors
+    /// [`TeamError::Syntax`] where a number has no form in TOML.
+    pub fn write(team: &Team, model_file: &str, key_file: Option<&str>) -> Result<String, TeamError> {
+        let Limits { events_max, dense_events_max, inducing_points_max, candidates_max } = team.limits;
+        let file = Self {
+            schema: TEAM_SCHEMA,
+            model_file: model_file.to_owned(),
+            key_file: key_file.map(str::to_owned),
+            epoch: team.epoch,
+            frame_bytes: team.frame_bytes,
+            packets_per_sender_max: Some(team.packets_per_sender_max),
+            worth_nats: team.worth_nats,
+            repeats_max: team.repeats_max,
+            members: team.members.iter().map(|(&number, name)| (name.as_str().to_owned(), number)).collect(),
+            grid: GridLayout { cell_m: team.grid.cell_m, depth_cell_m: Some(team.grid.depth_cell_m) },
+            slots: SlotsLayout {
+                duration_s: team.slots.duration_s,
+                order: team.slots.order.iter().map(|name| name.as_str().to_owned()).collect(),
+            },
+            limits: LimitsLayout { events_max, dense_events_max, inducing_points_max, candidates_max },
+        };
+        toml::to_string(&file).map_err(|error| TeamError::Syntax(error.to_string()))
+    }
+
+    /// The team, given what its files hold.
+    ///
+    /// # Errors
+    /// [`TeamError`] with the key, what was expected and what it says.
+    pub fn team(&self, model: Model, key: Option<Key>) -> Result<Team, TeamError> {
+        let positive = |key, value: f64| {
+            let fits = value.is_finite() && value > 0.0;
+            if fits { Ok(value) } else { Err(TeamError::OutOfRange { key, expected: "finite and positive", value }) }
+        };
+        let at_least_one = |key, value: usize| {
+            let expected = "at least 1";
+            if value > 0 { Ok(value) } else { Err(TeamError::OutOfRange { key, expected, value: 0.0 }) }
+        };
+        let mut members = BTreeMap::new();
+        for (name, &number) in &self.members {
+            let second = VehicleId::new(name.as_str());
+            if let Some(first) = members.insert(number, second.clone()) {
+                return Err(TeamError::SameNumber { number, first, second });
+            }
+        }
+        let mut order: Vec<VehicleId> = self.slots.order.iter().map(|name| VehicleId::new(name.as_str())).collect();
+        if let Some(name) = order.iter().find(|name| members.values().all(|member| member != *name)) {
+            return Err(TeamError::UnknownMember { name: name.clone() });
+        }
+        if order.is_empty() {
+            order = members.values().cloned().collect();
+        }
+        if members.is_empty() {
+            return Err(TeamError::Members { found: 0 });
+        }
+        let window =
+            self.packets_per_sender_max.unwrap_or_else(|| packets_per_sender_max(members.len(), self.frame_bytes));
+        let team = Team {
+            grid: Grid {
+                cell_m: positive("grid.cell_m", self.grid.cell_m)?,
+                depth_cell_m: positive("grid.depth_cell_m", self.grid.depth_cell_m.unwrap_or(1.0))?,
+            },
+            frame_bytes: self.frame_bytes,
+            slots: Slots { duration_s: positive("slots.duration_s", self.slots.duration_s)?, order },
+            key,
+            epoch: self.epoch,
+            packets_per_sender_max: at_least_one("packets_per_sender_max", window.into())? as u16,
+            worth_nats: positive("worth_nats", self.worth_nats)?,
+            repeats_max: self.repeats_max,
+            limits: Limits {
+                events_max: at_least_one("limits.events_max", self.limits.events_max)?,
+                dense_events_max: at_least_one("limits.dense_events_max", self.limits.dense_events_max)?,
+                inducing_points_max: at_least_one("limits.inducing_points_max", self.limits.inducing_points_max)?,
+                candidates_max: at_least_one("limits.candidates_max", self.limits.candidates_max)?,
+            },
+            members,
+            model,
+        };
+        team.layout(team.frame_bytes)?;
+        Ok(team)
+    }
+}

@@ -1,0 +1,161 @@
+//! Sealed packets: what does not come from the team changes nothing, and no counter is used twice under one key.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::sync::Arc;
+
+use common::*;
+use pingmap_agent::*;
+
+fn sealed() -> Team {
+    Team { key: Some(Key::new([7; 32])), ..team(3, model()) }
+}
+
+fn first_packet(team: Team) -> Vec<u8> {
+    vehicle(&Arc::new(team), 1, walk(1, 30, 1.0)).next_packet(0.0, 32).unwrap().unwrap()
+}
+
+/// A vehicle of the sealed team that has seen something and heard one packet.
+fn listener() -> Agent {
+    let mut agent = vehicle(&Arc::new(sealed()), 0, walk(0, 10, 0.0));
+    assert_eq!(agent.receive(&first_packet(sealed()), 0.0), Receipt::Accepted);
+    agent
+}
+
+#[test]
+fn a_seal_costs_one_point_of_a_small_frame() {
+    let deep = |has_depth: bool, key: Option<Key>| {
+        let inputs = if has_depth { InputSpec::PositionsAndDepths } else { InputSpec::Positions };
+        let model = Model::isotropic(Chart::about([]), inputs, dgpc::Shape::Matern52, true, 200.0, 4.0).unwrap();
+        let mut team = Team { key, ..team(2, model) };
+        team.grid.depth_cell_m = 2.0;
+        let events = walk(0, 60, 0.0).into_iter().enumerate().map(|(n, mut event)| {
+            event.link.transmitter.depth_m = Some(n as f64);
+            event.link.receiver.depth_m = Some(60.0 - n as f64);
+            event
+        });
+        let mut agent = vehicle(&Arc::new(team), 0, events);
+        let bytes = agent.next_packet(0.0, 32).unwrap().unwrap();
+        assert!(bytes.len() <= 32, "{}", bytes.len());
+        told_by(&agent, 0).concat().len()
+    };
+    let key = || Some(Key::new([1; 32]));
+    assert_eq!([deep(false, None), deep(false, key()), deep(true, None), deep(true, key())], [5, 4, 4, 3]);
+}
+
+#[test]
+fn a_frame_with_any_bit_changed_is_refused_and_changes_nothing() {
+    let mut agent = listener();
+    let before = (agent.snapshot(), agent.probabilities(&somewhere()).unwrap());
+    let mut sender = vehicle(&Arc::new(sealed()), 2, walk(2, 30, 1.0));
+    let bytes = sender.next_packet(0.0, 32).unwrap().unwrap();
+    for bit in 0..8 * bytes.len() {
+        let mut altered = bytes.clone();
+        altered[bit / 8] ^= 1 << (bit % 8);
+        let receipt = agent.receive(&altered, 0.0);
+        assert!(matches!(receipt, Receipt::Refused(Refusal::Forged(_) | Refusal::Malformed(_))), "{bit}: {receipt:?}");
+    }
+    let counts = *agent.counts();
+    assert_eq!((counts.accepted, counts.forged + counts.malformed), (1, 8 * bytes.len() as u64));
+    assert!(counts.forged > counts.malformed, "{counts:?}");
+    assert_eq!((agent.snapshot(), agent.probabilities(&somewhere()).unwrap()), before);
+    assert_eq!(agent.receive(&bytes, 0.0), Receipt::Accepted);
+}
+
+#[test]
+fn who_agreed_on_something_else_is_not_of_the_team() {
+    let other_grid = Grid { cell_m: 21.0, ..sealed().grid };
+    let foreign = [
+        Team { key: Some(Key::new([8; 32])), ..sealed() },
+        Team { epoch: 1, ..sealed() },
+        Team { packets_per_sender_max: 9, ..sealed() },
+        Team { grid: other_grid, ..sealed() },
+        Team { key: sealed().key, ..team(3, isotropic(dgpc::Shape::Matern52, true, 301.0, 4.0)) },
+        Team { key: sealed().key, ..team(4, model()) },
+        Team { key: None, ..sealed() },
+    ];
+    let mut agent = listener();
+    let before = agent.snapshot();
+    for (counter, foreign) in (1..).zip(foreign) {
+        let receipt = agent.receive(&first_packet(foreign), 0.0);
+        assert!(matches!(receipt, Receipt::Refused(Refusal::Forged(_))), "{counter}: {receipt:?}");
+        assert_eq!(agent.counts().forged, counter);
+    }
+    assert_eq!(agent.snapshot(), before);
+    // Nor does an open team take sealed packets, or those of another agreement.
+    let mut open = vehicle(&Arc::new(Team { key: None, ..sealed() }), 0, []);
+    assert!(matches!(open.receive(&first_packet(sealed()), 0.0), Receipt::Refused(Refusal::Forged(_))));
+    let receipt = open.receive(&first_packet(Team { key: None, epoch: 1, ..sealed() }), 0.0);
+    assert!(matches!(receipt, Receipt::Refused(Refusal::OtherModel { .. })), "{receipt:?}");
+    assert_eq!((open.counts().forged, open.counts().other_model, open.live_packets()), (1, 1, 0));
+}
+
+#[test]
+fn a_replayed_frame_changes_nothing() {
+    let mut agent = listener();
+    let before = agent.snapshot();
+    for _ in 0..3 {
+        assert_eq!(agent.receive(&first_packet(sealed()), 9.0), Receipt::Refused(Refusal::Duplicate));
+    }
+    assert_eq!((agent.counts().duplicate, agent.snapshot()), (3, before));
+    assert_eq!(agent.heard_s(&names(2)[1]), Some(0.0));
+}
+
+/// The counter of a packet that somebody else of the team reads.
+fn counter(bytes: &[u8], team: &Arc<Team>) -> u16 {
+    vehicle(team, 2, []).read(bytes).unwrap().1.counter
+}
+
+#[test]
+fn counters_go_on_from_a_snapshot() {
+    let team = Arc::new(sealed());
+    let mut agent = vehicle(&team, 0, walk(0, 20, 0.0));
+    let mut counters = Vec::new();
+    for n in 0..4 {
+        let bytes = agent.next_packet(0.0, 32).unwrap().unwrap();
+        counters.push(counter(&bytes, &team));
+        agent = Agent::restore(names(1).remove(0), team.clone(), &agent.snapshot()).unwrap();
+        agent.observe_all(walk(0, 20 + 5 * n, 0.9)).unwrap();
+    }
+    assert_eq!(counters, [0, 1, 2, 3]);
+}
+
+#[test]
+fn a_vehicle_that_hears_what_it_said_before_it_lost_its_memory_goes_on_behind_it() {
+    let team = Arc::new(sealed());
+    let packets = sent(&mut vehicle(&team, 0, walk(0, 40, 0.0)), 3);
+    assert_eq!(packets.len(), 3);
+    let mut reborn = vehicle(&team, 0, walk(0, 40, 0.5));
+    for n in [2, 0] {
+        assert_eq!(reborn.receive(&packets[n], 0.0), Receipt::Accepted);
+    }
+    let bytes = reborn.next_packet(0.0, 32).unwrap().unwrap();
+    assert_eq!(counter(&bytes, &team), 3);
+    // What it said counts as said: it knows its own events, and is not told of them.
+    let mut alone = vehicle(&team, 0, walk(0, 40, 0.5));
+    alone.rebuild().unwrap();
+    assert_eq!(reborn.probabilities(&somewhere()).unwrap(), alone.probabilities(&somewhere()).unwrap());
+}
+
+#[test]
+fn used_up_counters_stop_a_vehicle_until_the_next_epoch() {
+    let (team, id) = (Arc::new(sealed()), names(1).remove(0));
+    let mut agent = vehicle(&team, 0, walk(0, 40, 0.0));
+    let before = agent.snapshot();
+    sent(&mut agent, 2);
+    let mut last = Agent::restore(id.clone(), team.clone(), &with_counter(&before, 65_535)).unwrap();
+    assert_eq!(counter(&last.next_packet(0.0, 32).unwrap().unwrap(), &team), 65_535);
+    let used_up = AgentError::CountersUsedUp { id: id.clone(), epoch: 0 };
+    assert_eq!(last.next_packet(1.0, 32), Err(used_up.clone()));
+    let mut restored = Agent::restore(id.clone(), team, &with_counter(&before, 65_536)).unwrap();
+    assert_eq!(restored.next_packet(0.0, 32), Err(used_up));
+
+    let next = Arc::new(Team { epoch: 1, ..sealed() });
+    for snapshot in [last.snapshot(), restored.snapshot(), agent.snapshot()] {
+        let mut again = Agent::restore(id.clone(), next.clone(), &snapshot).unwrap();
+        assert_eq!((again.events(), again.live_packets()), (agent.events(), 0));
+        assert_eq!(counter(&again.next_packet(0.0, 32).unwrap().unwrap(), &next), 0);
+    }
+}

@@ -1,0 +1,184 @@
+//! What a team agrees on as a file, and what a vehicle keeps as a snapshot.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::sync::Arc;
+
+use common::*;
+use pingmap_agent::*;
+use proptest::prelude::*;
+
+const SMALL: &str = "schema = 1\nmodel_file = \"model.toml\"\n[members]\nada = 4\nbob = 1\n[grid]\ncell_m = 25.0\n";
+
+fn read(text: &str) -> Result<Team, TeamError> {
+    TeamFile::parse(text)?.team(model(), None)
+}
+
+/// The text with one line for another.
+fn with(line: &str, other: &str) -> String {
+    assert!(SMALL.contains(line), "{line}");
+    SMALL.replace(line, other)
+}
+
+#[test]
+fn what_a_team_file_leaves_out_has_a_default() {
+    let team = read(SMALL).unwrap();
+    let [ada, bob] = ["ada", "bob"].map(VehicleId::new);
+    assert_eq!(
+        team.members.iter().map(|(&n, id)| (n, id.clone())).collect::<Vec<_>>(),
+        [(1, bob.clone()), (4, ada.clone())]
+    );
+    assert_eq!((team.number(&ada), team.number(&VehicleId::new("eve"))), (Some(4), None));
+    assert_eq!((team.frame_bytes, team.epoch, team.repeats_max, team.packets_per_sender_max), (32, 0, 0, 64));
+    assert_eq!((team.grid, team.limits), (Grid { cell_m: 25.0, depth_cell_m: 1.0 }, Limits::default()));
+    assert_eq!((team.slots.duration_s, &team.slots.order), (10.0, &vec![bob, ada]));
+    let same = Team::new(names(2), model(), []).unwrap();
+    assert_eq!((team.worth_nats, team.packets_per_sender_max), (same.worth_nats, same.packets_per_sender_max));
+}
+
+#[test]
+fn what_was_written_reads_back_to_the_same_agreement() {
+    let mut written = team(3, model());
+    written.members =
+        [(7, "a b"), (0, "\"quoted\""), (255, "wal.do")].map(|(n, name)| (n, VehicleId::new(name))).into();
+    written.grid = Grid { cell_m: 17.3, depth_cell_m: 2.1 };
+    written.slots = Slots { duration_s: 7.5, order: ["wal.do", "a b", "wal.do"].map(VehicleId::new).into() };
+    (written.frame_bytes, written.epoch, written.repeats_max, written.packets_per_sender_max) = (64, 9, 2, 5);
+    written.worth_nats = 1.25e-5;
+    written.limits = Limits { events_max: 1, dense_events_max: 2, inducing_points_max: 3, candidates_max: 4 };
+    let text = TeamFile::write(&written, "m.toml", Some("key.hex")).unwrap();
+    let file = TeamFile::parse(&text).unwrap();
+    assert_eq!((file.model_file.as_str(), file.key_file.as_deref()), ("m.toml", Some("key.hex")));
+    let found = file.team(model(), None).unwrap();
+    assert_eq!((&found.members, found.grid, &found.slots), (&written.members, written.grid, &written.slots));
+    assert_eq!((found.frame_bytes, found.epoch, found.repeats_max), (64, 9, 2));
+    assert_eq!((found.worth_nats, found.limits, found.digest()), (1.25e-5, written.limits, written.digest()));
+    assert_eq!(TeamFile::write(&found, "m.toml", Some("key.hex")).unwrap(), text);
+}
+
+#[test]
+fn what_makes_no_team_is_refused_by_name() {
+    let cases = [
+        ("schema = 1", "schema = 2", "newer version"),
+        ("schema = 1", "schema = 1\ncolour = \"red\"", "colour"),
+        ("cell_m = 25.0", "cell_m = 25.0\nwidth = 3", "width"),
+        ("schema = 1\n", "", "schema"),
+        ("model_file = \"model.toml\"\n", "", "model_file"),
+        ("bob = 1", "bob = 4", "ada and bob both have number 4"),
+        ("bob = 1", "bob = 256", "256"),
+        ("bob = 1", "ada = 1", "duplicate"),
+        ("ada = 4\nbob = 1\n", "", "1 to 256 members, found 0"),
+        ("schema = 1", "schema = 1\nframe_bytes = 16", "frame_bytes must be at least 32, found 16"),
+        ("schema = 1", "schema = 1\npackets_per_sender_max = 0", "packets_per_sender_max must be at least 1"),
+        ("schema = 1", "schema = 1\nworth_nats = -1.0", "worth_nats must be finite and positive, found -1"),
+        ("cell_m = 25.0", "cell_m = 0.0", "grid.cell_m must be finite and positive, found 0"),
+        ("cell_m = 25.0", "cell_m = nan", "grid.cell_m"),
+        ("cell_m = 25.0", "cell_m = 1.0\ndepth_cell_m = -2.0", "grid.depth_cell_m"),
+        ("[grid]", "[slots]\norder = [\"ada\", \"eve\"]\n[grid]", "slots: eve is not a member"),
+        ("[grid]", "[slots]\nduration_s = 0.0\n[grid]", "slots.duration_s"),
+        ("[grid]", "[limits]\nevents_max = 0\n[grid]", "limits.events_max must be at least 1"),
+    ];
+    for (line, other, expected) in cases {
+        let error = read(&with(line, other)).unwrap_err().to_string();
+        assert!(error.contains(expected), "{other}: {error}");
+    }
+    assert_eq!(read(&with("schema = 1", "schema = 2\nfuture = true")).unwrap_err(), TeamError::Newer { found: 2 });
+    assert_eq!(Team::new([], model(), []).unwrap_err(), TeamError::Members { found: 0 });
+    assert_eq!(Team::new(names(257), model(), []).unwrap_err(), TeamError::Members { found: 257 });
+    assert_eq!(Team::new(names(256), model(), []).unwrap().members.len(), 256);
+}
+
+#[test]
+fn all_that_gives_packets_their_meaning_is_in_the_digest_and_nothing_else_is() {
+    let team = team(3, model());
+    let cell_m = team.grid.cell_m;
+    let mut renamed = team.clone();
+    renamed.members.insert(1, VehicleId::new("somebody else"));
+    let other = [
+        Team { model: isotropic(dgpc::Shape::Matern52, true, 300.0001, 4.0), ..team.clone() },
+        Team { grid: Grid { cell_m: cell_m * 1.01, ..team.grid }, ..team.clone() },
+        Team { grid: Grid { depth_cell_m: 3.0, ..team.grid }, ..team.clone() },
+        Team { epoch: 1, ..team.clone() },
+        Team { packets_per_sender_max: 3, ..team.clone() },
+        renamed,
+    ];
+    let mut digests: Vec<_> = other.iter().chain([&team]).map(Team::digest).collect();
+    digests.sort_unstable();
+    digests.dedup();
+    assert_eq!(digests.len(), 7);
+    let limits = Limits { events_max: 5, ..team.limits };
+    let same = Team { frame_bytes: 256, worth_nats: 1.0, repeats_max: 3, limits, ..team.clone() };
+    assert_eq!(same.digest(), team.digest());
+}
+
+#[test]
+fn slots_come_round_before_and_after_time_zero() {
+    let slots = Slots { duration_s: 2.5, order: names(3) };
+    for (time_s, owner) in
+        [(0.0, 0), (2.4, 0), (2.5, 1), (7.4, 2), (7.5, 0), (7.5e6, 0), (-0.1, 2), (-7.5, 0), (-2.6, 1)]
+    {
+        assert_eq!(slots.owner(time_s), Some(&names(3)[owner]), "{time_s}");
+    }
+    assert_eq!(Slots { duration_s: 1.0, order: Vec::new() }.owner(3.0), None);
+}
+
+proptest! {
+    #![proptest_config(cases(16))]
+
+    #[test]
+    fn a_snapshot_is_all_that_a_vehicle_knows(fleet in fleets()) {
+        let mut agent = fleet.vehicle(0);
+        sent(&mut agent, 2);
+        for bytes in fleet.packets(2) {
+            agent.receive(&bytes, 0.0);
+        }
+        let mut again = Agent::restore(agent.id().clone(), fleet.team.clone(), &agent.snapshot()).unwrap();
+        prop_assert_eq!(again.snapshot(), agent.snapshot());
+        prop_assert_eq!((again.events(), again.live_packets()), (agent.events(), agent.live_packets()));
+        for agent in [&mut agent, &mut again] {
+            agent.rebuild().unwrap();
+        }
+        let p = [&mut agent, &mut again].map(|agent| bits(&agent.probabilities(&somewhere()).unwrap()));
+        prop_assert_eq!(&p[0], &p[1]);
+        prop_assert_eq!(agent.next_packet(0.0, 32).unwrap(), again.next_packet(0.0, 32).unwrap());
+    }
+}
+
+#[test]
+fn a_snapshot_keeps_depths_and_every_digit() {
+    let mut event = walk(0, 1, 0.123_456_789).remove(0);
+    event.time_s = 1.6e9 + 0.1;
+    event.link.receiver.depth_m = Some(0.1 + 0.2);
+    event.link.transmitter.east_m = -1e-300;
+    let team = Arc::new(team(2, model()));
+    let agent = vehicle(&team, 0, [event.clone()]);
+    let again = Agent::restore(agent.id().clone(), team, &agent.snapshot()).unwrap();
+    assert_eq!(again.events(), [event]);
+}
+
+#[test]
+fn what_is_no_snapshot_of_this_vehicle_is_refused() {
+    let team = Arc::new(team(2, model()));
+    let mut agent = vehicle(&team, 0, walk(0, 10, 0.0));
+    sent(&mut agent, 1);
+    let good = String::from_utf8(agent.snapshot()).unwrap();
+    let id = agent.id().clone();
+    let cases = [
+        (String::new(), "EOF"),
+        ("garbage".into(), "expected"),
+        (good[..good.len() / 2].into(), "EOF"),
+        (good.replace("\"schema\":1", "\"schema\":2"), "reads schema 1"),
+        (good.replace("\"counter_next\"", "\"counter_last\""), "counter_last"),
+        (good.replace("\"packets\":[\"", "\"packets\":[\"x"), "not hexadecimal"),
+        (good.replace("\"packets\":[\"", "\"packets\":[\"00"), "not a map message"),
+        (good.replace("\"vehicle 0\",\"team\"", "\"vehicle 1\",\"team\""), "it is of vehicle 1"),
+    ];
+    for (text, expected) in cases {
+        assert_ne!(text, good, "{expected}");
+        let error = Agent::restore(id.clone(), team.clone(), text.as_bytes()).unwrap_err();
+        assert!(matches!(error, AgentError::Snapshot { .. }) && error.to_string().contains(expected), "{error}");
+    }
+    assert!(Agent::restore(id, team, good.as_bytes()).is_ok());
+}

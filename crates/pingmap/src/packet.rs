@@ -1,0 +1,239 @@
+//! `pingmap packet`: the bytes on the water, for people.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use pingmap_agent::{Agent, Link, VehicleId};
+use pingmap_packet::{Block, Cell, Layout, MapMessage, PROTO, Point, from_hex, to_hex};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use crate::cli;
+use crate::output::{BadInput, count, print, print_json, read_text, table};
+use crate::team::read_team;
+
+pub fn run(command: &cli::Packet) -> anyhow::Result<()> {
+    match command {
+        cli::Packet::Decode(options) => decode(options),
+        cli::Packet::Encode(options) => encode(options),
+        cli::Packet::Schema(options) => schema(options),
+    }
+}
+
+/// A packet as JSON: whole numbers only.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PacketJson {
+    schema: u32,
+    /// Name of the message in the `.proto`.
+    message: String,
+    sender: u8,
+    counter: u16,
+    #[serde(default)]
+    model: u16,
+    blocks: Vec<BlockJson>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BlockJson {
+    points: Vec<PointJson>,
+    correlations: Vec<i8>,
+}
+
+/// East, north and, in messages with depths, depth of both ends in cells; levels of information and mean. With a team, also what the
+/// cells are in metres, which is not read.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PointJson {
+    tx: Vec<u8>,
+    rx: Vec<u8>,
+    information: u8,
+    mean: i8,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    tx_m: Option<Vec<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    rx_m: Option<Vec<f64>>,
+}
+
+fn decode(options: &cli::PacketDecode) -> anyhow::Result<()> {
+    let bytes = bytes_of(&options.hex)?;
+    let listener = options.team.as_deref().map(listener).transpose()?;
+    let (layout, message) = match &listener {
+        Some(listener) => listener.read(&bytes).map_err(|refusal| BadInput(refusal.to_string()))?,
+        None => read_alone(&bytes)?,
+    };
+    let json = PacketJson {
+        schema: 1,
+        message: layout.name.to_owned(),
+        sender: message.sender,
+        counter: message.counter,
+        model: message.model,
+        blocks: message.blocks.iter().map(|block| block_json(block, layout, listener.as_ref())).collect(),
+    };
+    if options.json {
+        return print_json(&serde_json::to_value(&json)?);
+    }
+    let sender = listener.as_ref().and_then(|listener| listener.team().members.get(&message.sender));
+    let sender = sender.map_or_else(|| format!("vehicle {}", message.sender), ToString::to_string);
+    let said = json.blocks.iter().flat_map(|block| &block.points).filter(|point| point.information > 0);
+    let rows: Vec<Vec<String>> = said.enumerate().map(|(place, point)| point_row(place + 1, point)).collect();
+    let header = match listener {
+        Some(_) => ["point", "transmitter, m", "receiver, m", "information", "mean"],
+        None => ["point", "transmitter, cell", "receiver, cell", "information", "mean"],
+    };
+    print(&format!(
+        "{} of {sender}, number {}, {}\n\n{}",
+        layout.name,
+        message.counter,
+        count(bytes.len(), "byte"),
+        table(&header, &rows)
+    ))
+}
+
+/// A packet of nobody's team in particular. A sealed one takes the team.
+fn read_alone(bytes: &[u8]) -> anyhow::Result<(&'static Layout, MapMessage)> {
+    MapMessage::decode(bytes, None).map_err(|error| {
+        let hint = match error {
+            pingmap_packet::Error::Seal(_) => "; expected --team with the team that sealed it",
+            _ => "",
+        };
+        BadInput(format!("{error}{hint}")).into()
+    })
+}
+
+fn encode(options: &cli::PacketEncode) -> anyhow::Result<()> {
+    let bad = |problem: &dyn std::fmt::Display| BadInput(format!("{}: {problem}", options.file.display()));
+    let json: PacketJson = serde_json::from_str(&read_text(&options.file)?).map_err(|error| bad(&error))?;
+    if json.schema > 1 {
+        return Err(bad(&format_args!("schema {}, but this version reads schema 1", json.schema)).into());
+    }
+    let layout = pingmap_packet::LAYOUTS.iter().find(|layout| layout.name == json.message);
+    let layout = layout.ok_or_else(|| {
+        let names: Vec<&str> = pingmap_packet::LAYOUTS.iter().map(|layout| layout.name).collect();
+        bad(&format_args!("unknown message {:?}; expected one of {}", json.message, names.join(", ")))
+    })?;
+    let blocks = json.blocks.iter().map(|block| block_of(block, layout)).collect::<Result<_, _>>();
+    let message = MapMessage {
+        sender: json.sender,
+        counter: json.counter,
+        model: json.model,
+        blocks: blocks.map_err(|problem: String| bad(&problem))?,
+    };
+    let bytes = match options.team.as_deref().map(listener).transpose()? {
+        Some(listener) => {
+            let bytes = listener.write(layout, &message).map_err(|error| bad(&error))?;
+            // What no member of the team would take is an error here already.
+            listener.read(&bytes).map_err(|refusal| bad(&refusal))?;
+            bytes
+        }
+        None => message.encode(layout, None).map_err(|error| bad(&error))?,
+    };
+    let hex = to_hex(&bytes);
+    if options.json {
+        return print_json(&json!({ "schema": 1, "message": layout.name, "bytes": bytes.len(), "hex": hex }));
+    }
+    print(&hex)
+}
+
+fn schema(options: &cli::PacketSchema) -> anyhow::Result<()> {
+    if options.proto {
+        return print(PROTO);
+    }
+    let layout = Layout::for_frame(options.frame_bytes, options.depth, options.sealed);
+    let layout = layout.ok_or_else(|| BadInput(format!("no packet fits into {} bytes", options.frame_bytes)))?;
+    let schema = layout.schema();
+    let points = layout.blocks * layout.points;
+    let bits = schema.bits();
+    let in_head = |name: &str| schema.fields.iter().any(|field| field.name == name && field.in_head);
+    let id_bits = if layout.id < 128 { 8 } else { 16 };
+    let used = id_bits + bits.iter().map(|(_, bits)| bits).sum::<u64>();
+    if options.json {
+        let fields = bits.iter().map(|(name, bits)| json!({ "name": name, "bits": bits, "in_head": in_head(name) }));
+        return print_json(&json!({
+            "schema": 1, "message": layout.name, "id": layout.id, "frame_bytes": layout.frame_bytes,
+            "bytes": schema.length(), "blocks": layout.blocks, "points_per_block": layout.points, "points": points,
+            "sealed": layout.is_sealed, "depth": layout.has_depth, "id_bits": id_bits, "bits_used": used,
+            "fields": fields.collect::<Vec<_>>(),
+        }));
+    }
+    let mut rows = vec![vec!["(message id)".to_owned(), "head".to_owned(), id_bits.to_string()]];
+    rows.extend(bits.iter().map(|(name, bits)| {
+        let part = if in_head(name) { "head" } else { "body" };
+        vec![(*name).to_owned(), part.to_owned(), bits.to_string()]
+    }));
+    print(&format!(
+        "{}, DCCL id {}: {} of {} bytes, {used} bits used; {} in {}\n\n{}",
+        layout.name,
+        layout.id,
+        schema.length(),
+        layout.frame_bytes,
+        count(points, "inducing point"),
+        count(layout.blocks, "block"),
+        table(&["field", "part", "bits"], &rows)
+    ))
+}
+
+/// Somebody who can read the packets of a team.
+fn listener(path: &Path) -> anyhow::Result<Agent> {
+    Ok(Agent::new(VehicleId::new("listener"), Arc::new(read_team(path)?)))
+}
+
+fn block_json(block: &Block, layout: &Layout, listener: Option<&Agent>) -> BlockJson {
+    let cells = |cell: Cell| {
+        if layout.has_depth { vec![cell.east, cell.north, cell.depth] } else { vec![cell.east, cell.north] }
+    };
+    let links: Vec<Option<Link>> = match listener {
+        Some(listener) => listener.team().wire().links(&block.points).into_iter().map(Some).collect(),
+        None => vec![None; block.points.len()],
+    };
+    let metres = |end: pingmap_agent::Position| {
+        [Some(end.east_m), Some(end.north_m), end.depth_m].into_iter().flatten().collect()
+    };
+    let point = |(point, link): (&Point, Option<Link>)| PointJson {
+        tx: cells(point.transmitter),
+        rx: cells(point.receiver),
+        information: point.information,
+        mean: point.mean,
+        tx_m: link.map(|link| metres(link.transmitter)),
+        rx_m: link.map(|link| metres(link.receiver)),
+    };
+    BlockJson { points: block.points.iter().zip(links).map(point).collect(), correlations: block.correlations.clone() }
+}
+
+fn block_of(json: &BlockJson, layout: &Layout) -> Result<Block, String> {
+    let cell = |name: &str, cells: &[u8]| match (cells, layout.has_depth) {
+        (&[east, north], false) => Ok(Cell { east, north, depth: 0 }),
+        (&[east, north, depth], true) => Ok(Cell { east, north, depth }),
+        (other, has_depth) => {
+            let expected = if has_depth { 3 } else { 2 };
+            Err(format!("{name}: expected {expected} cells in {}, found {}", layout.name, other.len()))
+        }
+    };
+    let point = |point: &PointJson| {
+        let PointJson { information, mean, .. } = *point;
+        Ok(Point { transmitter: cell("tx", &point.tx)?, receiver: cell("rx", &point.rx)?, information, mean })
+    };
+    let points = json.points.iter().map(point).collect::<Result<_, String>>()?;
+    Ok(Block { points, correlations: json.correlations.clone() })
+}
+
+fn point_row(number: usize, point: &PointJson) -> Vec<String> {
+    let place = |cells: &[u8], metres: &Option<Vec<f64>>| match metres {
+        Some(metres) => metres.iter().map(|metres| format!("{metres:.0}")).collect::<Vec<_>>().join(", "),
+        None => cells.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
+    };
+    vec![
+        number.to_string(),
+        place(&point.tx, &point.tx_m),
+        place(&point.rx, &point.rx_m),
+        point.information.to_string(),
+        point.mean.to_string(),
+    ]
+}
+
+/// The bytes of hexadecimal digits.
+fn bytes_of(hex: &str) -> anyhow::Result<Vec<u8>> {
+    let hex: String = hex.split_whitespace().collect();
+    Ok(from_hex(&hex).ok_or_else(|| BadInput(format!("{hex:?}: expected pairs of hexadecimal digits")))?)
+}

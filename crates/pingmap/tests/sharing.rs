@@ -1,0 +1,231 @@
+//! Packets on the command line: what they hold, what water does to them, who can read them, and the mission in the order of time.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{file, json, log, pingmap, stderr, stdout, two_splits};
+use serde_json::Value;
+use std::path::Path;
+
+const KEY: &str = "00112233445566778899aabbccddeeff00112233445566778899aabbccddeeff\n";
+
+/// A folder with a log, a model and a team with a key.
+fn team_folder(options: &[&str]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["anna", "bert"], 120));
+    file(folder.path(), "team.key", KEY);
+    let fast =
+        ["--terms", "path", "--kernel", "matern32", "--inputs", "link", "--reciprocal", "yes", "--prior-mean", "zero"];
+    let learn = pingmap(folder.path(), &[&["learn", "events.csv"], &fast[..]].concat());
+    assert!(learn.status.success(), "{}", stderr(&learn));
+    let team = pingmap(folder.path(), &[&["team", "events.csv"], options].concat());
+    assert!(team.status.success(), "{}", stderr(&team));
+    folder
+}
+
+fn refused(folder: &Path, arguments: &[&str], expected: &str) {
+    let output = pingmap(folder, arguments);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
+    assert!(stderr(&output).contains(expected), "{expected:?} is missing: {}", stderr(&output));
+    assert!(output.stdout.is_empty());
+}
+
+fn nll(score: &Value) -> f64 {
+    score["nll"].as_f64().unwrap()
+}
+
+#[test]
+fn a_team_file_says_the_same_as_the_options() {
+    let folder = team_folder(&[]);
+    let replay = |options: &[&str]| {
+        json(folder.path(), &[&["replay", "events.csv", "--frames", "2", "--json"], options].concat())
+    };
+    let (by_model, by_team) = (replay(&["--model", "model.toml"]), replay(&["--team", "team.toml"]));
+    assert_eq!(by_model["sharing"], by_team["sharing"]);
+    assert_eq!(by_model["packets"], by_team["packets"]);
+}
+
+#[test]
+fn a_key_costs_a_point_of_each_packet() {
+    let folder = team_folder(&["--key-file", "team.key"]);
+    let result = json(folder.path(), &["replay", "events.csv", "--frames", "1", "--team", "team.toml", "--json"]);
+    assert_eq!((&result["packets"]["sealed"], &result["packets"]["message"]), (&true.into(), &"MapSealed32".into()));
+    assert_eq!(result["sharing"][0]["points_per_frame"], 4);
+    assert!(nll(&result["sharing"][0]["team"]) < nll(&result["scores"]["own"]) + 0.01);
+    file(folder.path(), "team.key", "not a key");
+    refused(
+        folder.path(),
+        &["replay", "events.csv", "--team", "team.toml"],
+        "team.key: key must be 64 hexadecimal digits",
+    );
+}
+
+#[test]
+fn larger_frames_tell_more() {
+    let folder = team_folder(&[]);
+    let team = |bytes| {
+        let command =
+            ["replay", "events.csv", "--model", "model.toml", "--frames", "1", "--frame-bytes", bytes, "--json"];
+        let row = json(folder.path(), &command)["sharing"][0].clone();
+        (row["bytes_per_vehicle"].as_f64().unwrap(), nll(&row["team"]))
+    };
+    let [small, middle, large] = ["32", "64", "256"].map(team);
+    assert!(small.0 == 32.0 && middle.0 > 32.0 && middle.0 <= 64.0 && large.0 > 64.0 && large.0 <= 256.0);
+    assert!(large.1 < small.1, "{small:?} {middle:?} {large:?}");
+}
+
+#[test]
+fn duplicates_and_order_change_nothing_and_loss_does() {
+    let folder = team_folder(&[]);
+    let team = |options: &[&str]| {
+        let command = ["replay", "events.csv", "--model", "model.toml", "--frames", "4", "--json"];
+        nll(&json(folder.path(), &[&command[..], options].concat())["sharing"][0]["team"])
+    };
+    let (calm, rough, lost) = (team(&[]), team(&["--duplicate", "0.5", "--reorder", "0.5"]), team(&["--loss", "1"]));
+    assert!((calm - rough).abs() < 1e-9, "{calm} {rough}");
+    let own = json(folder.path(), &["replay", "events.csv", "--model", "model.toml", "--frames", "1", "--json"]);
+    assert_eq!(lost, nll(&own["scores"]["own"]));
+    assert!((calm - lost).abs() > 1e-4);
+}
+
+#[test]
+fn every_way_to_use_the_bytes_is_compared() {
+    let folder = team_folder(&[]);
+    let command = ["replay", "events.csv", "--model", "model.toml", "--frames", "1,3", "--compare"];
+    let text = stdout(&pingmap(folder.path(), &command));
+    for name in ["(unrounded)", "raw events", "random points", "bad points", "variational", "concatenation"] {
+        assert!(text.contains(name), "{name} is missing: {text}");
+    }
+    let result = json(folder.path(), &[&command[..], &["--json"]].concat());
+    for row in result["sharing"].as_array().unwrap() {
+        let ways = row["alternatives"].as_array().unwrap();
+        assert_eq!(ways.len(), 6);
+        assert!(ways.iter().all(|way| way["nll"].as_f64().is_some_and(f64::is_finite)));
+    }
+}
+
+#[test]
+fn a_mission_in_the_order_of_time() {
+    let folder = team_folder(&[]);
+    let command = ["replay", "events.csv", "--online", "--slot-every", "5", "--report", "report"];
+    let output = pingmap(folder.path(), &command);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stdout(&output).contains("120 events in the order of time"), "{}", stdout(&output));
+    let page = std::fs::read_to_string(folder.path().join("report/index.html")).unwrap();
+    assert!(page.contains("<svg") && page.contains("NLL"));
+    assert!(std::fs::read(folder.path().join("report/online.png")).unwrap().starts_with(b"\x89PNG"));
+    let result = json(folder.path(), &["replay", "events.csv", "--online", "--slot-every", "5", "--json"]);
+    let number = |key: &str| result[key].as_u64().unwrap();
+    assert!(number("bytes") > 0 && number("bytes") % 32 == 0 && number("received") > 0);
+    let running = result["running_nll"].as_array().unwrap();
+    assert_eq!(running.last().unwrap(), &result["nll"]);
+    // Before anybody heard a packet the team is everybody alone.
+    assert_eq!(running[0]["own"], running[0]["team"]);
+    let alone =
+        json(folder.path(), &["replay", "events.csv", "--online", "--slot-every", "5", "--loss", "1", "--json"]);
+    let close = |a: &Value, b: &Value| (a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-9;
+    assert!(alone["received"] == 0 && close(&alone["nll"]["team"], &alone["nll"]["own"]), "{alone}");
+    assert_eq!(alone["nll"]["own"], result["nll"]["own"]);
+}
+
+#[test]
+fn packets_can_be_read_and_written_by_hand() {
+    let folder = team_folder(&["--key-file", "team.key"]);
+    let point = r#"{"tx":[1,2],"rx":[63,0],"information":9,"mean":-4}"#;
+    let none = r#"{"tx":[0,0],"rx":[0,0],"information":0,"mean":0}"#;
+    let blocks = |points: &[&str], pairs: usize| {
+        format!(r#"[{{"points":[{}],"correlations":{:?}}}]"#, points.join(","), vec![0; pairs])
+    };
+    let packet = |message: &str, blocks: String| {
+        format!(r#"{{"schema":1,"message":"{message}","sender":1,"counter":513,"blocks":{blocks}}}"#)
+    };
+    file(folder.path(), "open.json", packet("Map32", blocks(&[point, point, none, none, none], 10)));
+    let open = stdout(&pingmap(folder.path(), &["packet", "encode", "open.json"]));
+    assert_eq!(open.trim().len(), 64);
+    let read = json(folder.path(), &["packet", "decode", open.trim(), "--json"]);
+    assert_eq!(
+        (&read["sender"], &read["counter"], &read["blocks"][0]["points"][1]["mean"]),
+        (&1.into(), &513.into(), &(-4).into())
+    );
+    file(folder.path(), "again.json", read.to_string());
+    assert_eq!(stdout(&pingmap(folder.path(), &["packet", "encode", "again.json"])), open);
+
+    file(folder.path(), "sealed.json", packet("MapSealed32", blocks(&[point, none, none, none], 6)));
+    let sealed = stdout(&pingmap(folder.path(), &["packet", "encode", "sealed.json", "--team", "team.toml"]));
+    let told = stdout(&pingmap(folder.path(), &["packet", "decode", sealed.trim(), "--team", "team.toml"]));
+    assert!(told.contains("MapSealed32 of bert, number 513") && told.contains("transmitter, m"), "{told}");
+    refused(folder.path(), &["packet", "decode", sealed.trim()], "expected --team");
+    let altered = sealed.trim().replacen("02", "03", 1);
+    refused(
+        folder.path(),
+        &["packet", "decode", &altered, "--team", "team.toml"],
+        "the authentication tag does not fit",
+    );
+    refused(folder.path(), &["packet", "decode", open.trim(), "--team", "team.toml"], "not of this team");
+    refused(folder.path(), &["packet", "decode", "fa2"], "pairs of hexadecimal digits");
+    refused(folder.path(), &["packet", "decode", "00"], "message id");
+    file(
+        folder.path(),
+        "bad.json",
+        packet("Map32", blocks(&[&point.replace(":9", ":40"), none, none, none, none], 10)),
+    );
+    refused(folder.path(), &["packet", "encode", "bad.json"], "information must lie between 0 and 31, found 40");
+}
+
+#[test]
+fn the_schema_is_told_in_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let points = |options: &[&str]| {
+        let schema = json(folder.path(), &[&["packet", "schema", "--json"], options].concat());
+        let bits: u64 = schema["fields"].as_array().unwrap().iter().map(|field| field["bits"].as_u64().unwrap()).sum();
+        assert_eq!(bits + schema["id_bits"].as_u64().unwrap(), schema["bits_used"].as_u64().unwrap());
+        assert!(schema["bytes"].as_u64() <= schema["frame_bytes"].as_u64());
+        schema["points"].as_u64().unwrap()
+    };
+    assert_eq!(
+        [points(&[]), points(&["--sealed"]), points(&["--depth"]), points(&["--depth", "--sealed"])],
+        [5, 4, 4, 3]
+    );
+    assert!(points(&["--frame-bytes", "64"]) > 5 && points(&["--frame-bytes", "256", "--sealed"]) > 20);
+    let proto = stdout(&pingmap(folder.path(), &["packet", "schema", "--proto"]));
+    assert!(proto.starts_with("//") || proto.contains("syntax = \"proto2\";"));
+    assert!(proto.contains("message MapSealed32 {") && proto.contains("codec_version: 4 id: 125 max_bytes: 32"));
+    let text = stdout(&pingmap(folder.path(), &["packet", "schema"]));
+    assert!(text.contains("Map32, DCCL id 124: 32 of 32 bytes") && text.contains("correlation"), "{text}");
+}
+
+/// Ten frames with a third lost, against seven of which nothing is lost.
+#[test]
+fn lossy_water_costs_little() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(events) = two_splits(folder.path(), "bay3") else { return };
+    let learn = pingmap(
+        folder.path(),
+        &[
+            "learn",
+            &events,
+            "--terms",
+            "path",
+            "--kernel",
+            "matern32",
+            "--inputs",
+            "link",
+            "--reciprocal",
+            "yes",
+            "--prior-mean",
+            "zero",
+        ],
+    );
+    assert!(learn.status.success(), "{}", stderr(&learn));
+    let team = |frames: &str, options: &[&str]| {
+        let command =
+            ["replay", &events, "--splits", "splits.csv", "--model", "model.toml", "--frames", frames, "--json"];
+        nll(&json(folder.path(), &[&command[..], options].concat())["sharing"][0]["team"])
+    };
+    let calm = team("7", &[]);
+    let seeds = 10;
+    let lossy = |seed: usize| team("10", &["--loss", "0.3", "--seed", &seed.to_string()]);
+    let mean = (1..=seeds).map(lossy).sum::<f64>() / seeds as f64;
+    assert!(mean <= calm + 0.010, "{mean} with loss, {calm} without");
+}

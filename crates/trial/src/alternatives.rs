@@ -1,0 +1,248 @@
+//! Other ways to use the same bytes: what ours is compared with.
+
+use dgpc::{Candidates, Inputs, Posterior, Sites, Summary};
+use pingmap_agent::{Agent, AgentError, Event, Link};
+use rand::RngExt;
+use rayon::prelude::*;
+
+use crate::mission::Mission;
+use crate::split::stream;
+
+/// Another way to use the bytes of a frame. All of them take the same cells and levels to the water as our packets do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Alternative {
+    /// Our packets as they would be without rounding: the same points, exact numbers.
+    Unrounded,
+    /// As many raw events as fit, those that lower the trace most first.
+    RawEvents,
+    /// Our packets about points drawn at random.
+    RandomPoints,
+    /// Our packets about the points that lower the trace least.
+    BadPoints,
+    /// Variational summaries at good points, every event in the packet that explains most of it.
+    Variational,
+    /// The same packets put together as in the paper: concatenated, without the receiver's raw events.
+    Concatenation,
+}
+
+impl Alternative {
+    /// All of them.
+    pub const ALL: [Alternative; 6] = [
+        Alternative::Unrounded,
+        Alternative::RawEvents,
+        Alternative::RandomPoints,
+        Alternative::BadPoints,
+        Alternative::Variational,
+        Alternative::Concatenation,
+    ];
+
+    /// Probability of success of every held-out event, as every vehicle sees it after each sent `frames` frames in this way.
+    ///
+    /// # Errors
+    /// [`AgentError`] when the method refuses.
+    pub fn predict(self, mission: &Mission, frames: usize) -> Result<Vec<Vec<f64>>, AgentError> {
+        let say = |(place, agent): (usize, &Agent)| self.say(mission, place, agent, frames);
+        let said = mission.vehicles.par_iter().enumerate().map(say).collect::<Result<Vec<_>, _>>()?;
+        let hear = |(place, agent): (usize, &Agent)| self.hear(mission, place, agent, &said);
+        mission.vehicles.par_iter().enumerate().map(hear).collect()
+    }
+
+    /// What a vehicle says in its first `frames` frames.
+    fn say(self, mission: &Mission, place: usize, agent: &Agent, frames: usize) -> Result<Said, AgentError> {
+        if !agent.is_member() || agent.events().is_empty() {
+            return Ok(Said::Summaries(Vec::new()));
+        }
+        let speaker = Speaker::new(mission, agent)?;
+        Ok(match self {
+            Alternative::Unrounded => Said::Summaries(speaker.unrounded(mission, place, frames)?),
+            Alternative::RawEvents => Said::Events(speaker.raw_events(frames)?),
+            Alternative::RandomPoints => {
+                let mut rng = stream(mission.seed(), place as u64);
+                let mut choose = |_: &Candidates| {
+                    let all = speaker.links.len();
+                    (0..speaker.points()).map(|_| rng.random_range(0..all)).collect()
+                };
+                Said::Summaries(speaker.residuals(frames, &mut choose)?)
+            }
+            Alternative::BadPoints => {
+                let mut choose = |candidates: &Candidates| candidates.bad(speaker.points()).indices;
+                Said::Summaries(speaker.residuals(frames, &mut choose)?)
+            }
+            Alternative::Variational | Alternative::Concatenation => Said::Summaries(speaker.variational(frames)?),
+        })
+    }
+
+    /// What a vehicle predicts given what all said.
+    fn hear(self, mission: &Mission, place: usize, agent: &Agent, said: &[Said]) -> Result<Vec<f64>, AgentError> {
+        let mut agent = agent.clone();
+        let inputs = agent.model().inputs(&mission.held_out)?;
+        let others = || said.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, said)| said);
+        if self == Alternative::RawEvents {
+            agent.observe_all(others().flat_map(Said::events).cloned())?;
+            agent.rebuild()?;
+            return agent.probabilities(&mission.held_out);
+        }
+        if self == Alternative::Concatenation {
+            let all: Vec<&Summary> = said.iter().flat_map(Said::summaries).collect();
+            return Ok(Posterior::concatenate(&agent.model().prior, &all)?.probability(&inputs)?);
+        }
+        let mut posterior = agent.posterior()?.clone();
+        let summaries: Vec<&Summary> = others().flat_map(Said::summaries).collect();
+        posterior.absorb(&Sites::empty(inputs.dimension()), &summaries)?;
+        Ok(posterior.probability(&inputs)?)
+    }
+}
+
+enum Said {
+    Summaries(Vec<Summary>),
+    Events(Vec<Event>),
+}
+
+impl Said {
+    fn summaries(&self) -> &[Summary] {
+        if let Said::Summaries(summaries) = self { summaries } else { &[] }
+    }
+
+    fn events(&self) -> &[Event] {
+        if let Said::Events(events) = self { events } else { &[] }
+    }
+}
+
+/// A vehicle with something to say.
+struct Speaker<'a> {
+    agent: &'a Agent,
+    own: Posterior,
+    layout: &'static pingmap_packet::Layout,
+    /// Candidates: links of its own events, and their inputs.
+    links: Vec<Link>,
+    inputs: Inputs,
+}
+
+impl<'a> Speaker<'a> {
+    fn new(mission: &Mission, agent: &'a Agent) -> Result<Self, AgentError> {
+        let links = agent.candidates();
+        Ok(Self {
+            own: agent.clone().own_posterior()?.clone(),
+            layout: mission.team.layout(mission.team.frame_bytes)?,
+            inputs: agent.model().inputs(&links)?,
+            links,
+            agent,
+        })
+    }
+
+    /// Points of a block.
+    fn points(&self) -> usize {
+        self.layout.points
+    }
+
+    fn nobody_knows(&self) -> Posterior {
+        Posterior::prior_alone(&self.agent.model().prior, self.inputs.dimension())
+    }
+
+    /// Residual packets about points that `choose` takes from the candidates given those taken before.
+    fn residuals(
+        &self,
+        frames: usize,
+        choose: &mut dyn FnMut(&Candidates) -> Vec<usize>,
+    ) -> Result<Vec<Summary>, AgentError> {
+        let mut candidates = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?;
+        let mut public = self.nobody_knows();
+        let mut said = Vec::new();
+        for _ in 0..frames * self.layout.blocks {
+            let chosen = choose(&candidates);
+            candidates.condition_on(&chosen);
+            let links: Vec<Link> = chosen.iter().map(|&place| self.links[place]).collect();
+            let residual = |points: &Inputs| self.own.summarise(points)?.beyond(&public.summarise(points)?);
+            if let Some((_, summary)) = self.agent.team().wire().encode(self.layout, &links, &residual)? {
+                public.absorb(&Sites::empty(self.inputs.dimension()), &[&summary])?;
+                said.push(summary);
+            }
+        }
+        Ok(said)
+    }
+
+    /// The packets that were really sent, without rounding.
+    fn unrounded(&self, mission: &Mission, place: usize, frames: usize) -> Result<Vec<Summary>, AgentError> {
+        let mut listener = Agent::new(self.agent.id().clone(), mission.team.clone());
+        for packet in mission.sent(frames).nth(place).unwrap_or_default() {
+            listener.receive(packet, 0.0);
+        }
+        let mut public = self.nobody_knows();
+        let mut said = Vec::new();
+        for (_, _, links) in listener.told_links() {
+            for block in links.chunks(self.points()) {
+                let points = self.agent.model().inputs(block)?;
+                let summary = self.own.summarise(&points)?.beyond(&public.summarise(&points)?)?;
+                public.absorb(&Sites::empty(points.dimension()), &[&summary])?;
+                said.push(summary);
+            }
+        }
+        Ok(said)
+    }
+
+    /// Events by their cells, as many as fit into the frames.
+    fn raw_events(&self, frames: usize) -> Result<Vec<Event>, AgentError> {
+        let fields = self.layout.schema();
+        let cell_bits = if self.layout.has_depth { 34 } else { 24 };
+        let overhead: u64 = fields.bits().iter().filter(|(name, _)| HEADER.contains(name)).map(|(_, bits)| bits).sum();
+        let id_bits = if self.layout.id < 128 { 8 } else { 16 };
+        let events = (8 * self.layout.frame_bytes as u64 - overhead - id_bits) / (cell_bits + 1);
+        let chosen = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?.greedy(frames * events as usize);
+        let rounded = |&place: &usize| {
+            let event = self.agent.events().iter().find(|event| event.link == self.links[place])?;
+            let link = self.agent.team().wire().rounded(&event.link)?;
+            Some(Event { link, ..event.clone() })
+        };
+        Ok(chosen.indices.iter().filter_map(rounded).collect())
+    }
+
+    /// Variational summaries at good points; every event in the packet of the point that explains most of its prior variance.
+    fn variational(&self, frames: usize) -> Result<Vec<Summary>, AgentError> {
+        let kernel = self.agent.model().prior.kernel();
+        let mut candidates = Candidates::new(kernel, &self.inputs)?;
+        let mut packets: Vec<Vec<Link>> = Vec::new();
+        while packets.len() < frames * self.layout.blocks {
+            let chosen = candidates.good(self.points());
+            if chosen.indices.is_empty() {
+                break;
+            }
+            candidates.condition_on(&chosen.indices);
+            packets.push(chosen.indices.iter().map(|&place| self.links[place]).collect());
+        }
+        let Some(sites) = self.agent.sites() else { return Ok(Vec::new()) };
+        let regions = self.regions(sites, &packets)?;
+        let mut said = Vec::new();
+        for (links, members) in packets.iter().zip(regions) {
+            let sites = sites.select(&members);
+            let say = |points: &Inputs| Summary::variational(&self.agent.model().prior, &sites, points);
+            said.extend(self.agent.team().wire().encode(self.layout, links, &say)?.map(|(_, summary)| summary));
+        }
+        Ok(said)
+    }
+
+    /// For every packet the events that it speaks for.
+    fn regions(&self, sites: &Sites, packets: &[Vec<Link>]) -> Result<Vec<Vec<usize>>, AgentError> {
+        let model = self.agent.model();
+        let mut best = vec![(0, f64::NEG_INFINITY); sites.len()];
+        for (packet, links) in packets.iter().enumerate() {
+            let points = model.inputs(links)?;
+            let covariance = model.prior.kernel().cross(sites.inputs(), &points)?;
+            for (column, variance) in model.prior.kernel().diagonal(&points)?.iter().enumerate() {
+                for (best, k) in best.iter_mut().zip(covariance.column(column)) {
+                    let explained = k * k / variance;
+                    if explained > best.1 {
+                        *best = (packet, explained);
+                    }
+                }
+            }
+        }
+        let mut regions = vec![Vec::new(); packets.len()];
+        if !packets.is_empty() {
+            best.iter().enumerate().for_each(|(event, &(packet, _))| regions[packet].push(event));
+        }
+        Ok(regions)
+    }
+}
+
+/// What every message carries besides its events.
+const HEADER: [&str; 5] = ["sender", "counter", "model", "tag_low", "tag_high"];

@@ -1,0 +1,158 @@
+//! A mission in the order of time: every event is predicted by its receiver before it is learned from, and packets ride on the
+//! transmissions of the log.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use pingmap_agent::{Agent, AgentError, Event, Team, VehicleId};
+
+use crate::event_log::EventLog;
+use crate::mission::{CENTRALISED, Plan};
+use crate::score::Score;
+
+/// How events were predicted before they happened.
+#[derive(Debug, Clone)]
+pub struct Online {
+    /// What the team agreed on beforehand.
+    pub team: Arc<Team>,
+    /// One entry for every event, in the order of time.
+    pub steps: Vec<Step>,
+    /// Packets sent by every vehicle.
+    pub packets: BTreeMap<VehicleId, usize>,
+    /// Bytes of all packets.
+    pub bytes: usize,
+    /// Packets that counted at a receiver.
+    pub received: usize,
+}
+
+/// One event.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// When it happened.
+    pub time_s: f64,
+    /// NLL of its outcome as its receiver saw it coming by its own earlier events alone.
+    pub own: f64,
+    /// The same with what it had received.
+    pub team: f64,
+    /// The same with all earlier events of all vehicles, without any delay.
+    pub centralised: f64,
+}
+
+impl Step {
+    /// Mean of some steps, at the time of the last; `None` of none.
+    pub fn mean(steps: &[Step]) -> Option<Step> {
+        let mean = |of: fn(&Step) -> f64| steps.iter().map(of).sum::<f64>() / steps.len() as f64;
+        let last = steps.last()?;
+        Some(Step {
+            time_s: last.time_s,
+            own: mean(|step| step.own),
+            team: mean(|step| step.team),
+            centralised: mean(|step| step.centralised),
+        })
+    }
+}
+
+/// Runs the mission. Every transmission of a vehicle is a slot of it, and every `slot_every`-th of its slots carries a packet if
+/// there is one worth sending; who heard the transmission, by the log, hears the packet, unless the plan's water loses it. A team
+/// that has agreed on nothing uses what the first structure expects before any event, so that no event is predicted by a model
+/// that has seen it. `step` is called after every event.
+///
+/// # Errors
+/// [`AgentError`] when the method refuses.
+pub fn online(log: &EventLog, plan: &Plan, slot_every: usize, step: &dyn Fn()) -> Result<Online, AgentError> {
+    let (team, _) = plan.team(log, None)?;
+    let mut mission = Run::new(log, Arc::new(team), plan);
+    let mut events: Vec<&Event> = log.events.iter().collect();
+    events.sort_by(|a, b| a.canonical_order(b));
+    let is_same = |a: &&Event, b: &&Event| a.time_s == b.time_s && a.transmitter_id == b.transmitter_id;
+    for transmission in events.chunk_by(is_same) {
+        mission.transmit(transmission, slot_every)?;
+        transmission.iter().for_each(|_| step());
+    }
+    Ok(mission.online)
+}
+
+/// A mission under way.
+struct Run<'a> {
+    plan: &'a Plan,
+    vehicles: BTreeMap<VehicleId, Agent>,
+    centralised: Agent,
+    /// Transmissions of every vehicle so far.
+    slots: BTreeMap<VehicleId, usize>,
+    online: Online,
+}
+
+impl<'a> Run<'a> {
+    fn new(log: &EventLog, team: Arc<Team>, plan: &'a Plan) -> Self {
+        let agent = |id: VehicleId| (id.clone(), Agent::new(id, team.clone()));
+        Self {
+            plan,
+            vehicles: log.vehicles().into_iter().map(agent).collect(),
+            centralised: Agent::new(VehicleId::new(CENTRALISED), team.clone()),
+            slots: BTreeMap::new(),
+            online: Online { team, steps: Vec::new(), packets: BTreeMap::new(), bytes: 0, received: 0 },
+        }
+    }
+
+    /// One transmission: a packet may go with it; everybody who should hear it predicts, then learns, then reads the packet.
+    fn transmit(&mut self, events: &[&Event], slot_every: usize) -> Result<(), AgentError> {
+        let Some(first) = events.first() else { return Ok(()) };
+        let (sender, time_s) = (&first.transmitter_id, first.time_s);
+        let slot = self.slots.entry(sender.clone()).or_default();
+        *slot += 1;
+        let (slot, frame_bytes) = (*slot, self.online.team.frame_bytes);
+        let packet = match self.vehicles.get_mut(sender) {
+            Some(agent) if slot.is_multiple_of(slot_every) && agent.is_member() => {
+                agent.next_packet(time_s, frame_bytes)?
+            }
+            _ => None,
+        };
+        if let Some(packet) = &packet {
+            *self.online.packets.entry(sender.clone()).or_default() += 1;
+            self.online.bytes += packet.len();
+        }
+        for &event in events {
+            self.happen(event)?;
+            if let Some(packet) = packet.as_ref().filter(|_| event.success) {
+                self.deliver(event, packet, slot);
+            }
+        }
+        Ok(())
+    }
+
+    /// The receiver, and the one who knows all, predict an event and learn from it.
+    fn happen(&mut self, event: &Event) -> Result<(), AgentError> {
+        let nll = |p: f64| Score::new(&[p], &[event.success]).map_or(0.0, |score| score.nll);
+        let Some(agent) = self.vehicles.get_mut(&event.receiver_id) else { return Ok(()) };
+        let inputs = agent.model().inputs([&event.link])?;
+        let (mine, all) = rayon::join(
+            || -> Result<_, AgentError> {
+                let own = agent.own_posterior()?.probability(&inputs)?[0];
+                let team = agent.probability(&event.link)?;
+                agent.observe(event.clone())?;
+                Ok((own, team))
+            },
+            || -> Result<_, AgentError> {
+                let all = self.centralised.probability(&event.link)?;
+                self.centralised.observe(event.clone())?;
+                Ok(all)
+            },
+        );
+        let (own, team) = mine?;
+        let step = Step { time_s: event.time_s, own: nll(own), team: nll(team), centralised: nll(all?) };
+        self.online.steps.push(step);
+        Ok(())
+    }
+
+    /// A packet arrives with the transmission that it rode on, or is lost, or comes twice; it cannot be overtaken.
+    fn deliver(&mut self, event: &Event, packet: &[u8], slot: usize) {
+        let number = |id: &VehicleId| self.online.team.number(id).map_or(usize::from(u8::MAX) + 1, usize::from);
+        let (sender, receiver) = (number(&event.transmitter_id), number(&event.receiver_id));
+        let arrivals = self.plan.water.arrivals(slot, self.plan.seed, sender, receiver);
+        let Some(agent) = self.vehicles.get_mut(&event.receiver_id) else { return };
+        for _ in arrivals.iter().filter(|&&place| place + 1 == slot) {
+            let accepted = agent.receive(packet, event.time_s) == pingmap_agent::Receipt::Accepted;
+            self.online.received += usize::from(accepted);
+        }
+    }
+}
