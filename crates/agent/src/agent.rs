@@ -125,10 +125,10 @@ pub struct Agent {
     /// Its own events and what others sent, under its own model if it has one.
     pub(crate) fused: Posterior,
     pub(crate) news: News,
-    /// Whether something went that posteriors cannot forget.
+    /// Whether the posteriors must be put together anew: after a fit, or when something went that they cannot forget.
     pub(crate) is_stale: bool,
     /// Events since the last fit.
-    pub(crate) unfitted: usize,
+    pub(crate) unfitted: Vec<Event>,
     /// The frame for which the last attempt found nothing to tell, if nothing happened since.
     pub(crate) told_all_in: Option<usize>,
 }
@@ -154,7 +154,7 @@ impl Agent {
             fused: nothing,
             news: News::default(),
             is_stale: false,
-            unfitted: 0,
+            unfitted: Vec::new(),
             told_all_in: None,
             team,
         }
@@ -200,7 +200,8 @@ impl Agent {
         self.team.number(member).and_then(|number| self.heard_s.get(&number)).copied()
     }
 
-    /// Records an event of its own. Beyond [`Limits::events_max`] the oldest go, a sixteenth at a time. O(log N) to find its place.
+    /// Records an event of its own. Once in 64 events all are fitted again. Beyond [`Limits::events_max`] the oldest go, a sixteenth
+    /// at a time. O(log N) to find its place.
     ///
     /// # Errors
     /// [`AgentError::Method`] for a time or position that is not finite.
@@ -238,13 +239,10 @@ impl Agent {
         let Limits { events_max, .. } = self.team.limits;
         let beyond = if events.len() > events_max { events.len() - events_max + events_max / 16 } else { 0 };
         events.drain(..beyond);
-        self.unfitted += new.len();
-        self.is_stale |= beyond > 0 || self.unfitted > UNFITTED_MAX;
-        if !self.is_stale {
-            self.news.events.extend(new);
-        }
+        self.unfitted.extend(new.iter().cloned());
+        self.news.events.extend(new);
         self.told_all_in = None;
-        Ok(())
+        if beyond > 0 || self.unfitted.len() > UNFITTED_MAX { self.fit() } else { Ok(()) }
     }
 
     /// Probability of success over a link.
@@ -255,8 +253,7 @@ impl Agent {
         Ok(self.probabilities(std::slice::from_ref(link))?[0])
     }
 
-    /// Probability of success over each link: takes in what arrived since the last time, and nothing else is computed again, but
-    /// for a new fit once in 64 events, and when packets fell out of their window. O(n²) a link.
+    /// Probability of success over each link. Takes in what arrived since the last time, and fits nothing again. O(n²) a link.
     ///
     /// # Errors
     /// As [`Agent::probability`].
@@ -288,10 +285,11 @@ impl Agent {
         self.knowledge.as_ref().map(|knowledge| &knowledge.sites)
     }
 
-    /// Takes what arrived into the posteriors: O(n²) for every event and point. After a failure all is put together anew.
+    /// Takes what arrived into the posteriors: O(n²) for every event and point. After a fit, or when packets fell out of their window,
+    /// they are put together anew, O(n³). Nothing is fitted here.
     pub(crate) fn settle(&mut self) -> Result<(), AgentError> {
         if self.is_stale {
-            return self.rebuild();
+            self.put_together()?;
         }
         let settled = self.absorb_news();
         self.is_stale = settled.is_err();
@@ -326,30 +324,50 @@ impl Agent {
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.
     pub fn rebuild(&mut self) -> Result<(), AgentError> {
-        let (model, limits) = (&self.team.model, &self.team.limits);
-        if self.unfitted > 0 || self.knowledge.is_none() {
-            let observations = model.observations(self.events.iter())?;
-            self.knowledge = Some(Arc::new(Knowledge::fit(&model.prior, &observations, &[], limits)?));
-            if let Some(own) = &self.own_model {
-                let knowledge = Knowledge::fit(&own.fit.model.prior, &observations, &self.messages(), limits)?;
-                self.own_model = Some(Arc::new(Own { fit: own.fit.clone(), knowledge }));
-            }
+        if !self.unfitted.is_empty() || self.knowledge.is_none() {
+            self.fit()?;
         }
-        let Some(knowledge) = &self.knowledge else { return Ok(()) };
+        self.put_together()
+    }
+
+    /// Fits its own events, under the packet model and under its own if it has one.
+    fn fit(&mut self) -> Result<(), AgentError> {
+        let (model, limits) = (&self.team.model, &self.team.limits);
+        let observations = model.observations(self.events.iter())?;
+        let knowledge = Knowledge::fit(&model.prior, &observations, &[], limits)?;
+        if let Some(own) = &self.own_model {
+            let knowledge = Knowledge::fit(&own.fit.model.prior, &observations, &self.messages(), limits)?;
+            self.own_model = Some(Arc::new(Own { fit: own.fit.clone(), knowledge }));
+        }
+        self.knowledge = Some(Arc::new(knowledge));
+        self.unfitted.clear();
+        self.is_stale = true;
+        Ok(())
+    }
+
+    /// The posteriors of the last fit and all live packets. Events since that fit are news again.
+    fn put_together(&mut self) -> Result<(), AgentError> {
+        let model = &self.team.model;
         let none = Sites::empty(model.inputs.dimension());
+        let fuse = |summaries: &[&Summary]| match &self.knowledge {
+            Some(knowledge) => knowledge.fuse(&model.prior, summaries),
+            None => Posterior::fuse(&model.prior, &none, summaries),
+        };
         let public: Vec<&Summary> =
             self.number.iter().flat_map(|&number| self.live.of(number)).flat_map(|(_, p)| &p.summaries).collect();
-        self.public = Posterior::fuse(&model.prior, &none, &public)?;
-        self.own = knowledge.fuse(&model.prior, &[])?;
-        self.fused = match &self.own_model {
-            None => knowledge.fuse(&model.prior, &self.messages())?,
+        let public = Posterior::fuse(&model.prior, &none, &public)?;
+        let own = fuse(&[])?;
+        let fused = match &self.own_model {
+            None => fuse(&self.messages())?,
             Some(own) => {
                 let messages = under(&own.fit.model.prior, &self.messages())?;
                 own.knowledge.fuse(&own.fit.model.prior, &messages.iter().collect::<Vec<_>>())?
             }
         };
-        self.news = News::default();
-        (self.is_stale, self.unfitted) = (false, 0);
+        (self.public, self.own, self.fused) = (public, own, fused);
+        self.unfitted.sort_by(Event::canonical_order);
+        self.news = News { events: self.unfitted.clone(), packets: BTreeSet::new() };
+        self.is_stale = false;
         Ok(())
     }
 

@@ -85,9 +85,9 @@ impl Agent {
         }
     }
 
-    /// The packet that tells most for a frame of so many bytes (at most the team's); `None` where nothing is worth a frame. Fits its own events again
-    /// if some came since the last time. Whoever may lose its memory writes a [`Agent::snapshot`] before the packet leaves: a counter
-    /// must not be used twice.
+    /// The packet that tells most for a frame of so many bytes (at most the team's); `None` where nothing is worth a frame. Fits its
+    /// own events again if some came since the last time. Whoever may lose its memory writes an [`Agent::snapshot`] before the packet
+    /// leaves: a counter must not be used twice.
     ///
     /// # Errors
     /// [`AgentError::NotAMember`], [`AgentError::CountersUsedUp`], and [`AgentError::Team`] for a frame below 32 bytes.
@@ -96,7 +96,7 @@ impl Agent {
         let layout = self.team.layout(frame_bytes.min(self.team.frame_bytes))?;
         let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team.epoch };
         let counter = u16::try_from(self.counter_next).map_err(|_| used_up())?;
-        if self.unfitted > 0 {
+        if !self.unfitted.is_empty() {
             self.rebuild()?;
         }
         self.settle()?;

@@ -90,6 +90,34 @@ proptest! {
     }
 
     #[test]
+    fn every_pattern_of_levels_is_positive_semidefinite_or_an_error(
+        model in extreme_models(),
+        points in vec((0..64u8, 0..64u8, 0..64u8, 0..64u8, 0..32u8, -15..=15i8), 5),
+        correlations in vec(-7..=7i8, 10),
+        directions in vec(vec(-1.0..1.0f64, 5), 8),
+    ) {
+        let team = team(2, model);
+        let cell = |east, north| pingmap_packet::Cell { east, north, depth: 0 };
+        let points = points.into_iter().map(|(a, b, c, d, information, mean)| {
+            Point { transmitter: cell(a, b), receiver: cell(c, d), information, mean }
+        });
+        let block = Block { points: points.collect(), correlations };
+        // Points that the kernel cannot tell apart are the error.
+        if let Ok(summary) = team.wire().decode(&block) {
+            let precision = summary.whitened_precision();
+            let size = summary.len();
+            let scale: f64 = (0..size).map(|i| precision[(i, i)]).sum();
+            for v in &directions {
+                let pairs = (0..size).flat_map(|i| (0..size).map(move |j| (i, j)));
+                let quadratic: f64 = pairs.map(|(i, j)| v[i] * precision[(i, j)] * v[j]).sum();
+                prop_assert!(quadratic >= -1e-12 * scale, "{} {:?}", quadratic, v);
+            }
+            prop_assert!(summary.moments().is_ok());
+            prop_assert!(summary.whitened_shift().iter().all(|shift| shift.is_finite()));
+        }
+    }
+
+    #[test]
     fn points_as_close_as_cells_allow_harm_nothing(
         model in extreme_models(),
         all in vec((vec((0..3u8, 0..3u8, 0..3u8, 0..3u8, 0..32u8, -15..=15i8), 5), vec(-7..=7i8, 10)), 12),
