@@ -58,13 +58,6 @@ pub(crate) struct Own {
     knowledge: Knowledge,
 }
 
-/// What arrived and is not in the posteriors yet.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct News {
-    pub(crate) events: Vec<Event>,
-    pub(crate) packets: BTreeSet<PacketKey>,
-}
-
 /// One vehicle. Events may arrive late and in any order; packets may be lost, repeated and reordered. It does no input or output
 /// and knows no clock.
 ///
@@ -124,11 +117,14 @@ pub struct Agent {
     pub(crate) public: Posterior,
     /// Its own events and what others sent, under its own model if it has one.
     pub(crate) fused: Posterior,
-    pub(crate) news: News,
+    /// Packets that are not in the posteriors yet.
+    pub(crate) unread: BTreeSet<PacketKey>,
     /// Whether the posteriors must be put together anew: after a fit, or when something went that they cannot forget.
     pub(crate) is_stale: bool,
     /// Events since the last fit.
     pub(crate) unfitted: Vec<Event>,
+    /// How many of these are in the posteriors, from the first on.
+    pub(crate) absorbed: usize,
     /// The frame for which the last attempt found nothing to tell, if nothing happened since.
     pub(crate) told_all_in: Option<usize>,
 }
@@ -152,9 +148,10 @@ impl Agent {
             own: nothing.clone(),
             public: nothing.clone(),
             fused: nothing,
-            news: News::default(),
+            unread: BTreeSet::new(),
             is_stale: false,
             unfitted: Vec::new(),
+            absorbed: 0,
             told_all_in: None,
             team,
         }
@@ -239,8 +236,7 @@ impl Agent {
         let Limits { events_max, .. } = self.team.limits;
         let beyond = if events.len() > events_max { events.len() - events_max + events_max / 16 } else { 0 };
         events.drain(..beyond);
-        self.unfitted.extend(new.iter().cloned());
-        self.news.events.extend(new);
+        self.unfitted.extend(new);
         self.told_all_in = None;
         if beyond > 0 || self.unfitted.len() > UNFITTED_MAX { self.fit() } else { Ok(()) }
     }
@@ -297,15 +293,16 @@ impl Agent {
     }
 
     fn absorb_news(&mut self) -> Result<(), AgentError> {
-        for event in std::mem::take(&mut self.news.events) {
-            let observation = self.team.model.observations([&event])?;
+        for event in &self.unfitted[self.absorbed..] {
+            let observation = self.team.model.observations([event])?;
             let site = mean_field::beside(&self.own, &observation)?;
             self.own.absorb(&site, &[])?;
             // Under its own model an event has another site.
             let site = if self.own_model.is_some() { mean_field::beside(&self.fused, &observation)? } else { site };
             self.fused.absorb(&site, &[])?;
         }
-        let keys = std::mem::take(&mut self.news.packets);
+        self.absorbed = self.unfitted.len();
+        let keys = std::mem::take(&mut self.unread);
         let (own, others): (Vec<PacketKey>, _) = keys.into_iter().partition(|key| Some(key.0) == self.number);
         let none = Sites::empty(self.team.model.inputs.dimension());
         let said = |keys: &[PacketKey]| -> Vec<&Summary> {
@@ -324,10 +321,13 @@ impl Agent {
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.
     pub fn rebuild(&mut self) -> Result<(), AgentError> {
-        if !self.unfitted.is_empty() || self.knowledge.is_none() {
-            self.fit()?;
-        }
+        self.catch_up()?;
         self.put_together()
+    }
+
+    /// Fits its own events again if some came since the last time.
+    pub(crate) fn catch_up(&mut self) -> Result<(), AgentError> {
+        if self.unfitted.is_empty() && self.knowledge.is_some() { Ok(()) } else { self.fit() }
     }
 
     /// Fits its own events, under the packet model and under its own if it has one.
@@ -341,6 +341,7 @@ impl Agent {
         }
         self.knowledge = Some(Arc::new(knowledge));
         self.unfitted.clear();
+        self.absorbed = 0;
         self.is_stale = true;
         Ok(())
     }
@@ -366,7 +367,8 @@ impl Agent {
         };
         (self.public, self.own, self.fused) = (public, own, fused);
         self.unfitted.sort_by(Event::canonical_order);
-        self.news = News { events: self.unfitted.clone(), packets: BTreeSet::new() };
+        self.absorbed = 0;
+        self.unread.clear();
         self.is_stale = false;
         Ok(())
     }
@@ -378,6 +380,7 @@ impl Agent {
     /// # Errors
     /// As [`Learning::best`].
     pub fn adapt(&mut self, learning: &Learning) -> Result<&Fit, AgentError> {
+        self.catch_up()?;
         let Model { chart, inputs, .. } = self.team.model;
         let messages = self.messages();
         let events = self.events.iter();
@@ -388,7 +391,7 @@ impl Agent {
         let observations = fit.model.observations(self.events.iter())?;
         let knowledge = Knowledge::fit(&fit.model.prior, &observations, &messages, &self.team.limits)?;
         let own = self.own_model.insert(Arc::new(Own { fit, knowledge })).clone();
-        self.rebuild()?;
+        self.put_together()?;
         Ok(&self.own_model.insert(own).fit)
     }
 
@@ -411,23 +414,6 @@ impl Agent {
     /// Whether its events are few enough for a dense fit.
     pub fn learns_densely(&self) -> bool {
         self.events.len() <= self.team.limits.dense_events_max
-    }
-
-    pub(crate) fn digest(&self) -> [u8; 32] {
-        self.digest
-    }
-
-    pub(crate) fn counter_next(&self) -> u32 {
-        self.counter_next
-    }
-
-    /// Counters below this are taken.
-    pub(crate) fn skip_counters(&mut self, below: u32) {
-        self.counter_next = self.counter_next.max(below);
-    }
-
-    pub(crate) fn live(&self) -> &LivePackets {
-        &self.live
     }
 }
 

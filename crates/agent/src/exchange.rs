@@ -5,8 +5,7 @@ use pingmap_packet::{Layout, MapMessage, Seal, digest};
 
 use crate::agent::{Agent, AgentError};
 use crate::event::{Link, VehicleId};
-use crate::live::{Arrival, LivePacket, PacketKey};
-use crate::model::InputSpec;
+use crate::live::{LivePacket, PacketKey};
 use crate::receipt::{Receipt, Refusal};
 use crate::telling::Telling;
 
@@ -36,8 +35,7 @@ impl Agent {
             return Err(Refusal::Malformed(pingmap_packet::Error::TooLong { length, max }));
         }
         let expected = if layout.is_sealed { 0 } else { self.check_number(layout, &message).map_err(Refusal::of)? };
-        let has_depth = self.team.model.inputs == InputSpec::PositionsAndDepths;
-        if layout.has_depth != has_depth || message.model != expected {
+        if layout.has_depth != self.team.model.inputs.has_depths() || message.model != expected {
             return Err(Refusal::OtherModel { found: message.model, expected });
         }
         if !self.team.members.contains_key(&message.sender) {
@@ -74,10 +72,8 @@ impl Agent {
 
     /// Puts a packet among the live ones and notes what that changes.
     fn put_in(&mut self, key: PacketKey, packet: LivePacket) {
-        if self.live.insert(key, packet) == (Arrival::New { dropped: true }) {
-            self.is_stale = true;
-        }
-        self.news.packets.insert(key);
+        self.is_stale |= self.live.insert(key, packet);
+        self.unread.insert(key);
         if Some(key.0) == self.number {
             // Its own packet, new to it: from before it lost its memory. That counter is taken.
             self.counter_next = self.counter_next.max(u32::from(key.1) + 1);
@@ -96,9 +92,7 @@ impl Agent {
         let layout = self.team.layout(frame_bytes.min(self.team.frame_bytes))?;
         let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team.epoch };
         let counter = u16::try_from(self.counter_next).map_err(|_| used_up())?;
-        if !self.unfitted.is_empty() {
-            self.rebuild()?;
-        }
+        self.catch_up()?;
         self.settle()?;
         let told = if self.told_all_in == Some(layout.frame_bytes) {
             None

@@ -1,9 +1,11 @@
 //! Bounds on the work and memory of a vehicle.
 
 use dgpc::Inputs;
+use serde::{Deserialize, Serialize};
 
 /// Bounds on work and memory. Packets are bounded by [`crate::Team::packets_per_sender_max`], on which a team must agree.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Limits {
     /// How many of its own events a vehicle keeps: the latest.
     pub events_max: usize,

@@ -14,17 +14,6 @@ pub(crate) struct LivePacket {
     pub(crate) summaries: Vec<Summary>,
 }
 
-/// What came of putting a packet in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Arrival {
-    /// It is new; true where older ones of its sender had to go for it.
-    New { dropped: bool },
-    /// It was there already.
-    Duplicate,
-    /// Its sender has sent too many since.
-    TooOld,
-}
-
 /// Live packets. Which packets are live depends on the set of packets that arrived and not on their order or number: putting
 /// in is commutative, associative and idempotent. A sender forms its packets against its own last ones in the same window, so that
 /// whatever a receiver drops is said again in time.
@@ -40,23 +29,12 @@ impl LivePackets {
         Self { per_sender_max: per_sender_max.max(1), packets: BTreeMap::new() }
     }
 
-    pub(crate) fn insert(&mut self, key: PacketKey, packet: LivePacket) -> Arrival {
-        let (sender, counter) = key;
-        if self.is_too_old(key) {
-            return Arrival::TooOld;
-        }
-        if self.packets.contains_key(&key) {
-            return Arrival::Duplicate;
-        }
+    /// Puts in a packet that is neither there nor too old; whether older ones of its sender had to go for it.
+    pub(crate) fn insert(&mut self, key: PacketKey, packet: LivePacket) -> bool {
         self.packets.insert(key, packet);
-        let mut dropped = false;
-        if self.latest(sender) == Some(counter) {
-            let old: Vec<PacketKey> =
-                self.of(sender).map(|(&key, _)| key).filter(|&key| self.is_too_old(key)).collect();
-            dropped = !old.is_empty();
-            old.iter().for_each(|key| drop(self.packets.remove(key)));
-        }
-        Arrival::New { dropped }
+        let old: Vec<PacketKey> = self.of(key.0).map(|(&key, _)| key).filter(|&key| self.is_too_old(key)).collect();
+        old.iter().for_each(|key| drop(self.packets.remove(key)));
+        !old.is_empty()
     }
 
     /// Whether a packet like this is there.

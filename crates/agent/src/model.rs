@@ -33,6 +33,11 @@ impl InputSpec {
         4 * self.dimension_of_an_end() + 1
     }
 
+    /// Whether it looks at depths.
+    pub fn has_depths(self) -> bool {
+        self == InputSpec::PositionsAndDepths
+    }
+
     /// Names of the columns, in order.
     pub fn column_names(self) -> Vec<String> {
         let axes = &["east", "north", "depth"][..self.dimension_of_an_end()];
@@ -167,7 +172,7 @@ impl Model {
             for end in link.ends() {
                 let (east_m, north_m) = self.chart.local_m(&end);
                 ends.extend([east_m, north_m]);
-                if self.inputs == InputSpec::PositionsAndDepths {
+                if self.inputs.has_depths() {
                     ends.push(end.depth_m.unwrap_or(0.0));
                 }
             }

@@ -142,7 +142,7 @@ impl ModelFile {
         let Model { schema, chart, inputs, prior } = &self.model;
         let layout = Layout {
             schema: *schema,
-            depths: *inputs == InputSpec::PositionsAndDepths,
+            depths: inputs.has_depths(),
             chart: ChartLayout::write(chart),
             prior_mean: MeanLayout::write(prior.mean()),
             kernel: prior.kernel().terms().iter().map(|term| TermLayout::write(term, *inputs)).collect(),

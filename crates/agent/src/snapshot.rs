@@ -48,10 +48,10 @@ impl Agent {
         let snapshot = Snapshot {
             schema: SNAPSHOT_SCHEMA,
             vehicle: self.id().as_str().to_owned(),
-            team: to_hex(&self.digest()),
-            counter_next: self.counter_next(),
+            team: to_hex(&self.digest),
+            counter_next: self.counter_next,
             events: self.events().iter().map(event).collect(),
-            packets: self.live().iter().map(|(_, packet)| to_hex(&packet.bytes)).collect(),
+            packets: self.live.iter().map(|(_, packet)| to_hex(&packet.bytes)).collect(),
         };
         // Numbers, texts and lists always have a form in JSON.
         serde_json::to_vec(&snapshot).unwrap_or_default()
@@ -81,12 +81,12 @@ impl Agent {
             let (transmitter_id, receiver_id) = (VehicleId::new(transmitter), VehicleId::new(receiver));
             Event { time_s, transmitter_id, receiver_id, link, success }
         }))?;
-        if snapshot.team == to_hex(&agent.digest()) {
+        if snapshot.team == to_hex(&agent.digest) {
             for packet in &snapshot.packets {
                 let bytes = from_hex(packet).ok_or_else(|| wrong(format!("{packet:?} is not hexadecimal")))?;
                 agent.take_in(&bytes).map_err(|refusal| wrong(format!("packet {packet}: {refusal}")))?;
             }
-            agent.skip_counters(snapshot.counter_next);
+            agent.counter_next = agent.counter_next.max(snapshot.counter_next);
         }
         Ok(agent)
     }

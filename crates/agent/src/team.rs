@@ -7,7 +7,7 @@ use pingmap_packet::{Key, Layout, digest};
 use crate::event::{Position, VehicleId};
 use crate::grid::Grid;
 use crate::limits::Limits;
-use crate::model::{InputSpec, Model};
+use crate::model::Model;
 use crate::model_file::ModelFile;
 use crate::wire::Wire;
 
@@ -173,7 +173,7 @@ impl Team {
     /// # Errors
     /// [`TeamError::FrameTooSmall`] below 32.
     pub fn layout(&self, frame_bytes: usize) -> Result<&'static Layout, TeamError> {
-        let has_depth = self.model.inputs == InputSpec::PositionsAndDepths;
+        let has_depth = self.model.inputs.has_depths();
         let layout = Layout::for_frame(frame_bytes, has_depth, self.key.is_some());
         layout.ok_or(TeamError::FrameTooSmall { found: frame_bytes })
     }
@@ -209,6 +209,6 @@ pub(crate) const WORTH_NATS: f64 = 3e-5;
 
 /// Packets of a sender that count, such that those of all have about [`LIVE_POINTS`].
 pub(crate) fn packets_per_sender_max(members: usize, frame_bytes: usize) -> u16 {
-    let points = Layout::for_frame(frame_bytes, false, false).map_or(1, |layout| layout.blocks * layout.points);
+    let points = Layout::for_frame(frame_bytes, false, false).map_or(1, Layout::points_in_all);
     (LIVE_POINTS / points / members.saturating_sub(1).max(1)).clamp(2, 64) as u16
 }

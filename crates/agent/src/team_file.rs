@@ -36,7 +36,7 @@ pub struct TeamFile {
     #[serde(default)]
     slots: SlotsLayout,
     #[serde(default)]
-    limits: LimitsLayout,
+    limits: Limits,
 }
 
 fn frame_bytes() -> usize {
@@ -69,22 +69,6 @@ impl Default for SlotsLayout {
     }
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct LimitsLayout {
-    events_max: usize,
-    dense_events_max: usize,
-    inducing_points_max: usize,
-    candidates_max: usize,
-}
-
-impl Default for LimitsLayout {
-    fn default() -> Self {
-        let Limits { events_max, dense_events_max, inducing_points_max, candidates_max } = Limits::default();
-        Self { events_max, dense_events_max, inducing_points_max, candidates_max }
-    }
-}
-
 /// What is read first, so that a newer file is called newer and not misspelt.
 #[derive(Deserialize)]
 struct Version {
@@ -110,7 +94,6 @@ impl TeamFile {
     /// # Errors
     /// [`TeamError::Syntax`] where a number has no form in TOML.
     pub fn write(team: &Team, model_file: &str, key_file: Option<&str>) -> Result<String, TeamError> {
-        let Limits { events_max, dense_events_max, inducing_points_max, candidates_max } = team.limits;
         let file = Self {
             schema: TEAM_SCHEMA,
             model_file: model_file.to_owned(),
@@ -126,7 +109,7 @@ impl TeamFile {
                 duration_s: team.slots.duration_s,
                 order: team.slots.order.iter().map(|name| name.as_str().to_owned()).collect(),
             },
-            limits: LimitsLayout { events_max, dense_events_max, inducing_points_max, candidates_max },
+            limits: team.limits,
         };
         toml::to_string(&file).map_err(|error| TeamError::Syntax(error.to_string()))
     }

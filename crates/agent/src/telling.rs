@@ -86,7 +86,7 @@ impl Telling<'_> {
             };
             let chosen = candidates.greedy(self.layout.points);
             let links: Vec<Link> = chosen.indices.iter().map(|&place| self.links[pool[place]]).collect();
-            let residual = |points: &Inputs| self.own.summarise(points)?.beyond(&public.summarise(points)?);
+            let residual = |points: &Inputs| self.own.beyond(&public, points);
             let Some((block, summary)) = self.wire.encode(self.layout, &links, &residual)? else { break };
             public.absorb(&Sites::empty(inputs.dimension()), &[&summary])?;
             blocks.push(block);

@@ -8,7 +8,7 @@ use pingmap_packet::{Block, CORRELATION_LEVELS, INFORMATION_LEVELS, Layout, MEAN
 
 use crate::event::Link;
 use crate::grid::Grid;
-use crate::model::{InputSpec, Model};
+use crate::model::Model;
 
 /// Whitened precision at the lowest and the highest level of information; levels between are a constant factor apart.
 const INFORMATION: (f64, f64) = (0.02, 1000.0);
@@ -108,7 +108,7 @@ impl Wire<'_> {
 
     /// The links of a block of which something is said.
     pub fn links(&self, points: &[Point]) -> Vec<Link> {
-        let (chart, has_depth) = (&self.model.chart, self.model.inputs == InputSpec::PositionsAndDepths);
+        let (chart, has_depth) = (&self.model.chart, self.model.inputs.has_depths());
         let position = |cell| self.grid.position(chart, cell, has_depth);
         let link =
             |point: &Point| Link { transmitter: position(point.transmitter), receiver: position(point.receiver) };
@@ -127,7 +127,7 @@ impl Wire<'_> {
     /// The cells of a link, with nothing said of it yet.
     fn point(&self, link: &Link) -> Option<Point> {
         let mut link = *link;
-        if self.model.inputs == InputSpec::Positions {
+        if !self.model.inputs.has_depths() {
             (link.transmitter.depth_m, link.receiver.depth_m) = (None, None);
         }
         let [transmitter, receiver] = self.grid.cells(&self.model.chart, &link)?;

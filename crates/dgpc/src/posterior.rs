@@ -274,6 +274,14 @@ impl Posterior {
         Summary::from_moments(&self.prior, inducing_points, &mean, &covariance)
     }
 
+    /// What somebody who knows `known` is missing of this posterior at `inducing_points`: see [`Summary::beyond`].
+    ///
+    /// # Errors
+    /// As [`Posterior::summarise`] of both.
+    pub fn beyond(&self, known: &Posterior, inducing_points: &Inputs) -> Result<Summary> {
+        self.summarise(inducing_points)?.beyond(&known.summarise(inducing_points)?)
+    }
+
     /// Whitened k(support, x), one column per point.
     fn features(&self, inputs: &Inputs) -> Result<Matrix> {
         let mut features = self.prior.kernel().cross(&self.support, inputs)?;

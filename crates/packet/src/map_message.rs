@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use alloc::{format, vec};
 
 use crate::error::Error;
-use crate::schema::{Field, Kind, Schema};
+use crate::schema::{Field, Kind, Rule, Schema};
 use crate::seal::Key;
 use crate::value::{Fields, Value};
 
@@ -147,7 +147,12 @@ struct PointField {
     set: fn(&mut Point, i16),
 }
 
-const fn cells(name: &'static str, kind: fn() -> Kind, get: fn(&Point) -> i16, set: fn(&mut Point, i16)) -> PointField {
+const fn point_field(
+    name: &'static str,
+    kind: fn() -> Kind,
+    get: fn(&Point) -> i16,
+    set: fn(&mut Point, i16),
+) -> PointField {
     PointField { name, kind, get, set }
 }
 
@@ -176,20 +181,20 @@ fn word() -> Kind {
 }
 
 const LOCATION: [PointField; 4] = [
-    cells("tx_east", horizontal, |p| p.transmitter.east.into(), |p, v| p.transmitter.east = v as u8),
-    cells("tx_north", horizontal, |p| p.transmitter.north.into(), |p, v| p.transmitter.north = v as u8),
-    cells("rx_east", horizontal, |p| p.receiver.east.into(), |p, v| p.receiver.east = v as u8),
-    cells("rx_north", horizontal, |p| p.receiver.north.into(), |p, v| p.receiver.north = v as u8),
+    point_field("tx_east", horizontal, |p| p.transmitter.east.into(), |p, v| p.transmitter.east = v as u8),
+    point_field("tx_north", horizontal, |p| p.transmitter.north.into(), |p, v| p.transmitter.north = v as u8),
+    point_field("rx_east", horizontal, |p| p.receiver.east.into(), |p, v| p.receiver.east = v as u8),
+    point_field("rx_north", horizontal, |p| p.receiver.north.into(), |p, v| p.receiver.north = v as u8),
 ];
 
 const DEPTHS: [PointField; 2] = [
-    cells("tx_depth", vertical, |p| p.transmitter.depth.into(), |p, v| p.transmitter.depth = v as u8),
-    cells("rx_depth", vertical, |p| p.receiver.depth.into(), |p, v| p.receiver.depth = v as u8),
+    point_field("tx_depth", vertical, |p| p.transmitter.depth.into(), |p, v| p.transmitter.depth = v as u8),
+    point_field("rx_depth", vertical, |p| p.receiver.depth.into(), |p, v| p.receiver.depth = v as u8),
 ];
 
 const STATISTICS: [PointField; 2] = [
-    cells("information", information, |p| p.information.into(), |p, v| p.information = v as u8),
-    cells("mean", mean, |p| p.mean.into(), |p, v| p.mean = v as i8),
+    point_field("information", information, |p| p.information.into(), |p, v| p.information = v as u8),
+    point_field("mean", mean, |p| p.mean.into(), |p, v| p.mean = v as i8),
 ];
 
 const CORRELATION: &str = "correlation";
@@ -214,6 +219,24 @@ impl Layout {
         self.points * self.points.saturating_sub(1) / 2
     }
 
+    /// Inducing points of all blocks.
+    pub fn points_in_all(&self) -> usize {
+        self.blocks * self.points
+    }
+
+    /// Bits of a point's two cells.
+    pub fn location_bits(&self) -> u64 {
+        let locations = LOCATION.iter().chain(DEPTHS.iter().filter(|_| self.has_depth));
+        locations.map(|field| Field::required(field.name, (field.kind)()).bits_max()).sum()
+    }
+
+    /// Bits of all that does not speak of points: id, sender, counter, and check number or tag.
+    pub fn overhead_bits(&self) -> u64 {
+        let schema = self.schema();
+        let single = schema.fields.iter().filter(|field| field.rule == Rule::Required);
+        schema.id_bits() + single.map(Field::bits_max).sum::<u64>()
+    }
+
     /// Fields of every point: locations first.
     fn point_fields(&self) -> impl Iterator<Item = PointField> {
         let depths = if self.has_depth { Some(DEPTHS) } else { None };
@@ -230,7 +253,7 @@ impl Layout {
         if !self.is_sealed {
             fields.push(Field::required("model", Kind::integer(0.0, f64::from(MODELS - 1))));
         }
-        fields.extend(self.point_fields().map(|field| all(field.name, (field.kind)(), self.blocks * self.points)));
+        fields.extend(self.point_fields().map(|field| all(field.name, (field.kind)(), self.points_in_all())));
         fields.push(all(CORRELATION, correlation(), self.blocks * self.correlations()));
         if self.is_sealed {
             fields.extend(["tag_low", "tag_high"].map(|name| Field::required(name, word())));

@@ -17,13 +17,18 @@ impl Schema {
         (id >= 128).then_some(id)
     }
 
+    /// Bits of the message id.
+    pub fn id_bits(&self) -> u64 {
+        self.id.map_or(0, |id| if id < 128 { 8 } else { 16 })
+    }
+
     /// Bytes of the longest form of the message.
     pub fn length(&self) -> usize {
         let bits = |head: bool| {
             let fields = self.fields.iter().filter(|field| field.in_head == head && field.oneof.is_none());
             sum(fields.map(Field::bits_max))
         };
-        let id_bytes = self.id.map_or(0, |id| if id < 128 { 1 } else { 2 });
+        let id_bytes = self.id_bits() / 8;
         let body = bits(false).saturating_add(oneof_bits(&self.fields));
         usize::try_from(bits(true).div_ceil(8).saturating_add(body.div_ceil(8)).saturating_add(id_bytes))
             .unwrap_or(usize::MAX)
@@ -38,7 +43,7 @@ impl Schema {
 
 impl Field {
     /// Bits of its longest form.
-    fn bits_max(&self) -> u64 {
+    pub(crate) fn bits_max(&self) -> u64 {
         if self.oneof.is_some() {
             return self.element_bits();
         }

@@ -143,10 +143,10 @@ fn schema(options: &cli::PacketSchema) -> anyhow::Result<()> {
     let layout = Layout::for_frame(options.frame_bytes, options.depth, options.sealed);
     let layout = layout.ok_or_else(|| BadInput(format!("no packet fits into {} bytes", options.frame_bytes)))?;
     let schema = layout.schema();
-    let points = layout.blocks * layout.points;
+    let points = layout.points_in_all();
     let bits = schema.bits();
     let in_head = |name: &str| schema.fields.iter().any(|field| field.name == name && field.in_head);
-    let id_bits = if layout.id < 128 { 8 } else { 16 };
+    let id_bits = schema.id_bits();
     let used = id_bits + bits.iter().map(|(_, bits)| bits).sum::<u64>();
     if options.json {
         let fields = bits.iter().map(|(name, bits)| json!({ "name": name, "bits": bits, "in_head": in_head(name) }));

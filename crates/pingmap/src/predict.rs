@@ -1,6 +1,6 @@
 //! `pingmap predict`: probability of success over links.
 
-use pingmap_agent::{InputSpec, Link};
+use pingmap_agent::Link;
 use pingmap_trial::read_links;
 use serde_json::json;
 
@@ -17,7 +17,7 @@ pub fn run(options: &cli::Predict) -> anyhow::Result<()> {
     let bar = spinner("predicting");
     let latent = survey.posterior.latent(&survey.model().inputs(&links)?)?;
     bar.finish_and_clear();
-    let depths = survey.model().inputs == InputSpec::PositionsAndDepths;
+    let depths = survey.model().inputs.has_depths();
     let rows: Vec<Vec<f64>> = links
         .iter()
         .zip(latent.mean.iter().zip(&latent.variance).zip(latent.probability()))

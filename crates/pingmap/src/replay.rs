@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use pingmap_agent::{Fit, InputSpec, VehicleId};
+use pingmap_agent::{Fit, VehicleId};
 use pingmap_packet::Layout;
 use pingmap_trial::{
     Agreed, Alternative, EventLog, Learners, MeanScore, Plan, Replay, Split, Water, draw_splits, read_splits,
@@ -271,7 +271,7 @@ impl Replayed {
     fn packets_line(&self) -> String {
         let Water { loss, duplicate, reorder } = self.plan.water;
         let mut line = self.layout().map_or_else(String::new, |layout| {
-            let points = layout.blocks * layout.points;
+            let points = layout.points_in_all();
             let sealed = if layout.is_sealed { ", sealed" } else { "" };
             format!("packets of {} with up to {points} points{sealed}", count(layout.schema().length(), "byte"))
         });
@@ -316,7 +316,7 @@ impl Replayed {
         let limits = &self.plan.limits;
         let (own, centralised) = self.dense();
         let method = |dense: bool| if dense { "dense mean field" } else { "sparse mean field" };
-        let points = self.layout().map(|layout| layout.blocks * layout.points);
+        let points = self.layout().map(Layout::points_in_all);
         let sharing = replay.sharing.iter().map(|sharing| {
             json!({
                 "frames": sharing.frames, "points_per_frame": points,
@@ -357,7 +357,7 @@ impl Replayed {
             "learn": if self.plan.learners == Learners::Own { "own" } else { "pooled" },
             "kernel": replay.splits.first().map(|split| {
                 let mut kernel = kernel_json(split.model());
-                kernel["inputs"] = json!(if split.model().inputs == InputSpec::Positions { "positions" } else { "positions and depths" });
+                kernel["inputs"] = json!(if split.model().inputs.has_depths() { "positions and depths" } else { "positions" });
                 kernel["length_scale_m"] = json!(self.median(|split| split.model().length_scale_m()));
                 kernel["variance"] = json!(self.median(|split| path_variance(split.model())));
                 kernel

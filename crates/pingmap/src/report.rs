@@ -63,7 +63,7 @@ impl Pictures {
         let posterior = viewer.posterior()?.clone();
         let map = SuccessMap::new(&posterior, viewer.model(), &replayed.log.events, at, End::Tx, None)?;
         let mut told = viewer.told_links();
-        told.extend(own_links(&mission));
+        told.extend(mission.told_links(0, frames));
         Ok(Self {
             viewer: viewer.id().clone(),
             frames,
@@ -81,18 +81,6 @@ fn last_position(agent: &Agent) -> Option<Position> {
 
 /// The links of packets, by sender and counter.
 type Told = Vec<(VehicleId, u16, Vec<Link>)>;
-
-/// What the first vehicle itself sent: a copy of it hears it.
-fn own_links(mission: &Mission) -> Told {
-    let (Some(vehicle), Some(packets)) = (mission.vehicles.first(), mission.packets.first()) else {
-        return Told::new();
-    };
-    let mut listener = Agent::new(vehicle.id().clone(), mission.team.clone());
-    for packet in packets {
-        listener.receive(packet, 0.0);
-    }
-    listener.told_links()
-}
 
 /// The inducing points that everybody sent, as arrows from transmitter to receiver over the tracks.
 fn packets_figure(replayed: &Replayed, told: &Told) -> Figure {

@@ -152,7 +152,7 @@ impl<'a> Speaker<'a> {
             let chosen = choose(&candidates);
             candidates.condition_on(&chosen);
             let links: Vec<Link> = chosen.iter().map(|&place| self.links[place]).collect();
-            let residual = |points: &Inputs| self.own.summarise(points)?.beyond(&public.summarise(points)?);
+            let residual = |points: &Inputs| self.own.beyond(&public, points);
             if let Some((_, summary)) = self.agent.team().wire().encode(self.layout, &links, &residual)? {
                 public.absorb(&Sites::empty(self.inputs.dimension()), &[&summary])?;
                 said.push(summary);
@@ -163,16 +163,12 @@ impl<'a> Speaker<'a> {
 
     /// The packets that were really sent, without rounding.
     fn unrounded(&self, mission: &Mission, place: usize, frames: usize) -> Result<Vec<Summary>, AgentError> {
-        let mut listener = Agent::new(self.agent.id().clone(), mission.team.clone());
-        for packet in mission.sent(frames).nth(place).unwrap_or_default() {
-            listener.receive(packet, 0.0);
-        }
         let mut public = self.nobody_knows();
         let mut said = Vec::new();
-        for (_, _, links) in listener.told_links() {
+        for (_, _, links) in mission.told_links(place, frames) {
             for block in links.chunks(self.points()) {
                 let points = self.agent.model().inputs(block)?;
-                let summary = self.own.summarise(&points)?.beyond(&public.summarise(&points)?)?;
+                let summary = self.own.beyond(&public, &points)?;
                 public.absorb(&Sites::empty(points.dimension()), &[&summary])?;
                 said.push(summary);
             }
@@ -182,11 +178,9 @@ impl<'a> Speaker<'a> {
 
     /// Events by their cells, as many as fit into the frames.
     fn raw_events(&self, frames: usize) -> Result<Vec<Event>, AgentError> {
-        let fields = self.layout.schema();
-        let cell_bits = if self.layout.has_depth { 34 } else { 24 };
-        let overhead: u64 = fields.bits().iter().filter(|(name, _)| HEADER.contains(name)).map(|(_, bits)| bits).sum();
-        let id_bits = if self.layout.id < 128 { 8 } else { 16 };
-        let events = (8 * self.layout.frame_bytes as u64 - overhead - id_bits) / (cell_bits + 1);
+        let frame_bits = 8 * self.layout.frame_bytes as u64;
+        // The cells of both ends, and whether it was heard.
+        let events = (frame_bits - self.layout.overhead_bits()) / (self.layout.location_bits() + 1);
         let chosen = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?.greedy(frames * events as usize);
         let rounded = |&place: &usize| {
             let event = self.agent.events().iter().find(|event| event.link == self.links[place])?;
@@ -243,6 +237,3 @@ impl<'a> Speaker<'a> {
         Ok(regions)
     }
 }
-
-/// What every message carries besides its events.
-const HEADER: [&str; 5] = ["sender", "counter", "model", "tag_low", "tag_high"];

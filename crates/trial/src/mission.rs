@@ -190,6 +190,15 @@ impl Mission {
         self.packets.iter().map(move |packets| &packets[..frames.min(packets.len())])
     }
 
+    /// What the first `frames` packets of the vehicle at `place` speak of, as everybody reads them.
+    pub fn told_links(&self, place: usize, frames: usize) -> Vec<(VehicleId, u16, Vec<Link>)> {
+        let mut listener = Agent::new(VehicleId::new(CENTRALISED), self.team.clone());
+        for packet in self.sent(frames).nth(place).unwrap_or_default() {
+            listener.receive(packet, 0.0);
+        }
+        listener.told_links()
+    }
+
     /// Bytes that a vehicle sends in its first `frames` packets, mean over vehicles.
     pub fn bytes_per_vehicle(&self, frames: usize) -> f64 {
         self.sent(frames).flatten().map(Vec::len).sum::<usize>() as f64 / self.packets.len().max(1) as f64

@@ -148,9 +148,9 @@ impl<'a> Run<'a> {
     fn deliver(&mut self, event: &Event, packet: &[u8], slot: usize) {
         let number = |id: &VehicleId| self.online.team.number(id).map_or(usize::from(u8::MAX) + 1, usize::from);
         let (sender, receiver) = (number(&event.transmitter_id), number(&event.receiver_id));
-        let arrivals = self.plan.water.arrivals(slot, self.plan.seed, sender, receiver);
+        let times = self.plan.water.delays(slot - 1, self.plan.seed, sender, receiver).len();
         let Some(agent) = self.vehicles.get_mut(&event.receiver_id) else { return };
-        for _ in arrivals.iter().filter(|&&place| place + 1 == slot) {
+        for _ in 0..times {
             let accepted = agent.receive(packet, event.time_s) == pingmap_agent::Receipt::Accepted;
             self.online.received += usize::from(accepted);
         }

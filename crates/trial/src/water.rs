@@ -18,26 +18,30 @@ pub struct Water {
 /// How far packets are overtaken at most.
 const OVERTAKEN_MAX: f64 = 8.0;
 
+/// Words of the stream that the fate of one packet takes: five numbers of two words.
+const WORDS: u128 = 10;
+
 impl Water {
     /// The places of those of `count` packets that one receiver hears of one sender, in the order of arrival. What happens to a
     /// packet does not depend on how many follow.
     pub fn arrivals(&self, count: usize, seed: u64, sender: usize, receiver: usize) -> Vec<usize> {
-        let mut rng = stream(seed, STREAMS + ((sender as u64) << 32 | receiver as u64));
-        let mut arrivals: Vec<(f64, usize)> = Vec::new();
-        for place in 0..count {
-            let [lost, twice, overtaken] = [self.loss, self.duplicate, self.reorder].map(|p| rng.random::<f64>() < p);
-            let delays: [f64; 2] = [rng.random(), rng.random()];
-            if lost {
-                continue;
-            }
-            let late = |delay: f64| place as f64 + if overtaken { OVERTAKEN_MAX * delay } else { 0.0 };
-            arrivals.push((late(delays[0]), place));
-            if twice {
-                arrivals.push((late(delays[1]), place));
-            }
-        }
+        let heard = |place| {
+            self.delays(place, seed, sender, receiver).into_iter().map(move |late| (place as f64 + late, place))
+        };
+        let mut arrivals: Vec<(f64, usize)> = (0..count).flat_map(heard).collect();
         arrivals.sort_by(|a, b| a.0.total_cmp(&b.0));
         arrivals.into_iter().map(|(_, place)| place).collect()
+    }
+
+    /// By how many packets the one at `place` is late, for every time it arrives: never, once or twice.
+    pub(crate) fn delays(&self, place: usize, seed: u64, sender: usize, receiver: usize) -> Vec<f64> {
+        // A stream for each pair, and a part of it for each packet.
+        let mut rng = stream(seed, STREAMS + ((sender as u64) << 32 | receiver as u64));
+        rng.set_word_pos(WORDS * place as u128);
+        let [lost, twice, overtaken] = [self.loss, self.duplicate, self.reorder].map(|p| rng.random::<f64>() < p);
+        let delays: [f64; 2] = [rng.random(), rng.random()];
+        let times = if lost { 0 } else { 1 + usize::from(twice) };
+        delays[..times].iter().map(|delay| if overtaken { OVERTAKEN_MAX * delay } else { 0.0 }).collect()
     }
 }
 
