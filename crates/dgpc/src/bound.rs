@@ -57,6 +57,16 @@ impl Certificate {
         let jitter = features.cholesky.jitter();
         Ok(Self { trace, lower, upper, gap: (upper - lower).max(0.0), closed_form, paper, jitter })
     }
+
+    /// The divergence itself, which the bounds are about: log p(y | ω) − `lower`, in nats. `prior` and `sites` are those of the
+    /// certificate. O(N³).
+    ///
+    /// # Errors
+    /// As [`log_evidence`].
+    pub fn divergence(&self, prior: &Prior, sites: &Sites) -> Result<f64> {
+        // Where the points explain everything the difference is rounding, of either sign.
+        Ok((log_evidence(prior, sites)? - self.lower).max(0.0))
+    }
 }
 
 /// ½ ln|A| for A = Ω⁻¹ + Q, and cᵀ(A + pI)⁻¹c for p = `slack`, both by Woodbury in O(NM²).

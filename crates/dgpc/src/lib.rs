@@ -32,6 +32,7 @@
 
 mod anderson;
 mod bound;
+mod chain;
 mod data;
 mod dense;
 mod error;
@@ -47,12 +48,14 @@ pub mod polya_gamma;
 mod posterior;
 mod predict;
 mod prior_mean;
+mod region;
 mod search;
 mod sites;
 mod sparse;
 mod summary;
 
 pub use bound::{Certificate, log_evidence};
+pub use chain::effective_sample_size;
 pub use error::{Error, Result};
 pub use evidence::Evidence;
 pub use gibbs::Gibbs;
@@ -64,5 +67,6 @@ pub use mean_field::MeanField;
 pub use posterior::Posterior;
 pub use predict::{Latent, success_probability};
 pub use prior_mean::{Prior, PriorMean};
+pub use region::LocalityRegion;
 pub use sites::{Observations, Sites};
 pub use summary::{Factor, Summary};

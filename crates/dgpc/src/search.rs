@@ -11,7 +11,7 @@ use crate::data::Data;
 use crate::error::{Error, Result};
 use crate::evidence::{self, Evidence};
 use crate::inputs::Inputs;
-use crate::learn::{Options, Stop, with_variances_times};
+use crate::learn::{Options, Stop, with_length_scales_times, with_variances_times};
 use crate::mean_field::{self, MeanField};
 use crate::prior_mean::Prior;
 
@@ -160,6 +160,54 @@ impl CostFunction for &Calibration<'_> {
         let fit = self.search.fit(&prior, &options)?;
         self.tilts.replace(fit.tilts.clone());
         Ok(spread - fit.corrected_evidence())
+    }
+}
+
+/// The logarithm of the factor of all length-scales that maximises the sum of E over `sets`.
+pub(crate) fn best_length_scale_factor(template: &Prior, sets: &[Data<'_>]) -> Result<f64> {
+    let tilts = sets.iter().map(|_| None).collect();
+    let problem = CommonScale { template, sets, tilts: RefCell::new(tilts) };
+    let tried: Vec<f64> = (-3..=3).map(|power| f64::from(power) * LENGTH_SCALE_STEP).collect();
+    let costs = tried.iter().map(|&log_factor| problem.cost_at(log_factor)).collect::<Result<Vec<f64>>>()?;
+    let best = (0..tried.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).map_or(0.0, |place| tried[place]);
+    let solver = BrentOpt::new(best - LENGTH_SCALE_STEP, best + LENGTH_SCALE_STEP).set_tolerance(0.0, 1e-4);
+    let run = Executor::new(&problem, solver).timer(false).configure(|state| state.max_iters(40)).run();
+    let refined = run.ok().and_then(|result| result.state().get_best_param().copied()).unwrap_or(best);
+    // Whatever the solver returns, the best place looked at is kept.
+    Ok(if problem.cost_at(refined)? <= problem.cost_at(best)? { refined } else { best })
+}
+
+/// Steps of the logarithm of a common factor of all length-scales.
+const LENGTH_SCALE_STEP: f64 = std::f64::consts::LN_2;
+
+/// −Σ E over several sets of events as a function of the logarithm of a common factor of all length-scales.
+struct CommonScale<'a> {
+    template: &'a Prior,
+    sets: &'a [Data<'a>],
+    /// Of the last fit of each set.
+    tilts: RefCell<Vec<Option<Vec<f64>>>>,
+}
+
+impl CommonScale<'_> {
+    fn cost_at(&self, log_factor: f64) -> Result<f64> {
+        let prior = with_length_scales_times(self.template, log_factor.exp())?;
+        let mut cost = 0.0;
+        for (set, start) in self.sets.iter().zip(self.tilts.borrow_mut().iter_mut()) {
+            let options = mean_field::Options { tolerance: 1e-4, iterations_max: 200, start: start.take() };
+            let fit = evidence::dense_fit(&prior, set, &options)?;
+            cost -= fit.evidence;
+            *start = Some(fit.tilts);
+        }
+        Ok(cost)
+    }
+}
+
+impl CostFunction for &CommonScale<'_> {
+    type Param = f64;
+    type Output = f64;
+
+    fn cost(&self, log_factor: &f64) -> std::result::Result<f64, argmin::core::Error> {
+        Ok(self.cost_at(*log_factor)?)
     }
 }
 
