@@ -175,6 +175,34 @@ impl EventLog {
         }
     }
 
+    /// The log as a CSV file that [`EventLog::read`] takes: the required columns, then depths and true probabilities where it has them. Every
+    /// number is written with as few digits as identify it.
+    pub fn to_csv(&self) -> String {
+        let mut header = REQUIRED_COLUMNS.to_vec();
+        if self.has_depths {
+            header.extend(["tx_depth_m", "rx_depth_m"]);
+        }
+        if self.true_probability.is_some() {
+            header.push("true_probability");
+        }
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        // Writing to memory cannot fail, nor can rows of one length.
+        let _ = writer.write_record(&header);
+        for (n, event) in self.events.iter().enumerate() {
+            let Link { transmitter: tx, receiver: rx } = event.link;
+            let (sender, receiver) = (event.transmitter_id.to_string(), event.receiver_id.to_string());
+            let mut row = vec![event.time_s.to_string(), sender, receiver];
+            row.extend([tx.east_m, tx.north_m, rx.east_m, rx.north_m].map(|metres| metres.to_string()));
+            row.push(u8::from(event.success).to_string());
+            if self.has_depths {
+                row.extend([tx.depth_m, rx.depth_m].map(|depth_m| depth_m.unwrap_or_default().to_string()));
+            }
+            row.extend(self.true_probability.as_ref().map(|probabilities| probabilities[n].to_string()));
+            let _ = writer.write_record(&row);
+        }
+        writer.into_inner().map_or_else(|_| String::new(), |bytes| String::from_utf8_lossy(&bytes).into_owned())
+    }
+
     /// A chart about the middle of all positions.
     pub fn chart(&self) -> Chart {
         Chart::about(self.events.iter().flat_map(|event| event.link.ends()))

@@ -9,8 +9,10 @@ mod event_log;
 mod learning;
 mod mission;
 mod online;
+pub mod paper;
 mod replay;
 mod score;
+pub mod simulate;
 mod split;
 mod water;
 
@@ -21,6 +23,6 @@ pub use learning::{learn_all, learn_best};
 pub use mission::{Agreed, Learners, Mission, Plan};
 pub use online::{Online, Step, online};
 pub use replay::{Replay, ReplayError, Sharing, SplitSummary, replay};
-pub use score::{MeanScore, Score};
+pub use score::{Estimate, MeanScore, Score};
 pub use split::{Split, draw_splits, read_splits, thin};
 pub use water::Water;

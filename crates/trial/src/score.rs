@@ -36,11 +36,33 @@ impl Score {
     }
 }
 
+/// A mean over splits or permutations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// The mean.
+    pub mean: f64,
+    /// Its standard error; `None` with a single value.
+    pub se: Option<f64>,
+}
+
+impl Estimate {
+    /// Mean and standard error; `None` without values.
+    pub fn over(values: &[f64]) -> Option<Self> {
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        let se = (values.len() > 1).then(|| (squares / (count - 1.0) / count).sqrt());
+        (!values.is_empty()).then_some(Self { mean, se })
+    }
+}
+
 /// Scores over splits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeanScore {
     /// Mean accuracy.
     pub accuracy: f64,
+    /// Standard error of the mean accuracy over splits; `None` with one split.
+    pub accuracy_se: Option<f64>,
     /// Mean negative log-likelihood, in nats.
     pub nll: f64,
     /// Standard error of the mean negative log-likelihood over splits; `None` with one split.
@@ -50,11 +72,9 @@ pub struct MeanScore {
 impl MeanScore {
     /// Mean and standard error over splits; `None` without any.
     pub fn over(splits: &[Score]) -> Option<Self> {
-        let Score { accuracy, nll } = Score::mean(splits)?;
-        let count = splits.len() as f64;
-        let squares: f64 = splits.iter().map(|score| (score.nll - nll).powi(2)).sum();
-        let nll_se = (splits.len() > 1).then(|| (squares / (count - 1.0) / count).sqrt());
-        Some(Self { accuracy, nll, nll_se })
+        let over = |of: fn(&Score) -> f64| Estimate::over(&splits.iter().map(of).collect::<Vec<_>>());
+        let (accuracy, nll) = (over(|score| score.accuracy)?, over(|score| score.nll)?);
+        Some(Self { accuracy: accuracy.mean, accuracy_se: accuracy.se, nll: nll.mean, nll_se: nll.se })
     }
 }
 

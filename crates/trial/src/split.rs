@@ -33,17 +33,19 @@ impl Split {
 /// Draws `repeats` splits that hold out `test_share` of every vehicle's events, rounded to whole events. Split i depends on
 /// `seed` and i alone.
 pub fn draw_splits(log: &EventLog, repeats: usize, test_share: f64, seed: u64) -> Vec<Split> {
-    let draw = |repeat: usize| {
-        let mut rng = stream(seed, repeat as u64);
-        let mut held_out = vec![false; log.events.len()];
-        for mut own in events_by_vehicle(log).into_values() {
-            own.shuffle(&mut rng);
-            let count = (own.len() as f64 * test_share).round() as usize;
-            own[..count].iter().for_each(|&n| held_out[n] = true);
-        }
-        Split { name: format!("r{repeat}"), held_out }
-    };
-    (0..repeats).map(draw).collect()
+    (0..repeats).map(|repeat| draw_split(log, repeat, test_share, seed)).collect()
+}
+
+/// One of them.
+pub(crate) fn draw_split(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Split {
+    let mut rng = stream(seed, repeat as u64);
+    let mut held_out = vec![false; log.events.len()];
+    for mut own in events_by_vehicle(log).into_values() {
+        own.shuffle(&mut rng);
+        let count = (own.len() as f64 * test_share).round() as usize;
+        own[..count].iter().for_each(|&n| held_out[n] = true);
+    }
+    Split { name: format!("r{repeat}"), held_out }
 }
 
 /// Reads splits from CSV: one column a split, one row an event of `log`, 1 = held out.
@@ -96,7 +98,7 @@ fn fair_share(mut sizes: Vec<usize>, total: usize) -> usize {
 }
 
 /// Indices of the events that each vehicle owns, in log order.
-fn events_by_vehicle(log: &EventLog) -> BTreeMap<&VehicleId, Vec<usize>> {
+pub(crate) fn events_by_vehicle(log: &EventLog) -> BTreeMap<&VehicleId, Vec<usize>> {
     let mut by_vehicle: BTreeMap<&VehicleId, Vec<usize>> = BTreeMap::new();
     for (n, event) in log.events.iter().enumerate() {
         by_vehicle.entry(&event.receiver_id).or_default().push(n);
@@ -104,7 +106,8 @@ fn events_by_vehicle(log: &EventLog) -> BTreeMap<&VehicleId, Vec<usize>> {
     by_vehicle
 }
 
-/// Stream `stream` of a seed: independent of all others, whatever the thread count.
+/// Stream `stream` of a seed: independent of all others, whatever the thread count. Who takes which: splits 0, 1, 2, … (thinning the
+/// last of all), the paper's experiment from 2⁶⁰ on, simulated trials from 2⁶¹ on, water from 2⁶² on.
 pub(crate) fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(stream);

@@ -1,0 +1,101 @@
+//! A trial as the paper's experiment reads it: standardised inputs, and which events each agent owns.
+
+use dgpc::{Error, Inputs, LocalityRegion, Observations};
+use pingmap_agent::{Link, VehicleId};
+
+use super::REGION_EVENTS_MAX;
+use crate::event_log::EventLog;
+use crate::split::events_by_vehicle;
+
+/// One data set.
+#[derive(Debug, Clone)]
+pub struct DataSet {
+    /// What it is called.
+    pub name: String,
+    log: EventLog,
+    /// East and north of the transmitter and of the receiver, every column with mean 0 and variance 1. N×4.
+    inputs: Inputs,
+    agents: Vec<AgentEvents>,
+}
+
+/// The events of one agent: it received them, or should have.
+#[derive(Debug, Clone)]
+pub struct AgentEvents {
+    /// The agent.
+    pub id: VehicleId,
+    /// Indices of its events, in log order.
+    pub events: Vec<usize>,
+}
+
+impl DataSet {
+    /// Standardises the positions of a log column by column (depths are left out, as in the paper). A column in which nothing varies
+    /// becomes 0.
+    ///
+    /// # Errors
+    /// None in practice: positions are finite.
+    pub fn new(name: impl Into<String>, log: EventLog) -> Result<Self, Error> {
+        let raw: Vec<[f64; 4]> = log.events.iter().map(|event| horizontal(&event.link)).collect();
+        let mut values = vec![0.0; 4 * raw.len()];
+        for column in 0..4 {
+            let count = raw.len() as f64;
+            let mean = raw.iter().map(|row| row[column]).sum::<f64>() / count;
+            let variance = raw.iter().map(|row| (row[column] - mean).powi(2)).sum::<f64>() / count;
+            // What is left of a constant column is rounding.
+            if raw.iter().all(|row| row[column] == raw[0][column]) {
+                continue;
+            }
+            let scale = variance.sqrt();
+            for (n, row) in raw.iter().enumerate() {
+                values[4 * n + column] = (row[column] - mean) / scale;
+            }
+        }
+        let agents =
+            events_by_vehicle(&log).into_iter().map(|(id, events)| AgentEvents { id: id.clone(), events }).collect();
+        Ok(Self { name: name.into(), inputs: Inputs::new(values, 4)?, agents, log })
+    }
+
+    /// Its events.
+    pub fn log(&self) -> &EventLog {
+        &self.log
+    }
+
+    /// The vehicles that own events, in alphabetical order.
+    pub fn agents(&self) -> &[AgentEvents] {
+        &self.agents
+    }
+
+    /// How many messages an agent missed, and how many it heard.
+    pub fn failures_and_successes(&self, agent: &AgentEvents) -> (usize, usize) {
+        let successes = agent.events.iter().filter(|&&event| self.log.events[event].success).count();
+        (agent.events.len() - successes, successes)
+    }
+
+    /// The standardised input of an event, 4 numbers.
+    pub fn standardised(&self, event: usize) -> &[f64] {
+        self.inputs.row(event)
+    }
+
+    /// The events at `indices`.
+    pub(super) fn observations(&self, indices: &[usize]) -> Result<Observations, Error> {
+        let outcomes = indices.iter().map(|&n| self.log.events[n].success).collect();
+        Observations::new(self.inputs.select(indices), outcomes)
+    }
+
+    /// The fixed locality region of an agent: around that of its events which has most of its events within the radius (of more than a thousand, a
+    /// thousand are tried). Members
+    /// are indices of the log, at most this agent's share of [`REGION_EVENTS_MAX`].
+    pub(super) fn region(&self, agent: &AgentEvents, radius: f64) -> LocalityRegion {
+        let own = self.inputs.select(&agent.events);
+        let nobody = LocalityRegion { centre: Vec::new(), radius, members: Vec::new() };
+        let mut region = LocalityRegion::busiest(&own, radius).unwrap_or(nobody);
+        region.keep_nearest(&own, REGION_EVENTS_MAX / self.agents.len());
+        region.members.iter_mut().for_each(|member| *member = agent.events[*member]);
+        region
+    }
+}
+
+/// East and north of both ends, in metres.
+fn horizontal(link: &Link) -> [f64; 4] {
+    let Link { transmitter, receiver } = link;
+    [transmitter.east_m, transmitter.north_m, receiver.east_m, receiver.north_m]
+}

@@ -1,0 +1,57 @@
+//! One permutation to look at.
+
+use std::collections::BTreeMap;
+
+use dgpc::{Error, Posterior, Selection, Summary};
+
+use super::choice::{Choice, Omega, Policy};
+use super::fit::RegionFit;
+use super::permutation::{Part, Permutation};
+
+/// What a permutation chose and predicted. All events are indices of the log.
+#[derive(Debug, Clone)]
+pub struct Example {
+    /// Which permutation, counted from 0.
+    pub permutation: usize,
+    /// What every agent did.
+    pub agents: Vec<AgentExample>,
+    /// The held-out events of all regions and the probability of success that the team gives them, from two points of every agent by
+    /// each policy, concatenated, at the last draw of ω.
+    pub predictions: BTreeMap<Policy, Vec<(usize, f64)>>,
+}
+
+/// One agent's region.
+#[derive(Debug, Clone)]
+pub struct AgentExample {
+    /// Its events there.
+    pub part: Part,
+    /// Which of the training events became points.
+    pub points: BTreeMap<Choice, Vec<usize>>,
+}
+
+/// `None` where a region has nothing to learn from or to predict.
+pub(super) fn example(permutation: &Permutation<'_>) -> Result<Option<Example>, Error> {
+    if !permutation.is_complete() {
+        return Ok(None);
+    }
+    let Some(fits) = permutation.fits()?.into_iter().collect::<Option<Vec<RegionFit>>>() else {
+        return Ok(None);
+    };
+    let Permutation { set, prior, streams, .. } = *permutation;
+    let agents = fits.iter().zip(&permutation.parts).map(|(fit, part)| {
+        let events = |chosen: &Selection| chosen.indices.iter().map(|&n| part.training[n]).collect();
+        let points = fit.choices.iter().map(|(&choice, chosen)| (choice, events(chosen))).collect();
+        AgentExample { part: part.clone(), points }
+    });
+    let held_out = permutation.held_out();
+    let test = set.observations(&held_out)?;
+    let predicted = |policy| {
+        let packets = fits.iter().map(|fit| fit.packets(prior, Choice { policy, points: 2 }, Omega::LastDraw));
+        let packets: Vec<Summary> = packets.collect::<Result<Vec<_>, Error>>()?.into_iter().flatten().collect();
+        let team = Posterior::concatenate(prior, &packets.iter().collect::<Vec<_>>())?;
+        let probability = team.probability(test.inputs())?;
+        Ok((policy, held_out.iter().copied().zip(probability).collect()))
+    };
+    let predictions = Policy::ALL.into_iter().map(predicted).collect::<Result<_, Error>>()?;
+    Ok(Some(Example { permutation: streams.permutation, agents: agents.collect(), predictions }))
+}

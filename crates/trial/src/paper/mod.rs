@@ -1,0 +1,185 @@
+//! The paper's experiment (docs/method.md, section 10): how well do one or two inducing points stand for a locality region, for the
+//! agent itself and for its team?
+
+mod choice;
+mod data_set;
+mod example;
+mod fit;
+mod permutation;
+mod shape;
+mod streams;
+mod sweep;
+
+use dgpc::{Error, Kernel, LocalityRegion, Prior, PriorMean, Shape, Term, learn};
+use rayon::prelude::*;
+
+pub use choice::{Choice, Fusion, Omega, Policy};
+pub use data_set::{AgentEvents, DataSet};
+pub use example::{AgentExample, Example};
+pub use fit::{BURN_IN, DRAWS, EffectiveDraws};
+pub use permutation::{Bounds, LocalOutcome, Outcome, Part, TeamOutcome};
+pub use shape::{Claim, rank_correlation};
+pub use sweep::{SWEEP_LENGTH_SCALES, SWEEP_POINTS, SweepRow};
+
+use crate::split::draw_split;
+use permutation::Permutation;
+use streams::{Streams, Use};
+
+/// Share of every agent's events that a permutation holds out.
+const TEST_SHARE: f64 = 0.35;
+
+/// The paper's radius of a locality region, in standardised units.
+pub const RADIUS: f64 = 0.4;
+
+/// The paper's radius in its length-scales, 0.4 / 0.289: √(−2 ln ε) for ε = 0.384.
+pub const RADIUS_LENGTH_SCALES: f64 = 1.384;
+
+/// The regions of a data set hold at most so many events together, in equal shares: those nearest to their centres.
+pub const REGION_EVENTS_MAX: usize = 1200;
+
+/// No length-scale is learned from more events of a data set than this; of longer ones, evenly spread.
+const LEARN_EVENTS_MAX: usize = 2000;
+
+/// The data sets, the kernel that is learned on all of them, and how often they are divided anew.
+pub struct Experiment {
+    sets: Vec<DataSet>,
+    prior: Prior,
+    permutations: usize,
+    seed: u64,
+}
+
+/// The experiment at one radius of the locality regions.
+#[derive(Debug, Clone)]
+pub struct AtRadius {
+    /// The radius, in standardised units.
+    pub radius: f64,
+    /// For every data set.
+    pub sets: Vec<SetOutcome>,
+}
+
+/// What came of one data set.
+#[derive(Debug, Clone)]
+pub struct SetOutcome {
+    /// The region of every agent; members are indices of the log.
+    pub regions: Vec<LocalityRegion>,
+    /// Every permutation.
+    pub permutations: Vec<Outcome>,
+}
+
+impl Experiment {
+    /// Learns the one length-scale of a squared-exponential kernel of unit variance with zero mean on all data sets together, and draws
+    /// the permutations.
+    ///
+    /// # Errors
+    /// As [`learn::common_length_scales`].
+    pub fn new(sets: Vec<DataSet>, permutations: usize, seed: u64) -> Result<Self, Error> {
+        let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 1.0, 1.0, 4)?])?;
+        let template = Prior::new(kernel, PriorMean::Zero)?;
+        let everything = sets.iter().map(|set| {
+            let events: Vec<usize> = learn::spread_out(set.log().events.len(), LEARN_EVENTS_MAX);
+            set.observations(&events)
+        });
+        let everything = everything.collect::<Result<Vec<_>, Error>>()?;
+        let prior = learn::common_length_scales(&template, &everything)?;
+        Ok(Self { sets, prior, permutations, seed })
+    }
+
+    /// The data sets.
+    pub fn sets(&self) -> &[DataSet] {
+        &self.sets
+    }
+
+    /// The learned length-scale, in standardised units.
+    pub fn length_scale(&self) -> f64 {
+        self.prior.kernel().terms()[0].length_scales()[0]
+    }
+
+    /// Number of permutations of every data set.
+    pub fn permutations(&self) -> usize {
+        self.permutations
+    }
+
+    /// Runs all permutations of all data sets, in parallel; `done` is called after each. For n training events in a region a permutation
+    /// costs 200 sweeps of O(n³) for every agent, and as many for the events of all.
+    ///
+    /// # Errors
+    /// As the samplers and fits of `dgpc`, on numbers near the end of the range.
+    pub fn at_radius(&self, radius: f64, done: &(dyn Fn() + Sync)) -> Result<AtRadius, Error> {
+        let sets = (0..self.sets.len()).map(|set| {
+            let regions = self.regions(set, radius);
+            let permutations =
+                self.every_permutation(set, &regions, Use::Tables, |permutation| permutation.run(), done)?;
+            Ok(SetOutcome { regions, permutations })
+        });
+        Ok(AtRadius { radius, sets: sets.collect::<Result<_, Error>>()? })
+    }
+
+    /// Local NLL over [`SWEEP_LENGTH_SCALES`] and [`SWEEP_POINTS`], one list for every data set; `done` is called after each permutation
+    /// of each radius. A permutation costs a mean field, O(n³) an iteration, and the choice of points for every agent.
+    ///
+    /// # Errors
+    /// As [`Experiment::at_radius`].
+    pub fn sweep(&self, done: &(dyn Fn() + Sync)) -> Result<Vec<Vec<SweepRow>>, Error> {
+        let row = |set: usize, length_scales: f64| {
+            let regions = self.regions(set, length_scales * self.length_scale());
+            let steps = self.every_permutation(set, &regions, Use::Sweep, sweep::step, done)?;
+            Ok(SweepRow::over(length_scales, steps))
+        };
+        let rows = |set| SWEEP_LENGTH_SCALES.into_iter().map(|radius| row(set, radius)).collect();
+        (0..self.sets.len()).map(rows).collect()
+    }
+
+    /// The first permutation of a data set (by its place) that leaves no region without training or held-out events; `None` without one.
+    ///
+    /// # Errors
+    /// As [`Experiment::at_radius`].
+    pub fn example(&self, set: usize, radius: f64) -> Result<Option<Example>, Error> {
+        let regions = self.regions(set, radius);
+        for number in 0..self.permutations {
+            let permutation = self.permutation(set, &regions, Use::Tables, number);
+            if let Some(example) = example::example(&permutation)? {
+                return Ok(Some(example));
+            }
+        }
+        Ok(None)
+    }
+
+    fn regions(&self, set: usize, radius: f64) -> Vec<LocalityRegion> {
+        let set = &self.sets[set];
+        set.agents().iter().map(|agent| set.region(agent, radius)).collect()
+    }
+
+    fn permutation(&self, set: usize, regions: &[LocalityRegion], for_use: Use, number: usize) -> Permutation<'_> {
+        let split = draw_split(self.sets[set].log(), number, TEST_SHARE, self.seed);
+        let streams = Streams { seed: self.seed, for_use, set, permutation: number };
+        Permutation::new(&self.sets[set], &self.prior, regions, &split, streams)
+    }
+
+    fn every_permutation<T: Send>(
+        &self,
+        set: usize,
+        regions: &[LocalityRegion],
+        for_use: Use,
+        run: impl Fn(&Permutation<'_>) -> Result<T, Error> + Sync,
+        done: &(dyn Fn() + Sync),
+    ) -> Result<Vec<T>, Error> {
+        let outcomes = (0..self.permutations).into_par_iter().map(|number| {
+            let outcome = run(&self.permutation(set, regions, for_use, number));
+            done();
+            outcome
+        });
+        outcomes.collect()
+    }
+}
+
+impl SetOutcome {
+    /// The permutations in which an agent, by its place in [`DataSet::agents`], could be scored by itself.
+    pub fn local(&self, agent: usize) -> Vec<&LocalOutcome> {
+        self.permutations.iter().filter_map(|outcome| outcome.local[agent].as_ref()).collect()
+    }
+
+    /// The permutations in which the team could be scored.
+    pub fn team(&self) -> Vec<&TeamOutcome> {
+        self.permutations.iter().filter_map(|outcome| outcome.team.as_ref()).collect()
+    }
+}

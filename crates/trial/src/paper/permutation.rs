@@ -1,0 +1,228 @@
+//! One permutation of one data set: every agent by itself, and the team.
+
+use std::collections::BTreeMap;
+
+use dgpc::{Certificate, Error, LocalityRegion, Observations, Posterior, Prior, Sites, Summary};
+
+use super::choice::{Choice, Fusion, Omega};
+use super::data_set::DataSet;
+use super::fit::{EffectiveDraws, Fit, RegionFit, average};
+use super::streams::Streams;
+use crate::score::Score;
+use crate::split::Split;
+
+/// What one agent's own held-out events in its region say about its points.
+#[derive(Debug, Clone)]
+pub struct LocalOutcome {
+    /// Scores of the posterior at the chosen points.
+    pub scores: BTreeMap<(Choice, Omega), Score>,
+    /// Scores of all training events of the region, without choosing any.
+    pub all_events: BTreeMap<Omega, Score>,
+    /// Bounds on the KL divergence, at the last draw of ω.
+    pub bounds: BTreeMap<Choice, Bounds>,
+    /// How much the chain is worth.
+    pub effective_draws: EffectiveDraws,
+}
+
+/// The KL divergence of a sparse posterior from the full one, and what bounds it, in nats.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// tr K̃, which the policy looks at.
+    pub trace: f64,
+    /// The divergence itself.
+    pub kl: f64,
+    /// L_upper − L_lower.
+    pub gap: f64,
+    /// Our closed form, which vanishes with the trace.
+    pub closed_form: f64,
+    /// The paper's.
+    pub paper: f64,
+}
+
+/// What the held-out events of all regions say about the team.
+#[derive(Debug, Clone)]
+pub struct TeamOutcome {
+    /// Scores after sharing the points of a choice.
+    pub scores: BTreeMap<(Choice, Fusion, Omega), Score>,
+    /// Scores of the training events of all regions in one place.
+    pub centralised: BTreeMap<Omega, Score>,
+}
+
+/// What a permutation of a data set came to; `None` where it left a region without training events, or nothing to predict.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// For every agent.
+    pub local: Vec<Option<LocalOutcome>>,
+    /// For the team.
+    pub team: Option<TeamOutcome>,
+}
+
+/// One data set, divided into what is learned from and what is predicted, region by region.
+pub(super) struct Permutation<'a> {
+    pub(super) set: &'a DataSet,
+    pub(super) prior: &'a Prior,
+    pub(super) streams: Streams,
+    /// For every agent.
+    pub(super) parts: Vec<Part>,
+}
+
+/// The events of one agent's region, as indices of the log.
+#[derive(Debug, Clone)]
+pub struct Part {
+    /// Those that are learned from.
+    pub training: Vec<usize>,
+    /// Those that are predicted.
+    pub held_out: Vec<usize>,
+}
+
+impl<'a> Permutation<'a> {
+    pub(super) fn new(
+        set: &'a DataSet,
+        prior: &'a Prior,
+        regions: &[LocalityRegion],
+        split: &Split,
+        streams: Streams,
+    ) -> Self {
+        let part = |region: &LocalityRegion| {
+            let (held_out, training) = region.members.iter().partition(|&&n| split.held_out[n]);
+            Part { training, held_out }
+        };
+        Self { set, prior, streams, parts: regions.iter().map(part).collect() }
+    }
+
+    /// Whether every region has something to learn from and to predict.
+    pub(super) fn is_complete(&self) -> bool {
+        self.parts.iter().all(|part| !part.training.is_empty() && !part.held_out.is_empty())
+    }
+
+    /// Fits, chooses, shares and scores.
+    pub(super) fn run(&self) -> Result<Outcome, Error> {
+        let fits = self.fits()?;
+        let local = fits.iter().zip(&self.parts).map(|(fit, part)| match fit {
+            Some(fit) if !part.held_out.is_empty() => self.local(fit, &part.held_out).map(Some),
+            _ => Ok(None),
+        });
+        let local = local.collect::<Result<Vec<_>, Error>>()?;
+        let fits: Option<Vec<RegionFit>> = fits.into_iter().collect();
+        let team = match fits {
+            Some(fits) if !self.held_out().is_empty() => Some(self.team(&fits)?),
+            _ => None,
+        };
+        Ok(Outcome { local, team })
+    }
+
+    /// The fit of every agent's region; `None` where it has no training events.
+    pub(super) fn fits(&self) -> Result<Vec<Option<RegionFit>>, Error> {
+        let fit = |(agent, part): (usize, &Part)| {
+            if part.training.is_empty() {
+                return Ok(None);
+            }
+            let events = self.set.observations(&part.training)?;
+            RegionFit::new(self.prior, &events, &mut self.streams.agent(agent)).map(Some)
+        };
+        self.parts.iter().enumerate().map(fit).collect()
+    }
+
+    /// The held-out events of all regions.
+    pub(super) fn held_out(&self) -> Vec<usize> {
+        self.parts.iter().flat_map(|part| &part.held_out).copied().collect()
+    }
+
+    fn local(&self, region: &RegionFit, held_out: &[usize]) -> Result<LocalOutcome, Error> {
+        let test = self.set.observations(held_out)?;
+        let mut scores = BTreeMap::new();
+        let mut bounds = BTreeMap::new();
+        for choice in Choice::all() {
+            for omega in Omega::ALL {
+                let packets = region.packets(self.prior, choice, omega)?;
+                let posteriors = packets.iter().map(|packet| Posterior::concatenate(self.prior, &[packet]));
+                scores.insert((choice, omega), score(posteriors, &test)?);
+            }
+            bounds.insert(choice, self.bounds(region, choice)?);
+        }
+        let all_events = self.all_events(&region.fit, &test)?;
+        Ok(LocalOutcome { scores, all_events, bounds, effective_draws: region.fit.effective_draws })
+    }
+
+    fn bounds(&self, region: &RegionFit, choice: Choice) -> Result<Bounds, Error> {
+        let sites = &region.fit.sites(Omega::LastDraw)[0];
+        let certificate = Certificate::new(self.prior, sites, &region.points(choice))?;
+        let kl = certificate.divergence(self.prior, sites)?;
+        let Certificate { trace, gap, closed_form, paper, .. } = certificate;
+        Ok(Bounds { trace, kl, gap, closed_form, paper })
+    }
+
+    /// Scores of a fit without any points.
+    fn all_events(&self, fit: &Fit, test: &Observations) -> Result<BTreeMap<Omega, Score>, Error> {
+        let score_of = |omega| {
+            let posteriors = fit.sites(omega).iter().map(|sites| Posterior::fuse(self.prior, sites, &[]));
+            Ok((omega, score(posteriors, test)?))
+        };
+        Omega::ALL.into_iter().map(score_of).collect()
+    }
+
+    fn team(&self, fits: &[RegionFit]) -> Result<TeamOutcome, Error> {
+        let test = self.set.observations(&self.held_out())?;
+        let mut scores = BTreeMap::new();
+        for omega in Omega::ALL {
+            let own = fits.iter().map(|region| {
+                region.fit.sites(omega).iter().map(|sites| Posterior::fuse(self.prior, sites, &[])).collect()
+            });
+            let own: Vec<Vec<Posterior>> = own.collect::<Result<_, Error>>()?;
+            for choice in Choice::all() {
+                let packets = fits.iter().map(|region| region.packets(self.prior, choice, omega));
+                let packets: Vec<Vec<Summary>> = packets.collect::<Result<_, Error>>()?;
+                for fusion in Fusion::ALL {
+                    let score = self.shared(fusion, &own, &packets, &test)?;
+                    scores.insert((choice, fusion, omega), score);
+                }
+            }
+        }
+        let training: Vec<usize> = self.parts.iter().flat_map(|part| &part.training).copied().collect();
+        let everything = Fit::new(self.prior, &self.set.observations(&training)?, &mut self.streams.team())?;
+        Ok(TeamOutcome { scores, centralised: self.all_events(&everything, &test)? })
+    }
+
+    /// The score of a team; `own[a][s]` and `packets[a][s]` are those of agent a at the s-th of the sites that are averaged over.
+    fn shared(
+        &self,
+        fusion: Fusion,
+        own: &[Vec<Posterior>],
+        packets: &[Vec<Summary>],
+        test: &Observations,
+    ) -> Result<Score, Error> {
+        let draws = 0..packets.first().map_or(0, Vec::len);
+        let of_draw = |s: usize| packets.iter().map(|packets| &packets[s]).collect::<Vec<&Summary>>();
+        let no_events = Sites::empty(test.inputs().dimension());
+        match fusion {
+            Fusion::Concatenation => score(draws.map(|s| Posterior::concatenate(self.prior, &of_draw(s))), test),
+            Fusion::SiteFusion => score(draws.map(|s| Posterior::fuse(self.prior, &no_events, &of_draw(s))), test),
+            Fusion::OwnAndPackets => {
+                let of_agent = |(agent, own): (usize, &Vec<Posterior>)| {
+                    let posteriors = own.iter().enumerate().map(|(s, own)| {
+                        let mut others = of_draw(s);
+                        others.remove(agent);
+                        let mut posterior = own.clone();
+                        posterior.absorb(&no_events, &others)?;
+                        Ok(posterior)
+                    });
+                    score(posteriors, test)
+                };
+                let scores = own.iter().enumerate().map(of_agent).collect::<Result<Vec<Score>, Error>>()?;
+                Score::mean(&scores).ok_or(NOTHING_HELD_OUT)
+            }
+        }
+    }
+}
+
+/// The score of the mean of what several posteriors predict.
+pub(super) fn score(
+    posteriors: impl ExactSizeIterator<Item = Result<Posterior, Error>>,
+    test: &Observations,
+) -> Result<Score, Error> {
+    let probability = average(posteriors, test.inputs())?;
+    Score::new(&probability, test.outcomes()).ok_or(NOTHING_HELD_OUT)
+}
+
+const NOTHING_HELD_OUT: Error =
+    Error::OutOfRange { what: "number of held-out events", expected: "at least 1", value: 0.0 };

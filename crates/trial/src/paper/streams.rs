@@ -1,0 +1,36 @@
+//! Random numbers: a stream of its own for every use, so that results depend on neither threads nor what else is computed.
+
+use rand_chacha::ChaCha8Rng;
+
+use crate::split::stream;
+
+/// The streams of one permutation of one data set.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Streams {
+    pub(super) seed: u64,
+    pub(super) for_use: Use,
+    pub(super) set: usize,
+    pub(super) permutation: usize,
+}
+
+/// What for.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Use {
+    Tables,
+    Sweep,
+}
+
+/// The place of a team among its agents.
+const TEAM: usize = 0xFFFF;
+
+impl Streams {
+    pub(super) fn agent(self, agent: usize) -> ChaCha8Rng {
+        let Self { seed, for_use, set, permutation } = self;
+        let kind = (1 << 60) + ((for_use as u64) << 58);
+        stream(seed, kind + ((set as u64 & 0x3FF) << 48) + ((agent as u64 & 0xFFFF) << 32) + permutation as u64)
+    }
+
+    pub(super) fn team(self) -> ChaCha8Rng {
+        self.agent(TEAM)
+    }
+}
