@@ -14,6 +14,8 @@ mod predict;
 mod region;
 mod replay;
 mod report;
+mod reproduce;
+mod simulate;
 mod survey;
 mod team;
 
@@ -33,6 +35,8 @@ fn main() -> ExitCode {
         cli::Command::Map(options) => map::run(&options),
         cli::Command::Select(options) => region::run(&options),
         cli::Command::Team(options) => team::run(&options),
+        cli::Command::Reproduce(options) => reproduce::run(&options),
+        cli::Command::Simulate(options) => simulate::run(&options),
         cli::Command::Packet(command) => packet::run(&command),
     };
     match done {

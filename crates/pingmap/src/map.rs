@@ -242,10 +242,15 @@ impl SuccessMap {
 /// that a straight survey line still makes a picture.
 pub fn extent(events: &[Event], at: &Position) -> (Point, Point) {
     let ends = events.iter().flat_map(|event| event.link.ends());
-    let (mut east, mut north) = ((at.east_m, at.east_m), (at.north_m, at.north_m));
-    for end in ends {
-        east = (east.0.min(end.east_m), east.1.max(end.east_m));
-        north = (north.0.min(end.north_m), north.1.max(end.north_m));
+    widened(ends.chain([*at]).map(|end| (end.east_m, end.north_m)))
+}
+
+/// The area of some places, with such a margin.
+pub fn widened(places: impl Iterator<Item = Point>) -> (Point, Point) {
+    let (mut east, mut north) = ((f64::MAX, f64::MIN), (f64::MAX, f64::MIN));
+    for place in places {
+        east = (east.0.min(place.0), east.1.max(place.0));
+        north = (north.0.min(place.1), north.1.max(place.1));
     }
     let longest = (east.1 - east.0).max(north.1 - north.0);
     let widen = |(low, high): (f64, f64)| {

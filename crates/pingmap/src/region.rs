@@ -1,18 +1,16 @@
 //! `pingmap select`: the inducing points that sum up a locality region.
 
-use dgpc::{Candidates, Certificate, Inputs, Observations, Selection, log_evidence, mean_field};
+use dgpc::{Candidates, Certificate, Inputs, LocalityRegion, Observations, mean_field};
 use pingmap_agent::{Event, Limits, Link, Model, Position};
 use pingmap_trial::EventLog;
+use pingmap_trial::paper::RADIUS_LENGTH_SCALES;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use serde_json::json;
 
-use crate::cli::{self, PolicyName, name_of};
+use crate::cli::{self, name_of};
 use crate::learn::kernel_json;
 use crate::output::{BadInput, count, note, print, print_json, spinner, table, use_threads, warn};
 use crate::survey::{self, Known};
-
-/// Radius of the reference locality region in length-scales, √(−2 ln ε) for ε = 0.384: the paper's 0.4 / 0.289.
-const RADIUS_LENGTH_SCALES: f64 = 1.384;
 
 pub fn run(options: &cli::Select) -> anyhow::Result<()> {
     use_threads(options.threads)?;
@@ -23,13 +21,13 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
     let bar = spinner("selecting");
     let prior = &known.model.prior;
     let candidates = Candidates::new(prior.kernel(), &inputs)?;
-    let selection = choose(&candidates, options);
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    let selection = options.policy.policy().choose(&candidates, options.points, &mut rng);
     let observations = Observations::new(inputs.clone(), region.iter().map(|event| event.success).collect())?;
     let mean_field_options = mean_field::Options { tolerance: 1e-6, ..Default::default() };
     let sites = mean_field::dense(prior, &observations, &mean_field_options)?.sites;
     let certificate = Certificate::new(prior, &sites, &inputs.select(&selection.indices))?;
-    // Where the points explain everything the difference is rounding, of either sign.
-    let kl = (log_evidence(prior, &sites)? - certificate.lower).max(0.0);
+    let kl = certificate.divergence(prior, &sites)?;
     bar.finish_and_clear();
 
     if selection.indices.len() < options.points {
@@ -89,52 +87,26 @@ impl<'a> Region<'a> {
                 survey::fill_depths(&mut link, own);
                 model.inputs(&link)?.columns(model.inputs.ends()).row(0).to_vec()
             }
-            None => busiest(&ends, radius_m).to_vec(),
+            None => LocalityRegion::busiest(&ends, radius_m).map_or_else(Vec::new, |region| region.centre),
         };
-        let mut members = within(&ends, &centre, radius_m);
-        if members.is_empty() {
+        let mut region = LocalityRegion::around(&ends, &centre, radius_m)?;
+        if region.members.is_empty() {
             let vehicle = &options.vehicle;
             let message =
                 format!("no event of {vehicle} lies within {radius_m} m of the centre; expected at least one");
             return Err(BadInput(message).into());
         }
-        if members.len() > options.events_max {
-            let (found, used) = (members.len(), options.events_max);
+        if region.members.len() > options.events_max {
+            let (found, used) = (region.members.len(), options.events_max);
             warn(format_args!(
                 "the region holds {found} events; using the {used} nearest to its centre (--events-max)"
             ));
-            let distance = |n: &usize| squared_distance(ends.row(*n), &centre);
-            members.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-            members.truncate(used);
+            region.keep_nearest(&ends, used);
         }
+        let members = region.members;
         let events = members.iter().map(|&n| &own.events[n]).collect();
         Ok(Self { events, inputs: inputs.select(&members), radius_m })
     }
-}
-
-fn choose(candidates: &Candidates, options: &cli::Select) -> Selection {
-    match options.policy {
-        PolicyName::Good => candidates.good(options.points),
-        PolicyName::Bad => candidates.bad(options.points),
-        PolicyName::Random => candidates.random(options.points, &mut ChaCha8Rng::seed_from_u64(options.seed)),
-    }
-}
-
-/// Indices of the inputs within a radius.
-fn within(inputs: &Inputs, centre: &[f64], radius_m: f64) -> Vec<usize> {
-    (0..inputs.len()).filter(|&n| squared_distance(inputs.row(n), centre) <= radius_m * radius_m).collect()
-}
-
-fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
-}
-
-/// The input with most inputs within a radius; the first of equals.
-fn busiest(inputs: &Inputs, radius_m: f64) -> &[f64] {
-    // Every k-th input is candidate enough in a long log.
-    let step = inputs.len().div_ceil(1000).max(1);
-    let counted = inputs.rows().step_by(step).map(|row| (row, within(inputs, row, radius_m).len()));
-    counted.reduce(|best, next| if next.1 > best.1 { next } else { best }).map_or(&[], |(row, _)| row)
 }
 
 fn point_json(event: &Event) -> serde_json::Value {

@@ -96,7 +96,10 @@ fn packets_figure(replayed: &Replayed, told: &Told) -> Figure {
     let groups: Vec<Arrows> = arrows
         .iter()
         .zip(&names)
-        .map(|((id, pairs), name)| Arrows { name, pairs, style: Style { mark: Mark::None, ..map::style(place(id)) } })
+        .map(|((id, pairs), name)| {
+            let style = Style { mark: Mark::None, ..map::style(place(id)) };
+            Arrows { name, pairs, style, heads: true }
+        })
         .collect();
     let any: &Link = &replayed.log.events[0].link;
     let (east, north) = map::extent(&replayed.log.events, &any.receiver);

@@ -1,11 +1,16 @@
 //! The command line.
 
+mod simulate;
+mod values;
+
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use dgpc::Shape;
-use pingmap_agent::{Criterion, Expectation, Given, Learning, Limits, PathInputs, Structure, Terms};
-use pingmap_trial::{COORDINATE_MAX_M, Water};
+use clap::{Args, Parser, Subcommand};
+use pingmap_agent::{Expectation, Given, Learning, Limits, Structure};
+use pingmap_trial::Water;
+
+pub use simulate::Simulate;
+pub use values::*;
 
 /// Learn, while under way, the probability that a message from here reaches there.
 ///
@@ -33,6 +38,10 @@ pub enum Command {
     Map(Map),
     /// Choose the inducing points that sum up a locality region, with the certificate of the choice
     Select(Select),
+    /// Run the experiment of the paper that pingmap comes from: its tables and figures, beside the published ones
+    Reproduce(Reproduce),
+    /// Make up a field trial: vehicles on survey legs, a slot schedule, and an acoustic channel of published formulas
+    Simulate(Simulate),
     /// Write what a team must agree on before the mission: members, grid, frames, and the model that packets are formed under
     Team(Team),
     /// Look at the bytes on the water: what a packet says, what fields it has, and the .proto of them all
@@ -121,6 +130,32 @@ pub struct PacketSchema {
 pub struct Demo {
     /// Folder for the report
     #[arg(long, default_value = "pingmap-report", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+    /// Worker threads; 0 takes one per core. Results do not depend on it
+    #[arg(long, default_value_t = 0, value_parser = threads)]
+    pub threads: usize,
+}
+
+#[derive(Args)]
+pub struct Reproduce {
+    /// What to compute
+    #[arg(value_enum, default_value_t = Exhibit::All)]
+    pub exhibit: Exhibit,
+    /// An event log in the place of the paper's next data set (to be given once for each), or a folder whose CSV files are taken in alphabetical
+    /// order; depths are left out. Three simulated trials that come with pingmap if not given
+    #[arg(long, value_name = "DIR|FILE")]
+    pub data: Vec<PathBuf>,
+    /// How often every data set is divided anew into training and held-out events
+    #[arg(long, default_value_t = 100, value_parser = permutations, allow_negative_numbers = true)]
+    pub permutations: usize,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Folder for the figures and, with `all`, the page reproduction.md
+    #[arg(long, default_value = "pingmap-reproduction", value_name = "DIR")]
     pub out: PathBuf,
     /// Print one JSON object instead of tables
     #[arg(long)]
@@ -416,175 +451,4 @@ impl Work {
         let Self { events_max, dense_events_max, inducing_points_max, .. } = *self;
         Limits { events_max, dense_events_max, inducing_points_max, ..Limits::default() }
     }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ShapeName {
-    SquaredExponential,
-    Matern32,
-    Matern52,
-}
-
-impl ShapeName {
-    fn shape(self) -> Shape {
-        match self {
-            ShapeName::SquaredExponential => Shape::SquaredExponential,
-            ShapeName::Matern32 => Shape::Matern32,
-            ShapeName::Matern52 => Shape::Matern52,
-        }
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum InputsName {
-    /// The positions of both ends, one length-scale for all
-    Raw,
-    /// Where the link lies, and which way and how far it reaches; a length-scale for each coordinate
-    Link,
-}
-
-impl InputsName {
-    fn inputs(self) -> PathInputs {
-        match self {
-            InputsName::Raw => PathInputs::Raw,
-            InputsName::Link => PathInputs::Link,
-        }
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum YesNo {
-    Yes,
-    No,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum TermsName {
-    /// The path between the ends
-    Path,
-    /// The path, noise at the receiver, and loss over the range
-    PathReceiverRange,
-}
-
-impl TermsName {
-    fn terms(self) -> Terms {
-        match self {
-            TermsName::Path => Terms::Path,
-            TermsName::PathReceiverRange => Terms::PathReceiverRange,
-        }
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum MeanName {
-    /// Even odds
-    Zero,
-    /// The same odds everywhere
-    Constant,
-    /// Odds that fall with range
-    Range,
-}
-
-impl MeanName {
-    fn expectation(self) -> Expectation {
-        match self {
-            MeanName::Zero => Expectation::Zero,
-            MeanName::Constant => Expectation::Constant,
-            MeanName::Range => Expectation::Range,
-        }
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum CriterionName {
-    /// The leave-one-out log predictive probability
-    LeaveOneOut,
-    /// The evidence bound
-    Evidence,
-}
-
-impl CriterionName {
-    fn criterion(self) -> Criterion {
-        match self {
-            CriterionName::LeaveOneOut => Criterion::LeaveOneOut,
-            CriterionName::Evidence => Criterion::Evidence,
-        }
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum LearnName {
-    /// Somebody who saw the training events of all, beforehand
-    Pooled,
-    /// Every vehicle by itself, from its own events and what it received
-    Own,
-    /// Both, side by side
-    Both,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum PolicyName {
-    /// Leave as little prior variance unexplained as possible
-    Good,
-    /// Leave as much as possible
-    Bad,
-    /// Draw the points uniformly
-    Random,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum End {
-    /// Transmits
-    Tx,
-    /// Receives
-    Rx,
-}
-
-/// What the user calls a value of one of the enumerations above.
-pub fn name_of(value: &impl ValueEnum) -> String {
-    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
-}
-
-fn at_least_one(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|&number| number >= 1).ok_or_else(|| "expected a whole number of at least 1".to_owned())
-}
-
-/// Lengths and variances beyond these bounds mean a slip of the pen, and would overflow when squared.
-fn positive(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|number| (1e-6..=1e9).contains(number));
-    number.ok_or_else(|| "expected a number above 0, from 1e-6 to 1e9".to_owned())
-}
-
-fn threads(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|&number| number <= 256).ok_or_else(|| "expected a whole number from 0 to 256".to_owned())
-}
-
-fn frame_bytes(text: &str) -> Result<usize, String> {
-    let number = text.parse().ok().filter(|number| (32..=65536).contains(number));
-    number.ok_or_else(|| "expected a whole number from 32 to 65536: no packet fits into less".to_owned())
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|number| (0.0..=1.0).contains(number));
-    number.ok_or_else(|| "expected a number from 0 to 1".to_owned())
-}
-
-fn open_share(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|number| *number > 0.0 && *number < 1.0);
-    number.ok_or_else(|| "expected a number above 0 and below 1".to_owned())
-}
-
-fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
-    let numbers: Option<Vec<f64>> =
-        text.split(',').map(|part| part.trim().parse::<f64>().ok().filter(|x| x.abs() <= COORDINATE_MAX_M)).collect();
-    let numbers = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
-    numbers.ok_or_else(|| format!("expected {N} numbers, at most 1e9 from zero, with commas between them"))
-}
-
-fn pair(text: &str) -> Result<(f64, f64), String> {
-    numbers::<2>(text).map(|[a, b]| (a, b))
-}
-
-fn quadruple(text: &str) -> Result<[f64; 4], String> {
-    numbers(text)
 }

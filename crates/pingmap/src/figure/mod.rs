@@ -1,19 +1,27 @@
-//! Figures: a map of success probability, and a map of links. The only file that names the plotting crate.
+//! Figures: a map of success probability, and maps of links. The only folder that names the plotting crate.
 //!
 //! `kuva` supplies the axes, the title, the colour scale and bar, and the SVG and PNG writers.
 //! Everything inside the axes is added to its public `Scene` in pixel coordinates, because its
 //! own plots have no fixed colour range, no dashed contours, no outlines and no long legend keys.
 
-use crate::contour::{Grid, Point, contour_lines};
+mod marks;
+
 use kuva::backend::raster::RasterBackend;
-use kuva::prelude::{ColorMap, Layout, LegendEntry, LegendShape, LinePlot, Plot, QuiverPlot, SvgBackend, TickFormat};
+use kuva::prelude::{ColorMap, Layout, LinePlot, Plot, QuiverPlot, SvgBackend, TickFormat};
 use kuva::render::color::Color;
 use kuva::render::layout::ComputedLayout;
-use kuva::render::render::{PathData, Primitive, Scene, TextAnchor, render_multiple};
+use kuva::render::render::{Primitive, Scene, TextAnchor, render_multiple};
+
+use crate::contour::{Grid, Point, contour_lines};
+use marks::{draw_arrow, draw_line, draw_mark, text_at, text_width};
 
 const FONT_PX: u32 = 12;
 const ROW_PX: f64 = 20.0;
 const KEY_PX: f64 = 42.0;
+const LINK_MARK_PX: f64 = 3.0;
+const PANEL_TITLE_PX: u32 = 14;
+const PANEL_TITLE_ROOM_PX: f64 = 30.0;
+const PANEL_GAP_PX: f64 = 8.0;
 
 /// Of more tracks than this the legend names none.
 const TRACKS_NAMED_MAX: usize = 24;
@@ -27,6 +35,7 @@ pub enum Mark {
     Triangle,
     Diamond,
     Star,
+    Cross,
 }
 
 /// How a line and its markers look; an empty `dash` is a solid line, a zero `width` is no line.
@@ -45,11 +54,21 @@ pub struct Series<'a> {
     pub style: Style<'a>,
 }
 
-/// Named arrows from the first point of each pair to the second.
+/// Named lines from the first point of each pair to the second, with the style's marker at the second.
+#[derive(Clone, Copy)]
 pub struct Arrows<'a> {
     pub name: &'a str,
     pub pairs: &'a [(Point, Point)],
     pub style: Style<'a>,
+    /// Whether they have heads.
+    pub heads: bool,
+}
+
+/// What one of several maps of the same area shows.
+pub struct Panel<'a> {
+    pub title: &'a str,
+    pub tracks: &'a [Series<'a>],
+    pub links: &'a [Arrows<'a>],
 }
 
 /// A finished figure.
@@ -64,10 +83,13 @@ impl Figure {
 
     /// The figure as PNG bytes, two pixels per SVG unit.
     pub fn png(&self) -> anyhow::Result<Vec<u8>> {
-        RasterBackend::new()
-            .with_scale(2.0)
-            .render_scene(&self.0)
-            .map_err(|error| anyhow::anyhow!("cannot draw: {error}"))
+        self.png_scaled(2.0)
+    }
+
+    /// The figure as PNG bytes, so many pixels per SVG unit.
+    pub fn png_scaled(&self, scale: f32) -> anyhow::Result<Vec<u8>> {
+        let raster = RasterBackend::new().with_scale(scale);
+        raster.render_scene(&self.0).map_err(|error| anyhow::anyhow!("cannot draw: {error}"))
     }
 }
 
@@ -81,7 +103,7 @@ pub fn probability_map(
     side: f64,
 ) -> Figure {
     let bar = Some("probability of success");
-    let mut frame = Frame::map(title, grid.east, grid.north, bar, side);
+    let mut frame = Frame::map(map_layout(title, grid.east, grid.north), grid.east, grid.north, bar, side);
     frame.heat_map(grid);
     for (n, &level) in contours.iter().enumerate() {
         let dash = if n == 0 { &[5.0, 4.0][..] } else { &[] };
@@ -105,17 +127,64 @@ pub fn link_map(
     tracks: &[Series],
     side: f64,
 ) -> Figure {
-    let mut frame = Frame::map(title, east, north, None, side);
+    let mut frame = Frame::map(map_layout(title, east, north), east, north, None, side);
     let faint = tracks.iter().map(|track| Series { style: Style { width: 0.8, ..track.style }, ..*track });
     frame.tracks(&faint.collect::<Vec<_>>());
-    for group in links {
-        for &(from, to) in group.pairs {
-            let (from, to) = (frame.pixel(from), frame.pixel(to));
-            draw_arrow(&mut frame.inside, from, to, group.style);
-        }
-        frame.key(group.name, group.style, true);
-    }
+    frame.links(links);
     frame.finish()
+}
+
+/// Draws maps of the same area one below the other, for one column of a page: axes `side` pixels wide, the legend of the last below
+/// everything.
+pub fn link_panels(panels: &[Panel], east: (f64, f64), north: (f64, f64), side: f64) -> Figure {
+    let side = side * f64::max(1.0, (north.1 - north.0) / (east.1 - east.0));
+    let figures = panels.iter().enumerate().map(|(n, panel)| {
+        let is_last = n + 1 == panels.len();
+        let mut layout = map_layout(panel.title, east, north).with_title_size(PANEL_TITLE_PX);
+        if !is_last {
+            // The axis of the last panel is that of all.
+            layout.x_label = None;
+            layout.suppress_x_ticks = true;
+            layout.force_margin_bottom = Some(PANEL_GAP_PX);
+        }
+        layout.force_margin_top = Some(PANEL_TITLE_ROOM_PX);
+        let mut frame = Frame::map(layout, east, north, None, side);
+        frame.legend_place = if is_last { LegendPlace::Below } else { LegendPlace::Nowhere };
+        frame.tracks(panel.tracks);
+        frame.links(panel.links);
+        frame.finish()
+    });
+    stacked(figures.collect())
+}
+
+/// Puts figures one below the other.
+fn stacked(figures: Vec<Figure>) -> Figure {
+    let mut figures = figures.into_iter().enumerate();
+    let Some((_, Figure(mut whole))) = figures.next() else {
+        return Figure(Scene::new(1.0, 1.0));
+    };
+    for (n, Figure(part)) in figures {
+        let transform = Some(format!("translate(0,{})", whole.height));
+        whole.elements.push(Primitive::GroupStart { transform, title: None, extra_attrs: None });
+        // Every part brings clip paths, whose names must differ.
+        let renamed = |id: &str| format!("{id}-{n}");
+        let mut ids = Vec::new();
+        for mut element in part.elements {
+            if let Primitive::ClipStart { id, .. } = &mut element {
+                ids.push(id.clone());
+                *id = renamed(id);
+            }
+            whole.elements.push(element);
+        }
+        let rename = |def: String| {
+            ids.iter().fold(def, |def, id| def.replace(&format!("\"{id}\""), &format!("\"{}\"", renamed(id))))
+        };
+        whole.defs.extend(part.defs.into_iter().map(rename));
+        whole.elements.push(Primitive::GroupEnd);
+        whole.width = whole.width.max(part.width);
+        whole.height += part.height;
+    }
+    Figure(whole)
 }
 
 /// Draws curves over a common axis, each with a marker here and there.
@@ -143,6 +212,17 @@ pub fn curves(title: &str, x_label: &str, y_label: &str, series: &[Series], size
     frame.finish()
 }
 
+/// Title, axes in metres and ticks of a map.
+fn map_layout(title: &str, east: (f64, f64), north: (f64, f64)) -> Layout {
+    let step = round_step((east.1 - east.0).max(north.1 - north.0) / 10.0);
+    Layout::new(east, north)
+        .with_title(title)
+        .with_x_label("east (m)")
+        .with_y_label("north (m)")
+        .with_x_tick_step(step)
+        .with_y_tick_step(step)
+}
+
 /// A figure under construction.
 struct Frame {
     scene: Scene,
@@ -155,20 +235,25 @@ struct Frame {
     legend: Vec<Primitive>,
     rows: usize,
     legend_width: f64,
+    legend_place: LegendPlace,
+}
+
+/// Where the legend stands.
+#[derive(Clone, Copy, PartialEq)]
+enum LegendPlace {
+    /// Right of the axes and of the colour bar, one entry below the other.
+    Right,
+    /// Below the axes, in two columns.
+    Below,
+    /// There is none.
+    Nowhere,
 }
 
 impl Frame {
-    /// Makes map axes with one metre the same length both ways.
-    fn map(title: &str, east: (f64, f64), north: (f64, f64), bar: Option<&str>, side: f64) -> Self {
+    /// Makes map axes with one metre the same length both ways, the longer side `side` pixels.
+    fn map(layout: Layout, east: (f64, f64), north: (f64, f64), bar: Option<&str>, side: f64) -> Self {
         let (width, height) = (east.1 - east.0, north.1 - north.0);
         let scale = side / width.max(height);
-        let step = round_step(width.max(height) / 10.0);
-        let layout = Layout::new(east, north)
-            .with_title(title)
-            .with_x_label("east (m)")
-            .with_y_label("north (m)")
-            .with_x_tick_step(step)
-            .with_y_tick_step(step);
         Self::new(layout, east, north, bar, (width * scale, height * scale))
     }
 
@@ -200,7 +285,7 @@ impl Frame {
         let axes = ComputedLayout::from_layout(&layout);
         let scene = render_multiple(vec![plot], layout);
         let (inside, labels, legend) = (Vec::new(), Vec::new(), Vec::new());
-        Self { scene, axes, inside, labels, legend, rows: 0, legend_width: 0.0 }
+        Self { scene, axes, inside, labels, legend, rows: 0, legend_width: 0.0, legend_place: LegendPlace::Right }
     }
 
     /// Where a data point is on the page.
@@ -278,6 +363,25 @@ impl Frame {
         }
     }
 
+    fn links(&mut self, links: &[Arrows]) {
+        for group in links {
+            for &(from, to) in group.pairs {
+                let (from, to) = (self.pixel(from), self.pixel(to));
+                if group.heads {
+                    draw_arrow(&mut self.inside, from, to, group.style);
+                } else {
+                    draw_line(&mut self.inside, &[from, to], group.style, 0.0);
+                }
+            }
+            // Markers lie over all lines of their group.
+            for &(_, to) in group.pairs {
+                let at = self.pixel(to);
+                self.mark(at, LINK_MARK_PX, group.style);
+            }
+            self.key(group.name, group.style, group.heads);
+        }
+    }
+
     fn line(&mut self, points: &[Point], style: Style, halo: f64) {
         draw_line(&mut self.inside, points, style, halo);
     }
@@ -306,9 +410,12 @@ impl Frame {
         self.labels.push(text_at((x, y), text, TextAnchor::Middle));
     }
 
-    /// Adds a row to the legend, right of the axes and of the colour bar.
+    /// Adds an entry to the legend.
     fn key(&mut self, name: &str, style: Style, arrow: bool) {
-        let (x, y) = (self.axes.width + 8.0, self.row(self.rows));
+        if self.legend_place == LegendPlace::Nowhere {
+            return;
+        }
+        let (x, y) = self.place(self.rows);
         let ends = [(x, y), (x + KEY_PX, y)];
         if arrow {
             draw_arrow(&mut self.legend, ends[0], ends[1], style);
@@ -316,20 +423,27 @@ impl Frame {
             draw_line(&mut self.legend, &ends, style, 0.0);
         }
         let radius = if style.width > 0.0 { 4.5 } else { 3.5 };
-        draw_mark(&mut self.legend, (x + KEY_PX / 2.0, y), radius, style);
+        draw_mark(&mut self.legend, (if arrow { x + KEY_PX } else { x + KEY_PX / 2.0 }, y), radius, style);
         self.legend.push(text_at((x + KEY_PX + 8.0, y), name, TextAnchor::Start));
         self.legend_width = self.legend_width.max(KEY_PX + 28.0 + text_width(name));
         self.rows += 1;
     }
 
-    /// The height of the middle of a legend row.
-    fn row(&self, row: usize) -> f64 {
-        self.axes.margin_top + ROW_PX * (row as f64 + 0.5)
+    /// Where an entry of the legend begins: left end and middle.
+    fn place(&self, entry: usize) -> Point {
+        if self.legend_place == LegendPlace::Below {
+            let (row, column) = (entry / 2, entry % 2);
+            let width = (self.axes.width - 16.0) / 2.0;
+            return (16.0 + width * column as f64, self.axes.height + ROW_PX * (row as f64 + 0.5));
+        }
+        (self.axes.width + 8.0, self.axes.margin_top + ROW_PX * (entry as f64 + 0.5))
     }
 
     /// Puts the parts together.
     fn finish(mut self) -> Figure {
-        let bottom = self.row(self.rows);
+        let (_, last) = self.place(self.rows.saturating_sub(1));
+        let bottom = if self.rows > 0 { last + ROW_PX } else { 0.0 };
+        let legend_width = if self.legend_place == LegendPlace::Right { self.legend_width } else { 0.0 };
         let axes = &self.axes;
         let frame = Primitive::Rect {
             x: axes.margin_left,
@@ -347,7 +461,7 @@ impl Frame {
         elements.splice(at..at, self.inside.into_iter().chain(self.labels));
         elements.push(frame);
         elements.append(&mut self.legend);
-        self.scene.width = (self.scene.width + self.legend_width).ceil();
+        self.scene.width = (self.scene.width + legend_width).ceil();
         self.scene.height = self.scene.height.max(bottom).ceil();
         Figure(self.scene)
     }
@@ -356,124 +470,6 @@ impl Frame {
 /// At most about `count` of the points, evenly spread, the first among them.
 fn thin(points: &[Point], count: usize) -> impl Iterator<Item = &Point> {
     points.iter().step_by(points.len().div_ceil(count).max(1))
-}
-
-/// Draws a line over a white `halo`. The dashes are cut here: the PNG writer would start the
-/// pattern anew at every vertex and would not scale it.
-fn draw_line(out: &mut Vec<Primitive>, points: &[Point], style: Style, halo: f64) {
-    let mut stroke = |points: Vec<Point>, color: &str, stroke_width: f64| {
-        out.push(Primitive::PolyLine { points, stroke: color.into(), stroke_width, stroke_dasharray: None });
-    };
-    if style.width <= 0.0 || points.len() < 2 {
-        return;
-    }
-    if halo > 0.0 {
-        stroke(points.to_vec(), "#ffffff", style.width + halo);
-    }
-    if style.dash.is_empty() {
-        stroke(points.to_vec(), style.color, style.width);
-        return;
-    }
-    let (mut piece, mut part, mut left) = (vec![points[0]], 0_usize, style.dash[0]);
-    for pair in points.windows(2) {
-        let (mut from, to) = (pair[0], pair[1]);
-        let mut length = (to.0 - from.0).hypot(to.1 - from.1);
-        while length > left {
-            let share = left / length;
-            from = (from.0 + (to.0 - from.0) * share, from.1 + (to.1 - from.1) * share);
-            piece.push(from);
-            if part.is_multiple_of(2) {
-                stroke(std::mem::take(&mut piece), style.color, style.width);
-            }
-            length -= left;
-            part += 1;
-            left = style.dash[part % style.dash.len()];
-            piece = vec![from];
-        }
-        left -= length;
-        piece.push(to);
-    }
-    if part.is_multiple_of(2) {
-        stroke(piece, style.color, style.width);
-    }
-}
-
-/// Draws an arrow with a filled head.
-fn draw_arrow(out: &mut Vec<Primitive>, from: Point, to: Point, style: Style) {
-    let length = (to.0 - from.0).hypot(to.1 - from.1);
-    if length < 1.0 {
-        return;
-    }
-    let head = 11.0_f64.min(length);
-    let (x, y) = ((to.0 - from.0) / length, (to.1 - from.1) / length);
-    let base = (to.0 - x * head, to.1 - y * head);
-    draw_line(out, &[from, base], style, 0.0);
-    let side = 0.4 * head;
-    let corners = [to, (base.0 - y * side, base.1 + x * side), (base.0 + y * side, base.1 - x * side)];
-    out.push(polygon(&corners, style.color, style.color));
-}
-
-/// Draws a marker with an outline that shows on dark and light grounds.
-fn draw_mark(out: &mut Vec<Primitive>, (x, y): Point, radius: f64, style: Style) {
-    let corners = |count: usize, turn: f64, inner: f64| -> Vec<Point> {
-        let corner = |k: usize| {
-            let angle = std::f64::consts::TAU * (k as f64 / count as f64 + turn);
-            let r = if k.is_multiple_of(2) { radius * 1.3 } else { radius * 1.3 * inner };
-            (x + r * angle.sin(), y - r * angle.cos())
-        };
-        (0..count).map(corner).collect()
-    };
-    let shape = match style.mark {
-        Mark::None => return,
-        Mark::Dot => {
-            out.push(Primitive::Circle {
-                cx: x,
-                cy: y,
-                r: radius,
-                fill: style.color.into(),
-                fill_opacity: None,
-                stroke: Some("#ffffff".into()),
-                stroke_width: Some(1.4),
-            });
-            return;
-        }
-        Mark::Square => corners(4, 0.125, 1.0),
-        Mark::Triangle => corners(3, 0.0, 1.0),
-        Mark::Diamond => corners(4, 0.0, 1.0),
-        Mark::Star => corners(10, 0.0, 0.42),
-    };
-    out.push(polygon(&shape, style.color, "#ffffff"));
-}
-
-fn polygon(corners: &[Point], fill: &str, edge: &str) -> Primitive {
-    let steps: Vec<String> = corners.iter().map(|(x, y)| format!("{x:.2},{y:.2}")).collect();
-    Primitive::Path(Box::new(PathData {
-        d: format!("M{} Z", steps.join(" L")),
-        fill: Some(fill.into()),
-        stroke: edge.into(),
-        stroke_width: 1.2,
-        opacity: None,
-        stroke_dasharray: None,
-    }))
-}
-
-fn text_at((x, y): Point, text: &str, anchor: TextAnchor) -> Primitive {
-    Primitive::Text {
-        x,
-        y: y + 0.365 * f64::from(FONT_PX),
-        content: text.into(),
-        size: FONT_PX,
-        anchor,
-        rotate: None,
-        bold: false,
-        color: None,
-    }
-}
-
-/// The width of a text; `kuva` keeps its measure private but sizes legends with it.
-fn text_width(text: &str) -> f64 {
-    let entry = LegendEntry { label: text.into(), color: String::new(), shape: LegendShape::Line, dasharray: None };
-    Layout::new((0.0, 1.0), (0.0, 1.0)).with_legend_entries(vec![entry]).legend_width - 41.0
 }
 
 /// The smallest of 1, 2 or 5 times a power of ten that is not below `step`.

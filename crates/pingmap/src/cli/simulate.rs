@@ -1,0 +1,165 @@
+//! Options of `pingmap simulate`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use pingmap_trial::simulate::{self, Absorption, CLEARANCE_M, Seawater, Simulation, wind_of_sea_state_m_per_s};
+
+use super::values::{sea_state, whole_number};
+
+#[derive(Args)]
+pub struct Simulate {
+    /// Number of vehicles; they take turns to transmit, and all others listen
+    #[arg(long, default_value_t = Simulation::default().vehicles, value_parser = whole_number, allow_negative_numbers = true)]
+    pub vehicles: usize,
+    /// Number of transmissions
+    #[arg(long, default_value_t = Simulation::default().slots, value_parser = whole_number, allow_negative_numbers = true)]
+    pub slots: usize,
+    /// Seconds from one transmission to the next
+    #[arg(long, default_value_t = Simulation::default().slot_s, allow_negative_numbers = true)]
+    pub slot_s: f64,
+    /// Side of the square that is surveyed
+    #[arg(long, default_value_t = Simulation::default().area_m, allow_negative_numbers = true)]
+    pub area_m: f64,
+    /// Speed of the vehicles
+    #[arg(long, default_value_t = Simulation::default().speed_m_per_s, allow_negative_numbers = true)]
+    pub speed_m_per_s: f64,
+    /// Depth at which they run; they rise where the floor does
+    #[arg(long, default_value_t = Simulation::default().depth_m, allow_negative_numbers = true)]
+    pub depth_m: f64,
+    /// Seed of everything random: sea floor, tracks, noise, outcomes
+    #[arg(long, default_value_t = Simulation::default().seed)]
+    pub seed: u64,
+    /// File for the event log
+    #[arg(long, short, value_name = "FILE", default_value = "trial.csv")]
+    pub output: PathBuf,
+    /// Also write the depths of both ends; pingmap then learns from six numbers instead of four
+    #[arg(long)]
+    pub depths: bool,
+    #[command(flatten)]
+    pub sound: Sound,
+    #[command(flatten)]
+    pub floor: Floor,
+    /// Print one JSON object instead of a summary
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+#[command(next_help_heading = "Sound")]
+pub struct Sound {
+    /// Middle of the band
+    #[arg(long, default_value_t = simulate::Sound::default().frequency_khz, allow_negative_numbers = true)]
+    pub frequency_khz: f64,
+    /// Width of the band
+    #[arg(long, default_value_t = simulate::Sound::default().bandwidth_khz, allow_negative_numbers = true)]
+    pub bandwidth_khz: f64,
+    /// Source level, dB re 1 µPa at 1 m
+    #[arg(long, default_value_t = simulate::Sound::default().source_level_db, allow_negative_numbers = true)]
+    pub source_level_db: f64,
+    /// Exponent of spreading: 1 for a cylinder, 2 for a sphere
+    #[arg(long, default_value_t = simulate::Sound::default().spreading, allow_negative_numbers = true)]
+    pub spreading: f64,
+    /// How absorption is computed
+    #[arg(long, value_enum, default_value_t = AbsorptionName::FrancoisGarrison)]
+    pub absorption: AbsorptionName,
+    /// Temperature of the water
+    #[arg(long, default_value_t = Seawater::default().temperature_c, allow_negative_numbers = true)]
+    pub temperature_c: f64,
+    /// Salinity, grams per kilogram; 0 in a lake
+    #[arg(long, default_value_t = Seawater::default().salinity, allow_negative_numbers = true)]
+    pub salinity: f64,
+    /// Acidity
+    #[arg(long, default_value_t = Seawater::default().ph, allow_negative_numbers = true)]
+    pub ph: f64,
+    /// Sea state, 0 to 6
+    #[arg(long, default_value_t = 3.0, value_parser = sea_state, allow_negative_numbers = true)]
+    pub sea_state: f64,
+    /// Wind, instead of that of the sea state
+    #[arg(long, conflicts_with = "sea_state", allow_negative_numbers = true)]
+    pub wind_m_per_s: Option<f64>,
+    /// Distant shipping: 0 none, 1 heavy
+    #[arg(long, default_value_t = simulate::Sound::default().shipping, allow_negative_numbers = true)]
+    pub shipping: f64,
+    /// Noise of a receiving vehicle, dB re 1 µPa²/Hz; the mean over vehicles
+    #[arg(long, default_value_t = Simulation::default().self_noise_db, allow_negative_numbers = true)]
+    pub self_noise_db: f64,
+    /// Standard deviation of that over vehicles
+    #[arg(long, default_value_t = Simulation::default().self_noise_spread_db, allow_negative_numbers = true)]
+    pub self_noise_spread_db: f64,
+    /// Signal-to-noise ratio at which every other message gets through
+    #[arg(long, default_value_t = simulate::Sound::default().threshold_db, allow_negative_numbers = true)]
+    pub threshold_db: f64,
+    /// Standard deviation of the level about its mean
+    #[arg(long, default_value_t = simulate::Sound::default().fading_db, allow_negative_numbers = true)]
+    pub fading_db: f64,
+}
+
+#[derive(Args)]
+#[command(next_help_heading = "Sea floor")]
+pub struct Floor {
+    /// Depth of the flat floor
+    #[arg(long, default_value_t = Simulation::default().water_depth_m, allow_negative_numbers = true)]
+    pub water_depth_m: f64,
+    /// Height of a ridge across the area; four fifths of the depth if not given, as far as that leaves vehicles room
+    #[arg(long, allow_negative_numbers = true)]
+    pub ridge_m: Option<f64>,
+    /// Height of a mound; three quarters of the depth if not given
+    #[arg(long, allow_negative_numbers = true)]
+    pub mound_m: Option<f64>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum AbsorptionName {
+    /// Thorp 1967: sea water at 4 °C
+    Thorp,
+    /// Francois and Garrison 1982: sea water of any temperature, salinity and acidity
+    FrancoisGarrison,
+}
+
+impl Simulate {
+    /// The mission.
+    pub fn simulation(&self) -> Simulation {
+        let Self { vehicles, slots, slot_s, area_m, speed_m_per_s, depth_m, seed, .. } = *self;
+        let Sound { self_noise_db, self_noise_spread_db, .. } = self.sound;
+        let Floor { water_depth_m, ridge_m, mound_m } = self.floor;
+        let share = |share: f64| (share * water_depth_m).min(water_depth_m - CLEARANCE_M).max(0.0);
+        let (ridge_m, mound_m) = (ridge_m.unwrap_or(share(0.8)), mound_m.unwrap_or(share(0.75)));
+        Simulation {
+            vehicles,
+            slots,
+            slot_s,
+            area_m,
+            speed_m_per_s,
+            depth_m,
+            self_noise_db,
+            self_noise_spread_db,
+            water_depth_m,
+            ridge_m,
+            mound_m,
+            seed,
+        }
+    }
+
+    /// Source, water and receivers.
+    pub fn sound(&self) -> simulate::Sound {
+        let Sound { frequency_khz, bandwidth_khz, source_level_db, spreading, shipping, .. } = self.sound;
+        let Sound { threshold_db, fading_db, temperature_c, salinity, ph, sea_state, .. } = self.sound;
+        let absorption = match self.sound.absorption {
+            AbsorptionName::Thorp => Absorption::Thorp,
+            AbsorptionName::FrancoisGarrison => Absorption::FrancoisGarrison,
+        };
+        simulate::Sound {
+            source_level_db,
+            frequency_khz,
+            bandwidth_khz,
+            spreading,
+            absorption,
+            water: Seawater { temperature_c, salinity, ph, depth_m: self.depth_m },
+            wind_m_per_s: self.sound.wind_m_per_s.unwrap_or(wind_of_sea_state_m_per_s(sea_state)),
+            shipping,
+            threshold_db,
+            fading_db,
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! Numbers as they stand in the cells of tables.
+
+use pingmap_trial::{Estimate, MeanScore};
+
+/// What stands where there is nothing to say.
+pub const NONE: &str = "–";
+
+/// Above zero by more than two standard errors, below it, or neither.
+pub const HOLDS: &str = "✓";
+pub const FAILS: &str = "✗";
+pub const UNCLEAR: &str = "≈";
+
+pub fn accuracy(score: Option<MeanScore>) -> String {
+    score.map_or(NONE.into(), |score| estimate(Estimate { mean: score.accuracy, se: score.accuracy_se }))
+}
+
+pub fn nll(score: Option<MeanScore>) -> String {
+    score.map_or(NONE.into(), |score| estimate(Estimate { mean: score.nll, se: score.nll_se }))
+}
+
+pub fn plain(value: Option<Estimate>) -> String {
+    value.map_or(NONE.into(), estimate)
+}
+
+/// Bounds span orders of magnitude.
+pub fn bound(value: Option<Estimate>) -> String {
+    value.map_or(NONE.into(), |value| match value.mean {
+        mean if mean < 10.0 => format!("{mean:.3}"),
+        mean if mean < 1e5 => format!("{mean:.1}"),
+        mean => format!("{mean:.1e}"),
+    })
+}
+
+/// An estimate, and whether it is clear of zero.
+pub fn verdict(value: Option<Estimate>) -> String {
+    value.map_or(NONE.into(), |value| format!("{} {}", mark(value), estimate(value)))
+}
+
+/// Whether an estimate is clear of zero.
+pub fn mark(value: Estimate) -> &'static str {
+    let clear = value.se.is_some_and(|se| value.mean.abs() > 2.0 * se);
+    match (clear, value.mean > 0.0) {
+        (false, _) => UNCLEAR,
+        (true, true) => HOLDS,
+        (true, false) => FAILS,
+    }
+}
+
+/// ".1234 ± .0012".
+pub fn estimate(value: Estimate) -> String {
+    let mean = decimal(value.mean);
+    value.se.map_or(mean.clone(), |se| format!("{mean} ± {}", decimal(se)))
+}
+
+/// Four decimals, without the zero before the point.
+pub fn decimal(value: f64) -> String {
+    let text = format!("{:.4}", value.abs());
+    let text = text.strip_prefix('0').unwrap_or(&text);
+    let negative = value < 0.0 && text.bytes().any(|byte| (b'1'..=b'9').contains(&byte));
+    if negative { format!("−{text}") } else { text.to_owned() }
+}

@@ -1,0 +1,75 @@
+//! The page that holds everything, in Markdown.
+
+use pingmap_trial::paper::{AtRadius, BURN_IN, DRAWS, RADIUS, RADIUS_LENGTH_SCALES};
+
+use super::pictures::Picture;
+use super::published;
+use super::results::Results;
+use super::tables::{self, Table};
+
+/// The folder of the figures, beside the page.
+pub const FIGURES: &str = "reproduction";
+
+/// What must be said before any figure.
+pub fn caveat(results: &Results) -> String {
+    if results.built_in {
+        return "The paper's field data are not public: three simulated trials of the same team sizes and numbers of events stand in \
+                their places, so what can agree is the shape of the results, not their figures."
+            .into();
+    }
+    let names: Vec<&str> = results.experiment.sets().iter().map(|set| set.name.as_str()).collect();
+    format!(
+        "The data are {}: only where they are the paper's own can figures agree with the published ones.",
+        names.join(", ")
+    )
+}
+
+/// The kernel and the radii.
+pub fn kernel_line(results: &Results) -> String {
+    let length_scale = results.experiment.length_scale();
+    format!(
+        "Squared-exponential kernel of unit variance, zero mean, one length-scale learned on all data sets together: ℓ = {length_scale:.3} \
+         (the paper's: {}). Regions have the paper's ratio r/ℓ = {RADIUS_LENGTH_SCALES}, r = {:.3}, and beside it the paper's radius \
+         r = {RADIUS}.",
+        published::LENGTH_SCALE,
+        RADIUS_LENGTH_SCALES * length_scale
+    )
+}
+
+/// `command` is what makes the page.
+pub fn markdown(results: &Results, pictures: &[Picture], command: &str) -> String {
+    let permutations = results.experiment.permutations();
+    let mut page = format!(
+        "{}\n\n# The paper's experiment, run again\n\n\
+         Written by `{command}` (seed {}, {permutations} permutations, pingmap {}). \"Published\" are the figures of Gao, He, Stilwell and \
+         McMahon, \"Decentralized Gaussian Process Classification and an Application in Subsea Robotics\". What is computed and how is in \
+         [method.md](method.md#10-the-papers-experiment).\n\n{}\n\n\
+         Every agent's events are divided 65/35 into training and held-out events, {permutations} times at random. Figures are means over \
+         permutations ± their standard errors; NLL in nats, lower is better. ω comes from {BURN_IN} sweeps of Gibbs sampling and {DRAWS} \
+         more: the last draw (the paper's choice), the average of predictions over the {DRAWS} draws, and the mean field.\n\n",
+        caveat(results),
+        results.seed,
+        env!("CARGO_PKG_VERSION"),
+        kernel_line(results)
+    );
+    let everywhere = |tables: fn(&Results, &AtRadius) -> Vec<Table>| -> String {
+        let tables = results.radii.iter().flat_map(|at| tables(results, at));
+        tables.map(|table| table.markdown()).collect()
+    };
+    let figures = pictures.iter().map(|Picture { name, caption, .. }| {
+        format!("![{name}]({FIGURES}/{name}.png)\n\n{caption} ([SVG]({FIGURES}/{name}.svg))\n\n")
+    });
+    let data = [tables::events(results), tables::regions(results)];
+    for (heading, content) in [
+        ("Does the order hold?", everywhere(tables::claims)),
+        ("Figures", figures.collect()),
+        ("Data", data.iter().map(Table::markdown).collect()),
+        ("Every agent by itself", everywhere(tables::local)),
+        ("The team", everywhere(tables::team)),
+        ("The certificate", everywhere(tables::certificate)),
+        ("Beyond one and two points", tables::sweep(results).iter().map(Table::markdown).collect::<String>()),
+    ] {
+        page += &format!("## {heading}\n\n{content}");
+    }
+    page.trim_end().to_owned() + "\n"
+}

@@ -1,0 +1,62 @@
+//! What the paper reports: the figures of its tables, for comparison. "Decentralized Gaussian Process Classification and an Application
+//! in Subsea Robotics", Gao, He, Stilwell and McMahon, section IV. It gives no standard errors.
+
+use pingmap_trial::paper::{Choice, Policy};
+
+/// Learned length-scale, in standardised units.
+pub const LENGTH_SCALE: f64 = 0.289;
+
+/// Failures and successes of every agent of the three data sets.
+const EVENTS: [&[(usize, usize)]; 3] =
+    [&[(248, 198), (219, 227)], &[(366, 197), (336, 227)], &[(132, 119), (105, 130), (103, 109)]];
+
+/// ACC and NLL of one choice.
+pub type Scores = (f64, f64);
+
+/// For good, random and bad: one point, two points.
+type PaperTable = [[Scores; 2]; 3];
+
+/// Agents 1 and 2 of data set 1; there are no tables of the others.
+const LOCAL: [PaperTable; 2] = [
+    [[(0.6498, 0.6685), (0.6552, 0.6280)], [(0.6458, 0.6546), (0.6489, 0.6444)], [(0.6427, 0.6558), (0.6455, 0.6499)]],
+    [[(0.7152, 0.5902), (0.7272, 0.5588)], [(0.5747, 0.6706), (0.6249, 0.6353)], [(0.4838, 0.7004), (0.4835, 0.7029)]],
+];
+
+/// The teams of the three data sets.
+const TEAM: [PaperTable; 3] = [
+    [[(0.6844, 0.6315), (0.6941, 0.5815)], [(0.5972, 0.6674), (0.6504, 0.6296)], [(0.5606, 0.6765), (0.5620, 0.6765)]],
+    [[(0.7442, 0.5020), (0.7442, 0.4918)], [(0.7485, 0.5756), (0.7493, 0.5327)], [(0.7433, 0.6320), (0.7437, 0.6111)]],
+    [[(0.7101, 0.6267), (0.7270, 0.5976)], [(0.6979, 0.6433), (0.6967, 0.6273)], [(0.6947, 0.6550), (0.6981, 0.6532)]],
+];
+
+/// The paper's data set in a place, if it has as many agents as the one that stands there now.
+#[derive(Clone, Copy)]
+pub struct Published(usize);
+
+impl Published {
+    /// `place` counts from 0.
+    pub fn at(place: usize, agents: usize) -> Option<Self> {
+        EVENTS.get(place).filter(|set| set.len() == agents).map(|_| Self(place))
+    }
+
+    /// Failures and successes.
+    pub fn events(self, agent: usize) -> (usize, usize) {
+        EVENTS[self.0][agent]
+    }
+
+    /// Of an agent by itself.
+    pub fn local(self, agent: usize, choice: Choice) -> Option<Scores> {
+        let tables = if self.0 == 0 { LOCAL.as_slice() } else { &[] };
+        tables.get(agent).and_then(|table| entry(table, choice))
+    }
+
+    /// Of the team.
+    pub fn team(self, choice: Choice) -> Option<Scores> {
+        entry(&TEAM[self.0], choice)
+    }
+}
+
+fn entry(table: &PaperTable, choice: Choice) -> Option<Scores> {
+    let policy = Policy::ALL.iter().position(|&policy| policy == choice.policy)?;
+    table[policy].get(choice.points.checked_sub(1)?).copied()
+}
