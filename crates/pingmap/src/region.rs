@@ -1,6 +1,6 @@
 //! `pingmap select`: the inducing points that sum up a locality region.
 
-use dgpc::{Candidates, Certificate, Inputs, LocalityRegion, Observations, mean_field};
+use dgpc::{Candidates, Certificate, Inputs, LocalityRegion, Observations, log_evidence, mean_field};
 use pingmap_agent::{Event, Limits, Link, Model, Position};
 use pingmap_trial::EventLog;
 use pingmap_trial::paper::RADIUS_LENGTH_SCALES;
@@ -27,7 +27,7 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
     let mean_field_options = mean_field::Options { tolerance: 1e-6, ..Default::default() };
     let sites = mean_field::dense(prior, &observations, &mean_field_options)?.sites;
     let certificate = Certificate::new(prior, &sites, &inputs.select(&selection.indices))?;
-    let kl = certificate.divergence(prior, &sites)?;
+    let kl = certificate.divergence(log_evidence(prior, &sites)?);
     bar.finish_and_clear();
 
     if selection.indices.len() < options.points {

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use pingmap_trial::paper::{AtRadius, Choice, Claim, DataSet, Fusion, Omega, SetOutcome, SweepRow};
-use pingmap_trial::{Estimate, MeanScore};
+use pingmap_trial::{Estimate, MeanScore, Score};
 use serde_json::{Value, json};
 
 use super::page;
-use super::published::{Published, Scores};
+use super::published::Published;
 use super::results::{
     BOUNDS, Metric, Results, Who, bound_orders_nll, effective_draws, local_score, mean, mean_bound, team_score,
 };
@@ -144,6 +144,6 @@ fn score(score: MeanScore) -> Value {
     json!({ "acc": accuracy, "acc_se": accuracy_se, "nll": nll, "nll_se": nll_se })
 }
 
-fn published_score((accuracy, nll): Scores) -> Value {
+fn published_score(Score { accuracy, nll }: Score) -> Value {
     json!({ "acc": accuracy, "nll": nll })
 }

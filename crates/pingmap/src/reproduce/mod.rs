@@ -10,13 +10,12 @@ mod tables;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use pingmap_trial::EventLog;
 use pingmap_trial::paper::{DataSet, Experiment};
 
 use crate::cli::{self, Exhibit, name_of};
 use crate::output::{BadInput, note, print, print_json, spinner, use_threads, warn, write_file};
-use crate::survey;
+use crate::{report, survey};
 use results::Results;
 use tables::Table;
 
@@ -32,8 +31,7 @@ pub fn run(options: &cli::Reproduce) -> anyhow::Result<()> {
     let sets = data_sets(&options.data)?;
     let figures = options.out.join(page::FIGURES);
     if options.exhibit.has_pictures() {
-        // Before any work is done for it.
-        std::fs::create_dir_all(&figures).with_context(|| format!("cannot make the folder {}", figures.display()))?;
+        report::make_folder(&figures)?;
     }
     let bar = spinner("learning the length-scale");
     let experiment = Experiment::new(sets, options.permutations, options.seed)?;

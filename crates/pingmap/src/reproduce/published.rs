@@ -1,6 +1,7 @@
 //! What the paper reports: the figures of its tables, for comparison. "Decentralized Gaussian Process Classification and an Application
 //! in Subsea Robotics", Gao, He, Stilwell and McMahon, section IV. It gives no standard errors.
 
+use pingmap_trial::Score;
 use pingmap_trial::paper::{Choice, Policy};
 
 /// Learned length-scale, in standardised units.
@@ -10,11 +11,8 @@ pub const LENGTH_SCALE: f64 = 0.289;
 const EVENTS: [&[(usize, usize)]; 3] =
     [&[(248, 198), (219, 227)], &[(366, 197), (336, 227)], &[(132, 119), (105, 130), (103, 109)]];
 
-/// ACC and NLL of one choice.
-pub type Scores = (f64, f64);
-
-/// For good, random and bad: one point, two points.
-type PaperTable = [[Scores; 2]; 3];
+/// For good, random and bad: ACC and NLL of one point, of two points.
+type PaperTable = [[(f64, f64); 2]; 3];
 
 /// Agents 1 and 2 of data set 1; there are no tables of the others.
 const LOCAL: [PaperTable; 2] = [
@@ -45,18 +43,18 @@ impl Published {
     }
 
     /// Of an agent by itself.
-    pub fn local(self, agent: usize, choice: Choice) -> Option<Scores> {
+    pub fn local(self, agent: usize, choice: Choice) -> Option<Score> {
         let tables = if self.0 == 0 { LOCAL.as_slice() } else { &[] };
         tables.get(agent).and_then(|table| entry(table, choice))
     }
 
     /// Of the team.
-    pub fn team(self, choice: Choice) -> Option<Scores> {
+    pub fn team(self, choice: Choice) -> Option<Score> {
         entry(&TEAM[self.0], choice)
     }
 }
 
-fn entry(table: &PaperTable, choice: Choice) -> Option<Scores> {
+fn entry(table: &PaperTable, choice: Choice) -> Option<Score> {
     let policy = Policy::ALL.iter().position(|&policy| policy == choice.policy)?;
-    table[policy].get(choice.points.checked_sub(1)?).copied()
+    table[policy].get(choice.points.checked_sub(1)?).map(|&(accuracy, nll)| Score { accuracy, nll })
 }

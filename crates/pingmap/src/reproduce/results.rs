@@ -70,10 +70,10 @@ impl Metric {
     }
 
     /// What should be low.
-    fn cost(self, accuracy: f64, nll: f64) -> f64 {
+    fn cost(self, score: &Score) -> f64 {
         match self {
-            Metric::Nll => nll,
-            Metric::Accuracy => -accuracy,
+            Metric::Nll => score.nll,
+            Metric::Accuracy => -score.accuracy,
         }
     }
 }
@@ -100,14 +100,15 @@ impl Who {
 
     /// By how much a claim holds, with the paper's ω and fusion.
     pub fn difference(self, outcome: &SetOutcome, claim: &Claim, metric: Metric) -> Option<Estimate> {
-        let cost = |score: &Score| metric.cost(score.accuracy, score.nll);
         claim.difference(|choice| match self {
-            Who::Agent(agent) => {
-                outcome.local(agent).iter().map(|local| cost(&local.scores[&(choice, Omega::LastDraw)])).collect()
-            }
+            Who::Agent(agent) => outcome
+                .local(agent)
+                .iter()
+                .map(|local| metric.cost(&local.scores[&(choice, Omega::LastDraw)]))
+                .collect(),
             Who::Team => {
                 let key = (choice, Fusion::Concatenation, Omega::LastDraw);
-                outcome.team().iter().map(|team| cost(&team.scores[&key])).collect()
+                outcome.team().iter().map(|team| metric.cost(&team.scores[&key])).collect()
             }
         })
     }
@@ -115,11 +116,11 @@ impl Who {
     /// The same difference in the paper's tables.
     pub fn published_difference(self, published: Option<Published>, claim: &Claim, metric: Metric) -> Option<f64> {
         let cost = |choice| {
-            let (accuracy, nll) = match self {
+            let score = match self {
                 Who::Agent(agent) => published?.local(agent, choice)?,
                 Who::Team => published?.team(choice)?,
             };
-            Some(metric.cost(accuracy, nll))
+            Some(metric.cost(&score))
         };
         Some(cost(claim.worse)? - cost(claim.better)?)
     }

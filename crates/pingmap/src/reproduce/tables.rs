@@ -5,10 +5,10 @@ use pingmap_trial::paper::{
     AtRadius, Choice, Claim, DRAWS, DataSet, Fusion, Omega, REGION_EVENTS_MAX, SWEEP_LENGTH_SCALES, SWEEP_POINTS,
     SetOutcome, SweepRow,
 };
-use pingmap_trial::{Estimate, MeanScore};
+use pingmap_trial::{Estimate, MeanScore, Score};
 
 use super::cells::{FAILS, HOLDS, NONE, UNCLEAR, accuracy, bound, decimal, mark, nll, plain, verdict};
-use super::published::{Published, Scores};
+use super::published::Published;
 use super::results::{
     BOUNDS, Metric, Results, Who, bound_orders_nll, effective_draws, local_score, mean, mean_bound, team_score,
 };
@@ -218,7 +218,7 @@ fn local_row(
     agent: &str,
     choice: &str,
     score: impl Fn(Omega) -> Option<MeanScore>,
-    published: Option<Scores>,
+    published: Option<Score>,
 ) -> Vec<String> {
     let last = score(Omega::LastDraw);
     vec![
@@ -226,8 +226,8 @@ fn local_row(
         choice.into(),
         accuracy(last),
         nll(last),
-        published.map_or(NONE.into(), |(acc, _)| decimal(acc)),
-        published.map_or(NONE.into(), |(_, nll)| decimal(nll)),
+        published.map_or(NONE.into(), |score| decimal(score.accuracy)),
+        published.map_or(NONE.into(), |score| decimal(score.nll)),
         nll(score(Omega::AveragedDraws)),
         nll(score(Omega::MeanField)),
     ]
@@ -253,8 +253,8 @@ fn team_paper(outcome: &SetOutcome, published: Option<Published>, title: &str) -
             choice_text(choice),
             accuracy(score(Fusion::Concatenation)),
             nll(score(Fusion::Concatenation)),
-            theirs.map_or(NONE.into(), |(acc, _)| decimal(acc)),
-            theirs.map_or(NONE.into(), |(_, nll)| decimal(nll)),
+            theirs.map_or(NONE.into(), |score| decimal(score.accuracy)),
+            theirs.map_or(NONE.into(), |score| decimal(score.nll)),
             nll(score(Fusion::SiteFusion)),
             nll(score(Fusion::OwnAndPackets)),
         ]

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use dgpc::{Error, Posterior, Selection, Summary};
+use dgpc::{Error, Posterior};
 
 use super::choice::{Choice, Omega, Policy};
-use super::fit::RegionFit;
+use super::fit::{Chosen, RegionFit};
 use super::permutation::{Part, Permutation};
 
 /// What a permutation chose and predicted. All events are indices of the log.
@@ -39,16 +39,15 @@ pub(super) fn example(permutation: &Permutation<'_>) -> Result<Option<Example>, 
     };
     let Permutation { set, prior, streams, .. } = *permutation;
     let agents = fits.iter().zip(&permutation.parts).map(|(fit, part)| {
-        let events = |chosen: &Selection| chosen.indices.iter().map(|&n| part.training[n]).collect();
+        let events = |chosen: &Chosen| chosen.selection.indices.iter().map(|&n| part.training[n]).collect();
         let points = fit.choices.iter().map(|(&choice, chosen)| (choice, events(chosen))).collect();
         AgentExample { part: part.clone(), points }
     });
     let held_out = permutation.held_out();
     let test = set.observations(&held_out)?;
     let predicted = |policy| {
-        let packets = fits.iter().map(|fit| fit.packets(prior, Choice { policy, points: 2 }, Omega::LastDraw));
-        let packets: Vec<Summary> = packets.collect::<Result<Vec<_>, Error>>()?.into_iter().flatten().collect();
-        let team = Posterior::concatenate(prior, &packets.iter().collect::<Vec<_>>())?;
+        let packets = fits.iter().flat_map(|fit| fit.packets(Choice { policy, points: 2 }, Omega::LastDraw));
+        let team = Posterior::concatenate(prior, &packets.collect::<Vec<_>>())?;
         let probability = team.probability(test.inputs())?;
         Ok((policy, held_out.iter().copied().zip(probability).collect()))
     };

@@ -1,5 +1,6 @@
 //! One agent in one permutation: what its training events in its region say, and the points that stand for them.
 
+use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
 use dgpc::{
@@ -16,11 +17,31 @@ pub const BURN_IN: usize = 100;
 /// Draws of a chain that count.
 pub const DRAWS: usize = 100;
 
+/// Something that follows from ω, for every draw of the Gibbs chain after its burn-in and for the mean field.
+pub(super) struct Draws<T> {
+    draws: Vec<T>,
+    mean_field: T,
+}
+
+impl<T> Draws<T> {
+    /// Those over which predictions are averaged.
+    pub(super) fn of(&self, omega: Omega) -> &[T] {
+        match omega {
+            Omega::LastDraw => &self.draws[DRAWS - 1..],
+            Omega::AveragedDraws => &self.draws,
+            Omega::MeanField => std::slice::from_ref(&self.mean_field),
+        }
+    }
+
+    fn try_map<U>(&self, of: impl Fn(&T) -> Result<U, Error>) -> Result<Draws<U>, Error> {
+        let draws = self.draws.iter().map(&of).collect::<Result<_, Error>>()?;
+        Ok(Draws { draws, mean_field: of(&self.mean_field)? })
+    }
+}
+
 /// ω of some events, in all three ways.
 pub(super) struct Fit {
-    /// The draws of the Gibbs chain after its burn-in.
-    draws: Vec<Sites>,
-    mean_field: Sites,
+    pub(super) sites: Draws<Sites>,
     pub(super) effective_draws: EffectiveDraws,
 }
 
@@ -50,24 +71,22 @@ impl Fit {
         let least = sizes.iter().copied().fold(f64::INFINITY, f64::min);
         let mean_field = mean_field::dense(prior, events, &mean_field::Options::default())?.sites;
         let effective_draws = EffectiveDraws { mean: sizes.iter().sum::<f64>() / sizes.len() as f64, least };
-        Ok(Self { draws, mean_field, effective_draws })
-    }
-
-    /// The sites over which predictions are averaged.
-    pub(super) fn sites(&self, omega: Omega) -> &[Sites] {
-        match omega {
-            Omega::LastDraw => &self.draws[DRAWS - 1..],
-            Omega::AveragedDraws => &self.draws,
-            Omega::MeanField => std::slice::from_ref(&self.mean_field),
-        }
+        Ok(Self { sites: Draws { draws, mean_field }, effective_draws })
     }
 }
 
-/// An agent's region: its fit, and the points of every choice.
+/// An agent's region: its fit, what its events say, and the points of every choice.
 pub(super) struct RegionFit {
     pub(super) fit: Fit,
-    pub(super) choices: BTreeMap<Choice, Selection>,
-    inputs: Inputs,
+    /// The posterior of all its events.
+    pub(super) own: Draws<Posterior>,
+    pub(super) choices: BTreeMap<Choice, Chosen>,
+}
+
+/// Points, and what they say: variational packets, as in the paper.
+pub(super) struct Chosen {
+    pub(super) selection: Selection,
+    pub(super) packets: Draws<Summary>,
 }
 
 impl RegionFit {
@@ -75,31 +94,34 @@ impl RegionFit {
     /// As the samplers and fits of `dgpc`, on numbers near the end of the range.
     pub(super) fn new(prior: &Prior, events: &Observations, rng: &mut ChaCha8Rng) -> Result<Self, Error> {
         let candidates = Candidates::new(prior.kernel(), events.inputs())?;
-        let choose = |choice: Choice| (choice, choice.policy.choose(&candidates, choice.points, rng));
-        let choices = Choice::all().map(choose).collect();
-        Ok(Self { fit: Fit::new(prior, events, rng)?, choices, inputs: events.inputs().clone() })
+        let selections: Vec<(Choice, Selection)> =
+            Choice::all().map(|choice| (choice, choice.policy.choose(&candidates, choice.points, rng))).collect();
+        let fit = Fit::new(prior, events, rng)?;
+        let own = fit.sites.try_map(|sites| Posterior::fuse(prior, sites, &[]))?;
+        let chosen = |(choice, selection): (Choice, Selection)| {
+            let points = events.inputs().select(&selection.indices);
+            let packets = fit.sites.try_map(|sites| Summary::variational(prior, sites, &points))?;
+            Ok((choice, Chosen { selection, packets }))
+        };
+        let choices = selections.into_iter().map(chosen).collect::<Result<_, Error>>()?;
+        Ok(Self { fit, own, choices })
     }
 
-    pub(super) fn points(&self, choice: Choice) -> Inputs {
-        self.inputs.select(&self.choices[&choice].indices)
-    }
-
-    /// The packets of a choice, one for each of the sites over which predictions are averaged: variational, as in the paper.
-    pub(super) fn packets(&self, prior: &Prior, choice: Choice, omega: Omega) -> Result<Vec<Summary>, Error> {
-        let points = self.points(choice);
-        self.fit.sites(omega).iter().map(|sites| Summary::variational(prior, sites, &points)).collect()
+    /// The packets of a choice over which predictions are averaged.
+    pub(super) fn packets(&self, choice: Choice, omega: Omega) -> &[Summary] {
+        self.choices[&choice].packets.of(omega)
     }
 }
 
 /// The mean of the probabilities that several posteriors predict.
 pub(super) fn average(
-    posteriors: impl ExactSizeIterator<Item = Result<Posterior, Error>>,
+    posteriors: impl ExactSizeIterator<Item = Result<impl Borrow<Posterior>, Error>>,
     inputs: &Inputs,
 ) -> Result<Vec<f64>, Error> {
     let count = posteriors.len() as f64;
     let mut mean = vec![0.0; inputs.len()];
     for posterior in posteriors {
-        let probability = posterior?.probability(inputs)?;
+        let probability = posterior?.borrow().probability(inputs)?;
         mean.iter_mut().zip(&probability).for_each(|(mean, p)| *mean += p / count);
     }
     Ok(mean)

@@ -1,8 +1,9 @@
 //! One permutation of one data set: every agent by itself, and the team.
 
+use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
-use dgpc::{Certificate, Error, LocalityRegion, Observations, Posterior, Prior, Sites, Summary};
+use dgpc::{Certificate, Error, LocalityRegion, Observations, Posterior, Prior, Sites, Summary, log_evidence};
 
 use super::choice::{Choice, Fusion, Omega};
 use super::data_set::DataSet;
@@ -130,76 +131,76 @@ impl<'a> Permutation<'a> {
 
     fn local(&self, region: &RegionFit, held_out: &[usize]) -> Result<LocalOutcome, Error> {
         let test = self.set.observations(held_out)?;
-        let mut scores = BTreeMap::new();
-        let mut bounds = BTreeMap::new();
-        for choice in Choice::all() {
-            for omega in Omega::ALL {
-                let packets = region.packets(self.prior, choice, omega)?;
-                let posteriors = packets.iter().map(|packet| Posterior::concatenate(self.prior, &[packet]));
+        let (mut scores, mut all_events) = (BTreeMap::new(), BTreeMap::new());
+        for omega in Omega::ALL {
+            all_events.insert(omega, score(region.own.of(omega).iter().map(Ok), &test)?);
+            for choice in Choice::all() {
+                let packets = region.packets(choice, omega).iter();
+                let posteriors = packets.map(|packet| Posterior::concatenate(self.prior, &[packet]));
                 scores.insert((choice, omega), score(posteriors, &test)?);
             }
-            bounds.insert(choice, self.bounds(region, choice)?);
         }
-        let all_events = self.all_events(&region.fit, &test)?;
-        Ok(LocalOutcome { scores, all_events, bounds, effective_draws: region.fit.effective_draws })
+        let (bounds, effective_draws) = (self.bounds(region)?, region.fit.effective_draws);
+        Ok(LocalOutcome { scores, all_events, bounds, effective_draws })
     }
 
-    fn bounds(&self, region: &RegionFit, choice: Choice) -> Result<Bounds, Error> {
-        let sites = &region.fit.sites(Omega::LastDraw)[0];
-        let certificate = Certificate::new(self.prior, sites, &region.points(choice))?;
-        let kl = certificate.divergence(self.prior, sites)?;
-        let Certificate { trace, gap, closed_form, paper, .. } = certificate;
-        Ok(Bounds { trace, kl, gap, closed_form, paper })
-    }
-
-    /// Scores of a fit without any points.
-    fn all_events(&self, fit: &Fit, test: &Observations) -> Result<BTreeMap<Omega, Score>, Error> {
-        let score_of = |omega| {
-            let posteriors = fit.sites(omega).iter().map(|sites| Posterior::fuse(self.prior, sites, &[]));
-            Ok((omega, score(posteriors, test)?))
+    /// The bounds of every choice, at the last draw.
+    fn bounds(&self, region: &RegionFit) -> Result<BTreeMap<Choice, Bounds>, Error> {
+        let sites = &region.fit.sites.of(Omega::LastDraw)[0];
+        let log_evidence = log_evidence(self.prior, sites)?;
+        let of_choice = |choice| {
+            let points = region.packets(choice, Omega::LastDraw)[0].inducing_points();
+            let certificate = Certificate::new(self.prior, sites, points)?;
+            let kl = certificate.divergence(log_evidence);
+            let Certificate { trace, gap, closed_form, paper, .. } = certificate;
+            Ok((choice, Bounds { trace, kl, gap, closed_form, paper }))
         };
-        Omega::ALL.into_iter().map(score_of).collect()
+        Choice::all().map(of_choice).collect()
     }
 
     fn team(&self, fits: &[RegionFit]) -> Result<TeamOutcome, Error> {
         let test = self.set.observations(&self.held_out())?;
         let mut scores = BTreeMap::new();
-        for omega in Omega::ALL {
-            let own = fits.iter().map(|region| {
-                region.fit.sites(omega).iter().map(|sites| Posterior::fuse(self.prior, sites, &[])).collect()
-            });
-            let own: Vec<Vec<Posterior>> = own.collect::<Result<_, Error>>()?;
-            for choice in Choice::all() {
-                let packets = fits.iter().map(|region| region.packets(self.prior, choice, omega));
-                let packets: Vec<Vec<Summary>> = packets.collect::<Result<_, Error>>()?;
-                for fusion in Fusion::ALL {
-                    let score = self.shared(fusion, &own, &packets, &test)?;
-                    scores.insert((choice, fusion, omega), score);
+        for choice in Choice::all() {
+            for fusion in Fusion::ALL {
+                for omega in Omega::ALL {
+                    scores.insert((choice, fusion, omega), self.shared(fits, choice, fusion, omega, &test)?);
                 }
             }
         }
-        let training: Vec<usize> = self.parts.iter().flat_map(|part| &part.training).copied().collect();
-        let everything = Fit::new(self.prior, &self.set.observations(&training)?, &mut self.streams.team())?;
-        Ok(TeamOutcome { scores, centralised: self.all_events(&everything, &test)? })
+        Ok(TeamOutcome { scores, centralised: self.centralised(&test)? })
     }
 
-    /// The score of a team; `own[a][s]` and `packets[a][s]` are those of agent a at the s-th of the sites that are averaged over.
+    /// Scores of one fit of all training events.
+    fn centralised(&self, test: &Observations) -> Result<BTreeMap<Omega, Score>, Error> {
+        let training: Vec<usize> = self.parts.iter().flat_map(|part| &part.training).copied().collect();
+        let everything = Fit::new(self.prior, &self.set.observations(&training)?, &mut self.streams.team())?;
+        let score_of = |omega| {
+            // One after the other: a posterior of all events is large.
+            let posteriors = everything.sites.of(omega).iter().map(|sites| Posterior::fuse(self.prior, sites, &[]));
+            Ok((omega, score(posteriors, test)?))
+        };
+        Omega::ALL.into_iter().map(score_of).collect()
+    }
+
+    /// The score of a team that shared the points of a choice.
     fn shared(
         &self,
+        fits: &[RegionFit],
+        choice: Choice,
         fusion: Fusion,
-        own: &[Vec<Posterior>],
-        packets: &[Vec<Summary>],
+        omega: Omega,
         test: &Observations,
     ) -> Result<Score, Error> {
-        let draws = 0..packets.first().map_or(0, Vec::len);
-        let of_draw = |s: usize| packets.iter().map(|packets| &packets[s]).collect::<Vec<&Summary>>();
+        let draws = 0..fits.first().map_or(0, |fit| fit.own.of(omega).len());
+        let of_draw = |s: usize| fits.iter().map(|fit| &fit.packets(choice, omega)[s]).collect::<Vec<&Summary>>();
         let no_events = Sites::empty(test.inputs().dimension());
         match fusion {
             Fusion::Concatenation => score(draws.map(|s| Posterior::concatenate(self.prior, &of_draw(s))), test),
             Fusion::SiteFusion => score(draws.map(|s| Posterior::fuse(self.prior, &no_events, &of_draw(s))), test),
             Fusion::OwnAndPackets => {
-                let of_agent = |(agent, own): (usize, &Vec<Posterior>)| {
-                    let posteriors = own.iter().enumerate().map(|(s, own)| {
+                let of_agent = |(agent, fit): (usize, &RegionFit)| {
+                    let posteriors = fit.own.of(omega).iter().enumerate().map(|(s, own)| {
                         let mut others = of_draw(s);
                         others.remove(agent);
                         let mut posterior = own.clone();
@@ -208,7 +209,7 @@ impl<'a> Permutation<'a> {
                     });
                     score(posteriors, test)
                 };
-                let scores = own.iter().enumerate().map(of_agent).collect::<Result<Vec<Score>, Error>>()?;
+                let scores = fits.iter().enumerate().map(of_agent).collect::<Result<Vec<Score>, Error>>()?;
                 Score::mean(&scores).ok_or(NOTHING_HELD_OUT)
             }
         }
@@ -217,7 +218,7 @@ impl<'a> Permutation<'a> {
 
 /// The score of the mean of what several posteriors predict.
 pub(super) fn score(
-    posteriors: impl ExactSizeIterator<Item = Result<Posterior, Error>>,
+    posteriors: impl ExactSizeIterator<Item = Result<impl Borrow<Posterior>, Error>>,
     test: &Observations,
 ) -> Result<Score, Error> {
     let probability = average(posteriors, test.inputs())?;
