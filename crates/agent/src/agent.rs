@@ -3,59 +3,23 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use dgpc::{Posterior, Prior, Sites, Summary, mean_field};
+use dgpc::{Fit, Posterior, Sites, Summary};
 
+use crate::agent_error::AgentError;
 use crate::event::{Event, Link, VehicleId};
-use crate::knowledge::{FitQuality, Knowledge};
-use crate::learning::{Fit, Learning};
+use crate::fitting::{self, FitQuality};
 use crate::limits::Limits;
 use crate::live::{LivePackets, PacketKey};
 use crate::model::Model;
 use crate::receipt::Counts;
-use crate::team::{Team, TeamError};
+use crate::team::Team;
 
-/// What an agent can refuse to do.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum AgentError {
-    /// Only members send.
-    #[error("{id} is not a member of the team, and has no number to send under")]
-    NotAMember {
-        /// Who it is.
-        id: VehicleId,
-    },
-    /// A counter must never repeat under one key.
-    #[error("{id} has used up all counters of key epoch {epoch}; sending needs a new epoch")]
-    CountersUsedUp {
-        /// The vehicle.
-        id: VehicleId,
-        /// The epoch.
-        epoch: u32,
-    },
-    /// The frame is too small.
-    #[error(transparent)]
-    Team(#[from] TeamError),
-    /// A packet could not be encoded.
-    #[error(transparent)]
-    Packet(#[from] pingmap_packet::Error),
-    /// Bytes that are no snapshot of this vehicle.
-    #[error("not a snapshot of {id}: {problem}")]
-    Snapshot {
-        /// The vehicle.
-        id: VehicleId,
-        /// What is wrong.
-        problem: String,
-    },
-    /// The method refused.
-    #[error(transparent)]
-    Method(#[from] dgpc::Error),
-}
-
-/// A model that an agent learned by itself, and the fit of its own events under it.
+/// A prior of its own that a vehicle predicts under, and the fit of its events under it.
 #[derive(Debug)]
-pub(crate) struct Own {
-    fit: Fit,
-    knowledge: Knowledge,
+pub(crate) struct OwnModel {
+    pub(crate) fit: Fit,
+    #[cfg(feature = "learn")]
+    pub(crate) learned: crate::learning::LearnedModel,
 }
 
 /// One vehicle. Events may arrive late and in any order; packets may be lost, repeated and reordered. It does no input or output
@@ -63,7 +27,7 @@ pub(crate) struct Own {
 ///
 /// What it knows is held in three posteriors: of its own events alone, of what it sent alone (what any listener can know by it),
 /// and of its own events with all that others sent. Each grows by what arrives, at O(n²) for an event or packet on top of n
-/// events and inducing points; [`Agent::rebuild`] makes all of them afresh.
+/// events and inducing points; [`Agent::rebuild_posteriors`] makes all of them afresh.
 ///
 /// ```
 /// use pingmap_agent::*;
@@ -108,9 +72,10 @@ pub struct Agent {
     pub(crate) repeats: BTreeMap<u16, u8>,
     pub(crate) counts: Counts,
     pub(crate) heard_s: BTreeMap<u8, f64>,
-    /// The last fit of its own events, and its own model's.
-    pub(crate) knowledge: Option<Arc<Knowledge>>,
-    pub(crate) own_model: Option<Arc<Own>>,
+    /// The last fit of its own events under the team's model.
+    pub(crate) fit: Option<Arc<Fit>>,
+    /// Its own model, if it learned one.
+    pub(crate) own_model: Option<Arc<OwnModel>>,
     /// Its own events under the team's model.
     pub(crate) own: Posterior,
     /// What it sent, under the team's model.
@@ -125,8 +90,19 @@ pub struct Agent {
     pub(crate) unfitted: Vec<Event>,
     /// How many of these are in the posteriors, from the first on.
     pub(crate) absorbed: usize,
-    /// The frame for which the last attempt found nothing to tell, if nothing happened since.
-    pub(crate) told_all_in: Option<usize>,
+    /// The frame for which the last attempt found nothing worth sending, if nothing happened since.
+    pub(crate) nothing_new_in: Option<usize>,
+}
+
+impl OwnModel {
+    /// The same model with another fit of the events.
+    fn with(&self, fit: Fit) -> Self {
+        Self {
+            fit,
+            #[cfg(feature = "learn")]
+            learned: self.learned.clone(),
+        }
+    }
 }
 
 impl Agent {
@@ -143,7 +119,7 @@ impl Agent {
             repeats: BTreeMap::new(),
             counts: Counts::default(),
             heard_s: BTreeMap::new(),
-            knowledge: None,
+            fit: None,
             own_model: None,
             own: nothing.clone(),
             public: nothing.clone(),
@@ -152,7 +128,7 @@ impl Agent {
             is_stale: false,
             unfitted: Vec::new(),
             absorbed: 0,
-            told_all_in: None,
+            nothing_new_in: None,
             team,
         }
     }
@@ -218,7 +194,7 @@ impl Agent {
             let depths = event.link.ends().into_iter().filter_map(|end| end.depth_m).map(|depth| ("depth", depth));
             let mut numbers = [("time of an event", event.time_s)].into_iter().chain(depths);
             if let Some((what, value)) = numbers.find(|(_, value)| !value.is_finite()) {
-                return Err(dgpc::Error::NotFinite { what, row, column: 0, value }.into());
+                return Err(dgpc::Error::NotFinite { what, place: dgpc::Place::Element(row), value }.into());
             }
         }
         if new.is_empty() {
@@ -237,8 +213,8 @@ impl Agent {
         let beyond = if events.len() > events_max { events.len() - events_max + events_max / 16 } else { 0 };
         events.drain(..beyond);
         self.unfitted.extend(new);
-        self.told_all_in = None;
-        if beyond > 0 || self.unfitted.len() > UNFITTED_MAX { self.fit() } else { Ok(()) }
+        self.nothing_new_in = None;
+        if beyond > 0 || self.unfitted.len() > UNFITTED_MAX { self.refit() } else { Ok(()) }
     }
 
     /// Probability of success over a link.
@@ -263,7 +239,7 @@ impl Agent {
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.
     pub fn posterior(&mut self) -> Result<&Posterior, AgentError> {
-        self.settle()?;
+        self.absorb_pending()?;
         Ok(&self.fused)
     }
 
@@ -272,100 +248,102 @@ impl Agent {
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.
     pub fn own_posterior(&mut self) -> Result<&Posterior, AgentError> {
-        self.settle()?;
+        self.absorb_pending()?;
         Ok(&self.own)
     }
 
     /// The sites of its own events in the last fit, under the team's model; `None` before the first.
     pub fn sites(&self) -> Option<&Sites> {
-        self.knowledge.as_ref().map(|knowledge| &knowledge.sites)
+        self.fit.as_ref().map(|fit| fit.sites())
     }
 
     /// Takes what arrived into the posteriors: O(n²) for every event and point. After a fit, or when packets fell out of their window,
     /// they are put together anew, O(n³). Nothing is fitted here.
-    pub(crate) fn settle(&mut self) -> Result<(), AgentError> {
+    pub(crate) fn absorb_pending(&mut self) -> Result<(), AgentError> {
         if self.is_stale {
             self.put_together()?;
         }
-        let settled = self.absorb_news();
-        self.is_stale = settled.is_err();
-        settled
+        let absorbed = self.absorb_events().and_then(|()| self.absorb_packets());
+        self.is_stale = absorbed.is_err();
+        absorbed
     }
 
-    fn absorb_news(&mut self) -> Result<(), AgentError> {
+    fn absorb_events(&mut self) -> Result<(), AgentError> {
         for event in &self.unfitted[self.absorbed..] {
             let observation = self.team.model.observations([event])?;
-            let site = mean_field::beside(&self.own, &observation)?;
-            self.own.absorb(&site, &[])?;
+            let site = dgpc::sites_given(&self.own, &observation)?;
+            self.own.absorb_events(&site)?;
             // Under its own model an event has another site.
-            let site = if self.own_model.is_some() { mean_field::beside(&self.fused, &observation)? } else { site };
-            self.fused.absorb(&site, &[])?;
+            let site = if self.own_model.is_some() { dgpc::sites_given(&self.fused, &observation)? } else { site };
+            self.fused.absorb_events(&site)?;
         }
         self.absorbed = self.unfitted.len();
+        Ok(())
+    }
+
+    fn absorb_packets(&mut self) -> Result<(), AgentError> {
         let keys = std::mem::take(&mut self.unread);
         let (own, others): (Vec<PacketKey>, _) = keys.into_iter().partition(|key| Some(key.0) == self.number);
-        let none = Sites::empty(self.team.model.inputs.dimension());
         let said = |keys: &[PacketKey]| -> Vec<&Summary> {
             keys.iter().filter_map(|&key| self.live.get(key)).flat_map(|packet| &packet.summaries).collect()
         };
-        self.public.absorb(&none, &said(&own))?;
-        let others = under(self.fused.prior(), &said(&others))?;
-        self.fused.absorb(&none, &others.iter().collect::<Vec<_>>())?;
+        self.public.absorb_summaries(&said(&own))?;
+        let prior = self.fused.prior();
+        let others: Vec<_> =
+            said(&others).into_iter().map(|summary| summary.read_under(prior)).collect::<Result<_, dgpc::Error>>()?;
+        self.fused.absorb_summaries(&others.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
         Ok(())
     }
 
     /// Fits its own events again if some came since the last time, and puts everything together in canonical order: what comes of
-    /// it depends on nothing but the events, the live packets and the model it learned, if it did ([`Agent::adapt`]; that fits its
+    /// it depends on nothing but the events, the live packets and the model it learned, if it did (`Agent::adapt`; that fits its
     /// events with what was heard until then). O(N³) up to [`Limits::dense_events_max`] events, plus O(n³).
     ///
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.
-    pub fn rebuild(&mut self) -> Result<(), AgentError> {
-        self.catch_up()?;
+    pub fn rebuild_posteriors(&mut self) -> Result<(), AgentError> {
+        self.refit_if_due()?;
         self.put_together()
     }
 
     /// Fits its own events again if some came since the last time.
-    pub(crate) fn catch_up(&mut self) -> Result<(), AgentError> {
-        if self.unfitted.is_empty() && self.knowledge.is_some() { Ok(()) } else { self.fit() }
+    pub(crate) fn refit_if_due(&mut self) -> Result<(), AgentError> {
+        if self.unfitted.is_empty() && self.fit.is_some() { Ok(()) } else { self.refit() }
     }
 
     /// Fits its own events, under the packet model and under its own if it has one.
-    fn fit(&mut self) -> Result<(), AgentError> {
+    fn refit(&mut self) -> Result<(), AgentError> {
         let (model, limits) = (&self.team.model, &self.team.limits);
         let observations = model.observations(self.events.iter())?;
-        let knowledge = Knowledge::fit(&model.prior, &observations, &[], limits)?;
+        let fit = fitting::fit(&model.prior, &observations, &[], limits)?;
         if let Some(own) = &self.own_model {
-            let knowledge = Knowledge::fit(&own.fit.model.prior, &observations, &self.messages(), limits)?;
-            self.own_model = Some(Arc::new(Own { fit: own.fit.clone(), knowledge }));
+            let fit = fitting::fit(own.fit.prior(), &observations, &self.messages(), limits)?;
+            self.own_model = Some(Arc::new(own.with(fit)));
         }
-        self.knowledge = Some(Arc::new(knowledge));
+        self.fit = Some(Arc::new(fit));
         self.unfitted.clear();
         self.absorbed = 0;
         self.is_stale = true;
         Ok(())
     }
 
-    /// The posteriors of the last fit and all live packets. Events since that fit are news again.
-    fn put_together(&mut self) -> Result<(), AgentError> {
+    /// The posteriors of the last fit and all live packets. Events since that fit are pending again.
+    pub(crate) fn put_together(&mut self) -> Result<(), AgentError> {
         let model = &self.team.model;
-        let none = Sites::empty(model.inputs.dimension());
-        let fuse = |summaries: &[&Summary]| match &self.knowledge {
-            Some(knowledge) => knowledge.fuse(&model.prior, summaries),
-            None => Posterior::fuse(&model.prior, &none, summaries),
-        };
+        let nothing = || Posterior::prior_alone(&model.prior, model.inputs.dimension());
         let public: Vec<&Summary> =
             self.number.iter().flat_map(|&number| self.live.of(number)).flat_map(|(_, p)| &p.summaries).collect();
-        let public = Posterior::fuse(&model.prior, &none, &public)?;
-        let own = fuse(&[])?;
-        let fused = match &self.own_model {
-            None => fuse(&self.messages())?,
-            Some(own) => {
-                let messages = under(&own.fit.model.prior, &self.messages())?;
-                own.knowledge.fuse(&own.fit.model.prior, &messages.iter().collect::<Vec<_>>())?
-            }
-        };
-        (self.public, self.own, self.fused) = (public, own, fused);
+        let others = self.messages();
+        let (mut told, mut alone, mut fused) = (nothing(), nothing(), nothing());
+        told.absorb_summaries(&public)?;
+        match &self.fit {
+            Some(fit) => alone = fit.posterior_with(&[])?,
+            None => fused.absorb_summaries(&others)?,
+        }
+        if let Some(fit) = self.own_model.as_ref().map(|own| &own.fit).or(self.fit.as_deref()) {
+            fused = fit.posterior_with(&others)?;
+        }
+        (self.public, self.own, self.fused) = (told, alone, fused);
         self.unfitted.sort_by(Event::canonical_order);
         self.absorbed = 0;
         self.unread.clear();
@@ -373,55 +351,21 @@ impl Agent {
         Ok(())
     }
 
-    /// Learns a model of its own from its own events and from what others said, and from then on predicts under that. What it
-    /// sends stays under the team's model. The first time every structure is tried; later the chosen one goes on from its last
-    /// optimum, at the cost of one search that never ends worse in E than it began.
-    ///
-    /// # Errors
-    /// As [`Learning::best`].
-    pub fn adapt(&mut self, learning: &Learning) -> Result<&Fit, AgentError> {
-        self.catch_up()?;
-        let Model { chart, inputs, .. } = self.team.model;
-        let messages = self.messages();
-        let events = self.events.iter();
-        let fit = match &self.own_model {
-            Some(own) => learning.fit(&own.fit.structure, chart, inputs, events, &messages, Some(&own.fit))?,
-            None => learning.best(chart, inputs, events, &messages)?,
-        };
-        let observations = fit.model.observations(self.events.iter())?;
-        let knowledge = Knowledge::fit(&fit.model.prior, &observations, &messages, &self.team.limits)?;
-        let own = self.own_model.insert(Arc::new(Own { fit, knowledge })).clone();
-        self.put_together()?;
-        Ok(&self.own_model.insert(own).fit)
-    }
-
-    /// The model it learned by itself, if it did.
-    pub fn own_fit(&self) -> Option<&Fit> {
-        self.own_model.as_ref().map(|own| &own.fit)
-    }
-
     /// What others said. What it sent itself it knows better from its own events.
-    fn messages(&self) -> Vec<&Summary> {
+    pub(crate) fn messages(&self) -> Vec<&Summary> {
         let others = self.live.iter().filter(|((sender, _), _)| Some(*sender) != self.number);
         others.flat_map(|(_, packet)| &packet.summaries).collect()
     }
 
     /// How the last fit to its own events went; `None` before the first.
     pub fn fit_quality(&self) -> Option<FitQuality> {
-        self.knowledge.as_ref().map(|knowledge| knowledge.quality)
+        self.fit.as_ref().map(|fit| FitQuality::of(fit))
     }
 
     /// Whether its events are few enough for a dense fit.
     pub fn learns_densely(&self) -> bool {
         self.events.len() <= self.team.limits.dense_events_max
     }
-}
-
-/// Summaries read under another prior.
-fn under(prior: &Prior, summaries: &[&Summary]) -> dgpc::Result<Vec<Summary>> {
-    let read =
-        |summary: &&Summary| if summary.prior() == prior { Ok((*summary).clone()) } else { summary.under(prior) };
-    summaries.iter().map(read).collect()
 }
 
 /// So many events may stand beside the last fit before the next.

@@ -3,11 +3,12 @@
 use dgpc::Summary;
 use pingmap_packet::{Layout, MapMessage, Seal, digest};
 
-use crate::agent::{Agent, AgentError};
+use crate::agent::Agent;
+use crate::agent_error::AgentError;
 use crate::event::{Link, VehicleId};
 use crate::live::{LivePacket, PacketKey};
+use crate::planner::Planner;
 use crate::receipt::{Receipt, Refusal};
-use crate::telling::Telling;
 
 impl Agent {
     /// Takes in a packet. What it says is in the next prediction.
@@ -77,7 +78,7 @@ impl Agent {
         if Some(key.0) == self.number {
             // Its own packet, new to it: from before it lost its memory. That counter is taken.
             self.counter_next = self.counter_next.max(u32::from(key.1) + 1);
-            self.told_all_in = None;
+            self.nothing_new_in = None;
         }
     }
 
@@ -92,19 +93,19 @@ impl Agent {
         let layout = self.team.layout(frame_bytes.min(self.team.frame_bytes))?;
         let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team.epoch };
         let counter = u16::try_from(self.counter_next).map_err(|_| used_up())?;
-        self.catch_up()?;
-        self.settle()?;
-        let told = if self.told_all_in == Some(layout.frame_bytes) {
+        self.refit_if_due()?;
+        self.absorb_pending()?;
+        let planned = if self.nothing_new_in == Some(layout.frame_bytes) {
             None
         } else {
-            self.telling(layout)?.packet(&self.public)?
+            self.planner(layout)?.packet(&self.public)?
         };
-        let Some(told) = told else {
-            self.told_all_in = Some(layout.frame_bytes);
+        let Some(planned) = planned else {
+            self.nothing_new_in = Some(layout.frame_bytes);
             return Ok(self.repeat(sender));
         };
-        let bytes = self.write(layout, &MapMessage { sender, counter, model: 0, blocks: told.blocks })?;
-        self.put_in((sender, counter), LivePacket { bytes: bytes.clone(), summaries: told.summaries });
+        let bytes = self.write(layout, &MapMessage { sender, counter, model: 0, blocks: planned.blocks })?;
+        self.put_in((sender, counter), LivePacket { bytes: bytes.clone(), summaries: planned.summaries });
         self.heard_s.insert(sender, time_s);
         Ok(Some(bytes))
     }
@@ -120,11 +121,11 @@ impl Agent {
         self.live.get((sender, least)).map(|packet| packet.bytes.clone())
     }
 
-    /// What it could tell.
-    fn telling<'a>(&'a self, layout: &'a Layout) -> Result<Telling<'a>, AgentError> {
+    /// What it knows, at the places where it could send something of it.
+    fn planner<'a>(&'a self, layout: &'a Layout) -> Result<Planner<'a>, AgentError> {
         let links = self.candidates();
         let inputs = self.team.model.inputs(&links)?;
-        Ok(Telling { wire: self.team.wire(), layout, own: &self.own, links, inputs, worth_nats: self.team.worth_nats })
+        Ok(Planner { wire: self.team.wire(), layout, own: &self.own, links, inputs, worth_nats: self.team.worth_nats })
     }
 
     /// Links of its own events that it could tell of: those within the grid, every k-th if they are too many.

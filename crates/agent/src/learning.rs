@@ -1,13 +1,12 @@
 //! Learning a model from events: the numbers of one structure, and the choice among several (docs/method.md, section 7).
 
-use dgpc::learn::{self, Learned, Spread, spread_out};
-use dgpc::{Prior, PriorMean, Summary};
+use dgpc::{HyperPrior, LearnOptions, Learned, Prior, PriorMean, Summary, spread_out};
 
 use crate::chart::Chart;
 use crate::event::Event;
 use crate::limits::Limits;
 use crate::model::{InputSpec, Model};
-use crate::structure::{Expectation, Given, Structure};
+use crate::structure::{Given, MeanStructure, Structure};
 
 /// What decides among structures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,7 +50,8 @@ impl Default for Learning {
 
 /// A model learned from events.
 #[derive(Debug, Clone)]
-pub struct Fit {
+#[non_exhaustive]
+pub struct LearnedModel {
     /// Its kernel and prior mean without their numbers.
     pub structure: Structure,
     /// Everything about the search.
@@ -64,7 +64,7 @@ pub struct Fit {
     pub model: Model,
 }
 
-impl Fit {
+impl LearnedModel {
     /// E at the optimum over the events used, in nats.
     pub fn evidence(&self) -> f64 {
         self.learned.optimum_evidence
@@ -110,17 +110,23 @@ impl Learning {
         inputs: InputSpec,
         events: impl IntoIterator<Item = &'a Event>,
         messages: &[&Summary],
-        earlier: Option<&Fit>,
-    ) -> dgpc::Result<Fit> {
+        earlier: Option<&LearnedModel>,
+    ) -> dgpc::Result<LearnedModel> {
         let prior = self.template(structure, inputs, chart.scale_m)?;
         let template = Model::new(chart, inputs, prior);
         let events: Vec<&Event> = events.into_iter().collect();
         let used: Vec<&Event> = spread_out(events.len(), self.events_max).into_iter().map(|n| events[n]).collect();
         let observations = template.observations(used.iter().copied())?;
-        let learned =
-            learn::learn(&template.prior, &observations, messages, &self.options(structure, chart.scale_m, earlier))?;
+        let options = self.options(structure, chart.scale_m, earlier).messages(messages);
+        let learned = dgpc::learn(&template.prior, &observations, &options)?;
         let model = Model { prior: learned.prior.clone(), ..template };
-        Ok(Fit { structure: *structure, learned, events_used: observations.len(), events: events.len(), model })
+        Ok(LearnedModel {
+            structure: *structure,
+            learned,
+            events_used: observations.len(),
+            events: events.len(),
+            model,
+        })
     }
 
     /// Learns every structure and returns the best fit by [`Learning::criterion`].
@@ -133,7 +139,7 @@ impl Learning {
         inputs: InputSpec,
         events: impl IntoIterator<Item = &'a Event> + Clone,
         messages: &[&Summary],
-    ) -> dgpc::Result<Fit> {
+    ) -> dgpc::Result<LearnedModel> {
         let fits =
             self.structures.iter().map(|structure| self.fit(structure, chart, inputs, events.clone(), messages, None));
         self.choose(fits.collect::<dgpc::Result<_>>()?)
@@ -143,28 +149,28 @@ impl Learning {
     ///
     /// # Errors
     /// [`dgpc::Error::OutOfRange`] without any.
-    pub fn choose(&self, fits: Vec<Fit>) -> dgpc::Result<Fit> {
-        let merit = |fit: &Fit| fit.merit(self.criterion);
+    pub fn choose(&self, fits: Vec<LearnedModel>) -> dgpc::Result<LearnedModel> {
+        let merit = |fit: &LearnedModel| fit.merit(self.criterion);
         let best = fits.into_iter().reduce(|best, next| if merit(&next) > merit(&best) { next } else { best });
         best.ok_or(dgpc::Error::OutOfRange { what: "number of structures", expected: "at least 1", value: 0.0 })
     }
 
-    fn options(&self, structure: &Structure, scale_m: f64, earlier: Option<&Fit>) -> learn::Options {
-        let mut spread = Spread::weak(scale_m);
-        if let Expectation::Conservative { slope_per_m, .. } = structure.expectation {
+    fn options<'a>(&self, structure: &Structure, scale_m: f64, earlier: Option<&'a LearnedModel>) -> LearnOptions<'a> {
+        let mut hyper_prior = HyperPrior::weak(scale_m);
+        if let MeanStructure::Conservative { slope_per_m, .. } = structure.mean {
             // What people state before the first event takes more than a few events to change.
-            spread.intercept = 1.0;
-            spread.slope = 0.5 * slope_per_m;
+            hyper_prior = hyper_prior.intercept(1.0).slope(0.5 * slope_per_m);
         }
         if self.length_scale_m.is_some() {
-            spread.length_scale = 0.0;
+            hyper_prior = hyper_prior.length_scale(0.0);
         }
         if self.variance.is_some() {
-            spread.variance = 0.0;
+            hyper_prior = hyper_prior.variance(0.0);
         }
         let Limits { dense_events_max, inducing_points_max, .. } = self.limits;
-        let warm_start = earlier.map(|earlier| earlier.learned.optimum.clone());
-        learn::Options { spread, warm_start, dense_events_max, inducing_points_max, ..learn::Options::new(scale_m) }
+        let options = LearnOptions::new(scale_m).hyper_prior(hyper_prior);
+        let options = options.sparse_beyond(dense_events_max, inducing_points_max);
+        earlier.map_or(options, |earlier| options.warm_start(&earlier.learned.optimum))
     }
 }
 

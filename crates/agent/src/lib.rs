@@ -4,37 +4,48 @@
 //! [`Agent`] owns one vehicle's events, learns from them, sums them up in packets, and fuses what it receives. What a team agrees on
 //! beforehand is its [`Team`].
 
-mod agent;
-mod chart;
+#![forbid(unsafe_code)]
+
+// In the order of the flow: each module uses only those above it.
+pub mod bounds;
 mod event;
-mod exchange;
+mod chart;
 mod grid;
-mod knowledge;
-mod learning;
 mod limits;
-mod live;
 mod model;
-mod model_file;
-mod receipt;
-mod snapshot;
 mod structure;
+#[cfg(feature = "learn")]
+mod learning;
+mod model_file;
+mod wire;
 mod team;
 mod team_file;
-mod telling;
-mod wire;
+mod fitting;
+mod live;
+mod receipt;
+mod planner;
+mod agent_error;
+mod agent;
+#[cfg(feature = "learn")]
+mod adapt;
+mod exchange;
+mod snapshot;
 
-pub use agent::{Agent, AgentError};
+pub use agent::Agent;
+pub use agent_error::AgentError;
+pub use bounds::Bounds;
 pub use chart::{Chart, Geographic, SCALE_FALLBACK_M};
 pub use event::{Event, Link, Position, VehicleId};
+pub use fitting::FitQuality;
 pub use grid::Grid;
-pub use knowledge::FitQuality;
-pub use learning::{Criterion, Fit, Learning};
+#[cfg(feature = "learn")]
+pub use learning::{Criterion, LearnedModel, Learning};
 pub use limits::Limits;
 pub use model::{InputSpec, MODEL_SCHEMA, Model};
 pub use model_file::{ModelFile, ModelFileError, Provenance};
 pub use pingmap_packet::Key;
 pub use receipt::{Counts, Receipt, Refusal};
-pub use structure::{Expectation, Given, PathInputs, Structure, Terms};
+pub use structure::{Given, MeanStructure, PathInputs, Structure, Terms};
 pub use team::{Slots, TEAM_SCHEMA, Team, TeamError};
 pub use team_file::TeamFile;
 pub use wire::Wire;

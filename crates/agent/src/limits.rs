@@ -3,6 +3,8 @@
 use dgpc::Inputs;
 use serde::{Deserialize, Serialize};
 
+use crate::bounds::{self, Bounds};
+
 /// Bounds on work and memory. Packets are bounded by [`crate::Team::packets_per_sender_max`], on which a team must agree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -24,6 +26,16 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// Every limit: its name, what it is, and its bounds.
+    pub fn entries(&self) -> [(&'static str, usize, Bounds); 4] {
+        [
+            ("events_max", self.events_max, bounds::EVENTS),
+            ("dense_events_max", self.dense_events_max, bounds::DENSE_EVENTS),
+            ("inducing_points_max", self.inducing_points_max, bounds::INDUCING_POINTS),
+            ("candidates_max", self.candidates_max, bounds::CANDIDATES),
+        ]
+    }
+
     /// The places of every k-th of so many things, k the smallest that keeps to [`Limits::candidates_max`].
     pub(crate) fn spread(&self, count: usize) -> Vec<usize> {
         let step = count.div_ceil(self.candidates_max.max(1)).max(1);

@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
-use dgpc::{Inputs, Kernel, Observations, Prior, PriorMean, Reflection, Shape, Term};
+use dgpc::{Correlation, Inputs, Kernel, Observations, Prior, PriorMean, Reflection, Shape, Term};
 
 use crate::chart::Chart;
 use crate::event::{Event, Link};
@@ -92,6 +92,15 @@ impl InputSpec {
         Reflection::swap(&pairs)?.and_negate(&self.group(3).collect::<Vec<_>>())
     }
 
+    /// A prior mean that falls with the distance between the ends.
+    ///
+    /// # Errors
+    /// [`dgpc::Error::NotFinite`] for numbers that are not finite.
+    pub fn range_mean(self, intercept: f64, slope_per_m: f64) -> dgpc::Result<PriorMean> {
+        let columns = |range: Range<usize>| range.collect::<Vec<_>>();
+        PriorMean::range(intercept, slope_per_m, &columns(self.transmitter()), &columns(self.receiver()))
+    }
+
     /// The columns of a link given both ends' numbers.
     fn row(self, ends: &[f64]) -> impl Iterator<Item = f64> {
         let (transmitter, receiver) = ends.split_at(self.dimension_of_an_end());
@@ -122,9 +131,10 @@ impl Model {
         Self { schema: MODEL_SCHEMA, chart, inputs, prior }
     }
 
-    /// Geometric mean of the length-scales of its first term, in metres: how far what is seen of one link says something of others.
+    /// Geometric mean of the length-scales of its first term's first correlation, in metres: how far what is seen of one link says something of others.
     pub fn length_scale_m(&self) -> f64 {
-        let length_scales = self.prior.kernel().terms().first().map_or(&[][..], |term| term.length_scales());
+        let terms = self.prior.kernel().terms();
+        let length_scales = terms.first().map_or(&[][..], |term| term.correlations()[0].length_scales());
         (length_scales.iter().map(|length_scale| length_scale.ln()).sum::<f64>() / length_scales.len().max(1) as f64)
             .exp()
     }
@@ -152,8 +162,7 @@ impl Model {
         variance: f64,
     ) -> dgpc::Result<Self> {
         let columns: Vec<usize> = inputs.ends().collect();
-        let length_scales_m = vec![length_scale_m; columns.len()];
-        let mut term = Term::new(shape, variance, &columns, &length_scales_m)?.tied(&vec![0; columns.len()])?;
+        let mut term = Term::of(variance, Correlation::isotropic(shape, &columns, length_scale_m)?)?;
         if reciprocal {
             term = term.reciprocal(inputs.swap_ends()?)?;
         }

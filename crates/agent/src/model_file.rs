@@ -1,8 +1,9 @@
 //! A model as a TOML text that a person can read and edit. Unknown keys are refused: a slip of the pen must not pass for a default.
 
-use dgpc::{Kernel, Prior, PriorMean, Shape, Term};
+use dgpc::{Correlation, Kernel, Prior, PriorMean, Shape, Term};
 use serde::{Deserialize, Serialize};
 
+use crate::bounds::{self, Bounds};
 use crate::chart::{Chart, Geographic};
 use crate::event::Position;
 use crate::model::{InputSpec, MODEL_SCHEMA, Model};
@@ -42,7 +43,8 @@ pub enum ModelFileError {
     },
     /// A reciprocal term that would not be the same after swapping the ends.
     #[error(
-        "kernel term {term}: reciprocal, but swapping the ends exchanges {column} ({length_scale}) with {partner} ({partner_length_scale})"
+        "kernel term {term}: reciprocal, but swapping the ends exchanges {column} ({length_scale} m) with {partner} ({})",
+        partner_length_scale.map_or_else(|| "not among its columns".to_owned(), |length_scale| format!("{length_scale} m"))
     )]
     NotReciprocal {
         /// The number of the term, from 1.
@@ -51,10 +53,10 @@ pub enum ModelFileError {
         column: String,
         /// The column it is exchanged with.
         partner: String,
-        /// The length-scale of the one, in words.
-        length_scale: String,
-        /// That of the other.
-        partner_length_scale: String,
+        /// The length-scale of the one, in metres.
+        length_scale: f64,
+        /// That of the other; `None` where it is not among the term's columns.
+        partner_length_scale: Option<f64>,
     },
     /// The numbers of a term make no kernel.
     #[error("kernel term {term}: {source}")]
@@ -72,11 +74,14 @@ pub enum ModelFileError {
     OutOfRange {
         /// The key.
         key: &'static str,
-        /// The domain, in words.
-        expected: &'static str,
+        /// The domain.
+        expected: Bounds,
         /// The number.
         value: f64,
     },
+    /// Latitude without longitude, or the other way round.
+    #[error("chart: latitude_deg and longitude_deg go together")]
+    HalfAPlace,
 }
 
 /// What a model was learned from, and how well it did.
@@ -132,8 +137,9 @@ impl ModelFile {
         }
         let Layout { schema, depths, chart, prior_mean, kernel, learned } = read(text)?;
         let inputs = if depths { InputSpec::PositionsAndDepths } else { InputSpec::Positions };
-        let terms = kernel.iter().enumerate().map(|(n, term)| term.read(n + 1, inputs)).collect::<Result<_, _>>()?;
-        let prior = Prior::new(Kernel::new(terms)?, prior_mean.read(inputs))?;
+        let terms =
+            kernel.into_iter().enumerate().map(|(n, term)| term.read(n + 1, inputs)).collect::<Result<_, _>>()?;
+        let prior = Prior::new(Kernel::new(terms)?, prior_mean.read(inputs)?)?;
         Ok(Self { model: Model { schema, chart: chart.read()?, inputs, prior }, learned })
     }
 
@@ -205,22 +211,18 @@ impl ChartLayout {
     }
 
     fn read(&self) -> Result<Chart, ModelFileError> {
-        let check = |key, value: f64, range: std::ops::RangeInclusive<f64>, expected| {
-            if range.contains(&value) { Ok(value) } else { Err(ModelFileError::OutOfRange { key, expected, value }) }
-        };
-        let coordinate = |key, value| check(key, value, -1e9..=1e9, "a number of metres, at most 1e9 from zero");
         let origin = Position::new(
-            coordinate("origin_east_m", self.origin_east_m)?,
-            coordinate("origin_north_m", self.origin_north_m)?,
+            checked("origin_east_m", bounds::COORDINATE_M, self.origin_east_m)?,
+            checked("origin_north_m", bounds::COORDINATE_M, self.origin_north_m)?,
         );
-        let scale_m = check("scale_m", self.scale_m, 1e-6..=1e9, "a number of metres from 1e-6 to 1e9")?;
+        let scale_m = checked("scale_m", bounds::LENGTH_M, self.scale_m)?;
         let geographic = match (self.latitude_deg, self.longitude_deg) {
             (Some(latitude_deg), Some(longitude_deg)) => Some(Geographic {
-                latitude_deg: check("latitude_deg", latitude_deg, -89.999..=89.999, "between -90 and 90")?,
-                longitude_deg: check("longitude_deg", longitude_deg, -180.0..=180.0, "from -180 to 180")?,
+                latitude_deg: checked("latitude_deg", bounds::LATITUDE_DEG, latitude_deg)?,
+                longitude_deg: checked("longitude_deg", bounds::LONGITUDE_DEG, longitude_deg)?,
             }),
             (None, None) => None,
-            _ => return Err(ModelFileError::Syntax("chart: latitude_deg and longitude_deg go together".to_owned())),
+            _ => return Err(ModelFileError::HalfAPlace),
         };
         Ok(Chart { origin, scale_m, geographic })
     }
@@ -237,43 +239,67 @@ enum MeanLayout {
 impl MeanLayout {
     fn write(mean: &PriorMean) -> Self {
         match mean {
-            PriorMean::Zero => Self::Zero {},
             PriorMean::Constant(log_odds) => Self::Constant { log_odds: *log_odds },
-            PriorMean::Range { intercept, slope, .. } => Self::Range { intercept: *intercept, slope_per_m: *slope },
+            PriorMean::Range(range) => Self::Range { intercept: range.intercept(), slope_per_m: range.slope() },
+            _ => Self::Zero {},
         }
     }
 
-    fn read(&self, inputs: InputSpec) -> PriorMean {
+    fn read(&self, inputs: InputSpec) -> Result<PriorMean, ModelFileError> {
         match *self {
-            Self::Zero {} => PriorMean::Zero,
-            Self::Constant { log_odds } => PriorMean::Constant(log_odds),
-            Self::Range { intercept, slope_per_m } => PriorMean::Range {
-                intercept,
-                slope: slope_per_m,
-                from: inputs.transmitter().collect(),
-                to: inputs.receiver().collect(),
-            },
+            Self::Zero {} => Ok(PriorMean::Zero),
+            Self::Constant { log_odds } => {
+                checked("prior_mean.log_odds", bounds::LOG_ODDS, log_odds).map(PriorMean::Constant)
+            }
+            Self::Range { intercept, slope_per_m } => {
+                let intercept = checked("prior_mean.intercept", bounds::LOG_ODDS, intercept)?;
+                let slope_per_m = checked("prior_mean.slope_per_m", bounds::LOG_ODDS, slope_per_m)?;
+                Ok(inputs.range_mean(intercept, slope_per_m)?)
+            }
         }
     }
+}
+
+fn checked(key: &'static str, bounds: Bounds, value: f64) -> Result<f64, ModelFileError> {
+    bounds.check(value).ok_or(ModelFileError::OutOfRange { key, expected: bounds, value })
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TermLayout {
-    shape: ShapeLayout,
+    #[serde(with = "shape_name")]
+    shape: Shape,
     variance: f64,
     columns: Vec<String>,
     length_scale_m: LengthScales,
     #[serde(default)]
     reciprocal: bool,
+    /// Further correlations that the first one is multiplied by.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    times: Vec<CorrelationLayout>,
 }
 
 #[derive(Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum ShapeLayout {
-    SquaredExponential,
-    Matern32,
-    Matern52,
+#[serde(deny_unknown_fields)]
+struct CorrelationLayout {
+    #[serde(with = "shape_name")]
+    shape: Shape,
+    columns: Vec<String>,
+    length_scale_m: LengthScales,
+}
+
+/// A shape as its name.
+mod shape_name {
+    use dgpc::Shape;
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+
+    pub(super) fn serialize<S: Serializer>(shape: &Shape, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(shape)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Shape, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+    }
 }
 
 /// One for all columns, or one for each.
@@ -284,78 +310,86 @@ enum LengthScales {
     Each(Vec<f64>),
 }
 
-impl TermLayout {
-    fn write(term: &Term, inputs: InputSpec) -> Self {
-        let names = inputs.column_names();
-        let length_scale_m = match term.length_scales() {
-            [first, ..] if term.groups().iter().all(|&group| group == 0) => LengthScales::Tied(*first),
+impl CorrelationLayout {
+    fn write(correlation: &Correlation, names: &[String]) -> Self {
+        let length_scale_m = match correlation.length_scales() {
+            [first, ..] if correlation.ties().iter().all(|&tie| tie == 0) => LengthScales::Tied(*first),
             each => LengthScales::Each(each.to_vec()),
         };
-        Self {
-            shape: match term.shape() {
-                Shape::SquaredExponential => ShapeLayout::SquaredExponential,
-                Shape::Matern32 => ShapeLayout::Matern32,
-                Shape::Matern52 => ShapeLayout::Matern52,
-            },
-            variance: term.variance(),
-            columns: term.columns().iter().map(|&column| names[column].clone()).collect(),
-            length_scale_m,
-            reciprocal: term.is_reciprocal(),
-        }
+        let columns = correlation.columns().iter().map(|&column| names[column].clone()).collect();
+        Self { shape: correlation.shape(), columns, length_scale_m }
     }
 
-    fn read(&self, number: usize, inputs: InputSpec) -> Result<Term, ModelFileError> {
-        let names = inputs.column_names();
+    fn read(&self, term: usize, names: &[String]) -> Result<Correlation, ModelFileError> {
         let column = |name: &String| {
             names.iter().position(|known| known == name).ok_or_else(|| ModelFileError::UnknownColumn {
-                term: number,
+                term,
                 column: name.clone(),
                 known: names.join(", "),
             })
         };
         let columns = self.columns.iter().map(column).collect::<Result<Vec<_>, _>>()?;
-        let failed = |source| ModelFileError::Term { term: number, source };
-        let term = match &self.length_scale_m {
+        let correlation = match &self.length_scale_m {
             LengthScales::Tied(length_scale) => {
-                let all = vec![*length_scale; columns.len()];
-                self.term(&columns, &all).and_then(|term| term.tied(&vec![0; columns.len()])).map_err(failed)?
+                in_term(term, "length-scale", *length_scale)?;
+                Correlation::isotropic(self.shape, &columns, *length_scale)
             }
             LengthScales::Each(each) if each.len() != columns.len() => {
                 let (expected, found) = (columns.len(), each.len());
-                return Err(ModelFileError::LengthScales { term: number, expected, found });
+                return Err(ModelFileError::LengthScales { term, expected, found });
             }
-            LengthScales::Each(each) => self.term(&columns, each).map_err(failed)?,
+            LengthScales::Each(each) => {
+                each.iter().try_for_each(|&length_scale| in_term(term, "length-scale", length_scale))?;
+                Correlation::new(self.shape, &columns, each)
+            }
         };
-        if self.reciprocal {
-            return inputs.swap_ends().and_then(|swap| term.reciprocal(swap)).map_err(|error| match error {
-                dgpc::Error::NotReciprocal { column, partner, length_scale, partner_length_scale } => {
-                    let words = |length_scale: f64| {
-                        if length_scale.is_nan() {
-                            "not among its columns".to_owned()
-                        } else {
-                            format!("{length_scale} m")
-                        }
-                    };
-                    ModelFileError::NotReciprocal {
-                        term: number,
-                        column: names[column].clone(),
-                        partner: names[partner].clone(),
-                        length_scale: words(length_scale),
-                        partner_length_scale: words(partner_length_scale),
-                    }
-                }
-                other => failed(other),
-            });
-        }
-        Ok(term)
+        correlation.map_err(|source| ModelFileError::Term { term, source })
+    }
+}
+
+/// Checks a variance or length-scale.
+fn in_term(term: usize, what: &'static str, value: f64) -> Result<(), ModelFileError> {
+    let Bounds { words, .. } = bounds::KERNEL_NUMBER;
+    match bounds::KERNEL_NUMBER.check(value) {
+        Some(_) => Ok(()),
+        None => Err(ModelFileError::Term { term, source: dgpc::Error::OutOfRange { what, expected: words, value } }),
+    }
+}
+
+impl TermLayout {
+    fn write(term: &Term, inputs: InputSpec) -> Self {
+        let names = inputs.column_names();
+        let mut layouts = term.correlations().iter().map(|correlation| CorrelationLayout::write(correlation, &names));
+        // A term has at least one.
+        let first = layouts.next();
+        let times = layouts.collect();
+        let (shape, columns, length_scale_m) = match first {
+            Some(CorrelationLayout { shape, columns, length_scale_m }) => (shape, columns, length_scale_m),
+            None => (Shape::Matern32, Vec::new(), LengthScales::Each(Vec::new())),
+        };
+        let (variance, reciprocal) = (term.variance(), term.is_reciprocal());
+        Self { shape, variance, columns, length_scale_m, reciprocal, times }
     }
 
-    fn term(&self, columns: &[usize], length_scales: &[f64]) -> dgpc::Result<Term> {
-        let shape = match self.shape {
-            ShapeLayout::SquaredExponential => Shape::SquaredExponential,
-            ShapeLayout::Matern32 => Shape::Matern32,
-            ShapeLayout::Matern52 => Shape::Matern52,
-        };
-        Term::new(shape, self.variance, columns, length_scales)
+    fn read(self, number: usize, inputs: InputSpec) -> Result<Term, ModelFileError> {
+        let names = inputs.column_names();
+        let Self { shape, variance, columns, length_scale_m, reciprocal, times } = self;
+        in_term(number, "kernel variance", variance)?;
+        let failed = |source| ModelFileError::Term { term: number, source };
+        let first = CorrelationLayout { shape, columns, length_scale_m }.read(number, &names)?;
+        let mut term = Term::of(variance, first).map_err(failed)?;
+        for layout in times {
+            term = term.times(layout.read(number, &names)?).map_err(failed)?;
+        }
+        if !reciprocal {
+            return Ok(term);
+        }
+        inputs.swap_ends().and_then(|swap| term.reciprocal(swap)).map_err(|error| match error {
+            dgpc::Error::NotReciprocal { column, partner, length_scale, partner_length_scale } => {
+                let (column, partner) = (names[column].clone(), names[partner].clone());
+                ModelFileError::NotReciprocal { term: number, column, partner, length_scale, partner_length_scale }
+            }
+            other => failed(other),
+        })
     }
 }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use pingmap_packet::{from_hex, to_hex};
 use serde::{Deserialize, Serialize};
 
-use crate::agent::{Agent, AgentError};
+use crate::agent::Agent;
+use crate::agent_error::AgentError;
 use crate::event::{Event, Link, Position, VehicleId};
 use crate::team::Team;
 

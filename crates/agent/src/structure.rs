@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use dgpc::{Kernel, Prior, PriorMean, Shape, Term};
+use dgpc::{Correlation, Kernel, Prior, PriorMean, Shape, Term};
 
 use crate::model::InputSpec;
 
@@ -25,9 +25,9 @@ pub enum Terms {
     PathReceiverRange,
 }
 
-/// What is expected before the first event.
+/// The prior mean: what is expected before the first event.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Expectation {
+pub enum MeanStructure {
     /// Even odds.
     Zero,
     /// The same odds everywhere.
@@ -54,8 +54,8 @@ pub struct Structure {
     pub reciprocal: bool,
     /// What the latent function is a sum of.
     pub terms: Terms,
-    /// What is expected before the first event.
-    pub expectation: Expectation,
+    /// The prior mean: what is expected before the first event.
+    pub mean: MeanStructure,
 }
 
 /// Variance of the path term before anything is learned: log-odds of ±2 are ordinary.
@@ -75,8 +75,11 @@ impl Structure {
     pub fn template(&self, inputs: InputSpec, scale_m: f64) -> dgpc::Result<Prior> {
         let term = |variance: f64, columns: Range<usize>, tied: bool| {
             let columns: Vec<usize> = columns.collect();
-            let term = Term::new(self.shape, variance, &columns, &vec![scale_m; columns.len()])?;
-            if tied { term.tied(&vec![0; columns.len()]) } else { Ok(term) }
+            let correlation = match tied {
+                true => Correlation::isotropic(self.shape, &columns, scale_m),
+                false => Correlation::new(self.shape, &columns, &vec![scale_m; columns.len()]),
+            };
+            Term::of(variance, correlation?)
         };
         let mut path = match self.path_inputs {
             PathInputs::Raw => term(PATH_VARIANCE, inputs.ends(), true)?,
@@ -90,17 +93,12 @@ impl Structure {
             terms.push(term(OTHER_VARIANCE, inputs.receiver(), true)?);
             terms.push(term(OTHER_VARIANCE, inputs.range()..inputs.range() + 1, true)?);
         }
-        let range = |intercept, slope| PriorMean::Range {
-            intercept,
-            slope,
-            from: inputs.transmitter().collect(),
-            to: inputs.receiver().collect(),
-        };
-        let mean = match self.expectation {
-            Expectation::Zero => PriorMean::Zero,
-            Expectation::Constant => PriorMean::Constant(0.0),
-            Expectation::Range => range(LOSS_OVER_SCALE, LOSS_OVER_SCALE / scale_m),
-            Expectation::Conservative { range_m, slope_per_m } => range(range_m * slope_per_m, slope_per_m),
+        let range = |intercept, slope| inputs.range_mean(intercept, slope);
+        let mean = match self.mean {
+            MeanStructure::Zero => PriorMean::Zero,
+            MeanStructure::Constant => PriorMean::Constant(0.0),
+            MeanStructure::Range => range(LOSS_OVER_SCALE, LOSS_OVER_SCALE / scale_m)?,
+            MeanStructure::Conservative { range_m, slope_per_m } => range(range_m * slope_per_m, slope_per_m)?,
         };
         Prior::new(Kernel::new(terms)?, mean)
     }
@@ -118,7 +116,7 @@ pub struct Given {
     /// What the latent function is a sum of.
     pub terms: Option<Terms>,
     /// What is expected before the first event.
-    pub expectation: Option<Expectation>,
+    pub mean: Option<MeanStructure>,
 }
 
 impl Given {
@@ -129,7 +127,7 @@ impl Given {
             path_inputs: self.path_inputs.unwrap_or(PathInputs::Link),
             reciprocal: self.reciprocal.unwrap_or(true),
             terms,
-            expectation: self.expectation.unwrap_or(Expectation::Zero),
+            mean: self.mean.unwrap_or(MeanStructure::Zero),
         };
         match self.terms {
             Some(terms) => vec![structure(terms)],
@@ -137,21 +135,21 @@ impl Given {
         }
     }
 
-    /// [`Given::few`] with every expectation, then what differs from them in one part of the kernel, with a zero or a range mean.
+    /// [`Given::few`] with every prior mean, then what differs from them in one part of the kernel, with a zero or a range mean.
     pub fn many(&self) -> Vec<Structure> {
-        let expectations = |all: &[Expectation]| match self.expectation {
+        let means = |all: &[MeanStructure]| match self.mean {
             Some(given) => vec![given],
             None => all.to_vec(),
         };
-        let with = |expectations: Vec<Expectation>, change: &dyn Fn(Structure) -> Structure| {
+        let with = |means: Vec<MeanStructure>, change: &dyn Fn(Structure) -> Structure| {
             let changed = self.few().into_iter().map(change);
             let all = changed.flat_map(|structure| {
-                expectations.iter().map(move |&expectation| Structure { expectation, ..structure }).collect::<Vec<_>>()
+                means.iter().map(move |&mean| Structure { mean, ..structure }).collect::<Vec<_>>()
             });
             all.collect::<Vec<_>>()
         };
-        let mut all = with(expectations(&[Expectation::Zero, Expectation::Constant, Expectation::Range]), &|s| s);
-        let two = || expectations(&[Expectation::Zero, Expectation::Range]);
+        let mut all = with(means(&[MeanStructure::Zero, MeanStructure::Constant, MeanStructure::Range]), &|s| s);
+        let two = || means(&[MeanStructure::Zero, MeanStructure::Range]);
         if self.shape.is_none() {
             all.extend(with(two(), &|s| Structure { shape: Shape::Matern52, ..s }));
             all.extend(with(two(), &|s| Structure { shape: Shape::SquaredExponential, ..s }));
@@ -168,11 +166,6 @@ impl Given {
 
 impl fmt::Display for Structure {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let shape = match self.shape {
-            Shape::SquaredExponential => "squared exponential",
-            Shape::Matern32 => "Matérn 3/2",
-            Shape::Matern52 => "Matérn 5/2",
-        };
         let inputs = match self.path_inputs {
             PathInputs::Raw => "raw positions",
             PathInputs::Link => "link coordinates",
@@ -182,12 +175,12 @@ impl fmt::Display for Structure {
             Terms::Path => "path",
             Terms::PathReceiverRange => "path + receiver + range",
         };
-        let mean = match self.expectation {
-            Expectation::Zero => "zero",
-            Expectation::Constant => "constant",
-            Expectation::Range => "range",
-            Expectation::Conservative { .. } => "conservative range",
+        let mean = match self.mean {
+            MeanStructure::Zero => "zero",
+            MeanStructure::Constant => "constant",
+            MeanStructure::Range => "range",
+            MeanStructure::Conservative { .. } => "conservative range",
         };
-        write!(formatter, "{shape}, {inputs}, {direction}, {terms}, {mean} mean")
+        write!(formatter, "{}, {inputs}, {direction}, {terms}, {mean} mean", self.shape.title())
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use pingmap_packet::{Key, Layout, digest};
 
+use crate::bounds::Bounds;
 use crate::event::{Position, VehicleId};
 use crate::grid::Grid;
 use crate::limits::Limits;
@@ -79,9 +80,9 @@ pub enum TeamError {
     #[error("{key} must be {expected}, found {value}")]
     OutOfRange {
         /// The key.
-        key: &'static str,
+        key: String,
         /// What it should be.
-        expected: &'static str,
+        expected: Bounds,
         /// What it is.
         value: f64,
     },

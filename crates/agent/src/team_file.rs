@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use pingmap_packet::Key;
 use serde::{Deserialize, Serialize};
 
+use crate::bounds::{self, Bounds};
 use crate::event::VehicleId;
 use crate::grid::Grid;
 use crate::limits::Limits;
@@ -119,14 +120,6 @@ impl TeamFile {
     /// # Errors
     /// [`TeamError`] with the key, what was expected and what it says.
     pub fn team(&self, model: Model, key: Option<Key>) -> Result<Team, TeamError> {
-        let positive = |key, value: f64| {
-            let fits = value.is_finite() && value > 0.0;
-            if fits { Ok(value) } else { Err(TeamError::OutOfRange { key, expected: "finite and positive", value }) }
-        };
-        let at_least_one = |key, value: usize| {
-            let expected = "at least 1";
-            if value > 0 { Ok(value) } else { Err(TeamError::OutOfRange { key, expected, value: 0.0 }) }
-        };
         let mut members = BTreeMap::new();
         for (name, &number) in &self.members {
             let second = VehicleId::new(name.as_str());
@@ -146,28 +139,31 @@ impl TeamFile {
         }
         let window =
             self.packets_per_sender_max.unwrap_or_else(|| packets_per_sender_max(members.len(), self.frame_bytes));
+        for (name, limit, bounds) in self.limits.entries() {
+            checked(&format!("limits.{name}"), bounds, limit as f64)?;
+        }
         let team = Team {
             grid: Grid {
-                cell_m: positive("grid.cell_m", self.grid.cell_m)?,
-                depth_cell_m: positive("grid.depth_cell_m", self.grid.depth_cell_m.unwrap_or(1.0))?,
+                cell_m: checked("grid.cell_m", bounds::LENGTH_M, self.grid.cell_m)?,
+                depth_cell_m: checked("grid.depth_cell_m", bounds::LENGTH_M, self.grid.depth_cell_m.unwrap_or(1.0))?,
             },
             frame_bytes: self.frame_bytes,
-            slots: Slots { duration_s: positive("slots.duration_s", self.slots.duration_s)?, order },
+            slots: Slots { duration_s: checked("slots.duration_s", bounds::SLOT_S, self.slots.duration_s)?, order },
             key,
             epoch: self.epoch,
-            packets_per_sender_max: at_least_one("packets_per_sender_max", window.into())? as u16,
-            worth_nats: positive("worth_nats", self.worth_nats)?,
+            packets_per_sender_max: checked("packets_per_sender_max", bounds::WINDOW, window.into())? as u16,
+            worth_nats: checked("worth_nats", bounds::WORTH_NATS, self.worth_nats)?,
             repeats_max: self.repeats_max,
-            limits: Limits {
-                events_max: at_least_one("limits.events_max", self.limits.events_max)?,
-                dense_events_max: at_least_one("limits.dense_events_max", self.limits.dense_events_max)?,
-                inducing_points_max: at_least_one("limits.inducing_points_max", self.limits.inducing_points_max)?,
-                candidates_max: at_least_one("limits.candidates_max", self.limits.candidates_max)?,
-            },
+            limits: self.limits,
             members,
             model,
         };
         team.layout(team.frame_bytes)?;
+        checked("frame_bytes", bounds::FRAME_BYTES, team.frame_bytes as f64)?;
         Ok(team)
     }
+}
+
+fn checked(key: &str, bounds: Bounds, value: f64) -> Result<f64, TeamError> {
+    bounds.check(value).ok_or_else(|| TeamError::OutOfRange { key: key.to_owned(), expected: bounds, value })
 }

@@ -78,9 +78,11 @@ impl Wire<'_> {
     /// The summary that a block stands for. Points without information are not there.
     ///
     /// # Errors
-    /// [`dgpc::Error::NotPositiveDefinite`] when points coincide, or are so close that the kernel cannot tell them apart: no
+    /// [`dgpc::Error::SizeMismatch`] for another number of correlations than pairs of points, [`dgpc::Error::OutOfRange`] for a level
+    /// that no packet can carry, [`dgpc::Error::NotPositiveDefinite`] when points coincide, or are so close that the kernel cannot tell them apart: no
     /// sender says that, and put together with the rest it would be lost in rounding.
     pub fn decode(&self, block: &Block) -> dgpc::Result<Summary> {
+        check_levels(block)?;
         let said: Vec<usize> = (0..block.points.len()).filter(|&place| block.points[place].information > 0).collect();
         let points: Vec<Point> = said.iter().map(|&place| block.points[place]).collect();
         let inputs = self.inputs(&points)?;
@@ -132,6 +134,32 @@ impl Wire<'_> {
         }
         let [transmitter, receiver] = self.grid.cells(&self.model.chart, &link)?;
         Some(Point { transmitter, receiver, ..Point::default() })
+    }
+}
+
+/// Checks that a block has as many correlations as pairs of points, and no level that a packet cannot carry.
+fn check_levels(block: &Block) -> dgpc::Result<()> {
+    let points = block.points.len();
+    let (expected, found) = (points * points.saturating_sub(1) / 2, block.correlations.len());
+    if expected != found {
+        return Err(dgpc::Error::SizeMismatch {
+            what: "correlations of a block, one per pair of points",
+            expected,
+            found,
+        });
+    }
+    let level = |what, expected, value: i16| dgpc::Error::OutOfRange { what, expected, value: value.into() };
+    for point in &block.points {
+        if point.information >= INFORMATION_LEVELS {
+            return Err(level("level of information", "below 32", point.information.into()));
+        }
+        if point.mean.unsigned_abs() > MEAN_LEVELS.unsigned_abs() {
+            return Err(level("level of the mean", "from -15 to 15", point.mean.into()));
+        }
+    }
+    match block.correlations.iter().find(|level| level.unsigned_abs() > CORRELATION_LEVELS.unsigned_abs()) {
+        Some(&correlation) => Err(level("level of a correlation", "from -7 to 7", correlation.into())),
+        None => Ok(()),
     }
 }
 

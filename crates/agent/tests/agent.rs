@@ -29,8 +29,8 @@ proptest! {
         let mut in_order = vehicle(&team, 0, events);
         prop_assert_eq!(in_order.events(), late.events());
         prop_assert_eq!(in_order.snapshot(), late.snapshot());
-        in_order.rebuild().unwrap();
-        late.rebuild().unwrap();
+        in_order.rebuild_posteriors().unwrap();
+        late.rebuild_posteriors().unwrap();
         let p = [&mut in_order, &mut late].map(|agent| bits(&agent.probabilities(&somewhere()).unwrap()));
         prop_assert_eq!(&p[0], &p[1]);
     }
@@ -41,7 +41,7 @@ proptest! {
     ) {
         let first = first.min(events.len());
         let mut agent = vehicle(&Arc::new(team(2, model)), 0, events[..first].iter().cloned());
-        agent.rebuild().unwrap();
+        agent.rebuild_posteriors().unwrap();
         for (n, event) in events[first..].iter().enumerate() {
             agent.observe(event.clone()).unwrap();
             if asked >> n & 1 == 1 {
@@ -49,7 +49,7 @@ proptest! {
             }
         }
         let beside = agent.probabilities(&somewhere()).unwrap();
-        agent.rebuild().unwrap();
+        agent.rebuild_posteriors().unwrap();
         let difference = largest_difference(&beside, &agent.probabilities(&somewhere()).unwrap());
         // Over 2000 cases it was at most 0.055.
         prop_assert!(difference < 0.08, "{}", difference);
@@ -58,13 +58,13 @@ proptest! {
     #[test]
     fn packets_taken_in_one_after_the_other_say_what_all_say_at_once(fleet in fleets()) {
         let mut agent = fleet.vehicle(0);
-        agent.rebuild().unwrap();
+        agent.rebuild_posteriors().unwrap();
         for bytes in fleet.packets(3) {
             agent.receive(&bytes, 0.0);
             agent.probabilities(&somewhere()).unwrap();
         }
         let absorbed = agent.probabilities(&somewhere()).unwrap();
-        agent.rebuild().unwrap();
+        agent.rebuild_posteriors().unwrap();
         let difference = largest_difference(&absorbed, &agent.probabilities(&somewhere()).unwrap());
         prop_assert!(difference < 1e-9, "{}", difference);
     }
@@ -81,7 +81,7 @@ fn many_new_events_are_fitted_afresh() {
     assert!(agent.fit_quality().is_some_and(|quality| quality.converged), "more than 64 events stand beside no fit");
     let kept = agent.probabilities(&somewhere()).unwrap();
     let mut fresh = vehicle(&team, 0, walk(0, 70, 0.0));
-    fresh.rebuild().unwrap();
+    fresh.rebuild_posteriors().unwrap();
     let difference = largest_difference(&kept, &fresh.probabilities(&somewhere()).unwrap());
     assert!(difference < 0.05, "{difference}");
 }
@@ -132,8 +132,8 @@ fn a_full_memory_keeps_the_latest_events_whatever_their_order() {
     assert_eq!(agent.events(), &all[18..]);
     let mut fresh = vehicle(&team, 0, all[18..].iter().cloned());
     assert_eq!(agent.snapshot(), fresh.snapshot());
-    fresh.rebuild().unwrap();
-    agent.rebuild().unwrap();
+    fresh.rebuild_posteriors().unwrap();
+    agent.rebuild_posteriors().unwrap();
     assert_eq!(agent.probabilities(&somewhere()).unwrap(), fresh.probabilities(&somewhere()).unwrap());
 }
 
@@ -176,13 +176,13 @@ fn a_vehicle_without_events_predicts_even_odds_and_tells_nothing() {
 #[test]
 fn own_packets_add_nothing_to_own_events() {
     let mut agent = vehicle(&Arc::new(team(2, model())), 0, walk(0, 30, 0.0));
-    agent.rebuild().unwrap();
+    agent.rebuild_posteriors().unwrap();
     let before = agent.probabilities(&somewhere()).unwrap();
     for bytes in sent(&mut agent, 5) {
         assert_eq!(agent.receive(&bytes, 0.0), Receipt::Refused(Refusal::Duplicate));
     }
     assert_eq!(agent.probabilities(&somewhere()).unwrap(), before);
-    agent.rebuild().unwrap();
+    agent.rebuild_posteriors().unwrap();
     assert_eq!(agent.probabilities(&somewhere()).unwrap(), before);
 }
 

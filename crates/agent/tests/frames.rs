@@ -56,7 +56,7 @@ fn check_probabilities(agent: &mut Agent) -> Result<(), TestCaseError> {
         let p = agent.probabilities(&places);
         let p = p.map_err(|error| TestCaseError::fail(error.to_string()))?;
         prop_assert!(p.iter().all(|p| (0.0..=1.0).contains(p)), "{:?}", p);
-        agent.rebuild().unwrap();
+        agent.rebuild_posteriors().unwrap();
     }
     Ok(())
 }

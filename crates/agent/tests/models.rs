@@ -19,7 +19,7 @@ fn swapped(Link { transmitter, receiver }: Link) -> Link {
 /// Every structure, with its template on a chart of 500 m.
 fn all_templates() -> Vec<(Structure, Model)> {
     let mut all = Given::default().many();
-    all.push(Structure { expectation: Expectation::Conservative { range_m: 400.0, slope_per_m: 0.01 }, ..all[0] });
+    all.push(Structure { mean: MeanStructure::Conservative { range_m: 400.0, slope_per_m: 0.01 }, ..all[0] });
     let template = |structure: Structure| {
         let prior = structure.template(InputSpec::Positions, 500.0).unwrap();
         (structure, Model::new(Chart::about([]), InputSpec::Positions, prior))
@@ -83,8 +83,8 @@ fn model_files_read_back_to_the_same_model() {
 
 #[test]
 fn a_conservative_range_has_even_odds_there() {
-    let expectation = Expectation::Conservative { range_m: 500.0, slope_per_m: 0.008 };
-    let structure = Structure { expectation, ..Given::default().few()[0] };
+    let mean = MeanStructure::Conservative { range_m: 500.0, slope_per_m: 0.008 };
+    let structure = Structure { mean, ..Given::default().few()[0] };
     let model =
         Model::new(Chart::about([]), InputSpec::Positions, structure.template(InputSpec::Positions, 300.0).unwrap());
     let links = [link([0.0, 0.0, 300.0, 400.0]), link([0.0, 0.0, 0.0, 250.0])];
@@ -139,8 +139,8 @@ fn an_agent_that_learns_by_itself_predicts_better_and_goes_on_from_there() {
     assert_eq!(agent.posterior().unwrap().prior(), &first.model.prior);
     assert_eq!(agent.own_posterior().unwrap().prior(), &team.model.prior);
     let beside = agent.probabilities(&links).unwrap();
-    agent.rebuild().unwrap();
-    assert_eq!(agent.own_fit().unwrap().events, 80);
+    agent.rebuild_posteriors().unwrap();
+    assert_eq!(agent.own_model().unwrap().events, 80);
     let fitted = agent.probabilities(&links).unwrap();
     let moved = beside.iter().zip(&fitted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(moved < 0.08, "{moved}");
@@ -148,7 +148,7 @@ fn an_agent_that_learns_by_itself_predicts_better_and_goes_on_from_there() {
     assert_eq!((second.structure, second.events_used), (first.structure, 100));
     assert!(second.learned.starts.is_empty(), "a warm start is the only one");
     let observations = team.model.observations(agent.events()).unwrap();
-    let begin = dgpc::mean_field::dense(&first.learned.optimum, &observations, &Default::default()).unwrap().evidence;
+    let begin = dgpc::fit(&first.learned.optimum, &observations, &Default::default()).unwrap().evidence();
     assert!(second.evidence() >= begin - 1e-6, "{} {begin}", second.evidence());
 }
 
@@ -162,7 +162,7 @@ fn what_others_say_is_learned_from_too() {
     alone.adapt(&Learning::default()).unwrap();
     packets.iter().for_each(|bytes| assert_eq!(told.receive(bytes, 0.0), Receipt::Accepted));
     told.adapt(&Learning::default()).unwrap();
-    assert_ne!(alone.own_fit().unwrap().model.prior, told.own_fit().unwrap().model.prior);
+    assert_ne!(alone.own_model().unwrap().model.prior, told.own_model().unwrap().model.prior);
     let elsewhere = events("b", 200, 0.61);
     let links: Vec<Link> = elsewhere.iter().map(|event| event.link).collect();
     let right = |agent: &mut Agent| {
@@ -184,7 +184,10 @@ fn given_parts_are_kept() {
         .fit(&learning.structures[1], Chart::about([]), InputSpec::Positions, &events("a", 60, 0.0), &[], None)
         .unwrap();
     let term = &fit.model.prior.kernel().terms()[0];
-    assert!((term.variance() - 3.0).abs() < 1e-12 && term.length_scales().iter().all(|l| (l - 250.0).abs() < 1e-9));
+    assert!(
+        (term.variance() - 3.0).abs() < 1e-12
+            && term.correlations()[0].length_scales().iter().all(|l| (l - 250.0).abs() < 1e-9)
+    );
 }
 
 #[test]
@@ -199,7 +202,7 @@ fn what_is_heard_after_learning_is_read_under_the_learned_model() {
     }
     let links: Vec<Link> = events("b", 30, 0.61).into_iter().map(|event| event.link).collect();
     let absorbed = agent.probabilities(&links).unwrap();
-    agent.rebuild().unwrap();
+    agent.rebuild_posteriors().unwrap();
     for (absorbed, rebuilt) in absorbed.iter().zip(agent.probabilities(&links).unwrap()) {
         assert!((absorbed - rebuilt).abs() < 1e-9, "{absorbed} {rebuilt}");
     }

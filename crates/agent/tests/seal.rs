@@ -135,7 +135,7 @@ fn a_vehicle_that_hears_what_it_said_before_it_lost_its_memory_goes_on_behind_it
     assert_eq!(counter(&bytes, &team), 3);
     // What it said counts as said: it knows its own events, and is not told of them.
     let mut alone = vehicle(&team, 0, walk(0, 40, 0.5));
-    alone.rebuild().unwrap();
+    alone.rebuild_posteriors().unwrap();
     assert_eq!(reborn.probabilities(&somewhere()).unwrap(), alone.probabilities(&somewhere()).unwrap());
 }
 

@@ -60,7 +60,7 @@ proptest! {
         let p = [&mut orderly, &mut wild].map(|agent| agent.probabilities(&somewhere()).unwrap());
         prop_assert!(largest_difference(&p[0], &p[1]) < 1e-9, "{:?}", p);
         let p = [&mut orderly, &mut wild].map(|agent| {
-            agent.rebuild().unwrap();
+            agent.rebuild_posteriors().unwrap();
             bits(&agent.probabilities(&somewhere()).unwrap())
         });
         prop_assert_eq!(&p[0], &p[1]);

@@ -71,14 +71,31 @@ fn what_makes_no_team_is_refused_by_name() {
         ("bob = 1", "ada = 1", "duplicate"),
         ("ada = 4\nbob = 1\n", "", "1 to 256 members, found 0"),
         ("schema = 1", "schema = 1\nframe_bytes = 16", "frame_bytes must be at least 32, found 16"),
-        ("schema = 1", "schema = 1\npackets_per_sender_max = 0", "packets_per_sender_max must be at least 1"),
-        ("schema = 1", "schema = 1\nworth_nats = -1.0", "worth_nats must be finite and positive, found -1"),
-        ("cell_m = 25.0", "cell_m = 0.0", "grid.cell_m must be finite and positive, found 0"),
+        (
+            "schema = 1",
+            "schema = 1\npackets_per_sender_max = 0",
+            "packets_per_sender_max must be a whole number from 1 to 65535, found 0",
+        ),
+        ("schema = 1", "schema = 1\nworth_nats = -1.0", "worth_nats must be a number above 0, at most 1000, found -1"),
+        ("cell_m = 25.0", "cell_m = 0.0", "grid.cell_m must be a number of metres from 1e-6 to 1e9, found 0"),
         ("cell_m = 25.0", "cell_m = nan", "grid.cell_m"),
         ("cell_m = 25.0", "cell_m = 1.0\ndepth_cell_m = -2.0", "grid.depth_cell_m"),
         ("[grid]", "[slots]\norder = [\"ada\", \"eve\"]\n[grid]", "slots: eve is not a member"),
         ("[grid]", "[slots]\nduration_s = 0.0\n[grid]", "slots.duration_s"),
-        ("[grid]", "[limits]\nevents_max = 0\n[grid]", "limits.events_max must be at least 1"),
+        ("schema = 1", "schema = 1\nframe_bytes = 65537", "frame_bytes must be a whole number from 32 to 65536"),
+        (
+            "[grid]",
+            "[limits]\ninducing_points_max = 9223372036854775807\n[grid]",
+            "limits.inducing_points_max must be a whole number from 1 to 10000",
+        ),
+        ("[grid]", "[limits]\ndense_events_max = 1000000\n[grid]", "limits.dense_events_max must be a whole number"),
+        ("[grid]", "[limits]\ncandidates_max = 1000000\n[grid]", "limits.candidates_max must be a whole number"),
+        ("cell_m = 25.0", "cell_m = 1e300", "grid.cell_m"),
+        (
+            "[grid]",
+            "[limits]\nevents_max = 0\n[grid]",
+            "limits.events_max must be a whole number from 1 to 10000000, found 0",
+        ),
     ];
     for (line, other, expected) in cases {
         let error = read(&with(line, other)).unwrap_err().to_string();
@@ -138,7 +155,7 @@ proptest! {
         prop_assert_eq!(again.snapshot(), agent.snapshot());
         prop_assert_eq!((again.events(), again.live_packets()), (agent.events(), agent.live_packets()));
         for agent in [&mut agent, &mut again] {
-            agent.rebuild().unwrap();
+            agent.rebuild_posteriors().unwrap();
         }
         let p = [&mut agent, &mut again].map(|agent| bits(&agent.probabilities(&somewhere()).unwrap()));
         prop_assert_eq!(&p[0], &p[1]);

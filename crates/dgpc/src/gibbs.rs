@@ -1,14 +1,14 @@
-//! ω and f by Gibbs sampling (docs/method.md, section 2).
+//! ω and f by Gibbs sampling (section 2 of [`crate::method`]).
 
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-use crate::dense::fill_scaled;
-use crate::error::{Error, Result, same_size};
-use crate::linalg::{Cholesky, CholeskyScratch, Matrix, multiply_vector};
+use crate::error::{Error, Result, all_finite, same_size};
+use crate::linalg::{Cholesky, CholeskyScratch, Matrix, fill_scaled, multiply_vector};
+use crate::observations::Observations;
 use crate::polya_gamma;
-use crate::prior_mean::Prior;
-use crate::sites::{Observations, Sites};
+use crate::prior::Prior;
+use crate::sites::Sites;
 
 /// The most Pólya-Gamma draws that one event may take in a sweep.
 const WEIGHT_MAX: f64 = 1e6;
@@ -33,6 +33,7 @@ const WEIGHT_MAX: f64 = 1e6;
 /// assert_eq!(sites.len(), 2);
 /// # Ok::<(), dgpc::Error>(())
 /// ```
+#[must_use]
 pub struct Gibbs {
     observations: Observations,
     prior_mean: Vec<f64>,
@@ -88,10 +89,11 @@ impl Gibbs {
     /// One sweep: ω given f, then f given ω and the outcomes.
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`] if I + Ω^½KΩ^½ cannot be factorised, which takes numbers near the end of the range.
+    /// [`Error::NotPositiveDefinite`] if I + Ω^½KΩ^½ cannot be factorised and [`Error::NotFinite`] if f overflows, both of which take
+    /// numbers near the end of the range.
     pub fn sweep<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Result<()> {
         for ((omega, &latent), &weight) in self.omega.iter_mut().zip(&self.latent).zip(self.observations.weights()) {
-            *omega = (0..weight as u64).map(|_| polya_gamma::sample(rng, latent)).sum();
+            *omega = (0..weight as u64).map(|_| polya_gamma::sample(rng, latent)).sum::<Result<f64>>()?;
         }
         self.draw_latent(rng)
     }
@@ -116,7 +118,7 @@ impl Gibbs {
         for n in 0..self.omega.len() {
             self.latent[n] += self.prior_mean[n] + self.prior_draw[n];
         }
-        Ok(())
+        all_finite("latent draw", &self.latent)
     }
 
     /// The current f at the events, N.

@@ -1,9 +1,13 @@
 //! Where events happened: N points of d coordinates.
 
-use crate::error::{Error, Result, same_size};
+use crate::error::{Error, Place, Result, same_size};
+
+/// The largest number of a column that kernels and prior means may look at: a bound on slips, not on use.
+pub const COLUMN_MAX: usize = 65_535;
 
 /// N finite points of dimension d, stored row by row.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Inputs {
     values: Vec<f64>,
     dimension: usize,
@@ -21,8 +25,8 @@ impl Inputs {
         }
         same_size("numbers in whole rows of inputs", values.len() / dimension * dimension, values.len())?;
         if let Some(bad) = values.iter().position(|v| !v.is_finite()) {
-            let (row, column) = (bad / dimension, bad % dimension);
-            return Err(Error::NotFinite { what: "input", row, column, value: values[bad] });
+            let place = Place::Entry { row: bad / dimension, column: bad % dimension };
+            return Err(Error::NotFinite { what: "input", place, value: values[bad] });
         }
         Ok(Self { values, dimension })
     }
@@ -96,5 +100,64 @@ impl Inputs {
         same_size("input dimension", self.dimension, other.dimension)?;
         self.values.extend_from_slice(&other.values);
         Ok(())
+    }
+}
+
+/// Checks that a kernel, reflection or prior mean may look at a column.
+pub(crate) fn check_column(column: usize) -> Result<()> {
+    let (what, expected) = ("column", "at most 65535");
+    if column <= COLUMN_MAX { Ok(()) } else { Err(Error::OutOfRange { what, expected, value: column as f64 }) }
+}
+
+/// At most `count_max` of the numbers below `count`, in ascending order: one from each of as many equal parts, at a place that
+/// looks random but is always the same, so that no period of a schedule of events shows.
+///
+/// ```
+/// assert_eq!(dgpc::spread_out(3, 5), [0, 1, 2]);
+/// assert_eq!(dgpc::spread_out(1000, 10).len(), 10);
+/// ```
+pub fn spread_out(count: usize, count_max: usize) -> Vec<usize> {
+    if count <= count_max {
+        return (0..count).collect();
+    }
+    let part = |i: usize| {
+        // In 128 bits, where no product overflows.
+        let start = |i: usize| (i as u128 * count as u128 / count_max as u128) as usize;
+        let (first, end) = (start(i), start(i + 1));
+        first + (scrambled(i as u64) % (end - first) as u64) as usize
+    };
+    (0..count_max).map(part).collect()
+}
+
+/// The output function of the generator SplitMix64 (Steele, Lea and Flood 2014).
+fn scrambled(number: u64) -> u64 {
+    let mut z = number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Points as they are written down.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parts {
+    dimension: usize,
+    values: Vec<f64>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Parts> for Inputs {
+    type Error = Error;
+
+    fn try_from(Parts { dimension, values }: Parts) -> Result<Self> {
+        Self::new(values, dimension)
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<Inputs> for Parts {
+    fn from(Inputs { values, dimension }: Inputs) -> Self {
+        Self { dimension, values }
     }
 }

@@ -1,4 +1,4 @@
-//! The Pólya-Gamma distribution: exact draws from PG(1, c), and moments (docs/method.md, section 1).
+//! The Pólya-Gamma distribution: exact draws from PG(1, c), and moments (section 1 of [`crate::method`]).
 //!
 //! The sampler is Devroye's rejection method for the Jacobi distribution J*(1, z), z = |c|/2, PG(1, c) = J*(1, z)/4 (Polson,
 //! Scott and Windle 2013, section 4). The proposal is an inverse Gaussian left of 0.64 and an exponential right of it; the
@@ -10,6 +10,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use rand::{Rng, RngExt};
 use rand_distr::{Exp1, StandardNormal};
 
+use crate::error::{Result, finite};
+use crate::special::normal_cdf;
+
 /// Where the two series of the Jacobi density change over; any value near 0.64 is valid and nearly optimal.
 const SPLIT: f64 = 0.64;
 
@@ -18,14 +21,15 @@ const SPLIT: f64 = 0.64;
 /// ```
 /// use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 ///
-/// let omega = dgpc::polya_gamma::sample(&mut ChaCha8Rng::seed_from_u64(1), 0.5);
+/// let omega = dgpc::polya_gamma::sample(&mut ChaCha8Rng::seed_from_u64(1), 0.5)?;
 /// assert!(omega > 0.0);
+/// # Ok::<(), dgpc::Error>(())
 /// ```
 ///
-/// # Panics
-/// In debug builds, when c is not finite.
-pub fn sample<R: Rng + ?Sized>(rng: &mut R, c: f64) -> f64 {
-    debug_assert!(c.is_finite(), "PG(1, c) needs a finite c, found {c}");
+/// # Errors
+/// [`crate::Error::NotFinite`] for a c that is not finite.
+pub fn sample<R: Rng + ?Sized>(rng: &mut R, c: f64) -> Result<f64> {
+    finite("tilt of a Pólya-Gamma variable", c)?;
     let z = 0.5 * c.abs();
     let rate = PI * PI / 8.0 + 0.5 * z * z;
     let left_share = left_share(z, rate);
@@ -37,7 +41,7 @@ pub fn sample<R: Rng + ?Sized>(rng: &mut R, c: f64) -> f64 {
             SPLIT + exponential / rate
         };
         if accept(rng, x) {
-            return 0.25 * x;
+            return Ok(0.25 * x);
         }
     }
 }
@@ -105,11 +109,6 @@ fn accept<R: Rng + ?Sized>(rng: &mut R, x: f64) -> bool {
 fn term_ratio(n: f64, x: f64) -> f64 {
     let exponent = if x > SPLIT { 0.5 * PI * PI * x } else { 2.0 / x };
     (2.0 * n + 1.0) * (-exponent * n * (n + 1.0)).exp()
-}
-
-/// Φ, the standard normal distribution function.
-pub(crate) fn normal_cdf(x: f64) -> f64 {
-    0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }
 
 /// Mean of PG(b, c): b/(2c) · tanh(c/2), b/4 at c = 0.

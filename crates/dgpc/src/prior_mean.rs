@@ -1,55 +1,111 @@
-//! What is believed before the first event: prior mean functions, and the prior they form with a kernel.
+//! Prior mean functions: what is expected of the latent function before the first event.
 
-use crate::error::{Error, Result, finite, same_size, size_mismatch};
-use crate::inputs::Inputs;
-use crate::kernel::Kernel;
+use crate::error::{Error, Result, finite, positive, same_size};
+use crate::inputs::{Inputs, check_column};
+use crate::parameter::Parameter;
 
 /// The latent function expected before any event, μ₀(x).
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[non_exhaustive]
 pub enum PriorMean {
     /// μ₀ = 0: even odds everywhere.
     Zero,
     /// The same log-odds everywhere.
     Constant(f64),
-    /// μ₀ = intercept − slope · ‖x\[from\] − x\[to\]‖: log-odds that fall with the distance between two sets of columns. This is
-    /// where a conservative range goes in: the odds are even at distance intercept / slope.
-    Range {
-        /// Log-odds at distance zero.
-        intercept: f64,
-        /// Log-odds lost per unit of distance.
-        slope: f64,
-        /// Columns of one end.
-        from: Vec<usize>,
-        /// Columns of the other end, as many.
-        to: Vec<usize>,
-    },
+    /// Log-odds that fall with the distance between two sets of columns.
+    Range(RangeMean),
+}
+
+/// μ₀ = intercept − slope · ‖x\[from\] − x\[to\]‖: log-odds that fall with the distance between two sets of columns. This is where
+/// a conservative range goes in: the odds are even at distance intercept / slope.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
+pub struct RangeMean {
+    intercept: f64,
+    slope: f64,
+    from: Vec<usize>,
+    to: Vec<usize>,
+}
+
+impl RangeMean {
+    /// Log-odds of `intercept` at distance zero, falling by `slope` per unit of the distance between the columns `from` and as
+    /// many columns `to`.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`] for a number that is not finite, [`Error::OutOfRange`] without columns or for one beyond
+    /// [`crate::COLUMN_MAX`], [`Error::SizeMismatch`] where the columns do not pair up, [`Error::RepeatedColumn`].
+    pub fn new(intercept: f64, slope: f64, from: &[usize], to: &[usize]) -> Result<Self> {
+        finite("prior mean intercept", intercept)?;
+        finite("prior mean slope", slope)?;
+        positive("number of columns of a range prior mean", from.len() as f64)?;
+        same_size("columns of the two ends of a range prior mean", from.len(), to.len())?;
+        for end in [from, to] {
+            for (n, &column) in end.iter().enumerate() {
+                check_column(column)?;
+                if end[..n].contains(&column) {
+                    return Err(Error::RepeatedColumn { what: "range prior mean", column });
+                }
+            }
+        }
+        Ok(Self { intercept, slope, from: from.to_vec(), to: to.to_vec() })
+    }
+
+    /// Log-odds at distance zero.
+    pub fn intercept(&self) -> f64 {
+        self.intercept
+    }
+
+    /// Log-odds lost per unit of distance.
+    pub fn slope(&self) -> f64 {
+        self.slope
+    }
+
+    /// Columns of one end.
+    pub fn from(&self) -> &[usize] {
+        &self.from
+    }
+
+    /// Columns of the other end, as many.
+    pub fn to(&self) -> &[usize] {
+        &self.to
+    }
+
+    /// Distance between the two ends of one row.
+    fn distance(&self, row: &[f64]) -> f64 {
+        let squares = self.from.iter().zip(&self.to).map(|(&a, &b)| (row[a] - row[b]).powi(2));
+        squares.sum::<f64>().sqrt()
+    }
 }
 
 impl PriorMean {
-    /// Checks that the numbers are finite and the columns pair up.
-    fn check(&self) -> Result<()> {
+    /// Log-odds that fall with distance. See [`RangeMean::new`].
+    ///
+    /// # Errors
+    /// As [`RangeMean::new`].
+    pub fn range(intercept: f64, slope: f64, from: &[usize], to: &[usize]) -> Result<Self> {
+        RangeMean::new(intercept, slope, from, to).map(Self::Range)
+    }
+
+    /// Checks that the numbers are finite.
+    pub(crate) fn check(&self) -> Result<()> {
         match self {
-            PriorMean::Zero => Ok(()),
             PriorMean::Constant(value) => finite("prior mean", *value).map(drop),
-            PriorMean::Range { intercept, slope, from, to } => {
-                finite("prior mean intercept", *intercept)?;
-                finite("prior mean slope", *slope)?;
-                same_size("columns of the two ends of a range prior mean", from.len(), to.len())
-            }
+            PriorMean::Zero | PriorMean::Range(_) => Ok(()),
         }
     }
 
     /// Every column that the mean looks at.
-    fn columns(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn columns(&self) -> impl Iterator<Item = usize> {
         let ends: [&[usize]; 2] = match self {
-            PriorMean::Range { from, to, .. } => [from, to],
+            PriorMean::Range(range) => [&range.from, &range.to],
             _ => [&[], &[]],
         };
         ends.into_iter().flatten().copied()
     }
 
     /// Checks that inputs have every column that the mean looks at.
-    fn check_columns(&self, inputs: &Inputs) -> Result<()> {
+    pub(crate) fn check_columns(&self, inputs: &Inputs) -> Result<()> {
         let columns = inputs.dimension();
         match self.columns().find(|&column| column >= columns) {
             Some(column) => Err(Error::BadColumn { what: "range prior mean", column, columns }),
@@ -60,42 +116,60 @@ impl PriorMean {
     /// μ₀ at every point. O(Nd).
     ///
     /// # Errors
-    /// [`Error::BadColumn`] when a range prior mean names a column that the inputs do not have.
+    /// [`Error::BadColumn`] when a range prior mean names a column that the inputs do not have, [`Error::NotFinite`] where numbers
+    /// near the end of the range overflow.
     pub fn values(&self, inputs: &Inputs) -> Result<Vec<f64>> {
         match self {
             PriorMean::Zero => Ok(vec![0.0; inputs.len()]),
             PriorMean::Constant(value) => Ok(vec![*value; inputs.len()]),
-            PriorMean::Range { intercept, slope, from, to } => {
+            PriorMean::Range(range) => {
                 self.check_columns(inputs)?;
-                Ok(inputs.rows().map(|row| intercept - slope * distance(row, from, to)).collect())
+                let value = |row: &[f64]| finite("prior mean", range.intercept - range.slope * range.distance(row));
+                inputs.rows().map(value).collect()
             }
         }
     }
 
-    /// What is learned of a prior mean: nothing, the constant, or intercept and slope.
-    pub fn parameters(&self) -> Vec<f64> {
+    /// Its numbers that can be learned: none, the constant, or intercept and slope.
+    pub fn parameter_values(&self) -> Vec<f64> {
         match self {
             PriorMean::Zero => Vec::new(),
             PriorMean::Constant(value) => vec![*value],
-            PriorMean::Range { intercept, slope, .. } => vec![*intercept, *slope],
+            PriorMean::Range(range) => vec![range.intercept, range.slope],
         }
     }
 
-    /// The same kind of mean with other parameters, as [`PriorMean::parameters`] lays them out.
+    /// What each of [`PriorMean::parameter_values`] is.
+    pub fn parameters(&self) -> &'static [Parameter] {
+        match self {
+            PriorMean::Zero => &[],
+            PriorMean::Constant(_) => &[Parameter::Intercept],
+            PriorMean::Range(_) => &[Parameter::Intercept, Parameter::Slope],
+        }
+    }
+
+    /// The same kind of mean with other numbers, as [`PriorMean::parameter_values`] lays them out.
     ///
     /// # Errors
-    /// [`crate::Error::SizeMismatch`] for another number of parameters, [`crate::Error::NotFinite`].
+    /// [`Error::SizeMismatch`] for another number of parameters, [`Error::NotFinite`].
     pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
-        let mean = match (self, parameters) {
-            (PriorMean::Zero, []) => PriorMean::Zero,
-            (PriorMean::Constant(_), &[value]) => PriorMean::Constant(value),
-            (PriorMean::Range { from, to, .. }, &[intercept, slope]) => {
-                PriorMean::Range { intercept, slope, from: from.clone(), to: to.clone() }
+        match (self, parameters) {
+            (PriorMean::Zero, []) => Ok(PriorMean::Zero),
+            (PriorMean::Constant(_), &[value]) => finite("prior mean", value).map(PriorMean::Constant),
+            (PriorMean::Range(range), &[intercept, slope]) => Self::range(intercept, slope, &range.from, &range.to),
+            _ => {
+                let (expected, found) = (self.parameters().len(), parameters.len());
+                Err(Error::SizeMismatch { what: "parameters of a prior mean", expected, found })
             }
-            _ => return Err(size_mismatch("parameters of a prior mean", self.parameters().len(), parameters.len())),
-        };
-        mean.check()?;
-        Ok(mean)
+        }
+    }
+
+    /// Whether the other differs in nothing but numbers that can be learned.
+    pub(crate) fn has_structure_of(&self, other: &PriorMean) -> bool {
+        match (self, other) {
+            (PriorMean::Range(own), PriorMean::Range(other)) => own.from == other.from && own.to == other.to,
+            (own, other) => std::mem::discriminant(own) == std::mem::discriminant(other),
+        }
     }
 
     /// Σ_n w_n ∂μ₀(x_n)/∂(parameters).
@@ -103,79 +177,37 @@ impl PriorMean {
         match self {
             PriorMean::Zero => Vec::new(),
             PriorMean::Constant(_) => vec![weights.iter().sum()],
-            PriorMean::Range { from, to, .. } => {
-                let by_slope = inputs.rows().zip(weights).map(|(row, weight)| -weight * distance(row, from, to));
+            PriorMean::Range(range) => {
+                let by_slope = inputs.rows().zip(weights).map(|(row, weight)| -weight * range.distance(row));
                 vec![weights.iter().sum(), by_slope.sum()]
             }
         }
     }
 }
 
-/// Distance between two sets of columns of one row.
-fn distance(row: &[f64], from: &[usize], to: &[usize]) -> f64 {
-    from.iter().zip(to).map(|(&a, &b)| (row[a] - row[b]).powi(2)).sum::<f64>().sqrt()
+/// A falling mean as it is written down.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parts {
+    intercept: f64,
+    slope: f64,
+    from: Vec<usize>,
+    to: Vec<usize>,
 }
 
-/// A Gaussian-process prior f ~ GP(μ₀, k).
-#[derive(Debug, Clone, PartialEq)]
-pub struct Prior {
-    kernel: Kernel,
-    mean: PriorMean,
+#[cfg(feature = "serde")]
+impl TryFrom<Parts> for RangeMean {
+    type Error = Error;
+
+    fn try_from(Parts { intercept, slope, from, to }: Parts) -> Result<Self> {
+        Self::new(intercept, slope, &from, &to)
+    }
 }
 
-impl Prior {
-    /// Puts a kernel and a prior mean together.
-    ///
-    /// # Errors
-    /// [`Error::NotFinite`] or [`Error::SizeMismatch`] when the prior mean is not well formed.
-    pub fn new(kernel: Kernel, mean: PriorMean) -> Result<Self> {
-        mean.check()?;
-        Ok(Self { kernel, mean })
-    }
-
-    /// Checks that inputs have every column that kernel and mean look at.
-    pub(crate) fn check(&self, inputs: &Inputs) -> Result<()> {
-        self.kernel.check(inputs)?;
-        self.mean.check_columns(inputs)
-    }
-
-    /// The fewest columns that inputs can have.
-    pub(crate) fn dimension_min(&self) -> usize {
-        self.kernel.columns().chain(self.mean.columns()).max().map_or(1, |column| column + 1)
-    }
-
-    /// The covariance function.
-    pub fn kernel(&self) -> &Kernel {
-        &self.kernel
-    }
-
-    /// Whether the other differs in nothing but the numbers that can be learned.
-    pub fn has_structure_of(&self, other: &Prior) -> bool {
-        let same_mean = match (&self.mean, &other.mean) {
-            (PriorMean::Range { from, to, .. }, PriorMean::Range { from: other_from, to: other_to, .. }) => {
-                from == other_from && to == other_to
-            }
-            (own, other) => std::mem::discriminant(own) == std::mem::discriminant(other),
-        };
-        same_mean && self.kernel.has_structure_of(&other.kernel)
-    }
-
-    /// Everything that can be learned: [`Kernel::log_parameters`], then [`PriorMean::parameters`].
-    pub fn parameters(&self) -> Vec<f64> {
-        [self.kernel.log_parameters(), self.mean.parameters()].concat()
-    }
-
-    /// A prior of the same structure with other parameters, as [`Prior::parameters`] lays them out.
-    ///
-    /// # Errors
-    /// As [`Kernel::with_log_parameters`] and [`PriorMean::with_parameters`].
-    pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
-        let (kernel, mean) = parameters.split_at(self.kernel.parameter_count().min(parameters.len()));
-        Self::new(self.kernel.with_log_parameters(kernel)?, self.mean.with_parameters(mean)?)
-    }
-
-    /// The mean function.
-    pub fn mean(&self) -> &PriorMean {
-        &self.mean
+#[cfg(feature = "serde")]
+impl From<RangeMean> for Parts {
+    fn from(RangeMean { intercept, slope, from, to }: RangeMean) -> Self {
+        Self { intercept, slope, from, to }
     }
 }

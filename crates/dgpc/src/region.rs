@@ -1,8 +1,7 @@
-//! Locality regions: the events that a summary stands for (docs/method.md, section 5).
+//! Locality regions: the events that a summary stands for (section 5 of [`crate::method`]).
 
-use crate::error::{Result, same_size};
-use crate::inputs::Inputs;
-use crate::learn::spread_out;
+use crate::error::{Result, not_negative, same_size};
+use crate::inputs::{Inputs, spread_out};
 
 /// At most so many inputs are tried as the centre of the busiest region.
 const CENTRES_MAX: usize = 1000;
@@ -30,9 +29,11 @@ impl LocalityRegion {
     /// ```
     ///
     /// # Errors
-    /// [`crate::Error::SizeMismatch`] for a centre of another dimension.
+    /// [`crate::Error::SizeMismatch`] for a centre of another dimension, [`crate::Error::OutOfRange`] for a radius that is negative or
+    /// not finite.
     pub fn around(inputs: &Inputs, centre: &[f64], radius: f64) -> Result<Self> {
         same_size("coordinates of a region's centre", inputs.dimension(), centre.len())?;
+        not_negative("radius of a region", radius)?;
         Ok(Self::about(inputs, centre, radius))
     }
 
@@ -43,10 +44,14 @@ impl LocalityRegion {
 
     /// The region around the input that has most inputs within the radius, the first of equals; of more than a thousand inputs
     /// only a thousand are tried, spread evenly but without a period. `None` without inputs. O(N²d).
-    pub fn busiest(inputs: &Inputs, radius: f64) -> Option<Self> {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for a radius that is negative or not finite.
+    pub fn busiest(inputs: &Inputs, radius: f64) -> Result<Option<Self>> {
+        not_negative("radius of a region", radius)?;
         let centres = spread_out(inputs.len(), CENTRES_MAX).into_iter();
         let regions = centres.map(|centre| Self::about(inputs, inputs.row(centre), radius));
-        regions.reduce(|best, next| if next.members.len() > best.members.len() { next } else { best })
+        Ok(regions.reduce(|best, next| if next.members.len() > best.members.len() { next } else { best }))
     }
 
     /// Keeps the `count` members nearest to the centre, in ascending order.
@@ -69,9 +74,13 @@ mod tests {
     #[test]
     fn the_busiest_region_is_the_first_with_most_members() -> Result<()> {
         let inputs = Inputs::from_rows(&[[0.0], [10.0], [10.5], [11.0], [20.0], [20.5], [21.0]])?;
-        let region = LocalityRegion::busiest(&inputs, 0.6).expect("there are inputs");
+        let region = LocalityRegion::busiest(&inputs, 0.6)?.expect("there are inputs");
         assert_eq!((region.centre, region.members), (vec![10.5], vec![1, 2, 3]));
-        assert_eq!(LocalityRegion::busiest(&Inputs::empty(1), 1.0), None);
+        assert_eq!(LocalityRegion::busiest(&Inputs::empty(1), 1.0)?, None);
+        for radius in [-1.0, f64::NAN, f64::INFINITY] {
+            assert!(LocalityRegion::busiest(&inputs, radius).is_err(), "{radius}");
+            assert!(LocalityRegion::around(&inputs, &[0.0], radius).is_err(), "{radius}");
+        }
         Ok(())
     }
 

@@ -1,83 +1,12 @@
-//! Events, and what they say about the latent function once ω is known.
+//! What events say about the latent function once ω is known.
 
 use crate::error::{Result, positive, same_size};
 use crate::inputs::Inputs;
+use crate::observations::Observations;
 use crate::prior_mean::PriorMean;
 
-/// N binary outcomes at N inputs, each with a weight (1 unless said otherwise; 0.5 counts an event half).
-#[derive(Debug, Clone, PartialEq)]
-pub struct Observations {
-    inputs: Inputs,
-    outcomes: Vec<bool>,
-    weights: Vec<f64>,
-}
-
-impl Observations {
-    /// Outcomes at inputs, all of weight 1.
-    ///
-    /// # Errors
-    /// [`crate::Error::SizeMismatch`] when the lengths differ.
-    pub fn new(inputs: Inputs, outcomes: Vec<bool>) -> Result<Self> {
-        let weights = vec![1.0; outcomes.len()];
-        Self::weighted(inputs, outcomes, weights)
-    }
-
-    /// Outcomes at inputs with a weight each: the log-likelihood of event n counts `weights[n]` times.
-    ///
-    /// # Errors
-    /// [`crate::Error::SizeMismatch`] when the lengths differ, [`crate::Error::OutOfRange`] for a weight that is not finite and positive.
-    pub fn weighted(inputs: Inputs, outcomes: Vec<bool>, weights: Vec<f64>) -> Result<Self> {
-        same_size("outcomes, one per input", inputs.len(), outcomes.len())?;
-        same_size("weights, one per input", inputs.len(), weights.len())?;
-        for &weight in &weights {
-            positive("event weight", weight)?;
-        }
-        Ok(Self { inputs, outcomes, weights })
-    }
-
-    /// Number of events N.
-    pub fn len(&self) -> usize {
-        self.outcomes.len()
-    }
-
-    /// Whether there are no events.
-    pub fn is_empty(&self) -> bool {
-        self.outcomes.is_empty()
-    }
-
-    /// Where the events happened, N×d.
-    pub fn inputs(&self) -> &Inputs {
-        &self.inputs
-    }
-
-    /// What happened, N.
-    pub fn outcomes(&self) -> &[bool] {
-        &self.outcomes
-    }
-
-    /// How much each event counts, N.
-    pub fn weights(&self) -> &[f64] {
-        &self.weights
-    }
-
-    /// The events at `indices`, in that order.
-    pub fn select(&self, indices: &[usize]) -> Self {
-        Self {
-            inputs: self.inputs.select(indices),
-            outcomes: indices.iter().map(|&n| self.outcomes[n]).collect(),
-            weights: indices.iter().map(|&n| self.weights[n]).collect(),
-        }
-    }
-
-    /// κ_n = weight · (y_n − ½).
-    pub(crate) fn kappa(&self) -> Vec<f64> {
-        let signs = self.outcomes.iter().map(|&success| if success { 0.5 } else { -0.5 });
-        signs.zip(&self.weights).map(|(sign, weight)| sign * weight).collect()
-    }
-}
-
 /// Gaussian sites: given ω, the likelihood of event n is proportional to exp(κ_n f_n − ½ ω_n f_n²). Weights are already in both
-/// numbers. Sites know no kernel and no prior mean; κ̃ = κ − Ωμ₀ follows under any (docs/method.md, sections 1 and 2).
+/// numbers. Sites know no kernel and no prior mean; κ̃ = κ − Ωμ₀ follows under any (sections 1 and 2 of [`crate::method`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sites {
     inputs: Inputs,
@@ -95,7 +24,7 @@ impl Sites {
         for &omega in &omega {
             positive("Pólya-Gamma variable ω", omega)?;
         }
-        Ok(Self { inputs: observations.inputs.clone(), omega, kappa: observations.kappa() })
+        Ok(Self { inputs: observations.inputs().clone(), omega, kappa: observations.kappa() })
     }
 
     /// No sites, of inputs of dimension `dimension`.

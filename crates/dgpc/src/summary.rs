@@ -1,18 +1,21 @@
-//! What a set of events says about the latent function at a few inducing points (docs/method.md, section 3).
+//! What a set of events says about the latent function at a few inducing points (section 3 of [`crate::method`]).
 
-use crate::dense::fill_scaled;
-use crate::error::{Error, Result, finite, same_size};
+use std::borrow::Cow;
+
+use crate::error::{Error, Result, all_finite, same_size};
+use crate::factor::Factor;
+use crate::features::Features;
 use crate::inputs::Inputs;
-use crate::linalg::{Cholesky, Matrix, product, semidefinite_root, symmetric_eigen};
-use crate::prior_mean::Prior;
+use crate::linalg::{Cholesky, Matrix, fill_scaled, product, semidefinite_root, symmetric_eigen};
+use crate::prior::Prior;
 use crate::sites::Sites;
-use crate::sparse::Features;
 
 /// A Gaussian message about f at M inducing points Z, under a prior.
 ///
 /// It is kept whitened: with K_ZZ = LLᵀ, the precision Ĝ = L⁻¹GL⁻ᵀ and the shift b̂ = L⁻¹b, both free of the conditioning of
 /// K_ZZ. Summaries of one prior and one Z form a commutative group: [`Summary::merge`] adds, [`Summary::subtract`] takes away.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Summary {
     prior: Prior,
     inducing_points: Inputs,
@@ -43,10 +46,8 @@ impl Summary {
         same_size("columns of a summary's precision, one per inducing point", points, precision.columns())?;
         same_size("entries of a summary's shift, one per inducing point", points, shift.len())?;
         prior.check(inducing_points)?;
-        for (column, &entry) in shift.iter().enumerate() {
-            finite("summary shift", entry)?;
-            precision.column(column).iter().try_for_each(|&entry| finite("summary precision", entry).map(drop))?;
-        }
+        all_finite("summary shift", &shift)?;
+        precision.check_finite("summary precision")?;
         let mut precision = precision;
         precision.symmetrise();
         let cholesky = Cholesky::with_jitter("K_MM", &prior.kernel().gram(inducing_points)?)?;
@@ -154,7 +155,7 @@ impl Summary {
     /// Adds the message of another summary at the same points, as if their events had been observed together. O(M²).
     ///
     /// # Errors
-    /// [`Error::Different`] when prior or inducing points differ.
+    /// [`Error::DifferentPriors`] or [`Error::DifferentInducingPoints`].
     pub fn merge(&mut self, other: &Summary) -> Result<()> {
         self.check_alike(other)?;
         self.add(1.0, &other.precision, &other.shift);
@@ -164,7 +165,7 @@ impl Summary {
     /// Takes the message of another summary at the same points away. The result is a message only if `other` was part of it.
     ///
     /// # Errors
-    /// [`Error::Different`] when prior or inducing points differ.
+    /// [`Error::DifferentPriors`] or [`Error::DifferentInducingPoints`].
     pub fn subtract(&mut self, other: &Summary) -> Result<()> {
         self.check_alike(other)?;
         self.add(-1.0, &other.precision, &other.shift);
@@ -177,8 +178,8 @@ impl Summary {
     /// semi-definite, and the shift is such that the means agree all the same. O(M³).
     ///
     /// # Errors
-    /// [`Error::Different`] when prior or inducing points differ, and as [`Summary::moments`].
-    pub fn beyond(&self, known: &Summary) -> Result<Summary> {
+    /// [`Error::DifferentPriors`] or [`Error::DifferentInducingPoints`], and as [`Summary::moments`].
+    pub fn residual(&self, known: &Summary) -> Result<Summary> {
         self.check_alike(known)?;
         let mut difference = self.precision.clone();
         difference.add_scaled(-1.0, &known.precision);
@@ -217,10 +218,10 @@ impl Summary {
 
     fn check_alike(&self, other: &Summary) -> Result<()> {
         if self.prior != other.prior {
-            return Err(Error::Different { what: "summaries", of: "priors" });
+            return Err(Error::DifferentPriors { what: "two summaries" });
         }
         if self.inducing_points != other.inducing_points {
-            return Err(Error::Different { what: "summaries", of: "inducing points" });
+            return Err(Error::DifferentInducingPoints);
         }
         Ok(())
     }
@@ -252,6 +253,32 @@ impl Summary {
         let shift: Vec<f64> = self.shift.iter().zip(&gained).map(|(shift, gained)| shift + gained).collect();
         other.shift = change.transposed_times(&shift);
         Ok(other)
+    }
+
+    /// The message under a prior: itself where that is the one it was formed under.
+    ///
+    /// # Errors
+    /// As [`Summary::under`].
+    pub fn read_under(&self, prior: &Prior) -> Result<Cow<'_, Summary>> {
+        if self.prior == *prior { Ok(Cow::Borrowed(self)) } else { self.under(prior).map(Cow::Owned) }
+    }
+
+    /// The message that a kernel-free factor is under a prior: Ĝ = LᵀPL, b̂ = Lᵀ(η − Pμ₀(Z)). O(M³).
+    ///
+    /// # Errors
+    /// As [`Summary::empty`].
+    pub fn from_factor(prior: &Prior, factor: &Factor) -> Result<Summary> {
+        let mut summary = Self::empty(prior, factor.inducing_points())?;
+        let lower = summary.cholesky.lower();
+        let half = product(factor.precision().view(), lower.view());
+        summary.precision = product(lower.t(), half.view());
+        summary.precision.symmetrise();
+        let gone = factor.precision().times(&prior.mean().values(factor.inducing_points())?);
+        let shift: Vec<f64> = factor.shift().iter().zip(&gone).map(|(shift, gone)| shift - gone).collect();
+        summary.shift = lower.transposed_times(&shift);
+        summary.precision.check_finite("summary precision")?;
+        all_finite("summary shift", &summary.shift)?;
+        Ok(summary)
     }
 
     /// Number of inducing points M.
@@ -335,17 +362,33 @@ impl Summary {
         let prior_mean = self.prior.mean().values(&self.inducing_points)?;
         let offset = precision.times(&prior_mean);
         let shift = shift.iter().zip(&offset).map(|(h, offset)| h + offset).collect();
-        Ok(Factor { inducing_points: self.inducing_points.clone(), precision, shift })
+        Factor::new(self.inducing_points.clone(), precision, shift)
     }
 }
 
-/// A Gaussian factor on f at some points that knows no kernel and no prior mean: exp(−½fᵀPf + ηᵀf).
-#[derive(Debug, Clone, PartialEq)]
-pub struct Factor {
-    /// Where, M×d.
-    pub inducing_points: Inputs,
-    /// Precision P = K_MM⁻¹GK_MM⁻¹, M×M. Badly scaled where points come close; compute with [`Summary::under`] instead.
-    pub precision: Matrix,
-    /// η = K_MM⁻¹b + Pμ₀(Z), M.
-    pub shift: Vec<f64>,
+/// A summary as it is written down.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parts {
+    prior: Prior,
+    inducing_points: Inputs,
+    whitened_precision: Matrix,
+    whitened_shift: Vec<f64>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Parts> for Summary {
+    type Error = Error;
+
+    fn try_from(parts: Parts) -> Result<Self> {
+        Self::from_whitened(&parts.prior, &parts.inducing_points, parts.whitened_precision, parts.whitened_shift)
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<Summary> for Parts {
+    fn from(Summary { prior, inducing_points, precision, shift, .. }: Summary) -> Self {
+        Self { prior, inducing_points, whitened_precision: precision, whitened_shift: shift }
+    }
 }

@@ -15,8 +15,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use common::seeded;
-use dgpc::learn::{self, Learned};
-use dgpc::{Gibbs, Inputs, Kernel, Observations, Posterior, Prior, PriorMean, Shape, Term};
+use dgpc::*;
 use rand::RngExt;
 
 const SPLITS: u64 = 5;
@@ -144,11 +143,11 @@ fn learned(train: &Observations) -> Learned {
     let distance = (dimension as f64).sqrt();
     let term = Term::isotropic(Shape::SquaredExponential, 4.0, distance, dimension).unwrap();
     let template = Prior::new(Kernel::new(vec![term]).unwrap(), PriorMean::Constant(0.0)).unwrap();
-    learn::learn(&template, train, &[], &learn::Options::new(distance)).unwrap()
+    learn(&template, train, &LearnOptions::new(distance)).unwrap()
 }
 
 fn mean_field_probability(learned: &Learned, test: &Observations) -> Vec<f64> {
-    let posterior = Posterior::fuse(&learned.prior, &learned.fit.sites, &[]).unwrap();
+    let posterior = Posterior::fuse(&learned.prior, learned.fit.sites(), &[]).unwrap();
     posterior.probability(test.inputs()).unwrap()
 }
 

@@ -20,7 +20,7 @@ fn prior(variance: f64, length_scale: f64, dimension: usize, mean: PriorMean) ->
 }
 
 fn range_mean() -> PriorMean {
-    PriorMean::Range { intercept: 1.5, slope: 1.0, from: vec![0], to: vec![1] }
+    PriorMean::range(1.5, 1.0, &[0], &[1]).unwrap()
 }
 
 /// Prior of f at some inputs, for draws that do not go through the crate.

@@ -22,7 +22,7 @@ pub fn run(options: &cli::Demo) -> anyhow::Result<()> {
     note("Three underwater vehicles record which of each other's messages they hear. Each learns from the events it");
     note("received, sends a few packets that sum them up, and predicts events that nobody learned from.\n");
     let plan = Plan::new(Learning::default(), SEED);
-    let splits = draw_splits(&log, 3, 0.35, SEED);
+    let splits = draw_splits(&log, 3, 0.35, SEED)?;
     let events = log.events.len();
     let mission = Replayed::new(log, events, splits, &[1, 2, 5, 10, 20], plan)?;
     mission.show(options.json, Some(&options.out))

@@ -1,8 +1,8 @@
 //! `pingmap learn`: kernel, prior mean and chart by the data.
 
-use dgpc::learn::Stop;
-use dgpc::{PriorMean, Shape};
-use pingmap_agent::{Criterion, Event, Fit, Model, ModelFile, Provenance};
+use dgpc::PriorMean;
+use dgpc::Stop;
+use pingmap_agent::{Criterion, Event, LearnedModel, Model, ModelFile, Provenance};
 use pingmap_trial::{EventLog, Score, draw_splits, learn_all, learn_best};
 use serde_json::{Value, json};
 
@@ -16,7 +16,7 @@ pub fn run(options: &cli::Learn) -> anyhow::Result<()> {
     let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
     let limits = options.work.limits();
     let learning = options.kernel.learning(options.kernel.given().many(), limits);
-    let (training, held_out) = divided(&log, options);
+    let (training, held_out) = divided(&log, options)?;
 
     let bar = progress(learning.structures.len() as u64, "learning");
     let fits = learn_all(&learning, log.chart(), log.inputs(), &training, &|| bar.inc(1))?;
@@ -62,7 +62,7 @@ pub fn run(options: &cli::Learn) -> anyhow::Result<()> {
 
 /// One structure and how it did.
 struct Candidate {
-    fit: Fit,
+    fit: LearnedModel,
     seconds: f64,
     held_out_nll: Option<f64>,
 }
@@ -86,18 +86,18 @@ impl Candidate {
             "structure": self.fit.structure.to_string(), "evidence": self.fit.evidence(),
             "leave_one_out": self.fit.leave_one_out(), "seconds": self.seconds, "held_out_nll": self.held_out_nll,
             "events_used": self.fit.events_used, "evaluations": self.fit.learned.evaluations,
-            "stop": stop_words(&self.fit.learned.stop), "variance_factor": self.fit.learned.variance_factor,
+            "stop": stop_words(&self.fit.learned.stop), "variance_factor": self.fit.learned.calibration.factor(),
             "kernel": kernel_json(&self.fit.model), "prior_mean": prior_mean_json(self.fit.model.prior.mean()),
         })
     }
 }
 
 /// Training and held-out events; all are training events unless a share is to be held out.
-fn divided<'a>(log: &'a EventLog, options: &cli::Learn) -> (Vec<&'a Event>, Vec<&'a Event>) {
-    let Some(share) = options.test_share else { return (log.events.iter().collect(), Vec::new()) };
-    let split = draw_splits(log, 1, share, options.work.seed).remove(0);
+fn divided<'a>(log: &'a EventLog, options: &cli::Learn) -> anyhow::Result<(Vec<&'a Event>, Vec<&'a Event>)> {
+    let splits = options.test_share.map(|share| draw_splits(log, 1, share, options.work.seed)).transpose()?;
+    let Some(split) = splits.iter().flatten().next() else { return Ok((log.events.iter().collect(), Vec::new())) };
     let side = |held_out| split.indices(held_out).into_iter().map(|n| &log.events[n]).collect();
-    (side(false), side(true))
+    Ok((side(false), side(true)))
 }
 
 fn held_out_nll(
@@ -115,7 +115,7 @@ fn held_out_nll(
     Ok(Score::new(&agent.probabilities(&links)?, &outcomes).map(|score| score.nll))
 }
 
-fn text(candidates: &[Candidate], best: &Fit, criterion: Criterion, held_out: bool) -> String {
+fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, held_out: bool) -> String {
     let mut header =
         vec!["kernel", "inputs", "direction", "terms", "prior mean", "E / event", "leave-one-out", "seconds"];
     if held_out {
@@ -128,19 +128,21 @@ fn text(candidates: &[Candidate], best: &Fit, criterion: Criterion, held_out: bo
     let terms = best.model.prior.kernel().terms().iter().map(|term| {
         let names = best.model.inputs.column_names();
         let scale = |(column, length_scale): (&usize, &f64)| format!("{} {length_scale:.0} m", names[*column]);
-        let scales: Vec<String> = term.columns().iter().zip(term.length_scales()).map(scale).collect();
-        format!("  {} variance {:.2}, length-scales {}", shape_words(term.shape()), term.variance(), scales.join(", "))
+        let first = &term.correlations()[0];
+        let scales: Vec<String> = first.columns().iter().zip(first.length_scales()).map(scale).collect();
+        format!("  {} variance {:.2}, length-scales {}", first.shape().title(), term.variance(), scales.join(", "))
     });
     let mean = match best.model.prior.mean() {
-        PriorMean::Zero => "  zero prior mean".to_owned(),
         PriorMean::Constant(log_odds) => format!("  prior mean {log_odds:.2}"),
-        PriorMean::Range { intercept, slope, .. } => {
+        PriorMean::Range(range) => {
+            let (intercept, slope) = (range.intercept(), range.slope());
             format!(
                 "  prior mean {intercept:.2} - {:.2} per km: even odds at {:.0} m",
                 slope * 1000.0,
                 intercept / slope
             )
         }
+        _ => "  zero prior mean".to_owned(),
     };
     format!(
         "{}\n\nBest by {by}, learned from {}: {}\n{}\n{mean}\nE and leave-one-out in nats an event, higher is better; NLL in nats, \
@@ -152,7 +154,7 @@ fn text(candidates: &[Candidate], best: &Fit, criterion: Criterion, held_out: bo
     )
 }
 
-fn provenance(fit: &Fit, from: String) -> Provenance {
+fn provenance(fit: &LearnedModel, from: String) -> Provenance {
     Provenance {
         from,
         structure: fit.structure.to_string(),
@@ -160,7 +162,7 @@ fn provenance(fit: &Fit, from: String) -> Provenance {
         events_used: fit.events_used,
         evidence: fit.evidence(),
         leave_one_out: fit.leave_one_out(),
-        variance_factor: fit.learned.variance_factor,
+        variance_factor: fit.learned.calibration.factor(),
         stop: stop_words(&fit.learned.stop),
     }
 }
@@ -170,10 +172,11 @@ pub fn stop_words(stop: &Stop) -> String {
         Stop::Converged => "converged".to_owned(),
         Stop::IterationsMax => "iterations used up".to_owned(),
         Stop::NoProgress(why) => format!("no progress: {why}"),
+        other => format!("{other:?}"),
     }
 }
 
-fn model_json(fit: &Fit) -> Value {
+fn model_json(fit: &LearnedModel) -> Value {
     json!({
         "structure": fit.structure.to_string(), "evidence": fit.evidence(), "leave_one_out": fit.leave_one_out(),
         "events_used": fit.events_used, "kernel": kernel_json(&fit.model),
@@ -186,14 +189,14 @@ pub fn kernel_json(model: &Model) -> Value {
     let names = model.inputs.column_names();
     let terms = model.prior.kernel().terms().iter().map(|term| {
         json!({
-            "shape": shape_name(term.shape()), "variance": term.variance(), "reciprocal": term.is_reciprocal(),
-            "columns": term.columns().iter().map(|&column| &names[column]).collect::<Vec<_>>(),
-            "length_scales_m": term.length_scales(),
+            "shape": term.correlations()[0].shape().name(), "variance": term.variance(), "reciprocal": term.is_reciprocal(),
+            "columns": term.correlations()[0].columns().iter().map(|&column| &names[column]).collect::<Vec<_>>(),
+            "length_scales_m": term.correlations()[0].length_scales(),
         })
     });
     let path = model.prior.kernel().terms().first();
     json!({
-        "shape": path.map(|term| shape_name(term.shape())), "reciprocal": path.map(dgpc::Term::is_reciprocal),
+        "shape": path.map(|term| term.correlations()[0].shape().name()), "reciprocal": path.map(dgpc::Term::is_reciprocal),
         "length_scale_m": model.length_scale_m(), "variance": path.map(dgpc::Term::variance),
         "terms": terms.collect::<Vec<_>>(),
     })
@@ -202,27 +205,10 @@ pub fn kernel_json(model: &Model) -> Value {
 /// The prior mean and its numbers.
 pub fn prior_mean_json(mean: &PriorMean) -> Value {
     match mean {
-        PriorMean::Zero => json!({ "kind": "zero" }),
         PriorMean::Constant(log_odds) => json!({ "kind": "constant", "log_odds": log_odds }),
-        PriorMean::Range { intercept, slope, .. } => {
-            json!({ "kind": "range", "intercept": intercept, "slope_per_m": slope })
+        PriorMean::Range(range) => {
+            json!({ "kind": "range", "intercept": range.intercept(), "slope_per_m": range.slope() })
         }
-    }
-}
-
-/// As the option `--kernel` calls it.
-fn shape_name(shape: Shape) -> &'static str {
-    match shape {
-        Shape::SquaredExponential => "squared-exponential",
-        Shape::Matern32 => "matern32",
-        Shape::Matern52 => "matern52",
-    }
-}
-
-fn shape_words(shape: Shape) -> &'static str {
-    match shape {
-        Shape::SquaredExponential => "squared exponential",
-        Shape::Matern32 => "Matérn 3/2",
-        Shape::Matern52 => "Matérn 5/2",
+        _ => json!({ "kind": "zero" }),
     }
 }

@@ -1,6 +1,6 @@
 //! `pingmap select`: the inducing points that sum up a locality region.
 
-use dgpc::{Candidates, Certificate, Inputs, LocalityRegion, Observations, log_evidence, mean_field};
+use dgpc::{Candidates, Certificate, FitOptions, Inputs, LocalityRegion, Observations, log_evidence};
 use pingmap_agent::{Event, Limits, Link, Model, Position};
 use pingmap_trial::EventLog;
 use pingmap_trial::paper::RADIUS_LENGTH_SCALES;
@@ -24,10 +24,10 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let selection = options.policy.policy().choose(&candidates, options.points, &mut rng);
     let observations = Observations::new(inputs.clone(), region.iter().map(|event| event.success).collect())?;
-    let mean_field_options = mean_field::Options { tolerance: 1e-6, ..Default::default() };
-    let sites = mean_field::dense(prior, &observations, &mean_field_options)?.sites;
-    let certificate = Certificate::new(prior, &sites, &inputs.select(&selection.indices))?;
-    let kl = certificate.divergence(log_evidence(prior, &sites)?);
+    let fit = dgpc::fit(prior, &observations, &FitOptions::default().tolerance(1e-6))?;
+    let sites = fit.sites();
+    let certificate = Certificate::new(prior, sites, &inputs.select(&selection.indices))?;
+    let kl = certificate.divergence(log_evidence(prior, sites)?);
     bar.finish_and_clear();
 
     if selection.indices.len() < options.points {
@@ -45,7 +45,7 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
             "trace": selection.trace,
             "trace_before": candidates.trace(),
             "certificate": {
-                "kl": kl, "gap": certificate.gap, "closed_form": certificate.closed_form, "paper": certificate.paper,
+                "kl": kl, "gap": certificate.gap, "closed_form": certificate.closed_form, "paper": certificate.paper_closed_form,
                 "jitter": certificate.jitter,
             },
         }));
@@ -62,7 +62,7 @@ pub fn run(options: &cli::Select) -> anyhow::Result<()> {
         candidates.trace(),
         certificate.gap,
         certificate.closed_form,
-        certificate.paper,
+        certificate.paper_closed_form,
     );
     print(&text)
 }
@@ -87,7 +87,7 @@ impl<'a> Region<'a> {
                 survey::fill_depths(&mut link, own);
                 model.inputs(&link)?.columns(model.inputs.ends()).row(0).to_vec()
             }
-            None => LocalityRegion::busiest(&ends, radius_m).map_or_else(Vec::new, |region| region.centre),
+            None => LocalityRegion::busiest(&ends, radius_m)?.map_or_else(Vec::new, |region| region.centre),
         };
         let mut region = LocalityRegion::around(&ends, &centre, radius_m)?;
         if region.members.is_empty() {

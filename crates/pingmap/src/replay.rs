@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use pingmap_agent::{Fit, VehicleId};
+use pingmap_agent::{LearnedModel, VehicleId};
 use pingmap_packet::Layout;
 use pingmap_trial::{
     Agreed, Alternative, EventLog, Learners, MeanScore, Plan, Replay, Split, Water, draw_splits, read_splits,
@@ -30,7 +30,7 @@ pub fn run(options: &cli::Replay) -> anyhow::Result<()> {
     }
     let splits = match &options.splits {
         Some(path) => read_splits(path, &log)?,
-        None => draw_splits(&log, options.repeats, options.test_share, options.work.seed),
+        None => draw_splits(&log, options.repeats, options.test_share, options.work.seed)?,
     };
     let events = log.events.len();
     let (log, splits) = thinned(log, splits, options.work.events_max, options.work.seed);
@@ -334,8 +334,8 @@ impl Replayed {
                 "name": split.name, "training_events": split.training_events, "held_out_events": split.held_out_events,
                 "length_scale_m": split.model().length_scale_m(), "variance": path_variance(split.model()),
                 "structure": fit.map(|fit| fit.structure.to_string()), "kernel": kernel_json(split.model()),
-                "prior_mean": prior_mean_json(split.model().prior.mean()), "evidence": fit.map(Fit::evidence),
-                "leave_one_out": fit.map(Fit::leave_one_out), "learning_events": fit.map(|fit| fit.events_used),
+                "prior_mean": prior_mean_json(split.model().prior.mean()), "evidence": fit.map(LearnedModel::evidence),
+                "leave_one_out": fit.map(LearnedModel::leave_one_out), "learning_events": fit.map(|fit| fit.events_used),
                 "stop": fit.map(|fit| stop_words(&fit.learned.stop)),
                 "converged": split.converged, "jitter_max": split.jitter_max,
             })

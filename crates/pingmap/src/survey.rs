@@ -4,8 +4,10 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use dgpc::{Posterior, learn::Stop};
-use pingmap_agent::{Agent, Chart, Event, Fit, FitQuality, InputSpec, Limits, Link, Model, ModelFile, Team, VehicleId};
+use dgpc::{Posterior, Stop};
+use pingmap_agent::{
+    Agent, Chart, Event, FitQuality, InputSpec, LearnedModel, Limits, Link, Model, ModelFile, Team, VehicleId,
+};
 use pingmap_trial::{EventLog, Split, learn_best, thin};
 
 use crate::cli;
@@ -60,7 +62,7 @@ pub fn thinned(log: EventLog, splits: Vec<Split>, events_max: usize, seed: u64) 
 /// What links are read with, and how it was learned if it was.
 pub struct Known {
     pub model: Model,
-    pub fit: Option<Fit>,
+    pub fit: Option<LearnedModel>,
 }
 
 impl Known {
@@ -107,7 +109,7 @@ pub fn of_events(used: usize, all: usize) -> String {
 }
 
 /// Warns of a search that is not what it should be.
-pub fn warn_of_search(fit: &Fit) {
+pub fn warn_of_search(fit: &LearnedModel) {
     if fit.learned.stop == Stop::IterationsMax {
         warn(format_args!("{}: the search for its numbers stopped before its end", fit.structure));
     }
@@ -197,7 +199,7 @@ pub fn all_in_one(
     let team = Team { limits, ..Team::new([id.clone()], model.clone(), [])? };
     let mut agent = Agent::new(id, Arc::new(team));
     agent.observe_all(events)?;
-    agent.rebuild().map(|()| agent)
+    agent.rebuild_posteriors().map(|()| agent)
 }
 
 /// Warns of a fit that is not what it should be.

@@ -83,7 +83,7 @@ fn vehicle(number: usize) -> Agent {
         link,
     });
     agent.observe_all(events).unwrap();
-    agent.rebuild().unwrap();
+    agent.rebuild_posteriors().unwrap();
     agent
 }
 

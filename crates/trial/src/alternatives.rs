@@ -1,12 +1,12 @@
 //! Other ways to use the same bytes: what ours is compared with.
 
-use dgpc::{Candidates, Inputs, Posterior, Sites, Summary};
+use dgpc::{Candidates, Concatenation, Inputs, Posterior, Sites, Summary};
 use pingmap_agent::{Agent, AgentError, Event, Link};
 use rand::RngExt;
 use rayon::prelude::*;
 
 use crate::mission::Mission;
-use crate::split::stream;
+use crate::streams::{self, stream};
 
 /// Another way to use the bytes of a frame. All of them take the same cells and levels to the water as our packets do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,7 +57,7 @@ impl Alternative {
             Alternative::Unrounded => Said::Summaries(speaker.unrounded(mission, place, frames)?),
             Alternative::RawEvents => Said::Events(speaker.raw_events(frames)?),
             Alternative::RandomPoints => {
-                let mut rng = stream(mission.seed(), place as u64);
+                let mut rng = stream(mission.seed(), streams::ALTERNATIVES + place as u64);
                 let mut choose = |_: &Candidates| {
                     let all = speaker.links.len();
                     (0..speaker.points()).map(|_| rng.random_range(0..all)).collect()
@@ -65,7 +65,7 @@ impl Alternative {
                 Said::Summaries(speaker.residuals(frames, &mut choose)?)
             }
             Alternative::BadPoints => {
-                let mut choose = |candidates: &Candidates| candidates.bad(speaker.points()).indices;
+                let mut choose = |candidates: &Candidates| candidates.maximise_trace(speaker.points()).indices;
                 Said::Summaries(speaker.residuals(frames, &mut choose)?)
             }
             Alternative::Variational | Alternative::Concatenation => Said::Summaries(speaker.variational(frames)?),
@@ -79,16 +79,16 @@ impl Alternative {
         let others = || said.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, said)| said);
         if self == Alternative::RawEvents {
             agent.observe_all(others().flat_map(Said::events).cloned())?;
-            agent.rebuild()?;
+            agent.rebuild_posteriors()?;
             return agent.probabilities(&mission.held_out);
         }
         if self == Alternative::Concatenation {
             let all: Vec<&Summary> = said.iter().flat_map(Said::summaries).collect();
-            return Ok(Posterior::concatenate(&agent.model().prior, &all)?.probability(&inputs)?);
+            return Ok(Concatenation::new(&agent.model().prior, &all)?.probability(&inputs)?);
         }
         let mut posterior = agent.posterior()?.clone();
         let summaries: Vec<&Summary> = others().flat_map(Said::summaries).collect();
-        posterior.absorb(&Sites::empty(inputs.dimension()), &summaries)?;
+        posterior.absorb_summaries(&summaries)?;
         Ok(posterior.probability(&inputs)?)
     }
 }
@@ -148,13 +148,13 @@ impl<'a> Speaker<'a> {
         let mut candidates = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?;
         let mut public = self.nobody_knows();
         let mut said = Vec::new();
-        for _ in 0..frames * self.layout.blocks {
+        for _ in 0..frames.saturating_mul(self.layout.blocks) {
             let chosen = choose(&candidates);
             candidates.condition_on(&chosen);
             let links: Vec<Link> = chosen.iter().map(|&place| self.links[place]).collect();
-            let residual = |points: &Inputs| self.own.beyond(&public, points);
+            let residual = |points: &Inputs| self.own.residual(&public, points);
             if let Some((_, summary)) = self.agent.team().wire().encode(self.layout, &links, &residual)? {
-                public.absorb(&Sites::empty(self.inputs.dimension()), &[&summary])?;
+                public.absorb_summaries(&[&summary])?;
                 said.push(summary);
             }
         }
@@ -168,8 +168,8 @@ impl<'a> Speaker<'a> {
         for (_, _, links) in mission.told_links(place, frames) {
             for block in links.chunks(self.points()) {
                 let points = self.agent.model().inputs(block)?;
-                let summary = self.own.beyond(&public, &points)?;
-                public.absorb(&Sites::empty(points.dimension()), &[&summary])?;
+                let summary = self.own.residual(&public, &points)?;
+                public.absorb_summaries(&[&summary])?;
                 said.push(summary);
             }
         }
@@ -181,7 +181,8 @@ impl<'a> Speaker<'a> {
         let frame_bits = 8 * self.layout.frame_bytes as u64;
         // The cells of both ends, and whether it was heard.
         let events = (frame_bits - self.layout.overhead_bits()) / (self.layout.location_bits() + 1);
-        let chosen = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?.greedy(frames * events as usize);
+        let chosen = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?
+            .greedy(frames.saturating_mul(events as usize));
         let rounded = |&place: &usize| {
             let event = self.agent.events().iter().find(|event| event.link == self.links[place])?;
             let link = self.agent.team().wire().rounded(&event.link)?;
@@ -195,8 +196,8 @@ impl<'a> Speaker<'a> {
         let kernel = self.agent.model().prior.kernel();
         let mut candidates = Candidates::new(kernel, &self.inputs)?;
         let mut packets: Vec<Vec<Link>> = Vec::new();
-        while packets.len() < frames * self.layout.blocks {
-            let chosen = candidates.good(self.points());
+        while packets.len() < frames.saturating_mul(self.layout.blocks) {
+            let chosen = candidates.minimise_trace(self.points());
             if chosen.indices.is_empty() {
                 break;
             }

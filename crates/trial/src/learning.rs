@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use pingmap_agent::{Chart, Event, Fit, InputSpec, Learning};
+use pingmap_agent::{Chart, Event, InputSpec, LearnedModel, Learning};
 use rayon::prelude::*;
 
 /// Learns every structure of `learning` on the current thread pool. Fits in the order of the structures, each with the seconds it
@@ -16,7 +16,7 @@ pub fn learn_all(
     inputs: InputSpec,
     events: &[&Event],
     step: &(dyn Fn() + Sync),
-) -> dgpc::Result<Vec<(Fit, f64)>> {
+) -> dgpc::Result<Vec<(LearnedModel, f64)>> {
     let fit = |structure| {
         let begin = Instant::now();
         let fit = learning.fit(structure, chart, inputs, events.iter().copied(), &[], None)?;
@@ -30,7 +30,12 @@ pub fn learn_all(
 ///
 /// # Errors
 /// As [`learn_all`]; [`dgpc::Error::OutOfRange`] without structures.
-pub fn learn_best(learning: &Learning, chart: Chart, inputs: InputSpec, events: &[&Event]) -> dgpc::Result<Fit> {
+pub fn learn_best(
+    learning: &Learning,
+    chart: Chart,
+    inputs: InputSpec,
+    events: &[&Event],
+) -> dgpc::Result<LearnedModel> {
     let fits = learn_all(learning, chart, inputs, events, &|| ())?;
     learning.choose(fits.into_iter().map(|(fit, _)| fit).collect())
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, Event, Fit, Key, Learning, Limits, Link, Model, Team, VehicleId};
+use pingmap_agent::{Agent, AgentError, Event, Key, LearnedModel, Learning, Limits, Link, Model, Team, VehicleId};
 use rayon::prelude::*;
 
 use crate::event_log::EventLog;
@@ -78,7 +78,11 @@ impl Plan {
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses, or the log has more vehicles than packets can tell apart.
-    pub fn team(&self, log: &EventLog, training: Option<&[&Event]>) -> Result<(Team, Option<Fit>), AgentError> {
+    pub fn team(
+        &self,
+        log: &EventLog,
+        training: Option<&[&Event]>,
+    ) -> Result<(Team, Option<LearnedModel>), AgentError> {
         let (model, fit) = match &self.agreed {
             Agreed::Team(team) => return Ok((team.clone(), None)),
             Agreed::Model(model) => (model.clone(), None),
@@ -94,7 +98,7 @@ impl Plan {
         Ok((team, fit))
     }
 
-    fn model(&self, log: &EventLog, training: Option<&[&Event]>) -> dgpc::Result<(Model, Option<Fit>)> {
+    fn model(&self, log: &EventLog, training: Option<&[&Event]>) -> dgpc::Result<(Model, Option<LearnedModel>)> {
         let (chart, inputs) = (log.chart(), log.inputs());
         let expected = self.learning.structures.first();
         match (training.filter(|_| self.learners == Learners::Pooled), expected) {
@@ -116,7 +120,7 @@ pub struct Mission {
     /// What the team agreed on.
     pub team: Arc<Team>,
     /// How its model was learned, if it was.
-    pub fit: Option<Fit>,
+    pub fit: Option<LearnedModel>,
     /// Every vehicle, in alphabetical order, before it received anything.
     pub vehicles: Vec<Agent>,
     /// One vehicle that saw all training events: what sharing tries to reach.
@@ -148,7 +152,7 @@ impl Mission {
         let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| -> Result<Agent, AgentError> {
             let mut agent = Agent::new(id, team.clone());
             agent.observe_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()))?;
-            agent.rebuild()?;
+            agent.rebuild_posteriors()?;
             if plan.learners == Learners::Own {
                 agent.adapt(&plan.learning)?;
             }

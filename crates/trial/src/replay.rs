@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, Fit, FitQuality, Link, Model, Team, VehicleId};
+use pingmap_agent::{Agent, AgentError, FitQuality, LearnedModel, Link, Model, Team, VehicleId};
 use rayon::prelude::*;
 
 use crate::alternatives::Alternative;
@@ -93,7 +93,7 @@ pub struct SplitSummary {
     /// What the team agreed on.
     pub team: Arc<Team>,
     /// How it was learned, if it was.
-    pub fit: Option<Fit>,
+    pub fit: Option<LearnedModel>,
     /// Whether every vehicle, and the centralised one, was fitted densely.
     pub dense: (bool, bool),
     /// Whether every fit reached its fixed point.

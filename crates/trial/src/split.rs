@@ -5,9 +5,10 @@ use std::path::Path;
 
 use pingmap_agent::VehicleId;
 use rand::seq::SliceRandom;
-use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
-use crate::event_log::{EventLog, FileError, Problem, Table, open};
+use crate::event_log::EventLog;
+use crate::streams::{self, stream};
+use crate::table::{FileError, Problem, Table, open};
 
 /// One division of a log into training and held-out events.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,13 +33,27 @@ impl Split {
 
 /// Draws `repeats` splits that hold out `test_share` of every vehicle's events, rounded to whole events. Split i depends on
 /// `seed` and i alone.
-pub fn draw_splits(log: &EventLog, repeats: usize, test_share: f64, seed: u64) -> Vec<Split> {
-    (0..repeats).map(|repeat| draw_split(log, repeat, test_share, seed)).collect()
+///
+/// # Errors
+/// [`ShareError`] for a share below 0 or above 1.
+pub fn draw_splits(log: &EventLog, repeats: usize, test_share: f64, seed: u64) -> Result<Vec<Split>, ShareError> {
+    if !(0.0..=1.0).contains(&test_share) {
+        return Err(ShareError { found: test_share });
+    }
+    Ok((0..repeats).map(|repeat| draw_split(log, repeat, test_share, seed)).collect())
 }
 
-/// One of them.
+/// A share of held-out events that is none.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("the share of held-out events must be from 0 to 1, found {found}")]
+pub struct ShareError {
+    /// The share.
+    pub found: f64,
+}
+
+/// One of them, for a share from 0 to 1.
 pub(crate) fn draw_split(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Split {
-    let mut rng = stream(seed, repeat as u64);
+    let mut rng = stream(seed, streams::SPLITS + repeat as u64);
     let mut held_out = vec![false; log.events.len()];
     for mut own in events_by_vehicle(log).into_values() {
         own.shuffle(&mut rng);
@@ -73,7 +88,7 @@ pub fn read_splits(path: &Path, log: &EventLog) -> Result<Vec<Split>, FileError>
 pub fn thin(log: &EventLog, events_max: usize, seed: u64) -> Vec<usize> {
     let mut by_vehicle = events_by_vehicle(log);
     let share = fair_share(by_vehicle.values().map(Vec::len).collect(), events_max);
-    let mut rng = stream(seed, u64::MAX);
+    let mut rng = stream(seed, streams::THINNING);
     let mut kept = Vec::with_capacity(log.events.len().min(events_max));
     for own in by_vehicle.values_mut() {
         let drawn = if own.len() > share { own.partial_shuffle(&mut rng, share).0 } else { own };
@@ -104,14 +119,6 @@ pub(crate) fn events_by_vehicle(log: &EventLog) -> BTreeMap<&VehicleId, Vec<usiz
         by_vehicle.entry(&event.receiver_id).or_default().push(n);
     }
     by_vehicle
-}
-
-/// Stream `stream` of a seed: independent of all others, whatever the thread count. Who takes which: splits 0, 1, 2, … (thinning the
-/// last of all), the paper's experiment from 2⁶⁰ on, simulated trials from 2⁶¹ on, water from 2⁶² on.
-pub(crate) fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(stream);
-    rng
 }
 
 #[cfg(test)]
@@ -146,15 +153,23 @@ mod tests {
     #[test]
     fn a_split_holds_out_its_share_of_every_vehicle() {
         let log = log(&[40, 7, 100]);
-        let splits = draw_splits(&log, 3, 0.35, 1);
+        let splits = draw_splits(&log, 3, 0.35, 1).expect("a share");
         for split in &splits {
             assert_eq!(counts(&log, &split.indices(true)), [14, 2, 35]);
             assert_eq!(split.indices(true).len() + split.indices(false).len(), 147);
         }
         assert_ne!(splits[0].held_out, splits[1].held_out);
         // The first splits do not depend on how many follow, and another seed draws others.
-        assert_eq!(draw_splits(&log, 1, 0.35, 1)[0], splits[0]);
-        assert_ne!(draw_splits(&log, 1, 0.35, 2)[0], splits[0]);
+        assert_eq!(draw_split(&log, 0, 0.35, 1), splits[0]);
+        assert_ne!(draw_split(&log, 0, 0.35, 2), splits[0]);
+    }
+
+    #[test]
+    fn shares_beyond_the_whole_are_refused() {
+        for share in [1.001, -0.1, f64::NAN, f64::INFINITY] {
+            assert!(draw_splits(&log(&[40]), 1, share, 1).is_err(), "{share}");
+        }
+        assert_eq!(draw_splits(&log(&[40]), 1, 1.0, 1).expect("all")[0].indices(true).len(), 40);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use rand::RngExt;
 
-use crate::split::stream;
+use crate::streams::{self, stream};
 
 /// Chances of what happens to a packet on its way to a receiver, each by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -36,7 +36,7 @@ impl Water {
     /// By how many packets the one at `place` is late, for every time it arrives: never, once or twice.
     pub(crate) fn delays(&self, place: usize, seed: u64, sender: usize, receiver: usize) -> Vec<f64> {
         // A stream for each pair, and a part of it for each packet.
-        let mut rng = stream(seed, STREAMS + ((sender as u64) << 32 | receiver as u64));
+        let mut rng = stream(seed, streams::WATER + ((sender as u64) << 32 | receiver as u64));
         rng.set_word_pos(WORDS * place as u128);
         let [lost, twice, overtaken] = [self.loss, self.duplicate, self.reorder].map(|p| rng.random::<f64>() < p);
         let delays: [f64; 2] = [rng.random(), rng.random()];
@@ -44,9 +44,6 @@ impl Water {
         delays[..times].iter().map(|delay| if overtaken { OVERTAKEN_MAX * delay } else { 0.0 }).collect()
     }
 }
-
-/// Streams below this are taken by other uses of the seed.
-const STREAMS: u64 = 1 << 62;
 
 #[cfg(test)]
 mod tests {

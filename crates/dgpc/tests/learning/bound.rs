@@ -106,7 +106,7 @@ impl Integral {
 
 /// A problem whose outcomes are drawn from its prior or tossed with a coin: the bound must hold for any.
 fn bounded_problem(rng: &mut ChaCha8Rng, variance: f64, count: usize, mean: PriorMean) -> (Prior, Observations) {
-    let dimension = if matches!(mean, PriorMean::Range { .. }) { 2 } else { rng.random_range(1..=2) };
+    let dimension = if matches!(mean, PriorMean::Range(_)) { 2 } else { rng.random_range(1..=2) };
     let prior = prior(vec![term(Shape::Matern52, variance, &[0.6, 1.2][..dimension])], mean);
     let inputs = inputs(rng, count, dimension, 2.0);
     let root = cholesky(&rows(&prior.kernel().gram(&inputs).unwrap())).unwrap();
@@ -135,12 +135,12 @@ fn slack_max(variance: f64, mean: &PriorMean) -> f64 {
 
 /// Asserts what must hold of E and its corrected form, given the truth and its standard error. The slack.
 #[track_caller]
-fn assert_bounds(fit: &MeanField, (truth, error): (f64, f64), slack_max: f64, corrected_share: f64) -> f64 {
-    let (slack, corrected) = (truth - fit.evidence, fit.corrected_evidence());
-    assert!(slack >= -4.0 * error, "E {} is above {truth} ± {error}", fit.evidence);
-    assert!(slack <= slack_max + 4.0 * error, "E {} is {slack} below {truth} ± {error}", fit.evidence);
+fn assert_bounds(fit: &Fit, (truth, error): (f64, f64), slack_max: f64, corrected_share: f64) -> f64 {
+    let (slack, corrected) = (truth - fit.evidence(), fit.corrected_evidence());
+    assert!(slack >= -4.0 * error, "E {} is above {truth} ± {error}", fit.evidence());
+    assert!(slack <= slack_max + 4.0 * error, "E {} is {slack} below {truth} ± {error}", fit.evidence());
     let off = (corrected - truth).abs();
-    assert!(off <= corrected_share * slack + 4.0 * error, "corrected {corrected}, E {}, truth {truth}", fit.evidence);
+    assert!(off <= corrected_share * slack + 4.0 * error, "corrected {corrected}, E {}, truth {truth}", fit.evidence());
     slack
 }
 
@@ -150,9 +150,9 @@ fn one_event_is_bounded_and_its_correction_is_exact() {
     for variance in [0.3, 1.0, 4.0, 30.0] {
         for mean in prior_means() {
             let (prior, events) = bounded_problem(&mut rng, variance, 1, mean);
-            let fit = mean_field::dense(&prior, &events, &Default::default()).unwrap();
+            let fit = dgpc::fit(&prior, &events, &FitOptions::default()).unwrap();
             let truth = Integral::new(&prior, &events).by_quadrature();
-            assert!(fit.evidence < truth, "E {}, truth {truth}", fit.evidence);
+            assert!(fit.evidence() < truth, "E {}, truth {truth}", fit.evidence());
             // Without other events the cavity is the prior.
             assert_near("corrected E", &[fit.corrected_evidence()], &[truth], 1e-7);
         }
@@ -166,7 +166,7 @@ fn two_events_are_bounded_and_the_sampling_agrees_with_quadrature() {
         for mean in prior_means() {
             let slack_max = 2.0 * slack_max(variance, &mean);
             let (prior, events) = bounded_problem(&mut rng, variance, 2, mean);
-            let fit = mean_field::dense(&prior, &events, &Default::default()).unwrap();
+            let fit = dgpc::fit(&prior, &events, &FitOptions::default()).unwrap();
             let integral = Integral::new(&prior, &events);
             let truth = integral.by_quadrature();
             assert_bounds(&fit, (truth, 1e-9), slack_max, 0.1);
@@ -186,7 +186,7 @@ fn more_events_are_bounded_from_below_and_not_by_much() {
         for (count, mean) in [8, 12, 16, 20].into_iter().flat_map(|count| prior_means().map(|mean| (count, mean))) {
             let slack_max = count as f64 * slack_max(variance, &mean);
             let (prior, events) = bounded_problem(&mut rng, variance, count, mean);
-            let fit = mean_field::dense(&prior, &events, &Default::default()).unwrap();
+            let fit = dgpc::fit(&prior, &events, &FitOptions::default()).unwrap();
             let truth = Integral::new(&prior, &events).by_sampling(&mut rng, 100_000);
             assert!(truth.1 < 0.015, "standard error {}", truth.1);
             let slack = assert_bounds(&fit, truth, slack_max, 0.3);
@@ -208,7 +208,7 @@ fn weighted_events_are_bounded_too() {
             let events = Observations::weighted(events.inputs().clone(), events.outcomes().to_vec(), weights).unwrap();
             // A site of weight 2 fits two units of likelihood with one tilt, as it would two events.
             let slack_max = 1.5 * events.weights().iter().sum::<f64>() * slack_max(variance, prior.mean());
-            let fit = mean_field::dense(&prior, &events, &Default::default()).unwrap();
+            let fit = dgpc::fit(&prior, &events, &FitOptions::default()).unwrap();
             let truth = Integral::new(&prior, &events).by_sampling(&mut rng, 100_000);
             assert_bounds(&fit, truth, slack_max, 0.5);
         }

@@ -13,7 +13,6 @@ mod search;
 mod silence;
 
 use common::{Dense, assert_near, cholesky, dot, logistic, rows, seeded, solve, transposed};
-use dgpc::learn::{Learned, Options, Spread, Stop, learn, spread_out};
 use dgpc::*;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -30,7 +29,7 @@ fn term(shape: Shape, variance: f64, length_scales: &[f64]) -> Term {
 }
 
 fn range_mean(intercept: f64, slope: f64) -> PriorMean {
-    PriorMean::Range { intercept, slope, from: vec![0], to: vec![1] }
+    PriorMean::range(intercept, slope, &[0], &[1]).unwrap()
 }
 
 fn inputs(rng: &mut ChaCha8Rng, count: usize, dimension: usize, reach: f64) -> Inputs {
@@ -74,16 +73,20 @@ fn message(seed: u64) -> Summary {
 
 /// E by a fit of its own.
 fn evidence_of(prior: &Prior, events: &Observations, messages: &[&Summary]) -> f64 {
-    evidence::dense(prior, events, messages, &mean_field::Options::default()).unwrap().fit.evidence
+    dgpc::fit(prior, events, &FitOptions::default().messages(messages)).unwrap().evidence()
 }
 
-/// One standard deviation for every parameter, as the documentation of [`Prior::parameters`] and of [`Spread`] has
+/// One standard deviation for every parameter, as the documentation of [`Prior::parameter_values`] and of [`HyperPrior`] has
 /// them.
-fn spread_of(prior: &Prior, spread: &Spread) -> Vec<f64> {
+fn spread_of(prior: &Prior, spread: &HyperPrior) -> Vec<f64> {
     let of_term = |term: &Term| {
-        let mut length_scales = vec![spread.length_scale; term.groups().iter().max().unwrap() + 1];
-        length_scales.insert(0, spread.variance);
-        length_scales
+        let of_correlation = |correlation: &Correlation| {
+            let mut own = vec![spread.length_scale; correlation.ties().iter().max().unwrap() + 1];
+            own.extend(correlation.shape().parameters().iter().map(|_| spread.shape));
+            own
+        };
+        let correlations = term.correlations().iter().flat_map(of_correlation);
+        std::iter::once(spread.variance).chain(correlations).collect::<Vec<_>>()
     };
     let mut all: Vec<f64> = prior.kernel().terms().iter().flat_map(of_term).collect();
     all.extend([spread.intercept, spread.slope].iter().take(prior.mean().parameters().len()));
@@ -91,8 +94,8 @@ fn spread_of(prior: &Prior, spread: &Spread) -> Vec<f64> {
 }
 
 /// E plus the log density of the spread, up to its constant.
-fn objective(template: &Prior, at: &[f64], spread: &Spread, events: &Observations, messages: &[&Summary]) -> f64 {
-    let distance = at.iter().zip(template.parameters()).zip(spread_of(template, spread));
+fn objective(template: &Prior, at: &[f64], spread: &HyperPrior, events: &Observations, messages: &[&Summary]) -> f64 {
+    let distance = at.iter().zip(template.parameter_values()).zip(spread_of(template, spread));
     let density: f64 = distance.map(|((at, centre), sd)| -0.5 * ((at - centre) / sd).powi(2)).sum();
     evidence_of(&template.with_parameters(at).unwrap(), events, messages) + density
 }
@@ -102,7 +105,7 @@ fn variance(prior: &Prior) -> f64 {
 }
 
 fn length_scales(prior: &Prior) -> &[f64] {
-    prior.kernel().terms()[0].length_scales()
+    prior.kernel().terms()[0].correlations()[0].length_scales()
 }
 
 /// Asserts that every entry is its expected value times a factor between 1/(1 + share) and 1 + share.

@@ -30,11 +30,11 @@ fn process_prior(variance: f64, length_scales: &[f64]) -> Prior {
 
 /// Learns from the template with every length-scale 1 and variance 4, and checks what must hold on any data: what was
 /// found is not worse than the truth.
-fn learn_process(events: &Observations, truth: &Prior, options: &Options) -> Learned {
+fn learn_process(events: &Observations, truth: &Prior, options: &LearnOptions<'_>) -> Learned {
     let template = process_prior(4.0, &vec![1.0; length_scales(truth).len()]);
-    let learned = learn(&template, events, &[], options).unwrap();
+    let learned = learn(&template, events, options).unwrap();
     assert_eq!(learned.stop, Stop::Converged);
-    let value = |prior: &Prior| objective(&template, &prior.parameters(), &options.spread, events, &[]);
+    let value = |prior: &Prior| objective(&template, &prior.parameter_values(), &options.hyper_prior, events, &[]);
     let (found, of_truth) = (value(&learned.optimum), value(truth));
     assert!(found > of_truth - 0.01, "{found} where it stopped, {of_truth} at the truth");
     learned
@@ -49,8 +49,8 @@ fn four_length_scales_are_recovered() {
     let truth = process_prior(4.0, &scales);
     for seed in [27, 36] {
         let events = process(seed, 1000, 4.0, &scales);
-        let learned = learn_process(&events, &truth, &Options::new(1.0));
-        assert_eq!(learned.inducing_points, None);
+        let learned = learn_process(&events, &truth, &LearnOptions::new(1.0));
+        assert!(learned.fit.inducing_points().is_none());
         assert_ratios("length-scales", length_scales(&learned.prior), &scales, 0.25);
         assert_ratios("variance", &[variance(&learned.prior)], &[4.0], 0.3);
         // E alone leaves the variance too small.
@@ -65,12 +65,12 @@ fn sparse_learning_agrees_with_dense_learning() {
     let truth = process_prior(9.0, &scales);
     for seed in [2, 9] {
         let events = process(seed, 600, 9.0, &scales);
-        let dense = learn_process(&events, &truth, &Options::new(1.0));
+        let dense = learn_process(&events, &truth, &LearnOptions::new(1.0));
         assert_ratios("length-scales", length_scales(&dense.prior), &scales, 0.25);
         assert_ratios("variance", &[variance(&dense.prior)], &[9.0], 0.5);
-        let options = Options { dense_events_max: 100, inducing_points_max: 150, ..Options::new(1.0) };
+        let options = LearnOptions::new(1.0).sparse_beyond(100, 150);
         let sparse = learn_process(&events, &truth, &options);
-        assert!(sparse.inducing_points.is_some_and(|points| points.len() <= 150));
+        assert!(sparse.fit.inducing_points().is_some_and(|points| points.len() <= 150));
         assert_ratios("length-scales", length_scales(&sparse.prior), length_scales(&dense.prior), 0.05);
         assert_ratios("variance", &[variance(&sparse.prior)], &[variance(&dense.prior)], 0.1);
         // Inducing points only lower E.
@@ -86,9 +86,9 @@ fn sparse_learning_agrees_with_dense_learning() {
 fn few_inducing_points_cost_little() {
     let scales = [0.5, 0.7, 1.0, 1.5];
     let (events, truth) = (process(36, 1000, 4.0, &scales), process_prior(4.0, &scales));
-    let options = Options { dense_events_max: 100, inducing_points_max: 150, ..Options::new(1.0) };
+    let options = LearnOptions::new(1.0).sparse_beyond(100, 150);
     let template = process_prior(4.0, &[1.0; 4]);
-    let sparse = learn(&template, &events, &[], &options).unwrap();
+    let sparse = learn(&template, &events, &options).unwrap();
     let [full, of_truth, of_template] =
         [&sparse.optimum, &truth, &template].map(|prior| evidence_of(prior, &events, &[]));
     assert!(sparse.optimum_evidence < full, "{} with points, {full} without", sparse.optimum_evidence);
@@ -101,12 +101,12 @@ fn few_inducing_points_cost_little() {
 #[test]
 fn inducing_points_of_a_smooth_start_do_not_hold_learning_back() {
     let (events, truth) = (process(2, 1200, 9.0, &[0.25; 2]), process_prior(9.0, &[0.25; 2]));
-    let options = Options { dense_events_max: 100, inducing_points_max: 256, ..Options::new(1.0) };
+    let options = LearnOptions::new(1.0).sparse_beyond(100, 256);
     let template = process_prior(4.0, &[1.0; 2]);
-    let found = learn(&template, &events, &[], &options).unwrap();
-    let from_truth = Options { warm_start: Some(truth), ..options };
-    let from_truth = learn(&template, &events, &[], &from_truth).unwrap();
-    let points = |learned: &Learned| learned.inducing_points.as_ref().unwrap().len();
+    let found = learn(&template, &events, &options).unwrap();
+    let from_truth = options.warm_start(&truth);
+    let from_truth = learn(&template, &events, &from_truth).unwrap();
+    let points = |learned: &Learned| learned.fit.inducing_points().unwrap().len();
     let (few, many) = (points(&found), points(&from_truth));
     let (found, best) = (found.optimum_evidence, from_truth.optimum_evidence);
     assert!(found > best - 3.0, "E {found} with {few} points, {best} with {many} from the truth");
@@ -116,12 +116,12 @@ fn inducing_points_of_a_smooth_start_do_not_hold_learning_back() {
 #[test]
 fn inducing_points_of_a_smooth_warm_start_do_not_hold_learning_back() {
     let events = process(2, 1200, 9.0, &[0.25; 2]);
-    let options = Options { dense_events_max: 100, inducing_points_max: 256, ..Options::new(1.0) };
+    let options = LearnOptions::new(1.0).sparse_beyond(100, 256);
     let template = process_prior(4.0, &[1.0; 2]);
-    let cold = learn(&template, &events, &[], &options).unwrap();
-    let warm = Options { warm_start: Some(template.clone()), ..options };
-    let warm = learn(&template, &events, &[], &warm).unwrap();
-    let points = |learned: &Learned| learned.inducing_points.as_ref().unwrap().len();
+    let cold = learn(&template, &events, &options).unwrap();
+    let warm = options.warm_start(&template);
+    let warm = learn(&template, &events, &warm).unwrap();
+    let points = |learned: &Learned| learned.fit.inducing_points().unwrap().len();
     let (few, many) = (points(&warm), points(&cold));
     let (warm, cold) = (warm.optimum_evidence, cold.optimum_evidence);
     assert!(warm > cold - 3.0, "E {warm} with {few} points, {cold} with {many} without a warm start");

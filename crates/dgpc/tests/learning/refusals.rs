@@ -6,27 +6,26 @@ use super::*;
 fn spreads_that_make_no_sense_are_refused() {
     let (template, events) = (&templates()[2], waves(12, 20));
     for value in [-1e-9, -1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let weak = Spread::weak(1.0);
-        let spreads = [
-            Spread { length_scale: value, ..weak },
-            Spread { variance: value, ..weak },
-            Spread { intercept: value, ..weak },
-            Spread { slope: value, ..weak },
-        ];
+        let weak = HyperPrior::weak(1.0);
+        let spreads = [weak.length_scale(value), weak.variance(value), weak.intercept(value), weak.slope(value)];
         for spread in spreads {
-            for warm_start in [None, Some(template.clone())] {
-                let found = learn(template, &events, &[], &Options { spread, warm_start, ..Options::new(1.0) });
-                assert!(matches!(found, Err(Error::OutOfRange { what: "spread", .. })), "{spread:?}: {found:?}");
+            let cold = LearnOptions::new(1.0).hyper_prior(spread);
+            for options in [cold, cold.warm_start(template)] {
+                let found = learn(template, &events, &options);
+                assert!(
+                    matches!(found, Err(Error::OutOfRange { what: "standard deviation of a hyperprior", .. })),
+                    "{spread:?}: {found:?}"
+                );
             }
         }
     }
-    let found = learn(template, &events, &[], &Options::new(0.0));
+    let found = learn(template, &events, &LearnOptions::new(0.0));
     assert!(matches!(found, Err(Error::OutOfRange { .. })), "a distance of zero: {found:?}");
 }
 
 fn refused_as_different(template: &Prior, start: &Prior) -> bool {
-    let options = Options { warm_start: Some(start.clone()), ..Options::new(1.0) };
-    matches!(learn(template, &waves(13, 20), &[], &options), Err(Error::Different { .. }))
+    let options = LearnOptions::new(1.0).warm_start(start);
+    matches!(learn(template, &waves(13, 20), &options), Err(Error::DifferentStructures))
 }
 
 #[test]
@@ -54,10 +53,10 @@ fn warm_starts_of_another_structure_are_refused() {
 #[test]
 fn a_parameter_without_spread_is_that_of_the_template_after_a_warm_start() {
     let (template, events) = (&templates()[0], waves(1, 60));
-    let start = learn(template, &events, &[], &Options::new(1.0)).unwrap().optimum;
-    let spread = Spread { length_scale: 0.0, ..Spread::weak(1.0) };
-    let options = Options { spread, warm_start: Some(start), ..Options::new(1.0) };
-    let learned = learn(template, &events, &[], &options).unwrap();
+    let start = learn(template, &events, &LearnOptions::new(1.0)).unwrap().optimum;
+    let spread = HyperPrior::weak(1.0).length_scale(0.0);
+    let options = LearnOptions::new(1.0).hyper_prior(spread).warm_start(start);
+    let learned = learn(template, &events, &options).unwrap();
     assert_near("length-scales", length_scales(&learned.prior), length_scales(template), 1e-12);
 }
 
@@ -67,14 +66,15 @@ fn inputs_too_narrow_are_refused() {
     for template in templates() {
         for dense_events_max in [1000, 1] {
             for warm_start in [None, Some(template.clone())] {
-                let options = Options { dense_events_max, warm_start, ..Options::new(1.0) };
-                let found = learn(&template, &line, &[], &options);
+                let options = LearnOptions::new(1.0).sparse_beyond(dense_events_max, 256);
+                let options = warm_start.as_ref().map_or(options, |start| options.warm_start(start));
+                let found = learn(&template, &line, &options);
                 assert!(matches!(found, Err(Error::BadColumn { column: 1, columns: 1, .. })), "{found:?}");
             }
         }
     }
     let range = prior(vec![term(Shape::SquaredExponential, 1.0, &[1.0])], range_mean(0.0, 1.0));
-    let found = learn(&range, &line, &[], &Options::new(1.0));
+    let found = learn(&range, &line, &LearnOptions::new(1.0));
     assert!(matches!(found, Err(Error::BadColumn { what: "range prior mean", .. })), "{found:?}");
 }
 

@@ -5,14 +5,14 @@ use super::*;
 /// A prior near the template.
 fn elsewhere(rng: &mut ChaCha8Rng, template: &Prior) -> Prior {
     let moved: Vec<f64> =
-        template.parameters().iter().map(|parameter| parameter + rng.random_range(-1.0..1.0)).collect();
+        template.parameter_values().iter().map(|parameter| parameter + rng.random_range(-1.0..1.0)).collect();
     template.with_parameters(&moved).unwrap()
 }
 
 /// Spreads from strong, which pull away from where E is largest, to weak.
-fn random_spread(rng: &mut ChaCha8Rng) -> Spread {
+fn random_spread(rng: &mut ChaCha8Rng) -> HyperPrior {
     let mut sd = || rng.random_range(0.05..1.5);
-    Spread { length_scale: sd(), variance: sd(), intercept: sd(), slope: sd() }
+    HyperPrior::weak(1.0).length_scale(sd()).variance(sd()).intercept(sd()).slope(sd())
 }
 
 #[test]
@@ -23,17 +23,16 @@ fn a_warm_start_never_ends_below_where_it_began() {
         let (all, said) = (waves(seed, 70), message(200 + seed));
         let early = all.select(&(0..30).collect::<Vec<_>>());
         let messages = if rng.random() { vec![&said] } else { vec![] };
-        let options = Options { spread: random_spread(&mut rng), calibrate: rng.random(), ..Options::new(1.0) };
-        let earlier = learn(template, &early, &[], &options).unwrap().optimum;
+        let options = LearnOptions::new(1.0).hyper_prior(random_spread(&mut rng)).calibrate(rng.random());
+        let earlier = learn(template, &early, &options).unwrap().optimum;
         for start in [earlier, elsewhere(&mut rng, template)] {
             let begun = evidence_of(&start, &all, &messages);
-            let later =
-                learn(template, &all, &messages, &Options { warm_start: Some(start), ..options.clone() }).unwrap();
+            let later = learn(template, &all, &options.warm_start(&start).messages(&messages)).unwrap();
             assert!(later.optimum_evidence >= begun - 1e-6, "seed {seed}: {} after {begun}", later.optimum_evidence);
             // And it is what it says it is.
             let ended = evidence_of(&later.optimum, &all, &messages);
             assert_near("E of the optimum", &[later.optimum_evidence], &[ended], 1e-7);
-            assert_near("E", &[later.fit.evidence], &[evidence_of(&later.prior, &all, &messages)], 1e-7);
+            assert_near("E", &[later.fit.evidence()], &[evidence_of(&later.prior, &all, &messages)], 1e-7);
             assert!(later.starts.is_empty(), "compared starts");
         }
     }
@@ -45,27 +44,38 @@ fn a_sparse_warm_start_never_ends_below_where_it_began() {
         let template = &templates()[seed as usize % 3];
         let (all, said) = (waves(300 + seed, 120), message(400 + seed));
         let early = all.select(&(0..60).collect::<Vec<_>>());
-        let options = Options { dense_events_max: 20, inducing_points_max: 30, ..Options::new(1.0) };
-        let start = learn(template, &early, &[&said], &options).unwrap().optimum;
-        let options = Options { warm_start: Some(start.clone()), ..options };
-        let later = learn(template, &all, &[&said], &options).unwrap();
-        let points = later.inducing_points.unwrap();
+        let options = LearnOptions::new(1.0).sparse_beyond(20, 30);
+        let messages = [&said];
+        let options = options.messages(&messages);
+        let start = learn(template, &early, &options).unwrap().optimum;
+        let options = options.warm_start(&start);
+        let later = learn(template, &all, &options).unwrap();
+        let points = later.fit.inducing_points().unwrap();
         assert!(points.len() <= 33, "{} points", points.len());
+        // Those of the messages come below.
+        let chosen = points.slice(0..points.len() - 3);
         let said_about = |z: &[f64]| points.rows().any(|point| point == z);
         assert!(said.inducing_points().rows().all(said_about), "what others spoke about is no inducing point");
-        let begun = evidence::sparse(&start, &all, &[&said], &points, &Default::default()).unwrap().fit.evidence;
+        let begun = dgpc::fit(&start, &all, &FitOptions::default().messages(&messages).inducing_points(&chosen))
+            .unwrap()
+            .evidence();
         assert!(later.optimum_evidence >= begun - 1e-6, "seed {seed}: {} after {begun}", later.optimum_evidence);
     }
 }
 
 /// Learns, and asserts that no parameter can be moved alone for a better objective.
 #[track_caller]
-fn assert_maximum(template: &Prior, events: &Observations, messages: &[&Summary], options: &Options) -> Learned {
-    let learned = learn(template, events, messages, options).unwrap();
-    let at = learned.optimum.parameters();
-    let value = |at: &[f64]| objective(template, at, &options.spread, events, messages);
+fn assert_maximum(
+    template: &Prior,
+    events: &Observations,
+    messages: &[&Summary],
+    options: &LearnOptions<'_>,
+) -> Learned {
+    let learned = learn(template, events, &options.messages(messages)).unwrap();
+    let at = learned.optimum.parameter_values();
+    let value = |at: &[f64]| objective(template, at, &options.hyper_prior, events, messages);
     let best = value(&at);
-    for (place, sd) in spread_of(template, &options.spread).into_iter().enumerate() {
+    for (place, sd) in spread_of(template, &options.hyper_prior).into_iter().enumerate() {
         for step in [-0.05, 0.05, -0.3, 0.3] {
             let mut moved = at.clone();
             moved[place] += step * sd;
@@ -86,7 +96,7 @@ fn the_optimum_is_a_maximum_within_the_spread() {
     for seed in 0..18 {
         let (events, said) = (waves(600 + seed, rng.random_range(30..150)), message(700 + seed));
         let messages = if rng.random() { vec![&said] } else { vec![] };
-        let options = Options { spread: random_spread(&mut rng), ..Options::new(1.0) };
+        let options = LearnOptions::new(1.0).hyper_prior(random_spread(&mut rng));
         let learned = assert_maximum(&templates()[seed as usize % 3], &events, &messages, &options);
         assert_eq!(learned.start_events, events.len());
     }
@@ -97,13 +107,13 @@ fn the_optimum_is_a_maximum_within_the_spread() {
 #[test]
 fn what_few_events_said_does_not_stand_against_all_events() {
     let template = prior(vec![term(Shape::SquaredExponential, 4.0, &[1.0])], PriorMean::Zero);
-    let spread = Spread { length_scale: 0.7, variance: 0.7, ..Spread::weak(1.0) };
+    let spread = HyperPrior::weak(1.0).length_scale(0.7).variance(0.7);
     for (seed, count, start_events_max) in [(162, 42, 17), (49, 171, 150)] {
         let events = waves(seed, count);
         let [few, all] = [start_events_max, count].map(|start_events_max| {
-            let options = Options { spread, start_events_max, ..Options::new(1.0) };
-            let optimum = learn(&template, &events, &[], &options).unwrap().optimum;
-            objective(&template, &optimum.parameters(), &spread, &events, &[])
+            let options = LearnOptions::new(1.0).hyper_prior(spread).start_events_max(start_events_max);
+            let optimum = learn(&template, &events, &options).unwrap().optimum;
+            objective(&template, &optimum.parameter_values(), &spread, &events, &[])
         });
         assert!(
             few > all - 0.02,
@@ -117,13 +127,13 @@ fn what_few_events_said_does_not_stand_against_all_events() {
 fn comparing_starts_is_never_worse_than_starting_at_the_template() {
     for seed in (900..912).chain([1929, 2511]) {
         let (template, events) = (&templates()[seed as usize % 3], waves(seed, 60));
-        let options = Options { start_events_max: 10, ..Options::new(1.0) };
-        let value = |warm_start: Option<Prior>| {
-            let options = Options { warm_start, ..options.clone() };
-            let optimum = learn(template, &events, &[], &options).unwrap().optimum;
-            objective(template, &optimum.parameters(), &options.spread, &events, &[])
+        let options = LearnOptions::new(1.0).start_events_max(10);
+        let value = |warm_start: Option<&Prior>| {
+            let options = warm_start.map_or(options, |start| options.warm_start(start));
+            let optimum = learn(template, &events, &options).unwrap().optimum;
+            objective(template, &optimum.parameter_values(), &options.hyper_prior, &events, &[])
         };
-        let (found, from_template) = (value(None), value(Some(template.clone())));
+        let (found, from_template) = (value(None), value(Some(template)));
         assert!(found > from_template - 1e-3, "seed {seed}: {found}, {from_template} from the template");
     }
 }
@@ -132,16 +142,16 @@ fn comparing_starts_is_never_worse_than_starting_at_the_template() {
 fn calibration_raises_the_corrected_evidence() {
     for seed in 0..12 {
         let template = &templates()[seed as usize % 3];
-        let (events, options) = (waves(800 + seed, 60), Options::new(1.0));
-        let learned = learn(template, &events, &[], &options).unwrap();
+        let (events, options) = (waves(800 + seed, 60), LearnOptions::new(1.0));
+        let learned = learn(template, &events, &options).unwrap();
         let corrected = |factor: f64| {
             let terms = learned.optimum.kernel().terms().iter();
             let terms = terms.map(|term| term.with_variance(factor * term.variance()).unwrap()).collect();
             let prior = prior(terms, learned.optimum.mean().clone());
-            mean_field::dense(&prior, &events, &Default::default()).unwrap().corrected_evidence()
+            dgpc::fit(&prior, &events, &FitOptions::default()).unwrap().corrected_evidence()
         };
-        let value = |factor: f64| corrected(factor) - 0.5 * (factor.ln() / options.spread.variance).powi(2);
-        let found = learned.variance_factor;
+        let value = |factor: f64| corrected(factor) - 0.5 * (factor.ln() / options.hyper_prior.variance).powi(2);
+        let found = learned.calibration.factor();
         assert_near("corrected E", &[learned.fit.corrected_evidence()], &[corrected(found)], 1e-6);
         for factor in (-20..=40).map(|step| (0.05 * f64::from(step)).exp()) {
             let gain = value(factor) - value(found);
@@ -155,17 +165,20 @@ fn learning_twice_is_learning_once() {
     let (events, said) = (waves(5, 120), message(6));
     for template in templates() {
         for dense_events_max in [1000, 50] {
-            let options = Options { dense_events_max, inducing_points_max: 40, ..Options::new(1.0) };
-            let [first, second] = [(); 2].map(|()| learn(&template, &events, &[&said], &options).unwrap());
+            let options = LearnOptions::new(1.0).sparse_beyond(dense_events_max, 40);
+            let [first, second] = [(); 2].map(|()| learn(&template, &events, &options.messages(&[&said])).unwrap());
             assert_eq!(first.prior, second.prior);
             assert_eq!(first.optimum, second.optimum);
             assert_eq!((first.stop, first.starts), (second.stop, second.starts));
-            assert_eq!((first.evaluations, first.inducing_points), (second.evaluations, second.inducing_points));
+            assert_eq!(
+                (first.evaluations, first.fit.inducing_points()),
+                (second.evaluations, second.fit.inducing_points())
+            );
             let bits = |learned: &[f64]| learned.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
-            assert_eq!(bits(&first.fit.mean), bits(&second.fit.mean));
-            let numbers = |fit: &MeanField, evidence: f64, factor: f64| bits(&[fit.evidence, evidence, factor]);
-            let first = numbers(&first.fit, first.optimum_evidence, first.variance_factor);
-            assert_eq!(first, numbers(&second.fit, second.optimum_evidence, second.variance_factor));
+            assert_eq!(bits(first.fit.mean()), bits(second.fit.mean()));
+            let numbers = |fit: &Fit, evidence: f64, factor: f64| bits(&[fit.evidence(), evidence, factor]);
+            let first = numbers(&first.fit, first.optimum_evidence, first.calibration.factor());
+            assert_eq!(first, numbers(&second.fit, second.optimum_evidence, second.calibration.factor()));
         }
     }
 }

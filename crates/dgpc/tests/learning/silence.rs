@@ -6,8 +6,8 @@ use super::*;
 fn without_events_the_prior_stays_the_template() {
     let none = Observations::new(Inputs::empty(2), Vec::new()).unwrap();
     for template in templates() {
-        let learned = learn(&template, &none, &[], &Options::new(1.0)).unwrap();
-        assert_near("parameters", &learned.prior.parameters(), &template.parameters(), 1e-6);
+        let learned = learn(&template, &none, &LearnOptions::new(1.0)).unwrap();
+        assert_near("parameters", &learned.prior.parameter_values(), &template.parameter_values(), 1e-6);
         assert_near("E", &[learned.optimum_evidence], &[0.0], 1e-12);
     }
 }
@@ -17,7 +17,7 @@ fn messages_alone_are_learned_from() {
     let none = Observations::new(Inputs::empty(2), Vec::new()).unwrap();
     let said = message(7);
     for template in templates() {
-        let learned = learn(&template, &none, &[&said], &Options::new(1.0)).unwrap();
+        let learned = learn(&template, &none, &LearnOptions::new(1.0).messages(&[&said])).unwrap();
         let (before, after) = (evidence_of(&template, &none, &[&said]), learned.optimum_evidence);
         assert!(after > before + 1e-3, "E {after} after {before}");
     }
@@ -30,7 +30,7 @@ fn one_place_says_nothing_of_length_scales() {
     let events = Observations::new(inputs, (0..40).map(|n| n % 4 != 0).collect()).unwrap();
     let template = prior(vec![term(Shape::SquaredExponential, 4.0, &[0.7, 1.3])], PriorMean::Zero);
     for dense_events_max in [1000, 10] {
-        let learned = learn(&template, &events, &[], &Options { dense_events_max, ..Options::new(1.0) }).unwrap();
+        let learned = learn(&template, &events, &LearnOptions::new(1.0).sparse_beyond(dense_events_max, 256)).unwrap();
         assert_ratios("length-scales", length_scales(&learned.prior), &[0.7, 1.3], 0.01);
         // f² is near ln²3 = 1.2.
         assert!((0.5..4.0).contains(&variance(&learned.prior)), "variance {}", variance(&learned.prior));
@@ -43,16 +43,16 @@ fn one_class_alone_stays_within_reach() {
     for template in templates() {
         for (success, dense_events_max) in [(true, 1000), (false, 1000), (true, 20)] {
             let events = Observations::new(inputs.clone(), vec![success; 80]).unwrap();
-            let options = Options { dense_events_max, inducing_points_max: 30, ..Options::new(1.0) };
-            let learned = learn(&template, &events, &[], &options).unwrap();
-            assert!(learned.fit.evidence.is_finite() && learned.fit.mean.iter().all(|mean| mean.is_finite()));
-            let parameters = learned.optimum.parameters().into_iter().zip(template.parameters());
-            for ((found, centre), sd) in parameters.zip(spread_of(&template, &options.spread)) {
+            let options = LearnOptions::new(1.0).sparse_beyond(dense_events_max, 30);
+            let learned = learn(&template, &events, &options).unwrap();
+            assert!(learned.fit.evidence().is_finite() && learned.fit.mean().iter().all(|mean| mean.is_finite()));
+            let parameters = learned.optimum.parameter_values().into_iter().zip(template.parameter_values());
+            for ((found, centre), sd) in parameters.zip(spread_of(&template, &options.hyper_prior)) {
                 // 80 times ln 2 is all that there is to gain, and half the square of a distance is what it costs.
                 assert!((found - centre).abs() < 3.5 * sd, "{found} from {centre}");
             }
-            assert!((0.2..20.0).contains(&learned.variance_factor), "factor {}", learned.variance_factor);
-            let p = Posterior::fuse(&learned.prior, &learned.fit.sites, &[]).unwrap().probability(&inputs).unwrap();
+            assert!((0.2..20.0).contains(&learned.calibration.factor()), "factor {}", learned.calibration.factor());
+            let p = Posterior::fuse(&learned.prior, learned.fit.sites(), &[]).unwrap().probability(&inputs).unwrap();
             assert!(p.iter().all(|&p| if success { p > 0.8 } else { p < 0.2 }), "{p:?}");
         }
     }
@@ -67,9 +67,9 @@ fn outcomes_reversed_turn_the_prior_mean_only() {
     for mean in [PriorMean::Zero, PriorMean::Constant(0.0), range_mean(0.0, 0.0)] {
         let template = prior(vec![term(Shape::Matern52, 4.0, &[1.0, 1.0])], mean);
         let [one, other] =
-            [&events, &reversed].map(|events| learn(&template, events, &[], &Options::new(1.0)).unwrap());
+            [&events, &reversed].map(|events| learn(&template, events, &LearnOptions::new(1.0)).unwrap());
         assert_near("E", &[other.optimum_evidence], &[one.optimum_evidence], 1e-6);
-        let (one, other) = (one.prior.parameters(), other.prior.parameters());
+        let (one, other) = (one.prior.parameter_values(), other.prior.parameter_values());
         assert_near("kernel", &other[..3], &one[..3], 1e-4);
         let turned: Vec<f64> = one[3..].iter().map(|parameter| -parameter).collect();
         assert_near("prior mean", &other[3..], &turned, 1e-4);
@@ -82,18 +82,18 @@ fn a_parameter_without_spread_stays() {
     let matern = Term::isotropic(Shape::Matern52, 3.0, 1.1, 2).unwrap();
     let template = prior(vec![term(Shape::SquaredExponential, 0.7, &[0.8, 1.7]), matern], range_mean(0.4, 0.3));
     let (variances, length_scales) = ([0, 3], [1, 2, 4]);
-    let weak = Spread::weak(1.0);
-    let cases: [(Spread, &[usize]); 5] = [
-        (Spread { variance: 0.0, ..weak }, &variances),
-        (Spread { length_scale: 0.0, ..weak }, &length_scales),
-        (Spread { intercept: 0.0, ..weak }, &[5]),
-        (Spread { slope: 0.0, ..weak }, &[6]),
-        (Spread { variance: 0.0, length_scale: 0.0, intercept: 0.0, slope: 0.0 }, &[0, 1, 2, 3, 4, 5, 6]),
+    let weak = HyperPrior::weak(1.0);
+    let cases: [(HyperPrior, &[usize]); 5] = [
+        (weak.variance(0.0), &variances),
+        (weak.length_scale(0.0), &length_scales),
+        (weak.intercept(0.0), &[5]),
+        (weak.slope(0.0), &[6]),
+        (weak.variance(0.0).length_scale(0.0).intercept(0.0).slope(0.0), &[0, 1, 2, 3, 4, 5, 6]),
     ];
-    let centre = template.parameters();
+    let centre = template.parameter_values();
     for (spread, fixed) in cases {
-        let learned = learn(&template, &events, &[], &Options { spread, ..Options::new(1.0) }).unwrap();
-        for at in [learned.optimum.parameters(), learned.prior.parameters()] {
+        let learned = learn(&template, &events, &LearnOptions::new(1.0).hyper_prior(spread)).unwrap();
+        for at in [learned.optimum.parameter_values(), learned.prior.parameter_values()] {
             for (place, (found, centre)) in at.iter().zip(&centre).enumerate() {
                 let moved = (found - centre).abs();
                 if fixed.contains(&place) {
@@ -103,14 +103,14 @@ fn a_parameter_without_spread_stays() {
                 }
             }
         }
-        assert!(spread.variance > 0.0 || learned.variance_factor == 1.0);
+        assert!(spread.variance > 0.0 || learned.calibration.factor() == 1.0);
     }
 }
 
 #[test]
 fn without_calibration_the_prior_is_the_optimum() {
-    let options = Options { calibrate: false, ..Options::new(1.0) };
-    let learned = learn(&templates()[0], &waves(11, 50), &[], &options).unwrap();
-    assert_eq!((learned.variance_factor, &learned.prior), (1.0, &learned.optimum));
-    assert_eq!(learned.fit.evidence, learned.optimum_evidence);
+    let options = LearnOptions::new(1.0).calibrate(false);
+    let learned = learn(&templates()[0], &waves(11, 50), &options).unwrap();
+    assert_eq!((learned.calibration.factor(), &learned.prior), (1.0, &learned.optimum));
+    assert_eq!(learned.fit.evidence(), learned.optimum_evidence);
 }

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 /// ∂value/∂θ at the parameters of `prior` by central differences of fourth order.
 fn central_differences(prior: &Prior, value: impl Fn(&Prior) -> f64) -> Vec<f64> {
-    let parameters = prior.parameters();
+    let parameters = prior.parameter_values();
     let step = 2e-3;
     let moved = |place: usize, steps: f64| {
         let mut moved = parameters.clone();
@@ -22,8 +22,8 @@ fn central_differences(prior: &Prior, value: impl Fn(&Prior) -> f64) -> Vec<f64>
     (0..parameters.len()).map(slope).collect()
 }
 
-fn tight() -> mean_field::Options {
-    mean_field::Options { tolerance: 1e-12, ..Default::default() }
+fn tight() -> FitOptions<'static> {
+    FitOptions::default().tolerance(1e-12)
 }
 
 /// Problems whose other points, where messages are about, keep their distance.
@@ -54,8 +54,8 @@ proptest! {
     #[test]
     fn parameters_go_there_and_back(problem in problems_apart(1..=3)) {
         let prior = &problem.prior;
-        let again = prior.with_parameters(&prior.parameters()).unwrap();
-        assert_near("parameters", &again.parameters(), &prior.parameters(), 1e-15);
+        let again = prior.with_parameters(&prior.parameter_values()).unwrap();
+        assert_near("parameters", &again.parameter_values(), &prior.parameter_values(), 1e-15);
         let gram = |prior: &Prior| rows(&prior.kernel().gram(problem.inputs()).unwrap());
         assert_near_matrix("gram", &gram(&again), &gram(prior), 1e-13);
     }
@@ -64,9 +64,9 @@ proptest! {
     fn the_dense_gradient_is_exact(problem in problems_apart(1..=12), with_message in any::<bool>()) {
         let message = message(&problem);
         let messages = if with_message { vec![&message] } else { vec![] };
-        let evaluate = |prior: &Prior| evidence::dense(prior, &problem.observations, &messages, &tight()).unwrap();
+        let evaluate = |prior: &Prior| evidence(prior, &problem.observations, &tight().messages(&messages)).unwrap();
         let found = evaluate(&problem.prior);
-        let expected = central_differences(&problem.prior, |prior| evaluate(prior).fit.evidence);
+        let expected = central_differences(&problem.prior, |prior| evaluate(prior).fit.evidence());
         assert_near("∂E/∂θ", &found.gradient, &expected, 1e-6);
     }
 
@@ -77,34 +77,36 @@ proptest! {
         let mut points = problem.inputs().select(&problem.spread(4));
         points.append(&problem.elsewhere.slice(4..6)).unwrap();
         let evaluate = |prior: &Prior| {
-            evidence::sparse(prior, &problem.observations, &messages, &points, &tight()).unwrap()
+            evidence(prior, &problem.observations, &tight().messages(&messages).inducing_points(&points)).unwrap()
         };
         let found = evaluate(&problem.prior);
-        prop_assume!(found.fit.jitter == 0.0);
-        let expected = central_differences(&problem.prior, |prior| evaluate(prior).fit.evidence);
+        prop_assume!(found.fit.jitter() == 0.0);
+        let expected = central_differences(&problem.prior, |prior| evaluate(prior).fit.evidence());
         assert_near("∂E/∂θ", &found.gradient, &expected, 1e-6);
     }
 
     #[test]
     fn messages_at_the_inducing_points_count_fully(problem in problems_apart(2..=10)) {
         let message = message(&problem);
-        let mut points = problem.inputs().clone();
-        points.append(message.inducing_points()).unwrap();
-        let dense = evidence::dense(&problem.prior, &problem.observations, &[&message], &tight()).unwrap();
-        let sparse = evidence::sparse(&problem.prior, &problem.observations, &[&message], &points, &tight()).unwrap();
-        prop_assume!(sparse.fit.jitter == 0.0);
-        assert_near("E", &[sparse.fit.evidence], &[dense.fit.evidence], 1e-5);
-        assert_near("mean", &sparse.fit.mean, &dense.fit.mean, 1e-5);
-        assert_near("variance", &sparse.fit.variance, &dense.fit.variance, 1e-5);
+        let messages = [&message];
+        let options = tight().messages(&messages);
+        let dense = evidence(&problem.prior, &problem.observations, &options).unwrap();
+        // The points of the messages come on top by themselves.
+        let sparse = evidence(&problem.prior, &problem.observations, &options.inducing_points(problem.inputs())).unwrap();
+        prop_assert_eq!(sparse.fit.inducing_points().unwrap().len(), problem.inputs().len() + 3);
+        prop_assume!(sparse.fit.jitter() == 0.0);
+        assert_near("E", &[sparse.fit.evidence()], &[dense.fit.evidence()], 1e-5);
+        assert_near("mean", sparse.fit.mean(), dense.fit.mean(), 1e-5);
+        assert_near("variance", sparse.fit.variance(), dense.fit.variance(), 1e-5);
     }
 
     #[test]
     fn the_fit_with_messages_is_the_fused_posterior(problem in problems_apart(1..=10)) {
         let message = message(&problem);
-        let fit = evidence::dense(&problem.prior, &problem.observations, &[&message], &tight()).unwrap().fit;
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &tight().messages(&[&message])).unwrap();
         let own = message.under(&problem.prior).unwrap();
-        let fused = Posterior::fuse(&problem.prior, &fit.sites, &[&own]).unwrap().latent(problem.inputs()).unwrap();
-        assert_same_latent(&Latent { mean: fit.mean, variance: fit.variance }, &fused, 1e-7);
+        let fused = Posterior::fuse(&problem.prior, fit.sites(), &[&own]).unwrap().latent(problem.inputs()).unwrap();
+        assert_same_latent(&Latent { mean: fit.mean().to_vec(), variance: fit.variance().to_vec() }, &fused, 1e-7);
     }
 
     /// With ω known, the log of ∫ p(own events | f) · factor(f) · p(f) df by dense formulas.
@@ -112,12 +114,12 @@ proptest! {
     fn a_message_alone_integrates_against_the_prior(problem in problems_apart(1..=3)) {
         let message = message(&problem);
         let none = Observations::new(Inputs::empty(problem.inputs().dimension()), Vec::new()).unwrap();
-        let found = evidence::dense(&problem.prior, &none, &[&message], &tight()).unwrap().fit.evidence;
+        let found = dgpc::fit(&problem.prior, &none, &tight().messages(&[&message])).unwrap().evidence();
         // ln ∫ exp(−½fᵀPf + ηᵀf) N(f; μ, K) df = −½ ln|I + KP| + ½ (η − Pμ)ᵀ(K⁻¹ + P)⁻¹(η − Pμ) + ηᵀμ − ½ μᵀPμ.
         let factor = message.factor().unwrap();
-        let (precision, shift) = (rows(&factor.precision), factor.shift);
-        let gram = rows(&problem.prior.kernel().gram(&factor.inducing_points).unwrap());
-        let mean = problem.prior.mean().values(&factor.inducing_points).unwrap();
+        let (precision, shift) = (rows(factor.precision()), factor.shift());
+        let gram = rows(&problem.prior.kernel().gram(factor.inducing_points()).unwrap());
+        let mean = problem.prior.mean().values(factor.inducing_points()).unwrap();
         let precision_mean: Vec<f64> = precision.iter().map(|row| dot(row, &mean)).collect();
         let about: Vec<f64> = shift.iter().zip(&precision_mean).map(|(h, p)| h - p).collect();
         let system = sum(&times(&gram, &precision), &diagonal_matrix((0..3).map(|_| 1.0)));
@@ -127,18 +129,18 @@ proptest! {
         let moved: Vec<f64> = gram.iter().map(|row| dot(row, &about)).collect();
         let solved = solve(&system, &moved.iter().map(|&v| vec![v]).collect());
         let quadratic: f64 = about.iter().zip(&solved).map(|(a, s)| a * s[0]).sum();
-        let expected = -0.5 * log_determinant(&symmetric) + 0.5 * quadratic + dot(&shift, &mean) - 0.5 * dot(&mean, &precision_mean);
+        let expected = -0.5 * log_determinant(&symmetric) + 0.5 * quadratic + dot(shift, &mean) - 0.5 * dot(&mean, &precision_mean);
         assert_near("E", &[found], &[expected], 1e-7);
     }
 
     /// The cavity is what a fit at the same ω says when an event's site is left out.
     #[test]
     fn leaving_one_out_takes_its_site_away(problem in problems_apart(2..=10)) {
-        let fit = mean_field::dense(&problem.prior, &problem.observations, &tight()).unwrap();
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &tight()).unwrap();
         let found = fit.leave_one_out();
         for (left_out, &found) in found.iter().enumerate() {
-            let others: Vec<usize> = (0..fit.mean.len()).filter(|&n| n != left_out).collect();
-            let posterior = Posterior::fuse(&problem.prior, &fit.sites.select(&others), &[]).unwrap();
+            let others: Vec<usize> = (0..fit.mean().len()).filter(|&n| n != left_out).collect();
+            let posterior = Posterior::fuse(&problem.prior, &fit.sites().select(&others), &[]).unwrap();
             let p = posterior.probability(&problem.inputs().select(&[left_out])).unwrap()[0];
             let p = if problem.observations.outcomes()[left_out] { p } else { 1.0 - p };
             assert_near("ln p", &[found], &[p.ln()], 1e-6);

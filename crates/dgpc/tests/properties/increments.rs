@@ -20,12 +20,12 @@ proptest! {
         let at_once = Posterior::fuse(&problem.prior, &near, &[&messages[0], &messages[1]]).unwrap();
         // Events and messages in turns, from nothing.
         let mut grown = Posterior::prior_alone(&problem.prior, problem.inputs().dimension());
-        let none = Sites::empty(problem.inputs().dimension());
         let cut = usize::from(cuts[0]) % (half + 1);
-        grown.absorb(&sites(0..cut), &[]).unwrap();
-        grown.absorb(&none, &[&messages[1]]).unwrap();
-        grown.absorb(&none, &[]).unwrap();
-        grown.absorb(&sites(cut..half), &[&messages[0]]).unwrap();
+        grown.absorb_events(&sites(0..cut)).unwrap();
+        grown.absorb_summaries(&[&messages[1]]).unwrap();
+        grown.absorb_summaries(&[]).unwrap();
+        grown.absorb_events(&sites(cut..half)).unwrap();
+        grown.absorb_summaries(&[&messages[0]]).unwrap();
         prop_assert_eq!(grown.len(), at_once.len());
         let latent = |posterior: &Posterior| posterior.latent(&problem.elsewhere).unwrap();
         assert_same_latent(&latent(&grown), &latent(&at_once), 1e-9);
@@ -39,11 +39,12 @@ proptest! {
         let before = posterior.latent(&problem.elsewhere).unwrap();
         let other = Prior::new(problem.prior.kernel().clone(), PriorMean::Constant(7.0)).unwrap();
         let foreign = Summary::empty(&other, &problem.elsewhere).unwrap();
-        let none = Sites::empty(problem.inputs().dimension());
-        prop_assert!(posterior.absorb(&none, &[&foreign]).is_err());
-        prop_assert!(posterior.absorb(&Sites::empty(problem.inputs().dimension() + 1), &[&foreign]).is_err());
-        let mut stacked = Posterior::concatenate(&problem.prior, &[]).unwrap();
-        prop_assert!(stacked.absorb(&problem.sites, &[]).is_err());
+        prop_assert!(posterior.absorb_summaries(&[&foreign]).is_err());
+        let dimension = problem.inputs().dimension() + 1;
+        let wide = Observations::new(Inputs::new(vec![0.0; dimension], dimension).unwrap(), vec![true]).unwrap();
+        prop_assert!(posterior.absorb_events(&Sites::new(&wide, vec![0.2]).unwrap()).is_err());
+        let wide = Summary::empty(&problem.prior, wide.inputs()).unwrap();
+        prop_assert!(posterior.absorb_summaries(&[&wide]).is_err());
         prop_assert_eq!(posterior.latent(&problem.elsewhere).unwrap(), before);
     }
 
@@ -52,8 +53,6 @@ proptest! {
         let posterior = problem.full();
         let (mean, covariance) = posterior.joint(&problem.elsewhere).unwrap();
         let latent = posterior.latent(&problem.elsewhere).unwrap();
-        let prior_mean = problem.prior.mean().values(&problem.elsewhere).unwrap();
-        let mean = mean.iter().zip(&prior_mean).map(|(mean, prior)| mean + prior).collect();
         assert_same_latent(&Latent { mean, variance: covariance.diagonal() }, &latent, 1e-9);
     }
 
@@ -65,10 +64,10 @@ proptest! {
         let all = Summary::variational(&problem.prior, &problem.sites, &z).unwrap();
         let known = Summary::variational(&problem.prior, &problem.sites.select(&some), &z).unwrap();
         let mut told = known.clone();
-        told.merge(&all.beyond(&known).unwrap()).unwrap();
+        told.merge(&all.residual(&known).unwrap()).unwrap();
         assert_same_message(&told, &all, 1e-8);
         // Of itself nothing is missing.
-        let nothing = all.beyond(&all).unwrap();
+        let nothing = all.residual(&all).unwrap();
         assert_same_message(&nothing, &Summary::empty(&problem.prior, &z).unwrap(), 1e-7);
     }
 
@@ -80,7 +79,7 @@ proptest! {
         let less = Summary::variational(&problem.prior, &problem.sites.select(&some), &z).unwrap();
         // Somebody who knows more than there is to tell stays as certain, and gets the mean.
         let mut told = all.clone();
-        told.merge(&less.beyond(&all).unwrap()).unwrap();
+        told.merge(&less.residual(&all).unwrap()).unwrap();
         let (certain, moments) = (told.moments().unwrap(), all.moments().unwrap());
         let before = Latent { mean: certain.0.clone(), variance: moments.1.diagonal() };
         let after = Latent { mean: less.moments().unwrap().0, variance: certain.1.diagonal() };
@@ -92,21 +91,21 @@ proptest! {
         let own = problem.full();
         let some: Vec<usize> = (0..problem.inputs().len()).step_by(3).collect();
         let public = Posterior::fuse(&problem.prior, &problem.sites.select(&some), &[]).unwrap();
-        let chosen = Candidates::to_tell(&public, &own, problem.inputs()).unwrap().greedy(1);
+        let chosen = Candidates::for_residual(&public, &own, problem.inputs()).unwrap().greedy(1);
         let trace = |posterior: &Posterior| posterior.latent(problem.inputs()).unwrap().variance.iter().sum::<f64>();
         prop_assert!(chosen.trace <= trace(&public) + 1e-9);
         let z = problem.inputs().select(&chosen.indices);
         if !z.is_empty() {
-            let residual = own.summarise(&z).unwrap().beyond(&public.summarise(&z).unwrap()).unwrap();
+            let residual = own.summarise(&z).unwrap().residual(&public.summarise(&z).unwrap()).unwrap();
             let mut told = public.clone();
-            told.absorb(&Sites::empty(z.dimension()), &[&residual]).unwrap();
+            told.absorb_summaries(&[&residual]).unwrap();
             prop_assert!((trace(&told) - chosen.trace).abs() <= 1e-8 * trace(&public), "{} {}", trace(&told), chosen.trace);
             // No other point would have lowered it more.
             for n in 0..problem.inputs().len() {
                 let z = problem.inputs().select(&[n]);
-                let residual = own.summarise(&z).unwrap().beyond(&public.summarise(&z).unwrap()).unwrap();
+                let residual = own.summarise(&z).unwrap().residual(&public.summarise(&z).unwrap()).unwrap();
                 let mut other = public.clone();
-                other.absorb(&Sites::empty(z.dimension()), &[&residual]).unwrap();
+                other.absorb_summaries(&[&residual]).unwrap();
                 prop_assert!(trace(&told) <= trace(&other) + 1e-8 * trace(&public));
             }
         }
@@ -115,7 +114,7 @@ proptest! {
     #[test]
     fn nothing_is_left_to_tell_somebody_who_knows_as_much(problem in problems(2..=12)) {
         let own = problem.full();
-        let candidates = Candidates::to_tell(&own, &own, problem.inputs()).unwrap();
+        let candidates = Candidates::for_residual(&own, &own, problem.inputs()).unwrap();
         let chosen = candidates.greedy(3);
         prop_assert!(candidates.trace() - chosen.trace <= 1e-6 * candidates.trace());
     }
@@ -125,9 +124,9 @@ proptest! {
         let last = problem.inputs().len() - 1;
         let known = Posterior::fuse(&problem.prior, &problem.sites.select(&(0..last).collect::<Vec<_>>()), &[]).unwrap();
         let event = problem.observations.select(&[last]);
-        let site = mean_field::beside(&known, &event).unwrap();
+        let site = sites_given(&known, &event).unwrap();
         let mut with = known.clone();
-        with.absorb(&site, &[]).unwrap();
+        with.absorb_events(&site).unwrap();
         let latent = with.latent(event.inputs()).unwrap();
         let tilt = (latent.mean[0].powi(2) + latent.variance[0]).sqrt();
         let expected = polya_gamma::mean(event.weights()[0], tilt);

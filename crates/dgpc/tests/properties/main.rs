@@ -7,6 +7,7 @@ mod common;
 
 mod certificate;
 mod evidence;
+mod fits;
 mod increments;
 mod kernels;
 mod mean_field;

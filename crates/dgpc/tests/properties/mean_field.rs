@@ -6,7 +6,7 @@ use dgpc::*;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-/// E of docs/method.md, section 7, at any tilts, by dense formulas.
+/// E of section 7 of [`dgpc::method`], at any tilts, by dense formulas.
 fn evidence_bound(problem: &Problem, tilts: &[f64]) -> f64 {
     let (gram, count) = (problem.gram(), tilts.len());
     let weights = problem.observations.weights();
@@ -34,40 +34,40 @@ proptest! {
 
     #[test]
     fn the_mean_field_is_a_maximum_of_its_bound(problem in problems(1..=16), changes in vec(-0.3..0.3f64, 16)) {
-        let fit = mean_field::dense(&problem.prior, &problem.observations, &Default::default()).unwrap();
-        prop_assert!(fit.converged && fit.change <= 1e-10);
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default()).unwrap();
+        prop_assert!(fit.converged() && fit.change() <= 1e-10);
         for n in 0..problem.inputs().len() {
-            let omega = polya_gamma::mean(problem.observations.weights()[n], fit.tilts[n]);
-            assert_near("ω", &[fit.sites.omega()[n]], &[omega], 1e-12);
-            let square = fit.mean[n] * fit.mean[n] + fit.variance[n];
-            assert_near("c", &[fit.tilts[n]], &[square.sqrt()], 1e-9);
+            let omega = polya_gamma::mean(problem.observations.weights()[n], fit.tilts()[n]);
+            assert_near("ω", &[fit.sites().omega()[n]], &[omega], 1e-12);
+            let square = fit.mean()[n] * fit.mean()[n] + fit.variance()[n];
+            assert_near("c", &[fit.tilts()[n]], &[square.sqrt()], 1e-9);
         }
-        let posterior = Posterior::fuse(&problem.prior, &fit.sites, &[]).unwrap().latent(problem.inputs()).unwrap();
-        assert_same_latent(&Latent { mean: fit.mean, variance: fit.variance }, &posterior, 1e-9);
-        assert_near("E", &[fit.evidence], &[evidence_bound(&problem, &fit.tilts)], 1e-9);
+        let posterior = Posterior::fuse(&problem.prior, fit.sites(), &[]).unwrap().latent(problem.inputs()).unwrap();
+        assert_same_latent(&Latent { mean: fit.mean().to_vec(), variance: fit.variance().to_vec() }, &posterior, 1e-9);
+        assert_near("E", &[fit.evidence()], &[evidence_bound(&problem, fit.tilts())], 1e-9);
         for scale in [0.01, 0.1, 1.0] {
-            let moved: Vec<f64> = fit.tilts.iter().zip(&changes).map(|(c, change)| c * (scale * change).exp()).collect();
-            prop_assert!(evidence_bound(&problem, &moved) <= fit.evidence + 1e-9 * (1.0 + fit.evidence.abs()));
+            let moved: Vec<f64> = fit.tilts().iter().zip(&changes).map(|(c, change)| c * (scale * change).exp()).collect();
+            prop_assert!(evidence_bound(&problem, &moved) <= fit.evidence() + 1e-9 * (1.0 + fit.evidence().abs()));
         }
     }
 
     #[test]
     fn every_event_an_inducing_point_is_the_dense_fit(problem in problems(1..=16)) {
-        let dense = mean_field::dense(&problem.prior, &problem.observations, &Default::default()).unwrap();
+        let dense = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default()).unwrap();
         let sparse =
-            mean_field::sparse(&problem.prior, &problem.observations, problem.inputs(), &Default::default()).unwrap();
-        assert_near("mean", &sparse.mean, &dense.mean, 1e-6);
-        assert_near("variance", &sparse.variance, &dense.variance, 1e-6);
-        assert_near("evidence", &[sparse.evidence], &[dense.evidence], 1e-6);
+            dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default().inducing_points(problem.inputs())).unwrap();
+        assert_near("mean", sparse.mean(), dense.mean(), 1e-6);
+        assert_near("variance", sparse.variance(), dense.variance(), 1e-6);
+        assert_near("evidence", &[sparse.evidence()], &[dense.evidence()], 1e-6);
         // With fewer points the bound can only be lower.
         let z = problem.inputs().select(&problem.spread(2));
-        let fewer = mean_field::sparse(&problem.prior, &problem.observations, &z, &Default::default()).unwrap();
-        prop_assert!(fewer.evidence <= dense.evidence + 1e-9 * (1.0 + dense.evidence.abs()));
+        let fewer = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default().inducing_points(&z)).unwrap();
+        prop_assert!(fewer.evidence() <= dense.evidence() + 1e-9 * (1.0 + dense.evidence().abs()));
     }
 
     #[test]
     fn the_evidence_is_a_lower_bound(problem in problems(1..=2)) {
-        let fit = mean_field::dense(&problem.prior, &problem.observations, &Default::default()).unwrap();
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default()).unwrap();
         let (gram, outcomes) = (problem.gram(), problem.observations.outcomes());
         let (weights, mean) = (problem.observations.weights(), problem.prior.mean().values(problem.inputs()).unwrap());
         let likelihood = |n: usize, f: f64| logistic(if outcomes[n] { f } else { -f }).powf(weights[n]);
@@ -84,27 +84,27 @@ proptest! {
             let sd = gram[0][0].sqrt();
             trapezoid(|u| { let f0 = mean[0] + sd * u; likelihood(0, f0) * inner(f0) })
         };
-        prop_assert!(fit.evidence <= marginal.ln() + 1e-9, "{} above {}", fit.evidence, marginal.ln());
+        prop_assert!(fit.evidence() <= marginal.ln() + 1e-9, "{} above {}", fit.evidence(), marginal.ln());
         // The bound's slack per event grows with the variance; .15 at variance 16.
-        prop_assert!(fit.evidence >= marginal.ln() - 0.5, "{} far below {}", fit.evidence, marginal.ln());
+        prop_assert!(fit.evidence() >= marginal.ln() - 0.5, "{} far below {}", fit.evidence(), marginal.ln());
     }
 
     #[test]
     fn weights_count_events(problem in problems(1..=10), which in 0..10usize) {
         let count = problem.inputs().len();
         let which = which % count;
-        let fit = |observations: &Observations| mean_field::dense(&problem.prior, observations, &Default::default()).unwrap();
+        let fit = |observations: &Observations| dgpc::fit(&problem.prior, observations, &FitOptions::default()).unwrap();
         let order: Vec<usize> = (0..count).chain([which]).collect();
         let twice = problem.observations.select(&order);
         let mut weights = problem.observations.weights().to_vec();
         weights[which] *= 2.0;
         let heavy = Observations::weighted(problem.inputs().clone(), problem.observations.outcomes().to_vec(), weights);
         let (heavy, twice) = (fit(&heavy.unwrap()), fit(&twice));
-        assert_near("mean", &heavy.mean, &twice.mean[..count], 1e-8);
-        assert_near("variance", &heavy.variance, &twice.variance[..count], 1e-8);
-        assert_near("evidence", &[heavy.evidence], &[twice.evidence], 1e-8);
-        let predict = |fit: &MeanField| {
-            Posterior::fuse(&problem.prior, &fit.sites, &[]).unwrap().latent(&problem.elsewhere).unwrap()
+        assert_near("mean", heavy.mean(), &twice.mean()[..count], 1e-8);
+        assert_near("variance", heavy.variance(), &twice.variance()[..count], 1e-8);
+        assert_near("evidence", &[heavy.evidence()], &[twice.evidence()], 1e-8);
+        let predict = |fit: &Fit| {
+            Posterior::fuse(&problem.prior, fit.sites(), &[]).unwrap().latent(&problem.elsewhere).unwrap()
         };
         assert_same_latent(&predict(&heavy), &predict(&twice), 1e-8);
     }

@@ -73,10 +73,10 @@ proptest! {
             let factor = summary.factor().unwrap();
             let half = solve(&k_mm, &rows(&summary.precision()));
             let precision = solve(&k_mm, &transposed(&half));
-            assert_near_matrix("factor: precision", &rows(&factor.precision), &precision, 1e-8);
+            assert_near_matrix("factor: precision", &rows(factor.precision()), &precision, 1e-8);
             let eta: Vec<f64> = solve_vector(&k_mm, &summary.shift()).iter().zip(&precision)
                 .map(|(h, row)| h + dot(row, &prior_mean)).collect();
-            assert_near("factor: shift", &factor.shift, &eta, 1e-8);
+            assert_near("factor: shift", factor.shift(), &eta, 1e-8);
         }
     }
 
@@ -97,9 +97,8 @@ proptest! {
         let said = mixed.summarise(&z).unwrap();
         let again = Posterior::fuse(&problem.prior, &Sites::empty(z.dimension()), &[&said]).unwrap();
         assert_same_latent(&again.latent(&z).unwrap(), &mixed.latent(&z).unwrap(), 1e-8);
-        let stacked = Posterior::concatenate(&problem.prior, &[&marginal]).unwrap();
+        let stacked = Concatenation::new(&problem.prior, &[&marginal]).unwrap();
         assert_same_latent(&stacked.latent(&problem.elsewhere).unwrap(), &alone.latent(&problem.elsewhere).unwrap(), 1e-9);
-        assert_same_message(&stacked.summarise(&z).unwrap(), &marginal, 1e-8);
     }
 
     #[test]
@@ -121,7 +120,9 @@ proptest! {
 
     #[test]
     fn far_regions_concatenate(problem in problems(2..=16), seed in any::<u64>()) {
-        // The second half of the events is moved to where no covariance reaches.
+        // The second half of the events is moved to where no covariance reaches. That of a rational quadratic reaches everywhere.
+        let reaches = |correlation: &Correlation| matches!(correlation.shape(), Shape::RationalQuadratic { .. });
+        prop_assume!(!problem.prior.kernel().terms().iter().flat_map(Term::correlations).any(reaches));
         let dimension = problem.inputs().dimension();
         let count = problem.inputs().len();
         let moved = |inputs: &Inputs| {
@@ -147,7 +148,7 @@ proptest! {
         test_points.append(&moved(&problem.elsewhere)).unwrap();
         for (near, far) in near.iter().zip(&far) {
             let fused = Posterior::fuse(&problem.prior, &Sites::empty(dimension), &[near, far]).unwrap();
-            let stacked = Posterior::concatenate(&problem.prior, &[near, far]).unwrap();
+            let stacked = Concatenation::new(&problem.prior, &[near, far]).unwrap();
             assert_same_latent(&fused.latent(&test_points).unwrap(), &stacked.latent(&test_points).unwrap(), 1e-9);
         }
     }
@@ -193,10 +194,10 @@ proptest! {
         let certificate = Certificate::new(&problem.prior, &permuted, &z).unwrap();
         let expected = Certificate::new(&problem.prior, &problem.sites, &z).unwrap();
         assert_near("bounds", &[certificate.lower, certificate.upper], &[expected.lower, expected.upper], 1e-9);
-        let fit = mean_field::dense(&problem.prior, &problem.observations, &Default::default()).unwrap();
-        let other = mean_field::dense(&problem.prior, &problem.observations.select(&order), &Default::default()).unwrap();
-        assert_near("evidence", &[other.evidence], &[fit.evidence], 1e-9);
-        assert_near("tilts", &other.tilts, &order.iter().map(|&n| fit.tilts[n]).collect::<Vec<_>>(), 1e-8);
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default()).unwrap();
+        let other = dgpc::fit(&problem.prior, &problem.observations.select(&order), &FitOptions::default()).unwrap();
+        assert_near("evidence", &[other.evidence()], &[fit.evidence()], 1e-9);
+        assert_near("tilts", other.tilts(), &order.iter().map(|&n| fit.tilts()[n]).collect::<Vec<_>>(), 1e-8);
     }
 
     #[test]

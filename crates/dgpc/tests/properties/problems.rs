@@ -57,7 +57,8 @@ impl Problem {
 }
 
 pub(crate) fn shapes() -> impl Strategy<Value = Shape> {
-    prop_oneof![Just(Shape::SquaredExponential), Just(Shape::Matern32), Just(Shape::Matern52)]
+    let alphas = (0.3..5.0).prop_map(|alpha| Shape::RationalQuadratic { alpha });
+    prop_oneof![Just(Shape::SquaredExponential), Just(Shape::Matern32), Just(Shape::Matern52), alphas]
 }
 
 /// The isometry of a link of this dimension that swaps its ends.
@@ -71,6 +72,15 @@ pub(crate) fn swap(dimension: usize) -> Reflection {
     .unwrap()
 }
 
+/// The column that [`swap`] exchanges this one with, if it is another one.
+fn partner(dimension: usize, column: usize) -> Option<usize> {
+    match dimension {
+        2 => Some(1 - column),
+        4 => Some((column + 2) % 4),
+        _ => None,
+    }
+}
+
 pub(crate) fn swapped(inputs: &Inputs) -> Inputs {
     let images = inputs.rows().flat_map(|row| match *row {
         [a] => vec![-a],
@@ -82,11 +92,13 @@ pub(crate) fn swapped(inputs: &Inputs) -> Inputs {
     Inputs::new(images.collect(), inputs.dimension()).unwrap()
 }
 
-/// Terms over all columns and, sometimes, over one, each reciprocal or not.
+/// Terms over all columns, sometimes times a correlation over one of them, and sometimes a second term over one, each reciprocal
+/// or not.
 pub(crate) fn kernels(dimension: usize) -> impl Strategy<Value = Kernel> {
     let whole = (shapes(), 0.5..4.0, 0.4..2.5, 0.4..2.5, any::<bool>());
-    let part = (shapes(), 0.5..2.0, 0.4..2.5, 0..dimension);
-    (whole, proptest::option::of(part)).prop_map(move |((shape, variance, first, second, reciprocal), part)| {
+    let part = || (shapes(), 0.5..2.0, 0.4..2.5, 0..dimension);
+    let parts = (proptest::option::of(part()), proptest::option::of(part()));
+    (whole, parts).prop_map(move |((shape, variance, first, second, reciprocal), (part, factor))| {
         // Columns that a swap exchanges share a length-scale.
         let tied = match dimension {
             1 => vec![first],
@@ -96,10 +108,17 @@ pub(crate) fn kernels(dimension: usize) -> impl Strategy<Value = Kernel> {
             _ => vec![first, second, first, second],
         };
         let columns: Vec<usize> = (0..dimension).collect();
-        let mut term = Term::new(shape, variance, &columns, &tied).unwrap();
+        let mut correlation = Correlation::new(shape, &columns, &tied).unwrap();
         // Equal length-scales are one parameter or several.
         if dimension == 3 && shape == Shape::Matern32 {
-            term = term.tied(&[7, 2, 2]).unwrap();
+            correlation = correlation.tied(&[7, 2, 2]).unwrap();
+        }
+        let mut term = Term::of(variance, correlation).unwrap();
+        if let Some((shape, _, scale, column)) = factor {
+            // A correlation over a column and its partner, so that it can be reflected.
+            let mut columns = vec![column];
+            columns.extend(partner(dimension, column));
+            term = term.times(Correlation::new(shape, &columns, &vec![scale; columns.len()]).unwrap()).unwrap();
         }
         let mut terms = vec![if reciprocal { term.reciprocal(swap(dimension)).unwrap() } else { term }];
         terms.extend(
@@ -118,9 +137,8 @@ pub(crate) fn prior_means(dimension: usize) -> impl Strategy<Value = PriorMean> 
     prop_oneof![
         Just(PriorMean::Zero),
         (-2.0..2.0).prop_map(PriorMean::Constant),
-        (0.0..3.0, 0.0..1.0).prop_map(move |(intercept, slope)| {
-            PriorMean::Range { intercept, slope, from: from.clone(), to: to.clone() }
-        }),
+        (0.0..3.0, 0.0..1.0)
+            .prop_map(move |(intercept, slope)| { PriorMean::range(intercept, slope, &from, &to).unwrap() }),
     ]
 }
 

@@ -7,7 +7,7 @@ use dgpc::*;
 fn inputs_refuse_what_is_not_finite_or_whole() {
     for (value, name) in [(f64::NAN, "NaN"), (f64::INFINITY, "inf"), (f64::NEG_INFINITY, "-inf")] {
         let refused = Inputs::from_rows(&[[0.0, 1.0], [2.0, value]]).unwrap_err();
-        assert!(matches!(refused, Error::NotFinite { row: 1, column: 1, .. }), "{refused}");
+        assert!(matches!(refused, Error::NotFinite { place: Place::Entry { row: 1, column: 1 }, .. }), "{refused}");
         assert!(refused.to_string().contains(name), "{refused}");
     }
     assert!(matches!(Inputs::new(vec![1.0; 5], 2), Err(Error::SizeMismatch { found: 5, .. })));
@@ -46,20 +46,59 @@ fn terms_refuse_what_is_not_positive() {
 #[test]
 fn prior_means_refuse_what_is_not_finite_or_paired() {
     let kernel = || Kernel::new(vec![Term::isotropic(Shape::Matern32, 1.0, 1.0, 1).unwrap()]).unwrap();
-    let range = |intercept, slope, to| PriorMean::Range { intercept, slope, from: vec![0], to };
+    let range = |intercept, slope, to: &[usize]| PriorMean::range(intercept, slope, &[0], to);
     for bad in [f64::NAN, f64::INFINITY] {
-        for mean in [PriorMean::Constant(bad), range(bad, 1.0, vec![1]), range(1.0, bad, vec![1])] {
-            assert!(matches!(Prior::new(kernel(), mean), Err(Error::NotFinite { .. })));
+        let constant = Prior::new(kernel(), PriorMean::Constant(bad)).err();
+        for refused in [constant, range(bad, 1.0, &[1]).err(), range(1.0, bad, &[1]).err()] {
+            assert!(matches!(refused, Some(Error::NotFinite { place: Place::Alone, .. })), "{refused:?}");
         }
     }
-    assert!(matches!(Prior::new(kernel(), range(1.0, 1.0, vec![1, 2])), Err(Error::SizeMismatch { .. })));
+    assert!(matches!(range(1.0, 1.0, &[1, 2]), Err(Error::SizeMismatch { .. })));
+    assert!(matches!(PriorMean::range(1.0, 1.0, &[], &[]), Err(Error::OutOfRange { .. })));
+    assert!(matches!(PriorMean::range(1.0, 1.0, &[0, 1], &[2, 2]), Err(Error::RepeatedColumn { column: 2, .. })));
+    // Beyond any column there can be: the number of columns would overflow.
+    assert!(matches!(range(1.0, 1.0, &[usize::MAX]), Err(Error::OutOfRange { what: "column", .. })));
+    let far = Term::new(Shape::Matern32, 1.0, &[usize::MAX], &[1.0]);
+    assert!(matches!(far, Err(Error::OutOfRange { what: "column", .. })));
+    assert!(matches!(Reflection::negate(&[usize::MAX]), Err(Error::OutOfRange { what: "column", .. })));
+}
+
+#[test]
+fn shapes_refuse_parameters_out_of_their_range() {
+    for alpha in [0.0, -1.0, 1e-4, 1e4, f64::NAN] {
+        let term = Term::isotropic(Shape::RationalQuadratic { alpha }, 1.0, 1.0, 1);
+        assert!(matches!(term, Err(Error::OutOfRange { .. })), "{alpha}: {term:?}");
+    }
+    for text in ["", "matern", "Matern32", "matern32:", "matern32:2", "rational-quadratic:x", "rational-quadratic:1:2"]
+    {
+        assert!(text.parse::<Shape>().is_err(), "{text:?}");
+    }
+    for shape in Shape::ALL {
+        assert_eq!(shape.to_string().parse(), Ok(shape));
+        assert_eq!(shape.name().parse(), Ok(shape));
+    }
+    assert_eq!("rational-quadratic:0.25".parse(), Ok(Shape::RationalQuadratic { alpha: 0.25 }));
+}
+
+#[test]
+fn reflections_refuse_what_does_not_lead_back() {
+    let image = |column, source, negated| Image { column, source, negated };
+    for images in [
+        vec![image(0, 1, false)],
+        vec![image(0, 1, false), image(1, 2, false), image(2, 0, false)],
+        vec![image(0, 1, true), image(1, 0, false)],
+    ] {
+        let refused = Reflection::new(images);
+        assert!(matches!(refused, Err(Error::NotAnInvolution { column: 0 })), "{refused:?}");
+    }
+    assert!(Reflection::new(vec![image(0, 1, true), image(1, 0, true)]).is_ok());
 }
 
 /// Every function that takes inputs refuses those without the columns that kernel or prior mean look at.
 #[test]
 fn missing_columns_are_refused() {
     let kernel = |column| Kernel::new(vec![Term::new(Shape::Matern52, 1.0, &[column], &[1.0]).unwrap()]).unwrap();
-    let range = PriorMean::Range { intercept: 1.0, slope: 1.0, from: vec![0], to: vec![2] };
+    let range = PriorMean::range(1.0, 1.0, &[0], &[2]).unwrap();
     let sites = line_sites();
     let observations = Observations::new(sites.inputs().clone(), vec![true; 12]).unwrap();
     let wide = Inputs::from_rows(&[[0.0, 1.0, 2.0]]).unwrap();
@@ -73,8 +112,8 @@ fn missing_columns_are_refused() {
             Certificate::new(&prior, &sites, &z).err(),
             log_evidence(&prior, &sites).err(),
             Posterior::fuse(&prior, &sites, &[]).err(),
-            mean_field::dense(&prior, &observations, &Default::default()).err(),
-            mean_field::sparse(&prior, &observations, &z, &Default::default()).err(),
+            dgpc::fit(&prior, &observations, &FitOptions::default()).err(),
+            dgpc::fit(&prior, &observations, &FitOptions::default().inducing_points(&z)).err(),
             Gibbs::new(&prior, observations.clone()).err(),
             fused.latent(&z).err(),
             fused.probability(&z).err(),
@@ -103,7 +142,7 @@ fn missing_columns_are_refused() {
 #[test]
 fn inducing_points_without_a_column_of_the_prior_are_refused() {
     let kernel = |column| Kernel::new(vec![Term::new(Shape::Matern52, 1.0, &[column], &[1.0]).unwrap()]).unwrap();
-    let range = PriorMean::Range { intercept: 1.0, slope: 1.0, from: vec![0], to: vec![2] };
+    let range = PriorMean::range(1.0, 1.0, &[0], &[2]).unwrap();
     for prior in [Prior::new(kernel(2), PriorMean::Zero).unwrap(), Prior::new(kernel(0), range).unwrap()] {
         let wide = Summary::empty(&prior, &Inputs::from_rows(&[[0.0, 1.0, 2.0]]).unwrap()).unwrap();
         let posterior = Posterior::fuse(&prior, &Sites::empty(3), &[&wide]).unwrap();
@@ -135,7 +174,7 @@ fn sizes_that_differ_are_refused() {
     let wide = Summary::empty(&prior, &Inputs::from_rows(&[[0.0, 1.0]]).unwrap()).unwrap();
     mismatched(Posterior::fuse(&prior, &sites, &[&wide]).err());
     let narrow = Summary::empty(&prior, &z).unwrap();
-    mismatched(Posterior::concatenate(&prior, &[&narrow, &wide]).err());
+    mismatched(Concatenation::new(&prior, &[&narrow, &wide]).err());
 }
 
 #[test]
@@ -145,13 +184,13 @@ fn different_priors_and_points_are_refused() {
     let mut summary = Summary::empty(&prior, &z).unwrap();
     let moved = Summary::empty(&prior, &line(&[0.0, 1.5])).unwrap();
     let foreign = Summary::empty(&other, &z).unwrap();
-    assert!(matches!(summary.merge(&moved), Err(Error::Different { of: "inducing points", .. })));
-    assert!(matches!(summary.subtract(&moved), Err(Error::Different { of: "inducing points", .. })));
-    assert!(matches!(summary.merge(&foreign), Err(Error::Different { of: "priors", .. })));
-    assert!(matches!(summary.subtract(&foreign), Err(Error::Different { of: "priors", .. })));
+    assert!(matches!(summary.merge(&moved), Err(Error::DifferentInducingPoints)));
+    assert!(matches!(summary.subtract(&moved), Err(Error::DifferentInducingPoints)));
+    assert!(matches!(summary.merge(&foreign), Err(Error::DifferentPriors { .. })));
+    assert!(matches!(summary.subtract(&foreign), Err(Error::DifferentPriors { .. })));
     let refused = Posterior::fuse(&prior, &Sites::empty(1), &[&summary, &foreign]);
-    assert!(matches!(refused, Err(Error::Different { of: "priors", .. })));
-    assert!(matches!(Posterior::concatenate(&prior, &[&foreign]), Err(Error::Different { of: "priors", .. })));
+    assert!(matches!(refused, Err(Error::DifferentPriors { .. })));
+    assert!(matches!(Concatenation::new(&prior, &[&foreign]), Err(Error::DifferentPriors { .. })));
     assert!(summary.merge(&foreign.under(&prior).unwrap()).is_ok());
 }
 
@@ -166,14 +205,14 @@ fn messages_that_are_none_are_refused() {
         assert!(refused.is_err(), "precision {value}");
     }
     for value in [f64::NAN, f64::INFINITY] {
-        let message = Summary::from_whitened(&prior, &z, diagonal(1.0), vec![value, 0.0]);
-        let result = message.and_then(|message| Posterior::fuse(&prior, &none, &[&message]));
-        if let Ok(posterior) = result {
-            let latent = posterior.latent(&z);
-            assert!(
-                latent.is_ok_and(|latent| latent.mean.iter().all(|mean| !mean.is_nan())),
-                "shift {value} gives NaN"
-            );
-        }
+        let refused = Summary::from_whitened(&prior, &z, diagonal(1.0), vec![0.0, value]).unwrap_err();
+        assert!(
+            matches!(refused, Error::NotFinite { what: "summary shift", place: Place::Element(1), .. }),
+            "{refused}"
+        );
+        let factor = Factor::new(z.clone(), diagonal(1.0), vec![0.0, value]).unwrap_err();
+        assert!(matches!(factor, Error::NotFinite { place: Place::Element(1), .. }), "{factor}");
+        let factor = Factor::new(z.clone(), diagonal(value), vec![0.0; 2]).unwrap_err();
+        assert!(matches!(factor, Error::NotFinite { place: Place::Entry { row: 0, column: 0 }, .. }), "{factor}");
     }
 }

@@ -69,7 +69,7 @@ proptest! {
                 }
                 let smallest = traces.iter().copied().fold(f64::INFINITY, f64::min);
                 let largest = traces.iter().copied().fold(0.0, f64::max);
-                for (selection, expected) in [(candidates.good(points), smallest), (candidates.bad(points), largest)] {
+                for (selection, expected) in [(candidates.minimise_trace(points), smallest), (candidates.maximise_trace(points), largest)] {
                     prop_assert_eq!(selection.indices.len(), points);
                     prop_assert!(distinct(&gram, &prior, &selection.indices, 1.0));
                     let achieved = trace(&conditional(&gram, &selection.indices));
@@ -90,7 +90,7 @@ proptest! {
         let prior = kernel.diagonal(&inputs).unwrap();
         let slack = 1e-8 * trace(&gram);
         for points in [3, 4] {
-            let (good, greedy, bad) = (candidates.good(points), candidates.greedy(points), candidates.bad(points));
+            let (good, greedy, bad) = (candidates.minimise_trace(points), candidates.greedy(points), candidates.maximise_trace(points));
             prop_assert_eq!(good.indices.len(), greedy.indices.len());
             prop_assert!(good.trace <= greedy.trace + slack, "{} after {}", good.trace, greedy.trace);
             // Where few points explain everything, no further one is distinct, and a bad choice may be of more points.
@@ -127,7 +127,7 @@ proptest! {
         let scale = trace(&gram);
         // Points 1e-2 apart in share of variance lose up to four digits in elimination.
         prop_assert!((random.trace - trace(&conditional(&gram, &random.indices))).abs() < 1e-8 * scale);
-        prop_assert!(random.trace >= fresh.good(random.indices.len()).trace - 1e-8 * scale || random.indices.len() > 2);
+        prop_assert!(random.trace >= fresh.minimise_trace(random.indices.len()).trace - 1e-8 * scale || random.indices.len() > 2);
 
         let mut conditioned = fresh.clone();
         conditioned.condition_on(&random.indices);
@@ -137,7 +137,7 @@ proptest! {
         for points in 1..4 {
             let mut choices = Vec::new();
             for candidates in [&conditioned, &given] {
-                choices.push([candidates.good(points), candidates.bad(points), candidates.greedy(points)]);
+                choices.push([candidates.minimise_trace(points), candidates.maximise_trace(points), candidates.greedy(points)]);
             }
             for selection in choices.iter().flatten() {
                 let again = selection.indices.iter().any(|index| random.indices.contains(index));
@@ -163,8 +163,8 @@ proptest! {
         let candidates = Candidates::new(problem.prior.kernel(), &tripled).unwrap();
         for points in 0..=6 {
             let choices = [
-                candidates.good(points),
-                candidates.bad(points),
+                candidates.minimise_trace(points),
+                candidates.maximise_trace(points),
                 candidates.greedy(points),
                 candidates.random(points, &mut seeded(seed)),
             ];
@@ -190,7 +190,7 @@ fn a_pair_of_known_points_is_no_pair() {
         let inputs = line(&(0..6).map(|_| rng.random_range(-2.0..2.0)).collect::<Vec<f64>>());
         let kernel = line_prior(Shape::Matern32).kernel().clone();
         let candidates = Candidates::given(&kernel, &inputs, &inputs.slice(0..4)).unwrap();
-        for selection in [candidates.good(2), candidates.bad(2)] {
+        for selection in [candidates.minimise_trace(2), candidates.maximise_trace(2)] {
             assert!(selection.indices.iter().all(|&index| index >= 4), "seed {seed}: {selection:?}");
         }
     }
@@ -210,7 +210,7 @@ fn exchange_reports_the_trace_of_its_points() {
     let candidates = Candidates::new(&kernel, &inputs).unwrap();
     let gram = rows(&kernel.gram(&inputs).unwrap());
     for points in 1..=5 {
-        for selection in [candidates.good(points), candidates.bad(points)] {
+        for selection in [candidates.minimise_trace(points), candidates.maximise_trace(points)] {
             let achieved = trace(&conditional(&gram, &selection.indices));
             assert!((selection.trace - achieved).abs() < 1e-10, "{points} points: {selection:?} is {achieved}");
         }

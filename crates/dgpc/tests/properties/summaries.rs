@@ -68,8 +68,8 @@ proptest! {
             let moved = summary.under(&other).unwrap();
             prop_assert_eq!(moved.prior(), &other);
             let (found, expected) = (moved.factor().unwrap(), summary.factor().unwrap());
-            assert_near_matrix("precision", &rows(&found.precision), &rows(&expected.precision), 1e-8);
-            assert_near("shift", &found.shift, &expected.shift, 1e-8);
+            assert_near_matrix("precision", &rows(found.precision()), &rows(expected.precision()), 1e-8);
+            assert_near("shift", found.shift(), expected.shift(), 1e-8);
             assert_same_message(&moved.under(&problem.prior).unwrap(), &summary, 1e-8);
         }
         // Under whatever prior, Z = X is the likelihood itself: reading it under another prior is fitting under that one.

@@ -6,7 +6,7 @@ mod values;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
-use pingmap_agent::{Expectation, Given, Learning, Limits, Structure};
+use pingmap_agent::{Given, Learning, Limits, MeanStructure, Structure};
 use pingmap_trial::Water;
 
 pub use simulate::Simulate;
@@ -407,14 +407,14 @@ impl Kernel {
     pub fn given(&self) -> Given {
         let conservative = self.conservative_range_m.map(|range_m| {
             let slope_per_m = self.conservative_slope_per_km.map(|slope| slope / 1000.0);
-            Expectation::Conservative { range_m, slope_per_m: slope_per_m.unwrap_or(CONSERVATIVE_LOSS / range_m) }
+            MeanStructure::Conservative { range_m, slope_per_m: slope_per_m.unwrap_or(CONSERVATIVE_LOSS / range_m) }
         });
         Given {
             shape: self.shape.map(ShapeName::shape),
             path_inputs: self.inputs.map(InputsName::inputs),
             reciprocal: self.reciprocal.map(|reciprocal| reciprocal == YesNo::Yes),
             terms: self.terms.map(TermsName::terms),
-            expectation: conservative.or(self.prior_mean.map(MeanName::expectation)),
+            mean: conservative.or(self.prior_mean.map(MeanName::mean)),
         }
     }
 

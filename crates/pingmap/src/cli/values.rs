@@ -2,8 +2,7 @@
 
 use clap::ValueEnum;
 use dgpc::Shape;
-use pingmap_agent::{Criterion, Expectation, PathInputs, Terms};
-use pingmap_trial::COORDINATE_MAX_M;
+use pingmap_agent::{Criterion, MeanStructure, PathInputs, Terms, bounds};
 use pingmap_trial::paper::Policy;
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -74,11 +73,11 @@ pub enum MeanName {
 }
 
 impl MeanName {
-    pub(super) fn expectation(self) -> Expectation {
+    pub(super) fn mean(self) -> MeanStructure {
         match self {
-            MeanName::Zero => Expectation::Zero,
-            MeanName::Constant => Expectation::Constant,
-            MeanName::Range => Expectation::Range,
+            MeanName::Zero => MeanStructure::Zero,
+            MeanName::Constant => MeanStructure::Constant,
+            MeanName::Range => MeanStructure::Range,
         }
     }
 }
@@ -219,8 +218,10 @@ pub(super) fn open_share(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
-    let numbers: Option<Vec<f64>> =
-        text.split(',').map(|part| part.trim().parse::<f64>().ok().filter(|x| x.abs() <= COORDINATE_MAX_M)).collect();
+    let numbers: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().ok().and_then(|x| bounds::COORDINATE_M.check(x)))
+        .collect();
     let numbers = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
     numbers.ok_or_else(|| format!("expected {N} numbers, at most 1e9 from zero, with commas between them"))
 }

@@ -148,7 +148,7 @@ pub const BOUNDS: [(&str, &str, BoundOf); 5] = [
     ("kl", "KL", |bounds| bounds.kl),
     ("gap", "gap", |bounds| bounds.gap),
     ("closed_form", "closed form", |bounds| bounds.closed_form),
-    ("paper", "paper's bound", |bounds| bounds.paper),
+    ("paper", "paper's bound", |bounds| bounds.paper_closed_form),
 ];
 
 /// The mean of a bound over permutations.

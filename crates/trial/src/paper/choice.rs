@@ -3,6 +3,12 @@
 use dgpc::{Candidates, Selection};
 use rand::Rng;
 
+/// The paper's radius of a locality region, in standardised units.
+pub const RADIUS: f64 = 0.4;
+
+/// The paper's radius in its length-scales, 0.4 / 0.289: √(−2 ln ε) for ε = 0.384.
+pub const RADIUS_LENGTH_SCALES: f64 = 1.384;
+
 /// Which events of a region become its inducing points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Policy {
@@ -21,9 +27,9 @@ impl Policy {
     /// So many of the candidates; only [`Policy::Random`] draws random numbers.
     pub fn choose<R: Rng + ?Sized>(self, candidates: &Candidates, points: usize, rng: &mut R) -> Selection {
         match self {
-            Policy::Good => candidates.good(points),
+            Policy::Good => candidates.minimise_trace(points),
             Policy::Random => candidates.random(points, rng),
-            Policy::Bad => candidates.bad(points),
+            Policy::Bad => candidates.maximise_trace(points),
         }
     }
 

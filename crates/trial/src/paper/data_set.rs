@@ -3,9 +3,11 @@
 use dgpc::{Error, Inputs, LocalityRegion, Observations};
 use pingmap_agent::{Link, VehicleId};
 
-use super::REGION_EVENTS_MAX;
 use crate::event_log::EventLog;
 use crate::split::events_by_vehicle;
+
+/// The regions of a data set hold at most so many events together, in equal shares: those nearest to their centres.
+pub const REGION_EVENTS_MAX: usize = 1200;
 
 /// One data set.
 #[derive(Debug, Clone)]
@@ -81,16 +83,18 @@ impl DataSet {
         Observations::new(self.inputs.select(indices), outcomes)
     }
 
-    /// The fixed locality region of an agent: around that of its events which has most of its events within the radius (of more than a thousand, a
-    /// thousand are tried). Members
-    /// are indices of the log, at most this agent's share of [`REGION_EVENTS_MAX`].
-    pub(super) fn region(&self, agent: &AgentEvents, radius: f64) -> LocalityRegion {
+    /// The fixed locality region of an agent: around that of its events which has most of its events within the radius (of more than
+    /// a thousand, a thousand are tried). Members are indices of the log, at most this agent's share of [`REGION_EVENTS_MAX`].
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a radius that is negative or not finite.
+    pub(super) fn region(&self, agent: &AgentEvents, radius: f64) -> Result<LocalityRegion, Error> {
         let own = self.inputs.select(&agent.events);
         let nobody = LocalityRegion { centre: Vec::new(), radius, members: Vec::new() };
-        let mut region = LocalityRegion::busiest(&own, radius).unwrap_or(nobody);
+        let mut region = LocalityRegion::busiest(&own, radius)?.unwrap_or(nobody);
         region.keep_nearest(&own, REGION_EVENTS_MAX / self.agents.len());
         region.members.iter_mut().for_each(|member| *member = agent.events[*member]);
-        region
+        Ok(region)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dgpc::{Error, Posterior};
+use dgpc::{Concatenation, Error};
 
 use super::choice::{Choice, Omega, Policy};
 use super::fit::{Chosen, RegionFit};
@@ -47,7 +47,7 @@ pub(super) fn example(permutation: &Permutation<'_>) -> Result<Option<Example>, 
     let test = set.observations(&held_out)?;
     let predicted = |policy| {
         let packets = fits.iter().flat_map(|fit| fit.packets(Choice { policy, points: 2 }, Omega::LastDraw));
-        let team = Posterior::concatenate(prior, &packets.collect::<Vec<_>>())?;
+        let team = Concatenation::new(prior, &packets.collect::<Vec<_>>())?;
         let probability = team.probability(test.inputs())?;
         Ok((policy, held_out.iter().copied().zip(probability).collect()))
     };

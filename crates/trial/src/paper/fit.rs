@@ -1,11 +1,10 @@
 //! One agent in one permutation: what its training events in its region say, and the points that stand for them.
 
-use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
 use dgpc::{
-    Candidates, Error, Gibbs, Inputs, Observations, Posterior, Prior, Selection, Sites, Summary, effective_sample_size,
-    mean_field,
+    Candidates, Error, FitOptions, Gibbs, Observations, Posterior, Prior, Selection, Sites, Summary,
+    effective_sample_size,
 };
 use rand_chacha::ChaCha8Rng;
 
@@ -69,7 +68,7 @@ impl Fit {
         }
         let sizes: Vec<f64> = latent.iter().map(|draws| effective_sample_size(draws)).collect();
         let least = sizes.iter().copied().fold(f64::INFINITY, f64::min);
-        let mean_field = mean_field::dense(prior, events, &mean_field::Options::default())?.sites;
+        let mean_field = dgpc::fit(prior, events, &FitOptions::default())?.sites().clone();
         let effective_draws = EffectiveDraws { mean: sizes.iter().sum::<f64>() / sizes.len() as f64, least };
         Ok(Self { sites: Draws { draws, mean_field }, effective_draws })
     }
@@ -97,7 +96,7 @@ impl RegionFit {
         let selections: Vec<(Choice, Selection)> =
             Choice::all().map(|choice| (choice, choice.policy.choose(&candidates, choice.points, rng))).collect();
         let fit = Fit::new(prior, events, rng)?;
-        let own = fit.sites.try_map(|sites| Posterior::fuse(prior, sites, &[]))?;
+        let own = fit.sites.try_map(|sites| Posterior::of_sites(prior, sites))?;
         let chosen = |(choice, selection): (Choice, Selection)| {
             let points = events.inputs().select(&selection.indices);
             let packets = fit.sites.try_map(|sites| Summary::variational(prior, sites, &points))?;
@@ -113,16 +112,15 @@ impl RegionFit {
     }
 }
 
-/// The mean of the probabilities that several posteriors predict.
+/// The mean of the probabilities that several posteriors predict, at `count` places.
 pub(super) fn average(
-    posteriors: impl ExactSizeIterator<Item = Result<impl Borrow<Posterior>, Error>>,
-    inputs: &Inputs,
+    probabilities: impl ExactSizeIterator<Item = Result<Vec<f64>, Error>>,
+    count: usize,
 ) -> Result<Vec<f64>, Error> {
-    let count = posteriors.len() as f64;
-    let mut mean = vec![0.0; inputs.len()];
-    for posterior in posteriors {
-        let probability = posterior?.borrow().probability(inputs)?;
-        mean.iter_mut().zip(&probability).for_each(|(mean, p)| *mean += p / count);
+    let posteriors = probabilities.len() as f64;
+    let mut mean = vec![0.0; count];
+    for probability in probabilities {
+        mean.iter_mut().zip(&probability?).for_each(|(mean, p)| *mean += p / posteriors);
     }
     Ok(mean)
 }

@@ -10,11 +10,11 @@ mod shape;
 mod streams;
 mod sweep;
 
-use dgpc::{Error, Kernel, LocalityRegion, Prior, PriorMean, Shape, Term, learn};
+use dgpc::{Error, Kernel, LocalityRegion, Prior, PriorMean, Shape, Term, common_length_scales, spread_out};
 use rayon::prelude::*;
 
-pub use choice::{Choice, Fusion, Omega, Policy};
-pub use data_set::{AgentEvents, DataSet};
+pub use choice::{Choice, Fusion, Omega, Policy, RADIUS, RADIUS_LENGTH_SCALES};
+pub use data_set::{AgentEvents, DataSet, REGION_EVENTS_MAX};
 pub use example::{AgentExample, Example};
 pub use fit::{BURN_IN, DRAWS, EffectiveDraws};
 pub use permutation::{Bounds, LocalOutcome, Outcome, Part, TeamOutcome};
@@ -27,15 +27,6 @@ use streams::{Streams, Use};
 
 /// Share of every agent's events that a permutation holds out.
 const TEST_SHARE: f64 = 0.35;
-
-/// The paper's radius of a locality region, in standardised units.
-pub const RADIUS: f64 = 0.4;
-
-/// The paper's radius in its length-scales, 0.4 / 0.289: √(−2 ln ε) for ε = 0.384.
-pub const RADIUS_LENGTH_SCALES: f64 = 1.384;
-
-/// The regions of a data set hold at most so many events together, in equal shares: those nearest to their centres.
-pub const REGION_EVENTS_MAX: usize = 1200;
 
 /// No length-scale is learned from more events of a data set than this; of longer ones, evenly spread.
 const LEARN_EVENTS_MAX: usize = 2000;
@@ -71,16 +62,16 @@ impl Experiment {
     /// the permutations.
     ///
     /// # Errors
-    /// As [`learn::common_length_scales`].
+    /// As [`common_length_scales`].
     pub fn new(sets: Vec<DataSet>, permutations: usize, seed: u64) -> Result<Self, Error> {
         let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 1.0, 1.0, 4)?])?;
         let template = Prior::new(kernel, PriorMean::Zero)?;
         let everything = sets.iter().map(|set| {
-            let events: Vec<usize> = learn::spread_out(set.log().events.len(), LEARN_EVENTS_MAX);
+            let events: Vec<usize> = spread_out(set.log().events.len(), LEARN_EVENTS_MAX);
             set.observations(&events)
         });
         let everything = everything.collect::<Result<Vec<_>, Error>>()?;
-        let prior = learn::common_length_scales(&template, &everything)?;
+        let prior = common_length_scales(&template, &everything)?;
         Ok(Self { sets, prior, permutations, seed })
     }
 
@@ -91,7 +82,7 @@ impl Experiment {
 
     /// The learned length-scale, in standardised units.
     pub fn length_scale(&self) -> f64 {
-        self.prior.kernel().terms()[0].length_scales()[0]
+        self.prior.kernel().terms()[0].correlations()[0].length_scales()[0]
     }
 
     /// Number of permutations of every data set.
@@ -106,7 +97,7 @@ impl Experiment {
     /// As the samplers and fits of `dgpc`, on numbers near the end of the range.
     pub fn at_radius(&self, radius: f64, done: &(dyn Fn() + Sync)) -> Result<AtRadius, Error> {
         let sets = (0..self.sets.len()).map(|set| {
-            let regions = self.regions(set, radius);
+            let regions = self.regions(set, radius)?;
             let permutations =
                 self.every_permutation(set, &regions, Use::Tables, |permutation| permutation.run(), done)?;
             Ok(SetOutcome { regions, permutations })
@@ -121,7 +112,7 @@ impl Experiment {
     /// As [`Experiment::at_radius`].
     pub fn sweep(&self, done: &(dyn Fn() + Sync)) -> Result<Vec<Vec<SweepRow>>, Error> {
         let row = |set: usize, length_scales: f64| {
-            let regions = self.regions(set, length_scales * self.length_scale());
+            let regions = self.regions(set, length_scales * self.length_scale())?;
             let steps = self.every_permutation(set, &regions, Use::Sweep, sweep::step, done)?;
             Ok(SweepRow::over(length_scales, steps))
         };
@@ -134,7 +125,7 @@ impl Experiment {
     /// # Errors
     /// As [`Experiment::at_radius`].
     pub fn example(&self, set: usize, radius: f64) -> Result<Option<Example>, Error> {
-        let regions = self.regions(set, radius);
+        let regions = self.regions(set, radius)?;
         for number in 0..self.permutations {
             let permutation = self.permutation(set, &regions, Use::Tables, number);
             if let Some(example) = example::example(&permutation)? {
@@ -144,7 +135,7 @@ impl Experiment {
         Ok(None)
     }
 
-    fn regions(&self, set: usize, radius: f64) -> Vec<LocalityRegion> {
+    fn regions(&self, set: usize, radius: f64) -> Result<Vec<LocalityRegion>, Error> {
         let set = &self.sets[set];
         set.agents().iter().map(|agent| set.region(agent, radius)).collect()
     }

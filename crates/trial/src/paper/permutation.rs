@@ -1,9 +1,8 @@
 //! One permutation of one data set: every agent by itself, and the team.
 
-use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
-use dgpc::{Certificate, Error, LocalityRegion, Observations, Posterior, Prior, Sites, Summary, log_evidence};
+use dgpc::{Certificate, Concatenation, Error, LocalityRegion, Observations, Posterior, Prior, Summary, log_evidence};
 
 use super::choice::{Choice, Fusion, Omega};
 use super::data_set::DataSet;
@@ -36,8 +35,8 @@ pub struct Bounds {
     pub gap: f64,
     /// Our closed form, which vanishes with the trace.
     pub closed_form: f64,
-    /// The paper's.
-    pub paper: f64,
+    /// The paper's closed form.
+    pub paper_closed_form: f64,
 }
 
 /// What the held-out events of all regions say about the team.
@@ -133,11 +132,12 @@ impl<'a> Permutation<'a> {
         let test = self.set.observations(held_out)?;
         let (mut scores, mut all_events) = (BTreeMap::new(), BTreeMap::new());
         for omega in Omega::ALL {
-            all_events.insert(omega, score(region.own.of(omega).iter().map(Ok), &test)?);
+            all_events
+                .insert(omega, score(region.own.of(omega).iter().map(|own| own.probability(test.inputs())), &test)?);
             for choice in Choice::all() {
                 let packets = region.packets(choice, omega).iter();
-                let posteriors = packets.map(|packet| Posterior::concatenate(self.prior, &[packet]));
-                scores.insert((choice, omega), score(posteriors, &test)?);
+                let alone = |packet: &Summary| Concatenation::new(self.prior, &[packet])?.probability(test.inputs());
+                scores.insert((choice, omega), score(packets.map(alone), &test)?);
             }
         }
         let (bounds, effective_draws) = (self.bounds(region)?, region.fit.effective_draws);
@@ -152,8 +152,8 @@ impl<'a> Permutation<'a> {
             let points = region.packets(choice, Omega::LastDraw)[0].inducing_points();
             let certificate = Certificate::new(self.prior, sites, points)?;
             let kl = certificate.divergence(log_evidence);
-            let Certificate { trace, gap, closed_form, paper, .. } = certificate;
-            Ok((choice, Bounds { trace, kl, gap, closed_form, paper }))
+            let Certificate { trace, gap, closed_form, paper_closed_form, .. } = certificate;
+            Ok((choice, Bounds { trace, kl, gap, closed_form, paper_closed_form }))
         };
         Choice::all().map(of_choice).collect()
     }
@@ -177,8 +177,9 @@ impl<'a> Permutation<'a> {
         let everything = Fit::new(self.prior, &self.set.observations(&training)?, &mut self.streams.team())?;
         let score_of = |omega| {
             // One after the other: a posterior of all events is large.
-            let posteriors = everything.sites.of(omega).iter().map(|sites| Posterior::fuse(self.prior, sites, &[]));
-            Ok((omega, score(posteriors, test)?))
+            let sites = everything.sites.of(omega).iter();
+            let predicted = sites.map(|sites| Posterior::of_sites(self.prior, sites)?.probability(test.inputs()));
+            Ok((omega, score(predicted, test)?))
         };
         Omega::ALL.into_iter().map(score_of).collect()
     }
@@ -194,18 +195,19 @@ impl<'a> Permutation<'a> {
     ) -> Result<Score, Error> {
         let draws = 0..fits.first().map_or(0, |fit| fit.own.of(omega).len());
         let of_draw = |s: usize| fits.iter().map(|fit| &fit.packets(choice, omega)[s]).collect::<Vec<&Summary>>();
-        let no_events = Sites::empty(test.inputs().dimension());
+        let concatenated = |s| Concatenation::new(self.prior, &of_draw(s))?.probability(test.inputs());
+        let fused = |s| Posterior::of_summaries(self.prior, &of_draw(s))?.probability(test.inputs());
         match fusion {
-            Fusion::Concatenation => score(draws.map(|s| Posterior::concatenate(self.prior, &of_draw(s))), test),
-            Fusion::SiteFusion => score(draws.map(|s| Posterior::fuse(self.prior, &no_events, &of_draw(s))), test),
+            Fusion::Concatenation => score(draws.map(concatenated), test),
+            Fusion::SiteFusion => score(draws.map(fused), test),
             Fusion::OwnAndPackets => {
                 let of_agent = |(agent, fit): (usize, &RegionFit)| {
                     let posteriors = fit.own.of(omega).iter().enumerate().map(|(s, own)| {
                         let mut others = of_draw(s);
                         others.remove(agent);
                         let mut posterior = own.clone();
-                        posterior.absorb(&no_events, &others)?;
-                        Ok(posterior)
+                        posterior.absorb_summaries(&others)?;
+                        posterior.probability(test.inputs())
                     });
                     score(posteriors, test)
                 };
@@ -218,10 +220,10 @@ impl<'a> Permutation<'a> {
 
 /// The score of the mean of what several posteriors predict.
 pub(super) fn score(
-    posteriors: impl ExactSizeIterator<Item = Result<impl Borrow<Posterior>, Error>>,
+    probabilities: impl ExactSizeIterator<Item = Result<Vec<f64>, Error>>,
     test: &Observations,
 ) -> Result<Score, Error> {
-    let probability = average(posteriors, test.inputs())?;
+    let probability = average(probabilities, test.len())?;
     Score::new(&probability, test.outcomes()).ok_or(NOTHING_HELD_OUT)
 }
 

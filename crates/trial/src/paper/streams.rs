@@ -2,7 +2,7 @@
 
 use rand_chacha::ChaCha8Rng;
 
-use crate::split::stream;
+use crate::streams::{self, stream};
 
 /// The streams of one permutation of one data set.
 #[derive(Debug, Clone, Copy)]
@@ -26,7 +26,7 @@ const TEAM: usize = 0xFFFF;
 impl Streams {
     pub(super) fn agent(self, agent: usize) -> ChaCha8Rng {
         let Self { seed, for_use, set, permutation } = self;
-        let kind = (1 << 60) + ((for_use as u64) << 58);
+        let kind = streams::PAPER + ((for_use as u64) << 58);
         stream(seed, kind + ((set as u64 & 0x3FF) << 48) + ((agent as u64 & 0xFFFF) << 32) + permutation as u64)
     }
 

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use dgpc::{Candidates, Error, Posterior, Summary, mean_field};
+use dgpc::{Candidates, Concatenation, Error, FitOptions, Summary};
 
-use super::choice::{Choice, Policy};
+use super::choice::{Choice, Policy, RADIUS_LENGTH_SCALES};
 use super::permutation::{Permutation, score};
 use crate::score::Estimate;
 
 /// Radii that are tried, in length-scales; the middle one is the paper's ratio.
-pub const SWEEP_LENGTH_SCALES: [f64; 6] = [0.5, 0.75, 1.0, super::RADIUS_LENGTH_SCALES, 2.0, 3.0];
+pub const SWEEP_LENGTH_SCALES: [f64; 6] = [0.5, 0.75, 1.0, RADIUS_LENGTH_SCALES, 2.0, 3.0];
 
 /// Numbers of points that are tried.
 pub const SWEEP_POINTS: [usize; 6] = [1, 2, 3, 4, 6, 8];
@@ -69,18 +69,19 @@ pub(super) fn step(permutation: &Permutation<'_>) -> Result<Option<SweepStep>, E
     let mut mean = SweepStep { events: 0.0, all_events: 0.0, nll: BTreeMap::new() };
     for (agent, part) in parts.iter().enumerate() {
         let (training, test) = (set.observations(&part.training)?, set.observations(&part.held_out)?);
-        let sites = mean_field::dense(prior, &training, &mean_field::Options::default())?.sites;
+        let fit = dgpc::fit(prior, &training, &FitOptions::default())?;
         let candidates = Candidates::new(prior.kernel(), training.inputs())?;
         let mut rng = streams.agent(agent);
-        let nll = |posterior: Posterior| Ok(score(std::iter::once(Ok(posterior)), &test)?.nll);
+        let nll = |probability: Result<Vec<f64>, Error>| Ok(score(std::iter::once(probability), &test)?.nll);
         mean.events += share * training.len() as f64;
-        mean.all_events += share * nll(Posterior::fuse(prior, &sites, &[])?)?;
+        mean.all_events += share * nll(fit.posterior()?.probability(test.inputs()))?;
         for policy in [Policy::Good, Policy::Random] {
             for points in SWEEP_POINTS {
                 let choice = Choice { policy, points };
                 let chosen = training.inputs().select(&policy.choose(&candidates, points, &mut rng).indices);
-                let packet = Summary::variational(prior, &sites, &chosen)?;
-                *mean.nll.entry(choice).or_default() += share * nll(Posterior::concatenate(prior, &[&packet])?)?;
+                let packet = Summary::variational(prior, fit.sites(), &chosen)?;
+                let alone = Concatenation::new(prior, &[&packet])?;
+                *mean.nll.entry(choice).or_default() += share * nll(alone.probability(test.inputs()))?;
             }
         }
     }

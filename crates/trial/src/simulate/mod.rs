@@ -19,7 +19,7 @@ pub use channel::{Absorption, Channel, Sound};
 pub use sea_floor::{Mound, Ridge, SeaFloor};
 
 use crate::event_log::EventLog;
-use crate::split::stream;
+use crate::streams::{self, stream};
 use survey::Legs;
 
 /// Most vehicles of a simulated team.
@@ -38,7 +38,7 @@ const DEPTH_MIN_M: f64 = 0.5;
 pub const CLEARANCE_M: f64 = ALTITUDE_MIN_M + DEPTH_MIN_M;
 
 /// Streams of random numbers: of the sea floor, and of all that happens; then one for each vehicle.
-const FLOOR_STREAM: u64 = 1 << 61;
+const FLOOR_STREAM: u64 = streams::SIMULATION;
 const EVENT_STREAM: u64 = FLOOR_STREAM + 1;
 const VEHICLE_STREAMS: u64 = FLOOR_STREAM + 2;
 

@@ -63,7 +63,7 @@ fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::split::stream;
+    use crate::streams::stream;
 
     #[test]
     fn vehicles_stay_inside_and_move_at_their_speed() {

@@ -1,4 +1,4 @@
-//! Which of the candidate points summarise a region best (docs/method.md, section 5).
+//! Which of the candidate points summarise a region best (section 5 of [`crate::method`]).
 //!
 //! All policies look at one number: tr K̃, the prior variance at the candidates that the chosen points leave unexplained, which
 //! bounds the KL divergence from the full posterior (see [`crate::Certificate`]).
@@ -19,6 +19,7 @@ const ROUNDING_SHARE: f64 = 1e-12;
 
 /// Chosen candidates.
 #[derive(Debug, Clone, PartialEq)]
+#[must_use]
 pub struct Selection {
     /// Their indices, in the order of choice. Fewer than asked for where candidates coincide.
     pub indices: Vec<usize>,
@@ -42,7 +43,7 @@ pub struct Candidates {
     gram: Matrix,
     /// Prior variances k(z, z), N.
     variance: Vec<f64>,
-    /// Variance that stays at a candidate once it is chosen, N: 0 where f is taken as known there.
+    /// Variance that is left at a candidate once it is chosen, N: 0 where f is taken as known there.
     floor: Vec<f64>,
     jitter: f64,
 }
@@ -73,12 +74,12 @@ impl Candidates {
         Ok(candidates)
     }
 
-    /// Candidates for telling somebody who knows `public` what `own` knows: choosing one makes the variance there `own`'s, and the
-    /// choice is greedy for the largest drop of the variance that `public` has at all candidates. O(n²N + N²n).
+    /// Candidates for the residual of `own` beyond `public` ([`Posterior::residual`]): choosing one makes the variance there `own`'s,
+    /// and the choice is greedy for the largest drop of the variance that `public` has at all candidates. O(n²N + N²n).
     ///
     /// # Errors
     /// As [`Posterior::latent`].
-    pub fn to_tell(public: &Posterior, own: &Posterior, inputs: &Inputs) -> Result<Self> {
+    pub fn for_residual(public: &Posterior, own: &Posterior, inputs: &Inputs) -> Result<Self> {
         let variance = own.prior().kernel().diagonal(inputs)?;
         let (_, gram) = public.joint(inputs)?;
         Ok(Self { gram, variance, floor: own.latent(inputs)?.variance, jitter: public.jitter() })
@@ -118,13 +119,13 @@ impl Candidates {
         (0..self.len()).map(|n| self.gram[(n, n)].max(0.0)).sum()
     }
 
-    /// Counts the candidates at `indices` as known from now on (or as told, see [`Candidates::to_tell`]). O(N²) each.
+    /// Counts the candidates at `indices` as known from now on (or as certain as `own`, see [`Candidates::for_residual`]). O(N²) each.
     pub fn condition_on(&mut self, indices: &[usize]) {
-        self.take_out(indices, DISTINCT_SHARE);
+        self.condition_on_those(indices, DISTINCT_SHARE);
     }
 
     /// Conditions on those of `indices` that keep at least `share_min` of their prior variance when their turn comes.
-    fn take_out(&mut self, indices: &[usize], share_min: f64) {
+    fn condition_on_those(&mut self, indices: &[usize], share_min: f64) {
         let mut pivot_column = vec![0.0; self.len()];
         for &pivot in indices {
             let pivot_variance = self.gram[(pivot, pivot)];
@@ -132,7 +133,7 @@ impl Candidates {
                 continue;
             }
             pivot_column.copy_from_slice(self.gram.column(pivot));
-            let share = self.share_told(pivot);
+            let share = self.share_gone(pivot);
             for column in 0..self.len() {
                 let factor = share * (pivot_column[column] / pivot_variance);
                 let entries = self.gram.column_mut(column).iter_mut().zip(&pivot_column);
@@ -141,14 +142,14 @@ impl Candidates {
         }
     }
 
-    /// The `points` candidates with the smallest tr K̃: exact for one and two, beyond that greedy, then exchanged until no
+    /// The `points` candidates with the smallest tr K̃ (the paper's *good* points): exact for one and two, beyond that greedy, then exchanged until no
     /// single swap helps. O(N²) for one point, O(N³) for two, O(N²·points²) a round of exchange beyond.
-    pub fn good(&self, points: usize) -> Selection {
+    pub fn minimise_trace(&self, points: usize) -> Selection {
         self.choose(points, Aim::Small)
     }
 
-    /// The `points` candidates with the largest tr K̃, found as in [`Candidates::good`].
-    pub fn bad(&self, points: usize) -> Selection {
+    /// The `points` candidates with the largest tr K̃ (the paper's *bad* points), found as in [`Candidates::minimise_trace`].
+    pub fn maximise_trace(&self, points: usize) -> Selection {
         self.choose(points, Aim::Large)
     }
 
@@ -156,7 +157,7 @@ impl Candidates {
     pub fn random<R: Rng + ?Sized>(&self, points: usize, rng: &mut R) -> Selection {
         let mut order: Vec<usize> = (0..self.len()).collect();
         let mut left = self.clone();
-        let mut indices = Vec::with_capacity(points);
+        let mut indices = Vec::with_capacity(points.min(self.len()));
         while indices.len() < points && !order.is_empty() {
             let candidate = order.swap_remove(rng.random_range(0..order.len()));
             if left.is_distinct(candidate, left.gram[(candidate, candidate)]) {
@@ -168,7 +169,7 @@ impl Candidates {
     }
 
     /// The `points` candidates that greedy choice takes, one after the other; their prefixes are the choices of fewer points.
-    /// O(N²·points): for hundreds of points, where [`Candidates::good`] would take long.
+    /// O(N²·points): for hundreds of points, where [`Candidates::minimise_trace`] would take long.
     pub fn greedy(&self, points: usize) -> Selection {
         self.greedy_towards(points, Aim::Small)
     }
@@ -184,7 +185,7 @@ impl Candidates {
 
     fn greedy_towards(&self, points: usize, aim: Aim) -> Selection {
         let mut left = self.clone();
-        let mut indices = Vec::with_capacity(points);
+        let mut indices = Vec::with_capacity(points.min(self.len()));
         while indices.len() < points {
             let Some((candidate, _)) = left.best(aim) else { break };
             left.condition_on(&[candidate]);
@@ -203,7 +204,7 @@ impl Candidates {
                 others.remove(place);
                 let mut left = self.clone();
                 // A swap may have brought two of them close; they are chosen all the same.
-                left.take_out(&others, ROUNDING_SHARE);
+                left.condition_on_those(&others, ROUNDING_SHARE);
                 let Some((candidate, reduction)) = left.best(aim) else { continue };
                 let trace = left.trace() - reduction;
                 let tolerance = 1e-12 * self.trace();
@@ -228,7 +229,7 @@ impl Candidates {
             .filter(|&(candidate, variance)| self.is_distinct(candidate, variance))
             .map(|(candidate, variance)| {
                 let explained = squared_norm(self.gram.column(candidate)) / variance;
-                (candidate, explained * self.share_told(candidate))
+                (candidate, explained * self.share_gone(candidate))
             });
         best_of(reductions.filter(|&(_, reduction)| reduction > 0.0), aim)
     }
@@ -258,7 +259,7 @@ impl Candidates {
     }
 
     /// The share of a candidate's variance that goes once it is chosen.
-    fn share_told(&self, candidate: usize) -> f64 {
+    fn share_gone(&self, candidate: usize) -> f64 {
         let variance = self.gram[(candidate, candidate)];
         (1.0 - self.floor[candidate] / variance).max(0.0)
     }

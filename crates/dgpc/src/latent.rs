@@ -1,6 +1,7 @@
-//! From latent mean and variance to the probability of success (docs/method.md, section 6).
+//! From latent mean and variance to the probability of success (section 6 of [`crate::method`]).
 
-use crate::polya_gamma::normal_cdf;
+use crate::error::{Result, all_finite};
+use crate::special::{logistic, normal_cdf};
 
 /// The latent function at some points: mean and variance of each.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,10 +13,22 @@ pub struct Latent {
 }
 
 impl Latent {
+    /// Checks that every number is finite.
+    pub(crate) fn checked(self) -> Result<Self> {
+        all_finite("latent mean", &self.mean)?;
+        all_finite("latent variance", &self.variance)?;
+        Ok(self)
+    }
+
     /// Probability of success at every point: [`success_probability`] of each mean and variance.
     pub fn probability(&self) -> Vec<f64> {
         self.mean.iter().zip(&self.variance).map(|(&mean, &variance)| success_probability(mean, variance)).collect()
     }
+}
+
+/// A variance that rounding may have made negative; what is not a number stays so, to be refused.
+pub(crate) fn clipped(variance: f64) -> f64 {
+    if variance < 0.0 { 0.0 } else { variance }
 }
 
 /// Weight and scale of each normal distribution function in the mixture that stands for the logistic function (Monahan and
@@ -53,14 +66,4 @@ pub fn success_probability(mean: f64, variance: f64) -> f64 {
         .sum();
     let tail = logistic(-mean.abs());
     if mean < 0.0 { mixture.clamp(tail, 0.5) } else { mixture.clamp(0.5, 1.0 - tail) }
-}
-
-/// σ(f), without overflow.
-fn logistic(f: f64) -> f64 {
-    if f >= 0.0 {
-        1.0 / (1.0 + (-f).exp())
-    } else {
-        let odds = f.exp();
-        odds / (1.0 + odds)
-    }
 }

@@ -1,6 +1,6 @@
-//! What is worth the next frame (docs/method.md, sections 5 and 6).
+//! Which packet is worth the next frame (docs/method.md, section 6).
 
-use dgpc::{Candidates, Inputs, Posterior, Sites, Summary};
+use dgpc::{Candidates, Inputs, Posterior, Summary};
 use pingmap_packet::{Block, Layout};
 
 use crate::event::Link;
@@ -9,9 +9,9 @@ use crate::wire::Wire;
 /// How points are chosen from a pool of candidates.
 #[derive(Debug, Clone, Copy)]
 enum Choice {
-    /// Those that lower the variance of `public` most: what is known and has not been told.
-    Untold,
-    /// Those that stand for the pool, whatever has been told there: it may have been wrong.
+    /// Those that lower the variance of `public` most: what is known and has not been sent.
+    Unplanned,
+    /// Those that stand for the pool, whatever has been sent there: it may have been wrong.
     Spread,
 }
 
@@ -19,18 +19,18 @@ enum Choice {
 const POOLS: [usize; 3] = [1, 3, 8];
 
 /// What is tried, and what is tried if none of that is worth a frame.
-const WAYS: [(Choice, &[usize]); 2] = [(Choice::Untold, &POOLS), (Choice::Spread, &[8])];
+const WAYS: [(Choice, &[usize]); 2] = [(Choice::Unplanned, &POOLS), (Choice::Spread, &[8])];
 
 /// A packet that is worth sending, and what it says.
 #[derive(Debug)]
-pub(crate) struct Told {
+pub(crate) struct Planned {
     pub(crate) blocks: Vec<Block>,
     pub(crate) summaries: Vec<Summary>,
 }
 
-/// What a vehicle knows, at the places where it could tell of it.
+/// What a vehicle knows, at the places where it could send something of it.
 #[derive(Debug)]
-pub(crate) struct Telling<'a> {
+pub(crate) struct Planner<'a> {
     pub(crate) wire: Wire<'a>,
     pub(crate) layout: &'a Layout,
     /// What it knows from its own events.
@@ -43,11 +43,11 @@ pub(crate) struct Telling<'a> {
     pub(crate) worth_nats: f64,
 }
 
-impl Telling<'_> {
+impl Planner<'_> {
     /// The packet that tells most to somebody who knows `public`, if it is worth a frame. Its points are those that lower the
     /// variance of `public` at the sender's events most, or that stand for where it is most wrong; of several such packets the one is
     /// taken that brings what `public` predicts closest to what the sender knows.
-    pub(crate) fn packet(&self, public: &Posterior) -> dgpc::Result<Option<Told>> {
+    pub(crate) fn packet(&self, public: &Posterior) -> dgpc::Result<Option<Planned>> {
         if self.links.is_empty() {
             return Ok(None);
         }
@@ -56,44 +56,44 @@ impl Telling<'_> {
         let mut order: Vec<usize> = (0..self.links.len()).collect();
         order.sort_by(|&a, &b| divergences[b].total_cmp(&divergences[a]).then(a.cmp(&b)));
         for (choice, pools) in WAYS {
-            let mut best: Option<(f64, Told)> = None;
+            let mut best: Option<(f64, Planned)> = None;
             for part in pools {
                 let mut pool = order[..order.len().min(order.len() / part + self.layout.points)].to_vec();
                 pool.sort_unstable();
-                let (told, public) = self.form(public, &pool, choice)?;
+                let (planned, public) = self.form(public, &pool, choice)?;
                 let left = mean(&self.divergences(&known, &public)?);
-                if !told.summaries.is_empty() && best.as_ref().is_none_or(|(least, _)| left < *least) {
-                    best = Some((left, told));
+                if !planned.summaries.is_empty() && best.as_ref().is_none_or(|(least, _)| left < *least) {
+                    best = Some((left, planned));
                 }
             }
-            let worth = |(left, _): &(f64, Told)| mean(&divergences) - left >= self.worth_nats;
-            if let Some((_, told)) = best.filter(worth) {
-                return Ok(Some(told));
+            let worth = |(left, _): &(f64, Planned)| mean(&divergences) - left >= self.worth_nats;
+            if let Some((_, planned)) = best.filter(worth) {
+                return Ok(Some(planned));
             }
         }
         Ok(None)
     }
 
     /// Blocks about the candidates in `pool`, each given those before, and `public` with them.
-    fn form(&self, public: &Posterior, pool: &[usize], choice: Choice) -> dgpc::Result<(Told, Posterior)> {
+    fn form(&self, public: &Posterior, pool: &[usize], choice: Choice) -> dgpc::Result<(Planned, Posterior)> {
         let mut public = public.clone();
         let (mut blocks, mut summaries) = (Vec::new(), Vec::new());
         let inputs = self.inputs.select(pool);
         while blocks.len() < self.layout.blocks {
             let candidates = match choice {
-                Choice::Untold => Candidates::to_tell(&public, self.own, &inputs)?,
-                Choice::Spread => Candidates::given(self.own.prior().kernel(), &inputs, &told_points(&summaries)?)?,
+                Choice::Unplanned => Candidates::for_residual(&public, self.own, &inputs)?,
+                Choice::Spread => Candidates::given(self.own.prior().kernel(), &inputs, &points_of(&summaries)?)?,
             };
             let chosen = candidates.greedy(self.layout.points);
             let links: Vec<Link> = chosen.indices.iter().map(|&place| self.links[pool[place]]).collect();
-            let residual = |points: &Inputs| self.own.beyond(&public, points);
+            let residual = |points: &Inputs| self.own.residual(&public, points);
             let Some((block, summary)) = self.wire.encode(self.layout, &links, &residual)? else { break };
-            public.absorb(&Sites::empty(inputs.dimension()), &[&summary])?;
+            public.absorb_summaries(&[&summary])?;
             blocks.push(block);
             summaries.push(summary);
         }
         blocks.resize_with(self.layout.blocks, || Block::silent(self.layout));
-        Ok((Told { blocks, summaries }, public))
+        Ok((Planned { blocks, summaries }, public))
     }
 
     /// Kullback-Leibler divergence of what `public` predicts from what the vehicle knows, at every candidate.
@@ -104,7 +104,7 @@ impl Telling<'_> {
 }
 
 /// The inducing points of the blocks so far.
-fn told_points(summaries: &[Summary]) -> dgpc::Result<Inputs> {
+fn points_of(summaries: &[Summary]) -> dgpc::Result<Inputs> {
     let dimension = summaries.first().map_or(1, |first| first.inducing_points().dimension());
     let mut points = Inputs::empty(dimension);
     summaries.iter().try_for_each(|summary| points.append(summary.inducing_points()))?;

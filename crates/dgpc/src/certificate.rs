@@ -1,18 +1,18 @@
-//! How far a sparse posterior is from the full one: bounds on the log evidence given ω, and the KL certificate (docs/method.md,
-//! section 4).
+//! How far a sparse posterior is from the full one: bounds on the log evidence given ω, and the KL certificate (section 4 of
+//! [`crate::method`]).
 
-use crate::dense::fill_scaled;
 use crate::error::Result;
+use crate::features::Features;
 use crate::inputs::Inputs;
-use crate::linalg::{Cholesky, Matrix, squared_norm};
-use crate::prior_mean::Prior;
+use crate::linalg::{Cholesky, Matrix, fill_scaled, squared_norm};
+use crate::prior::Prior;
 use crate::sites::Sites;
-use crate::sparse::Features;
 
-/// What is certain about KL\[sparse posterior ‖ full posterior\] given ω, without ever forming an N×N matrix.
+/// Bounds on KL\[sparse posterior ‖ full posterior\] given ω: how much a few inducing points leave out. No N×N matrix is formed.
 ///
-/// KL ≤ `gap` ≤ `closed_form`, and KL ≤ `gap` ≤ `paper`.
+/// KL ≤ `gap` ≤ `closed_form`, and KL ≤ `gap` ≤ `paper_closed_form`.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Certificate {
     /// tr K̃: the prior variance at the events that the inducing points leave unexplained. What the selection policy minimises.
     pub trace: f64,
@@ -25,7 +25,7 @@ pub struct Certificate {
     /// ½ p λ + ½ p λ² ‖c‖² / (1 + p λ), p = tr K̃, λ = max ω: vanishes with the trace.
     pub closed_form: f64,
     /// The paper's closed form ½ p λ + ½ ‖κ̃‖² / min ω, which does not.
-    pub paper: f64,
+    pub paper_closed_form: f64,
     /// What was added to the diagonal of K_MM to factorise it (0 in the ordinary case).
     pub jitter: f64,
 }
@@ -53,9 +53,10 @@ impl Certificate {
         let target: f64 = shift.iter().zip(omega).map(|(shift, omega)| (shift / omega).powi(2)).sum();
         let spread = trace * largest;
         let closed_form = 0.5 * spread + 0.5 * spread * largest * target / (1.0 + spread);
-        let paper = if sites.is_empty() { 0.0 } else { 0.5 * spread + 0.5 * squared_norm(&shift) / smallest };
+        let paper_closed_form =
+            if sites.is_empty() { 0.0 } else { 0.5 * spread + 0.5 * squared_norm(&shift) / smallest };
         let jitter = features.cholesky.jitter();
-        Ok(Self { trace, lower, upper, gap: (upper - lower).max(0.0), closed_form, paper, jitter })
+        Ok(Self { trace, lower, upper, gap: (upper - lower).max(0.0), closed_form, paper_closed_form, jitter })
     }
 
     /// The divergence itself, which the bounds are about, in nats, from the [`log_evidence`] of the same sites: that minus `lower`.

@@ -123,12 +123,7 @@ fn nothing_new_is_said_again_so_often_and_no_more() {
 fn a_prior_that_was_far_off_is_set_right() {
     // Even odds at 500 m, and next to nothing at 1.5 km: but there everything is heard.
     let Model { chart, inputs, prior, .. } = model();
-    let range = dgpc::PriorMean::Range {
-        intercept: 4.0,
-        slope: 0.008,
-        from: inputs.transmitter().collect(),
-        to: inputs.receiver().collect(),
-    };
+    let range = inputs.range_mean(4.0, 0.008).unwrap();
     let model = Model::new(chart, inputs, dgpc::Prior::new(prior.kernel().clone(), range).unwrap());
     let reach = [Position::new(-1000.0, -1000.0), Position::new(1000.0, 1000.0)];
     let names = ["a", "b"].map(VehicleId::new);

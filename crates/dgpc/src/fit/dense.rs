@@ -1,16 +1,19 @@
-//! The full Gaussian posterior of a mean field, and how its evidence bound changes with the prior (docs/method.md, sections 2, 7).
+//! The full Gaussian posterior of a mean field, and how its evidence bound changes with the prior (sections 2 and 7 of
+//! [`crate::method`]).
 
-use crate::data::Data;
+use super::fixed_point::Engine;
 use crate::error::Result;
-use crate::linalg::{Cholesky, CholeskyScratch, Matrix, add_lower_gram, dot, multiply_vector, squared_norm};
-use crate::mean_field::Engine;
-use crate::prior_mean::Prior;
+use crate::likelihood::Likelihood;
+use crate::linalg::{
+    Cholesky, CholeskyScratch, Matrix, add_lower_gram, dot, fill_scaled, multiply_vector, squared_norm,
+};
+use crate::prior::Prior;
 
 /// Below this product of ω and prior variance, a posterior variance is computed by a solve instead of from diag(B⁻¹), which would
 /// lose its digits.
 const INFORMATIVE: f64 = 1e-4;
 
-/// K and the factors of B = I + Ω^½KΩ^½. Everything in the order of [`Data`].
+/// K and the factors of B = I + Ω^½KΩ^½. Everything in the order of [`Likelihood`].
 pub(crate) struct Dense {
     gram: Matrix,
     cholesky: Cholesky,
@@ -23,8 +26,8 @@ pub(crate) struct Dense {
 }
 
 impl Dense {
-    pub(crate) fn new(prior: &Prior, data: &Data<'_>) -> Result<Self> {
-        let gram = data.gram(prior.kernel())?;
+    pub(crate) fn new(prior: &Prior, likelihood: &Likelihood<'_>) -> Result<Self> {
+        let gram = likelihood.gram(prior.kernel())?;
         let size = gram.rows();
         let (cholesky, scratch) = Cholesky::reserve(size);
         let inverse = Matrix::zeros(size, size);
@@ -62,7 +65,7 @@ impl Engine for Dense {
         Ok(0.5 * dot(mean, shift) - 0.5 * self.cholesky.log_determinant())
     }
 
-    fn kernel_gradient(&self, prior: &Prior, data: &Data<'_>, _: &[f64]) -> Vec<f64> {
+    fn kernel_gradient(&self, prior: &Prior, likelihood: &Likelihood<'_>, _: &[f64]) -> Vec<f64> {
         // ∂E/∂K = ½(ααᵀ − Ω^½B⁻¹Ω^½).
         let mut scaled = self.inverse.clone();
         for (column, root) in self.roots.iter().enumerate() {
@@ -71,7 +74,7 @@ impl Engine for Dense {
         let mut weights =
             Matrix::from_fn(self.alpha.len(), self.alpha.len(), |i, j| 0.5 * self.alpha[i] * self.alpha[j]);
         add_lower_gram(-0.5, &scaled, &mut weights);
-        data.gram_gradient(prior.kernel(), weights)
+        likelihood.gram_gradient(prior.kernel(), weights)
     }
 
     fn alpha(&self) -> &[f64] {
@@ -85,15 +88,5 @@ impl Engine for Dense {
     fn jitter(&self) -> f64 {
         // Nothing but I + Ω^½KΩ^½ is factorised.
         0.0
-    }
-}
-
-/// Writes I + diag(roots)·K·diag(roots) to the lower triangle of `b`.
-pub(crate) fn fill_scaled(b: &mut Matrix, gram: &Matrix, roots: &[f64]) {
-    for column in 0..roots.len() {
-        let root = roots[column];
-        let entries = b.column_mut(column)[column..].iter_mut().zip(&gram.column(column)[column..]);
-        entries.zip(&roots[column..]).for_each(|((out, k), other)| *out = root * k * other);
-        b[(column, column)] += 1.0;
     }
 }

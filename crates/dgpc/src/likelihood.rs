@@ -1,16 +1,17 @@
-//! What a fit learns from: events of one's own, and the messages of others (docs/method.md, section 7).
+//! What a fit learns from: events of one's own, and the messages of others (section 7 of [`crate::method`]).
 
 use crate::error::{Result, same_size};
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
 use crate::linalg::{Matrix, dot, multiply_rows, product, squared_norm};
+use crate::observations::Observations;
 use crate::prior_mean::PriorMean;
-use crate::sites::Observations;
+
 use crate::summary::Summary;
 
 /// Events, and messages as further Gaussian observations. A message with kernel-free factor (P, η) at Z, P = RRᵀ, is the
 /// observation of Rᵀf(Z) with unit noise: so to speak M more events, whose ω is 1 and whose κ is R⁻¹η.
-pub(crate) struct Data<'a> {
+pub(crate) struct Likelihood<'a> {
     pub(crate) observations: &'a Observations,
     /// The inducing points of all messages, one below the other.
     points: Inputs,
@@ -22,7 +23,7 @@ pub(crate) struct Data<'a> {
     support: Inputs,
 }
 
-impl<'a> Data<'a> {
+impl<'a> Likelihood<'a> {
     /// Events, and messages formed under whatever prior. O(M³) a message.
     pub(crate) fn new(observations: &'a Observations, summaries: &[&Summary]) -> Result<Self> {
         let mut points = Inputs::empty(observations.inputs().dimension());
@@ -118,7 +119,7 @@ impl<'a> Data<'a> {
         mean.gradient(&self.support, &weights)
     }
 
-    /// Gradient by the kernel's parameters, from the symmetric derivative by [`Data::gram`].
+    /// Gradient by the kernel's parameters, from the symmetric derivative by [`Likelihood::gram`].
     pub(crate) fn gram_gradient(&self, kernel: &Kernel, mut weights: Matrix) -> Vec<f64> {
         if self.has_messages() {
             self.expand_rows(&mut weights, self.events());
@@ -128,14 +129,14 @@ impl<'a> Data<'a> {
         kernel.gram_gradient(&self.support, &weights)
     }
 
-    /// Gradient by the kernel's parameters, from the derivative by the last columns of [`Data::cross`], those of the messages.
+    /// Gradient by the kernel's parameters, from the derivative by the last columns of [`Likelihood::cross`], those of the messages.
     pub(crate) fn message_cross_gradient(&self, kernel: &Kernel, points: &Inputs, weights: &Matrix) -> Vec<f64> {
         let mut weights = weights.transposed();
         self.expand_rows(&mut weights, 0);
         kernel.cross_gradient(points, &self.points, &weights.transposed())
     }
 
-    /// Gradient by the kernel's parameters of `factor` · Σ of [`Data::diagonal`] over the messages.
+    /// Gradient by the kernel's parameters of `factor` · Σ of [`Likelihood::diagonal`] over the messages.
     pub(crate) fn message_diagonal_gradient(&self, kernel: &Kernel, factor: f64) -> Vec<f64> {
         let mut gradient = vec![0.0; kernel.parameter_count()];
         for (root, first) in self.blocks(0) {
@@ -144,11 +145,6 @@ impl<'a> Data<'a> {
             gradient.iter_mut().zip(&block).for_each(|(sum, entry)| *sum += factor * entry);
         }
         gradient
-    }
-
-    /// The inducing points of all messages, one below the other.
-    pub(crate) fn message_points(&self) -> &Inputs {
-        &self.points
     }
 
     /// Whether anybody said anything.

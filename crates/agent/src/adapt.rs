@@ -1,0 +1,41 @@
+//! A vehicle that learns a model of its own under way.
+
+use std::sync::Arc;
+
+use crate::agent::{Agent, OwnModel};
+use crate::agent_error::AgentError;
+use crate::fitting;
+use crate::learning::{LearnedModel, Learning};
+use crate::model::Model;
+
+impl Agent {
+    /// Learns a model of its own from its own events and from what others said, and from then on predicts under that. What it
+    /// sends stays under the team's model. The first time every structure is tried; later the chosen one goes on from its last
+    /// optimum, at the cost of one search that never ends worse in E than it began.
+    ///
+    /// # Errors
+    /// As [`Learning::best`].
+    pub fn adapt(&mut self, learning: &Learning) -> Result<&LearnedModel, AgentError> {
+        self.refit_if_due()?;
+        let Model { chart, inputs, .. } = self.team.model;
+        let messages = self.messages();
+        let events = self.events.iter();
+        let learned = match &self.own_model {
+            Some(own) => {
+                let earlier = &own.learned;
+                learning.fit(&earlier.structure, chart, inputs, events, &messages, Some(earlier))?
+            }
+            None => learning.best(chart, inputs, events, &messages)?,
+        };
+        let observations = learned.model.observations(self.events.iter())?;
+        let fit = fitting::fit(&learned.model.prior, &observations, &messages, &self.team.limits)?;
+        let own = self.own_model.insert(Arc::new(OwnModel { fit, learned })).clone();
+        self.put_together()?;
+        Ok(&self.own_model.insert(own).learned)
+    }
+
+    /// The model it learned by itself, if it did.
+    pub fn own_model(&self) -> Option<&LearnedModel> {
+        self.own_model.as_ref().map(|own| &own.learned)
+    }
+}

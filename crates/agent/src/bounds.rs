@@ -1,0 +1,89 @@
+//! Bounds on what people write, in files and on the command line: every number has a largest value beside its smallest one, so that
+//! no slip of the pen overflows when it is squared, and none asks for more memory than there is.
+
+use std::fmt;
+
+/// From where to where a number may be, both ends included.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// The smallest.
+    pub min: f64,
+    /// The largest.
+    pub max: f64,
+    /// The same in words, after "must be" or "expected".
+    pub words: &'static str,
+}
+
+impl Bounds {
+    const fn new(min: f64, max: f64, words: &'static str) -> Self {
+        Self { min, max, words }
+    }
+
+    /// The number, if it is within.
+    pub fn check(&self, value: f64) -> Option<f64> {
+        (self.min <= value && value <= self.max).then_some(value)
+    }
+
+    /// The whole number, if it is within.
+    pub fn check_count(&self, value: usize) -> Option<usize> {
+        self.check(value as f64).map(|_| value)
+    }
+}
+
+impl fmt::Display for Bounds {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.words)
+    }
+}
+
+/// Coordinates: farther than anything on Earth, and near enough that no square overflows.
+pub const COORDINATE_M: Bounds = Bounds::new(-1e9, 1e9, "a number of metres, at most 1e9 from zero");
+
+/// Lengths that people give.
+pub const LENGTH_M: Bounds = Bounds::new(1e-6, 1e9, "a number of metres from 1e-6 to 1e9");
+
+/// Positive numbers that people give: lengths, variances, slopes.
+pub const POSITIVE: Bounds = Bounds::new(1e-6, 1e9, "a number above 0, from 1e-6 to 1e9");
+
+/// Variances and length-scales of a model: wider than what people give, because learning may go farther.
+pub const KERNEL_NUMBER: Bounds = Bounds::new(1e-15, 1e15, "a number from 1e-15 to 1e15");
+
+/// Log-odds, and log-odds per metre.
+pub const LOG_ODDS: Bounds = Bounds::new(-1e9, 1e9, "a number, at most 1e9 from zero");
+
+/// Degrees of latitude, short of the poles.
+pub const LATITUDE_DEG: Bounds = Bounds::new(-89.999, 89.999, "between -90 and 90");
+
+/// Degrees of longitude.
+pub const LONGITUDE_DEG: Bounds = Bounds::new(-180.0, 180.0, "from -180 to 180");
+
+/// Seconds of a slot.
+pub const SLOT_S: Bounds = Bounds::new(1e-3, 1e6, "a number of seconds from 0.001 to 1e6");
+
+/// Nats that make a packet worth a frame.
+pub const WORTH_NATS: Bounds = Bounds::new(1e-300, 1e3, "a number above 0, at most 1000");
+
+/// Events that a vehicle keeps or a command uses.
+pub const EVENTS: Bounds = Bounds::new(1.0, 1e7, "a whole number from 1 to 10000000");
+
+/// Events of a dense fit, which takes 24 bytes for each pair of them.
+pub const DENSE_EVENTS: Bounds = Bounds::new(1.0, 20_000.0, "a whole number from 1 to 20000");
+
+/// Inducing points, of a fit or to be chosen: matrices of as many rows and columns.
+pub const INDUCING_POINTS: Bounds = Bounds::new(1.0, 10_000.0, "a whole number from 1 to 10000");
+
+/// Events that are candidates for inducing points.
+pub const CANDIDATES: Bounds = Bounds::new(1.0, 20_000.0, "a whole number from 1 to 20000");
+
+/// Packets of a vehicle: a counter has 16 bits.
+pub const PACKETS: Bounds = Bounds::new(1.0, 65_536.0, "a whole number from 1 to 65536");
+
+/// Packets of each sender that count: a window of counters of 16 bits.
+pub const WINDOW: Bounds = Bounds::new(1.0, 65_535.0, "a whole number from 1 to 65535");
+
+/// Bytes of a frame: no packet fits into less than 32.
+pub const FRAME_BYTES: Bounds =
+    Bounds::new(32.0, 65_536.0, "a whole number from 32 to 65536: no packet fits into less");
+
+/// How often something is repeated: splits, permutations.
+pub const REPEATS: Bounds = Bounds::new(1.0, 10_000.0, "a whole number from 1 to 10000");

@@ -1,0 +1,77 @@
+//! What a summary says, free of any kernel (section 3 of [`crate::method`]).
+
+#[cfg(feature = "serde")]
+use crate::error::Error;
+use crate::error::{Result, all_finite, same_size};
+use crate::inputs::Inputs;
+use crate::linalg::Matrix;
+
+/// A Gaussian factor on f at some points that knows no kernel and no prior mean: exp(−½fᵀPf + ηᵀf).
+///
+/// [`crate::Summary::factor`] makes it and [`crate::Summary::from_factor`] reads it under any prior. Its numbers are badly scaled
+/// where points come close; between two priors at hand [`crate::Summary::under`] is the better way.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
+pub struct Factor {
+    inducing_points: Inputs,
+    precision: Matrix,
+    shift: Vec<f64>,
+}
+
+impl Factor {
+    /// A factor at M points: P (M×M, its symmetric part is taken) and η (M).
+    ///
+    /// # Errors
+    /// [`Error::SizeMismatch`] and [`Error::NotFinite`]. That P has no negative eigenvalue is checked when it is used.
+    pub fn new(inducing_points: Inputs, mut precision: Matrix, shift: Vec<f64>) -> Result<Self> {
+        let points = inducing_points.len();
+        same_size("rows of a factor's precision, one per inducing point", points, precision.rows())?;
+        same_size("columns of a factor's precision, one per inducing point", points, precision.columns())?;
+        same_size("entries of a factor's shift, one per inducing point", points, shift.len())?;
+        all_finite("factor shift", &shift)?;
+        precision.check_finite("factor precision")?;
+        precision.symmetrise();
+        Ok(Self { inducing_points, precision, shift })
+    }
+
+    /// Where, M×d.
+    pub fn inducing_points(&self) -> &Inputs {
+        &self.inducing_points
+    }
+
+    /// Precision P = K_MM⁻¹GK_MM⁻¹, M×M.
+    pub fn precision(&self) -> &Matrix {
+        &self.precision
+    }
+
+    /// η = K_MM⁻¹b + Pμ₀(Z), M.
+    pub fn shift(&self) -> &[f64] {
+        &self.shift
+    }
+}
+
+/// A factor as it is written down.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parts {
+    inducing_points: Inputs,
+    precision: Matrix,
+    shift: Vec<f64>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Parts> for Factor {
+    type Error = Error;
+
+    fn try_from(Parts { inducing_points, precision, shift }: Parts) -> Result<Self> {
+        Self::new(inducing_points, precision, shift)
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<Factor> for Parts {
+    fn from(Factor { inducing_points, precision, shift }: Factor) -> Self {
+        Self { inducing_points, precision, shift }
+    }
+}

@@ -1,0 +1,182 @@
+//! Fitting: from events and a prior to sites, a posterior and the evidence bound, by mean field (sections 2 and 7 of
+//! [`crate::method`]).
+
+mod anderson;
+mod cavity;
+mod dense;
+mod fixed_point;
+mod options;
+mod single;
+mod solve;
+mod sparse;
+
+use std::borrow::Cow;
+
+#[cfg(feature = "learn")]
+pub(crate) use cavity::corrected_evidence;
+pub(crate) use fixed_point::MeanField;
+pub use options::FitOptions;
+pub use single::sites_given;
+pub(crate) use solve::{solve, solve_with_gradient};
+
+use crate::error::Result;
+use crate::inputs::Inputs;
+use crate::likelihood::Likelihood;
+use crate::observations::Observations;
+use crate::posterior::Posterior;
+use crate::prior::Prior;
+use crate::sites::Sites;
+use crate::summary::Summary;
+
+/// A fitted mean field: what events say under a prior.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    prior: Prior,
+    found: MeanField,
+    /// What it was given of others.
+    messages: Vec<Summary>,
+    /// What a sparse fit says of its events, at its inducing points.
+    condensed: Option<Summary>,
+}
+
+/// Fits `observations` by mean field: the ω that make the evidence bound E largest, and the Gaussian posterior that goes with them.
+/// Dense, O(N³) an iteration and 3N² memory, or with [`FitOptions::inducing_points`] O(NM²) and NM memory, for N events and
+/// observations that messages stand for.
+///
+/// ```
+/// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
+///
+/// let inputs = Inputs::from_rows(&[[0.0], [1.0], [2.0], [3.0]])?;
+/// let observations = Observations::new(inputs, vec![true, true, false, false])?;
+/// let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 4.0, 1.0, 1)?])?;
+/// let fit = fit(&Prior::new(kernel, PriorMean::Zero)?, &observations, &FitOptions::default())?;
+/// assert!(fit.converged() && fit.mean()[0] > 0.0 && fit.mean()[3] < 0.0);
+///
+/// let probability = fit.posterior()?.probability(&Inputs::from_rows(&[[0.5], [2.5]])?)?;
+/// assert!(probability[0] > 0.5 && probability[1] < 0.5);
+/// # Ok::<(), dgpc::Error>(())
+/// ```
+///
+/// # Errors
+/// [`crate::Error::BadColumn`] when the prior needs columns that the inputs do not have; [`crate::Error::OutOfRange`] or
+/// [`crate::Error::SizeMismatch`] for options that make no sense; [`crate::Error::NotPositiveDefinite`] when inducing points coincide
+/// too closely for any small jitter; that or [`crate::Error::NotFinite`] when numbers near the end of the range overflow;
+/// [`crate::Error::NegativeEigenvalue`] for a message that is none.
+pub fn fit(prior: &Prior, observations: &Observations, options: &FitOptions<'_>) -> Result<Fit> {
+    let likelihood = Likelihood::new(observations, options.messages)?;
+    let support = options.support()?;
+    let found = solve(prior, &likelihood, support.as_ref(), options)?;
+    Fit::new(prior, found, support.as_ref(), options.messages)
+}
+
+impl Fit {
+    pub(crate) fn new(
+        prior: &Prior,
+        found: MeanField,
+        inducing_points: Option<&Inputs>,
+        messages: &[&Summary],
+    ) -> Result<Self> {
+        let condensed = inducing_points.map(|points| Summary::variational(prior, &found.sites, points)).transpose()?;
+        let messages = messages.iter().map(|&message| message.clone()).collect();
+        Ok(Self { prior: prior.clone(), found, messages, condensed })
+    }
+
+    /// The posterior that was fitted: of the events, and of the messages that the fit was given. At the events it has
+    /// [`Fit::mean`] and, of a dense fit, [`Fit::variance`]. O(n³) for n events of a dense fit or M inducing points of a sparse one,
+    /// and the inducing points of the messages.
+    ///
+    /// # Errors
+    /// As [`Posterior::fuse`].
+    pub fn posterior(&self) -> Result<Posterior> {
+        self.posterior_with(&self.messages.iter().collect::<Vec<_>>())
+    }
+
+    /// The posterior of the events and of `summaries`, in place of the messages that the fit was given: `&[]` for the events alone.
+    /// The sites of the events stay as they are; summaries of another prior are read under that of the fit. As dear as
+    /// [`Fit::posterior`].
+    ///
+    /// # Errors
+    /// As [`Posterior::fuse`].
+    pub fn posterior_with(&self, summaries: &[&Summary]) -> Result<Posterior> {
+        let read: Vec<Cow<'_, Summary>> =
+            summaries.iter().map(|summary| summary.read_under(&self.prior)).collect::<Result<_>>()?;
+        let mut summaries: Vec<&Summary> = read.iter().map(AsRef::as_ref).collect();
+        let Some(condensed) = &self.condensed else {
+            return Posterior::fuse(&self.prior, &self.found.sites, &summaries);
+        };
+        summaries.push(condensed);
+        let mut posterior = Posterior::prior_alone(&self.prior, self.found.sites.inputs().dimension());
+        posterior.absorb_summaries(&summaries)?;
+        Ok(posterior)
+    }
+
+    /// The prior that it was fitted under.
+    pub fn prior(&self) -> &Prior {
+        &self.prior
+    }
+
+    /// The Gaussian sites of the events at the mean ω̄ = tanh(c/2)/(2c).
+    pub fn sites(&self) -> &Sites {
+        &self.found.sites
+    }
+
+    /// The inducing points of a sparse fit, those of its messages included; `None` of a dense one.
+    pub fn inducing_points(&self) -> Option<&Inputs> {
+        self.condensed.as_ref().map(Summary::inducing_points)
+    }
+
+    /// Posterior means of f at the events, N.
+    pub fn mean(&self) -> &[f64] {
+        &self.found.mean
+    }
+
+    /// Posterior variances of f at the events, N.
+    pub fn variance(&self) -> &[f64] {
+        &self.found.variance
+    }
+
+    /// Tilts c_n = √E\[f_n²\] that ω̄ was computed from, N.
+    pub fn tilts(&self) -> &[f64] {
+        &self.found.tilts
+    }
+
+    /// The evidence bound E, in nats: a lower bound on the log marginal likelihood.
+    pub fn evidence(&self) -> f64 {
+        self.found.evidence
+    }
+
+    /// Iterations used.
+    pub fn iterations(&self) -> usize {
+        self.found.iterations
+    }
+
+    /// Largest change of a tilt in the last iteration.
+    pub fn change(&self) -> f64 {
+        self.found.change
+    }
+
+    /// Whether [`Fit::change`] came below the tolerance.
+    pub fn converged(&self) -> bool {
+        self.found.converged
+    }
+
+    /// What was added to the diagonal of K_MM (0 for a dense fit, which factorises nothing but I + Ω^½KΩ^½).
+    pub fn jitter(&self) -> f64 {
+        self.found.jitter
+    }
+
+    /// ln p(y_n | all other events), nearly: what every event's posterior becomes when its own site is taken away, without a
+    /// second fit. Optimistic, because ω_n has seen y_n, and the more so the larger the variance. Weights do not count. N, in
+    /// nats. O(N) (section 7 of [`crate::method`]).
+    pub fn leave_one_out(&self) -> Vec<f64> {
+        cavity::leave_one_out(&self.found)
+    }
+
+    /// E with its slack taken out event by event: the Gaussian site that bounds an event's likelihood from below is replaced by
+    /// the likelihood itself, integrated against what all other events say. No bound any more, but much nearer to the log
+    /// marginal likelihood: expectation propagation's estimate of it, at the sites of the mean field. O(N) (section 7 of
+    /// [`crate::method`]).
+    pub fn corrected_evidence(&self) -> f64 {
+        cavity::corrected_evidence(&self.found)
+    }
+}

@@ -1,0 +1,278 @@
+//! The correlation of points over some of their columns: what kernel terms are products of.
+
+use super::reflection::Reflection;
+use super::shape::Shape;
+use crate::error::{Error, Result, finite, positive, same_size};
+use crate::inputs::{Inputs, check_column};
+use crate::parameter::Parameter;
+
+/// The correlation of two points over some columns: a shape of their distance, each column scaled by its length-scale.
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
+pub struct Correlation {
+    shape: Shape,
+    columns: Vec<usize>,
+    /// One per column.
+    length_scales: Vec<f64>,
+    /// See [`Correlation::ties`].
+    ties: Vec<usize>,
+}
+
+/// Two correlations are equal when they give equal numbers: how their parameters are tied for learning does not count.
+impl PartialEq for Correlation {
+    fn eq(&self, other: &Self) -> bool {
+        self.shape == other.shape && self.columns == other.columns && self.length_scales == other.length_scales
+    }
+}
+
+impl Correlation {
+    /// A correlation over `columns` with one length-scale per column, each learned by itself (see [`Correlation::tied`]).
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a length-scale that is not finite and positive, a parameter of the shape out of its range, no
+    /// columns or one beyond [`crate::COLUMN_MAX`]; [`Error::SizeMismatch`] for another number of length-scales than columns,
+    /// [`Error::RepeatedColumn`].
+    pub fn new(shape: Shape, columns: &[usize], length_scales: &[f64]) -> Result<Self> {
+        shape.check()?;
+        positive("number of kernel columns", columns.len() as f64)?;
+        same_size("length-scales, one per kernel column", columns.len(), length_scales.len())?;
+        for &length_scale in length_scales {
+            positive("length-scale", length_scale)?;
+            finite("reciprocal of a length-scale", length_scale.recip())?;
+        }
+        for (i, &column) in columns.iter().enumerate() {
+            check_column(column)?;
+            if columns[..i].contains(&column) {
+                return Err(Error::RepeatedColumn { what: "kernel term", column });
+            }
+        }
+        let ties = (0..columns.len()).collect();
+        Ok(Self { shape, columns: columns.to_vec(), length_scales: length_scales.to_vec(), ties })
+    }
+
+    /// A correlation over columns that share one length-scale.
+    ///
+    /// # Errors
+    /// As [`Correlation::new`].
+    pub fn isotropic(shape: Shape, columns: &[usize], length_scale: f64) -> Result<Self> {
+        Self::new(shape, columns, &vec![length_scale; columns.len()])?.tied(&vec![0; columns.len()])
+    }
+
+    /// Ties the length-scales of columns with the same number in `ties` (one per column) to each other: they are one parameter
+    /// when the kernel is learned.
+    ///
+    /// # Errors
+    /// [`Error::SizeMismatch`] for another number of ties than columns, [`Error::UnequalLengthScales`] when tied length-scales differ.
+    pub fn tied(mut self, ties: &[usize]) -> Result<Self> {
+        same_size("ties of length-scales, one per kernel column", self.columns.len(), ties.len())?;
+        for (place, &tie) in ties.iter().enumerate() {
+            let first = ties.iter().position(|&other| other == tie).unwrap_or(place);
+            if self.length_scales[first] != self.length_scales[place] {
+                return Err(Error::UnequalLengthScales {
+                    columns: [self.columns[first], self.columns[place]],
+                    length_scales: [self.length_scales[first], self.length_scales[place]],
+                });
+            }
+        }
+        self.ties = renumbered(ties);
+        Ok(self)
+    }
+
+    /// How it falls with distance.
+    pub fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    /// The input columns it looks at.
+    pub fn columns(&self) -> &[usize] {
+        &self.columns
+    }
+
+    /// One length-scale per column, in the order of [`Correlation::columns`].
+    pub fn length_scales(&self) -> &[f64] {
+        &self.length_scales
+    }
+
+    /// For every column the number of the length-scale that it shares when the kernel is learned, counted from 0 in the order of
+    /// first columns.
+    pub fn ties(&self) -> &[usize] {
+        &self.ties
+    }
+
+    /// Number of length-scales that are not tied to each other.
+    pub(super) fn length_scale_count(&self) -> usize {
+        self.ties.iter().max().map_or(0, |last| last + 1)
+    }
+
+    /// Number of parameters that can be learned: untied length-scales, then those of the shape.
+    pub(super) fn parameter_count(&self) -> usize {
+        self.length_scale_count() + self.shape.parameters().len()
+    }
+
+    /// What each of the parameters is.
+    pub(super) fn parameters(&self) -> impl Iterator<Item = Parameter> {
+        let length_scales = std::iter::repeat_n(Parameter::LengthScale, self.length_scale_count());
+        length_scales.chain(self.shape.parameters().iter().map(|_| Parameter::Shape))
+    }
+
+    /// ln of every untied length-scale and of every parameter of the shape.
+    pub(super) fn log_parameters(&self) -> impl Iterator<Item = f64> {
+        let length_scale = |tie: usize| {
+            let column = self.ties.iter().position(|&other| other == tie).unwrap_or_default();
+            self.length_scales[column].ln()
+        };
+        let of_shape = self.shape.parameters().iter().map(|parameter| parameter.ln());
+        (0..self.length_scale_count()).map(length_scale).chain(of_shape)
+    }
+
+    /// The same correlation with other parameters, as [`Correlation::log_parameters`] lays them out.
+    pub(super) fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
+        let length_scales: Vec<f64> = self.ties.iter().map(|&tie| parameters[tie].exp()).collect();
+        let of_shape: Vec<f64> = parameters[self.length_scale_count()..].iter().map(|ln| ln.exp()).collect();
+        let checked = Self::new(self.shape.with_parameters(&of_shape)?, &self.columns, &length_scales)?;
+        Ok(Self { ties: self.ties.clone(), ..checked })
+    }
+
+    /// Whether the other differs in nothing but numbers that can be learned.
+    pub(super) fn has_structure_of(&self, other: &Self) -> bool {
+        self.shape.name() == other.shape.name() && self.columns == other.columns && self.ties == other.ties
+    }
+
+    /// Ties columns that the reflection exchanges.
+    ///
+    /// # Errors
+    /// [`Error::NotReciprocal`] when the reflection leaves the columns or exchanges columns of different length-scale.
+    pub(super) fn tied_by(mut self, reflection: &Reflection) -> Result<Self> {
+        for place in 0..self.columns.len() {
+            let (column, length_scale) = (self.columns[place], self.length_scales[place]);
+            let (partner, _) = reflection.image(column);
+            let at = self.columns.iter().position(|&c| c == partner);
+            let partner_length_scale = at.map(|at| self.length_scales[at]);
+            let Some(at) = at.filter(|_| partner_length_scale == Some(length_scale)) else {
+                return Err(Error::NotReciprocal { column, partner, length_scale, partner_length_scale });
+            };
+            let (own, other) = (self.ties[place], self.ties[at]);
+            self.ties.iter_mut().filter(|tie| **tie == other).for_each(|tie| *tie = own);
+        }
+        self.ties = renumbered(&self.ties);
+        Ok(self)
+    }
+
+    /// The columns of every point, reflected if asked, divided by their length-scales: N rows of as many as columns.
+    pub(super) fn scaled(&self, inputs: &Inputs, reflection: Option<&Reflection>) -> Vec<f64> {
+        let pick = |(&column, &length_scale): (&usize, &f64)| match reflection.map(|r| r.image(column)) {
+            Some((source, true)) => (source, -1.0 / length_scale),
+            Some((source, false)) => (source, 1.0 / length_scale),
+            None => (column, 1.0 / length_scale),
+        };
+        let picks: Vec<(usize, f64)> = self.columns.iter().zip(&self.length_scales).map(pick).collect();
+        inputs.rows().flat_map(|row| picks.iter().map(|&(column, factor)| row[column] * factor)).collect()
+    }
+
+    /// Adds `weight` · correlation between `point` and every one of `others` (rows of scaled coordinates) to `out`.
+    pub(super) fn add_to(&self, weight: f64, point: &[f64], others: &[f64], out: &mut [f64]) {
+        for (other, out) in others.chunks_exact(point.len()).zip(out) {
+            *out += weight * self.shape.correlation(squared_distance(point, other));
+        }
+    }
+
+    /// Multiplies every entry of `products` by the correlation between `point` and the same one of `others`.
+    pub(super) fn multiply_into(&self, point: &[f64], others: &[f64], products: &mut [f64]) {
+        for (other, product) in others.chunks_exact(point.len()).zip(products) {
+            *product *= self.shape.correlation(squared_distance(point, other));
+        }
+    }
+
+    /// Adds Σ wᵢ · (correlation, its derivative by r² times each column's part of r², its derivatives by the shape's parameters)
+    /// over the pairs of `point` and `others` to `sums`.
+    pub(super) fn add_slopes(&self, point: &[f64], others: &[f64], weights: &[f64], sums: &mut Slopes) {
+        let Slopes { correlation: total, columns, shape, squares } = sums;
+        for (other, weight) in others.chunks_exact(point.len()).zip(weights) {
+            for ((square, a), b) in squares.iter_mut().zip(point).zip(other) {
+                *square = (a - b) * (a - b);
+            }
+            let squared_distance = squares.iter().sum();
+            let (correlation, slope) = self.shape.correlation_and_slope(squared_distance);
+            *total += weight * correlation;
+            let slope = weight * slope;
+            // Beyond the reach of numbers the slope is zero and the square may be infinite.
+            if slope != 0.0 {
+                columns.iter_mut().zip(&*squares).for_each(|(sum, square)| *sum += slope * square);
+            }
+            self.shape.add_parameter_slopes(*weight, squared_distance, shape);
+        }
+    }
+
+    /// Sums for [`Correlation::add_slopes`], all zero.
+    pub(super) fn slopes(&self) -> Slopes {
+        let width = self.columns.len();
+        let shape = vec![0.0; self.shape.parameters().len()];
+        Slopes { correlation: 0.0, columns: vec![0.0; width], shape, squares: vec![0.0; width] }
+    }
+
+    /// Adds `factor` · the sums to a gradient by the parameters: ∂r²/∂ln ℓ_c is −2 · (column c's part of r²).
+    pub(super) fn add_gradient(&self, factor: f64, sums: &Slopes, gradient: &mut [f64]) {
+        for (sum, &tie) in sums.columns.iter().zip(&self.ties) {
+            gradient[tie] -= 2.0 * factor * sum;
+        }
+        let of_shape = gradient[self.length_scale_count()..].iter_mut().zip(&sums.shape);
+        of_shape.for_each(|(entry, sum)| *entry += factor * sum);
+    }
+}
+
+/// Sums over pairs of points, and room to compute them.
+pub(super) struct Slopes {
+    /// Of the correlation itself.
+    pub(super) correlation: f64,
+    columns: Vec<f64>,
+    shape: Vec<f64>,
+    squares: Vec<f64>,
+}
+
+#[inline]
+fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
+    let mut sum = 0.0;
+    for (a, b) in a.iter().zip(b) {
+        sum += (a - b) * (a - b);
+    }
+    sum
+}
+
+/// The same partition with groups numbered from 0 in the order of their first member.
+fn renumbered(groups: &[usize]) -> Vec<usize> {
+    let mut seen: Vec<usize> = Vec::new();
+    let number = |&group: &usize| {
+        seen.iter().position(|&other| other == group).unwrap_or_else(|| {
+            seen.push(group);
+            seen.len() - 1
+        })
+    };
+    groups.iter().map(number).collect()
+}
+
+/// The parts of a correlation as they are written down.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parts {
+    shape: Shape,
+    columns: Vec<usize>,
+    length_scales: Vec<f64>,
+    ties: Vec<usize>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Parts> for Correlation {
+    type Error = Error;
+
+    fn try_from(Parts { shape, columns, length_scales, ties }: Parts) -> Result<Self> {
+        Self::new(shape, &columns, &length_scales)?.tied(&ties)
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<Correlation> for Parts {
+    fn from(Correlation { shape, columns, length_scales, ties }: Correlation) -> Self {
+        Self { shape, columns, length_scales, ties }
+    }
+}

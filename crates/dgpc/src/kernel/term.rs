@@ -1,0 +1,327 @@
+//! The summands of a kernel.
+
+use super::correlation::{Correlation, Slopes};
+use super::reflection::Reflection;
+use super::shape::Shape;
+use crate::error::{Result, positive};
+use crate::inputs::Inputs;
+use crate::linalg::Matrix;
+use crate::parameter::Parameter;
+
+/// One term of a kernel: variance · correlation (or a product of several correlations, each over columns of its own), reciprocal
+/// if it has a reflection: ½[k(x, x′) + k(x, Rx′)].
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
+pub struct Term {
+    variance: f64,
+    /// At least one.
+    correlations: Vec<Correlation>,
+    reflection: Option<Reflection>,
+}
+
+/// Points as a term sees them: for every correlation the rows of scaled coordinates.
+type Scaled = Vec<Vec<f64>>;
+
+impl Term {
+    /// A term over `columns` with one length-scale per column, each learned by itself.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for a variance that is not finite and positive, and as [`Correlation::new`].
+    pub fn new(shape: Shape, variance: f64, columns: &[usize], length_scales: &[f64]) -> Result<Self> {
+        Self::of(variance, Correlation::new(shape, columns, length_scales)?)
+    }
+
+    /// An isotropic term over the first `dimension` columns, which share one length-scale. See [`Term::new`].
+    ///
+    /// # Errors
+    /// As [`Term::new`].
+    pub fn isotropic(shape: Shape, variance: f64, length_scale: f64, dimension: usize) -> Result<Self> {
+        Self::of(variance, Correlation::isotropic(shape, &Vec::from_iter(0..dimension), length_scale)?)
+    }
+
+    /// A variance and a correlation.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for a variance that is not finite and positive.
+    pub fn of(variance: f64, correlation: Correlation) -> Result<Self> {
+        positive("kernel variance", variance)?;
+        Ok(Self { variance, correlations: vec![correlation], reflection: None })
+    }
+
+    /// The term times another correlation: two points are alike only if they are alike in both.
+    ///
+    /// # Errors
+    /// [`crate::Error::NotReciprocal`] when the term is reciprocal and the correlation cannot be.
+    pub fn times(mut self, correlation: Correlation) -> Result<Self> {
+        let correlation = match &self.reflection {
+            Some(reflection) => correlation.tied_by(reflection)?,
+            None => correlation,
+        };
+        self.correlations.push(correlation);
+        Ok(self)
+    }
+
+    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] (section 7 of [`crate::method`]). Its diagonal depends on x. Columns that
+    /// the reflection exchanges are tied.
+    ///
+    /// # Errors
+    /// [`crate::Error::NotReciprocal`] when the reflection leaves the columns of a correlation or exchanges columns of different
+    /// length-scale: the result would not be positive definite.
+    pub fn reciprocal(mut self, reflection: Reflection) -> Result<Self> {
+        let tied = self.correlations.into_iter().map(|correlation| correlation.tied_by(&reflection));
+        self.correlations = tied.collect::<Result<_>>()?;
+        self.reflection = Some(reflection);
+        Ok(self)
+    }
+
+    /// The same term with another variance.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for a variance that is not finite and positive.
+    pub fn with_variance(&self, variance: f64) -> Result<Self> {
+        positive("kernel variance", variance)?;
+        Ok(Self { variance, ..self.clone() })
+    }
+
+    /// Variance of the term (before the halving of the reciprocal form).
+    pub fn variance(&self) -> f64 {
+        self.variance
+    }
+
+    /// The correlations that it is a product of, at least one.
+    pub fn correlations(&self) -> &[Correlation] {
+        &self.correlations
+    }
+
+    /// What makes it reciprocal, if it is.
+    pub fn reflection(&self) -> Option<&Reflection> {
+        self.reflection.as_ref()
+    }
+
+    /// Whether the term is reciprocal.
+    pub fn is_reciprocal(&self) -> bool {
+        self.reflection.is_some()
+    }
+
+    /// Number of parameters that can be learned: the variance, and those of every correlation.
+    pub(super) fn parameter_count(&self) -> usize {
+        1 + self.correlations.iter().map(Correlation::parameter_count).sum::<usize>()
+    }
+
+    /// ln of the variance and of the parameters of every correlation.
+    pub(super) fn log_parameters(&self) -> impl Iterator<Item = f64> {
+        std::iter::once(self.variance.ln()).chain(self.correlations.iter().flat_map(Correlation::log_parameters))
+    }
+
+    /// The same term with other parameters, as [`Term::log_parameters`] lays them out.
+    pub(super) fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
+        let variance = positive("kernel variance", parameters[0].exp())?;
+        let correlations = self.parts().map(|(correlation, part)| correlation.with_log_parameters(&parameters[part]));
+        let correlations = correlations.collect::<Result<_>>()?;
+        Ok(Self { variance, correlations, reflection: self.reflection.clone() })
+    }
+
+    /// What each of the parameters is.
+    pub(super) fn parameters(&self) -> impl Iterator<Item = Parameter> {
+        std::iter::once(Parameter::Variance).chain(self.correlations.iter().flat_map(Correlation::parameters))
+    }
+
+    /// Every correlation, and which of the term's parameters are its own.
+    fn parts(&self) -> impl Iterator<Item = (&Correlation, std::ops::Range<usize>)> {
+        self.correlations.iter().scan(1, |first, correlation| {
+            let part = *first..*first + correlation.parameter_count();
+            *first = part.end;
+            Some((correlation, part))
+        })
+    }
+
+    /// Whether the other differs in nothing but numbers that can be learned.
+    pub(super) fn has_structure_of(&self, other: &Self) -> bool {
+        let mut pairs = self.correlations.iter().zip(&other.correlations);
+        self.correlations.len() == other.correlations.len()
+            && self.reflection == other.reflection
+            && pairs.all(|(own, other)| own.has_structure_of(other))
+    }
+
+    fn scaled(&self, inputs: &Inputs, reflection: Option<&Reflection>) -> Scaled {
+        self.correlations.iter().map(|correlation| correlation.scaled(inputs, reflection)).collect()
+    }
+
+    /// The scaled points and, for a reciprocal term, their reflections.
+    fn images(&self, inputs: &Inputs) -> Vec<Scaled> {
+        let mut images = vec![self.scaled(inputs, None)];
+        images.extend(self.reflection.as_ref().map(|reflection| self.scaled(inputs, Some(reflection))));
+        images
+    }
+
+    /// Adds `weight` · the product of correlations between point `n` of `points` and those of `others` from `first` on to `out`.
+    fn add_products(
+        &self,
+        weight: f64,
+        (points, n): (&Scaled, usize),
+        (others, first): (&Scaled, usize),
+        out: &mut [f64],
+        products: &mut Vec<f64>,
+    ) {
+        if let [correlation] = self.correlations.as_slice() {
+            let width = correlation.columns().len();
+            return correlation.add_to(weight, row(&points[0], width, n), &others[0][first * width..], out);
+        }
+        products.clear();
+        products.resize(out.len(), weight);
+        for ((correlation, points), others) in self.correlations.iter().zip(points).zip(others) {
+            let width = correlation.columns().len();
+            correlation.multiply_into(row(points, width, n), &others[first * width..], products);
+        }
+        out.iter_mut().zip(&*products).for_each(|(out, product)| *out += product);
+    }
+
+    /// Adds the term's Gram matrix of `a` against `b`, from row `first_row(column)` of each column on.
+    pub(super) fn add_gram(&self, a: &Inputs, b: &Inputs, first_row: impl Fn(usize) -> usize, out: &mut Matrix) {
+        let left = self.scaled(a, None);
+        let images = self.images(b);
+        let weight = self.variance / images.len() as f64;
+        let mut products = Vec::new();
+        for image in &images {
+            for n in 0..b.len() {
+                let first = first_row(n);
+                let column = &mut out.column_mut(n)[first..];
+                self.add_products(weight, (image, n), (&left, first), column, &mut products);
+            }
+        }
+    }
+
+    /// Adds k(x, x) for every point to `out`.
+    pub(super) fn add_diagonal(&self, inputs: &Inputs, out: &mut [f64]) {
+        let Some(reflection) = &self.reflection else {
+            out.iter_mut().for_each(|v| *v += self.variance);
+            return;
+        };
+        let (points, images) = (self.scaled(inputs, None), self.scaled(inputs, Some(reflection)));
+        let (weight, mut products) = (0.5 * self.variance, Vec::new());
+        for (n, out) in out.iter_mut().enumerate() {
+            *out += weight;
+            self.add_products(weight, (&points, n), (&images, n), std::slice::from_mut(out), &mut products);
+        }
+    }
+
+    /// Adds the slopes of every correlation, weighted also by all the others, to `sums`.
+    fn add_slopes(
+        &self,
+        (points, n): (&Scaled, usize),
+        (others, first): (&Scaled, usize),
+        weights: &[f64],
+        sums: &mut [Slopes],
+        products: &mut Vec<f64>,
+    ) {
+        let place = |which: usize| {
+            let width = self.correlations[which].columns().len();
+            (row(&points[which], width, n), &others[which][first * width..])
+        };
+        for (which, correlation) in self.correlations.iter().enumerate() {
+            let (point, rows) = place(which);
+            if self.correlations.len() == 1 {
+                return correlation.add_slopes(point, rows, weights, &mut sums[which]);
+            }
+            products.clear();
+            products.extend_from_slice(weights);
+            for (other, correlation) in self.correlations.iter().enumerate().filter(|(other, _)| *other != which) {
+                let (point, rows) = place(other);
+                correlation.multiply_into(point, rows, products);
+            }
+            correlation.add_slopes(point, rows, products, &mut sums[which]);
+        }
+    }
+
+    /// Adds `factor` · the sums of [`Term::add_slopes`] to a gradient by the parameters.
+    fn add_sums(&self, factor: f64, sums: &[Slopes], gradient: &mut [f64]) {
+        // The correlations' weighted sums are all that of their product.
+        gradient[0] += factor * sums[0].correlation;
+        for ((correlation, part), sums) in self.parts().zip(sums) {
+            correlation.add_gradient(factor, sums, &mut gradient[part]);
+        }
+    }
+
+    /// Adds Σ W_ij ∂k(a_i, b_j)/∂(log parameters) to `gradient`, over rows from `first_row(column)` of each column on.
+    pub(super) fn add_cross_gradient(
+        &self,
+        (a, b): (&Inputs, &Inputs),
+        first_row: impl Fn(usize) -> usize,
+        weights: &Matrix,
+        gradient: &mut [f64],
+    ) {
+        let left = self.scaled(a, None);
+        let images = self.images(b);
+        let mut sums: Vec<Slopes> = self.correlations.iter().map(Correlation::slopes).collect();
+        let mut products = Vec::new();
+        for image in &images {
+            for n in 0..b.len() {
+                let first = first_row(n);
+                let weights = &weights.column(n)[first..];
+                self.add_slopes((image, n), (&left, first), weights, &mut sums, &mut products);
+            }
+        }
+        self.add_sums(self.variance / images.len() as f64, &sums, gradient);
+    }
+
+    /// Adds Σ w_n ∂k(x_n, x_n)/∂(log parameters) to `gradient`.
+    pub(super) fn add_diagonal_gradient(&self, inputs: &Inputs, weights: &[f64], gradient: &mut [f64]) {
+        let total: f64 = weights.iter().sum();
+        let Some(reflection) = &self.reflection else {
+            gradient[0] += self.variance * total;
+            return;
+        };
+        let (points, images) = (self.scaled(inputs, None), self.scaled(inputs, Some(reflection)));
+        let mut sums: Vec<Slopes> = self.correlations.iter().map(Correlation::slopes).collect();
+        let mut products = Vec::new();
+        for (n, weight) in weights.iter().enumerate() {
+            self.add_slopes((&points, n), (&images, n), std::slice::from_ref(weight), &mut sums, &mut products);
+        }
+        sums[0].correlation += total;
+        self.add_sums(0.5 * self.variance, &sums, gradient);
+    }
+}
+
+/// Row `n` of rows of this width.
+#[inline]
+fn row(rows: &[f64], width: usize, n: usize) -> &[f64] {
+    &rows[n * width..(n + 1) * width]
+}
+
+/// The parts of a term as they are written down.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parts {
+    variance: f64,
+    correlations: Vec<Correlation>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reflection: Option<Reflection>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Parts> for Term {
+    type Error = crate::error::Error;
+
+    fn try_from(Parts { variance, correlations, reflection }: Parts) -> Result<Self> {
+        let count = correlations.len() as f64;
+        let mut correlations = correlations.into_iter();
+        let first = correlations.next().ok_or(crate::error::Error::OutOfRange {
+            what: "number of correlations of a kernel term",
+            expected: "at least 1",
+            value: count,
+        })?;
+        let term = correlations.try_fold(Self::of(variance, first)?, Self::times)?;
+        match reflection {
+            Some(reflection) => term.reciprocal(reflection),
+            None => Ok(term),
+        }
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<Term> for Parts {
+    fn from(Term { variance, correlations, reflection }: Term) -> Self {
+        Self { variance, correlations, reflection }
+    }
+}

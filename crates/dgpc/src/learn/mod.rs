@@ -1,0 +1,228 @@
+//! Learning a prior from events: the parameters that maximise the evidence bound E (section 7 of [`crate::method`]).
+//!
+//! The only folder that names the optimiser.
+
+mod calibration;
+mod common;
+mod hyper_prior;
+mod options;
+mod search;
+
+pub use calibration::Calibration;
+pub use common::common_length_scales;
+pub use hyper_prior::HyperPrior;
+pub use options::LearnOptions;
+pub use search::Stop;
+
+use crate::candidates::Candidates;
+use crate::error::{Error, Result};
+use crate::fit::Fit;
+use crate::inputs::{Inputs, spread_out};
+use crate::likelihood::Likelihood;
+use crate::observations::Observations;
+use crate::parameter::Parameter;
+use crate::prior::Prior;
+use search::{Found, Search};
+
+/// One of the starts.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Start {
+    /// Where it began.
+    pub prior: Prior,
+    /// E plus the log density of the hyperprior where it ended, on [`Learned::start_events`] events; `None` where E could not be computed.
+    pub objective: Option<f64>,
+}
+
+/// A learned prior.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Learned {
+    /// The prior: the optimum, its variances calibrated.
+    pub prior: Prior,
+    /// The fit of all events under the prior; [`Fit::evidence`] is its E.
+    pub fit: Fit,
+    /// The prior that maximises E within the hyperprior, before its variances were calibrated.
+    pub optimum: Prior,
+    /// E of the optimum, in nats.
+    pub optimum_evidence: f64,
+    /// What the variances were multiplied by after that, and whether it went well.
+    pub calibration: Calibration,
+    /// What the starts came to.
+    pub starts: Vec<Start>,
+    /// How many events the starts were compared on.
+    pub start_events: usize,
+    /// How often E was computed for all events.
+    pub evaluations: usize,
+    /// Why the search on all events ended.
+    pub stop: Stop,
+}
+
+/// Finds the parameters of `template` that maximise E plus the log density of [`LearnOptions::hyper_prior`], by L-BFGS in the logarithms of
+/// length-scales and variances, then calibrates the variances. Messages of others count as in [`crate::fit`].
+///
+/// Several starts (the template, a third of all its length-scales, and a third of each alone) are compared on some events.
+/// On all events the search begins at the best of their ends and, because few events may point elsewhere, at the template too. With
+/// inducing points there is a second round, with points that suit what the first one found.
+///
+/// ```
+/// use dgpc::{Inputs, Kernel, LearnOptions, Observations, Prior, PriorMean, Shape, Term, learn};
+///
+/// // Success within a distance of 2.
+/// let inputs = Inputs::new((0..60).map(|n| f64::from(n) * 0.1 - 3.0).collect(), 1)?;
+/// let outcomes = inputs.rows().map(|x| x[0].abs() < 2.0).collect();
+/// let events = Observations::new(inputs, outcomes)?;
+/// let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, 4.0, 0.1, 1)?])?;
+/// let template = Prior::new(kernel, PriorMean::Zero)?;
+/// let learned = learn(&template, &events, &LearnOptions::new(1.0))?;
+/// assert!(learned.prior.kernel().terms()[0].correlations()[0].length_scales()[0] > 0.3);
+/// # Ok::<(), dgpc::Error>(())
+/// ```
+///
+/// # Errors
+/// As [`crate::fit`] when E cannot be computed at any start; [`Error::OutOfRange`] for options that make no sense;
+/// [`Error::DifferentStructures`] for a warm start of another structure than the template.
+pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptions<'_>) -> Result<Learned> {
+    options.check()?;
+    let likelihood = Likelihood::new(observations, options.messages)?;
+    if let Some(start) = options.warm_start {
+        if !start.has_structure_of(template) {
+            return Err(Error::DifferentStructures);
+        }
+        let points = inducing_points(start, &likelihood, options)?;
+        return learn_from(template, std::slice::from_ref(start), &likelihood, points, options);
+    }
+    let some = spread_out(likelihood.events(), options.start_events_max);
+    let few = observations.select(&some);
+    let (starts, best) = compare_starts(template, &Likelihood::new(&few, options.messages)?, options)?;
+    let mut again = vec![best];
+    if some.len() < likelihood.events() {
+        again.push(template.clone());
+    }
+    // Points for shorter length-scales than the start's serve them too; the other way round they would hide what is short.
+    let points = inducing_points(&again[0].with_length_scales_times(1.0 / 3.0)?, &likelihood, options)?;
+    let is_sparse = points.is_some();
+    let mut learned = learn_from(template, &again, &likelihood, points, options)?;
+    if is_sparse {
+        // Once more with the points that suit what was found.
+        let points = inducing_points(&learned.optimum, &likelihood, options)?;
+        let again = learn_from(template, std::slice::from_ref(&learned.optimum), &likelihood, points, options);
+        // Where this fails, the first round stands.
+        if let Ok(again) = again
+            && again.optimum_evidence > learned.optimum_evidence
+        {
+            learned = Learned { evaluations: learned.evaluations + again.evaluations, ..again };
+        }
+    }
+    Ok(Learned { starts, start_events: some.len(), ..learned })
+}
+
+/// Searches from every start on a few events. The starts, and the best of their ends.
+fn compare_starts(template: &Prior, few: &Likelihood<'_>, options: &LearnOptions<'_>) -> Result<(Vec<Start>, Prior)> {
+    let search = Search::new(template, few, None, options);
+    let begin = starting_points(template, options)?;
+    let ends: Vec<Result<Found>> = begin.iter().map(|prior| search.run(prior)).collect();
+    let start =
+        |(prior, end): (Prior, &Result<Found>)| Start { prior, objective: end.as_ref().ok().map(|end| end.objective) };
+    let starts = begin.into_iter().zip(&ends).map(start).collect();
+    Ok((starts, best(ends)?.prior))
+}
+
+/// The best of several ends; where all searches failed, why.
+fn best(ends: Vec<Result<Found>>) -> Result<Found> {
+    let better = |a: Result<Found>, b: Result<Found>| match (a, b) {
+        (Ok(a), Ok(b)) => Ok(if b.objective > a.objective { b } else { a }),
+        (a, b) => a.or(b),
+    };
+    let none = Error::OutOfRange { what: "number of starts", expected: "at least 1", value: 0.0 };
+    ends.into_iter().reduce(better).unwrap_or(Err(none))
+}
+
+/// The template, a third of all its length-scales, and a third of each alone.
+fn starting_points(template: &Prior, options: &LearnOptions<'_>) -> Result<Vec<Prior>> {
+    if options.hyper_prior.length_scale == 0.0 {
+        return Ok(vec![template.clone()]);
+    }
+    let parameters = template.parameter_values();
+    let is_length_scale = |(_, parameter): &(usize, Parameter)| *parameter == Parameter::LengthScale;
+    let length_scales = template.parameters().into_iter().enumerate().filter(is_length_scale);
+    let length_scales: Vec<usize> = length_scales.map(|(place, _)| place).collect();
+    let shortened = |&place: &usize| {
+        let mut parameters = parameters.clone();
+        parameters[place] -= 3f64.ln();
+        template.with_parameters(&parameters)
+    };
+    let mut points = vec![template.clone(), template.with_length_scales_times(1.0 / 3.0)?];
+    if length_scales.len() > 1 {
+        points.extend(length_scales.iter().map(shortened).collect::<Result<Vec<_>>>()?);
+    }
+    Ok(points)
+}
+
+/// Searches on all events from each of `starts`, and calibrates the best end.
+fn learn_from(
+    template: &Prior,
+    starts: &[Prior],
+    likelihood: &Likelihood<'_>,
+    points: Option<Inputs>,
+    options: &LearnOptions<'_>,
+) -> Result<Learned> {
+    let search = Search::new(template, likelihood, points.as_ref(), options);
+    let ends: Vec<Result<Found>> = starts.iter().map(|start| search.run(start)).collect();
+    let evaluations = ends.iter().flatten().map(|end| end.evaluations).sum();
+    let found = best(ends)?;
+    let ended = search.careful_fit(&found.prior, &found.tilts)?;
+    let (optimum, fit) = match options.warm_start {
+        // What the hyperprior gains must not be paid for in E.
+        Some(start) => {
+            let start = search.within_reach(start)?;
+            let begun = search.careful_fit(&start, &found.tilts)?;
+            if ended.evidence >= begun.evidence { (found.prior, ended) } else { (start, begun) }
+        }
+        None => (found.prior, ended),
+    };
+    let optimum_evidence = fit.evidence;
+    let calibrate = options.calibrate && options.hyper_prior.variance > 0.0;
+    let calibration = match options.hyper_prior.variance {
+        spread if calibrate => calibration::calibrate(&search, &optimum, &fit, spread),
+        _ => Calibration::NotAsked,
+    };
+    let prior = optimum.with_variances_times(calibration.factor())?;
+    let fit = if calibrate { search.careful_fit(&prior, &fit.tilts)? } else { fit };
+    let fit = Fit::new(&prior, fit, points.as_ref(), options.messages)?;
+    let stop = found.stop;
+    Ok(Learned {
+        prior,
+        fit,
+        optimum,
+        optimum_evidence,
+        calibration,
+        starts: Vec::new(),
+        start_events: 0,
+        evaluations,
+        stop,
+    })
+}
+
+/// Inducing points for all events, where they are too many for a dense fit: those that suit the prior, or shorter length-scales where
+/// fewer than allowed would do. A prior that is too smooth needs few, and with few no shorter length-scale could show itself.
+fn inducing_points(prior: &Prior, likelihood: &Likelihood<'_>, options: &LearnOptions<'_>) -> Result<Option<Inputs>> {
+    if likelihood.events() <= options.dense_events_max {
+        return Ok(None);
+    }
+    let inputs = likelihood.observations.inputs();
+    let candidates = inputs.select(&spread_out(inputs.len(), options.inducing_points_max.saturating_mul(4)));
+    let choose = |factor: f64| -> Result<Vec<usize>> {
+        let kernel = prior.with_length_scales_times(factor)?;
+        Ok(Candidates::new(kernel.kernel(), &candidates)?.greedy(options.inducing_points_max).indices)
+    };
+    let mut chosen: Vec<usize> = choose(1.0)?;
+    for factor in [1.0 / 3.0, 1.0 / 9.0] {
+        if chosen.len() < options.inducing_points_max {
+            chosen = choose(factor)?;
+        }
+    }
+    let mut points = candidates.select(&chosen);
+    options.messages.iter().try_for_each(|message| points.append(message.inducing_points()))?;
+    Ok(Some(points))
+}

@@ -1,0 +1,96 @@
+//! How a prior is learned.
+
+use super::hyper_prior::HyperPrior;
+use crate::error::{Result, positive};
+use crate::prior::Prior;
+use crate::summary::Summary;
+
+/// How to search for the parameters of a prior.
+#[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
+pub struct LearnOptions<'a> {
+    /// What others said of the same latent function; none if not said otherwise.
+    pub messages: &'a [&'a Summary],
+    /// How far parameters may go from the template's.
+    pub hyper_prior: HyperPrior,
+    /// Start here and on all events at once: an earlier [`crate::Learned::optimum`], of the template's structure. The new optimum is
+    /// never worse in E. Without it there are several starts.
+    pub warm_start: Option<&'a Prior>,
+    /// How many events the starts are compared on, at most: 150 if not said otherwise.
+    pub start_events_max: usize,
+    /// Up to so many events, 1000 if not said otherwise, E is that of the dense fit, O(N³) an evaluation; beyond, that of a sparse
+    /// one, O(NM²).
+    pub dense_events_max: usize,
+    /// Inducing points M of a sparse fit, chosen greedily among the events, beside those of the messages: 256 if not said otherwise.
+    pub inducing_points_max: usize,
+    /// How many steps a search takes at most: 60 if not said otherwise.
+    pub iterations_max: usize,
+    /// Whether all variances are multiplied by a common factor at the end, that which maximises the corrected evidence
+    /// ([`crate::Fit::corrected_evidence`]): the slack of E grows with the variance, so that E alone leaves it too small. So it is if
+    /// not said otherwise.
+    pub calibrate: bool,
+}
+
+impl<'a> LearnOptions<'a> {
+    /// The default for inputs that typically lie `distance` apart.
+    pub fn new(distance: f64) -> Self {
+        Self {
+            messages: &[],
+            hyper_prior: HyperPrior::weak(distance),
+            warm_start: None,
+            start_events_max: 150,
+            dense_events_max: 1000,
+            inducing_points_max: 256,
+            iterations_max: 60,
+            calibrate: true,
+        }
+    }
+
+    /// Sets [`LearnOptions::messages`].
+    #[must_use]
+    pub fn messages(self, messages: &'a [&'a Summary]) -> Self {
+        Self { messages, ..self }
+    }
+
+    /// Sets [`LearnOptions::hyper_prior`].
+    #[must_use]
+    pub fn hyper_prior(self, hyper_prior: HyperPrior) -> Self {
+        Self { hyper_prior, ..self }
+    }
+
+    /// Sets [`LearnOptions::warm_start`].
+    #[must_use]
+    pub fn warm_start(self, optimum: &'a Prior) -> Self {
+        Self { warm_start: Some(optimum), ..self }
+    }
+
+    /// Sets [`LearnOptions::start_events_max`].
+    #[must_use]
+    pub fn start_events_max(self, start_events_max: usize) -> Self {
+        Self { start_events_max, ..self }
+    }
+
+    /// Sets [`LearnOptions::dense_events_max`] and [`LearnOptions::inducing_points_max`].
+    #[must_use]
+    pub fn sparse_beyond(self, dense_events_max: usize, inducing_points_max: usize) -> Self {
+        Self { dense_events_max, inducing_points_max, ..self }
+    }
+
+    /// Sets [`LearnOptions::iterations_max`].
+    #[must_use]
+    pub fn iterations_max(self, iterations_max: usize) -> Self {
+        Self { iterations_max, ..self }
+    }
+
+    /// Sets [`LearnOptions::calibrate`].
+    #[must_use]
+    pub fn calibrate(self, calibrate: bool) -> Self {
+        Self { calibrate, ..self }
+    }
+
+    /// Checks the numbers.
+    pub(super) fn check(&self) -> Result<()> {
+        positive("largest number of inducing points", self.inducing_points_max as f64)?;
+        self.hyper_prior.check()
+    }
+}

@@ -1,0 +1,215 @@
+//! The search behind learning: L-BFGS over the evidence bound (section 7 of [`crate::method`]).
+
+use std::cell::RefCell;
+
+use argmin::core::{CostFunction, Executor, Gradient, State, TerminationReason, TerminationStatus};
+use argmin::solver::linesearch::MoreThuenteLineSearch;
+use argmin::solver::quasinewton::LBFGS;
+
+use super::options::LearnOptions;
+use crate::error::{Error, Place, Result};
+use crate::fit::{FitOptions, MeanField, solve, solve_with_gradient};
+use crate::inputs::Inputs;
+use crate::likelihood::Likelihood;
+use crate::prior::Prior;
+
+/// No search goes farther from the template than its start by more than so many standard deviations of the hyperprior.
+const COORDINATE_MAX: f64 = 8.0;
+
+/// Nats per event that no sensible place costs.
+const COST_BEYOND: f64 = 100.0;
+
+/// Why a search ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Stop {
+    /// The gradient vanished, or E did not change any more.
+    Converged,
+    /// It took as many steps as it was allowed.
+    IterationsMax,
+    /// No step along the search direction helped, or E could not be computed there, in the optimiser's words. What was best so far
+    /// is kept.
+    NoProgress(String),
+}
+
+/// A maximisation of E plus the log density of the hyperprior.
+pub(super) struct Search<'a> {
+    likelihood: &'a Likelihood<'a>,
+    points: Option<&'a Inputs>,
+    template: &'a Prior,
+    centre: Vec<f64>,
+    /// Places of the parameters that may move, and how far each may.
+    moving: Vec<(usize, f64)>,
+    iterations_max: u64,
+}
+
+/// Where a search ended.
+pub(super) struct Found {
+    pub(super) prior: Prior,
+    /// E plus the log density of the hyperprior.
+    pub(super) objective: f64,
+    /// Tilts of its fit.
+    pub(super) tilts: Vec<f64>,
+    pub(super) evaluations: usize,
+    pub(super) stop: Stop,
+}
+
+impl<'a> Search<'a> {
+    pub(super) fn new(
+        template: &'a Prior,
+        likelihood: &'a Likelihood<'a>,
+        points: Option<&'a Inputs>,
+        options: &LearnOptions<'_>,
+    ) -> Self {
+        let spread = options.hyper_prior.of_parameters(template);
+        let moving = spread.into_iter().enumerate().filter(|&(_, spread)| spread > 0.0).collect();
+        let iterations_max = options.iterations_max as u64;
+        Self { likelihood, points, template, centre: template.parameter_values(), moving, iterations_max }
+    }
+
+    /// Coordinates of a prior: what moves, in units of its spread about the template.
+    fn coordinates(&self, prior: &Prior) -> Vec<f64> {
+        let parameters = prior.parameter_values();
+        self.moving.iter().map(|&(place, spread)| (parameters[place] - self.centre[place]) / spread).collect()
+    }
+
+    /// The prior that a search from `start` begins at: what may not move is the template's.
+    pub(super) fn within_reach(&self, start: &Prior) -> Result<Prior> {
+        self.prior(&self.coordinates(start))
+    }
+
+    fn prior(&self, coordinates: &[f64]) -> Result<Prior> {
+        let mut parameters = self.centre.clone();
+        for (&(place, spread), coordinate) in self.moving.iter().zip(coordinates) {
+            parameters[place] += spread * coordinate;
+        }
+        self.template.with_parameters(&parameters)
+    }
+
+    fn per_event(&self) -> f64 {
+        1.0 / self.likelihood.len().max(1) as f64
+    }
+
+    /// The fit, and the gradient of E.
+    fn gradient(&self, prior: &Prior, options: &FitOptions<'_>) -> Result<(MeanField, Vec<f64>)> {
+        solve_with_gradient(prior, self.likelihood, self.points, options)
+    }
+
+    /// The fit alone.
+    pub(super) fn fit(&self, prior: &Prior, options: &FitOptions<'_>) -> Result<MeanField> {
+        solve(prior, self.likelihood, self.points, options)
+    }
+
+    /// A careful fit.
+    pub(super) fn careful_fit(&self, prior: &Prior, tilts: &[f64]) -> Result<MeanField> {
+        self.fit(prior, &FitOptions::default().tolerance(1e-6).start(tilts))
+    }
+
+    /// From `start` to the nearest maximum.
+    pub(super) fn run(&self, start: &Prior) -> Result<Found> {
+        let start = self.coordinates(start);
+        let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
+        let objective = Objective { search: self, reach, memory: RefCell::new(Memory::default()) };
+        objective.at(&start)?;
+        let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective, start) };
+        let Memory { best, evaluations, .. } = objective.memory.into_inner();
+        let Some(Best { coordinates, objective, tilts }) = best else {
+            return Err(Error::NotFinite { what: "evidence bound", place: Place::Alone, value: f64::NAN });
+        };
+        Ok(Found { prior: self.prior(&coordinates)?, objective, tilts, evaluations, stop })
+    }
+
+    /// L-BFGS. Whatever it returns, the best point it looked at is in the memory.
+    fn maximise(&self, objective: &Objective<'_>, start: Vec<f64>) -> Stop {
+        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 8).with_tolerance_grad(3e-4);
+        let solver = solver.and_then(|solver| solver.with_tolerance_cost(1e-8));
+        let run = solver.and_then(|solver| {
+            let executor = Executor::new(objective, solver).timer(false);
+            executor.configure(|state| state.param(start).max_iters(self.iterations_max)).run()
+        });
+        match run.as_ref().map(|result| result.state().get_termination_status()) {
+            Ok(TerminationStatus::Terminated(TerminationReason::SolverConverged)) => Stop::Converged,
+            Ok(TerminationStatus::Terminated(TerminationReason::MaxItersReached)) => Stop::IterationsMax,
+            Ok(other) => Stop::NoProgress(other.to_string()),
+            Err(error) => Stop::NoProgress(error.to_string()),
+        }
+    }
+}
+
+/// −(E + log density of the hyperprior) per event, as the optimiser sees it. It asks for cost and gradient at the same place one
+/// after the other; the memory saves the second evaluation.
+struct Objective<'a> {
+    search: &'a Search<'a>,
+    /// No place is looked at whose largest coordinate lies beyond.
+    reach: f64,
+    memory: RefCell<Memory>,
+}
+
+#[derive(Default)]
+struct Memory {
+    /// The last place, its cost and its gradient.
+    last: Option<(Vec<f64>, f64, Vec<f64>)>,
+    best: Option<Best>,
+    evaluations: usize,
+}
+
+struct Best {
+    coordinates: Vec<f64>,
+    objective: f64,
+    tilts: Vec<f64>,
+}
+
+impl Objective<'_> {
+    /// Cost and gradient.
+    fn at(&self, coordinates: &[f64]) -> Result<(f64, Vec<f64>)> {
+        if coordinates.iter().any(|x| x.abs() > self.reach) {
+            return Ok(self.beyond(coordinates));
+        }
+        let mut memory = self.memory.borrow_mut();
+        if let Some((last, cost, gradient)) = &memory.last
+            && last == coordinates
+        {
+            return Ok((*cost, gradient.clone()));
+        }
+        // E does not change with the tilts to first order: at this tolerance its error is about 1e-9 an event.
+        let mut options = FitOptions::default().tolerance(1e-3).iterations_max(200);
+        options.start = memory.best.as_ref().map(|best| best.tilts.as_slice());
+        let (fit, by_parameter) = self.search.gradient(&self.search.prior(coordinates)?, &options)?;
+        memory.evaluations += 1;
+        let objective = fit.evidence - 0.5 * coordinates.iter().map(|x| x * x).sum::<f64>();
+        let per_event = self.search.per_event();
+        let slope = |(&(place, spread), x): (&(usize, f64), &f64)| -per_event * (spread * by_parameter[place] - x);
+        let gradient: Vec<f64> = self.search.moving.iter().zip(coordinates).map(slope).collect();
+        if memory.best.as_ref().is_none_or(|best| objective > best.objective) {
+            memory.best = Some(Best { coordinates: coordinates.to_vec(), objective, tilts: fit.tilts });
+        }
+        let cost = -per_event * objective;
+        memory.last = Some((coordinates.to_vec(), cost, gradient.clone()));
+        Ok((cost, gradient))
+    }
+
+    /// Where a step went much too far, only the hyperprior counts, on top of a cost that no sensible place has.
+    fn beyond(&self, coordinates: &[f64]) -> (f64, Vec<f64>) {
+        let per_event = self.search.per_event();
+        let spread: f64 = coordinates.iter().map(|x| 0.5 * x * x).sum();
+        (COST_BEYOND + per_event * spread, coordinates.iter().map(|x| per_event * x).collect())
+    }
+}
+
+impl CostFunction for &Objective<'_> {
+    type Param = Vec<f64>;
+    type Output = f64;
+
+    fn cost(&self, coordinates: &Vec<f64>) -> std::result::Result<f64, argmin::core::Error> {
+        Ok(self.at(coordinates)?.0)
+    }
+}
+
+impl Gradient for &Objective<'_> {
+    type Param = Vec<f64>;
+    type Gradient = Vec<f64>;
+
+    fn gradient(&self, coordinates: &Vec<f64>) -> std::result::Result<Vec<f64>, argmin::core::Error> {
+        Ok(self.at(coordinates)?.1)
+    }
+}

@@ -1,0 +1,199 @@
+//! The Cholesky factor of a symmetric positive definite matrix, and what is solved with it.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt;
+use faer::linalg::{triangular_inverse, triangular_solve};
+use faer::{MatMut, Par};
+
+use super::matrix::{Matrix, add_symmetric_product};
+use crate::error::{Error, Result};
+
+/// L with A = LLᵀ, A symmetric and positive definite.
+#[derive(Debug, Clone)]
+pub(crate) struct Cholesky {
+    factor: Matrix,
+    jitter: f64,
+}
+
+impl Cholesky {
+    /// Factorises `matrix` (its lower triangle is read) as it is. O(n³/3).
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] names `what` and the failing pivot.
+    pub(crate) fn new(what: &'static str, matrix: Matrix) -> Result<Self> {
+        let size = matrix.rows();
+        let mut cholesky = Self { factor: matrix, jitter: 0.0 };
+        match cholesky.factorise(&mut CholeskyScratch::new(size)) {
+            Ok(()) => Ok(cholesky),
+            Err(pivot) => Err(Error::NotPositiveDefinite { what, pivot, size, jitter: 0.0 }),
+        }
+    }
+
+    /// Factorises `matrix`; where that fails by rounding, adds to its diagonal the smallest of 1e-14, 1e-13 … 1e-8 of its
+    /// mean that helps, and says so in [`Cholesky::jitter`].
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] when even the largest jitter does not help.
+    pub(crate) fn with_jitter(what: &'static str, matrix: &Matrix) -> Result<Self> {
+        let size = matrix.rows();
+        let mean = matrix.diagonal().iter().sum::<f64>() / size.max(1) as f64;
+        let mut cholesky = Self { factor: matrix.clone(), jitter: 0.0 };
+        let mut scratch = CholeskyScratch::new(size);
+        let mut failure = cholesky.factorise(&mut scratch);
+        let mut exponent = -14;
+        while let Err(pivot) = failure {
+            if exponent > -8 {
+                return Err(Error::NotPositiveDefinite { what, pivot, size, jitter: cholesky.jitter });
+            }
+            cholesky.jitter = mean * 10f64.powi(exponent);
+            exponent += 1;
+            cholesky.factor.copy_from(matrix);
+            cholesky.factor.add_to_diagonal(cholesky.jitter);
+            failure = cholesky.factorise(&mut scratch);
+        }
+        Ok(cholesky)
+    }
+
+    /// Room for the factor of an n×n matrix, to be filled and factorised again and again without allocation.
+    pub(crate) fn reserve(size: usize) -> (Self, CholeskyScratch) {
+        (Self { factor: Matrix::zeros(size, size), jitter: 0.0 }, CholeskyScratch::new(size))
+    }
+
+    /// The factor of [A, X; Xᵀ, C] from that of A (n×n), X (n×m) and C (m×m): O(n²m + m³).
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] names `what` and the failing pivot.
+    pub(crate) fn extended(&self, what: &'static str, mut x: Matrix, mut c: Matrix) -> Result<Self> {
+        let (old, size) = (self.size(), self.size() + c.rows());
+        self.solve_lower_matrix(&mut x);
+        add_symmetric_product(-1.0, x.t(), &mut c);
+        let corner = Self::new(what, c).map_err(|error| match error {
+            Error::NotPositiveDefinite { pivot, jitter, .. } => {
+                Error::NotPositiveDefinite { what, pivot: pivot + old, size, jitter }
+            }
+            other => other,
+        })?;
+        let mut factor = Matrix::zeros(size, size);
+        factor.0.as_mut().submatrix_mut(0, 0, old, old).copy_from(self.factor.view());
+        factor.0.as_mut().submatrix_mut(old, 0, size - old, old).copy_from(x.t());
+        factor.0.as_mut().submatrix_mut(old, old, size - old, size - old).copy_from(corner.factor.view());
+        Ok(Self { factor, jitter: self.jitter })
+    }
+
+    /// Replaces the matrix by what `fill` writes to the lower triangle, and factorises it. O(n³/3), no allocation.
+    pub(crate) fn refactorise(
+        &mut self,
+        what: &'static str,
+        scratch: &mut CholeskyScratch,
+        fill: impl FnOnce(&mut Matrix),
+    ) -> Result<()> {
+        fill(&mut self.factor);
+        let size = self.size();
+        self.factorise(scratch).map_err(|pivot| Error::NotPositiveDefinite { what, pivot, size, jitter: 0.0 })
+    }
+
+    /// Factorises what `factor` holds; the failing pivot otherwise.
+    fn factorise(&mut self, scratch: &mut CholeskyScratch) -> std::result::Result<(), usize> {
+        let stack = MemStack::new(&mut scratch.0);
+        llt::factor::cholesky_in_place(self.factor.0.as_mut(), Default::default(), Par::Seq, stack, Default::default())
+            .map_err(|llt::factor::LltError::NonPositivePivot { index }| index)?;
+        // A NaN passes the pivot test of some code paths; it must not pass this function.
+        match (0..self.size()).find(|&i| !(self.factor[(i, i)] > 0.0 && self.factor[(i, i)].is_finite())) {
+            Some(pivot) => Err(pivot),
+            None => Ok(()),
+        }
+    }
+
+    /// Order of the matrix.
+    pub(crate) fn size(&self) -> usize {
+        self.factor.rows()
+    }
+
+    /// What was added to the diagonal to make the factorisation succeed; 0 in the ordinary case.
+    pub(crate) fn jitter(&self) -> f64 {
+        self.jitter
+    }
+
+    /// ln|A|.
+    pub(crate) fn log_determinant(&self) -> f64 {
+        2.0 * (0..self.size()).map(|i| self.factor[(i, i)].ln()).sum::<f64>()
+    }
+
+    /// x ← L⁻¹x. O(n²).
+    pub(crate) fn solve_lower(&self, x: &mut [f64]) {
+        let x = MatMut::from_column_major_slice_mut(x, self.size(), 1);
+        triangular_solve::solve_lower_triangular_in_place(self.factor.view(), x, Par::Seq);
+    }
+
+    /// x ← L⁻ᵀx. O(n²).
+    pub(crate) fn solve_upper(&self, x: &mut [f64]) {
+        let x = MatMut::from_column_major_slice_mut(x, self.size(), 1);
+        triangular_solve::solve_upper_triangular_in_place(self.factor.t(), x, Par::Seq);
+    }
+
+    /// x ← A⁻¹x. O(n²).
+    pub(crate) fn solve(&self, x: &mut [f64]) {
+        self.solve_lower(x);
+        self.solve_upper(x);
+    }
+
+    /// X ← L⁻¹X. O(n² columns).
+    pub(crate) fn solve_lower_matrix(&self, x: &mut Matrix) {
+        triangular_solve::solve_lower_triangular_in_place(self.factor.view(), x.0.as_mut(), Par::Seq);
+    }
+
+    /// X ← L⁻ᵀX. O(n² columns).
+    pub(crate) fn solve_upper_matrix(&self, x: &mut Matrix) {
+        triangular_solve::solve_upper_triangular_in_place(self.factor.t(), x.0.as_mut(), Par::Seq);
+    }
+
+    /// L⁻¹XL⁻ᵀ for a symmetric X. O(n³).
+    pub(crate) fn whiten(&self, mut x: Matrix) -> Matrix {
+        self.solve_lower_matrix(&mut x);
+        let mut x = x.transposed();
+        self.solve_lower_matrix(&mut x);
+        x
+    }
+
+    /// Rows `first..first + n` of X ← L⁻¹ of the same rows.
+    pub(crate) fn solve_lower_rows(&self, x: &mut Matrix, first: usize) {
+        let rows = x.0.as_mut().subrows_mut(first, self.size());
+        triangular_solve::solve_lower_triangular_in_place(self.factor.view(), rows, Par::Seq);
+    }
+
+    /// Writes L⁻¹ to the lower triangle of `out`. O(n³/3).
+    pub(crate) fn invert_lower(&self, out: &mut Matrix) {
+        triangular_inverse::invert_lower_triangular(out.0.as_mut(), self.factor.view(), Par::Seq);
+    }
+
+    /// L·x. O(n²).
+    pub(crate) fn lower_times(&self, x: &[f64]) -> Vec<f64> {
+        (0..self.size()).map(|i| (0..=i).map(|j| self.factor[(i, j)] * x[j]).sum()).collect()
+    }
+
+    /// L, with zeros above its diagonal.
+    pub(crate) fn lower(&self) -> Matrix {
+        Matrix::from_fn(self.size(), self.size(), |i, j| if i >= j { self.factor[(i, j)] } else { 0.0 })
+    }
+}
+
+/// Working memory of a factorisation.
+pub(crate) struct CholeskyScratch(MemBuffer);
+
+impl CholeskyScratch {
+    fn new(size: usize) -> Self {
+        let request = llt::factor::cholesky_in_place_scratch::<f64>(size, Par::Seq, Default::default());
+        Self(MemBuffer::new(request))
+    }
+}
+
+/// Writes I + diag(roots)·K·diag(roots) to the lower triangle of `b`: for roots of ω the matrix I + Ω^½KΩ^½, which has no
+/// eigenvalue below 1 and always factorises. O(n²).
+pub(crate) fn fill_scaled(b: &mut Matrix, gram: &Matrix, roots: &[f64]) {
+    for column in 0..roots.len() {
+        let root = roots[column];
+        let entries = b.column_mut(column)[column..].iter_mut().zip(&gram.column(column)[column..]);
+        entries.zip(&roots[column..]).for_each(|((out, k), other)| *out = root * k * other);
+        b[(column, column)] += 1.0;
+    }
+}

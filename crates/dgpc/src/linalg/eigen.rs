@@ -1,0 +1,53 @@
+//! Eigenvalues of symmetric matrices, and the roots that follow from them.
+
+use faer::Par;
+use faer::diag::Diag;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::evd;
+
+use super::matrix::Matrix;
+use crate::error::{Error, Result};
+
+/// Eigenvalues (ascending) and eigenvectors (columns) of a symmetric matrix. O(n³).
+///
+/// # Errors
+/// [`Error::NoEigenvalues`] if the iteration fails, which takes entries that are not finite.
+pub(crate) fn symmetric_eigen(what: &'static str, matrix: &Matrix) -> Result<(Vec<f64>, Matrix)> {
+    let size = matrix.rows();
+    let mut values = Diag::<f64>::zeros(size);
+    let mut vectors = Matrix::zeros(size, size);
+    let request =
+        evd::self_adjoint_evd_scratch::<f64>(size, evd::ComputeEigenvectors::Yes, Par::Seq, Default::default());
+    let mut buffer = MemBuffer::new(request);
+    let done = evd::self_adjoint_evd(
+        matrix.view(),
+        values.as_mut(),
+        Some(vectors.0.as_mut()),
+        Par::Seq,
+        MemStack::new(&mut buffer),
+        Default::default(),
+    );
+    let values: Vec<f64> = (0..size).map(|i| values[i]).collect();
+    if done.is_err() || values.iter().any(|v| !v.is_finite()) {
+        return Err(Error::NoEigenvalues { what, size });
+    }
+    Ok((values, vectors))
+}
+
+/// R with A = RRᵀ for a symmetric positive semi-definite A that stands beside the identity; eigenvalues that rounding made
+/// negative count as zero.
+///
+/// # Errors
+/// [`Error::NegativeEigenvalue`] when an eigenvalue is more negative than rounding explains.
+pub(crate) fn semidefinite_root(what: &'static str, matrix: &Matrix) -> Result<Matrix> {
+    let (values, mut root) = symmetric_eigen(what, matrix)?;
+    let largest = values.iter().fold(1.0f64, |a, v| a.max(v.abs()));
+    for (column, &value) in values.iter().enumerate() {
+        if value < -1e-9 * largest {
+            return Err(Error::NegativeEigenvalue { what, eigenvalue: value });
+        }
+        let scale = value.max(0.0).sqrt();
+        root.column_mut(column).iter_mut().for_each(|v| *v *= scale);
+    }
+    Ok(root)
+}

@@ -1,0 +1,255 @@
+//! The matrix type, and products.
+
+use std::ops::{Index, IndexMut};
+
+use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::{Accum, Mat, MatMut, MatRef, Par};
+
+use crate::error::{Error, Place, Result};
+
+/// A dense matrix of `f64`, stored column by column.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
+pub struct Matrix(pub(super) Mat<f64>);
+
+/// A borrowed, possibly transposed matrix.
+pub(crate) type View<'a> = MatRef<'a, f64>;
+
+impl Matrix {
+    /// The rows × columns matrix of zeros.
+    pub fn zeros(rows: usize, columns: usize) -> Self {
+        Self(Mat::zeros(rows, columns))
+    }
+
+    /// The matrix with `entry(row, column)` in each place.
+    pub fn from_fn(rows: usize, columns: usize, entry: impl FnMut(usize, usize) -> f64) -> Self {
+        Self(Mat::from_fn(rows, columns, entry))
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.0.nrows()
+    }
+
+    /// Number of columns.
+    pub fn columns(&self) -> usize {
+        self.0.ncols()
+    }
+
+    /// One column.
+    pub fn column(&self, column: usize) -> &[f64] {
+        self.0.col_as_slice(column)
+    }
+
+    /// One column, to write to.
+    pub fn column_mut(&mut self, column: usize) -> &mut [f64] {
+        self.0.col_as_slice_mut(column)
+    }
+
+    /// The diagonal.
+    pub fn diagonal(&self) -> Vec<f64> {
+        (0..self.rows().min(self.columns())).map(|i| self[(i, i)]).collect()
+    }
+
+    /// Column by column, all entries: as many as rows × columns.
+    pub fn entries(&self) -> impl Iterator<Item = f64> {
+        (0..self.columns()).flat_map(|column| self.column(column)).copied()
+    }
+
+    /// Checks that every entry is finite.
+    pub(crate) fn check_finite(&self, what: &'static str) -> Result<()> {
+        match self.entries().position(|entry| !entry.is_finite()) {
+            Some(at) => {
+                let (row, column) = (at % self.rows(), at / self.rows());
+                Err(Error::NotFinite { what, place: Place::Entry { row, column }, value: self[(row, column)] })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Adds a number to every entry of the diagonal.
+    pub(crate) fn add_to_diagonal(&mut self, value: f64) {
+        (0..self.rows().min(self.columns())).for_each(|i| self[(i, i)] += value);
+    }
+
+    /// The transposed matrix, copied.
+    pub fn transposed(&self) -> Self {
+        Self(self.0.transpose().to_owned())
+    }
+
+    pub(crate) fn view(&self) -> View<'_> {
+        self.0.as_ref()
+    }
+
+    pub(crate) fn t(&self) -> View<'_> {
+        self.0.transpose()
+    }
+
+    pub(crate) fn copy_from(&mut self, other: &Matrix) {
+        self.0.copy_from(&other.0);
+    }
+
+    /// Matrix × vector. O(rows × columns).
+    pub(crate) fn times(&self, vector: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.rows()];
+        multiply_vector(self.view(), vector, &mut out);
+        out
+    }
+
+    /// Transposed matrix × vector. O(rows × columns).
+    pub(crate) fn transposed_times(&self, vector: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.columns()];
+        multiply_vector(self.t(), vector, &mut out);
+        out
+    }
+
+    /// Adds `other`, entry by entry, `factor` times.
+    pub(crate) fn add_scaled(&mut self, factor: f64, other: &Matrix) {
+        for column in 0..self.columns() {
+            for (own, other) in self.column_mut(column).iter_mut().zip(other.column(column)) {
+                *own += factor * other;
+            }
+        }
+    }
+
+    /// Writes the lower triangle to the upper one.
+    pub(crate) fn mirror_lower(&mut self) {
+        for column in 1..self.columns() {
+            for row in 0..column {
+                self[(row, column)] = self[(column, row)];
+            }
+        }
+    }
+
+    /// The last `count` columns, copied.
+    pub(crate) fn last_columns(&self, count: usize) -> Self {
+        Self(self.view().subcols(self.columns() - count, count).to_owned())
+    }
+
+    /// Replaces as many last columns as `other` has.
+    pub(crate) fn set_last_columns(&mut self, other: &Matrix) {
+        let first = self.columns() - other.columns();
+        (0..other.columns()).for_each(|column| self.column_mut(first + column).copy_from_slice(other.column(column)));
+    }
+
+    /// ½(A + Aᵀ), in place: takes rounding out of a matrix that is symmetric by its definition.
+    pub(crate) fn symmetrise(&mut self) {
+        for column in 1..self.columns() {
+            for row in 0..column {
+                let mean = 0.5 * (self[(row, column)] + self[(column, row)]);
+                self[(row, column)] = mean;
+                self[(column, row)] = mean;
+            }
+        }
+    }
+}
+
+/// A matrix as it is written down.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parts {
+    rows: usize,
+    columns: usize,
+    /// Column by column.
+    entries: Vec<f64>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Parts> for Matrix {
+    type Error = Error;
+
+    fn try_from(Parts { rows, columns, entries }: Parts) -> Result<Self> {
+        crate::error::same_size("entries of a matrix", rows.saturating_mul(columns), entries.len())?;
+        Ok(Self::from_fn(rows, columns, |row, column| entries[column * rows + row]))
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<Matrix> for Parts {
+    fn from(matrix: Matrix) -> Self {
+        Self { rows: matrix.rows(), columns: matrix.columns(), entries: matrix.entries().collect() }
+    }
+}
+
+impl Index<(usize, usize)> for Matrix {
+    type Output = f64;
+
+    fn index(&self, (row, column): (usize, usize)) -> &f64 {
+        &self.0[(row, column)]
+    }
+}
+
+impl IndexMut<(usize, usize)> for Matrix {
+    fn index_mut(&mut self, (row, column): (usize, usize)) -> &mut f64 {
+        &mut self.0[(row, column)]
+    }
+}
+
+/// aᵀb.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// ‖a‖².
+pub(crate) fn squared_norm(a: &[f64]) -> f64 {
+    dot(a, a)
+}
+
+/// A·B, written to `out`.
+pub(crate) fn multiply(a: View<'_>, b: View<'_>, out: &mut Matrix) {
+    matmul(out.0.as_mut(), Accum::Replace, a, b, 1.0, Par::Seq);
+}
+
+/// A·B.
+pub(crate) fn product(a: View<'_>, b: View<'_>) -> Matrix {
+    let mut out = Matrix::zeros(a.nrows(), b.ncols());
+    multiply(a, b, &mut out);
+    out
+}
+
+/// Adds `factor`·A·Aᵀ to `out`, both triangles; half the work of a general product.
+pub(crate) fn add_symmetric_product(factor: f64, a: View<'_>, out: &mut Matrix) {
+    triangular::matmul(
+        out.0.as_mut(),
+        BlockStructure::TriangularLower,
+        Accum::Add,
+        a,
+        BlockStructure::Rectangular,
+        a.transpose(),
+        BlockStructure::Rectangular,
+        factor,
+        Par::Seq,
+    );
+    out.mirror_lower();
+}
+
+/// Adds `factor`·LᵀL to `out`, both triangles, for a lower triangular L. O(n³/3).
+pub(crate) fn add_lower_gram(factor: f64, lower: &Matrix, out: &mut Matrix) {
+    triangular::matmul(
+        out.0.as_mut(),
+        BlockStructure::TriangularLower,
+        Accum::Add,
+        lower.t(),
+        BlockStructure::TriangularUpper,
+        lower.view(),
+        BlockStructure::TriangularLower,
+        factor,
+        Par::Seq,
+    );
+    out.mirror_lower();
+}
+
+/// A·x, written to `out`.
+pub(crate) fn multiply_vector(a: View<'_>, x: &[f64], out: &mut [f64]) {
+    let x = MatRef::from_column_major_slice(x, a.ncols(), 1);
+    let out = MatMut::from_column_major_slice_mut(out, a.nrows(), 1);
+    matmul(out, Accum::Replace, a, x, 1.0, Par::Seq);
+}
+
+/// Rows `first..` of X ← A·(those rows), for a square A.
+pub(crate) fn multiply_rows(a: View<'_>, x: &mut Matrix, first: usize) {
+    let old = x.0.as_ref().subrows(first, a.nrows()).to_owned();
+    matmul(x.0.as_mut().subrows_mut(first, a.nrows()), Accum::Replace, a, old.as_ref(), 1.0, Par::Seq);
+}

@@ -1,0 +1,21 @@
+//! Special functions, none of which overflows.
+
+/// Φ, the standard normal distribution function.
+pub(crate) fn normal_cdf(x: f64) -> f64 {
+    0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
+}
+
+/// σ(f), the logistic function.
+pub(crate) fn logistic(f: f64) -> f64 {
+    if f >= 0.0 {
+        1.0 / (1.0 + (-f).exp())
+    } else {
+        let odds = f.exp();
+        odds / (1.0 + odds)
+    }
+}
+
+/// ln(2 cosh x).
+pub(crate) fn ln_2_cosh(x: f64) -> f64 {
+    x.abs() + (-2.0 * x.abs()).exp().ln_1p()
+}

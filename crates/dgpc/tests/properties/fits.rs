@@ -1,0 +1,186 @@
+//! A fit and the posteriors that follow from it.
+
+use super::problems::*;
+use crate::common::*;
+use dgpc::*;
+use proptest::prelude::*;
+
+/// What another agent, with another prior, says about two points that keep their distance.
+fn message(problem: &Problem) -> Option<Summary> {
+    let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern32, 1.5, 1.2, problem.inputs().dimension()).unwrap()]);
+    let prior = Prior::new(kernel.unwrap(), PriorMean::Constant(0.3)).unwrap();
+    let count = problem.elsewhere.len();
+    let observations = Observations::new(problem.elsewhere.clone(), (0..count).map(|n| n % 3 == 0).collect()).unwrap();
+    let sites = Sites::new(&observations, vec![0.2; count]).unwrap();
+    let message = Summary::marginal(&prior, &sites, &problem.elsewhere.select(&[0, 1])).unwrap();
+    let distinct = Candidates::new(problem.prior.kernel(), message.inducing_points()).unwrap().distinct();
+    (distinct.len() == 2 && message.jitter() == 0.0).then_some(message)
+}
+
+fn latent_at_events(fit: &Fit) -> Latent {
+    Latent { mean: fit.mean().to_vec(), variance: fit.variance().to_vec() }
+}
+
+proptest! {
+    #![proptest_config(cases(80))]
+
+    /// The obvious call after any fit is that fit's own posterior: dense or sparse, with messages or without.
+    #[test]
+    fn the_posterior_of_a_fit_is_the_one_that_was_fitted(
+        problem in problems(3..=14),
+        is_sparse in any::<bool>(),
+        with_message in any::<bool>(),
+    ) {
+        let message = message(&problem);
+        prop_assume!(message.is_some());
+        let messages: Vec<&Summary> = message.iter().filter(|_| with_message).collect();
+        let z = problem.inputs().select(&problem.spread(3));
+        let mut options = FitOptions::default().messages(&messages);
+        if is_sparse {
+            options = options.inducing_points(&z);
+        }
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &options).unwrap();
+        prop_assume!(fit.jitter() == 0.0);
+        let posterior = fit.posterior().unwrap();
+        assert_same_latent(&posterior.latent(problem.inputs()).unwrap(), &latent_at_events(&fit), 1e-6);
+        // And it has the size that its kind of fit promises.
+        let own = if is_sparse { z.len() + 2 * messages.len() } else { problem.inputs().len() };
+        prop_assert_eq!(posterior.len(), own + 2 * messages.len());
+    }
+
+    #[test]
+    fn summaries_take_the_place_of_a_fits_messages(problem in problems(3..=14), is_sparse in any::<bool>()) {
+        let message = message(&problem);
+        prop_assume!(message.is_some());
+        let message = message.unwrap();
+        let (messages, z) = ([&message], problem.inputs().select(&problem.spread(3)));
+        let mut options = FitOptions::default().messages(&messages);
+        if is_sparse {
+            options = options.inducing_points(&z);
+        }
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &options).unwrap();
+        let latent = |posterior: Posterior| posterior.latent(&problem.elsewhere).unwrap();
+        // The same again, under the fit's prior or under its own.
+        let read = message.under(&problem.prior).unwrap();
+        let expected = latent(fit.posterior().unwrap());
+        assert_same_latent(&latent(fit.posterior_with(&[&message]).unwrap()), &expected, 1e-12);
+        assert_same_latent(&latent(fit.posterior_with(&[&read]).unwrap()), &expected, 1e-7);
+        // None: the events alone, at the sites of the fit.
+        let alone = fit.posterior_with(&[]).unwrap();
+        let expected = match fit.inducing_points() {
+            None => Posterior::of_sites(&problem.prior, fit.sites()).unwrap(),
+            Some(points) => {
+                let condensed = Summary::variational(&problem.prior, fit.sites(), points).unwrap();
+                Posterior::fuse(&problem.prior, &Sites::empty(points.dimension()), &[&condensed]).unwrap()
+            }
+        };
+        assert_same_latent(&latent(alone.clone()), &latent(expected), 1e-9);
+        // Absorbed afterwards it is the same as given at once.
+        let mut later = alone;
+        later.absorb_summaries(&[&read]).unwrap();
+        assert_same_latent(&latent(later), &latent(fit.posterior_with(&[&read]).unwrap()), 1e-7);
+    }
+
+    #[test]
+    fn a_factor_read_back_is_the_message(problem in problems(2..=14)) {
+        let z = problem.inputs().select(&problem.spread(3));
+        let summary = Summary::marginal(&problem.prior, &problem.sites, &z).unwrap();
+        let factor = summary.factor().unwrap();
+        assert_same_message(&Summary::from_factor(&problem.prior, &factor).unwrap(), &summary, 1e-7);
+        // Under any other prior it is what the message is there.
+        let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, 1.3, 0.9, z.dimension()).unwrap()]).unwrap();
+        let other = Prior::new(kernel, PriorMean::Constant(-0.4)).unwrap();
+        let read = Summary::from_factor(&other, &factor).unwrap();
+        assert_same_message(&read, &summary.under(&other).unwrap(), 1e-6);
+    }
+
+    /// How parameters are tied for learning changes no number, so that it keeps nobody apart.
+    #[test]
+    fn ties_are_no_part_of_a_priors_identity(problem in problems(2..=8)) {
+        let dimension = problem.inputs().dimension();
+        let columns: Vec<usize> = (0..dimension).collect();
+        let prior = |correlation: Correlation| {
+            let kernel = Kernel::new(vec![Term::of(1.5, correlation).unwrap()]).unwrap();
+            Prior::new(kernel, PriorMean::Zero).unwrap()
+        };
+        let each = prior(Correlation::new(Shape::Matern32, &columns, &vec![1.2; dimension]).unwrap());
+        let tied = prior(Correlation::isotropic(Shape::Matern32, &columns, 1.2).unwrap());
+        prop_assert_eq!(&each, &tied);
+        prop_assert_eq!(each.has_structure_of(&tied), dimension == 1);
+        prop_assert_eq!(each.parameters().len(), 1 + dimension);
+        prop_assert_eq!(tied.parameters(), vec![Parameter::Variance, Parameter::LengthScale]);
+        let z = problem.inputs().select(&[0]);
+        let mut summary = Summary::marginal(&each, &problem.sites, &z).unwrap();
+        prop_assert!(summary.merge(&Summary::empty(&tied, &z).unwrap()).is_ok());
+        prop_assert!(Posterior::prior_alone(&tied, dimension).absorb_summaries(&[&summary]).is_ok());
+    }
+}
+
+/// Under a prior that is sure of nothing, acceleration goes astray every few steps. What comes back after any number of
+/// iterations is a step that was accepted.
+#[test]
+fn every_number_of_iterations_returns_an_accepted_step() {
+    let kernel = |variance| Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, variance, 1.0, 1).unwrap()]);
+    for (variance, seed) in [(2e5, 1), (2e5, 2), (7e7, 3), (2e3, 4)] {
+        let prior = Prior::new(kernel(variance).unwrap(), PriorMean::Constant(0.2)).unwrap();
+        let order = shuffled(8, seed);
+        let inputs = line(&order.iter().map(|&n| n as f64 * 0.7 - 2.5).collect::<Vec<_>>());
+        let observations = Observations::new(inputs, (0..8).map(|n| n % 3 == 0).collect()).unwrap();
+        let evidence = |iterations_max| {
+            let options = FitOptions::default().tolerance(0.0).iterations_max(iterations_max);
+            let fit = dgpc::fit(&prior, &observations, &options).unwrap();
+            assert!(
+                fit.change().is_finite(),
+                "variance {variance}: {iterations_max} iterations say nothing of the last"
+            );
+            fit.evidence()
+        };
+        let all: Vec<f64> = (1..=80).map(evidence).collect();
+        let first = all[0];
+        for (before, &after) in all.windows(2).map(|pair| (pair[0], &pair[1])) {
+            // Plain steps from accepted places may differ by a little; rejected ones lost whole nats.
+            assert!(
+                after >= before - 0.02 * (before - first).abs() - 1e-9,
+                "variance {variance}: {after} after {before}"
+            );
+        }
+    }
+}
+
+/// A prior mean that overflows is refused before any sampler meets it.
+#[test]
+fn a_prior_mean_that_overflows_is_refused() {
+    let mean = PriorMean::range(0.0, 1e300, &[0], &[1]).unwrap();
+    let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern32, 1.0, 1.0, 2).unwrap()]).unwrap();
+    let prior = Prior::new(kernel, mean).unwrap();
+    let far = Observations::new(Inputs::from_rows(&[[0.0, 1e300]]).unwrap(), vec![true]).unwrap();
+    assert!(matches!(Gibbs::new(&prior, far.clone()), Err(Error::NotFinite { what: "prior mean", .. })));
+    assert!(matches!(dgpc::fit(&prior, &far, &FitOptions::default()), Err(Error::NotFinite { .. })));
+}
+
+#[test]
+fn a_sampler_asked_for_nothing_finite_returns() {
+    for c in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let refused = polya_gamma::sample(&mut seeded(1), c);
+        assert!(matches!(refused, Err(Error::NotFinite { place: Place::Alone, .. })), "{c}: {refused:?}");
+    }
+}
+
+/// As many points as people can write down take no more memory than there are candidates.
+#[test]
+fn numbers_of_points_bound_no_allocation() {
+    let prior = line_prior(Shape::Matern52);
+    let candidates = Candidates::new(prior.kernel(), &line(&[0.0, 1.0, 2.0])).unwrap();
+    for points in [10_000_000_000_000, usize::MAX] {
+        for chosen in [
+            candidates.minimise_trace(points),
+            candidates.maximise_trace(points),
+            candidates.greedy(points),
+            candidates.random(points, &mut seeded(1)),
+        ] {
+            assert_eq!(chosen.indices.len(), 3);
+        }
+        assert_eq!(spread_out(5, points), [0, 1, 2, 3, 4]);
+    }
+    assert_eq!(spread_out(usize::MAX, 3).len(), 3);
+}
