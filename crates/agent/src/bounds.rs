@@ -46,7 +46,7 @@ pub const LENGTH_M: Bounds = Bounds::new(1e-6, 1e9, "a number of metres from 1e-
 pub const POSITIVE: Bounds = Bounds::new(1e-6, 1e9, "a number above 0, from 1e-6 to 1e9");
 
 /// Variances and length-scales of a model: wider than what people give, because learning may go farther.
-pub const KERNEL_NUMBER: Bounds = Bounds::new(1e-15, 1e15, "a number from 1e-15 to 1e15");
+pub const KERNEL_NUMBER: Bounds = Bounds::new(1e-15, 1e15, "a positive number from 1e-15 to 1e15");
 
 /// Log-odds, and log-odds per metre.
 pub const LOG_ODDS: Bounds = Bounds::new(-1e9, 1e9, "a number, at most 1e9 from zero");

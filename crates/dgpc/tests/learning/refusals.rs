@@ -55,7 +55,7 @@ fn a_parameter_without_spread_is_that_of_the_template_after_a_warm_start() {
     let (template, events) = (&templates()[0], waves(1, 60));
     let start = learn(template, &events, &LearnOptions::new(1.0)).unwrap().optimum;
     let spread = HyperPrior::weak(1.0).length_scale(0.0);
-    let options = LearnOptions::new(1.0).hyper_prior(spread).warm_start(start);
+    let options = LearnOptions::new(1.0).hyper_prior(spread).warm_start(&start);
     let learned = learn(template, &events, &options).unwrap();
     assert_near("length-scales", length_scales(&learned.prior), length_scales(template), 1e-12);
 }
