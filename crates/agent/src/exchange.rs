@@ -35,7 +35,7 @@ impl Agent {
             let (length, max) = (layout.frame_bytes, self.team.frame_bytes);
             return Err(Refusal::Malformed(pingmap_packet::Error::TooLong { length, max }));
         }
-        let expected = if layout.is_sealed { 0 } else { self.check_number(layout, &message).map_err(Refusal::of)? };
+        let expected = if layout.is_sealed { 0 } else { self.check_number(&layout.with_model_zeroed(bytes)) };
         if layout.has_depth != self.team.model.inputs.has_depths() || message.model != expected {
             return Err(Refusal::OtherModel { found: message.model, expected });
         }
@@ -50,8 +50,12 @@ impl Agent {
     /// # Errors
     /// As [`MapMessage::encode`].
     pub fn write(&self, layout: &Layout, message: &MapMessage) -> Result<Vec<u8>, pingmap_packet::Error> {
-        let model = if layout.is_sealed { 0 } else { self.check_number(layout, message)? };
-        MapMessage { model, ..message.clone() }.encode(layout, self.seal())
+        if layout.is_sealed {
+            return message.encode(layout, self.seal());
+        }
+        let unnumbered = MapMessage { model: 0, ..message.clone() };
+        let model = self.check_number(&unnumbered.encode(layout, None)?);
+        MapMessage { model, ..unnumbered }.encode(layout, self.seal())
     }
 
     /// Checks a packet and puts it among the live ones; the sender's number.
@@ -67,7 +71,7 @@ impl Agent {
         let said = message.blocks.iter().filter(|block| block.points.iter().any(|point| point.information > 0));
         let summaries: Result<Vec<Summary>, _> = said.map(|block| self.team.wire().decode(block)).collect();
         let summaries = summaries.map_err(Refusal::Unusable)?;
-        self.put_in(key, LivePacket { bytes: bytes[..layout.schema().length()].to_vec(), summaries });
+        self.put_in(key, LivePacket { bytes: bytes[..layout.length()].to_vec(), summaries });
         Ok(message.sender)
     }
 
@@ -152,10 +156,9 @@ impl Agent {
     }
 
     /// The number by which an open packet shows that it is whole, and of this team: 14 bits of the digest of what the team agreed
-    /// on and of the packet itself.
-    fn check_number(&self, layout: &Layout, message: &MapMessage) -> Result<u16, pingmap_packet::Error> {
-        let packet = MapMessage { model: 0, ..message.clone() }.encode(layout, None)?;
-        let digest = digest(&[self.digest.as_slice(), &packet].concat());
-        Ok(u16::from_le_bytes([digest[0], digest[1]]) & 0x3fff)
+    /// on and of the packet itself, with zeros where the number will stand.
+    fn check_number(&self, unnumbered: &[u8]) -> u16 {
+        let digest = digest(&[self.digest.as_slice(), unnumbered].concat());
+        u16::from_le_bytes([digest[0], digest[1]]) & 0x3fff
     }
 }

@@ -164,8 +164,9 @@ impl Given {
     }
 }
 
-impl fmt::Display for Structure {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Structure {
+    /// What it consists of, in words: shape, path inputs, direction, terms and prior mean.
+    pub fn parts(&self) -> [String; 5] {
         let inputs = match self.path_inputs {
             PathInputs::Raw => "raw positions",
             PathInputs::Link => "link coordinates",
@@ -181,6 +182,13 @@ impl fmt::Display for Structure {
             MeanStructure::Range => "range",
             MeanStructure::Conservative { .. } => "conservative range",
         };
-        write!(formatter, "{}, {inputs}, {direction}, {terms}, {mean} mean", self.shape.title())
+        let mean = format!("{mean} mean");
+        [self.shape.title().to_owned(), inputs.to_owned(), direction.to_owned(), terms.to_owned(), mean]
+    }
+}
+
+impl fmt::Display for Structure {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(&self.parts().join(", "))
     }
 }

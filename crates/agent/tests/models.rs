@@ -210,3 +210,54 @@ fn what_is_heard_after_learning_is_read_under_the_learned_model() {
     let mut plain = vehicle(&team, "a", events("a", 60, 0.0));
     assert_eq!(agent.next_packet(9.0, 32), plain.next_packet(9.0, 32));
 }
+
+/// A term that is a product, with a shape that has a parameter, is written and read back; models without one are written as ever.
+#[test]
+fn products_and_shapes_with_parameters_go_into_a_file() {
+    let shape = dgpc::Shape::RationalQuadratic { alpha: 1.5 };
+    let (inputs, chart) = (InputSpec::Positions, Chart::about([]));
+    let path = dgpc::Correlation::isotropic(dgpc::Shape::Matern32, &[0, 1, 2, 3], 300.0).unwrap();
+    let range = dgpc::Correlation::new(shape, &[8], &[150.0]).unwrap();
+    let term =
+        dgpc::Term::of(2.0, path).unwrap().times(range).unwrap().reciprocal(inputs.swap_ends().unwrap()).unwrap();
+    let prior = dgpc::Prior::new(dgpc::Kernel::new(vec![term]).unwrap(), dgpc::PriorMean::Zero).unwrap();
+    let file = ModelFile { model: Model::new(chart, inputs, prior), learned: None };
+    let text = file.to_toml();
+    assert!(text.contains("[[kernel.times]]") && text.contains("\"rational-quadratic:1.5\""), "{text}");
+    assert_eq!(ModelFile::parse(&text).unwrap(), file);
+    let refused = ModelFile::parse(&text.replace("rational-quadratic:1.5", "rational-cubic")).unwrap_err().to_string();
+    assert!(refused.contains("rational-cubic") && refused.contains("matern32"), "{refused}");
+    let refused = ModelFile::parse(&text.replace("150.0", "1e300")).unwrap_err().to_string();
+    assert!(refused.contains("kernel term 1: length-scale"), "{refused}");
+}
+
+/// A block that a program put together wrongly is refused, not read past its end.
+#[test]
+fn blocks_of_the_wrong_size_are_refused() {
+    let model =
+        Model::isotropic(Chart::about([]), InputSpec::Positions, dgpc::Shape::Matern32, true, 300.0, 4.0).unwrap();
+    let reach = [Position::new(-1000.0, -1000.0), Position::new(1000.0, 1000.0)];
+    let team = Team::new([VehicleId::new("a")], model, reach).unwrap();
+    let layout = team.layout(32).unwrap();
+    let mut block = pingmap_packet::Block::silent(layout);
+    for (n, point) in block.points.iter_mut().enumerate() {
+        point.transmitter.east = 7 * n as u8;
+        point.information = 5;
+    }
+    assert!(team.wire().decode(&block).is_ok());
+    let with = |change: &dyn Fn(&mut pingmap_packet::Block)| {
+        let mut block = block.clone();
+        change(&mut block);
+        team.wire().decode(&block).unwrap_err()
+    };
+    let few = with(&|block| block.correlations.truncate(9));
+    assert!(matches!(few, dgpc::Error::SizeMismatch { expected: 10, found: 9, .. }), "{few}");
+    for refused in [
+        with(&|block| block.correlations[3] = 8),
+        with(&|block| block.correlations[3] = i8::MIN),
+        with(&|block| block.points[1].information = 32),
+        with(&|block| block.points[1].mean = -16),
+    ] {
+        assert!(matches!(refused, dgpc::Error::OutOfRange { .. }), "{refused}");
+    }
+}

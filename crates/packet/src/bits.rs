@@ -64,3 +64,13 @@ impl<'a> BitReader<'a> {
         self.bytes.len() - self.position.div_ceil(8)
     }
 }
+
+/// Overwrites `width` bits (at most 64) from bit `start` on; bits behind the end of `bytes` are left out.
+pub(crate) fn overwrite(bytes: &mut [u8], start: usize, width: u32, value: u64) {
+    for place in 0..width {
+        let bit = start.saturating_add(place as usize);
+        if let Some(byte) = bytes.get_mut(bit / 8) {
+            *byte = *byte & !(1 << (bit % 8)) | (((value >> place) & 1) as u8) << (bit % 8);
+        }
+    }
+}

@@ -14,16 +14,22 @@ impl Schema {
     /// The message in `bytes`, which must hold it and nothing else.
     ///
     /// # Errors
-    /// [`Error`] for another id, for bytes that end too early or go on, and for a field whose bits say a value outside its bounds.
+    /// As [`Schema::check`], and [`Error`] for another id, for bytes that end too early or go on, and for a field whose bits say a
+    /// value outside its bounds.
     pub fn decode(&self, bytes: &[u8]) -> Result<Fields, Error> {
         self.check()?;
+        self.read(bytes)
+    }
+
+    /// The same without checking the schema: it must have passed [`Schema::check`].
+    pub(crate) fn read(&self, bytes: &[u8]) -> Result<Fields, Error> {
         let mut reader = Reader { bits: BitReader::new(bytes), length: bytes.len() };
         if let Some(expected) = self.id {
             let found = Schema::id_of(bytes);
             if found != Some(expected) {
                 return Err(Error::Id { found, expected: format!("{expected}") });
             }
-            reader.read(if expected < 128 { 8 } else { 16 }, "the message id")?;
+            reader.read(self.id_bits() as u32, "the message id")?;
         }
         let mut message = Fields::new();
         for field in self.fields.iter().filter(|field| field.in_head) {
@@ -165,11 +171,12 @@ impl Reader<'_> {
 
 fn number_value(number: &Number, code: u64, name: &str) -> Result<Value, Error> {
     // What would not be encoded like this is not taken either: a message has one form only.
-    if number.code(number.value(code)) != Some(code) {
+    let value = number.value(code);
+    if number.code(value) != Some(code) {
         let value = number.min + code as f64 * number.resolution;
         return Err(Error::OutOfBounds { field: name.into(), min: number.min, max: number.max, value });
     }
-    Ok(Value::Number(number.value(code)))
+    Ok(Value::Number(value))
 }
 
 fn enum_value(values: &[(String, i32)], packed: bool, code: u64, name: &str) -> Result<Value, Error> {

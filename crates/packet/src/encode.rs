@@ -12,9 +12,15 @@ impl Schema {
     /// The message as bytes: id and head, then body, each filled up to a whole byte.
     ///
     /// # Errors
-    /// [`Error`] with the field's name, its bounds and the value, where a value does not fit; nothing is ever cut off silently.
+    /// As [`Schema::check`], and [`Error`] with the field's name, its bounds and the value, where a value does not fit; nothing is ever
+    /// cut off silently.
     pub fn encode(&self, message: &Fields) -> Result<Vec<u8>, Error> {
         self.check()?;
+        self.write(message)
+    }
+
+    /// The same without checking the schema: it must have passed [`Schema::check`].
+    pub(crate) fn write(&self, message: &Fields) -> Result<Vec<u8>, Error> {
         check_names(&self.fields, message, "")?;
         let mut head = BitWriter::default();
         match self.id {
@@ -30,9 +36,6 @@ impl Schema {
         }
         let mut bytes = head.into_bytes();
         bytes.extend(body.into_bytes());
-        if bytes.len() > self.bytes_max {
-            return Err(Error::TooLong { length: bytes.len(), max: self.bytes_max });
-        }
         Ok(bytes)
     }
 }

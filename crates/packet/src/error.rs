@@ -90,7 +90,7 @@ pub enum Error {
         /// What the schema says, or "that of a map message".
         expected: String,
     },
-    /// The encoded message is longer than the schema allows.
+    /// A message longer than allowed, or a schema whose longest form is.
     #[error("the message takes {length} bytes, at most {max} are allowed")]
     TooLong {
         /// Its length.

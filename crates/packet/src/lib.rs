@@ -21,30 +21,35 @@
 //! ```
 
 #![no_std]
+#![forbid(unsafe_code)]
 
 extern crate alloc;
 #[cfg(test)]
 extern crate std;
 
-mod bits;
-mod check;
-mod decode;
-mod encode;
+// In the order of the flow: each module uses only those above it.
 mod error;
 mod hex;
-mod map_message;
-mod number;
-mod schema;
-mod seal;
+mod bits;
 mod value;
+mod schema;
+mod number;
 mod widths;
+mod check;
+mod encode;
+mod decode;
+mod seal;
+mod point;
+mod layout;
+mod map_message;
 
 pub use error::Error;
 pub use hex::{from_hex, to_hex};
-pub use map_message::{
-    Block, CORRELATION_LEVELS, Cell, DEPTH_CELLS, HORIZONTAL_CELLS, INFORMATION_LEVELS, LAYOUTS, Layout, MEAN_LEVELS,
-    MapMessage, PROTO, Point, Seal,
+pub use layout::{
+    CORRELATION_LEVELS, DEPTH_CELLS, HORIZONTAL_CELLS, INFORMATION_LEVELS, LAYOUTS, Layout, MEAN_LEVELS, PROTO,
 };
+pub use map_message::{Block, MapMessage, Seal};
+pub use point::{Cell, Point};
 pub use schema::{Field, Kind, Number, Rule, Schema};
 pub use seal::{Key, digest};
 pub use value::{Fields, Value};

@@ -10,7 +10,7 @@ pub struct Schema {
     pub name: String,
     /// Its DCCL id, up to 32767; `None` for a message with `omit_id`.
     pub id: Option<u16>,
-    /// Longest encoded form, in bytes.
+    /// Bytes that its longest form may take at most.
     pub bytes_max: usize,
     /// Its fields, in the order of declaration.
     pub fields: Vec<Field>,
@@ -25,7 +25,7 @@ pub struct Field {
     pub kind: Kind,
     /// How often it occurs.
     pub rule: Rule,
-    /// Whether it stands in the head of the message.
+    /// Whether it stands in the head of the message. Fields inside a message stand where the message does.
     pub in_head: bool,
     /// Whether an optional number has a presence bit of its own (`codec: "dccl.presence"`).
     pub presence: bool,
@@ -77,7 +77,7 @@ pub enum Kind {
     Message(Vec<Field>),
 }
 
-/// Bounds and resolution of a number. Every multiple of the resolution between the bounds has a code.
+/// Bounds and resolution of a number. Every multiple of the resolution between the bounds has a code; the bounds are multiples, too.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Number {
     /// Smallest value.

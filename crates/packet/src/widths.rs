@@ -19,7 +19,7 @@ impl Schema {
 
     /// Bits of the message id.
     pub fn id_bits(&self) -> u64 {
-        self.id.map_or(0, |id| if id < 128 { 8 } else { 16 })
+        self.id.map_or(0, id_bits)
     }
 
     /// Bytes of the longest form of the message.
@@ -45,31 +45,28 @@ impl Field {
     /// Bits of its longest form.
     pub(crate) fn bits_max(&self) -> u64 {
         if self.oneof.is_some() {
-            return self.element_bits();
+            return self.kind.bits_max();
         }
         match self.rule {
-            Rule::Required => self.element_bits(),
-            Rule::Optional => self.element_bits().saturating_add(self.optional_bits()),
+            Rule::Required => self.kind.bits_max(),
+            Rule::Optional => self.kind.bits_max().saturating_add(self.optional_bits()),
             Rule::Repeated { min, max } => {
-                let count_bits = u64::from(width(max.saturating_sub(min) as u64 + 1));
-                (max as u64).saturating_mul(self.element_bits()).saturating_add(count_bits)
+                (max as u64).saturating_mul(self.kind.bits_max()).saturating_add(count_bits(min, max))
             }
         }
     }
 
-    /// Bits of one element in required form.
-    fn element_bits(&self) -> u64 {
-        match &self.kind {
-            Kind::Bool => 1,
-            Kind::Number(number) => width(number.codes()).into(),
-            Kind::Enum { values, packed } => width(enum_range(values, *packed).1).into(),
-            Kind::Bytes { length_max } | Kind::Text { length_max } => {
-                let length_max = *length_max as u64;
-                length_max.saturating_mul(8).saturating_add(width(length_max.saturating_add(1)).into())
-            }
-            Kind::Message(fields) => {
-                let alone = fields.iter().filter(|field| field.oneof.is_none());
-                sum(alone.map(Field::bits_max)).saturating_add(oneof_bits(fields))
+    /// Bits of its shortest form: unset where it may be.
+    pub(crate) fn bits_min(&self) -> u64 {
+        if self.oneof.is_some() {
+            return 0;
+        }
+        match self.rule {
+            Rule::Required => self.kind.bits_min(),
+            Rule::Optional if has_presence_bit(self) => 1,
+            Rule::Optional => self.bits_max(),
+            Rule::Repeated { min, max } => {
+                (min as u64).saturating_mul(self.kind.bits_min()).saturating_add(count_bits(min, max))
             }
         }
     }
@@ -82,6 +79,53 @@ impl Field {
             _ => 1,
         }
     }
+}
+
+impl Kind {
+    /// Bits of the longest value in required form.
+    pub(crate) fn bits_max(&self) -> u64 {
+        match self {
+            Kind::Bytes { length_max } | Kind::Text { length_max } => {
+                (*length_max as u64).saturating_mul(8).saturating_add(self.bits_min())
+            }
+            Kind::Message(fields) => {
+                let alone = fields.iter().filter(|field| field.oneof.is_none());
+                sum(alone.map(Field::bits_max)).saturating_add(oneof_bits(fields))
+            }
+            _ => self.bits_min(),
+        }
+    }
+
+    /// Bits of the shortest value in required form.
+    pub(crate) fn bits_min(&self) -> u64 {
+        match self {
+            Kind::Bool => 1,
+            Kind::Number(number) => width(number.codes()).into(),
+            Kind::Enum { values, packed } => width(enum_range(values, *packed).1).into(),
+            Kind::Bytes { length_max } | Kind::Text { length_max } => {
+                width((*length_max as u64).saturating_add(1)).into()
+            }
+            Kind::Message(fields) => {
+                let choices = oneofs(fields).into_iter().map(|(_, members)| choice_bits(members.len()));
+                sum(fields.iter().map(Field::bits_min)).saturating_add(sum(choices))
+            }
+        }
+    }
+}
+
+/// Bits of a message id.
+pub(crate) fn id_bits(id: u16) -> u64 {
+    if id < 128 { 8 } else { 16 }
+}
+
+/// Bits of the number of elements.
+fn count_bits(min: usize, max: usize) -> u64 {
+    width((max.saturating_sub(min) as u64).saturating_add(1)).into()
+}
+
+/// Bits that say which of so many members of a oneof is set, if any.
+fn choice_bits(members: usize) -> u64 {
+    width(members as u64 + 1).into()
 }
 
 /// Bits that one more code takes.
@@ -140,8 +184,8 @@ pub(crate) fn oneofs(fields: &[Field]) -> Vec<(&str, Vec<&Field>)> {
 
 /// Bits that the oneofs take at most: which of the members are set, and the longest of each.
 fn oneof_bits(fields: &[Field]) -> u64 {
-    let longest = |members: &[&Field]| members.iter().map(|member| member.element_bits()).max().unwrap_or(0);
-    let bits = |members: &Vec<&Field>| longest(members).saturating_add(width(members.len() as u64 + 1).into());
+    let longest = |members: &[&Field]| members.iter().map(|member| member.kind.bits_max()).max().unwrap_or(0);
+    let bits = |members: &Vec<&Field>| longest(members).saturating_add(choice_bits(members.len()));
     sum(oneofs(fields).iter().map(|(_, members)| bits(members)))
 }
 

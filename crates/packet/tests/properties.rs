@@ -114,11 +114,28 @@ proptest! {
     fn every_message_comes_back((layout, message) in messages()) {
         let mut bytes = encode(layout, &message).unwrap();
         prop_assert!(bytes.len() <= layout.frame_bytes);
-        prop_assert_eq!(bytes.len(), layout.schema().length());
+        prop_assert_eq!(bytes.len(), layout.length());
         prop_assert_eq!(Layout::of(&bytes), Some(layout));
         prop_assert_eq!(decode(layout, &bytes), Ok((layout, message.clone())));
         bytes.resize(layout.frame_bytes, 0);
         prop_assert_eq!(decode(layout, &bytes), Ok((layout, message)));
+    }
+
+    #[test]
+    fn a_message_is_checked_without_its_model_as_if_it_were_encoded_again((layout, message) in messages(), more in 0..40_usize) {
+        let mut bytes = encode(layout, &message).unwrap();
+        bytes.resize(bytes.len() + more, 0);
+        let expected = encode(layout, &MapMessage { model: 0, ..message });
+        prop_assert_eq!(Ok(layout.with_model_zeroed(&bytes)), expected);
+    }
+
+    #[test]
+    fn of_any_bytes_only_the_model_is_zeroed(layout in layouts(), bytes in vec(any::<u8>(), 0..300)) {
+        let model = if layout.is_sealed { 0..0 } else { first_bit_of_body(layout)..first_bit_of_body(layout) + 14 };
+        let mut expected = bytes.clone();
+        model.filter(|bit| bit / 8 < bytes.len()).for_each(|bit| expected[bit / 8] &= !(1 << (bit % 8)));
+        expected.truncate(layout.length());
+        prop_assert_eq!(layout.with_model_zeroed(&bytes), expected);
     }
 
     #[test]
@@ -138,7 +155,7 @@ proptest! {
         length in any::<prop::sample::Index>(),
     ) {
         let mut bytes = encode(layout, &message).unwrap();
-        flips.iter().for_each(|flip| flip_bit(&mut bytes, flip.index(8 * layout.schema().length())));
+        flips.iter().for_each(|flip| flip_bit(&mut bytes, flip.index(8 * layout.length())));
         check_canonical(&bytes)?;
         check_canonical(&bytes[..length.index(bytes.len())])?;
     }
@@ -148,7 +165,7 @@ proptest! {
         let sealed = LAYOUTS.iter().find(|sealed| sealed.is_sealed && sealed.frame_bytes == layout.frame_bytes).unwrap();
         let message = MapMessage { sender: message.sender, ..varied(sealed, 0) };
         let mut bytes = encode(sealed, &message).unwrap();
-        flip_bit(&mut bytes, flip.index(8 * sealed.schema().length()));
+        flip_bit(&mut bytes, flip.index(8 * sealed.length()));
         prop_assert!(decode(sealed, &bytes).is_err());
     }
 }
@@ -248,9 +265,14 @@ fn wrong_numbers_of_things_are_refused_by_name() {
     }
 }
 
+/// Id, sender and counter are whole bytes.
+fn first_bit_of_body(layout: &Layout) -> usize {
+    if layout.id < 128 { 32 } else { 40 }
+}
+
 /// Where the bits of a field of the body begin, and how many its first element has.
 fn place_of(layout: &Layout, name: &str, count: usize) -> (usize, usize) {
-    let head = if layout.id < 128 { 32 } else { 40 };
+    let head = first_bit_of_body(layout);
     let schema = layout.schema();
     let bits = schema.bits();
     let (before, field) = (bits.iter().skip(2).take_while(|(known, _)| *known != name), bits.iter());
@@ -280,9 +302,9 @@ fn codes_beyond_the_bounds_are_refused_on_the_wire() {
 fn a_padding_bit_is_refused() {
     for layout in &LAYOUTS {
         let schema = layout.schema();
-        let head = if layout.id < 128 { 32 } else { 40 };
+        let head = first_bit_of_body(layout);
         let used = head + schema.bits().iter().skip(2).map(|(_, bits)| *bits as usize).sum::<usize>();
-        for bit in used..8 * schema.length() {
+        for bit in used..8 * layout.length() {
             let mut bytes = encode(layout, &varied(layout, 3)).unwrap();
             flip_bit(&mut bytes, bit);
             assert_eq!(decode(layout, &bytes), Err(Error::Padding), "{}, bit {bit}", layout.name);
@@ -348,6 +370,21 @@ fn messages_of_another_length_are_refused() {
             let longer = [&bytes[..], extra].concat();
             assert_eq!(decode(layout, &longer), Err(Error::Long { extra: extra.len() }), "{}", layout.name);
         }
+    }
+}
+
+/// Whoever makes up a layout gets an error where it describes no message, not bytes that nobody can read.
+#[test]
+fn a_layout_that_is_none_of_ours_is_checked() {
+    for layout in &LAYOUTS {
+        let encoded = |layout: Layout| encode(&layout, &varied(&layout, 3));
+        let frame_bytes = layout.length() - 1;
+        let expected = Error::TooLong { length: layout.length(), max: frame_bytes };
+        assert_eq!(encoded(Layout { frame_bytes, ..*layout }), Err(expected));
+        assert!(matches!(encoded(Layout { id: 40_000, ..*layout }), Err(Error::Schema { .. })));
+        assert!(matches!(encoded(Layout { points: 0, ..*layout }), Err(Error::Schema { .. })));
+        let other = Layout { name: "Other", points: 2, blocks: 1, ..*layout };
+        assert_eq!(encoded(other).unwrap().len(), other.length());
     }
 }
 

@@ -75,10 +75,37 @@ fn rendered_field(field: &Field, tag: usize) -> String {
 fn every_form_fits_its_frame() {
     for layout in &LAYOUTS {
         let schema = layout.schema();
+        assert_eq!(schema.check(), Ok(()), "{}", layout.name);
         assert!(schema.length() <= layout.frame_bytes, "{}", layout.name);
         assert!(id_bits(layout) + field_bits(layout) <= 8 * layout.frame_bytes, "{}", layout.name);
         assert_eq!(schema.bytes_max, layout.frame_bytes, "{}", layout.name);
     }
+}
+
+/// Fields that do not speak of points.
+const OVERHEAD: [&str; 5] = ["sender", "counter", "model", "tag_low", "tag_high"];
+
+/// Lengths are counted without building the schema, and say the same.
+#[test]
+fn lengths_are_those_of_the_schema() {
+    for layout in &LAYOUTS {
+        for blocks in [0, 1, layout.blocks, 20] {
+            for points in [0, 1, layout.points, 9] {
+                let layout = Layout { blocks, points, ..*layout };
+                let schema = layout.schema();
+                assert_eq!(layout.length(), schema.length(), "{layout:?}");
+                let bits_of = |is_wanted: fn(&str) -> bool| -> u64 {
+                    schema.bits().iter().filter(|(name, _)| is_wanted(name)).map(|(_, bits)| bits).sum()
+                };
+                let overhead = bits_of(|name| OVERHEAD.contains(&name));
+                assert_eq!(layout.overhead_bits(), schema.id_bits() + overhead, "{layout:?}");
+                let locations = bits_of(|name| name.starts_with("tx_") || name.starts_with("rx_"));
+                assert_eq!(layout.location_bits() * layout.points_in_all() as u64, locations, "{layout:?}");
+            }
+        }
+    }
+    let largest = Layout { blocks: usize::MAX, points: usize::MAX, ..LAYOUTS[0] };
+    assert!(largest.length() > LAYOUTS[0].length());
 }
 
 #[test]

@@ -9,6 +9,7 @@ use anyhow::Context;
 use comfy_table::{CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressStyle};
 use pingmap_trial::{FileError, ReplayError};
+use serde::Serialize;
 
 /// The input is at fault, in words for people. Exit status 2.
 #[derive(Debug)]
@@ -44,16 +45,18 @@ pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| cause.downcast_ref().is_some_and(broken))
 }
 
+/// Where results go.
+pub type Results<'a> = &'a mut (dyn Write + Send);
+
 /// Prints a result.
-pub fn print(text: &str) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
+pub fn print(out: Results, text: &str) -> anyhow::Result<()> {
     writeln!(out, "{}", text.trim_end())?;
     Ok(out.flush()?)
 }
 
-/// Prints one JSON object.
-pub fn print_json(value: &serde_json::Value) -> anyhow::Result<()> {
-    print(&serde_json::to_string_pretty(value)?)
+/// Prints one JSON object, its keys in alphabetical order.
+pub fn print_json(out: Results, value: &impl Serialize) -> anyhow::Result<()> {
+    print(out, &serde_json::to_string_pretty(&serde_json::to_value(value)?)?)
 }
 
 /// Says something that is not a result.
@@ -66,40 +69,6 @@ pub fn warn(text: impl Display) {
     eprintln!("warning: {text}");
 }
 
-/// Writes a file aside and moves it into place, so that nobody ever sees half of it. Through a symbolic link it replaces what the
-/// link points to; a device or pipe is written to as it is.
-pub fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    replace(path, bytes).with_context(|| format!("cannot write {}", path.display()))
-}
-
-fn replace(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    if target.metadata().is_ok_and(|metadata| !metadata.is_file()) {
-        return std::fs::OpenOptions::new().write(true).open(&target)?.write_all(bytes);
-    }
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = aside().tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.persist(&target).map_err(|error| error.error)?;
-    Ok(())
-}
-
-/// Temporary files are private by default; a result may be read by whomever the umask lets.
-#[cfg(unix)]
-fn aside() -> tempfile::Builder<'static, 'static> {
-    use std::os::unix::fs::PermissionsExt;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".pingmap-").permissions(std::fs::Permissions::from_mode(0o666));
-    builder
-}
-
-#[cfg(not(unix))]
-fn aside() -> tempfile::Builder<'static, 'static> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".pingmap-");
-    builder
-}
-
 /// "1 event", "2 events".
 pub fn count(number: usize, noun: &str) -> String {
     if number == 1 { format!("1 {noun}") } else { format!("{number} {noun}s") }
@@ -107,6 +76,11 @@ pub fn count(number: usize, noun: &str) -> String {
 
 /// A table with plain rules; the first column left-aligned, the others right-aligned.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    table_of(header, rows)
+}
+
+/// The same with a header of any kind of text.
+pub fn table_of(header: &[impl ToString], rows: &[Vec<String>]) -> String {
     let mut table = Table::new();
     table.load_preset("     --            ").set_header(header.iter().map(|name| name.to_string()));
     rows.iter().for_each(|row| {
@@ -136,7 +110,18 @@ pub fn spinner(what: &'static str) -> ProgressBar {
     bar
 }
 
-/// Sets the number of worker threads, 0 = one per core.
-pub fn use_threads(threads: usize) -> anyhow::Result<()> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start worker threads")
+/// Runs something on so many worker threads, 0 = one per core.
+pub fn with_threads(threads: usize, run: impl FnOnce() -> anyhow::Result<()> + Send) -> anyhow::Result<()> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start worker threads")?;
+    pool.install(run)
+}
+
+/// CSV with numbers in the shortest form that reads back the same.
+pub fn csv_text(header: &[&str], rows: &[Vec<f64>]) -> anyhow::Result<String> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(header)?;
+    for row in rows {
+        writer.write_record(row.iter().map(ToString::to_string))?;
+    }
+    Ok(String::from_utf8(writer.into_inner().map_err(|error| error.into_error())?)?)
 }

@@ -146,12 +146,16 @@ fn options_out_of_range() {
         (&["--threads", "100000"], "0 to 256"),
         (&["--variance", "0"], "above 0"),
         (&["--test-share", "1"], "below 1"),
-        (&["--frames", "1,0"], "at least 1"),
-        (&["--repeats", "0"], "at least 1"),
+        (&["--frames", "1,0"], "a whole number from 1 to 65536"),
+        (&["--frames", "1000000000"], "a whole number from 1 to 65536"),
+        (&["--repeats", "0"], "a whole number from 1 to 10000"),
+        (&["--dense-events-max", "9223372036854775807"], "a whole number from 1 to 20000"),
+        (&["--inducing-points-max", "9223372036854775807"], "a whole number from 1 to 10000"),
+        (&["--events-max", "9223372036854775807"], "a whole number from 1 to 10000000"),
         (&["--learn", "magic"], "possible values"),
         (&["--frame-bytes", "31"], "from 32"),
         (&["--loss", "1.5"], "0 to 1"),
-        (&["--online", "--slot-every", "0"], "at least 1"),
+        (&["--online", "--slot-every", "0"], "a whole number from 1 to 65536"),
     ] {
         let command = [&["replay", "events.csv"], options].concat();
         // The argument parser says what the option is; the value checks what it must be.
@@ -170,6 +174,11 @@ fn select_and_map_say_what_they_need() {
     );
     let far = ["select", "events.csv", "--vehicle", "a", "--centre", "9e6,0,0,0", "--radius-m", "10"];
     refused_command(folder.path(), &far, &["no event of a lies within 10 m"]);
+    // More points than there is memory for, and than there are numbers of bytes.
+    for points in ["10000000000000", "9223372036854775807"] {
+        let many = ["select", "events.csv", "--vehicle", "a", "--points", points];
+        refused_command(folder.path(), &many, &["--points", "a whole number from 1 to 10000"]);
+    }
     let map = ["map", "--events", "events.csv", "--at", "0,0"];
     let with = |more: &[&'static str]| [&map[..], more].concat();
     refused_command(folder.path(), &with(&["-o", "map.pdf"]), &["map.pdf", ".png, .svg, .csv or .geojson"]);
@@ -230,4 +239,63 @@ fn a_result_goes_where_a_link_points_and_replaces_no_device() {
         predict("/dev/null");
         assert!(!std::fs::metadata("/dev/null").unwrap().is_file());
     }
+}
+
+/// A variance that overflows where it is added up is bad input: the file and the number are named, and no NaN comes of it.
+#[test]
+fn models_whose_numbers_overflow_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 40));
+    let model = |kernel: &str, mean: &str| {
+        format!(
+            "schema = 1\n[chart]\norigin_east_m = 0.0\norigin_north_m = 0.0\nscale_m = 500.0\n[prior_mean]\n{mean}\n\
+             [[kernel]]\nshape = \"matern32\"\ncolumns = [\"range\"]\n{kernel}\n"
+        )
+    };
+    let zero = "kind = \"zero\"";
+    for (kernel, mean, expected) in [
+        ("variance = 1e308\nlength_scale_m = 100.0", zero, "kernel variance must be"),
+        ("variance = 1.0\nlength_scale_m = 1e308", zero, "length-scale must be"),
+        ("variance = 1.0\nlength_scale_m = 1e-308", zero, "length-scale must be"),
+        ("variance = 1.0\nlength_scale_m = 100.0", "kind = \"constant\"\nlog_odds = 1e308", "prior_mean.log_odds"),
+    ] {
+        file(folder.path(), "model.toml", model(kernel, mean));
+        for command in [
+            &["replay", "events.csv", "--model", "model.toml"][..],
+            &["predict", "--events", "events.csv", "--links", "events.csv", "--model", "model.toml"],
+            &["select", "events.csv", "--vehicle", "a", "--model", "model.toml"],
+        ] {
+            refused_command(folder.path(), command, &["model.toml", expected]);
+        }
+    }
+    // Its neighbour within bounds is taken.
+    file(folder.path(), "model.toml", model("variance = 1.0\nlength_scale_m = 100.0", zero));
+    let output = pingmap(folder.path(), &["select", "events.csv", "--vehicle", "a", "--model", "model.toml"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+}
+
+/// A header of very many columns is read like any other; looking each of them up among all others took minutes.
+#[test]
+fn many_columns_are_ignored_with_a_short_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut header, mut zeros) = (String::new(), String::new());
+    for column in 0..200_000 {
+        header += &format!(",extra{column}");
+        zeros += ",0";
+    }
+    let narrow = log(&["a", "b"], 12);
+    let wide: String = narrow
+        .lines()
+        .enumerate()
+        .map(|(n, line)| format!("{line}{}\n", if n == 0 { &header } else { &zeros }))
+        .collect();
+    file(folder.path(), "events.csv", wide);
+    let output = pingmap(folder.path(), &["select", "events.csv", "--vehicle", "a", "--length-scale-m", "300"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let warning = stderr(&output);
+    assert!(warning.contains("extra19 and 199980 more") && warning.len() < 2000, "{} characters", warning.len());
+    // And a column that stands there twice is still found.
+    let twice = narrow.replacen("success", "success,extra,extra", 1);
+    file(folder.path(), "events.csv", twice);
+    refused_command(folder.path(), &["replay", "events.csv"], &["extra more than once"]);
 }

@@ -9,7 +9,15 @@ use std::path::Path;
 use common::{HEADER, file, json, pingmap, stderr, stdout};
 
 /// The page as it is checked in, made with [`PERMUTATIONS`] permutations.
-const PAGE: &str = include_str!("../../../docs/reproduction.md");
+/// The page that is checked in; nothing, said aloud, where this crate stands without the rest of the project.
+fn page() -> Option<String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reproduction.md");
+    let page = std::fs::read_to_string(&path).ok();
+    if page.is_none() {
+        eprintln!("skipped: there is no {}", path.display());
+    }
+    page
+}
 const PERMUTATIONS: f64 = 100.0;
 
 /// The first permutations of the same seed; enough to see that nothing has changed.
@@ -47,21 +55,22 @@ fn estimate(cell: &str) -> Option<(f64, f64)> {
 /// all words must be the same.
 #[test]
 fn the_page_is_what_the_command_writes() {
+    let Some(page) = page() else { return };
     let folder = tempfile::tempdir().unwrap();
     let output = pingmap(folder.path(), &["reproduce", "--permutations", FEW, "--out", "."]);
     assert!(output.status.success(), "{}", stderr(&output));
     let again = std::fs::read_to_string(folder.path().join("reproduction.md")).unwrap();
-    assert!(PAGE.starts_with("The paper's field data are not public"), "the first line says what the data are");
-    assert!(PAGE.contains("`pingmap reproduce all --permutations 100 --seed 1 --out docs`"));
+    assert!(page.starts_with("The paper's field data are not public"), "the first line says what the data are");
+    assert!(page.contains("`pingmap reproduce all --permutations 100 --seed 1 --out docs`"));
     let as_if_few = |page: &str| {
         let page =
             page.replace("--permutations 100", &format!("--permutations {FEW}")).replace("--out docs", "--out .");
         page.replace("100 permutations", &format!("{FEW} permutations"))
             .replace(", 100 times at random", &format!(", {FEW} times at random"))
     };
-    assert_eq!(text(&as_if_few(PAGE)), text(&again), "headings, kernel, captions and notes");
+    assert_eq!(text(&as_if_few(&page)), text(&again), "headings, kernel, captions and notes");
 
-    let (page, again) = (rows(PAGE), rows(&again));
+    let (page, again) = (rows(&page), rows(&again));
     assert_eq!(page.len(), again.len());
     // The standard error of the difference between some of the permutations and all of them; four of those.
     let spread = 4.0 * (PERMUTATIONS / FEW.parse::<f64>().unwrap() - 1.0).sqrt();
@@ -94,8 +103,8 @@ fn the_page_is_what_the_command_writes() {
 
 /// "6 of 7" as numbers, for every claim in its order: two good points beat one; good beats random, random beats bad, at two points and at
 /// one.
-fn holding(name: &str) -> Vec<(usize, usize)> {
-    let rows = rows(PAGE);
+fn holding(page: &str, name: &str) -> Vec<(usize, usize)> {
+    let rows = rows(page);
     let is_it = |title: &str| title.contains("in NLL") && title.contains("(1.384 ℓ)");
     let row = rows.iter().find(|(title, row)| is_it(title) && row[0] == name).unwrap();
     let parse = |cell: &&str| {
@@ -107,7 +116,8 @@ fn holding(name: &str) -> Vec<(usize, usize)> {
 
 #[test]
 fn at_the_papers_ratio_the_order_holds() {
-    let (agents, teams) = (holding("agents for which it holds"), holding("teams for which it holds"));
+    let Some(page) = page() else { return };
+    let (agents, teams) = (holding(&page, "agents for which it holds"), holding(&page, "teams for which it holds"));
     assert_eq!((agents[0], teams[0]), ((7, 7), (3, 3)), "two good points beat one");
     for claim in [1, 2] {
         assert!(agents[claim].0 >= 6, "{agents:?}");

@@ -36,6 +36,23 @@ impl Alternative {
         Alternative::Concatenation,
     ];
 
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Alternative::Unrounded => "unrounded",
+            Alternative::RawEvents => "raw events",
+            Alternative::RandomPoints => "random points",
+            Alternative::BadPoints => "bad points",
+            Alternative::Variational => "variational",
+            Alternative::Concatenation => "concatenation",
+        }
+    }
+
+    /// Whether it fits into the frames: exact numbers do not.
+    pub fn is_sendable(self) -> bool {
+        self != Alternative::Unrounded
+    }
+
     /// Probability of success of every held-out event, as every vehicle sees it after each sent `frames` frames in this way.
     ///
     /// # Errors

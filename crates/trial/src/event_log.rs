@@ -121,6 +121,19 @@ impl EventLog {
         writer.into_inner().map_or_else(|_| String::new(), |bytes| String::from_utf8_lossy(&bytes).into_owned())
     }
 
+    /// Mean depth of all ends, in metres; `None` without depths.
+    pub fn mean_depth_m(&self) -> Option<f64> {
+        let ends = self.events.iter().flat_map(|event| event.link.ends());
+        let depths: Vec<f64> = ends.filter_map(|end| end.depth_m).collect();
+        (!depths.is_empty()).then(|| depths.iter().sum::<f64>() / depths.len() as f64)
+    }
+
+    /// The part that one vehicle owns, as a log of its own.
+    pub fn owned_by(&self, vehicle: &VehicleId) -> Self {
+        let own = |n: &usize| self.events[*n].receiver_id == *vehicle;
+        self.select(&(0..self.events.len()).filter(own).collect::<Vec<_>>())
+    }
+
     /// A chart about the middle of all positions.
     pub fn chart(&self) -> Chart {
         Chart::about(self.events.iter().flat_map(|event| event.link.ends()))

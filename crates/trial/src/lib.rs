@@ -9,6 +9,7 @@
 mod streams;
 mod table;
 mod event_log;
+mod built_in;
 mod split;
 mod score;
 mod baseline;
@@ -19,10 +20,12 @@ mod alternatives;
 mod replay;
 mod online;
 pub mod paper;
+pub mod selection;
 pub mod simulate;
 
 pub use alternatives::Alternative;
 pub use baseline::{DistanceOnly, base_rate};
+pub use built_in::{BUILT_IN, built_in};
 pub use event_log::{EventLog, REQUIRED_COLUMNS, read_links};
 pub use learning::{learn_all, learn_best};
 pub use mission::{Agreed, Learners, Mission, Plan};

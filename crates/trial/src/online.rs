@@ -38,6 +38,14 @@ pub struct Step {
     pub centralised: f64,
 }
 
+impl Online {
+    /// Mean NLL of all events so far, at up to `places` places spread over the mission.
+    pub fn running(&self, places: usize) -> Vec<Step> {
+        let (count, places) = (self.steps.len(), self.steps.len().min(places));
+        (1..=places).filter_map(|n| Step::mean(&self.steps[..n * count / places])).collect()
+    }
+}
+
 impl Step {
     /// Mean of some steps, at the time of the last; `None` of none.
     pub fn mean(steps: &[Step]) -> Option<Step> {

@@ -60,6 +60,20 @@ pub struct Replay {
     pub splits: Vec<SplitSummary>,
 }
 
+impl Replay {
+    /// The median over splits of a number; 0 without splits.
+    pub fn median(&self, of: impl Fn(&SplitSummary) -> f64) -> f64 {
+        let mut values: Vec<f64> = self.splits.iter().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or_default()
+    }
+
+    /// Whether every vehicle's fit, and the centralised one, was dense in every split.
+    pub fn dense(&self) -> (bool, bool) {
+        (self.splits.iter().all(|split| split.dense.0), self.splits.iter().all(|split| split.dense.1))
+    }
+}
+
 /// The team after every vehicle sent `frames` packets.
 #[derive(Debug, Clone)]
 pub struct Sharing {

@@ -15,7 +15,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
 /// A data set that is shipped: three vehicles.
-const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/bay3.csv");
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/data/bay3.csv");
 
 const PERMUTATIONS: usize = 3;
 

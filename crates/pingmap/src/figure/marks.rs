@@ -3,7 +3,7 @@
 use kuva::prelude::{Layout, LegendEntry, LegendShape};
 use kuva::render::render::{PathData, Primitive, TextAnchor};
 
-use super::{FONT_PX, Mark, Style};
+use super::style::{FONT_PX, Mark, Style};
 use crate::contour::Point;
 
 /// Draws a line over a white `halo`. The dashes are cut here: the PNG writer would start the

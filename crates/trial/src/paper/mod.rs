@@ -2,13 +2,14 @@
 //! agent itself and for its team?
 
 mod choice;
-mod data_set;
-mod example;
-mod fit;
-mod permutation;
 mod shape;
 mod streams;
+mod data_set;
+mod fit;
+mod permutation;
+mod example;
 mod sweep;
+pub mod statistics;
 
 use dgpc::{Error, Kernel, LocalityRegion, Prior, PriorMean, Shape, Term, common_length_scales, spread_out};
 use rayon::prelude::*;

@@ -4,14 +4,14 @@ use pingmap_trial::paper::{AtRadius, BURN_IN, DRAWS, RADIUS, RADIUS_LENGTH_SCALE
 
 use super::pictures::Picture;
 use super::published;
-use super::results::Results;
+use super::results::Computed;
 use super::tables::{self, Table};
 
 /// The folder of the figures, beside the page.
 pub const FIGURES: &str = "reproduction";
 
 /// What must be said before any figure.
-pub fn caveat(results: &Results) -> String {
+pub fn caveat(results: &Computed) -> String {
     if results.built_in {
         return "The paper's field data are not public: three simulated trials of the same team sizes and numbers of events stand in \
                 their places, so what can agree is the shape of the results, not their figures."
@@ -25,7 +25,7 @@ pub fn caveat(results: &Results) -> String {
 }
 
 /// The kernel and the radii.
-pub fn kernel_line(results: &Results) -> String {
+pub fn kernel_line(results: &Computed) -> String {
     let length_scale = results.experiment.length_scale();
     format!(
         "Squared-exponential kernel of unit variance, zero mean, one length-scale learned on all data sets together: ℓ = {length_scale:.3} \
@@ -37,7 +37,7 @@ pub fn kernel_line(results: &Results) -> String {
 }
 
 /// `command` is what makes the page.
-pub fn markdown(results: &Results, pictures: &[Picture], command: &str) -> String {
+pub fn markdown(results: &Computed, pictures: &[Picture], command: &str) -> String {
     let permutations = results.experiment.permutations();
     let mut page = format!(
         "{}\n\n# The paper's experiment, run again\n\n\
@@ -52,7 +52,7 @@ pub fn markdown(results: &Results, pictures: &[Picture], command: &str) -> Strin
         env!("CARGO_PKG_VERSION"),
         kernel_line(results)
     );
-    let everywhere = |tables: fn(&Results, &AtRadius) -> Vec<Table>| -> String {
+    let everywhere = |tables: fn(&Computed, &AtRadius) -> Vec<Table>| -> String {
         let tables = results.radii.iter().flat_map(|at| tables(results, at));
         tables.map(|table| table.markdown()).collect()
     };

@@ -1,6 +1,9 @@
 //! The tables, ready to be printed or written as Markdown.
 
 use dgpc::LocalityRegion;
+use pingmap_trial::paper::statistics::{
+    Metric, bound_orders_nll, effective_draws, local_score, mean, mean_bound, team_score,
+};
 use pingmap_trial::paper::{
     AtRadius, Choice, Claim, DRAWS, DataSet, Fusion, Omega, REGION_EVENTS_MAX, SWEEP_LENGTH_SCALES, SWEEP_POINTS,
     SetOutcome, SweepRow,
@@ -9,9 +12,7 @@ use pingmap_trial::{Estimate, MeanScore, Score};
 
 use super::cells::{FAILS, HOLDS, NONE, UNCLEAR, accuracy, bound, decimal, mark, nll, plain, verdict};
 use super::published::Published;
-use super::results::{
-    BOUNDS, Metric, Results, Who, bound_orders_nll, effective_draws, local_score, mean, mean_bound, team_score,
-};
+use super::results::{BOUNDS, Computed, Who};
 use crate::output;
 
 /// A table, and what has to be said about it.
@@ -52,7 +53,7 @@ impl Table {
 }
 
 /// Failures and successes of every agent.
-pub fn events(results: &Results) -> Table {
+pub fn events(results: &Computed) -> Table {
     let mut rows = Vec::new();
     for (place, set) in results.experiment.sets().iter().enumerate() {
         let published = Published::at(place, set.agents().len());
@@ -75,7 +76,7 @@ pub fn events(results: &Results) -> Table {
 }
 
 /// Where the regions are, and how many events they hold.
-pub fn regions(results: &Results) -> Table {
+pub fn regions(results: &Computed) -> Table {
     let mut rows = Vec::new();
     for (place, set) in results.experiment.sets().iter().enumerate() {
         for (n, agent) in set.agents().iter().enumerate() {
@@ -116,11 +117,11 @@ fn centre_m(set: &DataSet, region: &LocalityRegion) -> String {
 }
 
 /// By how much the paper's claims hold, in NLL and in accuracy.
-pub fn claims(results: &Results, at: &AtRadius) -> Vec<Table> {
+pub fn claims(results: &Computed, at: &AtRadius) -> Vec<Table> {
     Metric::ALL.into_iter().map(|metric| claims_in(results, at, metric)).collect()
 }
 
-fn claims_in(results: &Results, at: &AtRadius, metric: Metric) -> Table {
+fn claims_in(results: &Computed, at: &AtRadius, metric: Metric) -> Table {
     let claims = Claim::all();
     let mut rows = Vec::new();
     let mut failures = Vec::new();
@@ -185,7 +186,7 @@ impl Holding {
 }
 
 /// What points tell an agent about its own held-out events in the region.
-pub fn local(results: &Results, at: &AtRadius) -> Vec<Table> {
+pub fn local(results: &Computed, at: &AtRadius) -> Vec<Table> {
     let tables = results.sets(at).map(|(set, outcome, published)| {
         let mut rows = Vec::new();
         for (n, agent) in set.agents().iter().enumerate() {
@@ -234,7 +235,7 @@ fn local_row(
 }
 
 /// What everybody's points tell the team, with the paper's ω and beside it the others.
-pub fn team(results: &Results, at: &AtRadius) -> Vec<Table> {
+pub fn team(results: &Computed, at: &AtRadius) -> Vec<Table> {
     results
         .sets(at)
         .flat_map(|(set, outcome, published)| {
@@ -297,7 +298,7 @@ fn team_omegas(outcome: &SetOutcome, title: &str) -> Table {
 }
 
 /// The bounds, and whether they order the choices as NLL does.
-pub fn certificate(results: &Results, at: &AtRadius) -> Vec<Table> {
+pub fn certificate(results: &Computed, at: &AtRadius) -> Vec<Table> {
     let mut rows = Vec::new();
     let mut orders = Vec::new();
     for (set, outcome, _) in results.sets(at) {
@@ -326,7 +327,7 @@ pub fn certificate(results: &Results, at: &AtRadius) -> Vec<Table> {
 }
 
 /// Radius and number of points beyond the paper's.
-pub fn sweep(results: &Results) -> Vec<Table> {
+pub fn sweep(results: &Computed) -> Vec<Table> {
     if results.sweep.is_empty() {
         return Vec::new();
     }
@@ -336,7 +337,7 @@ pub fn sweep(results: &Results) -> Vec<Table> {
 }
 
 /// Where the policy pays, at a glance.
-fn sweep_marks(results: &Results) -> Table {
+fn sweep_marks(results: &Computed) -> Table {
     let row = |(place, length_scales): (usize, f64)| {
         let marks = |points: usize| -> String {
             results.sweep.iter().map(|rows| rows[place].gain.get(&points).map_or(NONE, |gain| mark(*gain))).collect()
@@ -390,7 +391,7 @@ fn choice_text(choice: Choice) -> String {
 }
 
 /// Which radius a table is for.
-pub fn radius_text(results: &Results, at: &AtRadius) -> String {
+pub fn radius_text(results: &Computed, at: &AtRadius) -> String {
     let ratio = at.radius / results.experiment.length_scale();
     format!("r = {:.3} ({ratio:.3} ℓ)", at.radius)
 }

@@ -7,12 +7,12 @@ use pingmap_agent::Position;
 use pingmap_trial::Score;
 use pingmap_trial::paper::{AgentExample, Choice, DataSet, Example, Policy};
 
-use super::results::Results;
-use crate::cli::Exhibit;
+use super::exhibit::Exhibit;
+use super::results::Computed;
 use crate::contour::Point;
 use crate::figure::{Arrows, Figure, Mark, Panel, Style, link_panels};
-use crate::map;
-use crate::output::write_file;
+use crate::files::write_file;
+use crate::tracks;
 
 /// Width of the axes, such that a figure is a column of a two-column page wide and its smallest letters have 7 points there.
 const AXES_PX: f64 = 350.0;
@@ -36,7 +36,7 @@ impl Picture {
 }
 
 /// The figures that were asked for; none where no permutation leaves every region something to learn from and to predict.
-pub fn draw(results: &Results, exhibit: Exhibit) -> Vec<Picture> {
+pub fn draw(results: &Computed, exhibit: Exhibit) -> Vec<Picture> {
     let (Some(set), Some(example)) = (results.experiment.sets().first(), &results.example) else {
         return Vec::new();
     };
@@ -65,10 +65,10 @@ const RIGHT: Style = Style { color: "#1f78b4", width: 0.5, dash: &[], mark: Mark
 const WRONG: Style = Style { color: "#222222", width: 1.0, dash: &[3.0, 3.0], mark: Mark::Cross };
 
 fn tracks(set: &DataSet, agent: usize, example: &Example) -> Picture {
-    let tracks = map::tracks(&set.log().events);
-    let series = map::tracks_as_series(&tracks);
+    let tracks = tracks::tracks(&set.log().events);
+    let series = tracks::tracks_as_series(&tracks);
     let local = LocalEvents::new(set, &example.agents[agent]);
-    let (east, north) = map::widened(tracks.values().flatten().copied());
+    let (east, north) = tracks::widened(tracks.values().flatten().copied());
     let title = format!("Tracks, and events of one region of {}", set.agents()[agent].id);
     let panel = Panel { title: &title, tracks: &series, links: &local.arrows() };
     let caption = format!(
@@ -177,5 +177,5 @@ fn ends(set: &DataSet, event: usize) -> Pair {
 
 /// The area of some links with a margin, not narrower than half its length.
 fn extent<'a>(pairs: impl Iterator<Item = &'a Pair>) -> (Point, Point) {
-    map::widened(pairs.flat_map(|&(from, to)| [from, to]))
+    tracks::widened(pairs.flat_map(|&(from, to)| [from, to]))
 }

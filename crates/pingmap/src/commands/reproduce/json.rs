@@ -2,18 +2,19 @@
 
 use std::collections::BTreeMap;
 
+use pingmap_trial::paper::statistics::{
+    Metric, bound_orders_nll, effective_draws, local_score, mean, mean_bound, team_score,
+};
 use pingmap_trial::paper::{AtRadius, Choice, Claim, DataSet, Fusion, Omega, SetOutcome, SweepRow};
 use pingmap_trial::{Estimate, MeanScore, Score};
 use serde_json::{Value, json};
 
 use super::page;
 use super::published::Published;
-use super::results::{
-    BOUNDS, Metric, Results, Who, bound_orders_nll, effective_draws, local_score, mean, mean_bound, team_score,
-};
+use super::results::{BOUNDS, Computed, Who};
 
 /// Everything that was computed.
-pub fn of(results: &Results) -> Value {
+pub fn of(results: &Computed) -> Value {
     let sets = results.experiment.sets().iter().enumerate();
     json!({
         "schema": 1,
@@ -44,7 +45,7 @@ fn data_set(place: usize, set: &DataSet) -> Value {
     json!({ "data_set": set.name, "agents": agents.collect::<Vec<_>>() })
 }
 
-fn radius(results: &Results, at: &AtRadius) -> Value {
+fn radius(results: &Computed, at: &AtRadius) -> Value {
     let sets = results.sets(at).map(|(set, outcome, published)| {
         let agents = (0..set.agents().len()).map(|agent| local(set, outcome, agent, published));
         let claims = Who::all(set).flat_map(|who| Claim::all().into_iter().map(move |claim| (who, claim)));

@@ -1,14 +1,21 @@
-//! Options of `pingmap simulate`.
+//! `pingmap simulate`: a field trial of one's own.
 
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use pingmap_trial::simulate::{self, Absorption, CLEARANCE_M, Seawater, Simulation, wind_of_sea_state_m_per_s};
+use pingmap_agent::VehicleId;
+use pingmap_trial::simulate::{
+    self, Absorption, CLEARANCE_M, Seawater, Simulated, Simulation, wind_of_sea_state_m_per_s,
+};
+use serde::Serialize;
 
-use super::values::{sea_state, whole_number};
+use crate::files::write_file;
+use crate::output::{BadInput, Results, count, print, print_json, table};
+use crate::values::{sea_state, whole_number};
 
+/// Make up a field trial: vehicles on survey legs, a slot schedule, and an acoustic channel of published formulas
 #[derive(Args)]
-pub struct Simulate {
+pub struct Options {
     /// Number of vehicles; they take turns to transmit, and all others listen
     #[arg(long, default_value_t = Simulation::default().vehicles, value_parser = whole_number, allow_negative_numbers = true)]
     pub vehicles: usize,
@@ -117,7 +124,15 @@ pub enum AbsorptionName {
     FrancoisGarrison,
 }
 
-impl Simulate {
+impl Options {
+    pub fn threads(&self) -> usize {
+        1
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        run(self, results)
+    }
+
     /// The mission.
     pub fn simulation(&self) -> Simulation {
         let Self { vehicles, slots, slot_s, area_m, speed_m_per_s, depth_m, seed, .. } = *self;
@@ -162,4 +177,121 @@ impl Simulate {
             fading_db,
         }
     }
+}
+
+/// What must be said of such a trial.
+const STAND_IN: &str =
+    "simulated, a stand-in for a field trial: sound travels in straight lines, without refraction or multipath";
+
+fn run(options: &Options, results: Results) -> anyhow::Result<()> {
+    let simulation = options.simulation();
+    let mut trial = simulation.run(&options.sound()).map_err(|error| BadInput(error.to_string()))?;
+    trial.log.has_depths = options.depths;
+    write_file(&options.output, trial.log.to_csv().as_bytes())?;
+    if options.json {
+        return print_json(results, &SimulatedJson::of(&simulation, &trial));
+    }
+    let text = format!("{}: {}", options.output.display(), summary(&simulation, &trial));
+    print(results, &text)
+}
+
+fn summary(simulation: &Simulation, trial: &Simulated) -> String {
+    let row = |(id, noise_db): &(VehicleId, f64)| {
+        let (events, heard) = events_and_heard(trial, id);
+        vec![
+            id.to_string(),
+            format!("{noise_db:.1}"),
+            format!("{:.0}", trial.channel.even_odds_range_m(*noise_db)),
+            events.to_string(),
+            if events > 0 { format!("{:.3}", heard as f64 / events as f64) } else { "–".into() },
+        ]
+    };
+    let header = ["vehicle", "own noise (dB)", "even odds at (m)", "events", "heard"];
+    format!(
+        "{} of {} in {:.1} hours.\n\n{}\n\nEven odds: over a flat floor. This log is {STAND_IN}.",
+        count(trial.log.events.len(), "event"),
+        count(simulation.vehicles, "vehicle"),
+        simulation.slots as f64 * simulation.slot_s / 3600.0,
+        table(&header, &trial.vehicles.iter().map(row).collect::<Vec<_>>()),
+    )
+}
+
+/// What was made up, for programs.
+#[derive(Serialize)]
+struct SimulatedJson {
+    schema: u32,
+    note: &'static str,
+    seed: u64,
+    events: usize,
+    vehicles: Vec<VehicleJson>,
+    ridge: RidgeJson,
+    mound: MoundJson,
+}
+
+#[derive(Serialize)]
+struct VehicleJson {
+    vehicle: String,
+    self_noise_db: f64,
+    even_odds_range_m: f64,
+    events: usize,
+    successes: usize,
+}
+
+#[derive(Serialize)]
+struct RidgeJson {
+    easting_m: f64,
+    northing_m: f64,
+    direction_rad: f64,
+    height_m: f64,
+    width_m: f64,
+}
+
+#[derive(Serialize)]
+struct MoundJson {
+    easting_m: f64,
+    northing_m: f64,
+    height_m: f64,
+    width_m: f64,
+}
+
+impl SimulatedJson {
+    fn of(simulation: &Simulation, trial: &Simulated) -> Self {
+        let vehicle = |(id, noise_db): &(VehicleId, f64)| {
+            let (events, successes) = events_and_heard(trial, id);
+            VehicleJson {
+                vehicle: id.to_string(),
+                self_noise_db: *noise_db,
+                even_odds_range_m: trial.channel.even_odds_range_m(*noise_db),
+                events,
+                successes,
+            }
+        };
+        let (ridge, mound) = (&trial.channel.floor.ridge, &trial.channel.floor.mound);
+        Self {
+            schema: 1,
+            note: STAND_IN,
+            seed: simulation.seed,
+            events: trial.log.events.len(),
+            vehicles: trial.vehicles.iter().map(vehicle).collect(),
+            ridge: RidgeJson {
+                easting_m: ridge.east_m,
+                northing_m: ridge.north_m,
+                direction_rad: ridge.direction_rad,
+                height_m: ridge.height_m,
+                width_m: ridge.width_m,
+            },
+            mound: MoundJson {
+                easting_m: mound.east_m,
+                northing_m: mound.north_m,
+                height_m: mound.height_m,
+                width_m: mound.width_m,
+            },
+        }
+    }
+}
+
+/// How many events a vehicle owns, and how many of them it heard.
+fn events_and_heard(trial: &Simulated, id: &VehicleId) -> (usize, usize) {
+    let own = || trial.log.events.iter().filter(|event| event.receiver_id == *id);
+    (own().count(), own().filter(|event| event.success).count())
 }

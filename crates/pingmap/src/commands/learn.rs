@@ -1,17 +1,52 @@
 //! `pingmap learn`: kernel, prior mean and chart by the data.
 
+use std::path::{Path, PathBuf};
+
+use clap::Args;
 use dgpc::PriorMean;
-use dgpc::Stop;
-use pingmap_agent::{Criterion, Event, LearnedModel, Model, ModelFile, Provenance};
+use pingmap_agent::{Criterion, Event, LearnedModel, Learning, Limits, Model, ModelFile, Provenance};
 use pingmap_trial::{EventLog, Score, draw_splits, learn_all, learn_best};
-use serde_json::{Value, json};
+use serde::Serialize;
 
-use crate::cli::{self, name_of};
-use crate::output::{note, print, print_json, progress, spinner, table, use_threads, write_file};
-use crate::survey::{all_in_one, of_events, open_log, thinned, warn_of_search};
+use crate::files::write_file;
+use crate::log::{open_log, thinned};
+use crate::model::{KernelJson, PriorMeanJson, of_events, stop_words, warn_of_search};
+use crate::options::{Kernel, Work};
+use crate::output::{Results, note, print, print_json, progress, spinner, table};
+use crate::survey::all_in_one;
+use crate::values::{name_of, open_share};
 
-pub fn run(options: &cli::Learn) -> anyhow::Result<()> {
-    use_threads(options.work.threads)?;
+/// Learn from an event log how links behave, and write it to a model file that all other commands take
+#[derive(Args)]
+pub struct Options {
+    /// Event log
+    pub events: PathBuf,
+    /// File for the model
+    #[arg(long, short, value_name = "FILE", default_value = "model.toml")]
+    pub output: PathBuf,
+    /// Also hold out this share of every vehicle's events, and print how well the rest predicts them
+    #[arg(long, value_parser = open_share, allow_negative_numbers = true)]
+    pub test_share: Option<f64>,
+    #[command(flatten)]
+    pub kernel: Kernel,
+    #[command(flatten)]
+    pub work: Work,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        self.work.threads
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        run(self, results)
+    }
+}
+
+fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let log = open_log(&options.events)?;
     let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
     let limits = options.work.limits();
@@ -36,7 +71,7 @@ pub fn run(options: &cli::Learn) -> anyhow::Result<()> {
         Some(best) => {
             let bar = spinner("learning from all events");
             let structures = vec![best.fit.structure];
-            let learning = pingmap_agent::Learning { structures, ..learning.clone() };
+            let learning = Learning { structures, ..learning.clone() };
             let fit = learn_best(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?;
             bar.finish_and_clear();
             fit
@@ -48,13 +83,22 @@ pub fn run(options: &cli::Learn) -> anyhow::Result<()> {
     write_file(&options.output, file.to_toml().as_bytes())?;
 
     if options.json {
-        print_json(&json!({
-            "schema": 1, "file": options.output, "events": log.events.len(), "training_events": training.len(),
-            "held_out_events": held_out.len(), "seed": options.work.seed, "criterion": name_of(&options.kernel.criterion),
-            "candidates": candidates.iter().map(Candidate::json).collect::<Vec<_>>(), "model": model_json(&best),
-        }))?;
+        print_json(
+            results,
+            &LearnJson {
+                schema: 1,
+                file: &options.output,
+                events: log.events.len(),
+                training_events: training.len(),
+                held_out_events: held_out.len(),
+                seed: options.work.seed,
+                criterion: name_of(&options.kernel.criterion),
+                candidates: candidates.iter().map(Candidate::json).collect(),
+                model: ModelJson::of(&best),
+            },
+        )?;
     } else {
-        print(&text(&candidates, &best, learning.criterion, !held_out.is_empty()))?;
+        print(results, &text(&candidates, &best, learning.criterion, !held_out.is_empty()))?;
     }
     note(format_args!("wrote {}", options.output.display()));
     Ok(())
@@ -70,8 +114,7 @@ struct Candidate {
 impl Candidate {
     fn row(&self) -> Vec<String> {
         let per_event = self.fit.evidence() / self.fit.events_used.max(1) as f64;
-        // A structure in words is its parts with commas between them.
-        let mut row: Vec<String> = self.fit.structure.to_string().split(", ").map(str::to_owned).collect();
+        let mut row = self.fit.structure.parts().to_vec();
         row.extend([
             format!("{per_event:.4}"),
             format!("{:.4}", self.fit.leave_one_out()),
@@ -81,19 +124,68 @@ impl Candidate {
         row
     }
 
-    fn json(&self) -> Value {
-        json!({
-            "structure": self.fit.structure.to_string(), "evidence": self.fit.evidence(),
-            "leave_one_out": self.fit.leave_one_out(), "seconds": self.seconds, "held_out_nll": self.held_out_nll,
-            "events_used": self.fit.events_used, "evaluations": self.fit.learned.evaluations,
-            "stop": stop_words(&self.fit.learned.stop), "variance_factor": self.fit.learned.calibration.factor(),
-            "kernel": kernel_json(&self.fit.model), "prior_mean": prior_mean_json(self.fit.model.prior.mean()),
-        })
+    fn json(&self) -> CandidateJson {
+        CandidateJson {
+            model: ModelJson::of(&self.fit),
+            seconds: self.seconds,
+            held_out_nll: self.held_out_nll,
+            evaluations: self.fit.learned.evaluations,
+            stop: stop_words(&self.fit.learned.stop),
+            variance_factor: self.fit.learned.calibration.factor(),
+        }
+    }
+}
+
+/// What was learned, for programs.
+#[derive(Serialize)]
+struct LearnJson<'a> {
+    schema: u32,
+    file: &'a Path,
+    events: usize,
+    training_events: usize,
+    held_out_events: usize,
+    seed: u64,
+    criterion: String,
+    candidates: Vec<CandidateJson>,
+    model: ModelJson,
+}
+
+#[derive(Serialize)]
+struct CandidateJson {
+    #[serde(flatten)]
+    model: ModelJson,
+    seconds: f64,
+    held_out_nll: Option<f64>,
+    evaluations: usize,
+    stop: String,
+    variance_factor: f64,
+}
+
+#[derive(Serialize)]
+struct ModelJson {
+    structure: String,
+    evidence: f64,
+    leave_one_out: f64,
+    events_used: usize,
+    kernel: KernelJson,
+    prior_mean: PriorMeanJson,
+}
+
+impl ModelJson {
+    fn of(fit: &LearnedModel) -> Self {
+        Self {
+            structure: fit.structure.to_string(),
+            evidence: fit.evidence(),
+            leave_one_out: fit.leave_one_out(),
+            events_used: fit.events_used,
+            kernel: KernelJson::of(&fit.model),
+            prior_mean: PriorMeanJson::of(fit.model.prior.mean()),
+        }
     }
 }
 
 /// Training and held-out events; all are training events unless a share is to be held out.
-fn divided<'a>(log: &'a EventLog, options: &cli::Learn) -> anyhow::Result<(Vec<&'a Event>, Vec<&'a Event>)> {
+fn divided<'a>(log: &'a EventLog, options: &Options) -> anyhow::Result<(Vec<&'a Event>, Vec<&'a Event>)> {
     let splits = options.test_share.map(|share| draw_splits(log, 1, share, options.work.seed)).transpose()?;
     let Some(split) = splits.iter().flatten().next() else { return Ok((log.events.iter().collect(), Vec::new())) };
     let side = |held_out| split.indices(held_out).into_iter().map(|n| &log.events[n]).collect();
@@ -104,7 +196,7 @@ fn held_out_nll(
     model: &Model,
     training: &[&Event],
     held_out: &[&Event],
-    limits: pingmap_agent::Limits,
+    limits: Limits,
 ) -> anyhow::Result<Option<f64>> {
     if held_out.is_empty() {
         return Ok(None);
@@ -148,7 +240,7 @@ fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, hel
         "{}\n\nBest by {by}, learned from {}: {}\n{}\n{mean}\nE and leave-one-out in nats an event, higher is better; NLL in nats, \
          lower is better.",
         table(&header, &candidates.iter().map(Candidate::row).collect::<Vec<_>>()),
-        of_events(best.events_used, best.events),
+        of_events(best.events_used, best.events, "event"),
         best.structure,
         terms.collect::<Vec<_>>().join("\n"),
     )
@@ -164,51 +256,5 @@ fn provenance(fit: &LearnedModel, from: String) -> Provenance {
         leave_one_out: fit.leave_one_out(),
         variance_factor: fit.learned.calibration.factor(),
         stop: stop_words(&fit.learned.stop),
-    }
-}
-
-pub fn stop_words(stop: &Stop) -> String {
-    match stop {
-        Stop::Converged => "converged".to_owned(),
-        Stop::IterationsMax => "iterations used up".to_owned(),
-        Stop::NoProgress(why) => format!("no progress: {why}"),
-        other => format!("{other:?}"),
-    }
-}
-
-fn model_json(fit: &LearnedModel) -> Value {
-    json!({
-        "structure": fit.structure.to_string(), "evidence": fit.evidence(), "leave_one_out": fit.leave_one_out(),
-        "events_used": fit.events_used, "kernel": kernel_json(&fit.model),
-        "prior_mean": prior_mean_json(fit.model.prior.mean()),
-    })
-}
-
-/// The kernel: the path term's shape, typical length-scale and variance, and all terms.
-pub fn kernel_json(model: &Model) -> Value {
-    let names = model.inputs.column_names();
-    let terms = model.prior.kernel().terms().iter().map(|term| {
-        json!({
-            "shape": term.correlations()[0].shape().name(), "variance": term.variance(), "reciprocal": term.is_reciprocal(),
-            "columns": term.correlations()[0].columns().iter().map(|&column| &names[column]).collect::<Vec<_>>(),
-            "length_scales_m": term.correlations()[0].length_scales(),
-        })
-    });
-    let path = model.prior.kernel().terms().first();
-    json!({
-        "shape": path.map(|term| term.correlations()[0].shape().name()), "reciprocal": path.map(dgpc::Term::is_reciprocal),
-        "length_scale_m": model.length_scale_m(), "variance": path.map(dgpc::Term::variance),
-        "terms": terms.collect::<Vec<_>>(),
-    })
-}
-
-/// The prior mean and its numbers.
-pub fn prior_mean_json(mean: &PriorMean) -> Value {
-    match mean {
-        PriorMean::Constant(log_odds) => json!({ "kind": "constant", "log_odds": log_odds }),
-        PriorMean::Range(range) => {
-            json!({ "kind": "range", "intercept": range.intercept(), "slope_per_m": range.slope() })
-        }
-        _ => json!({ "kind": "zero" }),
     }
 }

@@ -1,22 +1,88 @@
 //! `pingmap packet`: the bytes on the water, for people.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::{Args, Subcommand};
 use pingmap_agent::{Agent, Link, VehicleId};
 use pingmap_packet::{Block, Cell, Layout, MapMessage, PROTO, Point, from_hex, to_hex};
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 
-use crate::cli;
-use crate::output::{BadInput, count, print, print_json, read_text, table};
+use crate::output::{BadInput, Results, count, print, print_json, read_text, table};
 use crate::team::read_team;
+use crate::values::frame_bytes;
 
-pub fn run(command: &cli::Packet) -> anyhow::Result<()> {
-    match command {
-        cli::Packet::Decode(options) => decode(options),
-        cli::Packet::Encode(options) => encode(options),
-        cli::Packet::Schema(options) => schema(options),
+/// Look at the bytes on the water: what a packet says, what fields it has, and the .proto of them all
+#[derive(Args)]
+pub struct Options {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+pub enum Action {
+    /// Say what a packet holds
+    Decode(Decode),
+    /// Turn what `decode --json` prints, or a person wrote, into a packet
+    Encode(Encode),
+    /// Print the fields of the packets and their bits
+    Schema(Schema),
+}
+
+#[derive(Args)]
+pub struct Decode {
+    /// The packet in hexadecimal
+    pub hex: String,
+    /// Team file: checks that the packet is one of the team, and says in metres what it is about
+    #[arg(long, value_name = "FILE")]
+    pub team: Option<PathBuf>,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct Encode {
+    /// JSON file
+    pub file: PathBuf,
+    /// Team file: seals the packet, or puts the digest of the team's model in
+    #[arg(long, value_name = "FILE")]
+    pub team: Option<PathBuf>,
+    /// Print one JSON object instead of the bytes in hexadecimal
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct Schema {
+    /// Bytes of a frame
+    #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
+    pub frame_bytes: usize,
+    /// Sealed with a team's key
+    #[arg(long)]
+    pub sealed: bool,
+    /// With depths
+    #[arg(long)]
+    pub depth: bool,
+    /// Print the .proto of all packets instead, as Goby and other users of DCCL load it
+    #[arg(long, conflicts_with_all = ["json", "sealed", "depth", "frame_bytes"])]
+    pub proto: bool,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        1
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        match &self.action {
+            Action::Decode(options) => decode(options, results),
+            Action::Encode(options) => encode(options, results),
+            Action::Schema(options) => schema(options, results),
+        }
     }
 }
 
@@ -56,7 +122,7 @@ struct PointJson {
     rx_m: Option<Vec<f64>>,
 }
 
-fn decode(options: &cli::PacketDecode) -> anyhow::Result<()> {
+fn decode(options: &Decode, results: Results) -> anyhow::Result<()> {
     let bytes = bytes_of(&options.hex)?;
     let listener = options.team.as_deref().map(listener).transpose()?;
     let (layout, message) = match &listener {
@@ -72,7 +138,7 @@ fn decode(options: &cli::PacketDecode) -> anyhow::Result<()> {
         blocks: message.blocks.iter().map(|block| block_json(block, layout, listener.as_ref())).collect(),
     };
     if options.json {
-        return print_json(&serde_json::to_value(&json)?);
+        return print_json(results, &json);
     }
     let sender = listener.as_ref().and_then(|listener| listener.team().members.get(&message.sender));
     let sender = sender.map_or_else(|| format!("vehicle {}", message.sender), ToString::to_string);
@@ -82,13 +148,16 @@ fn decode(options: &cli::PacketDecode) -> anyhow::Result<()> {
         Some(_) => ["point", "transmitter, m", "receiver, m", "information", "mean"],
         None => ["point", "transmitter, cell", "receiver, cell", "information", "mean"],
     };
-    print(&format!(
-        "{} of {sender}, number {}, {}\n\n{}",
-        layout.name,
-        message.counter,
-        count(bytes.len(), "byte"),
-        table(&header, &rows)
-    ))
+    print(
+        results,
+        &format!(
+            "{} of {sender}, number {}, {}\n\n{}",
+            layout.name,
+            message.counter,
+            count(bytes.len(), "byte"),
+            table(&header, &rows)
+        ),
+    )
 }
 
 /// A packet of nobody's team in particular. A sealed one takes the team.
@@ -102,7 +171,7 @@ fn read_alone(bytes: &[u8]) -> anyhow::Result<(&'static Layout, MapMessage)> {
     })
 }
 
-fn encode(options: &cli::PacketEncode) -> anyhow::Result<()> {
+fn encode(options: &Encode, results: Results) -> anyhow::Result<()> {
     let bad = |problem: &dyn std::fmt::Display| BadInput(format!("{}: {problem}", options.file.display()));
     let json: PacketJson = serde_json::from_str(&read_text(&options.file)?).map_err(|error| bad(&error))?;
     if json.schema > 1 {
@@ -131,14 +200,15 @@ fn encode(options: &cli::PacketEncode) -> anyhow::Result<()> {
     };
     let hex = to_hex(&bytes);
     if options.json {
-        return print_json(&json!({ "schema": 1, "message": layout.name, "bytes": bytes.len(), "hex": hex }));
+        let encoded = EncodedJson { schema: 1, message: layout.name, bytes: bytes.len(), hex };
+        return print_json(results, &encoded);
     }
-    print(&hex)
+    print(results, &hex)
 }
 
-fn schema(options: &cli::PacketSchema) -> anyhow::Result<()> {
+fn schema(options: &Schema, results: Results) -> anyhow::Result<()> {
     if options.proto {
-        return print(PROTO);
+        return print(results, PROTO);
     }
     let layout = Layout::for_frame(options.frame_bytes, options.depth, options.sealed);
     let layout = layout.ok_or_else(|| BadInput(format!("no packet fits into {} bytes", options.frame_bytes)))?;
@@ -149,29 +219,78 @@ fn schema(options: &cli::PacketSchema) -> anyhow::Result<()> {
     let id_bits = schema.id_bits();
     let used = id_bits + bits.iter().map(|(_, bits)| bits).sum::<u64>();
     if options.json {
-        let fields = bits.iter().map(|(name, bits)| json!({ "name": name, "bits": bits, "in_head": in_head(name) }));
-        return print_json(&json!({
-            "schema": 1, "message": layout.name, "id": layout.id, "frame_bytes": layout.frame_bytes,
-            "bytes": schema.length(), "blocks": layout.blocks, "points_per_block": layout.points, "points": points,
-            "sealed": layout.is_sealed, "depth": layout.has_depth, "id_bits": id_bits, "bits_used": used,
-            "fields": fields.collect::<Vec<_>>(),
-        }));
+        let field = |&(name, bits): &(&str, u64)| FieldJson { name: name.to_owned(), bits, in_head: in_head(name) };
+        return print_json(
+            results,
+            &SchemaJson {
+                schema: 1,
+                message: layout.name,
+                id: layout.id,
+                frame_bytes: layout.frame_bytes,
+                bytes: schema.length(),
+                blocks: layout.blocks,
+                points_per_block: layout.points,
+                points,
+                sealed: layout.is_sealed,
+                depth: layout.has_depth,
+                id_bits,
+                bits_used: used,
+                fields: bits.iter().map(field).collect(),
+            },
+        );
     }
     let mut rows = vec![vec!["(message id)".to_owned(), "head".to_owned(), id_bits.to_string()]];
     rows.extend(bits.iter().map(|(name, bits)| {
         let part = if in_head(name) { "head" } else { "body" };
         vec![(*name).to_owned(), part.to_owned(), bits.to_string()]
     }));
-    print(&format!(
-        "{}, DCCL id {}: {} of {} bytes, {used} bits used; {} in {}\n\n{}",
-        layout.name,
-        layout.id,
-        schema.length(),
-        layout.frame_bytes,
-        count(points, "inducing point"),
-        count(layout.blocks, "block"),
-        table(&["field", "part", "bits"], &rows)
-    ))
+    print(
+        results,
+        &format!(
+            "{}, DCCL id {}: {} of {} bytes, {used} bits used; {} in {}\n\n{}",
+            layout.name,
+            layout.id,
+            schema.length(),
+            layout.frame_bytes,
+            count(points, "inducing point"),
+            count(layout.blocks, "block"),
+            table(&["field", "part", "bits"], &rows)
+        ),
+    )
+}
+
+/// A packet in hexadecimal.
+#[derive(Serialize)]
+struct EncodedJson<'a> {
+    schema: u32,
+    message: &'a str,
+    bytes: usize,
+    hex: String,
+}
+
+/// The fields of a message.
+#[derive(Serialize)]
+struct SchemaJson<'a> {
+    schema: u32,
+    message: &'a str,
+    id: u16,
+    frame_bytes: usize,
+    bytes: usize,
+    blocks: usize,
+    points_per_block: usize,
+    points: usize,
+    sealed: bool,
+    depth: bool,
+    id_bits: u64,
+    bits_used: u64,
+    fields: Vec<FieldJson>,
+}
+
+#[derive(Serialize)]
+struct FieldJson {
+    name: String,
+    bits: u64,
+    in_head: bool,
 }
 
 /// Somebody who can read the packets of a team.

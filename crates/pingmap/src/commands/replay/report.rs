@@ -8,12 +8,15 @@ use anyhow::Context;
 use pingmap_agent::{Agent, Link, Position, VehicleId};
 use pingmap_trial::{Agreed, Mission, Plan};
 
-use crate::cli::End;
+use super::replayed::Replayed;
+use super::tables::{self, SHARING_HEADER};
 use crate::contour::Point;
 use crate::figure::{Arrows, Figure, Mark, Style, link_map};
-use crate::map::{self, SIDE, SuccessMap};
-use crate::output::{spinner, write_file};
-use crate::replay::{Replayed, SHARING_HEADER};
+use crate::files::write_file;
+use crate::output::spinner;
+use crate::success_map::{SIDE, SuccessMap};
+use crate::tracks;
+use crate::values::End;
 
 /// Packets of every vehicle behind the map, if the replay went that far.
 const FRAMES_SHOWN: usize = 10;
@@ -21,12 +24,7 @@ const FRAMES_SHOWN: usize = 10;
 /// Packets of every vehicle whose points are drawn; more would hide each other.
 const PACKETS_DRAWN: usize = 2;
 
-/// Makes the folder of a report, before any work is done for it.
-pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
-}
-
-/// Writes the report to a folder that [`make_folder`] made, and returns its page.
+/// Writes the report to a folder that is there, and returns its page.
 pub fn write(replayed: &Replayed, folder: &Path) -> anyhow::Result<PathBuf> {
     let bar = spinner("drawing the report");
     let pictures = Pictures::draw(replayed)?;
@@ -90,25 +88,25 @@ fn packets_figure(replayed: &Replayed, told: &Told) -> Figure {
         let pairs = links.iter().map(|link| (end(link.transmitter), end(link.receiver)));
         arrows.entry(sender).or_default().extend(pairs);
     }
-    let tracks = map::tracks(&replayed.log.events);
+    let tracks = tracks::tracks(&replayed.log.events);
     let place = |id: &VehicleId| tracks.keys().position(|other| *other == id).unwrap_or_default();
     let names: Vec<String> = arrows.keys().map(|id| format!("sent by {id}")).collect();
     let groups: Vec<Arrows> = arrows
         .iter()
         .zip(&names)
         .map(|((id, pairs), name)| {
-            let style = Style { mark: Mark::None, ..map::style(place(id)) };
+            let style = Style { mark: Mark::None, ..tracks::style(place(id)) };
             Arrows { name, pairs, style, heads: true }
         })
         .collect();
     let any: &Link = &replayed.log.events[0].link;
-    let (east, north) = map::extent(&replayed.log.events, &any.receiver);
+    let (east, north) = tracks::extent(&replayed.log.events, &any.receiver);
     link_map(
         "Links that stand for all others: the first inducing points",
         east,
         north,
         &groups,
-        &map::tracks_as_series(&tracks),
+        &tracks::tracks_as_series(&tracks),
         SIDE,
     )
 }
@@ -122,18 +120,18 @@ fn html(replayed: &Replayed, pictures: &Pictures) -> String {
         vehicles.join(", "),
         replayed.splits.len(),
         replayed.plan.seed,
-        replayed.kernel_line()
+        tables::kernel_line(replayed)
     );
     // Writing to a String cannot fail.
     let _ = writeln!(page, "<p>{}</p>", escape(&facts));
     page += "<h2>How well are held-out events predicted?</h2>\n";
-    page += &html_table(&["", "accuracy", "NLL", "± s.e."], &replayed.score_rows());
-    page += &html_table(&SHARING_HEADER, &replayed.sharing_rows());
+    page += &html_table(&["", "accuracy", "NLL", "± s.e."], &tables::score_rows(replayed));
+    page += &html_table(&SHARING_HEADER, &tables::sharing_rows(replayed));
     page += "<p>NLL is the negative log-likelihood in nats: lower is better. The gap is that between own events only and all raw \
              events in one place. A dash: no gap to close, or a single split.</p>\n";
     if replayed.plan.compare {
         page += "<h2>Other uses of the same bytes</h2>\n";
-        page += &html_table(&replayed.comparison_header(), &replayed.comparison_rows());
+        page += &html_table(&tables::comparison_header(replayed), &tables::comparison_rows(replayed));
         page += "<p>NLL of held-out events; a star marks the best of those that can be sent.</p>\n";
     }
     let (viewer, frames, split) = (escape(pictures.viewer.as_str()), pictures.frames, escape(&pictures.split));
@@ -184,11 +182,11 @@ figure svg { max-width: 100%; height: auto; }
 <h1>pingmap: will a message from here reach there?</h1>
 ";
 
-fn html_table(header: &[&str], rows: &[Vec<String>]) -> String {
+fn html_table(header: &[impl AsRef<str>], rows: &[Vec<String>]) -> String {
     let cells = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
         cells.map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect::<String>()
     };
-    let head = cells("th", &mut header.iter().copied());
+    let head = cells("th", &mut header.iter().map(AsRef::as_ref));
     let body = rows.iter().map(|row| format!("<tr>{}</tr>\n", cells("td", &mut row.iter().map(String::as_str))));
     format!("<table>\n<tr>{head}</tr>\n{}</table>\n", body.collect::<String>())
 }

@@ -1,52 +1,86 @@
 //! `pingmap reproduce`: the paper's experiment, beside its published figures.
 
-mod cells;
-mod json;
-mod page;
-mod pictures;
+mod exhibit;
 mod published;
 mod results;
+mod cells;
 mod tables;
+mod pictures;
+mod page;
+mod json;
 
 use std::path::{Path, PathBuf};
 
-use pingmap_trial::EventLog;
+use anyhow::Context;
+use clap::Args;
 use pingmap_trial::paper::{DataSet, Experiment};
+use pingmap_trial::{BUILT_IN, built_in};
 
-use crate::cli::{self, Exhibit, name_of};
-use crate::output::{BadInput, note, print, print_json, spinner, use_threads, warn, write_file};
-use crate::{report, survey};
-use results::Results;
+use crate::files::{make_folder, write_file};
+use crate::log::open_log;
+use crate::output::{BadInput, Results, note, print, print_json, spinner, warn};
+use crate::values::{name_of, repeats, threads};
+use exhibit::Exhibit;
+use results::Computed;
 use tables::Table;
 
-/// The trials in the places of data sets 1, 2 and 3 (`data/README.md`).
-const TRIALS: [(&str, &[u8]); 3] = [
-    ("bay2", include_bytes!("../../../../data/bay2.csv")),
-    ("lake2", include_bytes!("../../../../data/lake2.csv")),
-    ("bay3", include_bytes!("../../../../data/bay3.csv")),
-];
+/// Run the experiment of the paper that pingmap comes from: its tables and figures, beside the published ones
+#[derive(Args)]
+pub struct Options {
+    /// What to compute
+    #[arg(value_enum, default_value_t = Exhibit::All)]
+    pub exhibit: Exhibit,
+    /// An event log in the place of the paper's next data set (to be given once for each), or a folder whose CSV files are taken in alphabetical
+    /// order; depths are left out. Three simulated trials that come with pingmap if not given
+    #[arg(long, value_name = "DIR|FILE")]
+    pub data: Vec<PathBuf>,
+    /// How often every data set is divided anew into training and held-out events
+    #[arg(long, default_value_t = 100, value_parser = repeats, allow_negative_numbers = true)]
+    pub permutations: usize,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Folder for the figures and, with `all`, the page reproduction.md
+    #[arg(long, default_value = "pingmap-reproduction", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+    /// Worker threads; 0 takes one per core. Results do not depend on it
+    #[arg(long, default_value_t = 0, value_parser = threads)]
+    pub threads: usize,
+}
 
-pub fn run(options: &cli::Reproduce) -> anyhow::Result<()> {
-    use_threads(options.threads)?;
+impl Options {
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        run(self, results)
+    }
+}
+
+fn run(options: &Options, out: Results) -> anyhow::Result<()> {
     let sets = data_sets(&options.data)?;
     let figures = options.out.join(page::FIGURES);
     if options.exhibit.has_pictures() {
-        report::make_folder(&figures)?;
+        make_folder(&figures)?;
     }
     let bar = spinner("learning the length-scale");
     let experiment = Experiment::new(sets, options.permutations, options.seed)?;
     bar.finish_and_clear();
-    let results = Results::compute(experiment, options.data.is_empty(), options.seed, options.exhibit)?;
+    let results = Computed::compute(experiment, options.data.is_empty(), options.seed, options.exhibit)?;
     write(options, &results, &figures)?;
     if options.json {
-        return print_json(&json::of(&results));
+        return print_json(out, &json::of(&results));
     }
     let tables: Vec<String> = tables(&results, options.exhibit).iter().map(Table::text).collect();
-    print(&format!("{}\n\n{}\n\n{}", page::caveat(&results), page::kernel_line(&results), tables.join("\n")))
+    print(out, &format!("{}\n\n{}\n\n{}", page::caveat(&results), page::kernel_line(&results), tables.join("\n")))
 }
 
 /// Writes the figures that were asked for, and with everything the page.
-fn write(options: &cli::Reproduce, results: &Results, figures: &Path) -> anyhow::Result<()> {
+fn write(options: &Options, results: &Computed, figures: &Path) -> anyhow::Result<()> {
     let exhibit = options.exhibit;
     if !exhibit.has_pictures() {
         return Ok(());
@@ -66,7 +100,7 @@ fn write(options: &cli::Reproduce, results: &Results, figures: &Path) -> anyhow:
     Ok(())
 }
 
-fn tables(results: &Results, exhibit: Exhibit) -> Vec<Table> {
+fn tables(results: &Computed, exhibit: Exhibit) -> Vec<Table> {
     let all = exhibit == Exhibit::All;
     let mut tables = Vec::new();
     if all || exhibit == Exhibit::Events {
@@ -94,18 +128,18 @@ fn tables(results: &Results, exhibit: Exhibit) -> Vec<Table> {
 /// The event logs in the places of the paper's data sets.
 fn data_sets(paths: &[PathBuf]) -> anyhow::Result<Vec<DataSet>> {
     if paths.is_empty() {
-        let built_in = |(name, csv): (&str, &[u8])| {
-            let log = EventLog::read(csv, Path::new(&format!("{name}.csv (built in)")))?;
+        let set = |name: &str| {
+            let log = built_in(name).with_context(|| format!("{name} is built in"))??;
             Ok(DataSet::new(name, log)?)
         };
-        return TRIALS.into_iter().map(built_in).collect();
+        return BUILT_IN.into_iter().map(set).collect();
     }
     let mut sets = Vec::new();
     for path in paths {
         let files = if path.is_dir() { csv_files(path)? } else { vec![path.clone()] };
         for file in files {
             let name = file.file_stem().map_or_else(|| file.display().to_string(), |name| name.display().to_string());
-            sets.push(DataSet::new(name, survey::open_log(&file)?)?);
+            sets.push(DataSet::new(name, open_log(&file)?)?);
         }
     }
     Ok(sets)
@@ -130,7 +164,7 @@ fn csv_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 /// The command that these options were.
-fn command(options: &cli::Reproduce) -> String {
+fn command(options: &Options) -> String {
     let mut command = format!("pingmap reproduce {}", name_of(&options.exhibit));
     for path in &options.data {
         command += &format!(" --data {}", quoted(path));

@@ -1,17 +1,18 @@
-//! What was computed, and the statistics that tables and JSON share.
+//! What was computed, and who is scored.
 
+use pingmap_trial::Estimate;
+use pingmap_trial::paper::statistics::{BoundOf, Metric, local_difference, team_difference};
 use pingmap_trial::paper::{
-    AtRadius, Bounds, Choice, Claim, DataSet, EffectiveDraws, Example, Experiment, Fusion, LocalOutcome, Omega, RADIUS,
-    RADIUS_LENGTH_SCALES, SWEEP_LENGTH_SCALES, SetOutcome, SweepRow, TeamOutcome, rank_correlation,
+    AtRadius, Claim, DataSet, Example, Experiment, RADIUS, RADIUS_LENGTH_SCALES, SWEEP_LENGTH_SCALES, SetOutcome,
+    SweepRow,
 };
-use pingmap_trial::{Estimate, MeanScore, Score};
 
+use super::exhibit::Exhibit;
 use super::published::Published;
-use crate::cli::Exhibit;
 use crate::output::progress;
 
 /// The experiment, as far as it was asked for.
-pub struct Results {
+pub struct Computed {
     pub experiment: Experiment,
     /// Whether the data are those that come with pingmap.
     pub built_in: bool,
@@ -24,7 +25,7 @@ pub struct Results {
     pub example: Option<Example>,
 }
 
-impl Results {
+impl Computed {
     pub fn compute(experiment: Experiment, built_in: bool, seed: u64, exhibit: Exhibit) -> anyhow::Result<Self> {
         let all = exhibit == Exhibit::All;
         let tables = all || matches!(exhibit, Exhibit::Local | Exhibit::Team | Exhibit::Certificate);
@@ -52,32 +53,6 @@ impl Results {
     }
 }
 
-/// What is good: a low NLL, or a high accuracy.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Metric {
-    Nll,
-    Accuracy,
-}
-
-impl Metric {
-    pub const ALL: [Metric; 2] = [Metric::Nll, Metric::Accuracy];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Metric::Nll => "NLL",
-            Metric::Accuracy => "ACC",
-        }
-    }
-
-    /// What should be low.
-    fn cost(self, score: &Score) -> f64 {
-        match self {
-            Metric::Nll => score.nll,
-            Metric::Accuracy => -score.accuracy,
-        }
-    }
-}
-
 /// Who is scored: an agent by itself, or the team with packets concatenated.
 #[derive(Clone, Copy)]
 pub enum Who {
@@ -100,17 +75,10 @@ impl Who {
 
     /// By how much a claim holds, with the paper's ω and fusion.
     pub fn difference(self, outcome: &SetOutcome, claim: &Claim, metric: Metric) -> Option<Estimate> {
-        claim.difference(|choice| match self {
-            Who::Agent(agent) => outcome
-                .local(agent)
-                .iter()
-                .map(|local| metric.cost(&local.scores[&(choice, Omega::LastDraw)]))
-                .collect(),
-            Who::Team => {
-                let key = (choice, Fusion::Concatenation, Omega::LastDraw);
-                outcome.team().iter().map(|team| metric.cost(&team.scores[&key])).collect()
-            }
-        })
+        match self {
+            Who::Agent(agent) => local_difference(&outcome.local(agent), claim, metric),
+            Who::Team => team_difference(&outcome.team(), claim, metric),
+        }
     }
 
     /// The same difference in the paper's tables.
@@ -126,23 +94,7 @@ impl Who {
     }
 }
 
-/// Mean score over permutations.
-pub fn mean<T>(outcomes: &[T], of: impl Fn(&T) -> Score) -> Option<MeanScore> {
-    MeanScore::over(&outcomes.iter().map(of).collect::<Vec<_>>())
-}
-
-pub fn local_score(outcomes: &[&LocalOutcome], choice: Choice, omega: Omega) -> Option<MeanScore> {
-    mean(outcomes, |outcome| outcome.scores[&(choice, omega)])
-}
-
-pub fn team_score(outcomes: &[&TeamOutcome], choice: Choice, fusion: Fusion, omega: Omega) -> Option<MeanScore> {
-    mean(outcomes, |outcome| outcome.scores[&(choice, fusion, omega)])
-}
-
-/// A number of [`Bounds`].
-pub type BoundOf = fn(&Bounds) -> f64;
-
-/// The numbers of [`Bounds`]: their key in JSON, what people call them, and where they are.
+/// The numbers of [`pingmap_trial::paper::Bounds`]: their key in JSON, what people call them, and where they are.
 pub const BOUNDS: [(&str, &str, BoundOf); 5] = [
     ("trace", "tr K̃", |bounds| bounds.trace),
     ("kl", "KL", |bounds| bounds.kl),
@@ -150,26 +102,3 @@ pub const BOUNDS: [(&str, &str, BoundOf); 5] = [
     ("closed_form", "closed form", |bounds| bounds.closed_form),
     ("paper", "paper's bound", |bounds| bounds.paper_closed_form),
 ];
-
-/// The mean of a bound over permutations.
-pub fn mean_bound(outcomes: &[&LocalOutcome], choice: Choice, of: BoundOf) -> Option<Estimate> {
-    Estimate::over(&outcomes.iter().map(|outcome| of(&outcome.bounds[&choice])).collect::<Vec<_>>())
-}
-
-/// Does a smaller bound mean a smaller NLL? The rank correlation over the six choices within a permutation, its mean over those in which
-/// it is defined.
-pub fn bound_orders_nll(outcomes: &[&LocalOutcome], of: BoundOf) -> Option<Estimate> {
-    let within = |outcome: &&LocalOutcome| {
-        let bounds: Vec<f64> = Choice::all().map(|choice| of(&outcome.bounds[&choice])).collect();
-        let nll: Vec<f64> = Choice::all().map(|choice| outcome.scores[&(choice, Omega::LastDraw)].nll).collect();
-        rank_correlation(&bounds, &nll)
-    };
-    Estimate::over(&outcomes.iter().filter_map(within).collect::<Vec<_>>())
-}
-
-/// How many independent draws the draws of a chain are worth, over permutations.
-pub fn effective_draws(outcomes: &[&LocalOutcome]) -> Option<EffectiveDraws> {
-    let mean = Estimate::over(&outcomes.iter().map(|outcome| outcome.effective_draws.mean).collect::<Vec<_>>())?.mean;
-    let least = outcomes.iter().map(|outcome| outcome.effective_draws.least).fold(f64::INFINITY, f64::min);
-    Some(EffectiveDraws { mean, least })
-}

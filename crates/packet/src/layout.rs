@@ -1,0 +1,274 @@
+//! The forms of the map message: where each of its bits stands.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use crate::bits::overwrite;
+use crate::error::Error;
+use crate::point::Point;
+use crate::schema::{Field, Kind, Schema};
+use crate::value::Fields;
+use crate::widths::id_bits;
+
+/// The map messages as a Goby user loads them.
+pub const PROTO: &str = include_str!("../proto/pingmap.proto");
+
+/// Cells of the chart east and north.
+pub const HORIZONTAL_CELLS: u8 = 64;
+
+/// Cells of the chart in depth.
+pub const DEPTH_CELLS: u8 = 32;
+
+/// Levels of information: 0 is a point of which nothing is said.
+pub const INFORMATION_LEVELS: u8 = 32;
+
+/// Partial correlations go from minus to plus this level.
+pub const CORRELATION_LEVELS: i8 = 7;
+
+/// Means go from minus to plus this level.
+pub const MEAN_LEVELS: i8 = 15;
+
+/// Models are told apart by a number below this in open messages.
+const MODELS: u16 = 1 << 14;
+
+/// Bits of an authentication tag.
+const TAG_BITS: u32 = 64;
+
+/// A form of the map message: one for each frame size, with or without depth, open or sealed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// Name of the message in the `.proto`.
+    pub name: &'static str,
+    /// DCCL id, from the range for private use.
+    pub id: u16,
+    /// Frame that it fits into, in bytes.
+    pub frame_bytes: usize,
+    /// Whether links have depths.
+    pub has_depth: bool,
+    /// Whether the message carries an authentication tag of 8 bytes. The model's digest then goes into the tag instead.
+    pub is_sealed: bool,
+    /// How many blocks it carries.
+    pub blocks: usize,
+    /// Inducing points of a block.
+    pub points: usize,
+}
+
+/// All forms.
+pub const LAYOUTS: [Layout; 12] = [
+    layout("Map32", 124, 32, false, false, 1, 5),
+    layout("MapSealed32", 125, 32, false, true, 1, 4),
+    layout("MapDepth32", 126, 32, true, false, 1, 4),
+    layout("MapDepthSealed32", 127, 32, true, true, 1, 3),
+    layout("Map64", 128, 64, false, false, 2, 5),
+    layout("MapSealed64", 129, 64, false, true, 2, 4),
+    layout("MapDepth64", 130, 64, true, false, 2, 4),
+    layout("MapDepthSealed64", 131, 64, true, true, 2, 4),
+    layout("Map256", 132, 256, false, false, 9, 5),
+    layout("MapSealed256", 133, 256, false, true, 9, 5),
+    layout("MapDepth256", 134, 256, true, false, 9, 4),
+    layout("MapDepthSealed256", 135, 256, true, true, 9, 4),
+];
+
+const fn layout(
+    name: &'static str,
+    id: u16,
+    frame_bytes: usize,
+    has_depth: bool,
+    is_sealed: bool,
+    blocks: usize,
+    points: usize,
+) -> Layout {
+    Layout { name, id, frame_bytes, has_depth, is_sealed, blocks, points }
+}
+
+/// A field of every point: its name, its kind, how it is read and how it is set.
+pub(crate) struct PointField {
+    pub(crate) name: &'static str,
+    pub(crate) kind: fn() -> Kind,
+    pub(crate) get: fn(&Point) -> i16,
+    pub(crate) set: fn(&mut Point, i16),
+}
+
+const fn point_field(
+    name: &'static str,
+    kind: fn() -> Kind,
+    get: fn(&Point) -> i16,
+    set: fn(&mut Point, i16),
+) -> PointField {
+    PointField { name, kind, get, set }
+}
+
+fn sender() -> Kind {
+    Kind::integer(0.0, f64::from(u8::MAX))
+}
+
+fn counter() -> Kind {
+    Kind::integer(0.0, f64::from(u16::MAX))
+}
+
+fn model() -> Kind {
+    Kind::integer(0.0, f64::from(MODELS - 1))
+}
+
+fn horizontal() -> Kind {
+    Kind::integer(0.0, f64::from(HORIZONTAL_CELLS - 1))
+}
+
+fn vertical() -> Kind {
+    Kind::integer(0.0, f64::from(DEPTH_CELLS - 1))
+}
+
+fn information() -> Kind {
+    Kind::integer(0.0, f64::from(INFORMATION_LEVELS - 1))
+}
+
+fn mean() -> Kind {
+    Kind::integer(-f64::from(MEAN_LEVELS), f64::from(MEAN_LEVELS))
+}
+
+fn correlation() -> Kind {
+    Kind::integer(-f64::from(CORRELATION_LEVELS), f64::from(CORRELATION_LEVELS))
+}
+
+fn word() -> Kind {
+    Kind::integer(0.0, f64::from(u32::MAX))
+}
+
+const LOCATION: [PointField; 4] = [
+    point_field("tx_east", horizontal, |p| p.transmitter.east.into(), |p, v| p.transmitter.east = v as u8),
+    point_field("tx_north", horizontal, |p| p.transmitter.north.into(), |p, v| p.transmitter.north = v as u8),
+    point_field("rx_east", horizontal, |p| p.receiver.east.into(), |p, v| p.receiver.east = v as u8),
+    point_field("rx_north", horizontal, |p| p.receiver.north.into(), |p, v| p.receiver.north = v as u8),
+];
+
+const DEPTHS: [PointField; 2] = [
+    point_field("tx_depth", vertical, |p| p.transmitter.depth.into(), |p, v| p.transmitter.depth = v as u8),
+    point_field("rx_depth", vertical, |p| p.receiver.depth.into(), |p, v| p.receiver.depth = v as u8),
+];
+
+const STATISTICS: [PointField; 2] = [
+    point_field("information", information, |p| p.information.into(), |p, v| p.information = v as u8),
+    point_field("mean", mean, |p| p.mean.into(), |p, v| p.mean = v as i8),
+];
+
+/// Name of the field that holds the partial correlations.
+pub(crate) const CORRELATION: &str = "correlation";
+
+/// Names of the fields that hold the tag: its lower and its upper half.
+pub(crate) const TAG: [&str; 2] = ["tag_low", "tag_high"];
+
+/// Bits of these fields of one point.
+fn bits_of<'a>(fields: impl Iterator<Item = &'a PointField>) -> u64 {
+    fields.map(|field| (field.kind)().bits_max()).sum()
+}
+
+impl Layout {
+    /// The largest form that fits into a frame.
+    pub fn for_frame(frame_bytes: usize, has_depth: bool, is_sealed: bool) -> Option<&'static Layout> {
+        let fits = |layout: &&Layout| {
+            layout.has_depth == has_depth && layout.is_sealed == is_sealed && layout.frame_bytes <= frame_bytes
+        };
+        LAYOUTS.iter().filter(fits).max_by_key(|layout| layout.frame_bytes)
+    }
+
+    /// The form that these bytes say they have.
+    pub fn of(bytes: &[u8]) -> Option<&'static Layout> {
+        let id = Schema::id_of(bytes)?;
+        LAYOUTS.iter().find(|layout| layout.id == id)
+    }
+
+    /// Partial correlations of a block.
+    pub fn correlations(&self) -> usize {
+        self.points.saturating_mul(self.points.saturating_sub(1)) / 2
+    }
+
+    /// Inducing points of all blocks.
+    pub fn points_in_all(&self) -> usize {
+        self.blocks.saturating_mul(self.points)
+    }
+
+    /// Bits of a point's two cells.
+    pub fn location_bits(&self) -> u64 {
+        bits_of(LOCATION.iter().chain(DEPTHS.iter().filter(|_| self.has_depth)))
+    }
+
+    /// Bits of all that does not speak of points: id, sender, counter, and check number or tag.
+    pub fn overhead_bits(&self) -> u64 {
+        self.head_bits() + self.proof_bits()
+    }
+
+    /// Bytes of the message, all of one length: those of [`Layout::schema`], without building it.
+    pub fn length(&self) -> usize {
+        self.body_start().saturating_add(self.body_bits()).div_ceil(8)
+    }
+
+    /// The bytes of a message with zeros in place of its check number `model`: what that number is computed from, without decoding
+    /// and encoding. What follows the message, such as the zeros that a modem adds, is cut off. A sealed message has no such field
+    /// and stays as it is. Any bytes will do; they are not looked at.
+    pub fn with_model_zeroed(&self, bytes: &[u8]) -> Vec<u8> {
+        let mut message = bytes[..bytes.len().min(self.length())].to_vec();
+        if !self.is_sealed {
+            overwrite(&mut message, self.body_start(), model().bits_max() as u32, 0);
+        }
+        message
+    }
+
+    /// The bytes of these values. The schemas of [`LAYOUTS`] are known to be sound; only another one is checked.
+    pub(crate) fn encode(&self, values: &Fields) -> Result<Vec<u8>, Error> {
+        let schema = self.schema();
+        if !LAYOUTS.contains(self) {
+            schema.check()?;
+        }
+        schema.write(values)
+    }
+
+    /// Puts a tag into a sealed message: the last bits of the body.
+    pub(crate) fn put_tag(&self, message: &mut [u8], tag: u64) {
+        let end = self.body_start().saturating_add(self.body_bits());
+        overwrite(message, end.saturating_sub(TAG_BITS as usize), TAG_BITS, tag);
+    }
+
+    /// Bits of id, sender and counter.
+    fn head_bits(&self) -> u64 {
+        id_bits(self.id) + sender().bits_max() + counter().bits_max()
+    }
+
+    /// Bits of what shows that the message is whole, and of the team: check number or tag.
+    fn proof_bits(&self) -> u64 {
+        if self.is_sealed { TAG_BITS.into() } else { model().bits_max() }
+    }
+
+    /// The first bit of the body, which begins with a whole byte.
+    fn body_start(&self) -> usize {
+        self.head_bits().next_multiple_of(8) as usize
+    }
+
+    fn body_bits(&self) -> usize {
+        let bits = |count: usize, each: u64| count.saturating_mul(each as usize);
+        let points = bits(self.points_in_all(), self.location_bits() + bits_of(STATISTICS.iter()));
+        let correlations = bits(self.blocks.saturating_mul(self.correlations()), correlation().bits_max());
+        points.saturating_add(correlations).saturating_add(self.proof_bits() as usize)
+    }
+
+    /// Fields of every point: locations first.
+    pub(crate) fn point_fields(&self) -> impl Iterator<Item = PointField> {
+        let depths = if self.has_depth { Some(DEPTHS) } else { None };
+        LOCATION.into_iter().chain(depths.into_iter().flatten()).chain(STATISTICS)
+    }
+
+    /// The message as DCCL describes it. Every number is whole; what it means is the team's affair.
+    pub fn schema(&self) -> Schema {
+        let all = |name, kind, count| Field::repeated(name, kind, count, count);
+        let mut fields =
+            vec![Field::required("sender", sender()).in_head(), Field::required("counter", counter()).in_head()];
+        if !self.is_sealed {
+            fields.push(Field::required("model", model()));
+        }
+        fields.extend(self.point_fields().map(|field| all(field.name, (field.kind)(), self.points_in_all())));
+        fields.push(all(CORRELATION, correlation(), self.blocks.saturating_mul(self.correlations())));
+        if self.is_sealed {
+            fields.extend(TAG.map(|name| Field::required(name, word())));
+        }
+        Schema { name: self.name.into(), id: Some(self.id), bytes_max: self.frame_bytes, fields }
+    }
+}

@@ -1,0 +1,52 @@
+//! `pingmap demo`: a replay of the field trial that is built in.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Args;
+use pingmap_agent::Learning;
+use pingmap_trial::{Plan, built_in, draw_splits};
+
+use super::replay::Replayed;
+use crate::files::make_folder;
+use crate::output::{Results, note};
+use crate::values::threads;
+
+/// Three vehicles on survey legs in a bay with a ridge and a mound.
+const TRIAL: &str = "bay3";
+
+const SEED: u64 = 1;
+
+/// Replay a field trial that comes with pingmap, print the scores and write a report with maps
+#[derive(Args)]
+pub struct Options {
+    /// Folder for the report
+    #[arg(long, default_value = "pingmap-report", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+    /// Worker threads; 0 takes one per core. Results do not depend on it
+    #[arg(long, default_value_t = 0, value_parser = threads)]
+    pub threads: usize,
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        make_folder(&self.out)?;
+        let log = built_in(TRIAL).context("the trial is built in")??;
+        note(
+            "Three underwater vehicles record which of each other's messages they hear. Each learns from the events it",
+        );
+        note("received, sends a few packets that sum them up, and predicts events that nobody learned from.\n");
+        let plan = Plan::new(Learning::default(), SEED);
+        let splits = draw_splits(&log, 3, 0.35, SEED)?;
+        let events = log.events.len();
+        let mission = Replayed::new(log, events, splits, &[1, 2, 5, 10, 20], plan)?;
+        mission.show(results, self.json, Some(&self.out))
+    }
+}

@@ -1,0 +1,179 @@
+//! `pingmap map`: the probability of success seen from one place.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use pingmap_agent::{Geographic, Position};
+use pingmap_trial::EventLog;
+use serde::Serialize;
+
+use crate::files::write_file;
+use crate::model::KernelJson;
+use crate::options::Source;
+use crate::output::{BadInput, Results, note, print_json, spinner};
+use crate::success_map::{CONTOURS, SuccessMap};
+use crate::survey::Survey;
+use crate::values::{End, name_of, pair, positive};
+
+/// Draw the probability of success seen from one place
+#[derive(Args)]
+pub struct Options {
+    #[command(flatten)]
+    pub source: Source,
+    /// The place the map is seen from, in metres of the log
+    #[arg(long, value_name = "EAST,NORTH", value_parser = pair, allow_hyphen_values = true)]
+    pub at: (f64, f64),
+    /// Whether that place transmits or receives
+    #[arg(long = "as", value_enum, default_value_t = End::Tx)]
+    pub end: End,
+    /// File for the map; its ending says what it is: .png, .svg, .csv (the grid) or .geojson (the contours; needs --origin)
+    #[arg(long, short, value_name = "FILE", default_value = "map.png")]
+    pub output: PathBuf,
+    /// Latitude and longitude of (0, 0) of the log, in degrees
+    #[arg(long, value_name = "LAT,LON", value_parser = pair, allow_hyphen_values = true)]
+    pub origin: Option<(f64, f64)>,
+    /// Width of a grid cell; the longer side has 120 cells if not given
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    pub cell_m: Option<f64>,
+    /// Print what was drawn as one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        self.source.work.threads
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        run(self, results)
+    }
+}
+
+fn run(options: &Options, results: Results) -> anyhow::Result<()> {
+    let format = Format::of(&options.output)?;
+    let origin = options.origin.map(geographic).transpose()?;
+    if format == Format::GeoJson && origin.is_none() {
+        let message = "a .geojson map needs --origin LAT,LON, the latitude and longitude of (0, 0) of the log";
+        return Err(BadInput(message.to_owned()).into());
+    }
+    let survey = Survey::learn(&options.source)?;
+    if origin.is_some() {
+        check_near_origin(&survey.log)?;
+    }
+    let (east, north) = options.at;
+    let at = Position { depth_m: survey.log.mean_depth_m(), ..Position::new(east, north) };
+    let bar = spinner("drawing");
+    let map = SuccessMap::new(&survey.posterior, survey.model(), &survey.log.events, at, options.end, options.cell_m)?;
+    let bytes = match format {
+        Format::Png => map.figure(&survey.log.events).png()?,
+        Format::Svg => map.figure(&survey.log.events).svg(true).into_bytes(),
+        Format::Csv => map.csv()?.into_bytes(),
+        Format::GeoJson => {
+            let mut chart = survey.model().chart;
+            chart.geographic = origin;
+            serde_json::to_vec_pretty(&map.geojson(&|position| chart.geographic(position)))?
+        }
+    };
+    write_file(&options.output, &bytes)?;
+    bar.finish_and_clear();
+    note(format_args!("wrote {}", options.output.display()));
+    if options.json {
+        print_json(results, &MapJson::of(options, &survey, &map))?;
+    }
+    Ok(())
+}
+
+/// What was drawn.
+#[derive(Serialize)]
+struct MapJson<'a> {
+    schema: u32,
+    file: &'a Path,
+    at: [f64; 2],
+    #[serde(rename = "as")]
+    end: String,
+    events_used: usize,
+    kernel: KernelJson,
+    columns: usize,
+    rows: usize,
+    cell_m: f64,
+    share_above: [ShareAbove; 2],
+}
+
+/// Share of the map's area where success is at least this probable.
+#[derive(Serialize)]
+struct ShareAbove {
+    probability: f64,
+    share: f64,
+}
+
+impl<'a> MapJson<'a> {
+    fn of(options: &'a Options, survey: &Survey, map: &SuccessMap) -> Self {
+        Self {
+            schema: 1,
+            file: &options.output,
+            at: [options.at.0, options.at.1],
+            end: name_of(&options.end),
+            events_used: survey.log.events.len(),
+            kernel: KernelJson::of(survey.model()),
+            columns: map.columns,
+            rows: map.rows(),
+            cell_m: map.cell_m,
+            share_above: CONTOURS.map(|level| ShareAbove { probability: level, share: map.share_above(level) }),
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Png,
+    Svg,
+    Csv,
+    GeoJson,
+}
+
+impl Format {
+    fn of(path: &Path) -> anyhow::Result<Self> {
+        match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {
+            Some("png") => Ok(Format::Png),
+            Some("svg") => Ok(Format::Svg),
+            Some("csv") => Ok(Format::Csv),
+            Some("geojson") => Ok(Format::GeoJson),
+            _ => {
+                let message = format!(
+                    "cannot tell the kind of map from {}; expected an ending .png, .svg, .csv or .geojson",
+                    path.display()
+                );
+                Err(BadInput(message).into())
+            }
+        }
+    }
+}
+
+fn geographic((latitude_deg, longitude_deg): (f64, f64)) -> anyhow::Result<Geographic> {
+    if latitude_deg.abs() >= 90.0 || longitude_deg.abs() > 180.0 {
+        let message = format!(
+            "--origin {latitude_deg},{longitude_deg}: expected a latitude between -90 and 90 and a longitude from -180 to 180"
+        );
+        return Err(BadInput(message).into());
+    }
+    Ok(Geographic { latitude_deg, longitude_deg })
+}
+
+/// A plane tangent to the Earth is no map of it farther out than this.
+const ORIGIN_DISTANCE_MAX_M: f64 = 1e5;
+
+/// Checks that (0, 0) of the log is near its events, as `--origin` needs.
+fn check_near_origin(log: &EventLog) -> anyhow::Result<()> {
+    let ends = log.events.iter().flat_map(|event| event.link.ends());
+    let farthest_m = ends.map(|end| end.east_m.hypot(end.north_m)).fold(0.0, f64::max);
+    if farthest_m > ORIGIN_DISTANCE_MAX_M {
+        let farthest_km = farthest_m / 1000.0;
+        let message = format!(
+            "--origin is the place of (0, 0), but events lie up to {farthest_km:.0} km from there; expected at most 100 km (are \
+             these UTM coordinates?)"
+        );
+        return Err(BadInput(message).into());
+    }
+    Ok(())
+}

@@ -1,0 +1,110 @@
+//! `pingmap predict`: probability of success over links.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use clap::Args;
+use pingmap_agent::Link;
+use pingmap_trial::read_links;
+use serde::Serialize;
+
+use crate::files::write_file;
+use crate::log::fill_depths;
+use crate::model::KernelJson;
+use crate::options::Source;
+use crate::output::{Results, csv_text, print, spinner};
+use crate::survey::Survey;
+
+/// Predict the probability of success over links
+#[derive(Args)]
+pub struct Options {
+    #[command(flatten)]
+    pub source: Source,
+    /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m
+    #[arg(long)]
+    pub links: PathBuf,
+    /// File for the result; standard output if not given
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Write one JSON object instead of CSV
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        self.source.work.threads
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        let predictions = Predictions::compute(self)?;
+        let text = match self.json {
+            true => serde_json::to_string_pretty(&serde_json::to_value(predictions.json())?)?,
+            false => csv_text(&predictions.header, &predictions.rows)?,
+        };
+        match &self.output {
+            Some(path) => write_file(path, text.as_bytes()),
+            None => print(results, &text),
+        }
+    }
+}
+
+/// Links and what is predicted of them, as a table.
+struct Predictions {
+    survey: Survey,
+    header: Vec<&'static str>,
+    rows: Vec<Vec<f64>>,
+}
+
+/// The same for programs.
+#[derive(Serialize)]
+struct PredictionsJson<'a> {
+    schema: u32,
+    events_used: usize,
+    jitter: f64,
+    kernel: KernelJson,
+    predictions: Vec<BTreeMap<&'a str, f64>>,
+}
+
+impl Predictions {
+    fn compute(options: &Options) -> anyhow::Result<Self> {
+        let mut links = read_links(&options.links)?;
+        let survey = Survey::learn(&options.source)?;
+        fill_depths(&mut links, &survey.log);
+        let bar = spinner("predicting");
+        let latent = survey.posterior.latent(&survey.model().inputs(&links)?)?;
+        bar.finish_and_clear();
+        let depths = survey.model().inputs.has_depths();
+        let predicted = latent.mean.iter().zip(&latent.variance).zip(latent.probability());
+        let row = |(link, ((&mean, &variance), p)): (&Link, ((&f64, &f64), f64))| {
+            [columns(link, depths), vec![mean, variance, p]].concat()
+        };
+        let rows = links.iter().zip(predicted).map(row).collect();
+        let mut header = vec!["tx_easting_m", "tx_northing_m", "rx_easting_m", "rx_northing_m"];
+        if depths {
+            header.extend(["tx_depth_m", "rx_depth_m"]);
+        }
+        header.extend(["mean", "variance", "probability"]);
+        Ok(Self { survey, header, rows })
+    }
+
+    fn json(&self) -> PredictionsJson<'_> {
+        let row = |row: &Vec<f64>| self.header.iter().copied().zip(row.iter().copied()).collect();
+        PredictionsJson {
+            schema: 1,
+            events_used: self.survey.log.events.len(),
+            jitter: self.survey.posterior.jitter(),
+            kernel: KernelJson::of(self.survey.model()),
+            predictions: self.rows.iter().map(row).collect(),
+        }
+    }
+}
+
+fn columns(link: &Link, depths: bool) -> Vec<f64> {
+    let Link { transmitter: t, receiver: r } = link;
+    let mut columns = vec![t.east_m, t.north_m, r.east_m, r.north_m];
+    if depths {
+        columns.extend([t.depth_m.unwrap_or(0.0), r.depth_m.unwrap_or(0.0)]);
+    }
+    columns
+}

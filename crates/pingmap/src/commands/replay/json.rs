@@ -1,0 +1,263 @@
+//! A replay for programs.
+
+use pingmap_agent::{LearnedModel, VehicleId};
+use pingmap_packet::Layout;
+use pingmap_trial::{Learners, MeanScore, Replay, Sharing, SplitSummary, Water};
+use serde::Serialize;
+
+use super::replayed::Replayed;
+use crate::model::{KernelJson, PriorMeanJson, path_variance, stop_words};
+
+/// Everything that was computed.
+#[derive(Serialize)]
+pub struct ReplayJson {
+    schema: u32,
+    events: usize,
+    events_used: usize,
+    vehicles: usize,
+    vehicle_ids: Vec<String>,
+    splits: usize,
+    seed: u64,
+    inference: InferenceJson,
+    packets: PacketsJson,
+    learn: &'static str,
+    kernel: Option<KernelJson>,
+    prior_mean: Option<PriorMeanJson>,
+    own_learning: Option<OwnLearningJson>,
+    scores: ScoresJson,
+    sharing: Vec<SharingJson>,
+    per_split: Vec<SplitJson>,
+}
+
+#[derive(Serialize)]
+struct InferenceJson {
+    own: &'static str,
+    centralised: &'static str,
+    dense_events_max: usize,
+    inducing_points_max: usize,
+    summary: &'static str,
+    fusion: &'static str,
+}
+
+/// What is sent, and what happens to it.
+#[derive(Serialize)]
+struct PacketsJson {
+    message: Option<&'static str>,
+    bytes: Option<usize>,
+    sealed: Option<bool>,
+    cell_m: Option<f64>,
+    loss: f64,
+    duplicate: f64,
+    reorder: f64,
+    repeats_max: Option<u8>,
+}
+
+/// Scores of every vehicle learning by itself.
+#[derive(Serialize)]
+struct OwnLearningJson {
+    scores: OwnScoresJson,
+    sharing: Vec<OwnSharingJson>,
+}
+
+#[derive(Serialize)]
+struct OwnScoresJson {
+    own: ScoreJson,
+    centralised: ScoreJson,
+}
+
+#[derive(Serialize)]
+struct OwnSharingJson {
+    frames: usize,
+    team: ScoreJson,
+    worst_vehicle_nll: f64,
+    gap_closed: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct ScoresJson {
+    base_rate: ScoreJson,
+    distance_only: ScoreJson,
+    own: ScoreJson,
+    centralised: ScoreJson,
+    true_probability: Option<ScoreJson>,
+}
+
+#[derive(Serialize)]
+struct ScoreJson {
+    acc: f64,
+    nll: f64,
+    nll_se: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct SharingJson {
+    #[serde(flatten)]
+    team: OwnSharingJson,
+    points_per_frame: Option<usize>,
+    packets_per_vehicle: f64,
+    bytes_per_vehicle: f64,
+    alternatives: Vec<AlternativeJson>,
+}
+
+#[derive(Serialize)]
+struct AlternativeJson {
+    name: &'static str,
+    nll: f64,
+}
+
+#[derive(Serialize)]
+struct SplitJson {
+    name: String,
+    training_events: usize,
+    held_out_events: usize,
+    length_scale_m: f64,
+    variance: f64,
+    structure: Option<String>,
+    kernel: KernelJson,
+    prior_mean: PriorMeanJson,
+    evidence: Option<f64>,
+    leave_one_out: Option<f64>,
+    learning_events: Option<usize>,
+    stop: Option<String>,
+    converged: bool,
+    jitter_max: f64,
+}
+
+impl ReplayJson {
+    pub fn of(replayed: &Replayed) -> Self {
+        let Replayed { log, splits, plan, replay, own_learning, events } = replayed;
+        let points = replayed.layout().map(Layout::points_in_all);
+        Self {
+            schema: 1,
+            events: *events,
+            events_used: log.events.len(),
+            vehicles: replay.vehicles.len(),
+            vehicle_ids: replay.vehicles.iter().map(VehicleId::to_string).collect(),
+            splits: splits.len(),
+            seed: plan.seed,
+            inference: InferenceJson::of(replayed),
+            packets: PacketsJson::of(replayed),
+            learn: if plan.learners == Learners::Own { "own" } else { "pooled" },
+            kernel: kernel(replay),
+            prior_mean: replay.splits.first().map(|split| PriorMeanJson::of(split.model().prior.mean())),
+            own_learning: own_learning.as_ref().map(OwnLearningJson::of),
+            scores: ScoresJson::of(replay),
+            sharing: replay.sharing.iter().map(|sharing| SharingJson::of(sharing, points)).collect(),
+            per_split: replay.splits.iter().map(SplitJson::of).collect(),
+        }
+    }
+}
+
+/// The kernel of the first split, with typical numbers.
+fn kernel(replay: &Replay) -> Option<KernelJson> {
+    let model = replay.splits.first()?.model();
+    let inputs = if model.inputs.has_depths() { "positions and depths" } else { "positions" };
+    let mut kernel = KernelJson::of(model);
+    kernel.inputs = Some(inputs);
+    kernel.length_scale_m = replay.median(|split| split.model().length_scale_m());
+    kernel.variance = Some(replay.median(|split| path_variance(split.model())));
+    Some(kernel)
+}
+
+impl InferenceJson {
+    fn of(replayed: &Replayed) -> Self {
+        let (own, centralised) = replayed.replay.dense();
+        let method = |dense: bool| if dense { "dense mean field" } else { "sparse mean field" };
+        let limits = &replayed.plan.limits;
+        Self {
+            own: method(own),
+            centralised: method(centralised),
+            dense_events_max: limits.dense_events_max,
+            inducing_points_max: limits.inducing_points_max,
+            summary: "residual",
+            fusion: "sites",
+        }
+    }
+}
+
+impl PacketsJson {
+    fn of(replayed: &Replayed) -> Self {
+        let Water { loss, duplicate, reorder } = replayed.plan.water;
+        let team = replayed.replay.splits.first().map(|split| &split.team);
+        let layout = replayed.layout();
+        Self {
+            message: layout.map(|layout| layout.name),
+            bytes: layout.map(|layout| layout.schema().length()),
+            sealed: layout.map(|layout| layout.is_sealed),
+            cell_m: team.map(|team| team.grid.cell_m),
+            loss,
+            duplicate,
+            reorder,
+            repeats_max: team.map(|team| team.repeats_max),
+        }
+    }
+}
+
+impl OwnLearningJson {
+    fn of(own: &Replay) -> Self {
+        Self {
+            scores: OwnScoresJson { own: ScoreJson::of(&own.own), centralised: ScoreJson::of(&own.centralised) },
+            sharing: own.sharing.iter().map(OwnSharingJson::of).collect(),
+        }
+    }
+}
+
+impl OwnSharingJson {
+    fn of(sharing: &Sharing) -> Self {
+        let Sharing { frames, worst_vehicle_nll, gap_closed, ref team, .. } = *sharing;
+        Self { frames, team: ScoreJson::of(team), worst_vehicle_nll, gap_closed }
+    }
+}
+
+impl ScoresJson {
+    fn of(replay: &Replay) -> Self {
+        Self {
+            base_rate: ScoreJson::of(&replay.base_rate),
+            distance_only: ScoreJson::of(&replay.distance_only),
+            own: ScoreJson::of(&replay.own),
+            centralised: ScoreJson::of(&replay.centralised),
+            true_probability: replay.true_probability.as_ref().map(ScoreJson::of),
+        }
+    }
+}
+
+impl ScoreJson {
+    fn of(score: &MeanScore) -> Self {
+        Self { acc: score.accuracy, nll: score.nll, nll_se: score.nll_se }
+    }
+}
+
+impl SharingJson {
+    fn of(sharing: &Sharing, points_per_frame: Option<usize>) -> Self {
+        let alternative = |&(way, nll): &(pingmap_trial::Alternative, f64)| AlternativeJson { name: way.name(), nll };
+        Self {
+            team: OwnSharingJson::of(sharing),
+            points_per_frame,
+            packets_per_vehicle: sharing.packets_per_vehicle,
+            bytes_per_vehicle: sharing.bytes_per_vehicle,
+            alternatives: sharing.alternatives.iter().map(alternative).collect(),
+        }
+    }
+}
+
+impl SplitJson {
+    fn of(split: &SplitSummary) -> Self {
+        let fit = split.fit.as_ref();
+        Self {
+            name: split.name.clone(),
+            training_events: split.training_events,
+            held_out_events: split.held_out_events,
+            length_scale_m: split.model().length_scale_m(),
+            variance: path_variance(split.model()),
+            structure: fit.map(|fit| fit.structure.to_string()),
+            kernel: KernelJson::of(split.model()),
+            prior_mean: PriorMeanJson::of(split.model().prior.mean()),
+            evidence: fit.map(LearnedModel::evidence),
+            leave_one_out: fit.map(LearnedModel::leave_one_out),
+            learning_events: fit.map(|fit| fit.events_used),
+            stop: fit.map(|fit| stop_words(&fit.learned.stop)),
+            converged: split.converged,
+            jitter_max: split.jitter_max,
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! `pingmap replay`: what each vehicle knows alone, what the team knows after sharing, what it could know at best.
+
+mod replayed;
+mod tables;
+mod json;
+mod report;
+mod online;
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use pingmap_trial::{Agreed, EventLog, Learners, Plan, Water, draw_splits, read_splits};
+
+use crate::files::make_folder;
+use crate::log::{open_log, thinned};
+use crate::model::open_model;
+use crate::options::{ModelSource, Work};
+use crate::output::{Results, note, print, print_json};
+use crate::team::{open_key, open_team};
+use crate::values::{LearnName, frame_bytes, open_share, packets, repeats, share};
+use online::OnlineMission;
+pub use replayed::Replayed;
+
+/// Replay a mission: what each vehicle knows alone, what the team knows after sharing packets, what it could know at best
+#[derive(Args)]
+pub struct Options {
+    /// Event log
+    pub events: PathBuf,
+    /// CSV of fixed splits: one column a split, one row an event, 1 = held out
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["repeats", "test_share"])]
+    pub splits: Option<PathBuf>,
+    /// Number of random splits
+    #[arg(long, default_value_t = 3, value_parser = repeats)]
+    pub repeats: usize,
+    /// Share of every vehicle's events that is held out
+    #[arg(long, default_value_t = 0.35, value_parser = open_share, allow_negative_numbers = true)]
+    pub test_share: f64,
+    /// Numbers of packets that every vehicle sends
+    #[arg(long, default_value = "1,2,5,10,20,40", value_delimiter = ',', value_parser = packets)]
+    pub frames: Vec<usize>,
+    #[command(flatten)]
+    pub sharing: Sharing,
+    /// Compare with other ways to use the same bytes
+    #[arg(long)]
+    pub compare: bool,
+    /// Run the mission in the order of time instead: every event is predicted by its receiver before it is learned from, and
+    /// packets ride on the transmissions of the log. Without --model or --team nothing is learned beforehand
+    #[arg(long, conflicts_with_all = ["splits", "repeats", "test_share", "frames", "compare", "learn", "reorder"])]
+    pub online: bool,
+    /// With --online: every so many of its transmissions a vehicle may send a packet; 10 if not given
+    #[arg(long, value_name = "TRANSMISSIONS", value_parser = packets, requires = "online")]
+    pub slot_every: Option<usize>,
+    /// Also write a report with maps to this folder
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
+    /// Who learns the model
+    #[arg(long, value_enum, default_value_t = LearnName::Pooled)]
+    pub learn: LearnName,
+    #[command(flatten)]
+    pub source: ModelSource,
+    #[command(flatten)]
+    pub work: Work,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What is sent, and what happens to it on its way.
+#[derive(Args)]
+pub struct Sharing {
+    /// Team file: members, model, grid, frames and key
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["Kernel", "model", "frame_bytes", "key_file", "repeat", "dense_events_max", "inducing_points_max"])]
+    pub team: Option<PathBuf>,
+    /// Bytes of a frame
+    #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
+    pub frame_bytes: usize,
+    /// File with the team's key, 64 hexadecimal digits: packets are sealed with it, which takes 8 bytes of each
+    #[arg(long, value_name = "FILE")]
+    pub key_file: Option<PathBuf>,
+    /// Share of packets that are lost on their way to a receiver
+    #[arg(long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    pub loss: f64,
+    /// Share of packets that arrive twice
+    #[arg(long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    pub duplicate: f64,
+    /// Share of packets that later ones overtake
+    #[arg(long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    pub reorder: f64,
+    /// Send every packet again up to so many times, once there is nothing new to tell
+    #[arg(long, default_value_t = 0)]
+    pub repeat: u8,
+}
+
+impl Sharing {
+    /// What happens to packets.
+    pub fn water(&self) -> Water {
+        let Self { loss, duplicate, reorder, .. } = *self;
+        Water { loss, duplicate, reorder }
+    }
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        self.work.threads
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        run(self, results)
+    }
+}
+
+fn run(options: &Options, results: Results) -> anyhow::Result<()> {
+    let log = open_log(&options.events)?;
+    if let Some(folder) = &options.report {
+        make_folder(folder)?;
+    }
+    if options.online {
+        let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
+        let plan = plan(options, &log)?;
+        let mission = OnlineMission { plan, slot_every: options.slot_every, seed: options.work.seed };
+        return mission.run(&log, results, options.json, options.report.as_deref());
+    }
+    let splits = match &options.splits {
+        Some(path) => read_splits(path, &log)?,
+        None => draw_splits(&log, options.repeats, options.test_share, options.work.seed)?,
+    };
+    let events = log.events.len();
+    let (log, splits) = thinned(log, splits, options.work.events_max, options.work.seed);
+    let plan = plan(options, &log)?;
+    let mut mission = Replayed::new(log, events, splits, &options.frames, plan)?;
+    if options.learn == LearnName::Both {
+        mission.learn_own(&options.frames)?;
+    }
+    mission.show(results, options.json, options.report.as_deref())
+}
+
+/// What the options say of the team and of what it sends.
+fn plan(options: &Options, log: &EventLog) -> anyhow::Result<Plan> {
+    let kernel = &options.source.kernel;
+    let sharing = &options.sharing;
+    let agreed = match (&options.source.model, &sharing.team) {
+        (_, Some(path)) => Agreed::Team(open_team(path, log)?),
+        (Some(path), None) => Agreed::Model(open_model(path, log)?),
+        (None, None) => Agreed::Nothing,
+    };
+    Ok(Plan {
+        agreed,
+        learners: if options.learn == LearnName::Own { Learners::Own } else { Learners::Pooled },
+        frame_bytes: sharing.frame_bytes,
+        key: sharing.key_file.as_ref().map(|path| open_key(path)).transpose()?,
+        repeats_max: sharing.repeat,
+        water: sharing.water(),
+        compare: options.compare,
+        ..Plan::new(kernel.learning(kernel.given().few(), options.work.limits()), options.work.seed)
+    })
+}
+
+impl Replayed {
+    /// Warns, prints, and writes the report if one is wanted.
+    pub fn show(&self, results: Results, as_json: bool, report: Option<&Path>) -> anyhow::Result<()> {
+        self.warn();
+        match as_json {
+            true => print_json(results, &json::ReplayJson::of(self))?,
+            false => print(results, &tables::text(self))?,
+        }
+        if let Some(folder) = report {
+            note(format_args!("report: {}", report::write(self, folder)?.display()));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,165 @@
+//! `pingmap replay --online`: the mission in the order of time.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use pingmap_trial::{Agreed, EventLog, Online, Plan, Step};
+use serde::Serialize;
+
+use super::report;
+use crate::figure::{Figure, Mark, Series, Style, curves};
+use crate::files::write_file;
+use crate::output::{Results, count, note, print, print_json, progress, table};
+
+/// Rows of the table.
+const PARTS: usize = 10;
+
+/// Places along a curve.
+const CURVE_POINTS: usize = 200;
+
+/// One of the things compared: a name, how its curve looks, and its part of a step.
+type Way = (&'static str, Style<'static>, fn(&Step) -> f64);
+
+const WAYS: [Way; 3] = [
+    ("own events only", Style { color: "#d7301f", width: 1.6, dash: &[2.0, 3.0], mark: Mark::Triangle }, |step| {
+        step.own
+    }),
+    ("team", Style { color: "#0571b0", width: 2.2, dash: &[], mark: Mark::Dot }, |step| step.team),
+    (
+        "all events at once, without delay",
+        Style { color: "#404040", width: 1.6, dash: &[7.0, 4.0], mark: Mark::Square },
+        |step| step.centralised,
+    ),
+];
+
+/// Transmissions between packets where nothing is said of it.
+const SLOT_EVERY: usize = 10;
+
+/// What is replayed in the order of time.
+pub struct OnlineMission {
+    pub plan: Plan,
+    /// Every so many of its transmissions a vehicle may send a packet.
+    pub slot_every: Option<usize>,
+    pub seed: u64,
+}
+
+impl OnlineMission {
+    pub fn run(&self, log: &EventLog, results: Results, as_json: bool, report: Option<&Path>) -> anyhow::Result<()> {
+        let bar = progress(log.events.len() as u64, "replaying in the order of time");
+        let online = pingmap_trial::online(log, &self.plan, self.slot_every(), &|| bar.inc(1))?;
+        bar.finish_and_clear();
+        match as_json {
+            true => print_json(results, &OnlineJson::of(&online, self))?,
+            false => print(results, &self.text(&online))?,
+        }
+        if let Some(folder) = report {
+            note(format_args!("report: {}", self.write_report(&online, folder)?.display()));
+        }
+        Ok(())
+    }
+
+    fn slot_every(&self) -> usize {
+        self.slot_every.unwrap_or(SLOT_EVERY)
+    }
+
+    fn headline(&self, online: &Online) -> String {
+        let packets: usize = online.packets.values().sum();
+        let model = match self.plan.agreed {
+            Agreed::Nothing => "the model is what is expected before any event; give --model for a learned one",
+            Agreed::Model(_) | Agreed::Team(_) => "model as given",
+        };
+        let vehicles = online.team.members.len();
+        format!(
+            "{} in the order of time, {}; a packet every {} of a vehicle at most\n{}, {}, heard {}; {model}",
+            count(online.steps.len(), "event"),
+            count(vehicles, "vehicle"),
+            count(self.slot_every(), "transmission"),
+            count(packets, "packet"),
+            count(online.bytes, "byte"),
+            count(online.received, "time"),
+        )
+    }
+
+    fn text(&self, online: &Online) -> String {
+        format!(
+            "{}\n\n{}\n\nNLL: negative log-likelihood in nats of every event as its receiver saw it coming, lower is better.",
+            self.headline(online),
+            table(&header(), &rows(online))
+        )
+    }
+
+    fn write_report(&self, online: &Online, folder: &Path) -> anyhow::Result<PathBuf> {
+        let figure = figure(online);
+        write_file(&folder.join("online.png"), &figure.png()?)?;
+        let page = folder.join("index.html");
+        let html = report::online_page(&self.headline(online), &header(), &rows(online), &figure);
+        write_file(&page, html.as_bytes())?;
+        Ok(page)
+    }
+}
+
+/// NLL in each part of the mission, and over all of it.
+fn rows(online: &Online) -> Vec<Vec<String>> {
+    let size = online.steps.len().div_ceil(PARTS).max(1);
+    let row =
+        |name: String, step: &Step| [vec![name], WAYS.map(|(_, _, of)| format!("{:.4}", of(step))).to_vec()].concat();
+    let parts = online.steps.chunks(size).filter_map(|part| {
+        let mean = Step::mean(part)?;
+        Some(row(format!("{:.0} s to {:.0} s", part.first()?.time_s, mean.time_s), &mean))
+    });
+    parts.chain(Step::mean(&online.steps).map(|mean| row("all".to_owned(), &mean))).collect()
+}
+
+fn header() -> Vec<&'static str> {
+    ["NLL of coming events"].into_iter().chain(WAYS.map(|(name, _, _)| name)).collect()
+}
+
+/// A mission in the order of time, for programs.
+#[derive(Serialize)]
+struct OnlineJson {
+    schema: u32,
+    events: usize,
+    slot_every: usize,
+    seed: u64,
+    packets: BTreeMap<String, usize>,
+    bytes: usize,
+    received: usize,
+    nll: Option<StepJson>,
+    running_nll: Vec<StepJson>,
+}
+
+#[derive(Serialize)]
+struct StepJson {
+    time_s: f64,
+    own: f64,
+    team: f64,
+    centralised: f64,
+}
+
+impl OnlineJson {
+    fn of(online: &Online, mission: &OnlineMission) -> Self {
+        let step = |&Step { time_s, own, team, centralised }: &Step| StepJson { time_s, own, team, centralised };
+        Self {
+            schema: 1,
+            events: online.steps.len(),
+            slot_every: mission.slot_every(),
+            seed: mission.seed,
+            packets: online.packets.iter().map(|(id, &count)| (id.to_string(), count)).collect(),
+            bytes: online.bytes,
+            received: online.received,
+            nll: Step::mean(&online.steps).as_ref().map(step),
+            running_nll: online.running(CURVE_POINTS).iter().map(step).collect(),
+        }
+    }
+}
+
+fn figure(online: &Online) -> Figure {
+    let running = online.running(CURVE_POINTS);
+    // The mean of the first few events swings too widely to show.
+    let settled = &running[(running.len() / 20).min(running.len().saturating_sub(2))..];
+    let points = WAYS.map(|(_, _, of)| settled.iter().map(|step| (step.time_s, of(step))).collect::<Vec<_>>());
+    let series: Vec<Series> =
+        WAYS.iter().zip(&points).map(|(&(name, style, _), points)| Series { name, points, style }).collect();
+    let title = "How well coming events are predicted, so far";
+    curves(title, "time (s)", "mean NLL so far (nats)", &series, (620.0, 380.0))
+}

@@ -1,0 +1,69 @@
+//! A replay and all that is needed to speak about it.
+
+use pingmap_agent::VehicleId;
+use pingmap_packet::Layout;
+use pingmap_trial::{EventLog, Learners, Plan, Replay, Split};
+
+use crate::model::warn_of_search;
+use crate::output::{progress, warn};
+
+/// A replay and all that is needed to speak about it.
+pub struct Replayed {
+    pub log: EventLog,
+    pub splits: Vec<Split>,
+    pub plan: Plan,
+    pub replay: Replay,
+    /// The same with every vehicle learning by itself, if that was asked for beside the pooled one.
+    pub own_learning: Option<Replay>,
+    /// Events in the file, before thinning.
+    pub events: usize,
+}
+
+impl Replayed {
+    /// Replays the mission with a progress bar.
+    pub fn new(log: EventLog, events: usize, splits: Vec<Split>, frames: &[usize], plan: Plan) -> anyhow::Result<Self> {
+        let replay = with_progress(&log, &splits, frames, &plan)?;
+        Ok(Self { log, splits, plan, replay, own_learning: None, events })
+    }
+
+    /// Replays it once more with every vehicle learning by itself.
+    pub fn learn_own(&mut self, frames: &[usize]) -> anyhow::Result<()> {
+        let plan = Plan { learners: Learners::Own, ..self.plan.clone() };
+        self.own_learning = Some(with_progress(&self.log, &self.splits, frames, &plan)?);
+        Ok(())
+    }
+
+    /// Warns of what its reader should know.
+    pub fn warn(&self) {
+        for split in &self.replay.splits {
+            let (name, without) = (&split.name, &split.vehicles_without_events);
+            if split.training_events == 0 {
+                warn(format_args!("split {name}: every event is held out, so that nothing can be learned"));
+            } else if !without.is_empty() {
+                let names: Vec<&str> = without.iter().map(VehicleId::as_str).collect();
+                warn(format_args!(
+                    "split {name}: no training events for {}: knowing only what others send",
+                    names.join(", ")
+                ));
+            }
+            if !split.converged {
+                warn(format_args!("split {name}: a fit stopped before its fixed point"));
+            }
+            split.fit.iter().for_each(warn_of_search);
+        }
+    }
+
+    /// The form of the packets.
+    pub fn layout(&self) -> Option<&'static Layout> {
+        let team = &self.replay.splits.first()?.team;
+        team.layout(team.frame_bytes).ok()
+    }
+}
+
+/// A replay with a progress bar.
+fn with_progress(log: &EventLog, splits: &[Split], frames: &[usize], plan: &Plan) -> anyhow::Result<Replay> {
+    let bar = progress((splits.len() * (1 + frames.len())) as u64, "replaying");
+    let replay = pingmap_trial::replay(log, splits, frames, plan, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(replay)
+}

@@ -1,0 +1,191 @@
+//! A replay in words and tables.
+
+use std::collections::BTreeMap;
+
+use pingmap_agent::VehicleId;
+use pingmap_trial::{Alternative, Learners, MeanScore, Replay, Sharing, Water};
+
+use super::replayed::Replayed;
+use crate::model::{of_events, path_variance};
+use crate::output::{count, table, table_of};
+
+pub fn text(replayed: &Replayed) -> String {
+    let replay = &replayed.replay;
+    let vehicles: Vec<&str> = replay.vehicles.iter().map(VehicleId::as_str).collect();
+    let splits = match replay.splits.as_slice() {
+        [_] => "1 split".to_owned(),
+        several => format!("mean of {} splits", several.len()),
+    };
+    let mut text = format!(
+        "{}, {} ({}); {splits}, seed {}\n{}\n{}\n\n{}\n\n{}",
+        count(replayed.log.events.len(), "event"),
+        count(vehicles.len(), "vehicle"),
+        vehicles.join(", "),
+        replayed.plan.seed,
+        kernel_line(replayed),
+        inference_line(replayed),
+        table(&["", "accuracy", "NLL", "± s.e."], &score_rows(replayed)),
+        table(&SHARING_HEADER, &sharing_rows(replayed)),
+    );
+    if replayed.plan.compare {
+        text += &format!("\n\n{}", table_of(&comparison_header(replayed), &comparison_rows(replayed)));
+        text += "\n\nA star marks the best of those that can be sent.";
+    }
+    if let Some(own) = &replayed.own_learning {
+        let header = ["who learns the model", "pooled, NLL", "± s.e.", "every vehicle, NLL", "± s.e."];
+        text += &format!("\n\n{}", table(&header, &learner_rows(replayed, own)));
+    }
+    text + "\n\nNLL: negative log-likelihood of held-out events in nats, lower is better. Gap closed: how much of the way from\nown events \
+            only to all raw events in one place sharing goes."
+}
+
+/// What the bytes are used for: ours, then every alternative.
+pub fn comparison_header(replayed: &Replayed) -> Vec<String> {
+    let tried = replayed.replay.sharing.first().map_or(&[][..], |sharing| &sharing.alternatives);
+    let names = tried.iter().map(|(way, _)| alternative_title(*way));
+    ["NLL at equal bytes", "bytes", "pingmap"].map(str::to_owned).into_iter().chain(names).collect()
+}
+
+/// NLL of each way, one row for each number of frames. The best of those that can be sent is marked.
+pub fn comparison_rows(replayed: &Replayed) -> Vec<Vec<String>> {
+    let bytes = replayed.layout().map_or(0, |layout| layout.frame_bytes);
+    let row = |sharing: &Sharing| {
+        let sendable = sharing.alternatives.iter().filter(|(way, _)| way.is_sendable());
+        let best = sendable.map(|(_, nll)| *nll).fold(sharing.team.nll, f64::min);
+        let cell = |nll: f64| format!("{nll:.4}{}", if nll <= best + 5e-5 { " *" } else { "  " });
+        let ways = sharing.alternatives.iter().map(
+            |(way, nll)| {
+                if way.is_sendable() { cell(*nll) } else { format!("{nll:.4}") }
+            },
+        );
+        let ours = [frames_name(sharing.frames), (bytes * sharing.frames).to_string(), cell(sharing.team.nll)];
+        ours.into_iter().chain(ways).collect()
+    };
+    replayed.replay.sharing.iter().map(row).collect()
+}
+
+/// The model learned from pooled events beside models that every vehicle learned by itreplayed.
+pub fn learner_rows(replayed: &Replayed, own: &Replay) -> Vec<Vec<String>> {
+    let row = |name: &str, pooled: &MeanScore, own: &MeanScore| {
+        let [pooled, own] = [pooled, own].map(|score| score_row("", score)[2..].to_vec());
+        [vec![name.to_owned()], pooled, own].concat()
+    };
+    let mut rows = vec![row("own events only", &replayed.replay.own, &own.own)];
+    rows.extend(
+        replayed
+            .replay
+            .sharing
+            .iter()
+            .zip(&own.sharing)
+            .map(|(pooled, own)| row(&frames_name(pooled.frames), &pooled.team, &own.team)),
+    );
+    rows.push(row("all raw events in one place", &replayed.replay.centralised, &own.centralised));
+    rows
+}
+
+/// The scores that sharing is compared with.
+pub fn score_rows(replayed: &Replayed) -> Vec<Vec<String>> {
+    let replay = &replayed.replay;
+    let mut rows = vec![
+        score_row("base rate", &replay.base_rate),
+        score_row("distance only", &replay.distance_only),
+        score_row("own events only", &replay.own),
+        score_row("all raw events in one place", &replay.centralised),
+    ];
+    rows.extend(replay.true_probability.as_ref().map(|score| score_row("true probability", score)));
+    rows
+}
+
+/// The team for each number of frames.
+pub fn sharing_rows(replayed: &Replayed) -> Vec<Vec<String>> {
+    let row = |sharing: &Sharing| {
+        let name = frames_name(sharing.frames);
+        let bytes = format!("{:.0}", sharing.bytes_per_vehicle);
+        let gap = sharing.gap_closed.map_or("–".to_owned(), |gap| format!("{:.0} %", 100.0 * gap));
+        [
+            vec![name, bytes],
+            score_row("", &sharing.team)[1..].to_vec(),
+            vec![format!("{:.4}", sharing.worst_vehicle_nll), gap],
+        ]
+        .concat()
+    };
+    replayed.replay.sharing.iter().map(row).collect()
+}
+
+/// What links are read with, in one line.
+pub fn kernel_line(replayed: &Replayed) -> String {
+    let splits = &replayed.replay.splits;
+    let numbers = format!(
+        "path: length-scale {:.0} m, variance {:.2}",
+        replayed.replay.median(|split| split.model().length_scale_m()),
+        replayed.replay.median(|split| path_variance(split.model())),
+    );
+    if replayed.plan.learners == Learners::Own {
+        return format!("every vehicle learns its own model; packets under a fixed one, {numbers}");
+    }
+    let Some(fit) = splits.iter().find_map(|split| split.fit.as_ref()) else {
+        return format!("model as given; {numbers}");
+    };
+    let mut structures: BTreeMap<String, usize> = BTreeMap::new();
+    for fit in splits.iter().filter_map(|split| split.fit.as_ref()) {
+        *structures.entry(fit.structure.to_string()).or_default() += 1;
+    }
+    let in_splits = |(structure, &count): (&String, &usize)| {
+        if count == splits.len() {
+            structure.clone()
+        } else {
+            format!("{structure} ({count} of {} splits)", splits.len())
+        }
+    };
+    let structures: Vec<String> = structures.iter().map(in_splits).collect();
+    format!(
+        "{}; learned from {}; {numbers}",
+        structures.join("; "),
+        of_events(fit.events_used, fit.events, "pooled training event"),
+    )
+}
+
+pub fn inference_line(replayed: &Replayed) -> String {
+    let (own, centralised) = replayed.replay.dense();
+    let words = |dense: bool| if dense { "dense" } else { "sparse" };
+    format!(
+        "{} mean field for each vehicle, {} for all events together; {}",
+        words(own),
+        words(centralised),
+        packets_line(replayed),
+    )
+}
+
+/// What is sent, and what happens to it, in a few words.
+pub fn packets_line(replayed: &Replayed) -> String {
+    let Water { loss, duplicate, reorder } = replayed.plan.water;
+    let mut line = replayed.layout().map_or_else(String::new, |layout| {
+        let points = layout.points_in_all();
+        let sealed = if layout.is_sealed { ", sealed" } else { "" };
+        format!("packets of {} with up to {points} points{sealed}", count(layout.schema().length(), "byte"))
+    });
+    for (share, what) in [(loss, "lost"), (duplicate, "doubled"), (reorder, "overtaken")] {
+        if share > 0.0 {
+            line += &format!(", {:.0} % {what}", 100.0 * share);
+        }
+    }
+    line
+}
+
+fn score_row(name: &str, score: &MeanScore) -> Vec<String> {
+    let error = score.nll_se.map_or("–".to_owned(), |error| format!("{error:.4}"));
+    vec![name.to_owned(), format!("{:.1} %", 100.0 * score.accuracy), format!("{:.4}", score.nll), error]
+}
+
+/// Columns of [`sharing_rows`].
+pub const SHARING_HEADER: [&str; 7] =
+    ["after sharing, per vehicle", "bytes", "accuracy", "NLL", "± s.e.", "worst vehicle", "gap closed"];
+
+/// What an alternative is called in a table: in brackets if it cannot be sent.
+fn alternative_title(way: Alternative) -> String {
+    if way.is_sendable() { way.name().to_owned() } else { format!("({})", way.name()) }
+}
+
+fn frames_name(frames: usize) -> String {
+    count(frames, "packet")
+}

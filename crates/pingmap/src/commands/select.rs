@@ -1,0 +1,216 @@
+//! `pingmap select`: the inducing points that sum up a locality region.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use pingmap_agent::{Event, Limits, Link, Position};
+use pingmap_trial::selection::{Query, RegionChoice, SelectionError, choose_points};
+use serde::Serialize;
+
+use crate::log;
+use crate::model::{KernelJson, Known};
+use crate::options::ModelSource;
+use crate::output::{BadInput, Results, count, note, print, print_json, spinner, table, warn};
+use crate::values::{PolicyName, events, inducing_points, name_of, positive, quadruple, threads};
+
+/// Choose the inducing points that sum up a locality region, with the certificate of the choice
+#[derive(Args)]
+pub struct Options {
+    /// Event log
+    pub events: PathBuf,
+    /// The vehicle whose events are summed up
+    #[arg(long)]
+    pub vehicle: String,
+    /// Centre of the locality region, in metres; the vehicle's event with most of its own events around it if not given
+    #[arg(long, value_name = "TX_EAST,TX_NORTH,RX_EAST,RX_NORTH", value_parser = quadruple, allow_hyphen_values = true)]
+    pub centre: Option<[f64; 4]>,
+    /// Radius of the locality region over all coordinates of both ends; 1.384 length-scales if not given
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    pub radius_m: Option<f64>,
+    /// How many inducing points
+    #[arg(long, default_value_t = 2, value_parser = inducing_points)]
+    pub points: usize,
+    /// Which points to choose
+    #[arg(long, value_enum, default_value_t = PolicyName::Good)]
+    pub policy: PolicyName,
+    #[command(flatten)]
+    pub model: ModelSource,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Sum up at most so many events of the region, those nearest to its centre
+    #[arg(long, default_value_t = 1000, value_parser = events)]
+    pub events_max: usize,
+    /// Worker threads; 0 takes one per core. Results do not depend on it
+    #[arg(long, default_value_t = 0, value_parser = threads)]
+    pub threads: usize,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        let selected = Selected::choose(self)?;
+        match self.json {
+            true => print_json(results, &selected.json(self)),
+            false => print(results, &selected.text(self)),
+        }
+    }
+}
+
+/// The points, and what they were chosen under.
+struct Selected {
+    known: Known,
+    choice: RegionChoice,
+}
+
+/// The same for programs.
+#[derive(Serialize)]
+struct SelectedJson<'a> {
+    schema: u32,
+    vehicle: &'a str,
+    policy: String,
+    radius_m: f64,
+    events_in_region: usize,
+    seed: u64,
+    kernel: KernelJson,
+    inducing_points: Vec<PointJson>,
+    trace: f64,
+    trace_before: f64,
+    certificate: CertificateJson,
+}
+
+#[derive(Serialize)]
+struct PointJson {
+    time_s: f64,
+    tx_easting_m: f64,
+    tx_northing_m: f64,
+    rx_easting_m: f64,
+    rx_northing_m: f64,
+    success: u8,
+}
+
+#[derive(Serialize)]
+struct CertificateJson {
+    kl: f64,
+    gap: f64,
+    closed_form: f64,
+    /// The paper's closed form.
+    paper: f64,
+    jitter: f64,
+}
+
+impl Selected {
+    fn choose(options: &Options) -> anyhow::Result<Self> {
+        let log = log::open_log(&options.events)?;
+        let own = log::only(&log, &options.vehicle)?;
+        let known = Known::new(&options.model, &log, Limits::default())?;
+        let centre = options.centre.map(|[tx_east, tx_north, rx_east, rx_north]| {
+            let (transmitter, receiver) = (Position::new(tx_east, tx_north), Position::new(rx_east, rx_north));
+            let mut link = [Link { transmitter, receiver }];
+            log::fill_depths(&mut link, &own);
+            link[0]
+        });
+        let query = Query {
+            centre,
+            radius_m: options.radius_m,
+            points: options.points,
+            policy: options.policy.policy(),
+            events_max: options.events_max,
+            seed: options.seed,
+        };
+        let bar = spinner("selecting");
+        let choice = choose_points(&own, &known.model, &query).map_err(|error| of_vehicle(error, &options.vehicle))?;
+        bar.finish_and_clear();
+        if choice.events < choice.events_within {
+            let (found, used) = (choice.events_within, choice.events);
+            warn(format_args!(
+                "the region holds {found} events; using the {used} nearest to its centre (--events-max)"
+            ));
+        }
+        if choice.chosen.len() < options.points {
+            let (found, wanted) = (choice.chosen.len(), options.points);
+            warn(format_args!("only {found} of {wanted} points are distinct in this region"));
+        }
+        note(known.describe(choice.events, true));
+        Ok(Self { known, choice })
+    }
+
+    fn json<'a>(&self, options: &'a Options) -> SelectedJson<'a> {
+        let RegionChoice { radius_m, events, ref chosen, trace, trace_before, kl, certificate, .. } = self.choice;
+        let point = |event: &Event| {
+            let Link { transmitter: t, receiver: r } = event.link;
+            PointJson {
+                time_s: event.time_s,
+                tx_easting_m: t.east_m,
+                tx_northing_m: t.north_m,
+                rx_easting_m: r.east_m,
+                rx_northing_m: r.north_m,
+                success: u8::from(event.success),
+            }
+        };
+        SelectedJson {
+            schema: 1,
+            vehicle: &options.vehicle,
+            policy: name_of(&options.policy),
+            radius_m,
+            events_in_region: events,
+            seed: options.seed,
+            kernel: KernelJson::of(&self.known.model),
+            inducing_points: chosen.iter().map(point).collect(),
+            trace,
+            trace_before,
+            certificate: CertificateJson {
+                kl,
+                gap: certificate.gap,
+                closed_form: certificate.closed_form,
+                paper: certificate.paper_closed_form,
+                jitter: certificate.jitter,
+            },
+        }
+    }
+
+    fn text(&self, options: &Options) -> String {
+        let RegionChoice { radius_m, events, ref chosen, trace, trace_before, kl, certificate, .. } = self.choice;
+        let (points, events) = (count(chosen.len(), "point"), count(events, "event"));
+        format!(
+            "{} choice of {points} for {events} of {} within {radius_m:.0} m:\n\n{}\n\n\
+             tr K̃ {trace:.4} of {trace_before:.4} without points\n\
+             KL {kl:.4} nats ≤ gap {:.4} ≤ closed form {:.4} (the paper's: {:.4})",
+            name_of(&options.policy),
+            options.vehicle,
+            points_table(chosen),
+            certificate.gap,
+            certificate.closed_form,
+            certificate.paper_closed_form,
+        )
+    }
+}
+
+/// An empty region is for the user to mend.
+fn of_vehicle(error: SelectionError, vehicle: &str) -> anyhow::Error {
+    match error {
+        SelectionError::NoEvents { radius_m } => {
+            let message =
+                format!("no event of {vehicle} lies within {radius_m} m of the centre; expected at least one");
+            BadInput(message).into()
+        }
+        other => other.into(),
+    }
+}
+
+fn points_table(chosen: &[Event]) -> String {
+    let row = |event: &Event| {
+        let Link { transmitter: t, receiver: r } = event.link;
+        let numbers = [event.time_s, t.east_m, t.north_m, r.east_m, r.north_m, event.link.range_m()];
+        let outcome = if event.success { "heard" } else { "missed" };
+        numbers.iter().map(|number| format!("{number:.1}")).chain([outcome.to_owned()]).collect()
+    };
+    let header = ["time_s", "tx_easting_m", "tx_northing_m", "rx_easting_m", "rx_northing_m", "range_m", "outcome"];
+    table(&header, &chosen.iter().map(row).collect::<Vec<_>>())
+}

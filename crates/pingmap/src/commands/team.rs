@@ -1,0 +1,85 @@
+//! `pingmap team`: writes what a team must agree on.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use pingmap_agent::{Grid, Team, TeamError, TeamFile};
+
+use crate::files::write_file;
+use crate::log::open_log;
+use crate::model::open_model;
+use crate::output::{BadInput, Results, count, note, warn};
+use crate::team::open_key;
+use crate::values::{frame_bytes, positive};
+
+/// Write what a team must agree on before the mission: members, grid, frames, and the model that packets are formed under
+#[derive(Args)]
+pub struct Options {
+    /// Event log: its receivers are the members, and the grid holds all of its positions
+    pub events: PathBuf,
+    /// Model file, as `pingmap learn` writes it
+    #[arg(long, value_name = "FILE", default_value = "model.toml")]
+    pub model: PathBuf,
+    /// File with the team's key, 64 hexadecimal digits, if packets are to be sealed
+    #[arg(long, value_name = "FILE")]
+    pub key_file: Option<PathBuf>,
+    /// Bytes of a frame
+    #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
+    pub frame_bytes: usize,
+    /// Number of the key epoch: to be raised whenever a key is used for another mission, or a vehicle lost its memory
+    #[arg(long, default_value_t = 0)]
+    pub epoch: u32,
+    /// Side of a cell of the grid; the finest that holds the log if not given
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    pub cell_m: Option<f64>,
+    /// File for the team, in the folder of the model file or above it
+    #[arg(long, short, value_name = "FILE", default_value = "team.toml")]
+    pub output: PathBuf,
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        1
+    }
+
+    pub fn run(&self, _: Results) -> anyhow::Result<()> {
+        write(self)
+    }
+}
+
+fn write(options: &Options) -> anyhow::Result<()> {
+    let log = open_log(&options.events)?;
+    let model = open_model(&options.model, &log)?;
+    let key = options.key_file.as_deref().map(open_key).transpose()?;
+    let positions = log.events.iter().flat_map(|event| event.link.ends());
+    let mut team = Team {
+        frame_bytes: options.frame_bytes,
+        key,
+        ..Team::new(log.vehicles(), model, positions).map_err(bad_team)?
+    };
+    if let Some(cell_m) = options.cell_m {
+        team.grid.cell_m = cell_m;
+        let outside = log.events.iter().filter(|event| !team.wire().holds(&event.link)).count();
+        if outside > 0 {
+            warn(format_args!("{} beyond the grid: nothing can be told of them", count(outside, "event")));
+        }
+    }
+    let key_name = options.key_file.as_ref().map(|path| beside(path, &options.output)).transpose()?;
+    let text = TeamFile::write(&team, &beside(&options.model, &options.output)?, key_name.as_deref());
+    write_file(&options.output, text.map_err(bad_team)?.as_bytes())?;
+    let Grid { cell_m, .. } = team.grid;
+    note(format_args!("team: {}, cells of {cell_m} m", options.output.display()));
+    Ok(())
+}
+
+/// The name of a file as the team file beside it says it.
+fn beside(path: &Path, team_file: &Path) -> anyhow::Result<String> {
+    let absolute = std::path::absolute(path)?;
+    let folder = std::path::absolute(team_file)?;
+    let name = absolute.strip_prefix(folder.parent().unwrap_or(Path::new("/"))).unwrap_or(&absolute);
+    Ok(name.display().to_string())
+}
+
+fn bad_team(error: TeamError) -> BadInput {
+    BadInput(error.to_string())
+}

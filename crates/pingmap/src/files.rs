@@ -1,0 +1,170 @@
+//! How files are written: whole or not at all, and there to stay.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use anyhow::Context;
+
+/// Temporary files are called like this and a random suffix.
+const PREFIX: &str = ".pingmap-";
+
+/// A temporary file that nobody has touched for so long was left by a run that was killed.
+const STALE: Duration = Duration::from_secs(3600);
+
+/// Makes a folder for files to come, before any work is done for them.
+pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
+}
+
+/// Writes a file aside, lets it reach the disk and moves it into place, so that nobody ever sees half of it, not even after the
+/// power failed. A symbolic link stays a link, and what it points to is replaced (or made, where there is nothing yet); a file
+/// that is replaced hands on its permissions; one with further names (hard links) is written to in place, so that all of them show
+/// the same; a device or pipe is written to as it is.
+pub fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    replace(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+}
+
+fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let target = behind_links(path)?;
+    let known = target.metadata().ok();
+    if known.as_ref().is_some_and(|metadata| !metadata.is_file() || names(metadata) > 1) {
+        return in_place(&target, bytes);
+    }
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    clean_up(folder);
+    let mut file = aside().tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    if let Some(metadata) = known {
+        file.as_file().set_permissions(metadata.permissions())?;
+    }
+    file.as_file().sync_all()?;
+    file.persist(&target).map_err(|error| error.error)?;
+    sync_folder(folder)
+}
+
+/// What a path means once symbolic links are followed, also where the last of them points to nothing yet.
+fn behind_links(path: &Path) -> io::Result<PathBuf> {
+    let mut target = path.to_owned();
+    // As many links as the system follows itself.
+    for _ in 0..40 {
+        let Ok(next) = std::fs::read_link(&target) else { return Ok(target) };
+        target = target.parent().unwrap_or(Path::new("")).join(next);
+    }
+    Err(io::Error::other("too many symbolic links"))
+}
+
+/// Replaces the content of what must stay where it is.
+fn in_place(target: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = OpenOptions::new().write(true).open(target)?;
+    if file.metadata()?.is_file() {
+        file.set_len(0)?;
+        file.write_all(bytes)?;
+        return file.sync_all();
+    }
+    file.write_all(bytes)
+}
+
+/// Removes what earlier runs left behind when they were killed. What cannot be removed stays.
+fn clean_up(folder: &Path) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    let now = SystemTime::now();
+    for entry in entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(PREFIX)) {
+        let touched = entry.metadata().ok().filter(std::fs::Metadata::is_file).and_then(|data| data.modified().ok());
+        if touched.and_then(|touched| now.duration_since(touched).ok()).is_some_and(|age| age > STALE) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Temporary files are private by default; a result may be read by whomever the umask lets.
+#[cfg(unix)]
+fn aside() -> tempfile::Builder<'static, 'static> {
+    use std::os::unix::fs::PermissionsExt;
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(PREFIX).permissions(std::fs::Permissions::from_mode(0o666));
+    builder
+}
+
+#[cfg(not(unix))]
+fn aside() -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(PREFIX);
+    builder
+}
+
+/// How many names a file has.
+#[cfg(unix)]
+fn names(metadata: &std::fs::Metadata) -> u64 {
+    use std::os::unix::fs::MetadataExt;
+    metadata.nlink()
+}
+
+#[cfg(not(unix))]
+fn names(_: &std::fs::Metadata) -> u64 {
+    1
+}
+
+/// Lets the new name reach the disk.
+#[cfg(unix)]
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}
+
+#[cfg(not(unix))]
+fn sync_folder(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(path: &Path) -> String {
+        std::fs::read_to_string(path).expect("a file")
+    }
+
+    #[test]
+    fn what_killed_runs_left_is_cleaned_up_and_what_is_young_is_not() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [old, young, other] = [".pingmap-old", ".pingmap-young", "old"].map(|name| folder.path().join(name));
+        for path in [&old, &young, &other] {
+            std::fs::write(path, "x").expect("a file");
+        }
+        for path in [&old, &other] {
+            let long_ago = SystemTime::now() - 2 * STALE;
+            File::options().write(true).open(path).and_then(|file| file.set_modified(long_ago)).expect("a time");
+        }
+        write_file(&folder.path().join("result"), b"y").expect("written");
+        assert!(!old.exists() && young.exists() && other.exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_and_permissions_stay() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().expect("a folder");
+        let [real, link, dangling, hard] = ["real", "link", "dangling", "hard"].map(|name| folder.path().join(name));
+        std::fs::write(&real, "a long first content").expect("a file");
+        std::fs::set_permissions(&real, std::fs::Permissions::from_mode(0o640)).expect("permissions");
+        symlink("real", &link).expect("a link");
+        write_file(&link, b"second").expect("written");
+        assert!(link.symlink_metadata().expect("there").is_symlink());
+        assert_eq!((read(&real), read(&link)), ("second".into(), "second".into()));
+        assert_eq!(real.metadata().expect("there").permissions().mode() & 0o777, 0o640);
+        // A link to what is not there yet makes it.
+        symlink("new", &dangling).expect("a link");
+        write_file(&dangling, b"third").expect("written");
+        assert!(dangling.symlink_metadata().expect("there").is_symlink());
+        assert_eq!(read(&folder.path().join("new")), "third");
+        // All names of a file show the same.
+        std::fs::hard_link(&real, &hard).expect("a link");
+        write_file(&hard, b"4").expect("written");
+        assert_eq!((read(&real), read(&hard)), ("4".into(), "4".into()));
+        // A link to itself is an error and no endless loop.
+        let ring = folder.path().join("ring");
+        symlink("ring", &ring).expect("a link");
+        assert!(write_file(&ring, b"5").is_err());
+    }
+}

@@ -1,0 +1,206 @@
+//! The model that links are read with: from a file, or learned; in words, and for programs.
+
+use std::path::Path;
+
+use dgpc::{Calibration, Correlation, PriorMean, Stop, Term};
+use pingmap_agent::{Chart, InputSpec, LearnedModel, Limits, Link, Model, ModelFile};
+use pingmap_trial::{EventLog, learn_best};
+use serde::Serialize;
+
+use crate::options::ModelSource;
+use crate::output::{BadInput, count, read_text, spinner, warn};
+
+/// What links are read with, and how it was learned if it was.
+pub struct Known {
+    pub model: Model,
+    pub fit: Option<LearnedModel>,
+}
+
+impl Known {
+    /// The model file that the user names, or the best of a few structures learned from all of a log.
+    pub fn new(source: &ModelSource, log: &EventLog, limits: Limits) -> anyhow::Result<Self> {
+        if let Some(path) = &source.model {
+            return Ok(Self { model: open_model(path, log)?, fit: None });
+        }
+        let bar = spinner("learning");
+        let learning = source.kernel.learning(source.kernel.given().few(), limits);
+        let fit = learn_best(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?;
+        bar.finish_and_clear();
+        warn_of_search(&fit);
+        Ok(Self { model: fit.model.clone(), fit: Some(fit) })
+    }
+
+    /// The model in one line.
+    pub fn describe(&self, events: usize, dense: bool) -> String {
+        let inference = if dense { "dense mean field" } else { "sparse mean field" };
+        let source = match &self.fit {
+            Some(fit) => format!(
+                "{}; learned from {}, E {:.1} nats, leave-one-out {:.4} nats an event",
+                fit.structure,
+                of_events(fit.events_used, fit.events, "event"),
+                fit.evidence(),
+                fit.leave_one_out()
+            ),
+            None => "model as given".to_owned(),
+        };
+        let (length_scale_m, variance) = (self.model.length_scale_m(), path_variance(&self.model));
+        let events = count(events, "event");
+        format!("{events}, {inference}; {source}; path: length-scale {length_scale_m:.0} m, variance {variance:.2}")
+    }
+}
+
+/// Variance of the path term.
+pub fn path_variance(model: &Model) -> f64 {
+    model.prior.kernel().terms().first().map_or(0.0, dgpc::Term::variance)
+}
+
+/// "698 events", "10000 of 12972 events"; `noun` is what one is called.
+pub fn of_events(used: usize, all: usize, noun: &str) -> String {
+    if used == all { count(all, noun) } else { format!("{used} of {}", count(all, noun)) }
+}
+
+/// Warns of a search that is not what it should be.
+pub fn warn_of_search(fit: &LearnedModel) {
+    match &fit.learned.calibration {
+        Calibration::AtBound(factor) => warn(format_args!(
+            "{}: its variances were multiplied by {factor:.2}, and the data ask for more than is tried",
+            fit.structure
+        )),
+        Calibration::Failed(why) => {
+            warn(format_args!("{}: its variances could not be calibrated: {why}", fit.structure));
+        }
+        _ => {}
+    }
+    if fit.learned.stop == Stop::IterationsMax {
+        warn(format_args!("{}: the search for its numbers stopped before its end", fit.structure));
+    }
+}
+
+/// How many of a chart's scales a log may lie from its origin.
+const FRAME_SCALES: f64 = 10.0;
+
+/// Reads a model file, and checks that it is for a chart such as this log's.
+pub fn open_model(path: &Path, log: &EventLog) -> anyhow::Result<Model> {
+    fitting(read_model(path)?, path, log)
+}
+
+/// Reads a model file.
+pub fn read_model(path: &Path) -> anyhow::Result<Model> {
+    let bad = |message: &dyn std::fmt::Display| BadInput(format!("{}: {message}", path.display()));
+    Ok(ModelFile::parse(&read_text(path)?).map_err(|error| bad(&error))?.model)
+}
+
+/// A model from a file, if it is for a chart such as this log's.
+pub fn fitting(model: Model, path: &Path, log: &EventLog) -> anyhow::Result<Model> {
+    let bad = |message: &dyn std::fmt::Display| BadInput(format!("{}: {message}", path.display()));
+    let Chart { origin, scale_m, .. } = model.chart;
+    let distance_m = Link { transmitter: origin, receiver: log.chart().origin }.range_m();
+    // Origins are rounded to 100 m.
+    if distance_m > FRAME_SCALES * scale_m + 100.0 {
+        let message = format!(
+            "the model is for a chart about ({:.0}, {:.0}) with a scale of {scale_m} m, but the events lie {:.1} km from there; \
+             expected at most {FRAME_SCALES} scales (if it is meant for these events, change [chart])",
+            origin.east_m,
+            origin.north_m,
+            distance_m / 1000.0
+        );
+        return Err(bad(&message).into());
+    }
+    match (model.inputs, log.inputs()) {
+        (InputSpec::PositionsAndDepths, InputSpec::Positions) => {
+            Err(bad(&"the model reads depths, but the events have none; expected columns tx_depth_m and rx_depth_m")
+                .into())
+        }
+        (InputSpec::Positions, InputSpec::PositionsAndDepths) => {
+            warn(format_args!("{}: the model does not read depths; those of the log are ignored", path.display()));
+            Ok(model)
+        }
+        _ => Ok(model),
+    }
+}
+
+/// Why a search ended, in words.
+pub fn stop_words(stop: &Stop) -> String {
+    match stop {
+        Stop::Converged => "converged".to_owned(),
+        Stop::IterationsMax => "iterations used up".to_owned(),
+        Stop::NoProgress(why) => format!("no progress: {why}"),
+        other => format!("{other:?}"),
+    }
+}
+
+/// A kernel for programs: the path term's shape, typical length-scale and variance, and all terms.
+#[derive(Debug, Serialize)]
+pub struct KernelJson {
+    pub shape: Option<String>,
+    pub reciprocal: Option<bool>,
+    pub length_scale_m: f64,
+    pub variance: Option<f64>,
+    terms: Vec<TermJson>,
+    /// What the columns are about; where that is not said elsewhere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inputs: Option<&'static str>,
+}
+
+#[derive(Debug, Serialize)]
+struct TermJson {
+    variance: f64,
+    reciprocal: bool,
+    #[serde(flatten)]
+    first: CorrelationJson,
+    /// Further correlations that the first one is multiplied by.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    times: Vec<CorrelationJson>,
+}
+
+#[derive(Debug, Serialize)]
+struct CorrelationJson {
+    shape: String,
+    columns: Vec<String>,
+    length_scales_m: Vec<f64>,
+}
+
+impl KernelJson {
+    pub fn of(model: &Model) -> Self {
+        let names = model.inputs.column_names();
+        let correlation = |correlation: &Correlation| CorrelationJson {
+            shape: correlation.shape().to_string(),
+            columns: correlation.columns().iter().map(|&column| names[column].clone()).collect(),
+            length_scales_m: correlation.length_scales().to_vec(),
+        };
+        let term = |term: &Term| TermJson {
+            variance: term.variance(),
+            reciprocal: term.is_reciprocal(),
+            first: correlation(&term.correlations()[0]),
+            times: term.correlations()[1..].iter().map(correlation).collect(),
+        };
+        let terms = model.prior.kernel().terms();
+        Self {
+            shape: terms.first().map(|path| path.correlations()[0].shape().to_string()),
+            reciprocal: terms.first().map(Term::is_reciprocal),
+            length_scale_m: model.length_scale_m(),
+            variance: terms.first().map(Term::variance),
+            terms: terms.iter().map(term).collect(),
+            inputs: None,
+        }
+    }
+}
+
+/// A prior mean and its numbers, for programs.
+#[derive(Debug, Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+pub enum PriorMeanJson {
+    Zero,
+    Constant { log_odds: f64 },
+    Range { intercept: f64, slope_per_m: f64 },
+}
+
+impl PriorMeanJson {
+    pub fn of(mean: &PriorMean) -> Self {
+        match mean {
+            PriorMean::Constant(log_odds) => Self::Constant { log_odds: *log_odds },
+            PriorMean::Range(range) => Self::Range { intercept: range.intercept(), slope_per_m: range.slope() },
+            _ => Self::Zero,
+        }
+    }
+}
