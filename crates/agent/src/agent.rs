@@ -22,12 +22,12 @@ pub(crate) struct OwnModel {
     pub(crate) learned: crate::learning::LearnedModel,
 }
 
-/// One vehicle. Events may arrive late and in any order; packets may be lost, repeated and reordered. It does no input or output
-/// and knows no clock.
+/// One vehicle. Events may arrive late and in any order; packets may be lost, repeated and reordered. It does no input
+/// or output and knows no clock.
 ///
-/// What it knows is held in three posteriors: of its own events alone, of what it sent alone (what any listener can know by it),
-/// and of its own events with all that others sent. Each grows by what arrives, at O(n²) for an event or packet on top of n
-/// events and inducing points; [`Agent::rebuild_posteriors`] makes all of them afresh.
+/// What it knows is held in three posteriors: of its own events alone, of what it sent alone (what any listener can
+/// know by it), and of its own events with all that others sent. Each grows by what arrives, at O(n²) for an event or
+/// packet on top of n events and inducing points; [`Agent::rebuild_posteriors`] makes all of them afresh.
 ///
 /// ```
 /// use pingmap_agent::*;
@@ -63,7 +63,8 @@ pub struct Agent {
     pub(crate) number: Option<u8>,
     pub(crate) team: Arc<Team>,
     pub(crate) digest: [u8; 32],
-    /// In [`Event::canonical_order`], so that fits do not depend on the order of arrival; shared by copies of the agent.
+    /// In [`Event::canonical_order`], so that fits do not depend on the order of arrival; shared by copies of the
+    /// agent.
     pub(crate) events: Arc<Vec<Event>>,
     pub(crate) live: LivePackets,
     /// Counter of its next packet.
@@ -173,8 +174,8 @@ impl Agent {
         self.team.number(member).and_then(|number| self.heard_s.get(&number)).copied()
     }
 
-    /// Records an event of its own. Once in 64 events all are fitted again. Beyond [`Limits::events_max`] the oldest go, a sixteenth
-    /// at a time. O(log N) to find its place.
+    /// Records an event of its own. Once in 64 events all are fitted again. Beyond [`Limits::events_max`] the oldest
+    /// go, a sixteenth at a time. O(log N) to find its place.
     ///
     /// # Errors
     /// [`AgentError::Method`] for a time or position that is not finite.
@@ -225,7 +226,8 @@ impl Agent {
         Ok(self.probabilities(std::slice::from_ref(link))?[0])
     }
 
-    /// Probability of success over each link. Takes in what arrived since the last time, and fits nothing again. O(n²) a link.
+    /// Probability of success over each link. Takes in what arrived since the last time, and fits nothing again. O(n²)
+    /// a link.
     ///
     /// # Errors
     /// As [`Agent::probability`].
@@ -257,8 +259,8 @@ impl Agent {
         self.fit.as_ref().map(|fit| fit.sites())
     }
 
-    /// Takes what arrived into the posteriors: O(n²) for every event and point. After a fit, or when packets fell out of their window,
-    /// they are put together anew, O(n³). Nothing is fitted here.
+    /// Takes what arrived into the posteriors: O(n²) for every event and point. After a fit, or when packets fell out
+    /// of their window, they are put together anew, O(n³). Nothing is fitted here.
     pub(crate) fn absorb_pending(&mut self) -> Result<(), AgentError> {
         if self.is_stale {
             self.put_together()?;
@@ -295,9 +297,10 @@ impl Agent {
         Ok(())
     }
 
-    /// Fits its own events again if some came since the last time, and puts everything together in canonical order: what comes of
-    /// it depends on nothing but the events, the live packets and the model it learned, if it did (`Agent::adapt`; that fits its
-    /// events with what was heard until then). O(N³) up to [`Limits::dense_events_max`] events, plus O(n³).
+    /// Fits its own events again if some came since the last time, and puts everything together in canonical order:
+    /// what comes of it depends on nothing but the events, the live packets and the model it learned, if it did
+    /// (`Agent::adapt`; that fits its events with what was heard until then). O(N³) up to [`Limits::dense_events_max`]
+    /// events, plus O(n³).
     ///
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.

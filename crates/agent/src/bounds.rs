@@ -1,5 +1,5 @@
-//! Bounds on what people write, in files and on the command line: every number has a largest value beside its smallest one, so that
-//! no slip of the pen overflows when it is squared, and none asks for more memory than there is.
+//! Bounds on what people write, in files and on the command line: every number has a largest value beside its smallest
+//! one, so that no slip of the pen overflows when it is squared, and none asks for more memory than there is.
 
 use std::fmt;
 

@@ -5,14 +5,16 @@ use crate::event::Position;
 /// Semi-major axis (m) and squared eccentricity of the WGS 84 ellipsoid.
 const WGS84: (f64, f64) = (6_378_137.0, 6.694_379_990_14e-3);
 
-/// The team's common frame. The method sees metres about `origin`, never scaled column by column, so that swapping the two ends
-/// of a link keeps distances; the origin only keeps numbers small (UTM northings have seven digits before the point).
+/// The team's common frame. The method sees metres about `origin`, never scaled column by column, so that swapping the
+/// two ends of a link keeps distances; the origin only keeps numbers small (UTM northings have seven digits before the
+/// point).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chart {
     /// What the method calls (0, 0), in metres of the log.
     pub origin: Position,
-    /// How far positions typically lie from the origin, in metres: what length-scales are expected to be, give or take a factor of
-    /// a few, before anything is learned. Fixed with the chart, so that vehicles that never saw each other's data expect the same.
+    /// How far positions typically lie from the origin, in metres: what length-scales are expected to be, give or take
+    /// a factor of a few, before anything is learned. Fixed with the chart, so that vehicles that never saw each
+    /// other's data expect the same.
     pub scale_m: f64,
     /// Latitude and longitude of (0, 0) of the log, if known.
     pub geographic: Option<Geographic>,
@@ -40,8 +42,9 @@ pub struct Geographic {
 }
 
 impl Chart {
-    /// A chart about the mean of `positions`, rounded to 100 m so that logs of one place share an origin; (0, 0) without any. Its
-    /// scale is their root-mean-square distance from their mean to two digits; [`SCALE_FALLBACK_M`] where they are all in one place.
+    /// A chart about the mean of `positions`, rounded to 100 m so that logs of one place share an origin; (0, 0)
+    /// without any. Its scale is their root-mean-square distance from their mean to two digits; [`SCALE_FALLBACK_M`]
+    /// where they are all in one place.
     pub fn about(positions: impl IntoIterator<Item = Position>) -> Self {
         let positions: Vec<Position> = positions.into_iter().collect();
         let count = positions.len().max(1) as f64;
@@ -60,8 +63,8 @@ impl Chart {
         (position.east_m - self.origin.east_m, position.north_m - self.origin.north_m)
     }
 
-    /// Latitude and longitude of a position, where the chart knows its own: a local plane tangent to WGS 84 at the log's (0, 0).
-    /// Good to about a metre within 2 km and 30 m within 15 km at middle latitudes.
+    /// Latitude and longitude of a position, where the chart knows its own: a local plane tangent to WGS 84 at the
+    /// log's (0, 0). Good to about a metre within 2 km and 30 m within 15 km at middle latitudes.
     pub fn geographic(&self, position: &Position) -> Option<Geographic> {
         let Geographic { latitude_deg, longitude_deg } = self.geographic?;
         let (axis, eccentricity) = WGS84;

@@ -82,8 +82,8 @@ pub struct Event {
 }
 
 impl Event {
-    /// The order in which events are kept, whatever the order in which they arrive: by time, then transmitter, receiver and
-    /// place. Events that are equal in all of these but not in outcome are ordered by outcome.
+    /// The order in which events are kept, whatever the order in which they arrive: by time, then transmitter, receiver
+    /// and place. Events that are equal in all of these but not in outcome are ordered by outcome.
     pub fn canonical_order(&self, other: &Event) -> Ordering {
         let place = |event: &Event| {
             let Link { transmitter: t, receiver: r } = event.link;

@@ -45,7 +45,8 @@ impl Agent {
         Ok((layout, message))
     }
 
-    /// The bytes of a message, as this team sends them: sealed if it has a key, else with the digest of what it agreed on.
+    /// The bytes of a message, as this team sends them: sealed if it has a key, else with the digest of what it agreed
+    /// on.
     ///
     /// # Errors
     /// As [`MapMessage::encode`].
@@ -86,9 +87,9 @@ impl Agent {
         }
     }
 
-    /// The packet that tells most for a frame of so many bytes (at most the team's); `None` where nothing is worth a frame. Fits its
-    /// own events again if some came since the last time. Whoever may lose its memory writes an [`Agent::snapshot`] before the packet
-    /// leaves: a counter must not be used twice.
+    /// The packet that tells most for a frame of so many bytes (at most the team's); `None` where nothing is worth a
+    /// frame. Fits its own events again if some came since the last time. Whoever may lose its memory writes an
+    /// [`Agent::snapshot`] before the packet leaves: a counter must not be used twice.
     ///
     /// # Errors
     /// [`AgentError::NotAMember`], [`AgentError::CountersUsedUp`], and [`AgentError::Team`] for a frame below 32 bytes.
@@ -114,7 +115,8 @@ impl Agent {
         Ok(Some(bytes))
     }
 
-    /// A packet of its own that was sent again least often, the oldest of these, unless all were sent again often enough.
+    /// A packet of its own that was sent again least often, the oldest of these, unless all were sent again often
+    /// enough.
     fn repeat(&mut self, sender: u8) -> Option<Vec<u8>> {
         let repeats = |counter: &u16| self.repeats.get(counter).copied().unwrap_or(0);
         let least = self.live.of(sender).map(|(&(_, counter), _)| counter).min_by_key(|counter| repeats(counter))?;
@@ -139,7 +141,8 @@ impl Agent {
         self.team.limits.spread(links.len()).into_iter().map(|place| links[place]).collect()
     }
 
-    /// The links that a packet speaks of, by sender and counter; those of others too. Nothing for a packet that does not count.
+    /// The links that a packet speaks of, by sender and counter; those of others too. Nothing for a packet that does
+    /// not count.
     pub fn told_links(&self) -> Vec<(VehicleId, u16, Vec<Link>)> {
         let told = |(&(sender, counter), packet): (&PacketKey, &LivePacket)| {
             let name = self.team.members.get(&sender)?.clone();
@@ -155,8 +158,8 @@ impl Agent {
         self.team.key.as_ref().map(|key| Seal { key, context: &self.digest })
     }
 
-    /// The number by which an open packet shows that it is whole, and of this team: 14 bits of the digest of what the team agreed
-    /// on and of the packet itself, with zeros where the number will stand.
+    /// The number by which an open packet shows that it is whole, and of this team: 14 bits of the digest of what the
+    /// team agreed on and of the packet itself, with zeros where the number will stand.
     fn check_number(&self, unnumbered: &[u8]) -> u16 {
         let digest = digest(&[self.digest.as_slice(), unnumbered].concat());
         u16::from_le_bytes([digest[0], digest[1]]) & 0x3fff

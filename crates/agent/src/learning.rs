@@ -1,4 +1,5 @@
-//! Learning a model from events: the numbers of one structure, and the choice among several (docs/method.md, section 7).
+//! Learning a model from events: the numbers of one structure, and the choice among several (docs/method.md, section
+//! 7).
 
 use dgpc::{HyperPrior, LearnOptions, Learned, Prior, PriorMean, Summary, spread_out};
 
@@ -98,8 +99,8 @@ impl Learning {
         }
     }
 
-    /// Learns the numbers of one structure from `events` and from what others said. An earlier fit of the same structure is where
-    /// it starts, and makes it cheap: one search, whose result is never worse in E.
+    /// Learns the numbers of one structure from `events` and from what others said. An earlier fit of the same
+    /// structure is where it starts, and makes it cheap: one search, whose result is never worse in E.
     ///
     /// # Errors
     /// [`dgpc::Error`] for a position that is not finite, or a scale or given number that is not finite and positive.

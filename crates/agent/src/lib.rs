@@ -1,8 +1,8 @@
 //! The vocabulary of pingmap, and one vehicle as a state machine without input or output.
 //!
-//! [`Event`]s, [`Link`]s and the [`Chart`] say what happened where; a [`Model`] turns links into the inputs of the method; an
-//! [`Agent`] owns one vehicle's events, learns from them, sums them up in packets, and fuses what it receives. What a team agrees on
-//! beforehand is its [`Team`].
+//! [`Event`]s, [`Link`]s and the [`Chart`] say what happened where; a [`Model`] turns links into the inputs of the
+//! method; an [`Agent`] owns one vehicle's events, learns from them, sums them up in packets, and fuses what it
+//! receives. What a team agrees on beforehand is its [`Team`].
 
 #![forbid(unsafe_code)]
 

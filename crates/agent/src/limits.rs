@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds::{self, Bounds};
 
-/// Bounds on work and memory. Packets are bounded by [`crate::Team::packets_per_sender_max`], on which a team must agree.
+/// Bounds on work and memory. Packets are bounded by [`crate::Team::packets_per_sender_max`], on which a team must
+/// agree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
@@ -15,7 +16,8 @@ pub struct Limits {
     pub dense_events_max: usize,
     /// How many inducing points a sparse fit has at most.
     pub inducing_points_max: usize,
-    /// How many events are candidates for inducing points at most: every k-th in time, with the smallest k that keeps to this.
+    /// How many events are candidates for inducing points at most: every k-th in time, with the smallest k that keeps
+    /// to this.
     pub candidates_max: usize,
 }
 

@@ -14,9 +14,9 @@ pub(crate) struct LivePacket {
     pub(crate) summaries: Vec<Summary>,
 }
 
-/// Live packets. Which packets are live depends on the set of packets that arrived and not on their order or number: putting
-/// in is commutative, associative and idempotent. A sender forms its packets against its own last ones in the same window, so that
-/// whatever a receiver drops is said again in time.
+/// Live packets. Which packets are live depends on the set of packets that arrived and not on their order or number:
+/// putting in is commutative, associative and idempotent. A sender forms its packets against its own last ones in the
+/// same window, so that whatever a receiver drops is said again in time.
 #[derive(Debug, Clone)]
 pub(crate) struct LivePackets {
     per_sender_max: u16,

@@ -11,7 +11,8 @@ use crate::event::{Event, Link};
 /// Version of what a [`Model`] holds. Whoever reads one from a file or message refuses a newer version.
 pub const MODEL_SCHEMA: u32 = 1;
 
-/// The numbers that a link is turned into: raw positions and what follows from them. Kernel terms choose among these columns.
+/// The numbers that a link is turned into: raw positions and what follows from them. Kernel terms choose among these
+/// columns.
 ///
 /// | columns | what |
 /// |---|---|
@@ -131,7 +132,8 @@ impl Model {
         Self { schema: MODEL_SCHEMA, chart, inputs, prior }
     }
 
-    /// Geometric mean of the length-scales of its first term's first correlation, in metres: how far what is seen of one link says something of others.
+    /// Geometric mean of the length-scales of its first term's first correlation, in metres: how far what is seen of
+    /// one link says something of others.
     pub fn length_scale_m(&self) -> f64 {
         let terms = self.prior.kernel().terms();
         let length_scales = terms.first().map_or(&[][..], |term| term.correlations()[0].length_scales());

@@ -1,4 +1,5 @@
-//! A model as a TOML text that a person can read and edit. Unknown keys are refused: a slip of the pen must not pass for a default.
+//! A model as a TOML text that a person can read and edit. Unknown keys are refused: a slip of the pen must not pass
+//! for a default.
 
 use dgpc::{Correlation, Kernel, Prior, PriorMean, Shape, Term};
 use serde::{Deserialize, Serialize};

@@ -44,9 +44,9 @@ pub(crate) struct Planner<'a> {
 }
 
 impl Planner<'_> {
-    /// The packet that tells most to somebody who knows `public`, if it is worth a frame. Its points are those that lower the
-    /// variance of `public` at the sender's events most, or that stand for where it is most wrong; of several such packets the one is
-    /// taken that brings what `public` predicts closest to what the sender knows.
+    /// The packet that tells most to somebody who knows `public`, if it is worth a frame. Its points are those that
+    /// lower the variance of `public` at the sender's events most, or that stand for where it is most wrong; of several
+    /// such packets the one is taken that brings what `public` predicts closest to what the sender knows.
     pub(crate) fn packet(&self, public: &Posterior) -> dgpc::Result<Option<Planned>> {
         if self.links.is_empty() {
             return Ok(None);

@@ -35,9 +35,9 @@ struct EventLayout(f64, String, String, PositionLayout, PositionLayout, bool);
 struct PositionLayout(f64, f64, Option<f64>);
 
 impl Agent {
-    /// What it must not lose with its memory, as JSON: events, live packets, and the counter of its next packet. (A model it learned
-    /// can be learned again, and counts begin afresh.) Does not depend on the order in which events and packets arrived, nor on
-    /// how often.
+    /// What it must not lose with its memory, as JSON: events, live packets, and the counter of its next packet. (A
+    /// model it learned can be learned again, and counts begin afresh.) Does not depend on the order in which events
+    /// and packets arrived, nor on how often.
     pub fn snapshot(&self) -> Vec<u8> {
         let position = |place: Position| PositionLayout(place.east_m, place.north_m, place.depth_m);
         let event = |event: &Event| {
@@ -58,8 +58,8 @@ impl Agent {
         serde_json::to_vec(&snapshot).unwrap_or_default()
     }
 
-    /// The vehicle that a snapshot was taken of. Under another agreement (a new key epoch, say) it keeps its events, and begins
-    /// to share afresh.
+    /// The vehicle that a snapshot was taken of. Under another agreement (a new key epoch, say) it keeps its events,
+    /// and begins to share afresh.
     ///
     /// # Errors
     /// [`AgentError::Snapshot`] for bytes that are no snapshot, one of another vehicle, or one of a newer version.

@@ -68,10 +68,12 @@ const OTHER_VARIANCE: f64 = 1.0;
 const LOSS_OVER_SCALE: f64 = 2.0;
 
 impl Structure {
-    /// The prior before anything is learned, for a chart of this scale: what length-scales and slopes are measured against.
+    /// The prior before anything is learned, for a chart of this scale: what length-scales and slopes are measured
+    /// against.
     ///
     /// # Errors
-    /// [`dgpc::Error::OutOfRange`] for a scale that is not finite and positive, or a conservative range that is not finite.
+    /// [`dgpc::Error::OutOfRange`] for a scale that is not finite and positive, or a conservative range that is not
+    /// finite.
     pub fn template(&self, inputs: InputSpec, scale_m: f64) -> dgpc::Result<Prior> {
         let term = |variance: f64, columns: Range<usize>, tied: bool| {
             let columns: Vec<usize> = columns.collect();
@@ -135,7 +137,8 @@ impl Given {
         }
     }
 
-    /// [`Given::few`] with every prior mean, then what differs from them in one part of the kernel, with a zero or a range mean.
+    /// [`Given::few`] with every prior mean, then what differs from them in one part of the kernel, with a zero or a
+    /// range mean.
     pub fn many(&self) -> Vec<Structure> {
         let means = |all: &[MeanStructure]| match self.mean {
             Some(given) => vec![given],

@@ -35,10 +35,11 @@ pub struct Team {
     pub key: Option<Key>,
     /// Number of the key epoch: packets of another epoch are foreign, and counters begin again.
     pub epoch: u32,
-    /// Packets of every sender that count, those behind its latest: bounds everybody's memory. A sender says again what falls out.
+    /// Packets of every sender that count, those behind its latest: bounds everybody's memory. A sender says again what
+    /// falls out.
     pub packets_per_sender_max: u16,
-    /// A packet is sent if it brings what others can know by it closer to what the sender knows by so many nats an event at least:
-    /// mean Kullback-Leibler divergence at the sender's own events.
+    /// A packet is sent if it brings what others can know by it closer to what the sender knows by so many nats an
+    /// event at least: mean Kullback-Leibler divergence at the sender's own events.
     pub worth_nats: f64,
     /// How often a packet is sent again at most, when there is nothing new to tell: what lossy water needs.
     pub repeats_max: u8,
@@ -123,8 +124,8 @@ pub enum TeamError {
 }
 
 impl Team {
-    /// A team with the defaults of this software: members numbered in the order given, frames of 32 bytes, no key, and a grid over all
-    /// these positions.
+    /// A team with the defaults of this software: members numbered in the order given, frames of 32 bytes, no key, and
+    /// a grid over all these positions.
     ///
     /// # Errors
     /// [`TeamError::Members`] for none or more than 256.
@@ -184,8 +185,8 @@ impl Team {
         Wire { model: &self.model, grid: &self.grid }
     }
 
-    /// Digest of all that gives a packet its meaning: model, grid, members, window, epoch and key. Whoever differs in one of these reads
-    /// another team's packets as foreign.
+    /// Digest of all that gives a packet its meaning: model, grid, members, window, epoch and key. Whoever differs in
+    /// one of these reads another team's packets as foreign.
     pub fn digest(&self) -> [u8; 32] {
         let model = ModelFile { model: self.model.clone(), learned: None }.to_toml();
         let Grid { cell_m, depth_cell_m } = self.grid;

@@ -1,7 +1,7 @@
 //! Summaries as whole numbers and back (docs/method.md, section 8).
 //!
-//! Every combination of levels is a positive semi-definite Ĝ: its diagonal is positive, and partial correlations between −1 and 1
-//! make a correlation matrix whatever they are.
+//! Every combination of levels is a positive semi-definite Ĝ: its diagonal is positive, and partial correlations
+//! between −1 and 1 make a correlation matrix whatever they are.
 
 use dgpc::{Candidates, Inputs, Matrix, Summary};
 use pingmap_packet::{Block, CORRELATION_LEVELS, INFORMATION_LEVELS, Layout, MEAN_LEVELS, Point};
@@ -13,8 +13,8 @@ use crate::model::Model;
 /// Whitened precision at the lowest and the highest level of information; levels between are a constant factor apart.
 const INFORMATION: (f64, f64) = (0.02, 1000.0);
 
-/// A whitened mean goes up to 2 in steps of a sixth, and then in long ones, so that a prior that was far off can be set right.
-/// More is cut off, and told by later packets.
+/// A whitened mean goes up to 2 in steps of a sixth, and then in long ones, so that a prior that was far off can be set
+/// right. More is cut off, and told by later packets.
 const MEAN_STEP: f64 = 1.0 / 6.0;
 
 /// A mean beyond this level is told even where there is no information to tell.
@@ -39,8 +39,9 @@ impl Wire<'_> {
         self.point(link).is_some()
     }
 
-    /// A block for what `say` says of these links, and the summary that it decodes to. Links beyond the grid and links that
-    /// come together in a cell, or that the kernel cannot tell apart, are left out. `None` where nothing is left to say.
+    /// A block for what `say` says of these links, and the summary that it decodes to. Links beyond the grid and links
+    /// that come together in a cell, or that the kernel cannot tell apart, are left out. `None` where nothing is left
+    /// to say.
     ///
     /// # Errors
     /// What `say` refuses, and as [`Wire::decode`].
@@ -78,9 +79,10 @@ impl Wire<'_> {
     /// The summary that a block stands for. Points without information are not there.
     ///
     /// # Errors
-    /// [`dgpc::Error::SizeMismatch`] for another number of correlations than pairs of points, [`dgpc::Error::OutOfRange`] for a level
-    /// that no packet can carry, [`dgpc::Error::NotPositiveDefinite`] when points coincide, or are so close that the kernel cannot tell them apart: no
-    /// sender says that, and put together with the rest it would be lost in rounding.
+    /// [`dgpc::Error::SizeMismatch`] for another number of correlations than pairs of points,
+    /// [`dgpc::Error::OutOfRange`] for a level that no packet can carry, [`dgpc::Error::NotPositiveDefinite`] when
+    /// points coincide, or are so close that the kernel cannot tell them apart: no sender says that, and put together
+    /// with the rest it would be lost in rounding.
     pub fn decode(&self, block: &Block) -> dgpc::Result<Summary> {
         check_levels(block)?;
         let said: Vec<usize> = (0..block.points.len()).filter(|&place| block.points[place].information > 0).collect();
@@ -233,8 +235,8 @@ fn correlation_root(size: usize, partial: impl Fn(usize, usize) -> f64) -> Vec<V
     (0..size).map(row).collect()
 }
 
-/// The partial correlations of a positive semi-definite matrix, in the order of a block: those of (2, 1), (3, 1), (3, 2) …, each
-/// given the points before both.
+/// The partial correlations of a positive semi-definite matrix, in the order of a block: those of (2, 1), (3, 1), (3,
+/// 2) …, each given the points before both.
 fn partial_correlations(matrix: &Matrix) -> Vec<f64> {
     let size = matrix.rows();
     let mut partials = Vec::new();

@@ -211,7 +211,8 @@ fn what_is_heard_after_learning_is_read_under_the_learned_model() {
     assert_eq!(agent.next_packet(9.0, 32), plain.next_packet(9.0, 32));
 }
 
-/// A term that is a product, with a shape that has a parameter, is written and read back; models without one are written as ever.
+/// A term that is a product, with a shape that has a parameter, is written and read back; models without one are
+/// written as ever.
 #[test]
 fn products_and_shapes_with_parameters_go_into_a_file() {
     let shape = dgpc::Shape::RationalQuadratic { alpha: 1.5 };

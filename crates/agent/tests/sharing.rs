@@ -1,4 +1,5 @@
-//! What packets do to those who hear them: any of them, in any order and any number, and hardly more than their sender knows.
+//! What packets do to those who hear them: any of them, in any order and any number, and hardly more than their sender
+//! knows.
 
 #![allow(clippy::unwrap_used)]
 

@@ -19,7 +19,8 @@ fn stripes(count: u32) -> dgpc::Result<Observations> {
 /// # Errors
 /// None with these numbers.
 pub fn main() -> dgpc::Result<()> {
-    // Where the search begins, and where parameters stay of which the events say nothing: one length-scale for each column.
+    // Where the search begins, and where parameters stay of which the events say nothing: one length-scale for each
+    // column.
     let kernel = Kernel::new(vec![Term::new(Shape::SquaredExponential, 4.0, &[0, 1], &[1.0, 1.0])?])?;
     let template = Prior::new(kernel, PriorMean::Constant(0.0))?;
 

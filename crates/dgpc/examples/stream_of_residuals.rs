@@ -1,5 +1,5 @@
-//! A stream of messages, each of which says only what the ones before it left unsaid. Messages may be lost, repeated or come in
-//! any order; whoever has taken in the same ones knows the same.
+//! A stream of messages, each of which says only what the ones before it left unsaid. Messages may be lost, repeated or
+//! come in any order; whoever has taken in the same ones knows the same.
 //!
 //!     cargo run -p dgpc --example stream_of_residuals
 

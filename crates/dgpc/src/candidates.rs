@@ -1,7 +1,7 @@
 //! Which of the candidate points summarise a region best (section 5 of [`crate::method`]).
 //!
-//! All policies look at one number: tr K̃, the prior variance at the candidates that the chosen points leave unexplained, which
-//! bounds the KL divergence from the full posterior (see [`crate::Certificate`]).
+//! All policies look at one number: tr K̃, the prior variance at the candidates that the chosen points leave
+//! unexplained, which bounds the KL divergence from the full posterior (see [`crate::Certificate`]).
 
 use rand::{Rng, RngExt};
 
@@ -61,7 +61,8 @@ impl Candidates {
     /// Candidates given f at `known` points, so that no choice is spent on what those already tell. O(N²M).
     ///
     /// # Errors
-    /// As [`Candidates::new`]; [`crate::Error::NotPositiveDefinite`] when known points coincide too closely for any small jitter.
+    /// As [`Candidates::new`]; [`crate::Error::NotPositiveDefinite`] when known points coincide too closely for any
+    /// small jitter.
     pub fn given(kernel: &Kernel, inputs: &Inputs, known: &Inputs) -> Result<Self> {
         let mut candidates = Self::new(kernel, inputs)?;
         if !known.is_empty() {
@@ -74,8 +75,9 @@ impl Candidates {
         Ok(candidates)
     }
 
-    /// Candidates for the residual of `own` beyond `public` ([`Posterior::residual`]): choosing one makes the variance there `own`'s,
-    /// and the choice is greedy for the largest drop of the variance that `public` has at all candidates. O(n²N + N²n).
+    /// Candidates for the residual of `own` beyond `public` ([`Posterior::residual`]): choosing one makes the variance
+    /// there `own`'s, and the choice is greedy for the largest drop of the variance that `public` has at all
+    /// candidates. O(n²N + N²n).
     ///
     /// # Errors
     /// As [`Posterior::latent`].
@@ -119,7 +121,8 @@ impl Candidates {
         (0..self.len()).map(|n| self.gram[(n, n)].max(0.0)).sum()
     }
 
-    /// Counts the candidates at `indices` as known from now on (or as certain as `own`, see [`Candidates::for_residual`]). O(N²) each.
+    /// Counts the candidates at `indices` as known from now on (or as certain as `own`, see
+    /// [`Candidates::for_residual`]). O(N²) each.
     pub fn condition_on(&mut self, indices: &[usize]) {
         self.condition_on_those(indices, DISTINCT_SHARE);
     }
@@ -142,13 +145,15 @@ impl Candidates {
         }
     }
 
-    /// The `points` candidates with the smallest tr K̃ (the paper's *good* points): exact for one and two, beyond that greedy, then exchanged until no
-    /// single swap helps. O(N²) for one point, O(N³) for two, O(N²·points²) a round of exchange beyond.
+    /// The `points` candidates with the smallest tr K̃ (the paper's *good* points): exact for one and two, beyond that
+    /// greedy, then exchanged until no single swap helps. O(N²) for one point, O(N³) for two, O(N²·points²) a round of
+    /// exchange beyond.
     pub fn minimise_trace(&self, points: usize) -> Selection {
         self.choose(points, Aim::Small)
     }
 
-    /// The `points` candidates with the largest tr K̃ (the paper's *bad* points), found as in [`Candidates::minimise_trace`].
+    /// The `points` candidates with the largest tr K̃ (the paper's *bad* points), found as in
+    /// [`Candidates::minimise_trace`].
     pub fn maximise_trace(&self, points: usize) -> Selection {
         self.choose(points, Aim::Large)
     }
@@ -168,8 +173,8 @@ impl Candidates {
         Selection { indices, trace: left.trace() }
     }
 
-    /// The `points` candidates that greedy choice takes, one after the other; their prefixes are the choices of fewer points.
-    /// O(N²·points): for hundreds of points, where [`Candidates::minimise_trace`] would take long.
+    /// The `points` candidates that greedy choice takes, one after the other; their prefixes are the choices of fewer
+    /// points. O(N²·points): for hundreds of points, where [`Candidates::minimise_trace`] would take long.
     pub fn greedy(&self, points: usize) -> Selection {
         self.greedy_towards(points, Aim::Small)
     }

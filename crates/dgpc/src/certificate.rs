@@ -1,5 +1,5 @@
-//! How far a sparse posterior is from the full one: bounds on the log evidence given ω, and the KL certificate (section 4 of
-//! [`crate::method`]).
+//! How far a sparse posterior is from the full one: bounds on the log evidence given ω, and the KL certificate (section
+//! 4 of [`crate::method`]).
 
 use crate::error::Result;
 use crate::features::Features;
@@ -8,13 +8,15 @@ use crate::linalg::{Cholesky, Matrix, fill_scaled, squared_norm};
 use crate::prior::Prior;
 use crate::sites::Sites;
 
-/// Bounds on KL\[sparse posterior ‖ full posterior\] given ω: how much a few inducing points leave out. No N×N matrix is formed.
+/// Bounds on KL\[sparse posterior ‖ full posterior\] given ω: how much a few inducing points leave out. No N×N matrix
+/// is formed.
 ///
 /// KL ≤ `gap` ≤ `closed_form`, and KL ≤ `gap` ≤ `paper_closed_form`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Certificate {
-    /// tr K̃: the prior variance at the events that the inducing points leave unexplained. What the selection policy minimises.
+    /// tr K̃: the prior variance at the events that the inducing points leave unexplained. What the selection policy
+    /// minimises.
     pub trace: f64,
     /// Lower bound on log p(y | ω), up to a constant that all bounds share.
     pub lower: f64,
@@ -59,7 +61,8 @@ impl Certificate {
         Ok(Self { trace, lower, upper, gap: (upper - lower).max(0.0), closed_form, paper_closed_form, jitter })
     }
 
-    /// The divergence itself, which the bounds are about, in nats, from the [`log_evidence`] of the same sites: that minus `lower`.
+    /// The divergence itself, which the bounds are about, in nats, from the [`log_evidence`] of the same sites: that
+    /// minus `lower`.
     pub fn divergence(&self, log_evidence: f64) -> f64 {
         // Where the points explain everything the difference is rounding, of either sign.
         (log_evidence - self.lower).max(0.0)

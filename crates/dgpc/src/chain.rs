@@ -1,8 +1,8 @@
 //! How much a Markov chain's draws are worth (Geyer 1992).
 
-/// How many independent draws would estimate the mean as well as these draws of a chain do: n / (1 + 2 Σ ρ_t), the sum over the
-/// autocorrelations ρ_t up to where sums of neighbouring pairs stop being positive, made to fall monotonically. At most
-/// n·log₁₀ n; n for draws that are all alike and for fewer than four. O(n²) at worst.
+/// How many independent draws would estimate the mean as well as these draws of a chain do: n / (1 + 2 Σ ρ_t), the sum
+/// over the autocorrelations ρ_t up to where sums of neighbouring pairs stop being positive, made to fall
+/// monotonically. At most n·log₁₀ n; n for draws that are all alike and for fewer than four. O(n²) at worst.
 ///
 /// ```
 /// // Every value repeated four times is worth a quarter as much.

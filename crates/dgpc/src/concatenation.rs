@@ -12,8 +12,8 @@ const BLOCK: usize = 512;
 
 /// Concatenation: the means and covariances of several summaries stacked, block by block.
 ///
-/// Right only where the summaries' regions do not overlap, because each of them counts the prior once more; what vehicles use is
-/// [`crate::Posterior`]. It predicts, and takes nothing in.
+/// Right only where the summaries' regions do not overlap, because each of them counts the prior once more; what
+/// vehicles use is [`crate::Posterior`]. It predicts, and takes nothing in.
 #[derive(Debug, Clone)]
 pub struct Concatenation {
     prior: Prior,
@@ -32,8 +32,9 @@ impl Concatenation {
     /// Stacks summaries. O(M³) for M inducing points in all.
     ///
     /// # Errors
-    /// [`Error::DifferentPriors`] when a summary was formed under another prior, [`Error::SizeMismatch`] when their dimensions differ,
-    /// [`Error::NotPositiveDefinite`] when the inducing points of all summaries together coincide too closely for any small jitter.
+    /// [`Error::DifferentPriors`] when a summary was formed under another prior, [`Error::SizeMismatch`] when their
+    /// dimensions differ, [`Error::NotPositiveDefinite`] when the inducing points of all summaries together coincide
+    /// too closely for any small jitter.
     pub fn new(prior: &Prior, summaries: &[&Summary]) -> Result<Self> {
         let dimension = summaries.first().map_or(prior.dimension_min(), |first| first.inducing_points().dimension());
         let mut support = Inputs::empty(dimension);
@@ -68,11 +69,12 @@ impl Concatenation {
         self.jitter
     }
 
-    /// Latent mean and variance at every point: with t the whitened k(Z, x), k(x, x) − tᵀt + tᵀCt. O(M²) a point, in blocks.
+    /// Latent mean and variance at every point: with t the whitened k(Z, x), k(x, x) − tᵀt + tᵀCt. O(M²) a point, in
+    /// blocks.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] or [`Error::BadColumn`] when the inputs do not fit, [`Error::NotFinite`] when numbers near the end of
-    /// the range overflow.
+    /// [`Error::SizeMismatch`] or [`Error::BadColumn`] when the inputs do not fit, [`Error::NotFinite`] when numbers
+    /// near the end of the range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
         let mut latent =
             Latent { mean: self.prior.mean().values(inputs)?, variance: self.prior.kernel().diagonal(inputs)? };

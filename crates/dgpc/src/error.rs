@@ -69,7 +69,8 @@ pub enum Error {
         /// The first such column.
         column: usize,
     },
-    /// A reflection is not an isometry of its kernel term, so that the reciprocal kernel would not be positive definite.
+    /// A reflection is not an isometry of its kernel term, so that the reciprocal kernel would not be positive
+    /// definite.
     #[error(
         "a reciprocal kernel needs equal length-scales in columns that its reflection exchanges: column {column} has \
          {length_scale}, column {partner} {}", has(*partner_length_scale)

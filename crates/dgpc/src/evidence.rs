@@ -1,4 +1,5 @@
-//! The evidence bound E and its exact gradient by everything that can be learned of a prior (section 7 of [`crate::method`]).
+//! The evidence bound E and its exact gradient by everything that can be learned of a prior (section 7 of
+//! [`crate::method`]).
 
 use crate::error::Result;
 use crate::fit::{Fit, FitOptions, solve_with_gradient};
@@ -16,9 +17,10 @@ pub struct Evidence {
     pub gradient: Vec<f64>,
 }
 
-/// The evidence bound of events and of what others said, and its gradient. A message counts with its kernel-free factor, whatever
-/// prior it was formed under, so that E then bounds the log of a marginal likelihood in which the factors stand for the likelihood
-/// of the events behind them. Inducing points stay where they are. As dear as [`crate::fit`].
+/// The evidence bound of events and of what others said, and its gradient. A message counts with its kernel-free
+/// factor, whatever prior it was formed under, so that E then bounds the log of a marginal likelihood in which the
+/// factors stand for the likelihood of the events behind them. Inducing points stay where they are. As dear as
+/// [`crate::fit`].
 ///
 /// # Errors
 /// As [`crate::fit`].

@@ -8,8 +8,8 @@ use crate::linalg::Matrix;
 
 /// A Gaussian factor on f at some points that knows no kernel and no prior mean: exp(−½fᵀPf + ηᵀf).
 ///
-/// [`crate::Summary::factor`] makes it and [`crate::Summary::from_factor`] reads it under any prior. Its numbers are badly scaled
-/// where points come close; between two priors at hand [`crate::Summary::under`] is the better way.
+/// [`crate::Summary::factor`] makes it and [`crate::Summary::from_factor`] reads it under any prior. Its numbers are
+/// badly scaled where points come close; between two priors at hand [`crate::Summary::under`] is the better way.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Factor {
@@ -22,7 +22,7 @@ impl Factor {
     /// A factor at M points: P (M×M, its symmetric part is taken) and η (M).
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] and [`Error::NotFinite`]. That P has no negative eigenvalue is checked when it is used.
+    /// [`crate::Error::SizeMismatch`] and [`crate::Error::NotFinite`]. That P has no negative eigenvalue is checked when it is used.
     pub fn new(inducing_points: Inputs, mut precision: Matrix, shift: Vec<f64>) -> Result<Self> {
         let points = inducing_points.len();
         same_size("rows of a factor's precision, one per inducing point", points, precision.rows())?;

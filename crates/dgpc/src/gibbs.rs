@@ -15,8 +15,8 @@ const WEIGHT_MAX: f64 = 1e6;
 
 /// A Markov chain over (ω, f) whose stationary distribution is their exact posterior.
 ///
-/// One sweep draws ω_n ~ PG(w_n, f_n), then f | ω, y by pathwise conditioning: a prior draw, corrected by one Cholesky of
-/// I + Ω^½KΩ^½. O(N³/3) a sweep and no allocation, plus a Pólya-Gamma draw for every unit of weight; 3N² memory.
+/// One sweep draws ω_n ~ PG(w_n, f_n), then f | ω, y by pathwise conditioning: a prior draw, corrected by one Cholesky
+/// of I + Ω^½KΩ^½. O(N³/3) a sweep and no allocation, plus a Pólya-Gamma draw for every unit of weight; 3N² memory.
 ///
 /// ```
 /// use dgpc::{Gibbs, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term};
@@ -55,8 +55,9 @@ impl Gibbs {
     /// A chain that starts at f = μ₀. O(N³/3).
     ///
     /// # Errors
-    /// [`Error::FractionalWeight`] for event weights that are not whole or above 1e6, [`Error::BadColumn`] when the prior needs columns that the
-    /// inputs do not have, [`Error::NotPositiveDefinite`] when K cannot be factorised even with jitter.
+    /// [`Error::FractionalWeight`] for event weights that are not whole or above 1e6, [`Error::BadColumn`] when the
+    /// prior needs columns that the inputs do not have, [`Error::NotPositiveDefinite`] when K cannot be factorised even
+    /// with jitter.
     pub fn new(prior: &Prior, observations: Observations) -> Result<Self> {
         let weights = observations.weights().iter().enumerate();
         if let Some((event, &weight)) = weights.into_iter().find(|(_, w)| w.fract() != 0.0 || **w > WEIGHT_MAX) {
@@ -89,8 +90,8 @@ impl Gibbs {
     /// One sweep: ω given f, then f given ω and the outcomes.
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`] if I + Ω^½KΩ^½ cannot be factorised and [`Error::NotFinite`] if f overflows, both of which take
-    /// numbers near the end of the range.
+    /// [`Error::NotPositiveDefinite`] if I + Ω^½KΩ^½ cannot be factorised and [`Error::NotFinite`] if f overflows, both
+    /// of which take numbers near the end of the range.
     pub fn sweep<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Result<()> {
         for ((omega, &latent), &weight) in self.omega.iter_mut().zip(&self.latent).zip(self.observations.weights()) {
             *omega = (0..weight as u64).map(|_| polya_gamma::sample(rng, latent)).sum::<Result<f64>>()?;

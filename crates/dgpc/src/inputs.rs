@@ -109,8 +109,8 @@ pub(crate) fn check_column(column: usize) -> Result<()> {
     if column <= COLUMN_MAX { Ok(()) } else { Err(Error::OutOfRange { what, expected, value: column as f64 }) }
 }
 
-/// At most `count_max` of the numbers below `count`, in ascending order: one from each of as many equal parts, at a place that
-/// looks random but is always the same, so that no period of a schedule of events shows.
+/// At most `count_max` of the numbers below `count`, in ascending order: one from each of as many equal parts, at a
+/// place that looks random but is always the same, so that no period of a schedule of events shows.
 ///
 /// ```
 /// assert_eq!(dgpc::spread_out(3, 5), [0, 1, 2]);

@@ -31,8 +31,8 @@ pub(crate) fn clipped(variance: f64) -> f64 {
     if variance < 0.0 { 0.0 } else { variance }
 }
 
-/// Weight and scale of each normal distribution function in the mixture that stands for the logistic function (Monahan and
-/// Stefanski 1992, eight terms): |σ(x) − Σ weight · Φ(scale · x)| < 2.1e-9 for every x.
+/// Weight and scale of each normal distribution function in the mixture that stands for the logistic function (Monahan
+/// and Stefanski 1992, eight terms): |σ(x) − Σ weight · Φ(scale · x)| < 2.1e-9 for every x.
 const MIXTURE: [(f64, f64); 8] = [
     (0.003246343272134, 1.365340806296348),
     (0.051517477033972, 1.059523971016916),
@@ -46,9 +46,9 @@ const MIXTURE: [(f64, f64); 8] = [
 
 /// ∫ σ(f) N(f; mean, variance) df: the probability of success where the latent function has this mean and variance.
 ///
-/// Absolute error below 3e-9 for every mean and every variance, because the mixture's error is uniform in f. The exact value
-/// lies between σ(mean) and ½ (averaging over a symmetric density pulls towards even odds), and so does the result, which
-/// keeps the far tails right where the mixture alone would fall too fast.
+/// Absolute error below 3e-9 for every mean and every variance, because the mixture's error is uniform in f. The exact
+/// value lies between σ(mean) and ½ (averaging over a symmetric density pulls towards even odds), and so does the
+/// result, which keeps the far tails right where the mixture alone would fall too fast.
 ///
 /// A NaN gives a NaN; [`crate::Posterior::latent`] returns none.
 ///

@@ -1,17 +1,19 @@
 //! Decentralised Gaussian process classification.
 //!
-//! Several agents see binary outcomes of one latent function, each at its own inputs, and can exchange only a few numbers. This crate
-//! lets each of them
+//! Several agents see binary outcomes of one latent function, each at its own inputs, and can exchange only a few
+//! numbers. This crate lets each of them
 //!
-//! 1. **fit** what it saw: [`Observations`] under a [`Prior`] (a [`Kernel`] and a [`PriorMean`]) to a [`Fit`], with [`fit()`];
+//! 1. **fit** what it saw: [`Observations`] under a [`Prior`] (a [`Kernel`] and a [`PriorMean`]) to a [`Fit`], with
+//!    [`fit()`];
 //! 2. **predict** anywhere, with the uncertainty that is left: [`Fit::posterior`], [`Posterior::probability`];
-//! 3. **share** what it learned in a few numbers: choose [`Candidates`] that stand for a [`LocalityRegion`], certify the choice
-//!    ([`Certificate`]), condense the events into a [`Summary`], say only the [`Posterior::residual`] of what others know already, and
-//!    take in what they say ([`Fit::posterior_with`], [`Posterior::absorb_summaries`]);
+//! 3. **share** what it learned in a few numbers: choose [`Candidates`] that stand for a [`LocalityRegion`], certify
+//!    the choice ([`Certificate`]), condense the events into a [`Summary`], say only the [`Posterior::residual`] of
+//!    what others know already, and take in what they say ([`Fit::posterior_with`], [`Posterior::absorb_summaries`]);
 //! 4. **learn** the prior itself from its events and from what others said: `learn`, with the feature of the same name.
 //!
-//! The crate is pure: no input or output, no clock, no threads, no global state; randomness is passed in. Inputs have any
-//! dimension; nothing here knows what they mean. The mathematics is in [`method`], whose sections the documentation cites.
+//! The crate is pure: no input or output, no clock, no threads, no global state; randomness is passed in. Inputs have
+//! any dimension; nothing here knows what they mean. The mathematics is in [`method`], whose sections the documentation
+//! cites.
 //!
 //! # Fit and predict
 //!

@@ -9,8 +9,8 @@ use crate::prior_mean::PriorMean;
 
 use crate::summary::Summary;
 
-/// Events, and messages as further Gaussian observations. A message with kernel-free factor (P, η) at Z, P = RRᵀ, is the
-/// observation of Rᵀf(Z) with unit noise: so to speak M more events, whose ω is 1 and whose κ is R⁻¹η.
+/// Events, and messages as further Gaussian observations. A message with kernel-free factor (P, η) at Z, P = RRᵀ, is
+/// the observation of Rᵀf(Z) with unit noise: so to speak M more events, whose ω is 1 and whose κ is R⁻¹η.
 pub(crate) struct Likelihood<'a> {
     pub(crate) observations: &'a Observations,
     /// The inducing points of all messages, one below the other.
@@ -129,7 +129,8 @@ impl<'a> Likelihood<'a> {
         kernel.gram_gradient(&self.support, &weights)
     }
 
-    /// Gradient by the kernel's parameters, from the derivative by the last columns of [`Likelihood::cross`], those of the messages.
+    /// Gradient by the kernel's parameters, from the derivative by the last columns of [`Likelihood::cross`], those of
+    /// the messages.
     pub(crate) fn message_cross_gradient(&self, kernel: &Kernel, points: &Inputs, weights: &Matrix) -> Vec<f64> {
         let mut weights = weights.transposed();
         self.expand_rows(&mut weights, 0);

@@ -24,7 +24,8 @@ impl Observations {
     /// Outcomes at inputs with a weight each: the log-likelihood of event n counts `weights[n]` times.
     ///
     /// # Errors
-    /// [`crate::Error::SizeMismatch`] when the lengths differ, [`crate::Error::OutOfRange`] for a weight that is not finite and positive.
+    /// [`crate::Error::SizeMismatch`] when the lengths differ, [`crate::Error::OutOfRange`] for a weight that is not
+    /// finite and positive.
     pub fn weighted(inputs: Inputs, outcomes: Vec<bool>, weights: Vec<f64>) -> Result<Self> {
         same_size("outcomes, one per input", inputs.len(), outcomes.len())?;
         same_size("weights, one per input", inputs.len(), weights.len())?;

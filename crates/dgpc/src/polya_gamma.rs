@@ -1,9 +1,9 @@
 //! The Pólya-Gamma distribution: exact draws from PG(1, c), and moments (section 1 of [`crate::method`]).
 //!
-//! The sampler is Devroye's rejection method for the Jacobi distribution J*(1, z), z = |c|/2, PG(1, c) = J*(1, z)/4 (Polson,
-//! Scott and Windle 2013, section 4). The proposal is an inverse Gaussian left of 0.64 and an exponential right of it; the
-//! density is an alternating series whose partial sums bracket it, so that acceptance is decided exactly after few terms. All
-//! masses are compared in logarithms: nothing overflows or cancels at any finite c.
+//! The sampler is Devroye's rejection method for the Jacobi distribution J*(1, z), z = |c|/2, PG(1, c) = J*(1, z)/4
+//! (Polson, Scott and Windle 2013, section 4). The proposal is an inverse Gaussian left of 0.64 and an exponential
+//! right of it; the density is an alternating series whose partial sums bracket it, so that acceptance is decided
+//! exactly after few terms. All masses are compared in logarithms: nothing overflows or cancels at any finite c.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -1,6 +1,6 @@
 //! Own events and everybody's summaries put together (section 6 of [`crate::method`]).
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, same_size};
 use crate::inputs::Inputs;
 use crate::latent::{Latent, clipped};
 use crate::linalg::{Cholesky, Matrix, dot, multiply_rows, product, squared_norm};
@@ -13,8 +13,8 @@ const BLOCK: usize = 512;
 
 /// A Gaussian posterior over the latent function that predicts anywhere.
 ///
-/// Site fusion: the prior counted once, events as sites at their own inputs, every summary as a site at its inducing points. Exact
-/// given ω for events alone. It grows by what is absorbed.
+/// Site fusion: the prior counted once, events as sites at their own inputs, every summary as a site at its inducing
+/// points. Exact given ω for events alone. It grows by what is absorbed.
 #[derive(Debug, Clone)]
 pub struct Posterior {
     prior: Prior,
@@ -33,7 +33,8 @@ pub struct Posterior {
     jitter: f64,
 }
 
-/// Some rows of the support: their part of W and of R. With t = W k(support, x) the variance at x is k(x, x) − ‖L_B⁻¹Rᵀt‖².
+/// Some rows of the support: their part of W and of R. With t = W k(support, x) the variance at x is k(x, x) −
+/// ‖L_B⁻¹Rᵀt‖².
 #[derive(Debug, Clone)]
 struct Segment {
     first: usize,
@@ -83,8 +84,8 @@ impl Posterior {
         Ok(posterior)
     }
 
-    /// The posterior of own events and of others' summaries. Never forms K⁻¹ or an explicit precision, and needs no jitter of its
-    /// own. O(n³) for n = events + all inducing points.
+    /// The posterior of own events and of others' summaries. Never forms K⁻¹ or an explicit precision, and needs no
+    /// jitter of its own. O(n³) for n = events + all inducing points.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Posterior, Prior, PriorMean, Shape, Summary, Term, fit};
@@ -111,8 +112,8 @@ impl Posterior {
         Ok(posterior)
     }
 
-    /// Takes in more events. What was there stays; the result is that of [`Posterior::fuse`] with all of them, to rounding. O(n²m + m³)
-    /// for m new events on top of n.
+    /// Takes in more events. What was there stays; the result is that of [`Posterior::fuse`] with all of them, to
+    /// rounding. O(n²m + m³) for m new events on top of n.
     ///
     /// # Errors
     /// As [`Posterior::fuse`], and then nothing changed.
@@ -130,15 +131,13 @@ impl Posterior {
 
     fn absorb(&mut self, new: Option<NewRows>) -> Result<()> {
         let Some(new) = new else { return Ok(()) };
-        let old = self.support.len();
-        // Fails first where the dimensions differ.
-        let mut support = self.support.clone();
-        support.append(&new.support)?;
+        same_size("input dimension", self.support.dimension(), new.support.dimension())?;
         let (between, among) = self.whitened_covariances(&new)?;
         let target = self.extended_target(&new, &between, &among);
         let (between, corner) = self.rotated(&new, between, among);
         let cholesky = self.cholesky.extended("I + RᵀTR", between, corner)?;
         // Nothing fails any more.
+        self.support.append(&new.support)?;
         self.segments.extend(new.segments);
         self.shift.extend(new.shift);
         // weights = b̂ − R B⁻¹ RᵀTb̂.
@@ -146,9 +145,8 @@ impl Posterior {
         cholesky.solve(&mut correction);
         apply(&self.segments, 0, &mut correction, Matrix::times);
         self.weights = self.shift.iter().zip(&correction).map(|(shift, correction)| shift - correction).collect();
-        debug_assert_eq!(self.weights.len(), old + new.support.len());
         self.jitter = self.jitter.max(new.jitter);
-        (self.support, self.target, self.cholesky) = (support, target, cholesky);
+        (self.target, self.cholesky) = (target, cholesky);
         Ok(())
     }
 
@@ -209,11 +207,12 @@ impl Posterior {
         self.jitter
     }
 
-    /// Latent mean and variance at every point. O(n²) a point, in blocks: memory does not grow with the number of points.
+    /// Latent mean and variance at every point. O(n²) a point, in blocks: memory does not grow with the number of
+    /// points.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] or [`Error::BadColumn`] when the inputs do not fit, [`Error::NotFinite`] when numbers near the end of
-    /// the range overflow.
+    /// [`Error::SizeMismatch`] or [`Error::BadColumn`] when the inputs do not fit, [`Error::NotFinite`] when numbers
+    /// near the end of the range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
         let mut latent =
             Latent { mean: self.prior.mean().values(inputs)?, variance: self.prior.kernel().diagonal(inputs)? };
@@ -260,8 +259,8 @@ impl Posterior {
         Ok((mean, covariance))
     }
 
-    /// What this posterior says about f at `inducing_points`: the message that takes the prior there to this posterior's joint
-    /// mean and covariance. For a posterior of events alone this is [`Summary::marginal`]. O(Mn²).
+    /// What this posterior says about f at `inducing_points`: the message that takes the prior there to this
+    /// posterior's joint mean and covariance. For a posterior of events alone this is [`Summary::marginal`]. O(Mn²).
     ///
     /// # Errors
     /// As [`Posterior::latent`] and [`Summary::empty`].

@@ -8,7 +8,8 @@ use crate::prior_mean::PriorMean;
 
 /// A Gaussian-process prior f ~ GP(μ₀, k).
 ///
-/// Two priors are equal when they say the same of every set of points; how their parameters are tied for learning does not count.
+/// Two priors are equal when they say the same of every set of points; how their parameters are tied for learning does
+/// not count.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Prior {
@@ -47,7 +48,8 @@ impl Prior {
         self.kernel.columns().chain(self.mean.columns()).max().map_or(1, |column| column + 1)
     }
 
-    /// Whether the other differs in nothing but the numbers that can be learned: terms, columns, ties and the kind of mean agree.
+    /// Whether the other differs in nothing but the numbers that can be learned: terms, columns, ties and the kind of
+    /// mean agree.
     pub fn has_structure_of(&self, other: &Prior) -> bool {
         self.mean.has_structure_of(&other.mean) && self.kernel.has_structure_of(&other.kernel)
     }

@@ -17,8 +17,8 @@ pub enum PriorMean {
     Range(RangeMean),
 }
 
-/// μ₀ = intercept − slope · ‖x\[from\] − x\[to\]‖: log-odds that fall with the distance between two sets of columns. This is where
-/// a conservative range goes in: the odds are even at distance intercept / slope.
+/// μ₀ = intercept − slope · ‖x\[from\] − x\[to\]‖: log-odds that fall with the distance between two sets of columns.
+/// This is where a conservative range goes in: the odds are even at distance intercept / slope.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct RangeMean {
@@ -29,8 +29,8 @@ pub struct RangeMean {
 }
 
 impl RangeMean {
-    /// Log-odds of `intercept` at distance zero, falling by `slope` per unit of the distance between the columns `from` and as
-    /// many columns `to`.
+    /// Log-odds of `intercept` at distance zero, falling by `slope` per unit of the distance between the columns `from`
+    /// and as many columns `to`.
     ///
     /// # Errors
     /// [`Error::NotFinite`] for a number that is not finite, [`Error::OutOfRange`] without columns or for one beyond
@@ -116,8 +116,8 @@ impl PriorMean {
     /// μ₀ at every point. O(Nd).
     ///
     /// # Errors
-    /// [`Error::BadColumn`] when a range prior mean names a column that the inputs do not have, [`Error::NotFinite`] where numbers
-    /// near the end of the range overflow.
+    /// [`Error::BadColumn`] when a range prior mean names a column that the inputs do not have, [`Error::NotFinite`]
+    /// where numbers near the end of the range overflow.
     pub fn values(&self, inputs: &Inputs) -> Result<Vec<f64>> {
         match self {
             PriorMean::Zero => Ok(vec![0.0; inputs.len()]),

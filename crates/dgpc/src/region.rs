@@ -29,8 +29,8 @@ impl LocalityRegion {
     /// ```
     ///
     /// # Errors
-    /// [`crate::Error::SizeMismatch`] for a centre of another dimension, [`crate::Error::OutOfRange`] for a radius that is negative or
-    /// not finite.
+    /// [`crate::Error::SizeMismatch`] for a centre of another dimension, [`crate::Error::OutOfRange`] for a radius that
+    /// is negative or not finite.
     pub fn around(inputs: &Inputs, centre: &[f64], radius: f64) -> Result<Self> {
         same_size("coordinates of a region's centre", inputs.dimension(), centre.len())?;
         not_negative("radius of a region", radius)?;
@@ -42,8 +42,8 @@ impl LocalityRegion {
         Self { centre: centre.to_vec(), radius, members: (0..inputs.len()).filter(inside).collect() }
     }
 
-    /// The region around the input that has most inputs within the radius, the first of equals; of more than a thousand inputs
-    /// only a thousand are tried, spread evenly but without a period. `None` without inputs. O(N²d).
+    /// The region around the input that has most inputs within the radius, the first of equals; of more than a thousand
+    /// inputs only a thousand are tried, spread evenly but without a period. `None` without inputs. O(N²d).
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for a radius that is negative or not finite.

@@ -5,8 +5,9 @@ use crate::inputs::Inputs;
 use crate::observations::Observations;
 use crate::prior_mean::PriorMean;
 
-/// Gaussian sites: given ω, the likelihood of event n is proportional to exp(κ_n f_n − ½ ω_n f_n²). Weights are already in both
-/// numbers. Sites know no kernel and no prior mean; κ̃ = κ − Ωμ₀ follows under any (sections 1 and 2 of [`crate::method`]).
+/// Gaussian sites: given ω, the likelihood of event n is proportional to exp(κ_n f_n − ½ ω_n f_n²). Weights are already
+/// in both numbers. Sites know no kernel and no prior mean; κ̃ = κ − Ωμ₀ follows under any (sections 1 and 2 of
+/// [`crate::method`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sites {
     inputs: Inputs,
@@ -18,7 +19,8 @@ impl Sites {
     /// The sites of `observations` at the given ω (N).
     ///
     /// # Errors
-    /// [`crate::Error::SizeMismatch`] for another number of ω than events, [`crate::Error::OutOfRange`] for an ω that is not finite and positive.
+    /// [`crate::Error::SizeMismatch`] for another number of ω than events, [`crate::Error::OutOfRange`] for an ω that
+    /// is not finite and positive.
     pub fn new(observations: &Observations, omega: Vec<f64>) -> Result<Self> {
         same_size("Pólya-Gamma variables, one per event", observations.len(), omega.len())?;
         for &omega in &omega {

@@ -12,8 +12,9 @@ use crate::sites::Sites;
 
 /// A Gaussian message about f at M inducing points Z, under a prior.
 ///
-/// It is kept whitened: with K_ZZ = LLᵀ, the precision Ĝ = L⁻¹GL⁻ᵀ and the shift b̂ = L⁻¹b, both free of the conditioning of
-/// K_ZZ. Summaries of one prior and one Z form a commutative group: [`Summary::merge`] adds, [`Summary::subtract`] takes away.
+/// It is kept whitened: with K_ZZ = LLᵀ, the precision Ĝ = L⁻¹GL⁻ᵀ and the shift b̂ = L⁻¹b, both free of the
+/// conditioning of K_ZZ. Summaries of one prior and one Z form a commutative group: [`Summary::merge`] adds,
+/// [`Summary::subtract`] takes away.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Summary {
@@ -35,11 +36,12 @@ impl Summary {
         Self::from_whitened(prior, inducing_points, Matrix::zeros(points, points), vec![0.0; points])
     }
 
-    /// A summary from its whitened parts, Ĝ (M×M, positive semi-definite; its symmetric part is taken) and b̂ (M). O(M³).
+    /// A summary from its whitened parts, Ĝ (M×M, positive semi-definite; its symmetric part is taken) and b̂ (M).
+    /// O(M³).
     ///
     /// # Errors
-    /// As [`Summary::empty`], [`Error::SizeMismatch`], and [`Error::NotFinite`]. That Ĝ has no negative eigenvalue is checked when
-    /// it is used.
+    /// As [`Summary::empty`], [`Error::SizeMismatch`], and [`Error::NotFinite`]. That Ĝ has no negative eigenvalue is
+    /// checked when it is used.
     pub fn from_whitened(prior: &Prior, inducing_points: &Inputs, precision: Matrix, shift: Vec<f64>) -> Result<Self> {
         let points = inducing_points.len();
         same_size("rows of a summary's precision, one per inducing point", points, precision.rows())?;
@@ -54,8 +56,8 @@ impl Summary {
         Ok(Self { prior: prior.clone(), inducing_points: inducing_points.clone(), cholesky, precision, shift })
     }
 
-    /// The variational summary of `sites` (the paper's): G = K_MN Ω K_NM, b = K_MN κ̃. Additive over events; treats what the
-    /// inducing points cannot explain as if it were not there. O(NM²).
+    /// The variational summary of `sites` (the paper's): G = K_MN Ω K_NM, b = K_MN κ̃. Additive over events; treats
+    /// what the inducing points cannot explain as if it were not there. O(NM²).
     ///
     /// # Errors
     /// As [`Summary::empty`].
@@ -94,8 +96,8 @@ impl Summary {
         Ok(summary)
     }
 
-    /// The message that takes the prior at Z to a Gaussian of the given mean about the prior mean (M) and covariance (M×M, not
-    /// above the prior's): what a posterior says about f(Z).
+    /// The message that takes the prior at Z to a Gaussian of the given mean about the prior mean (M) and covariance
+    /// (M×M, not above the prior's): what a posterior says about f(Z).
     pub(crate) fn from_moments(
         prior: &Prior,
         inducing_points: &Inputs,
@@ -162,7 +164,8 @@ impl Summary {
         Ok(())
     }
 
-    /// Takes the message of another summary at the same points away. The result is a message only if `other` was part of it.
+    /// Takes the message of another summary at the same points away. The result is a message only if `other` was part
+    /// of it.
     ///
     /// # Errors
     /// [`Error::DifferentPriors`] or [`Error::DifferentInducingPoints`].
@@ -172,10 +175,10 @@ impl Summary {
         Ok(())
     }
 
-    /// The message that somebody who holds `known` is missing: what takes the posterior of `known` at Z to the posterior of this
-    /// summary. Where `known` is more certain than this summary (its messages may have been rounded on their way, and the fit
-    /// behind them may have moved since), nothing is taken back: the difference of the precisions is clipped to positive
-    /// semi-definite, and the shift is such that the means agree all the same. O(M³).
+    /// The message that somebody who holds `known` is missing: what takes the posterior of `known` at Z to the
+    /// posterior of this summary. Where `known` is more certain than this summary (its messages may have been rounded
+    /// on their way, and the fit behind them may have moved since), nothing is taken back: the difference of the
+    /// precisions is clipped to positive semi-definite, and the shift is such that the means agree all the same. O(M³).
     ///
     /// # Errors
     /// [`Error::DifferentPriors`] or [`Error::DifferentInducingPoints`], and as [`Summary::moments`].
@@ -231,8 +234,8 @@ impl Summary {
         self.shift.iter_mut().zip(shift).for_each(|(own, other)| *own += factor * other);
     }
 
-    /// The same message read under another prior: its kernel-free factor stays what it was. With L_s from this summary's
-    /// prior and L_r from the other, Ĝ_r = L_rᵀL_s⁻ᵀĜL_s⁻¹L_r; no matrix is inverted. O(M³).
+    /// The same message read under another prior: its kernel-free factor stays what it was. With L_s from this
+    /// summary's prior and L_r from the other, Ĝ_r = L_rᵀL_s⁻ᵀĜL_s⁻¹L_r; no matrix is inverted. O(M³).
     ///
     /// # Errors
     /// As [`Summary::empty`].

@@ -1,5 +1,6 @@
-//! The Gibbs chain against what its stationary law must be: Geweke's joint test, simulation-based calibration, and quadrature of
-//! the posterior of one or two events. Thresholds are five standard errors by batch means, or a χ² value at level 1e-6.
+//! The Gibbs chain against what its stationary law must be: Geweke's joint test, simulation-based calibration, and
+//! quadrature of the posterior of one or two events. Thresholds are five standard errors by batch means, or a χ² value
+//! at level 1e-6.
 
 #![allow(clippy::unwrap_used)]
 
@@ -57,8 +58,8 @@ struct Geweke {
 }
 
 impl Geweke {
-    /// Alternates a sweep under `prior` and outcomes redrawn from σ(`gain` · f). With gain 1 the chain's stationary law is
-    /// p(f) p(ω | f) p(y | f), so that f has its prior law exactly.
+    /// Alternates a sweep under `prior` and outcomes redrawn from σ(`gain` · f). With gain 1 the chain's stationary law
+    /// is p(f) p(ω | f) p(y | f), so that f has its prior law exactly.
     fn new(prior: &Prior, inputs: &Inputs, gain: f64, seed: u64) -> Self {
         const BATCHES: usize = 200;
         const BATCH: usize = 2000;
@@ -104,8 +105,8 @@ impl Geweke {
         Self { names, scores, precision }
     }
 
-    /// Names, prior expectations and natural magnitudes, exact or by quadrature over one latent value. After a sweep and a
-    /// redraw, ω and y are independent given f: their joint law is p(f) p(ω | f) p(y | f).
+    /// Names, prior expectations and natural magnitudes, exact or by quadrature over one latent value. After a sweep
+    /// and a redraw, ω and y are independent given f: their joint law is p(f) p(ω | f) p(y | f).
     fn expectations(joint: &Joint) -> (Vec<String>, Vec<f64>, Vec<f64>) {
         let (mut names, mut expected, mut scale) = (Vec::new(), Vec::new(), Vec::new());
         for n in 0..joint.mean.len() {
@@ -241,7 +242,8 @@ fn calibration_would_notice_another_prior() {
     assert!(statistics.iter().any(|&statistic| statistic > chi_square_critical(15)), "{statistics:?}");
 }
 
-/// Posterior expectations of f_n and f_n² (and of f_0 f_1) of one or two weighted events, by the trapezoid rule over whitened f.
+/// Posterior expectations of f_n and f_n² (and of f_0 f_1) of one or two weighted events, by the trapezoid rule over
+/// whitened f.
 fn quadrature(prior: &Prior, observations: &Observations) -> Vec<f64> {
     const STEPS: i32 = 400;
     let joint = Joint::new(prior, observations.inputs());

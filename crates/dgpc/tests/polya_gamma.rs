@@ -1,6 +1,6 @@
-//! The Pólya-Gamma sampler against the law itself: moments from the gamma series, the Laplace transform in closed form, and the
-//! whole distribution function from the theta series of its density. Thresholds are five standard errors, or the
-//! Kolmogorov-Smirnov critical value at level 1e-6, so that no choice of seed fails a right sampler.
+//! The Pólya-Gamma sampler against the law itself: moments from the gamma series, the Laplace transform in closed form,
+//! and the whole distribution function from the theta series of its density. Thresholds are five standard errors, or
+//! the Kolmogorov-Smirnov critical value at level 1e-6, so that no choice of seed fails a right sampler.
 
 #![allow(clippy::unwrap_used)]
 
@@ -28,7 +28,8 @@ fn average(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-/// First, second and fourth cumulant of PG(1, c) from PG(1, c) = Σ_k g_k / (2π² d_k), d_k = (k − ½)² + c²/(4π²), g_k ~ Exp(1).
+/// First, second and fourth cumulant of PG(1, c) from PG(1, c) = Σ_k g_k / (2π² d_k), d_k = (k − ½)² + c²/(4π²), g_k ~
+/// Exp(1).
 fn cumulants(c: f64) -> [f64; 3] {
     const TERMS: u32 = 200_000;
     let a = c / TAU;

@@ -1,5 +1,5 @@
-//! Every number of the reference vectors, computed there by dense formulas, against this crate. Another file of the same format
-//! can be named by the variable `DGPC_REFERENCE`.
+//! Every number of the reference vectors, computed there by dense formulas, against this crate. Another file of the
+//! same format can be named by the variable `DGPC_REFERENCE`.
 
 #![allow(clippy::unwrap_used)]
 
@@ -7,7 +7,8 @@ use dgpc::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// Bounds on the relative error of closed forms and of mean-field fixed points, and on the absolute error of probabilities.
+/// Bounds on the relative error of closed forms and of mean-field fixed points, and on the absolute error of
+/// probabilities.
 const CLOSED_FORM: f64 = 1e-9;
 const MEAN_FIELD: f64 = 1e-7;
 const PROBABILITY: f64 = 1e-8;

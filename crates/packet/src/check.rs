@@ -21,9 +21,9 @@ enum Part {
 }
 
 impl Schema {
-    /// Checks what encoding and decoding rely on, and what DCCL (codec versions 3 and 4) asks of a message: in the head only fields
-    /// that always take equally many bits, bounds that are multiples of the resolution, and a longest form of at most
-    /// [`Schema::bytes_max`].
+    /// Checks what encoding and decoding rely on, and what DCCL (codec versions 3 and 4) asks of a message: in the head
+    /// only fields that always take equally many bits, bounds that are multiples of the resolution, and a longest form
+    /// of at most [`Schema::bytes_max`].
     ///
     /// # Errors
     /// [`Error::Schema`] with the field and what it should have, [`Error::TooLong`] for a message that might not fit.
@@ -82,7 +82,8 @@ fn number_problem(number: &Number) -> Option<&'static str> {
     if !is_ordered || !resolution.is_finite() || resolution <= 0.0 {
         return Some("finite bounds in order and a positive resolution");
     }
-    // DCCL compares logarithms. Beside them the quotient itself: what rounds to the limit in logarithms may lie beyond it.
+    // DCCL compares logarithms. Beside them the quotient itself: what rounds to the limit in logarithms may lie beyond
+    // it.
     let is_countable = libm::log2(max - min) - libm::log2(resolution) <= f64::from(f64::MANTISSA_DIGITS);
     if !is_countable || (max - min) / resolution >= CODES_MAX {
         return Some("at most 2^53 values between its bounds");

@@ -14,8 +14,8 @@ impl Schema {
     /// The message in `bytes`, which must hold it and nothing else.
     ///
     /// # Errors
-    /// As [`Schema::check`], and [`Error`] for another id, for bytes that end too early or go on, and for a field whose bits say a
-    /// value outside its bounds.
+    /// As [`Schema::check`], and [`Error`] for another id, for bytes that end too early or go on, and for a field whose
+    /// bits say a value outside its bounds.
     pub fn decode(&self, bytes: &[u8]) -> Result<Fields, Error> {
         self.check()?;
         self.read(bytes)

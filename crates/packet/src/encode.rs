@@ -12,8 +12,8 @@ impl Schema {
     /// The message as bytes: id and head, then body, each filled up to a whole byte.
     ///
     /// # Errors
-    /// As [`Schema::check`], and [`Error`] with the field's name, its bounds and the value, where a value does not fit; nothing is ever
-    /// cut off silently.
+    /// As [`Schema::check`], and [`Error`] with the field's name, its bounds and the value, where a value does not fit;
+    /// nothing is ever cut off silently.
     pub fn encode(&self, message: &Fields) -> Result<Vec<u8>, Error> {
         self.check()?;
         self.write(message)

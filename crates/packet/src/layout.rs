@@ -202,9 +202,9 @@ impl Layout {
         self.body_start().saturating_add(self.body_bits()).div_ceil(8)
     }
 
-    /// The bytes of a message with zeros in place of its check number `model`: what that number is computed from, without decoding
-    /// and encoding. What follows the message, such as the zeros that a modem adds, is cut off. A sealed message has no such field
-    /// and stays as it is. Any bytes will do; they are not looked at.
+    /// The bytes of a message with zeros in place of its check number `model`: what that number is computed from,
+    /// without decoding and encoding. What follows the message, such as the zeros that a modem adds, is cut off. A
+    /// sealed message has no such field and stays as it is. Any bytes will do; they are not looked at.
     pub fn with_model_zeroed(&self, bytes: &[u8]) -> Vec<u8> {
         let mut message = bytes[..bytes.len().min(self.length())].to_vec();
         if !self.is_sealed {

@@ -1,12 +1,14 @@
 //! Bits on the water.
 //!
-//! * [`Schema`], [`Fields`], [`Value`]: the part of DCCL (codec version 4, and 3 where it is the same) that our messages and most of
-//!   a fleet's own need. Unlike the reference implementation, values out of bounds are refused both ways, by name.
-//! * [`MapMessage`]: what a vehicle tells of its map, in frames of 32, 64 or 256 bytes. Its `.proto` ships beside this crate
-//!   (`proto/pingmap.proto`) and says the same as [`Layout::schema`].
+//! * [`Schema`], [`Fields`], [`Value`]: the part of DCCL (codec version 4, and 3 where it is the same) that our
+//!   messages and most of a fleet's own need. Unlike the reference implementation, values out of bounds are refused
+//!   both ways, by name.
+//! * [`MapMessage`]: what a vehicle tells of its map, in frames of 32, 64 or 256 bytes. Its `.proto` ships beside this
+//!   crate (`proto/pingmap.proto`) and says the same as [`Layout::schema`].
 //! * [`Key`]: authentication of whole frames.
 //!
-//! The crate knows integers only: what a cell or a level means is the team's chart and packet model. No I/O, no panics, no `std`.
+//! The crate knows integers only: what a cell or a level means is the team's chart and packet model. No I/O, no panics,
+//! no `std`.
 //!
 //! ```
 //! use pingmap_packet::{Block, Layout, MapMessage};

@@ -34,7 +34,8 @@ pub struct MapMessage {
     pub sender: u8,
     /// Counts the sender's messages; never repeats under one key.
     pub counter: u16,
-    /// Check number of the team's model and of this message, at most 14 bits. Not sent in a sealed message, where it decodes as 0.
+    /// Check number of the team's model and of this message, at most 14 bits. Not sent in a sealed message, where it
+    /// decodes as 0.
     pub model: u16,
     /// As many as the layout says.
     pub blocks: Vec<Block>,
@@ -53,9 +54,9 @@ impl MapMessage {
     /// The message as bytes: at most [`Layout::frame_bytes`].
     ///
     /// # Errors
-    /// [`Error::OutOfBounds`] for a number that its field does not hold, [`Error::Count`] for another number of blocks or points
-    /// than the layout has, [`Error::Seal`] for a sealed layout without a seal or the other way round, and as [`Schema::check`] for a
-    /// layout that is none of [`LAYOUTS`](crate::LAYOUTS).
+    /// [`Error::OutOfBounds`] for a number that its field does not hold, [`Error::Count`] for another number of blocks
+    /// or points than the layout has, [`Error::Seal`] for a sealed layout without a seal or the other way round, and as
+    /// [`Schema::check`] for a layout that is none of [`LAYOUTS`](crate::LAYOUTS).
     pub fn encode(&self, layout: &Layout, seal: Option<Seal<'_>>) -> Result<Vec<u8>, Error> {
         let fields = self.fields(layout)?;
         match (layout.is_sealed, seal) {
@@ -74,8 +75,8 @@ impl MapMessage {
     /// The message in `bytes` and its form. Zeros after the message, as modems add to fill a frame, are ignored.
     ///
     /// # Errors
-    /// [`Error::Id`] for another kind of message, [`Error::Seal`] for a sealed message without a key or an open one with a key,
-    /// [`Error::Forged`] when the tag does not fit, and as [`Schema::decode`].
+    /// [`Error::Id`] for another kind of message, [`Error::Seal`] for a sealed message without a key or an open one
+    /// with a key, [`Error::Forged`] when the tag does not fit, and as [`Schema::decode`].
     pub fn decode(bytes: &[u8], seal: Option<Seal<'_>>) -> Result<(&'static Layout, Self), Error> {
         let layout = Layout::of(bytes)
             .ok_or_else(|| Error::Id { found: Schema::id_of(bytes), expected: "that of a map message".into() })?;

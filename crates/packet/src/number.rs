@@ -40,8 +40,8 @@ impl Number {
         libm::floor(value * inverse + 0.5) / inverse
     }
 
-    /// The code of a value, or `None` outside the bounds. The quantised bounds count: quantising may move a bound by the last bit of
-    /// a double, and the bound itself must have a code.
+    /// The code of a value, or `None` outside the bounds. The quantised bounds count: quantising may move a bound by
+    /// the last bit of a double, and the bound itself must have a code.
     pub(crate) fn code(&self, value: f64) -> Option<u64> {
         if !value.is_finite() || (self.integer && value != libm::floor(value)) {
             return None;

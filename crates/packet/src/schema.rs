@@ -77,7 +77,8 @@ pub enum Kind {
     Message(Vec<Field>),
 }
 
-/// Bounds and resolution of a number. Every multiple of the resolution between the bounds has a code; the bounds are multiples, too.
+/// Bounds and resolution of a number. Every multiple of the resolution between the bounds has a code; the bounds are
+/// multiples, too.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Number {
     /// Smallest value.

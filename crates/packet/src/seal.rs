@@ -30,8 +30,8 @@ impl Key {
         *blake3::keyed_hash(&self.0, b"fingerprint").as_bytes()
     }
 
-    /// The 8-byte tag of a frame: the first bytes of keyed BLAKE3 over `context` (what both ends must agree on without sending
-    /// it) and the frame, with the bytes of the tag itself as zeros.
+    /// The 8-byte tag of a frame: the first bytes of keyed BLAKE3 over `context` (what both ends must agree on without
+    /// sending it) and the frame, with the bytes of the tag itself as zeros.
     pub(crate) fn tag(&self, context: &[u8], frame: &[u8]) -> u64 {
         let mut hasher = blake3::Hasher::new_keyed(&self.0);
         hasher.update(&(context.len() as u64).to_le_bytes());

@@ -34,8 +34,8 @@ impl Schema {
             .unwrap_or(usize::MAX)
     }
 
-    /// Bits of every field where all have their greatest length, in the order of declaration. Head and body are each filled up to a
-    /// whole byte.
+    /// Bits of every field where all have their greatest length, in the order of declaration. Head and body are each
+    /// filled up to a whole byte.
     pub fn bits(&self) -> Vec<(&str, u64)> {
         self.fields.iter().map(|field| (field.name.as_str(), field.bits_max())).collect()
     }

@@ -1,4 +1,5 @@
-//! Which schemas describe messages: what DCCL refuses when it loads a message is refused here too, by name, and nothing else.
+//! Which schemas describe messages: what DCCL refuses when it loads a message is refused here too, by name, and nothing
+//! else.
 
 #![allow(clippy::unwrap_used)]
 
@@ -8,7 +9,8 @@ use generators::{any_schemas, is_fixed, message, number, schema_of};
 use pingmap_packet::*;
 use proptest::prelude::*;
 
-/// Whether all fields stand where they may and have room for an element: the rules written down once more, without counting bits.
+/// Whether all fields stand where they may and have room for an element: the rules written down once more, without
+/// counting bits.
 fn is_sound(field: &Field, is_in_head: bool) -> bool {
     let is_in_place = if is_in_head { is_fixed(field) } else { !field.in_head };
     let has_room = !matches!(field.rule, Rule::Repeated { max: 0, .. });

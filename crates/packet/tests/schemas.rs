@@ -1,4 +1,5 @@
-//! What must hold for the codec whatever the schema is: values come back quantised, and everything else is refused by name.
+//! What must hold for the codec whatever the schema is: values come back quantised, and everything else is refused by
+//! name.
 
 #![allow(clippy::unwrap_used)]
 
@@ -123,7 +124,8 @@ proptest! {
         }
     }
 
-    /// What is a multiple of the resolution in decimals is one only nearly in doubles. No value between such bounds is refused or lost.
+    /// What is a multiple of the resolution in decimals is one only nearly in doubles. No value between such bounds is
+    /// refused or lost.
     #[test]
     fn decimal_bounds_and_all_between_them_come_back(
         (resolution, low, steps) in (select(&DECIMALS[..]), -3000..3000, 0..2000),

@@ -1,4 +1,5 @@
-//! Lines of equal probability on a grid: marching squares, joined into whole lines so that they can be dashed and labelled.
+//! Lines of equal probability on a grid: marching squares, joined into whole lines so that they can be dashed and
+//! labelled.
 
 use std::collections::HashMap;
 

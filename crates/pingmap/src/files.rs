@@ -18,10 +18,10 @@ pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
 }
 
-/// Writes a file aside, lets it reach the disk and moves it into place, so that nobody ever sees half of it, not even after the
-/// power failed. A symbolic link stays a link, and what it points to is replaced (or made, where there is nothing yet); a file
-/// that is replaced hands on its permissions; one with further names (hard links) is written to in place, so that all of them show
-/// the same; a device or pipe is written to as it is.
+/// Writes a file aside, lets it reach the disk and moves it into place, so that nobody ever sees half of it, not even
+/// after the power failed. A symbolic link stays a link, and what it points to is replaced (or made, where there is
+/// nothing yet); a file that is replaced hands on its permissions; one with further names (hard links) is written to in
+/// place, so that all of them show the same; a device or pipe is written to as it is.
 pub fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     replace(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }

@@ -1,7 +1,7 @@
 //! Learn, while under way, the probability that a message from here reaches there.
 //!
-//! The command line, as a library: arguments in, calls to the crates below, words and pictures out. [`main`] is the program;
-//! [`run`] runs one command in the process, with its results written wherever one likes.
+//! The command line, as a library: arguments in, calls to the crates below, words and pictures out. [`main`] is the
+//! program; [`run`] runs one command in the process, with its results written wherever one likes.
 //!
 //! ```
 //! let mut results = Vec::new();
@@ -38,9 +38,9 @@ use crate::output::BadInput;
 
 /// Learn, while under way, the probability that a message from here reaches there.
 ///
-/// Event logs are CSV files with the columns time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m and
-/// success (1 heard, 0 missed), one line per attempted transmission. Results go to standard output, everything else to standard
-/// error. Exit status: 0 success, 1 failure, 2 bad input.
+/// Event logs are CSV files with the columns time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m,
+/// rx_northing_m and success (1 heard, 0 missed), one line per attempted transmission. Results go to standard output,
+/// everything else to standard error. Exit status: 0 success, 1 failure, 2 bad input.
 #[derive(Parser)]
 #[command(name = "pingmap", version)]
 struct Arguments {

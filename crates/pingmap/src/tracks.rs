@@ -7,8 +7,8 @@ use pingmap_agent::{Event, Link, Position, VehicleId};
 use crate::contour::Point;
 use crate::figure::{Mark, Series, Style};
 
-/// The area of a log and a place, with a margin of a twentieth and at least 50 m; never narrower than half its length, so
-/// that a straight survey line still makes a picture.
+/// The area of a log and a place, with a margin of a twentieth and at least 50 m; never narrower than half its length,
+/// so that a straight survey line still makes a picture.
 pub fn extent(events: &[Event], at: &Position) -> (Point, Point) {
     let ends = events.iter().flat_map(|event| event.link.ends());
     widened(ends.chain([*at]).map(|end| (end.east_m, end.north_m)))

@@ -1,4 +1,5 @@
-//! Input at fault: exit status 2, a message that says where and what was expected, nothing on standard output, no file left.
+//! Input at fault: exit status 2, a message that says where and what was expected, nothing on standard output, no file
+//! left.
 
 #![allow(clippy::unwrap_used)]
 
@@ -241,7 +242,8 @@ fn a_result_goes_where_a_link_points_and_replaces_no_device() {
     }
 }
 
-/// A variance that overflows where it is added up is bad input: the file and the number are named, and no NaN comes of it.
+/// A variance that overflows where it is added up is bad input: the file and the number are named, and no NaN comes of
+/// it.
 #[test]
 fn models_whose_numbers_overflow_are_refused() {
     let folder = tempfile::tempdir().unwrap();

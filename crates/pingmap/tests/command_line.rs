@@ -187,7 +187,8 @@ fn a_reader_that_goes_away_is_no_failure() {
     assert!(child.wait().unwrap().success());
 }
 
-/// Bounds on the mean NLL of the ten splits: the true probabilities reach .178, .282, .217, distance alone .261, .349, .452.
+/// Bounds on the mean NLL of the ten splits: the true probabilities reach .178, .282, .217, distance alone .261, .349,
+/// .452.
 fn field_trial(name: &str, centralised_max: f64) {
     let events = format!("trials/{name}.csv");
     let (Some(events), Some(splits)) = (shared_data(&events), shared_data(&format!("trials/{name}.splits.csv"))) else {

@@ -37,8 +37,8 @@ fn rows(page: &str) -> Vec<(&str, Vec<&str>)> {
     rows
 }
 
-/// All lines outside tables, but for what depends on the number of permutations by chance: where the order fails, how many were left out and
-/// what the centralised scores are.
+/// All lines outside tables, but for what depends on the number of permutations by chance: where the order fails, how
+/// many were left out and what the centralised scores are.
 fn text(page: &str) -> Vec<String> {
     let prose = page.lines().filter(|line| !line.starts_with('|') && !line.starts_with("All training events"));
     prose.map(|line| line.split(" The order ").next().unwrap_or_default().to_owned()).collect()
@@ -51,8 +51,8 @@ fn estimate(cell: &str) -> Option<(f64, f64)> {
     Some((mean.parse().ok()?, error.parse().ok()?))
 }
 
-/// Eight permutations out of the hundred must agree with all hundred, as far as chance lets them. The length-scale, the data, the regions and
-/// all words must be the same.
+/// Eight permutations out of the hundred must agree with all hundred, as far as chance lets them. The length-scale, the
+/// data, the regions and all words must be the same.
 #[test]
 fn the_page_is_what_the_command_writes() {
     let Some(page) = page() else { return };
@@ -101,8 +101,8 @@ fn the_page_is_what_the_command_writes() {
     }
 }
 
-/// "6 of 7" as numbers, for every claim in its order: two good points beat one; good beats random, random beats bad, at two points and at
-/// one.
+/// "6 of 7" as numbers, for every claim in its order: two good points beat one; good beats random, random beats bad, at
+/// two points and at one.
 fn holding(page: &str, name: &str) -> Vec<(usize, usize)> {
     let rows = rows(page);
     let is_it = |title: &str| title.contains("in NLL") && title.contains("(1.384 ℓ)");

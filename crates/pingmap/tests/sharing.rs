@@ -1,4 +1,5 @@
-//! Packets on the command line: what they hold, what water does to them, who can read them, and the mission in the order of time.
+//! Packets on the command line: what they hold, what water does to them, who can read them, and the mission in the
+//! order of time.
 
 #![allow(clippy::unwrap_used)]
 

@@ -246,7 +246,8 @@ const BAY: Water = Water {
     thorp: false,
 };
 
-/// Francois and Garrison (1982), part II, equations as in their summary: A₁P₁f₁f²/(f₁² + f²) + A₂P₂f₂f²/(f₂² + f²) + A₃P₃f².
+/// Francois and Garrison (1982), part II, equations as in their summary: A₁P₁f₁f²/(f₁² + f²) + A₂P₂f₂f²/(f₂² + f²) +
+/// A₃P₃f².
 fn francois_garrison_db_per_km(water: &Water) -> f64 {
     let (t, s, d, f) = (water.celsius, water.salinity, water.depth_m, water.khz);
     let kelvin = t + 273.0;
@@ -336,7 +337,8 @@ fn the_truth_of_a_warm_lake_and_of_the_deep_sea_too() {
     follows_the_literature(options, &deep);
 }
 
-/// Over a steep ridge vehicles climb: the range is that of a slanted line, and whatever stands in the way only takes away.
+/// Over a steep ridge vehicles climb: the range is that of a slanted line, and whatever stands in the way only takes
+/// away.
 #[test]
 fn a_ridge_adds_nothing_to_open_water() {
     let ridge = "--water-depth-m 60 --depth-m 50 --ridge-m 50 --vehicles 6";
@@ -388,7 +390,8 @@ fn extreme_but_allowed_values_give_probabilities() {
     }
 }
 
-/// Runs the command on options at fault: status 2, a message with all of `expected`, nothing written, an older log left as it was.
+/// Runs the command on options at fault: status 2, a message with all of `expected`, nothing written, an older log left
+/// as it was.
 fn refused(options: &[&str], expected: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "trial.csv", "older");

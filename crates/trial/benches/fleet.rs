@@ -1,5 +1,5 @@
-//! A fleet of 100 vehicles with 500 events each in one process: what a vehicle needs of memory and time, and how that grows with
-//! the packets that count.
+//! A fleet of 100 vehicles with 500 events each in one process: what a vehicle needs of memory and time, and how that
+//! grows with the packets that count.
 //!
 //!     cargo bench -p pingmap-trial --bench fleet
 

@@ -53,7 +53,8 @@ impl Alternative {
         self != Alternative::Unrounded
     }
 
-    /// Probability of success of every held-out event, as every vehicle sees it after each sent `frames` frames in this way.
+    /// Probability of success of every held-out event, as every vehicle sees it after each sent `frames` frames in this
+    /// way.
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses.
@@ -208,7 +209,8 @@ impl<'a> Speaker<'a> {
         Ok(chosen.indices.iter().filter_map(rounded).collect())
     }
 
-    /// Variational summaries at good points; every event in the packet of the point that explains most of its prior variance.
+    /// Variational summaries at good points; every event in the packet of the point that explains most of its prior
+    /// variance.
     fn variational(&self, frames: usize) -> Result<Vec<Summary>, AgentError> {
         let kernel = self.agent.model().prior.kernel();
         let mut candidates = Candidates::new(kernel, &self.inputs)?;

@@ -2,8 +2,8 @@
 
 use pingmap_agent::Link;
 
-/// Probability of success wherever the ends are: the share of successes, with half an event of each kind added so that it is
-/// never 0 or 1.
+/// Probability of success wherever the ends are: the share of successes, with half an event of each kind added so that
+/// it is never 0 or 1.
 pub fn base_rate(outcomes: &[bool]) -> f64 {
     let successes = outcomes.iter().filter(|&&success| success).count();
     (successes as f64 + 0.5) / (outcomes.len() as f64 + 1.0)
@@ -26,8 +26,8 @@ const SLOPE_PRECISION: f64 = 0.01;
 const INTERCEPT_PRECISION: f64 = 1e-4;
 
 impl DistanceOnly {
-    /// Fits by Newton's method, which converges from zero because the penalised likelihood is concave and steps are halved
-    /// until it rises. O(N) a step.
+    /// Fits by Newton's method, which converges from zero because the penalised likelihood is concave and steps are
+    /// halved until it rises. O(N) a step.
     pub fn fit(links: &[Link], outcomes: &[bool]) -> Self {
         let mean_m = links.iter().map(Link::range_m).sum::<f64>() / links.len().max(1) as f64;
         let mut fit = Self { intercept: 0.0, slope: 0.0, unit_m: if mean_m > 0.0 { mean_m } else { 1.0 } };

@@ -1,5 +1,5 @@
-//! The trials that come with pingmap (`data/README.md` in the folder of this crate): simulated with a ray tracer, two or three
-//! vehicles each.
+//! The trials that come with pingmap (`data/README.md` in the folder of this crate): simulated with a ray tracer, two
+//! or three vehicles each.
 
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! Event logs as CSV files.
 //!
-//! Required columns, in any order: `time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m, success`.
-//! Read when present: `true_probability` (for scoring only), `tx_depth_m` and `rx_depth_m` (together: links then have six
-//! inputs). Known and not used: `rate`. Anything else is named in [`EventLog::unknown_columns`].
+//! Required columns, in any order: `time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m,
+//! success`. Read when present: `true_probability` (for scoring only), `tx_depth_m` and `rx_depth_m` (together: links
+//! then have six inputs). Known and not used: `rate`. Anything else is named in [`EventLog::unknown_columns`].
 
 use std::collections::BTreeSet;
 use std::io::Read;
@@ -93,8 +93,8 @@ impl EventLog {
         }
     }
 
-    /// The log as a CSV file that [`EventLog::read`] takes: the required columns, then depths and true probabilities where it has them. Every
-    /// number is written with as few digits as identify it.
+    /// The log as a CSV file that [`EventLog::read`] takes: the required columns, then depths and true probabilities
+    /// where it has them. Every number is written with as few digits as identify it.
     pub fn to_csv(&self) -> String {
         let mut header = REQUIRED_COLUMNS.to_vec();
         if self.has_depths {
@@ -145,7 +145,8 @@ impl EventLog {
     }
 }
 
-/// Reads links from CSV: the four position columns of an event log (and depths, where both are present), nothing else required.
+/// Reads links from CSV: the four position columns of an event log (and depths, where both are present), nothing else
+/// required.
 ///
 /// # Errors
 /// As [`EventLog::open`].

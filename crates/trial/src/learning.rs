@@ -5,8 +5,8 @@ use std::time::Instant;
 use pingmap_agent::{Chart, Event, InputSpec, LearnedModel, Learning};
 use rayon::prelude::*;
 
-/// Learns every structure of `learning` on the current thread pool. Fits in the order of the structures, each with the seconds it
-/// took; `step` is called after each.
+/// Learns every structure of `learning` on the current thread pool. Fits in the order of the structures, each with the
+/// seconds it took; `step` is called after each.
 ///
 /// # Errors
 /// [`dgpc::Error`] for a position that is not finite, or a given number that is not finite and positive.

@@ -1,7 +1,7 @@
 //! Field trials: event logs in, many vehicles on one mission, scores out. Returns data and draws nothing.
 //!
-//! The only crate with threads: splits and vehicles run in parallel on the current rayon pool. Everything random comes from
-//! one seed through streams of their own, so that results do not depend on the number of threads.
+//! The only crate with threads: splits and vehicles run in parallel on the current rayon pool. Everything random comes
+//! from one seed through streams of their own, so that results do not depend on the number of threads.
 
 #![forbid(unsafe_code)]
 

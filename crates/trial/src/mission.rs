@@ -1,4 +1,5 @@
-//! One split of a log as a mission: a team that has seen its training events, what it sends, and the events it must predict.
+//! One split of a log as a mission: a team that has seen its training events, what it sends, and the events it must
+//! predict.
 
 use std::sync::Arc;
 
@@ -15,15 +16,16 @@ use crate::water::Water;
 pub enum Learners {
     /// Somebody who saw all training events, before the mission; the team then shares that model.
     Pooled,
-    /// Every vehicle by itself, from its own events and what it received. Packets are formed under a model fixed beforehand.
+    /// Every vehicle by itself, from its own events and what it received. Packets are formed under a model fixed
+    /// beforehand.
     Own,
 }
 
 /// What a team has agreed on already.
 #[derive(Debug, Clone)]
 pub enum Agreed {
-    /// Nothing: the packet model is learned from the pooled training events, or is what the first structure expects before any
-    /// event where every vehicle learns by itself.
+    /// Nothing: the packet model is learned from the pooled training events, or is what the first structure expects
+    /// before any event where every vehicle learns by itself.
     Nothing,
     /// The packet model.
     Model(Model),
@@ -73,8 +75,8 @@ impl Plan {
         }
     }
 
-    /// The team of a log, and how its model was learned from these events if it was. Without events, and where every vehicle learns
-    /// by itself, the model is what the first structure expects before any event.
+    /// The team of a log, and how its model was learned from these events if it was. Without events, and where every
+    /// vehicle learns by itself, the model is what the first structure expects before any event.
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses, or the log has more vehicles than packets can tell apart.
@@ -125,7 +127,8 @@ pub struct Mission {
     pub vehicles: Vec<Agent>,
     /// One vehicle that saw all training events: what sharing tries to reach.
     pub centralised: Agent,
-    /// The packets that each vehicle sends, in order: at most as many as were asked for, fewer where nothing is worth a frame.
+    /// The packets that each vehicle sends, in order: at most as many as were asked for, fewer where nothing is worth a
+    /// frame.
     pub packets: Vec<Vec<Vec<u8>>>,
     /// The links that are predicted.
     pub held_out: Vec<Link>,
@@ -139,8 +142,8 @@ pub struct Mission {
 }
 
 impl Mission {
-    /// Splits the log, learns the model, lets every vehicle learn from its own training events, and lets each form up to
-    /// `frames_max` packets. Runs vehicles in parallel on the current thread pool.
+    /// Splits the log, learns the model, lets every vehicle learn from its own training events, and lets each form up
+    /// to `frames_max` packets. Runs vehicles in parallel on the current thread pool.
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses.
@@ -208,8 +211,8 @@ impl Mission {
         self.sent(frames).flatten().map(Vec::len).sum::<usize>() as f64 / self.packets.len().max(1) as f64
     }
 
-    /// The team after everybody received what the water let through of the first `frames` packets of the others and, where every
-    /// vehicle learns by itself, learned from them.
+    /// The team after everybody received what the water let through of the first `frames` packets of the others and,
+    /// where every vehicle learns by itself, learned from them.
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses.
@@ -245,7 +248,8 @@ impl Mission {
         self.predict(self.vehicles.clone())
     }
 
-    /// Probability of success of every held-out event, as every vehicle sees it after each sent its first `frames` packets.
+    /// Probability of success of every held-out event, as every vehicle sees it after each sent its first `frames`
+    /// packets.
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses.

@@ -1,5 +1,5 @@
-//! A mission in the order of time: every event is predicted by its receiver before it is learned from, and packets ride on the
-//! transmissions of the log.
+//! A mission in the order of time: every event is predicted by its receiver before it is learned from, and packets ride
+//! on the transmissions of the log.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -60,10 +60,10 @@ impl Step {
     }
 }
 
-/// Runs the mission. Every transmission of a vehicle is a slot of it, and every `slot_every`-th of its slots carries a packet if
-/// there is one worth sending; who heard the transmission, by the log, hears the packet, unless the plan's water loses it. A team
-/// that has agreed on nothing uses what the first structure expects before any event, so that no event is predicted by a model
-/// that has seen it. `step` is called after every event.
+/// Runs the mission. Every transmission of a vehicle is a slot of it, and every `slot_every`-th of its slots carries a
+/// packet if there is one worth sending; who heard the transmission, by the log, hears the packet, unless the plan's
+/// water loses it. A team that has agreed on nothing uses what the first structure expects before any event, so that no
+/// event is predicted by a model that has seen it. `step` is called after every event.
 ///
 /// # Errors
 /// [`AgentError`] when the method refuses.
@@ -102,7 +102,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// One transmission: a packet may go with it; everybody who should hear it predicts, then learns, then reads the packet.
+    /// One transmission: a packet may go with it; everybody who should hear it predicts, then learns, then reads the
+    /// packet.
     fn transmit(&mut self, events: &[&Event], slot_every: usize) -> Result<(), AgentError> {
         let Some(first) = events.first() else { return Ok(()) };
         let (sender, time_s) = (&first.transmitter_id, first.time_s);

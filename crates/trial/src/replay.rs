@@ -1,5 +1,5 @@
-//! Replaying a mission over many splits: what each vehicle knows alone, what the team knows after sharing, and what it could
-//! know at best.
+//! Replaying a mission over many splits: what each vehicle knows alone, what the team knows after sharing, and what it
+//! could know at best.
 
 use std::sync::Arc;
 
@@ -139,8 +139,8 @@ struct SplitScores {
     alternatives: Vec<Vec<(Alternative, f64)>>,
 }
 
-/// Replays the mission once for every split, in parallel on the current thread pool; results do not depend on how many threads
-/// it has. `step` is called after every stage: 1 + `frames.len()` times a split.
+/// Replays the mission once for every split, in parallel on the current thread pool; results do not depend on how many
+/// threads it has. `step` is called after every stage: 1 + `frames.len()` times a split.
 ///
 /// # Errors
 /// [`ReplayError`] when there is nothing to predict or the method refuses.

@@ -1,6 +1,7 @@
 //! How good predictions are: accuracy and negative log-likelihood.
 
-/// Probabilities are held this far from 0 and 1 before the logarithm, so that one certain miss costs 28 nats, not infinity.
+/// Probabilities are held this far from 0 and 1 before the logarithm, so that one certain miss costs 28 nats, not
+/// infinity.
 const PROBABILITY_MIN: f64 = 1e-12;
 
 /// The score of one set of predictions.

@@ -31,8 +31,8 @@ impl Split {
     }
 }
 
-/// Draws `repeats` splits that hold out `test_share` of every vehicle's events, rounded to whole events. Split i depends on
-/// `seed` and i alone.
+/// Draws `repeats` splits that hold out `test_share` of every vehicle's events, rounded to whole events. Split i
+/// depends on `seed` and i alone.
 ///
 /// # Errors
 /// [`ShareError`] for a share below 0 or above 1.
@@ -83,8 +83,8 @@ pub fn read_splits(path: &Path, log: &EventLog) -> Result<Vec<Split>, FileError>
     Ok(splits)
 }
 
-/// Draws at most `events_max` events in all, uniformly among those of a vehicle; vehicles with few keep all of theirs, the others
-/// are cut to the same number. Indices in log order; all of them where there are no more.
+/// Draws at most `events_max` events in all, uniformly among those of a vehicle; vehicles with few keep all of theirs,
+/// the others are cut to the same number. Indices in log order; all of them where there are no more.
 pub fn thin(log: &EventLog, events_max: usize, seed: u64) -> Vec<usize> {
     let mut by_vehicle = events_by_vehicle(log);
     let share = fair_share(by_vehicle.values().map(Vec::len).collect(), events_max);

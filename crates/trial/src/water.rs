@@ -22,8 +22,8 @@ const OVERTAKEN_MAX: f64 = 8.0;
 const WORDS: u128 = 10;
 
 impl Water {
-    /// The places of those of `count` packets that one receiver hears of one sender, in the order of arrival. What happens to a
-    /// packet does not depend on how many follow.
+    /// The places of those of `count` packets that one receiver hears of one sender, in the order of arrival. What
+    /// happens to a packet does not depend on how many follow.
     pub fn arrivals(&self, count: usize, seed: u64, sender: usize, receiver: usize) -> Vec<usize> {
         let heard = |place| {
             self.delays(place, seed, sender, receiver).into_iter().map(move |late| (place as f64 + late, place))

@@ -1,6 +1,7 @@
-//! The paper's experiment worked out a second time from the formulas alone: a plain reading of the file, dense matrices, brute
-//! force over all pairs of points, quadrature. Only random numbers come from the same crates, and the learned length-scale from
-//! the experiment under test, because everything else follows from it; that it is the best one is a test of its own.
+//! The paper's experiment worked out a second time from the formulas alone: a plain reading of the file, dense
+//! matrices, brute force over all pairs of points, quadrature. Only random numbers come from the same crates, and the
+//! learned length-scale from the experiment under test, because everything else follows from it; that it is the best
+//! one is a test of its own.
 
 #![allow(clippy::unwrap_used)]
 
@@ -111,7 +112,8 @@ fn region(inputs: &[Input], own: &[usize], radius: f64) -> Vec<usize> {
     best
 }
 
-/// Which events a permutation holds out: one random stream a permutation, from which the receivers draw one after the other.
+/// Which events a permutation holds out: one random stream a permutation, from which the receivers draw one after the
+/// other.
 fn held_out(events: &Events, permutation: usize) -> Vec<bool> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     rng.set_stream(permutation as u64);
@@ -381,7 +383,8 @@ impl Factor {
     }
 }
 
-/// The share of events on the right side of ½, and their mean negative log-likelihood, by mean and variance of f at each.
+/// The share of events on the right side of ½, and their mean negative log-likelihood, by mean and variance of f at
+/// each.
 fn score_of(moments: impl Iterator<Item = (f64, f64)>, success: &[bool]) -> Score {
     let (mut right, mut nll) = (0.0, 0.0);
     for ((mean, variance), &success) in moments.zip(success) {
@@ -393,8 +396,8 @@ fn score_of(moments: impl Iterator<Item = (f64, f64)>, success: &[bool]) -> Scor
     Score { accuracy: right / count, nll: nll / count }
 }
 
-/// ∫ σ(f) N(f; mean, variance) df by the trapezoidal rule over twelve standard deviations either side. For an integrand that is
-/// smooth and vanishes at both ends its error falls faster than any power of the step.
+/// ∫ σ(f) N(f; mean, variance) df by the trapezoidal rule over twelve standard deviations either side. For an integrand
+/// that is smooth and vanishes at both ends its error falls faster than any power of the step.
 fn success_probability(mean: f64, variance: f64) -> f64 {
     let step = 0.006;
     let node = |n: i32| {
@@ -550,7 +553,8 @@ fn centralised_is_one_fit_of_everything() {
     PERMUTED.iter().enumerate().for_each(score);
 }
 
-/// The averages over 100 draws of a chain tell the same story as the mean field: another path to ω, and only a little apart.
+/// The averages over 100 draws of a chain tell the same story as the mean field: another path to ω, and only a little
+/// apart.
 #[test]
 fn averaged_draws_are_near_the_mean_field() {
     for agent in 0..PERMUTED[0].len() {

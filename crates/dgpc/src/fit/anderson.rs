@@ -24,8 +24,8 @@ impl Anderson {
         *self = Self::new();
     }
 
-    /// The combination of known images whose residual is smallest in the linear model, given F(`point`) = `image`; the image
-    /// itself when nothing is known yet. O(N · depth²).
+    /// The combination of known images whose residual is smallest in the linear model, given F(`point`) = `image`; the
+    /// image itself when nothing is known yet. O(N · depth²).
     pub(crate) fn propose(&mut self, point: &[f64], image: &[f64]) -> Vec<f64> {
         let difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
         let residual = difference(image, point);

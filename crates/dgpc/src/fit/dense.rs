@@ -9,8 +9,8 @@ use crate::linalg::{
 };
 use crate::prior::Prior;
 
-/// Below this product of ω and prior variance, a posterior variance is computed by a solve instead of from diag(B⁻¹), which would
-/// lose its digits.
+/// Below this product of ω and prior variance, a posterior variance is computed by a solve instead of from diag(B⁻¹),
+/// which would lose its digits.
 const INFORMATIVE: f64 = 1e-4;
 
 /// K and the factors of B = I + Ω^½KΩ^½. Everything in the order of [`Likelihood`].

@@ -1,5 +1,5 @@
-//! The fixed point of the mean field: an iteration over ω that knows two kinds of Gaussian posterior by their trait alone (sections
-//! 2 and 7 of [`crate::method`]).
+//! The fixed point of the mean field: an iteration over ω that knows two kinds of Gaussian posterior by their trait
+//! alone (sections 2 and 7 of [`crate::method`]).
 
 use super::anderson::Anderson;
 use super::options::FitOptions;
@@ -12,8 +12,8 @@ use crate::special::ln_2_cosh;
 
 /// A Gaussian posterior that can be updated for other ω.
 pub(crate) trait Engine {
-    /// Writes the posterior mean about the prior mean and the variance of everything observed, and returns the terms of E that
-    /// depend on the covariance.
+    /// Writes the posterior mean about the prior mean and the variance of everything observed, and returns the terms of
+    /// E that depend on the covariance.
     fn pass(&mut self, omega: &[f64], shift: &[f64], mean: &mut [f64], variance: &mut [f64]) -> Result<f64>;
 
     /// ∂E/∂(log parameters of the kernel) at the ω and shift of the last pass.
@@ -87,8 +87,8 @@ pub(crate) fn iterate(
             terms => terms? + pass.sum_terms(),
         };
         change = pass.set_images();
-        // Plain steps never lower E. An accelerated one that did, or that overflowed, is taken back for the plain one, and
-        // acceleration starts anew.
+        // Plain steps never lower E. An accelerated one that did, or that overflowed, is taken back for the plain one,
+        // and acceleration starts anew.
         if is_accelerated && (evidence.is_nan() || evidence < best - 1e-10 * best.abs()) {
             log_tilts.copy_from_slice(&plain_step);
             anderson.restart();
@@ -112,8 +112,8 @@ pub(crate) fn iterate(
     Ok((found, omega))
 }
 
-/// What one pass of the iteration reads and writes: one entry per event in tilts and images, one for everything observed in the
-/// others.
+/// What one pass of the iteration reads and writes: one entry per event in tilts and images, one for everything
+/// observed in the others.
 struct Pass<'a> {
     weights: &'a [f64],
     kappa: Vec<f64>,
@@ -164,7 +164,8 @@ impl<'a> Pass<'a> {
         (0..self.tilts.len()).map(tilted).sum::<f64>() + (0..self.kappa.len()).map(about_mean).sum::<f64>()
     }
 
-    /// Takes the posterior mean from about the prior mean to about zero, and sets the images. The largest change of a tilt.
+    /// Takes the posterior mean from about the prior mean to about zero, and sets the images. The largest change of a
+    /// tilt.
     fn set_images(&mut self) -> f64 {
         self.mean.iter_mut().zip(&self.prior_mean).for_each(|(mean, prior)| *mean += prior);
         let mut change = 0.0;

@@ -39,9 +39,9 @@ pub struct Fit {
     condensed: Option<Summary>,
 }
 
-/// Fits `observations` by mean field: the ω that make the evidence bound E largest, and the Gaussian posterior that goes with them.
-/// Dense, O(N³) an iteration and 3N² memory, or with [`FitOptions::inducing_points`] O(NM²) and NM memory, for N events and
-/// observations that messages stand for.
+/// Fits `observations` by mean field: the ω that make the evidence bound E largest, and the Gaussian posterior that
+/// goes with them. Dense, O(N³) an iteration and 3N² memory, or with [`FitOptions::inducing_points`] O(NM²) and NM
+/// memory, for N events and observations that messages stand for.
 ///
 /// ```
 /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -58,10 +58,10 @@ pub struct Fit {
 /// ```
 ///
 /// # Errors
-/// [`crate::Error::BadColumn`] when the prior needs columns that the inputs do not have; [`crate::Error::OutOfRange`] or
-/// [`crate::Error::SizeMismatch`] for options that make no sense; [`crate::Error::NotPositiveDefinite`] when inducing points coincide
-/// too closely for any small jitter; that or [`crate::Error::NotFinite`] when numbers near the end of the range overflow;
-/// [`crate::Error::NegativeEigenvalue`] for a message that is none.
+/// [`crate::Error::BadColumn`] when the prior needs columns that the inputs do not have; [`crate::Error::OutOfRange`]
+/// or [`crate::Error::SizeMismatch`] for options that make no sense; [`crate::Error::NotPositiveDefinite`] when
+/// inducing points coincide too closely for any small jitter; that or [`crate::Error::NotFinite`] when numbers near the
+/// end of the range overflow; [`crate::Error::NegativeEigenvalue`] for a message that is none.
 pub fn fit(prior: &Prior, observations: &Observations, options: &FitOptions<'_>) -> Result<Fit> {
     let likelihood = Likelihood::new(observations, options.messages)?;
     let support = options.support()?;
@@ -82,8 +82,8 @@ impl Fit {
     }
 
     /// The posterior that was fitted: of the events, and of the messages that the fit was given. At the events it has
-    /// [`Fit::mean`] and, of a dense fit, [`Fit::variance`]. O(n³) for n events of a dense fit or M inducing points of a sparse one,
-    /// and the inducing points of the messages.
+    /// [`Fit::mean`] and, of a dense fit, [`Fit::variance`]. O(n³) for n events of a dense fit or M inducing points of
+    /// a sparse one, and the inducing points of the messages.
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
@@ -91,9 +91,9 @@ impl Fit {
         self.posterior_with(&self.messages.iter().collect::<Vec<_>>())
     }
 
-    /// The posterior of the events and of `summaries`, in place of the messages that the fit was given: `&[]` for the events alone.
-    /// The sites of the events stay as they are; summaries of another prior are read under that of the fit. As dear as
-    /// [`Fit::posterior`].
+    /// The posterior of the events and of `summaries`, in place of the messages that the fit was given: `&[]` for the
+    /// events alone. The sites of the events stay as they are; summaries of another prior are read under that of the
+    /// fit. As dear as [`Fit::posterior`].
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
@@ -165,17 +165,17 @@ impl Fit {
         self.found.jitter
     }
 
-    /// ln p(y_n | all other events), nearly: what every event's posterior becomes when its own site is taken away, without a
-    /// second fit. Optimistic, because ω_n has seen y_n, and the more so the larger the variance. Weights do not count. N, in
-    /// nats. O(N) (section 7 of [`crate::method`]).
+    /// ln p(y_n | all other events), nearly: what every event's posterior becomes when its own site is taken away,
+    /// without a second fit. Optimistic, because ω_n has seen y_n, and the more so the larger the variance. Weights do
+    /// not count. N, in nats. O(N) (section 7 of [`crate::method`]).
     pub fn leave_one_out(&self) -> Vec<f64> {
         cavity::leave_one_out(&self.found)
     }
 
-    /// E with its slack taken out event by event: the Gaussian site that bounds an event's likelihood from below is replaced by
-    /// the likelihood itself, integrated against what all other events say. No bound any more, but much nearer to the log
-    /// marginal likelihood: expectation propagation's estimate of it, at the sites of the mean field. O(N) (section 7 of
-    /// [`crate::method`]).
+    /// E with its slack taken out event by event: the Gaussian site that bounds an event's likelihood from below is
+    /// replaced by the likelihood itself, integrated against what all other events say. No bound any more, but much
+    /// nearer to the log marginal likelihood: expectation propagation's estimate of it, at the sites of the mean field.
+    /// O(N) (section 7 of [`crate::method`]).
     pub fn corrected_evidence(&self) -> f64 {
         cavity::corrected_evidence(&self.found)
     }

@@ -4,7 +4,8 @@ use crate::error::{Result, not_negative, positive, same_size};
 use crate::inputs::Inputs;
 use crate::summary::Summary;
 
-/// What a fit is given beside prior and events: what others said, which inducing points to use, when to stop and where to start.
+/// What a fit is given beside prior and events: what others said, which inducing points to use, when to stop and where
+/// to start.
 ///
 /// ```
 /// use dgpc::{FitOptions, Inputs};
@@ -17,15 +18,16 @@ use crate::summary::Summary;
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct FitOptions<'a> {
-    /// What others said of the same latent function; none if not said otherwise. Messages count with their kernel-free factors,
-    /// whatever prior they were formed under.
+    /// What others said of the same latent function; none if not said otherwise. Messages count with their kernel-free
+    /// factors, whatever prior they were formed under.
     pub messages: &'a [&'a Summary],
-    /// Support the posterior on these points instead of on all events: O(NM²) an iteration instead of O(N³). Those of the messages
-    /// come on top.
+    /// Support the posterior on these points instead of on all events: O(NM²) an iteration instead of O(N³). Those of
+    /// the messages come on top.
     pub inducing_points: Option<&'a Inputs>,
     /// Stop when no tilt changes by more than this in one iteration; 1e-10 if not said otherwise.
     pub tolerance: f64,
-    /// Stop after so many iterations all the same, 1000 if not said otherwise; [`crate::Fit::change`] then says how far it was.
+    /// Stop after so many iterations all the same, 1000 if not said otherwise; [`crate::Fit::change`] then says how far
+    /// it was.
     pub iterations_max: usize,
     /// Tilts to start from, one per event, such as [`crate::Fit::tilts`] of a fit under a similar prior.
     pub start: Option<&'a [f64]>,

@@ -6,8 +6,9 @@ use crate::polya_gamma;
 use crate::posterior::Posterior;
 use crate::sites::Sites;
 
-/// Sites of more events beside what is known, all of which stays as it is: each has its own fixed point of c² = E f² given what is
-/// known and itself. What a fit of everything would change besides is left to the next one. O(n²) an event.
+/// Sites of more events beside what is known, all of which stays as it is: each has its own fixed point of c² = E f²
+/// given what is known and itself. What a fit of everything would change besides is left to the next one. O(n²) an
+/// event.
 ///
 /// # Errors
 /// As [`Posterior::latent`].

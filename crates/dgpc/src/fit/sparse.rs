@@ -1,5 +1,5 @@
-//! The Gaussian posterior of a mean field on M inducing points, and how its evidence bound changes with the prior (sections 2, 3
-//! and 7 of [`crate::method`]).
+//! The Gaussian posterior of a mean field on M inducing points, and how its evidence bound changes with the prior
+//! (sections 2, 3 and 7 of [`crate::method`]).
 
 use super::fixed_point::Engine;
 use crate::error::Result;
@@ -32,8 +32,8 @@ impl<'a> Sparse<'a> {
         Ok(Self { points, features, cholesky, scratch, precision, weights, alpha })
     }
 
-    /// Adds Σ ∂E/∂K_MN : ∂K_MN and Σ ∂E/∂diag(K_NN) : ∂diag(K_NN) over the events and messages to the gradient, by blocks:
-    /// ∂E/∂K_MN = γαᵀ + L⁻ᵀ(I − (I+Ĝ)⁻¹)ΦᵀΩ, γ = L⁻ᵀ(I+Ĝ)⁻¹b̂. O(NM²).
+    /// Adds Σ ∂E/∂K_MN : ∂K_MN and Σ ∂E/∂diag(K_NN) : ∂diag(K_NN) over the events and messages to the gradient, by
+    /// blocks: ∂E/∂K_MN = γαᵀ + L⁻ᵀ(I − (I+Ĝ)⁻¹)ΦᵀΩ, γ = L⁻ᵀ(I+Ĝ)⁻¹b̂. O(NM²).
     fn add_event_gradient(
         &self,
         prior: &Prior,

@@ -26,12 +26,13 @@ impl PartialEq for Correlation {
 }
 
 impl Correlation {
-    /// A correlation over `columns` with one length-scale per column, each learned by itself (see [`Correlation::tied`]).
+    /// A correlation over `columns` with one length-scale per column, each learned by itself (see
+    /// [`Correlation::tied`]).
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a length-scale that is not finite and positive, a parameter of the shape out of its range, no
-    /// columns or one beyond [`crate::COLUMN_MAX`]; [`Error::SizeMismatch`] for another number of length-scales than columns,
-    /// [`Error::RepeatedColumn`].
+    /// [`Error::OutOfRange`] for a length-scale that is not finite and positive, a parameter of the shape out of its
+    /// range, no columns or one beyond [`crate::COLUMN_MAX`]; [`Error::SizeMismatch`] for another number of
+    /// length-scales than columns, [`Error::RepeatedColumn`].
     pub fn new(shape: Shape, columns: &[usize], length_scales: &[f64]) -> Result<Self> {
         shape.check()?;
         positive("number of kernel columns", columns.len() as f64)?;
@@ -58,11 +59,12 @@ impl Correlation {
         Self::new(shape, columns, &vec![length_scale; columns.len()])?.tied(&vec![0; columns.len()])
     }
 
-    /// Ties the length-scales of columns with the same number in `ties` (one per column) to each other: they are one parameter
-    /// when the kernel is learned.
+    /// Ties the length-scales of columns with the same number in `ties` (one per column) to each other: they are one
+    /// parameter when the kernel is learned.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for another number of ties than columns, [`Error::UnequalLengthScales`] when tied length-scales differ.
+    /// [`Error::SizeMismatch`] for another number of ties than columns, [`Error::UnequalLengthScales`] when tied
+    /// length-scales differ.
     pub fn tied(mut self, ties: &[usize]) -> Result<Self> {
         same_size("ties of length-scales, one per kernel column", self.columns.len(), ties.len())?;
         for (place, &tie) in ties.iter().enumerate() {
@@ -93,8 +95,8 @@ impl Correlation {
         &self.length_scales
     }
 
-    /// For every column the number of the length-scale that it shares when the kernel is learned, counted from 0 in the order of
-    /// first columns.
+    /// For every column the number of the length-scale that it shares when the kernel is learned, counted from 0 in the
+    /// order of first columns.
     pub fn ties(&self) -> &[usize] {
         &self.ties
     }
@@ -183,8 +185,8 @@ impl Correlation {
         }
     }
 
-    /// Adds Σ wᵢ · (correlation, its derivative by r² times each column's part of r², its derivatives by the shape's parameters)
-    /// over the pairs of `point` and `others` to `sums`.
+    /// Adds Σ wᵢ · (correlation, its derivative by r² times each column's part of r², its derivatives by the shape's
+    /// parameters) over the pairs of `point` and `others` to `sums`.
     pub(super) fn add_slopes(&self, point: &[f64], others: &[f64], weights: &[f64], sums: &mut Slopes) {
         let Slopes { correlation: total, columns, shape, squares } = sums;
         for (other, weight) in others.chunks_exact(point.len()).zip(weights) {

@@ -1,8 +1,8 @@
 //! Covariance functions (section 7 of [`crate::method`]).
 //!
-//! A [`Kernel`] is a sum of [`Term`]s; a term is a variance times one or more [`Correlation`]s over columns of their own,
-//! reciprocal if it has a [`Reflection`]; a correlation is a [`Shape`] of the scaled distance. Whoever adds a shape needs
-//! nothing but `shape.rs`: its formulas, names and parameters are all there.
+//! A [`Kernel`] is a sum of [`Term`]s; a term is a variance times one or more [`Correlation`]s over columns of their
+//! own, reciprocal if it has a [`Reflection`]; a correlation is a [`Shape`] of the scaled distance. Whoever adds a
+//! shape needs nothing but `shape.rs`: its formulas, names and parameters are all there.
 
 mod correlation;
 mod reflection;
@@ -112,8 +112,8 @@ impl Kernel {
         Ok(diagonal)
     }
 
-    /// What is learned of a kernel, as logarithms: term by term the variance, then for every correlation its untied length-scales
-    /// and the parameters of its shape.
+    /// What is learned of a kernel, as logarithms: term by term the variance, then for every correlation its untied
+    /// length-scales and the parameters of its shape.
     pub fn log_parameters(&self) -> Vec<f64> {
         self.terms.iter().flat_map(Term::log_parameters).collect()
     }
@@ -126,8 +126,8 @@ impl Kernel {
     /// The same kernel with other parameters, as [`Kernel::log_parameters`] lays them out.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for another number of parameters, [`Error::OutOfRange`] or [`Error::NotFinite`] where a variance or
-    /// length-scale leaves the range of numbers.
+    /// [`Error::SizeMismatch`] for another number of parameters, [`Error::OutOfRange`] or [`Error::NotFinite`] where a
+    /// variance or length-scale leaves the range of numbers.
     pub fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
         same_size("parameters of a kernel", self.parameter_count(), parameters.len())?;
         let terms = self.parts().map(|(term, part)| term.with_log_parameters(&parameters[part]));

@@ -3,7 +3,8 @@
 use crate::error::{Error, Result};
 use crate::inputs::check_column;
 
-/// An involution x → Rx of the inputs that exchanges columns or turns their sign, such as swapping the two ends of a link.
+/// An involution x → Rx of the inputs that exchanges columns or turns their sign, such as swapping the two ends of a
+/// link.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(
     feature = "serde",
@@ -30,8 +31,8 @@ impl Reflection {
     /// The reflection that maps these columns as they say and leaves all others as they are.
     ///
     /// # Errors
-    /// [`Error::RepeatedColumn`] when a column is named twice, [`Error::NotAnInvolution`] where doing it twice would not lead
-    /// back, [`Error::OutOfRange`] for a column beyond [`crate::COLUMN_MAX`].
+    /// [`Error::RepeatedColumn`] when a column is named twice, [`Error::NotAnInvolution`] where doing it twice would
+    /// not lead back, [`Error::OutOfRange`] for a column beyond [`crate::COLUMN_MAX`].
     pub fn new(images: Vec<Image>) -> Result<Self> {
         for (n, &Image { column, source, .. }) in images.iter().enumerate() {
             check_column(column)?;

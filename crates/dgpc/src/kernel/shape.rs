@@ -7,8 +7,8 @@ use crate::error::{Error, Result, in_range};
 
 /// How correlation falls with the scaled distance r of two points.
 ///
-/// A shape is written as its name, and its parameter after a colon where it has one: `matern32`, `rational-quadratic:1.5`. Without
-/// the colon a parameter has its default.
+/// A shape is written as its name, and its parameter after a colon where it has one: `matern32`,
+/// `rational-quadratic:1.5`. Without the colon a parameter has its default.
 ///
 /// ```
 /// use dgpc::Shape;

@@ -8,8 +8,8 @@ use crate::inputs::Inputs;
 use crate::linalg::Matrix;
 use crate::parameter::Parameter;
 
-/// One term of a kernel: variance · correlation (or a product of several correlations, each over columns of its own), reciprocal
-/// if it has a reflection: ½[k(x, x′) + k(x, Rx′)].
+/// One term of a kernel: variance · correlation (or a product of several correlations, each over columns of its own),
+/// reciprocal if it has a reflection: ½[k(x, x′) + k(x, Rx′)].
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Term {
@@ -61,12 +61,12 @@ impl Term {
         Ok(self)
     }
 
-    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] (section 7 of [`crate::method`]). Its diagonal depends on x. Columns that
-    /// the reflection exchanges are tied.
+    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] (section 7 of [`crate::method`]). Its diagonal depends on x.
+    /// Columns that the reflection exchanges are tied.
     ///
     /// # Errors
-    /// [`crate::Error::NotReciprocal`] when the reflection leaves the columns of a correlation or exchanges columns of different
-    /// length-scale: the result would not be positive definite.
+    /// [`crate::Error::NotReciprocal`] when the reflection leaves the columns of a correlation or exchanges columns of
+    /// different length-scale: the result would not be positive definite.
     pub fn reciprocal(mut self, reflection: Reflection) -> Result<Self> {
         let tied = self.correlations.into_iter().map(|correlation| correlation.tied_by(&reflection));
         self.correlations = tied.collect::<Result<_>>()?;
@@ -154,7 +154,8 @@ impl Term {
         images
     }
 
-    /// Adds `weight` · the product of correlations between point `n` of `points` and those of `others` from `first` on to `out`.
+    /// Adds `weight` · the product of correlations between point `n` of `points` and those of `others` from `first` on
+    /// to `out`.
     fn add_products(
         &self,
         weight: f64,

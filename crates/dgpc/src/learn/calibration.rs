@@ -23,7 +23,8 @@ pub enum Calibration {
     NotAsked,
     /// All variances were multiplied by this factor.
     Factor(f64),
-    /// All variances were multiplied by this factor, which is the smallest or the largest that is tried: the data ask for more.
+    /// All variances were multiplied by this factor, which is the smallest or the largest that is tried: the data ask
+    /// for more.
     AtBound(f64),
     /// The corrected evidence could not be computed, for this reason: variances are those that maximise E.
     Failed(String),
@@ -39,8 +40,8 @@ impl Calibration {
     }
 }
 
-/// The factor of all variances that maximises the corrected evidence plus the log density of a normal distribution of the
-/// factor's logarithm about 0, given the fit at factor 1.
+/// The factor of all variances that maximises the corrected evidence plus the log density of a normal distribution of
+/// the factor's logarithm about 0, given the fit at factor 1.
 pub(super) fn calibrate(search: &Search<'_>, prior: &Prior, fit: &MeanField, spread: f64) -> Calibration {
     let problem = Problem { search, prior, tilts: RefCell::new(fit.tilts.clone()), spread };
     let (low, high) = (FACTORS.0.ln(), FACTORS.1.ln());
@@ -58,7 +59,8 @@ pub(super) fn calibrate(search: &Search<'_>, prior: &Prior, fit: &MeanField, spr
     }
 }
 
-/// −(corrected evidence + log density of the hyperprior) as a function of the logarithm of a common factor of all variances.
+/// −(corrected evidence + log density of the hyperprior) as a function of the logarithm of a common factor of all
+/// variances.
 struct Problem<'a> {
     search: &'a Search<'a>,
     prior: &'a Prior,
@@ -79,5 +81,47 @@ impl CostFunction for &Problem<'_> {
         let cost = penalty - corrected_evidence(&fit);
         self.tilts.replace(fit.tilts);
         Ok(cost)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Result;
+    use crate::inputs::Inputs;
+    use crate::kernel::{Kernel, Shape, Term};
+    use crate::learn::LearnOptions;
+    use crate::likelihood::Likelihood;
+    use crate::observations::Observations;
+    use crate::prior_mean::PriorMean;
+
+    /// What becomes of a prior of this variance, calibrated about the fit under another one.
+    fn calibrated(variance: f64, fitted: f64) -> Result<Calibration> {
+        let prior = |variance| {
+            let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, variance, 1.0, 1)?])?;
+            Prior::new(kernel, PriorMean::Zero)
+        };
+        let inputs = Inputs::new((0..60).map(|n| f64::from(n) * 0.1).collect(), 1)?;
+        let outcomes = inputs.rows().map(|x| x[0].sin() > 0.0).collect();
+        let events = Observations::new(inputs, outcomes)?;
+        let likelihood = Likelihood::new(&events, &[])?;
+        let (template, options) = (prior(fitted)?, LearnOptions::new(1.0));
+        let search = Search::new(&template, &likelihood, None, &options);
+        let fit = search.fit(&template, &FitOptions::default())?;
+        Ok(calibrate(&search, &prior(variance)?, &fit, options.hyper_prior.variance))
+    }
+
+    #[test]
+    fn it_says_how_it_went() -> Result<()> {
+        let inside = calibrated(4.0, 4.0)?;
+        assert!(matches!(inside, Calibration::Factor(factor) if (0.3..13.0).contains(&factor)), "{inside:?}");
+        // Far too small a variance asks for more than is tried.
+        let more = calibrated(1e-2, 1e-2)?;
+        assert!(matches!(more, Calibration::AtBound(factor) if factor > 13.0), "{more:?}");
+        // Where no fit is possible there is nothing to multiply by.
+        let failed = calibrated(1e308, 4.0)?;
+        assert!(matches!(&failed, Calibration::Failed(why) if !why.is_empty()), "{failed:?}");
+        assert_eq!((failed.factor(), Calibration::NotAsked.factor()), (1.0, 1.0));
+        Ok(())
     }
 }

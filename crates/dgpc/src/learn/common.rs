@@ -11,9 +11,10 @@ use crate::likelihood::Likelihood;
 use crate::observations::Observations;
 use crate::prior::Prior;
 
-/// The template with all its length-scales multiplied by the factor that maximises the sum of E over several sets of events:
-/// independent draws of one prior, such as trials in different waters. Nothing else is learned and no hyperprior counts. Seven factors from
-/// 1/8 to 8 are compared, then the best is refined to four digits (Brent's method); the sets are fitted exactly, O(N³) each time.
+/// The template with all its length-scales multiplied by the factor that maximises the sum of E over several sets of
+/// events: independent draws of one prior, such as trials in different waters. Nothing else is learned and no
+/// hyperprior counts. Seven factors from 1/8 to 8 are compared, then the best is refined to four digits (Brent's
+/// method); the sets are fitted exactly, O(N³) each time.
 ///
 /// # Errors
 /// As [`crate::fit`].

@@ -4,12 +4,12 @@ use crate::error::{Result, not_negative};
 use crate::parameter::Parameter;
 use crate::prior::Prior;
 
-/// A distribution over priors: independent normal distributions of the parameters about the template's values, of the logarithms
-/// for variances, length-scales and parameters of shapes. Its standard deviations say how far the data may move each; at 0 the
-/// parameter stays what it is.
+/// A distribution over priors: independent normal distributions of the parameters about the template's values, of the
+/// logarithms for variances, length-scales and parameters of shapes. Its standard deviations say how far the data may
+/// move each; at 0 the parameter stays what it is.
 ///
-/// They are weak: the default lets a length-scale move by a factor of 4.5 for half a nat. And they are strong enough that a
-/// parameter of which the events say nothing stays where the template has it.
+/// They are weak: the default lets a length-scale move by a factor of 4.5 for half a nat. And they are strong enough
+/// that a parameter of which the events say nothing stays where the template has it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct HyperPrior {

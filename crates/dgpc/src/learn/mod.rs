@@ -30,7 +30,8 @@ use search::{Found, Search};
 pub struct Start {
     /// Where it began.
     pub prior: Prior,
-    /// E plus the log density of the hyperprior where it ended, on [`Learned::start_events`] events; `None` where E could not be computed.
+    /// E plus the log density of the hyperprior where it ended, on [`Learned::start_events`] events; `None` where E
+    /// could not be computed.
     pub objective: Option<f64>,
 }
 
@@ -58,12 +59,13 @@ pub struct Learned {
     pub stop: Stop,
 }
 
-/// Finds the parameters of `template` that maximise E plus the log density of [`LearnOptions::hyper_prior`], by L-BFGS in the logarithms of
-/// length-scales and variances, then calibrates the variances. Messages of others count as in [`crate::fit`].
+/// Finds the parameters of `template` that maximise E plus the log density of [`LearnOptions::hyper_prior`], by L-BFGS
+/// in the logarithms of length-scales and variances, then calibrates the variances. Messages of others count as in
+/// [`crate::fit`].
 ///
-/// Several starts (the template, a third of all its length-scales, and a third of each alone) are compared on some events.
-/// On all events the search begins at the best of their ends and, because few events may point elsewhere, at the template too. With
-/// inducing points there is a second round, with points that suit what the first one found.
+/// Several starts (the template, a third of all its length-scales, and a third of each alone) are compared on some
+/// events. On all events the search begins at the best of their ends and, because few events may point elsewhere, at
+/// the template too. With inducing points there is a second round, with points that suit what the first one found.
 ///
 /// ```
 /// use dgpc::{Inputs, Kernel, LearnOptions, Observations, Prior, PriorMean, Shape, Term, learn};
@@ -99,7 +101,8 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
     if some.len() < likelihood.events() {
         again.push(template.clone());
     }
-    // Points for shorter length-scales than the start's serve them too; the other way round they would hide what is short.
+    // Points for shorter length-scales than the start's serve them too; the other way round they would hide what is
+    // short.
     let points = inducing_points(&again[0].with_length_scales_times(1.0 / 3.0)?, &likelihood, options)?;
     let is_sparse = points.is_some();
     let mut learned = learn_from(template, &again, &likelihood, points, options)?;
@@ -204,8 +207,9 @@ fn learn_from(
     })
 }
 
-/// Inducing points for all events, where they are too many for a dense fit: those that suit the prior, or shorter length-scales where
-/// fewer than allowed would do. A prior that is too smooth needs few, and with few no shorter length-scale could show itself.
+/// Inducing points for all events, where they are too many for a dense fit: those that suit the prior, or shorter
+/// length-scales where fewer than allowed would do. A prior that is too smooth needs few, and with few no shorter
+/// length-scale could show itself.
 fn inducing_points(prior: &Prior, likelihood: &Likelihood<'_>, options: &LearnOptions<'_>) -> Result<Option<Inputs>> {
     if likelihood.events() <= options.dense_events_max {
         return Ok(None);

@@ -13,21 +13,22 @@ pub struct LearnOptions<'a> {
     pub messages: &'a [&'a Summary],
     /// How far parameters may go from the template's.
     pub hyper_prior: HyperPrior,
-    /// Start here and on all events at once: an earlier [`crate::Learned::optimum`], of the template's structure. The new optimum is
-    /// never worse in E. Without it there are several starts.
+    /// Start here and on all events at once: an earlier [`crate::Learned::optimum`], of the template's structure. The
+    /// new optimum is never worse in E. Without it there are several starts.
     pub warm_start: Option<&'a Prior>,
     /// How many events the starts are compared on, at most: 150 if not said otherwise.
     pub start_events_max: usize,
-    /// Up to so many events, 1000 if not said otherwise, E is that of the dense fit, O(N³) an evaluation; beyond, that of a sparse
-    /// one, O(NM²).
+    /// Up to so many events, 1000 if not said otherwise, E is that of the dense fit, O(N³) an evaluation; beyond, that
+    /// of a sparse one, O(NM²).
     pub dense_events_max: usize,
-    /// Inducing points M of a sparse fit, chosen greedily among the events, beside those of the messages: 256 if not said otherwise.
+    /// Inducing points M of a sparse fit, chosen greedily among the events, beside those of the messages: 256 if not
+    /// said otherwise.
     pub inducing_points_max: usize,
     /// How many steps a search takes at most: 60 if not said otherwise.
     pub iterations_max: usize,
     /// Whether all variances are multiplied by a common factor at the end, that which maximises the corrected evidence
-    /// ([`crate::Fit::corrected_evidence`]): the slack of E grows with the variance, so that E alone leaves it too small. So it is if
-    /// not said otherwise.
+    /// ([`crate::Fit::corrected_evidence`]): the slack of E grows with the variance, so that E alone leaves it too
+    /// small. So it is if not said otherwise.
     pub calibrate: bool,
 }
 

@@ -27,8 +27,8 @@ pub enum Stop {
     Converged,
     /// It took as many steps as it was allowed.
     IterationsMax,
-    /// No step along the search direction helped, or E could not be computed there, in the optimiser's words. What was best so far
-    /// is kept.
+    /// No step along the search direction helped, or E could not be computed there, in the optimiser's words. What was
+    /// best so far is kept.
     NoProgress(String),
 }
 
@@ -136,8 +136,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// −(E + log density of the hyperprior) per event, as the optimiser sees it. It asks for cost and gradient at the same place one
-/// after the other; the memory saves the second evaluation.
+/// −(E + log density of the hyperprior) per event, as the optimiser sees it. It asks for cost and gradient at the same
+/// place one after the other; the memory saves the second evaluation.
 struct Objective<'a> {
     search: &'a Search<'a>,
     /// No place is looked at whose largest coordinate lies beyond.

@@ -29,8 +29,8 @@ impl Cholesky {
         }
     }
 
-    /// Factorises `matrix`; where that fails by rounding, adds to its diagonal the smallest of 1e-14, 1e-13 … 1e-8 of its
-    /// mean that helps, and says so in [`Cholesky::jitter`].
+    /// Factorises `matrix`; where that fails by rounding, adds to its diagonal the smallest of 1e-14, 1e-13 … 1e-8 of
+    /// its mean that helps, and says so in [`Cholesky::jitter`].
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`] when even the largest jitter does not help.
@@ -187,8 +187,8 @@ impl CholeskyScratch {
     }
 }
 
-/// Writes I + diag(roots)·K·diag(roots) to the lower triangle of `b`: for roots of ω the matrix I + Ω^½KΩ^½, which has no
-/// eigenvalue below 1 and always factorises. O(n²).
+/// Writes I + diag(roots)·K·diag(roots) to the lower triangle of `b`: for roots of ω the matrix I + Ω^½KΩ^½, which has
+/// no eigenvalue below 1 and always factorises. O(n²).
 pub(crate) fn fill_scaled(b: &mut Matrix, gram: &Matrix, roots: &[f64]) {
     for column in 0..roots.len() {
         let root = roots[column];

@@ -34,8 +34,8 @@ pub(crate) fn symmetric_eigen(what: &'static str, matrix: &Matrix) -> Result<(Ve
     Ok((values, vectors))
 }
 
-/// R with A = RRᵀ for a symmetric positive semi-definite A that stands beside the identity; eigenvalues that rounding made
-/// negative count as zero.
+/// R with A = RRᵀ for a symmetric positive semi-definite A that stands beside the identity; eigenvalues that rounding
+/// made negative count as zero.
 ///
 /// # Errors
 /// [`Error::NegativeEigenvalue`] when an eigenvalue is more negative than rounding explains.

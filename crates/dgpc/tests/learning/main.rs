@@ -76,8 +76,8 @@ fn evidence_of(prior: &Prior, events: &Observations, messages: &[&Summary]) -> f
     dgpc::fit(prior, events, &FitOptions::default().messages(messages)).unwrap().evidence()
 }
 
-/// One standard deviation for every parameter, as the documentation of [`Prior::parameter_values`] and of [`HyperPrior`] has
-/// them.
+/// One standard deviation for every parameter, as the documentation of [`Prior::parameter_values`] and of
+/// [`HyperPrior`] has them.
 fn spread_of(prior: &Prior, spread: &HyperPrior) -> Vec<f64> {
     let of_term = |term: &Term| {
         let of_correlation = |correlation: &Correlation| {

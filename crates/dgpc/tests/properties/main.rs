@@ -1,4 +1,5 @@
-//! What must hold for every problem: random small problems against dense formulas, against brute force, and against each other.
+//! What must hold for every problem: random small problems against dense formulas, against brute force, and against
+//! each other.
 
 #![allow(clippy::unwrap_used)]
 

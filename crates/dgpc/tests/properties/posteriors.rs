@@ -120,7 +120,8 @@ proptest! {
 
     #[test]
     fn far_regions_concatenate(problem in problems(2..=16), seed in any::<u64>()) {
-        // The second half of the events is moved to where no covariance reaches. That of a rational quadratic reaches everywhere.
+        // The second half of the events is moved to where no covariance reaches. That of a rational quadratic reaches
+        // everywhere.
         let reaches = |correlation: &Correlation| matches!(correlation.shape(), Shape::RationalQuadratic { .. });
         prop_assume!(!problem.prior.kernel().terms().iter().flat_map(Term::correlations).any(reaches));
         let dimension = problem.inputs().dimension();

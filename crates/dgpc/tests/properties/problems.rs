@@ -92,8 +92,8 @@ pub(crate) fn swapped(inputs: &Inputs) -> Inputs {
     Inputs::new(images.collect(), inputs.dimension()).unwrap()
 }
 
-/// Terms over all columns, sometimes times a correlation over one of them, and sometimes a second term over one, each reciprocal
-/// or not.
+/// Terms over all columns, sometimes times a correlation over one of them, and sometimes a second term over one, each
+/// reciprocal or not.
 pub(crate) fn kernels(dimension: usize) -> impl Strategy<Value = Kernel> {
     let whole = (shapes(), 0.5..4.0, 0.4..2.5, 0.4..2.5, any::<bool>());
     let part = || (shapes(), 0.5..2.0, 0.4..2.5, 0..dimension);

@@ -183,7 +183,8 @@ proptest! {
 
 #[test]
 fn a_pair_of_known_points_is_no_pair() {
-    // The conditional variance of a known point is rounding of either sign; two negative ones have a positive determinant.
+    // The conditional variance of a known point is rounding of either sign; two negative ones have a positive
+    // determinant.
     for seed in 0..2000 {
         use rand::RngExt;
         let mut rng = seeded(seed);

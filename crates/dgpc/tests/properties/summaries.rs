@@ -72,7 +72,8 @@ proptest! {
             assert_near("shift", found.shift(), expected.shift(), 1e-8);
             assert_same_message(&moved.under(&problem.prior).unwrap(), &summary, 1e-8);
         }
-        // Under whatever prior, Z = X is the likelihood itself: reading it under another prior is fitting under that one.
+        // Under whatever prior, Z = X is the likelihood itself: reading it under another prior is fitting under that
+        // one.
         let z = problem.inputs().select(&problem.spread(16));
         let sites = problem.sites.select(&problem.spread(16));
         let summary = Summary::variational(&problem.prior, &sites, &z).unwrap().under(&other).unwrap();

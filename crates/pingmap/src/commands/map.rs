@@ -26,7 +26,8 @@ pub struct Options {
     /// Whether that place transmits or receives
     #[arg(long = "as", value_enum, default_value_t = End::Tx)]
     pub end: End,
-    /// File for the map; its ending says what it is: .png, .svg, .csv (the grid) or .geojson (the contours; needs --origin)
+    /// File for the map; its ending says what it is: .png, .svg, .csv (the grid) or .geojson (the contours; needs
+    /// --origin)
     #[arg(long, short, value_name = "FILE", default_value = "map.png")]
     pub output: PathBuf,
     /// Latitude and longitude of (0, 0) of the log, in degrees

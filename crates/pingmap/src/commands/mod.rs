@@ -1,4 +1,5 @@
-//! The list of commands. Each is a module with its options, `Options`, which know how many threads they take and how to run.
+//! The list of commands. Each is a module with its options, `Options`, which know how many threads they take and how to
+//! run.
 
 pub mod demo;
 pub mod learn;

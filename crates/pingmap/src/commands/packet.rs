@@ -107,8 +107,8 @@ struct BlockJson {
     correlations: Vec<i8>,
 }
 
-/// East, north and, in messages with depths, depth of both ends in cells; levels of information and mean. With a team, also what the
-/// cells are in metres, which is not read.
+/// East, north and, in messages with depths, depth of both ends in cells; levels of information and mean. With a team,
+/// also what the cells are in metres, which is not read.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PointJson {

@@ -12,7 +12,8 @@ use crate::output::{BadInput, Results, count, note, warn};
 use crate::team::open_key;
 use crate::values::{frame_bytes, positive};
 
-/// Write what a team must agree on before the mission: members, grid, frames, and the model that packets are formed under
+/// Write what a team must agree on before the mission: members, grid, frames, and the model that packets are formed
+/// under
 #[derive(Args)]
 pub struct Options {
     /// Event log: its receivers are the members, and the grid holds all of its positions

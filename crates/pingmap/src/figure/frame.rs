@@ -134,8 +134,8 @@ impl Frame {
         }
     }
 
-    /// Draws tracks with a marker here and there, those of who stays in place on top, and adds them to the legend; of very many,
-    /// all look alike under one name.
+    /// Draws tracks with a marker here and there, those of who stays in place on top, and adds them to the legend; of
+    /// very many, all look alike under one name.
     pub(super) fn tracks(&mut self, tracks: &[Series]) {
         let many = tracks.len() > TRACKS_NAMED_MAX;
         let plain = Style { color: "#d7301f", width: 1.0, dash: &[], mark: Mark::Dot };

@@ -60,8 +60,8 @@ pub fn link_map(
     frame.finish()
 }
 
-/// Draws maps of the same area one below the other, for one column of a page: axes `side` pixels wide, the legend of the last below
-/// everything.
+/// Draws maps of the same area one below the other, for one column of a page: axes `side` pixels wide, the legend of
+/// the last below everything.
 pub fn link_panels(panels: &[Panel], east: (f64, f64), north: (f64, f64), side: f64) -> Figure {
     let side = side * f64::max(1.0, (north.1 - north.0) / (east.1 - east.0));
     let figures = panels.iter().enumerate().map(|(n, panel)| {

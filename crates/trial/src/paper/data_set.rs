@@ -30,8 +30,8 @@ pub struct AgentEvents {
 }
 
 impl DataSet {
-    /// Standardises the positions of a log column by column (depths are left out, as in the paper). A column in which nothing varies
-    /// becomes 0.
+    /// Standardises the positions of a log column by column (depths are left out, as in the paper). A column in which
+    /// nothing varies becomes 0.
     ///
     /// # Errors
     /// None in practice: positions are finite.
@@ -83,8 +83,9 @@ impl DataSet {
         Observations::new(self.inputs.select(indices), outcomes)
     }
 
-    /// The fixed locality region of an agent: around that of its events which has most of its events within the radius (of more than
-    /// a thousand, a thousand are tried). Members are indices of the log, at most this agent's share of [`REGION_EVENTS_MAX`].
+    /// The fixed locality region of an agent: around that of its events which has most of its events within the radius
+    /// (of more than a thousand, a thousand are tried). Members are indices of the log, at most this agent's share of
+    /// [`REGION_EVENTS_MAX`].
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a radius that is negative or not finite.

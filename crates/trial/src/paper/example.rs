@@ -15,8 +15,8 @@ pub struct Example {
     pub permutation: usize,
     /// What every agent did.
     pub agents: Vec<AgentExample>,
-    /// The held-out events of all regions and the probability of success that the team gives them, from two points of every agent by
-    /// each policy, concatenated, at the last draw of ω.
+    /// The held-out events of all regions and the probability of success that the team gives them, from two points of
+    /// every agent by each policy, concatenated, at the last draw of ω.
     pub predictions: BTreeMap<Policy, Vec<(usize, f64)>>,
 }
 

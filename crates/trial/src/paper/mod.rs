@@ -1,5 +1,5 @@
-//! The paper's experiment (docs/method.md, section 10): how well do one or two inducing points stand for a locality region, for the
-//! agent itself and for its team?
+//! The paper's experiment (docs/method.md, section 10): how well do one or two inducing points stand for a locality
+//! region, for the agent itself and for its team?
 
 mod choice;
 mod shape;
@@ -59,8 +59,8 @@ pub struct SetOutcome {
 }
 
 impl Experiment {
-    /// Learns the one length-scale of a squared-exponential kernel of unit variance with zero mean on all data sets together, and draws
-    /// the permutations.
+    /// Learns the one length-scale of a squared-exponential kernel of unit variance with zero mean on all data sets
+    /// together, and draws the permutations.
     ///
     /// # Errors
     /// As [`common_length_scales`].
@@ -91,8 +91,8 @@ impl Experiment {
         self.permutations
     }
 
-    /// Runs all permutations of all data sets, in parallel; `done` is called after each. For n training events in a region a permutation
-    /// costs 200 sweeps of O(n³) for every agent, and as many for the events of all.
+    /// Runs all permutations of all data sets, in parallel; `done` is called after each. For n training events in a
+    /// region a permutation costs 200 sweeps of O(n³) for every agent, and as many for the events of all.
     ///
     /// # Errors
     /// As the samplers and fits of `dgpc`, on numbers near the end of the range.
@@ -106,8 +106,9 @@ impl Experiment {
         Ok(AtRadius { radius, sets: sets.collect::<Result<_, Error>>()? })
     }
 
-    /// Local NLL over [`SWEEP_LENGTH_SCALES`] and [`SWEEP_POINTS`], one list for every data set; `done` is called after each permutation
-    /// of each radius. A permutation costs a mean field, O(n³) an iteration, and the choice of points for every agent.
+    /// Local NLL over [`SWEEP_LENGTH_SCALES`] and [`SWEEP_POINTS`], one list for every data set; `done` is called after
+    /// each permutation of each radius. A permutation costs a mean field, O(n³) an iteration, and the choice of points
+    /// for every agent.
     ///
     /// # Errors
     /// As [`Experiment::at_radius`].
@@ -121,7 +122,8 @@ impl Experiment {
         (0..self.sets.len()).map(rows).collect()
     }
 
-    /// The first permutation of a data set (by its place) that leaves no region without training or held-out events; `None` without one.
+    /// The first permutation of a data set (by its place) that leaves no region without training or held-out events;
+    /// `None` without one.
     ///
     /// # Errors
     /// As [`Experiment::at_radius`].

@@ -48,7 +48,8 @@ pub struct TeamOutcome {
     pub centralised: BTreeMap<Omega, Score>,
 }
 
-/// What a permutation of a data set came to; `None` where it left a region without training events, or nothing to predict.
+/// What a permutation of a data set came to; `None` where it left a region without training events, or nothing to
+/// predict.
 #[derive(Debug, Clone)]
 pub struct Outcome {
     /// For every agent.

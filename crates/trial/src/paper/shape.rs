@@ -37,15 +37,16 @@ impl Claim {
         format!("{} beats {} at {points}", better.policy.name(), worse.policy.name())
     }
 
-    /// By how much `worse` costs more than `better`, over permutations: positive where the claim holds. `cost` gives that of a choice,
-    /// permutation by permutation: NLL, or accuracy with its sign turned.
+    /// By how much `worse` costs more than `better`, over permutations: positive where the claim holds. `cost` gives
+    /// that of a choice, permutation by permutation: NLL, or accuracy with its sign turned.
     pub fn difference(&self, cost: impl Fn(Choice) -> Vec<f64>) -> Option<Estimate> {
         let (better, worse) = (cost(self.better), cost(self.worse));
         Estimate::over(&worse.iter().zip(&better).map(|(worse, better)| worse - better).collect::<Vec<_>>())
     }
 }
 
-/// Spearman's rank correlation, equal values sharing the mean of their ranks; `None` where either side has only one value.
+/// Spearman's rank correlation, equal values sharing the mean of their ranks; `None` where either side has only one
+/// value.
 pub fn rank_correlation(a: &[f64], b: &[f64]) -> Option<f64> {
     let (a, b) = (ranks(a), ranks(b));
     let middle = (a.len() as f64 - 1.0) / 2.0;

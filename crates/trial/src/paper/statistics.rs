@@ -1,4 +1,5 @@
-//! What the outcomes of all permutations come to: means, paired differences, and whether a bound orders choices as NLL does.
+//! What the outcomes of all permutations come to: means, paired differences, and whether a bound orders choices as NLL
+//! does.
 
 use super::choice::{Choice, Fusion, Omega};
 use super::fit::EffectiveDraws;
@@ -71,8 +72,8 @@ pub fn mean_bound(outcomes: &[&LocalOutcome], choice: Choice, of: BoundOf) -> Op
     Estimate::over(&outcomes.iter().map(|outcome| of(&outcome.bounds[&choice])).collect::<Vec<_>>())
 }
 
-/// Does a smaller bound mean a smaller NLL? The rank correlation over the six choices within a permutation, its mean over those in
-/// which it is defined.
+/// Does a smaller bound mean a smaller NLL? The rank correlation over the six choices within a permutation, its mean
+/// over those in which it is defined.
 pub fn bound_orders_nll(outcomes: &[&LocalOutcome], of: BoundOf) -> Option<Estimate> {
     let within = |outcome: &&LocalOutcome| {
         let bounds: Vec<f64> = Choice::all().map(|choice| of(&outcome.bounds[&choice])).collect();

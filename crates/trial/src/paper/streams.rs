@@ -1,4 +1,5 @@
-//! Random numbers: a stream of its own for every use, so that results depend on neither threads nor what else is computed.
+//! Random numbers: a stream of its own for every use, so that results depend on neither threads nor what else is
+//! computed.
 
 use rand_chacha::ChaCha8Rng;
 

@@ -1,4 +1,5 @@
-//! Published formulas of underwater sound: what it loses on its way, and what it has to be heard above. Frequencies are in kHz.
+//! Published formulas of underwater sound: what it loses on its way, and what it has to be heard above. Frequencies are
+//! in kHz.
 
 /// Temperature, salinity, acidity and depth: what absorption and the speed of sound depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,8 +28,9 @@ impl Seawater {
     }
 }
 
-/// Absorption by Thorp's formula, in dB per km: W. H. Thorp, J. Acoust. Soc. Am. 42 (1967) 270, in the form that R. J. Urick,
-/// "Principles of Underwater Sound" (1983), gives for kilometres. For sea water at 4 °C near the surface, from 0.1 to some tens of kHz.
+/// Absorption by Thorp's formula, in dB per km: W. H. Thorp, J. Acoust. Soc. Am. 42 (1967) 270, in the form that R. J.
+/// Urick, "Principles of Underwater Sound" (1983), gives for kilometres. For sea water at 4 °C near the surface, from
+/// 0.1 to some tens of kHz.
 ///
 /// ```
 /// let absorption = pingmap_trial::simulate::thorp_db_per_km(25.0);
@@ -39,8 +41,9 @@ pub fn thorp_db_per_km(frequency_khz: f64) -> f64 {
     0.11 * f2 / (1.0 + f2) + 44.0 * f2 / (4100.0 + f2) + 2.75e-4 * f2 + 0.003
 }
 
-/// Absorption by R. E. Francois and G. R. Garrison, J. Acoust. Soc. Am. 72 (1982) 896 and 1879, in dB per km: relaxation of boric
-/// acid and of magnesium sulphate, and the viscosity of water. For sea water from 0.4 to 1000 kHz; without salt only viscosity is left.
+/// Absorption by R. E. Francois and G. R. Garrison, J. Acoust. Soc. Am. 72 (1982) 896 and 1879, in dB per km:
+/// relaxation of boric acid and of magnesium sulphate, and the viscosity of water. For sea water from 0.4 to 1000 kHz;
+/// without salt only viscosity is left.
 pub fn francois_garrison_db_per_km(frequency_khz: f64, water: &Seawater) -> f64 {
     let Seawater { temperature_c: t, salinity: s, ph, depth_m: d } = *water;
     let (f2, c, kelvin) = (frequency_khz * frequency_khz, water.sound_speed_m_per_s(), 273.0 + t);
@@ -61,15 +64,16 @@ pub fn francois_garrison_db_per_km(frequency_khz: f64, water: &Seawater) -> f64 
     relaxation(boric, boric_khz) + relaxation(sulphate, sulphate_khz) + viscosity * pressure * f2
 }
 
-/// Geometric spreading over a range, in dB above the level at 1 m: 10·k·log₁₀ r, with k = 2 for a sphere, 1 for a cylinder and 1.5 for
-/// what shallow water often does between them (Urick 1983). Nothing is gained within the first metre.
+/// Geometric spreading over a range, in dB above the level at 1 m: 10·k·log₁₀ r, with k = 2 for a sphere, 1 for a
+/// cylinder and 1.5 for what shallow water often does between them (Urick 1983). Nothing is gained within the first
+/// metre.
 pub fn spreading_loss_db(range_m: f64, exponent: f64) -> f64 {
     10.0 * exponent * range_m.max(1.0).log10()
 }
 
-/// Spectrum level of ambient noise, in dB re 1 µPa²/Hz: turbulence, distant shipping (0 none, 1 heavy), wind on the surface and thermal
-/// noise, after R. F. W. Coates, "Underwater Acoustic Systems" (1990), who fitted the curves of G. M. Wenz, J. Acoust. Soc. Am. 34
-/// (1962) 1936.
+/// Spectrum level of ambient noise, in dB re 1 µPa²/Hz: turbulence, distant shipping (0 none, 1 heavy), wind on the
+/// surface and thermal noise, after R. F. W. Coates, "Underwater Acoustic Systems" (1990), who fitted the curves of G.
+/// M. Wenz, J. Acoust. Soc. Am. 34 (1962) 1936.
 pub fn ambient_noise_db(frequency_khz: f64, shipping: f64, wind_m_per_s: f64) -> f64 {
     let (f, log) = (frequency_khz, frequency_khz.log10());
     let turbulence = 17.0 - 30.0 * log;
@@ -79,8 +83,8 @@ pub fn ambient_noise_db(frequency_khz: f64, shipping: f64, wind_m_per_s: f64) ->
     sum_of_levels_db(&[turbulence, ships, wind, thermal])
 }
 
-/// Wind of a sea state, in m/s: the middle of the Beaufort band that Wenz (1962) gives for it, linear between whole sea states.
-/// Sea states from 0 to 6; beyond, those.
+/// Wind of a sea state, in m/s: the middle of the Beaufort band that Wenz (1962) gives for it, linear between whole sea
+/// states. Sea states from 0 to 6; beyond, those.
 pub fn wind_of_sea_state_m_per_s(sea_state: f64) -> f64 {
     const KNOTS: [f64; 7] = [0.5, 5.0, 8.5, 13.5, 19.0, 24.5, 30.5];
     const M_PER_S: f64 = 1852.0 / 3600.0;
@@ -95,9 +99,9 @@ pub fn sum_of_levels_db(levels_db: &[f64]) -> f64 {
     10.0 * levels_db.iter().map(|level| 10f64.powf(level / 10.0)).sum::<f64>().log10()
 }
 
-/// Loss behind an edge, in dB, by the Fresnel-Kirchhoff theory of diffraction in the approximation of Recommendation ITU-R P.526. ν is
-/// the height of the edge above the straight line between the ends, in units of [`diffraction_unit_m`]; nothing is lost where it
-/// lies well below, 6 dB where it touches the line.
+/// Loss behind an edge, in dB, by the Fresnel-Kirchhoff theory of diffraction in the approximation of Recommendation
+/// ITU-R P.526. ν is the height of the edge above the straight line between the ends, in units of
+/// [`diffraction_unit_m`]; nothing is lost where it lies well below, 6 dB where it touches the line.
 pub fn knife_edge_loss_db(nu: f64) -> f64 {
     if nu <= -0.78 {
         return 0.0;
@@ -153,7 +157,8 @@ mod tests {
         }
         assert!(ambient_noise_db(0.1, 1.0, 3.0) > ambient_noise_db(0.1, 0.0, 3.0) + 10.0);
         assert!(ambient_noise_db(25.0, 0.5, 7.0) < ambient_noise_db(1.0, 0.5, 7.0) - 20.0);
-        // Coates's wind term alone, by hand: 50 + 7.5·√9 + 20 − 40·log₁₀ 10.4 at 10 kHz and 9 m/s; the others add little.
+        // Coates's wind term alone, by hand: 50 + 7.5·√9 + 20 − 40·log₁₀ 10.4 at 10 kHz and 9 m/s; the others add
+        // little.
         near(ambient_noise_db(10.0, 0.0, 9.0), 72.5 + 20.0 - 40.0 * 10.4f64.log10(), 0.1);
         // Thermal noise takes over at hundreds of kHz: 20 dB a decade.
         near(ambient_noise_db(3000.0, 0.0, 1.0) - ambient_noise_db(1000.0, 0.0, 1.0), 20.0 * 3f64.log10(), 0.5);

@@ -39,13 +39,15 @@ pub struct Sound {
     pub shipping: f64,
     /// Signal-to-noise ratio at which every other message gets through, dB.
     pub threshold_db: f64,
-    /// Standard deviation of the level about its mean, dB: log-normal fading, as P. Qarabaqi and M. Stojanovic, IEEE J. Oceanic Eng. 38
-    /// (2013) 701, found for slow variations. Here every message fades by itself; in the sea neighbours in time fade alike.
+    /// Standard deviation of the level about its mean, dB: log-normal fading, as P. Qarabaqi and M. Stojanovic, IEEE J.
+    /// Oceanic Eng. 38 (2013) 701, found for slow variations. Here every message fades by itself; in the sea neighbours
+    /// in time fade alike.
     pub fading_db: f64,
 }
 
 impl Default for Sound {
-    /// A modem in the band around 25 kHz at low power, sea state 3: every other message gets through over about a kilometre.
+    /// A modem in the band around 25 kHz at low power, sea state 3: every other message gets through over about a
+    /// kilometre.
     fn default() -> Self {
         Self {
             source_level_db: 162.0,
@@ -81,8 +83,8 @@ impl Sound {
     }
 }
 
-/// An acoustic channel by the sonar equation (Urick 1983): signal-to-noise ratio = source level − spreading − absorption − shadow − noise
-/// in the band. A stand-in: there is no refraction, no multipath and no Doppler.
+/// An acoustic channel by the sonar equation (Urick 1983): signal-to-noise ratio = source level − spreading −
+/// absorption − shadow − noise in the band. A stand-in: there is no refraction, no multipath and no Doppler.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Channel {
     /// Source, water and receiver.
@@ -119,7 +121,8 @@ impl Channel {
         sum_of_levels_db(&[ambient, self_noise_db]) + 10.0 * (1000.0 * self.sound.bandwidth_khz).log10()
     }
 
-    /// Probability that a message over a link is heard by a receiver of such noise of its own: Φ((ratio − threshold) / fading).
+    /// Probability that a message over a link is heard by a receiver of such noise of its own: Φ((ratio − threshold) /
+    /// fading).
     pub fn probability(&self, link: &Link, self_noise_db: f64) -> f64 {
         self.probability_at(self.sound.source_level_db - self.transmission_loss_db(link) - self.noise_db(self_noise_db))
     }

@@ -1,5 +1,6 @@
-//! A field trial of one's own: vehicles on survey legs, a slot schedule, and an acoustic channel put together from published formulas
-//! (docs/method.md, section 11). It is a stand-in for measured data: sound travels in straight lines, without refraction or multipath.
+//! A field trial of one's own: vehicles on survey legs, a slot schedule, and an acoustic channel put together from
+//! published formulas (docs/method.md, section 11). It is a stand-in for measured data: sound travels in straight
+//! lines, without refraction or multipath.
 
 mod acoustics;
 mod channel;
@@ -47,7 +48,8 @@ const VEHICLE_STREAMS: u64 = FLOOR_STREAM + 2;
 pub struct Simulation {
     /// Number of vehicles, 2 to [`VEHICLES_MAX`].
     pub vehicles: usize,
-    /// Number of transmissions, such that there are at most [`EVENTS_MAX`] events; vehicles take turns, and all others listen.
+    /// Number of transmissions, such that there are at most [`EVENTS_MAX`] events; vehicles take turns, and all others
+    /// listen.
     pub slots: usize,
     /// From one transmission to the next, seconds.
     pub slot_s: f64,
@@ -115,9 +117,9 @@ pub struct Simulated {
 }
 
 impl Simulation {
-    /// Draws the sea floor, the vehicles' noise and where their tracks begin, moves them, and decides for every transmission who hears
-    /// it. Positions are rounded to a tenth of a metre and probabilities to 1e-4, and outcomes drawn from what is then in the log.
-    /// O(vehicles · slots).
+    /// Draws the sea floor, the vehicles' noise and where their tracks begin, moves them, and decides for every
+    /// transmission who hears it. Positions are rounded to a tenth of a metre and probabilities to 1e-4, and outcomes
+    /// drawn from what is then in the log. O(vehicles · slots).
     ///
     /// ```
     /// use pingmap_trial::simulate::{Simulation, Sound};

@@ -66,8 +66,8 @@ impl SeaFloor {
         ridge.max(profile(mound.height_m, away, mound.width_m))
     }
 
-    /// Loss behind what rises highest, in the units of diffraction, above or towards the straight line between two ends, in dB.
-    /// Ends without a depth are at the surface. O(distance / width of ridge or mound).
+    /// Loss behind what rises highest, in the units of diffraction, above or towards the straight line between two
+    /// ends, in dB. Ends without a depth are at the surface. O(distance / width of ridge or mound).
     pub fn shadow_loss_db(&self, from: &Position, to: &Position, wavelength_m: f64) -> f64 {
         let (from_depth, to_depth) = (from.depth_m.unwrap_or(0.0), to.depth_m.unwrap_or(0.0));
         let length = (to.east_m - from.east_m).hypot(to.north_m - from.north_m);

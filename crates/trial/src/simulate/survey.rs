@@ -14,9 +14,9 @@ pub(super) struct Legs {
 }
 
 impl Legs {
-    /// The legs of one of several vehicles over the square from (0, 0) to (`area_m`, `area_m`): every other vehicle's run north and
-    /// south, the others' east and west, laid out from different corners, with spacings and distances from the border that differ between
-    /// the first few. Where along its track a vehicle begins is drawn.
+    /// The legs of one of several vehicles over the square from (0, 0) to (`area_m`, `area_m`): every other vehicle's
+    /// run north and south, the others' east and west, laid out from different corners, with spacings and distances
+    /// from the border that differ between the first few. Where along its track a vehicle begins is drawn.
     pub(super) fn of_vehicle(vehicle: usize, area_m: f64, rng: &mut ChaCha8Rng) -> Self {
         let inset_m = area_m * (0.04 + 0.03 * (vehicle % 5) as f64);
         let spacing_m = area_m / 6.0 * (1.0 - 0.07 * (vehicle % 4) as f64);

@@ -21,7 +21,8 @@ use crate::values::{LearnName, frame_bytes, open_share, packets, repeats, share}
 use online::OnlineMission;
 pub use replayed::Replayed;
 
-/// Replay a mission: what each vehicle knows alone, what the team knows after sharing packets, what it could know at best
+/// Replay a mission: what each vehicle knows alone, what the team knows after sharing packets, what it could know at
+/// best
 #[derive(Args)]
 pub struct Options {
     /// Event log
@@ -43,8 +44,8 @@ pub struct Options {
     /// Compare with other ways to use the same bytes
     #[arg(long)]
     pub compare: bool,
-    /// Run the mission in the order of time instead: every event is predicted by its receiver before it is learned from, and
-    /// packets ride on the transmissions of the log. Without --model or --team nothing is learned beforehand
+    /// Run the mission in the order of time instead: every event is predicted by its receiver before it is learned
+    /// from, and packets ride on the transmissions of the log. Without --model or --team nothing is learned beforehand
     #[arg(long, conflicts_with_all = ["splits", "repeats", "test_share", "frames", "compare", "learn", "reorder"])]
     pub online: bool,
     /// With --online: every so many of its transmissions a vehicle may send a packet; 10 if not given

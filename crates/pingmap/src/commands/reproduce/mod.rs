@@ -30,8 +30,8 @@ pub struct Options {
     /// What to compute
     #[arg(value_enum, default_value_t = Exhibit::All)]
     pub exhibit: Exhibit,
-    /// An event log in the place of the paper's next data set (to be given once for each), or a folder whose CSV files are taken in alphabetical
-    /// order; depths are left out. Three simulated trials that come with pingmap if not given
+    /// An event log in the place of the paper's next data set (to be given once for each), or a folder whose CSV files
+    /// are taken in alphabetical order; depths are left out. Three simulated trials that come with pingmap if not given
     #[arg(long, value_name = "DIR|FILE")]
     pub data: Vec<PathBuf>,
     /// How often every data set is divided anew into training and held-out events

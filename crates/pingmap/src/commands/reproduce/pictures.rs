@@ -14,7 +14,8 @@ use crate::figure::{Arrows, Figure, Mark, Panel, Style, link_panels};
 use crate::files::write_file;
 use crate::tracks;
 
-/// Width of the axes, such that a figure is a column of a two-column page wide and its smallest letters have 7 points there.
+/// Width of the axes, such that a figure is a column of a two-column page wide and its smallest letters have 7 points
+/// there.
 const AXES_PX: f64 = 350.0;
 
 /// PNG pixels per SVG unit: 300 dots per inch at column width.
@@ -35,7 +36,8 @@ impl Picture {
     }
 }
 
-/// The figures that were asked for; none where no permutation leaves every region something to learn from and to predict.
+/// The figures that were asked for; none where no permutation leaves every region something to learn from and to
+/// predict.
 pub fn draw(results: &Computed, exhibit: Exhibit) -> Vec<Picture> {
     let (Some(set), Some(example)) = (results.experiment.sets().first(), &results.example) else {
         return Vec::new();

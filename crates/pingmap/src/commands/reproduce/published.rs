@@ -1,5 +1,5 @@
-//! What the paper reports: the figures of its tables, for comparison. "Decentralized Gaussian Process Classification and an Application
-//! in Subsea Robotics", Gao, He, Stilwell and McMahon, section IV. It gives no standard errors.
+//! What the paper reports: the figures of its tables, for comparison. "Decentralized Gaussian Process Classification
+//! and an Application in Subsea Robotics", Gao, He, Stilwell and McMahon, section IV. It gives no standard errors.
 
 use pingmap_trial::Score;
 use pingmap_trial::paper::{Choice, Policy};
