@@ -73,7 +73,7 @@ fn run(options: &Options, out: Results) -> anyhow::Result<()> {
     let results = Computed::compute(experiment, options.data.is_empty(), options.seed, options.exhibit)?;
     write(options, &results, &figures)?;
     if options.json {
-        return print_json(out, &json::of(&results));
+        return print_json(out, &json::ReproductionJson::of(&results));
     }
     let tables: Vec<String> = tables(&results, options.exhibit).iter().map(Table::text).collect();
     print(out, &format!("{}\n\n{}\n\n{}", page::caveat(&results), page::kernel_line(&results), tables.join("\n")))
