@@ -30,6 +30,8 @@ impl Agent {
         let observations = learned.model.observations(self.events.iter())?;
         let fit = fitting::fit(&learned.model.prior, &observations, &messages, &self.team.limits)?;
         let own = self.own_model.insert(Arc::new(OwnModel { fit, learned })).clone();
+        // Should putting together fail, the next question tries again.
+        self.is_stale = true;
         self.put_together()?;
         Ok(&self.own_model.insert(own).learned)
     }

@@ -337,8 +337,8 @@ impl Agent {
         let public: Vec<&Summary> =
             self.number.iter().flat_map(|&number| self.live.of(number)).flat_map(|(_, p)| &p.summaries).collect();
         let others = self.messages();
-        let (mut told, mut alone, mut fused) = (nothing(), nothing(), nothing());
-        told.absorb_summaries(&public)?;
+        let (mut public_now, mut alone, mut fused) = (nothing(), nothing(), nothing());
+        public_now.absorb_summaries(&public)?;
         match &self.fit {
             Some(fit) => alone = fit.posterior_with(&[])?,
             None => fused.absorb_summaries(&others)?,
@@ -346,7 +346,7 @@ impl Agent {
         if let Some(fit) = self.own_model.as_ref().map(|own| &own.fit).or(self.fit.as_deref()) {
             fused = fit.posterior_with(&others)?;
         }
-        (self.public, self.own, self.fused) = (told, alone, fused);
+        (self.public, self.own, self.fused) = (public_now, alone, fused);
         self.unfitted.sort_by(Event::canonical_order);
         self.absorbed = 0;
         self.unread.clear();

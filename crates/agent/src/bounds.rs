@@ -37,7 +37,7 @@ impl fmt::Display for Bounds {
 }
 
 /// Coordinates: farther than anything on Earth, and near enough that no square overflows.
-pub const COORDINATE_M: Bounds = Bounds::new(-1e9, 1e9, "a number of metres, at most 1e9 from zero");
+pub const COORDINATE_M: Bounds = Bounds::new(-1e9, 1e9, "a finite number of metres, at most 1e9 from zero");
 
 /// Lengths that people give.
 pub const LENGTH_M: Bounds = Bounds::new(1e-6, 1e9, "a number of metres from 1e-6 to 1e9");
@@ -52,10 +52,10 @@ pub const KERNEL_NUMBER: Bounds = Bounds::new(1e-15, 1e15, "a positive number fr
 pub const LOG_ODDS: Bounds = Bounds::new(-1e9, 1e9, "a number, at most 1e9 from zero");
 
 /// Degrees of latitude, short of the poles.
-pub const LATITUDE_DEG: Bounds = Bounds::new(-89.999, 89.999, "between -90 and 90");
+pub const LATITUDE_DEG: Bounds = Bounds::new(-89.999, 89.999, "a number from -89.999 to 89.999");
 
 /// Degrees of longitude.
-pub const LONGITUDE_DEG: Bounds = Bounds::new(-180.0, 180.0, "from -180 to 180");
+pub const LONGITUDE_DEG: Bounds = Bounds::new(-180.0, 180.0, "a number from -180 to 180");
 
 /// Seconds of a slot.
 pub const SLOT_S: Bounds = Bounds::new(1e-3, 1e6, "a number of seconds from 0.001 to 1e6");
@@ -69,8 +69,9 @@ pub const EVENTS: Bounds = Bounds::new(1.0, 1e7, "a whole number from 1 to 10000
 /// Events of a dense fit, which takes 24 bytes for each pair of them.
 pub const DENSE_EVENTS: Bounds = Bounds::new(1.0, 20_000.0, "a whole number from 1 to 20000");
 
-/// Inducing points, of a fit or to be chosen: matrices of as many rows and columns.
-pub const INDUCING_POINTS: Bounds = Bounds::new(1.0, 10_000.0, "a whole number from 1 to 10000");
+/// Inducing points, of a fit or to be chosen. Learning chooses them from four times as many candidates, which takes two
+/// matrices of as many rows and columns.
+pub const INDUCING_POINTS: Bounds = Bounds::new(1.0, 4000.0, "a whole number from 1 to 4000");
 
 /// Events that are candidates for inducing points.
 pub const CANDIDATES: Bounds = Bounds::new(1.0, 20_000.0, "a whole number from 1 to 20000");
@@ -84,6 +85,15 @@ pub const WINDOW: Bounds = Bounds::new(1.0, 65_535.0, "a whole number from 1 to 
 /// Bytes of a frame: no packet fits into less than 32.
 pub const FRAME_BYTES: Bounds =
     Bounds::new(32.0, 65_536.0, "a whole number from 32 to 65536: no packet fits into less");
+
+/// Shares of a whole.
+pub const SHARE: Bounds = Bounds::new(0.0, 1.0, "a number from 0 to 1");
+
+/// Sea states that have a wind.
+pub const SEA_STATE: Bounds = Bounds::new(0.0, 6.0, "a number from 0 to 6");
+
+/// Worker threads; 0 takes one per core.
+pub const THREADS: Bounds = Bounds::new(0.0, 256.0, "a whole number from 0 to 256");
 
 /// How often something is repeated: splits, permutations.
 pub const REPEATS: Bounds = Bounds::new(1.0, 10_000.0, "a whole number from 1 to 10000");

@@ -143,7 +143,7 @@ impl Agent {
 
     /// The links that a packet speaks of, by sender and counter; those of others too. Nothing for a packet that does
     /// not count.
-    pub fn told_links(&self) -> Vec<(VehicleId, u16, Vec<Link>)> {
+    pub fn links_of_packets(&self) -> Vec<(VehicleId, u16, Vec<Link>)> {
         let told = |(&(sender, counter), packet): (&PacketKey, &LivePacket)| {
             let name = self.team.members.get(&sender)?.clone();
             let (_, message) = MapMessage::decode(&packet.bytes, self.seal()).ok()?;

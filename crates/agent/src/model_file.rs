@@ -317,7 +317,9 @@ impl CorrelationLayout {
             [first, ..] if correlation.ties().iter().all(|&tie| tie == 0) => LengthScales::Tied(*first),
             each => LengthScales::Each(each.to_vec()),
         };
-        let columns = correlation.columns().iter().map(|&column| names[column].clone()).collect();
+        // A column that links do not have is named all the same, so that reading refuses it.
+        let name = |&column: &usize| names.get(column).cloned().unwrap_or_else(|| format!("column {column}"));
+        let columns = correlation.columns().iter().map(name).collect();
         Self { shape: correlation.shape(), columns, length_scale_m }
     }
 

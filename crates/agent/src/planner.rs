@@ -1,4 +1,4 @@
-//! Which packet is worth the next frame (docs/method.md, section 6).
+//! Which packet is worth the next frame (section 6 of [`dgpc::method`]).
 
 use dgpc::{Candidates, Inputs, Posterior, Summary};
 use pingmap_packet::{Block, Layout};

@@ -43,6 +43,17 @@ pub enum MeanStructure {
     },
 }
 
+/// Log-odds that a conservative prior loses from range zero to its range.
+const CONSERVATIVE_LOSS: f64 = 4.0;
+
+impl MeanStructure {
+    /// Even odds at a range that people trust, falling with range by so many log-odds a metre; four over the range if
+    /// not given.
+    pub fn conservative(range_m: f64, slope_per_m: Option<f64>) -> Self {
+        Self::Conservative { range_m, slope_per_m: slope_per_m.unwrap_or(CONSERVATIVE_LOSS / range_m) }
+    }
+}
+
 /// A kernel and prior mean without their numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Structure {

@@ -160,6 +160,7 @@ impl Team {
     }
 
     /// The same team with other frames, and as many live packets as fit its memory.
+    #[must_use]
     pub fn with_frames(self, frame_bytes: usize) -> Self {
         let packets_per_sender_max = packets_per_sender_max(self.members.len(), frame_bytes);
         Self { frame_bytes, packets_per_sender_max, ..self }

@@ -50,7 +50,7 @@ fn counted(counts: &Counts) -> u64 {
 
 /// Fails unless all probabilities are probabilities: at the links told of and between them, before and after a rebuild.
 fn check_probabilities(agent: &mut Agent) -> Result<(), TestCaseError> {
-    let told = agent.told_links().into_iter().flat_map(|(_, _, links)| links);
+    let told = agent.links_of_packets().into_iter().flat_map(|(_, _, links)| links);
     let places: Vec<Link> = told.chain(somewhere()).collect();
     for _ in 0..2 {
         let p = agent.probabilities(&places);

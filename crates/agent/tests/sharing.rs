@@ -88,7 +88,7 @@ proptest! {
         let mut some = all.clone();
         receive_all(&mut all, &packets, &(0..packets.len()).collect::<Vec<_>>());
         receive_all(&mut some, &packets, &arrivals);
-        let told: Vec<Link> = all.told_links().into_iter().flat_map(|(_, _, links)| links).collect();
+        let told: Vec<Link> = all.links_of_packets().into_iter().flat_map(|(_, _, links)| links).collect();
         for places in [&places, &told] {
             for (all, some) in variances(&mut all, places).into_iter().zip(variances(&mut some, places)) {
                 prop_assert!(all <= some + 1e-9, "{} {}", all, some);
@@ -184,7 +184,7 @@ proptest! {
             };
             prop_assert_eq!(listener.receive(&packets[n], 0.0), expected);
         }
-        let counters = |agent: &Agent| agent.told_links().into_iter().map(|(_, n, _)| n.into()).collect::<Vec<usize>>();
+        let counters = |agent: &Agent| agent.links_of_packets().into_iter().map(|(_, n, _)| n.into()).collect::<Vec<usize>>();
         let latest = *arrivals.iter().max().unwrap();
         let expected: Vec<usize> = once(&arrivals).into_iter().filter(|n| n + 3 > latest).collect();
         prop_assert_eq!(counters(&listener), expected);

@@ -86,7 +86,7 @@ fn what_makes_no_team_is_refused_by_name() {
         (
             "[grid]",
             "[limits]\ninducing_points_max = 9223372036854775807\n[grid]",
-            "limits.inducing_points_max must be a whole number from 1 to 10000",
+            "limits.inducing_points_max must be a whole number from 1 to 4000",
         ),
         ("[grid]", "[limits]\ndense_events_max = 1000000\n[grid]", "limits.dense_events_max must be a whole number"),
         ("[grid]", "[limits]\ncandidates_max = 1000000\n[grid]", "limits.candidates_max must be a whole number"),

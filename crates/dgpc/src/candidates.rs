@@ -5,7 +5,7 @@
 
 use rand::{Rng, RngExt};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
 use crate::linalg::{Cholesky, Matrix, add_symmetric_product, product, squared_norm};
@@ -80,8 +80,11 @@ impl Candidates {
     /// candidates. O(n²N + N²n).
     ///
     /// # Errors
-    /// As [`Posterior::latent`].
+    /// [`Error::DifferentPriors`], and as [`Posterior::latent`].
     pub fn for_residual(public: &Posterior, own: &Posterior, inputs: &Inputs) -> Result<Self> {
+        if public.prior() != own.prior() {
+            return Err(Error::DifferentPriors { what: "two posteriors" });
+        }
         let variance = own.prior().kernel().diagonal(inputs)?;
         let (_, gram) = public.joint(inputs)?;
         Ok(Self { gram, variance, floor: own.latent(inputs)?.variance, jitter: public.jitter() })

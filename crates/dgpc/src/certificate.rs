@@ -1,7 +1,7 @@
 //! How far a sparse posterior is from the full one: bounds on the log evidence given ω, and the KL certificate (section
 //! 4 of [`crate::method`]).
 
-use crate::error::Result;
+use crate::error::{Result, finite};
 use crate::features::Features;
 use crate::inputs::Inputs;
 use crate::linalg::{Cholesky, Matrix, fill_scaled, squared_norm};
@@ -37,7 +37,8 @@ impl Certificate {
     ///
     /// # Errors
     /// [`crate::Error::NotPositiveDefinite`] when inducing points coincide too closely for any small jitter,
-    /// [`crate::Error::BadColumn`] when the prior needs columns that inputs do not have.
+    /// [`crate::Error::BadColumn`] when the prior needs columns that inputs do not have, [`crate::Error::NotFinite`]
+    /// when numbers near the end of the range overflow.
     pub fn new(prior: &Prior, sites: &Sites, inducing_points: &Inputs) -> Result<Self> {
         let features = Features::new(prior, sites.inputs(), inducing_points)?;
         let shift = sites.shift(prior.mean())?;
@@ -58,6 +59,8 @@ impl Certificate {
         let paper_closed_form =
             if sites.is_empty() { 0.0 } else { 0.5 * spread + 0.5 * squared_norm(&shift) / smallest };
         let jitter = features.cholesky.jitter();
+        let bounds = [trace, lower, upper, closed_form, paper_closed_form];
+        bounds.into_iter().try_for_each(|bound| finite("bound of a certificate", bound).map(drop))?;
         Ok(Self { trace, lower, upper, gap: (upper - lower).max(0.0), closed_form, paper_closed_form, jitter })
     }
 
@@ -89,7 +92,8 @@ fn gaussian_terms(features: &Features, omega: &[f64], shift: &[f64], slack: f64)
 /// log p(y | ω) up to the constant that [`Certificate`] leaves out too: −½ ln|Ω⁻¹ + K| − ½ cᵀ(Ω⁻¹ + K)⁻¹c. O(N³).
 ///
 /// # Errors
-/// [`crate::Error::BadColumn`] when the prior needs columns that the inputs do not have.
+/// [`crate::Error::BadColumn`] when the prior needs columns that the inputs do not have, [`crate::Error::NotFinite`]
+/// when numbers near the end of the range overflow.
 pub fn log_evidence(prior: &Prior, sites: &Sites) -> Result<f64> {
     let gram = prior.kernel().gram(sites.inputs())?;
     let roots: Vec<f64> = sites.omega().iter().map(|omega| omega.sqrt()).collect();
@@ -100,5 +104,5 @@ pub fn log_evidence(prior: &Prior, sites: &Sites) -> Result<f64> {
         sites.shift(prior.mean())?.iter().zip(&roots).map(|(shift, root)| shift / root).collect();
     cholesky.solve_lower(&mut target);
     let log_omega: f64 = sites.omega().iter().map(|omega| omega.ln()).sum();
-    Ok(-0.5 * (cholesky.log_determinant() - log_omega) - 0.5 * squared_norm(&target))
+    finite("log evidence", -0.5 * (cholesky.log_determinant() - log_omega) - 0.5 * squared_norm(&target))
 }

@@ -73,7 +73,7 @@ impl Concatenation {
     /// blocks.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] or [`Error::BadColumn`] when the inputs do not fit, [`Error::NotFinite`] when numbers
+    /// [`Error::BadColumn`] when the inputs do not fit the prior, [`Error::NotFinite`] when numbers
     /// near the end of the range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
         let mut latent =

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// Everything that `dgpc` can refuse to do. No function of this crate returns a NaN instead.
+/// Everything that `dgpc` can refuse to do. No function that returns a [`Result`] returns a NaN in it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -55,13 +55,21 @@ pub enum Error {
         /// How many columns there are.
         columns: usize,
     },
-    /// A name that no kernel shape has, or a parameter that is no number.
+    /// A name that no kernel shape has.
     #[error("no kernel shape is called {name:?}; expected one of {}", known.join(", "))]
     UnknownShape {
         /// The name as it was written.
         name: String,
         /// The names that there are.
         known: Vec<&'static str>,
+    },
+    /// What stands after the colon of a kernel shape is no number.
+    #[error("the parameter of the kernel shape {shape} must be a number, found {found:?}")]
+    BadShapeParameter {
+        /// The shape.
+        shape: &'static str,
+        /// What stands there.
+        found: String,
     },
     /// A reflection that does not lead back when it is done twice.
     #[error("a reflection done twice must lead back, but column {column} does not come back as it was")]

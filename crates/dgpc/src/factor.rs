@@ -22,7 +22,8 @@ impl Factor {
     /// A factor at M points: P (M×M, its symmetric part is taken) and η (M).
     ///
     /// # Errors
-    /// [`crate::Error::SizeMismatch`] and [`crate::Error::NotFinite`]. That P has no negative eigenvalue is checked when it is used.
+    /// [`crate::Error::SizeMismatch`] and [`crate::Error::NotFinite`]. That P has no negative eigenvalue is checked
+    /// when it is used.
     pub fn new(inducing_points: Inputs, mut precision: Matrix, shift: Vec<f64>) -> Result<Self> {
         let points = inducing_points.len();
         same_size("rows of a factor's precision, one per inducing point", points, precision.rows())?;

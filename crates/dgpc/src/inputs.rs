@@ -60,6 +60,9 @@ impl Inputs {
     }
 
     /// Point `n`, d coordinates.
+    ///
+    /// # Panics
+    /// Beyond the last point.
     pub fn row(&self, n: usize) -> &[f64] {
         &self.values[n * self.dimension..(n + 1) * self.dimension]
     }
@@ -70,12 +73,18 @@ impl Inputs {
     }
 
     /// The points at `indices`, in that order.
+    ///
+    /// # Panics
+    /// Beyond the last point.
     pub fn select(&self, indices: &[usize]) -> Self {
         let values = indices.iter().flat_map(|&n| self.row(n)).copied().collect();
         Self { values, dimension: self.dimension }
     }
 
     /// Points `range`, in order.
+    ///
+    /// # Panics
+    /// Beyond the last point.
     pub fn slice(&self, range: std::ops::Range<usize>) -> Self {
         let values = self.values[range.start * self.dimension..range.end * self.dimension].to_vec();
         Self { values, dimension: self.dimension }

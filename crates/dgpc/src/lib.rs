@@ -143,3 +143,8 @@ pub use rand;
 pub use region::LocalityRegion;
 pub use sites::Sites;
 pub use summary::Summary;
+
+/// The example of the crate's README compiles and holds.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadMe;

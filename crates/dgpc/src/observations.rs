@@ -61,6 +61,9 @@ impl Observations {
     }
 
     /// The events at `indices`, in that order.
+    ///
+    /// # Panics
+    /// Beyond the last one.
     pub fn select(&self, indices: &[usize]) -> Self {
         Self {
             inputs: self.inputs.select(indices),

@@ -111,14 +111,14 @@ fn term_ratio(n: f64, x: f64) -> f64 {
     (2.0 * n + 1.0) * (-exponent * n * (n + 1.0)).exp()
 }
 
-/// Mean of PG(b, c): b/(2c) · tanh(c/2), b/4 at c = 0.
+/// Mean of PG(b, c): b/(2c) · tanh(c/2), b/4 at c = 0. A NaN gives a NaN.
 pub fn mean(b: f64, c: f64) -> f64 {
     let c = c.abs();
     // Below 1e-4 the next term, c⁴/120, is under 1e-18.
     if c < 1e-4 { 0.25 * b * (1.0 - c * c / 12.0) } else { 0.5 * b * (0.5 * c).tanh() / c }
 }
 
-/// Variance of PG(b, c): b/(4c³) · (sinh c − c)/cosh²(c/2), b/24 at c = 0.
+/// Variance of PG(b, c): b/(4c³) · (sinh c − c)/cosh²(c/2), b/24 at c = 0. What is not finite gives a NaN.
 pub fn variance(b: f64, c: f64) -> f64 {
     let c = c.abs();
     if c < 0.1 {

@@ -105,7 +105,8 @@ impl Posterior {
     /// # Errors
     /// [`Error::DifferentPriors`] when a summary was formed under another prior (see [`Summary::under`]),
     /// [`Error::BadColumn`] or [`Error::SizeMismatch`] when inputs do not fit the prior or each other,
-    /// [`Error::NegativeEigenvalue`] for a summary that is no message.
+    /// [`Error::NegativeEigenvalue`] for a summary that is no message, [`Error::NotPositiveDefinite`] when numbers near
+    /// the end of the range overflow.
     pub fn fuse(prior: &Prior, own: &Sites, summaries: &[&Summary]) -> Result<Self> {
         let mut posterior = Self::prior_alone(prior, own.inputs().dimension());
         posterior.absorb(NewRows::lay_out(prior, 0, Some(own), summaries)?)?;
@@ -211,7 +212,7 @@ impl Posterior {
     /// points.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] or [`Error::BadColumn`] when the inputs do not fit, [`Error::NotFinite`] when numbers
+    /// [`Error::BadColumn`] when the inputs do not fit the prior, [`Error::NotFinite`] when numbers
     /// near the end of the range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
         let mut latent =
@@ -260,7 +261,8 @@ impl Posterior {
     }
 
     /// What this posterior says about f at `inducing_points`: the message that takes the prior there to this
-    /// posterior's joint mean and covariance. For a posterior of events alone this is [`Summary::marginal`]. O(Mn²).
+    /// posterior's joint mean and covariance. For a posterior of events alone this is [`Summary::marginal`]. O(Mn² +
+    /// M²n + M³).
     ///
     /// # Errors
     /// As [`Posterior::latent`] and [`Summary::empty`].
@@ -272,7 +274,7 @@ impl Posterior {
     /// What somebody who knows `known` is missing of this posterior at `inducing_points`: see [`Summary::residual`].
     ///
     /// # Errors
-    /// As [`Posterior::summarise`] of both.
+    /// [`Error::DifferentPriors`], and as [`Posterior::summarise`] of both.
     pub fn residual(&self, known: &Posterior, inducing_points: &Inputs) -> Result<Summary> {
         self.summarise(inducing_points)?.residual(&known.summarise(inducing_points)?)
     }

@@ -61,6 +61,11 @@ impl RangeMean {
         self.slope
     }
 
+    /// The distance at which the odds are even; `None` where they do not fall.
+    pub fn even_odds_distance(&self) -> Option<f64> {
+        (self.slope > 0.0).then(|| self.intercept / self.slope)
+    }
+
     /// Columns of one end.
     pub fn from(&self) -> &[usize] {
         &self.from
@@ -121,7 +126,7 @@ impl PriorMean {
     pub fn values(&self, inputs: &Inputs) -> Result<Vec<f64>> {
         match self {
             PriorMean::Zero => Ok(vec![0.0; inputs.len()]),
-            PriorMean::Constant(value) => Ok(vec![*value; inputs.len()]),
+            PriorMean::Constant(value) => Ok(vec![finite("prior mean", *value)?; inputs.len()]),
             PriorMean::Range(range) => {
                 self.check_columns(inputs)?;
                 let value = |row: &[f64]| finite("prior mean", range.intercept - range.slope * range.distance(row));

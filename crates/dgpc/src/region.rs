@@ -43,7 +43,8 @@ impl LocalityRegion {
     }
 
     /// The region around the input that has most inputs within the radius, the first of equals; of more than a thousand
-    /// inputs only a thousand are tried, spread evenly but without a period. `None` without inputs. O(N²d).
+    /// inputs only a thousand are tried, spread evenly but without a period. `None` without inputs. O(Nd · min(N,
+    /// 1000)).
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for a radius that is negative or not finite.

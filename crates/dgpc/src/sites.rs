@@ -60,6 +60,9 @@ impl Sites {
     }
 
     /// The sites at `indices`, in that order.
+    ///
+    /// # Panics
+    /// Beyond the last one.
     pub fn select(&self, indices: &[usize]) -> Self {
         Self {
             inputs: self.inputs.select(indices),

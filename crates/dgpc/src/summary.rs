@@ -356,6 +356,10 @@ impl Summary {
     }
 
     /// The kernel-free factor: exp(−½fᵀPf + ηᵀf) in f = f(Z). O(M³).
+    ///
+    /// # Errors
+    /// [`Error::NegativeEigenvalue`] when the precision has a clearly negative one, [`Error::NotFinite`] when numbers
+    /// near the end of the range overflow.
     pub fn factor(&self) -> Result<Factor> {
         let mut half = self.root()?;
         self.cholesky.solve_upper_matrix(&mut half);

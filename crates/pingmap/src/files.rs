@@ -27,9 +27,13 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 }
 
 fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    // A pipe behind /dev/stdout has no name that could be followed.
+    if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
+        return in_place(path, bytes);
+    }
     let target = behind_links(path)?;
     let known = target.metadata().ok();
-    if known.as_ref().is_some_and(|metadata| !metadata.is_file() || names(metadata) > 1) {
+    if known.as_ref().is_some_and(|metadata| names(metadata) > 1) {
         return in_place(&target, bytes);
     }
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -41,7 +45,8 @@ fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
     file.as_file().sync_all()?;
     file.persist(&target).map_err(|error| error.error)?;
-    sync_folder(folder)
+    sync_folder(folder);
+    Ok(())
 }
 
 /// What a path means once symbolic links are followed, also where the last of them points to nothing yet.
@@ -66,11 +71,17 @@ fn in_place(target: &Path, bytes: &[u8]) -> io::Result<()> {
     file.write_all(bytes)
 }
 
+/// Whether a file is called as temporary files are: the prefix, and six letters or digits.
+fn is_temporary(name: &str) -> bool {
+    let random = name.strip_prefix(PREFIX).unwrap_or_default();
+    random.len() == 6 && random.bytes().all(|letter| letter.is_ascii_alphanumeric())
+}
+
 /// Removes what earlier runs left behind when they were killed. What cannot be removed stays.
 fn clean_up(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     let now = SystemTime::now();
-    for entry in entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(PREFIX)) {
+    for entry in entries.flatten().filter(|entry| is_temporary(&entry.file_name().to_string_lossy())) {
         let touched = entry.metadata().ok().filter(std::fs::Metadata::is_file).and_then(|data| data.modified().ok());
         if touched.and_then(|touched| now.duration_since(touched).ok()).is_some_and(|age| age > STALE) {
             let _ = std::fs::remove_file(entry.path());
@@ -106,15 +117,11 @@ fn names(_: &std::fs::Metadata) -> u64 {
     1
 }
 
-/// Lets the new name reach the disk.
-#[cfg(unix)]
-fn sync_folder(folder: &Path) -> io::Result<()> {
-    File::open(folder)?.sync_all()
-}
-
-#[cfg(not(unix))]
-fn sync_folder(_: &Path) -> io::Result<()> {
-    Ok(())
+/// Lets the new name reach the disk, where the file system can: the file is in place already.
+fn sync_folder(folder: &Path) {
+    if cfg!(unix) {
+        let _ = File::open(folder).and_then(|folder| folder.sync_all());
+    }
 }
 
 #[cfg(test)]
@@ -128,16 +135,20 @@ mod tests {
     #[test]
     fn what_killed_runs_left_is_cleaned_up_and_what_is_young_is_not() {
         let folder = tempfile::tempdir().expect("a folder");
-        let [old, young, other] = [".pingmap-old", ".pingmap-young", "old"].map(|name| folder.path().join(name));
-        for path in [&old, &young, &other] {
+        let names = [".pingmap-aB3dE6", ".pingmap-aB3dE7", "old", ".pingmap-notes.txt"];
+        let [old, young, other, notes] = names.map(|name| folder.path().join(name));
+        for path in [&old, &young, &other, &notes] {
             std::fs::write(path, "x").expect("a file");
         }
-        for path in [&old, &other] {
+        for path in [&old, &other, &notes] {
             let long_ago = SystemTime::now() - 2 * STALE;
             File::options().write(true).open(path).and_then(|file| file.set_modified(long_ago)).expect("a time");
         }
         write_file(&folder.path().join("result"), b"y").expect("written");
-        assert!(!old.exists() && young.exists() && other.exists());
+        assert!(!old.exists() && young.exists() && other.exists() && notes.exists());
+        // They are called as this crate calls its own.
+        let own = aside().tempfile_in(folder.path()).expect("a file");
+        assert!(is_temporary(&own.path().file_name().expect("a name").to_string_lossy()), "{own:?}");
     }
 
     #[cfg(unix)]

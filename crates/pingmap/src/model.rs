@@ -63,7 +63,7 @@ pub fn of_events(used: usize, all: usize, noun: &str) -> String {
 pub fn warn_of_search(fit: &LearnedModel) {
     match &fit.learned.calibration {
         Calibration::AtBound(factor) => warn(format_args!(
-            "{}: its variances were multiplied by {factor:.2}, and the data ask for more than is tried",
+            "{}: its variances were multiplied by {factor:.2}, nearly the end of what is tried",
             fit.structure
         )),
         Calibration::Failed(why) => {

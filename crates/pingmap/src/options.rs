@@ -38,7 +38,7 @@ pub struct ModelSource {
 #[group(id = "Kernel", multiple = true)]
 pub struct Kernel {
     /// How covariance falls with distance
-    #[arg(long = "kernel", value_parser = shape())]
+    #[arg(long = "kernel", value_parser = ShapeParser)]
     pub shape: Option<Shape>,
     /// What the path term measures distance over
     #[arg(long, value_enum)]
@@ -72,15 +72,11 @@ pub struct Kernel {
     pub learn_events_max: usize,
 }
 
-/// Log-odds that a conservative prior loses from range zero to its range.
-const CONSERVATIVE_LOSS: f64 = 4.0;
-
 impl Kernel {
     /// The parts that are given.
     pub fn given(&self) -> Given {
         let conservative = self.conservative_range_m.map(|range_m| {
-            let slope_per_m = self.conservative_slope_per_km.map(|slope| slope / 1000.0);
-            MeanStructure::Conservative { range_m, slope_per_m: slope_per_m.unwrap_or(CONSERVATIVE_LOSS / range_m) }
+            MeanStructure::conservative(range_m, self.conservative_slope_per_km.map(|slope| slope / 1000.0))
         });
         Given {
             shape: self.shape,

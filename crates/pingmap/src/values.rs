@@ -1,16 +1,36 @@
 //! Values of options: names to choose from, and numbers within bounds.
 
-use std::str::FromStr;
+use std::ffi::OsStr;
 
-use clap::ValueEnum;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::ErrorKind;
+use clap::{Arg, Command, ValueEnum};
 use dgpc::Shape;
 use pingmap_agent::{Bounds, Criterion, MeanStructure, PathInputs, Terms, bounds};
 use pingmap_trial::paper::Policy;
 
-/// The shapes of kernels, by their names.
-pub fn shape() -> impl TypedValueParser<Value = Shape> {
-    PossibleValuesParser::new(Shape::ALL.map(Shape::name)).try_map(|name| Shape::from_str(&name))
+/// The shapes of kernels, by their names; one with a parameter takes it after a colon.
+#[derive(Clone)]
+pub struct ShapeParser;
+
+impl TypedValueParser for ShapeParser {
+    type Value = Shape;
+
+    fn parse_ref(&self, command: &Command, option: Option<&Arg>, value: &OsStr) -> Result<Shape, clap::Error> {
+        let name = value.to_string_lossy();
+        // What is no name at all is refused with a list of all names.
+        let name = if name.contains(':') { name } else { names().parse_ref(command, option, value)?.into() };
+        name.parse()
+            .map_err(|error| clap::Error::raw(ErrorKind::ValueValidation, format!("{error}\n")).with_cmd(command))
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(Shape::ALL.iter().map(|shape| PossibleValue::new(shape.name()))))
+    }
+}
+
+fn names() -> PossibleValuesParser {
+    PossibleValuesParser::new(Shape::ALL.iter().map(|shape| shape.name()))
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -168,23 +188,25 @@ pub fn whole_number(text: &str) -> Result<usize, String> {
     text.parse().map_err(|_| "expected a whole number, not negative".to_owned())
 }
 
+/// A number within bounds.
+fn number(text: &str, bounds: Bounds) -> Result<f64, String> {
+    text.parse().ok().and_then(|number| bounds.check(number)).ok_or_else(|| format!("expected {bounds}"))
+}
+
 pub fn sea_state(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|number| (0.0..=6.0).contains(number));
-    number.ok_or_else(|| "expected a number from 0 to 6".to_owned())
+    number(text, bounds::SEA_STATE)
 }
 
 pub fn positive(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().and_then(|number| bounds::POSITIVE.check(number));
-    number.ok_or_else(|| format!("expected {}", bounds::POSITIVE))
+    number(text, bounds::POSITIVE)
 }
 
 pub fn threads(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|&number| number <= 256).ok_or_else(|| "expected a whole number from 0 to 256".to_owned())
+    count(text, bounds::THREADS)
 }
 
 pub fn share(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|number| (0.0..=1.0).contains(number));
-    number.ok_or_else(|| "expected a number from 0 to 1".to_owned())
+    number(text, bounds::SHARE)
 }
 
 pub fn open_share(text: &str) -> Result<f64, String> {

@@ -151,7 +151,7 @@ fn options_out_of_range() {
         (&["--frames", "1000000000"], "a whole number from 1 to 65536"),
         (&["--repeats", "0"], "a whole number from 1 to 10000"),
         (&["--dense-events-max", "9223372036854775807"], "a whole number from 1 to 20000"),
-        (&["--inducing-points-max", "9223372036854775807"], "a whole number from 1 to 10000"),
+        (&["--inducing-points-max", "9223372036854775807"], "a whole number from 1 to 4000"),
         (&["--events-max", "9223372036854775807"], "a whole number from 1 to 10000000"),
         (&["--learn", "magic"], "possible values"),
         (&["--frame-bytes", "31"], "from 32"),
@@ -178,7 +178,7 @@ fn select_and_map_say_what_they_need() {
     // More points than there is memory for, and than there are numbers of bytes.
     for points in ["10000000000000", "9223372036854775807"] {
         let many = ["select", "events.csv", "--vehicle", "a", "--points", points];
-        refused_command(folder.path(), &many, &["--points", "a whole number from 1 to 10000"]);
+        refused_command(folder.path(), &many, &["--points", "a whole number from 1 to 4000"]);
     }
     let map = ["map", "--events", "events.csv", "--at", "0,0"];
     let with = |more: &[&'static str]| [&map[..], more].concat();

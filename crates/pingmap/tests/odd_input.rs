@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{HEADER, file, json, log, pingmap, stderr};
+use common::{HEADER, file, json, log, pingmap, stderr, stdout};
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -206,4 +206,55 @@ fn places_without_a_depth_lie_at_the_mean_depth() {
     file(folder.path(), "events.csv", content.replace(",rx_depth_m", ",note"));
     let output = pingmap(folder.path(), &["replay", "events.csv", "--frames", "1", "--repeats", "1"]);
     assert!(stderr(&output).contains("ignoring the column tx_depth_m, note"), "{}", stderr(&output));
+}
+
+/// A grid so fine that it holds no event: nothing can be told, and that is no reason to fail.
+#[test]
+fn a_grid_that_holds_nothing_leaves_nothing_to_say() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 60));
+    let run = |arguments: &[&str]| {
+        let output = pingmap(folder.path(), arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+        stdout(&output)
+    };
+    run(&["learn", "events.csv", "--terms", "path", "--prior-mean", "zero"]);
+    run(&["team", "events.csv", "--cell-m", "0.01"]);
+    let text = run(&["replay", "events.csv", "--team", "team.toml", "--repeats", "1", "--frames", "2", "--compare"]);
+    assert!(text.contains("random points"), "{text}");
+}
+
+/// Standard output has a name too, also where it is a pipe.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_pipe_is_written_to_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 60));
+    let output = pingmap(folder.path(), &["map", "--events", "events.csv", "--at", "0,0", "-o", "map.csv"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let output = pingmap(folder.path(), &["simulate", "--slots", "20", "-o", "/dev/stdout", "--json"]);
+    assert!(output.status.success() && stdout(&output).starts_with("time_s,"), "{}", stderr(&output));
+}
+
+/// A kernel shape takes its parameter after a colon, and a name that is none is refused with those that there are.
+#[test]
+fn shapes_take_their_parameter_after_a_colon() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 40));
+    let select = |shape: &str| {
+        let fixed = ["--length-scale-m", "300", "--variance", "2", "--terms", "path", "--json"];
+        let command = [&["select", "events.csv", "--vehicle", "a", "--kernel", shape][..], &fixed].concat();
+        pingmap(folder.path(), &command)
+    };
+    let output = select("rational-quadratic:0.5");
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stdout(&output).contains("rational-quadratic:"), "{}", stdout(&output));
+    for (shape, expected) in [
+        ("rational-quadratic:x", "must be a number, found \"x\""),
+        ("rational-quadratic:0", "from 0.001 to 1000"),
+        ("matern", "matern32"),
+    ] {
+        let output = select(shape);
+        assert!(output.status.code() == Some(2) && stderr(&output).contains(expected), "{shape}: {}", stderr(&output));
+    }
 }

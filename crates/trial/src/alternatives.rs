@@ -71,6 +71,10 @@ impl Alternative {
             return Ok(Said::Summaries(Vec::new()));
         }
         let speaker = Speaker::new(mission, agent)?;
+        if speaker.links.is_empty() {
+            // Nothing happened within the grid.
+            return Ok(Said::Summaries(Vec::new()));
+        }
         Ok(match self {
             Alternative::Unrounded => Said::Summaries(speaker.unrounded(mission, place, frames)?),
             Alternative::RawEvents => Said::Events(speaker.raw_events(frames)?),
@@ -183,7 +187,7 @@ impl<'a> Speaker<'a> {
     fn unrounded(&self, mission: &Mission, place: usize, frames: usize) -> Result<Vec<Summary>, AgentError> {
         let mut public = self.nobody_knows();
         let mut said = Vec::new();
-        for (_, _, links) in mission.told_links(place, frames) {
+        for (_, _, links) in mission.links_of_packets(place, frames) {
             for block in links.chunks(self.points()) {
                 let points = self.agent.model().inputs(block)?;
                 let summary = self.own.residual(&public, &points)?;

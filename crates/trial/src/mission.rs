@@ -198,12 +198,12 @@ impl Mission {
     }
 
     /// What the first `frames` packets of the vehicle at `place` speak of, as everybody reads them.
-    pub fn told_links(&self, place: usize, frames: usize) -> Vec<(VehicleId, u16, Vec<Link>)> {
+    pub fn links_of_packets(&self, place: usize, frames: usize) -> Vec<(VehicleId, u16, Vec<Link>)> {
         let mut listener = Agent::new(VehicleId::new(CENTRALISED), self.team.clone());
         for packet in self.sent(frames).nth(place).unwrap_or_default() {
             listener.receive(packet, 0.0);
         }
-        listener.told_links()
+        listener.links_of_packets()
     }
 
     /// Bytes that a vehicle sends in its first `frames` packets, mean over vehicles.

@@ -70,6 +70,7 @@ pub fn choose_points(own: &EventLog, model: &Model, query: &Query) -> Result<Reg
     let (inputs, events) = (inputs.select(&region.members), region.members.iter().map(|&n| &own.events[n]));
     let events: Vec<&Event> = events.collect();
     let candidates = Candidates::new(model.prior.kernel(), &inputs)?;
+    // The stream of the first split, which nothing else here draws from.
     let mut rng = stream(query.seed, streams::SPLITS);
     let selection = query.policy.choose(&candidates, query.points, &mut rng);
     let observations = Observations::new(inputs.clone(), events.iter().map(|event| event.success).collect())?;

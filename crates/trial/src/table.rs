@@ -197,7 +197,7 @@ impl<R: Read> Table<R> {
 
     fn metres(&self, column: &str) -> Result<f64, FileError> {
         let number = self.field(column).parse::<f64>().ok().and_then(|number| bounds::COORDINATE_M.check(number));
-        number.ok_or_else(|| self.bad(column, "a finite number of metres, at most 1e9 from zero"))
+        number.ok_or_else(|| self.bad(column, bounds::COORDINATE_M.words))
     }
 
     pub(crate) fn link(&self, has_depths: bool) -> Result<Link, FileError> {

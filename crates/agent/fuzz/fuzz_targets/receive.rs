@@ -50,8 +50,8 @@ fn hear(mut agent: Agent, bytes: &[u8]) {
         assert_eq!(receipt == Receipt::Accepted, agent.snapshot() != before, "{receipt:?}");
     }
     let place = |east_m| Position::new(east_m, 10.0);
-    let told = agent.told_links().into_iter().flat_map(|(_, _, links)| links);
-    let links: Vec<Link> = told.chain([Link { transmitter: place(-40.0), receiver: place(200.0) }]).collect();
+    let sent = agent.links_of_packets().into_iter().flat_map(|(_, _, links)| links);
+    let links: Vec<Link> = sent.chain([Link { transmitter: place(-40.0), receiver: place(200.0) }]).collect();
     let probabilities = agent.probabilities(&links).expect("packets that count leave a posterior");
     assert!(probabilities.iter().all(|p| (0.0..=1.0).contains(p)), "{probabilities:?}");
 }

@@ -91,7 +91,7 @@ pub fn variances(agent: &mut Agent, links: &[Link]) -> Vec<f64> {
 /// The links that the packets of one vehicle speak of, in the order of sending.
 pub fn told_by(agent: &Agent, sender: usize) -> Vec<Vec<Link>> {
     let name = names(sender + 1).remove(sender);
-    agent.told_links().into_iter().filter(|(id, _, _)| *id == name).map(|(_, _, links)| links).collect()
+    agent.links_of_packets().into_iter().filter(|(id, _, _)| *id == name).map(|(_, _, links)| links).collect()
 }
 
 /// A snapshot with another counter for the next packet.

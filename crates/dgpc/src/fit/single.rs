@@ -11,7 +11,8 @@ use crate::sites::Sites;
 /// event.
 ///
 /// # Errors
-/// As [`Posterior::latent`].
+/// As [`Posterior::latent`]; [`crate::Error::OutOfRange`] where the latent function is so far from zero that ω
+/// vanishes.
 pub fn sites_given(known: &Posterior, observations: &Observations) -> Result<Sites> {
     let latent = known.latent(observations.inputs())?;
     let one = |(((&mean, &variance), kappa), &weight): (((&f64, &f64), f64), &f64)| {

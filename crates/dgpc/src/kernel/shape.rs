@@ -40,8 +40,8 @@ pub enum Shape {
 
 impl Shape {
     /// Every shape, with the defaults of its parameters.
-    pub const ALL: [Shape; 4] =
-        [Shape::SquaredExponential, Shape::Matern32, Shape::Matern52, Shape::RationalQuadratic { alpha: 1.0 }];
+    pub const ALL: &[Shape] =
+        &[Shape::SquaredExponential, Shape::Matern32, Shape::Matern52, Shape::RationalQuadratic { alpha: 1.0 }];
 
     /// What it is called in files and on command lines, without its parameter.
     pub const fn name(self) -> &'static str {
@@ -157,11 +157,15 @@ impl FromStr for Shape {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let unknown = || Error::UnknownShape { name: text.to_owned(), known: Shape::ALL.map(Shape::name).to_vec() };
+        let unknown = || Error::UnknownShape {
+            name: text.to_owned(),
+            known: Shape::ALL.iter().map(|shape| shape.name()).collect(),
+        };
         let mut parts = text.split(':');
         let name = parts.next().unwrap_or_default();
-        let shape = Shape::ALL.into_iter().find(|shape| shape.name() == name).ok_or_else(unknown)?;
-        let parameters = parts.map(|part| part.parse().map_err(|_| unknown())).collect::<Result<Vec<f64>>>()?;
+        let shape = *Shape::ALL.iter().find(|shape| shape.name() == name).ok_or_else(unknown)?;
+        let bad = |part: &str| Error::BadShapeParameter { shape: shape.name(), found: part.to_owned() };
+        let parameters = parts.map(|part| part.parse().map_err(|_| bad(part))).collect::<Result<Vec<f64>>>()?;
         if parameters.is_empty() { Ok(shape) } else { shape.with_parameters(&parameters) }
     }
 }

@@ -73,10 +73,12 @@ fn shapes_refuse_parameters_out_of_their_range() {
     {
         assert!(text.parse::<Shape>().is_err(), "{text:?}");
     }
-    for shape in Shape::ALL {
+    for &shape in Shape::ALL {
         assert_eq!(shape.to_string().parse(), Ok(shape));
         assert_eq!(shape.name().parse(), Ok(shape));
     }
+    let refused = "rational-quadratic:x".parse::<Shape>().unwrap_err();
+    assert!(matches!(refused, Error::BadShapeParameter { .. }) && refused.to_string().contains("\"x\""), "{refused}");
     assert_eq!("rational-quadratic:0.25".parse(), Ok(Shape::RationalQuadratic { alpha: 0.25 }));
 }
 
@@ -215,4 +217,24 @@ fn messages_that_are_none_are_refused() {
         let factor = Factor::new(z.clone(), diagonal(value), vec![0.0; 2]).unwrap_err();
         assert!(matches!(factor, Error::NotFinite { place: Place::Entry { row: 0, column: 0 }, .. }), "{factor}");
     }
+}
+
+/// Numbers that overflow are refused where they would make a bound that is none.
+#[test]
+fn certificates_of_what_overflows_are_refused() {
+    let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, 1.0, 1.0, 1).unwrap()]).unwrap();
+    let prior = Prior::new(kernel, PriorMean::Constant(1e200)).unwrap();
+    let refused = Certificate::new(&prior, &line_sites(), &line(&[0.0]));
+    assert!(matches!(refused, Err(Error::NotFinite { .. })), "{refused:?}");
+    let refused = log_evidence(&prior, &line_sites());
+    assert!(matches!(refused, Err(Error::NotFinite { .. })), "{refused:?}");
+}
+
+#[test]
+fn posteriors_of_different_priors_have_no_residual() {
+    let [one, other] =
+        [Shape::Matern32, Shape::Matern52].map(|shape| Posterior::of_sites(&line_prior(shape), &line_sites()).unwrap());
+    let z = line(&[0.0]);
+    assert!(matches!(Candidates::for_residual(&one, &other, &z), Err(Error::DifferentPriors { .. })));
+    assert!(matches!(one.residual(&other, &z), Err(Error::DifferentPriors { .. })));
 }

@@ -227,12 +227,9 @@ fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, hel
     let mean = match best.model.prior.mean() {
         PriorMean::Constant(log_odds) => format!("  prior mean {log_odds:.2}"),
         PriorMean::Range(range) => {
-            let (intercept, slope) = (range.intercept(), range.slope());
-            format!(
-                "  prior mean {intercept:.2} - {:.2} per km: even odds at {:.0} m",
-                slope * 1000.0,
-                intercept / slope
-            )
+            let even = range.even_odds_distance();
+            let even = even.map_or_else(String::new, |distance| format!(": even odds at {distance:.0} m"));
+            format!("  prior mean {:.2} - {:.2} per km{even}", range.intercept(), range.slope() * 1000.0)
         }
         _ => "  zero prior mean".to_owned(),
     };

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pingmap_agent::{Geographic, Position};
+use pingmap_agent::{Geographic, Position, bounds};
 use pingmap_trial::EventLog;
 use serde::Serialize;
 
@@ -152,9 +152,10 @@ impl Format {
 }
 
 fn geographic((latitude_deg, longitude_deg): (f64, f64)) -> anyhow::Result<Geographic> {
-    if latitude_deg.abs() >= 90.0 || longitude_deg.abs() > 180.0 {
+    let (latitude, longitude) = (bounds::LATITUDE_DEG, bounds::LONGITUDE_DEG);
+    if latitude.check(latitude_deg).is_none() || longitude.check(longitude_deg).is_none() {
         let message = format!(
-            "--origin {latitude_deg},{longitude_deg}: expected a latitude between -90 and 90 and a longitude from -180 to 180"
+            "--origin {latitude_deg},{longitude_deg}: expected a latitude ({latitude}) and a longitude ({longitude})"
         );
         return Err(BadInput(message).into());
     }

@@ -11,7 +11,7 @@ use crate::log;
 use crate::model::{KernelJson, Known};
 use crate::options::ModelSource;
 use crate::output::{BadInput, Results, count, note, print, print_json, spinner, table, warn};
-use crate::values::{PolicyName, events, inducing_points, name_of, positive, quadruple, threads};
+use crate::values::{PolicyName, dense_events, inducing_points, name_of, positive, quadruple, threads};
 
 /// Choose the inducing points that sum up a locality region, with the certificate of the choice
 #[derive(Args)]
@@ -39,7 +39,7 @@ pub struct Options {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Sum up at most so many events of the region, those nearest to its centre
-    #[arg(long, default_value_t = 1000, value_parser = events)]
+    #[arg(long, default_value_t = 1000, value_parser = dense_events)]
     pub events_max: usize,
     /// Worker threads; 0 takes one per core. Results do not depend on it
     #[arg(long, default_value_t = 0, value_parser = threads)]

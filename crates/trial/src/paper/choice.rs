@@ -59,7 +59,7 @@ impl Choice {
     }
 }
 
-/// Where ω comes from (docs/method.md, section 2).
+/// Where ω comes from (section 2 of [`dgpc::method`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Omega {
     /// The last draw of a Gibbs chain: the paper's.
@@ -84,7 +84,7 @@ impl Omega {
     }
 }
 
-/// What a team predicts from (docs/method.md, section 6).
+/// What a team predicts from (section 6 of [`dgpc::method`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fusion {
     /// Everybody's packets, concatenated: the paper's.

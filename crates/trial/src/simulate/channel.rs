@@ -6,8 +6,8 @@ use super::acoustics::{
     Seawater, ambient_noise_db, francois_garrison_db_per_km, spreading_loss_db, sum_of_levels_db, thorp_db_per_km,
     wind_of_sea_state_m_per_s,
 };
+use super::error::{SimulationError, within};
 use super::sea_floor::SeaFloor;
-use super::{SimulationError, within};
 
 /// How absorption is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,9 +2,10 @@
 //! published formulas (docs/method.md, section 11). It is a stand-in for measured data: sound travels in straight
 //! lines, without refraction or multipath.
 
+mod error;
 mod acoustics;
-mod channel;
 mod sea_floor;
+mod channel;
 mod survey;
 
 use pingmap_agent::{Event, Link, Position, VehicleId};
@@ -17,10 +18,12 @@ pub use acoustics::{
     thorp_db_per_km, wind_of_sea_state_m_per_s,
 };
 pub use channel::{Absorption, Channel, Sound};
+pub use error::SimulationError;
 pub use sea_floor::{Mound, Ridge, SeaFloor};
 
 use crate::event_log::EventLog;
 use crate::streams::{self, stream};
+use error::within;
 use survey::Legs;
 
 /// Most vehicles of a simulated team.
@@ -71,18 +74,6 @@ pub struct Simulation {
     pub mound_m: f64,
     /// Seed of everything random.
     pub seed: u64,
-}
-
-/// Numbers that no trial can have.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{what} is {value}; expected {expected}")]
-pub struct SimulationError {
-    /// Which number.
-    pub what: &'static str,
-    /// What it is.
-    pub value: f64,
-    /// What it can be.
-    pub expected: String,
 }
 
 impl Default for Simulation {
@@ -210,12 +201,6 @@ impl Simulation {
         let depth_m = rounded(self.depth_m.min(above_floor_m).max(DEPTH_MIN_M), 10.0);
         Position { east_m, north_m, depth_m: Some(depth_m) }
     }
-}
-
-/// Refuses what lies outside, and NaN.
-fn within(what: &'static str, value: f64, low: f64, high: f64) -> Result<(), SimulationError> {
-    let expected = format!("a number from {low} to {high}");
-    if (low..=high).contains(&value) { Ok(()) } else { Err(SimulationError { what, value, expected }) }
 }
 
 fn rounded(value: f64, parts: f64) -> f64 {

@@ -60,14 +60,14 @@ impl Pictures {
         let at = last_position(viewer).unwrap_or_else(|| replayed.log.events[0].link.receiver);
         let posterior = viewer.posterior()?.clone();
         let map = SuccessMap::new(&posterior, viewer.model(), &replayed.log.events, at, End::Tx, None)?;
-        let mut told = viewer.told_links();
-        told.extend(mission.told_links(0, frames));
+        let mut sent = viewer.links_of_packets();
+        sent.extend(mission.links_of_packets(0, frames));
         Ok(Self {
             viewer: viewer.id().clone(),
             frames,
             split: split.name.clone(),
             map: map.figure(&replayed.log.events),
-            packets: packets_figure(replayed, &told),
+            packets: packets_figure(replayed, &sent),
         })
     }
 }
@@ -78,12 +78,12 @@ fn last_position(agent: &Agent) -> Option<Position> {
 }
 
 /// The links of packets, by sender and counter.
-type Told = Vec<(VehicleId, u16, Vec<Link>)>;
+type Sent = Vec<(VehicleId, u16, Vec<Link>)>;
 
 /// The inducing points that everybody sent, as arrows from transmitter to receiver over the tracks.
-fn packets_figure(replayed: &Replayed, told: &Told) -> Figure {
+fn packets_figure(replayed: &Replayed, sent: &Sent) -> Figure {
     let mut arrows: BTreeMap<&VehicleId, Vec<(Point, Point)>> = BTreeMap::new();
-    for (sender, _, links) in told.iter().filter(|(_, counter, _)| usize::from(*counter) < PACKETS_DRAWN) {
+    for (sender, _, links) in sent.iter().filter(|(_, counter, _)| usize::from(*counter) < PACKETS_DRAWN) {
         let end = |place: Position| (place.east_m, place.north_m);
         let pairs = links.iter().map(|link| (end(link.transmitter), end(link.receiver)));
         arrows.entry(sender).or_default().extend(pairs);
