@@ -40,8 +40,7 @@ impl Summary {
     /// O(M³).
     ///
     /// # Errors
-    /// As [`Summary::empty`], [`Error::SizeMismatch`], and [`Error::NotFinite`]. That Ĝ has no negative eigenvalue is
-    /// checked when it is used.
+    /// As [`Summary::empty`], [`Error::SizeMismatch`], and [`Error::NotFinite`]; a negative eigenvalue of Ĝ shows in use.
     pub fn from_whitened(prior: &Prior, inducing_points: &Inputs, precision: Matrix, shift: Vec<f64>) -> Result<Self> {
         let points = inducing_points.len();
         same_size("rows of a summary's precision, one per inducing point", points, precision.rows())?;
@@ -164,8 +163,7 @@ impl Summary {
         Ok(())
     }
 
-    /// Takes the message of another summary at the same points away. The result is a message only if `other` was part
-    /// of it.
+    /// Takes the message of another summary at the same points away; only what was part of it leaves a message.
     ///
     /// # Errors
     /// [`Error::DifferentPriors`] or [`Error::DifferentInducingPoints`].
