@@ -49,7 +49,7 @@ fn everything_is_read_back_the_same() {
 /// Changes one place of what is written down, and expects it to be refused for this reason.
 fn refused<T: Serialize + DeserializeOwned>(value: &T, place: &str, bad: Value, why: &str) {
     let mut json = serde_json::to_value(value).unwrap();
-    *json.pointer_mut(place).unwrap_or_else(|| panic!("no {place} in {json}")) = bad;
+    *json.pointer_mut(place).unwrap_or_else(|| panic!("no {place} in what is written down")) = bad;
     let error = serde_json::from_value::<T>(json).err().unwrap_or_else(|| panic!("{place} was taken"));
     assert!(error.to_string().contains(why), "{place}: {error}");
 }
