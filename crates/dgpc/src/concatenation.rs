@@ -2,13 +2,10 @@
 
 use crate::error::{Error, Result};
 use crate::inputs::Inputs;
-use crate::latent::{Latent, clipped};
+use crate::latent::Latent;
 use crate::linalg::{Cholesky, Matrix, dot, product, squared_norm};
 use crate::prior::Prior;
 use crate::summary::Summary;
-
-/// Points that one block of predictions takes, so that memory stays bounded for any number of points.
-const BLOCK: usize = 512;
 
 /// Concatenation: the means and covariances of several summaries stacked, block by block.
 ///
@@ -76,21 +73,18 @@ impl Concatenation {
     /// [`Error::BadColumn`] when the inputs do not fit the prior, [`Error::NotFinite`] when numbers
     /// near the end of the range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
-        let mut latent =
-            Latent { mean: self.prior.mean().values(inputs)?, variance: self.prior.kernel().diagonal(inputs)? };
-        for first in (0..inputs.len()).step_by(BLOCK) {
-            let block = inputs.slice(first..inputs.len().min(first + BLOCK));
-            let mut features = self.prior.kernel().cross(&self.support, &block)?;
+        Latent::in_blocks(&self.prior, inputs, |block, mean, variance| {
+            let mut features = self.prior.kernel().cross(&self.support, block)?;
             self.gram.solve_lower_matrix(&mut features);
             let stacked = product(self.covariance.view(), features.view());
-            for n in 0..block.len() {
-                let (features, variance) = (features.column(n), &mut latent.variance[first + n]);
-                latent.mean[first + n] += dot(features, &self.weights);
+            for (n, (mean, variance)) in mean.iter_mut().zip(variance).enumerate() {
+                let features = features.column(n);
+                *mean += dot(features, &self.weights);
                 *variance += dot(features, stacked.column(n));
-                *variance = clipped(*variance - squared_norm(features));
+                *variance -= squared_norm(features);
             }
-        }
-        latent.checked()
+            Ok(())
+        })
     }
 
     /// Probability of success at every point. See [`Concatenation::latent`].

@@ -1,7 +1,12 @@
 //! From latent mean and variance to the probability of success (section 6 of [`crate::method`]).
 
 use crate::error::{Result, all_finite};
+use crate::inputs::Inputs;
+use crate::prior::Prior;
 use crate::special::{logistic, normal_cdf};
+
+/// Points that one block of predictions takes, so that memory stays bounded for any number of points.
+const BLOCK: usize = 512;
 
 /// The latent function at some points: mean and variance of each.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,11 +18,23 @@ pub struct Latent {
 }
 
 impl Latent {
-    /// Checks that every number is finite.
-    pub(crate) fn checked(self) -> Result<Self> {
-        all_finite("latent mean", &self.mean)?;
-        all_finite("latent variance", &self.variance)?;
-        Ok(self)
+    /// The prior's moments at every point, to which `learned` adds what is known: it is given some points, their means
+    /// and their variances. Variances that rounding made negative become 0, and all numbers are checked to be finite.
+    pub(crate) fn in_blocks(
+        prior: &Prior,
+        inputs: &Inputs,
+        mut learned: impl FnMut(&Inputs, &mut [f64], &mut [f64]) -> Result<()>,
+    ) -> Result<Self> {
+        let mut mean = prior.mean().values(inputs)?;
+        let mut variance = prior.kernel().diagonal(inputs)?;
+        for first in (0..inputs.len()).step_by(BLOCK) {
+            let block = first..inputs.len().min(first + BLOCK);
+            learned(&inputs.slice(block.clone()), &mut mean[block.clone()], &mut variance[block])?;
+        }
+        variance.iter_mut().for_each(|variance| *variance = clipped(*variance));
+        all_finite("latent mean", &mean)?;
+        all_finite("latent variance", &variance)?;
+        Ok(Self { mean, variance })
     }
 
     /// Probability of success at every point: [`success_probability`] of each mean and variance.
@@ -27,7 +44,7 @@ impl Latent {
 }
 
 /// A variance that rounding may have made negative; what is not a number stays so, to be refused.
-pub(crate) fn clipped(variance: f64) -> f64 {
+fn clipped(variance: f64) -> f64 {
     if variance < 0.0 { 0.0 } else { variance }
 }
 

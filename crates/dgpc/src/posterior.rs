@@ -2,14 +2,11 @@
 
 use crate::error::{Error, Result, same_size};
 use crate::inputs::Inputs;
-use crate::latent::{Latent, clipped};
+use crate::latent::Latent;
 use crate::linalg::{Cholesky, Matrix, dot, multiply_rows, product, squared_norm};
 use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
-
-/// Points that one block of predictions takes, so that memory stays bounded for any number of points.
-const BLOCK: usize = 512;
 
 /// A Gaussian posterior over the latent function that predicts anywhere.
 ///
@@ -215,21 +212,17 @@ impl Posterior {
     /// [`Error::BadColumn`] when the inputs do not fit the prior, [`Error::NotFinite`] when numbers
     /// near the end of the range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
-        let mut latent =
-            Latent { mean: self.prior.mean().values(inputs)?, variance: self.prior.kernel().diagonal(inputs)? };
-        for first in (0..inputs.len()).step_by(BLOCK) {
-            let block = inputs.slice(first..inputs.len().min(first + BLOCK));
-            let mut features = self.features(&block)?;
-            for n in 0..block.len() {
-                latent.mean[first + n] += dot(features.column(n), &self.weights);
+        Latent::in_blocks(&self.prior, inputs, |block, mean, variance| {
+            let mut features = self.features(block)?;
+            for (n, mean) in mean.iter_mut().enumerate() {
+                *mean += dot(features.column(n), &self.weights);
             }
             self.explain(&mut features);
-            for n in 0..block.len() {
-                let variance = &mut latent.variance[first + n];
-                *variance = clipped(*variance - squared_norm(features.column(n)));
+            for (n, variance) in variance.iter_mut().enumerate() {
+                *variance -= squared_norm(features.column(n));
             }
-        }
-        latent.checked()
+            Ok(())
+        })
     }
 
     /// Probability of success at every point. See [`Posterior::latent`].
