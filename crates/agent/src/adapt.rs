@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use crate::agent::{Agent, OwnModel};
+use crate::agent::Agent;
 use crate::agent_error::AgentError;
+use crate::beliefs::{OwnModel, summaries};
 use crate::fitting;
 use crate::learning::{LearnedModel, Learning};
 use crate::model::Model;
@@ -16,28 +17,29 @@ impl Agent {
     /// # Errors
     /// As [`Learning::best`].
     pub fn adapt(&mut self, learning: &Learning) -> Result<&LearnedModel, AgentError> {
-        self.refit_if_due()?;
-        let Model { chart, inputs, .. } = self.team.model;
-        let messages = self.messages();
-        let events = self.events.iter();
-        let learned = match &self.own_model {
+        self.refit()?;
+        let heard = self.heard();
+        let packets: Vec<_> = heard.iter().filter_map(|&key| self.memory.packets.get(key).cloned()).collect();
+        let messages = summaries(&packets);
+        let Model { chart, inputs, .. } = *self.model();
+        let events = self.memory.events.iter();
+        let learned = match &self.beliefs.own_model {
             Some(own) => {
                 let earlier = &own.learned;
                 learning.fit(&earlier.structure, chart, inputs, events, &messages, Some(earlier))?
             }
             None => learning.best(chart, inputs, events, &messages)?,
         };
-        let observations = learned.model.observations(self.events.iter())?;
-        let fit = fitting::fit(&learned.model.prior, &observations, &messages, &self.team.limits)?;
-        let own = self.own_model.insert(Arc::new(OwnModel { fit, learned })).clone();
-        // Should putting together fail, the next question tries again.
-        self.is_stale = true;
-        self.put_together()?;
-        Ok(&self.own_model.insert(own).learned)
+        let observations = learned.model.observations(self.memory.events.iter())?;
+        let fit = fitting::fit(&learned.model.prior, &observations, &messages, &self.team().limits, None)?;
+        let own = self.beliefs.own_model.insert(Arc::new(OwnModel { fit, learned })).clone();
+        self.beliefs.invalidate();
+        self.update()?;
+        Ok(&self.beliefs.own_model.insert(own).learned)
     }
 
     /// The model it learned by itself, if it did.
     pub fn own_model(&self) -> Option<&LearnedModel> {
-        self.own_model.as_ref().map(|own| &own.learned)
+        self.beliefs.own_model.as_ref().map(|own| &own.learned)
     }
 }

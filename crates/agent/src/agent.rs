@@ -3,31 +3,29 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use dgpc::{Fit, Posterior, Sites, Summary};
+use dgpc::{Posterior, Sites};
 
 use crate::agent_error::AgentError;
+use crate::beliefs::{Beliefs, Start};
+use crate::entry::Entry;
 use crate::event::{Event, Link, VehicleId};
-use crate::fitting::{self, FitQuality};
-use crate::limits::Limits;
-use crate::live::{LivePackets, PacketKey};
+use crate::events::Numbered;
+use crate::fitting::FitQuality;
+use crate::frames::Frames;
+use crate::memory::{Applied, Arrived, Memory};
 use crate::model::Model;
-use crate::receipt::Counts;
+use crate::packets::PacketKey;
+use crate::receipt::{Counts, Receipt};
 use crate::team::Team;
-
-/// A prior of its own that a vehicle predicts under, and the fit of its events under it.
-#[derive(Debug)]
-pub(crate) struct OwnModel {
-    pub(crate) fit: Fit,
-    #[cfg(feature = "learn")]
-    pub(crate) learned: crate::learning::LearnedModel,
-}
 
 /// One vehicle. Events may arrive late and in any order; packets may be lost, repeated and reordered. It does no input
 /// or output and knows no clock.
 ///
-/// What it knows is held in three posteriors: of its own events alone, of what it sent alone (what any listener can
-/// know by it), and of its own events with all that others sent. Each grows by what arrives, at O(n²) for an event or
-/// packet on top of n events and inducing points; [`Agent::rebuild_posteriors`] makes all of them afresh.
+/// What it remembers is a set of entries ([`Entry`]): its events, the packets that it heard, those that it sent. What it
+/// believes follows from that set, and is held in three posteriors: of its own events alone, of what it sent alone (what
+/// any listener can know by it), and of its own events with all that others sent. Each grows by what arrives, at O(n²)
+/// for an event or packet on top of n events and inducing points. Nothing is fitted but by [`Agent::refit`], which is
+/// due after 64 events; [`Agent::rebuild_posteriors`] makes everything afresh.
 ///
 /// ```
 /// use pingmap_agent::*;
@@ -45,6 +43,9 @@ pub(crate) struct OwnModel {
 /// for (time_s, east_m, success) in [(0.0, 100.0, true), (10.0, 200.0, true), (20.0, 900.0, false)] {
 ///     let [receiver_id, transmitter_id] = names.clone();
 ///     alice.observe(Event { time_s, transmitter_id, receiver_id, link: link(east_m), success })?;
+///     if alice.refit_due() {
+///         alice.refit()?;
+///     }
 /// }
 /// let frame = alice.next_packet(30.0, 32)?.expect("there is something to tell");
 /// assert!(frame.len() <= 32);
@@ -59,79 +60,34 @@ pub(crate) struct OwnModel {
 #[derive(Debug, Clone)]
 pub struct Agent {
     pub(crate) id: VehicleId,
-    /// Its number in the team, if it is a member.
-    pub(crate) number: Option<u8>,
-    pub(crate) team: Arc<Team>,
-    pub(crate) digest: [u8; 32],
-    /// In [`Event::canonical_order`], so that fits do not depend on the order of arrival; shared by copies of the
-    /// agent.
-    pub(crate) events: Arc<Vec<Event>>,
-    pub(crate) live: LivePackets,
-    /// Counter of its next packet.
-    pub(crate) counter_next: u32,
-    /// How often each live packet of its own was sent again.
-    pub(crate) repeats: BTreeMap<u16, u8>,
+    pub(crate) memory: Memory,
+    pub(crate) beliefs: Beliefs,
+    /// Whether it records what any receiver heard.
+    owns_all_events: bool,
+    /// Members that it does not listen to.
+    pub(crate) muted: BTreeSet<u8>,
     pub(crate) counts: Counts,
     pub(crate) heard_s: BTreeMap<u8, f64>,
-    /// The last fit of its own events under the team's model.
-    pub(crate) fit: Option<Arc<Fit>>,
-    /// Its own model, if it learned one.
-    pub(crate) own_model: Option<Arc<OwnModel>>,
-    /// Its own events under the team's model.
-    pub(crate) own: Posterior,
-    /// What it sent, under the team's model.
-    pub(crate) public: Posterior,
-    /// Its own events and what others sent, under its own model if it has one.
-    pub(crate) fused: Posterior,
-    /// Packets that are not in the posteriors yet.
-    pub(crate) unread: BTreeSet<PacketKey>,
-    /// Whether the posteriors must be put together anew: after a fit, or when something went that they cannot forget.
-    pub(crate) is_stale: bool,
-    /// Events since the last fit.
-    pub(crate) unfitted: Vec<Event>,
-    /// How many of these are in the posteriors, from the first on.
-    pub(crate) absorbed: usize,
-    /// The frame for which the last attempt found nothing worth sending, if nothing happened since.
-    pub(crate) nothing_new_in: Option<usize>,
-}
-
-impl OwnModel {
-    /// The same model with another fit of the events.
-    fn with(&self, fit: Fit) -> Self {
-        Self {
-            fit,
-            #[cfg(feature = "learn")]
-            learned: self.learned.clone(),
-        }
-    }
 }
 
 impl Agent {
     /// A vehicle that has seen nothing. Who is not a member of the team listens only.
     pub fn new(id: VehicleId, team: Arc<Team>) -> Self {
-        let nothing = Posterior::prior_alone(&team.model.prior, team.model.inputs.dimension());
         Self {
-            number: team.number(&id),
+            beliefs: Beliefs::new(&team.model),
+            memory: Memory::new(Frames::new(team.clone()), team.number(&id)),
             id,
-            digest: team.digest(),
-            events: Arc::default(),
-            live: LivePackets::new(team.packets_per_sender_max),
-            counter_next: 0,
-            repeats: BTreeMap::new(),
+            owns_all_events: false,
+            muted: BTreeSet::new(),
             counts: Counts::default(),
             heard_s: BTreeMap::new(),
-            fit: None,
-            own_model: None,
-            own: nothing.clone(),
-            public: nothing.clone(),
-            fused: nothing,
-            unread: BTreeSet::new(),
-            is_stale: false,
-            unfitted: Vec::new(),
-            absorbed: 0,
-            nothing_new_in: None,
-            team,
         }
+    }
+
+    /// The same vehicle, but it records the events of any receiver as its own: somebody on shore with everybody's log.
+    #[must_use]
+    pub fn owning_all_events(self) -> Self {
+        Self { owns_all_events: true, ..self }
     }
 
     /// Who it is.
@@ -141,22 +97,22 @@ impl Agent {
 
     /// Whether it has a number to send under.
     pub fn is_member(&self) -> bool {
-        self.number.is_some()
+        self.memory.own.is_some()
     }
 
     /// What the team agreed on.
     pub fn team(&self) -> &Team {
-        &self.team
+        &self.memory.frames.team
     }
 
     /// The packet model.
     pub fn model(&self) -> &Model {
-        &self.team.model
+        &self.team().model
     }
 
     /// Its own events, in canonical order.
-    pub fn events(&self) -> &[Event] {
-        &self.events
+    pub fn events(&self) -> impl ExactSizeIterator<Item = &Event> + Clone {
+        self.memory.events.iter()
     }
 
     /// Packets received, by what became of them.
@@ -166,19 +122,45 @@ impl Agent {
 
     /// How many packets count at present, its own included.
     pub fn live_packets(&self) -> usize {
-        self.live.len()
+        self.memory.told().count() + self.heard().len()
     }
 
     /// When a member was last heard by a packet that counted.
     pub fn heard_s(&self, member: &VehicleId) -> Option<f64> {
-        self.team.number(member).and_then(|number| self.heard_s.get(&number)).copied()
+        self.team().number(member).and_then(|number| self.heard_s.get(&number)).copied()
     }
 
-    /// Records an event of its own. Once in 64 events all are fitted again. Beyond [`Limits::events_max`] the oldest
-    /// go, a sixteenth at a time. O(log N) to find its place.
+    /// How many counters of a member, or of the vehicle's own, stand on different packets at present: two vehicles go
+    /// by its number, or it lost its memory. None of these packets counts.
+    pub fn conflicts(&self, member: &VehicleId) -> usize {
+        self.team().number(member).map_or(0, |number| self.memory.packets.conflicts(number))
+    }
+
+    /// Takes no more notice of a member, until [`Agent::unmute`]. What it says is remembered all the same: muting and
+    /// unmuting choose from what is there, and may come before it or after. No part of a snapshot. Names that are no
+    /// member's, and the vehicle's own, change nothing.
+    pub fn mute(&mut self, member: &VehicleId) {
+        self.muted.extend(self.team().number(member));
+    }
+
+    /// Listens to a member again.
+    pub fn unmute(&mut self, member: &VehicleId) {
+        if let Some(number) = self.team().number(member) {
+            self.muted.remove(&number);
+        }
+    }
+
+    /// Packets of others that count.
+    pub(crate) fn heard(&self) -> BTreeSet<PacketKey> {
+        self.memory.heard().filter(|(sender, _)| !self.muted.contains(sender)).collect()
+    }
+
+    /// Records an event of its own, and does nothing else; [`Agent::refit_due`] says when it is time for more. Beyond
+    /// [`crate::Limits::events_max`] those go that were recorded first, a sixteenth at a time. O(log N) to find its place.
     ///
     /// # Errors
-    /// [`AgentError::Method`] for a time or position that is not finite.
+    /// [`AgentError::NotMine`] for an event of another receiver (but see [`Agent::owning_all_events`]),
+    /// [`AgentError::NoTime`] and [`AgentError::Nowhere`] for numbers that are none.
     pub fn observe(&mut self, event: Event) -> Result<(), AgentError> {
         self.observe_all([event])
     }
@@ -188,34 +170,86 @@ impl Agent {
     /// # Errors
     /// As [`Agent::observe`], and then none is recorded.
     pub fn observe_all(&mut self, new: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
-        let new: Vec<Event> = new.into_iter().collect();
-        self.team.model.inputs(new.iter().map(|event| &event.link))?;
-        // Time, and depths that the model does not look at.
-        for (row, event) in new.iter().enumerate() {
-            let depths = event.link.ends().into_iter().filter_map(|end| end.depth_m).map(|depth| ("depth", depth));
-            let mut numbers = [("time of an event", event.time_s)].into_iter().chain(depths);
-            if let Some((what, value)) = numbers.find(|(_, value)| !value.is_finite()) {
-                return Err(dgpc::Error::NotFinite { what, place: dgpc::Place::Element(row), value }.into());
-            }
+        let mut numbered = Vec::new();
+        for (number, event) in (self.memory.events.count()..).zip(new) {
+            self.check_owner(&event)?;
+            numbered.push(Numbered { number, event });
         }
-        if new.is_empty() {
+        self.remember(numbered)
+    }
+
+    /// Remembers events, or none of them.
+    pub(crate) fn remember(&mut self, events: Vec<Numbered>) -> Result<(), AgentError> {
+        let change = self.memory.record(events)?;
+        self.beliefs.note(change);
+        Ok(())
+    }
+
+    fn check_owner(&self, event: &Event) -> Result<(), AgentError> {
+        if self.owns_all_events || event.receiver_id == self.id {
             return Ok(());
         }
-        let events = Arc::make_mut(&mut self.events);
-        if let [event] = new.as_slice() {
-            let place = events.partition_point(|known| known.canonical_order(event).is_le());
-            events.insert(place, event.clone());
-        } else {
-            events.extend(new.iter().cloned());
-            events.sort_by(Event::canonical_order);
+        Err(AgentError::NotMine { id: self.id.clone(), receiver: event.receiver_id.clone() })
+    }
+
+    /// Remembers what a journal holds. Any order will do, and parts of a journal may be applied twice or overlap with a
+    /// snapshot. Fits nothing.
+    ///
+    /// # Errors
+    /// As [`Agent::observe`], and [`AgentError::NumberTooLarge`]. A frame that is not the team's is no error: the
+    /// receipt says so.
+    pub fn apply(&mut self, entry: Entry) -> Result<Receipt, AgentError> {
+        if let Entry::Observed { event, .. } = &entry {
+            self.check_owner(event)?;
         }
-        // A sixteenth at a time: whoever forgets must fit again.
-        let Limits { events_max, .. } = self.team.limits;
-        let beyond = if events.len() > events_max { events.len() - events_max + events_max / 16 } else { 0 };
-        events.drain(..beyond);
-        self.unfitted.extend(new);
-        self.nothing_new_in = None;
-        if beyond > 0 || self.unfitted.len() > UNFITTED_MAX { self.refit() } else { Ok(()) }
+        match self.memory.apply(entry)? {
+            Applied::Event(change) => {
+                self.beliefs.note(change);
+                Ok(Receipt::Accepted)
+            }
+            Applied::Frame(Arrived { receipt, .. }) => {
+                self.counts.count(&receipt);
+                Ok(receipt)
+            }
+        }
+    }
+
+    /// The numbers under which its next event and the next frame that it sends are to stand in a journal: what
+    /// [`Agent::observe`] and [`Agent::next_packet`] are about to use.
+    pub fn numbers_next(&self) -> (u64, u64) {
+        (self.memory.events.count(), self.memory.sent_next())
+    }
+
+    /// Whether it is time to [`Agent::refit`]: more than 64 events have come, or gone, since the last fit. Predictions
+    /// take in the first 64 of them as they come; more wait.
+    pub fn refit_due(&self) -> bool {
+        self.beliefs.refit_due()
+    }
+
+    /// Fits its own events again if any came or went since the last time, beginning at the last fit. O(N³) an iteration
+    /// up to [`crate::Limits::dense_events_max`] events, O(NM²) with M = [`crate::Limits::inducing_points_max`] beyond.
+    ///
+    /// # Errors
+    /// [`AgentError::Method`] when the method refuses; then the last fit stays.
+    pub fn refit(&mut self) -> Result<(), AgentError> {
+        self.beliefs.refit(&self.memory, &self.heard(), Start::Warm)
+    }
+
+    /// Fits its own events anew, and puts everything together in canonical order: what comes of it depends on nothing
+    /// but the events, the live packets and the model it learned, if it did (`Agent::adapt`; that fits its events with
+    /// what was heard until then). As dear as a first [`Agent::refit`], plus O(n³).
+    ///
+    /// # Errors
+    /// [`AgentError::Method`] when the method refuses.
+    pub fn rebuild_posteriors(&mut self) -> Result<(), AgentError> {
+        self.beliefs.refit(&self.memory, &self.heard(), Start::Cold)?;
+        self.beliefs.invalidate();
+        self.update()
+    }
+
+    /// Takes what arrived into the posteriors.
+    pub(crate) fn update(&mut self) -> Result<(), AgentError> {
+        self.beliefs.update(&self.memory, self.heard())
     }
 
     /// Probability of success over a link.
@@ -226,13 +260,13 @@ impl Agent {
         Ok(self.probabilities(std::slice::from_ref(link))?[0])
     }
 
-    /// Probability of success over each link. Takes in what arrived since the last time, and fits nothing again. O(n²)
-    /// a link.
+    /// Probability of success over each link. Takes in what arrived since the last time, up to 64 events beside the last
+    /// fit, and fits nothing again: see [`Agent::refit_due`]. O(n²) a link.
     ///
     /// # Errors
     /// As [`Agent::probability`].
     pub fn probabilities(&mut self, links: &[Link]) -> Result<Vec<f64>, AgentError> {
-        let inputs = self.team.model.inputs(links)?;
+        let inputs = self.model().inputs(links)?;
         Ok(self.posterior()?.probability(&inputs)?)
     }
 
@@ -241,8 +275,8 @@ impl Agent {
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.
     pub fn posterior(&mut self) -> Result<&Posterior, AgentError> {
-        self.absorb_pending()?;
-        Ok(&self.fused)
+        self.update()?;
+        Ok(&self.beliefs.fused)
     }
 
     /// Its own events alone, under the team's model.
@@ -250,126 +284,22 @@ impl Agent {
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.
     pub fn own_posterior(&mut self) -> Result<&Posterior, AgentError> {
-        self.absorb_pending()?;
-        Ok(&self.own)
+        self.update()?;
+        Ok(&self.beliefs.own)
     }
 
     /// The sites of its own events in the last fit, under the team's model; `None` before the first.
     pub fn sites(&self) -> Option<&Sites> {
-        self.fit.as_ref().map(|fit| fit.sites())
-    }
-
-    /// Takes what arrived into the posteriors: O(n²) for every event and point. After a fit, or when packets fell out
-    /// of their window, they are put together anew, O(n³). Nothing is fitted here.
-    pub(crate) fn absorb_pending(&mut self) -> Result<(), AgentError> {
-        if self.is_stale {
-            self.put_together()?;
-        }
-        let absorbed = self.absorb_events().and_then(|()| self.absorb_packets());
-        self.is_stale = absorbed.is_err();
-        absorbed
-    }
-
-    fn absorb_events(&mut self) -> Result<(), AgentError> {
-        for event in &self.unfitted[self.absorbed..] {
-            let observation = self.team.model.observations([event])?;
-            let site = dgpc::sites_given(&self.own, &observation)?;
-            self.own.absorb_events(&site)?;
-            // Under its own model an event has another site.
-            let site = if self.own_model.is_some() { dgpc::sites_given(&self.fused, &observation)? } else { site };
-            self.fused.absorb_events(&site)?;
-        }
-        self.absorbed = self.unfitted.len();
-        Ok(())
-    }
-
-    fn absorb_packets(&mut self) -> Result<(), AgentError> {
-        let keys = std::mem::take(&mut self.unread);
-        let (own, others): (Vec<PacketKey>, _) = keys.into_iter().partition(|key| Some(key.0) == self.number);
-        let said = |keys: &[PacketKey]| -> Vec<&Summary> {
-            keys.iter().filter_map(|&key| self.live.get(key)).flat_map(|packet| &packet.summaries).collect()
-        };
-        self.public.absorb_summaries(&said(&own))?;
-        let prior = self.fused.prior();
-        let others: Vec<_> =
-            said(&others).into_iter().map(|summary| summary.read_under(prior)).collect::<Result<_, dgpc::Error>>()?;
-        self.fused.absorb_summaries(&others.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
-        Ok(())
-    }
-
-    /// Fits its own events again if some came since the last time, and puts everything together in canonical order:
-    /// what comes of it depends on nothing but the events, the live packets and the model it learned, if it did
-    /// (`Agent::adapt`; that fits its events with what was heard until then). O(N³) up to [`Limits::dense_events_max`]
-    /// events, plus O(n³).
-    ///
-    /// # Errors
-    /// [`AgentError::Method`] when the method refuses.
-    pub fn rebuild_posteriors(&mut self) -> Result<(), AgentError> {
-        self.refit_if_due()?;
-        self.put_together()
-    }
-
-    /// Fits its own events again if some came since the last time.
-    pub(crate) fn refit_if_due(&mut self) -> Result<(), AgentError> {
-        if self.unfitted.is_empty() && self.fit.is_some() { Ok(()) } else { self.refit() }
-    }
-
-    /// Fits its own events, under the packet model and under its own if it has one.
-    fn refit(&mut self) -> Result<(), AgentError> {
-        let (model, limits) = (&self.team.model, &self.team.limits);
-        let observations = model.observations(self.events.iter())?;
-        let fit = fitting::fit(&model.prior, &observations, &[], limits)?;
-        if let Some(own) = &self.own_model {
-            let fit = fitting::fit(own.fit.prior(), &observations, &self.messages(), limits)?;
-            self.own_model = Some(Arc::new(own.with(fit)));
-        }
-        self.fit = Some(Arc::new(fit));
-        self.unfitted.clear();
-        self.absorbed = 0;
-        self.is_stale = true;
-        Ok(())
-    }
-
-    /// The posteriors of the last fit and all live packets. Events since that fit are pending again.
-    pub(crate) fn put_together(&mut self) -> Result<(), AgentError> {
-        let model = &self.team.model;
-        let nothing = || Posterior::prior_alone(&model.prior, model.inputs.dimension());
-        let public: Vec<&Summary> =
-            self.number.iter().flat_map(|&number| self.live.of(number)).flat_map(|(_, p)| &p.summaries).collect();
-        let others = self.messages();
-        let (mut public_now, mut alone, mut fused) = (nothing(), nothing(), nothing());
-        public_now.absorb_summaries(&public)?;
-        match &self.fit {
-            Some(fit) => alone = fit.posterior_with(&[])?,
-            None => fused.absorb_summaries(&others)?,
-        }
-        if let Some(fit) = self.own_model.as_ref().map(|own| &own.fit).or(self.fit.as_deref()) {
-            fused = fit.posterior_with(&others)?;
-        }
-        (self.public, self.own, self.fused) = (public_now, alone, fused);
-        self.unfitted.sort_by(Event::canonical_order);
-        self.absorbed = 0;
-        self.unread.clear();
-        self.is_stale = false;
-        Ok(())
-    }
-
-    /// What others said. What it sent itself it knows better from its own events.
-    pub(crate) fn messages(&self) -> Vec<&Summary> {
-        let others = self.live.iter().filter(|((sender, _), _)| Some(*sender) != self.number);
-        others.flat_map(|(_, packet)| &packet.summaries).collect()
+        self.beliefs.fit.as_ref().map(|fit| fit.sites())
     }
 
     /// How the last fit to its own events went; `None` before the first.
     pub fn fit_quality(&self) -> Option<FitQuality> {
-        self.fit.as_ref().map(|fit| FitQuality::of(fit))
+        self.beliefs.fit.as_ref().map(|fit| FitQuality::of(fit))
     }
 
     /// Whether its events are few enough for a dense fit.
     pub fn learns_densely(&self) -> bool {
-        self.events.len() <= self.team.limits.dense_events_max
+        self.memory.events.len() <= self.team().limits.dense_events_max
     }
 }
-
-/// So many events may stand beside the last fit before the next.
-const UNFITTED_MAX: usize = 64;

@@ -1,5 +1,6 @@
 //! What a vehicle can refuse to do.
 
+use crate::bounds::COORDINATE_M;
 use crate::event::VehicleId;
 use crate::team::TeamError;
 
@@ -20,6 +21,32 @@ pub enum AgentError {
         id: VehicleId,
         /// The epoch.
         epoch: u32,
+    },
+    /// An event that somebody else should have heard. Its receiver owns it.
+    #[error("an event of {receiver} is none of {id}: a vehicle records what it should have heard itself")]
+    NotMine {
+        /// The vehicle.
+        id: VehicleId,
+        /// Who should have heard it.
+        receiver: VehicleId,
+    },
+    /// A time that is none.
+    #[error("the time of an event must be a finite number of seconds, found {time_s}")]
+    NoTime {
+        /// What it is.
+        time_s: f64,
+    },
+    /// A place that is nowhere on Earth.
+    #[error("a coordinate must be {COORDINATE_M}, found {value_m}")]
+    Nowhere {
+        /// What it is.
+        value_m: f64,
+    },
+    /// A number of an entry that no vehicle comes to.
+    #[error("an entry of a memory has a number below 2^48, found {number}")]
+    NumberTooLarge {
+        /// What it is.
+        number: u64,
     },
     /// The frame is too small.
     #[error(transparent)]

@@ -79,8 +79,9 @@ pub const CANDIDATES: Bounds = Bounds::new(1.0, 20_000.0, "a whole number from 1
 /// Packets of a vehicle: a counter has 16 bits.
 pub const PACKETS: Bounds = Bounds::new(1.0, 65_536.0, "a whole number from 1 to 65536");
 
-/// Packets of each sender that count: a window of counters of 16 bits.
-pub const WINDOW: Bounds = Bounds::new(1.0, 65_535.0, "a whole number from 1 to 65535");
+/// Packets of each sender that count: a window of counters, no wider than the farthest leap of a counter that is believed
+/// at once.
+pub const WINDOW: Bounds = Bounds::new(1.0, 1024.0, "a whole number from 1 to 1024");
 
 /// Bytes of a frame: no packet fits into less than 32.
 pub const FRAME_BYTES: Bounds =

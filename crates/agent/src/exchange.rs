@@ -1,28 +1,33 @@
 //! What a vehicle takes in from the water, and what it gives.
 
-use dgpc::Summary;
-use pingmap_packet::{Layout, MapMessage, Seal, digest};
+use dgpc::spread_out;
+use pingmap_packet::{Layout, MapMessage};
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
+use crate::entry::Entry;
 use crate::event::{Link, VehicleId};
-use crate::live::{LivePacket, PacketKey};
+use crate::memory::Arrived;
+use crate::packets::PacketKey;
 use crate::planner::Planner;
 use crate::receipt::{Receipt, Refusal};
 
 impl Agent {
-    /// Takes in a packet. What it says is in the next prediction.
+    /// Takes in a packet. What it says is in the next prediction. (A time that is not finite is not noted.)
     pub fn receive(&mut self, bytes: &[u8], time_s: f64) -> Receipt {
-        let receipt = match self.take_in(bytes) {
-            Ok(sender) => {
-                let heard_s = self.heard_s.entry(sender).or_insert(time_s);
-                *heard_s = heard_s.max(time_s);
-                Receipt::Accepted
-            }
-            Err(refusal) => Receipt::Refused(refusal),
-        };
+        let Arrived { sender, receipt } = self.memory.put_in(bytes, None);
+        if receipt == Receipt::Accepted {
+            sender.into_iter().for_each(|sender| self.note_time(sender, time_s));
+        }
         self.counts.count(&receipt);
         receipt
+    }
+
+    fn note_time(&mut self, sender: u8, time_s: f64) {
+        if time_s.is_finite() {
+            let heard_s = self.heard_s.entry(sender).or_insert(time_s);
+            *heard_s = heard_s.max(time_s);
+        }
     }
 
     /// Reads a packet of the team without taking it in.
@@ -30,19 +35,7 @@ impl Agent {
     /// # Errors
     /// [`Refusal`] for one that is malformed, forged, formed under another agreement, or of no member.
     pub fn read(&self, bytes: &[u8]) -> Result<(&'static Layout, MapMessage), Refusal> {
-        let (layout, message) = MapMessage::decode(bytes, self.seal()).map_err(Refusal::of)?;
-        if layout.frame_bytes > self.team.frame_bytes {
-            let (length, max) = (layout.frame_bytes, self.team.frame_bytes);
-            return Err(Refusal::Malformed(pingmap_packet::Error::TooLong { length, max }));
-        }
-        let expected = if layout.is_sealed { 0 } else { self.check_number(&layout.with_model_zeroed(bytes)) };
-        if layout.has_depth != self.team.model.inputs.has_depths() || message.model != expected {
-            return Err(Refusal::OtherModel { found: message.model, expected });
-        }
-        if !self.team.members.contains_key(&message.sender) {
-            return Err(Refusal::UnknownSender { number: message.sender });
-        }
-        Ok((layout, message))
+        self.memory.frames.read(bytes)
     }
 
     /// The bytes of a message, as this team sends them: sealed if it has a key, else with the digest of what it agreed
@@ -51,117 +44,74 @@ impl Agent {
     /// # Errors
     /// As [`MapMessage::encode`].
     pub fn write(&self, layout: &Layout, message: &MapMessage) -> Result<Vec<u8>, pingmap_packet::Error> {
-        if layout.is_sealed {
-            return message.encode(layout, self.seal());
-        }
-        let unnumbered = MapMessage { model: 0, ..message.clone() };
-        let model = self.check_number(&unnumbered.encode(layout, None)?);
-        MapMessage { model, ..unnumbered }.encode(layout, self.seal())
+        self.memory.frames.write(layout, message)
     }
 
-    /// Checks a packet and puts it among the live ones; the sender's number.
-    pub(crate) fn take_in(&mut self, bytes: &[u8]) -> Result<u8, Refusal> {
-        let (layout, message) = self.read(bytes)?;
-        let key = (message.sender, message.counter);
-        if self.live.is_too_old(key) {
-            return Err(Refusal::TooOld);
-        }
-        if self.live.contains(key) {
-            return Err(Refusal::Duplicate);
-        }
-        let said = message.blocks.iter().filter(|block| block.points.iter().any(|point| point.information > 0));
-        let summaries: Result<Vec<Summary>, _> = said.map(|block| self.team.wire().decode(block)).collect();
-        let summaries = summaries.map_err(Refusal::Unusable)?;
-        self.put_in(key, LivePacket { bytes: bytes[..layout.length()].to_vec(), summaries });
-        Ok(message.sender)
-    }
-
-    /// Puts a packet among the live ones and notes what that changes.
-    fn put_in(&mut self, key: PacketKey, packet: LivePacket) {
-        self.is_stale |= self.live.insert(key, packet);
-        self.unread.insert(key);
-        if Some(key.0) == self.number {
-            // Its own packet, new to it: from before it lost its memory. That counter is taken.
-            self.counter_next = self.counter_next.max(u32::from(key.1) + 1);
-            self.nothing_new_in = None;
-        }
-    }
-
-    /// The packet that tells most for a frame of so many bytes (at most the team's); `None` where nothing is worth a
-    /// frame. Fits its own events again if some came since the last time. Whoever may lose its memory writes an
-    /// [`Agent::snapshot`] before the packet leaves: a counter must not be used twice.
+    /// The packet that tells most for a frame of so many bytes (at most the team's), of what is known by the last fit
+    /// and the events beside it; `None` where nothing is worth a frame. Fits nothing: whoever has time to
+    /// [`Agent::refit`] before does. Whoever may lose its memory writes an [`Agent::snapshot`] or an [`Entry::Sent`]
+    /// before the packet leaves: a counter must not be used twice.
     ///
     /// # Errors
     /// [`AgentError::NotAMember`], [`AgentError::CountersUsedUp`], and [`AgentError::Team`] for a frame below 32 bytes.
     pub fn next_packet(&mut self, time_s: f64, frame_bytes: usize) -> Result<Option<Vec<u8>>, AgentError> {
-        let sender = self.number.ok_or_else(|| AgentError::NotAMember { id: self.id.clone() })?;
-        let layout = self.team.layout(frame_bytes.min(self.team.frame_bytes))?;
-        let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team.epoch };
-        let counter = u16::try_from(self.counter_next).map_err(|_| used_up())?;
-        self.refit_if_due()?;
-        self.absorb_pending()?;
-        let planned = if self.nothing_new_in == Some(layout.frame_bytes) {
+        let sender = self.memory.own.ok_or_else(|| AgentError::NotAMember { id: self.id.clone() })?;
+        let layout = self.team().layout(frame_bytes.min(self.team().frame_bytes))?;
+        let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team().epoch };
+        let counter = u16::try_from(self.memory.packets.counter_next(sender)).map_err(|_| used_up())?;
+        self.update()?;
+        let planned = if self.beliefs.nothing_new_in == Some(layout.frame_bytes) {
             None
         } else {
-            self.planner(layout)?.packet(&self.public)?
+            self.planner(layout)?.packet(&self.beliefs.public)?
         };
-        let Some(planned) = planned else {
-            self.nothing_new_in = Some(layout.frame_bytes);
-            return Ok(self.repeat(sender));
+        let bytes = match planned {
+            Some(planned) => self.write(layout, &MapMessage { sender, counter, model: 0, blocks: planned.blocks })?,
+            None => {
+                self.beliefs.nothing_new_in = Some(layout.frame_bytes);
+                let Some(again) = self.repeat() else { return Ok(None) };
+                again
+            }
         };
-        let bytes = self.write(layout, &MapMessage { sender, counter, model: 0, blocks: planned.blocks })?;
-        self.put_in((sender, counter), LivePacket { bytes: bytes.clone(), summaries: planned.summaries });
-        self.heard_s.insert(sender, time_s);
+        self.memory.apply(Entry::Sent { number: self.memory.sent_next(), bytes: bytes.clone() })?;
+        self.note_time(sender, time_s);
         Ok(Some(bytes))
     }
 
     /// A packet of its own that was sent again least often, the oldest of these, unless all were sent again often
     /// enough.
-    fn repeat(&mut self, sender: u8) -> Option<Vec<u8>> {
-        let repeats = |counter: &u16| self.repeats.get(counter).copied().unwrap_or(0);
-        let least = self.live.of(sender).map(|(&(_, counter), _)| counter).min_by_key(|counter| repeats(counter))?;
-        if repeats(&least) >= self.team.repeats_max {
-            return None;
-        }
-        *self.repeats.entry(least).or_default() += 1;
-        self.live.get((sender, least)).map(|packet| packet.bytes.clone())
+    fn repeat(&self) -> Option<Vec<u8>> {
+        let (_, least) = self.memory.told().min_by_key(|(_, version)| version.sent.len())?;
+        (least.sent.len() <= usize::from(self.team().repeats_max)).then(|| least.packet.bytes.clone())
     }
 
     /// What it knows, at the places where it could send something of it.
     fn planner<'a>(&'a self, layout: &'a Layout) -> Result<Planner<'a>, AgentError> {
         let links = self.candidates();
-        let inputs = self.team.model.inputs(&links)?;
-        Ok(Planner { wire: self.team.wire(), layout, own: &self.own, links, inputs, worth_nats: self.team.worth_nats })
+        let (team, inputs) = (self.team(), self.model().inputs(&links)?);
+        Ok(Planner { wire: team.wire(), layout, own: &self.beliefs.own, links, inputs, worth_nats: team.worth_nats })
     }
 
-    /// Links of its own events that it could tell of: those within the grid, every k-th if they are too many.
+    /// Links of its own events that it could tell of: those within the grid, spread over time if they are too many.
     pub fn candidates(&self) -> Vec<Link> {
-        let wire = self.team.wire();
-        let links: Vec<Link> = self.events.iter().map(|event| event.link).filter(|link| wire.holds(link)).collect();
-        self.team.limits.spread(links.len()).into_iter().map(|place| links[place]).collect()
+        let wire = self.team().wire();
+        let links: Vec<Link> = self.events().map(|event| event.link).filter(|link| wire.holds(link)).collect();
+        spread_out(links.len(), self.team().limits.candidates_max).into_iter().map(|place| links[place]).collect()
     }
 
     /// The links that a packet speaks of, by sender and counter; those of others too. Nothing for a packet that does
     /// not count.
     pub fn links_of_packets(&self) -> Vec<(VehicleId, u16, Vec<Link>)> {
-        let told = |(&(sender, counter), packet): (&PacketKey, &LivePacket)| {
-            let name = self.team.members.get(&sender)?.clone();
-            let (_, message) = MapMessage::decode(&packet.bytes, self.seal()).ok()?;
-            let points = message.blocks.iter().flat_map(|block| &block.points);
+        let own = self.memory.told().filter_map(|(counter, _)| Some((self.memory.own?, counter)));
+        let mut counting: Vec<PacketKey> = own.chain(self.heard()).collect();
+        counting.sort_unstable();
+        let told = |key: PacketKey| {
+            let name = self.team().members.get(&key.0)?.clone();
+            let blocks = self.memory.frames.blocks(&self.memory.packets.get(key)?.bytes);
+            let points = blocks.iter().flat_map(|block| &block.points);
             let said: Vec<_> = points.filter(|point| point.information > 0).copied().collect();
-            Some((name, counter, self.team.wire().links(&said)))
+            Some((name, key.1, self.team().wire().links(&said)))
         };
-        self.live.iter().filter_map(told).collect()
-    }
-
-    fn seal(&self) -> Option<Seal<'_>> {
-        self.team.key.as_ref().map(|key| Seal { key, context: &self.digest })
-    }
-
-    /// The number by which an open packet shows that it is whole, and of this team: 14 bits of the digest of what the
-    /// team agreed on and of the packet itself, with zeros where the number will stand.
-    fn check_number(&self, unnumbered: &[u8]) -> u16 {
-        let digest = digest(&[self.digest.as_slice(), unnumbered].concat());
-        u16::from_le_bytes([digest[0], digest[1]]) & 0x3fff
+        counting.into_iter().filter_map(told).collect()
     }
 }

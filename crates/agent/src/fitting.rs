@@ -1,6 +1,6 @@
 //! A vehicle's own events under some prior, with as many inducing points as its limits ask for.
 
-use dgpc::{Candidates, Fit, FitOptions, Observations, Prior, Summary};
+use dgpc::{Candidates, Fit, FitOptions, Observations, Prior, Summary, spread_out};
 
 use crate::limits::Limits;
 
@@ -25,18 +25,22 @@ impl FitQuality {
 /// Predictions move by far less than their own uncertainty at this tolerance in the latent function.
 const TOLERANCE: f64 = 1e-6;
 
-/// Fits `observations` given what others said: densely up to [`Limits::dense_events_max`], sparsely beyond.
+/// Fits `observations` given what others said: densely up to [`Limits::dense_events_max`], sparsely beyond. From these
+/// tilts, if some are given.
 pub(crate) fn fit(
     prior: &Prior,
     observations: &Observations,
     messages: &[&Summary],
     limits: &Limits,
+    start: Option<&[f64]>,
 ) -> dgpc::Result<Fit> {
-    let options = FitOptions::default().tolerance(TOLERANCE).messages(messages);
+    let mut options = FitOptions::default().tolerance(TOLERANCE).messages(messages);
+    options.start = start;
     if observations.len() <= limits.dense_events_max {
         return dgpc::fit(prior, observations, &options);
     }
-    let candidates = limits.candidates(observations.inputs());
+    let inputs = observations.inputs();
+    let candidates = inputs.select(&spread_out(inputs.len(), limits.candidates_max));
     let chosen = Candidates::new(prior.kernel(), &candidates)?.greedy(limits.inducing_points_max);
     dgpc::fit(prior, observations, &options.inducing_points(&candidates.select(&chosen.indices)))
 }

@@ -8,6 +8,7 @@
 
 // In the order of the flow: each module uses only those above it.
 pub mod bounds;
+mod canonical;
 mod event;
 mod chart;
 mod grid;
@@ -21,10 +22,15 @@ mod wire;
 mod team;
 mod team_file;
 mod fitting;
-mod live;
-mod receipt;
 mod planner;
+mod receipt;
 mod agent_error;
+mod entry;
+mod events;
+mod packets;
+mod frames;
+mod memory;
+mod beliefs;
 mod agent;
 #[cfg(feature = "learn")]
 mod adapt;
@@ -35,6 +41,7 @@ pub use agent::Agent;
 pub use agent_error::AgentError;
 pub use bounds::Bounds;
 pub use chart::{Chart, Geographic, SCALE_FALLBACK_M};
+pub use entry::Entry;
 pub use event::{Event, Link, Position, VehicleId};
 pub use fitting::FitQuality;
 pub use grid::Grid;
@@ -43,6 +50,7 @@ pub use learning::{Criterion, LearnedModel, Learning};
 pub use limits::Limits;
 pub use model::{InputSpec, MODEL_SCHEMA, Model};
 pub use model_file::{ModelFile, ModelFileError, Provenance};
+pub use packets::COUNTER_LEAP_MAX;
 pub use pingmap_packet::Key;
 pub use receipt::{Counts, Receipt, Refusal};
 pub use structure::{Given, MeanStructure, PathInputs, Structure, Terms};

@@ -1,6 +1,5 @@
 //! Bounds on the work and memory of a vehicle.
 
-use dgpc::Inputs;
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{self, Bounds};
@@ -16,8 +15,7 @@ pub struct Limits {
     pub dense_events_max: usize,
     /// How many inducing points a sparse fit has at most.
     pub inducing_points_max: usize,
-    /// How many events are candidates for inducing points at most: every k-th in time, with the smallest k that keeps
-    /// to this.
+    /// How many events are candidates for inducing points at most, spread over time by [`dgpc::spread_out`].
     pub candidates_max: usize,
 }
 
@@ -36,16 +34,5 @@ impl Limits {
             ("inducing_points_max", self.inducing_points_max, bounds::INDUCING_POINTS),
             ("candidates_max", self.candidates_max, bounds::CANDIDATES),
         ]
-    }
-
-    /// The places of every k-th of so many things, k the smallest that keeps to [`Limits::candidates_max`].
-    pub(crate) fn spread(&self, count: usize) -> Vec<usize> {
-        let step = count.div_ceil(self.candidates_max.max(1)).max(1);
-        (0..count).step_by(step).collect()
-    }
-
-    /// Every k-th of some inputs. See [`Limits::spread`].
-    pub(crate) fn candidates(&self, inputs: &Inputs) -> Inputs {
-        inputs.select(&self.spread(inputs.len()))
     }
 }

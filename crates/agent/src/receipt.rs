@@ -5,11 +5,11 @@
 pub enum Receipt {
     /// It counts from now on.
     Accepted,
-    /// It changed nothing.
+    /// It does not count.
     Refused(Refusal),
 }
 
-/// Why a packet changed nothing.
+/// Why a packet does not count.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
@@ -39,9 +39,43 @@ pub enum Refusal {
     /// Its sender has sent more than a window of packets since.
     #[error("older than the window of its sender")]
     TooOld,
+    /// Another packet has the same sender and counter: two vehicles under one number, or one that began again without
+    /// its memory. Neither of the two packets counts.
+    #[error("another packet of the same sender has counter {counter}")]
+    Conflict {
+        /// The counter.
+        counter: u16,
+    },
+    /// Farther ahead of all that is known of its sender than packets get lost in a row: it counts once another one
+    /// confirms it.
+    #[error("counter {counter} is far ahead of {}: one packet alone is not believed", after(*latest))]
+    Unconfirmed {
+        /// The counter.
+        counter: u16,
+        /// The largest counter of the sender that is believed, if any is.
+        latest: Option<u16>,
+    },
+    /// It has the vehicle's own number, and the vehicle did not send it: another one goes by that number, or it sent
+    /// the packet before it lost its memory. It goes on a window of counters behind.
+    #[error("not sent by this vehicle, whose number it has: counter {counter}")]
+    OwnNumber {
+        /// The counter.
+        counter: u16,
+    },
+    /// Said to be sent by this vehicle, which has another number.
+    #[error("sent under number {number}, which is not that of this vehicle")]
+    NotSentByMe {
+        /// The number in the packet.
+        number: u8,
+    },
     /// Its numbers make no message, because its points coincide.
     #[error("says nothing usable: {0}")]
     Unusable(dgpc::Error),
+}
+
+/// The counter that a sender has come to, in words.
+fn after(latest: Option<u16>) -> String {
+    latest.map_or_else(|| "a sender that was not heard before".into(), |latest| format!("its sender's {latest}"))
 }
 
 impl Refusal {
@@ -71,6 +105,12 @@ pub struct Counts {
     pub duplicate: u64,
     /// See [`Refusal::TooOld`].
     pub too_old: u64,
+    /// See [`Refusal::Conflict`].
+    pub conflict: u64,
+    /// See [`Refusal::Unconfirmed`].
+    pub unconfirmed: u64,
+    /// See [`Refusal::OwnNumber`].
+    pub own_number: u64,
     /// See [`Refusal::Unusable`].
     pub unusable: u64,
 }
@@ -79,14 +119,23 @@ impl Counts {
     pub(crate) fn count(&mut self, receipt: &Receipt) {
         let counter = match receipt {
             Receipt::Accepted => &mut self.accepted,
-            Receipt::Refused(Refusal::Malformed(_)) => &mut self.malformed,
-            Receipt::Refused(Refusal::Forged(_)) => &mut self.forged,
-            Receipt::Refused(Refusal::OtherModel { .. }) => &mut self.other_model,
-            Receipt::Refused(Refusal::UnknownSender { .. }) => &mut self.unknown_sender,
-            Receipt::Refused(Refusal::Duplicate) => &mut self.duplicate,
-            Receipt::Refused(Refusal::TooOld) => &mut self.too_old,
-            Receipt::Refused(Refusal::Unusable(_)) => &mut self.unusable,
+            Receipt::Refused(refusal) => self.of(refusal),
         };
         *counter += 1;
+    }
+
+    fn of(&mut self, refusal: &Refusal) -> &mut u64 {
+        match refusal {
+            Refusal::Malformed(_) => &mut self.malformed,
+            Refusal::Forged(_) => &mut self.forged,
+            Refusal::OtherModel { .. } => &mut self.other_model,
+            Refusal::UnknownSender { .. } => &mut self.unknown_sender,
+            Refusal::Duplicate => &mut self.duplicate,
+            Refusal::TooOld => &mut self.too_old,
+            Refusal::Conflict { .. } => &mut self.conflict,
+            Refusal::Unconfirmed { .. } => &mut self.unconfirmed,
+            Refusal::OwnNumber { .. } | Refusal::NotSentByMe { .. } => &mut self.own_number,
+            Refusal::Unusable(_) => &mut self.unusable,
+        }
     }
 }

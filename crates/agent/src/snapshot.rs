@@ -1,94 +1,189 @@
-//! A vehicle's memory as bytes: events and live packets, in canonical order. Equal memories are equal bytes.
+//! A vehicle's memory as bytes: equal memories are equal bytes (docs/protocol.md, "Snapshots").
 
 use std::sync::Arc;
 
-use pingmap_packet::{from_hex, to_hex};
-use serde::{Deserialize, Serialize};
+use pingmap_packet::Key;
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
+use crate::canonical::{Reader, Writer, check_of};
+use crate::entry::Entry;
 use crate::event::{Event, Link, Position, VehicleId};
+use crate::events::Numbered;
 use crate::team::Team;
 
+/// What every snapshot begins with.
+const MAGIC: &[u8; 8] = b"pingmapS";
+
 /// Version of a snapshot. A newer one is refused.
-const SNAPSHOT_SCHEMA: u32 = 1;
+const SNAPSHOT_VERSION: u16 = 2;
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Snapshot {
-    schema: u32,
-    vehicle: String,
-    /// Digest of what the team agreed on, in hexadecimal.
-    team: String,
-    counter_next: u32,
-    events: Vec<EventLayout>,
-    /// Live packets in hexadecimal, by sender and counter.
-    packets: Vec<String>,
-}
-
-/// Time, who sent, who should have heard, both ends, and whether it worked.
-#[derive(Serialize, Deserialize)]
-struct EventLayout(f64, String, String, PositionLayout, PositionLayout, bool);
-
-/// East, north, depth.
-#[derive(Serialize, Deserialize)]
-struct PositionLayout(f64, f64, Option<f64>);
+/// Bytes of the check at the end.
+const CHECK_BYTES: usize = 32;
 
 impl Agent {
-    /// What it must not lose with its memory, as JSON: events, live packets, and the counter of its next packet. (A
-    /// model it learned can be learned again, and counts begin afresh.) Does not depend on the order in which events
-    /// and packets arrived, nor on how often.
+    /// What it must not lose with its memory: events, packets that it heard and sent, and how far every sender has come.
+    /// (A model it learned can be learned again, and counts begin afresh.) At the end stands a check, keyed where the
+    /// team has a key. Does not depend on the order in which entries arrived, nor on how often.
     pub fn snapshot(&self) -> Vec<u8> {
-        let position = |place: Position| PositionLayout(place.east_m, place.north_m, place.depth_m);
-        let event = |event: &Event| {
-            let [transmitter, receiver] = event.link.ends().map(position);
-            let name = |id: &VehicleId| id.as_str().to_owned();
-            let (sender, hearer) = (name(&event.transmitter_id), name(&event.receiver_id));
-            EventLayout(event.time_s, sender, hearer, transmitter, receiver, event.success)
-        };
-        let snapshot = Snapshot {
-            schema: SNAPSHOT_SCHEMA,
-            vehicle: self.id().as_str().to_owned(),
-            team: to_hex(&self.digest),
-            counter_next: self.counter_next,
-            events: self.events().iter().map(event).collect(),
-            packets: self.live.iter().map(|(_, packet)| to_hex(&packet.bytes)).collect(),
-        };
-        // Numbers, texts and lists always have a form in JSON.
-        serde_json::to_vec(&snapshot).unwrap_or_default()
+        let mut out = Writer::default();
+        MAGIC.iter().for_each(|&byte| out.u8(byte));
+        out.u16(SNAPSHOT_VERSION);
+        out.text(self.id().as_str());
+        out.bytes(&self.memory.frames.digest);
+        let packets = &self.memory.packets;
+        let latest: Vec<(u8, u16)> =
+            packets.senders().filter_map(|sender| Some((sender, packets.latest(sender)?))).collect();
+        out.u16(latest.len() as u16);
+        for (sender, latest) in latest {
+            out.u8(sender);
+            out.u16(latest);
+        }
+        let entries: Vec<Entry> = self.memory.entries().collect();
+        out.u64(entries.len() as u64);
+        entries.iter().for_each(|entry| write_entry(&mut out, entry));
+        let mut bytes = out.finish();
+        bytes.extend(check_of(self.team().key.as_ref(), &bytes));
+        bytes
     }
 
-    /// The vehicle that a snapshot was taken of. Under another agreement (a new key epoch, say) it keeps its events,
-    /// and begins to share afresh.
+    /// The vehicle that a snapshot was taken of. Under another agreement (a new epoch, say) it keeps its events, and
+    /// begins to share afresh. Packets in it that cannot be read are left out, and counted in [`Agent::counts`]. Fits
+    /// nothing: see [`Agent::refit_due`].
     ///
     /// # Errors
-    /// [`AgentError::Snapshot`] for bytes that are no snapshot, one of another vehicle, or one of a newer version.
+    /// [`AgentError::Snapshot`] for bytes that are no snapshot, damaged, of another vehicle, of a newer version, or
+    /// checked with another key than the team's.
     pub fn restore(id: VehicleId, team: Arc<Team>, bytes: &[u8]) -> Result<Self, AgentError> {
+        let key = team.key.clone();
+        Self::restore_checked_with(id, team, key.as_ref(), bytes)
+    }
+
+    /// The same for a snapshot that was taken when the team had another key, or none.
+    ///
+    /// # Errors
+    /// As [`Agent::restore`].
+    pub fn restore_checked_with(
+        id: VehicleId,
+        team: Arc<Team>,
+        key: Option<&Key>,
+        bytes: &[u8],
+    ) -> Result<Self, AgentError> {
         let wrong = |problem: String| AgentError::Snapshot { id: id.clone(), problem };
-        let snapshot: Snapshot = serde_json::from_slice(bytes).map_err(|error| wrong(error.to_string()))?;
-        if snapshot.schema > SNAPSHOT_SCHEMA {
-            let found = snapshot.schema;
-            return Err(wrong(format!("schema {found}, but this version reads schema {SNAPSHOT_SCHEMA}")));
-        }
-        if snapshot.vehicle != id.as_str() {
-            return Err(wrong(format!("it is of {}", snapshot.vehicle)));
+        let content = checked(bytes, key).map_err(wrong)?;
+        let Contents { vehicle, digest, latest, events, frames } =
+            contents(content).ok_or_else(|| wrong("what it says makes no sense".into()))?;
+        if vehicle != id.as_str() {
+            return Err(wrong(format!("it is of {vehicle}")));
         }
         let mut agent = Agent::new(id.clone(), team);
-        agent.observe_all(snapshot.events.into_iter().map(|layout| {
-            let EventLayout(time_s, transmitter, receiver, from, to, success) = layout;
-            let place =
-                |PositionLayout(east_m, north_m, depth_m): PositionLayout| Position { east_m, north_m, depth_m };
-            let link = Link { transmitter: place(from), receiver: place(to) };
-            let (transmitter_id, receiver_id) = (VehicleId::new(transmitter), VehicleId::new(receiver));
-            Event { time_s, transmitter_id, receiver_id, link, success }
-        }))?;
-        if snapshot.team == to_hex(&agent.digest) {
-            for packet in &snapshot.packets {
-                let bytes = from_hex(packet).ok_or_else(|| wrong(format!("{packet:?} is not hexadecimal")))?;
-                agent.take_in(&bytes).map_err(|refusal| wrong(format!("packet {packet}: {refusal}")))?;
+        agent.remember(events)?;
+        if digest == agent.memory.frames.digest {
+            for (sender, latest) in latest {
+                agent.memory.packets.reach(sender, latest);
             }
-            agent.counter_next = agent.counter_next.max(snapshot.counter_next);
+            for entry in frames {
+                agent.apply(entry)?;
+            }
         }
         Ok(agent)
     }
+}
+
+/// What a snapshot says.
+struct Contents<'a> {
+    vehicle: &'a str,
+    digest: &'a [u8],
+    latest: Vec<(u8, u16)>,
+    events: Vec<Numbered>,
+    frames: Vec<Entry>,
+}
+
+/// The bytes between the version and the check, if the check is that of all before it.
+fn checked<'a>(bytes: &'a [u8], key: Option<&Key>) -> Result<&'a [u8], String> {
+    let Some((content, check)) = bytes.len().checked_sub(CHECK_BYTES).map(|end| bytes.split_at(end)) else {
+        return Err(format!("{} bytes are too few", bytes.len()));
+    };
+    let mut reader = Reader::new(content);
+    let (magic, version) = (reader.take(MAGIC.len()), reader.u16());
+    let (Some(magic), Some(version)) = (magic, version) else {
+        return Err(format!("{} bytes are too few", bytes.len()));
+    };
+    if magic != MAGIC {
+        return Err("it does not begin as snapshots do".into());
+    }
+    if version != SNAPSHOT_VERSION {
+        return Err(format!("version {version}, but this software reads version {SNAPSHOT_VERSION}"));
+    }
+    if check != check_of(key, content) {
+        return Err("its check does not fit: damaged, or taken under another key".into());
+    }
+    Ok(&content[MAGIC.len() + 2..])
+}
+
+fn contents(bytes: &[u8]) -> Option<Contents<'_>> {
+    let mut reader = Reader::new(bytes);
+    let (vehicle, digest) = (reader.text()?, reader.bytes()?);
+    let senders = reader.u16()?;
+    let latest = (0..senders).map(|_| Some((reader.u8()?, reader.u16()?))).collect::<Option<_>>()?;
+    // No list is made longer than the bytes that are there.
+    let (mut events, mut frames) = (Vec::new(), Vec::new());
+    for _ in 0..reader.u64()? {
+        match read_entry(&mut reader)? {
+            Entry::Observed { number, event } => events.push(Numbered { number, event }),
+            frame => frames.push(frame),
+        }
+    }
+    reader.is_at_end().then_some(Contents { vehicle, digest, latest, events, frames })
+}
+
+fn write_entry(out: &mut Writer, entry: &Entry) {
+    match entry {
+        Entry::Observed { number, event } => {
+            out.u8(0);
+            out.u64(*number);
+            write_event(out, event);
+        }
+        Entry::Heard { bytes } => {
+            out.u8(1);
+            out.bytes(bytes);
+        }
+        Entry::Sent { number, bytes } => {
+            out.u8(2);
+            out.u64(*number);
+            out.bytes(bytes);
+        }
+    }
+}
+
+fn read_entry(reader: &mut Reader<'_>) -> Option<Entry> {
+    match reader.u8()? {
+        0 => Some(Entry::Observed { number: reader.u64()?, event: read_event(reader)? }),
+        1 => Some(Entry::Heard { bytes: reader.bytes()?.to_vec() }),
+        2 => Some(Entry::Sent { number: reader.u64()?, bytes: reader.bytes()?.to_vec() }),
+        _ => None,
+    }
+}
+
+/// Time, who sent, who should have heard it, whether it did, and both ends.
+fn write_event(out: &mut Writer, event: &Event) {
+    out.f64(event.time_s);
+    out.text(event.transmitter_id.as_str());
+    out.text(event.receiver_id.as_str());
+    out.u8(event.success.into());
+    for end in event.link.ends() {
+        out.f64(end.east_m);
+        out.f64(end.north_m);
+        out.option(end.depth_m);
+    }
+}
+
+fn read_event(reader: &mut Reader<'_>) -> Option<Event> {
+    let time_s = reader.f64()?;
+    let mut id = || Some(VehicleId::new(reader.text()?));
+    let (transmitter_id, receiver_id) = (id()?, id()?);
+    let success = reader.bool()?;
+    let mut end = || Some(Position { east_m: reader.f64()?, north_m: reader.f64()?, depth_m: reader.option()? });
+    let link = Link { transmitter: end()?, receiver: end()? };
+    Some(Event { time_s, transmitter_id, receiver_id, link, success })
 }

@@ -3,7 +3,7 @@
 //! Every combination of levels is a positive semi-definite Ĝ: its diagonal is positive, and partial correlations
 //! between −1 and 1 make a correlation matrix whatever they are.
 
-use dgpc::{Candidates, Inputs, Matrix, Summary};
+use dgpc::{Candidates, DISTINCT_SHARE, Inputs, Matrix, Summary};
 use pingmap_packet::{Block, CORRELATION_LEVELS, INFORMATION_LEVELS, Layout, MEAN_LEVELS, Point};
 
 use crate::event::Link;
@@ -25,6 +25,10 @@ const MEANS_FAR: [f64; 3] = [3.2, 6.0, 12.0];
 
 /// Partial correlation of one level.
 const CORRELATION_STEP: f64 = 1.0 / (CORRELATION_LEVELS as f64 + 0.5);
+
+/// Points are taken as distinct by a receiver down to this share of their prior variance, half of what a sender wants, so
+/// that a difference in the last bit between two machines never turns a packet away.
+const RECEIVED_SHARE: f64 = 0.5 * DISTINCT_SHARE;
 
 /// What the numbers of a packet mean: the way between summaries and blocks of cells and levels.
 #[derive(Debug, Clone, Copy)]
@@ -52,7 +56,7 @@ impl Wire<'_> {
         say: &dyn Fn(&Inputs) -> dgpc::Result<Summary>,
     ) -> dgpc::Result<Option<(Block, Summary)>> {
         let mut points: Vec<Point> = links.iter().filter_map(|link| self.point(link)).take(layout.points).collect();
-        let distinct = Candidates::new(self.model.prior.kernel(), &self.inputs(&points)?)?.distinct();
+        let distinct = Candidates::new(self.model.prior.kernel(), &self.inputs(&points)?)?.distinct(DISTINCT_SHARE);
         points = distinct.iter().map(|&place| points[place]).collect();
         // A point of which too little is said is left out, which changes what is said of the others.
         while !points.is_empty() {
@@ -88,7 +92,7 @@ impl Wire<'_> {
         let said: Vec<usize> = (0..block.points.len()).filter(|&place| block.points[place].information > 0).collect();
         let points: Vec<Point> = said.iter().map(|&place| block.points[place]).collect();
         let inputs = self.inputs(&points)?;
-        let distinct = Candidates::new(self.model.prior.kernel(), &inputs)?.distinct();
+        let distinct = Candidates::new(self.model.prior.kernel(), &inputs)?.distinct(RECEIVED_SHARE);
         if let Some(pivot) = (0..points.len()).find(|place| !distinct.contains(place)) {
             let (what, size) = ("covariance of a packet's points", points.len());
             return Err(dgpc::Error::NotPositiveDefinite { what, pivot, size, jitter: 0.0 });

@@ -44,8 +44,10 @@ fn scribbled(team: &Arc<Team>, mut frame: Vec<u8>, bits: &[u8]) -> Vec<u8> {
 }
 
 fn counted(counts: &Counts) -> u64 {
-    let Counts { accepted, malformed, forged, other_model, unknown_sender, duplicate, too_old, unusable } = *counts;
-    accepted + malformed + forged + other_model + unknown_sender + duplicate + too_old + unusable
+    let Counts { accepted, malformed, forged, other_model, unknown_sender, duplicate, too_old, .. } = *counts;
+    let Counts { conflict, unconfirmed, own_number, unusable, .. } = *counts;
+    let known = accepted + malformed + forged + other_model + unknown_sender + duplicate + too_old;
+    known + conflict + unconfirmed + own_number + unusable
 }
 
 /// Fails unless all probabilities are probabilities: at the links told of and between them, before and after a rebuild.
@@ -73,10 +75,10 @@ proptest! {
         for (counter, (sender, bits)) in (0..).zip(&all) {
             let before = agent.snapshot();
             let receipt = agent.receive(&scribbled(&team, silent(&team, *sender, counter), bits), 0.0);
-            let refused = matches!(receipt, Receipt::Refused(_));
-            prop_assert_eq!(refused, agent.snapshot() == before, "{:?}", receipt);
+            let is_kept = matches!(receipt, Receipt::Accepted | Receipt::Refused(Refusal::OwnNumber { .. }));
+            prop_assert_eq!(is_kept, agent.snapshot() != before, "{:?}", receipt);
             // The header is good, and so every refusal is for what stands behind it.
-            let expected = matches!(receipt, Receipt::Accepted)
+            let expected = is_kept && (*sender == 0) == matches!(receipt, Receipt::Refused(_))
                 || matches!(receipt, Receipt::Refused(Refusal::Malformed(_) | Refusal::Unusable(_)))
                 || matches!(receipt, Receipt::Refused(Refusal::UnknownSender { number: 4 })) && *sender == 4;
             prop_assert!(expected, "{:?}", receipt);

@@ -114,6 +114,7 @@ fn team() -> Arc<Team> {
 fn vehicle(team: &Arc<Team>, name: &str, events: Vec<Event>) -> Agent {
     let mut agent = Agent::new(VehicleId::new(name), team.clone());
     agent.observe_all(events).unwrap();
+    agent.refit().unwrap();
     agent
 }
 

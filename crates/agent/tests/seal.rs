@@ -10,7 +10,7 @@ use common::*;
 use pingmap_agent::*;
 
 fn sealed() -> Team {
-    Team { key: Some(Key::new([7; 32])), ..team(3, model()) }
+    Team { key: Some(key(7)), ..team(3, model()) }
 }
 
 fn first_packet(team: Team) -> Vec<u8> {
@@ -41,8 +41,8 @@ fn a_seal_costs_one_point_of_a_small_frame() {
         assert!(bytes.len() <= 32, "{}", bytes.len());
         told_by(&agent, 0).concat().len()
     };
-    let key = || Some(Key::new([1; 32]));
-    assert_eq!([deep(false, None), deep(false, key()), deep(true, None), deep(true, key())], [5, 4, 4, 3]);
+    let sealed = || Some(key(1));
+    assert_eq!([deep(false, None), deep(false, sealed()), deep(true, None), deep(true, sealed())], [5, 4, 4, 3]);
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn a_frame_with_any_bit_changed_is_refused_and_changes_nothing() {
 fn who_agreed_on_something_else_is_not_of_the_team() {
     let other_grid = Grid { cell_m: 21.0, ..sealed().grid };
     let foreign = [
-        Team { key: Some(Key::new([8; 32])), ..sealed() },
+        Team { key: Some(key(8)), ..sealed() },
         Team { epoch: 1, ..sealed() },
         Team { packets_per_sender_max: 9, ..sealed() },
         Team { grid: other_grid, ..sealed() },
@@ -116,46 +116,47 @@ fn counters_go_on_from_a_snapshot() {
     for n in 0..4 {
         let bytes = agent.next_packet(0.0, 32).unwrap().unwrap();
         counters.push(counter(&bytes, &team));
-        agent = Agent::restore(names(1).remove(0), team.clone(), &agent.snapshot()).unwrap();
+        agent = restored(&agent, &agent.snapshot());
         agent.observe_all(walk(0, 20 + 5 * n, 0.9)).unwrap();
+        agent.refit().unwrap();
     }
     assert_eq!(counters, [0, 1, 2, 3]);
 }
 
 #[test]
-fn a_vehicle_that_hears_what_it_said_before_it_lost_its_memory_goes_on_behind_it() {
+fn a_vehicle_that_hears_what_it_said_before_it_lost_its_memory_goes_on_a_window_behind_it() {
     let team = Arc::new(sealed());
     let packets = sent(&mut vehicle(&team, 0, walk(0, 40, 0.0)), 3);
     assert_eq!(packets.len(), 3);
     let mut reborn = vehicle(&team, 0, walk(0, 40, 0.5));
     for n in [2, 0] {
-        assert_eq!(reborn.receive(&packets[n], 0.0), Receipt::Accepted);
+        let counter = n as u16;
+        assert_eq!(reborn.receive(&packets[n], 0.0), Receipt::Refused(Refusal::OwnNumber { counter }));
+        assert_eq!(reborn.receive(&packets[n], 0.0), Receipt::Refused(Refusal::Duplicate));
     }
+    assert_eq!(reborn.counts().own_number, 2);
     let bytes = reborn.next_packet(0.0, 32).unwrap().unwrap();
-    assert_eq!(counter(&bytes, &team), 3);
-    // What it said counts as said: it knows its own events, and is not told of them.
+    assert_eq!(counter(&bytes, &team), 2 + team.packets_per_sender_max);
+    // What it said is nothing to it: it knows its own events, and is not told of them.
     let mut alone = vehicle(&team, 0, walk(0, 40, 0.5));
     alone.rebuild_posteriors().unwrap();
+    reborn.rebuild_posteriors().unwrap();
     assert_eq!(reborn.probabilities(&somewhere()).unwrap(), alone.probabilities(&somewhere()).unwrap());
 }
 
 #[test]
 fn used_up_counters_stop_a_vehicle_until_the_next_epoch() {
-    let (team, id) = (Arc::new(sealed()), names(1).remove(0));
-    let mut agent = vehicle(&team, 0, walk(0, 40, 0.0));
-    let before = agent.snapshot();
-    sent(&mut agent, 2);
-    let mut last = Agent::restore(id.clone(), team.clone(), &with_counter(&before, 65_535)).unwrap();
+    let team = Arc::new(sealed());
+    let (agent, id) = (vehicle(&team, 0, walk(0, 40, 0.0)), names(1).remove(0));
+    let mut last = after_counter(agent.clone(), 65_534);
     assert_eq!(counter(&last.next_packet(0.0, 32).unwrap().unwrap(), &team), 65_535);
     let used_up = AgentError::CountersUsedUp { id: id.clone(), epoch: 0 };
     assert_eq!(last.next_packet(1.0, 32), Err(used_up.clone()));
-    let mut restored = Agent::restore(id.clone(), team, &with_counter(&before, 65_536)).unwrap();
-    assert_eq!(restored.next_packet(0.0, 32), Err(used_up));
+    assert_eq!(restored(&last, &last.snapshot()).next_packet(0.0, 32), Err(used_up));
 
     let next = Arc::new(Team { epoch: 1, ..sealed() });
-    for snapshot in [last.snapshot(), restored.snapshot(), agent.snapshot()] {
-        let mut again = Agent::restore(id.clone(), next.clone(), &snapshot).unwrap();
-        assert_eq!((again.events(), again.live_packets()), (agent.events(), 0));
-        assert_eq!(counter(&again.next_packet(0.0, 32).unwrap().unwrap(), &next), 0);
-    }
+    let mut again = Agent::restore(id, next.clone(), &last.snapshot()).unwrap();
+    again.refit().unwrap();
+    assert_eq!((events(&again), again.live_packets()), (events(&agent), 0));
+    assert_eq!(counter(&again.next_packet(0.0, 32).unwrap().unwrap(), &next), 0);
 }

@@ -54,7 +54,8 @@ proptest! {
                 wild.probabilities(&somewhere()).unwrap();
             }
         }
-        prop_assert_eq!(orderly.live_packets(), once(&arrivals).len());
+        let strange = orderly.counts().own_number as usize;
+        prop_assert_eq!(orderly.live_packets() + strange, once(&arrivals).len());
         prop_assert_eq!(orderly.snapshot(), wild.snapshot());
         prop_assert_eq!(orderly.counts().accepted, wild.counts().accepted);
         prop_assert_eq!(wild.counts().duplicate as usize, arrivals.len() - once(&arrivals).len());
@@ -128,24 +129,31 @@ fn surest(listener: &mut Agent, sender: &mut Agent, links: &[Link]) -> f64 {
     told.iter().zip(&known).map(|(told, known)| told / known).fold(1.0, f64::min)
 }
 
-#[test]
-fn a_sender_that_forgets_what_it_said_makes_its_listeners_too_sure() {
+/// What a listener makes of a vehicle that loses its memory, but for its events, before each of its packets: the least
+/// ratio of variances at the newest packet, where the vehicle hears its packet before the last, or does not.
+fn after_many_lives(hears_itself: bool) -> f64 {
     let team = Arc::new(team(2, model()));
-    let mut sender = vehicle(&team, 0, walk(0, 40, 0.0));
-    let fresh = sender.snapshot();
-    let (mut told, mut misled) = (vehicle(&team, 1, []), vehicle(&team, 1, []));
-    for counter in 0..8 {
-        sender.next_packet(0.0, 32).unwrap().into_iter().for_each(|bytes| drop(told.receive(&bytes, 0.0)));
-        let mut forgetful = Agent::restore(names(1).remove(0), team.clone(), &with_counter(&fresh, counter)).unwrap();
-        let bytes = forgetful.next_packet(0.0, 32).unwrap().unwrap();
-        assert_eq!(misled.receive(&bytes, 0.0), Receipt::Accepted);
+    let mut listener = vehicle(&team, 1, []);
+    let mut said: Vec<Vec<u8>> = Vec::new();
+    for life in 0..6 {
+        let mut sender = vehicle(&team, 0, walk(0, 40, 0.0));
+        sender = if hears_itself { sender } else { after_counter(sender, life) };
+        for bytes in &said {
+            sender.receive(bytes, 0.0);
+        }
+        let bytes = sender.next_packet(0.0, 32).unwrap().unwrap();
+        assert_eq!(listener.receive(&bytes, 0.0), Receipt::Accepted);
+        said = if hears_itself { vec![bytes] } else { Vec::new() };
     }
-    let [honest, twice] = [&mut told, &mut misled].map(|listener| {
-        let newest = newest(listener);
-        surest(listener, &mut sender, &newest)
-    });
-    assert!(honest >= 0.7, "{honest}");
-    assert!(twice < 0.3, "the test of listeners' variance has no power: {twice}");
+    let newest = newest(&listener);
+    surest(&mut listener, &mut vehicle(&team, 0, walk(0, 40, 0.0)), &newest)
+}
+
+#[test]
+fn what_a_vehicle_says_again_after_it_lost_its_memory_is_not_counted_twice() {
+    let (heard, deaf) = (after_many_lives(true), after_many_lives(false));
+    assert!(heard >= 0.7, "{heard}");
+    assert!(deaf < 0.4, "the test of listeners' variance has no power: {deaf}");
 }
 
 /// A team in which only so many packets of a sender count.
@@ -159,6 +167,7 @@ fn busy_sender(team: &Arc<Team>, packets: usize) -> (Agent, Vec<Vec<u8>>) {
     let all = walk(0, 5 * packets, 0.0);
     let tell = |events: &[Event]| {
         sender.observe_all(events.iter().cloned()).unwrap();
+        sender.refit().unwrap();
         sender.next_packet(0.0, 32).unwrap().unwrap()
     };
     let packets = all.chunks(5).map(tell).collect();

@@ -74,7 +74,7 @@ fn what_makes_no_team_is_refused_by_name() {
         (
             "schema = 1",
             "schema = 1\npackets_per_sender_max = 0",
-            "packets_per_sender_max must be a whole number from 1 to 65535, found 0",
+            "packets_per_sender_max must be a whole number from 1 to 1024, found 0",
         ),
         ("schema = 1", "schema = 1\nworth_nats = -1.0", "worth_nats must be a number above 0, at most 1000, found -1"),
         ("cell_m = 25.0", "cell_m = 0.0", "grid.cell_m must be a number of metres from 1e-6 to 1e9, found 0"),
@@ -151,9 +151,9 @@ proptest! {
         for bytes in fleet.packets(2) {
             agent.receive(&bytes, 0.0);
         }
-        let mut again = Agent::restore(agent.id().clone(), fleet.team.clone(), &agent.snapshot()).unwrap();
+        let mut again = restored(&agent, &agent.snapshot());
         prop_assert_eq!(again.snapshot(), agent.snapshot());
-        prop_assert_eq!((again.events(), again.live_packets()), (agent.events(), agent.live_packets()));
+        prop_assert_eq!((events(&again), again.live_packets()), (events(&agent), agent.live_packets()));
         for agent in [&mut agent, &mut again] {
             agent.rebuild_posteriors().unwrap();
         }
@@ -171,31 +171,87 @@ fn a_snapshot_keeps_depths_and_every_digit() {
     event.link.transmitter.east_m = -1e-300;
     let team = Arc::new(team(2, model()));
     let agent = vehicle(&team, 0, [event.clone()]);
-    let again = Agent::restore(agent.id().clone(), team, &agent.snapshot()).unwrap();
-    assert_eq!(again.events(), [event]);
+    assert_eq!(events(&restored(&agent, &agent.snapshot())), [event]);
+}
+
+/// A snapshot of a vehicle that saw, heard and sent something.
+fn snapshot(team: &Arc<Team>) -> (VehicleId, Vec<u8>) {
+    let mut agent = vehicle(team, 0, walk(0, 10, 0.0));
+    sent(&mut agent, 1);
+    for bytes in sent(&mut vehicle(team, 1, walk(1, 10, 0.0)), 1) {
+        agent.receive(&bytes, 0.0);
+    }
+    (agent.id().clone(), agent.snapshot())
+}
+
+/// The snapshot with a check that fits what it says.
+fn checked(mut snapshot: Vec<u8>) -> Vec<u8> {
+    snapshot.truncate(snapshot.len() - 32);
+    snapshot.extend(pingmap_packet::digest(&snapshot));
+    snapshot
 }
 
 #[test]
 fn what_is_no_snapshot_of_this_vehicle_is_refused() {
     let team = Arc::new(team(2, model()));
-    let mut agent = vehicle(&team, 0, walk(0, 10, 0.0));
-    sent(&mut agent, 1);
-    let good = String::from_utf8(agent.snapshot()).unwrap();
-    let id = agent.id().clone();
+    let (id, good) = snapshot(&team);
+    let with = |place: usize, byte: u8| {
+        let mut bytes = good.clone();
+        bytes[place] = byte;
+        checked(bytes)
+    };
     let cases = [
-        (String::new(), "EOF"),
-        ("garbage".into(), "expected"),
-        (good[..good.len() / 2].into(), "EOF"),
-        (good.replace("\"schema\":1", "\"schema\":2"), "reads schema 1"),
-        (good.replace("\"counter_next\"", "\"counter_last\""), "counter_last"),
-        (good.replace("\"packets\":[\"", "\"packets\":[\"x"), "not hexadecimal"),
-        (good.replace("\"packets\":[\"", "\"packets\":[\"00"), "not a map message"),
-        (good.replace("\"vehicle 0\",\"team\"", "\"vehicle 1\",\"team\""), "it is of vehicle 1"),
+        (Vec::new(), "too few"),
+        (b"garbage".to_vec(), "too few"),
+        (good[..good.len() / 2].to_vec(), "its check does not fit"),
+        (b"garbage that is long enough to have a check of its own".to_vec(), "does not begin"),
+        (with(8, 9), "version 9, but this software reads version 2"),
+        (with(10, 200), "makes no sense"),
+        (checked([good.as_slice(), &[0]].concat()), "makes no sense"),
+        (with(22, b'1'), "it is of vehicle 1"),
     ];
-    for (text, expected) in cases {
-        assert_ne!(text, good, "{expected}");
-        let error = Agent::restore(id.clone(), team.clone(), text.as_bytes()).unwrap_err();
+    for (bytes, expected) in cases {
+        assert_ne!(bytes, good, "{expected}");
+        let error = Agent::restore(id.clone(), team.clone(), &bytes).unwrap_err();
         assert!(matches!(error, AgentError::Snapshot { .. }) && error.to_string().contains(expected), "{error}");
     }
-    assert!(Agent::restore(id, team, good.as_bytes()).is_ok());
+    assert!(Agent::restore(id, team, &good).is_ok());
+}
+
+#[test]
+fn every_flipped_bit_of_a_snapshot_is_noticed() {
+    for key in [None, Some(key(1))] {
+        let team = Arc::new(Team { key, ..team(2, model()) });
+        let (id, good) = snapshot(&team);
+        for bit in 0..8 * good.len() {
+            let mut bytes = good.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            assert!(Agent::restore(id.clone(), team.clone(), &bytes).is_err(), "{bit}");
+        }
+    }
+}
+
+#[test]
+fn a_snapshot_is_of_one_key() {
+    let of = |key: Option<Key>| Arc::new(Team { key, epoch: 3, ..team(2, model()) });
+    let (id, sealed) = snapshot(&of(Some(key(1))));
+    for key in [None, Some(key(2))] {
+        let error = Agent::restore(id.clone(), of(key), &sealed).unwrap_err();
+        assert!(error.to_string().contains("another key"), "{error}");
+    }
+    // Whoever knows the former key keeps the events, and shares afresh.
+    let agent = Agent::restore_checked_with(id, of(Some(key(2))), Some(&key(1)), &sealed).unwrap();
+    assert_eq!((agent.events().len(), agent.live_packets()), (10, 0));
+}
+
+#[test]
+fn a_snapshot_whose_packets_cannot_be_read_keeps_its_events() {
+    let team = Arc::new(team(2, model()));
+    let (id, good) = snapshot(&team);
+    let packet = good.len() - 32 - 20;
+    let mut damaged = good;
+    damaged[packet] ^= 1;
+    let agent = Agent::restore(id, team, &checked(damaged)).unwrap();
+    assert_eq!(agent.events().len(), 10);
+    assert_eq!((agent.live_packets(), agent.counts().other_model), (1, 1));
 }

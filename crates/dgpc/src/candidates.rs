@@ -91,13 +91,13 @@ impl Candidates {
     }
 
     /// The candidates that are points of their own, in order: those whose variance given the ones before is not below
-    /// [`DISTINCT_SHARE`] of their prior variance. O(N³).
-    pub fn distinct(&self) -> Vec<usize> {
+    /// this share of their prior variance, such as [`DISTINCT_SHARE`]. O(N³).
+    pub fn distinct(&self, share_min: f64) -> Vec<usize> {
         let mut left = self.clone();
         let mut kept = Vec::new();
         for candidate in 0..self.len() {
-            if left.is_distinct(candidate, left.gram[(candidate, candidate)]) {
-                left.condition_on(&[candidate]);
+            if left.gram[(candidate, candidate)] >= share_min * self.variance[candidate] {
+                left.condition_on_those(&[candidate], share_min);
                 kept.push(candidate);
             }
         }

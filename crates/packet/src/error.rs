@@ -101,6 +101,9 @@ pub enum Error {
     /// The tag is not that of these bytes under this key.
     #[error("the authentication tag does not fit")]
     Forged,
+    /// A key that anybody would try first.
+    #[error("all bytes of the key are equal: that is no secret")]
+    WeakKey,
     /// A sealed message and no key, or a key and an open message.
     #[error("{0}")]
     Seal(&'static str),

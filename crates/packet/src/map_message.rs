@@ -25,6 +25,11 @@ impl Block {
     pub fn silent(layout: &Layout) -> Self {
         Self { points: vec![Point::default(); layout.points], correlations: vec![0; layout.correlations()] }
     }
+
+    /// Whether there is a point of which it says something.
+    pub fn says_something(&self) -> bool {
+        self.points.iter().any(|point| point.information > 0)
+    }
 }
 
 /// What a vehicle tells of its map in one frame.

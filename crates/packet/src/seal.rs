@@ -1,4 +1,8 @@
-//! Authentication of whole frames.
+//! Authentication of whole frames, and of what a vehicle keeps.
+
+use alloc::boxed::Box;
+
+use zeroize::{Zeroize, ZeroizeOnDrop};
 
 use crate::error::Error;
 use crate::hex::from_hex;
@@ -6,40 +10,68 @@ use crate::hex::from_hex;
 /// Length of a key in bytes.
 const KEY_BYTES: usize = 32;
 
-/// A team's secret: whoever has it can seal frames, and tell sealed frames from forged ones.
+/// A team's secret: whoever has it can seal frames, and tell sealed frames from forged ones. Nothing is encrypted by it.
+///
+/// What is kept are keys derived for one use each, so that what is made for one is worth nothing for another. They stay
+/// in one place in memory, and are wiped from there when the key is dropped.
 #[derive(Clone)]
-pub struct Key([u8; KEY_BYTES]);
+pub struct Key(Box<Secrets>);
+
+#[derive(Clone, Zeroize, ZeroizeOnDrop)]
+struct Secrets {
+    frames: [u8; KEY_BYTES],
+    memory: [u8; KEY_BYTES],
+    fingerprint: [u8; KEY_BYTES],
+}
 
 impl Key {
     /// A key from 32 bytes that nobody can guess.
-    pub fn new(bytes: [u8; KEY_BYTES]) -> Self {
-        Self(bytes)
+    ///
+    /// # Errors
+    /// [`Error::WeakKey`] for bytes that are all equal: a file that was never filled.
+    pub fn new(mut bytes: [u8; KEY_BYTES]) -> Result<Self, Error> {
+        let is_weak = bytes.iter().all(|byte| *byte == bytes[0]);
+        let derived = |context: &str| blake3::derive_key(context, &bytes);
+        let secrets = Secrets {
+            frames: derived("pingmap protocol 2, tag of a frame"),
+            memory: derived("pingmap protocol 2, check of a snapshot"),
+            fingerprint: derived("pingmap protocol 2, fingerprint of a key"),
+        };
+        bytes.zeroize();
+        if is_weak { Err(Error::WeakKey) } else { Ok(Self(Box::new(secrets))) }
     }
 
     /// A key from 64 hexadecimal digits; space around them is ignored.
     ///
     /// # Errors
-    /// [`Error::Kind`] for anything else. The text itself is not repeated: it may be a secret.
+    /// [`Error::Kind`] for anything else, and as [`Key::new`]. The text itself is not repeated: it may be a secret.
     pub fn parse(text: &str) -> Result<Self, Error> {
-        let bytes = from_hex(text.trim()).and_then(|bytes| bytes.try_into().ok());
-        bytes.map(Self).ok_or_else(|| Error::Kind { field: "key".into(), expected: "64 hexadecimal digits" })
+        let mut bytes = from_hex(text.trim()).unwrap_or_default();
+        let key = <[u8; KEY_BYTES]>::try_from(bytes.as_slice());
+        bytes.zeroize();
+        Self::new(key.map_err(|_| Error::Kind { field: "key".into(), expected: "64 hexadecimal digits" })?)
     }
 
     /// A digest by which keys are told apart. It does not give the key away.
     pub fn fingerprint(&self) -> [u8; 32] {
-        *blake3::keyed_hash(&self.0, b"fingerprint").as_bytes()
+        self.0.fingerprint
     }
 
-    /// The 8-byte tag of a frame: the first bytes of keyed BLAKE3 over `context` (what both ends must agree on without
-    /// sending it) and the frame, with the bytes of the tag itself as zeros.
+    /// The 8-byte tag of a frame: the first bytes of keyed BLAKE3 over the length of `context` in 8 bytes, `context`
+    /// (what both ends must agree on without sending it), and the frame with the bytes of the tag itself as zeros.
     pub(crate) fn tag(&self, context: &[u8], frame: &[u8]) -> u64 {
-        let mut hasher = blake3::Hasher::new_keyed(&self.0);
+        let mut hasher = blake3::Hasher::new_keyed(&self.0.frames);
         hasher.update(&(context.len() as u64).to_le_bytes());
         hasher.update(context);
         hasher.update(frame);
         let mut tag = [0; 8];
         tag.copy_from_slice(&hasher.finalize().as_bytes()[..8]);
         u64::from_le_bytes(tag)
+    }
+
+    /// The 32-byte digest of some bytes that only holders of the key can make: the check of a snapshot.
+    pub fn keyed_digest(&self, bytes: &[u8]) -> [u8; 32] {
+        *blake3::keyed_hash(&self.0.memory, bytes).as_bytes()
     }
 }
 

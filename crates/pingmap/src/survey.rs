@@ -51,7 +51,7 @@ pub fn all_in_one(
 ) -> Result<Agent, pingmap_agent::AgentError> {
     let id = VehicleId::new("survey");
     let team = Team { limits, ..Team::new([id.clone()], model.clone(), [])? };
-    let mut agent = Agent::new(id, Arc::new(team));
+    let mut agent = Agent::new(id, Arc::new(team)).owning_all_events();
     agent.observe_all(events)?;
     agent.rebuild_posteriors().map(|()| agent)
 }

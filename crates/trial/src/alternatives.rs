@@ -67,7 +67,7 @@ impl Alternative {
 
     /// What a vehicle says in its first `frames` frames.
     fn say(self, mission: &Mission, place: usize, agent: &Agent, frames: usize) -> Result<Said, AgentError> {
-        if !agent.is_member() || agent.events().is_empty() {
+        if !agent.is_member() || agent.events().len() == 0 {
             return Ok(Said::Summaries(Vec::new()));
         }
         let speaker = Speaker::new(mission, agent)?;
@@ -96,7 +96,7 @@ impl Alternative {
 
     /// What a vehicle predicts given what all said.
     fn hear(self, mission: &Mission, place: usize, agent: &Agent, said: &[Said]) -> Result<Vec<f64>, AgentError> {
-        let mut agent = agent.clone();
+        let mut agent = agent.clone().owning_all_events();
         let inputs = agent.model().inputs(&mission.held_out)?;
         let others = || said.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, said)| said);
         if self == Alternative::RawEvents {
@@ -206,7 +206,7 @@ impl<'a> Speaker<'a> {
         let chosen = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?
             .greedy(frames.saturating_mul(events as usize));
         let rounded = |&place: &usize| {
-            let event = self.agent.events().iter().find(|event| event.link == self.links[place])?;
+            let event = self.agent.events().find(|event| event.link == self.links[place])?;
             let link = self.agent.team().wire().rounded(&event.link)?;
             Some(Event { link, ..event.clone() })
         };

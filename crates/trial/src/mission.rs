@@ -153,7 +153,7 @@ impl Mission {
         let (team, fit) = plan.team(log, Some(&training))?;
         let team = Arc::new(team);
         let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| -> Result<Agent, AgentError> {
-            let mut agent = Agent::new(id, team.clone());
+            let mut agent = Agent::new(id, team.clone()).owning_all_events();
             agent.observe_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()))?;
             agent.rebuild_posteriors()?;
             if plan.learners == Learners::Own {

@@ -96,7 +96,7 @@ impl<'a> Run<'a> {
         Self {
             plan,
             vehicles: log.vehicles().into_iter().map(agent).collect(),
-            centralised: Agent::new(VehicleId::new(CENTRALISED), team.clone()),
+            centralised: Agent::new(VehicleId::new(CENTRALISED), team.clone()).owning_all_events(),
             slots: BTreeMap::new(),
             online: Online { team, steps: Vec::new(), packets: BTreeMap::new(), bytes: 0, received: 0 },
         }
@@ -112,6 +112,8 @@ impl<'a> Run<'a> {
         let (slot, frame_bytes) = (*slot, self.online.team.frame_bytes);
         let packet = match self.vehicles.get_mut(sender) {
             Some(agent) if slot.is_multiple_of(slot_every) && agent.is_member() => {
+                // A slot comes with notice: there is time to tell all that is known.
+                agent.refit()?;
                 agent.next_packet(time_s, frame_bytes)?
             }
             _ => None,
@@ -138,12 +140,12 @@ impl<'a> Run<'a> {
             || -> Result<_, AgentError> {
                 let own = agent.own_posterior()?.probability(&inputs)?[0];
                 let team = agent.probability(&event.link)?;
-                agent.observe(event.clone())?;
+                learn(agent, event)?;
                 Ok((own, team))
             },
             || -> Result<_, AgentError> {
                 let all = self.centralised.probability(&event.link)?;
-                self.centralised.observe(event.clone())?;
+                learn(&mut self.centralised, event)?;
                 Ok(all)
             },
         );
@@ -164,4 +166,10 @@ impl<'a> Run<'a> {
             self.online.received += usize::from(accepted);
         }
     }
+}
+
+/// Records an event, and fits again when it is time.
+fn learn(agent: &mut Agent, event: &Event) -> Result<(), AgentError> {
+    agent.observe(event.clone())?;
+    if agent.refit_due() { agent.refit() } else { Ok(()) }
 }

@@ -254,7 +254,7 @@ fn replay_split(
 }
 
 fn summarise(split: &Split, mission: &Mission) -> SplitSummary {
-    let empty = mission.vehicles.iter().filter(|agent| agent.events().is_empty());
+    let empty = mission.vehicles.iter().filter(|agent| agent.events().len() == 0);
     let everybody = mission.vehicles.iter().chain([&mission.centralised]);
     let quality: Vec<FitQuality> = everybody.filter_map(Agent::fit_quality).collect();
     SplitSummary {

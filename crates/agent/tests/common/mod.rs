@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use dgpc::Shape;
 use pingmap_agent::*;
+use pingmap_packet::{Block, MapMessage};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -41,6 +42,11 @@ pub fn team(members: usize, model: Model) -> Team {
     Team::new(names(members), model, reach).unwrap()
 }
 
+/// One of several keys.
+pub fn key(first: u8) -> Key {
+    Key::new(std::array::from_fn(|place| first + place as u8)).unwrap()
+}
+
 /// Events of one receiver on a walk, heard when the ends are close.
 pub fn walk(receiver: usize, count: usize, phase: f64) -> Vec<Event> {
     let event = |n: usize| {
@@ -61,6 +67,30 @@ pub fn event_at(receiver: usize, time_s: f64, link: Link, success: bool) -> Even
 pub fn vehicle(team: &Arc<Team>, number: usize, events: impl IntoIterator<Item = Event>) -> Agent {
     let mut agent = Agent::new(names(number + 1).remove(number), team.clone());
     agent.observe_all(events).unwrap();
+    agent.refit().unwrap();
+    agent
+}
+
+/// All events of a vehicle.
+pub fn events(agent: &Agent) -> Vec<Event> {
+    agent.events().cloned().collect()
+}
+
+/// What it remembers again after it lost everything but this.
+pub fn restored(agent: &Agent, snapshot: &[u8]) -> Agent {
+    let team = Arc::new(agent.team().clone());
+    let mut again = Agent::restore(agent.id().clone(), team, snapshot).unwrap();
+    again.refit().unwrap();
+    again
+}
+
+/// A vehicle that has sent nothing but one frame, of this counter, that says nothing.
+pub fn after_counter(mut agent: Agent, counter: u16) -> Agent {
+    let sender = agent.team().number(agent.id()).unwrap();
+    let layout = agent.team().layout(agent.team().frame_bytes).unwrap();
+    let message = MapMessage { sender, counter, model: 0, blocks: vec![Block::silent(layout); layout.blocks] };
+    let bytes = agent.write(layout, &message).unwrap();
+    assert_eq!(agent.apply(Entry::Sent { number: 0, bytes }).unwrap(), Receipt::Accepted);
     agent
 }
 
@@ -71,6 +101,7 @@ pub fn somewhere() -> Vec<Link> {
 
 /// Up to so many packets, fewer where there is no more to tell.
 pub fn sent(agent: &mut Agent, packets_max: usize) -> Vec<Vec<u8>> {
+    agent.refit().unwrap();
     (0..packets_max).map_while(|n| agent.next_packet(n as f64, agent.team().frame_bytes).unwrap()).collect()
 }
 
@@ -92,13 +123,6 @@ pub fn variances(agent: &mut Agent, links: &[Link]) -> Vec<f64> {
 pub fn told_by(agent: &Agent, sender: usize) -> Vec<Vec<Link>> {
     let name = names(sender + 1).remove(sender);
     agent.links_of_packets().into_iter().filter(|(id, _, _)| *id == name).map(|(_, _, links)| links).collect()
-}
-
-/// A snapshot with another counter for the next packet.
-pub fn with_counter(snapshot: &[u8], counter: u32) -> Vec<u8> {
-    let mut json: serde_json::Value = serde_json::from_slice(snapshot).unwrap();
-    json["counter_next"] = counter.into();
-    serde_json::to_vec(&json).unwrap()
 }
 
 /// Vehicles and what each of them saw.

@@ -13,7 +13,7 @@ fn message(problem: &Problem) -> Option<Summary> {
     let observations = Observations::new(problem.elsewhere.clone(), (0..count).map(|n| n % 3 == 0).collect()).unwrap();
     let sites = Sites::new(&observations, vec![0.2; count]).unwrap();
     let message = Summary::marginal(&prior, &sites, &problem.elsewhere.select(&[0, 1])).unwrap();
-    let distinct = Candidates::new(problem.prior.kernel(), message.inducing_points()).unwrap().distinct();
+    let distinct = Candidates::new(problem.prior.kernel(), message.inducing_points()).unwrap().distinct(DISTINCT_SHARE);
     (distinct.len() == 2 && message.jitter() == 0.0).then_some(message)
 }
 

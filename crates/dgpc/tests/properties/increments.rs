@@ -137,7 +137,7 @@ proptest! {
     fn distinct_points_are_those_that_a_gram_matrix_can_tell_apart(problem in problems(3..=12)) {
         let twice = [0, 1, 0, 2, 1].map(|n: usize| n.min(problem.inputs().len() - 1));
         let points = problem.inputs().select(&twice);
-        let distinct = Candidates::new(problem.prior.kernel(), &points).unwrap().distinct();
+        let distinct = Candidates::new(problem.prior.kernel(), &points).unwrap().distinct(DISTINCT_SHARE);
         prop_assert!(distinct.contains(&0) && !distinct.contains(&2) && !distinct.contains(&4));
         let kept = points.select(&distinct);
         prop_assert_eq!(Summary::empty(&problem.prior, &kept).unwrap().jitter(), 0.0);

@@ -1,0 +1,266 @@
+//! What a vehicle believes: fits and posteriors, which follow from its memory and can be made again at any time.
+
+use std::collections::{BTreeSet, HashMap};
+use std::sync::Arc;
+
+use dgpc::{Fit, Posterior, Prior, Summary};
+
+use crate::agent_error::AgentError;
+use crate::event::Event;
+use crate::events::{Change, Numbered};
+use crate::fitting;
+use crate::memory::Memory;
+use crate::model::Model;
+use crate::packets::{Packet, PacketKey};
+
+/// So many events may stand beside the last fit before the next; those beyond wait for it.
+pub(crate) const BESIDE_MAX: usize = 64;
+
+/// The smallest tilt that a warm fit begins at.
+const TILT_MIN: f64 = 1e-9;
+
+/// A prior of its own that a vehicle predicts under, and the fit of its events under it.
+#[derive(Debug)]
+pub(crate) struct OwnModel {
+    pub(crate) fit: Fit,
+    #[cfg(feature = "learn")]
+    pub(crate) learned: crate::learning::LearnedModel,
+}
+
+/// Where a fit begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Start {
+    /// At the last one: sooner done, and the same to the tolerance of a fit.
+    Warm,
+    /// Anew: the same to the bit whatever was before.
+    Cold,
+}
+
+/// What is believed.
+#[derive(Debug, Clone)]
+pub(crate) struct Beliefs {
+    /// The last fit of its own events under the team's model.
+    pub(crate) fit: Option<Arc<Fit>>,
+    /// Whether that fit began anew.
+    began_cold: bool,
+    /// Numbers of the events of that fit, in its order.
+    fitted: Arc<Vec<u64>>,
+    /// Its own model, if it learned one.
+    pub(crate) own_model: Option<Arc<OwnModel>>,
+    /// Of its own events, under the team's model.
+    pub(crate) own: Posterior,
+    /// Of what it sent, under the team's model.
+    pub(crate) public: Posterior,
+    /// Of its own events and what others sent, under its own model if it has one.
+    pub(crate) fused: Posterior,
+    taken: Taken,
+    /// The frame for which the last attempt found nothing worth sending, if nothing happened since.
+    pub(crate) nothing_new_in: Option<usize>,
+}
+
+/// What of the memory is in the posteriors.
+#[derive(Debug, Clone, Default)]
+struct Taken {
+    /// Events that came since the last fit.
+    beside: Vec<Event>,
+    /// How many of these are in, from the first on.
+    absorbed: usize,
+    /// Events that went since the last fit, and are in all the same.
+    forgotten: usize,
+    /// The packets that are in.
+    packets: BTreeSet<PacketKey>,
+    /// Whether the posteriors must be put together anew, whatever is in them.
+    is_stale: bool,
+}
+
+impl Taken {
+    /// Whether the posteriors hold what they should: `packets`, and so many events as stand beside a fit.
+    fn holds(&self, memory: &Memory, fitted: usize, packets: &BTreeSet<PacketKey>) -> bool {
+        !self.is_stale
+            && self.packets == *packets
+            && self.absorbed == self.beside.len().min(BESIDE_MAX)
+            && fitted + self.beside.len() == memory.events.len() + self.forgotten
+    }
+}
+
+impl OwnModel {
+    /// The same model with another fit of the events.
+    fn with(&self, fit: Fit) -> Self {
+        Self {
+            fit,
+            #[cfg(feature = "learn")]
+            learned: self.learned.clone(),
+        }
+    }
+}
+
+impl Beliefs {
+    /// What is believed before anything happened.
+    pub(crate) fn new(model: &Model) -> Self {
+        let nothing = nothing(model);
+        Self {
+            fit: None,
+            began_cold: false,
+            fitted: Arc::default(),
+            own_model: None,
+            own: nothing.clone(),
+            public: nothing.clone(),
+            fused: nothing,
+            taken: Taken::default(),
+            nothing_new_in: None,
+        }
+    }
+
+    /// Notes what became of the events that the memory was given.
+    pub(crate) fn note(&mut self, change: Change) {
+        if !change.new.is_empty() || change.forgotten > 0 {
+            self.nothing_new_in = None;
+        }
+        self.taken.beside.extend(change.new);
+        self.taken.forgotten += change.forgotten;
+    }
+
+    /// Whether more events came or went since the last fit than can stand beside it.
+    pub(crate) fn refit_due(&self) -> bool {
+        self.taken.beside.len() > BESIDE_MAX || self.taken.forgotten > BESIDE_MAX
+    }
+
+    /// Fits the events of the memory, under the team's model and, with what was heard, under its own if it has one. Does
+    /// nothing where the last fit is what this one would be.
+    pub(crate) fn refit(
+        &mut self,
+        memory: &Memory,
+        heard: &BTreeSet<PacketKey>,
+        start: Start,
+    ) -> Result<(), AgentError> {
+        let is_fitted = self.fit.is_some() && self.taken.beside.is_empty() && self.taken.forgotten == 0;
+        if is_fitted && (start == Start::Warm || self.began_cold) {
+            return Ok(());
+        }
+        let model = &memory.frames.team.model;
+        let observations = model.observations(memory.events.iter())?;
+        let fit_anew = |prior: &Prior, messages: &[&Summary], last: Option<&Fit>, near: &Posterior| {
+            let last = last.filter(|_| start == Start::Warm);
+            let tilts = last.map(|last| self.tilts(memory, last, near)).transpose()?;
+            fitting::fit(prior, &observations, messages, &memory.frames.team.limits, tilts.as_deref())
+        };
+        let fit = fit_anew(&model.prior, &[], self.fit.as_deref(), &self.own)?;
+        let own_model = match &self.own_model {
+            Some(own) => {
+                let packets = said(memory, heard.iter());
+                let fit = fit_anew(own.fit.prior(), &summaries(&packets), Some(&own.fit), &self.fused)?;
+                Some(Arc::new(own.with(fit)))
+            }
+            None => None,
+        };
+        self.began_cold = start == Start::Cold || self.fit.is_none();
+        (self.fit, self.own_model) = (Some(Arc::new(fit)), own_model);
+        self.fitted = Arc::new(memory.events.numbered().iter().map(|known| known.number).collect());
+        self.taken = Taken { is_stale: true, packets: std::mem::take(&mut self.taken.packets), ..Taken::default() };
+        Ok(())
+    }
+
+    /// Tilts to begin with: those of the last fit and, of events that were not in it, what the posterior near it says.
+    fn tilts(&self, memory: &Memory, last: &Fit, near: &Posterior) -> dgpc::Result<Vec<f64>> {
+        let known: HashMap<u64, f64> = self.fitted.iter().copied().zip(last.tilts().iter().copied()).collect();
+        let events = memory.events.numbered();
+        let new = events.iter().filter(|event| !known.contains_key(&event.number));
+        let latent = near.latent(&memory.frames.team.model.inputs(new.map(|new| &new.event.link))?)?;
+        let mut tilts =
+            latent.mean.iter().zip(&latent.variance).map(|(mean, variance)| (mean * mean + variance).sqrt());
+        let tilt = |event: &Numbered| known.get(&event.number).copied().or_else(|| tilts.next()).unwrap_or(1.0);
+        // Where f is known to be 0 the tilt is 0, but an iteration begins above.
+        Ok(events.iter().map(tilt).map(|tilt| tilt.max(TILT_MIN)).collect())
+    }
+
+    /// Takes in what arrived, O(n²) for every event and point. After a fit, or where packets are in that count no more,
+    /// everything is put together anew, O(n³). Nothing is fitted here.
+    pub(crate) fn update(&mut self, memory: &Memory, heard: BTreeSet<PacketKey>) -> Result<(), AgentError> {
+        let own = memory.own.unwrap_or_default();
+        let told: BTreeSet<PacketKey> = memory.told().map(|(counter, _)| (own, counter)).collect();
+        let is_told = |key: &PacketKey| Some(key.0) == memory.own;
+        if !self.taken.packets.iter().filter(|key| is_told(key)).eq(&told) {
+            self.nothing_new_in = None;
+        }
+        let wanted: BTreeSet<PacketKey> = told.into_iter().chain(heard).collect();
+        if self.taken.is_stale || !self.taken.packets.is_subset(&wanted) {
+            self.put_together(memory, &wanted)?;
+        }
+        let absorbed = self.absorb_events(memory).and_then(|()| self.absorb_packets(memory, &wanted));
+        self.taken.is_stale = absorbed.is_err();
+        debug_assert!(absorbed.is_err() || self.taken.holds(memory, self.fitted.len(), &wanted), "{:?}", self.taken);
+        absorbed
+    }
+
+    fn absorb_events(&mut self, memory: &Memory) -> Result<(), AgentError> {
+        let end = self.taken.beside.len().min(BESIDE_MAX);
+        for event in &self.taken.beside[self.taken.absorbed..end] {
+            let observation = memory.frames.team.model.observations([event])?;
+            let site = dgpc::sites_given(&self.own, &observation)?;
+            self.own.absorb_events(&site)?;
+            // Under its own model an event has another site.
+            let site = if self.own_model.is_some() { dgpc::sites_given(&self.fused, &observation)? } else { site };
+            self.fused.absorb_events(&site)?;
+        }
+        self.taken.absorbed = end;
+        Ok(())
+    }
+
+    fn absorb_packets(&mut self, memory: &Memory, wanted: &BTreeSet<PacketKey>) -> Result<(), AgentError> {
+        let new: Vec<PacketKey> = wanted.difference(&self.taken.packets).copied().collect();
+        let [told, heard] = told_and_heard(memory, &new);
+        self.public.absorb_summaries(&summaries(&told))?;
+        let prior = self.fused.prior();
+        let heard = summaries(&heard).into_iter().map(|summary| summary.read_under(prior));
+        let heard: Vec<_> = heard.collect::<Result<_, dgpc::Error>>()?;
+        self.fused.absorb_summaries(&heard.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
+        self.taken.packets.extend(new);
+        Ok(())
+    }
+
+    /// The posteriors of the last fit and these packets. Events since that fit are to be absorbed again.
+    pub(crate) fn put_together(&mut self, memory: &Memory, wanted: &BTreeSet<PacketKey>) -> Result<(), AgentError> {
+        let model = &memory.frames.team.model;
+        let [told, heard] = told_and_heard(memory, wanted);
+        let heard = summaries(&heard);
+        let (mut public, mut own, mut fused) = (nothing(model), nothing(model), nothing(model));
+        public.absorb_summaries(&summaries(&told))?;
+        match &self.fit {
+            Some(fit) => own = fit.posterior_with(&[])?,
+            None => fused.absorb_summaries(&heard)?,
+        }
+        if let Some(fit) = self.own_model.as_ref().map(|own| &own.fit).or(self.fit.as_deref()) {
+            fused = fit.posterior_with(&heard)?;
+        }
+        (self.public, self.own, self.fused) = (public, own, fused);
+        self.taken.beside.sort_by(Event::canonical_order);
+        (self.taken.absorbed, self.taken.is_stale) = (0, false);
+        self.taken.packets.clone_from(wanted);
+        Ok(())
+    }
+
+    /// Asks for everything to be put together anew.
+    pub(crate) fn invalidate(&mut self) {
+        self.taken.is_stale = true;
+    }
+}
+
+fn nothing(model: &Model) -> Posterior {
+    Posterior::prior_alone(&model.prior, model.inputs.dimension())
+}
+
+/// The packets of these names, the vehicle's own and those of others.
+fn told_and_heard<'a>(memory: &Memory, keys: impl IntoIterator<Item = &'a PacketKey> + Clone) -> [Vec<Arc<Packet>>; 2] {
+    let part =
+        |is_own: bool| said(memory, keys.clone().into_iter().filter(move |key| (Some(key.0) == memory.own) == is_own));
+    [part(true), part(false)]
+}
+
+fn said<'a>(memory: &Memory, keys: impl Iterator<Item = &'a PacketKey>) -> Vec<Arc<Packet>> {
+    keys.filter_map(|&key| memory.packets.get(key).cloned()).collect()
+}
+
+/// What packets say.
+pub(crate) fn summaries(packets: &[Arc<Packet>]) -> Vec<&Summary> {
+    packets.iter().flat_map(|packet| &packet.summaries).collect()
+}

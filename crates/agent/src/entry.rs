@@ -1,0 +1,29 @@
+//! What can happen to a memory.
+
+use crate::event::Event;
+
+/// Something that a vehicle remembers from then on. All that it knows follows from the set of its entries, whatever
+/// their order and however often each of them came: a journal of them can be applied again, in parts and twice over.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Entry {
+    /// An event of its own.
+    Observed {
+        /// How many it had observed before: what tells two equal events from one that came twice.
+        number: u64,
+        /// The event.
+        event: Event,
+    },
+    /// A frame that it heard.
+    Heard {
+        /// As they came.
+        bytes: Vec<u8>,
+    },
+    /// A frame that it sent, for the first time or again.
+    Sent {
+        /// How many it had sent before.
+        number: u64,
+        /// As they left.
+        bytes: Vec<u8>,
+    },
+}

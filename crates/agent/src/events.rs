@@ -1,0 +1,136 @@
+//! The events that a vehicle remembers.
+
+use std::cmp::Ordering;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use crate::event::Event;
+
+/// An event, and how many the vehicle had observed before it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Numbered {
+    pub(crate) number: u64,
+    pub(crate) event: Event,
+}
+
+impl Numbered {
+    fn order(&self, other: &Self) -> Ordering {
+        self.event.canonical_order(&other.event).then(self.number.cmp(&other.number))
+    }
+}
+
+/// What became of the events that were put in.
+#[derive(Debug, Default)]
+pub(crate) struct Change {
+    /// Those that were not there.
+    pub(crate) new: Vec<Event>,
+    /// How many others went for them.
+    pub(crate) forgotten: usize,
+}
+
+/// Events by their numbers, the latest of them: which are there depends on the set of those put in alone. They are
+/// forgotten by number and not by the clock, which may be set back, and a sixteenth at a time, because whoever forgets
+/// must fit again. Shared by copies.
+#[derive(Debug, Clone)]
+pub(crate) struct Events {
+    events_max: usize,
+    /// In canonical order, so that fits do not depend on the order of arrival.
+    in_order: Arc<Vec<Numbered>>,
+    numbers: Arc<BTreeSet<u64>>,
+}
+
+impl Events {
+    pub(crate) fn new(events_max: usize) -> Self {
+        Self { events_max: events_max.max(1), in_order: Arc::default(), numbers: Arc::default() }
+    }
+
+    /// Puts in events that have these numbers. Of two events under one number, which no vehicle makes, the first in
+    /// canonical order stays. O(log N) for one, but for the others' moving aside; O(N log N) for many.
+    pub(crate) fn insert(&mut self, new: Vec<Numbered>) -> Change {
+        let mut change = Change::default();
+        let mut added = Vec::new();
+        for entry in new {
+            let is_old = entry.number < self.first_kept();
+            if is_old || self.in_order.binary_search_by(|known| known.order(&entry)).is_ok() {
+                continue;
+            }
+            if Arc::make_mut(&mut self.numbers).insert(entry.number) {
+                change.new.push(entry.event.clone());
+                added.push(entry);
+            } else {
+                // Rare, and so it may be slow.
+                self.merge(std::mem::take(&mut added));
+                if let Some(event) = self.settle(entry) {
+                    change.new.push(event);
+                    change.forgotten += 1;
+                }
+            }
+        }
+        self.merge(added);
+        change.forgotten += self.forget();
+        change
+    }
+
+    fn merge(&mut self, mut added: Vec<Numbered>) {
+        let in_order = Arc::make_mut(&mut self.in_order);
+        if added.len() == 1 {
+            let entry = added.remove(0);
+            let place = in_order.partition_point(|known| known.order(&entry).is_lt());
+            in_order.insert(place, entry);
+        } else if !added.is_empty() {
+            in_order.extend(added);
+            in_order.sort_by(Numbered::order);
+        }
+    }
+
+    /// Puts an event in the place of the other one of its number, if it comes before that; the event, if it did.
+    fn settle(&mut self, entry: Numbered) -> Option<Event> {
+        let in_order = Arc::make_mut(&mut self.in_order);
+        let place = in_order.iter().position(|known| known.number == entry.number)?;
+        if in_order[place].order(&entry).is_le() {
+            return None;
+        }
+        in_order.remove(place);
+        let event = entry.event.clone();
+        self.merge(vec![entry]);
+        Some(event)
+    }
+
+    /// Lets the oldest go, and says how many.
+    fn forget(&mut self) -> usize {
+        let first_kept = self.first_kept();
+        if self.numbers.first().is_none_or(|&number| number >= first_kept) {
+            return 0;
+        }
+        let before = self.in_order.len();
+        Arc::make_mut(&mut self.in_order).retain(|known| known.number >= first_kept);
+        let kept = Arc::make_mut(&mut self.numbers).split_off(&first_kept);
+        self.numbers = Arc::new(kept);
+        before - self.in_order.len()
+    }
+
+    /// The smallest number that is not too old beside the largest.
+    fn first_kept(&self) -> u64 {
+        let (max, step) = (self.events_max as u64, (self.events_max as u64 / 16).max(1));
+        self.count().saturating_sub(max).div_ceil(step) * step
+    }
+
+    /// The number of the next event.
+    pub(crate) fn count(&self) -> u64 {
+        self.numbers.last().map_or(0, |&last| last.saturating_add(1))
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.in_order.len()
+    }
+
+    /// In canonical order.
+    pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &Event> + Clone {
+        self.in_order.iter().map(|known| &known.event)
+    }
+
+    /// In canonical order, with their numbers.
+    pub(crate) fn numbered(&self) -> &[Numbered] {
+        &self.in_order
+    }
+}
