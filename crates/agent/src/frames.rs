@@ -23,19 +23,37 @@ impl Frames {
 
     /// A packet of the team: its form, and the numbers in it.
     pub(crate) fn read(&self, bytes: &[u8]) -> Result<(&'static Layout, MapMessage), Refusal> {
-        let (layout, message) = MapMessage::decode(bytes, self.seal()).map_err(Refusal::of)?;
-        if layout.frame_bytes > self.team.frame_bytes {
-            let (length, max) = (layout.frame_bytes, self.team.frame_bytes);
-            return Err(Refusal::Malformed(pingmap_packet::Error::TooLong { length, max }));
+        if let Some(layout) = Layout::of(bytes)
+            && !self.is_ours(layout)
+        {
+            return Err(Refusal::OtherForm { name: layout.name });
         }
-        let expected = if layout.is_sealed { 0 } else { self.check_number(&layout.with_model_zeroed(bytes)) };
-        if layout.has_depth != self.team.model.inputs.has_depths() || message.model != expected {
-            return Err(Refusal::OtherModel { found: message.model, expected });
+        let (layout, message) = MapMessage::decode(bytes, self.seal()).map_err(|error| self.refusal(error))?;
+        let found = message.model ^ if layout.is_sealed { 0 } else { check_number(&layout.with_model_zeroed(bytes)) };
+        let expected = if layout.is_sealed { 0 } else { self.number() };
+        if found != expected {
+            return Err(Refusal::OtherTeam { found: Some(found), expected });
         }
         if !self.team.members.contains_key(&message.sender) {
             return Err(Refusal::UnknownSender { number: message.sender });
         }
         Ok((layout, message))
+    }
+
+    /// Whether members of the team send packets of this form.
+    fn is_ours(&self, layout: &Layout) -> bool {
+        layout.has_depth == self.team.model.inputs.has_depths()
+            && layout.is_sealed == self.team.key.is_some()
+            && layout.frame_bytes <= self.team.frame_bytes
+    }
+
+    /// What a decoder's error means to a receiver.
+    fn refusal(&self, error: pingmap_packet::Error) -> Refusal {
+        match error {
+            pingmap_packet::Error::OtherContext => Refusal::OtherTeam { found: None, expected: self.number() },
+            pingmap_packet::Error::Forged | pingmap_packet::Error::Seal(_) => Refusal::Forged(error),
+            other => Refusal::Malformed(other),
+        }
     }
 
     /// A packet of the team: its name, and what it says.
@@ -47,13 +65,13 @@ impl Frames {
         Ok(((message.sender, message.counter), Packet { bytes: bytes[..layout.length()].to_vec(), summaries }))
     }
 
-    /// The bytes of a message: sealed if the team has a key, else with the check number of what it agreed on.
+    /// The bytes of a message: sealed if the team has a key, else with the number of what it agreed on.
     pub(crate) fn write(&self, layout: &Layout, message: &MapMessage) -> Result<Vec<u8>, pingmap_packet::Error> {
         if layout.is_sealed {
             return message.encode(layout, self.seal());
         }
         let unnumbered = MapMessage { model: 0, ..message.clone() };
-        let model = self.check_number(&unnumbered.encode(layout, None)?);
+        let model = check_number(&unnumbered.encode(layout, None)?) ^ self.number();
         MapMessage { model, ..unnumbered }.encode(layout, self.seal())
     }
 
@@ -66,10 +84,18 @@ impl Frames {
         self.team.key.as_ref().map(|key| Seal { key, context: &self.digest })
     }
 
-    /// The number by which an open packet shows that it is whole, and of this team: 14 bits of the digest of what the
-    /// team agreed on and of the packet itself, with zeros where the number will stand.
-    fn check_number(&self, unnumbered: &[u8]) -> u16 {
-        let digest = digest(&[self.digest.as_slice(), unnumbered].concat());
-        u16::from_le_bytes([digest[0], digest[1]]) & 0x3fff
+    /// The number of the agreement in open packets: 14 bits of its digest.
+    fn number(&self) -> u16 {
+        u16::from_le_bytes([self.digest[0], self.digest[1]]) & NUMBER_MASK
     }
+}
+
+/// The bits of an agreement's number, and of a check number.
+const NUMBER_MASK: u16 = 0x3fff;
+
+/// 14 bits of the digest of an open packet with zeros in their place. Combined (by exclusive or) with the number of the
+/// agreement they show a receiver which agreement a whole packet was formed under.
+fn check_number(unnumbered: &[u8]) -> u16 {
+    let digest = digest(unnumbered);
+    u16::from_le_bytes([digest[0], digest[1]]) & NUMBER_MASK
 }

@@ -16,15 +16,23 @@ pub enum Refusal {
     /// Not a map message, or one whose fields are out of bounds.
     #[error("not a map message: {0}")]
     Malformed(pingmap_packet::Error),
-    /// The tag does not fit, or a sealed packet met an open team or the other way round.
+    /// The tag does not fit: damaged, or sealed with another key.
     #[error("not of this team: {0}")]
     Forged(pingmap_packet::Error),
-    /// Formed under another model, grid, member list or epoch, or damaged on its way.
-    #[error("formed under another agreement, or damaged: check number {found}, expected {expected}")]
-    OtherModel {
-        /// The check number in the packet.
-        found: u16,
-        /// What it would be in this team.
+    /// Whole, but a form of packet that this team does not send: its sender has another team file.
+    #[error("not of this team: {name} is none of the forms that it sends")]
+    OtherForm {
+        /// Name of the form in the `.proto`.
+        name: &'static str,
+    },
+    /// Formed under another agreement (model, grid, members, slots, epoch…): its sender has another team file. Or an
+    /// open packet that was damaged on its way, which then names some number by chance.
+    #[error("formed under another agreement{}", numbers(*found, *expected))]
+    OtherTeam {
+        /// The number of the agreement it was formed under, if it is whole; `None` of a sealed packet, which shows that
+        /// the sender has the team's key but not which agreement.
+        found: Option<u16>,
+        /// The number of this team's.
         expected: u16,
     },
     /// A number that no member has.
@@ -73,19 +81,17 @@ pub enum Refusal {
     Unusable(dgpc::Error),
 }
 
+/// What is known of two agreements, in words.
+fn numbers(found: Option<u16>, expected: u16) -> String {
+    found.map_or_else(
+        || ", with this team's key".into(),
+        |found| format!(", or damaged: it says number {found}, expected {expected}"),
+    )
+}
+
 /// The counter that a sender has come to, in words.
 fn after(latest: Option<u16>) -> String {
     latest.map_or_else(|| "a sender that was not heard before".into(), |latest| format!("its sender's {latest}"))
-}
-
-impl Refusal {
-    /// What a decoder's error means to a receiver.
-    pub(crate) fn of(error: pingmap_packet::Error) -> Self {
-        match error {
-            pingmap_packet::Error::Forged | pingmap_packet::Error::Seal(_) => Refusal::Forged(error),
-            other => Refusal::Malformed(other),
-        }
-    }
 }
 
 /// Packets received, by what became of them.
@@ -97,8 +103,8 @@ pub struct Counts {
     pub malformed: u64,
     /// See [`Refusal::Forged`].
     pub forged: u64,
-    /// See [`Refusal::OtherModel`].
-    pub other_model: u64,
+    /// See [`Refusal::OtherTeam`] and [`Refusal::OtherForm`].
+    pub other_team: u64,
     /// See [`Refusal::UnknownSender`].
     pub unknown_sender: u64,
     /// See [`Refusal::Duplicate`].
@@ -128,7 +134,7 @@ impl Counts {
         match refusal {
             Refusal::Malformed(_) => &mut self.malformed,
             Refusal::Forged(_) => &mut self.forged,
-            Refusal::OtherModel { .. } => &mut self.other_model,
+            Refusal::OtherForm { .. } | Refusal::OtherTeam { .. } => &mut self.other_team,
             Refusal::UnknownSender { .. } => &mut self.unknown_sender,
             Refusal::Duplicate => &mut self.duplicate,
             Refusal::TooOld => &mut self.too_old,

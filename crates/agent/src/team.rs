@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use pingmap_packet::{Key, Layout, digest};
+use pingmap_packet::{Key, Layout};
 
 use crate::bounds::Bounds;
 use crate::event::{Position, VehicleId};
 use crate::grid::Grid;
 use crate::limits::Limits;
 use crate::model::Model;
-use crate::model_file::ModelFile;
 use crate::wire::Wire;
 
 /// Version of `team.toml`. A newer one is refused.
@@ -50,6 +49,8 @@ pub struct Team {
 /// Whose turn it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slots {
+    /// When a slot of the first sender begins, in seconds.
+    pub start_s: f64,
     /// Length of a slot in seconds.
     pub duration_s: f64,
     /// Senders in turn.
@@ -57,10 +58,10 @@ pub struct Slots {
 }
 
 impl Slots {
-    /// Who may send at this time; nobody in a schedule without members.
+    /// Who may send at this time; nobody in a schedule without members, and at a time that is not finite.
     pub fn owner(&self, time_s: f64) -> Option<&VehicleId> {
-        let slot = (time_s / self.duration_s).floor().rem_euclid(self.order.len().max(1) as f64);
-        self.order.get(slot as usize)
+        let slot = ((time_s - self.start_s) / self.duration_s).floor().rem_euclid(self.order.len() as f64);
+        if slot.is_finite() { self.order.get(slot as usize) } else { None }
     }
 }
 
@@ -115,6 +116,13 @@ pub enum TeamError {
         /// The name.
         name: VehicleId,
     },
+    /// A team that its file would not say as it is: members or slots that are no team's, numbers beyond those that files
+    /// may hold, a key without a file, or a file without a key.
+    #[error("the file of this team would not say the same: {problem}")]
+    Unwritable {
+        /// What is lost.
+        problem: String,
+    },
     /// No packet fits into such a frame.
     #[error("frame_bytes must be at least 32, found {found}")]
     FrameTooSmall {
@@ -150,7 +158,7 @@ impl Team {
             members,
             model,
             frame_bytes: FRAME_BYTES,
-            slots: Slots { duration_s: SLOT_S, order: names },
+            slots: Slots { start_s: 0.0, duration_s: SLOT_S, order: names },
             key: None,
             epoch: 0,
             worth_nats: WORTH_NATS,
@@ -184,20 +192,6 @@ impl Team {
     /// What the numbers of a packet mean.
     pub fn wire(&self) -> Wire<'_> {
         Wire { model: &self.model, grid: &self.grid }
-    }
-
-    /// Digest of all that gives a packet its meaning: model, grid, members, window, epoch and key. Whoever differs in
-    /// one of these reads another team's packets as foreign.
-    pub fn digest(&self) -> [u8; 32] {
-        let model = ModelFile { model: self.model.clone(), learned: None }.to_toml();
-        let Grid { cell_m, depth_cell_m } = self.grid;
-        let members: String = self.members.iter().map(|(number, name)| format!("{number} {name:?}\n")).collect();
-        let (epoch, window) = (self.epoch, self.packets_per_sender_max);
-        let key = self.key.as_ref().map(Key::fingerprint);
-        let text = format!(
-            "{model}\ngrid {cell_m:?} {depth_cell_m:?}\n{members}epoch {epoch}\nwindow {window}\nkey {key:?}\n"
-        );
-        digest(text.as_bytes())
     }
 }
 

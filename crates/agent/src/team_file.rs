@@ -59,6 +59,7 @@ struct GridLayout {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct SlotsLayout {
+    start_s: f64,
     duration_s: f64,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     order: Vec<String>,
@@ -66,7 +67,7 @@ struct SlotsLayout {
 
 impl Default for SlotsLayout {
     fn default() -> Self {
-        Self { duration_s: SLOT_S, order: Vec::new() }
+        Self { start_s: 0.0, duration_s: SLOT_S, order: Vec::new() }
     }
 }
 
@@ -93,7 +94,7 @@ impl TeamFile {
     /// The text of a team whose model, and key if it has one, lie in these files.
     ///
     /// # Errors
-    /// [`TeamError::Syntax`] where a number has no form in TOML.
+    /// [`TeamError::Unwritable`] for a team that no file can say.
     pub fn write(team: &Team, model_file: &str, key_file: Option<&str>) -> Result<String, TeamError> {
         let file = Self {
             schema: TEAM_SCHEMA,
@@ -107,12 +108,24 @@ impl TeamFile {
             members: team.members.iter().map(|(&number, name)| (name.as_str().to_owned(), number)).collect(),
             grid: GridLayout { cell_m: team.grid.cell_m, depth_cell_m: Some(team.grid.depth_cell_m) },
             slots: SlotsLayout {
+                start_s: team.slots.start_s,
                 duration_s: team.slots.duration_s,
                 order: team.slots.order.iter().map(|name| name.as_str().to_owned()).collect(),
             },
             limits: team.limits,
         };
-        toml::to_string(&file).map_err(|error| TeamError::Syntax(error.to_string()))
+        let unwritable = |problem: &dyn std::fmt::Display| TeamError::Unwritable { problem: problem.to_string() };
+        let text = toml::to_string(&file).map_err(|error| unwritable(&error))?;
+        if key_file.is_some() != team.key.is_some() {
+            return Err(unwritable(&"a key and the name of its file go together"));
+        }
+        let again = Self::parse(&text).and_then(|file| file.team(team.model.clone(), team.key.clone()));
+        let again = again.map_err(|error| unwritable(&error))?;
+        let own_affairs = |team: &Team| (team.worth_nats.to_bits(), team.repeats_max, team.limits);
+        if again.canonical_bytes() != team.canonical_bytes() || own_affairs(&again) != own_affairs(team) {
+            return Err(unwritable(&"something is lost in it"));
+        }
+        Ok(text)
     }
 
     /// The team, given what its files hold.
@@ -148,7 +161,11 @@ impl TeamFile {
                 depth_cell_m: checked("grid.depth_cell_m", bounds::LENGTH_M, self.grid.depth_cell_m.unwrap_or(1.0))?,
             },
             frame_bytes: self.frame_bytes,
-            slots: Slots { duration_s: checked("slots.duration_s", bounds::SLOT_S, self.slots.duration_s)?, order },
+            slots: Slots {
+                start_s: checked("slots.start_s", bounds::TIME_S, self.slots.start_s)?,
+                duration_s: checked("slots.duration_s", bounds::SLOT_S, self.slots.duration_s)?,
+                order,
+            },
             key,
             epoch: self.epoch,
             packets_per_sender_max: checked("packets_per_sender_max", bounds::WINDOW, window.into())? as u16,

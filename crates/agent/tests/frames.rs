@@ -44,9 +44,9 @@ fn scribbled(team: &Arc<Team>, mut frame: Vec<u8>, bits: &[u8]) -> Vec<u8> {
 }
 
 fn counted(counts: &Counts) -> u64 {
-    let Counts { accepted, malformed, forged, other_model, unknown_sender, duplicate, too_old, .. } = *counts;
+    let Counts { accepted, malformed, forged, other_team, unknown_sender, duplicate, too_old, .. } = *counts;
     let Counts { conflict, unconfirmed, own_number, unusable, .. } = *counts;
-    let known = accepted + malformed + forged + other_model + unknown_sender + duplicate + too_old;
+    let known = accepted + malformed + forged + other_team + unknown_sender + duplicate + too_old;
     known + conflict + unconfirmed + own_number + unusable
 }
 

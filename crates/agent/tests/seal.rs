@@ -55,11 +55,13 @@ fn a_frame_with_any_bit_changed_is_refused_and_changes_nothing() {
         let mut altered = bytes.clone();
         altered[bit / 8] ^= 1 << (bit % 8);
         let receipt = agent.receive(&altered, 0.0);
-        assert!(matches!(receipt, Receipt::Refused(Refusal::Forged(_) | Refusal::Malformed(_))), "{bit}: {receipt:?}");
+        assert!(matches!(receipt, Receipt::Refused(refusal) if refusal != Refusal::Duplicate), "{bit}");
     }
     let counts = *agent.counts();
-    assert_eq!((counts.accepted, counts.forged + counts.malformed), (1, 8 * bytes.len() as u64));
-    assert!(counts.forged > counts.malformed, "{counts:?}");
+    let refused = counts.forged + counts.malformed + counts.other_team;
+    assert_eq!((counts.accepted, refused), (1, 8 * bytes.len() as u64));
+    // Bits of the tag that depend on the agreement look like another one; changed ids like another form.
+    assert!(counts.forged > counts.malformed && counts.other_team >= 48, "{counts:?}");
     assert_eq!((agent.snapshot(), agent.probabilities(&somewhere()).unwrap()), before);
     assert_eq!(agent.receive(&bytes, 0.0), Receipt::Accepted);
 }
@@ -68,28 +70,48 @@ fn a_frame_with_any_bit_changed_is_refused_and_changes_nothing() {
 fn who_agreed_on_something_else_is_not_of_the_team() {
     let other_grid = Grid { cell_m: 21.0, ..sealed().grid };
     let foreign = [
-        Team { key: Some(key(8)), ..sealed() },
         Team { epoch: 1, ..sealed() },
         Team { packets_per_sender_max: 9, ..sealed() },
         Team { grid: other_grid, ..sealed() },
         Team { key: sealed().key, ..team(3, isotropic(dgpc::Shape::Matern52, true, 301.0, 4.0)) },
         Team { key: sealed().key, ..team(4, model()) },
-        Team { key: None, ..sealed() },
+        Team { frame_bytes: 64, ..sealed() },
+        Team { slots: Slots { start_s: 1.0, ..sealed().slots }, ..sealed() },
     ];
     let mut agent = listener();
     let before = agent.snapshot();
-    for (counter, foreign) in (1..).zip(foreign) {
-        let receipt = agent.receive(&first_packet(foreign), 0.0);
-        assert!(matches!(receipt, Receipt::Refused(Refusal::Forged(_))), "{counter}: {receipt:?}");
-        assert_eq!(agent.counts().forged, counter);
-    }
-    assert_eq!(agent.snapshot(), before);
-    // Nor does an open team take sealed packets, or those of another agreement.
-    let mut open = vehicle(&Arc::new(Team { key: None, ..sealed() }), 0, []);
-    assert!(matches!(open.receive(&first_packet(sealed()), 0.0), Receipt::Refused(Refusal::Forged(_))));
-    let receipt = open.receive(&first_packet(Team { key: None, epoch: 1, ..sealed() }), 0.0);
-    assert!(matches!(receipt, Receipt::Refused(Refusal::OtherModel { .. })), "{receipt:?}");
-    assert_eq!((open.counts().forged, open.counts().other_model, open.live_packets()), (1, 1, 0));
+    let mut is_other = |bytes: &[u8]| match agent.receive(bytes, 0.0) {
+        Receipt::Refused(Refusal::OtherTeam { found: None, .. }) => "key",
+        Receipt::Refused(Refusal::OtherForm { .. }) => "form",
+        Receipt::Refused(Refusal::Forged(_)) => "forged",
+        receipt => panic!("{receipt:?}"),
+    };
+    // With the same key it shows that they have another team file; with another key nothing does.
+    let found: Vec<&str> = foreign.into_iter().map(|foreign| is_other(&first_packet(foreign))).collect();
+    assert_eq!(found, ["key"; 7]);
+    assert_eq!(is_other(&first_packet(Team { key: Some(key(8)), ..sealed() })), "forged");
+    let mut large = vehicle(&Arc::new(Team { frame_bytes: 64, ..sealed() }), 1, walk(1, 30, 1.0));
+    assert_eq!(is_other(&large.next_packet(0.0, 64).unwrap().unwrap()), "form");
+    assert_eq!(is_other(&first_packet(Team { key: None, ..sealed() })), "form");
+    assert_eq!((agent.counts().other_team, agent.counts().forged, agent.snapshot()), (9, 1, before));
+}
+
+#[test]
+fn an_open_packet_shows_under_which_agreement_it_was_formed() {
+    let open = |epoch| Team { key: None, epoch, ..sealed() };
+    let mut agent = vehicle(&Arc::new(open(0)), 0, []);
+    assert!(matches!(agent.receive(&first_packet(sealed()), 0.0), Receipt::Refused(Refusal::OtherForm { .. })));
+    let mut number = |epoch, first| {
+        let mut sender = vehicle(&Arc::new(open(epoch)), 1, walk(1, 30, first));
+        match agent.receive(&sender.next_packet(0.0, 32).unwrap().unwrap(), 0.0) {
+            Receipt::Refused(Refusal::OtherTeam { found: Some(found), expected }) => (found, expected),
+            receipt => panic!("{receipt:?}"),
+        }
+    };
+    let (one, two) = ([number(1, 0.0), number(1, 1.0)], number(2, 0.0));
+    assert_eq!(one[0], one[1], "whatever the packet says, its number is that of the agreement");
+    assert!(one[0].0 != two.0 && one[0].0 != one[0].1, "{one:?} {two:?}");
+    assert_eq!((agent.counts().other_team, agent.live_packets()), (4, 0));
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod common;
 use std::sync::Arc;
 
 use common::*;
+use dgpc::{Correlation, Kernel, Prior, PriorMean, Shape, Term};
 use pingmap_agent::*;
 use proptest::prelude::*;
 
@@ -44,14 +45,16 @@ fn what_was_written_reads_back_to_the_same_agreement() {
     written.members =
         [(7, "a b"), (0, "\"quoted\""), (255, "wal.do")].map(|(n, name)| (n, VehicleId::new(name))).into();
     written.grid = Grid { cell_m: 17.3, depth_cell_m: 2.1 };
-    written.slots = Slots { duration_s: 7.5, order: ["wal.do", "a b", "wal.do"].map(VehicleId::new).into() };
+    written.slots =
+        Slots { start_s: 3.25, duration_s: 7.5, order: ["wal.do", "a b", "wal.do"].map(VehicleId::new).into() };
     (written.frame_bytes, written.epoch, written.repeats_max, written.packets_per_sender_max) = (64, 9, 2, 5);
     written.worth_nats = 1.25e-5;
     written.limits = Limits { events_max: 1, dense_events_max: 2, inducing_points_max: 3, candidates_max: 4 };
+    written.key = Some(key(3));
     let text = TeamFile::write(&written, "m.toml", Some("key.hex")).unwrap();
     let file = TeamFile::parse(&text).unwrap();
     assert_eq!((file.model_file.as_str(), file.key_file.as_deref()), ("m.toml", Some("key.hex")));
-    let found = file.team(model(), None).unwrap();
+    let found = file.team(model(), Some(key(3))).unwrap();
     assert_eq!((&found.members, found.grid, &found.slots), (&written.members, written.grid, &written.slots));
     assert_eq!((found.frame_bytes, found.epoch, found.repeats_max), (64, 9, 2));
     assert_eq!((found.worth_nats, found.limits, found.digest()), (1.25e-5, written.limits, written.digest()));
@@ -91,6 +94,7 @@ fn what_makes_no_team_is_refused_by_name() {
         ("[grid]", "[limits]\ndense_events_max = 1000000\n[grid]", "limits.dense_events_max must be a whole number"),
         ("[grid]", "[limits]\ncandidates_max = 1000000\n[grid]", "limits.candidates_max must be a whole number"),
         ("cell_m = 25.0", "cell_m = 1e300", "grid.cell_m"),
+        ("[grid]", "[slots]\nstart_s = inf\n[grid]", "slots.start_s must be a finite number of seconds"),
         (
             "[grid]",
             "[limits]\nevents_max = 0\n[grid]",
@@ -119,26 +123,75 @@ fn all_that_gives_packets_their_meaning_is_in_the_digest_and_nothing_else_is() {
         Team { grid: Grid { depth_cell_m: 3.0, ..team.grid }, ..team.clone() },
         Team { epoch: 1, ..team.clone() },
         Team { packets_per_sender_max: 3, ..team.clone() },
+        Team { frame_bytes: 64, ..team.clone() },
+        Team { slots: Slots { start_s: 0.5, ..team.slots.clone() }, ..team.clone() },
+        Team { slots: Slots { duration_s: 9.0, ..team.slots.clone() }, ..team.clone() },
+        Team { slots: Slots { order: names(2), ..team.slots.clone() }, ..team.clone() },
+        Team { key: Some(key(1)), ..team.clone() },
+        Team { key: Some(key(2)), ..team.clone() },
         renamed,
     ];
     let mut digests: Vec<_> = other.iter().chain([&team]).map(Team::digest).collect();
     digests.sort_unstable();
     digests.dedup();
-    assert_eq!(digests.len(), 7);
+    assert_eq!(digests.len(), 13);
     let limits = Limits { events_max: 5, ..team.limits };
-    let same = Team { frame_bytes: 256, worth_nats: 1.0, repeats_max: 3, limits, ..team.clone() };
+    let mut same = Team { worth_nats: 1.0, repeats_max: 3, limits, ..team.clone() };
+    same.model.chart.scale_m = 7.0;
     assert_eq!(same.digest(), team.digest());
+    // Minus zero is zero.
+    same.model.chart.origin.east_m = -0.0;
+    assert_eq!(same.digest(), team.digest());
+    // How length-scales are tied says what is learned, not what is meant.
+    let tied = |ties: &[usize]| {
+        let path = Correlation::new(Shape::Matern32, &[4, 5], &[200.0, 200.0]).unwrap().tied(ties).unwrap();
+        let kernel = Kernel::new(vec![Term::of(4.0, path).unwrap()]).unwrap();
+        let prior = Prior::new(kernel, PriorMean::Zero).unwrap();
+        Team { model: Model::new(team.model.chart, team.model.inputs, prior), ..team.clone() }.digest()
+    };
+    assert_eq!(tied(&[0, 0]), tied(&[0, 1]));
 }
 
 #[test]
 fn slots_come_round_before_and_after_time_zero() {
-    let slots = Slots { duration_s: 2.5, order: names(3) };
+    let slots = Slots { start_s: 0.0, duration_s: 2.5, order: names(3) };
     for (time_s, owner) in
         [(0.0, 0), (2.4, 0), (2.5, 1), (7.4, 2), (7.5, 0), (7.5e6, 0), (-0.1, 2), (-7.5, 0), (-2.6, 1)]
     {
         assert_eq!(slots.owner(time_s), Some(&names(3)[owner]), "{time_s}");
     }
-    assert_eq!(Slots { duration_s: 1.0, order: Vec::new() }.owner(3.0), None);
+    let late = Slots { start_s: 1.0, ..slots.clone() };
+    assert_eq!((late.owner(0.9), late.owner(1.0)), (Some(&names(3)[2]), Some(&names(3)[0])));
+    for time_s in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert_eq!(slots.owner(time_s), None);
+    }
+    assert_eq!(Slots { start_s: 0.0, duration_s: 1.0, order: Vec::new() }.owner(3.0), None);
+}
+
+#[test]
+fn a_team_that_no_file_can_say_is_not_written() {
+    let good = team(2, model());
+    let write = |team: &Team, key_file| TeamFile::write(team, "m.toml", key_file);
+    let cell = |cell_m: f64| Team { grid: Grid { cell_m, ..good.grid }, ..good.clone() };
+    let slots = |order: Vec<VehicleId>| Team { slots: Slots { order, ..good.slots.clone() }, ..good.clone() };
+    let twins = [(0, "ada"), (1, "ada")].map(|(number, name)| (number, VehicleId::new(name))).into();
+    let bad = [
+        (cell(f64::NAN), None),
+        (cell(0.0), None),
+        (Team { frame_bytes: 20, ..good.clone() }, None),
+        (Team { packets_per_sender_max: 2000, ..good.clone() }, None),
+        (Team { key: Some(key(1)), ..good.clone() }, None),
+        (good.clone(), Some("key.hex")),
+        (slots(vec![VehicleId::new("eve")]), None),
+        (slots(Vec::new()), None),
+        (Team { members: twins, ..good.clone() }, None),
+        (Team { worth_nats: -1.0, ..good.clone() }, None),
+    ];
+    for (number, (team, key_file)) in bad.iter().enumerate() {
+        let error = write(team, *key_file).unwrap_err();
+        assert!(matches!(error, TeamError::Unwritable { .. }), "{number}: {error}");
+    }
+    assert!(write(&good, None).is_ok());
 }
 
 proptest! {
@@ -253,5 +306,5 @@ fn a_snapshot_whose_packets_cannot_be_read_keeps_its_events() {
     damaged[packet] ^= 1;
     let agent = Agent::restore(id, team, &checked(damaged)).unwrap();
     assert_eq!(agent.events().len(), 10);
-    assert_eq!((agent.live_packets(), agent.counts().other_model), (1, 1));
+    assert_eq!((agent.live_packets(), agent.counts().other_team), (1, 1));
 }

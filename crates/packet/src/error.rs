@@ -101,6 +101,9 @@ pub enum Error {
     /// The tag is not that of these bytes under this key.
     #[error("the authentication tag does not fit")]
     Forged,
+    /// A tag made with this key for another context: one in 65 536 forgeries looks like this, too.
+    #[error("sealed with this key under another agreement")]
+    OtherContext,
     /// A key that anybody would try first.
     #[error("all bytes of the key are equal: that is no secret")]
     WeakKey,

@@ -69,7 +69,7 @@ impl MapMessage {
             (true, Some(seal)) => {
                 let mut bytes = layout.encode(&fields)?;
                 let tag = seal.key.tag(seal.context, &bytes);
-                layout.put_tag(&mut bytes, tag);
+                layout.put_tag(&mut bytes, u64::from_le_bytes(tag));
                 Ok(bytes)
             }
             (true, None) => Err(Error::Seal("a sealed message needs a key")),
@@ -81,7 +81,8 @@ impl MapMessage {
     ///
     /// # Errors
     /// [`Error::Id`] for another kind of message, [`Error::Seal`] for a sealed message without a key or an open one
-    /// with a key, [`Error::Forged`] when the tag does not fit, and as [`Schema::decode`].
+    /// with a key, [`Error::Forged`] when the tag does not fit, [`Error::OtherContext`] when it fits another context, and as
+    /// [`Schema::decode`].
     pub fn decode(bytes: &[u8], seal: Option<Seal<'_>>) -> Result<(&'static Layout, Self), Error> {
         let layout = Layout::of(bytes)
             .ok_or_else(|| Error::Id { found: Schema::id_of(bytes), expected: "that of a map message".into() })?;
@@ -96,9 +97,7 @@ impl MapMessage {
                 // What could be decoded has no other form than these bytes: nothing needs to be encoded again.
                 let mut signed = message.to_vec();
                 layout.put_tag(&mut signed, 0);
-                if seal.key.tag(seal.context, &signed) != tag(&fields) {
-                    return Err(Error::Forged);
-                }
+                seal.key.check(seal.context, &signed, tag(&fields))?;
             }
             (true, None) => return Err(Error::Seal("a sealed message, but no key is at hand")),
             (false, Some(_)) => return Err(Error::Seal("an open message where only sealed ones are taken")),

@@ -324,6 +324,8 @@ fn a_flipped_bit_of_a_sealed_message_is_refused() {
                 let error = decode(layout, &bytes).unwrap_err();
                 let is_expected = match error {
                     Error::Forged | Error::OutOfBounds { .. } | Error::Padding => true,
+                    // The part of the tag that depends on the context.
+                    Error::OtherContext => (8 * (layout.length() - 8) - 8..8 * layout.length()).contains(&bit),
                     // Another id is that of another form, or of none.
                     Error::Id { .. } | Error::Seal(_) | Error::Short { .. } | Error::Long { .. } => bit < 16,
                     _ => false,
@@ -353,7 +355,7 @@ fn only_the_same_key_and_context_open_a_sealed_message() {
         assert_eq!(open(&key, CONTEXT), Ok(()));
         assert_eq!(open(&other, CONTEXT), Err(Error::Forged));
         for context in [&b""[..], b"model 8", b"model 7 ", b"model "] {
-            assert_eq!(open(&key, context), Err(Error::Forged));
+            assert_eq!(open(&key, context), Err(Error::OtherContext));
         }
     }
 }

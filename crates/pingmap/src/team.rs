@@ -31,7 +31,21 @@ pub fn read_team(path: &Path) -> anyhow::Result<Team> {
     Ok(file.team(model, key).map_err(|error| bad(&error))?)
 }
 
-/// Reads a team's key.
+/// Reads a team's key, and warns if others can do so too.
 pub fn open_key(path: &Path) -> anyhow::Result<Key> {
+    if is_readable_by_others(path) {
+        warn(format_args!("{}: others on this machine can read the key (chmod 600 changes that)", path.display()));
+    }
     Ok(Key::parse(&read_text(path)?).map_err(|error| BadInput(format!("{}: {error}", path.display())))?)
+}
+
+#[cfg(unix)]
+fn is_readable_by_others(path: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::metadata(path).is_ok_and(|metadata| metadata.permissions().mode() & 0o077 != 0)
+}
+
+#[cfg(not(unix))]
+fn is_readable_by_others(_: &Path) -> bool {
+    false
 }

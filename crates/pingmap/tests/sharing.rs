@@ -54,6 +54,8 @@ fn a_key_costs_a_point_of_each_packet() {
     assert_eq!((&result["packets"]["sealed"], &result["packets"]["message"]), (&true.into(), &"MapSealed32".into()));
     assert_eq!(result["sharing"][0]["points_per_frame"], 4);
     assert!(nll(&result["sharing"][0]["team"]) < nll(&result["scores"]["own"]) + 0.01);
+    file(folder.path(), "team.key", "ab".repeat(32));
+    refused(folder.path(), &["replay", "events.csv", "--team", "team.toml"], "all bytes of the key are equal");
     file(folder.path(), "team.key", "not a key");
     refused(
         folder.path(),
@@ -229,4 +231,21 @@ fn lossy_water_costs_little() {
     let lossy = |seed: usize| team("10", &["--loss", "0.3", "--seed", &seed.to_string()]);
     let mean = (1..=seeds).map(lossy).sum::<f64>() / seeds as f64;
     assert!(mean <= calm + 0.010, "{mean} with loss, {calm} without");
+}
+
+#[test]
+fn a_key_that_others_can_read_is_warned_about() {
+    let folder = team_folder(&[]);
+    let command = ["team", "events.csv", "--key-file", "team.key", "--epoch", "7", "--frame-bytes", "256"];
+    let warns = || stderr(&pingmap(folder.path(), &command)).contains("can read the key");
+    #[cfg(unix)]
+    for (mode, expected) in [(0o600, false), (0o644, true)] {
+        use std::os::unix::fs::PermissionsExt;
+        let permissions = std::fs::Permissions::from_mode(mode);
+        std::fs::set_permissions(folder.path().join("team.key"), permissions).unwrap();
+        assert_eq!(warns(), expected, "{mode:o}");
+    }
+    // The file says which mission it is for, and has the window of its frames.
+    let text = std::fs::read_to_string(folder.path().join("team.toml")).unwrap();
+    assert!(text.contains("epoch = 7") && text.contains("packets_per_sender_max = 56"), "{text}");
 }

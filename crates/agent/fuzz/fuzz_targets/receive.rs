@@ -39,10 +39,10 @@ fn hear(mut agent: Agent, bytes: &[u8]) {
         let before = agent.snapshot();
         let mut frame = frame.to_vec();
         let receipt = match agent.receive(&frame, 0.0) {
-            // The bits of the digest are not for a fuzzer to guess: they are in bytes 4 and 5.
-            Receipt::Refused(Refusal::OtherModel { expected, .. }) => {
-                let [low, high] = expected.to_le_bytes();
-                (frame[4], frame[5]) = (low, frame[5] & 0xc0 | high);
+            // The bits of the check number are not for a fuzzer to guess: they are in bytes 4 and 5.
+            Receipt::Refused(Refusal::OtherTeam { found: Some(found), expected }) => {
+                let [low, high] = (found ^ expected).to_le_bytes();
+                (frame[4], frame[5]) = (frame[4] ^ low, frame[5] ^ high);
                 agent.receive(&frame, 0.0)
             }
             receipt => receipt,

@@ -12,7 +12,7 @@ use crate::files::write_file;
 use crate::log::{open_log, thinned};
 use crate::model::{KernelJson, PriorMeanJson, of_events, stop_words, warn_of_search};
 use crate::options::{Kernel, Work};
-use crate::output::{Results, note, print, print_json, progress, spinner, table};
+use crate::output::{BadInput, Results, note, print, print_json, progress, spinner, table};
 use crate::survey::all_in_one;
 use crate::values::{name_of, open_share};
 
@@ -80,7 +80,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     };
     let from = options.events.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let file = ModelFile { model: best.model.clone(), learned: Some(provenance(&best, from)) };
-    write_file(&options.output, file.to_toml().as_bytes())?;
+    write_file(&options.output, file.write().map_err(|error| BadInput(error.to_string()))?.as_bytes())?;
 
     if options.json {
         print_json(

@@ -53,11 +53,8 @@ fn write(options: &Options) -> anyhow::Result<()> {
     let model = open_model(&options.model, &log)?;
     let key = options.key_file.as_deref().map(open_key).transpose()?;
     let positions = log.events.iter().flat_map(|event| event.link.ends());
-    let mut team = Team {
-        frame_bytes: options.frame_bytes,
-        key,
-        ..Team::new(log.vehicles(), model, positions).map_err(bad_team)?
-    };
+    let team = Team::new(log.vehicles(), model, positions).map_err(bad_team)?;
+    let mut team = Team { key, epoch: options.epoch, ..team.with_frames(options.frame_bytes) };
     if let Some(cell_m) = options.cell_m {
         team.grid.cell_m = cell_m;
         let outside = log.events.iter().filter(|event| !team.wire().holds(&event.link)).count();

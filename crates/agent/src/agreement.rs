@@ -1,0 +1,117 @@
+//! What a team agreed on, in the one form of bytes that its digest is of (docs/protocol.md, "What a team agrees on").
+
+use dgpc::{Correlation, Prior, PriorMean, Reflection};
+use pingmap_packet::{Key, digest};
+
+use crate::canonical::Writer;
+use crate::chart::Chart;
+use crate::grid::Grid;
+use crate::team::{Slots, Team};
+
+/// Version of what bytes on the water mean: of the packets, their levels and the digest. It is in the digest, so that
+/// packets of another version are another team's.
+pub const PROTOCOL_VERSION: u16 = 2;
+
+impl Team {
+    /// Digest of all that gives a packet its meaning: chart, inputs, kernel and prior mean, grid, members, frames,
+    /// window, slots, epoch and key, in the version of the protocol. Whoever differs in one of these reads another team's
+    /// packets as foreign. What a vehicle decides for itself (limits, what is worth a frame, repeats) and what is for
+    /// learning alone (ties of length-scales, the chart's scale) is not in it.
+    pub fn digest(&self) -> [u8; 32] {
+        digest(&self.canonical_bytes())
+    }
+
+    /// What [`Team::digest`] is the digest of.
+    pub fn canonical_bytes(&self) -> Vec<u8> {
+        let mut out = Writer::default();
+        out.text("pingmap agreement");
+        out.u16(PROTOCOL_VERSION);
+        write_chart(&mut out, &self.model.chart);
+        out.u8(self.model.inputs.has_depths().into());
+        write_prior(&mut out, &self.model.prior);
+        let Grid { cell_m, depth_cell_m } = self.grid;
+        number(&mut out, cell_m);
+        number(&mut out, depth_cell_m);
+        out.u32(self.frame_bytes.min(u32::MAX as usize) as u32);
+        out.u16(self.packets_per_sender_max);
+        out.u32(self.epoch);
+        out.u32(self.members.len() as u32);
+        for (member, name) in &self.members {
+            out.u8(*member);
+            out.text(name.as_str());
+        }
+        write_slots(&mut out, &self.slots);
+        out.u8(self.key.is_some().into());
+        self.key.iter().for_each(|key: &Key| out.bytes(&key.fingerprint()));
+        out.finish()
+    }
+}
+
+/// Minus zero means zero.
+fn number(out: &mut Writer, value: f64) {
+    out.f64(value + 0.0);
+}
+
+fn list(out: &mut Writer, values: &[usize]) {
+    out.u32(values.len() as u32);
+    values.iter().for_each(|&value| out.u32(value as u32));
+}
+
+fn write_chart(out: &mut Writer, chart: &Chart) {
+    number(out, chart.origin.east_m);
+    number(out, chart.origin.north_m);
+    out.option(chart.geographic.map(|place| place.latitude_deg + 0.0));
+    out.option(chart.geographic.map(|place| place.longitude_deg + 0.0));
+}
+
+fn write_prior(out: &mut Writer, prior: &Prior) {
+    write_mean(out, prior.mean());
+    let terms = prior.kernel().terms();
+    out.u32(terms.len() as u32);
+    for term in terms {
+        number(out, term.variance());
+        out.u32(term.correlations().len() as u32);
+        term.correlations().iter().for_each(|correlation| write_correlation(out, correlation));
+        write_reflection(out, term.reflection());
+    }
+}
+
+/// Its kind, and its numbers.
+fn write_mean(out: &mut Writer, mean: &PriorMean) {
+    let (kind, columns): (&str, [&[usize]; 2]) = match mean {
+        PriorMean::Constant(_) => ("constant", [&[], &[]]),
+        PriorMean::Range(range) => ("range", [range.from(), range.to()]),
+        _ => ("zero", [&[], &[]]),
+    };
+    out.text(kind);
+    let numbers = mean.parameter_values();
+    out.u32(numbers.len() as u32);
+    numbers.into_iter().for_each(|value| number(out, value));
+    columns.into_iter().for_each(|columns| list(out, columns));
+}
+
+fn write_correlation(out: &mut Writer, correlation: &Correlation) {
+    let shape = correlation.shape();
+    out.text(shape.name());
+    out.u32(shape.parameters().len() as u32);
+    shape.parameters().iter().for_each(|&parameter| number(out, parameter));
+    list(out, correlation.columns());
+    correlation.length_scales().iter().for_each(|&length_scale| number(out, length_scale));
+}
+
+fn write_reflection(out: &mut Writer, reflection: Option<&Reflection>) {
+    let images = reflection.map_or(&[][..], Reflection::images);
+    out.u32(images.len() as u32);
+    for image in images {
+        out.u32(image.column as u32);
+        out.u32(image.source as u32);
+        out.u8(image.negated.into());
+    }
+}
+
+fn write_slots(out: &mut Writer, slots: &Slots) {
+    number(out, slots.start_s);
+    number(out, slots.duration_s);
+    out.u32(slots.order.len() as u32);
+    slots.order.iter().for_each(|name| out.text(name.as_str()));
+}

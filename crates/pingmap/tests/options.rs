@@ -1,0 +1,275 @@
+//! Every option of every command does something, or is refused: none is read and forgotten.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use common::*;
+use rayon::prelude::*;
+
+/// One option: its value, and what else must be given for it to matter.
+type Case = (&'static str, &'static str, &'static str);
+
+/// What decides how a model is had, for all commands that have one. All cases run on a log of two vehicles.
+const MODEL: &[Case] = &[
+    ("--kernel", "matern52", ""),
+    ("--inputs", "raw", ""),
+    ("--reciprocal", "no", ""),
+    ("--terms", "path", ""),
+    ("--prior-mean", "constant", ""),
+    ("--conservative-range-m", "300", ""),
+    ("--conservative-slope-per-km", "20", "--conservative-range-m 300"),
+    ("--length-scale-m", "200", ""),
+    ("--variance", "9", ""),
+    ("--learn-events-max", "20", ""),
+    ("--events-max", "12", ""),
+];
+
+/// Which events are left out.
+const THINNED: &[Case] = &[("--seed", "9", "--events-max 12")];
+
+const GIVEN: &[Case] = &[("--model", "other.toml", "")];
+
+/// Bounds on a fit.
+const WORK: &[Case] = &[("--dense-events-max", "10", ""), ("--inducing-points-max", "5", "--dense-events-max 10")];
+
+const DEMO: &[Case] = &[("--out", "other.html", ""), ("--json", "", "")];
+
+const REPLAY: &[Case] = &[
+    ("--repeats", "3", ""),
+    ("--test-share", "0.5", ""),
+    ("--frames", "1,2,3", ""),
+    ("--team", "team.toml", ""),
+    ("--frame-bytes", "64", ""),
+    ("--key-file", "key.hex", ""),
+    ("--loss", "0.5", ""),
+    ("--duplicate", "0.5", "--json"),
+    ("--reorder", "0.5", "--json"),
+    ("--repeat", "1", "--frames 20 --loss 0.5"),
+    ("--compare", "", ""),
+    ("--report", "report.html", ""),
+    ("--learn", "own", ""),
+    ("--json", "", ""),
+];
+
+const ONLINE: &[Case] =
+    &[("--online", "", ""), ("--slot-every", "3", "--online"), ("--splits", "splits.csv", "--frames 1")];
+
+/// What it decides is the same for most logs; only `learn` says how. It is read in one place for all commands.
+const CRITERION: Case = ("--criterion", "evidence", "");
+
+const LEARN: &[Case] = &[("--output", "other.toml", ""), ("--test-share", "0.3", ""), CRITERION, ("--json", "", "")];
+
+const PREDICT: &[Case] = &[
+    ("--events", "other.csv", ""),
+    ("--vehicle", "ada", ""),
+    ("--links", "other-links.csv", ""),
+    ("--output", "predicted.csv", ""),
+    ("--json", "", ""),
+];
+
+const MAP: &[Case] = &[
+    ("--events", "other.csv", ""),
+    ("--vehicle", "ada", ""),
+    ("--at", "300,300", ""),
+    ("--as", "rx", "--reciprocal no"),
+    ("--output", "map.svg", ""),
+    ("--origin", "44.1,9.8", "--output map.geojson --origin 44,9"),
+    ("--cell-m", "77", ""),
+    ("--json", "", ""),
+];
+
+const SELECT: &[Case] = &[
+    ("--vehicle", "bob", ""),
+    ("--centre", "400,200,500,100", ""),
+    ("--radius-m", "200", ""),
+    ("--points", "3", ""),
+    ("--policy", "random", ""),
+    ("--seed", "9", "--policy random"),
+    ("--json", "", ""),
+];
+
+const SIMULATE: &[Case] = &[
+    ("--vehicles", "4", ""),
+    ("--slots", "301", ""),
+    ("--slot-s", "7", ""),
+    ("--area-m", "900", ""),
+    ("--speed-m-per-s", "2", ""),
+    ("--depth-m", "7", "--depths"),
+    ("--seed", "9", ""),
+    ("--output", "simulated.csv", ""),
+    ("--depths", "", ""),
+    ("--frequency-khz", "9", ""),
+    ("--bandwidth-khz", "9", ""),
+    ("--source-level-db", "150", ""),
+    ("--spreading", "1.2", ""),
+    ("--absorption", "thorp", ""),
+    ("--temperature-c", "25", ""),
+    ("--salinity", "5", ""),
+    ("--ph", "7.7", "--frequency-khz 2"),
+    ("--sea-state", "6", ""),
+    ("--wind-m-per-s", "20", ""),
+    ("--shipping", "1", "--frequency-khz 0.5 --bandwidth-khz 0.2"),
+    ("--self-noise-db", "80", ""),
+    ("--self-noise-spread-db", "20", ""),
+    ("--threshold-db", "30", ""),
+    ("--fading-db", "15", ""),
+    ("--water-depth-m", "15", "--depths"),
+    ("--ridge-m", "5", ""),
+    ("--mound-m", "5", ""),
+    ("--json", "", "--output simulated.csv"),
+];
+
+const REPRODUCE: &[Case] =
+    &[("--data", "events.csv", ""), ("--permutations", "3", ""), ("--seed", "9", ""), ("--json", "", "")];
+
+const TEAM: &[Case] = &[
+    ("--model", "other.toml", ""),
+    ("--key-file", "key.hex", ""),
+    ("--frame-bytes", "256", ""),
+    ("--epoch", "7", ""),
+    ("--cell-m", "33", ""),
+    ("--output", "other-team.toml", ""),
+];
+
+const DECODE: &[Case] = &[("--team", "team.toml", ""), ("--json", "", "")];
+
+const ENCODE: &[Case] = &[("--team", "team.toml", ""), ("--json", "", "")];
+
+const SCHEMA: &[Case] =
+    &[("--frame-bytes", "64", ""), ("--sealed", "", ""), ("--depth", "", ""), ("--proto", "", ""), ("--json", "", "")];
+
+/// Every command as it runs without options, and its options.
+fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
+    vec![
+        ("demo", vec![DEMO]),
+        ("replay events.csv --repeats 1 --frames 1", vec![REPLAY, GIVEN, MODEL, WORK, THINNED]),
+        ("replay events.csv --model model.toml", vec![ONLINE]),
+        ("learn events.csv", vec![LEARN, MODEL, WORK, THINNED]),
+        ("predict --events events.csv --links links.csv", vec![PREDICT, GIVEN, MODEL, WORK, THINNED]),
+        ("map --events events.csv --at 500,200 --cell-m 150", vec![MAP, GIVEN, MODEL, WORK, THINNED]),
+        ("select events.csv --vehicle ada --radius-m 400", vec![SELECT, GIVEN, MODEL]),
+        ("simulate --slots 300", vec![SIMULATE]),
+        ("reproduce local --permutations 2", vec![REPRODUCE]),
+        ("reproduce points --permutations 2", vec![&[("--out", "page", "")]]),
+        ("team events.csv", vec![TEAM]),
+        ("packet decode PACKET", vec![DECODE]),
+        ("packet encode packet.json", vec![ENCODE]),
+        ("packet schema", vec![SCHEMA]),
+    ]
+}
+
+/// The files that options name.
+fn prepare(folder: &Path) {
+    let log = log(&["ada", "bob"], 40);
+    file(folder, "events.csv", &log);
+    file(folder, "other.csv", log.replace("200,500", "210,480"));
+    let splits: String = (0..40).map(|n| if n % 4 == 0 { "1\n" } else { "0\n" }).collect();
+    file(folder, "splits.csv", format!("split_0\n{splits}"));
+    let links = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n100,200,500,300\n";
+    file(folder, "links.csv", links);
+    file(folder, "other-links.csv", links.replace("100,", "900,"));
+    file(folder, "key.hex", "0123456789abcdef".repeat(4));
+    for arguments in [
+        "learn events.csv",
+        "learn events.csv --kernel squared-exponential --output other.toml",
+        "team events.csv --epoch 3 --frame-bytes 64",
+    ] {
+        let output = pingmap(folder, &arguments.split(' ').collect::<Vec<_>>());
+        assert!(output.status.success(), "{arguments}: {}", stderr(&output));
+    }
+    file(folder, "packet.json", stdout(&pingmap(folder, &["packet", "decode", PACKET, "--json"])));
+}
+
+/// A packet of another team than the one above.
+const PACKET: &str = "f8033412a5c2e154dcb858217b339316a2dc29f7081826314010832064a8ec31";
+
+/// Exit status, what was said, and all files of the folder by name.
+type Outcome = (Option<i32>, String, BTreeMap<PathBuf, Vec<u8>>);
+
+/// Everything that a command says and writes, in a folder of its own. What it measured is not looked at.
+fn outcome(template: &Path, arguments: &str) -> Outcome {
+    let folder = tempfile::tempdir().unwrap();
+    for entry in std::fs::read_dir(template).unwrap() {
+        let path = entry.unwrap().path();
+        std::fs::copy(&path, folder.path().join(path.file_name().unwrap())).unwrap();
+    }
+    let arguments = arguments.replace("PACKET", PACKET);
+    let output = pingmap(folder.path(), &arguments.split_whitespace().collect::<Vec<_>>());
+    let timed = |line: &&str| !line.contains("seconds");
+    let said = stdout(&output).lines().filter(timed).collect::<Vec<_>>().join("\n");
+    let mut files = BTreeMap::new();
+    collect(folder.path(), Path::new(""), &mut files);
+    (output.status.code(), said, files)
+}
+
+fn collect(folder: &Path, name: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let (path, name) = entry.map(|entry| (entry.path(), name.join(entry.file_name()))).unwrap();
+        if path.is_dir() {
+            collect(&path, &name, files);
+        } else {
+            files.insert(name, std::fs::read(&path).unwrap());
+        }
+    }
+}
+
+/// The command with an option, in the place of the same option where it is there.
+fn given(base: &str, option: &str, value: &str) -> String {
+    let mut words: Vec<&str> = base.split(' ').collect();
+    if let Some(place) = words.iter().position(|word| *word == option) {
+        words.drain(place..words.len().min(place + 2));
+    }
+    format!("{} {option} {value}", words.join(" "))
+}
+
+#[test]
+fn every_option_of_every_command_changes_something_or_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    prepare(folder.path());
+    let cases = |(command, parts): (&str, Vec<&'static [Case]>)| {
+        let case = |&(option, value, with): &Case| {
+            let base = format!("{command} {with}").trim().to_owned();
+            (given(&base, option, value), base)
+        };
+        parts.into_iter().flatten().map(case).collect::<Vec<_>>()
+    };
+    let cases: Vec<(String, String)> = commands().into_iter().flat_map(cases).collect();
+    let all: BTreeSet<&String> = cases.iter().flat_map(|(given, base)| [given, base]).collect();
+    let outcomes: BTreeMap<&String, Outcome> =
+        all.into_par_iter().map(|arguments| (arguments, outcome(folder.path(), arguments))).collect();
+    // A packet of another team than the one that is named.
+    let may_be_refused = |arguments: &str| arguments.starts_with("packet") && arguments.contains("--team");
+    let failed = outcomes.iter().filter(|(_, outcome)| outcome.0 != Some(0)).map(|(arguments, _)| *arguments);
+    let failed: Vec<&String> = failed.filter(|arguments| !may_be_refused(arguments)).collect();
+    assert_eq!(failed, [""; 0], "refused: choose other values");
+    let forgotten = cases.iter().filter(|(given, base)| outcomes[given] == outcomes[base]).map(|(given, _)| given);
+    assert_eq!(forgotten.collect::<Vec<_>>(), [""; 0], "nothing changes");
+}
+
+#[test]
+fn every_option_is_among_those_cases() {
+    let mut known: BTreeMap<Vec<&str>, BTreeSet<String>> = BTreeMap::new();
+    for (command, parts) in commands() {
+        let words: Vec<&str> = command.split(' ').collect();
+        let name = if words[0] == "packet" { &words[..2] } else { &words[..1] };
+        let options = parts.into_iter().flatten().map(|case| case.0.to_owned());
+        known.entry(name.to_vec()).or_default().extend(options);
+    }
+    for (name, known) in known {
+        let folder = tempfile::tempdir().unwrap();
+        let help = stdout(&pingmap(folder.path(), &[name.as_slice(), &["--help"]].concat()));
+        let is_option = |word: &&str| word.starts_with("--") && word.len() > 2;
+        let listed = help.lines().map(str::trim_start).filter(|line| line.starts_with('-'));
+        let options: BTreeSet<String> = listed
+            .filter_map(|line| line.split([' ', ',']).find(is_option).map(str::to_owned))
+            // The number of threads must change nothing; both have tests of their own.
+            .filter(|option| !["--help", "--threads"].contains(&option.as_str()))
+            .filter(|option| option != CRITERION.0 || known.contains(option))
+            .collect();
+        assert_eq!(options, known, "{name:?}");
+    }
+}
