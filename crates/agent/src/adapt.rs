@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
-use crate::beliefs::{OwnModel, summaries};
+use crate::beliefs::OwnModel;
 use crate::fitting;
 use crate::learning::{LearnedModel, Learning};
 use crate::model::Model;
+use crate::said::summaries;
 
 impl Agent {
     /// Learns a model of its own from its own events and from what others said, and from then on predicts under that.

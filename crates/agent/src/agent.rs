@@ -150,6 +150,26 @@ impl Agent {
         }
     }
 
+    /// How far what a member says lies from what all others and the vehicle itself know: the largest shift of the latent
+    /// function that its live packets together make at one of their points, in standard deviations of what is known there
+    /// without them, but for an offset that all its points share (0.5 logits, one standard deviation: ears differ).
+    /// `None` for who is no member, muted, or has said nothing. O(M n²) for the M points of its packets.
+    ///
+    /// # Errors
+    /// [`AgentError::Method`] when the method refuses.
+    pub fn surprise(&mut self, member: &VehicleId) -> Result<Option<f64>, AgentError> {
+        self.update()?;
+        let heard = self.heard();
+        let number = self.team().number(member).filter(|number| heard.iter().any(|key| key.0 == *number));
+        number.map(|number| self.beliefs.surprise_of(&self.memory, &heard, number)).transpose()
+    }
+
+    /// Members whose packets do not count at present, because what they say surprises by more than
+    /// [`Team::surprise_max`]. They count again when they agree again. As of the last prediction.
+    pub fn left_out(&self) -> Vec<&VehicleId> {
+        self.beliefs.left_out().iter().filter_map(|number| self.team().members.get(number)).collect()
+    }
+
     /// Packets of others that count.
     pub(crate) fn heard(&self) -> BTreeSet<PacketKey> {
         self.memory.heard().filter(|(sender, _)| !self.muted.contains(sender)).collect()
@@ -249,7 +269,7 @@ impl Agent {
 
     /// Takes what arrived into the posteriors.
     pub(crate) fn update(&mut self) -> Result<(), AgentError> {
-        self.beliefs.update(&self.memory, self.heard())
+        self.beliefs.update(&self.memory, &self.heard())
     }
 
     /// Probability of success over a link.

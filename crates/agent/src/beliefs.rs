@@ -8,13 +8,17 @@ use dgpc::{Fit, Posterior, Prior, Summary};
 use crate::agent_error::AgentError;
 use crate::event::Event;
 use crate::events::{Change, Numbered};
-use crate::fitting;
+use crate::fitting::{self, Begin};
 use crate::memory::Memory;
 use crate::model::Model;
-use crate::packets::{Packet, PacketKey};
+use crate::packets::PacketKey;
+use crate::said::{said, summaries, surprise, told_and_heard};
 
 /// So many events may stand beside the last fit before the next; those beyond wait for it.
 pub(crate) const BESIDE_MAX: usize = 64;
+
+/// Share of the threshold of surprise from which on a member is suspect when another one is above.
+const NEAR: f64 = 0.6;
 
 /// The smallest tilt that a warm fit begins at.
 const TILT_MIN: f64 = 1e-9;
@@ -54,6 +58,10 @@ pub(crate) struct Beliefs {
     /// Of its own events and what others sent, under its own model if it has one.
     pub(crate) fused: Posterior,
     taken: Taken,
+    /// Members whose packets do not count, because they say what all others and the vehicle itself know to be wrong.
+    left_out: BTreeSet<u8>,
+    /// The packets by which that was decided; none where it has to be decided anew.
+    judged: Option<BTreeSet<PacketKey>>,
     /// The frame for which the last attempt found nothing worth sending, if nothing happened since.
     pub(crate) nothing_new_in: Option<usize>,
 }
@@ -107,6 +115,8 @@ impl Beliefs {
             public: nothing.clone(),
             fused: nothing,
             taken: Taken::default(),
+            left_out: BTreeSet::new(),
+            judged: None,
             nothing_new_in: None,
         }
     }
@@ -141,8 +151,13 @@ impl Beliefs {
         let observations = model.observations(memory.events.iter())?;
         let fit_anew = |prior: &Prior, messages: &[&Summary], last: Option<&Fit>, near: &Posterior| {
             let last = last.filter(|_| start == Start::Warm);
-            let tilts = last.map(|last| self.tilts(memory, last, near)).transpose()?;
-            fitting::fit(prior, &observations, messages, &memory.frames.team.limits, tilts.as_deref())
+            let begin = last.map(|last| self.tilts(memory, last, near)).transpose()?;
+            let begin = begin.as_ref().map(|(tilts, new)| Begin {
+                inducing_points: last.and_then(Fit::inducing_points).filter(|_| messages.is_empty()),
+                tilts,
+                new,
+            });
+            fitting::fit(prior, &observations, messages, &memory.frames.team.limits, begin)
         };
         let fit = fit_anew(&model.prior, &[], self.fit.as_deref(), &self.own)?;
         let own_model = match &self.own_model {
@@ -157,32 +172,49 @@ impl Beliefs {
         (self.fit, self.own_model) = (Some(Arc::new(fit)), own_model);
         self.fitted = Arc::new(memory.events.numbered().iter().map(|known| known.number).collect());
         self.taken = Taken { is_stale: true, packets: std::mem::take(&mut self.taken.packets), ..Taken::default() };
+        (self.judged, self.nothing_new_in) = (None, None);
         Ok(())
     }
 
-    /// Tilts to begin with: those of the last fit and, of events that were not in it, what the posterior near it says.
-    fn tilts(&self, memory: &Memory, last: &Fit, near: &Posterior) -> dgpc::Result<Vec<f64>> {
+    /// Tilts to begin with: those of the last fit and, of events that were not in it, what the posterior near it says;
+    /// and which events these are.
+    fn tilts(&self, memory: &Memory, last: &Fit, near: &Posterior) -> dgpc::Result<(Vec<f64>, Vec<usize>)> {
         let known: HashMap<u64, f64> = self.fitted.iter().copied().zip(last.tilts().iter().copied()).collect();
         let events = memory.events.numbered();
-        let new = events.iter().filter(|event| !known.contains_key(&event.number));
-        let latent = near.latent(&memory.frames.team.model.inputs(new.map(|new| &new.event.link))?)?;
+        let new: Vec<usize> = (0..events.len()).filter(|&place| !known.contains_key(&events[place].number)).collect();
+        let links = new.iter().map(|&place| &events[place].event.link);
+        let latent = near.latent(&memory.frames.team.model.inputs(links)?)?;
         let mut tilts =
             latent.mean.iter().zip(&latent.variance).map(|(mean, variance)| (mean * mean + variance).sqrt());
         let tilt = |event: &Numbered| known.get(&event.number).copied().or_else(|| tilts.next()).unwrap_or(1.0);
         // Where f is known to be 0 the tilt is 0, but an iteration begins above.
-        Ok(events.iter().map(tilt).map(|tilt| tilt.max(TILT_MIN)).collect())
+        Ok((events.iter().map(tilt).map(|tilt| tilt.max(TILT_MIN)).collect(), new))
     }
 
     /// Takes in what arrived, O(n²) for every event and point. After a fit, or where packets are in that count no more,
     /// everything is put together anew, O(n³). Nothing is fitted here.
-    pub(crate) fn update(&mut self, memory: &Memory, heard: BTreeSet<PacketKey>) -> Result<(), AgentError> {
+    pub(crate) fn update(&mut self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<(), AgentError> {
+        self.take_in(memory, heard)?;
+        let left_out = self.judge(memory, heard)?;
+        if left_out != self.left_out {
+            self.left_out = left_out;
+            self.take_in(memory, heard)?;
+        }
+        self.judged = Some(heard.clone());
+        Ok(())
+    }
+
+    /// Brings the posteriors to hold what they should: what was told, and what was heard of members that are not left
+    /// out.
+    fn take_in(&mut self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<(), AgentError> {
         let own = memory.own.unwrap_or_default();
         let told: BTreeSet<PacketKey> = memory.told().map(|(counter, _)| (own, counter)).collect();
         let is_told = |key: &PacketKey| Some(key.0) == memory.own;
         if !self.taken.packets.iter().filter(|key| is_told(key)).eq(&told) {
             self.nothing_new_in = None;
         }
-        let wanted: BTreeSet<PacketKey> = told.into_iter().chain(heard).collect();
+        let believed = heard.iter().filter(|key| !self.left_out.contains(&key.0)).copied();
+        let wanted: BTreeSet<PacketKey> = told.into_iter().chain(believed).collect();
         if self.taken.is_stale || !self.taken.packets.is_subset(&wanted) {
             self.put_together(memory, &wanted)?;
         }
@@ -190,6 +222,118 @@ impl Beliefs {
         self.taken.is_stale = absorbed.is_err();
         debug_assert!(absorbed.is_err() || self.taken.holds(memory, self.fitted.len(), &wanted), "{:?}", self.taken);
         absorbed
+    }
+
+    /// Who is to be left out, given what was heard. Between fits only members that said something since the last time
+    /// are looked at, and everybody as soon as one of them is surprising, or was: O(M n²) for each of their M points.
+    fn judge(&self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<BTreeSet<u8>, AgentError> {
+        let Some(judged) = &self.judged else { return self.surprising(memory, heard) };
+        let speakers: BTreeSet<u8> = judged.symmetric_difference(heard).map(|key| key.0).collect();
+        let threshold = memory.frames.team.surprise_max;
+        for &speaker in &speakers {
+            if self.left_out.contains(&speaker) || self.surprise_in(&self.fused, memory, heard, speaker)? > threshold {
+                return self.surprising(memory, heard);
+            }
+        }
+        Ok(self.left_out.clone())
+    }
+
+    /// Who surprises is left out, one after the other, until nobody who is left is too surprising. Somebody who claims to
+    /// be very sure makes all honest members look surprising, and may look less so himself: of those that come near the
+    /// threshold when one is above, the one goes first whom the vehicle's own events contradict most. Depends on the set
+    /// of packets and the last fit alone.
+    fn surprising(&self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<BTreeSet<u8>, AgentError> {
+        let threshold = memory.frames.team.surprise_max;
+        let mut left_out = BTreeSet::new();
+        loop {
+            let is_in = |key: &&PacketKey| !left_out.contains(&key.0);
+            let believed: BTreeSet<PacketKey> = heard.iter().filter(is_in).copied().collect();
+            let posterior = self.of_others(memory, &believed, left_out == self.left_out)?;
+            let members: BTreeSet<u8> = believed.iter().map(|key| key.0).collect();
+            let surprise = |&member: &u8| Ok((self.surprise_in(&posterior, memory, heard, member)?, member));
+            let surprises = members.iter().map(surprise).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
+            if surprises.iter().all(|&(surprise, _)| surprise <= threshold) {
+                return Ok(left_out);
+            }
+            let suspects = surprises.iter().filter(|&&(surprise, _)| surprise > NEAR * threshold);
+            left_out.extend(self.most_contradicted(memory, heard, suspects.map(|&(_, member)| member))?);
+        }
+    }
+
+    /// Of these members the one whom the vehicle's own events contradict most.
+    fn most_contradicted(
+        &self,
+        memory: &Memory,
+        heard: &BTreeSet<PacketKey>,
+        suspects: impl Iterator<Item = u8>,
+    ) -> Result<Option<u8>, AgentError> {
+        let alone = self.of_others(memory, &BTreeSet::new(), false)?;
+        let contradicted = |member| Ok((self.surprise_at(&alone, memory, heard, member)?, member));
+        let contradicted = suspects.map(contradicted).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
+        Ok(contradicted.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, member)| member))
+    }
+
+    /// Its own events and what was heard of these, under the prior it predicts under.
+    fn of_others(&self, memory: &Memory, heard: &BTreeSet<PacketKey>, is_fused: bool) -> Result<Posterior, AgentError> {
+        if is_fused {
+            return Ok(self.fused.clone());
+        }
+        let packets = said(memory, heard.iter());
+        let summaries = summaries(&packets);
+        let mut posterior = match self.own_model.as_ref().map(|own| &own.fit).or(self.fit.as_deref()) {
+            Some(fit) => fit.posterior_with(&summaries)?,
+            None => {
+                let mut posterior = nothing(&memory.frames.team.model);
+                posterior.absorb_summaries(&summaries)?;
+                posterior
+            }
+        };
+        for event in &self.taken.beside[..self.taken.absorbed] {
+            let observation = memory.frames.team.model.observations([event])?;
+            posterior.absorb_events(&dgpc::sites_given(&posterior, &observation)?)?;
+        }
+        Ok(posterior)
+    }
+
+    /// How far a member that this posterior holds has moved it: see [`crate::Agent::surprise`].
+    fn surprise_in(
+        &self,
+        posterior: &Posterior,
+        memory: &Memory,
+        heard: &BTreeSet<PacketKey>,
+        member: u8,
+    ) -> Result<f64, AgentError> {
+        surprise(posterior, memory, heard, member, Posterior::shift_of)
+    }
+
+    /// How far a member that this posterior does not hold would move it.
+    fn surprise_at(
+        &self,
+        posterior: &Posterior,
+        memory: &Memory,
+        heard: &BTreeSet<PacketKey>,
+        member: u8,
+    ) -> Result<f64, AgentError> {
+        surprise(posterior, memory, heard, member, Posterior::shift_by)
+    }
+
+    /// Members that are left out.
+    pub(crate) fn left_out(&self) -> &BTreeSet<u8> {
+        &self.left_out
+    }
+
+    /// See [`crate::Agent::surprise`].
+    pub(crate) fn surprise_of(
+        &self,
+        memory: &Memory,
+        heard: &BTreeSet<PacketKey>,
+        member: u8,
+    ) -> Result<f64, AgentError> {
+        if self.left_out.contains(&member) {
+            self.surprise_at(&self.fused, memory, heard, member)
+        } else {
+            self.surprise_in(&self.fused, memory, heard, member)
+        }
     }
 
     fn absorb_events(&mut self, memory: &Memory) -> Result<(), AgentError> {
@@ -247,20 +391,4 @@ impl Beliefs {
 
 fn nothing(model: &Model) -> Posterior {
     Posterior::prior_alone(&model.prior, model.inputs.dimension())
-}
-
-/// The packets of these names, the vehicle's own and those of others.
-fn told_and_heard<'a>(memory: &Memory, keys: impl IntoIterator<Item = &'a PacketKey> + Clone) -> [Vec<Arc<Packet>>; 2] {
-    let part =
-        |is_own: bool| said(memory, keys.clone().into_iter().filter(move |key| (Some(key.0) == memory.own) == is_own));
-    [part(true), part(false)]
-}
-
-fn said<'a>(memory: &Memory, keys: impl Iterator<Item = &'a PacketKey>) -> Vec<Arc<Packet>> {
-    keys.filter_map(|&key| memory.packets.get(key).cloned()).collect()
-}
-
-/// What packets say.
-pub(crate) fn summaries(packets: &[Arc<Packet>]) -> Vec<&Summary> {
-    packets.iter().flat_map(|packet| &packet.summaries).collect()
 }

@@ -66,6 +66,9 @@ pub const TIME_S: Bounds = Bounds::new(-1e12, 1e12, "a finite number of seconds,
 /// Nats that make a packet worth a frame.
 pub const WORTH_NATS: Bounds = Bounds::new(1e-300, 1e3, "a number above 0, at most 1000");
 
+/// Standard deviations by which a member may surprise.
+pub const SURPRISE: Bounds = Bounds::new(1.0, 1e9, "a number from 1 to 1e9");
+
 /// Events that a vehicle keeps or a command uses.
 pub const EVENTS: Bounds = Bounds::new(1.0, 1e7, "a whole number from 1 to 10000000");
 

@@ -33,6 +33,7 @@ mod events;
 mod packets;
 mod frames;
 mod memory;
+mod said;
 mod beliefs;
 mod agent;
 #[cfg(feature = "learn")]

@@ -40,6 +40,9 @@ pub struct Team {
     /// A packet is sent if it brings what others can know by it closer to what the sender knows by so many nats an
     /// event at least: mean Kullback-Leibler divergence at the sender's own events.
     pub worth_nats: f64,
+    /// A member whose packets surprise by more standard deviations than this is left out: see
+    /// [`crate::Agent::surprise`].
+    pub surprise_max: f64,
     /// How often a packet is sent again at most, when there is nothing new to tell: what lossy water needs.
     pub repeats_max: u8,
     /// Bounds on work and memory of every vehicle.
@@ -162,6 +165,7 @@ impl Team {
             key: None,
             epoch: 0,
             worth_nats: WORTH_NATS,
+            surprise_max: SURPRISE_MAX,
             repeats_max: 0,
             limits: Limits::default(),
         })
@@ -200,6 +204,10 @@ pub(crate) const FRAME_BYTES: usize = 32;
 
 /// Slot length that is assumed where none is given.
 pub(crate) const SLOT_S: f64 = 10.0;
+
+/// The default of [`Team::surprise_max`]. Over ten splits of five trials, 340 cases, no honest member came above 4.3; members
+/// whose every event was a miss came to 4.7 and more on the trial with equal ears.
+pub(crate) const SURPRISE_MAX: f64 = 4.5;
 
 /// The default of [`Team::worth_nats`].
 pub(crate) const WORTH_NATS: f64 = 3e-5;

@@ -10,7 +10,9 @@ use crate::event::VehicleId;
 use crate::grid::Grid;
 use crate::limits::Limits;
 use crate::model::Model;
-use crate::team::{FRAME_BYTES, SLOT_S, Slots, TEAM_SCHEMA, Team, TeamError, WORTH_NATS, packets_per_sender_max};
+use crate::team::{
+    FRAME_BYTES, SLOT_S, SURPRISE_MAX, Slots, TEAM_SCHEMA, Team, TeamError, WORTH_NATS, packets_per_sender_max,
+};
 
 /// `team.toml`, with the names of the files that belong to it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -30,6 +32,8 @@ pub struct TeamFile {
     packets_per_sender_max: Option<u16>,
     #[serde(default = "worth_nats")]
     worth_nats: f64,
+    #[serde(default = "surprise_max")]
+    surprise_max: f64,
     #[serde(default)]
     repeats_max: u8,
     members: BTreeMap<String, u8>,
@@ -42,6 +46,10 @@ pub struct TeamFile {
 
 fn frame_bytes() -> usize {
     FRAME_BYTES
+}
+
+fn surprise_max() -> f64 {
+    SURPRISE_MAX
 }
 
 fn worth_nats() -> f64 {
@@ -104,6 +112,7 @@ impl TeamFile {
             frame_bytes: team.frame_bytes,
             packets_per_sender_max: Some(team.packets_per_sender_max),
             worth_nats: team.worth_nats,
+            surprise_max: team.surprise_max,
             repeats_max: team.repeats_max,
             members: team.members.iter().map(|(&number, name)| (name.as_str().to_owned(), number)).collect(),
             grid: GridLayout { cell_m: team.grid.cell_m, depth_cell_m: Some(team.grid.depth_cell_m) },
@@ -121,7 +130,8 @@ impl TeamFile {
         }
         let again = Self::parse(&text).and_then(|file| file.team(team.model.clone(), team.key.clone()));
         let again = again.map_err(|error| unwritable(&error))?;
-        let own_affairs = |team: &Team| (team.worth_nats.to_bits(), team.repeats_max, team.limits);
+        let own_affairs =
+            |team: &Team| (team.worth_nats.to_bits(), team.surprise_max.to_bits(), team.repeats_max, team.limits);
         if again.canonical_bytes() != team.canonical_bytes() || own_affairs(&again) != own_affairs(team) {
             return Err(unwritable(&"something is lost in it"));
         }
@@ -169,6 +179,7 @@ impl TeamFile {
             key,
             epoch: self.epoch,
             packets_per_sender_max: checked("packets_per_sender_max", bounds::WINDOW, window.into())? as u16,
+            surprise_max: checked("surprise_max", bounds::SURPRISE, self.surprise_max)?,
             worth_nats: checked("worth_nats", bounds::WORTH_NATS, self.worth_nats)?,
             repeats_max: self.repeats_max,
             limits: self.limits,

@@ -147,3 +147,33 @@ fn a_prior_that_was_far_off_is_set_right() {
     let (knows, told) = (alice.probability(&link(30.0)).unwrap(), bob.probability(&link(30.0)).unwrap());
     assert!(knows > 0.8 && (knows - told).abs() < 0.1, "{knows} {told}");
 }
+
+#[test]
+fn thinning_spares_no_vehicle_that_sends_in_turn() {
+    for senders in [3, 4] {
+        let mut team = team(2, model());
+        team.limits = Limits { dense_events_max: 300, candidates_max: 300, inducing_points_max: 60, ..team.limits };
+        // Every sender has a corner of its own, and sends every third or fourth event.
+        let event = |n: usize| {
+            let corner = [[-400.0, -400.0], [400.0, -400.0], [-400.0, 400.0], [400.0, 400.0]][n % senders];
+            let along = 0.1 * n as f64;
+            event_at(0, n as f64, link([corner[0] + along.sin(), corner[1], 100.0 * along.cos(), 30.0]), n % 7 < 4)
+        };
+        for count in [301, 450, 599, 600, 900, 1201] {
+            let agent = vehicle(&Arc::new(team.clone()), 0, (0..count).map(event));
+            let candidates = agent.candidates();
+            let of = |east_m: f64, north_m: f64| {
+                let near = |link: &&Link| {
+                    (link.transmitter.east_m - east_m).abs() < 2.0 && link.transmitter.north_m == north_m
+                };
+                candidates.iter().filter(near).count()
+            };
+            let shares = [of(-400.0, -400.0), of(400.0, -400.0), of(-400.0, 400.0), of(400.0, 400.0)];
+            let expected = 300 / senders;
+            assert!(
+                shares[..senders].iter().all(|share| share.abs_diff(expected) < expected / 3),
+                "{count}: {shares:?}"
+            );
+        }
+    }
+}

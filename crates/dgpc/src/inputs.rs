@@ -118,8 +118,9 @@ pub(crate) fn check_column(column: usize) -> Result<()> {
     if column <= COLUMN_MAX { Ok(()) } else { Err(Error::OutOfRange { what, expected, value: column as f64 }) }
 }
 
-/// At most `count_max` of the numbers below `count`, in ascending order: one from each of as many equal parts, at a
-/// place that looks random but is always the same, so that no period of a schedule of events shows.
+/// At most `count_max` of the numbers below `count`, in ascending order, spread over them at places that look random but
+/// are always the same, so that no period of a schedule of events shows. Where few are left out every number is as likely
+/// as any other; else there is one from each of as many equal parts.
 ///
 /// ```
 /// assert_eq!(dgpc::spread_out(3, 5), [0, 1, 2]);
@@ -129,6 +130,9 @@ pub fn spread_out(count: usize, count_max: usize) -> Vec<usize> {
     if count <= count_max {
         return (0..count).collect();
     }
+    if count / PART_MIN < count_max {
+        return drawn(count, count_max);
+    }
     let part = |i: usize| {
         // In 128 bits, where no product overflows.
         let start = |i: usize| (i as u128 * count as u128 / count_max as u128) as usize;
@@ -136,6 +140,23 @@ pub fn spread_out(count: usize, count_max: usize) -> Vec<usize> {
         first + (scrambled(i as u64) % (end - first) as u64) as usize
     };
     (0..count_max).map(part).collect()
+}
+
+/// Parts of this many numbers may be one longer or shorter without telling much by it.
+const PART_MIN: usize = 3;
+
+/// A subset of so many of the numbers below `count`, each as likely as any other.
+fn drawn(count: usize, mut wanted: usize) -> Vec<usize> {
+    let mut places = Vec::with_capacity(wanted);
+    for place in 0..count {
+        let left = (count - place) as u128;
+        // True for a share wanted/left of all hashes.
+        if (u128::from(scrambled(place as u64)) * left) >> 64 < wanted as u128 {
+            places.push(place);
+            wanted -= 1;
+        }
+    }
+    places
 }
 
 /// The output function of the generator SplitMix64 (Steele, Lea and Flood 2014).

@@ -103,6 +103,7 @@ mod features;
 mod factor;
 mod summary;
 mod posterior;
+mod shift;
 mod concatenation;
 mod likelihood;
 mod fit;
@@ -141,6 +142,7 @@ pub use prior_mean::{PriorMean, RangeMean};
 /// The traits of randomness that this crate's interface asks for.
 pub use rand;
 pub use region::LocalityRegion;
+pub use shift::Shift;
 pub use sites::Sites;
 pub use summary::Summary;
 

@@ -5,6 +5,7 @@ use super::anderson::Anderson;
 use super::options::FitOptions;
 use crate::error::{Result, finite};
 use crate::likelihood::Likelihood;
+use crate::linalg::Matrix;
 use crate::polya_gamma;
 use crate::prior::Prior;
 use crate::sites::Sites;
@@ -27,6 +28,11 @@ pub(crate) trait Engine {
 
     /// What was added to the diagonal of K_MM.
     fn jitter(&self) -> f64;
+
+    /// Ĝ and b̂ of everything observed in the last pass, at inducing points.
+    fn condensed(&self) -> Option<(Matrix, Vec<f64>)> {
+        None
+    }
 }
 
 /// Where the iteration ended. One entry per event in every list.
@@ -53,6 +59,8 @@ pub(crate) struct MeanField {
     pub(crate) jitter: f64,
     /// Weights of the events.
     pub(crate) weights: Vec<f64>,
+    /// What a sparse fit without messages says of its events at its inducing points: Ĝ and b̂.
+    pub(crate) condensed: Option<(Matrix, Vec<f64>)>,
 }
 
 /// Tilts below this are this: ω̄ differs from its limit ¼ by less than rounding.
@@ -107,8 +115,21 @@ pub(crate) fn iterate(
     mean.truncate(events);
     variance.truncate(events);
     let weights = likelihood.observations.weights().to_vec();
-    let found =
-        MeanField { sites, mean, variance, residual, tilts, evidence, iterations, change, converged, jitter, weights };
+    let condensed = if likelihood.has_messages() { None } else { engine.condensed() };
+    let found = MeanField {
+        sites,
+        mean,
+        variance,
+        residual,
+        tilts,
+        evidence,
+        iterations,
+        change,
+        converged,
+        jitter,
+        weights,
+        condensed,
+    };
     Ok((found, omega))
 }
 

@@ -72,11 +72,15 @@ pub fn fit(prior: &Prior, observations: &Observations, options: &FitOptions<'_>)
 impl Fit {
     pub(crate) fn new(
         prior: &Prior,
-        found: MeanField,
+        mut found: MeanField,
         inducing_points: Option<&Inputs>,
         messages: &[&Summary],
     ) -> Result<Self> {
-        let condensed = inducing_points.map(|points| Summary::variational(prior, &found.sites, points)).transpose()?;
+        let condense = |points| match found.condensed.take() {
+            Some((precision, shift)) => Summary::from_whitened(prior, points, precision, shift),
+            None => Summary::variational(prior, &found.sites, points),
+        };
+        let condensed = inducing_points.map(condense).transpose()?;
         let messages = messages.iter().map(|&message| message.clone()).collect();
         Ok(Self { prior: prior.clone(), found, messages, condensed })
     }

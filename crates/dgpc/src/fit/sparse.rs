@@ -16,6 +16,8 @@ pub(crate) struct Sparse<'a> {
     cholesky: Cholesky,
     scratch: CholeskyScratch,
     precision: Matrix,
+    /// b̂.
+    shift: Vec<f64>,
     /// (I+Ĝ)⁻¹b̂.
     weights: Vec<f64>,
     alpha: Vec<f64>,
@@ -28,8 +30,9 @@ impl<'a> Sparse<'a> {
         let features = Features::from_cross(cholesky, cross, &likelihood.diagonal(prior.kernel())?);
         let (cholesky, scratch) = Cholesky::reserve(points.len());
         let precision = Matrix::zeros(points.len(), points.len());
-        let (weights, alpha) = (vec![0.0; points.len()], vec![0.0; likelihood.len()]);
-        Ok(Self { points, features, cholesky, scratch, precision, weights, alpha })
+        let (shift, weights) = (vec![0.0; points.len()], vec![0.0; points.len()]);
+        let alpha = vec![0.0; likelihood.len()];
+        Ok(Self { points, features, cholesky, scratch, precision, shift, weights, alpha })
     }
 
     /// Adds Σ ∂E/∂K_MN : ∂K_MN and Σ ∂E/∂diag(K_NN) : ∂diag(K_NN) over the events and messages to the gradient, by
@@ -81,7 +84,8 @@ impl Engine for Sparse<'_> {
             b.copy_from(precision);
             b.add_to_diagonal(1.0);
         })?;
-        multiply_vector(self.features.by_event.view(), shift, &mut self.weights);
+        multiply_vector(self.features.by_event.view(), shift, &mut self.shift);
+        self.weights.copy_from_slice(&self.shift);
         self.cholesky.solve_lower(&mut self.weights);
         let explained = squared_norm(&self.weights);
         self.cholesky.solve_upper(&mut self.weights);
@@ -129,5 +133,9 @@ impl Engine for Sparse<'_> {
 
     fn jitter(&self) -> f64 {
         self.features.cholesky.jitter()
+    }
+
+    fn condensed(&self) -> Option<(Matrix, Vec<f64>)> {
+        Some((self.precision.clone(), self.shift.clone()))
     }
 }

@@ -49,6 +49,35 @@ proptest! {
     }
 
     #[test]
+    fn a_shift_is_the_difference_between_with_and_without(problem in problems(6..=24), offset_sd in 0.0..2.0f64) {
+        let z = problem.inputs().select(&problem.spread(3));
+        let half = problem.inputs().len() / 2;
+        let sites = |range: std::ops::Range<usize>| problem.sites.select(&range.collect::<Vec<_>>());
+        let far = sites(half..problem.inputs().len());
+        // The same points twice among them.
+        let said = [
+            Summary::marginal(&problem.prior, &far, &z).unwrap(),
+            Summary::variational(&problem.prior, &far, &problem.elsewhere.slice(0..1)).unwrap(),
+            Summary::marginal(&problem.prior, &far, &problem.elsewhere.slice(0..1)).unwrap(),
+        ];
+        let said: Vec<&Summary> = said.iter().collect();
+        let without = Posterior::of_sites(&problem.prior, &sites(0..half)).unwrap();
+        let mut with = without.clone();
+        with.absorb_summaries(&said).unwrap();
+        let mut points = z;
+        (0..2).for_each(|_| points.append(&problem.elsewhere.slice(0..1)).unwrap());
+        let [before, after] = [&without, &with].map(|posterior| posterior.latent(&points).unwrap());
+        let mean = after.mean.iter().zip(&before.mean).map(|(after, before)| after - before).collect();
+        let expected = Latent { mean, variance: before.variance };
+        for found in [without.shift_by(&said).unwrap(), with.shift_of(&said).unwrap()] {
+            let largest = found.largest(offset_sd);
+            assert_same_latent(&Latent { mean: found.mean, variance: found.variance }, &expected, 1e-6);
+            prop_assert!(largest.is_finite() && largest >= 0.0);
+        }
+        prop_assert_eq!(without.shift_by(&[]).unwrap().largest(offset_sd), 0.0);
+    }
+
+    #[test]
     fn the_joint_has_the_marginals(problem in problems(1..=16)) {
         let posterior = problem.full();
         let (mean, covariance) = posterior.joint(&problem.elsewhere).unwrap();
@@ -142,4 +171,16 @@ proptest! {
         let kept = points.select(&distinct);
         prop_assert_eq!(Summary::empty(&problem.prior, &kept).unwrap().jitter(), 0.0);
     }
+}
+
+#[test]
+fn an_offset_that_all_points_share_is_no_surprise() {
+    let shift = |mean: [f64; 3]| Shift { mean: mean.to_vec(), variance: vec![0.25; 3], prior_variance: vec![1.0; 3] };
+    let common = shift([3.0; 3]);
+    assert!((common.largest(0.0) - 6.0).abs() < 1e-12);
+    assert!(common.largest(1e3) < 1e-3 && common.largest(0.5) < 4.0);
+    // What differs from point to point stays; where only the prior speaks there is nothing to differ from.
+    let unknown = Shift { prior_variance: vec![0.49; 3], ..common.clone() };
+    assert_eq!(unknown.largest(0.0), 0.0);
+    assert!((shift([3.0, 0.0, -3.0]).largest(1e3) - 6.0).abs() < 1e-9);
 }

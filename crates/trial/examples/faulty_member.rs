@@ -1,0 +1,164 @@
+//! What one faulty member does to the others, and what leaving it out saves:
+//! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv`.
+//!
+//! In every split every vehicle in turn is the faulty one. The mean negative log-likelihood is that of all others over
+//! all held-out events: by their own events alone, with everybody's ten sealed packets believed, and as a vehicle decides by
+//! default; then how often the faulty one was left out and another one beside it, and the range of its surprise.
+
+#![allow(clippy::print_stdout, reason = "what it measures is its output")]
+
+use std::path::Path;
+use std::sync::Arc;
+
+use pingmap_agent::{Agent, AgentError, Event, Key, Learning, Team, VehicleId};
+use pingmap_packet::{Block, Cell, MapMessage, Point};
+use pingmap_trial::{EventLog, Mission, Plan, Score, read_splits};
+use rand::{Rng, RngExt, SeedableRng};
+
+const PACKETS: usize = 10;
+
+/// What may be wrong with a member.
+const FAULTS: [&str; 8] =
+    ["honest", "silent", "deaf", "random", "one lie", "contrary", "biased by 1/6", "biased by 1/2"];
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().collect();
+    let [_, events, splits] = arguments.as_slice() else { return Err("expected: events.csv splits.csv".into()) };
+    let log = EventLog::open(Path::new(events))?;
+    let mut plan = Plan::new(Learning::default(), 1);
+    plan.key = Some(Key::new(*b"the secret of a team of vehicles")?);
+    let mut outcomes = FAULTS.map(|_| Vec::new());
+    for (number, split) in read_splits(Path::new(splits), &log)?.iter().enumerate() {
+        let mission = Mission::prepare(&log, split, &plan, PACKETS)?;
+        for faulty in 0..mission.vehicles.len() {
+            let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64((100 * number + faulty) as u64);
+            for (fault, outcomes) in FAULTS.iter().zip(&mut outcomes) {
+                let said = said(&mission, faulty, fault, &mut rng)?;
+                for listener in (0..mission.vehicles.len()).filter(|&listener| listener != faulty) {
+                    outcomes.push(listen(&mission, listener, faulty, &said)?);
+                }
+            }
+        }
+    }
+    println!(
+        "{:15} {:>6} {:>8} {:>8} {:>5} {:>7}  surprise",
+        "member", "alone", "believed", "default", "out", "others"
+    );
+    for (fault, outcomes) in FAULTS.iter().zip(&outcomes) {
+        println!("{}", row(fault, outcomes));
+    }
+    Ok(())
+}
+
+/// What became of a listener: NLL alone, believing all, and by default; members left out; the faulty one's surprise.
+struct Outcome {
+    nll: [f64; 3],
+    is_out: bool,
+    others_out: usize,
+    surprise: f64,
+}
+
+fn row(fault: &str, outcomes: &[Outcome]) -> String {
+    let mean = |of: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(of).sum::<f64>() / outcomes.len() as f64;
+    let surprises = || outcomes.iter().map(|outcome| outcome.surprise);
+    format!(
+        "{fault:15} {:>6.4} {:>8.4} {:>8.4} {:>5.2} {:>7.3}  {:.1} to {:.1}",
+        mean(&|outcome| outcome.nll[0]),
+        mean(&|outcome| outcome.nll[1]),
+        mean(&|outcome| outcome.nll[2]),
+        mean(&|outcome| f64::from(u8::from(outcome.is_out))),
+        mean(&|outcome| outcome.others_out as f64),
+        surprises().fold(f64::INFINITY, f64::min),
+        surprises().fold(0.0, f64::max)
+    )
+}
+
+fn listen(mission: &Mission, listener: usize, faulty: usize, said: &[Vec<u8>]) -> Result<Outcome, AgentError> {
+    let agent = &mission.vehicles[listener];
+    let trusting = Arc::new(Team { surprise_max: 1e9, ..(*mission.team).clone() });
+    let mut trusting = Agent::new(agent.id().clone(), trusting);
+    trusting.observe_all(agent.events().cloned())?;
+    trusting.rebuild_posteriors()?;
+    let mut doubting = agent.clone();
+    let nll = |agent: &mut Agent| {
+        let score = Score::new(&agent.probabilities(&mission.held_out)?, &mission.outcomes);
+        Ok::<f64, AgentError>(score.map_or(f64::NAN, |score| score.nll))
+    };
+    let alone = nll(&mut doubting)?;
+    for (sender, packets) in mission.packets.iter().enumerate().filter(|&(sender, _)| sender != listener) {
+        for bytes in if sender == faulty { said } else { packets } {
+            trusting.receive(bytes, 0.0);
+            doubting.receive(bytes, 0.0);
+        }
+    }
+    let nll = [alone, nll(&mut trusting)?, nll(&mut doubting)?];
+    let id: &VehicleId = mission.vehicles[faulty].id();
+    let surprise = doubting.surprise(id)?.unwrap_or(0.0);
+    let is_out = doubting.left_out().contains(&id);
+    Ok(Outcome { nll, is_out, others_out: doubting.left_out().len() - usize::from(is_out), surprise })
+}
+
+/// What a member with this fault says.
+fn said(mission: &Mission, faulty: usize, fault: &str, rng: &mut impl Rng) -> Result<Vec<Vec<u8>>, AgentError> {
+    let (member, honest) = (&mission.vehicles[faulty], &mission.packets[faulty]);
+    let bent = |bend: &dyn Fn(&mut Point)| {
+        honest.iter().map(|bytes| bent(member, bytes, bend)).collect::<Result<Vec<_>, AgentError>>()
+    };
+    let lower = |levels: i8| bent(&move |point| point.mean = (point.mean - levels).max(-15));
+    match fault {
+        "silent" => Ok(Vec::new()),
+        "deaf" => deaf(member),
+        "random" => (0..PACKETS).map(|counter| random(member, counter as u16, rng)).collect(),
+        "one lie" => {
+            let lie = |point: &mut Point| (point.information, point.mean) = (31, if point.mean > 0 { -15 } else { 15 });
+            let first = honest.iter().take(1).map(|bytes| self::bent(member, bytes, &lie));
+            first.chain(honest.iter().skip(1).cloned().map(Ok)).collect()
+        }
+        "contrary" => bent(&|point| point.mean = -point.mean),
+        "biased by 1/6" => lower(1),
+        "biased by 1/2" => lower(3),
+        _ => Ok(honest.clone()),
+    }
+}
+
+/// The packets of a member that hears nothing.
+fn deaf(member: &Agent) -> Result<Vec<Vec<u8>>, AgentError> {
+    let mut deaf = Agent::new(member.id().clone(), Arc::new(member.team().clone()));
+    deaf.observe_all(member.events().map(|event| Event { success: false, ..event.clone() }))?;
+    deaf.refit()?;
+    let mut packets = Vec::new();
+    while packets.len() < PACKETS
+        && let Some(packet) = deaf.next_packet(0.0, member.team().frame_bytes)?
+    {
+        packets.push(packet);
+    }
+    Ok(packets)
+}
+
+/// A valid packet whose every number is random.
+fn random(member: &Agent, counter: u16, rng: &mut impl Rng) -> Result<Vec<u8>, AgentError> {
+    let layout = member.team().layout(member.team().frame_bytes)?;
+    let mut cell = || Cell { east: rng.random_range(0..64), north: rng.random_range(0..64), depth: 0 };
+    let places: Vec<[Cell; 2]> = (0..layout.points_in_all()).map(|_| [cell(), cell()]).collect();
+    let point = |[transmitter, receiver]: [Cell; 2]| Point {
+        transmitter,
+        receiver,
+        information: rng.random_range(0..32),
+        mean: rng.random_range(-15..=15),
+    };
+    let points: Vec<Point> = places.into_iter().map(point).collect();
+    let blocks = points.chunks(layout.points).map(|points| Block {
+        points: points.to_vec(),
+        correlations: (0..layout.correlations()).map(|_| rng.random_range(-7..=7)).collect(),
+    });
+    let sender = member.team().number(member.id()).unwrap_or_default();
+    Ok(member.write(layout, &MapMessage { sender, counter, model: 0, blocks: blocks.collect() })?)
+}
+
+/// A packet with other numbers at the points of which it says something.
+fn bent(member: &Agent, bytes: &[u8], bend: &dyn Fn(&mut Point)) -> Result<Vec<u8>, AgentError> {
+    let Ok((layout, mut message)) = member.read(bytes) else { return Ok(bytes.to_vec()) };
+    let points = message.blocks.iter_mut().flat_map(|block| &mut block.points);
+    points.filter(|point| point.information > 0).for_each(bend);
+    Ok(member.write(layout, &message)?)
+}
