@@ -197,7 +197,8 @@ impl Beliefs {
         self.take_in(memory, heard)?;
         let left_out = self.judge(memory, heard)?;
         if left_out != self.left_out {
-            self.left_out = left_out;
+            // Together in canonical order, so that a rebuild is the same to the bit whoever was left out before.
+            (self.left_out, self.taken.is_stale) = (left_out, true);
             self.take_in(memory, heard)?;
         }
         self.judged = Some(heard.clone());
