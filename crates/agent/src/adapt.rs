@@ -8,7 +8,7 @@ use crate::beliefs::OwnModel;
 use crate::fitting;
 use crate::learning::{LearnedModel, Learning};
 use crate::model::Model;
-use crate::said::summaries;
+use crate::said::{said, summaries};
 
 impl Agent {
     /// Learns a model of its own from its own events and from what others said, and from then on predicts under that.
@@ -20,7 +20,7 @@ impl Agent {
     pub fn adapt(&mut self, learning: &Learning) -> Result<&LearnedModel, AgentError> {
         self.refit()?;
         let heard = self.heard();
-        let packets: Vec<_> = heard.iter().filter_map(|&key| self.memory.packets.get(key).cloned()).collect();
+        let packets = said(&self.memory, heard.iter());
         let messages = summaries(&packets);
         let Model { chart, inputs, .. } = *self.model();
         let events = self.memory.events.iter();

@@ -232,7 +232,9 @@ impl Beliefs {
         let speakers: BTreeSet<u8> = judged.symmetric_difference(heard).map(|key| key.0).collect();
         let threshold = memory.frames.team.surprise_max;
         for &speaker in &speakers {
-            if self.left_out.contains(&speaker) || self.surprise_in(&self.fused, memory, heard, speaker)? > threshold {
+            if self.left_out.contains(&speaker)
+                || surprise(&self.fused, memory, heard, speaker, Posterior::shift_of)? > threshold
+            {
                 return self.surprising(memory, heard);
             }
         }
@@ -251,8 +253,8 @@ impl Beliefs {
             let believed: BTreeSet<PacketKey> = heard.iter().filter(is_in).copied().collect();
             let posterior = self.of_others(memory, &believed, left_out == self.left_out)?;
             let members: BTreeSet<u8> = believed.iter().map(|key| key.0).collect();
-            let surprise = |&member: &u8| Ok((self.surprise_in(&posterior, memory, heard, member)?, member));
-            let surprises = members.iter().map(surprise).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
+            let moved = |&member: &u8| Ok((surprise(&posterior, memory, heard, member, Posterior::shift_of)?, member));
+            let surprises = members.iter().map(moved).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
             if surprises.iter().all(|&(surprise, _)| surprise <= threshold) {
                 return Ok(left_out);
             }
@@ -269,7 +271,7 @@ impl Beliefs {
         suspects: impl Iterator<Item = u8>,
     ) -> Result<Option<u8>, AgentError> {
         let alone = self.of_others(memory, &BTreeSet::new(), false)?;
-        let contradicted = |member| Ok((self.surprise_at(&alone, memory, heard, member)?, member));
+        let contradicted = |member| Ok((surprise(&alone, memory, heard, member, Posterior::shift_by)?, member));
         let contradicted = suspects.map(contradicted).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
         Ok(contradicted.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, member)| member))
     }
@@ -296,28 +298,6 @@ impl Beliefs {
         Ok(posterior)
     }
 
-    /// How far a member that this posterior holds has moved it: see [`crate::Agent::surprise`].
-    fn surprise_in(
-        &self,
-        posterior: &Posterior,
-        memory: &Memory,
-        heard: &BTreeSet<PacketKey>,
-        member: u8,
-    ) -> Result<f64, AgentError> {
-        surprise(posterior, memory, heard, member, Posterior::shift_of)
-    }
-
-    /// How far a member that this posterior does not hold would move it.
-    fn surprise_at(
-        &self,
-        posterior: &Posterior,
-        memory: &Memory,
-        heard: &BTreeSet<PacketKey>,
-        member: u8,
-    ) -> Result<f64, AgentError> {
-        surprise(posterior, memory, heard, member, Posterior::shift_by)
-    }
-
     /// Members that are left out.
     pub(crate) fn left_out(&self) -> &BTreeSet<u8> {
         &self.left_out
@@ -330,11 +310,9 @@ impl Beliefs {
         heard: &BTreeSet<PacketKey>,
         member: u8,
     ) -> Result<f64, AgentError> {
-        if self.left_out.contains(&member) {
-            self.surprise_at(&self.fused, memory, heard, member)
-        } else {
-            self.surprise_in(&self.fused, memory, heard, member)
-        }
+        let is_out = self.left_out.contains(&member);
+        let shift = if is_out { Posterior::shift_by } else { Posterior::shift_of };
+        surprise(&self.fused, memory, heard, member, shift)
     }
 
     fn absorb_events(&mut self, memory: &Memory) -> Result<(), AgentError> {

@@ -138,7 +138,7 @@ fn check_number(number: u64) -> Result<(), AgentError> {
 }
 
 /// Refuses what is no time, and places that are nowhere.
-pub(crate) fn check(event: &Event) -> Result<(), AgentError> {
+fn check(event: &Event) -> Result<(), AgentError> {
     if !event.time_s.is_finite() {
         return Err(AgentError::NoTime { time_s: event.time_s });
     }

@@ -206,7 +206,7 @@ pub(crate) const FRAME_BYTES: usize = 32;
 pub(crate) const SLOT_S: f64 = 10.0;
 
 /// The default of [`Team::surprise_max`]. Over ten splits of five trials, 340 cases, no honest member came above 4.3; members
-/// whose every event was a miss came to 4.7 and more on the trial with equal ears.
+/// whose every event was a miss came to 4.6 and more on the trial with equal ears.
 pub(crate) const SURPRISE_MAX: f64 = 4.5;
 
 /// The default of [`Team::worth_nats`].
