@@ -19,7 +19,15 @@ enum Choice {
 const POOLS: [usize; 3] = [1, 3, 8];
 
 /// What is tried, and what is tried if none of that is worth a frame.
-const WAYS: [(Choice, &[usize]); 2] = [(Choice::Unplanned, &POOLS), (Choice::Spread, &[8])];
+const CHOICES: [(Choice, &[usize]); 2] = [(Choice::Unplanned, &POOLS), (Choice::Spread, &[8])];
+
+/// To what powers it is said. Below 1 it is said less surely than it is known, which is tried where nothing else is worth a
+/// frame: a few points known far from even odds speak for all places around them, and where the function is steeper than the
+/// length-scales say they would be wrong there.
+const TEMPERS: [f64; 4] = [1.0, 0.25, 0.0625, 0.015_625];
+
+/// What a packet below 1 must tell, as a share of what others do not know: it is sent so that others can follow, not for itself.
+const TEMPERED_SHARE: f64 = 0.01;
 
 /// A packet that is worth sending, and what it says.
 #[derive(Debug)]
@@ -55,27 +63,41 @@ impl Planner<'_> {
         let divergences = self.divergences(&known, public)?;
         let mut order: Vec<usize> = (0..self.links.len()).collect();
         order.sort_by(|&a, &b| divergences[b].total_cmp(&divergences[a]).then(a.cmp(&b)));
-        for (choice, pools) in WAYS {
-            let mut best: Option<(f64, Planned)> = None;
-            for part in pools {
-                let mut pool = order[..order.len().min(order.len() / part + self.layout.points)].to_vec();
-                pool.sort_unstable();
-                let (planned, public) = self.form(public, &pool, choice)?;
-                let left = mean(&self.divergences(&known, &public)?);
-                if !planned.summaries.is_empty() && best.as_ref().is_none_or(|(least, _)| left < *least) {
-                    best = Some((left, planned));
+        let untold = mean(&divergences);
+        for temper in TEMPERS {
+            let worth = if temper < 1.0 { self.worth_nats.max(TEMPERED_SHARE * untold) } else { self.worth_nats };
+            for (choice, parts) in CHOICES {
+                let mut best: Option<(f64, Planned)> = None;
+                for pool in parts.iter().map(|part| self.worst(&order, *part)) {
+                    let (planned, public) = self.form(public, &pool, choice, temper)?;
+                    let left = mean(&self.divergences(&known, &public)?);
+                    if !planned.summaries.is_empty() && best.as_ref().is_none_or(|(least, _)| left < *least) {
+                        best = Some((left, planned));
+                    }
                 }
-            }
-            let worth = |(left, _): &(f64, Planned)| mean(&divergences) - left >= self.worth_nats;
-            if let Some((_, planned)) = best.filter(worth) {
-                return Ok(Some(planned));
+                if let Some((_, planned)) = best.filter(|(left, _)| untold - left >= worth) {
+                    return Ok(Some(planned));
+                }
             }
         }
         Ok(None)
     }
 
-    /// Blocks about the candidates in `pool`, each given those before, and `public` with them.
-    fn form(&self, public: &Posterior, pool: &[usize], choice: Choice) -> dgpc::Result<(Planned, Posterior)> {
+    /// One in `part` of the candidates, the first in `order`, and as many as a block has points.
+    fn worst(&self, order: &[usize], part: usize) -> Vec<usize> {
+        let mut pool = order[..order.len().min(order.len() / part + self.layout.points)].to_vec();
+        pool.sort_unstable();
+        pool
+    }
+
+    /// Blocks about the candidates in `pool`, each given those before and to the power of `temper`, and `public` with them.
+    fn form(
+        &self,
+        public: &Posterior,
+        pool: &[usize],
+        choice: Choice,
+        temper: f64,
+    ) -> dgpc::Result<(Planned, Posterior)> {
         let mut public = public.clone();
         let (mut blocks, mut summaries) = (Vec::new(), Vec::new());
         let inputs = self.inputs.select(pool);
@@ -86,7 +108,7 @@ impl Planner<'_> {
             };
             let chosen = candidates.greedy(self.layout.points);
             let links: Vec<Link> = chosen.indices.iter().map(|&place| self.links[pool[place]]).collect();
-            let residual = |points: &Inputs| self.own.residual(&public, points);
+            let residual = |points: &Inputs| Ok(self.own.residual(&public, points)?.tempered(temper));
             let Some((block, summary)) = self.wire.encode(self.layout, &links, &residual)? else { break };
             public.absorb_summaries(&[&summary])?;
             blocks.push(block);

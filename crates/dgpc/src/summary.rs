@@ -227,6 +227,15 @@ impl Summary {
         Ok(())
     }
 
+    /// The same said less surely: its factor to the power of `share`, which is taken as 0 below 0 and as 1 above 1. O(M²).
+    #[must_use]
+    pub fn tempered(&self, share: f64) -> Summary {
+        let share = if share > 0.0 { share.min(1.0) } else { 0.0 };
+        let mut tempered = self.clone();
+        tempered.add(share - 1.0, &self.precision, &self.shift);
+        tempered
+    }
+
     fn add(&mut self, factor: f64, precision: &Matrix, shift: &[f64]) {
         self.precision.add_scaled(factor, precision);
         self.shift.iter_mut().zip(shift).for_each(|(own, other)| *own += factor * other);

@@ -56,6 +56,19 @@ proptest! {
     }
 
     #[test]
+    fn parts_of_what_is_said_less_surely_are_the_whole(problem in problems(2..=20), share in 0.0..1.0f64) {
+        let z = problem.inputs().select(&problem.spread(4));
+        let summary = Summary::variational(&problem.prior, &problem.sites, &z).unwrap();
+        let mut whole = summary.tempered(share);
+        whole.merge(&summary.tempered(1.0 - share)).unwrap();
+        assert_same_message(&whole, &summary, 1e-12);
+        assert_same_message(&summary.tempered(7.0), &summary, 0.0);
+        for nothing in [0.0, -1.0, f64::NAN] {
+            assert_same_message(&summary.tempered(nothing), &Summary::empty(&problem.prior, &z).unwrap(), 0.0);
+        }
+    }
+
+    #[test]
     fn another_prior_reads_the_same_factor(problem in problems(1..=16), seed in 0..1000u64) {
         let dimension = problem.inputs().dimension();
         let z = problem.inputs().select(&problem.spread(3));
