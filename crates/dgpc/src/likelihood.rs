@@ -9,6 +9,10 @@ use crate::prior_mean::PriorMean;
 
 use crate::summary::Summary;
 
+/// Precision that a message has in every direction, whitened: a shift without any would be no observation. Beside the
+/// prior's precision of 1 it says nothing.
+const PRECISION_MIN: f64 = 1e-8;
+
 /// Events, and messages as further Gaussian observations. A message with kernel-free factor (P, η) at Z, P = RRᵀ, is
 /// the observation of Rᵀf(Z) with unit noise: so to speak M more events, whose ω is 1 and whose κ is R⁻¹η.
 pub(crate) struct Likelihood<'a> {
@@ -31,15 +35,13 @@ impl<'a> Likelihood<'a> {
         for summary in summaries {
             same_size("input dimension", points.dimension(), summary.inducing_points().dimension())?;
             points.append(summary.inducing_points())?;
-            // R = L⁻ᵀQ with Ĝ = QQᵀ; R⁻¹η = Q⁻¹b̂ + Rᵀμ₀, over the directions in which the message says anything.
-            let mut root = summary.root()?;
-            let norms: Vec<f64> = (0..root.columns()).map(|column| squared_norm(root.column(column))).collect();
-            let largest = norms.iter().fold(0.0, |a: f64, &b| a.max(b));
-            let said = |(column, &norm): (usize, &f64)| {
-                let significant = norm > 1e-13 * largest;
-                if significant { dot(root.column(column), summary.whitened_shift()) / norm } else { 0.0 }
+            // R = L⁻ᵀQ with Ĝ = QQᵀ, whose columns are orthogonal; R⁻¹η = Q⁻¹b̂ + Rᵀμ₀.
+            let mut root = summary.root_above(PRECISION_MIN)?;
+            let said = |column| {
+                let column = root.column(column);
+                dot(column, summary.whitened_shift()) / squared_norm(column)
             };
-            let whitened: Vec<f64> = norms.iter().enumerate().map(said).collect();
+            let whitened: Vec<f64> = (0..root.columns()).map(said).collect();
             summary.cholesky().solve_upper_matrix(&mut root);
             let offset = root.transposed_times(&summary.prior().mean().values(summary.inducing_points())?);
             shift.extend(whitened.iter().zip(&offset).map(|(shift, offset)| shift + offset));

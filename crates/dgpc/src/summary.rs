@@ -332,7 +332,12 @@ impl Summary {
 
     /// R with Ĝ = RRᵀ, M×M.
     pub(crate) fn root(&self) -> Result<Matrix> {
-        semidefinite_root("summary precision", &self.precision)
+        self.root_above(0.0)
+    }
+
+    /// The same with no eigenvalue of RRᵀ below a floor.
+    pub(crate) fn root_above(&self, floor: f64) -> Result<Matrix> {
+        semidefinite_root("summary precision", &self.precision, floor)
     }
 
     /// G = LĜLᵀ, M×M: K_MN Ω K_NM for a variational summary.

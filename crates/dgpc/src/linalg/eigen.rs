@@ -34,19 +34,19 @@ pub(crate) fn symmetric_eigen(what: &'static str, matrix: &Matrix) -> Result<(Ve
     Ok((values, vectors))
 }
 
-/// R with A = RRᵀ for a symmetric positive semi-definite A that stands beside the identity; eigenvalues that rounding
-/// made negative count as zero.
+/// R with A = RRᵀ for a symmetric positive semi-definite A that stands beside the identity; eigenvalues below `floor`,
+/// those that rounding made negative among them, count as `floor`.
 ///
 /// # Errors
 /// [`Error::NegativeEigenvalue`] when an eigenvalue is more negative than rounding explains.
-pub(crate) fn semidefinite_root(what: &'static str, matrix: &Matrix) -> Result<Matrix> {
+pub(crate) fn semidefinite_root(what: &'static str, matrix: &Matrix, floor: f64) -> Result<Matrix> {
     let (values, mut root) = symmetric_eigen(what, matrix)?;
     let largest = values.iter().fold(1.0f64, |a, v| a.max(v.abs()));
     for (column, &value) in values.iter().enumerate() {
         if value < -1e-9 * largest {
             return Err(Error::NegativeEigenvalue { what, eigenvalue: value });
         }
-        let scale = value.max(0.0).sqrt();
+        let scale = value.max(floor).sqrt();
         root.column_mut(column).iter_mut().for_each(|v| *v *= scale);
     }
     Ok(root)

@@ -48,6 +48,29 @@ proptest! {
         prop_assert_eq!(posterior.len(), own + 2 * messages.len());
     }
 
+    /// A residual may move the mean and add no precision, in all directions or in some.
+    #[test]
+    fn a_shift_without_precision_moves_a_fit_as_it_moves_a_posterior(
+        problem in problems(3..=14),
+        is_sparse in any::<bool>(),
+        precision in prop_oneof![Just(0.0), Just(2.0)],
+    ) {
+        let z = problem.elsewhere.select(&[0, 1]);
+        prop_assume!(Candidates::new(problem.prior.kernel(), &z).unwrap().distinct(DISTINCT_SHARE).len() == 2);
+        // Along (1, 1) there is precision, perhaps; across there is none.
+        let whitened = Matrix::from_fn(2, 2, |_, _| precision);
+        let message = Summary::from_whitened(&problem.prior, &z, whitened, vec![0.7, -0.2]).unwrap();
+        let (messages, points) = ([&message], problem.inputs().select(&problem.spread(3)));
+        let mut options = FitOptions::default().messages(&messages);
+        if is_sparse {
+            options = options.inducing_points(&points);
+        }
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &options).unwrap();
+        prop_assume!(fit.jitter() == 0.0);
+        let latent = fit.posterior().unwrap().latent(problem.inputs()).unwrap();
+        assert_same_latent(&latent, &latent_at_events(&fit), 1e-5);
+    }
+
     #[test]
     fn summaries_take_the_place_of_a_fits_messages(problem in problems(3..=14), is_sparse in any::<bool>()) {
         let message = message(&problem);
