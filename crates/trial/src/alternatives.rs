@@ -1,8 +1,10 @@
 //! Other ways to use the same bytes: what ours is compared with.
 
+use std::borrow::Cow;
+
 use dgpc::{Candidates, Concatenation, Inputs, Posterior, Sites, Summary};
 use pingmap_agent::{Agent, AgentError, Event, Link};
-use rand::RngExt;
+use rand::seq::index::sample;
 use rayon::prelude::*;
 
 use crate::mission::Mission;
@@ -80,10 +82,8 @@ impl Alternative {
             Alternative::RawEvents => Said::Events(speaker.raw_events(frames)?),
             Alternative::RandomPoints => {
                 let mut rng = stream(mission.seed(), streams::ALTERNATIVES + place as u64);
-                let mut choose = |_: &Candidates| {
-                    let all = speaker.links.len();
-                    (0..speaker.points()).map(|_| rng.random_range(0..all)).collect()
-                };
+                let all = speaker.links.len();
+                let mut choose = |_: &Candidates| sample(&mut rng, all, speaker.points().min(all)).into_vec();
                 Said::Summaries(speaker.residuals(frames, &mut choose)?)
             }
             Alternative::BadPoints => {
@@ -109,8 +109,10 @@ impl Alternative {
             return Ok(Concatenation::new(&agent.model().prior, &all)?.probability(&inputs)?);
         }
         let mut posterior = agent.posterior()?.clone();
-        let summaries: Vec<&Summary> = others().flat_map(Said::summaries).collect();
-        posterior.absorb_summaries(&summaries)?;
+        // A vehicle may predict under a model of its own.
+        let read = others().flat_map(Said::summaries).map(|summary| summary.read_under(posterior.prior()));
+        let read: Vec<Cow<'_, Summary>> = read.collect::<Result<_, dgpc::Error>>()?;
+        posterior.absorb_summaries(&read.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
         Ok(posterior.probability(&inputs)?)
     }
 }
@@ -203,14 +205,20 @@ impl<'a> Speaker<'a> {
         let frame_bits = 8 * self.layout.frame_bytes as u64;
         // The cells of both ends, and whether it was heard.
         let events = (frame_bits - self.layout.overhead_bits()) / (self.layout.location_bits() + 1);
-        let chosen = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?
-            .greedy(frames.saturating_mul(events as usize));
-        let rounded = |&place: &usize| {
-            let event = self.agent.events().find(|event| event.link == self.links[place])?;
+        let events_max = frames.saturating_mul(events as usize);
+        let chosen = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?.greedy(events_max);
+        let rounded = |event: &Event| {
             let link = self.agent.team().wire().rounded(&event.link)?;
             Some(Event { link, ..event.clone() })
         };
-        Ok(chosen.indices.iter().filter_map(rounded).collect())
+        // What happened over a link again comes after what happened over the others for the first time.
+        let mut again: Vec<(usize, Event)> = Vec::new();
+        for &place in &chosen.indices {
+            let there = self.agent.events().filter(|event| event.link == self.links[place]);
+            again.extend(there.filter_map(rounded).enumerate());
+        }
+        again.sort_by_key(|&(times, _)| times);
+        Ok(again.into_iter().map(|(_, event)| event).take(events_max).collect())
     }
 
     /// Variational summaries at good points; every event in the packet of the point that explains most of its prior
