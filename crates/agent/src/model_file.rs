@@ -17,6 +17,9 @@ use crate::term_layout::TermLayout;
 pub struct Provenance {
     /// The event log.
     pub from: String,
+    /// A digest of its events, in hexadecimal digits, by which it is known again under any name. Files of before have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log_digest: Option<String>,
     /// The structure, in words.
     pub structure: String,
     /// How many events the log has.

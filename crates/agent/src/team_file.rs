@@ -24,6 +24,9 @@ pub struct TeamFile {
     /// File with the team's key, 64 hexadecimal digits, if packets are sealed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
+    /// [`crate::Provenance::log_digest`] of the model. No part of what the team agrees on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log_digest: Option<String>,
     #[serde(default)]
     epoch: u32,
     #[serde(default = "frame_bytes")]
@@ -99,15 +102,21 @@ impl TeamFile {
         toml::from_str(text).map_err(syntax)
     }
 
-    /// The text of a team whose model, and key if it has one, lie in these files.
+    /// The text of a team whose model, and key if it has one, lie in these files, and whose model was learned from this log.
     ///
     /// # Errors
     /// [`TeamError::Unwritable`] for a team that no file can say.
-    pub fn write(team: &Team, model_file: &str, key_file: Option<&str>) -> Result<String, TeamError> {
+    pub fn write(
+        team: &Team,
+        model_file: &str,
+        key_file: Option<&str>,
+        log_digest: Option<&str>,
+    ) -> Result<String, TeamError> {
         let file = Self {
             schema: TEAM_SCHEMA,
             model_file: model_file.to_owned(),
             key_file: key_file.map(str::to_owned),
+            log_digest: log_digest.map(str::to_owned),
             epoch: team.epoch,
             frame_bytes: team.frame_bytes,
             packets_per_sender_max: Some(team.packets_per_sender_max),

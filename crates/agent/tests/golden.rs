@@ -137,7 +137,7 @@ fn files_do_not_drift_and_their_comments_mean_nothing() {
     let file = ModelFile { model: sealed().model, learned: None };
     let text = file.write().unwrap();
     check("model.toml", &text, include_str!("golden/model.toml"));
-    let team = TeamFile::write(&sealed(), "model.toml", Some("key.hex")).unwrap();
+    let team = TeamFile::write(&sealed(), "model.toml", Some("key.hex"), None).unwrap();
     check("team.toml", &team, include_str!("golden/team.toml"));
     let reworded: String =
         text.lines().map(|line| format!("{} # said otherwise\n", line.split('#').next().unwrap())).collect();

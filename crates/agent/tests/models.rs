@@ -61,6 +61,7 @@ fn reciprocal_paths_are_the_same_both_ways_and_one_way_paths_are_not() {
 fn model_files_read_back_to_the_same_model() {
     for (structure, model) in all_templates() {
         let learned = Provenance {
+            log_digest: Some("c0ffee".to_owned()),
             from: "a \"log\".csv".to_owned(),
             structure: structure.to_string(),
             events: 10,

@@ -51,14 +51,15 @@ fn what_was_written_reads_back_to_the_same_agreement() {
     written.worth_nats = 1.25e-5;
     written.limits = Limits { events_max: 1, dense_events_max: 2, inducing_points_max: 3, candidates_max: 4 };
     written.key = Some(key(3));
-    let text = TeamFile::write(&written, "m.toml", Some("key.hex")).unwrap();
+    let text = TeamFile::write(&written, "m.toml", Some("key.hex"), Some("c0ffee")).unwrap();
     let file = TeamFile::parse(&text).unwrap();
     assert_eq!((file.model_file.as_str(), file.key_file.as_deref()), ("m.toml", Some("key.hex")));
+    assert_eq!(file.log_digest.as_deref(), Some("c0ffee"));
     let found = file.team(model(), Some(key(3))).unwrap();
     assert_eq!((&found.members, found.grid, &found.slots), (&written.members, written.grid, &written.slots));
     assert_eq!((found.frame_bytes, found.epoch, found.repeats_max), (64, 9, 2));
     assert_eq!((found.worth_nats, found.limits, found.digest()), (1.25e-5, written.limits, written.digest()));
-    assert_eq!(TeamFile::write(&found, "m.toml", Some("key.hex")).unwrap(), text);
+    assert_eq!(TeamFile::write(&found, "m.toml", Some("key.hex"), Some("c0ffee")).unwrap(), text);
 }
 
 #[test]
@@ -171,7 +172,7 @@ fn slots_come_round_before_and_after_time_zero() {
 #[test]
 fn a_team_that_no_file_can_say_is_not_written() {
     let good = team(2, model());
-    let write = |team: &Team, key_file| TeamFile::write(team, "m.toml", key_file);
+    let write = |team: &Team, key_file| TeamFile::write(team, "m.toml", key_file, None);
     let cell = |cell_m: f64| Team { grid: Grid { cell_m, ..good.grid }, ..good.clone() };
     let slots = |order: Vec<VehicleId>| Team { slots: Slots { order, ..good.slots.clone() }, ..good.clone() };
     let twins = [(0, "ada"), (1, "ada")].map(|(number, name)| (number, VehicleId::new(name))).into();

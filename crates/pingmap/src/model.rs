@@ -20,7 +20,7 @@ impl Known {
     /// The model file that the user names, or the best of a few structures learned from all of a log.
     pub fn new(source: &ModelSource, log: &EventLog, limits: Limits) -> anyhow::Result<Self> {
         if let Some(path) = &source.model {
-            return Ok(Self { model: open_model(path, log)?, fit: None });
+            return Ok(Self { model: open_model(path, log)?.model, fit: None });
         }
         let bar = spinner("learning");
         let learning = source.kernel.learning(source.kernel.given().few(), limits);
@@ -80,14 +80,20 @@ pub fn warn_of_search(fit: &LearnedModel) {
 const FRAME_SCALES: f64 = 10.0;
 
 /// Reads a model file, and checks that it is for a chart such as this log's.
-pub fn open_model(path: &Path, log: &EventLog) -> anyhow::Result<Model> {
-    fitting(read_model(path)?, path, log)
+pub fn open_model(path: &Path, log: &EventLog) -> anyhow::Result<ModelFile> {
+    let file = read_model(path)?;
+    Ok(ModelFile { model: fitting(file.model, path, log)?, ..file })
 }
 
 /// Reads a model file.
-pub fn read_model(path: &Path) -> anyhow::Result<Model> {
+pub fn read_model(path: &Path) -> anyhow::Result<ModelFile> {
     let bad = |message: &dyn std::fmt::Display| BadInput(format!("{}: {message}", path.display()));
-    Ok(ModelFile::parse(&read_text(path)?).map_err(|error| bad(&error))?.model)
+    Ok(ModelFile::parse(&read_text(path)?).map_err(|error| bad(&error))?)
+}
+
+/// What a model was learned from, if its file says so.
+pub fn log_digest(file: &ModelFile) -> Option<&str> {
+    file.learned.as_ref()?.log_digest.as_deref()
 }
 
 /// A model from a file, if it is for a chart such as this log's.

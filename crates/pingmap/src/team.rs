@@ -6,29 +6,35 @@ use std::path::Path;
 use pingmap_agent::{Key, Team, TeamFile};
 use pingmap_trial::EventLog;
 
-use crate::model::{fitting, read_model};
+use crate::model::{fitting, log_digest, read_model};
 use crate::output::{BadInput, read_text, warn};
 
-/// Reads a team file for the use of a log: its model must be for such a chart, and who is not a member only listens.
-pub fn open_team(path: &Path, log: &EventLog) -> anyhow::Result<Team> {
-    let mut team = read_team(path)?;
+/// Reads a team file for the use of a log: its model must be for such a chart, and who is not a member only listens. Also
+/// returns the digests of what its model was learned from.
+pub fn open_team(path: &Path, log: &EventLog) -> anyhow::Result<(Team, Vec<String>)> {
+    let (mut team, digests) = read_with_digests(path)?;
     team.model = fitting(team.model, path, log)?;
     let strangers = log.vehicles().into_iter().filter(|id| team.number(id).is_none());
     let strangers: Vec<String> = strangers.map(|id| id.to_string()).collect();
     if !strangers.is_empty() {
         warn(format_args!("{}: not members, and only listening: {}", path.display(), strangers.join(", ")));
     }
-    Ok(team)
+    Ok((team, digests))
 }
 
 /// Reads a team file, and the model and key beside it.
 pub fn read_team(path: &Path) -> anyhow::Result<Team> {
+    Ok(read_with_digests(path)?.0)
+}
+
+fn read_with_digests(path: &Path) -> anyhow::Result<(Team, Vec<String>)> {
     let bad = |problem: &dyn Display| BadInput(format!("{}: {problem}", path.display()));
     let file = TeamFile::parse(&read_text(path)?).map_err(|error| bad(&error))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let model = read_model(&folder.join(&file.model_file))?;
     let key = file.key_file.as_ref().map(|name| open_key(&folder.join(name))).transpose()?;
-    Ok(file.team(model, key).map_err(|error| bad(&error))?)
+    let digests = [log_digest(&model), file.log_digest.as_deref()].into_iter().flatten().map(str::to_owned).collect();
+    Ok((file.team(model.model, key).map_err(|error| bad(&error))?, digests))
 }
 
 /// Reads a team's key, and warns if others can do so too.

@@ -7,6 +7,7 @@ use clap::error::ErrorKind;
 use clap::{Arg, Command, ValueEnum};
 use dgpc::Shape;
 use pingmap_agent::{Bounds, Criterion, MeanStructure, PathInputs, Terms, bounds};
+use pingmap_trial::DivideBy;
 use pingmap_trial::paper::Policy;
 
 /// The shapes of kernels, by their names; one with a parameter takes it after a colon.
@@ -69,6 +70,30 @@ impl TermsName {
         match self {
             TermsName::Path => Terms::Path,
             TermsName::PathReceiverRange => Terms::PathReceiverRange,
+        }
+    }
+}
+
+/// What decides which events are held out.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum DivideByName {
+    /// Of every vehicle a share of its own events: neighbours of what is learned from
+    Random,
+    /// A share of 20 blocks of time
+    Time,
+    /// The farthest links
+    Range,
+    /// Every vehicle's own events in turn
+    Vehicle,
+}
+
+impl DivideByName {
+    pub fn divide_by(self) -> DivideBy {
+        match self {
+            DivideByName::Random => DivideBy::Random,
+            DivideByName::Time => DivideBy::Time,
+            DivideByName::Range => DivideBy::Range,
+            DivideByName::Vehicle => DivideBy::Vehicle,
         }
     }
 }

@@ -41,6 +41,9 @@ const DEMO: &[Case] = &[("--out", "other.html", ""), ("--json", "", "")];
 const REPLAY: &[Case] = &[
     ("--repeats", "3", ""),
     ("--test-share", "0.5", ""),
+    ("--split-by", "time", ""),
+    ("--whole-transmissions", "", ""),
+    ("--write-splits", "written.csv", ""),
     ("--frames", "1,2,3", ""),
     ("--team", "team.toml", ""),
     ("--frame-bytes", "64", ""),

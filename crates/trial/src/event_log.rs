@@ -9,6 +9,7 @@ use std::io::Read;
 use std::path::Path;
 
 use pingmap_agent::{Chart, Event, InputSpec, Link, VehicleId};
+use pingmap_packet::to_hex;
 
 use crate::table::{FileError, Problem, Table, open};
 
@@ -119,6 +120,28 @@ impl EventLog {
             let _ = writer.write_record(&row);
         }
         writer.into_inner().map_or_else(|_| String::new(), |bytes| String::from_utf8_lossy(&bytes).into_owned())
+    }
+
+    /// 32 hexadecimal digits by which these events are known again, whatever the file, its other columns and the order of
+    /// its lines: the first half of the BLAKE3 digest of time, names, places and outcome of every event.
+    pub fn digest(&self) -> String {
+        let mut events: Vec<&Event> = self.events.iter().collect();
+        events.sort_by(|a, b| a.canonical_order(b));
+        let mut bytes = Vec::new();
+        for event in events {
+            bytes.extend(event.time_s.to_le_bytes());
+            for name in [&event.transmitter_id, &event.receiver_id] {
+                bytes.extend((name.as_str().len() as u64).to_le_bytes());
+                bytes.extend(name.as_str().as_bytes());
+            }
+            for end in event.link.ends() {
+                // A place without a depth has the bits of no depth that a log can have.
+                let numbers = [end.east_m, end.north_m, end.depth_m.unwrap_or(f64::INFINITY)];
+                bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+            }
+            bytes.push(event.success.into());
+        }
+        to_hex(&pingmap_packet::digest(&bytes)[..16])
     }
 
     /// Mean depth of all ends, in metres; `None` without depths.

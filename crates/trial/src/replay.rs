@@ -3,18 +3,16 @@
 
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, FitQuality, LearnedModel, Link, Model, Team, VehicleId};
+use pingmap_agent::{Agent, AgentError, Event, FitQuality, LearnedModel, Link, Model, Team, VehicleId};
 use rayon::prelude::*;
 
 use crate::alternatives::Alternative;
 use crate::baseline::{DistanceOnly, base_rate};
+use crate::decision::Decisions;
 use crate::event_log::EventLog;
 use crate::mission::{Mission, Plan};
-use crate::score::{MeanScore, Score};
+use crate::score::{Estimate, MeanScore, Score};
 use crate::split::Split;
-
-/// Below this difference between own and centralised there is no gap worth a ratio.
-const GAP_NLL_MIN: f64 = 0.002;
 
 /// Why a replay was not possible.
 #[derive(Debug, thiserror::Error)]
@@ -52,6 +50,8 @@ pub struct Replay {
     pub own: MeanScore,
     /// One vehicle with all raw events.
     pub centralised: MeanScore,
+    /// How much worse in NLL every vehicle is by itself than with all raw events, split by split.
+    pub gap: Estimate,
     /// The true probabilities, where the log has them: what no method can beat.
     pub true_probability: Option<MeanScore>,
     /// The team after sharing, one entry for each number of frames.
@@ -87,8 +87,12 @@ pub struct Sharing {
     pub team: MeanScore,
     /// NLL of the vehicle that does worst.
     pub worst_vehicle_nll: f64,
-    /// (own − team) / (own − centralised) in NLL; `None` where there is no gap to close.
-    pub gap_closed: Option<f64>,
+    /// How much better in NLL than every vehicle by itself, split by split.
+    pub gain: Estimate,
+    /// How much worse in NLL than with all raw events, split by split.
+    pub behind: Estimate,
+    /// (own − team) / (own − centralised) in NLL; `None` where that gap is within its error.
+    pub gap_closed: Option<Estimate>,
     /// NLL of other ways to use as many frames, mean over vehicles and splits, if [`Plan::compare`] asks for it.
     pub alternatives: Vec<(Alternative, f64)>,
 }
@@ -139,6 +143,13 @@ struct SplitScores {
     alternatives: Vec<Vec<(Alternative, f64)>>,
 }
 
+impl SplitScores {
+    /// Events held out over events learned from.
+    fn test_share(&self) -> f64 {
+        self.summary.held_out_events as f64 / self.summary.training_events.max(1) as f64
+    }
+}
+
 /// Replays the mission once for every split, in parallel on the current thread pool; results do not depend on how many
 /// threads it has. `step` is called after every stage: 1 + `frames.len()` times a split.
 ///
@@ -161,17 +172,24 @@ pub fn replay(
         })
         .collect();
     let scores = scores?;
+    let test_share = scores.iter().map(SplitScores::test_share).sum::<f64>() / scores.len() as f64;
     let mean = |of: &dyn Fn(&SplitScores) -> Score| {
-        MeanScore::over(&scores.iter().map(of).collect::<Vec<_>>()).ok_or(ReplayError::NoSplits)
+        MeanScore::over(&scores.iter().map(of).collect::<Vec<_>>(), test_share).ok_or(ReplayError::NoSplits)
     };
-    let (own, centralised) = (mean(&|s| s.own)?, mean(&|s| s.centralised)?);
+    let paired = |of: &dyn Fn(&SplitScores) -> f64| {
+        Estimate::overlapping(&scores.iter().map(of).collect::<Vec<_>>(), test_share).ok_or(ReplayError::NoSplits)
+    };
+    let gap = paired(&|s| s.own.nll - s.centralised.nll)?;
     let true_scores: Option<Vec<Score>> = scores.iter().map(|s| s.true_probability).collect();
     let vehicles = log.vehicles();
     let share = |(row, &frames): (usize, &usize)| {
         let team = mean(&|s| s.team[row].0)?;
         let of_split = |of: &dyn Fn(&SplitScores) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
         let of_vehicle = |v: usize| scores.iter().map(|s| s.team[row].1[v].nll).sum::<f64>() / scores.len() as f64;
-        let gap = own.nll - centralised.nll;
+        let gain = paired(&|s| s.own.nll - s.team[row].0.nll)?;
+        let closed = gain.mean / gap.mean;
+        // The ratio of two means that vary together: what is left of each split's gain when its share of the gap is gone.
+        let left = paired(&|s| s.own.nll - s.team[row].0.nll - closed * (s.own.nll - s.centralised.nll))?;
         Ok(Sharing {
             frames,
             packets_per_vehicle: of_split(&|s| s.sent[row].0),
@@ -179,15 +197,22 @@ pub fn replay(
             team,
             worst_vehicle_nll: (0..vehicles.len()).map(of_vehicle).fold(f64::NEG_INFINITY, f64::max),
             alternatives: mean_alternatives(&scores, row),
-            gap_closed: (gap >= GAP_NLL_MIN).then(|| (own.nll - team.nll) / gap),
+            gain,
+            behind: paired(&|s| s.team[row].0.nll - s.centralised.nll)?,
+            gap_closed: (gap.mean > 0.0 && gap.is_clear()).then(|| Estimate {
+                mean: closed,
+                se: left.se.map(|se| se / gap.mean),
+                count: gap.count,
+            }),
         })
     };
     Ok(Replay {
         base_rate: mean(&|s| s.base_rate)?,
         distance_only: mean(&|s| s.distance_only)?,
-        own,
-        centralised,
-        true_probability: true_scores.and_then(|scores| MeanScore::over(&scores)),
+        own: mean(&|s| s.own)?,
+        centralised: mean(&|s| s.centralised)?,
+        gap,
+        true_probability: true_scores.and_then(|scores| MeanScore::over(&scores, test_share)),
         sharing: frames.iter().enumerate().map(share).collect::<Result<_, ReplayError>>()?,
         splits: scores.into_iter().map(|s| s.summary).collect(),
         vehicles,
@@ -212,7 +237,14 @@ fn replay_split(
     let nothing = || ReplayError::NothingHeldOut { split: split.name.clone() };
     let frames_max = frames.iter().copied().max().unwrap_or(0);
     let mission = Mission::prepare(log, split, plan, frames_max).map_err(failed)?;
-    let score = |probabilities: &[f64]| Score::new(probabilities, &mission.outcomes).ok_or_else(nothing);
+    let truth = log.true_probability.as_ref();
+    let truth = truth.map(|known| split.indices(true).iter().map(|&n| known[n]).collect::<Vec<_>>());
+    let held_out: Vec<&Event> = split.indices(true).iter().map(|&n| &log.events[n]).collect();
+    let decisions = truth.clone().and_then(|truth| Decisions::draw(&held_out, truth, plan.seed));
+    let score = |probabilities: &[f64]| {
+        let score = Score::new(probabilities, &mission.outcomes).ok_or_else(nothing)?;
+        Ok(Score { regret: decisions.as_ref().map(|decisions| decisions.regret(probabilities)), ..score })
+    };
     let score_each = |predictions: Vec<Vec<f64>>| {
         let each = predictions.iter().map(|p| score(p)).collect::<Result<Vec<_>, _>>()?;
         Ok((Score::mean(&each).ok_or_else(nothing)?, each))
@@ -223,10 +255,7 @@ fn replay_split(
     let by_distance: Vec<f64> = mission.held_out.iter().map(|link: &Link| distance_only.probability(link)).collect();
     let (own, _) = score_each(mission.predict_alone().map_err(failed)?)?;
     let centralised = score(&mission.predict_centralised().map_err(failed)?)?;
-    let true_probability = match &log.true_probability {
-        Some(known) => Some(score(&split.indices(true).iter().map(|&n| known[n]).collect::<Vec<_>>())?),
-        None => None,
-    };
+    let true_probability = truth.as_ref().map(|truth| score(truth)).transpose()?;
     step();
     let mut team = Vec::with_capacity(frames.len());
     let mut sent = Vec::with_capacity(frames.len());

@@ -1,4 +1,4 @@
-//! How good predictions are: accuracy and negative log-likelihood.
+//! How good predictions are, and how sure one may be of it.
 
 /// Probabilities are held this far from 0 and 1 before the logarithm, so that one certain miss costs 28 nats, not
 /// infinity.
@@ -11,6 +11,11 @@ pub struct Score {
     pub accuracy: f64,
     /// Mean negative log-likelihood, in nats.
     pub nll: f64,
+    /// Mean squared difference of probability and outcome.
+    pub brier: f64,
+    /// What choosing by these predictions costs, where that is known ([`crate::Decisions`]): the probability of being heard
+    /// from the best place less that from the chosen one.
+    pub regret: Option<f64>,
 }
 
 impl Score {
@@ -19,84 +24,178 @@ impl Score {
         if outcomes.is_empty() {
             return None;
         }
-        let (mut right, mut nll) = (0.0, 0.0);
+        let (mut right, mut nll, mut brier) = (0.0, 0.0, 0.0);
         for (&p, &success) in probabilities.iter().zip(outcomes) {
             right += f64::from(u8::from((p > 0.5) == success));
+            brier += (p - f64::from(u8::from(success))).powi(2);
             let p = p.clamp(PROBABILITY_MIN, 1.0 - PROBABILITY_MIN);
             nll -= if success { p.ln() } else { (-p).ln_1p() };
         }
         let count = outcomes.len() as f64;
-        Some(Self { accuracy: right / count, nll: nll / count })
+        Some(Self { accuracy: right / count, nll: nll / count, brier: brier / count, regret: None })
     }
 
     /// The mean of several scores; `None` without any.
     pub fn mean(scores: &[Score]) -> Option<Score> {
         let count = scores.len() as f64;
         let mean = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / count;
-        (!scores.is_empty()).then(|| Score { accuracy: mean(|s| s.accuracy), nll: mean(|s| s.nll) })
+        let regrets: Option<Vec<f64>> = scores.iter().map(|score| score.regret).collect();
+        (!scores.is_empty()).then(|| Score {
+            accuracy: mean(|s| s.accuracy),
+            nll: mean(|s| s.nll),
+            brier: mean(|s| s.brier),
+            regret: regrets.map(|regrets| regrets.iter().sum::<f64>() / count),
+        })
     }
 }
 
-/// A mean over splits or permutations.
+/// A mean over splits, permutations or trials.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
     /// The mean.
     pub mean: f64,
     /// Its standard error; `None` with a single value.
     pub se: Option<f64>,
+    /// Of how many values.
+    pub count: usize,
 }
 
 impl Estimate {
-    /// Mean and standard error; `None` without values.
+    /// Mean of independent values, and its standard error s/√J; `None` without values. Over divisions of one data set
+    /// that is the error of having divided it only so many times, and says nothing of other data.
     pub fn over(values: &[f64]) -> Option<Self> {
+        Self::overlapping(values, 0.0)
+    }
+
+    /// Mean over J splits that learn from the same events again and again, where `test_share` is the number of events
+    /// held out over the number learned from: standard error s·√(1/J + test share), after Nadeau and Bengio (2003),
+    /// "Inference for the generalization error", Machine Learning 52. `None` without values.
+    pub fn overlapping(values: &[f64], test_share: f64) -> Option<Self> {
         let count = values.len() as f64;
         let mean = values.iter().sum::<f64>() / count;
         let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-        let se = (values.len() > 1).then(|| (squares / (count - 1.0) / count).sqrt());
-        (!values.is_empty()).then_some(Self { mean, se })
+        let se = (values.len() > 1).then(|| (squares / (count - 1.0) * (1.0 / count + test_share)).sqrt());
+        (!values.is_empty()).then_some(Self { mean, se, count: values.len() })
+    }
+
+    /// Whether it differs from 0 by more than chance would let it in 19 of 20 cases, by Student's t with one degree of
+    /// freedom less than there are values. Of a single value nobody knows: no.
+    pub fn is_clear(&self) -> bool {
+        self.se.is_some_and(|se| self.mean.abs() > two_sided_t(self.count - 1) * se)
+    }
+}
+
+/// The 97.5 % point of Student's t: tabulated, then by the first terms of its expansion in 1/ν (error below .002).
+fn two_sided_t(degrees: usize) -> f64 {
+    const FIRST: [f64; 5] = [12.706, 4.303, 3.182, 2.776, 2.571];
+    const NORMAL: f64 = 1.959_964;
+    match degrees {
+        0 => f64::INFINITY,
+        1..=5 => FIRST[degrees - 1],
+        _ => {
+            let (z, v) = (NORMAL, degrees as f64);
+            let first = (z.powi(3) + z) / 4.0;
+            let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0;
+            let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;
+            z + first / v + second / v.powi(2) + third / v.powi(3)
+        }
     }
 }
 
 /// Scores over splits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeanScore {
-    /// Mean accuracy.
-    pub accuracy: f64,
-    /// Standard error of the mean accuracy over splits; `None` with one split.
-    pub accuracy_se: Option<f64>,
-    /// Mean negative log-likelihood, in nats.
-    pub nll: f64,
-    /// Standard error of the mean negative log-likelihood over splits; `None` with one split.
-    pub nll_se: Option<f64>,
+    /// Accuracy.
+    pub accuracy: Estimate,
+    /// Negative log-likelihood, in nats.
+    pub nll: Estimate,
+    /// Brier score.
+    pub brier: Estimate,
+    /// Regret of a decision, where it is known.
+    pub regret: Option<Estimate>,
 }
 
 impl MeanScore {
-    /// Mean and standard error over splits; `None` without any.
-    pub fn over(splits: &[Score]) -> Option<Self> {
-        let over = |of: fn(&Score) -> f64| Estimate::over(&splits.iter().map(of).collect::<Vec<_>>());
-        let (accuracy, nll) = (over(|score| score.accuracy)?, over(|score| score.nll)?);
-        Some(Self { accuracy: accuracy.mean, accuracy_se: accuracy.se, nll: nll.mean, nll_se: nll.se })
+    /// Means over splits with the errors of [`Estimate::overlapping`]; `None` without any.
+    pub fn over(splits: &[Score], test_share: f64) -> Option<Self> {
+        let over =
+            |of: fn(&Score) -> f64| Estimate::overlapping(&splits.iter().map(of).collect::<Vec<_>>(), test_share);
+        let regrets: Option<Vec<f64>> = splits.iter().map(|score| score.regret).collect();
+        Some(Self {
+            accuracy: over(|score| score.accuracy)?,
+            nll: over(|score| score.nll)?,
+            brier: over(|score| score.brier)?,
+            regret: regrets.and_then(|regrets| Estimate::overlapping(&regrets, test_share)),
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::streams::stream;
+    use rand::RngExt;
 
     #[test]
     fn certain_and_wrong_is_dear_but_finite() {
         let score = Score::new(&[0.0, 1.0], &[true, true]).expect("two events");
-        assert_eq!(score.accuracy, 0.5);
+        assert_eq!((score.accuracy, score.brier), (0.5, 0.5));
         assert!((score.nll - 0.5 * -1e-12f64.ln()).abs() < 1e-9);
         assert_eq!(Score::new(&[], &[]), None);
     }
 
     #[test]
     fn the_standard_error_is_that_of_a_mean() {
-        let scores = [0.1, 0.2, 0.3].map(|nll| Score { accuracy: 1.0, nll });
-        let mean = MeanScore::over(&scores).expect("three splits");
-        assert!((mean.nll - 0.2).abs() < 1e-12);
-        assert!((mean.nll_se.expect("three splits") - 0.1 / 3f64.sqrt()).abs() < 1e-12);
-        assert_eq!(MeanScore::over(&scores[..1]).expect("one split").nll_se, None);
+        let mean = Estimate::over(&[0.1, 0.2, 0.3]).expect("three values");
+        assert!((mean.mean - 0.2).abs() < 1e-12);
+        assert!((mean.se.expect("three values") - 0.1 / 3f64.sqrt()).abs() < 1e-12);
+        let single = Estimate::over(&[0.1]).expect("one value");
+        assert!(single.se.is_none() && !single.is_clear());
+        assert_eq!(Estimate::over(&[]), None);
+    }
+
+    #[test]
+    fn splits_that_overlap_say_less_than_their_number() {
+        // 35 held out of 100, ten and a hundred times: 2.5 and 7.4 times the error of as many independent values.
+        for (count, times) in [(10, 2.53), (100, 7.41)] {
+            let values: Vec<f64> = (0..count).map(|n| f64::from(n % 7)).collect();
+            let [naive, corrected] = [0.0, 35.0 / 65.0].map(|share| Estimate::overlapping(&values, share));
+            let ratio = corrected.expect("values").se.expect("several") / naive.expect("values").se.expect("several");
+            assert!((ratio - times).abs() < 0.01, "{ratio}");
+        }
+    }
+
+    /// A method is as good as another one on average, over data sets of 100 events. Ten random splits of each: how often
+    /// does the difference on the held-out events look clear? Here methods learn the mean of their training events, and are
+    /// scored against 0: the loss difference depends on both halves, as with any method.
+    #[test]
+    fn what_is_called_clear_is_rarely_chance() {
+        let (mut clear, mut naive) = (0, 0);
+        let trials = 400;
+        for trial in 0..trials {
+            let mut rng = stream(7, trial);
+            // Events whose loss differs by noise alone: by the symmetry of the noise neither method is better.
+            let losses: Vec<f64> = (0..100).map(|_| rng.random::<f64>() - 0.5).collect();
+            let differences: Vec<f64> = (0..10)
+                .map(|_| {
+                    let held_out = rand::seq::index::sample(&mut rng, 100, 35);
+                    held_out.iter().map(|n| losses[n]).sum::<f64>() / 35.0
+                })
+                .collect();
+            clear += u32::from(Estimate::overlapping(&differences, 35.0 / 65.0).expect("ten").is_clear());
+            naive += u32::from(Estimate::over(&differences).expect("ten").is_clear());
+        }
+        // One in twenty is 20 of 400; the naive error is wrong in a third of all cases or more.
+        assert!(clear <= 36, "{clear}");
+        assert!(naive > 100, "{naive}");
+    }
+
+    #[test]
+    fn few_splits_need_wide_margins() {
+        let tabulated = [(1, 12.706), (5, 2.571), (6, 2.447), (9, 2.262), (19, 2.093), (99, 1.984)];
+        for (degrees, expected) in tabulated {
+            assert!((two_sided_t(degrees) - expected).abs() < 0.002, "{degrees}: {}", two_sided_t(degrees));
+        }
+        assert!(two_sided_t(0).is_infinite());
     }
 }

@@ -1,4 +1,4 @@
-//! Which events are held out: drawn per vehicle, or read from a file.
+//! Which events are held out, as a file; and which are left out of a log that is too long.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,38 +31,6 @@ impl Split {
     }
 }
 
-/// Draws `repeats` splits that hold out `test_share` of every vehicle's events, rounded to whole events. Split i
-/// depends on `seed` and i alone.
-///
-/// # Errors
-/// [`ShareError`] for a share below 0 or above 1.
-pub fn draw_splits(log: &EventLog, repeats: usize, test_share: f64, seed: u64) -> Result<Vec<Split>, ShareError> {
-    if !(0.0..=1.0).contains(&test_share) {
-        return Err(ShareError { found: test_share });
-    }
-    Ok((0..repeats).map(|repeat| draw_split(log, repeat, test_share, seed)).collect())
-}
-
-/// A share of held-out events that is none.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("the share of held-out events must be from 0 to 1, found {found}")]
-pub struct ShareError {
-    /// The share.
-    pub found: f64,
-}
-
-/// One of them, for a share from 0 to 1.
-pub(crate) fn draw_split(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Split {
-    let mut rng = stream(seed, streams::SPLITS + repeat as u64);
-    let mut held_out = vec![false; log.events.len()];
-    for mut own in events_by_vehicle(log).into_values() {
-        own.shuffle(&mut rng);
-        let count = (own.len() as f64 * test_share).round() as usize;
-        own[..count].iter().for_each(|&n| held_out[n] = true);
-    }
-    Split { name: format!("r{repeat}"), held_out }
-}
-
 /// Reads splits from CSV: one column a split, one row an event of `log`, 1 = held out.
 ///
 /// # Errors
@@ -81,6 +49,17 @@ pub fn read_splits(path: &Path, log: &EventLog) -> Result<Vec<Split>, FileError>
         return Err(table.error(Problem::WrongLength { expected: log.events.len(), found }));
     }
     Ok(splits)
+}
+
+/// Splits as CSV that [`read_splits`] takes.
+pub fn splits_to_csv(splits: &[Split]) -> String {
+    let names: Vec<&str> = splits.iter().map(|split| split.name.as_str()).collect();
+    let mut text = names.join(",") + "\n";
+    for n in 0..splits.first().map_or(0, |split| split.held_out.len()) {
+        let flags: Vec<&str> = splits.iter().map(|split| if split.held_out[n] { "1" } else { "0" }).collect();
+        text += &(flags.join(",") + "\n");
+    }
+    text
 }
 
 /// Draws at most `events_max` events in all, uniformly among those of a vehicle; vehicles with few keep all of theirs,
@@ -148,28 +127,6 @@ mod tests {
     fn counts(log: &EventLog, indices: &[usize]) -> Vec<usize> {
         let kept = log.select(indices);
         events_by_vehicle(&kept).values().map(Vec::len).collect()
-    }
-
-    #[test]
-    fn a_split_holds_out_its_share_of_every_vehicle() {
-        let log = log(&[40, 7, 100]);
-        let splits = draw_splits(&log, 3, 0.35, 1).expect("a share");
-        for split in &splits {
-            assert_eq!(counts(&log, &split.indices(true)), [14, 2, 35]);
-            assert_eq!(split.indices(true).len() + split.indices(false).len(), 147);
-        }
-        assert_ne!(splits[0].held_out, splits[1].held_out);
-        // The first splits do not depend on how many follow, and another seed draws others.
-        assert_eq!(draw_split(&log, 0, 0.35, 1), splits[0]);
-        assert_ne!(draw_split(&log, 0, 0.35, 2), splits[0]);
-    }
-
-    #[test]
-    fn shares_beyond_the_whole_are_refused() {
-        for share in [1.001, -0.1, f64::NAN, f64::INFINITY] {
-            assert!(draw_splits(&log(&[40]), 1, share, 1).is_err(), "{share}");
-        }
-        assert_eq!(draw_splits(&log(&[40]), 1, 1.0, 1).expect("all")[0].indices(true).len(), 40);
     }
 
     #[test]

@@ -5,6 +5,9 @@ use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 /// Split i takes stream i: from 0 on.
 pub(crate) const SPLITS: u64 = 0;
 
+/// Decisions between places.
+pub(crate) const DECISIONS: u64 = 1 << 58;
+
 /// Other uses of the same bytes, one for every vehicle.
 pub(crate) const ALTERNATIVES: u64 = 1 << 59;
 
@@ -37,6 +40,7 @@ mod tests {
         // Where each begins, and how many there may be.
         let uses = [
             (SPLITS, 1 << 32),
+            (DECISIONS, 1),
             (ALTERNATIVES, 1 << 32),
             (PAPER, 1 << 59),
             (SIMULATION, 1 << 32),

@@ -386,14 +386,15 @@ impl Factor {
 /// The share of events on the right side of ½, and their mean negative log-likelihood, by mean and variance of f at
 /// each.
 fn score_of(moments: impl Iterator<Item = (f64, f64)>, success: &[bool]) -> Score {
-    let (mut right, mut nll) = (0.0, 0.0);
+    let (mut right, mut nll, mut brier) = (0.0, 0.0, 0.0);
     for ((mean, variance), &success) in moments.zip(success) {
         let p = success_probability(mean, variance);
         right += if (p > 0.5) == success { 1.0 } else { 0.0 };
         nll -= if success { p.ln() } else { (1.0 - p).ln() };
+        brier += if success { (1.0 - p) * (1.0 - p) } else { p * p };
     }
     let count = success.len() as f64;
-    Score { accuracy: right / count, nll: nll / count }
+    Score { accuracy: right / count, nll: nll / count, brier: brier / count, regret: None }
 }
 
 /// ∫ σ(f) N(f; mean, variance) df by the trapezoidal rule over twelve standard deviations either side. For an integrand

@@ -19,7 +19,7 @@ fuzz_target!(|text: &str| {
     }
     let Ok(file) = TeamFile::parse(text) else { return };
     let Ok(team) = file.team(MODEL.clone(), None) else { return };
-    let written = TeamFile::write(&team, "model.toml", None).expect("what was read can be written");
+    let written = TeamFile::write(&team, "model.toml", None, None).expect("what was read can be written");
     let again = TeamFile::parse(&written).and_then(|file| file.team(MODEL.clone(), None)).expect("its own text");
     assert_eq!(again.digest(), team.digest());
 });

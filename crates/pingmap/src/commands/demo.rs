@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 use pingmap_agent::Learning;
-use pingmap_trial::{Plan, built_in, draw_splits};
+use pingmap_trial::{Division, Plan, built_in};
 
 use super::replay::Replayed;
 use crate::files::make_folder;
@@ -44,7 +44,7 @@ impl Options {
         );
         note("received, sends a few packets that sum them up, and predicts events that nobody learned from.\n");
         let plan = Plan::new(Learning::default(), SEED);
-        let splits = draw_splits(&log, 3, 0.35, SEED)?;
+        let splits = Division::random(3, 0.35).splits(&log, SEED)?;
         let events = log.events.len();
         let mission = Replayed::new(log, events, splits, &[1, 2, 5, 10, 20], plan)?;
         mission.show(results, self.json, Some(&self.out))

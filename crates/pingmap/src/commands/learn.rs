@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dgpc::PriorMean;
 use pingmap_agent::{Criterion, Event, LearnedModel, Learning, Limits, Model, ModelFile, Provenance};
-use pingmap_trial::{EventLog, Score, draw_splits, learn_all, learn_best};
+use pingmap_trial::{Division, EventLog, Score, learn_all, learn_best};
 use serde::Serialize;
 
 use crate::files::write_file;
@@ -48,6 +48,7 @@ impl Options {
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let log = open_log(&options.events)?;
+    let log_digest = log.digest();
     let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
     let limits = options.work.limits();
     let learning = options.kernel.learning(options.kernel.given().many(), limits);
@@ -79,7 +80,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         None => anyhow::bail!("no structure to learn"),
     };
     let from = options.events.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let file = ModelFile { model: best.model.clone(), learned: Some(provenance(&best, from)) };
+    let file = ModelFile { model: best.model.clone(), learned: Some(provenance(&best, from, log_digest)) };
     write_file(&options.output, file.write().map_err(|error| BadInput(error.to_string()))?.as_bytes())?;
 
     if options.json {
@@ -186,7 +187,8 @@ impl ModelJson {
 
 /// Training and held-out events; all are training events unless a share is to be held out.
 fn divided<'a>(log: &'a EventLog, options: &Options) -> anyhow::Result<(Vec<&'a Event>, Vec<&'a Event>)> {
-    let splits = options.test_share.map(|share| draw_splits(log, 1, share, options.work.seed)).transpose()?;
+    let splits =
+        options.test_share.map(|share| Division::random(1, share).splits(log, options.work.seed)).transpose()?;
     let Some(split) = splits.iter().flatten().next() else { return Ok((log.events.iter().collect(), Vec::new())) };
     let side = |held_out| split.indices(held_out).into_iter().map(|n| &log.events[n]).collect();
     Ok((side(false), side(true)))
@@ -243,9 +245,10 @@ fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, hel
     )
 }
 
-fn provenance(fit: &LearnedModel, from: String) -> Provenance {
+fn provenance(fit: &LearnedModel, from: String, log_digest: String) -> Provenance {
     Provenance {
         from,
+        log_digest: Some(log_digest),
         structure: fit.structure.to_string(),
         events: fit.events,
         events_used: fit.events_used,

@@ -7,7 +7,7 @@ use pingmap_agent::{Grid, Team, TeamError, TeamFile};
 
 use crate::files::write_file;
 use crate::log::open_log;
-use crate::model::open_model;
+use crate::model::{log_digest, open_model};
 use crate::output::{BadInput, Results, count, note, warn};
 use crate::team::open_key;
 use crate::values::{frame_bytes, positive};
@@ -50,10 +50,10 @@ impl Options {
 
 fn write(options: &Options) -> anyhow::Result<()> {
     let log = open_log(&options.events)?;
-    let model = open_model(&options.model, &log)?;
+    let file = open_model(&options.model, &log)?;
     let key = options.key_file.as_deref().map(open_key).transpose()?;
     let positions = log.events.iter().flat_map(|event| event.link.ends());
-    let team = Team::new(log.vehicles(), model, positions).map_err(bad_team)?;
+    let team = Team::new(log.vehicles(), file.model.clone(), positions).map_err(bad_team)?;
     let mut team = Team { key, epoch: options.epoch, ..team.with_frames(options.frame_bytes) };
     if let Some(cell_m) = options.cell_m {
         team.grid.cell_m = cell_m;
@@ -63,7 +63,8 @@ fn write(options: &Options) -> anyhow::Result<()> {
         }
     }
     let key_name = options.key_file.as_ref().map(|path| beside(path, &options.output)).transpose()?;
-    let text = TeamFile::write(&team, &beside(&options.model, &options.output)?, key_name.as_deref());
+    let model_name = beside(&options.model, &options.output)?;
+    let text = TeamFile::write(&team, &model_name, key_name.as_deref(), log_digest(&file));
     write_file(&options.output, text.map_err(bad_team)?.as_bytes())?;
     let Grid { cell_m, .. } = team.grid;
     note(format_args!("team: {}, cells of {cell_m} m", options.output.display()));

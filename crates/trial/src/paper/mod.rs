@@ -22,7 +22,7 @@ pub use permutation::{Bounds, LocalOutcome, Outcome, Part, TeamOutcome};
 pub use shape::{Claim, rank_correlation};
 pub use sweep::{SWEEP_LENGTH_SCALES, SWEEP_POINTS, SweepRow};
 
-use crate::split::draw_split;
+use crate::division::draw_split;
 use permutation::Permutation;
 use streams::{Streams, Use};
 

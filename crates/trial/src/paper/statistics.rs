@@ -42,7 +42,7 @@ pub type BoundOf = fn(&Bounds) -> f64;
 
 /// Mean score over permutations; `None` without any.
 pub fn mean<T>(outcomes: &[T], of: impl Fn(&T) -> Score) -> Option<MeanScore> {
-    MeanScore::over(&outcomes.iter().map(of).collect::<Vec<_>>())
+    MeanScore::over(&outcomes.iter().map(of).collect::<Vec<_>>(), 0.0)
 }
 
 /// Mean score of an agent by itself.

@@ -2,7 +2,7 @@
 
 use pingmap_agent::{LearnedModel, VehicleId};
 use pingmap_packet::Layout;
-use pingmap_trial::{Learners, MeanScore, Replay, Sharing, SplitSummary, Water};
+use pingmap_trial::{Estimate, Learners, MeanScore, Replay, Sharing, SplitSummary, Water};
 use serde::Serialize;
 
 use super::replayed::Replayed;
@@ -21,6 +21,7 @@ pub struct ReplayJson {
     inference: InferenceJson,
     packets: PacketsJson,
     learn: &'static str,
+    model_has_seen_log: bool,
     kernel: Option<KernelJson>,
     prior_mean: Option<PriorMeanJson>,
     own_learning: Option<OwnLearningJson>,
@@ -69,8 +70,11 @@ struct OwnScoresJson {
 struct OwnSharingJson {
     frames: usize,
     team: ScoreJson,
+    better_than_own: DifferenceJson,
+    worse_than_centralised: DifferenceJson,
     worst_vehicle_nll: f64,
     gap_closed: Option<f64>,
+    gap_closed_se: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -79,6 +83,8 @@ struct ScoresJson {
     distance_only: ScoreJson,
     own: ScoreJson,
     centralised: ScoreJson,
+    /// Own less centralised.
+    gap: DifferenceJson,
     true_probability: Option<ScoreJson>,
 }
 
@@ -87,6 +93,18 @@ struct ScoreJson {
     acc: f64,
     nll: f64,
     nll_se: Option<f64>,
+    brier: f64,
+    brier_se: Option<f64>,
+    regret: Option<f64>,
+    regret_se: Option<f64>,
+}
+
+/// A paired difference of NLL over splits.
+#[derive(Serialize)]
+struct DifferenceJson {
+    nll: f64,
+    nll_se: Option<f64>,
+    indistinguishable: bool,
 }
 
 #[derive(Serialize)]
@@ -125,7 +143,7 @@ struct SplitJson {
 
 impl ReplayJson {
     pub fn of(replayed: &Replayed) -> Self {
-        let Replayed { log, splits, plan, replay, own_learning, events } = replayed;
+        let Replayed { log, splits, plan, replay, own_learning, events, has_seen_log } = replayed;
         let points = replayed.layout().map(Layout::points_in_all);
         Self {
             schema: 1,
@@ -138,6 +156,7 @@ impl ReplayJson {
             inference: InferenceJson::of(replayed),
             packets: PacketsJson::of(replayed),
             learn: if plan.learners == Learners::Own { "own" } else { "pooled" },
+            model_has_seen_log: *has_seen_log,
             kernel: kernel(replay),
             prior_mean: replay.splits.first().map(|split| PriorMeanJson::of(split.model().prior.mean())),
             own_learning: own_learning.as_ref().map(OwnLearningJson::of),
@@ -205,7 +224,15 @@ impl OwnLearningJson {
 impl OwnSharingJson {
     fn of(sharing: &Sharing) -> Self {
         let Sharing { frames, worst_vehicle_nll, gap_closed, ref team, .. } = *sharing;
-        Self { frames, team: ScoreJson::of(team), worst_vehicle_nll, gap_closed }
+        Self {
+            frames,
+            team: ScoreJson::of(team),
+            better_than_own: DifferenceJson::of(sharing.gain),
+            worse_than_centralised: DifferenceJson::of(sharing.behind),
+            worst_vehicle_nll,
+            gap_closed: gap_closed.map(|gap| gap.mean),
+            gap_closed_se: gap_closed.and_then(|gap| gap.se),
+        }
     }
 }
 
@@ -216,6 +243,7 @@ impl ScoresJson {
             distance_only: ScoreJson::of(&replay.distance_only),
             own: ScoreJson::of(&replay.own),
             centralised: ScoreJson::of(&replay.centralised),
+            gap: DifferenceJson::of(replay.gap),
             true_probability: replay.true_probability.as_ref().map(ScoreJson::of),
         }
     }
@@ -223,7 +251,21 @@ impl ScoresJson {
 
 impl ScoreJson {
     fn of(score: &MeanScore) -> Self {
-        Self { acc: score.accuracy, nll: score.nll, nll_se: score.nll_se }
+        Self {
+            acc: score.accuracy.mean,
+            nll: score.nll.mean,
+            nll_se: score.nll.se,
+            brier: score.brier.mean,
+            brier_se: score.brier.se,
+            regret: score.regret.map(|regret| regret.mean),
+            regret_se: score.regret.and_then(|regret| regret.se),
+        }
+    }
+}
+
+impl DifferenceJson {
+    fn of(difference: Estimate) -> Self {
+        Self { nll: difference.mean, nll_se: difference.se, indistinguishable: !difference.is_clear() }
     }
 }
 

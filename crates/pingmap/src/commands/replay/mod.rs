@@ -9,15 +9,15 @@ mod online;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pingmap_trial::{Agreed, EventLog, Learners, Plan, Water, draw_splits, read_splits};
+use pingmap_trial::{Agreed, DivideBy, Division, EventLog, Learners, Plan, Split, Water, read_splits, splits_to_csv};
 
-use crate::files::make_folder;
+use crate::files::{make_folder, write_file};
 use crate::log::{open_log, thinned};
-use crate::model::open_model;
+use crate::model::{log_digest, open_model};
 use crate::options::{ModelSource, Work};
-use crate::output::{Results, note, print, print_json};
+use crate::output::{BadInput, Results, note, print, print_json, warn};
 use crate::team::{open_key, open_team};
-use crate::values::{LearnName, frame_bytes, open_share, packets, repeats, share};
+use crate::values::{DivideByName, LearnName, frame_bytes, open_share, packets, repeats, share};
 use online::OnlineMission;
 pub use replayed::Replayed;
 
@@ -28,14 +28,13 @@ pub struct Options {
     /// Event log
     pub events: PathBuf,
     /// CSV of fixed splits: one column a split, one row an event, 1 = held out
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["repeats", "test_share"])]
+    #[arg(long, value_name = "FILE", conflicts_with = "Dividing")]
     pub splits: Option<PathBuf>,
-    /// Number of random splits
-    #[arg(long, default_value_t = 3, value_parser = repeats)]
-    pub repeats: usize,
-    /// Share of every vehicle's events that is held out
-    #[arg(long, default_value_t = 0.35, value_parser = open_share, allow_negative_numbers = true)]
-    pub test_share: f64,
+    #[command(flatten)]
+    pub dividing: Dividing,
+    /// Also write the splits to this file, as --splits takes them
+    #[arg(long, value_name = "FILE", conflicts_with = "splits")]
+    pub write_splits: Option<PathBuf>,
     /// Numbers of packets that every vehicle sends
     #[arg(long, default_value = "1,2,5,10,20,40", value_delimiter = ',', value_parser = packets)]
     pub frames: Vec<usize>,
@@ -46,7 +45,7 @@ pub struct Options {
     pub compare: bool,
     /// Run the mission in the order of time instead: every event is predicted by its receiver before it is learned
     /// from, and packets ride on the transmissions of the log. Without --model or --team nothing is learned beforehand
-    #[arg(long, conflicts_with_all = ["splits", "repeats", "test_share", "frames", "compare", "learn", "reorder"])]
+    #[arg(long, conflicts_with_all = ["splits", "Dividing", "write_splits", "frames", "compare", "learn", "reorder"])]
     pub online: bool,
     /// With --online: every so many of its transmissions a vehicle may send a packet; 10 if not given
     #[arg(long, value_name = "TRANSMISSIONS", value_parser = packets, requires = "online")]
@@ -64,6 +63,52 @@ pub struct Options {
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
+}
+
+/// How held-out events are chosen.
+#[derive(Args)]
+#[group(id = "Dividing", multiple = true)]
+pub struct Dividing {
+    /// What decides which events are held out: chance, blocks of time, the range (the farthest), or the receiver (each
+    /// vehicle in turn)
+    #[arg(long, value_enum)]
+    pub split_by: Option<DivideByName>,
+    /// Number of splits, where chance decides; 3 if not given
+    #[arg(long, value_parser = repeats)]
+    pub repeats: Option<usize>,
+    /// Share that is held out: of every vehicle's events, of blocks of time, of all ranges; 0.35 (of ranges 0.4) if not
+    /// given
+    #[arg(long, value_parser = open_share, allow_negative_numbers = true)]
+    pub test_share: Option<f64>,
+    /// Hold out all receivers of a transmission together, with random splits (blocks of time do so anyway)
+    #[arg(long)]
+    pub whole_transmissions: bool,
+}
+
+impl Dividing {
+    fn splits(&self, log: &EventLog, seed: u64) -> Result<Vec<Split>, BadInput> {
+        self.division()?.splits(log, seed).map_err(|error| BadInput(error.to_string()))
+    }
+
+    /// Refuses what would change nothing.
+    fn division(&self) -> Result<Division, BadInput> {
+        let by = self.split_by.map_or(DivideBy::Random, DivideByName::divide_by);
+        let refuse =
+            |option: &str, what: &str| BadInput(format!("{option} changes nothing where {what}; expected without"));
+        if self.repeats.is_some() && matches!(by, DivideBy::Range | DivideBy::Vehicle) {
+            return Err(refuse("--repeats", "the range or the receiver decides what is held out"));
+        }
+        if self.test_share.is_some() && by == DivideBy::Vehicle {
+            return Err(refuse("--test-share", "the receiver decides what is held out"));
+        }
+        let share = if by == DivideBy::Range { 0.4 } else { 0.35 };
+        Ok(Division {
+            by,
+            repeats: self.repeats.unwrap_or(3),
+            test_share: self.test_share.unwrap_or(share),
+            whole_transmissions: self.whole_transmissions,
+        })
+    }
 }
 
 /// What is sent, and what happens to it on its way.
@@ -115,35 +160,57 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if let Some(folder) = &options.report {
         make_folder(folder)?;
     }
+    let (agreed, has_seen_log) = agreed(options, &log)?;
+    let plan = plan(options, agreed)?;
+    if has_seen_log {
+        warn(HAS_SEEN_LOG);
+    }
     if options.online {
         let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
-        let plan = plan(options, &log)?;
-        let mission = OnlineMission { plan, slot_every: options.slot_every, seed: options.work.seed };
+        let mission = OnlineMission { plan, has_seen_log, slot_every: options.slot_every, seed: options.work.seed };
         return mission.run(&log, results, options.json, options.report.as_deref());
     }
     let splits = match &options.splits {
         Some(path) => read_splits(path, &log)?,
-        None => draw_splits(&log, options.repeats, options.test_share, options.work.seed)?,
+        None => options.dividing.splits(&log, options.work.seed)?,
     };
+    if let Some(path) = &options.write_splits {
+        write_file(path, splits_to_csv(&splits).as_bytes())?;
+    }
     let events = log.events.len();
     let (log, splits) = thinned(log, splits, options.work.events_max, options.work.seed);
-    let plan = plan(options, &log)?;
-    let mut mission = Replayed::new(log, events, splits, &options.frames, plan)?;
+    let mut mission = Replayed { has_seen_log, ..Replayed::new(log, events, splits, &options.frames, plan)? };
     if options.learn == LearnName::Both {
         mission.learn_own(&options.frames)?;
     }
     mission.show(results, options.json, options.report.as_deref())
 }
 
+/// What is said where nothing is really held out.
+pub const HAS_SEEN_LOG: &str =
+    "THE MODEL WAS LEARNED FROM THIS VERY LOG, its held-out events included: scores flatter it";
+
+/// What is agreed on already, and whether its model was learned from this very log.
+fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Agreed, bool)> {
+    let (agreed, digests) = match (&options.source.model, &options.sharing.team) {
+        (_, Some(path)) => {
+            let (team, digests) = open_team(path, log)?;
+            (Agreed::Team(team), digests)
+        }
+        (Some(path), None) => {
+            let file = open_model(path, log)?;
+            let digest = log_digest(&file).map(str::to_owned);
+            (Agreed::Model(file.model), digest.into_iter().collect())
+        }
+        (None, None) => (Agreed::Nothing, Vec::new()),
+    };
+    Ok((agreed, digests.contains(&log.digest())))
+}
+
 /// What the options say of the team and of what it sends.
-fn plan(options: &Options, log: &EventLog) -> anyhow::Result<Plan> {
+fn plan(options: &Options, agreed: Agreed) -> anyhow::Result<Plan> {
     let kernel = &options.source.kernel;
     let sharing = &options.sharing;
-    let agreed = match (&options.source.model, &sharing.team) {
-        (_, Some(path)) => Agreed::Team(open_team(path, log)?),
-        (Some(path), None) => Agreed::Model(open_model(path, log)?),
-        (None, None) => Agreed::Nothing,
-    };
     Ok(Plan {
         agreed,
         learners: if options.learn == LearnName::Own { Learners::Own } else { Learners::Pooled },

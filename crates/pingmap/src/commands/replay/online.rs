@@ -38,6 +38,8 @@ const SLOT_EVERY: usize = 10;
 /// What is replayed in the order of time.
 pub struct OnlineMission {
     pub plan: Plan,
+    /// Whether its model was learned from this very log.
+    pub has_seen_log: bool,
     /// Every so many of its transmissions a vehicle may send a packet.
     pub slot_every: Option<usize>,
     pub seed: u64,
@@ -66,6 +68,7 @@ impl OnlineMission {
         let packets: usize = online.packets.values().sum();
         let model = match self.plan.agreed {
             Agreed::Nothing => "the model is what is expected before any event; give --model for a learned one",
+            Agreed::Model(_) | Agreed::Team(_) if self.has_seen_log => super::HAS_SEEN_LOG,
             Agreed::Model(_) | Agreed::Team(_) => "model as given",
         };
         let vehicles = online.team.members.len();

@@ -15,6 +15,8 @@ pub struct Replayed {
     pub replay: Replay,
     /// The same with every vehicle learning by itself, if that was asked for beside the pooled one.
     pub own_learning: Option<Replay>,
+    /// Whether its model was learned from this very log.
+    pub has_seen_log: bool,
     /// Events in the file, before thinning.
     pub events: usize,
 }
@@ -23,7 +25,7 @@ impl Replayed {
     /// Replays the mission with a progress bar.
     pub fn new(log: EventLog, events: usize, splits: Vec<Split>, frames: &[usize], plan: Plan) -> anyhow::Result<Self> {
         let replay = with_progress(&log, &splits, frames, &plan)?;
-        Ok(Self { log, splits, plan, replay, own_learning: None, events })
+        Ok(Self { log, splits, plan, replay, own_learning: None, has_seen_log: false, events })
     }
 
     /// Replays it once more with every vehicle learning by itself.

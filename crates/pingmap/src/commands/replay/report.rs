@@ -125,10 +125,9 @@ fn html(replayed: &Replayed, pictures: &Pictures) -> String {
     // Writing to a String cannot fail.
     let _ = writeln!(page, "<p>{}</p>", escape(&facts));
     page += "<h2>How well are held-out events predicted?</h2>\n";
-    page += &html_table(&["", "accuracy", "NLL", "± s.e."], &tables::score_rows(replayed));
+    page += &html_table(&tables::score_header(replayed), &tables::score_rows(replayed));
     page += &html_table(&SHARING_HEADER, &tables::sharing_rows(replayed));
-    page += "<p>NLL is the negative log-likelihood in nats: lower is better. The gap is that between own events only and all raw \
-             events in one place. A dash: no gap to close, or a single split.</p>\n";
+    let _ = writeln!(page, "<p>{}</p>", escape(tables::LEGEND));
     if replayed.plan.compare {
         page += "<h2>Other uses of the same bytes</h2>\n";
         page += &html_table(&tables::comparison_header(replayed), &tables::comparison_rows(replayed));

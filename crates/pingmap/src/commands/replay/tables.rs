@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
-use pingmap_trial::{Alternative, Learners, MeanScore, Replay, Sharing, Water};
+use pingmap_trial::{Alternative, Estimate, Learners, MeanScore, Replay, Sharing, Water};
 
 use super::replayed::Replayed;
 use crate::model::{of_events, path_variance};
@@ -24,7 +24,7 @@ pub fn text(replayed: &Replayed) -> String {
         replayed.plan.seed,
         kernel_line(replayed),
         inference_line(replayed),
-        table(&["", "accuracy", "NLL", "± s.e."], &score_rows(replayed)),
+        table_of(&score_header(replayed), &score_rows(replayed)),
         table(&SHARING_HEADER, &sharing_rows(replayed)),
     );
     if replayed.plan.compare {
@@ -35,8 +35,7 @@ pub fn text(replayed: &Replayed) -> String {
         let header = ["who learns the model", "pooled, NLL", "± s.e.", "every vehicle, NLL", "± s.e."];
         text += &format!("\n\n{}", table(&header, &learner_rows(replayed, own)));
     }
-    text + "\n\nNLL: negative log-likelihood of held-out events in nats, lower is better. Gap closed: how much of the way from\nown events \
-            only to all raw events in one place sharing goes."
+    text + "\n\n" + LEGEND
 }
 
 /// What the bytes are used for: ours, then every alternative.
@@ -51,14 +50,14 @@ pub fn comparison_rows(replayed: &Replayed) -> Vec<Vec<String>> {
     let bytes = replayed.layout().map_or(0, |layout| layout.frame_bytes);
     let row = |sharing: &Sharing| {
         let sendable = sharing.alternatives.iter().filter(|(way, _)| way.is_sendable());
-        let best = sendable.map(|(_, nll)| *nll).fold(sharing.team.nll, f64::min);
+        let best = sendable.map(|(_, nll)| *nll).fold(sharing.team.nll.mean, f64::min);
         let cell = |nll: f64| format!("{nll:.4}{}", if nll <= best + 5e-5 { " *" } else { "  " });
         let ways = sharing.alternatives.iter().map(
             |(way, nll)| {
                 if way.is_sendable() { cell(*nll) } else { format!("{nll:.4}") }
             },
         );
-        let ours = [frames_name(sharing.frames), (bytes * sharing.frames).to_string(), cell(sharing.team.nll)];
+        let ours = [frames_name(sharing.frames), (bytes * sharing.frames).to_string(), cell(sharing.team.nll.mean)];
         ours.into_iter().chain(ways).collect()
     };
     replayed.replay.sharing.iter().map(row).collect()
@@ -86,14 +85,26 @@ pub fn learner_rows(replayed: &Replayed, own: &Replay) -> Vec<Vec<String>> {
 /// The scores that sharing is compared with.
 pub fn score_rows(replayed: &Replayed) -> Vec<Vec<String>> {
     let replay = &replayed.replay;
+    let row = |name: &str, score: &MeanScore| {
+        let more = [Some(score.brier), score.regret];
+        let more = more.into_iter().flatten().map(|estimate| format!("{:.4}", estimate.mean));
+        score_row(name, score).into_iter().chain(more).collect()
+    };
     let mut rows = vec![
-        score_row("base rate", &replay.base_rate),
-        score_row("distance only", &replay.distance_only),
-        score_row("own events only", &replay.own),
-        score_row("all raw events in one place", &replay.centralised),
+        row("base rate", &replay.base_rate),
+        row("distance only", &replay.distance_only),
+        row("own events only", &replay.own),
     ];
-    rows.extend(replay.true_probability.as_ref().map(|score| score_row("true probability", score)));
+    rows.extend(replay.sharing.last().map(|sharing| row(&frames_name(sharing.frames), &sharing.team)));
+    rows.push(row("all raw events in one place", &replay.centralised));
+    rows.extend(replay.true_probability.as_ref().map(|score| row("true probability", score)));
     rows
+}
+
+/// Columns of [`score_rows`].
+pub fn score_header(replayed: &Replayed) -> Vec<String> {
+    let regret = replayed.replay.own.regret.map(|_| "regret");
+    ["", "accuracy", "NLL", "± s.e.", "Brier"].into_iter().chain(regret).map(str::to_owned).collect()
 }
 
 /// The team for each number of frames.
@@ -101,10 +112,12 @@ pub fn sharing_rows(replayed: &Replayed) -> Vec<Vec<String>> {
     let row = |sharing: &Sharing| {
         let name = frames_name(sharing.frames);
         let bytes = format!("{:.0}", sharing.bytes_per_vehicle);
-        let gap = sharing.gap_closed.map_or("–".to_owned(), |gap| format!("{:.0} %", 100.0 * gap));
+        let share = |gap: Estimate| format!("{:.0} ± {:.0} %", 100.0 * gap.mean, 100.0 * gap.se.unwrap_or(f64::NAN));
+        let gap = sharing.gap_closed.map_or("–".to_owned(), share);
         [
             vec![name, bytes],
             score_row("", &sharing.team)[1..].to_vec(),
+            vec![difference(sharing.gain), difference(sharing.behind)],
             vec![format!("{:.4}", sharing.worst_vehicle_nll), gap],
         ]
         .concat()
@@ -124,7 +137,8 @@ pub fn kernel_line(replayed: &Replayed) -> String {
         return format!("every vehicle learns its own model; packets under a fixed one, {numbers}");
     }
     let Some(fit) = splits.iter().find_map(|split| split.fit.as_ref()) else {
-        return format!("model as given; {numbers}");
+        let given = if replayed.has_seen_log { super::HAS_SEEN_LOG } else { "model as given" };
+        return format!("{given}; {numbers}");
     };
     let mut structures: BTreeMap<String, usize> = BTreeMap::new();
     for fit in splits.iter().filter_map(|split| split.fit.as_ref()) {
@@ -173,13 +187,38 @@ pub fn packets_line(replayed: &Replayed) -> String {
 }
 
 fn score_row(name: &str, score: &MeanScore) -> Vec<String> {
-    let error = score.nll_se.map_or("–".to_owned(), |error| format!("{error:.4}"));
-    vec![name.to_owned(), format!("{:.1} %", 100.0 * score.accuracy), format!("{:.4}", score.nll), error]
+    let error = score.nll.se.map_or("–".to_owned(), |error| format!("{error:.4}"));
+    vec![name.to_owned(), format!("{:.1} %", 100.0 * score.accuracy.mean), format!("{:.4}", score.nll.mean), error]
+}
+
+/// A paired difference, marked where it cannot be told from none.
+fn difference(difference: Estimate) -> String {
+    let mark = if difference.is_clear() { " " } else { "≈" };
+    match difference.se {
+        Some(se) => format!("{:.4} ± {se:.4} {mark}", difference.mean),
+        None => format!("{:.4} {mark}", difference.mean),
+    }
 }
 
 /// Columns of [`sharing_rows`].
-pub const SHARING_HEADER: [&str; 7] =
-    ["after sharing, per vehicle", "bytes", "accuracy", "NLL", "± s.e.", "worst vehicle", "gap closed"];
+pub const SHARING_HEADER: [&str; 9] = [
+    "after sharing, per vehicle",
+    "bytes",
+    "accuracy",
+    "NLL",
+    "± s.e.",
+    "better than own",
+    "worse than all",
+    "worst vehicle",
+    "gap closed",
+];
+
+/// What the numbers are.
+pub const LEGEND: &str = "\
+NLL: negative log-likelihood of held-out events in nats, lower is better; Brier: mean squared error of the probability. Regret: how much
+less likely one is heard from the most promising of ten held-out places than from the best of them. Better, worse: paired differences of
+NLL over splits; ≈ marks those that cannot be told from none. Gap closed: how much of the way from own events only to all raw events in
+one place sharing goes; a dash where that gap cannot be told from none. Errors allow for splits that overlap (Nadeau and Bengio 2003).";
 
 /// What an alternative is called in a table: in brackets if it cannot be sent.
 fn alternative_title(way: Alternative) -> String {

@@ -11,11 +11,11 @@ pub const FAILS: &str = "✗";
 pub const UNCLEAR: &str = "≈";
 
 pub fn accuracy(score: Option<MeanScore>) -> String {
-    score.map_or(NONE.into(), |score| estimate(Estimate { mean: score.accuracy, se: score.accuracy_se }))
+    score.map_or(NONE.into(), |score| estimate(score.accuracy))
 }
 
 pub fn nll(score: Option<MeanScore>) -> String {
-    score.map_or(NONE.into(), |score| estimate(Estimate { mean: score.nll, se: score.nll_se }))
+    score.map_or(NONE.into(), |score| estimate(score.nll))
 }
 
 pub fn plain(value: Option<Estimate>) -> String {

@@ -8,11 +8,11 @@ use pingmap_trial::paper::statistics::{
 use pingmap_trial::paper::{
     AtRadius, Choice, Claim, DataSet, EffectiveDraws, Fusion, LocalOutcome, Omega, SetOutcome, SweepRow,
 };
-use pingmap_trial::{Estimate, MeanScore, Score};
+use pingmap_trial::{Estimate, MeanScore};
 use serde::Serialize;
 
 use super::page;
-use super::published::Published;
+use super::published::{Published, PublishedScore};
 use super::results::{BOUNDS, Computed, Who};
 
 /// Everything that was computed.
@@ -302,13 +302,13 @@ impl TeamJson {
 }
 
 impl LocalScoreJson {
-    fn of(choice: Choice, omega: Omega, score: Option<MeanScore>, published: Option<Score>) -> Self {
+    fn of(choice: Choice, omega: Omega, score: Option<MeanScore>, published: Option<PublishedScore>) -> Self {
         Self {
             policy: choice.policy.name(),
             points: choice.points,
             omega: omega.name(),
             score: score.map(ScoreJson::of),
-            published: published.map(|Score { accuracy, nll }| PublishedJson { acc: accuracy, nll }),
+            published: published.map(|PublishedScore { accuracy, nll }| PublishedJson { acc: accuracy, nll }),
         }
     }
 }
@@ -330,14 +330,14 @@ impl SweepRowJson {
 }
 
 impl EstimateJson {
-    fn of(Estimate { mean, se }: Estimate) -> Self {
+    fn of(Estimate { mean, se, .. }: Estimate) -> Self {
         Self { mean, se }
     }
 }
 
 impl ScoreJson {
-    fn of(MeanScore { accuracy, accuracy_se, nll, nll_se }: MeanScore) -> Self {
-        Self { acc: accuracy, acc_se: accuracy_se, nll, nll_se }
+    fn of(MeanScore { accuracy, nll, .. }: MeanScore) -> Self {
+        Self { acc: accuracy.mean, acc_se: accuracy.se, nll: nll.mean, nll_se: nll.se }
     }
 }
 

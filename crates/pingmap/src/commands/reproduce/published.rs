@@ -1,7 +1,7 @@
 //! What the paper reports: the figures of its tables, for comparison. "Decentralized Gaussian Process Classification
 //! and an Application in Subsea Robotics", Gao, He, Stilwell and McMahon, section IV. It gives no standard errors.
 
-use pingmap_trial::Score;
+use pingmap_trial::paper::statistics::Metric;
 use pingmap_trial::paper::{Choice, Policy};
 
 /// Learned length-scale, in standardised units.
@@ -27,6 +27,25 @@ const TEAM: [PaperTable; 3] = [
     [[(0.7101, 0.6267), (0.7270, 0.5976)], [(0.6979, 0.6433), (0.6967, 0.6273)], [(0.6947, 0.6550), (0.6981, 0.6532)]],
 ];
 
+/// A score of the paper's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PublishedScore {
+    /// Share of events predicted rightly.
+    pub accuracy: f64,
+    /// Mean negative log-likelihood, in nats.
+    pub nll: f64,
+}
+
+impl PublishedScore {
+    /// What should be low.
+    pub fn cost(self, metric: Metric) -> f64 {
+        match metric {
+            Metric::Nll => self.nll,
+            Metric::Accuracy => -self.accuracy,
+        }
+    }
+}
+
 /// The paper's data set in a place, if it has as many agents as the one that stands there now.
 #[derive(Clone, Copy)]
 pub struct Published(usize);
@@ -43,18 +62,18 @@ impl Published {
     }
 
     /// Of an agent by itself.
-    pub fn local(self, agent: usize, choice: Choice) -> Option<Score> {
+    pub fn local(self, agent: usize, choice: Choice) -> Option<PublishedScore> {
         let tables = if self.0 == 0 { LOCAL.as_slice() } else { &[] };
         tables.get(agent).and_then(|table| entry(table, choice))
     }
 
     /// Of the team.
-    pub fn team(self, choice: Choice) -> Option<Score> {
+    pub fn team(self, choice: Choice) -> Option<PublishedScore> {
         entry(&TEAM[self.0], choice)
     }
 }
 
-fn entry(table: &PaperTable, choice: Choice) -> Option<Score> {
+fn entry(table: &PaperTable, choice: Choice) -> Option<PublishedScore> {
     let policy = Policy::ALL.iter().position(|&policy| policy == choice.policy)?;
-    table[policy].get(choice.points.checked_sub(1)?).map(|&(accuracy, nll)| Score { accuracy, nll })
+    table[policy].get(choice.points.checked_sub(1)?).map(|&(accuracy, nll)| PublishedScore { accuracy, nll })
 }

@@ -88,7 +88,7 @@ impl Who {
                 Who::Agent(agent) => published?.local(agent, choice)?,
                 Who::Team => published?.team(choice)?,
             };
-            Some(metric.cost(&score))
+            Some(score.cost(metric))
         };
         Some(cost(claim.worse)? - cost(claim.better)?)
     }

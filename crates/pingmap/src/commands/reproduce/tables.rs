@@ -8,10 +8,10 @@ use pingmap_trial::paper::{
     AtRadius, Choice, Claim, DRAWS, DataSet, Fusion, Omega, REGION_EVENTS_MAX, SWEEP_LENGTH_SCALES, SWEEP_POINTS,
     SetOutcome, SweepRow,
 };
-use pingmap_trial::{Estimate, MeanScore, Score};
+use pingmap_trial::{Estimate, MeanScore};
 
 use super::cells::{FAILS, HOLDS, NONE, UNCLEAR, accuracy, bound, decimal, mark, nll, plain, verdict};
-use super::published::Published;
+use super::published::{Published, PublishedScore};
 use super::results::{BOUNDS, Computed, Who};
 use crate::output;
 
@@ -219,7 +219,7 @@ fn local_row(
     agent: &str,
     choice: &str,
     score: impl Fn(Omega) -> Option<MeanScore>,
-    published: Option<Score>,
+    published: Option<PublishedScore>,
 ) -> Vec<String> {
     let last = score(Omega::LastDraw);
     vec![
