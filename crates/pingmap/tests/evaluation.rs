@@ -123,6 +123,17 @@ fn differences_are_paired_and_open_where_nobody_can_tell() {
     }
     assert_eq!(number(&scores["true_probability"]["regret"]), 0.0);
     assert!(number(&scores["base_rate"]["regret"]) > number(&scores["own"]["regret"]));
+    // Every held-out event of every vehicle is in one of the bins.
+    let calibration = &replay(folder, &["--repeats", "2", "--calibration"])["calibration"];
+    for (who, vehicles) in [("own", 2), ("team", 2), ("centralised", 1)] {
+        let bins = calibration[who]["bins"].as_array().unwrap();
+        let counted: u64 = bins.iter().map(|bin| bin["events"].as_u64().unwrap()).sum();
+        assert_eq!(counted, 2 * vehicles * 56, "{who}");
+        for key in ["expected_error", "coverage_50", "coverage_90"] {
+            assert!((0.0..=1.0).contains(&number(&calibration[who][key])), "{who} {key}");
+        }
+    }
+    assert!(number(&calibration["median_variance_ratio"]) > 0.3);
     // A single split has no error, so that nothing can be told.
     let single = replay(folder, &["--repeats", "1"]);
     assert!(single["sharing"][0]["gap_closed"].is_null() && single["scores"]["own"]["nll_se"].is_null());

@@ -53,6 +53,7 @@ const REPLAY: &[Case] = &[
     ("--reorder", "0.5", "--json"),
     ("--repeat", "1", "--frames 20 --loss 0.5"),
     ("--compare", "", ""),
+    ("--calibration", "", ""),
     ("--report", "report.html", ""),
     ("--learn", "own", ""),
     ("--json", "", ""),

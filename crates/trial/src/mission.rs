@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use dgpc::Latent;
 use pingmap_agent::{Agent, AgentError, Event, Key, LearnedModel, Learning, Limits, Link, Model, Team, VehicleId};
 use rayon::prelude::*;
 
@@ -54,6 +55,8 @@ pub struct Plan {
     pub water: Water,
     /// Whether other ways to use the same bytes are tried too.
     pub compare: bool,
+    /// Whether it is counted how far probabilities mean what they say.
+    pub calibration: bool,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -71,6 +74,7 @@ impl Plan {
             repeats_max: 0,
             water: Water::default(),
             compare: false,
+            calibration: false,
             seed,
         }
     }
@@ -255,6 +259,15 @@ impl Mission {
     /// [`AgentError`] when the method refuses.
     pub fn predict_as_team(&self, frames: usize) -> Result<Vec<Vec<f64>>, AgentError> {
         self.predict(self.after_sharing(frames)?)
+    }
+
+    /// What an agent knows of the latent function at every held-out event.
+    ///
+    /// # Errors
+    /// [`AgentError`] when the method refuses.
+    pub fn latent(&self, agent: &Agent) -> Result<Latent, AgentError> {
+        let inputs = agent.model().inputs(&self.held_out)?;
+        Ok(agent.clone().posterior()?.latent(&inputs)?)
     }
 
     fn predict(&self, mut team: Vec<Agent>) -> Result<Vec<Vec<f64>>, AgentError> {

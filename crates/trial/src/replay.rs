@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::alternatives::Alternative;
 use crate::baseline::{DistanceOnly, base_rate};
+use crate::calibration::Calibration;
 use crate::decision::Decisions;
 use crate::event_log::EventLog;
 use crate::mission::{Mission, Plan};
@@ -56,8 +57,66 @@ pub struct Replay {
     pub true_probability: Option<MeanScore>,
     /// The team after sharing, one entry for each number of frames.
     pub sharing: Vec<Sharing>,
+    /// How far probabilities mean what they say, if [`Plan::calibration`] asks for it.
+    pub calibration: Option<Calibrated>,
     /// What each split was like.
     pub splits: Vec<SplitSummary>,
+}
+
+/// How far probabilities mean what they say, over all splits.
+#[derive(Debug, Clone, Default)]
+pub struct Calibrated {
+    /// Every vehicle by itself.
+    pub own: Calibration,
+    /// Every vehicle after the largest number of frames.
+    pub team: Calibration,
+    /// One vehicle with all raw events.
+    pub centralised: Calibration,
+    /// The team's latent variance over that of all raw events, at every held-out event and for every vehicle, in ascending
+    /// order: below 1 the team is surer than it could be if it counted everything once.
+    pub variance_ratios: Vec<f64>,
+}
+
+impl Calibrated {
+    /// Median of [`Calibrated::variance_ratios`]; `None` without any.
+    pub fn median_variance_ratio(&self) -> Option<f64> {
+        self.variance_ratios.get(self.variance_ratios.len() / 2).copied()
+    }
+
+    /// Share of events at which the team is surer than all raw events would make it; `None` without any.
+    pub fn surer(&self) -> Option<f64> {
+        let count = self.variance_ratios.len();
+        let surer = self.variance_ratios.partition_point(|&ratio| ratio < 1.0);
+        (count > 0).then(|| surer as f64 / count as f64)
+    }
+
+    fn of_split(mission: &Mission, frames: usize, truth: Option<&[f64]>) -> Result<Self, AgentError> {
+        let mut calibrated = Self::default();
+        let all = mission.latent(&mission.centralised)?;
+        calibrated.centralised.count(&all, &mission.outcomes, truth);
+        for agent in &mission.vehicles {
+            calibrated.own.count(&mission.latent(agent)?, &mission.outcomes, truth);
+        }
+        for agent in &mission.after_sharing(frames)? {
+            let latent = mission.latent(agent)?;
+            calibrated.team.count(&latent, &mission.outcomes, truth);
+            let ratios = latent.variance.iter().zip(&all.variance).map(|(team, all)| team / all);
+            calibrated.variance_ratios.extend(ratios);
+        }
+        Ok(calibrated)
+    }
+
+    fn over<'a>(splits: impl Iterator<Item = &'a Self>) -> Self {
+        let mut sum = Self::default();
+        for split in splits {
+            sum.own.add(&split.own);
+            sum.team.add(&split.team);
+            sum.centralised.add(&split.centralised);
+            sum.variance_ratios.extend(&split.variance_ratios);
+        }
+        sum.variance_ratios.sort_by(f64::total_cmp);
+        sum
+    }
 }
 
 impl Replay {
@@ -141,6 +200,7 @@ struct SplitScores {
     sent: Vec<(f64, f64)>,
     /// For each number of frames the NLL of every alternative, mean over vehicles.
     alternatives: Vec<Vec<(Alternative, f64)>>,
+    calibration: Option<Calibrated>,
 }
 
 impl SplitScores {
@@ -214,6 +274,7 @@ pub fn replay(
         gap,
         true_probability: true_scores.and_then(|scores| MeanScore::over(&scores, test_share)),
         sharing: frames.iter().enumerate().map(share).collect::<Result<_, ReplayError>>()?,
+        calibration: plan.calibration.then(|| Calibrated::over(scores.iter().filter_map(|s| s.calibration.as_ref()))),
         splits: scores.into_iter().map(|s| s.summary).collect(),
         vehicles,
     })
@@ -269,7 +330,9 @@ fn replay_split(
         alternatives.push(tried.iter().map(nll).collect::<Result<Vec<_>, ReplayError>>()?);
         step();
     }
+    let calibration = plan.calibration.then(|| Calibrated::of_split(&mission, frames_max, truth.as_deref()));
     Ok(SplitScores {
+        calibration: calibration.transpose().map_err(failed)?,
         base_rate: score(&vec![rate; mission.held_out.len()])?,
         distance_only: score(&by_distance)?,
         own,

@@ -2,7 +2,9 @@
 
 use pingmap_agent::{LearnedModel, VehicleId};
 use pingmap_packet::Layout;
-use pingmap_trial::{Estimate, Learners, MeanScore, Replay, Sharing, SplitSummary, Water};
+use pingmap_trial::{
+    Bin, Calibrated, Calibration, Estimate, Learners, MeanScore, Replay, Sharing, SplitSummary, Water,
+};
 use serde::Serialize;
 
 use super::replayed::Replayed;
@@ -27,7 +29,33 @@ pub struct ReplayJson {
     own_learning: Option<OwnLearningJson>,
     scores: ScoresJson,
     sharing: Vec<SharingJson>,
+    calibration: Option<CalibratedJson>,
     per_split: Vec<SplitJson>,
+}
+
+/// How far probabilities mean what they say.
+#[derive(Serialize)]
+struct CalibratedJson {
+    own: CalibrationJson,
+    team: CalibrationJson,
+    centralised: CalibrationJson,
+    team_surer_than_centralised: Option<f64>,
+    median_variance_ratio: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct CalibrationJson {
+    expected_error: f64,
+    coverage_50: Option<f64>,
+    coverage_90: Option<f64>,
+    bins: Vec<BinJson>,
+}
+
+#[derive(Serialize)]
+struct BinJson {
+    events: usize,
+    predicted: Option<f64>,
+    heard: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -162,6 +190,7 @@ impl ReplayJson {
             own_learning: own_learning.as_ref().map(OwnLearningJson::of),
             scores: ScoresJson::of(replay),
             sharing: replay.sharing.iter().map(|sharing| SharingJson::of(sharing, points)).collect(),
+            calibration: replay.calibration.as_ref().map(CalibratedJson::of),
             per_split: replay.splits.iter().map(SplitJson::of).collect(),
         }
     }
@@ -278,6 +307,31 @@ impl SharingJson {
             packets_per_vehicle: sharing.packets_per_vehicle,
             bytes_per_vehicle: sharing.bytes_per_vehicle,
             alternatives: sharing.alternatives.iter().map(alternative).collect(),
+        }
+    }
+}
+
+impl CalibratedJson {
+    fn of(calibrated: &Calibrated) -> Self {
+        Self {
+            own: CalibrationJson::of(&calibrated.own),
+            team: CalibrationJson::of(&calibrated.team),
+            centralised: CalibrationJson::of(&calibrated.centralised),
+            team_surer_than_centralised: calibrated.surer(),
+            median_variance_ratio: calibrated.median_variance_ratio(),
+        }
+    }
+}
+
+impl CalibrationJson {
+    fn of(calibration: &Calibration) -> Self {
+        let bin = |bin: &Bin| BinJson { events: bin.events, predicted: bin.predicted(), heard: bin.heard() };
+        let [coverage_50, coverage_90] = calibration.coverage().map_or([None; 2], |shares| shares.map(Some));
+        Self {
+            expected_error: calibration.expected_error(),
+            coverage_50,
+            coverage_90,
+            bins: calibration.bins.iter().map(bin).collect(),
         }
     }
 }

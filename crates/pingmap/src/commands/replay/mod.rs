@@ -43,9 +43,12 @@ pub struct Options {
     /// Compare with other ways to use the same bytes
     #[arg(long)]
     pub compare: bool,
+    /// Show how far probabilities mean what they say: reliability, and how often intervals hold the truth where it is known
+    #[arg(long)]
+    pub calibration: bool,
     /// Run the mission in the order of time instead: every event is predicted by its receiver before it is learned
     /// from, and packets ride on the transmissions of the log. Without --model or --team nothing is learned beforehand
-    #[arg(long, conflicts_with_all = ["splits", "Dividing", "write_splits", "frames", "compare", "learn", "reorder"])]
+    #[arg(long, conflicts_with_all = ["splits", "Dividing", "write_splits", "frames", "compare", "calibration", "learn", "reorder"])]
     pub online: bool,
     /// With --online: every so many of its transmissions a vehicle may send a packet; 10 if not given
     #[arg(long, value_name = "TRANSMISSIONS", value_parser = packets, requires = "online")]
@@ -219,6 +222,7 @@ fn plan(options: &Options, agreed: Agreed) -> anyhow::Result<Plan> {
         repeats_max: sharing.repeat,
         water: sharing.water(),
         compare: options.compare,
+        calibration: options.calibration,
         ..Plan::new(kernel.learning(kernel.given().few(), options.work.limits()), options.work.seed)
     })
 }

@@ -133,6 +133,11 @@ fn html(replayed: &Replayed, pictures: &Pictures) -> String {
         page += &html_table(&tables::comparison_header(replayed), &tables::comparison_rows(replayed));
         page += "<p>NLL of held-out events; a star marks the best of those that can be sent.</p>\n";
     }
+    if let Some(calibrated) = &replayed.replay.calibration {
+        page += "<h2>Do probabilities mean what they say?</h2>\n";
+        page += &html_table(&tables::RELIABILITY_HEADER, &tables::reliability_rows(calibrated));
+        let _ = writeln!(page, "<p>{}</p>", escape(&tables::coverage(calibrated)));
+    }
     let (viewer, frames, split) = (escape(pictures.viewer.as_str()), pictures.frames, escape(&pictures.split));
     let packets = if frames == 1 { "packet".to_owned() } else { format!("{frames} packets") };
     let _ = writeln!(

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
-use pingmap_trial::{Alternative, Estimate, Learners, MeanScore, Replay, Sharing, Water};
+use pingmap_trial::{
+    Alternative, Bin, Calibrated, Calibration, Estimate, INTERVALS, Learners, MeanScore, Replay, Sharing, Water,
+};
 
 use super::replayed::Replayed;
 use crate::model::{of_events, path_variance};
@@ -30,6 +32,10 @@ pub fn text(replayed: &Replayed) -> String {
     if replayed.plan.compare {
         text += &format!("\n\n{}", table_of(&comparison_header(replayed), &comparison_rows(replayed)));
         text += "\n\nA star marks the best of those that can be sent.";
+    }
+    if let Some(calibrated) = &replayed.replay.calibration {
+        text +=
+            &format!("\n\n{}\n\n{}", table(&RELIABILITY_HEADER, &reliability_rows(calibrated)), coverage(calibrated));
     }
     if let Some(own) = &replayed.own_learning {
         let header = ["who learns the model", "pooled, NLL", "± s.e.", "every vehicle, NLL", "± s.e."];
@@ -123,6 +129,41 @@ pub fn sharing_rows(replayed: &Replayed) -> Vec<Vec<String>> {
         .concat()
     };
     replayed.replay.sharing.iter().map(row).collect()
+}
+
+/// Columns of [`reliability_rows`].
+pub const RELIABILITY_HEADER: [&str; 10] =
+    ["predicted", "own", "mean", "heard", "team", "mean", "heard", "all", "mean", "heard"];
+
+/// Of the events whose probability lay within each tenth how many there were, what was predicted, and how many were heard.
+pub fn reliability_rows(calibrated: &Calibrated) -> Vec<Vec<String>> {
+    let whose = [&calibrated.own, &calibrated.team, &calibrated.centralised];
+    let percent = |share: Option<f64>| share.map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share));
+    let cells = |bin: &Bin| [bin.events.to_string(), percent(bin.predicted()), percent(bin.heard())];
+    let row = |place: usize| {
+        let name = format!("{} to {} %", 10 * place, 10 * place + 10);
+        std::iter::once(name).chain(whose.iter().flat_map(|of| cells(&of.bins[place]))).collect()
+    };
+    (0..calibrated.own.bins.len()).map(row).collect()
+}
+
+/// The same in a few numbers.
+pub fn coverage(calibrated: &Calibrated) -> String {
+    let line = |(name, of): (&str, &Calibration)| {
+        let coverage = of.coverage().map_or_else(String::new, |shares| {
+            let held = shares.iter().zip(INTERVALS).map(|(held, (share, _))| {
+                format!("; {:.0} % intervals hold the true log-odds in {:.0} %", 100.0 * share, 100.0 * held)
+            });
+            held.collect()
+        });
+        format!("{name}: expected calibration error {:.3}{coverage}\n", of.expected_error())
+    };
+    let whose = [("own", &calibrated.own), ("team", &calibrated.team), ("all", &calibrated.centralised)];
+    let lines: String = whose.into_iter().map(line).collect();
+    let surer = calibrated.surer().zip(calibrated.median_variance_ratio()).map(|(share, ratio)| {
+        format!("The team is surer than all raw events would make it at {:.0} % of held-out events; median ratio of variances {ratio:.2}.", 100.0 * share)
+    });
+    lines + &surer.unwrap_or_default()
 }
 
 /// What links are read with, in one line.
