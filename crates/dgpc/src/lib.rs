@@ -102,6 +102,7 @@ mod latent;
 mod features;
 mod factor;
 mod summary;
+mod unwhitened;
 mod posterior;
 mod shift;
 mod concatenation;

@@ -211,7 +211,7 @@ impl Summary {
     }
 
     /// I + Ĝ.
-    fn total(&self) -> Result<Cholesky> {
+    pub(crate) fn total(&self) -> Result<Cholesky> {
         let mut total = self.precision.clone();
         total.add_to_diagonal(1.0);
         Cholesky::new("I + Ĝ", total)
@@ -330,58 +330,9 @@ impl Summary {
         &self.cholesky
     }
 
-    /// R with Ĝ = RRᵀ, M×M.
-    pub(crate) fn root(&self) -> Result<Matrix> {
-        self.root_above(0.0)
-    }
-
-    /// The same with no eigenvalue of RRᵀ below a floor.
-    pub(crate) fn root_above(&self, floor: f64) -> Result<Matrix> {
+    /// R with Ĝ = RRᵀ, M×M, but for eigenvalues below a floor.
+    pub(crate) fn root(&self, floor: f64) -> Result<Matrix> {
         semidefinite_root("summary precision", &self.precision, floor)
-    }
-
-    /// G = LĜLᵀ, M×M: K_MN Ω K_NM for a variational summary.
-    pub fn precision(&self) -> Matrix {
-        let lower = self.cholesky.lower();
-        let half = product(lower.view(), self.precision.view());
-        product(half.view(), lower.t())
-    }
-
-    /// b = Lb̂, M: K_MN κ̃ for a variational summary.
-    pub fn shift(&self) -> Vec<f64> {
-        self.cholesky.lower_times(&self.shift)
-    }
-
-    /// Mean (M) and covariance (M×M) of f(Z) given this message alone: μ₀ + L(I+Ĝ)⁻¹b̂ and L(I+Ĝ)⁻¹Lᵀ. O(M³).
-    ///
-    /// # Errors
-    /// [`Error::NotPositiveDefinite`] when I + Ĝ is not, as after subtracting what was never observed.
-    pub fn moments(&self) -> Result<(Vec<f64>, Matrix)> {
-        let total = self.total()?;
-        let mut mean = self.shift.clone();
-        total.solve(&mut mean);
-        let prior_mean = self.prior.mean().values(&self.inducing_points)?;
-        let mean = self.cholesky.lower_times(&mean).iter().zip(&prior_mean).map(|(m, prior)| m + prior).collect();
-        let mut half = self.cholesky.lower().transposed();
-        total.solve_lower_matrix(&mut half);
-        Ok((mean, product(half.t(), half.view())))
-    }
-
-    /// The kernel-free factor: exp(−½fᵀPf + ηᵀf) in f = f(Z). O(M³).
-    ///
-    /// # Errors
-    /// [`Error::NegativeEigenvalue`] when the precision has a clearly negative one, [`Error::NotFinite`] when numbers
-    /// near the end of the range overflow.
-    pub fn factor(&self) -> Result<Factor> {
-        let mut half = self.root()?;
-        self.cholesky.solve_upper_matrix(&mut half);
-        let precision = product(half.view(), half.t());
-        let mut shift = self.shift.clone();
-        self.cholesky.solve_upper(&mut shift);
-        let prior_mean = self.prior.mean().values(&self.inducing_points)?;
-        let offset = precision.times(&prior_mean);
-        let shift = shift.iter().zip(&offset).map(|(h, offset)| h + offset).collect();
-        Factor::new(self.inducing_points.clone(), precision, shift)
     }
 }
 

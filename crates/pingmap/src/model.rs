@@ -91,6 +91,10 @@ pub fn read_model(path: &Path) -> anyhow::Result<ModelFile> {
     Ok(ModelFile::parse(&read_text(path)?).map_err(|error| bad(&error))?)
 }
 
+/// What is said where nothing is really held out.
+pub const HAS_SEEN_LOG: &str =
+    "THE MODEL WAS LEARNED FROM THIS VERY LOG, its held-out events included: scores flatter it";
+
 /// What a model was learned from, if its file says so.
 pub fn log_digest(file: &ModelFile) -> Option<&str> {
     file.learned.as_ref()?.log_digest.as_deref()

@@ -36,7 +36,7 @@ pub use event_log::{EventLog, REQUIRED_COLUMNS, read_links};
 pub use learning::{learn_all, learn_best};
 pub use mission::{Agreed, Learners, Mission, Plan};
 pub use online::{Online, Step, online};
-pub use replay::{Calibrated, Replay, ReplayError, Sharing, SplitSummary, replay};
+pub use replay::{Calibrated, Replay, ReplayError, Sharing, SplitNll, SplitSummary, replay};
 pub use score::{Estimate, MeanScore, Score};
 pub use split::{Split, read_splits, splits_to_csv, thin};
 pub use table::{FileError, Problem};

@@ -177,6 +177,21 @@ pub struct SplitSummary {
     pub converged: bool,
     /// The largest jitter that any fit needed (0 in the ordinary case).
     pub jitter_max: f64,
+    /// How well its held-out events were predicted.
+    pub nll: SplitNll,
+}
+
+/// NLL of the held-out events of one split.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SplitNll {
+    /// By the distance alone.
+    pub distance_only: f64,
+    /// Of every vehicle by itself, mean over vehicles.
+    pub own: f64,
+    /// Of the team for each number of frames, mean over vehicles.
+    pub team: Vec<f64>,
+    /// With all raw events.
+    pub centralised: f64,
 }
 
 impl SplitSummary {
@@ -331,21 +346,28 @@ fn replay_split(
         step();
     }
     let calibration = plan.calibration.then(|| Calibrated::of_split(&mission, frames_max, truth.as_deref()));
+    let distance_only = score(&by_distance)?;
+    let nll = SplitNll {
+        distance_only: distance_only.nll,
+        own: own.nll,
+        team: team.iter().map(|(score, _)| score.nll).collect(),
+        centralised: centralised.nll,
+    };
     Ok(SplitScores {
         calibration: calibration.transpose().map_err(failed)?,
         base_rate: score(&vec![rate; mission.held_out.len()])?,
-        distance_only: score(&by_distance)?,
+        distance_only,
         own,
         centralised,
         true_probability,
         team,
         sent,
         alternatives,
-        summary: summarise(split, &mission),
+        summary: summarise(split, &mission, nll),
     })
 }
 
-fn summarise(split: &Split, mission: &Mission) -> SplitSummary {
+fn summarise(split: &Split, mission: &Mission, nll: SplitNll) -> SplitSummary {
     let empty = mission.vehicles.iter().filter(|agent| agent.events().len() == 0);
     let everybody = mission.vehicles.iter().chain([&mission.centralised]);
     let quality: Vec<FitQuality> = everybody.filter_map(Agent::fit_quality).collect();
@@ -356,6 +378,7 @@ fn summarise(split: &Split, mission: &Mission) -> SplitSummary {
         training_events: mission.training.len(),
         held_out_events: mission.held_out.len(),
         vehicles_without_events: empty.map(|agent| agent.id().clone()).collect(),
+        nll,
         team: mission.team.clone(),
         fit: mission.fit.clone(),
         dense: (mission.vehicles.iter().all(Agent::learns_densely), mission.centralised.learns_densely()),

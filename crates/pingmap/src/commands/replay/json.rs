@@ -3,7 +3,7 @@
 use pingmap_agent::{LearnedModel, VehicleId};
 use pingmap_packet::Layout;
 use pingmap_trial::{
-    Bin, Calibrated, Calibration, Estimate, Learners, MeanScore, Replay, Sharing, SplitSummary, Water,
+    Bin, Calibrated, Calibration, Estimate, Learners, MeanScore, Replay, Sharing, SplitNll, SplitSummary, Water,
 };
 use serde::Serialize;
 
@@ -167,6 +167,16 @@ struct SplitJson {
     stop: Option<String>,
     converged: bool,
     jitter_max: f64,
+    nll: SplitNllJson,
+}
+
+#[derive(Serialize)]
+struct SplitNllJson {
+    distance_only: f64,
+    own: f64,
+    /// For each number of frames.
+    team: Vec<f64>,
+    centralised: f64,
 }
 
 impl ReplayJson {
@@ -354,6 +364,14 @@ impl SplitJson {
             stop: fit.map(|fit| stop_words(&fit.learned.stop)),
             converged: split.converged,
             jitter_max: split.jitter_max,
+            nll: SplitNllJson::of(&split.nll),
         }
+    }
+}
+
+impl SplitNllJson {
+    fn of(nll: &SplitNll) -> Self {
+        let SplitNll { distance_only, own, ref team, centralised } = *nll;
+        Self { distance_only, own, team: team.clone(), centralised }
     }
 }

@@ -13,7 +13,7 @@ use pingmap_trial::{Agreed, DivideBy, Division, EventLog, Learners, Plan, Split,
 
 use crate::files::{make_folder, write_file};
 use crate::log::{open_log, thinned};
-use crate::model::{log_digest, open_model};
+use crate::model::{HAS_SEEN_LOG, log_digest, open_model};
 use crate::options::{ModelSource, Work};
 use crate::output::{BadInput, Results, note, print, print_json, warn};
 use crate::team::{open_key, open_team};
@@ -188,10 +188,6 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     }
     mission.show(results, options.json, options.report.as_deref())
 }
-
-/// What is said where nothing is really held out.
-pub const HAS_SEEN_LOG: &str =
-    "THE MODEL WAS LEARNED FROM THIS VERY LOG, its held-out events included: scores flatter it";
 
 /// What is agreed on already, and whether its model was learned from this very log.
 fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Agreed, bool)> {

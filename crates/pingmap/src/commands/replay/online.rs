@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::report;
 use crate::figure::{Figure, Mark, Series, Style, curves};
 use crate::files::write_file;
+use crate::model::HAS_SEEN_LOG;
 use crate::output::{Results, count, note, print, print_json, progress, table};
 
 /// Rows of the table.
@@ -68,7 +69,7 @@ impl OnlineMission {
         let packets: usize = online.packets.values().sum();
         let model = match self.plan.agreed {
             Agreed::Nothing => "the model is what is expected before any event; give --model for a learned one",
-            Agreed::Model(_) | Agreed::Team(_) if self.has_seen_log => super::HAS_SEEN_LOG,
+            Agreed::Model(_) | Agreed::Team(_) if self.has_seen_log => HAS_SEEN_LOG,
             Agreed::Model(_) | Agreed::Team(_) => "model as given",
         };
         let vehicles = online.team.members.len();

@@ -8,7 +8,7 @@ use pingmap_trial::{
 };
 
 use super::replayed::Replayed;
-use crate::model::{of_events, path_variance};
+use crate::model::{HAS_SEEN_LOG, of_events, path_variance};
 use crate::output::{count, table, table_of};
 
 pub fn text(replayed: &Replayed) -> String {
@@ -178,7 +178,7 @@ pub fn kernel_line(replayed: &Replayed) -> String {
         return format!("every vehicle learns its own model; packets under a fixed one, {numbers}");
     }
     let Some(fit) = splits.iter().find_map(|split| split.fit.as_ref()) else {
-        let given = if replayed.has_seen_log { super::HAS_SEEN_LOG } else { "model as given" };
+        let given = if replayed.has_seen_log { HAS_SEEN_LOG } else { "model as given" };
         return format!("{given}; {numbers}");
     };
     let mut structures: BTreeMap<String, usize> = BTreeMap::new();

@@ -36,10 +36,18 @@ pub fn verdict(value: Option<Estimate>) -> String {
     value.map_or(NONE.into(), |value| format!("{} {}", mark(value), estimate(value)))
 }
 
-/// Whether an estimate is clear of zero.
+/// An estimate over few data sets, and whether it is clear of zero by Student's t.
+pub fn verdict_by_t(value: Option<Estimate>) -> String {
+    value.map_or(NONE.into(), |value| format!("{} {}", mark_if(value.is_clear(), value), estimate(value)))
+}
+
+/// Whether an estimate over permutations is clear of zero.
 pub fn mark(value: Estimate) -> &'static str {
-    let clear = value.se.is_some_and(|se| value.mean.abs() > 2.0 * se);
-    match (clear, value.mean > 0.0) {
+    mark_if(value.se.is_some_and(|se| value.mean.abs() > 2.0 * se), value)
+}
+
+fn mark_if(is_clear: bool, value: Estimate) -> &'static str {
+    match (is_clear, value.mean > 0.0) {
         (false, _) => UNCLEAR,
         (true, true) => HOLDS,
         (true, false) => FAILS,

@@ -4,6 +4,7 @@ mod exhibit;
 mod published;
 mod results;
 mod cells;
+mod table;
 mod tables;
 mod pictures;
 mod page;
@@ -22,7 +23,7 @@ use crate::output::{BadInput, Results, note, print, print_json, spinner, warn};
 use crate::values::{name_of, repeats, threads};
 use exhibit::Exhibit;
 use results::Computed;
-use tables::Table;
+use table::Table;
 
 /// Run the experiment of the paper that pingmap comes from: its tables and figures, beside the published ones
 #[derive(Args)]

@@ -5,7 +5,8 @@ use pingmap_trial::paper::{AtRadius, BURN_IN, DRAWS, RADIUS, RADIUS_LENGTH_SCALE
 use super::pictures::Picture;
 use super::published;
 use super::results::Computed;
-use super::tables::{self, Table};
+use super::table::Table;
+use super::tables;
 
 /// The folder of the figures, beside the page.
 pub const FIGURES: &str = "reproduction";
@@ -45,7 +46,7 @@ pub fn markdown(results: &Computed, pictures: &[Picture], command: &str) -> Stri
          McMahon, \"Decentralized Gaussian Process Classification and an Application in Subsea Robotics\". What is computed and how is in \
          [method.md](method.md#10-the-papers-experiment).\n\n{}\n\n\
          Every agent's events are divided 65/35 into training and held-out events, {permutations} times at random. Figures are means over \
-         permutations ± their standard errors; NLL in nats, lower is better. ω comes from {BURN_IN} sweeps of Gibbs sampling and {DRAWS} \
+         permutations ± their standard errors over the permutations (Monte-Carlo over divisions of one data set: nothing is said of other trials); NLL in nats, lower is better. ω comes from {BURN_IN} sweeps of Gibbs sampling and {DRAWS} \
          more: the last draw (the paper's choice), the average of predictions over the {DRAWS} draws, and the mean field.\n\n",
         caveat(results),
         results.seed,

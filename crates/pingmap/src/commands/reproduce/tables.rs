@@ -1,4 +1,4 @@
-//! The tables, ready to be printed or written as Markdown.
+//! The tables.
 
 use dgpc::LocalityRegion;
 use pingmap_trial::paper::statistics::{
@@ -10,47 +10,11 @@ use pingmap_trial::paper::{
 };
 use pingmap_trial::{Estimate, MeanScore};
 
-use super::cells::{FAILS, HOLDS, NONE, UNCLEAR, accuracy, bound, decimal, mark, nll, plain, verdict};
+use super::cells::{FAILS, HOLDS, NONE, UNCLEAR, accuracy, bound, decimal, mark, nll, plain, verdict, verdict_by_t};
 use super::published::{Published, PublishedScore};
 use super::results::{BOUNDS, Computed, Who};
-use crate::output;
-
-/// A table, and what has to be said about it.
-pub struct Table {
-    pub title: String,
-    pub header: Vec<String>,
-    pub rows: Vec<Vec<String>>,
-    pub note: String,
-}
-
-impl Table {
-    fn new(
-        title: impl Into<String>,
-        header: &[impl ToString],
-        rows: Vec<Vec<String>>,
-        note: impl Into<String>,
-    ) -> Self {
-        let header = header.iter().map(ToString::to_string).collect();
-        Self { title: title.into(), header, rows, note: note.into() }
-    }
-
-    pub fn text(&self) -> String {
-        let header: Vec<&str> = self.header.iter().map(String::as_str).collect();
-        let table = output::table(&header, &self.rows);
-        let note = if self.note.is_empty() { String::new() } else { format!("\n{}\n", self.note) };
-        format!("{}\n\n{table}\n{note}", self.title)
-    }
-
-    /// Names of vehicles and files may hold what Markdown takes for the border of a cell or for HTML.
-    pub fn markdown(&self) -> String {
-        let escaped = |cell: &String| cell.replace('&', "&amp;").replace('<', "&lt;").replace('|', "\\|");
-        let line = |cells: &[String]| format!("| {} |\n", cells.iter().map(escaped).collect::<Vec<_>>().join(" | "));
-        let rules: Vec<String> = (0..self.header.len()).map(|n| if n == 0 { "---" } else { "---:" }.into()).collect();
-        let rows: String = self.rows.iter().map(|row| line(row)).collect();
-        let note = if self.note.is_empty() { String::new() } else { format!("\n{}\n", self.note) };
-        format!("**{}**\n\n{}{}{rows}{note}\n", self.title, line(&self.header), line(&rules))
-    }
-}
+use super::table::Table;
+use crate::output::count;
 
 /// Failures and successes of every agent.
 pub fn events(results: &Computed) -> Table {
@@ -126,6 +90,7 @@ fn claims_in(results: &Computed, at: &AtRadius, metric: Metric) -> Table {
     let mut rows = Vec::new();
     let mut failures = Vec::new();
     let mut counts = [vec![Holding::default(); claims.len()], vec![Holding::default(); claims.len()]];
+    let mut of_teams = vec![Vec::new(); claims.len()];
     for (set, outcome, published) in results.sets(at) {
         for who in Who::all(set) {
             let mut row = vec![who.name(set)];
@@ -135,7 +100,9 @@ fn claims_in(results: &Computed, at: &AtRadius, metric: Metric) -> Table {
                 let theirs = theirs.map_or(String::new(), |theirs| format!(" [{}]", decimal(theirs)));
                 row.push(verdict(difference) + &theirs);
                 let Some(difference) = difference else { continue };
-                counts[usize::from(matches!(who, Who::Team))][n].count(difference);
+                let is_team = matches!(who, Who::Team);
+                counts[usize::from(is_team)][n].count(difference);
+                of_teams[n].extend(is_team.then_some(difference.mean));
                 if mark(difference) == FAILS {
                     failures.push(format!("{} ({})", claim.text(), who.name(set)));
                 }
@@ -146,6 +113,8 @@ fn claims_in(results: &Computed, at: &AtRadius, metric: Metric) -> Table {
     for (name, counts) in ["agents for which it holds", "teams for which it holds"].iter().zip(&counts) {
         rows.push([name.to_string()].into_iter().chain(counts.iter().map(Holding::text)).collect());
     }
+    let over_sets = of_teams.iter().map(|differences| verdict_by_t(Estimate::over(differences)));
+    rows.push(["teams, over data sets".to_owned()].into_iter().chain(over_sets).collect());
     let texts: Vec<String> = claims.iter().map(Claim::text).collect();
     let title = format!("Does the order hold in {}? {}", metric.name(), radius_text(results, at));
     let header: Vec<&str> = ["difference"].into_iter().chain(texts.iter().map(String::as_str)).collect();
@@ -155,8 +124,10 @@ fn claims_in(results: &Computed, at: &AtRadius, metric: Metric) -> Table {
         failures => format!("clearly fails: {}", failures.join("; ")),
     };
     let note = format!(
-        "Paired differences over permutations, positive where the claim holds, packets concatenated, ω the last draw. {HOLDS} holds and \
-         {FAILS} fails by more than two standard errors, {UNCLEAR} neither. In square brackets the same difference in the paper's tables, \
+        "Paired differences over permutations, positive where the claim holds, packets concatenated, ω the last draw. ± is the error of \
+         having divided one data set only so many times, which more permutations make as small as one likes; it says nothing of other \
+         trials. {HOLDS} holds and {FAILS} fails by more than two of these errors, {UNCLEAR} neither. The last row takes the data set as \
+         the unit: mean and error over the teams, and {HOLDS} or {FAILS} by Student's t at 5 %. In square brackets the same difference in the paper's tables, \
          which give no standard errors. The order {failures}."
     );
     Table::new(title, &header, rows, note)
@@ -267,7 +238,7 @@ fn team_paper(outcome: &SetOutcome, published: Option<Published>, title: &str) -
         nll(centralised(Omega::LastDraw)),
         nll(centralised(Omega::AveragedDraws)),
         nll(centralised(Omega::MeanField)),
-        output::count(outcome.permutations.len() - outcomes.len(), "permutation") + " skipped.",
+        count(outcome.permutations.len() - outcomes.len(), "permutation") + " skipped.",
     );
     let header = [
         "points of every agent",
@@ -382,7 +353,7 @@ fn sweep_gain(set: &DataSet, rows: &[SweepRow]) -> Table {
 }
 
 fn sweep_header(first: &[&str]) -> Vec<String> {
-    let points = SWEEP_POINTS.map(|points| output::count(points, "point"));
+    let points = SWEEP_POINTS.map(|points| count(points, "point"));
     first.iter().map(|name| name.to_string()).chain(points).collect()
 }
 
