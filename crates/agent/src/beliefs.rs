@@ -11,7 +11,7 @@ use crate::events::{Change, Numbered};
 use crate::fitting::{self, Begin};
 use crate::memory::Memory;
 use crate::model::Model;
-use crate::packets::PacketKey;
+use crate::packets::{Packet, PacketKey};
 use crate::said::{said, summaries, surprise, told_and_heard};
 
 /// So many events may stand beside the last fit before the next; those beyond wait for it.
@@ -39,6 +39,9 @@ pub(crate) enum Start {
     /// Anew: the same to the bit whatever was before.
     Cold,
 }
+
+/// Who is left out, and the fused posterior without them.
+type Verdict = (BTreeSet<u8>, Posterior);
 
 /// What is believed.
 #[derive(Debug, Clone)]
@@ -195,11 +198,9 @@ impl Beliefs {
     /// everything is put together anew, O(n³). Nothing is fitted here.
     pub(crate) fn update(&mut self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<(), AgentError> {
         self.take_in(memory, heard)?;
-        let left_out = self.judge(memory, heard)?;
-        if left_out != self.left_out {
-            // Together in canonical order, so that a rebuild is the same to the bit whoever was left out before.
-            (self.left_out, self.taken.is_stale) = (left_out, true);
-            self.take_in(memory, heard)?;
+        if let Some((left_out, fused)) = self.judge(memory, heard)? {
+            (self.left_out, self.fused) = (left_out, fused);
+            self.taken.packets = self.wanted(memory, heard);
         }
         self.judged = Some(heard.clone());
         Ok(())
@@ -208,14 +209,11 @@ impl Beliefs {
     /// Brings the posteriors to hold what they should: what was told, and what was heard of members that are not left
     /// out.
     fn take_in(&mut self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<(), AgentError> {
-        let own = memory.own.unwrap_or_default();
-        let told: BTreeSet<PacketKey> = memory.told().map(|(counter, _)| (own, counter)).collect();
-        let is_told = |key: &PacketKey| Some(key.0) == memory.own;
-        if !self.taken.packets.iter().filter(|key| is_told(key)).eq(&told) {
+        let wanted = self.wanted(memory, heard);
+        let is_told = |key: &&PacketKey| Some(key.0) == memory.own;
+        if !self.taken.packets.iter().filter(is_told).eq(wanted.iter().filter(is_told)) {
             self.nothing_new_in = None;
         }
-        let believed = heard.iter().filter(|key| !self.left_out.contains(&key.0)).copied();
-        let wanted: BTreeSet<PacketKey> = told.into_iter().chain(believed).collect();
         if self.taken.is_stale || !self.taken.packets.is_subset(&wanted) {
             self.put_together(memory, &wanted)?;
         }
@@ -225,9 +223,17 @@ impl Beliefs {
         absorbed
     }
 
-    /// Who is to be left out, given what was heard. Between fits only members that said something since the last time
-    /// are looked at, and everybody as soon as one of them is surprising, or was: O(M n²) for each of their M points.
-    fn judge(&self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<BTreeSet<u8>, AgentError> {
+    /// The packets that should be in: what was told, and what was heard of members that are not left out.
+    fn wanted(&self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> BTreeSet<PacketKey> {
+        let own = memory.own.unwrap_or_default();
+        let told = memory.told().map(|(counter, _)| (own, counter));
+        told.chain(heard.iter().filter(|key| !self.left_out.contains(&key.0)).copied()).collect()
+    }
+
+    /// Who is to be left out, given what was heard, and the fused posterior without them; none where it is as it was.
+    /// Between fits only members that said something since the last time are looked at, and everybody as soon as one of
+    /// them is surprising, or was: O(M n²) for each of their M points, and O(n³) where somebody goes or comes back.
+    fn judge(&self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<Option<Verdict>, AgentError> {
         let Some(judged) = &self.judged else { return self.surprising(memory, heard) };
         let speakers: BTreeSet<u8> = judged.symmetric_difference(heard).map(|key| key.0).collect();
         let threshold = memory.frames.team.surprise_max;
@@ -238,25 +244,26 @@ impl Beliefs {
                 return self.surprising(memory, heard);
             }
         }
-        Ok(self.left_out.clone())
+        Ok(None)
     }
 
     /// Who surprises is left out, one after the other, until nobody who is left is too surprising. Somebody who claims to
     /// be very sure makes all honest members look surprising, and may look less so himself: of those that come near the
     /// threshold when one is above, the one goes first whom the vehicle's own events contradict most. Depends on the set
     /// of packets and the last fit alone.
-    fn surprising(&self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<BTreeSet<u8>, AgentError> {
+    fn surprising(&self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<Option<Verdict>, AgentError> {
         let threshold = memory.frames.team.surprise_max;
         let mut left_out = BTreeSet::new();
         loop {
             let is_in = |key: &&PacketKey| !left_out.contains(&key.0);
             let believed: BTreeSet<PacketKey> = heard.iter().filter(is_in).copied().collect();
-            let posterior = self.of_others(memory, &believed, left_out == self.left_out)?;
+            let is_as_it_was = left_out == self.left_out;
+            let posterior = if is_as_it_was { self.fused.clone() } else { self.fused_with(memory, &believed)? };
             let members: BTreeSet<u8> = believed.iter().map(|key| key.0).collect();
             let moved = |&member: &u8| Ok((surprise(&posterior, memory, heard, member, Posterior::shift_of)?, member));
             let surprises = members.iter().map(moved).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
             if surprises.iter().all(|&(surprise, _)| surprise <= threshold) {
-                return Ok(left_out);
+                return Ok((!is_as_it_was).then_some((left_out, posterior)));
             }
             let suspects = surprises.iter().filter(|&&(surprise, _)| surprise > NEAR * threshold);
             left_out.extend(self.most_contradicted(memory, heard, suspects.map(|&(_, member)| member))?);
@@ -270,32 +277,38 @@ impl Beliefs {
         heard: &BTreeSet<PacketKey>,
         suspects: impl Iterator<Item = u8>,
     ) -> Result<Option<u8>, AgentError> {
-        let alone = self.of_others(memory, &BTreeSet::new(), false)?;
+        let alone = self.fused_with(memory, &BTreeSet::new())?;
         let contradicted = |member| Ok((surprise(&alone, memory, heard, member, Posterior::shift_by)?, member));
         let contradicted = suspects.map(contradicted).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
         Ok(contradicted.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, member)| member))
     }
 
-    /// Its own events and what was heard of these, under the prior it predicts under.
-    fn of_others(&self, memory: &Memory, heard: &BTreeSet<PacketKey>, is_fused: bool) -> Result<Posterior, AgentError> {
-        if is_fused {
-            return Ok(self.fused.clone());
+    /// What the fused posterior would be with just these packets of others: in canonical order, so that it is the same to
+    /// the bit as when everything is put together anew.
+    fn fused_with(&self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<Posterior, AgentError> {
+        let (mut own, mut fused) = self.at_fit(memory, &said(memory, heard.iter()))?;
+        let mut beside: Vec<&Event> = self.taken.beside[..self.taken.absorbed].iter().collect();
+        beside.sort_by(|a, b| a.canonical_order(b));
+        let model = &memory.frames.team.model;
+        for event in beside {
+            absorb_event(model, event, &mut own, &mut fused, self.own_model.is_some())?;
         }
-        let packets = said(memory, heard.iter());
-        let summaries = summaries(&packets);
-        let mut posterior = match self.own_model.as_ref().map(|own| &own.fit).or(self.fit.as_deref()) {
-            Some(fit) => fit.posterior_with(&summaries)?,
+        Ok(fused)
+    }
+
+    /// The own and the fused posterior of the last fit and these packets of others, before any event beside it.
+    fn at_fit(&self, memory: &Memory, heard: &[Arc<Packet>]) -> Result<(Posterior, Posterior), AgentError> {
+        let (nothing, heard) = (nothing(&memory.frames.team.model), summaries(heard));
+        let own = self.fit.as_ref().map_or(Ok(nothing.clone()), |fit| fit.posterior_with(&[]))?;
+        let fused = match self.own_model.as_ref().map(|own| &own.fit).or(self.fit.as_deref()) {
+            Some(fit) => fit.posterior_with(&heard)?,
             None => {
-                let mut posterior = nothing(&memory.frames.team.model);
-                posterior.absorb_summaries(&summaries)?;
-                posterior
+                let mut fused = nothing;
+                fused.absorb_summaries(&heard)?;
+                fused
             }
         };
-        for event in &self.taken.beside[..self.taken.absorbed] {
-            let observation = memory.frames.team.model.observations([event])?;
-            posterior.absorb_events(&dgpc::sites_given(&posterior, &observation)?)?;
-        }
-        Ok(posterior)
+        Ok((own, fused))
     }
 
     /// Members that are left out.
@@ -317,13 +330,9 @@ impl Beliefs {
 
     fn absorb_events(&mut self, memory: &Memory) -> Result<(), AgentError> {
         let end = self.taken.beside.len().min(BESIDE_MAX);
+        let model = &memory.frames.team.model;
         for event in &self.taken.beside[self.taken.absorbed..end] {
-            let observation = memory.frames.team.model.observations([event])?;
-            let site = dgpc::sites_given(&self.own, &observation)?;
-            self.own.absorb_events(&site)?;
-            // Under its own model an event has another site.
-            let site = if self.own_model.is_some() { dgpc::sites_given(&self.fused, &observation)? } else { site };
-            self.fused.absorb_events(&site)?;
+            absorb_event(model, event, &mut self.own, &mut self.fused, self.own_model.is_some())?;
         }
         self.taken.absorbed = end;
         Ok(())
@@ -343,19 +352,11 @@ impl Beliefs {
 
     /// The posteriors of the last fit and these packets. Events since that fit are to be absorbed again.
     pub(crate) fn put_together(&mut self, memory: &Memory, wanted: &BTreeSet<PacketKey>) -> Result<(), AgentError> {
-        let model = &memory.frames.team.model;
         let [told, heard] = told_and_heard(memory, wanted);
-        let heard = summaries(&heard);
-        let (mut public, mut own, mut fused) = (nothing(model), nothing(model), nothing(model));
+        let mut public = nothing(&memory.frames.team.model);
         public.absorb_summaries(&summaries(&told))?;
-        match &self.fit {
-            Some(fit) => own = fit.posterior_with(&[])?,
-            None => fused.absorb_summaries(&heard)?,
-        }
-        if let Some(fit) = self.own_model.as_ref().map(|own| &own.fit).or(self.fit.as_deref()) {
-            fused = fit.posterior_with(&heard)?;
-        }
-        (self.public, self.own, self.fused) = (public, own, fused);
+        (self.own, self.fused) = self.at_fit(memory, &heard)?;
+        self.public = public;
         self.taken.beside.sort_by(Event::canonical_order);
         (self.taken.absorbed, self.taken.is_stale) = (0, false);
         self.taken.packets.clone_from(wanted);
@@ -370,4 +371,19 @@ impl Beliefs {
 
 fn nothing(model: &Model) -> Posterior {
     Posterior::prior_alone(&model.prior, model.inputs.dimension())
+}
+
+/// Takes an event into both posteriors. Under its own model it has another site.
+fn absorb_event(
+    model: &Model,
+    event: &Event,
+    own: &mut Posterior,
+    fused: &mut Posterior,
+    has_own_model: bool,
+) -> Result<(), AgentError> {
+    let observation = model.observations([event])?;
+    let site = dgpc::sites_given(own, &observation)?;
+    own.absorb_events(&site)?;
+    let site = if has_own_model { dgpc::sites_given(fused, &observation)? } else { site };
+    Ok(fused.absorb_events(&site)?)
 }
