@@ -37,6 +37,34 @@ fn main() {
         let times = (1e3 * sending_s / VEHICLES as f64, 1e6 * receiving_s / (sent * (VEHICLES - 1)) as f64);
         report(&mut fleet, round, times, before, &links);
     }
+    leave_out(&mut fleet, &links[0]);
+}
+
+/// What it costs to leave somebody out, beside putting the posteriors together once.
+fn leave_out(fleet: &mut [Agent], link: &Link) {
+    let mut listener = fleet[0].clone();
+    let ask = |listener: &mut Agent| 1e3 * timed(|| listener.probability(link).unwrap()).1;
+    let honest = fleet[2].next_packet(1.0, 32).unwrap();
+    let lie = lie(&mut fleet[1]);
+    assert_eq!(listener.receive(&lie, 0.0), Receipt::Accepted);
+    let lie_ms = ask(&mut listener);
+    println!("one lie: first query {lie_ms:.0} ms; left out: {:?}", listener.left_out());
+    if let Some(honest) = honest {
+        listener.receive(&honest, 0.0);
+        println!("a packet of an honest member after that: first query {:.0} ms", ask(&mut listener));
+    }
+    listener.mute(fleet[3].id());
+    println!("everything put together once: first query {:.0} ms", ask(&mut listener));
+}
+
+/// The next packet of a vehicle, with the contrary of what it knows, very surely.
+fn lie(agent: &mut Agent) -> Vec<u8> {
+    let honest = agent.next_packet(1.0, 32).unwrap().unwrap_or_else(|| panic!("something is left to tell"));
+    let (layout, mut message) = agent.read(&honest).unwrap();
+    for point in message.blocks.iter_mut().flat_map(|block| &mut block.points) {
+        (point.information, point.mean) = (31, if point.mean > 0 { -15 } else { 15 });
+    }
+    agent.write(layout, &message).unwrap()
 }
 
 /// What a vehicle needs now. Times are per vehicle; sending and receiving run on all threads, queries on one.
