@@ -125,6 +125,28 @@ fn at_the_papers_ratio_the_order_holds() {
     }
 }
 
+/// Where the data set is the unit, the mean and its error are those of the teams' means.
+#[test]
+fn data_sets_are_units_of_their_own() {
+    let Some(page) = page() else { return };
+    let rows = rows(&page);
+    let over: Vec<_> = rows.iter().filter(|(_, row)| row[0] == "teams, over data sets").collect();
+    assert_eq!(over.len(), 4);
+    for (title, over) in over {
+        for column in 1..over.len() {
+            let teams = rows.iter().filter(|(of, row)| of == title && row[0].ends_with(" team"));
+            let means: Vec<f64> = teams.map(|(_, row)| estimate(row[column]).unwrap().0).collect();
+            let mean = means.iter().sum::<f64>() / 3.0;
+            let squares = means.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+            let found = estimate(over[column]).unwrap();
+            assert!((found.0 - mean).abs() < 1.1e-4, "{title}: {found:?} {means:?}");
+            assert!((found.1 - (squares / 6.0).sqrt()).abs() < 1.1e-4, "{title}: {found:?} {means:?}");
+            // Student's t with two degrees of freedom.
+            assert_eq!(over[column].starts_with('≈'), found.0.abs() <= 4.303 * found.1, "{title}: {}", over[column]);
+        }
+    }
+}
+
 #[test]
 fn the_same_at_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();

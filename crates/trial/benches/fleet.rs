@@ -31,13 +31,15 @@ fn main() {
     report(&mut fleet, 0, (f64::NAN, f64::NAN), before, &links);
     let window = usize::from(fleet[0].team().packets_per_sender_max);
     for round in 1..=window + 1 {
+        if round == window + 1 {
+            leave_out(&mut fleet.clone(), &links[0]);
+        }
         let (packets, sending_s) = timed(|| send(&mut fleet));
         let sent = packets.iter().flatten().count();
         let (_, receiving_s) = timed(|| deliver(&mut fleet, &packets));
         let times = (1e3 * sending_s / VEHICLES as f64, 1e6 * receiving_s / (sent * (VEHICLES - 1)) as f64);
         report(&mut fleet, round, times, before, &links);
     }
-    leave_out(&mut fleet, &links[0]);
 }
 
 /// What it costs to leave somebody out, beside putting the posteriors together once.
