@@ -22,6 +22,8 @@ ELSEWHERE = {"bay2": "lake2", "lake2": "bay3", "bay3": "bay2"}
 DATA = pathlib.Path("crates/trial/data")
 PINGMAP = pathlib.Path("target/release/pingmap")
 FRAMES = (1, 5, 10)
+# Of ten splits, at 5 %.
+STUDENT_T = {10: 2.262}
 PROTOCOLS = {"random": "splits", "blocks of time": "time.splits", "farther ranges": "far.splits"}
 
 
@@ -120,7 +122,8 @@ def difference_table(protocol, results, tried):
             for name in ("distance only", "boosting", "boosting, with receiver and time"):
                 theirs = tried[trial, protocol, name]
                 mean, error = baselines.estimate([b - a for a, b in zip(ours, theirs)], splits[trial])
-                row.append(f"{mean:+.3f} ± {error:.3f}".replace("0.", "."))
+                is_clear = abs(mean) > STUDENT_T[len(theirs)] * error
+                row.append(f"{mean:+.3f} ± {error:.3f}".replace("0.", ".") + ("" if is_clear else " ≈"))
             rows.append(row)
     header = ["", "alone − team", "team − all", "gap closed", "distance − all", "boosting − all", "boosting+ − all"]
     markdown(f"Paired differences of NLL after ten packets, {protocol}", header, rows)

@@ -40,8 +40,8 @@ pub(crate) enum Start {
     Cold,
 }
 
-/// Who is left out, and the fused posterior without them.
-type Verdict = (BTreeSet<u8>, Posterior);
+/// Who is left out, and the own and the fused posterior without them.
+type Verdict = (BTreeSet<u8>, [Posterior; 2]);
 
 /// What is believed.
 #[derive(Debug, Clone)]
@@ -198,8 +198,9 @@ impl Beliefs {
     /// everything is put together anew, O(n³). Nothing is fitted here.
     pub(crate) fn update(&mut self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<(), AgentError> {
         self.take_in(memory, heard)?;
-        if let Some((left_out, fused)) = self.judge(memory, heard)? {
-            (self.left_out, self.fused) = (left_out, fused);
+        if let Some((left_out, [own, fused])) = self.judge(memory, heard)? {
+            (self.left_out, self.own, self.fused) = (left_out, own, fused);
+            self.taken.beside.sort_by(Event::canonical_order);
             self.taken.packets = self.wanted(memory, heard);
         }
         self.judged = Some(heard.clone());
@@ -258,12 +259,15 @@ impl Beliefs {
             let is_in = |key: &&PacketKey| !left_out.contains(&key.0);
             let believed: BTreeSet<PacketKey> = heard.iter().filter(is_in).copied().collect();
             let is_as_it_was = left_out == self.left_out;
-            let posterior = if is_as_it_was { self.fused.clone() } else { self.fused_with(memory, &believed)? };
+            let [own, posterior] = match is_as_it_was {
+                true => [self.own.clone(), self.fused.clone()],
+                false => self.own_and_fused(memory, &believed)?,
+            };
             let members: BTreeSet<u8> = believed.iter().map(|key| key.0).collect();
             let moved = |&member: &u8| Ok((surprise(&posterior, memory, heard, member, Posterior::shift_of)?, member));
             let surprises = members.iter().map(moved).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
             if surprises.iter().all(|&(surprise, _)| surprise <= threshold) {
-                return Ok((!is_as_it_was).then_some((left_out, posterior)));
+                return Ok((!is_as_it_was).then_some((left_out, [own, posterior])));
             }
             let suspects = surprises.iter().filter(|&&(surprise, _)| surprise > NEAR * threshold);
             left_out.extend(self.most_contradicted(memory, heard, suspects.map(|&(_, member)| member))?);
@@ -277,23 +281,23 @@ impl Beliefs {
         heard: &BTreeSet<PacketKey>,
         suspects: impl Iterator<Item = u8>,
     ) -> Result<Option<u8>, AgentError> {
-        let alone = self.fused_with(memory, &BTreeSet::new())?;
+        let [_, alone] = self.own_and_fused(memory, &BTreeSet::new())?;
         let contradicted = |member| Ok((surprise(&alone, memory, heard, member, Posterior::shift_by)?, member));
         let contradicted = suspects.map(contradicted).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
         Ok(contradicted.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, member)| member))
     }
 
-    /// What the fused posterior would be with just these packets of others: in canonical order, so that it is the same to
-    /// the bit as when everything is put together anew.
-    fn fused_with(&self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<Posterior, AgentError> {
+    /// What the own and the fused posterior would be with just these packets of others: in canonical order, so that they
+    /// are the same to the bit as when everything is put together anew.
+    fn own_and_fused(&self, memory: &Memory, heard: &BTreeSet<PacketKey>) -> Result<[Posterior; 2], AgentError> {
         let (mut own, mut fused) = self.at_fit(memory, &said(memory, heard.iter()))?;
-        let mut beside: Vec<&Event> = self.taken.beside[..self.taken.absorbed].iter().collect();
+        let mut beside: Vec<&Event> = self.taken.beside.iter().collect();
         beside.sort_by(|a, b| a.canonical_order(b));
         let model = &memory.frames.team.model;
-        for event in beside {
+        for event in &beside[..self.taken.absorbed] {
             absorb_event(model, event, &mut own, &mut fused, self.own_model.is_some())?;
         }
-        Ok(fused)
+        Ok([own, fused])
     }
 
     /// The own and the fused posterior of the last fit and these packets of others, before any event beside it.

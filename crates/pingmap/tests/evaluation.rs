@@ -35,6 +35,12 @@ fn splits_that_were_written_are_read_back_as_the_same() {
         scores.push(nll(&result, "centralised"));
     }
     assert!(scores.windows(2).all(|pair| pair[0] != pair[1]), "{scores:?}");
+    // A split that is called after a vehicle whose name must be quoted.
+    let named = log(&["a", "b"], 60).replace(",a,", ",\"a,1\",");
+    file(folder, "events.csv", named);
+    let result = replay(folder, &["--split-by", "vehicle", "--write-splits", "splits.csv"]);
+    assert_eq!(result["per_split"][0]["name"], "a,1");
+    assert_eq!(replay(folder, &["--splits", "splits.csv"])["scores"], result["scores"]);
 }
 
 #[test]

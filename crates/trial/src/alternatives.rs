@@ -217,6 +217,10 @@ impl<'a> Speaker<'a> {
             let there = self.agent.events().filter(|event| event.link == self.links[place]);
             again.extend(there.filter_map(rounded).enumerate());
         }
+        // What is so near to these that nothing of its own is left fills what room there is.
+        let is_told = |event: &&Event| chosen.indices.iter().any(|&place| self.links[place] == event.link);
+        let rest = self.agent.events().filter(|event| !is_told(event));
+        again.extend(rest.filter_map(rounded).map(|event| (usize::MAX, event)));
         again.sort_by_key(|&(times, _)| times);
         Ok(again.into_iter().map(|(_, event)| event).take(events_max).collect())
     }

@@ -166,8 +166,8 @@ mod tests {
     }
 
     /// A method is as good as another one on average, over data sets of 100 events. Ten random splits of each: how often
-    /// does the difference on the held-out events look clear? Here methods learn the mean of their training events, and are
-    /// scored against 0: the loss difference depends on both halves, as with any method.
+    /// does the difference on the held-out events look clear? Here splits overlap in
+    /// what they hold out; a method that learns makes them overlap in what it learned, too.
     #[test]
     fn what_is_called_clear_is_rarely_chance() {
         let (mut clear, mut naive) = (0, 0);

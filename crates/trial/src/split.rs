@@ -53,13 +53,13 @@ pub fn read_splits(path: &Path, log: &EventLog) -> Result<Vec<Split>, FileError>
 
 /// Splits as CSV that [`read_splits`] takes.
 pub fn splits_to_csv(splits: &[Split]) -> String {
-    let names: Vec<&str> = splits.iter().map(|split| split.name.as_str()).collect();
-    let mut text = names.join(",") + "\n";
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    // Writing to memory cannot fail, nor can rows of one length.
+    let _ = writer.write_record(splits.iter().map(|split| &split.name));
     for n in 0..splits.first().map_or(0, |split| split.held_out.len()) {
-        let flags: Vec<&str> = splits.iter().map(|split| if split.held_out[n] { "1" } else { "0" }).collect();
-        text += &(flags.join(",") + "\n");
+        let _ = writer.write_record(splits.iter().map(|split| if split.held_out[n] { "1" } else { "0" }));
     }
-    text
+    writer.into_inner().map_or_else(|_| String::new(), |bytes| String::from_utf8_lossy(&bytes).into_owned())
 }
 
 /// Draws at most `events_max` events in all, uniformly among those of a vehicle; vehicles with few keep all of theirs,
