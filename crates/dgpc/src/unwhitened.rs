@@ -21,7 +21,7 @@ impl Summary {
     /// Mean (M) and covariance (M×M) of f(Z) given this message alone: μ₀ + L(I+Ĝ)⁻¹b̂ and L(I+Ĝ)⁻¹Lᵀ. O(M³).
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`] when I + Ĝ is not, as after subtracting what was never observed.
+    /// [`crate::Error::NotPositiveDefinite`] when I + Ĝ is not, as after subtracting what was never observed.
     pub fn moments(&self) -> Result<(Vec<f64>, Matrix)> {
         let total = self.total()?;
         let mut mean = self.whitened_shift().to_vec();
@@ -36,7 +36,7 @@ impl Summary {
     /// The kernel-free factor: exp(−½fᵀPf + ηᵀf) in f = f(Z). O(M³).
     ///
     /// # Errors
-    /// [`Error::NegativeEigenvalue`] when the precision has a clearly negative one, [`Error::NotFinite`] when numbers
+    /// [`crate::Error::NegativeEigenvalue`] when the precision has a clearly negative one, [`crate::Error::NotFinite`] when numbers
     /// near the end of the range overflow.
     pub fn factor(&self) -> Result<Factor> {
         let mut half = self.root(0.0)?;
