@@ -157,8 +157,7 @@ def calibration_table(protocol, results):
 
 
 def main():
-    jobs = [(trial, protocol, name) for protocol in ("random", "blocks of time") for trial in TRIALS for name in baselines.BASELINES]
-    jobs += [(trial, "farther ranges", name) for trial in TRIALS for name in baselines.BASELINES]
+    jobs = [(trial, protocol, name) for protocol in PROTOCOLS for trial in TRIALS for name in baselines.BASELINES]
     with ProcessPoolExecutor(2) as pool:
         tried = dict(zip(jobs, pool.map(baseline, jobs)))
     results = {}

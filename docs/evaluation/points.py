@@ -12,29 +12,12 @@ import pathlib
 import numpy as np
 
 import baselines
+from process import gram, mean_field
 
 DATA = pathlib.Path("crates/trial/data")
 TRIALS = ("bay2", "lake2", "bay3")
 LENGTH_SCALE = 1.092
 DRAWS = 50
-
-
-def gram(a, b):
-    squares = ((a[:, None, :] - b[None, :, :]) ** 2).sum(-1)
-    return np.exp(-squares / (2 * LENGTH_SCALE**2))
-
-
-def mean_field(k, y):
-    """ω = E[PG] at the fixed point, dense."""
-    omega = np.full(len(y), 0.25)
-    for _ in range(200):
-        root = np.sqrt(omega)
-        b = np.eye(len(y)) + root[:, None] * k * root
-        covariance = k - k @ (root[:, None] * np.linalg.solve(b, root[:, None] * k))
-        mean = covariance @ (y - 0.5)
-        c = np.sqrt(np.diag(covariance) + mean**2)
-        omega = np.tanh(c / 2) / (2 * c)
-    return omega
 
 
 def trace_left(k, chosen):
@@ -92,7 +75,7 @@ def leverage(k, omega, points, rng):
 
 def nll(x, y, omega, chosen, to, heard):
     z = x[chosen]
-    kzz, kzn, kzt = gram(z, z) + 1e-10 * np.eye(len(z)), gram(z, x), gram(z, to)
+    kzz, kzn, kzt = gram(z, z, LENGTH_SCALE) + 1e-10 * np.eye(len(z)), gram(z, x, LENGTH_SCALE), gram(z, to, LENGTH_SCALE)
     total = np.linalg.inv(kzz + (kzn * omega) @ kzn.T)
     mean = kzt.T @ total @ (kzn @ (y - 0.5))
     variance = 1 - (kzt * np.linalg.solve(kzz, kzt)).sum(0) + (kzt * (total @ kzt)).sum(0)
@@ -111,7 +94,7 @@ def main():
             for receiver in events["receiver"].T == 1:
                 training, held_out = receiver & ~split, receiver & split
                 x, y = place[training], events["heard"][training]
-                k = gram(x, x)
+                k = gram(x, x, LENGTH_SCALE)
                 omega = mean_field(k, y)
                 values, vectors = np.linalg.eigh(k)
                 values = values.clip(0)
