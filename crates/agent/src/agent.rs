@@ -6,9 +6,10 @@ use std::sync::Arc;
 use dgpc::{Posterior, Sites};
 
 use crate::agent_error::AgentError;
+use crate::attempt::Attempt;
 use crate::beliefs::{Beliefs, Start};
 use crate::entry::Entry;
-use crate::event::{Event, Link, VehicleId};
+use crate::event::{Event, VehicleId};
 use crate::events::Numbered;
 use crate::fitting::FitQuality;
 use crate::frames::Frames;
@@ -272,21 +273,24 @@ impl Agent {
         self.beliefs.update(&self.memory, &self.heard())
     }
 
-    /// Probability of success over a link.
+    /// Probability of success of an attempt, or over a link between typical vehicles at a typical time.
     ///
     /// # Errors
     /// [`AgentError::Method`] when a position is not finite.
-    pub fn probability(&mut self, link: &Link) -> Result<f64, AgentError> {
-        Ok(self.probabilities(std::slice::from_ref(link))?[0])
+    pub fn probability(&mut self, attempt: impl Into<Attempt>) -> Result<f64, AgentError> {
+        Ok(self.probabilities([attempt])?[0])
     }
 
-    /// Probability of success over each link. Takes in what arrived since the last time, up to 64 events beside the last
-    /// fit, and fits nothing again: see [`Agent::refit_due`]. O(n²) a link.
+    /// Probability of success of each attempt. Takes in what arrived since the last time, up to 64 events beside the last
+    /// fit, and fits nothing again: see [`Agent::refit_due`]. O(n²) an attempt.
     ///
     /// # Errors
     /// As [`Agent::probability`].
-    pub fn probabilities(&mut self, links: &[Link]) -> Result<Vec<f64>, AgentError> {
-        let inputs = self.model().inputs(links)?;
+    pub fn probabilities(
+        &mut self,
+        attempts: impl IntoIterator<Item = impl Into<Attempt>>,
+    ) -> Result<Vec<f64>, AgentError> {
+        let inputs = self.model().inputs(attempts)?;
         Ok(self.posterior()?.probability(&inputs)?)
     }
 

@@ -78,13 +78,12 @@ fn write_prior(out: &mut Writer, prior: &Prior) {
 
 /// Its kind, and its numbers.
 fn write_mean(out: &mut Writer, mean: &PriorMean) {
-    let (kind, columns): (&str, [&[usize]; 2]) = match mean {
-        PriorMean::Constant(_) => ("constant", [&[], &[]]),
-        PriorMean::Range(range) => ("range", [range.from(), range.to()]),
-        _ => ("zero", [&[], &[]]),
+    let (kind, numbers, columns): (&str, Vec<f64>, [&[usize]; 2]) = match mean {
+        PriorMean::Constant(log_odds) => ("constant", vec![*log_odds], [&[], &[]]),
+        PriorMean::Range(range) => ("range", vec![range.intercept(), range.slope()], [range.from(), range.to()]),
+        _ => ("zero", Vec::new(), [&[], &[]]),
     };
     out.text(kind);
-    let numbers = mean.parameter_values();
     out.u32(numbers.len() as u32);
     numbers.into_iter().for_each(|value| number(out, value));
     columns.into_iter().for_each(|columns| list(out, columns));

@@ -185,8 +185,8 @@ impl Beliefs {
         let known: HashMap<u64, f64> = self.fitted.iter().copied().zip(last.tilts().iter().copied()).collect();
         let events = memory.events.numbered();
         let new: Vec<usize> = (0..events.len()).filter(|&place| !known.contains_key(&events[place].number)).collect();
-        let links = new.iter().map(|&place| &events[place].event.link);
-        let latent = near.latent(&memory.frames.team.model.inputs(links)?)?;
+        let attempts = new.iter().map(|&place| events[place].event.attempt());
+        let latent = near.latent(&memory.frames.team.model.inputs(attempts)?)?;
         let mut tilts =
             latent.mean.iter().zip(&latent.variance).map(|(mean, variance)| (mean * mean + variance).sqrt());
         let tilt = |event: &Numbered| known.get(&event.number).copied().or_else(|| tilts.next()).unwrap_or(1.0);

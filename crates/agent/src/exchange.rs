@@ -11,6 +11,7 @@ use crate::memory::Arrived;
 use crate::packets::PacketKey;
 use crate::planner::Planner;
 use crate::receipt::{Receipt, Refusal};
+use crate::wire::Wire;
 
 impl Agent {
     /// Takes in a packet. What it says is in the next prediction. (A time that is not finite is not noted.)
@@ -87,9 +88,14 @@ impl Agent {
 
     /// What it knows, at the places where it could send something of it.
     fn planner<'a>(&'a self, layout: &'a Layout) -> Result<Planner<'a>, AgentError> {
-        let links = self.candidates();
-        let (team, inputs) = (self.team(), self.model().inputs(&links)?);
-        Ok(Planner { wire: team.wire(), layout, own: &self.beliefs.own, links, inputs, worth_nats: team.worth_nats })
+        let (team, wire, links) = (self.team(), self.wire(), self.candidates());
+        let inputs = self.model().inputs(links.iter().map(|&link| wire.attempt(link)))?;
+        Ok(Planner { wire, layout, own: &self.beliefs.own, links, inputs, worth_nats: team.worth_nats })
+    }
+
+    /// What the numbers of a packet of its own mean.
+    pub fn wire(&self) -> Wire<'_> {
+        self.memory.own.map_or_else(|| self.team().wire(), |number| self.team().wire_of(number))
     }
 
     /// Links of its own events that it could tell of: those within the grid, spread over time if they are too many.

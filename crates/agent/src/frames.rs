@@ -60,7 +60,8 @@ impl Frames {
     pub(crate) fn packet(&self, bytes: &[u8]) -> Result<(PacketKey, Packet), Refusal> {
         let (layout, message) = self.read(bytes)?;
         let said = message.blocks.iter().filter(|block| block.says_something());
-        let summaries: Result<Vec<Summary>, _> = said.map(|block| self.team.wire().decode(block)).collect();
+        let wire = self.team.wire_of(message.sender);
+        let summaries: Result<Vec<Summary>, _> = said.map(|block| wire.decode(block)).collect();
         let summaries = summaries.map_err(Refusal::Unusable)?;
         Ok(((message.sender, message.counter), Packet { bytes: bytes[..layout.length()].to_vec(), summaries }))
     }

@@ -7,7 +7,13 @@ use crate::chart::Chart;
 use crate::event::Event;
 use crate::limits::Limits;
 use crate::model::{InputSpec, Model};
-use crate::structure::{Given, MeanStructure, Structure};
+use crate::structure::{Addition, Given, MeanStructure, Structure};
+
+/// What an addition must be worth, in nats an event.
+const WORTH_NATS: f64 = 0.001;
+
+/// Where the search with an addition ends: far below what it must be worth.
+const ADDITION_TOLERANCE: f64 = 1e-6;
 
 /// What decides among structures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,6 +29,8 @@ pub enum Criterion {
 pub struct Learning {
     /// The structures to choose from.
     pub structures: Vec<Structure>,
+    /// What is tried beside the chosen one, in this order: [`LearnedModel::is_worth_it`] decides.
+    pub additions: Vec<Addition>,
     /// What decides among them.
     pub criterion: Criterion,
     /// All length-scales, in metres, where they are given and not learned.
@@ -36,10 +44,11 @@ pub struct Learning {
 }
 
 impl Default for Learning {
-    /// The structures that were best on field trials.
+    /// One structure ([`Given::few`]) and all additions.
     fn default() -> Self {
         Self {
             structures: Given::default().few(),
+            additions: Addition::ALL.to_vec(),
             criterion: Criterion::LeaveOneOut,
             length_scale_m: None,
             variance: None,
@@ -74,6 +83,24 @@ impl LearnedModel {
     /// Mean leave-one-out log predictive probability of the events used, in nats; 0 without any.
     pub fn leave_one_out(&self) -> f64 {
         self.learned.fit.leave_one_out().iter().sum::<f64>() / self.events_used.max(1) as f64
+    }
+
+    /// Whether this model, which has `addition` beyond `before`, explains the same events so much better that the addition
+    /// is taken: leave-one-out predictions must gain more than .001 nats an event, and more than one standard error of
+    /// their paired differences, and so must the corrected evidence where the addition is not an ordinary one.
+    pub fn is_worth_it(&self, addition: Addition, before: &LearnedModel) -> bool {
+        let [after, before] = [self, before].map(|model| &model.learned.fit);
+        let pairs = after.leave_one_out().into_iter().zip(before.leave_one_out());
+        let gains: Vec<f64> = pairs.map(|(after, before)| after - before).collect();
+        let count = gains.len() as f64;
+        if gains.len() < 2 {
+            return false;
+        }
+        let mean = gains.iter().sum::<f64>() / count;
+        let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let least = WORTH_NATS.max((variance / count).sqrt());
+        let evidence = (after.corrected_evidence() - before.corrected_evidence()) / count;
+        mean > least && (addition.is_ordinary() || evidence > least)
     }
 
     /// What `criterion` says of it; more is better.
@@ -118,7 +145,16 @@ impl Learning {
         let events: Vec<&Event> = events.into_iter().collect();
         let used: Vec<&Event> = spread_out(events.len(), self.events_max).into_iter().map(|n| events[n]).collect();
         let observations = template.observations(used.iter().copied())?;
-        let options = self.options(structure, chart.scale_m, earlier).messages(messages);
+        let start =
+            earlier.map(|earlier| structure.begin_at(&template.prior, (&earlier.structure, &earlier.learned.optimum)));
+        let start = start.transpose()?;
+        let begun = start.as_ref().zip(earlier.map(|earlier| &earlier.structure));
+        let further = structure.further_starts(&template.prior, begun)?;
+        let mut options = self.options(structure).messages(messages).further_starts(&further);
+        options.warm_start = start.as_ref();
+        if begun.is_some_and(|(_, earlier)| earlier != structure) {
+            options.tolerance = ADDITION_TOLERANCE;
+        }
         let learned = dgpc::learn(&template.prior, &observations, &options)?;
         let model = Model { prior: learned.prior.clone(), ..template };
         Ok(LearnedModel {
@@ -130,7 +166,7 @@ impl Learning {
         })
     }
 
-    /// Learns every structure and returns the best fit by [`Learning::criterion`].
+    /// Learns every structure, takes the best fit by [`Learning::criterion`], and tries [`Learning::additions`] beside it.
     ///
     /// # Errors
     /// As [`Learning::fit`]; [`dgpc::Error::OutOfRange`] without structures.
@@ -143,7 +179,15 @@ impl Learning {
     ) -> dgpc::Result<LearnedModel> {
         let fits =
             self.structures.iter().map(|structure| self.fit(structure, chart, inputs, events.clone(), messages, None));
-        self.choose(fits.collect::<dgpc::Result<_>>()?)
+        let mut best = self.choose(fits.collect::<dgpc::Result<_>>()?)?;
+        for &addition in &self.additions {
+            if best.structure.can_have(addition) {
+                let structure = best.structure.with(addition);
+                let after = self.fit(&structure, chart, inputs, events.clone(), messages, Some(&best))?;
+                best = if after.is_worth_it(addition, &best) { after } else { best };
+            }
+        }
+        Ok(best)
     }
 
     /// The best of several fits; the first of equals.
@@ -156,11 +200,11 @@ impl Learning {
         best.ok_or(dgpc::Error::OutOfRange { what: "number of structures", expected: "at least 1", value: 0.0 })
     }
 
-    fn options<'a>(&self, structure: &Structure, scale_m: f64, earlier: Option<&'a LearnedModel>) -> LearnOptions<'a> {
-        let mut hyper_prior = HyperPrior::weak(scale_m);
-        if let MeanStructure::Conservative { slope_per_m, .. } = structure.mean {
+    fn options(&self, structure: &Structure) -> LearnOptions<'static> {
+        let mut hyper_prior = HyperPrior::default();
+        if let MeanStructure::Conservative { .. } = structure.mean {
             // What people state before the first event takes more than a few events to change.
-            hyper_prior = hyper_prior.intercept(1.0).slope(0.5 * slope_per_m);
+            hyper_prior = hyper_prior.intercept(1.0);
         }
         if self.length_scale_m.is_some() {
             hyper_prior = hyper_prior.length_scale(0.0);
@@ -169,9 +213,8 @@ impl Learning {
             hyper_prior = hyper_prior.variance(0.0);
         }
         let Limits { dense_events_max, inducing_points_max, .. } = self.limits;
-        let options = LearnOptions::new(scale_m).hyper_prior(hyper_prior);
-        let options = options.sparse_beyond(dense_events_max, inducing_points_max);
-        earlier.map_or(options, |earlier| options.warm_start(&earlier.learned.optimum))
+        let options = LearnOptions::default().hyper_prior(hyper_prior);
+        options.sparse_beyond(dense_events_max, inducing_points_max)
     }
 }
 

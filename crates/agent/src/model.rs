@@ -5,11 +5,15 @@ use std::ops::Range;
 
 use dgpc::{Correlation, Inputs, Kernel, Observations, Prior, PriorMean, Reflection, Shape, Term};
 
+use crate::attempt::Attempt;
 use crate::chart::Chart;
-use crate::event::{Event, Link};
+use crate::event::Event;
 
 /// Version of what a [`Model`] holds. Whoever reads one from a file or message refuses a newer version.
-pub const MODEL_SCHEMA: u32 = 1;
+pub const MODEL_SCHEMA: u32 = 2;
+
+/// Name of the column of the time.
+pub(crate) const TIME: &str = "time";
 
 /// The numbers that a link is turned into: raw positions and what follows from them. Kernel terms choose among these
 /// columns.
@@ -20,18 +24,20 @@ pub const MODEL_SCHEMA: u32 = 1;
 /// | `u_…` | (tx + rx)/√2: where the link lies |
 /// | `v_…` | (tx − rx)/√2: which way and how far it reaches; swapping the ends turns its sign |
 /// | `range` | distance between the ends, in metres |
+/// | `time`, `water` | when, in seconds, and a label that is negative where time does not count ([`crate::When`]) |
+/// | `tx_vehicle`, `rx_vehicle` | who, as labels ([`crate::Party`]) |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InputSpec {
-    /// East and north of each end: nine columns.
+    /// East and north of each end: thirteen columns.
     Positions,
-    /// East, north and depth of each end: thirteen columns. Unknown depth counts as 0.
+    /// East, north and depth of each end: seventeen columns. Unknown depth counts as 0.
     PositionsAndDepths,
 }
 
 impl InputSpec {
     /// Number of columns.
     pub fn dimension(self) -> usize {
-        4 * self.dimension_of_an_end() + 1
+        4 * self.dimension_of_an_end() + 5
     }
 
     /// Whether it looks at depths.
@@ -44,7 +50,7 @@ impl InputSpec {
         let axes = &["east", "north", "depth"][..self.dimension_of_an_end()];
         let groups = ["tx", "rx", "u", "v"].iter();
         let names = groups.flat_map(|group| axes.iter().map(move |axis| format!("{group}_{axis}")));
-        names.chain(["range".to_owned()]).collect()
+        names.chain(["range", TIME, "water", "tx_vehicle", "rx_vehicle"].map(str::to_owned)).collect()
     }
 
     /// Columns of the transmitter.
@@ -69,7 +75,27 @@ impl InputSpec {
 
     /// Column of the distance between the ends.
     pub fn range(self) -> usize {
-        self.dimension() - 1
+        4 * self.dimension_of_an_end()
+    }
+
+    /// Column of the time, in seconds.
+    pub fn time(self) -> usize {
+        self.range() + 1
+    }
+
+    /// Column of the label of the water, which is negative where time does not count.
+    pub fn water(self) -> usize {
+        self.range() + 2
+    }
+
+    /// Column of the label of who transmits.
+    pub fn transmitting_vehicle(self) -> usize {
+        self.range() + 3
+    }
+
+    /// Column of the label of who receives.
+    pub fn receiving_vehicle(self) -> usize {
+        self.range() + 4
     }
 
     fn group(self, place: usize) -> Range<usize> {
@@ -102,14 +128,16 @@ impl InputSpec {
         PriorMean::range(intercept, slope_per_m, &columns(self.transmitter()), &columns(self.receiver()))
     }
 
-    /// The columns of a link given both ends' numbers.
-    fn row(self, ends: &[f64]) -> impl Iterator<Item = f64> {
+    /// Appends the columns of an attempt, given both ends' numbers.
+    fn append_row(self, ends: &[f64], attempt: &Attempt, values: &mut Vec<f64>) {
         let (transmitter, receiver) = ends.split_at(self.dimension_of_an_end());
         let pairs = || transmitter.iter().zip(receiver);
-        let u = pairs().map(|(t, r)| (t + r) * FRAC_1_SQRT_2);
-        let v = pairs().map(|(t, r)| (t - r) * FRAC_1_SQRT_2);
-        let range = pairs().map(|(t, r)| (t - r) * (t - r)).sum::<f64>().sqrt();
-        ends.iter().copied().chain(u).chain(v).chain([range]).collect::<Vec<_>>().into_iter()
+        values.extend(ends);
+        values.extend(pairs().map(|(t, r)| (t + r) * FRAC_1_SQRT_2));
+        values.extend(pairs().map(|(t, r)| (t - r) * FRAC_1_SQRT_2));
+        values.push(pairs().map(|(t, r)| (t - r) * (t - r)).sum::<f64>().sqrt());
+        values.extend(attempt.when.columns());
+        values.extend([attempt.transmitter.label(), attempt.receiver.label()]);
     }
 }
 
@@ -146,9 +174,9 @@ impl Model {
     /// # Errors
     /// [`dgpc::Error::NotFinite`] with row and column of the first NaN or infinity.
     pub fn observations<'a>(&self, events: impl IntoIterator<Item = &'a Event>) -> dgpc::Result<Observations> {
-        let (links, outcomes): (Vec<&Link>, Vec<bool>) =
-            events.into_iter().map(|event| (&event.link, event.success)).unzip();
-        Observations::new(self.inputs(links)?, outcomes)
+        let (attempts, outcomes): (Vec<Attempt>, Vec<bool>) =
+            events.into_iter().map(|event| (event.attempt(), event.success)).unzip();
+        Observations::new(self.inputs(attempts)?, outcomes)
     }
 
     /// A model with one isotropic kernel term over all inputs, reciprocal or not, and a zero prior mean.
@@ -172,22 +200,23 @@ impl Model {
         Ok(Self::new(chart, inputs, prior))
     }
 
-    /// The inputs of `links`: one row each, as [`InputSpec`] says, about the chart's origin.
+    /// The inputs of links or attempts: one row each, as [`InputSpec`] says, about the chart's origin.
     ///
     /// # Errors
     /// [`dgpc::Error::NotFinite`] with row and column of the first NaN or infinity.
-    pub fn inputs<'a>(&self, links: impl IntoIterator<Item = &'a Link>) -> dgpc::Result<Inputs> {
-        let mut values = Vec::new();
-        for link in links {
-            let mut ends = Vec::with_capacity(6);
-            for end in link.ends() {
+    pub fn inputs(&self, attempts: impl IntoIterator<Item = impl Into<Attempt>>) -> dgpc::Result<Inputs> {
+        let (mut values, mut ends) = (Vec::new(), Vec::with_capacity(6));
+        for attempt in attempts {
+            let attempt: Attempt = attempt.into();
+            ends.clear();
+            for end in attempt.link.ends() {
                 let (east_m, north_m) = self.chart.local_m(&end);
                 ends.extend([east_m, north_m]);
                 if self.inputs.has_depths() {
                     ends.push(end.depth_m.unwrap_or(0.0));
                 }
             }
-            values.extend(self.inputs.row(&ends));
+            self.inputs.append_row(&ends, &attempt, &mut values);
         }
         Inputs::new(values, self.inputs.dimension())
     }

@@ -26,6 +26,14 @@ pub enum ModelFileError {
         /// The names that there are.
         known: String,
     },
+    /// A length-scale in another unit than its columns have, or none, or one of labels.
+    #[error("kernel term {term}: expected {expected}")]
+    LengthScaleUnit {
+        /// Which, counted from 1.
+        term: usize,
+        /// What goes with its columns.
+        expected: &'static str,
+    },
     /// A term has another number of length-scales than columns.
     #[error("kernel term {term}: {found} length-scales for {expected} columns; expected one for all or one for each")]
     LengthScales {

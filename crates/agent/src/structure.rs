@@ -54,10 +54,91 @@ impl MeanStructure {
     }
 }
 
+/// A part that the latent function may have beside what a structure begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Addition {
+    /// Loss over the range as a curve, where the prior mean has a line.
+    Range,
+    /// An offset of every receiver: ears differ.
+    Receivers,
+    /// An offset of every transmitter: voices differ.
+    Transmitters,
+    /// Water that changes slowly, everywhere alike.
+    Time,
+    /// Noise at the place of the receiver.
+    ReceiverPlace,
+    /// Loss over the range as a curve with steps and teeth: Matérn 1/2.
+    RoughRange,
+    /// A second path term over the raw ends, with a length-scale east and one north: walls and quays.
+    Walls,
+}
+
+impl Addition {
+    /// All, in the order in which they are tried.
+    pub const ALL: [Addition; 7] = [
+        Addition::Range,
+        Addition::ReceiverPlace,
+        Addition::Receivers,
+        Addition::Transmitters,
+        Addition::Time,
+        Addition::RoughRange,
+        Addition::Walls,
+    ];
+
+    /// Whether it is part of what links are like in any water, so that leave-one-out predictions alone decide about it.
+    pub const fn is_ordinary(self) -> bool {
+        matches!(self, Addition::Range | Addition::ReceiverPlace)
+    }
+
+    /// What it is called in files and on command lines.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Addition::Range => "range",
+            Addition::Receivers => "receivers",
+            Addition::Transmitters => "transmitters",
+            Addition::Time => "time",
+            Addition::ReceiverPlace => "receiver-place",
+            Addition::RoughRange => "rough-range",
+            Addition::Walls => "walls",
+        }
+    }
+}
+
+/// A set of additions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Additions(u8);
+
+impl Additions {
+    /// None.
+    pub const NONE: Additions = Additions(0);
+
+    /// Whether this one is in it.
+    pub fn has(self, addition: Addition) -> bool {
+        self.0 & (1 << addition as u8) != 0
+    }
+
+    /// The set with one more.
+    #[must_use]
+    pub fn with(self, addition: Addition) -> Self {
+        Self(self.0 | 1 << addition as u8)
+    }
+
+    /// Its members, in the order of [`Addition::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = Addition> {
+        Addition::ALL.into_iter().filter(move |&addition| self.has(addition))
+    }
+}
+
+impl FromIterator<Addition> for Additions {
+    fn from_iter<I: IntoIterator<Item = Addition>>(additions: I) -> Self {
+        additions.into_iter().fold(Self::NONE, Self::with)
+    }
+}
+
 /// A kernel and prior mean without their numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Structure {
-    /// How covariance falls with distance, in every term.
+    /// How covariance falls with distance, in every term over places.
     pub shape: Shape,
     /// Columns of the path term.
     pub path_inputs: PathInputs,
@@ -67,16 +148,53 @@ pub struct Structure {
     pub terms: Terms,
     /// The prior mean: what is expected before the first event.
     pub mean: MeanStructure,
+    /// What there is beside.
+    pub additions: Additions,
 }
 
 /// Variance of the path term before anything is learned: log-odds of ±2 are ordinary.
 const PATH_VARIANCE: f64 = 4.0;
 
-/// The same of the receiver and range terms.
+/// The same of all other terms.
 const OTHER_VARIANCE: f64 = 1.0;
 
-/// Log-odds that a link loses over the chart's scale, before anything is learned.
-const LOSS_OVER_SCALE: f64 = 2.0;
+/// How long the water remembers before anything is learned, in seconds.
+const MEMORY_S: f64 = 1800.0;
+
+/// By how much further starts of a search divide length-scales.
+const RANGE_SHORTER: f64 = 1.0 / 8.0;
+const WALL_SHORTER: f64 = 1.0 / 4.5;
+
+/// Log-odds at range zero, and what a link loses of them over the chart's scale, before anything is learned.
+const LOG_ODDS_NEAR: f64 = 3.0;
+const LOSS_OVER_SCALE: f64 = 4.0;
+
+/// The terms of a kernel by what they are about, in their order in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Path,
+    ReceiverPlace,
+    Range,
+    Receivers,
+    Transmitters,
+    Time,
+    Walls,
+}
+
+impl Part {
+    /// The term that an addition is; none for what only changes another term.
+    fn of(addition: Addition) -> Option<Self> {
+        match addition {
+            Addition::Range => Some(Part::Range),
+            Addition::ReceiverPlace => Some(Part::ReceiverPlace),
+            Addition::Receivers => Some(Part::Receivers),
+            Addition::Transmitters => Some(Part::Transmitters),
+            Addition::Time => Some(Part::Time),
+            Addition::RoughRange => None,
+            Addition::Walls => Some(Part::Walls),
+        }
+    }
+}
 
 impl Structure {
     /// The prior before anything is learned, for a chart of this scale: what length-scales and slopes are measured
@@ -86,34 +204,117 @@ impl Structure {
     /// [`dgpc::Error::OutOfRange`] for a scale that is not finite and positive, or a conservative range that is not
     /// finite.
     pub fn template(&self, inputs: InputSpec, scale_m: f64) -> dgpc::Result<Prior> {
-        let term = |variance: f64, columns: Range<usize>, tied: bool| {
-            let columns: Vec<usize> = columns.collect();
-            let correlation = match tied {
-                true => Correlation::isotropic(self.shape, &columns, scale_m),
-                false => Correlation::new(self.shape, &columns, &vec![scale_m; columns.len()]),
-            };
-            Term::of(variance, correlation?)
-        };
-        let mut path = match self.path_inputs {
-            PathInputs::Raw => term(PATH_VARIANCE, inputs.ends(), true)?,
-            PathInputs::Link => term(PATH_VARIANCE, inputs.link_coordinates(), false)?,
-        };
-        if self.reciprocal {
-            path = path.reciprocal(inputs.swap_ends()?)?;
-        }
-        let mut terms = vec![path];
-        if self.terms == Terms::PathReceiverRange {
-            terms.push(term(OTHER_VARIANCE, inputs.receiver(), true)?);
-            terms.push(term(OTHER_VARIANCE, inputs.range()..inputs.range() + 1, true)?);
-        }
+        let terms = self.kernel_parts().map(|part| self.term(part, inputs, scale_m));
+        let terms = terms.collect::<dgpc::Result<_>>()?;
         let range = |intercept, slope| inputs.range_mean(intercept, slope);
         let mean = match self.mean {
             MeanStructure::Zero => PriorMean::Zero,
             MeanStructure::Constant => PriorMean::Constant(0.0),
-            MeanStructure::Range => range(LOSS_OVER_SCALE, LOSS_OVER_SCALE / scale_m)?,
+            MeanStructure::Range => range(LOG_ODDS_NEAR, LOSS_OVER_SCALE / scale_m)?,
             MeanStructure::Conservative { range_m, slope_per_m } => range(range_m * slope_per_m, slope_per_m)?,
         };
         Prior::new(Kernel::new(terms)?, mean)
+    }
+
+    /// `template`, this structure's, with the numbers of a prior of `other` structure where both have the same parts.
+    ///
+    /// # Errors
+    /// As [`Structure::template`].
+    pub(crate) fn begin_at(&self, template: &Prior, (other, known): (&Structure, &Prior)) -> dgpc::Result<Prior> {
+        let term = |(part, term): (Part, &Term)| {
+            let place = other.kernel_parts().position(|other| other == part);
+            match place.and_then(|place| known.kernel().terms().get(place)) {
+                Some(known) => known.with_shape(term.correlations()[0].shape()),
+                None => Ok(term.clone()),
+            }
+        };
+        let terms = self.kernel_parts().zip(template.kernel().terms()).map(term).collect::<dgpc::Result<_>>()?;
+        Prior::new(Kernel::new(terms)?, known.mean().clone())
+    }
+
+    /// Whether this addition would change it: it is not in it, and there is something that it is about.
+    pub fn can_have(&self, addition: Addition) -> bool {
+        match Part::of(addition) {
+            Some(part) => self.kernel_parts().all(|own| own != part),
+            None => !self.additions.has(addition) && self.kernel_parts().any(|own| own == Part::Range),
+        }
+    }
+
+    /// The same with an addition.
+    #[must_use]
+    pub fn with(&self, addition: Addition) -> Self {
+        Self { additions: self.additions.with(addition), ..*self }
+    }
+
+    /// Where else a search may begin than at the template or, where there is one, at a prior of an earlier structure: for
+    /// a range term that is new, at a much shorter one and the template in all else (other parts may have made up for it), and
+    /// for walls that are new at such as are straight one way or the other.
+    pub(crate) fn further_starts(&self, template: &Prior, begun: Option<(&Prior, &Self)>) -> dgpc::Result<Vec<Prior>> {
+        let shorter = |prior: &Prior, part: Part, length_scale: usize, factor: f64| {
+            let is_known = begun.is_some_and(|(_, earlier)| earlier.kernel_parts().any(|known| known == part));
+            let place = self.kernel_parts().position(|own| own == part).filter(|_| !is_known)?;
+            let mut terms = prior.kernel().terms().to_vec();
+            terms[place] = terms[place].with_length_scale_times(length_scale, factor).ok()?;
+            Some(Kernel::new(terms).and_then(|kernel| Prior::new(kernel, prior.mean().clone())))
+        };
+        let begin = begun.map_or(template, |(begin, _)| begin);
+        let further = [
+            shorter(template, Part::Range, 0, RANGE_SHORTER),
+            shorter(begin, Part::Walls, 0, WALL_SHORTER),
+            shorter(begin, Part::Walls, 1, WALL_SHORTER),
+        ];
+        further.into_iter().flatten().collect()
+    }
+
+    fn name_of(&self, part: Part) -> &'static str {
+        match part {
+            Part::Path => "path",
+            Part::ReceiverPlace => "receiver place",
+            Part::Range if self.additions.has(Addition::RoughRange) => "rough range",
+            Part::Range => "range",
+            Part::Receivers => "receivers",
+            Part::Transmitters => "transmitters",
+            Part::Time => "time",
+            Part::Walls => "walls",
+        }
+    }
+
+    fn kernel_parts(&self) -> impl Iterator<Item = Part> {
+        let places: &[Part] = match self.terms {
+            Terms::Path => &[Part::Path],
+            Terms::PathReceiverRange => &[Part::Path, Part::ReceiverPlace, Part::Range],
+        };
+        places.iter().copied().chain(self.additions.iter().filter_map(Part::of))
+    }
+
+    fn term(&self, part: Part, inputs: InputSpec, scale_m: f64) -> dgpc::Result<Term> {
+        let tied = |shape, columns: Range<usize>| Correlation::isotropic(shape, &Vec::from_iter(columns), scale_m);
+        let untied = |shape, columns: Range<usize>| {
+            Correlation::new(shape, &Vec::from_iter(columns.clone()), &vec![scale_m; columns.len()])
+        };
+        let rough = if self.additions.has(Addition::RoughRange) { Shape::Matern12 } else { self.shape };
+        let label = |column| Term::of(OTHER_VARIANCE, Correlation::of_labels(&[column])?);
+        match part {
+            Part::Path => {
+                let correlation = match self.path_inputs {
+                    PathInputs::Raw => tied(self.shape, inputs.ends())?,
+                    PathInputs::Link => untied(self.shape, inputs.link_coordinates())?,
+                };
+                let path = Term::of(PATH_VARIANCE, correlation)?;
+                if self.reciprocal { path.reciprocal(inputs.swap_ends()?) } else { Ok(path) }
+            }
+            Part::ReceiverPlace => Term::of(OTHER_VARIANCE, tied(self.shape, inputs.receiver())?),
+            Part::Range => Term::of(OTHER_VARIANCE, tied(rough, inputs.range()..inputs.range() + 1)?),
+            Part::Receivers => label(inputs.receiving_vehicle()),
+            Part::Transmitters => label(inputs.transmitting_vehicle()),
+            Part::Time => {
+                let memory = Correlation::new(Shape::Matern12, &[inputs.time()], &[MEMORY_S])?;
+                Term::of(OTHER_VARIANCE, memory)?.times(Correlation::of_labels(&[inputs.water()])?)
+            }
+            Part::Walls => {
+                Term::of(OTHER_VARIANCE, untied(self.shape, inputs.ends())?)?.reciprocal(inputs.swap_ends()?)
+            }
+        }
     }
 }
 
@@ -133,46 +334,34 @@ pub struct Given {
 }
 
 impl Given {
-    /// The structures that were best on field trials: with and without receiver and range terms.
+    /// The structure that a search begins with if nothing is given: a reciprocal path over link coordinates, under odds
+    /// that fall with range. What else there is to a water comes by [`Addition`]s.
     pub fn few(&self) -> Vec<Structure> {
         let structure = |terms| Structure {
             shape: self.shape.unwrap_or(Shape::Matern32),
             path_inputs: self.path_inputs.unwrap_or(PathInputs::Link),
             reciprocal: self.reciprocal.unwrap_or(true),
             terms,
-            mean: self.mean.unwrap_or(MeanStructure::Zero),
+            mean: self.mean.unwrap_or(MeanStructure::Range),
+            additions: Additions::NONE,
         };
-        match self.terms {
-            Some(terms) => vec![structure(terms)],
-            None => vec![structure(Terms::PathReceiverRange), structure(Terms::Path)],
-        }
+        vec![structure(self.terms.unwrap_or(Terms::Path))]
     }
 
-    /// [`Given::few`] with every prior mean, then what differs from them in one part of the kernel, with a zero or a
-    /// range mean.
+    /// [`Given::few`], then what differs from it in one part of the kernel.
     pub fn many(&self) -> Vec<Structure> {
-        let means = |all: &[MeanStructure]| match self.mean {
-            Some(given) => vec![given],
-            None => all.to_vec(),
-        };
-        let with = |means: Vec<MeanStructure>, change: &dyn Fn(Structure) -> Structure| {
-            let changed = self.few().into_iter().map(change);
-            let all = changed.flat_map(|structure| {
-                means.iter().map(move |&mean| Structure { mean, ..structure }).collect::<Vec<_>>()
-            });
-            all.collect::<Vec<_>>()
-        };
-        let mut all = with(means(&[MeanStructure::Zero, MeanStructure::Constant, MeanStructure::Range]), &|s| s);
-        let two = || means(&[MeanStructure::Zero, MeanStructure::Range]);
+        let few = self.few();
+        let mut all = few.clone();
+        let mut changed = |change: &dyn Fn(Structure) -> Structure| all.extend(few.iter().copied().map(change));
         if self.shape.is_none() {
-            all.extend(with(two(), &|s| Structure { shape: Shape::Matern52, ..s }));
-            all.extend(with(two(), &|s| Structure { shape: Shape::SquaredExponential, ..s }));
+            changed(&|structure| Structure { shape: Shape::Matern52, ..structure });
+            changed(&|structure| Structure { shape: Shape::SquaredExponential, ..structure });
         }
         if self.path_inputs.is_none() {
-            all.extend(with(two(), &|s| Structure { path_inputs: PathInputs::Raw, ..s }));
+            changed(&|structure| Structure { path_inputs: PathInputs::Raw, ..structure });
         }
         if self.reciprocal.is_none() {
-            all.extend(with(two(), &|s| Structure { reciprocal: false, ..s }));
+            changed(&|structure| Structure { reciprocal: false, ..structure });
         }
         all
     }
@@ -186,10 +375,7 @@ impl Structure {
             PathInputs::Link => "link coordinates",
         };
         let direction = if self.reciprocal { "reciprocal" } else { "one-way" };
-        let terms = match self.terms {
-            Terms::Path => "path",
-            Terms::PathReceiverRange => "path + receiver + range",
-        };
+        let terms: Vec<&str> = self.kernel_parts().map(|part| self.name_of(part)).collect();
         let mean = match self.mean {
             MeanStructure::Zero => "zero",
             MeanStructure::Constant => "constant",
@@ -197,7 +383,7 @@ impl Structure {
             MeanStructure::Conservative { .. } => "conservative range",
         };
         let mean = format!("{mean} mean");
-        [self.shape.title().to_owned(), inputs.to_owned(), direction.to_owned(), terms.to_owned(), mean]
+        [self.shape.title().to_owned(), inputs.to_owned(), direction.to_owned(), terms.join(" + "), mean]
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use pingmap_packet::{Key, Layout};
 
+use crate::attempt::Party;
 use crate::bounds::Bounds;
 use crate::event::{Position, VehicleId};
 use crate::grid::Grid;
@@ -193,9 +194,14 @@ impl Team {
         layout.ok_or(TeamError::FrameTooSmall { found: frame_bytes })
     }
 
-    /// What the numbers of a packet mean.
+    /// What the numbers of a packet mean: where its points lie, and what a typical vehicle would say of them.
     pub fn wire(&self) -> Wire<'_> {
-        Wire { model: &self.model, grid: &self.grid }
+        Wire { model: &self.model, grid: &self.grid, receiver: Party::Typical }
+    }
+
+    /// What the numbers of a packet mean that this member sends: it speaks of what it hears itself.
+    pub fn wire_of(&self, sender: u8) -> Wire<'_> {
+        Wire { receiver: self.members.get(&sender).map_or(Party::New, Party::from), ..self.wire() }
     }
 }
 

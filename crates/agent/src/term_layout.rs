@@ -4,7 +4,7 @@ use dgpc::{Correlation, Shape, Term};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{self, Bounds};
-use crate::model::InputSpec;
+use crate::model::{InputSpec, TIME};
 use crate::model_file_error::ModelFileError;
 
 #[derive(Serialize, Deserialize)]
@@ -14,7 +14,12 @@ pub(crate) struct TermLayout {
     shape: Shape,
     variance: f64,
     columns: Vec<String>,
-    length_scale_m: LengthScales,
+    /// Of columns that are places.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length_scale_m: Option<LengthScales>,
+    /// Of the time. Labels have neither.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length_scale_s: Option<LengthScales>,
     /// See [`CorrelationLayout`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     ties: Vec<usize>,
@@ -31,7 +36,12 @@ struct CorrelationLayout {
     #[serde(with = "shape_name")]
     shape: Shape,
     columns: Vec<String>,
-    length_scale_m: LengthScales,
+    /// Of columns that are places.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length_scale_m: Option<LengthScales>,
+    /// Of the time. Labels have neither.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length_scale_s: Option<LengthScales>,
     /// Columns with equal numbers share a length-scale when it is learned; left out where all do, or none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     ties: Vec<usize>,
@@ -59,25 +69,54 @@ enum LengthScales {
     Each(Vec<f64>),
 }
 
+/// Whether columns are the time alone.
+fn is_time(columns: &[String]) -> bool {
+    columns.iter().all(|name| name == TIME)
+}
+
 impl CorrelationLayout {
+    /// The length-scales, in the unit that goes with the columns.
+    fn length_scales(&self, term: usize) -> Result<&LengthScales, ModelFileError> {
+        let of_labels = self.shape.is_of_labels();
+        match (&self.length_scale_m, &self.length_scale_s) {
+            (None, None) if of_labels => Ok(&LengthScales::Tied(1.0)),
+            (Some(metres), None) if !of_labels && !is_time(&self.columns) => Ok(metres),
+            (None, Some(seconds)) if !of_labels && is_time(&self.columns) => Ok(seconds),
+            _ => {
+                let expected = match is_time(&self.columns) {
+                    _ if of_labels => "no length-scale, since its columns are labels",
+                    true => "length_scale_s alone, since its column is the time",
+                    false => "length_scale_m alone",
+                };
+                Err(ModelFileError::LengthScaleUnit { term, expected })
+            }
+        }
+    }
+
     /// One that reading refuses.
     fn nothing() -> Self {
-        let length_scale_m = LengthScales::Each(Vec::new());
-        Self { shape: Shape::Matern32, columns: Vec::new(), length_scale_m, ties: Vec::new() }
+        let (length_scale_m, length_scale_s) = (None, None);
+        Self { shape: Shape::Matern32, columns: Vec::new(), length_scale_m, length_scale_s, ties: Vec::new() }
     }
 
     fn write(correlation: &Correlation, names: &[String]) -> Self {
         let ties = correlation.ties();
         let (all_are_tied, none_is) = (ties.iter().all(|&tie| tie == 0), ties.iter().copied().eq(0..ties.len()));
-        let length_scale_m = match correlation.length_scales() {
+        let length_scales = match correlation.length_scales() {
             [first, ..] if all_are_tied => LengthScales::Tied(*first),
             each => LengthScales::Each(each.to_vec()),
         };
         // A column that links do not have is named all the same, so that reading refuses it.
         let name = |&column: &usize| names.get(column).cloned().unwrap_or_else(|| format!("column {column}"));
-        let columns = correlation.columns().iter().map(name).collect();
+        let columns: Vec<String> = correlation.columns().iter().map(name).collect();
         let ties = if all_are_tied || none_is { Vec::new() } else { ties.to_vec() };
-        Self { shape: correlation.shape(), columns, length_scale_m, ties }
+        let shape = correlation.shape();
+        let (length_scale_m, length_scale_s) = match is_time(&columns) {
+            _ if shape.is_of_labels() => (None, None),
+            true => (None, Some(length_scales)),
+            false => (Some(length_scales), None),
+        };
+        Self { shape, columns, length_scale_m, length_scale_s, ties }
     }
 
     fn read(&self, term: usize, names: &[String]) -> Result<Correlation, ModelFileError> {
@@ -89,7 +128,9 @@ impl CorrelationLayout {
             })
         };
         let columns = self.columns.iter().map(column).collect::<Result<Vec<_>, _>>()?;
-        let correlation = match &self.length_scale_m {
+        let correlation = match self.length_scales(term)? {
+            // Labels are tied to nothing.
+            LengthScales::Tied(_) if self.shape.is_of_labels() => Correlation::of_labels(&columns),
             LengthScales::Tied(length_scale) => {
                 in_term(term, "length-scale", *length_scale)?;
                 Correlation::isotropic(self.shape, &columns, *length_scale)
@@ -126,18 +167,18 @@ impl TermLayout {
         // A term has at least one.
         let first = layouts.next();
         let times = layouts.collect();
-        let CorrelationLayout { shape, columns, length_scale_m, ties } =
+        let CorrelationLayout { shape, columns, length_scale_m, length_scale_s, ties } =
             first.unwrap_or_else(CorrelationLayout::nothing);
         let (variance, reciprocal) = (term.variance(), term.is_reciprocal());
-        Self { shape, variance, columns, length_scale_m, ties, reciprocal, times }
+        Self { shape, variance, columns, length_scale_m, length_scale_s, ties, reciprocal, times }
     }
 
     pub(crate) fn read(self, number: usize, inputs: InputSpec) -> Result<Term, ModelFileError> {
         let names = inputs.column_names();
-        let Self { shape, variance, columns, length_scale_m, ties, reciprocal, times } = self;
+        let Self { shape, variance, columns, length_scale_m, length_scale_s, ties, reciprocal, times } = self;
         in_term(number, "kernel variance", variance)?;
         let failed = |source| ModelFileError::Term { term: number, source };
-        let first = CorrelationLayout { shape, columns, length_scale_m, ties }.read(number, &names)?;
+        let first = CorrelationLayout { shape, columns, length_scale_m, length_scale_s, ties }.read(number, &names)?;
         let mut term = Term::of(variance, first).map_err(failed)?;
         for layout in times {
             term = term.times(layout.read(number, &names)?).map_err(failed)?;

@@ -6,6 +6,7 @@
 use dgpc::{Candidates, DISTINCT_SHARE, Inputs, Matrix, Summary};
 use pingmap_packet::{Block, CORRELATION_LEVELS, INFORMATION_LEVELS, Layout, MEAN_LEVELS, Point};
 
+use crate::attempt::{Attempt, Party, When};
 use crate::event::Link;
 use crate::grid::Grid;
 use crate::model::Model;
@@ -35,6 +36,8 @@ const RECEIVED_SHARE: f64 = 0.5 * DISTINCT_SHARE;
 pub struct Wire<'a> {
     pub(crate) model: &'a Model,
     pub(crate) grid: &'a Grid,
+    /// Who hears what is spoken of: the sender.
+    pub(crate) receiver: Party,
 }
 
 impl Wire<'_> {
@@ -123,13 +126,18 @@ impl Wire<'_> {
         points.iter().map(link).collect()
     }
 
+    /// What is said of a link: how a typical vehicle is heard over it by the sender, at a typical time.
+    pub fn attempt(&self, link: Link) -> Attempt {
+        Attempt { link, transmitter: Party::Typical, receiver: self.receiver, when: When::Typical }
+    }
+
     /// A link between the middles of its cells, if the grid holds it.
     pub fn rounded(&self, link: &Link) -> Option<Link> {
         self.links(&[self.point(link)?]).pop()
     }
 
     fn inputs(&self, points: &[Point]) -> dgpc::Result<Inputs> {
-        self.model.inputs(&self.links(points))
+        self.model.inputs(self.links(points).into_iter().map(|link| self.attempt(link)))
     }
 
     /// The cells of a link, with nothing said of it yet.

@@ -82,7 +82,7 @@ fn live(fleet: &Fleet, window: u16, happenings: &[Happening]) -> (Agent, Vec<Ent
                 Err(error) => panic!("{error}"),
             },
             Happening::Refits => agent.refit().unwrap(),
-            Happening::IsAsked => drop(agent.probabilities(&somewhere()).unwrap()),
+            Happening::IsAsked => drop(agent.probabilities(somewhere()).unwrap()),
             Happening::Restarts => {
                 let before = agent.snapshot();
                 agent = Agent::restore(agent.id().clone(), team.clone(), &snapshot).unwrap();
@@ -121,10 +121,10 @@ proptest! {
         prop_assert_eq!(other.numbers_next(), agent.numbers_next());
         // What was absorbed under way is what is put together of the same fit, and both vehicles believe the same.
         agent.refit().unwrap();
-        let absorbed = agent.probabilities(&somewhere()).unwrap();
+        let absorbed = agent.probabilities(somewhere()).unwrap();
         let rebuilt = [&mut agent, &mut other].map(|agent| {
             agent.rebuild_posteriors().unwrap();
-            agent.probabilities(&somewhere()).unwrap()
+            agent.probabilities(somewhere()).unwrap()
         });
         // A fit stops at 1e-6.
         prop_assert!(largest_difference(&absorbed, &rebuilt[0]) < 1e-5);
@@ -146,7 +146,7 @@ proptest! {
         for &number in &order {
             agent.apply(Entry::Observed { number: number as u64, event: all[number].clone() }).unwrap();
             if number % 7 == 0 {
-                agent.probabilities(&somewhere()).unwrap();
+                agent.probabilities(somewhere()).unwrap();
             }
         }
         let mut in_turn = vehicle(&team, 0, all.iter().cloned());
@@ -156,7 +156,7 @@ proptest! {
         prop_assert_eq!(events(&agent), expected);
         let p = [&mut agent, &mut in_turn].map(|agent| {
             agent.rebuild_posteriors().unwrap();
-            bits(&agent.probabilities(&somewhere()).unwrap())
+            bits(&agent.probabilities(somewhere()).unwrap())
         });
         prop_assert_eq!(&p[0], &p[1]);
     }
@@ -178,7 +178,7 @@ fn equal_events_are_two_and_one_that_comes_twice_is_one() {
         let mut agent = vehicle(&team, 0, []);
         for event in [first, second] {
             agent.apply(Entry::Observed { number: 3, event: event.clone() }).unwrap();
-            agent.probabilities(&somewhere()).unwrap();
+            agent.probabilities(somewhere()).unwrap();
         }
         (events(&agent), agent.snapshot())
     });
@@ -247,9 +247,9 @@ fn two_vehicles_under_one_number_are_noticed_by_whoever_hears_both() {
     let packets = [&mut first, &mut second].map(|agent| sent(agent, 2));
     let mut listener = vehicle(&team, 0, []);
     assert_eq!(listener.receive(&packets[0][0], 0.0), Receipt::Accepted);
-    let before = listener.probabilities(&somewhere()).unwrap();
+    let before = listener.probabilities(somewhere()).unwrap();
     assert_eq!(listener.receive(&packets[1][0], 0.0), Receipt::Refused(Refusal::Conflict { counter: 0 }));
-    assert_ne!(listener.probabilities(&somewhere()).unwrap(), before, "neither is believed");
+    assert_ne!(listener.probabilities(somewhere()).unwrap(), before, "neither is believed");
     assert_eq!(listener.receive(&packets[0][0], 0.0), Receipt::Refused(Refusal::Duplicate));
     let name = &names(2)[1];
     assert_eq!((listener.conflicts(name), listener.counts().conflict, listener.live_packets()), (1, 1, 0));
@@ -271,7 +271,7 @@ fn muting_chooses_from_what_is_there() {
     let listener = || vehicle(&team, 0, walk(0, 20, 0.3));
     let hear =
         |agent: &mut Agent, sender: usize| packets[sender].iter().for_each(|bytes| drop(agent.receive(bytes, 0.0)));
-    let told = |agent: &mut Agent| agent.probabilities(&somewhere()).unwrap();
+    let told = |agent: &mut Agent| agent.probabilities(somewhere()).unwrap();
     let [one, two] = [&names(3)[1], &names(3)[2]];
     let (mut only_two, mut both) = (listener(), listener());
     hear(&mut only_two, 1);

@@ -89,7 +89,7 @@ fn a_conservative_range_has_even_odds_there() {
     let model =
         Model::new(Chart::about([]), InputSpec::Positions, structure.template(InputSpec::Positions, 300.0).unwrap());
     let links = [link([0.0, 0.0, 300.0, 400.0]), link([0.0, 0.0, 0.0, 250.0])];
-    let mean = model.prior.mean().values(&model.inputs(&links).unwrap()).unwrap();
+    let mean = model.prior.mean().values(&model.inputs(links).unwrap()).unwrap();
     assert!(mean[0].abs() < 1e-12 && (mean[1] - 2.0).abs() < 1e-12, "{mean:?}");
 }
 
@@ -161,9 +161,12 @@ fn what_others_say_is_learned_from_too() {
     let packets: Vec<Vec<u8>> = (0..5).map_while(|_| sender.next_packet(0.0, 32).unwrap()).collect();
     let fresh = || vehicle(&team, "a", events("a", 12, 0.0));
     let (mut alone, mut told) = (fresh(), fresh());
-    alone.adapt(&Learning::default()).unwrap();
+    // Without odds that fall with range, which would tell a vehicle alone nearly everything here.
+    let zero = Given { mean: Some(MeanStructure::Zero), ..Given::default() };
+    let learning = Learning { structures: zero.few(), ..Learning::default() };
+    alone.adapt(&learning).unwrap();
     packets.iter().for_each(|bytes| assert_eq!(told.receive(bytes, 0.0), Receipt::Accepted));
-    told.adapt(&Learning::default()).unwrap();
+    told.adapt(&learning).unwrap();
     assert_ne!(alone.own_model().unwrap().model.prior, told.own_model().unwrap().model.prior);
     let elsewhere = events("b", 200, 0.61);
     let links: Vec<Link> = elsewhere.iter().map(|event| event.link).collect();
@@ -180,10 +183,10 @@ fn given_parts_are_kept() {
     let given = Given { shape: Some(Shape::SquaredExponential), terms: Some(Terms::Path), ..Given::default() };
     assert_eq!(given.few().len(), 1);
     assert!(given.many().iter().all(|s| s.shape == Shape::SquaredExponential && s.terms == Terms::Path));
-    assert_eq!(given.many().len(), 3 + 2 + 2);
+    assert_eq!(given.many().len(), 3);
     let learning = Learning { variance: Some(3.0), length_scale_m: Some(250.0), ..Learning::default() };
     let fit = learning
-        .fit(&learning.structures[1], Chart::about([]), InputSpec::Positions, &events("a", 60, 0.0), &[], None)
+        .fit(&learning.structures[0], Chart::about([]), InputSpec::Positions, &events("a", 60, 0.0), &[], None)
         .unwrap();
     let term = &fit.model.prior.kernel().terms()[0];
     assert!(

@@ -46,7 +46,7 @@ fn events_that_contradict_what_was_said_are_worth_a_frame() {
     });
     agent.observe_all(opposite).unwrap();
     let off = |agent: &mut Agent, listener: &mut Agent| {
-        let p = [agent, listener].map(|agent| agent.probabilities(&somewhere()).unwrap());
+        let p = [agent, listener].map(|agent| agent.probabilities(somewhere()).unwrap());
         p[0].iter().zip(&p[1]).map(|(a, b)| (a - b).abs()).sum::<f64>() / p[0].len() as f64
     };
     let before = off(&mut agent, &mut listener);
@@ -72,7 +72,7 @@ fn events_beyond_the_grid_are_known_and_not_told() {
     let far = |n: usize| event_at(0, n as f64, link([300.0, n as f64, 350.0, 0.0]), false);
     let mut agent = vehicle(&Arc::new(small.clone()), 0, (0..20).map(far));
     assert_eq!(agent.next_packet(0.0, 32), Ok(None));
-    assert!(agent.probability(&far(3).link).unwrap() < 0.3);
+    assert!(agent.probability(far(3).link).unwrap() < 0.3);
     // Those within are told all the same, and nothing else is.
     let near = |n: usize| event_at(0, 100.0 + n as f64, link([n as f64, 0.0, 0.0, 5.0]), true);
     agent.observe_all((0..20).map(near)).unwrap();
@@ -144,7 +144,7 @@ fn a_prior_that_was_far_off_is_set_right() {
     while let Some(packet) = alice.next_packet(100.0, 32).unwrap() {
         assert_eq!(bob.receive(&packet, 100.0), Receipt::Accepted);
     }
-    let (knows, told) = (alice.probability(&link(30.0)).unwrap(), bob.probability(&link(30.0)).unwrap());
+    let (knows, told) = (alice.probability(link(30.0)).unwrap(), bob.probability(link(30.0)).unwrap());
     assert!(knows > 0.8 && (knows - told).abs() < 0.1, "{knows} {told}");
 }
 

@@ -48,7 +48,7 @@ fn a_seal_costs_one_point_of_a_small_frame() {
 #[test]
 fn a_frame_with_any_bit_changed_is_refused_and_changes_nothing() {
     let mut agent = listener();
-    let before = (agent.snapshot(), agent.probabilities(&somewhere()).unwrap());
+    let before = (agent.snapshot(), agent.probabilities(somewhere()).unwrap());
     let mut sender = vehicle(&Arc::new(sealed()), 2, walk(2, 30, 1.0));
     let bytes = sender.next_packet(0.0, 32).unwrap().unwrap();
     for bit in 0..8 * bytes.len() {
@@ -62,7 +62,7 @@ fn a_frame_with_any_bit_changed_is_refused_and_changes_nothing() {
     assert_eq!((counts.accepted, refused), (1, 8 * bytes.len() as u64));
     // Bits of the tag that depend on the agreement look like another one; changed ids like another form.
     assert!(counts.forged > counts.malformed && counts.other_team >= 48, "{counts:?}");
-    assert_eq!((agent.snapshot(), agent.probabilities(&somewhere()).unwrap()), before);
+    assert_eq!((agent.snapshot(), agent.probabilities(somewhere()).unwrap()), before);
     assert_eq!(agent.receive(&bytes, 0.0), Receipt::Accepted);
 }
 
@@ -163,7 +163,7 @@ fn a_vehicle_that_hears_what_it_said_before_it_lost_its_memory_goes_on_a_window_
     let mut alone = vehicle(&team, 0, walk(0, 40, 0.5));
     alone.rebuild_posteriors().unwrap();
     reborn.rebuild_posteriors().unwrap();
-    assert_eq!(reborn.probabilities(&somewhere()).unwrap(), alone.probabilities(&somewhere()).unwrap());
+    assert_eq!(reborn.probabilities(somewhere()).unwrap(), alone.probabilities(somewhere()).unwrap());
 }
 
 #[test]

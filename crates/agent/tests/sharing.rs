@@ -51,7 +51,7 @@ proptest! {
             // What it hears of its own is from before it lost its memory: that, too, is in any order.
             wild.receive(&packets[n], 0.0);
             if asked >> place & 1 == 1 {
-                wild.probabilities(&somewhere()).unwrap();
+                wild.probabilities(somewhere()).unwrap();
             }
         }
         let strange = orderly.counts().own_number as usize;
@@ -59,11 +59,11 @@ proptest! {
         prop_assert_eq!(orderly.snapshot(), wild.snapshot());
         prop_assert_eq!(orderly.counts().accepted, wild.counts().accepted);
         prop_assert_eq!(wild.counts().duplicate as usize, arrivals.len() - once(&arrivals).len());
-        let p = [&mut orderly, &mut wild].map(|agent| agent.probabilities(&somewhere()).unwrap());
+        let p = [&mut orderly, &mut wild].map(|agent| agent.probabilities(somewhere()).unwrap());
         prop_assert!(largest_difference(&p[0], &p[1]) < 1e-9, "{:?}", p);
         let p = [&mut orderly, &mut wild].map(|agent| {
             agent.rebuild_posteriors().unwrap();
-            bits(&agent.probabilities(&somewhere()).unwrap())
+            bits(&agent.probabilities(somewhere()).unwrap())
         });
         prop_assert_eq!(&p[0], &p[1]);
         let next = [&mut orderly, &mut wild].map(|agent| agent.next_packet(99.0, 32).unwrap());
@@ -204,7 +204,7 @@ proptest! {
         receive_all(&mut other, &packets, &(0..8).collect::<Vec<_>>());
         prop_assert_eq!(listener.snapshot(), other.snapshot());
         prop_assert_eq!((counters(&listener), counters(&sender)), (vec![5, 6, 7], vec![5, 6, 7]));
-        let p = [&mut listener, &mut other].map(|agent| agent.probabilities(&somewhere()).unwrap());
+        let p = [&mut listener, &mut other].map(|agent| agent.probabilities(somewhere()).unwrap());
         prop_assert!(largest_difference(&p[0], &p[1]) < 1e-9);
     }
 }

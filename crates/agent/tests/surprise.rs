@@ -38,32 +38,32 @@ fn a_member_that_contradicts_everybody_is_left_out_whatever_came_first() {
         for packets in order {
             for bytes in packets {
                 agent.receive(bytes, 0.0);
-                agent.probabilities(&somewhere()).unwrap();
+                agent.probabilities(somewhere()).unwrap();
             }
         }
         assert_eq!(agent.left_out(), [name]);
         assert!(agent.surprise(name).unwrap().unwrap() > agent.team().surprise_max);
         assert!(agent.surprise(&names(2)[1]).unwrap().unwrap() < 3.0);
-        agent.probabilities(&somewhere()).unwrap()
+        agent.probabilities(somewhere()).unwrap()
     });
     assert!(largest_difference(&orders[0], &orders[1]) < 1e-9);
     // It is as if it had said nothing, and as if it were muted.
     let mut without = agent.clone();
     hear(&mut without, &one);
-    assert!(largest_difference(&without.probabilities(&somewhere()).unwrap(), &orders[0]) < 1e-9);
+    assert!(largest_difference(&without.probabilities(somewhere()).unwrap(), &orders[0]) < 1e-9);
     let mut muted = agent.clone();
     muted.mute(name);
     hear(&mut muted, &lies);
     hear(&mut muted, &one);
     assert_eq!((muted.left_out().len(), muted.surprise(name).unwrap()), (0, None));
-    assert!(largest_difference(&muted.probabilities(&somewhere()).unwrap(), &orders[0]) < 1e-9);
+    assert!(largest_difference(&muted.probabilities(somewhere()).unwrap(), &orders[0]) < 1e-9);
     // Whoever trusts everybody is misled.
     let trusting = Arc::new(Team { surprise_max: 1e9, ..agent.team().clone() });
     let mut trusting = vehicle(&trusting, 0, walk(0, 240, 0.4));
     hear(&mut trusting, &lies);
     hear(&mut trusting, &one);
     assert!(trusting.left_out().is_empty());
-    assert!(largest_difference(&trusting.probabilities(&somewhere()).unwrap(), &orders[0]) > 0.1);
+    assert!(largest_difference(&trusting.probabilities(somewhere()).unwrap(), &orders[0]) > 0.1);
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn one_lie_among_honest_packets_is_enough() {
     let lie = liar.write(layout, &message).unwrap();
     hear(&mut agent, &two);
     hear(&mut agent, &[&[lie], &one[1..]].concat());
-    agent.probabilities(&somewhere()).unwrap();
+    agent.probabilities(somewhere()).unwrap();
     assert_eq!(agent.left_out(), [&names(2)[1]]);
     assert!(agent.surprise(&names(2)[1]).unwrap().unwrap() > 20.0);
 }
@@ -91,13 +91,13 @@ fn a_member_comes_back_when_it_agrees_again() {
     let mut agent = vehicle(&team, 0, walk(0, 240, 0.4));
     let lies = contrary(&team, 2);
     hear(&mut agent, &lies);
-    agent.probabilities(&somewhere()).unwrap();
+    agent.probabilities(somewhere()).unwrap();
     assert_eq!(agent.left_out(), [name]);
     // Mended, it says the truth until its lies have fallen out of the window.
     let mended = after_counter(vehicle(&team, 2, walk(2, 240, 2.0)), 20);
     let truth = sent(&mut mended.clone(), 6);
     hear(&mut agent, &truth);
-    agent.probabilities(&somewhere()).unwrap();
+    agent.probabilities(somewhere()).unwrap();
     assert!(agent.left_out().is_empty(), "{:?}", agent.surprise(name));
     assert!(one.len() > 3 && truth.len() > 3);
 }
@@ -109,7 +109,7 @@ fn a_prior_is_no_knowledge_and_nobody_who_contradicts_it_is_left_out() {
     let packets = sent(&mut vehicle(&team, 0, certain), 8);
     let mut nobody = vehicle(&team, 1, []);
     hear(&mut nobody, &packets);
-    nobody.probabilities(&somewhere()).unwrap();
+    nobody.probabilities(somewhere()).unwrap();
     assert!(nobody.left_out().is_empty());
     assert_eq!(nobody.surprise(&names(1)[0]).unwrap(), Some(0.0));
     assert_eq!(nobody.surprise(&names(2)[1]).unwrap(), None);
@@ -135,7 +135,7 @@ proptest! {
             for (step, place) in order.into_iter().enumerate() {
                 agent.receive(&packets[place], 0.0);
                 if asked >> (step % 64) & 1 == 1 {
-                    agent.probabilities(&somewhere()).unwrap();
+                    agent.probabilities(somewhere()).unwrap();
                 }
             }
             agent.rebuild_posteriors().unwrap();

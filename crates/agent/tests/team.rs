@@ -211,7 +211,7 @@ proptest! {
         for agent in [&mut agent, &mut again] {
             agent.rebuild_posteriors().unwrap();
         }
-        let p = [&mut agent, &mut again].map(|agent| bits(&agent.probabilities(&somewhere()).unwrap()));
+        let p = [&mut agent, &mut again].map(|agent| bits(&agent.probabilities(somewhere()).unwrap()));
         prop_assert_eq!(&p[0], &p[1]);
         prop_assert_eq!(agent.next_packet(0.0, 32).unwrap(), again.next_packet(0.0, 32).unwrap());
     }

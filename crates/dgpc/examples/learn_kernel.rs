@@ -24,7 +24,7 @@ pub fn main() -> dgpc::Result<()> {
     let kernel = Kernel::new(vec![Term::new(Shape::SquaredExponential, 4.0, &[0, 1], &[1.0, 1.0])?])?;
     let template = Prior::new(kernel, PriorMean::Constant(0.0))?;
 
-    let learned = learn(&template, &stripes(120)?, &LearnOptions::new(1.0))?;
+    let learned = learn(&template, &stripes(120)?, &LearnOptions::default())?;
     let term = &learned.prior.kernel().terms()[0];
     let length_scales = term.correlations()[0].length_scales();
     println!("length-scales {length_scales:.2?}, variance {:.2}", term.variance());

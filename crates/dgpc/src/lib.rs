@@ -73,7 +73,7 @@
 //! let events = Observations::new(inputs, outcomes)?;
 //! let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, 4.0, 0.1, 1)?])?;
 //!
-//! let learned = learn(&Prior::new(kernel, PriorMean::Zero)?, &events, &LearnOptions::new(1.0))?;
+//! let learned = learn(&Prior::new(kernel, PriorMean::Zero)?, &events, &LearnOptions::default())?;
 //! assert!(learned.prior.kernel().terms()[0].correlations()[0].length_scales()[0] > 0.3);
 //! # }
 //! # Ok::<(), dgpc::Error>(())

@@ -1,7 +1,6 @@
 //! What can be learned of a prior.
 
-/// What a number is that can be learned of a prior. Variances, length-scales and parameters of shapes are learned as
-/// logarithms.
+/// What a number is that can be learned of a prior. All but the intercept are positive and learned as logarithms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Parameter {

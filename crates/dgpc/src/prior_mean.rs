@@ -61,9 +61,14 @@ impl RangeMean {
         self.slope
     }
 
+    /// Whether log-odds fall with distance.
+    fn falls(&self) -> bool {
+        self.slope > 0.0
+    }
+
     /// The distance at which the odds are even; `None` where they do not fall.
     pub fn even_odds_distance(&self) -> Option<f64> {
-        (self.slope > 0.0).then(|| self.intercept / self.slope)
+        self.falls().then(|| self.intercept / self.slope)
     }
 
     /// Columns of one end.
@@ -135,12 +140,14 @@ impl PriorMean {
         }
     }
 
-    /// Its numbers that can be learned: none, the constant, or intercept and slope.
+    /// Its numbers that can be learned: none, the constant, or the intercept and, where log-odds fall, the logarithm of
+    /// the slope. A slope that is not positive is nothing that data can change.
     pub fn parameter_values(&self) -> Vec<f64> {
         match self {
             PriorMean::Zero => Vec::new(),
             PriorMean::Constant(value) => vec![*value],
-            PriorMean::Range(range) => vec![range.intercept, range.slope],
+            PriorMean::Range(range) if range.falls() => vec![range.intercept, range.slope.ln()],
+            PriorMean::Range(range) => vec![range.intercept],
         }
     }
 
@@ -149,19 +156,27 @@ impl PriorMean {
         match self {
             PriorMean::Zero => &[],
             PriorMean::Constant(_) => &[Parameter::Intercept],
-            PriorMean::Range(_) => &[Parameter::Intercept, Parameter::Slope],
+            PriorMean::Range(range) if range.falls() => &[Parameter::Intercept, Parameter::Slope],
+            PriorMean::Range(_) => &[Parameter::Intercept],
         }
     }
 
     /// The same kind of mean with other numbers, as [`PriorMean::parameter_values`] lays them out.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for another number of parameters, [`Error::NotFinite`].
+    /// [`Error::SizeMismatch`] for another number of parameters, [`Error::NotFinite`], [`Error::OutOfRange`] where the
+    /// slope leaves the range of numbers.
     pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
         match (self, parameters) {
             (PriorMean::Zero, []) => Ok(PriorMean::Zero),
             (PriorMean::Constant(_), &[value]) => finite("prior mean", value).map(PriorMean::Constant),
-            (PriorMean::Range(range), &[intercept, slope]) => Self::range(intercept, slope, &range.from, &range.to),
+            (PriorMean::Range(range), &[intercept, log_slope]) if range.falls() => {
+                let slope = positive("prior mean slope", log_slope.exp())?;
+                Self::range(intercept, slope, &range.from, &range.to)
+            }
+            (PriorMean::Range(range), &[intercept]) if !range.falls() => {
+                Self::range(intercept, range.slope, &range.from, &range.to)
+            }
             _ => {
                 let (expected, found) = (self.parameters().len(), parameters.len());
                 Err(Error::SizeMismatch { what: "parameters of a prior mean", expected, found })
@@ -172,7 +187,9 @@ impl PriorMean {
     /// Whether the other differs in nothing but numbers that can be learned.
     pub(crate) fn has_structure_of(&self, other: &PriorMean) -> bool {
         match (self, other) {
-            (PriorMean::Range(own), PriorMean::Range(other)) => own.from == other.from && own.to == other.to,
+            (PriorMean::Range(own), PriorMean::Range(other)) => {
+                own.from == other.from && own.to == other.to && own.falls() == other.falls()
+            }
             (own, other) => std::mem::discriminant(own) == std::mem::discriminant(other),
         }
     }
@@ -183,8 +200,12 @@ impl PriorMean {
             PriorMean::Zero => Vec::new(),
             PriorMean::Constant(_) => vec![weights.iter().sum()],
             PriorMean::Range(range) => {
-                let by_slope = inputs.rows().zip(weights).map(|(row, weight)| -weight * range.distance(row));
-                vec![weights.iter().sum(), by_slope.sum()]
+                let by_intercept = weights.iter().sum();
+                if !range.falls() {
+                    return vec![by_intercept];
+                }
+                let distances = inputs.rows().zip(weights).map(|(row, weight)| weight * range.distance(row));
+                vec![by_intercept, -range.slope * distances.sum::<f64>()]
             }
         }
     }

@@ -143,7 +143,7 @@ fn learned(train: &Observations) -> Learned {
     let distance = (dimension as f64).sqrt();
     let term = Term::isotropic(Shape::SquaredExponential, 4.0, distance, dimension).unwrap();
     let template = Prior::new(Kernel::new(vec![term]).unwrap(), PriorMean::Constant(0.0)).unwrap();
-    learn(&template, train, &LearnOptions::new(distance)).unwrap()
+    learn(&template, train, &LearnOptions::default()).unwrap()
 }
 
 fn mean_field_probability(learned: &Learned, test: &Observations) -> Vec<f64> {

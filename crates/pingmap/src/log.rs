@@ -55,9 +55,9 @@ pub fn thinned(log: EventLog, splits: Vec<Split>, events_max: usize, seed: u64) 
 }
 
 /// Gives ends without a depth the mean depth of a log that has depths, and says so.
-pub fn fill_depths(links: &mut [Link], log: &EventLog) {
+pub fn fill_depths<'a>(links: impl Iterator<Item = &'a mut Link>, log: &EventLog) {
     let Some(depth_m) = log.mean_depth_m() else { return };
-    let unknown = links.iter_mut().flat_map(|link| [&mut link.transmitter.depth_m, &mut link.receiver.depth_m]);
+    let unknown = links.flat_map(|link| [&mut link.transmitter.depth_m, &mut link.receiver.depth_m]);
     let mut filled = false;
     for depth in unknown.filter(|depth| depth.is_none()) {
         *depth = Some(depth_m);

@@ -167,16 +167,25 @@ struct TermJson {
 struct CorrelationJson {
     shape: String,
     columns: Vec<String>,
+    /// One for each column that is a place; labels have none.
     length_scales_m: Vec<f64>,
+    /// Of the time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    length_scales_s: Vec<f64>,
 }
 
 impl KernelJson {
     pub fn of(model: &Model) -> Self {
         let names = model.inputs.column_names();
-        let correlation = |correlation: &Correlation| CorrelationJson {
-            shape: correlation.shape().to_string(),
-            columns: correlation.columns().iter().map(|&column| names[column].clone()).collect(),
-            length_scales_m: correlation.length_scales().to_vec(),
+        let correlation = |correlation: &Correlation| {
+            let length_scales = correlation.length_scales().to_vec();
+            let (length_scales_m, length_scales_s) = match correlation.columns() {
+                _ if correlation.shape().is_of_labels() => (Vec::new(), Vec::new()),
+                [column] if *column == model.inputs.time() => (Vec::new(), length_scales),
+                _ => (length_scales, Vec::new()),
+            };
+            let columns = correlation.columns().iter().map(|&column| names[column].clone()).collect();
+            CorrelationJson { shape: correlation.shape().to_string(), columns, length_scales_m, length_scales_s }
         };
         let term = |term: &Term| TermJson {
             variance: term.variance(),

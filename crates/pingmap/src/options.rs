@@ -4,8 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use dgpc::Shape;
-use pingmap_agent::{Given, Learning, Limits, MeanStructure, Structure};
+use pingmap_agent::{
+    Addition, Attempt, Given, Learning, Limits, Link, MeanStructure, Party, Structure, VehicleId, When,
+};
+use pingmap_trial::EventLog;
 
+use crate::output::BadInput;
 use crate::values::*;
 
 /// What a map is learned from, and how.
@@ -49,7 +53,10 @@ pub struct Kernel {
     /// What the log-odds are a sum of
     #[arg(long, value_enum)]
     pub terms: Option<TermsName>,
-    /// What is expected before the first event
+    /// What may be added to that if the events ask for it, in the order in which it is tried; all if not given
+    #[arg(long, value_enum, value_delimiter = ',', num_args = 1..)]
+    pub additions: Option<Vec<AdditionName>>,
+    /// What is expected before the first event; odds that fall with range if not given
     #[arg(long, value_enum, conflicts_with = "conservative_range_m")]
     pub prior_mean: Option<MeanName>,
     /// The range that is trusted before the first event: even odds there, falling with range; learning starts from it
@@ -87,10 +94,23 @@ impl Kernel {
         }
     }
 
+    /// What may be added. Who says what the terms over places are has said so of all of them.
+    fn additions(&self) -> Vec<Addition> {
+        match &self.additions {
+            Some(names) => names.iter().filter_map(|name| name.addition()).collect(),
+            None => {
+                let all = Addition::ALL.into_iter();
+                all.filter(|addition| self.terms.is_none() || !addition.is_ordinary()).collect()
+            }
+        }
+    }
+
     /// Learning with these structures to choose from.
     pub fn learning(&self, structures: Vec<Structure>, limits: Limits) -> Learning {
         let Self { length_scale_m, variance, learn_events_max: events_max, .. } = *self;
-        Learning { structures, criterion: self.criterion.criterion(), length_scale_m, variance, events_max, limits }
+        let additions = self.additions();
+        let criterion = self.criterion.criterion();
+        Learning { structures, additions, criterion, length_scale_m, variance, events_max, limits }
     }
 }
 
@@ -119,5 +139,55 @@ impl Work {
     pub fn limits(&self) -> Limits {
         let Self { events_max, dense_events_max, inducing_points_max, .. } = *self;
         Limits { events_max, dense_events_max, inducing_points_max, ..Limits::default() }
+    }
+}
+
+/// Who and when is asked about, where the model tells vehicles or times apart.
+#[derive(Args)]
+pub struct Asked {
+    /// Who transmits: a vehicle of the log, a typical one, or a new one that may be any
+    #[arg(long, value_name = "NAME|typical|new", default_value = TYPICAL)]
+    pub transmitter: String,
+    /// Who receives, likewise
+    #[arg(long, value_name = "NAME|typical|new", default_value = TYPICAL)]
+    pub receiver: String,
+    /// When: the end of the log, a typical time, another day that may be any, or a time of the log in seconds
+    #[arg(long, value_name = "end|typical|another-day|SECONDS", default_value = "end", value_parser = Moment::parse, allow_negative_numbers = true)]
+    pub time: Moment,
+}
+
+/// The name of nobody in particular.
+const TYPICAL: &str = "typical";
+
+impl Asked {
+    /// The attempt over this link that is asked about.
+    pub fn attempt(&self, log: &EventLog) -> Result<impl Fn(Link) -> Attempt + use<>, BadInput> {
+        let (transmitter, receiver) =
+            (party("--transmitter", &self.transmitter, log)?, party("--receiver", &self.receiver, log)?);
+        let end_s = log.events.iter().map(|event| event.time_s).fold(f64::NEG_INFINITY, f64::max);
+        let when = match self.time {
+            Moment::End => When::At(end_s),
+            Moment::Typical => When::Typical,
+            Moment::AnotherDay => When::AnotherDay,
+            Moment::At(time_s) => When::At(time_s),
+        };
+        Ok(move |link| Attempt { link, transmitter, receiver, when })
+    }
+}
+
+/// The party that an option names.
+fn party(option: &str, name: &str, log: &EventLog) -> Result<Party, BadInput> {
+    let mut known: Vec<&VehicleId> =
+        log.events.iter().flat_map(|event| [&event.transmitter_id, &event.receiver_id]).collect();
+    known.sort();
+    known.dedup();
+    match known.iter().find(|known| known.as_str() == name) {
+        Some(known) => Ok((*known).into()),
+        None if name == TYPICAL => Ok(Party::Typical),
+        None if name == "new" => Ok(Party::New),
+        None => {
+            let known: Vec<&str> = known.iter().map(|known| known.as_str()).collect();
+            Err(BadInput(format!("{option} {name}: expected {}, typical or new", known.join(", "))))
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! A map of success probability, seen from one place.
 
 use dgpc::Posterior;
-use pingmap_agent::{Event, Geographic, Link, Model, Position};
+use pingmap_agent::{Attempt, Event, Geographic, Link, Model, Position};
 use serde_json::json;
 
 use crate::contour::{Grid, Point, contour_lines};
@@ -35,13 +35,13 @@ pub struct SuccessMap {
 }
 
 impl SuccessMap {
-    /// Predicts every cell of a grid over the area of the log and the place itself. O(cells · n²).
+    /// Predicts every cell of a grid over the area of the log and the place itself, as attempts that `asked` makes of links. O(cells · n²).
     pub fn new(
         posterior: &Posterior,
         model: &Model,
         events: &[Event],
-        at: Position,
-        end: End,
+        (at, end): (Position, End),
+        asked: &dyn Fn(Link) -> Attempt,
         cell_m: Option<f64>,
     ) -> anyhow::Result<Self> {
         let (east, north) = tracks::extent(events, &at);
@@ -68,8 +68,8 @@ impl SuccessMap {
         };
         let mut values = Vec::with_capacity(columns * rows);
         for row in 0..rows {
-            let links: Vec<Link> = (0..columns).map(|column| link(row, column)).collect();
-            values.extend(posterior.probability(&model.inputs(&links)?)?);
+            let attempts = (0..columns).map(|column| asked(link(row, column)));
+            values.extend(posterior.probability(&model.inputs(attempts)?)?);
         }
         Ok(Self { at, end, values, columns, east, north, cell_m })
     }

@@ -6,7 +6,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Arg, Command, ValueEnum};
 use dgpc::Shape;
-use pingmap_agent::{Bounds, Criterion, MeanStructure, PathInputs, Terms, bounds};
+use pingmap_agent::{Addition, Bounds, Criterion, MeanStructure, PathInputs, Terms, bounds};
 use pingmap_trial::DivideBy;
 use pingmap_trial::paper::Policy;
 
@@ -26,12 +26,17 @@ impl TypedValueParser for ShapeParser {
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        Some(Box::new(Shape::ALL.iter().map(|shape| PossibleValue::new(shape.name()))))
+        Some(Box::new(shapes().map(PossibleValue::new)))
     }
 }
 
 fn names() -> PossibleValuesParser {
-    PossibleValuesParser::new(Shape::ALL.iter().map(|shape| shape.name()))
+    PossibleValuesParser::new(shapes())
+}
+
+/// The shapes of terms over places.
+fn shapes() -> impl Iterator<Item = &'static str> {
+    Shape::ALL.iter().filter(|shape| !shape.is_of_labels()).map(|shape| shape.name())
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -94,6 +99,66 @@ impl DivideByName {
             DivideByName::Time => DivideBy::Time,
             DivideByName::Range => DivideBy::Range,
             DivideByName::Vehicle => DivideBy::Vehicle,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum AdditionName {
+    /// Nothing
+    None,
+    /// Loss over the range as a curve
+    Range,
+    /// Noise at the place of the receiver
+    ReceiverPlace,
+    /// An offset of every receiver: ears differ
+    Receivers,
+    /// An offset of every transmitter
+    Transmitters,
+    /// Water that changes slowly, everywhere alike
+    Time,
+    /// Loss over the range with steps and teeth, instead of a smooth curve
+    RoughRange,
+    /// Walls and quays: a second path term over the raw ends
+    Walls,
+}
+
+impl AdditionName {
+    pub fn addition(self) -> Option<Addition> {
+        match self {
+            AdditionName::None => None,
+            AdditionName::Range => Some(Addition::Range),
+            AdditionName::ReceiverPlace => Some(Addition::ReceiverPlace),
+            AdditionName::Receivers => Some(Addition::Receivers),
+            AdditionName::Transmitters => Some(Addition::Transmitters),
+            AdditionName::Time => Some(Addition::Time),
+            AdditionName::RoughRange => Some(Addition::RoughRange),
+            AdditionName::Walls => Some(Addition::Walls),
+        }
+    }
+}
+
+/// A time that is asked about.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Moment {
+    End,
+    Typical,
+    AnotherDay,
+    At(f64),
+}
+
+impl Moment {
+    pub fn parse(text: &str) -> Result<Self, String> {
+        match text {
+            "end" => Ok(Moment::End),
+            "typical" => Ok(Moment::Typical),
+            "another-day" => Ok(Moment::AnotherDay),
+            number => {
+                let number = number.parse().ok().and_then(|number| bounds::TIME_S.check(number));
+                let expected =
+                    || format!("expected end, typical, another-day or a time in seconds, {}", bounds::TIME_S);
+                number.map(Moment::At).ok_or_else(expected)
+            }
         }
     }
 }

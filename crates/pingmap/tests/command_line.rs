@@ -195,7 +195,7 @@ fn field_trial(name: &str, centralised_max: f64) {
         return;
     };
     let (events, splits) = (events.to_str().unwrap(), splits.to_str().unwrap());
-    let result = json(Path::new("."), &["replay", events, "--splits", splits, "--json"]);
+    let result = json(Path::new("."), &["replay", events, "--splits", splits, "--frames", "1,5,10", "--json"]);
     let nll = |score: &Value| score["nll"].as_f64().unwrap();
     let (own, centralised) = (nll(&result["scores"]["own"]), nll(&result["scores"]["centralised"]));
     assert!(centralised <= centralised_max, "centralised {centralised}");
@@ -232,7 +232,7 @@ fn field_trial_lake2() {
 
 #[test]
 fn field_trial_bay3() {
-    field_trial("bay3", 0.268);
+    field_trial("bay3", 0.271);
 }
 
 #[test]

@@ -33,8 +33,8 @@ fn learn_prints_every_candidate_and_keeps_the_best() {
     let command = ["learn", "events.csv", "--test-share", "0.3", "--reciprocal", "yes", "--json"];
     let result = json(folder.path(), &command);
     let candidates = result["candidates"].as_array().unwrap();
-    // Three shapes and raw positions, with and without further terms, and two or three prior means.
-    assert_eq!(candidates.len(), 2 * 3 + 3 * 2 * 2);
+    // Three shapes and raw positions, and seven additions (a rough range only where there is a range).
+    assert!((10..=11).contains(&candidates.len()), "{candidates:?}");
     let merit = |candidate: &Value| candidate["leave_one_out"].as_f64().unwrap();
     assert!(candidates.windows(2).all(|pair| merit(&pair[0]) >= merit(&pair[1])));
     for candidate in candidates {
@@ -43,10 +43,10 @@ fn learn_prints_every_candidate_and_keeps_the_best() {
         assert_eq!(candidate["events_used"], 84, "{candidate}");
     }
     // What is kept was learned from all events.
-    assert_eq!(result["model"]["structure"], candidates[0]["structure"]);
+    assert!(candidates.iter().any(|candidate| candidate["structure"] == result["model"]["structure"]));
     assert_eq!(result["model"]["events_used"], 120);
     let text = stdout(&pingmap(folder.path(), &["learn", "events.csv", "--terms", "path", "--kernel", "matern32"]));
-    for expected in ["E / event", "leave-one-out", "range mean", "Matérn 3/2, ", "Best by"] {
+    for expected in ["E / event", "leave-one-out", "range mean", "Matérn 3/2, ", "Chosen by"] {
         assert!(text.contains(expected), "{expected:?} is missing: {text}");
     }
 }
@@ -68,7 +68,7 @@ fn all_commands_take_a_model_file() {
     let folder = tempfile::tempdir().unwrap();
     let text = learned(folder.path(), &["--terms", "path", "--prior-mean", "zero"]);
     for expected in
-        ["schema = 1", "[chart]", "origin_east_m", "scale_m", "length_scale_m = ", "evidence = ", "events = 120"]
+        ["schema = 2", "[chart]", "origin_east_m", "scale_m", "length_scale_m = ", "evidence = ", "events = 120"]
     {
         assert!(text.contains(expected), "{expected:?} is missing: {text}");
     }
@@ -113,7 +113,7 @@ fn a_model_that_cannot_be_used_is_refused_with_the_reason() {
     expect(with("length_scale_m = ", "length_scale_m = -"), &["kernel term 1", "length-scale", "positive"]);
     expect(with("\"tx_east\"", "\"tx_up\""), &["kernel term 1", "tx_up", "expected one of tx_east"]);
     expect(with("\"rx_east\", ", ""), &["reciprocal", "rx_east"]);
-    expect(with("schema = 1", "schema = 2"), &["schema 2", "newer"]);
+    expect(with("schema = 2", "schema = 3"), &["schema 3", "newer"]);
     expect(with("depths = false", "depths = true"), &["depths", "tx_depth_m"]);
     expect(with("kind = \"zero\"", "kind = \"zero\"\nintercept = 2.0"), &["intercept"]);
     expect(with("origin_east_m = ", "origin_east_m = 9000"), &["chart", "km", "[chart]"]);

@@ -163,7 +163,7 @@ fn everything_held_out() {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "splits.csv", format!("s0\n{}", "1\n".repeat(30)));
     let splits = folder.path().join("splits.csv");
-    let options = ["--splits", splits.to_str().unwrap()];
+    let options = ["--splits", splits.to_str().unwrap(), "--prior-mean", "zero"];
     let result = replay(&log(&["a", "b"], 30), &options, "split s0: every event is held out");
     assert!((result["scores"]["own"]["nll"].as_f64().unwrap() - 2f64.ln()).abs() < 1e-12, "{result}");
 }

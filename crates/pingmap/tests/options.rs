@@ -18,7 +18,7 @@ const MODEL: &[Case] = &[
     ("--kernel", "matern52", ""),
     ("--inputs", "raw", ""),
     ("--reciprocal", "no", ""),
-    ("--terms", "path", ""),
+    ("--terms", "path-receiver-range", ""),
     ("--prior-mean", "constant", ""),
     ("--conservative-range-m", "300", ""),
     ("--conservative-slope-per-km", "20", "--conservative-range-m 300"),
@@ -34,7 +34,7 @@ const THINNED: &[Case] = &[("--seed", "9", "--events-max 12")];
 const GIVEN: &[Case] = &[("--model", "other.toml", "")];
 
 /// Bounds on a fit.
-const WORK: &[Case] = &[("--dense-events-max", "10", ""), ("--inducing-points-max", "5", "--dense-events-max 10")];
+const WORK: &[Case] = &[("--dense-events-max", "10", "--inducing-points-max 5"), ("--inducing-points-max", "5", "--dense-events-max 10")];
 
 const DEMO: &[Case] = &[("--out", "other.html", ""), ("--json", "", "")];
 
@@ -65,7 +65,18 @@ const ONLINE: &[Case] =
 /// What it decides is the same for most logs; only `learn` says how. It is read in one place for all commands.
 const CRITERION: Case = ("--criterion", "evidence", "");
 
-const LEARN: &[Case] = &[("--output", "other.toml", ""), ("--test-share", "0.3", ""), CRITERION, ("--json", "", "")];
+/// The same: few logs ask for any.
+const ADDITIONS: Case = ("--additions", "none", "");
+
+const LEARN: &[Case] =
+    &[("--output", "other.toml", ""), ("--test-share", "0.3", ""), CRITERION, ADDITIONS, ("--json", "", "")];
+
+/// Who and when, where the model tells them apart.
+const ASKED: &[Case] = &[
+    ("--transmitter", "bob", "--model offsets.toml"),
+    ("--receiver", "new", "--model offsets.toml"),
+    ("--time", "another-day", "--model offsets.toml"),
+];
 
 const PREDICT: &[Case] = &[
     ("--events", "other.csv", ""),
@@ -153,8 +164,8 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
         ("replay events.csv --repeats 1 --frames 1", vec![REPLAY, GIVEN, MODEL, WORK, THINNED]),
         ("replay events.csv --model model.toml", vec![ONLINE]),
         ("learn events.csv", vec![LEARN, MODEL, WORK, THINNED]),
-        ("predict --events events.csv --links links.csv", vec![PREDICT, GIVEN, MODEL, WORK, THINNED]),
-        ("map --events events.csv --at 500,200 --cell-m 150", vec![MAP, GIVEN, MODEL, WORK, THINNED]),
+        ("predict --events events.csv --links links.csv", vec![PREDICT, ASKED, GIVEN, MODEL, WORK, THINNED]),
+        ("map --events events.csv --at 500,200 --cell-m 150", vec![MAP, ASKED, GIVEN, MODEL, WORK, THINNED]),
         ("select events.csv --vehicle ada --radius-m 400", vec![SELECT, GIVEN, MODEL]),
         ("simulate --slots 300", vec![SIMULATE]),
         ("reproduce local --permutations 2", vec![REPRODUCE]),
@@ -179,14 +190,39 @@ fn prepare(folder: &Path) {
     file(folder, "key.hex", "0123456789abcdef".repeat(4));
     for arguments in [
         "learn events.csv",
-        "learn events.csv --kernel squared-exponential --output other.toml",
+        "learn events.csv --kernel rational-quadratic --output other.toml",
         "team events.csv --epoch 3 --frame-bytes 64",
     ] {
         let output = pingmap(folder, &arguments.split(' ').collect::<Vec<_>>());
         assert!(output.status.success(), "{arguments}: {}", stderr(&output));
     }
+    let model = std::fs::read_to_string(folder.join("model.toml")).unwrap();
+    file(folder, "offsets.toml", model + OFFSETS);
     file(folder, "packet.json", stdout(&pingmap(folder, &["packet", "decode", PACKET, "--json"])));
 }
+
+/// Vehicles and times that a model tells apart.
+const OFFSETS: &str = "
+[[kernel]]
+shape = \"label\"
+variance = 2.0
+columns = [\"rx_vehicle\"]
+
+[[kernel]]
+shape = \"label\"
+variance = 2.0
+columns = [\"tx_vehicle\"]
+
+[[kernel]]
+shape = \"matern12\"
+variance = 1.0
+columns = [\"time\"]
+length_scale_s = 300.0
+
+[[kernel.times]]
+shape = \"label\"
+columns = [\"water\"]
+";
 
 /// A packet of another team than the one above.
 const PACKET: &str = "f8033412a5c2e154dcb858217b339316a2dc29f7081826314010832064a8ec31";
@@ -272,7 +308,7 @@ fn every_option_is_among_those_cases() {
             .filter_map(|line| line.split([' ', ',']).find(is_option).map(str::to_owned))
             // The number of threads must change nothing; both have tests of their own.
             .filter(|option| !["--help", "--threads"].contains(&option.as_str()))
-            .filter(|option| option != CRITERION.0 || known.contains(option))
+            .filter(|option| ![CRITERION.0, ADDITIONS.0].contains(&option.as_str()) || known.contains(option))
             .collect();
         assert_eq!(options, known, "{name:?}");
     }

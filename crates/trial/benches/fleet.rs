@@ -71,8 +71,8 @@ fn lie(agent: &mut Agent) -> Vec<u8> {
 
 /// What a vehicle needs now. Times are per vehicle; sending and receiving run on all threads, queries on one.
 fn report(fleet: &mut [Agent], round: usize, (send_ms, receive_us): (f64, f64), before: usize, links: &[Link]) {
-    let (_, first_s) = timed(|| fleet[0].probability(&links[0]).unwrap());
-    fleet.par_iter_mut().for_each(|agent| assert!(agent.probability(&links[0]).is_ok()));
+    let (_, first_s) = timed(|| fleet[0].probability(links[0]).unwrap());
+    fleet.par_iter_mut().for_each(|agent| assert!(agent.probability(links[0]).is_ok()));
     let memory_mb = resident_bytes().saturating_sub(before) as f64 / VEHICLES as f64 / 1e6;
     let (probabilities, queries_s) = timed(|| fleet[0].probabilities(links).unwrap());
     assert!(probabilities.iter().all(|p| (0.0..=1.0).contains(p)));

@@ -148,7 +148,7 @@ impl<'a> Speaker<'a> {
         Ok(Self {
             own: agent.clone().own_posterior()?.clone(),
             layout: mission.team.layout(mission.team.frame_bytes)?,
-            inputs: agent.model().inputs(&links)?,
+            inputs: inputs(agent, &links)?,
             links,
             agent,
         })
@@ -177,7 +177,7 @@ impl<'a> Speaker<'a> {
             candidates.condition_on(&chosen);
             let links: Vec<Link> = chosen.iter().map(|&place| self.links[place]).collect();
             let residual = |points: &Inputs| self.own.residual(&public, points);
-            if let Some((_, summary)) = self.agent.team().wire().encode(self.layout, &links, &residual)? {
+            if let Some((_, summary)) = self.agent.wire().encode(self.layout, &links, &residual)? {
                 public.absorb_summaries(&[&summary])?;
                 said.push(summary);
             }
@@ -191,7 +191,7 @@ impl<'a> Speaker<'a> {
         let mut said = Vec::new();
         for (_, _, links) in mission.links_of_packets(place, frames) {
             for block in links.chunks(self.points()) {
-                let points = self.agent.model().inputs(block)?;
+                let points = inputs(self.agent, block)?;
                 let summary = self.own.residual(&public, &points)?;
                 public.absorb_summaries(&[&summary])?;
                 said.push(summary);
@@ -208,7 +208,7 @@ impl<'a> Speaker<'a> {
         let events_max = frames.saturating_mul(events as usize);
         let chosen = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?.greedy(events_max);
         let rounded = |event: &Event| {
-            let link = self.agent.team().wire().rounded(&event.link)?;
+            let link = self.agent.wire().rounded(&event.link)?;
             Some(Event { link, ..event.clone() })
         };
         // What happened over a link again comes after what happened over the others for the first time.
@@ -245,7 +245,7 @@ impl<'a> Speaker<'a> {
         for (links, members) in packets.iter().zip(regions) {
             let sites = sites.select(&members);
             let say = |points: &Inputs| Summary::variational(&self.agent.model().prior, &sites, points);
-            said.extend(self.agent.team().wire().encode(self.layout, links, &say)?.map(|(_, summary)| summary));
+            said.extend(self.agent.wire().encode(self.layout, links, &say)?.map(|(_, summary)| summary));
         }
         Ok(said)
     }
@@ -255,7 +255,7 @@ impl<'a> Speaker<'a> {
         let model = self.agent.model();
         let mut best = vec![(0, f64::NEG_INFINITY); sites.len()];
         for (packet, links) in packets.iter().enumerate() {
-            let points = model.inputs(links)?;
+            let points = inputs(self.agent, links)?;
             let covariance = model.prior.kernel().cross(sites.inputs(), &points)?;
             for (column, variance) in model.prior.kernel().diagonal(&points)?.iter().enumerate() {
                 for (best, k) in best.iter_mut().zip(covariance.column(column)) {
@@ -272,4 +272,10 @@ impl<'a> Speaker<'a> {
         }
         Ok(regions)
     }
+}
+
+/// The inputs of links as packets of this vehicle speak of them.
+fn inputs(agent: &Agent, links: &[Link]) -> dgpc::Result<Inputs> {
+    let wire = agent.wire();
+    agent.model().inputs(links.iter().map(|&link| wire.attempt(link)))
 }

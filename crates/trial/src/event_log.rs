@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::Path;
 
-use pingmap_agent::{Chart, Event, InputSpec, Link, VehicleId};
+use pingmap_agent::{Attempt, Chart, Event, InputSpec, Link, VehicleId, When};
 use pingmap_packet::to_hex;
 
 use crate::table::{FileError, Problem, Table, open};
@@ -168,20 +168,31 @@ impl EventLog {
     }
 }
 
-/// Reads links from CSV: the four position columns of an event log (and depths, where both are present), nothing else
-/// required.
+/// Reads attempts from CSV: the four position columns of an event log (and depths, where both are present); nothing else is
+/// required. Who and when are read from `tx_id`, `rx_id` and `time_s` where these are present, and are those of `asked`
+/// elsewhere. A vehicle that nobody met is [`pingmap_agent::Party::New`] by another name.
 ///
 /// # Errors
 /// As [`EventLog::open`].
-pub fn read_links(path: &Path) -> Result<Vec<Link>, FileError> {
+pub fn read_attempts(path: &Path, asked: &Attempt) -> Result<Vec<Attempt>, FileError> {
     let mut table = Table::new(open(path)?, path, &REQUIRED_COLUMNS[3..7])?;
     let has_depths = table.has("tx_depth_m") && table.has("rx_depth_m");
-    let mut links = Vec::new();
+    let mut attempts = Vec::new();
     while table.next()? {
-        links.push(table.link(has_depths)?);
+        let mut attempt = Attempt { link: table.link(has_depths)?, ..*asked };
+        if table.has("tx_id") {
+            attempt.transmitter = (&table.vehicle("tx_id")?).into();
+        }
+        if table.has("rx_id") {
+            attempt.receiver = (&table.vehicle("rx_id")?).into();
+        }
+        if table.has("time_s") {
+            attempt.when = When::At(table.number("time_s")?);
+        }
+        attempts.push(attempt);
     }
-    if links.is_empty() {
+    if attempts.is_empty() {
         return Err(table.error(Problem::Empty { what: "links" }));
     }
-    Ok(links)
+    Ok(attempts)
 }

@@ -4,7 +4,9 @@
 use std::sync::Arc;
 
 use dgpc::Latent;
-use pingmap_agent::{Agent, AgentError, Event, Key, LearnedModel, Learning, Limits, Link, Model, Team, VehicleId};
+use pingmap_agent::{
+    Agent, AgentError, Attempt, Event, Key, LearnedModel, Learning, Limits, Link, Model, Team, VehicleId,
+};
 use rayon::prelude::*;
 
 use crate::event_log::EventLog;
@@ -134,8 +136,8 @@ pub struct Mission {
     /// The packets that each vehicle sends, in order: at most as many as were asked for, fewer where nothing is worth a
     /// frame.
     pub packets: Vec<Vec<Vec<u8>>>,
-    /// The links that are predicted.
-    pub held_out: Vec<Link>,
+    /// What is predicted.
+    pub held_out: Vec<Attempt>,
     /// What happened there.
     pub outcomes: Vec<bool>,
     /// The links learned from, pooled, in log order.
@@ -176,6 +178,7 @@ impl Mission {
         );
         let (vehicles, packets) = vehicles?.into_iter().unzip();
         let links = |events: &[&Event]| events.iter().map(|event| event.link).collect();
+        let attempts = held_out.iter().map(|event| event.attempt()).collect();
         let outcomes = |events: &[&Event]| events.iter().map(|event| event.success).collect();
         Ok(Self {
             team,
@@ -183,7 +186,7 @@ impl Mission {
             vehicles,
             centralised: centralised?,
             packets,
-            held_out: links(&held_out),
+            held_out: attempts,
             outcomes: outcomes(&held_out),
             training: links(&training),
             training_outcomes: outcomes(&training),

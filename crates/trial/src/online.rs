@@ -135,16 +135,16 @@ impl<'a> Run<'a> {
     fn happen(&mut self, event: &Event) -> Result<(), AgentError> {
         let nll = |p: f64| Score::new(&[p], &[event.success]).map_or(0.0, |score| score.nll);
         let Some(agent) = self.vehicles.get_mut(&event.receiver_id) else { return Ok(()) };
-        let inputs = agent.model().inputs([&event.link])?;
+        let inputs = agent.model().inputs([event.attempt()])?;
         let (mine, all) = rayon::join(
             || -> Result<_, AgentError> {
                 let own = agent.own_posterior()?.probability(&inputs)?[0];
-                let team = agent.probability(&event.link)?;
+                let team = agent.probability(event.attempt())?;
                 learn(agent, event)?;
                 Ok((own, team))
             },
             || -> Result<_, AgentError> {
-                let all = self.centralised.probability(&event.link)?;
+                let all = self.centralised.probability(event.attempt())?;
                 learn(&mut self.centralised, event)?;
                 Ok(all)
             },

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, Event, FitQuality, LearnedModel, Link, Model, Team, VehicleId};
+use pingmap_agent::{Agent, AgentError, Event, FitQuality, LearnedModel, Model, Team, VehicleId};
 use rayon::prelude::*;
 
 use crate::alternatives::Alternative;
@@ -328,7 +328,8 @@ fn replay_split(
 
     let rate = base_rate(&mission.training_outcomes);
     let distance_only = DistanceOnly::fit(&mission.training, &mission.training_outcomes);
-    let by_distance: Vec<f64> = mission.held_out.iter().map(|link: &Link| distance_only.probability(link)).collect();
+    let by_distance: Vec<f64> =
+        mission.held_out.iter().map(|attempt| distance_only.probability(&attempt.link)).collect();
     let (own, _) = score_each(mission.predict_alone().map_err(failed)?)?;
     let centralised = score(&mission.predict_centralised().map_err(failed)?)?;
     let true_probability = truth.as_ref().map(|truth| score(truth)).transpose()?;

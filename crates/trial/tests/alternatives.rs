@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use pingmap_agent::{Event, Learning, Link, Position, VehicleId};
+use pingmap_agent::{Event, Given, Learning, Link, MeanStructure, Position, VehicleId};
 use pingmap_trial::{Alternative, EventLog, Learners, Mission, Plan, Split};
 
 /// What `a` heard `repeats` times over each of these links, from `b`; and what `b` then heard once, which is held out.
@@ -31,8 +31,10 @@ fn links(count: usize, apart_m: f64) -> Vec<Link> {
 /// What `b`, who saw nothing, makes of one frame.
 fn heard_by_b(way: Alternative, links: &[Link], repeats: usize) -> Vec<f64> {
     let (log, split) = log(links, repeats);
-    // The model is what is expected before any event, so that it is the same for all.
-    let plan = Plan { learners: Learners::Own, ..Plan::new(Learning::default(), 1) };
+    // The model is what is expected before any event, so that it is the same for all, and even odds are expected.
+    let structures = Given { mean: Some(MeanStructure::Zero), ..Given::default() }.few();
+    let learning = Learning { structures, ..Learning::default() };
+    let plan = Plan { learners: Learners::Own, ..Plan::new(learning, 1) };
     let mission = Mission::prepare(&log, &split, &plan, 1).unwrap();
     way.predict(&mission, 1).unwrap().pop().unwrap()
 }

@@ -2,7 +2,7 @@
 
 use super::reflection::Reflection;
 use super::shape::Shape;
-use crate::error::{Error, Result, finite, positive, same_size};
+use crate::error::{Error, Result, finite, in_range, positive, same_size};
 use crate::inputs::{Inputs, check_column};
 use crate::parameter::Parameter;
 
@@ -80,6 +80,25 @@ impl Correlation {
         Ok(self)
     }
 
+    /// The same with another shape.
+    pub(super) fn with_shape(&self, shape: Shape) -> Result<Self> {
+        shape.check()?;
+        Ok(Self { shape, ..self.clone() })
+    }
+
+    /// The same with one of its untied length-scales times a factor.
+    pub(super) fn with_length_scale_times(&self, number: usize, factor: f64) -> Result<Self> {
+        in_range(
+            "number of a length-scale",
+            number as f64,
+            0.0..=self.length_scale_count() as f64 - 1.0,
+            "one that there is",
+        )?;
+        let mut parameters: Vec<f64> = self.log_parameters().collect();
+        parameters[number] += factor.ln();
+        self.with_log_parameters(&parameters)
+    }
+
     /// How it falls with distance.
     pub fn shape(&self) -> Shape {
         self.shape
@@ -101,8 +120,19 @@ impl Correlation {
         &self.ties
     }
 
-    /// Number of length-scales that are not tied to each other.
+    /// A correlation over columns of labels ([`Shape::Label`]).
+    ///
+    /// # Errors
+    /// As [`Correlation::new`].
+    pub fn of_labels(columns: &[usize]) -> Result<Self> {
+        Self::new(Shape::Label, columns, &vec![1.0; columns.len()])
+    }
+
+    /// Number of length-scales that are not tied to each other; labels have none.
     pub(super) fn length_scale_count(&self) -> usize {
+        if self.shape.is_of_labels() {
+            return 0;
+        }
         self.ties.iter().max().map_or(0, |last| last + 1)
     }
 
@@ -129,7 +159,10 @@ impl Correlation {
 
     /// The same correlation with other parameters, as [`Correlation::log_parameters`] lays them out.
     pub(super) fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
-        let length_scales: Vec<f64> = self.ties.iter().map(|&tie| parameters[tie].exp()).collect();
+        let length_scales: Vec<f64> = match self.shape.is_of_labels() {
+            true => self.length_scales.clone(),
+            false => self.ties.iter().map(|&tie| parameters[tie].exp()).collect(),
+        };
         let of_shape: Vec<f64> = parameters[self.length_scale_count()..].iter().map(|ln| ln.exp()).collect();
         let checked = Self::new(self.shape.with_parameters(&of_shape)?, &self.columns, &length_scales)?;
         Ok(Self { ties: self.ties.clone(), ..checked })
@@ -168,7 +201,12 @@ impl Correlation {
             None => (column, 1.0 / length_scale),
         };
         let picks: Vec<(usize, f64)> = self.columns.iter().zip(&self.length_scales).map(pick).collect();
-        inputs.rows().flat_map(|row| picks.iter().map(|&(column, factor)| row[column] * factor)).collect()
+        let scaled = inputs.rows().flat_map(|row| picks.iter().map(|&(column, factor)| row[column] * factor));
+        match self.shape.is_of_labels() {
+            // No distance from anything, not even from itself, is a number.
+            true => scaled.map(|label| if label < 0.0 { f64::NAN } else { label }).collect(),
+            false => scaled.collect(),
+        }
     }
 
     /// Adds `weight` · correlation between `point` and every one of `others` (rows of scaled coordinates) to `out`.
@@ -214,10 +252,11 @@ impl Correlation {
 
     /// Adds `factor` · the sums to a gradient by the parameters: ∂r²/∂ln ℓ_c is −2 · (column c's part of r²).
     pub(super) fn add_gradient(&self, factor: f64, sums: &Slopes, gradient: &mut [f64]) {
-        for (sum, &tie) in sums.columns.iter().zip(&self.ties) {
+        let length_scales = self.length_scale_count();
+        for (sum, &tie) in sums.columns.iter().zip(&self.ties).filter(|(_, tie)| **tie < length_scales) {
             gradient[tie] -= 2.0 * factor * sum;
         }
-        let of_shape = gradient[self.length_scale_count()..].iter_mut().zip(&sums.shape);
+        let of_shape = gradient[length_scales..].iter_mut().zip(&sums.shape);
         of_shape.for_each(|(entry, sum)| *entry += factor * sum);
     }
 }

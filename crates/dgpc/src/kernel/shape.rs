@@ -27,6 +27,8 @@ use crate::error::{Error, Result, in_range};
 pub enum Shape {
     /// exp(−r²/2): infinitely smooth.
     SquaredExponential,
+    /// exp(−r): continuous, nowhere differentiable.
+    Matern12,
     /// (1 + √3 r) exp(−√3 r): once differentiable.
     Matern32,
     /// (1 + √5 r + 5r²/3) exp(−√5 r): twice differentiable.
@@ -36,20 +38,31 @@ pub enum Shape {
         /// α, from 0.001 to 1000.
         alpha: f64,
     },
+    /// 1 where all columns are equal and none is negative, 0 elsewhere: columns are labels, each of which has an offset
+    /// of its own, and a point with a negative label has none. There is no length-scale to learn.
+    Label,
 }
 
 impl Shape {
     /// Every shape, with the defaults of its parameters.
-    pub const ALL: &[Shape] =
-        &[Shape::SquaredExponential, Shape::Matern32, Shape::Matern52, Shape::RationalQuadratic { alpha: 1.0 }];
+    pub const ALL: &[Shape] = &[
+        Shape::SquaredExponential,
+        Shape::Matern12,
+        Shape::Matern32,
+        Shape::Matern52,
+        Shape::RationalQuadratic { alpha: 1.0 },
+        Shape::Label,
+    ];
 
     /// What it is called in files and on command lines, without its parameter.
     pub const fn name(self) -> &'static str {
         match self {
             Shape::SquaredExponential => "squared-exponential",
+            Shape::Matern12 => "matern12",
             Shape::Matern32 => "matern32",
             Shape::Matern52 => "matern52",
             Shape::RationalQuadratic { .. } => "rational-quadratic",
+            Shape::Label => "label",
         }
     }
 
@@ -57,10 +70,17 @@ impl Shape {
     pub const fn title(self) -> &'static str {
         match self {
             Shape::SquaredExponential => "squared exponential",
+            Shape::Matern12 => "Matérn 1/2",
             Shape::Matern32 => "Matérn 3/2",
             Shape::Matern52 => "Matérn 5/2",
             Shape::RationalQuadratic { .. } => "rational quadratic",
+            Shape::Label => "label",
         }
+    }
+
+    /// Whether columns are labels, which are equal or not, rather than places that have a distance.
+    pub const fn is_of_labels(self) -> bool {
+        matches!(self, Shape::Label)
     }
 
     /// Its parameters beside length-scales: all positive, learned as logarithms.
@@ -116,6 +136,12 @@ impl Shape {
                 let correlation = (-0.5 * squared_distance).exp();
                 (correlation, -0.5 * correlation)
             }
+            Shape::Matern12 => {
+                let r = squared_distance.sqrt();
+                let correlation = (-r).exp();
+                // At distance 0 the slope is infinite, but whatever it is multiplied by there is 0.
+                (correlation, if r > 0.0 { -0.5 * correlation / r } else { 0.0 })
+            }
             Shape::Matern32 => {
                 let r = (3.0 * squared_distance).sqrt();
                 let decay = (-r).exp();
@@ -132,6 +158,7 @@ impl Shape {
                 let correlation = (-alpha * excess.ln_1p()).exp();
                 (correlation, -0.5 * correlation / (1.0 + excess))
             }
+            Shape::Label => (if squared_distance == 0.0 { 1.0 } else { 0.0 }, 0.0),
         }
     }
 

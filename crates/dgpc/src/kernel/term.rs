@@ -83,6 +83,27 @@ impl Term {
         Ok(Self { variance, ..self.clone() })
     }
 
+    /// The same term with another shape of its first correlation, whose parameters are as given.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for a parameter of the shape out of its range.
+    pub fn with_shape(&self, shape: Shape) -> Result<Self> {
+        let mut term = self.clone();
+        term.correlations[0] = term.correlations[0].with_shape(shape)?;
+        Ok(term)
+    }
+
+    /// The same term with one length-scale of its first correlation, by its number among those that are not tied, times a
+    /// positive factor.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] where it has no such length-scale, or where that leaves the range of numbers.
+    pub fn with_length_scale_times(&self, number: usize, factor: f64) -> Result<Self> {
+        let mut term = self.clone();
+        term.correlations[0] = term.correlations[0].with_length_scale_times(number, factor)?;
+        Ok(term)
+    }
+
     /// Variance of the term (before the halving of the reciprocal form).
     pub fn variance(&self) -> f64 {
         self.variance
@@ -192,17 +213,23 @@ impl Term {
         }
     }
 
+    /// Whether every point correlates fully with itself, as all but those without a label do.
+    fn is_one_with_itself(&self) -> bool {
+        !self.correlations.iter().any(|correlation| correlation.shape().is_of_labels())
+    }
+
     /// Adds k(x, x) for every point to `out`.
     pub(super) fn add_diagonal(&self, inputs: &Inputs, out: &mut [f64]) {
-        let Some(reflection) = &self.reflection else {
+        if self.reflection.is_none() && self.is_one_with_itself() {
             out.iter_mut().for_each(|v| *v += self.variance);
             return;
-        };
-        let (points, images) = (self.scaled(inputs, None), self.scaled(inputs, Some(reflection)));
-        let (weight, mut products) = (0.5 * self.variance, Vec::new());
+        }
+        let (points, images) = (self.scaled(inputs, None), self.images(inputs));
+        let (weight, mut products) = (self.variance / images.len() as f64, Vec::new());
         for (n, out) in out.iter_mut().enumerate() {
-            *out += weight;
-            self.add_products(weight, (&points, n), (&images, n), std::slice::from_mut(out), &mut products);
+            for image in &images {
+                self.add_products(weight, (&points, n), (image, n), std::slice::from_mut(out), &mut products);
+            }
         }
     }
 
@@ -267,19 +294,19 @@ impl Term {
 
     /// Adds Σ w_n ∂k(x_n, x_n)/∂(log parameters) to `gradient`.
     pub(super) fn add_diagonal_gradient(&self, inputs: &Inputs, weights: &[f64], gradient: &mut [f64]) {
-        let total: f64 = weights.iter().sum();
-        let Some(reflection) = &self.reflection else {
-            gradient[0] += self.variance * total;
+        if self.reflection.is_none() && self.is_one_with_itself() {
+            gradient[0] += self.variance * weights.iter().sum::<f64>();
             return;
-        };
-        let (points, images) = (self.scaled(inputs, None), self.scaled(inputs, Some(reflection)));
+        }
+        let (points, images) = (self.scaled(inputs, None), self.images(inputs));
         let mut sums: Vec<Slopes> = self.correlations.iter().map(Correlation::slopes).collect();
         let mut products = Vec::new();
         for (n, weight) in weights.iter().enumerate() {
-            self.add_slopes((&points, n), (&images, n), std::slice::from_ref(weight), &mut sums, &mut products);
+            for image in &images {
+                self.add_slopes((&points, n), (image, n), std::slice::from_ref(weight), &mut sums, &mut products);
+            }
         }
-        sums[0].correlation += total;
-        self.add_sums(0.5 * self.variance, &sums, gradient);
+        self.add_sums(self.variance / images.len() as f64, &sums, gradient);
     }
 }
 

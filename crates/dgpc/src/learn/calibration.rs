@@ -105,7 +105,7 @@ mod tests {
         let outcomes = inputs.rows().map(|x| x[0].sin() > 0.0).collect();
         let events = Observations::new(inputs, outcomes)?;
         let likelihood = Likelihood::new(&events, &[])?;
-        let (template, options) = (prior(fitted)?, LearnOptions::new(1.0));
+        let (template, options) = (prior(fitted)?, LearnOptions::default());
         let search = Search::new(&template, &likelihood, None, &options);
         let fit = search.fit(&template, &FitOptions::default())?;
         Ok(calibrate(&search, &prior(variance)?, &fit, options.hyper_prior.variance))

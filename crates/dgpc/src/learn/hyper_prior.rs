@@ -4,8 +4,8 @@ use crate::error::{Result, not_negative};
 use crate::parameter::Parameter;
 use crate::prior::Prior;
 
-/// A distribution over priors: independent normal distributions of the parameters about the template's values, of the
-/// logarithms for variances, length-scales and parameters of shapes. Its standard deviations say how far the data may
+/// A distribution over priors: independent normal distributions of the parameters about the template's values, of their
+/// logarithms for all but the intercept. Its standard deviations say how far the data may
 /// move each; at 0 the parameter stays what it is.
 ///
 /// They are weak: the default lets a length-scale move by a factor of 4.5 for half a nat. And they are strong enough
@@ -21,16 +21,17 @@ pub struct HyperPrior {
     pub shape: f64,
     /// Of a constant prior mean, or the intercept of a range prior mean.
     pub intercept: f64,
-    /// Of the slope of a range prior mean, per unit of distance.
+    /// Of the logarithm of the slope of a range prior mean.
     pub slope: f64,
 }
 
-impl HyperPrior {
-    /// The default, for inputs that typically lie `distance` apart.
-    pub fn weak(distance: f64) -> Self {
-        Self { length_scale: 1.5, variance: 1.5, shape: 1.0, intercept: 2.0, slope: 2.0 / distance }
+impl Default for HyperPrior {
+    fn default() -> Self {
+        Self { length_scale: 1.5, variance: 1.5, shape: 1.0, intercept: 1.0, slope: 0.25 }
     }
+}
 
+impl HyperPrior {
     /// Sets [`HyperPrior::length_scale`].
     #[must_use]
     pub fn length_scale(self, length_scale: f64) -> Self {

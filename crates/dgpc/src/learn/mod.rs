@@ -65,7 +65,8 @@ pub struct Learned {
 ///
 /// Several starts (the template, a third of all its length-scales, and a third of each alone) are compared on some
 /// events. On all events the search begins at the best of their ends and, because few events may point elsewhere, at
-/// the template too. With inducing points there is a second round, with points that suit what the first one found.
+/// the template and [`LearnOptions::further_starts`] too; of where these lead to, that is the best which has the greatest
+/// corrected evidence ([`Fit::corrected_evidence`]) after its variances are calibrated. With inducing points there is a second round, with points that suit what the first one found.
 ///
 /// ```
 /// use dgpc::{Inputs, Kernel, LearnOptions, Observations, Prior, PriorMean, Shape, Term, learn};
@@ -76,7 +77,7 @@ pub struct Learned {
 /// let events = Observations::new(inputs, outcomes)?;
 /// let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, 4.0, 0.1, 1)?])?;
 /// let template = Prior::new(kernel, PriorMean::Zero)?;
-/// let learned = learn(&template, &events, &LearnOptions::new(1.0))?;
+/// let learned = learn(&template, &events, &LearnOptions::default())?;
 /// assert!(learned.prior.kernel().terms()[0].correlations()[0].length_scales()[0] > 0.3);
 /// # Ok::<(), dgpc::Error>(())
 /// ```
@@ -86,13 +87,14 @@ pub struct Learned {
 /// [`Error::DifferentStructures`] for a warm start of another structure than the template.
 pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptions<'_>) -> Result<Learned> {
     options.check()?;
+    if !options.warm_start.iter().copied().chain(options.further_starts).all(|start| start.has_structure_of(template)) {
+        return Err(Error::DifferentStructures);
+    }
     let likelihood = Likelihood::new(observations, options.messages)?;
     if let Some(start) = options.warm_start {
-        if !start.has_structure_of(template) {
-            return Err(Error::DifferentStructures);
-        }
         let points = inducing_points(start, &likelihood, options)?;
-        return learn_from(template, std::slice::from_ref(start), &likelihood, points, options);
+        let starts = [std::slice::from_ref(start), options.further_starts].concat();
+        return learn_from(template, &starts, &likelihood, points, options);
     }
     let some = spread_out(likelihood.events(), options.start_events_max);
     let few = observations.select(&some);
@@ -101,6 +103,7 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
     if some.len() < likelihood.events() {
         again.push(template.clone());
     }
+    again.extend_from_slice(options.further_starts);
     // Points for shorter length-scales than the start's serve them too; the other way round they would hide what is
     // short.
     let points = inducing_points(&again[0].with_length_scales_times(1.0 / 3.0)?, &likelihood, options)?;
@@ -162,7 +165,7 @@ fn starting_points(template: &Prior, options: &LearnOptions<'_>) -> Result<Vec<P
     Ok(points)
 }
 
-/// Searches on all events from each of `starts`, and calibrates the best end.
+/// Searches on all events from each of `starts`, calibrates every end, and returns the best of them.
 fn learn_from(
     template: &Prior,
     starts: &[Prior],
@@ -171,9 +174,39 @@ fn learn_from(
     options: &LearnOptions<'_>,
 ) -> Result<Learned> {
     let search = Search::new(template, likelihood, points.as_ref(), options);
-    let ends: Vec<Result<Found>> = starts.iter().map(|start| search.run(start)).collect();
-    let evaluations = ends.iter().flatten().map(|end| end.evaluations).sum();
-    let found = best(ends)?;
+    let (mut ends, mut failure) = (Vec::<Found>::new(), None);
+    let mut evaluations = 0;
+    for start in starts {
+        match search.run(start) {
+            Ok(end) => {
+                evaluations += end.evaluations;
+                // Most starts lead to the same place.
+                if ends.iter().all(|other| !search.is_one_place(other, &end)) {
+                    ends.push(end);
+                }
+            }
+            Err(error) => failure = Some(error),
+        }
+    }
+    let learned = ends.into_iter().map(|end| finish(&search, end, points.as_ref(), options));
+    let best = learned.reduce(|best, next| match (best, next) {
+        (Ok(best), Ok(next)) => Ok(if next.merit > best.merit { next } else { best }),
+        (best, next) => best.or(next),
+    });
+    let none = Error::OutOfRange { what: "number of starts", expected: "at least 1", value: 0.0 };
+    let best = best.unwrap_or_else(|| Err(failure.unwrap_or(none)))?;
+    Ok(Learned { evaluations, ..best.learned })
+}
+
+/// Where one search led to, calibrated.
+struct End {
+    learned: Learned,
+    /// The corrected evidence plus the log density of the hyperprior.
+    merit: f64,
+}
+
+/// Fits carefully where a search ended, and calibrates the variances there.
+fn finish(search: &Search<'_>, found: Found, points: Option<&Inputs>, options: &LearnOptions<'_>) -> Result<End> {
     let ended = search.careful_fit(&found.prior, &found.tilts)?;
     let (optimum, fit) = match options.warm_start {
         // What the hyperprior gains must not be paid for in E.
@@ -187,14 +220,15 @@ fn learn_from(
     let optimum_evidence = fit.evidence;
     let calibrate = options.calibrate && options.hyper_prior.variance > 0.0;
     let calibration = match options.hyper_prior.variance {
-        spread if calibrate => calibration::calibrate(&search, &optimum, &fit, spread),
+        spread if calibrate => calibration::calibrate(search, &optimum, &fit, spread),
         _ => Calibration::NotAsked,
     };
     let prior = optimum.with_variances_times(calibration.factor())?;
     let fit = if calibrate { search.careful_fit(&prior, &fit.tilts)? } else { fit };
-    let fit = Fit::new(&prior, fit, points.as_ref(), options.messages)?;
+    let fit = Fit::new(&prior, fit, points, options.messages)?;
+    let merit = fit.corrected_evidence() + search.log_density(&prior);
     let stop = found.stop;
-    Ok(Learned {
+    let learned = Learned {
         prior,
         fit,
         optimum,
@@ -202,9 +236,10 @@ fn learn_from(
         calibration,
         starts: Vec::new(),
         start_events: 0,
-        evaluations,
+        evaluations: 0,
         stop,
-    })
+    };
+    Ok(End { learned, merit })
 }
 
 /// Inducing points for all events, where they are too many for a dense fit: those that suit the prior, or shorter

@@ -1,7 +1,7 @@
 //! How a prior is learned.
 
 use super::hyper_prior::HyperPrior;
-use crate::error::{Result, positive};
+use crate::error::{Result, not_negative, positive};
 use crate::prior::Prior;
 use crate::summary::Summary;
 
@@ -16,6 +16,8 @@ pub struct LearnOptions<'a> {
     /// Start here and on all events at once: an earlier [`crate::Learned::optimum`], of the template's structure. The
     /// new optimum is never worse in E. Without it there are several starts.
     pub warm_start: Option<&'a Prior>,
+    /// Start here on all events too, beside where the search starts anyway; of the template's structure.
+    pub further_starts: &'a [Prior],
     /// How many events the starts are compared on, at most: 150 if not said otherwise.
     pub start_events_max: usize,
     /// Up to so many events, 1000 if not said otherwise, E is that of the dense fit, O(N³) an evaluation; beyond, that
@@ -26,27 +28,32 @@ pub struct LearnOptions<'a> {
     pub inducing_points_max: usize,
     /// How many steps a search takes at most: 60 if not said otherwise.
     pub iterations_max: usize,
+    /// A search ends where a step gains less than this, in nats an event: 1e-8 if not said otherwise.
+    pub tolerance: f64,
     /// Whether all variances are multiplied by a common factor at the end, that which maximises the corrected evidence
     /// ([`crate::Fit::corrected_evidence`]): the slack of E grows with the variance, so that E alone leaves it too
     /// small. So it is if not said otherwise.
     pub calibrate: bool,
 }
 
-impl<'a> LearnOptions<'a> {
-    /// The default for inputs that typically lie `distance` apart.
-    pub fn new(distance: f64) -> Self {
+impl Default for LearnOptions<'_> {
+    fn default() -> Self {
         Self {
             messages: &[],
-            hyper_prior: HyperPrior::weak(distance),
+            hyper_prior: HyperPrior::default(),
             warm_start: None,
+            further_starts: &[],
             start_events_max: 150,
             dense_events_max: 1000,
             inducing_points_max: 256,
             iterations_max: 60,
+            tolerance: 1e-8,
             calibrate: true,
         }
     }
+}
 
+impl<'a> LearnOptions<'a> {
     /// Sets [`LearnOptions::messages`].
     #[must_use]
     pub fn messages(self, messages: &'a [&'a Summary]) -> Self {
@@ -63,6 +70,12 @@ impl<'a> LearnOptions<'a> {
     #[must_use]
     pub fn warm_start(self, optimum: &'a Prior) -> Self {
         Self { warm_start: Some(optimum), ..self }
+    }
+
+    /// Sets [`LearnOptions::further_starts`].
+    #[must_use]
+    pub fn further_starts(self, further_starts: &'a [Prior]) -> Self {
+        Self { further_starts, ..self }
     }
 
     /// Sets [`LearnOptions::start_events_max`].
@@ -83,6 +96,12 @@ impl<'a> LearnOptions<'a> {
         Self { iterations_max, ..self }
     }
 
+    /// Sets [`LearnOptions::tolerance`].
+    #[must_use]
+    pub fn tolerance(self, tolerance: f64) -> Self {
+        Self { tolerance, ..self }
+    }
+
     /// Sets [`LearnOptions::calibrate`].
     #[must_use]
     pub fn calibrate(self, calibrate: bool) -> Self {
@@ -92,6 +111,7 @@ impl<'a> LearnOptions<'a> {
     /// Checks the numbers.
     pub(super) fn check(&self) -> Result<()> {
         positive("largest number of inducing points", self.inducing_points_max as f64)?;
+        not_negative("tolerance of a search", self.tolerance)?;
         self.hyper_prior.check()
     }
 }

@@ -16,6 +16,10 @@ use crate::prior::Prior;
 /// No search goes farther from the template than its start by more than so many standard deviations of the hyperprior.
 const COORDINATE_MAX: f64 = 8.0;
 
+/// Ends of searches that differ by less than this in nats and in every coordinate are one.
+const SAME_OBJECTIVE: f64 = 0.05;
+const SAME_COORDINATE: f64 = 0.1;
+
 /// Nats per event that no sensible place costs.
 const COST_BEYOND: f64 = 100.0;
 
@@ -41,6 +45,7 @@ pub(super) struct Search<'a> {
     /// Places of the parameters that may move, and how far each may.
     moving: Vec<(usize, f64)>,
     iterations_max: u64,
+    tolerance: f64,
 }
 
 /// Where a search ended.
@@ -64,7 +69,8 @@ impl<'a> Search<'a> {
         let spread = options.hyper_prior.of_parameters(template);
         let moving = spread.into_iter().enumerate().filter(|&(_, spread)| spread > 0.0).collect();
         let iterations_max = options.iterations_max as u64;
-        Self { likelihood, points, template, centre: template.parameter_values(), moving, iterations_max }
+        let (centre, tolerance) = (template.parameter_values(), options.tolerance);
+        Self { likelihood, points, template, centre, moving, iterations_max, tolerance }
     }
 
     /// Coordinates of a prior: what moves, in units of its spread about the template.
@@ -76,6 +82,17 @@ impl<'a> Search<'a> {
     /// The prior that a search from `start` begins at: what may not move is the template's.
     pub(super) fn within_reach(&self, start: &Prior) -> Result<Prior> {
         self.prior(&self.coordinates(start))
+    }
+
+    /// Log density of the hyperprior, but for a constant.
+    pub(super) fn log_density(&self, prior: &Prior) -> f64 {
+        -0.5 * self.coordinates(prior).iter().map(|x| x * x).sum::<f64>()
+    }
+
+    /// Whether two searches ended in one place, as far as it matters.
+    pub(super) fn is_one_place(&self, a: &Found, b: &Found) -> bool {
+        let apart = self.coordinates(&a.prior).into_iter().zip(self.coordinates(&b.prior)).map(|(a, b)| (a - b).abs());
+        (a.objective - b.objective).abs() < SAME_OBJECTIVE && apart.fold(0.0, f64::max) < SAME_COORDINATE
     }
 
     fn prior(&self, coordinates: &[f64]) -> Result<Prior> {
@@ -122,7 +139,7 @@ impl<'a> Search<'a> {
     /// L-BFGS. Whatever it returns, the best point it looked at is in the memory.
     fn maximise(&self, objective: &Objective<'_>, start: Vec<f64>) -> Stop {
         let solver = LBFGS::new(MoreThuenteLineSearch::new(), 8).with_tolerance_grad(3e-4);
-        let solver = solver.and_then(|solver| solver.with_tolerance_cost(1e-8));
+        let solver = solver.and_then(|solver| solver.with_tolerance_cost(self.tolerance));
         let run = solver.and_then(|solver| {
             let executor = Executor::new(objective, solver).timer(false);
             executor.configure(|state| state.param(start).max_iters(self.iterations_max)).run()

@@ -49,7 +49,7 @@ fn four_length_scales_are_recovered() {
     let truth = process_prior(4.0, &scales);
     for seed in [27, 36] {
         let events = process(seed, 1000, 4.0, &scales);
-        let learned = learn_process(&events, &truth, &LearnOptions::new(1.0));
+        let learned = learn_process(&events, &truth, &LearnOptions::default());
         assert!(learned.fit.inducing_points().is_none());
         assert_ratios("length-scales", length_scales(&learned.prior), &scales, 0.25);
         assert_ratios("variance", &[variance(&learned.prior)], &[4.0], 0.3);
@@ -65,10 +65,10 @@ fn sparse_learning_agrees_with_dense_learning() {
     let truth = process_prior(9.0, &scales);
     for seed in [2, 9] {
         let events = process(seed, 600, 9.0, &scales);
-        let dense = learn_process(&events, &truth, &LearnOptions::new(1.0));
+        let dense = learn_process(&events, &truth, &LearnOptions::default());
         assert_ratios("length-scales", length_scales(&dense.prior), &scales, 0.25);
         assert_ratios("variance", &[variance(&dense.prior)], &[9.0], 0.5);
-        let options = LearnOptions::new(1.0).sparse_beyond(100, 150);
+        let options = LearnOptions::default().sparse_beyond(100, 150);
         let sparse = learn_process(&events, &truth, &options);
         assert!(sparse.fit.inducing_points().is_some_and(|points| points.len() <= 150));
         assert_ratios("length-scales", length_scales(&sparse.prior), length_scales(&dense.prior), 0.05);
@@ -86,7 +86,7 @@ fn sparse_learning_agrees_with_dense_learning() {
 fn few_inducing_points_cost_little() {
     let scales = [0.5, 0.7, 1.0, 1.5];
     let (events, truth) = (process(36, 1000, 4.0, &scales), process_prior(4.0, &scales));
-    let options = LearnOptions::new(1.0).sparse_beyond(100, 150);
+    let options = LearnOptions::default().sparse_beyond(100, 150);
     let template = process_prior(4.0, &[1.0; 4]);
     let sparse = learn(&template, &events, &options).unwrap();
     let [full, of_truth, of_template] =
@@ -101,7 +101,7 @@ fn few_inducing_points_cost_little() {
 #[test]
 fn inducing_points_of_a_smooth_start_do_not_hold_learning_back() {
     let (events, truth) = (process(2, 1200, 9.0, &[0.25; 2]), process_prior(9.0, &[0.25; 2]));
-    let options = LearnOptions::new(1.0).sparse_beyond(100, 256);
+    let options = LearnOptions::default().sparse_beyond(100, 256);
     let template = process_prior(4.0, &[1.0; 2]);
     let found = learn(&template, &events, &options).unwrap();
     let from_truth = options.warm_start(&truth);
@@ -116,7 +116,7 @@ fn inducing_points_of_a_smooth_start_do_not_hold_learning_back() {
 #[test]
 fn inducing_points_of_a_smooth_warm_start_do_not_hold_learning_back() {
     let events = process(2, 1200, 9.0, &[0.25; 2]);
-    let options = LearnOptions::new(1.0).sparse_beyond(100, 256);
+    let options = LearnOptions::default().sparse_beyond(100, 256);
     let template = process_prior(4.0, &[1.0; 2]);
     let cold = learn(&template, &events, &options).unwrap();
     let warm = options.warm_start(&template);

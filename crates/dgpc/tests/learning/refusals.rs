@@ -6,10 +6,10 @@ use super::*;
 fn spreads_that_make_no_sense_are_refused() {
     let (template, events) = (&templates()[2], waves(12, 20));
     for value in [-1e-9, -1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let weak = HyperPrior::weak(1.0);
+        let weak = HyperPrior::default();
         let spreads = [weak.length_scale(value), weak.variance(value), weak.intercept(value), weak.slope(value)];
         for spread in spreads {
-            let cold = LearnOptions::new(1.0).hyper_prior(spread);
+            let cold = LearnOptions::default().hyper_prior(spread);
             for options in [cold, cold.warm_start(template)] {
                 let found = learn(template, &events, &options);
                 assert!(
@@ -19,12 +19,14 @@ fn spreads_that_make_no_sense_are_refused() {
             }
         }
     }
-    let found = learn(template, &events, &LearnOptions::new(0.0));
-    assert!(matches!(found, Err(Error::OutOfRange { .. })), "a distance of zero: {found:?}");
+    for tolerance in [-1.0, f64::NAN, f64::INFINITY] {
+        let found = learn(template, &events, &LearnOptions::default().tolerance(tolerance));
+        assert!(matches!(found, Err(Error::OutOfRange { what: "tolerance of a search", .. })), "{found:?}");
+    }
 }
 
 fn refused_as_different(template: &Prior, start: &Prior) -> bool {
-    let options = LearnOptions::new(1.0).warm_start(start);
+    let options = LearnOptions::default().warm_start(start);
     matches!(learn(template, &waves(13, 20), &options), Err(Error::DifferentStructures))
 }
 
@@ -53,9 +55,9 @@ fn warm_starts_of_another_structure_are_refused() {
 #[test]
 fn a_parameter_without_spread_is_that_of_the_template_after_a_warm_start() {
     let (template, events) = (&templates()[0], waves(1, 60));
-    let start = learn(template, &events, &LearnOptions::new(1.0)).unwrap().optimum;
-    let spread = HyperPrior::weak(1.0).length_scale(0.0);
-    let options = LearnOptions::new(1.0).hyper_prior(spread).warm_start(&start);
+    let start = learn(template, &events, &LearnOptions::default()).unwrap().optimum;
+    let spread = HyperPrior::default().length_scale(0.0);
+    let options = LearnOptions::default().hyper_prior(spread).warm_start(&start);
     let learned = learn(template, &events, &options).unwrap();
     assert_near("length-scales", length_scales(&learned.prior), length_scales(template), 1e-12);
 }
@@ -66,7 +68,7 @@ fn inputs_too_narrow_are_refused() {
     for template in templates() {
         for dense_events_max in [1000, 1] {
             for warm_start in [None, Some(template.clone())] {
-                let options = LearnOptions::new(1.0).sparse_beyond(dense_events_max, 256);
+                let options = LearnOptions::default().sparse_beyond(dense_events_max, 256);
                 let options = warm_start.as_ref().map_or(options, |start| options.warm_start(start));
                 let found = learn(&template, &line, &options);
                 assert!(matches!(found, Err(Error::BadColumn { column: 1, columns: 1, .. })), "{found:?}");
@@ -74,7 +76,7 @@ fn inputs_too_narrow_are_refused() {
         }
     }
     let range = prior(vec![term(Shape::SquaredExponential, 1.0, &[1.0])], range_mean(0.0, 1.0));
-    let found = learn(&range, &line, &LearnOptions::new(1.0));
+    let found = learn(&range, &line, &LearnOptions::default());
     assert!(matches!(found, Err(Error::BadColumn { what: "range prior mean", .. })), "{found:?}");
 }
 

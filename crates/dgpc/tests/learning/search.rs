@@ -12,7 +12,7 @@ fn elsewhere(rng: &mut ChaCha8Rng, template: &Prior) -> Prior {
 /// Spreads from strong, which pull away from where E is largest, to weak.
 fn random_spread(rng: &mut ChaCha8Rng) -> HyperPrior {
     let mut sd = || rng.random_range(0.05..1.5);
-    HyperPrior::weak(1.0).length_scale(sd()).variance(sd()).intercept(sd()).slope(sd())
+    HyperPrior::default().length_scale(sd()).variance(sd()).intercept(sd()).slope(sd())
 }
 
 #[test]
@@ -23,7 +23,7 @@ fn a_warm_start_never_ends_below_where_it_began() {
         let (all, said) = (waves(seed, 70), message(200 + seed));
         let early = all.select(&(0..30).collect::<Vec<_>>());
         let messages = if rng.random() { vec![&said] } else { vec![] };
-        let options = LearnOptions::new(1.0).hyper_prior(random_spread(&mut rng)).calibrate(rng.random());
+        let options = LearnOptions::default().hyper_prior(random_spread(&mut rng)).calibrate(rng.random());
         let earlier = learn(template, &early, &options).unwrap().optimum;
         for start in [earlier, elsewhere(&mut rng, template)] {
             let begun = evidence_of(&start, &all, &messages);
@@ -44,7 +44,7 @@ fn a_sparse_warm_start_never_ends_below_where_it_began() {
         let template = &templates()[seed as usize % 3];
         let (all, said) = (waves(300 + seed, 120), message(400 + seed));
         let early = all.select(&(0..60).collect::<Vec<_>>());
-        let options = LearnOptions::new(1.0).sparse_beyond(20, 30);
+        let options = LearnOptions::default().sparse_beyond(20, 30);
         let messages = [&said];
         let options = options.messages(&messages);
         let start = learn(template, &early, &options).unwrap().optimum;
@@ -96,7 +96,7 @@ fn the_optimum_is_a_maximum_within_the_spread() {
     for seed in 0..18 {
         let (events, said) = (waves(600 + seed, rng.random_range(30..150)), message(700 + seed));
         let messages = if rng.random() { vec![&said] } else { vec![] };
-        let options = LearnOptions::new(1.0).hyper_prior(random_spread(&mut rng));
+        let options = LearnOptions::default().hyper_prior(random_spread(&mut rng));
         let learned = assert_maximum(&templates()[seed as usize % 3], &events, &messages, &options);
         assert_eq!(learned.start_events, events.len());
     }
@@ -107,11 +107,11 @@ fn the_optimum_is_a_maximum_within_the_spread() {
 #[test]
 fn what_few_events_said_does_not_stand_against_all_events() {
     let template = prior(vec![term(Shape::SquaredExponential, 4.0, &[1.0])], PriorMean::Zero);
-    let spread = HyperPrior::weak(1.0).length_scale(0.7).variance(0.7);
+    let spread = HyperPrior::default().length_scale(0.7).variance(0.7);
     for (seed, count, start_events_max) in [(162, 42, 17), (49, 171, 150)] {
         let events = waves(seed, count);
         let [few, all] = [start_events_max, count].map(|start_events_max| {
-            let options = LearnOptions::new(1.0).hyper_prior(spread).start_events_max(start_events_max);
+            let options = LearnOptions::default().hyper_prior(spread).start_events_max(start_events_max);
             let optimum = learn(&template, &events, &options).unwrap().optimum;
             objective(&template, &optimum.parameter_values(), &spread, &events, &[])
         });
@@ -127,7 +127,7 @@ fn what_few_events_said_does_not_stand_against_all_events() {
 fn comparing_starts_is_never_worse_than_starting_at_the_template() {
     for seed in (900..912).chain([1929, 2511]) {
         let (template, events) = (&templates()[seed as usize % 3], waves(seed, 60));
-        let options = LearnOptions::new(1.0).start_events_max(10);
+        let options = LearnOptions::default().start_events_max(10);
         let value = |warm_start: Option<&Prior>| {
             let options = warm_start.map_or(options, |start| options.warm_start(start));
             let optimum = learn(template, &events, &options).unwrap().optimum;
@@ -142,7 +142,7 @@ fn comparing_starts_is_never_worse_than_starting_at_the_template() {
 fn calibration_raises_the_corrected_evidence() {
     for seed in 0..12 {
         let template = &templates()[seed as usize % 3];
-        let (events, options) = (waves(800 + seed, 60), LearnOptions::new(1.0));
+        let (events, options) = (waves(800 + seed, 60), LearnOptions::default());
         let learned = learn(template, &events, &options).unwrap();
         let corrected = |factor: f64| {
             let terms = learned.optimum.kernel().terms().iter();
@@ -165,7 +165,7 @@ fn learning_twice_is_learning_once() {
     let (events, said) = (waves(5, 120), message(6));
     for template in templates() {
         for dense_events_max in [1000, 50] {
-            let options = LearnOptions::new(1.0).sparse_beyond(dense_events_max, 40);
+            let options = LearnOptions::default().sparse_beyond(dense_events_max, 40);
             let [first, second] = [(); 2].map(|()| learn(&template, &events, &options.messages(&[&said])).unwrap());
             assert_eq!(first.prior, second.prior);
             assert_eq!(first.optimum, second.optimum);

@@ -6,7 +6,7 @@ use super::*;
 fn without_events_the_prior_stays_the_template() {
     let none = Observations::new(Inputs::empty(2), Vec::new()).unwrap();
     for template in templates() {
-        let learned = learn(&template, &none, &LearnOptions::new(1.0)).unwrap();
+        let learned = learn(&template, &none, &LearnOptions::default()).unwrap();
         assert_near("parameters", &learned.prior.parameter_values(), &template.parameter_values(), 1e-6);
         assert_near("E", &[learned.optimum_evidence], &[0.0], 1e-12);
     }
@@ -17,7 +17,7 @@ fn messages_alone_are_learned_from() {
     let none = Observations::new(Inputs::empty(2), Vec::new()).unwrap();
     let said = message(7);
     for template in templates() {
-        let learned = learn(&template, &none, &LearnOptions::new(1.0).messages(&[&said])).unwrap();
+        let learned = learn(&template, &none, &LearnOptions::default().messages(&[&said])).unwrap();
         let (before, after) = (evidence_of(&template, &none, &[&said]), learned.optimum_evidence);
         assert!(after > before + 1e-3, "E {after} after {before}");
     }
@@ -30,7 +30,7 @@ fn one_place_says_nothing_of_length_scales() {
     let events = Observations::new(inputs, (0..40).map(|n| n % 4 != 0).collect()).unwrap();
     let template = prior(vec![term(Shape::SquaredExponential, 4.0, &[0.7, 1.3])], PriorMean::Zero);
     for dense_events_max in [1000, 10] {
-        let learned = learn(&template, &events, &LearnOptions::new(1.0).sparse_beyond(dense_events_max, 256)).unwrap();
+        let learned = learn(&template, &events, &LearnOptions::default().sparse_beyond(dense_events_max, 256)).unwrap();
         assert_ratios("length-scales", length_scales(&learned.prior), &[0.7, 1.3], 0.01);
         // f² is near ln²3 = 1.2.
         assert!((0.5..4.0).contains(&variance(&learned.prior)), "variance {}", variance(&learned.prior));
@@ -43,7 +43,7 @@ fn one_class_alone_stays_within_reach() {
     for template in templates() {
         for (success, dense_events_max) in [(true, 1000), (false, 1000), (true, 20)] {
             let events = Observations::new(inputs.clone(), vec![success; 80]).unwrap();
-            let options = LearnOptions::new(1.0).sparse_beyond(dense_events_max, 30);
+            let options = LearnOptions::default().sparse_beyond(dense_events_max, 30);
             let learned = learn(&template, &events, &options).unwrap();
             assert!(learned.fit.evidence().is_finite() && learned.fit.mean().iter().all(|mean| mean.is_finite()));
             let parameters = learned.optimum.parameter_values().into_iter().zip(template.parameter_values());
@@ -67,7 +67,7 @@ fn outcomes_reversed_turn_the_prior_mean_only() {
     for mean in [PriorMean::Zero, PriorMean::Constant(0.0), range_mean(0.0, 0.0)] {
         let template = prior(vec![term(Shape::Matern52, 4.0, &[1.0, 1.0])], mean);
         let [one, other] =
-            [&events, &reversed].map(|events| learn(&template, events, &LearnOptions::new(1.0)).unwrap());
+            [&events, &reversed].map(|events| learn(&template, events, &LearnOptions::default()).unwrap());
         assert_near("E", &[other.optimum_evidence], &[one.optimum_evidence], 1e-6);
         let (one, other) = (one.prior.parameter_values(), other.prior.parameter_values());
         assert_near("kernel", &other[..3], &one[..3], 1e-4);
@@ -82,7 +82,7 @@ fn a_parameter_without_spread_stays() {
     let matern = Term::isotropic(Shape::Matern52, 3.0, 1.1, 2).unwrap();
     let template = prior(vec![term(Shape::SquaredExponential, 0.7, &[0.8, 1.7]), matern], range_mean(0.4, 0.3));
     let (variances, length_scales) = ([0, 3], [1, 2, 4]);
-    let weak = HyperPrior::weak(1.0);
+    let weak = HyperPrior::default();
     let cases: [(HyperPrior, &[usize]); 5] = [
         (weak.variance(0.0), &variances),
         (weak.length_scale(0.0), &length_scales),
@@ -92,7 +92,7 @@ fn a_parameter_without_spread_stays() {
     ];
     let centre = template.parameter_values();
     for (spread, fixed) in cases {
-        let learned = learn(&template, &events, &LearnOptions::new(1.0).hyper_prior(spread)).unwrap();
+        let learned = learn(&template, &events, &LearnOptions::default().hyper_prior(spread)).unwrap();
         for at in [learned.optimum.parameter_values(), learned.prior.parameter_values()] {
             for (place, (found, centre)) in at.iter().zip(&centre).enumerate() {
                 let moved = (found - centre).abs();
@@ -109,7 +109,7 @@ fn a_parameter_without_spread_stays() {
 
 #[test]
 fn without_calibration_the_prior_is_the_optimum() {
-    let options = LearnOptions::new(1.0).calibrate(false);
+    let options = LearnOptions::default().calibrate(false);
     let learned = learn(&templates()[0], &waves(11, 50), &options).unwrap();
     assert_eq!((learned.calibration.factor(), &learned.prior), (1.0, &learned.optimum));
     assert_eq!(learned.fit.evidence(), learned.optimum_evidence);

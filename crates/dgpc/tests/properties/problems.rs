@@ -58,7 +58,13 @@ impl Problem {
 
 pub(crate) fn shapes() -> impl Strategy<Value = Shape> {
     let alphas = (0.3..5.0).prop_map(|alpha| Shape::RationalQuadratic { alpha });
-    prop_oneof![Just(Shape::SquaredExponential), Just(Shape::Matern32), Just(Shape::Matern52), alphas]
+    prop_oneof![
+        Just(Shape::SquaredExponential),
+        Just(Shape::Matern12),
+        Just(Shape::Matern32),
+        Just(Shape::Matern52),
+        alphas
+    ]
 }
 
 /// The isometry of a link of this dimension that swaps its ends.

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use dgpc::PriorMean;
-use pingmap_agent::{Criterion, Event, LearnedModel, Learning, Limits, Model, ModelFile, Provenance};
-use pingmap_trial::{Division, EventLog, Score, learn_all, learn_best};
+use dgpc::{PriorMean, Term};
+use pingmap_agent::{Criterion, Event, InputSpec, LearnedModel, Learning, Limits, Model, ModelFile, Provenance};
+use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
 use serde::Serialize;
 
 use crate::files::write_file;
@@ -57,8 +57,12 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let bar = progress(learning.structures.len() as u64, "learning");
     let fits = learn_all(&learning, log.chart(), log.inputs(), &training, &|| bar.inc(1))?;
     bar.finish_and_clear();
+    let chosen = learning.choose(fits.iter().map(|(fit, _)| fit.clone()).collect())?;
+    let bar = spinner("trying additions");
+    let added = learn_additions(&learning, chosen, log.chart(), log.inputs(), &training)?;
+    bar.finish_and_clear();
     let mut candidates = Vec::new();
-    for (fit, seconds) in fits {
+    for (fit, seconds) in fits.into_iter().chain(added.tried) {
         warn_of_search(&fit);
         let held_out_nll = held_out_nll(&fit.model, &training, &held_out, limits)?;
         candidates.push(Candidate { fit, seconds, held_out_nll });
@@ -67,17 +71,16 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     candidates.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
 
     // What is kept knows all events, those that were held out too.
-    let best = match candidates.first() {
-        Some(best) if held_out.is_empty() => best.fit.clone(),
-        Some(best) => {
+    let best = match held_out.is_empty() {
+        true => added.best,
+        false => {
             let bar = spinner("learning from all events");
-            let structures = vec![best.fit.structure];
-            let learning = Learning { structures, ..learning.clone() };
+            let structures = vec![added.best.structure];
+            let learning = Learning { structures, additions: Vec::new(), ..learning.clone() };
             let fit = learn_best(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?;
             bar.finish_and_clear();
             fit
         }
-        None => anyhow::bail!("no structure to learn"),
     };
     let from = options.events.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let file = ModelFile { model: best.model.clone(), learned: Some(provenance(&best, from, log_digest)) };
@@ -204,9 +207,10 @@ fn held_out_nll(
         return Ok(None);
     }
     let mut agent = all_in_one(model, training.iter().map(|event| (*event).clone()), limits)?;
-    let links: Vec<_> = held_out.iter().map(|event| event.link).collect();
+    let attempts = held_out.iter().map(|event| event.attempt());
+    let probabilities = agent.probabilities(attempts)?;
     let outcomes: Vec<bool> = held_out.iter().map(|event| event.success).collect();
-    Ok(Score::new(&agent.probabilities(&links)?, &outcomes).map(|score| score.nll))
+    Ok(Score::new(&probabilities, &outcomes).map(|score| score.nll))
 }
 
 fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, held_out: bool) -> String {
@@ -219,13 +223,7 @@ fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, hel
         Criterion::LeaveOneOut => "leave-one-out log predictive",
         Criterion::Evidence => "evidence bound E",
     };
-    let terms = best.model.prior.kernel().terms().iter().map(|term| {
-        let names = best.model.inputs.column_names();
-        let scale = |(column, length_scale): (&usize, &f64)| format!("{} {length_scale:.0} m", names[*column]);
-        let first = &term.correlations()[0];
-        let scales: Vec<String> = first.columns().iter().zip(first.length_scales()).map(scale).collect();
-        format!("  {} variance {:.2}, length-scales {}", first.shape().title(), term.variance(), scales.join(", "))
-    });
+    let terms = best.model.prior.kernel().terms().iter().map(|term| term_in_words(term, best.model.inputs));
     let mean = match best.model.prior.mean() {
         PriorMean::Constant(log_odds) => format!("  prior mean {log_odds:.2}"),
         PriorMean::Range(range) => {
@@ -236,13 +234,28 @@ fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, hel
         _ => "  zero prior mean".to_owned(),
     };
     format!(
-        "{}\n\nBest by {by}, learned from {}: {}\n{}\n{mean}\nE and leave-one-out in nats an event, higher is better; NLL in nats, \
+        "{}\n\nChosen by {by}, learned from {}: {}\n{}\n{mean}\nE and leave-one-out in nats an event, higher is better; NLL in nats, \
          lower is better.",
         table(&header, &candidates.iter().map(Candidate::row).collect::<Vec<_>>()),
         of_events(best.events_used, best.events, "event"),
         best.structure,
         terms.collect::<Vec<_>>().join("\n"),
     )
+}
+
+/// A term's shape, variance and length-scales: of labels it has none.
+fn term_in_words(term: &Term, inputs: InputSpec) -> String {
+    let names = inputs.column_names();
+    let first = &term.correlations()[0];
+    if first.shape().is_of_labels() {
+        let columns: Vec<&str> = first.columns().iter().map(|&column| names[column].as_str()).collect();
+        return format!("  offset of every {}, variance {:.2}", columns.join(", "), term.variance());
+    }
+    let unit = |column| if column == inputs.time() { "s" } else { "m" };
+    let scale =
+        |(&column, length_scale): (&usize, &f64)| format!("{} {length_scale:.0} {}", names[column], unit(column));
+    let scales: Vec<String> = first.columns().iter().zip(first.length_scales()).map(scale).collect();
+    format!("  {} variance {:.2}, length-scales {}", first.shape().title(), term.variance(), scales.join(", "))
 }
 
 fn provenance(fit: &LearnedModel, from: String, log_digest: String) -> Provenance {

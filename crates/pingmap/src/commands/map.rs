@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::files::write_file;
 use crate::model::KernelJson;
-use crate::options::Source;
+use crate::options::{Asked, Source};
 use crate::output::{BadInput, Results, note, print_json, spinner};
 use crate::success_map::{CONTOURS, SuccessMap};
 use crate::survey::Survey;
@@ -26,6 +26,8 @@ pub struct Options {
     /// Whether that place transmits or receives
     #[arg(long = "as", value_enum, default_value_t = End::Tx)]
     pub end: End,
+    #[command(flatten)]
+    pub asked: Asked,
     /// File for the map; its ending says what it is: .png, .svg, .csv (the grid) or .geojson (the contours; needs
     /// --origin)
     #[arg(long, short, value_name = "FILE", default_value = "map.png")]
@@ -65,7 +67,9 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let (east, north) = options.at;
     let at = Position { depth_m: survey.log.mean_depth_m(), ..Position::new(east, north) };
     let bar = spinner("drawing");
-    let map = SuccessMap::new(&survey.posterior, survey.model(), &survey.log.events, at, options.end, options.cell_m)?;
+    let asked = options.asked.attempt(&survey.log)?;
+    let events = &survey.log.events;
+    let map = SuccessMap::new(&survey.posterior, survey.model(), events, (at, options.end), &asked, options.cell_m)?;
     let bytes = match format {
         Format::Png => map.figure(&survey.log.events).png()?,
         Format::Svg => map.figure(&survey.log.events).svg(true).into_bytes(),

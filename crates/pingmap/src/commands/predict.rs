@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::Args;
-use pingmap_agent::Link;
-use pingmap_trial::read_links;
+use pingmap_agent::{Attempt, Link, Position};
+use pingmap_trial::read_attempts;
 use serde::Serialize;
 
 use crate::files::write_file;
 use crate::log::fill_depths;
 use crate::model::KernelJson;
-use crate::options::Source;
+use crate::options::{Asked, Source};
 use crate::output::{Results, csv_text, print, spinner};
 use crate::survey::Survey;
 
@@ -20,9 +20,12 @@ use crate::survey::Survey;
 pub struct Options {
     #[command(flatten)]
     pub source: Source,
-    /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m
+    /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m; who and when in tx_id, rx_id and time_s
+    /// where it has these
     #[arg(long)]
     pub links: PathBuf,
+    #[command(flatten)]
+    pub asked: Asked,
     /// File for the result; standard output if not given
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -68,18 +71,20 @@ struct PredictionsJson<'a> {
 
 impl Predictions {
     fn compute(options: &Options) -> anyhow::Result<Self> {
-        let mut links = read_links(&options.links)?;
         let survey = Survey::learn(&options.source)?;
-        fill_depths(&mut links, &survey.log);
+        let nowhere = Position::new(0.0, 0.0);
+        let asked = options.asked.attempt(&survey.log)?(Link { transmitter: nowhere, receiver: nowhere });
+        let mut attempts = read_attempts(&options.links, &asked)?;
+        fill_depths(attempts.iter_mut().map(|attempt| &mut attempt.link), &survey.log);
         let bar = spinner("predicting");
-        let latent = survey.posterior.latent(&survey.model().inputs(&links)?)?;
+        let latent = survey.posterior.latent(&survey.model().inputs(&attempts)?)?;
         bar.finish_and_clear();
         let depths = survey.model().inputs.has_depths();
         let predicted = latent.mean.iter().zip(&latent.variance).zip(latent.probability());
-        let row = |(link, ((&mean, &variance), p)): (&Link, ((&f64, &f64), f64))| {
-            [columns(link, depths), vec![mean, variance, p]].concat()
+        let row = |(attempt, ((&mean, &variance), p)): (&Attempt, ((&f64, &f64), f64))| {
+            [columns(&attempt.link, depths), vec![mean, variance, p]].concat()
         };
-        let rows = links.iter().zip(predicted).map(row).collect();
+        let rows = attempts.iter().zip(predicted).map(row).collect();
         let mut header = vec!["tx_easting_m", "tx_northing_m", "rx_easting_m", "rx_northing_m"];
         if depths {
             header.extend(["tx_depth_m", "rx_depth_m"]);

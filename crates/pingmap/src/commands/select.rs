@@ -113,7 +113,7 @@ impl Selected {
         let centre = options.centre.map(|[tx_east, tx_north, rx_east, rx_north]| {
             let (transmitter, receiver) = (Position::new(tx_east, tx_north), Position::new(rx_east, rx_north));
             let mut link = [Link { transmitter, receiver }];
-            log::fill_depths(&mut link, &own);
+            log::fill_depths(link.iter_mut(), &own);
             link[0]
         });
         let query = Query {

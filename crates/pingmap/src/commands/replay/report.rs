@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use pingmap_agent::{Agent, Link, Position, VehicleId};
+use pingmap_agent::{Agent, Attempt, Link, Position, VehicleId, When};
 use pingmap_trial::{Agreed, Mission, Plan};
 
 use super::replayed::Replayed;
@@ -59,7 +59,12 @@ impl Pictures {
         let viewer = team.first_mut().context("every log has a receiver")?;
         let at = last_position(viewer).unwrap_or_else(|| replayed.log.events[0].link.receiver);
         let posterior = viewer.posterior()?.clone();
-        let map = SuccessMap::new(&posterior, viewer.model(), &replayed.log.events, at, End::Tx, None)?;
+        // How a typical vehicle hears the viewer at the end of what it learned from.
+        let end_s = viewer.events().last().map(|event| event.time_s);
+        let (transmitter, when) = (viewer.id().into(), end_s.map_or(When::Typical, When::At));
+        let asked = |link| Attempt { transmitter, when, ..Attempt::from(link) };
+        let events = &replayed.log.events;
+        let map = SuccessMap::new(&posterior, viewer.model(), events, (at, End::Tx), &asked, None)?;
         let mut sent = viewer.links_of_packets();
         sent.extend(mission.links_of_packets(0, frames));
         Ok(Self {

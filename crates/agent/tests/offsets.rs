@@ -1,0 +1,136 @@
+//! Vehicles that differ, and water that changes.
+
+#![allow(clippy::unwrap_used)]
+
+use pingmap_agent::*;
+
+/// Two hours in which everybody hears all that is sent over less than 500 m or so, but for what `missed` says.
+fn events(missed: impl Fn(&str, &str, f64) -> bool) -> Vec<Event> {
+    let names = ["ada", "bob", "eve", "joe"];
+    let mut events = Vec::new();
+    for n in 0..60 {
+        let time_s = 120.0 * f64::from(n);
+        let place = |who: usize| {
+            let phase = f64::from(n) * (0.37 + 0.11 * who as f64) + who as f64;
+            Position::new(400.0 * phase.sin(), 400.0 * (1.7 * phase).cos())
+        };
+        let sender = n as usize % names.len();
+        for receiver in (0..names.len()).filter(|&receiver| receiver != sender) {
+            let link = Link { transmitter: place(sender), receiver: place(receiver) };
+            // A stand-in for chance that takes both sides everywhere.
+            let noise = 150.0 * (f64::from(n) * 2.4 + receiver as f64 * 1.3).sin();
+            let success = link.range_m() + noise < 500.0 && !missed(names[sender], names[receiver], time_s);
+            let (transmitter_id, receiver_id) = (VehicleId::new(names[sender]), VehicleId::new(names[receiver]));
+            events.push(Event { time_s, transmitter_id, receiver_id, link, success });
+        }
+    }
+    events
+}
+
+fn learned(events: &[Event]) -> LearnedModel {
+    let chart = Chart::about(events.iter().flat_map(|event| event.link.ends()));
+    Learning::default().best(chart, InputSpec::Positions, events, &[]).unwrap()
+}
+
+fn has(fit: &LearnedModel, addition: Addition) -> bool {
+    fit.structure.additions.has(addition)
+}
+
+/// The probability over a short link, by who takes part and when.
+fn near(fit: &LearnedModel, transmitter: Party, receiver: Party, when: When) -> f64 {
+    let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(120.0, 0.0) };
+    let inputs = fit.model.inputs([Attempt { link, transmitter, receiver, when }]).unwrap();
+    fit.learned.fit.posterior().unwrap().probability(&inputs).unwrap()[0]
+}
+
+fn vehicle(name: &str) -> Party {
+    (&VehicleId::new(name)).into()
+}
+
+#[test]
+fn vehicles_that_are_alike_have_no_offsets() {
+    let fit = learned(&events(|_, _, _| false));
+    for addition in [Addition::Receivers, Addition::Transmitters, Addition::Time] {
+        assert!(!has(&fit, addition), "{}", fit.structure);
+    }
+}
+
+#[test]
+fn a_deaf_vehicle_is_found_and_spoils_nobody_elses_map() {
+    let (alike, deaf) = (events(|_, _, _| false), events(|_, receiver, _| receiver == "joe"));
+    let (alike, fit) = (learned(&alike), learned(&deaf));
+    assert!(has(&fit, Addition::Receivers), "{}", fit.structure);
+    let typical = |fit: &LearnedModel, receiver| near(fit, Party::Typical, receiver, When::Typical);
+    for name in ["ada", "bob", "eve"] {
+        let (heard, expected) = (typical(&fit, vehicle(name)), typical(&alike, vehicle(name)));
+        assert!(heard > expected - 0.1, "{name}: {heard}, {expected}");
+    }
+    assert!(typical(&fit, vehicle("joe")) < 0.2);
+    // Somebody new may be deaf too.
+    let (new, known) = (typical(&fit, Party::New), typical(&fit, vehicle("ada")));
+    assert!(new < known && new > typical(&fit, vehicle("joe")), "{new} {known}");
+}
+
+#[test]
+fn a_silent_vehicle_is_told_from_deaf_ones() {
+    let fit = learned(&events(|sender, _, _| sender == "eve"));
+    assert!(has(&fit, Addition::Transmitters) && !has(&fit, Addition::Receivers), "{}", fit.structure);
+    let from = |name| near(&fit, vehicle(name), Party::Typical, When::Typical);
+    assert!(from("eve") < 0.2 && from("ada") > 0.7, "{} {}", from("eve"), from("ada"));
+    assert!(near(&fit, Party::Typical, vehicle("eve"), When::Typical) > 0.6);
+}
+
+#[test]
+fn noise_that_comes_and_goes_is_the_waters_and_not_the_places() {
+    let fit = learned(&events(|_, _, time_s| (2400.0..4800.0).contains(&time_s)));
+    assert!(has(&fit, Addition::Time), "{}", fit.structure);
+    let at = |when| near(&fit, Party::Typical, Party::Typical, when);
+    let [before, during, after] = [1200.0, 3600.0, 6600.0].map(|time_s| at(When::At(time_s)));
+    assert!(before > 0.7 && during < 0.2 && after > 0.7, "{before} {during} {after}");
+    // What is known of another day is what is known of the place, less surely.
+    let another = at(When::AnotherDay);
+    assert!((during + 0.1..after).contains(&another), "{another}");
+}
+
+/// Offsets are about who and when, so that swapping the ends of a link swaps them with it and the path stays reciprocal.
+#[test]
+fn a_typical_vehicle_at_a_typical_time_has_no_offset() {
+    let fit = learned(&events(|_, receiver, _| receiver == "joe"));
+    let variance = |receiver| {
+        let link = Link { transmitter: Position::new(5e6, 0.0), receiver: Position::new(-5e6, 0.0) };
+        let attempt = Attempt { receiver, ..Attempt::from(link) };
+        fit.model.prior.kernel().diagonal(&fit.model.inputs([attempt]).unwrap()).unwrap()[0]
+    };
+    let offset = variance(Party::New) - variance(Party::Typical);
+    let label =
+        fit.model.prior.kernel().terms().iter().find(|term| term.correlations()[0].shape() == dgpc::Shape::Label);
+    assert!((offset - label.unwrap().variance()).abs() < 1e-9, "{offset}");
+    assert_eq!(variance(Party::New), variance(vehicle("ada")));
+}
+
+/// Everybody reads a packet as what its sender hears: a deaf member's packets lower nobody else's map.
+#[test]
+fn packets_of_a_deaf_member_say_that_it_is_deaf() {
+    let events = events(|_, receiver, _| receiver == "joe");
+    let fit = learned(&events);
+    let names = ["ada", "bob", "eve", "joe"].map(VehicleId::new);
+    let reach = events.iter().flat_map(|event| event.link.ends());
+    let team = std::sync::Arc::new(Team::new(names.clone(), fit.model.clone(), reach).unwrap());
+    let vehicle_of = |name: &VehicleId| {
+        let mut agent = Agent::new(name.clone(), team.clone());
+        agent.observe_all(events.iter().filter(|event| event.receiver_id == *name).cloned()).unwrap();
+        agent.rebuild_posteriors().unwrap();
+        agent
+    };
+    let mut ada = vehicle_of(&names[0]);
+    let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(120.0, 0.0) };
+    let of = |name: &VehicleId| Attempt { receiver: name.into(), ..Attempt::from(link) };
+    let [own_before, joes_before] = [&names[0], &names[3]].map(|name| ada.probability(of(name)).unwrap());
+    let mut joe = vehicle_of(&names[3]);
+    while let Some(packet) = joe.next_packet(8000.0, 32).unwrap() {
+        assert_eq!(ada.receive(&packet, 8000.0), Receipt::Accepted);
+    }
+    let [own_after, joes_after] = [&names[0], &names[3]].map(|name| ada.probability(of(name)).unwrap());
+    assert!(own_after > own_before - 0.05, "{own_before} {own_after}");
+    assert!(joes_after < 0.25 && joes_after < joes_before - 0.2, "{joes_before} {joes_after}");
+}
