@@ -34,7 +34,8 @@ const THINNED: &[Case] = &[("--seed", "9", "--events-max 12")];
 const GIVEN: &[Case] = &[("--model", "other.toml", "")];
 
 /// Bounds on a fit.
-const WORK: &[Case] = &[("--dense-events-max", "10", "--inducing-points-max 5"), ("--inducing-points-max", "5", "--dense-events-max 10")];
+const WORK: &[Case] =
+    &[("--dense-events-max", "10", "--inducing-points-max 5"), ("--inducing-points-max", "5", "--dense-events-max 10")];
 
 const DEMO: &[Case] = &[("--out", "other.html", ""), ("--json", "", "")];
 
