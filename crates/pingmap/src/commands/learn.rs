@@ -71,17 +71,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     candidates.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
 
     // What is kept knows all events, those that were held out too.
-    let best = match held_out.is_empty() {
-        true => added.best,
-        false => {
-            let bar = spinner("learning from all events");
-            let structures = vec![added.best.structure];
-            let learning = Learning { structures, additions: Vec::new(), ..learning.clone() };
-            let fit = learn_best(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?;
-            bar.finish_and_clear();
-            fit
-        }
-    };
+    let best = if held_out.is_empty() { added.best } else { learn_again(&learning, &added.best, &log)? };
     let from = options.events.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let file = ModelFile { model: best.model.clone(), learned: Some(provenance(&best, from, log_digest)) };
     write_file(&options.output, file.write().map_err(|error| BadInput(error.to_string()))?.as_bytes())?;
@@ -106,6 +96,15 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     }
     note(format_args!("wrote {}", options.output.display()));
     Ok(())
+}
+
+/// The structure that was chosen, learned from all events.
+fn learn_again(learning: &Learning, chosen: &LearnedModel, log: &EventLog) -> anyhow::Result<LearnedModel> {
+    let bar = spinner("learning from all events");
+    let learning = Learning { structures: vec![chosen.structure], additions: Vec::new(), ..learning.clone() };
+    let fit = learn_best(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?;
+    bar.finish_and_clear();
+    Ok(fit)
 }
 
 /// One structure and how it did.
