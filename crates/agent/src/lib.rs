@@ -17,6 +17,8 @@ mod limits;
 mod model;
 mod structure;
 #[cfg(feature = "learn")]
+mod starts;
+#[cfg(feature = "learn")]
 mod learning;
 mod model_file_error;
 mod term_layout;

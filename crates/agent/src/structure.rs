@@ -161,17 +161,13 @@ const OTHER_VARIANCE: f64 = 1.0;
 /// How long the water remembers before anything is learned, in seconds.
 const MEMORY_S: f64 = 1800.0;
 
-/// By how much further starts of a search divide length-scales.
-const RANGE_SHORTER: f64 = 1.0 / 8.0;
-const WALL_SHORTER: f64 = 1.0 / 4.5;
-
 /// Log-odds at range zero, and what a link loses of them over the chart's scale, before anything is learned.
 const LOG_ODDS_NEAR: f64 = 3.0;
 const LOSS_OVER_SCALE: f64 = 4.0;
 
 /// The terms of a kernel by what they are about, in their order in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Part {
+pub(crate) enum Part {
     Path,
     ReceiverPlace,
     Range,
@@ -216,22 +212,6 @@ impl Structure {
         Prior::new(Kernel::new(terms)?, mean)
     }
 
-    /// `template`, this structure's, with the numbers of a prior of `other` structure where both have the same parts.
-    ///
-    /// # Errors
-    /// As [`Structure::template`].
-    pub(crate) fn begin_at(&self, template: &Prior, (other, known): (&Structure, &Prior)) -> dgpc::Result<Prior> {
-        let term = |(part, term): (Part, &Term)| {
-            let place = other.kernel_parts().position(|other| other == part);
-            match place.and_then(|place| known.kernel().terms().get(place)) {
-                Some(known) => known.with_shape(term.correlations()[0].shape()),
-                None => Ok(term.clone()),
-            }
-        };
-        let terms = self.kernel_parts().zip(template.kernel().terms()).map(term).collect::<dgpc::Result<_>>()?;
-        Prior::new(Kernel::new(terms)?, known.mean().clone())
-    }
-
     /// Whether this addition would change it: it is not in it, and there is something that it is about.
     pub fn can_have(&self, addition: Addition) -> bool {
         match Part::of(addition) {
@@ -244,26 +224,6 @@ impl Structure {
     #[must_use]
     pub fn with(&self, addition: Addition) -> Self {
         Self { additions: self.additions.with(addition), ..*self }
-    }
-
-    /// Where else a search may begin than at the template or, where there is one, at a prior of an earlier structure: for
-    /// a range term that is new, at a much shorter one and the template in all else (other parts may have made up for it), and
-    /// for walls that are new at such as are straight one way or the other.
-    pub(crate) fn further_starts(&self, template: &Prior, begun: Option<(&Prior, &Self)>) -> dgpc::Result<Vec<Prior>> {
-        let shorter = |prior: &Prior, part: Part, length_scale: usize, factor: f64| {
-            let is_known = begun.is_some_and(|(_, earlier)| earlier.kernel_parts().any(|known| known == part));
-            let place = self.kernel_parts().position(|own| own == part).filter(|_| !is_known)?;
-            let mut terms = prior.kernel().terms().to_vec();
-            terms[place] = terms[place].with_length_scale_times(length_scale, factor).ok()?;
-            Some(Kernel::new(terms).and_then(|kernel| Prior::new(kernel, prior.mean().clone())))
-        };
-        let begin = begun.map_or(template, |(begin, _)| begin);
-        let further = [
-            shorter(template, Part::Range, 0, RANGE_SHORTER),
-            shorter(begin, Part::Walls, 0, WALL_SHORTER),
-            shorter(begin, Part::Walls, 1, WALL_SHORTER),
-        ];
-        further.into_iter().flatten().collect()
     }
 
     fn name_of(&self, part: Part) -> &'static str {
@@ -279,7 +239,8 @@ impl Structure {
         }
     }
 
-    fn kernel_parts(&self) -> impl Iterator<Item = Part> {
+    /// The kernel's terms.
+    pub(crate) fn kernel_parts(&self) -> impl Iterator<Item = Part> {
         let places: &[Part] = match self.terms {
             Terms::Path => &[Part::Path],
             Terms::PathReceiverRange => &[Part::Path, Part::ReceiverPlace, Part::Range],
