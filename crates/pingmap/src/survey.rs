@@ -19,14 +19,19 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Reads a log, keeps one vehicle's events if asked to, and learns.
-    pub fn learn(source: &Source) -> anyhow::Result<Self> {
-        let Source { events, vehicle, model, work } = source;
+    /// Reads a log, and keeps one vehicle's events if asked to.
+    pub fn open(source: &Source) -> anyhow::Result<EventLog> {
+        let Source { events, vehicle, work, .. } = source;
         let mut log = open_log(events)?;
         if let Some(vehicle) = vehicle {
             log = only(&log, vehicle)?;
         }
-        let (log, _) = thinned(log, Vec::new(), work.events_max, work.seed);
+        Ok(thinned(log, Vec::new(), work.events_max, work.seed).0)
+    }
+
+    /// Learns from a log that [`Survey::open`] read.
+    pub fn learn(log: EventLog, source: &Source) -> anyhow::Result<Self> {
+        let Source { model, work, .. } = source;
         let known = Known::new(model, &log, work.limits())?;
         let bar = spinner("fitting");
         let mut agent = all_in_one(&known.model, log.events.iter().cloned(), work.limits())?;

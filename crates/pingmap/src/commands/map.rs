@@ -60,14 +60,15 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         let message = "a .geojson map needs --origin LAT,LON, the latitude and longitude of (0, 0) of the log";
         return Err(BadInput(message.to_owned()).into());
     }
-    let survey = Survey::learn(&options.source)?;
+    let log = Survey::open(&options.source)?;
+    let asked = options.asked.attempt(&log)?;
     if origin.is_some() {
-        check_near_origin(&survey.log)?;
+        check_near_origin(&log)?;
     }
+    let survey = Survey::learn(log, &options.source)?;
     let (east, north) = options.at;
     let at = Position { depth_m: survey.log.mean_depth_m(), ..Position::new(east, north) };
     let bar = spinner("drawing");
-    let asked = options.asked.attempt(&survey.log)?;
     let events = &survey.log.events;
     let map = SuccessMap::new(&survey.posterior, survey.model(), events, (at, options.end), &asked, options.cell_m)?;
     let bytes = match format {

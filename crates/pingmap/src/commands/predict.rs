@@ -71,10 +71,12 @@ struct PredictionsJson<'a> {
 
 impl Predictions {
     fn compute(options: &Options) -> anyhow::Result<Self> {
-        let survey = Survey::learn(&options.source)?;
+        // What is asked comes first: learning takes a while, and a slip of the pen should not wait for it.
+        let log = Survey::open(&options.source)?;
         let nowhere = Position::new(0.0, 0.0);
-        let asked = options.asked.attempt(&survey.log)?(Link { transmitter: nowhere, receiver: nowhere });
+        let asked = options.asked.attempt(&log)?(Link { transmitter: nowhere, receiver: nowhere });
         let mut attempts = read_attempts(&options.links, &asked)?;
+        let survey = Survey::learn(log, &options.source)?;
         fill_depths(attempts.iter_mut().map(|attempt| &mut attempt.link), &survey.log);
         let bar = spinner("predicting");
         let latent = survey.posterior.latent(&survey.model().inputs(&attempts)?)?;
