@@ -10,7 +10,7 @@ use crate::team::{Slots, Team};
 
 /// Version of what bytes on the water mean: of the packets, their levels and the digest. It is in the digest, so that
 /// packets of another version are another team's.
-pub const PROTOCOL_VERSION: u16 = 2;
+pub const PROTOCOL_VERSION: u16 = 3;
 
 impl Team {
     /// Digest of all that gives a packet its meaning: chart, inputs, kernel and prior mean, grid, members, frames,
@@ -29,9 +29,8 @@ impl Team {
         write_chart(&mut out, &self.model.chart);
         out.u8(self.model.inputs.has_depths().into());
         write_prior(&mut out, &self.model.prior);
-        let Grid { cell_m, depth_cell_m } = self.grid;
-        number(&mut out, cell_m);
-        number(&mut out, depth_cell_m);
+        let Grid { cell_m, depth_cell_m, start_s, time_cell_s } = self.grid;
+        [cell_m, depth_cell_m, start_s, time_cell_s].into_iter().for_each(|value| number(&mut out, value));
         out.u32(self.frame_bytes.min(u32::MAX as usize) as u32);
         out.u16(self.packets_per_sender_max);
         out.u32(self.epoch);

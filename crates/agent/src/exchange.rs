@@ -5,8 +5,9 @@ use pingmap_packet::{Layout, MapMessage};
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
+use crate::attempt::{Attempt, Party};
 use crate::entry::Entry;
-use crate::event::{Link, VehicleId};
+use crate::event::{Event, Link, VehicleId};
 use crate::memory::Arrived;
 use crate::packets::PacketKey;
 use crate::planner::Planner;
@@ -88,9 +89,9 @@ impl Agent {
 
     /// What it knows, at the places where it could send something of it.
     fn planner<'a>(&'a self, layout: &'a Layout) -> Result<Planner<'a>, AgentError> {
-        let (team, wire, links) = (self.team(), self.wire(), self.candidates());
-        let inputs = self.model().inputs(links.iter().map(|&link| wire.attempt(link)))?;
-        Ok(Planner { wire, layout, own: &self.beliefs.own, links, inputs, worth_nats: team.worth_nats })
+        let (team, attempts) = (self.team(), self.candidates());
+        let inputs = self.model().inputs(&attempts)?;
+        Ok(Planner { wire: self.wire(), layout, own: &self.beliefs.own, attempts, inputs, worth_nats: team.worth_nats })
     }
 
     /// What the numbers of a packet of its own mean.
@@ -98,11 +99,13 @@ impl Agent {
         self.memory.own.map_or_else(|| self.team().wire(), |number| self.team().wire_of(number))
     }
 
-    /// Links of its own events that it could tell of: those within the grid, spread over time if they are too many.
-    pub fn candidates(&self) -> Vec<Link> {
+    /// What its own events tried and it could tell of: those within the grid, of a typical transmitter, spread over time
+    /// if they are too many.
+    pub fn candidates(&self) -> Vec<Attempt> {
         let wire = self.team().wire();
-        let links: Vec<Link> = self.events().map(|event| event.link).filter(|link| wire.holds(link)).collect();
-        spread_out(links.len(), self.team().limits.candidates_max).into_iter().map(|place| links[place]).collect()
+        let held: Vec<&Event> = self.events().filter(|event| wire.holds(&event.link)).collect();
+        let spread = spread_out(held.len(), self.team().limits.candidates_max).into_iter();
+        spread.map(|place| Attempt { transmitter: Party::Typical, ..held[place].attempt() }).collect()
     }
 
     /// The links that a packet speaks of, by sender and counter; those of others too. Nothing for a packet that does
@@ -114,9 +117,8 @@ impl Agent {
         let told = |key: PacketKey| {
             let name = self.team().members.get(&key.0)?.clone();
             let blocks = self.memory.frames.blocks(&self.memory.packets.get(key)?.bytes);
-            let points = blocks.iter().flat_map(|block| &block.points);
-            let said: Vec<_> = points.filter(|point| point.information > 0).copied().collect();
-            Some((name, key.1, self.team().wire().links(&said)))
+            let said = blocks.iter().flat_map(|block| self.team().wire().attempts(block));
+            Some((name, key.1, said.map(|attempt| attempt.link).collect()))
         };
         counting.into_iter().filter_map(told).collect()
     }

@@ -1,18 +1,27 @@
-//! The chart in whole cells, as packets name places.
+//! Chart and time in whole cells, as packets name places and times.
 
-use pingmap_packet::{Cell, DEPTH_CELLS, HORIZONTAL_CELLS};
+use pingmap_packet::{Cell, DEPTH_CELLS, HORIZONTAL_CELLS, TIME_CELLS};
 
+use crate::attempt::When;
 use crate::chart::Chart;
 use crate::event::{Link, Position};
 
-/// How a team's chart is cut into cells: 64 × 64 about the chart's origin, and 32 from the surface down.
+/// How a team's chart is cut into cells: 64 × 64 about the chart's origin, and 32 from the surface down; and how its
+/// mission is: 63 cells of time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
     /// Side of a cell east and north, in metres.
     pub cell_m: f64,
     /// Height of a cell, in metres.
     pub depth_cell_m: f64,
+    /// When the first cell of time begins, in seconds.
+    pub start_s: f64,
+    /// Length of a cell of time, in seconds.
+    pub time_cell_s: f64,
 }
+
+/// Where nothing is said of the time: cells of ten minutes, for a mission of half a day.
+pub(crate) const TIME_CELL_S: f64 = 600.0;
 
 /// Cells on one side of the origin.
 const HALF: f64 = HORIZONTAL_CELLS as f64 / 2.0;
@@ -26,7 +35,41 @@ impl Grid {
             reach_m = reach_m.max(east_m.abs()).max(north_m.abs());
             depth_max_m = depth_max_m.max(position.depth_m.unwrap_or(0.0));
         }
-        Self { cell_m: round_up(reach_m / HALF), depth_cell_m: round_up(depth_max_m / f64::from(DEPTH_CELLS)) }
+        Self {
+            cell_m: round_up(reach_m / HALF),
+            depth_cell_m: round_up(depth_max_m / f64::from(DEPTH_CELLS)),
+            start_s: 0.0,
+            time_cell_s: TIME_CELL_S,
+        }
+    }
+
+    /// The same cells of the chart, and the finest of two-digit length that hold all these times. Times that are not
+    /// finite are not looked at; without any other the cells of time stay.
+    #[must_use]
+    pub fn spanning(self, times_s: impl IntoIterator<Item = f64>) -> Self {
+        let finite = times_s.into_iter().filter(|time_s| time_s.is_finite());
+        let span = finite.fold(None, |span: Option<(f64, f64)>, time_s| {
+            let (first_s, last_s) = span.unwrap_or((time_s, time_s));
+            Some((first_s.min(time_s), last_s.max(time_s)))
+        });
+        span.map_or(self, |(first_s, last_s)| {
+            let time_cell_s = round_up((last_s - first_s) / f64::from(TIME_CELLS - 1));
+            Self { start_s: first_s, time_cell_s, ..self }
+        })
+    }
+
+    /// The cell of a time; 0, that of no certain time, for one that the grid does not hold.
+    pub fn time_cell(&self, time_s: f64) -> u8 {
+        let place = ((time_s - self.start_s) / self.time_cell_s).floor();
+        if (0.0..f64::from(TIME_CELLS - 1)).contains(&place) { place as u8 + 1 } else { 0 }
+    }
+
+    /// The middle of a cell of time.
+    pub fn when(&self, time_cell: u8) -> When {
+        match time_cell {
+            0 => When::Typical,
+            cell => When::At(self.start_s + (f64::from(cell) - 0.5) * self.time_cell_s),
+        }
     }
 
     /// The cell of a position, if the grid holds it.
@@ -98,6 +141,24 @@ mod tests {
     #[test]
     fn nowhere_is_covered_too() {
         let grid = Grid::covering(&Chart::about([]), []);
-        assert_eq!(grid, Grid { cell_m: 1.0, depth_cell_m: 1.0 });
+        assert_eq!(grid, Grid { cell_m: 1.0, depth_cell_m: 1.0, start_s: 0.0, time_cell_s: TIME_CELL_S });
+        assert_eq!(grid.spanning([f64::NAN, f64::INFINITY]), grid);
+    }
+
+    #[test]
+    fn every_time_lies_in_the_cell_that_is_sent_for_it() {
+        let times = [1.76e9, 1.76e9 + 11.0, 1.76e9 + 8765.4];
+        let grid = Grid::covering(&Chart::about([]), []).spanning(times);
+        assert_eq!(grid.time_cell_s, 140.0);
+        for time_s in times {
+            let cell = grid.time_cell(time_s);
+            let When::At(middle_s) = grid.when(cell) else { panic!("{time_s} is in no cell") };
+            assert!((middle_s - time_s).abs() <= 0.5 * grid.time_cell_s, "{middle_s} {time_s}");
+            assert_eq!(grid.time_cell(middle_s), cell);
+        }
+        for beyond_s in [1.76e9 - 1.0, 1.76e9 + 9000.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(grid.time_cell(beyond_s), 0);
+        }
+        assert_eq!(grid.when(0), When::Typical);
     }
 }

@@ -3,6 +3,7 @@
 use dgpc::{Candidates, Inputs, Posterior, Summary};
 use pingmap_packet::{Block, Layout};
 
+use crate::attempt::Attempt;
 use crate::event::Link;
 use crate::wire::Wire;
 
@@ -43,8 +44,8 @@ pub(crate) struct Planner<'a> {
     pub(crate) layout: &'a Layout,
     /// What it knows from its own events.
     pub(crate) own: &'a Posterior,
-    /// Links of its own events within the grid.
-    pub(crate) links: Vec<Link>,
+    /// What its own events tried within the grid.
+    pub(crate) attempts: Vec<Attempt>,
     /// Their inputs.
     pub(crate) inputs: Inputs,
     /// See [`crate::Team::worth_nats`].
@@ -56,12 +57,12 @@ impl Planner<'_> {
     /// lower the variance of `public` at the sender's events most, or that stand for where it is most wrong; of several
     /// such packets the one is taken that brings what `public` predicts closest to what the sender knows.
     pub(crate) fn packet(&self, public: &Posterior) -> dgpc::Result<Option<Planned>> {
-        if self.links.is_empty() {
+        if self.attempts.is_empty() {
             return Ok(None);
         }
         let known = self.own.probability(&self.inputs)?;
         let divergences = self.divergences(&known, public)?;
-        let mut order: Vec<usize> = (0..self.links.len()).collect();
+        let mut order: Vec<usize> = (0..self.attempts.len()).collect();
         order.sort_by(|&a, &b| divergences[b].total_cmp(&divergences[a]).then(a.cmp(&b)));
         let untold = mean(&divergences);
         for temper in TEMPERS {
@@ -90,7 +91,8 @@ impl Planner<'_> {
         pool
     }
 
-    /// Blocks about the candidates in `pool`, each given those before and to the power of `temper`, and `public` with them.
+    /// Blocks about the candidates in `pool`, said of the middle of their times, each given those before and to the power of
+    /// `temper`, and `public` with them.
     fn form(
         &self,
         public: &Posterior,
@@ -100,16 +102,18 @@ impl Planner<'_> {
     ) -> dgpc::Result<(Planned, Posterior)> {
         let mut public = public.clone();
         let (mut blocks, mut summaries) = (Vec::new(), Vec::new());
-        let inputs = self.inputs.select(pool);
+        let time = self.wire.time_of(pool.iter().map(|&place| &self.attempts[place]));
+        let links: Vec<Link> = pool.iter().map(|&place| self.attempts[place].link).collect();
+        let inputs = self.wire.model.inputs(links.iter().map(|&link| self.wire.attempt(time, link)))?;
         while blocks.len() < self.layout.blocks {
             let candidates = match choice {
                 Choice::Unplanned => Candidates::for_residual(&public, self.own, &inputs)?,
                 Choice::Spread => Candidates::given(self.own.prior().kernel(), &inputs, &points_of(&summaries)?)?,
             };
             let chosen = candidates.greedy(self.layout.points);
-            let links: Vec<Link> = chosen.indices.iter().map(|&place| self.links[pool[place]]).collect();
+            let links: Vec<Link> = chosen.indices.iter().map(|&place| links[place]).collect();
             let residual = |points: &Inputs| Ok(self.own.residual(&public, points)?.tempered(temper));
-            let Some((block, summary)) = self.wire.encode(self.layout, &links, &residual)? else { break };
+            let Some((block, summary)) = self.wire.encode(self.layout, time, &links, &residual)? else { break };
             public.absorb_summaries(&[&summary])?;
             blocks.push(block);
             summaries.push(summary);

@@ -13,7 +13,7 @@ use crate::model::Model;
 use crate::wire::Wire;
 
 /// Version of `team.toml`. A newer one is refused.
-pub const TEAM_SCHEMA: u32 = 1;
+pub const TEAM_SCHEMA: u32 = 2;
 
 /// Inducing points of all live packets together, where the team does not say how many packets each sender may have.
 const LIVE_POINTS: usize = 2560;
@@ -25,7 +25,7 @@ pub struct Team {
     pub members: BTreeMap<u8, VehicleId>,
     /// The packet model: what packets are formed and read under, fixed for the mission.
     pub model: Model,
-    /// The chart in cells.
+    /// The chart and the mission's time in cells.
     pub grid: Grid,
     /// Bytes of a frame: 32, 64 or 256, or what the link has beyond one of these.
     pub frame_bytes: usize,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds::{self, Bounds};
 use crate::event::VehicleId;
-use crate::grid::Grid;
+use crate::grid::{Grid, TIME_CELL_S};
 use crate::limits::Limits;
 use crate::model::Model;
 use crate::team::{
@@ -55,6 +55,10 @@ fn surprise_max() -> f64 {
     SURPRISE_MAX
 }
 
+fn time_cell_s() -> f64 {
+    TIME_CELL_S
+}
+
 fn worth_nats() -> f64 {
     WORTH_NATS
 }
@@ -65,6 +69,10 @@ struct GridLayout {
     cell_m: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     depth_cell_m: Option<f64>,
+    #[serde(default)]
+    start_s: f64,
+    #[serde(default = "time_cell_s")]
+    time_cell_s: f64,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -124,7 +132,12 @@ impl TeamFile {
             surprise_max: team.surprise_max,
             repeats_max: team.repeats_max,
             members: team.members.iter().map(|(&number, name)| (name.as_str().to_owned(), number)).collect(),
-            grid: GridLayout { cell_m: team.grid.cell_m, depth_cell_m: Some(team.grid.depth_cell_m) },
+            grid: GridLayout {
+                cell_m: team.grid.cell_m,
+                depth_cell_m: Some(team.grid.depth_cell_m),
+                start_s: team.grid.start_s,
+                time_cell_s: team.grid.time_cell_s,
+            },
             slots: SlotsLayout {
                 start_s: team.slots.start_s,
                 duration_s: team.slots.duration_s,
@@ -178,6 +191,8 @@ impl TeamFile {
             grid: Grid {
                 cell_m: checked("grid.cell_m", bounds::LENGTH_M, self.grid.cell_m)?,
                 depth_cell_m: checked("grid.depth_cell_m", bounds::LENGTH_M, self.grid.depth_cell_m.unwrap_or(1.0))?,
+                start_s: checked("grid.start_s", bounds::TIME_S, self.grid.start_s)?,
+                time_cell_s: checked("grid.time_cell_s", bounds::SLOT_S, self.grid.time_cell_s)?,
             },
             frame_bytes: self.frame_bytes,
             slots: Slots {

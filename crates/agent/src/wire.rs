@@ -4,7 +4,7 @@
 //! between −1 and 1 make a correlation matrix whatever they are.
 
 use dgpc::{Candidates, DISTINCT_SHARE, Inputs, Matrix, Summary};
-use pingmap_packet::{Block, CORRELATION_LEVELS, INFORMATION_LEVELS, Layout, MEAN_LEVELS, Point};
+use pingmap_packet::{Block, CORRELATION_LEVELS, INFORMATION_LEVELS, Layout, MEAN_LEVELS, Point, TIME_CELLS};
 
 use crate::attempt::{Attempt, Party, When};
 use crate::event::Link;
@@ -46,7 +46,7 @@ impl Wire<'_> {
         self.point(link).is_some()
     }
 
-    /// A block for what `say` says of these links, and the summary that it decodes to. Links beyond the grid and links
+    /// A block for what `say` says of these links in a cell of time, and the summary that it decodes to. Links beyond the grid and links
     /// that come together in a cell, or that the kernel cannot tell apart, are left out. `None` where nothing is left
     /// to say.
     ///
@@ -55,15 +55,17 @@ impl Wire<'_> {
     pub fn encode(
         &self,
         layout: &Layout,
+        time: u8,
         links: &[Link],
         say: &dyn Fn(&Inputs) -> dgpc::Result<Summary>,
     ) -> dgpc::Result<Option<(Block, Summary)>> {
         let mut points: Vec<Point> = links.iter().filter_map(|link| self.point(link)).take(layout.points).collect();
-        let distinct = Candidates::new(self.model.prior.kernel(), &self.inputs(&points)?)?.distinct(DISTINCT_SHARE);
+        let distinct =
+            Candidates::new(self.model.prior.kernel(), &self.inputs(time, &points)?)?.distinct(DISTINCT_SHARE);
         points = distinct.iter().map(|&place| points[place]).collect();
         // A point of which too little is said is left out, which changes what is said of the others.
         while !points.is_empty() {
-            let summary = say(&self.inputs(&points)?)?;
+            let summary = say(&self.inputs(time, &points)?)?;
             let levels = levels(&summary)?;
             let said: Vec<bool> = levels.iter().map(|&(information, _)| information > 0).collect();
             if said.iter().all(|&said| said) {
@@ -71,7 +73,7 @@ impl Wire<'_> {
                     (point.information, point.mean) = (information, mean);
                 }
                 let correlations = correlation_levels(&summary);
-                let mut block = Block::silent(layout);
+                let mut block = Block { time, ..Block::silent(layout) };
                 block.points[..points.len()].copy_from_slice(&points);
                 block.correlations[..correlations.len()].copy_from_slice(&correlations);
                 let decoded = self.decode(&block)?;
@@ -94,7 +96,7 @@ impl Wire<'_> {
         check_levels(block)?;
         let said: Vec<usize> = (0..block.points.len()).filter(|&place| block.points[place].information > 0).collect();
         let points: Vec<Point> = said.iter().map(|&place| block.points[place]).collect();
-        let inputs = self.inputs(&points)?;
+        let inputs = self.inputs(block.time, &points)?;
         let distinct = Candidates::new(self.model.prior.kernel(), &inputs)?.distinct(RECEIVED_SHARE);
         if let Some(pivot) = (0..points.len()).find(|place| !distinct.contains(place)) {
             let (what, size) = ("covariance of a packet's points", points.len());
@@ -117,7 +119,7 @@ impl Wire<'_> {
         Summary::from_whitened(&self.model.prior, &inputs, precision, shift)
     }
 
-    /// The links of a block of which something is said.
+    /// The links of these points.
     pub fn links(&self, points: &[Point]) -> Vec<Link> {
         let (chart, has_depth) = (&self.model.chart, self.model.inputs.has_depths());
         let position = |cell| self.grid.position(chart, cell, has_depth);
@@ -126,9 +128,23 @@ impl Wire<'_> {
         points.iter().map(link).collect()
     }
 
-    /// What is said of a link: how a typical vehicle is heard over it by the sender, at a typical time.
-    pub fn attempt(&self, link: Link) -> Attempt {
-        Attempt { link, transmitter: Party::Typical, receiver: self.receiver, when: When::Typical }
+    /// What is said of a link in a cell of time: how a typical vehicle is heard over it by the sender then.
+    pub fn attempt(&self, time: u8, link: Link) -> Attempt {
+        Attempt { link, transmitter: Party::Typical, receiver: self.receiver, when: self.grid.when(time) }
+    }
+
+    /// The cell of the time in the middle of all times at which these were tried: what a block about them is said of.
+    pub fn time_of<'a>(&self, attempts: impl IntoIterator<Item = &'a Attempt>) -> u8 {
+        let time_s = |attempt: &Attempt| if let When::At(time_s) = attempt.when { Some(time_s) } else { None };
+        let mut times_s: Vec<f64> = attempts.into_iter().filter_map(time_s).collect();
+        times_s.sort_by(f64::total_cmp);
+        times_s.get(times_s.len() / 2).map_or(0, |&middle_s| self.grid.time_cell(middle_s))
+    }
+
+    /// What a block speaks of: its points of which something is said.
+    pub fn attempts(&self, block: &Block) -> Vec<Attempt> {
+        let said: Vec<Point> = block.points.iter().filter(|point| point.information > 0).copied().collect();
+        self.links(&said).into_iter().map(|link| self.attempt(block.time, link)).collect()
     }
 
     /// A link between the middles of its cells, if the grid holds it.
@@ -136,8 +152,8 @@ impl Wire<'_> {
         self.links(&[self.point(link)?]).pop()
     }
 
-    fn inputs(&self, points: &[Point]) -> dgpc::Result<Inputs> {
-        self.model.inputs(self.links(points).into_iter().map(|link| self.attempt(link)))
+    fn inputs(&self, time: u8, points: &[Point]) -> dgpc::Result<Inputs> {
+        self.model.inputs(self.links(points).into_iter().map(|link| self.attempt(time, link)))
     }
 
     /// The cells of a link, with nothing said of it yet.
@@ -171,8 +187,11 @@ fn check_levels(block: &Block) -> dgpc::Result<()> {
             return Err(level("level of the mean", "from -15 to 15", point.mean.into()));
         }
     }
+    if block.time >= TIME_CELLS {
+        return Err(level("cell of time", "below 64", block.time.into()));
+    }
     match block.correlations.iter().find(|level| level.unsigned_abs() > CORRELATION_LEVELS.unsigned_abs()) {
-        Some(&correlation) => Err(level("level of a correlation", "from -7 to 7", correlation.into())),
+        Some(&correlation) => Err(level("level of a correlation", "from -3 to 3", correlation.into())),
         None => Ok(()),
     }
 }

@@ -95,7 +95,8 @@ proptest! {
     fn every_pattern_of_levels_is_positive_semidefinite_or_an_error(
         model in extreme_models(),
         points in vec((0..64u8, 0..64u8, 0..64u8, 0..64u8, 0..32u8, -15..=15i8), 5),
-        correlations in vec(-7..=7i8, 10),
+        time in 0..64u8,
+        correlations in vec(-3..=3i8, 10),
         directions in vec(vec(-1.0..1.0f64, 5), 8),
     ) {
         let team = team(2, model);
@@ -103,7 +104,7 @@ proptest! {
         let points = points.into_iter().map(|(a, b, c, d, information, mean)| {
             Point { transmitter: cell(a, b), receiver: cell(c, d), information, mean }
         });
-        let block = Block { points: points.collect(), correlations };
+        let block = Block { time, points: points.collect(), correlations };
         // Points that the kernel cannot tell apart are the error.
         if let Ok(summary) = team.wire().decode(&block) {
             let precision = summary.whitened_precision();
@@ -122,7 +123,7 @@ proptest! {
     #[test]
     fn points_as_close_as_cells_allow_harm_nothing(
         model in extreme_models(),
-        all in vec((vec((0..3u8, 0..3u8, 0..3u8, 0..3u8, 0..32u8, -15..=15i8), 5), vec(-7..=7i8, 10)), 12),
+        all in vec((vec((0..3u8, 0..3u8, 0..3u8, 0..3u8, 0..32u8, -15..=15i8), 5), vec(-3..=3i8, 10)), 12),
     ) {
         let team = Arc::new(team(2, model));
         let layout = team.layout(32).unwrap();
@@ -132,7 +133,7 @@ proptest! {
             let points = points.into_iter().map(|(a, b, c, d, information, mean)| {
                 Point { transmitter: cell(a, b), receiver: cell(c, d), information, mean }
             });
-            let blocks = vec![Block { points: points.collect(), correlations }];
+            let blocks = vec![Block { time: counter as u8 % 64, points: points.collect(), correlations }];
             let bytes = agent.write(layout, &MapMessage { sender: 1, counter, model: 0, blocks }).unwrap();
             let receipt = agent.receive(&bytes, 0.0);
             let expected = matches!(receipt, Receipt::Accepted | Receipt::Refused(Refusal::Unusable(_)));

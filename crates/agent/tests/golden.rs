@@ -44,7 +44,7 @@ fn sealed() -> Team {
     let order = vec![names()[2].clone(), names()[0].clone()];
     Team {
         model: model(InputSpec::PositionsAndDepths),
-        grid: Grid { cell_m: 25.0, depth_cell_m: 2.5 },
+        grid: Grid { cell_m: 25.0, depth_cell_m: 2.5, start_s: -60.0, time_cell_s: 45.5 },
         frame_bytes: 64,
         slots: Slots { start_s: 3.0, duration_s: 7.5, order },
         key: Some(key(1)),
@@ -70,11 +70,12 @@ fn message(layout: &Layout, sender: u8, counter: u16) -> MapMessage {
         information: 4 + 5 * n,
         mean: 3 * n as i8 - 5,
     };
-    let block = || Block {
+    let block = |n: usize| Block {
+        time: (29 * n + 17) as u8 % 64,
         points: (0..layout.points as u8).map(point).collect(),
-        correlations: (0..layout.correlations()).map(|n| (n % 15) as i8 - 7).collect(),
+        correlations: (0..layout.correlations()).map(|n| (n % 7) as i8 - 3).collect(),
     };
-    MapMessage { sender, counter, model: 0, blocks: (0..layout.blocks).map(|_| block()).collect() }
+    MapMessage { sender, counter, model: 0, blocks: (0..layout.blocks).map(block).collect() }
 }
 
 /// What a vehicle remembers that saw, heard and sent something; one packet is in conflict with another one, and one waits.

@@ -134,3 +134,33 @@ fn packets_of_a_deaf_member_say_that_it_is_deaf() {
     assert!(own_after > own_before - 0.05, "{own_before} {own_after}");
     assert!(joes_after < 0.25 && joes_after < joes_before - 0.2, "{joes_before} {joes_after}");
 }
+
+/// What was noisy at noon says little of the evening, if the packet says that it was noon.
+#[test]
+fn packets_say_when_what_they_tell_was_true() {
+    let is_noon = |time_s: f64| (2400.0..4800.0).contains(&time_s);
+    let events = events(|_, _, time_s| is_noon(time_s));
+    let fit = learned(&events);
+    let names = ["ada", "bob"].map(VehicleId::new);
+    let reach = events.iter().flat_map(|event| event.link.ends());
+    let team = Team::new(names.clone(), fit.model.clone(), reach).unwrap();
+    let evening_less_noon = |grid: Grid| {
+        let team = std::sync::Arc::new(Team { grid, ..team.clone() });
+        let mut bob = Agent::new(names[1].clone(), team.clone());
+        let noisy = events.iter().filter(|event| event.receiver_id == names[1] && is_noon(event.time_s));
+        bob.observe_all(noisy.cloned()).unwrap();
+        bob.rebuild_posteriors().unwrap();
+        let mut ada = Agent::new(names[0].clone(), team);
+        while let Some(packet) = bob.next_packet(8000.0, 32).unwrap() {
+            assert_eq!(ada.receive(&packet, 8000.0), Receipt::Accepted);
+        }
+        let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(120.0, 0.0) };
+        let at = |time_s| Attempt { when: When::At(time_s), ..Attempt::from(link) };
+        let [noon, evening] = [3600.0, 7200.0].map(|time_s| ada.probability(at(time_s)).unwrap());
+        evening - noon
+    };
+    let told = evening_less_noon(team.grid.spanning(events.iter().map(|event| event.time_s)));
+    // A mission on another clock: its packets speak of a typical time.
+    let untold = evening_less_noon(Grid { start_s: 1e6, ..team.grid });
+    assert!(told > 0.15 && untold.abs() < 0.02, "{told} {untold}");
+}

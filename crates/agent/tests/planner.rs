@@ -163,10 +163,11 @@ fn thinning_spares_no_vehicle_that_sends_in_turn() {
             let agent = vehicle(&Arc::new(team.clone()), 0, (0..count).map(event));
             let candidates = agent.candidates();
             let of = |east_m: f64, north_m: f64| {
-                let near = |link: &&Link| {
-                    (link.transmitter.east_m - east_m).abs() < 2.0 && link.transmitter.north_m == north_m
+                let is_near = |near: &&Attempt| {
+                    let end = near.link.transmitter;
+                    (end.east_m - east_m).abs() < 2.0 && end.north_m == north_m
                 };
-                candidates.iter().filter(near).count()
+                candidates.iter().filter(is_near).count()
             };
             let shares = [of(-400.0, -400.0), of(400.0, -400.0), of(-400.0, 400.0), of(400.0, 400.0)];
             let expected = 300 / senders;
@@ -203,7 +204,7 @@ fn much_that_is_sharply_known_is_worth_a_frame() {
     };
     let mut agent = vehicle(&team, 0, (0..5000).map(event));
     let mut listener = vehicle(&team, 1, []);
-    let links: Vec<Link> = agent.candidates();
+    let links = agent.candidates();
     let known = agent.probabilities(&links).unwrap();
     let divergence = |listener: &mut Agent| {
         let part = |p: f64, q: f64| if p > 0.0 { p * (p / q).ln() } else { 0.0 };

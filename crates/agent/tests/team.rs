@@ -33,7 +33,10 @@ fn what_a_team_file_leaves_out_has_a_default() {
     );
     assert_eq!((team.number(&ada), team.number(&VehicleId::new("eve"))), (Some(4), None));
     assert_eq!((team.frame_bytes, team.epoch, team.repeats_max, team.packets_per_sender_max), (32, 0, 0, 64));
-    assert_eq!((team.grid, team.limits), (Grid { cell_m: 25.0, depth_cell_m: 1.0 }, Limits::default()));
+    assert_eq!(
+        (team.grid, team.limits),
+        (Grid { cell_m: 25.0, depth_cell_m: 1.0, start_s: 0.0, time_cell_s: 600.0 }, Limits::default())
+    );
     assert_eq!((team.slots.duration_s, &team.slots.order), (10.0, &vec![bob, ada]));
     let same = Team::new(names(2), model(), []).unwrap();
     assert_eq!((team.worth_nats, team.packets_per_sender_max), (same.worth_nats, same.packets_per_sender_max));
@@ -44,7 +47,7 @@ fn what_was_written_reads_back_to_the_same_agreement() {
     let mut written = team(3, model());
     written.members =
         [(7, "a b"), (0, "\"quoted\""), (255, "wal.do")].map(|(n, name)| (n, VehicleId::new(name))).into();
-    written.grid = Grid { cell_m: 17.3, depth_cell_m: 2.1 };
+    written.grid = Grid { cell_m: 17.3, depth_cell_m: 2.1, start_s: 1.76e9, time_cell_s: 170.5 };
     written.slots =
         Slots { start_s: 3.25, duration_s: 7.5, order: ["wal.do", "a b", "wal.do"].map(VehicleId::new).into() };
     (written.frame_bytes, written.epoch, written.repeats_max, written.packets_per_sender_max) = (64, 9, 2, 5);
@@ -65,7 +68,7 @@ fn what_was_written_reads_back_to_the_same_agreement() {
 #[test]
 fn what_makes_no_team_is_refused_by_name() {
     let cases = [
-        ("schema = 1", "schema = 2", "newer version"),
+        ("schema = 1", "schema = 3", "newer version"),
         ("schema = 1", "schema = 1\ncolour = \"red\"", "colour"),
         ("cell_m = 25.0", "cell_m = 25.0\nwidth = 3", "width"),
         ("schema = 1\n", "", "schema"),
@@ -106,7 +109,7 @@ fn what_makes_no_team_is_refused_by_name() {
         let error = read(&with(line, other)).unwrap_err().to_string();
         assert!(error.contains(expected), "{other}: {error}");
     }
-    assert_eq!(read(&with("schema = 1", "schema = 2\nfuture = true")).unwrap_err(), TeamError::Newer { found: 2 });
+    assert_eq!(read(&with("schema = 1", "schema = 3\nfuture = true")).unwrap_err(), TeamError::Newer { found: 3 });
     assert_eq!(Team::new([], model(), []).unwrap_err(), TeamError::Members { found: 0 });
     assert_eq!(Team::new(names(257), model(), []).unwrap_err(), TeamError::Members { found: 257 });
     assert_eq!(Team::new(names(256), model(), []).unwrap().members.len(), 256);
@@ -122,6 +125,8 @@ fn all_that_gives_packets_their_meaning_is_in_the_digest_and_nothing_else_is() {
         Team { model: isotropic(dgpc::Shape::Matern52, true, 300.0001, 4.0), ..team.clone() },
         Team { grid: Grid { cell_m: cell_m * 1.01, ..team.grid }, ..team.clone() },
         Team { grid: Grid { depth_cell_m: 3.0, ..team.grid }, ..team.clone() },
+        Team { grid: Grid { start_s: 1.0, ..team.grid }, ..team.clone() },
+        Team { grid: Grid { time_cell_s: 60.0, ..team.grid }, ..team.clone() },
         Team { epoch: 1, ..team.clone() },
         Team { packets_per_sender_max: 3, ..team.clone() },
         Team { frame_bytes: 64, ..team.clone() },
@@ -135,7 +140,7 @@ fn all_that_gives_packets_their_meaning_is_in_the_digest_and_nothing_else_is() {
     let mut digests: Vec<_> = other.iter().chain([&team]).map(Team::digest).collect();
     digests.sort_unstable();
     digests.dedup();
-    assert_eq!(digests.len(), 13);
+    assert_eq!(digests.len(), 15);
     let limits = Limits { events_max: 5, ..team.limits };
     let mut same = Team { worth_nats: 1.0, repeats_max: 3, limits, ..team.clone() };
     same.model.chart.scale_m = 7.0;

@@ -19,11 +19,14 @@ pub const HORIZONTAL_CELLS: u8 = 64;
 /// Cells of the chart in depth.
 pub const DEPTH_CELLS: u8 = 32;
 
+/// Cells of time, of which 0 is no certain time.
+pub const TIME_CELLS: u8 = 64;
+
 /// Levels of information: 0 is a point of which nothing is said.
 pub const INFORMATION_LEVELS: u8 = 32;
 
 /// Partial correlations go from minus to plus this level.
-pub const CORRELATION_LEVELS: i8 = 7;
+pub const CORRELATION_LEVELS: i8 = 3;
 
 /// Means go from minus to plus this level.
 pub const MEAN_LEVELS: i8 = 15;
@@ -118,6 +121,10 @@ fn vertical() -> Kind {
     Kind::integer(0.0, f64::from(DEPTH_CELLS - 1))
 }
 
+fn time() -> Kind {
+    Kind::integer(0.0, f64::from(TIME_CELLS - 1))
+}
+
 fn information() -> Kind {
     Kind::integer(0.0, f64::from(INFORMATION_LEVELS - 1))
 }
@@ -150,6 +157,9 @@ const STATISTICS: [PointField; 2] = [
     point_field("information", information, |p| p.information.into(), |p, v| p.information = v as u8),
     point_field("mean", mean, |p| p.mean.into(), |p, v| p.mean = v as i8),
 ];
+
+/// Name of the field that holds the cells of time.
+pub(crate) const TIME: &str = "time";
 
 /// Name of the field that holds the partial correlations.
 pub(crate) const CORRELATION: &str = "correlation";
@@ -247,7 +257,8 @@ impl Layout {
         let bits = |count: usize, each: u64| count.saturating_mul(each as usize);
         let points = bits(self.points_in_all(), self.location_bits() + bits_of(STATISTICS.iter()));
         let correlations = bits(self.blocks.saturating_mul(self.correlations()), correlation().bits_max());
-        points.saturating_add(correlations).saturating_add(self.proof_bits() as usize)
+        let of_blocks = bits(self.blocks, time().bits_max()).saturating_add(points).saturating_add(correlations);
+        of_blocks.saturating_add(self.proof_bits() as usize)
     }
 
     /// Fields of every point: locations first.
@@ -264,6 +275,7 @@ impl Layout {
         if !self.is_sealed {
             fields.push(Field::required("model", model()));
         }
+        fields.push(all(TIME, time(), self.blocks));
         fields.extend(self.point_fields().map(|field| all(field.name, (field.kind)(), self.points_in_all())));
         fields.push(all(CORRELATION, correlation(), self.blocks.saturating_mul(self.correlations())));
         if self.is_sealed {

@@ -49,6 +49,7 @@ pub use error::Error;
 pub use hex::{from_hex, to_hex};
 pub use layout::{
     CORRELATION_LEVELS, DEPTH_CELLS, HORIZONTAL_CELLS, INFORMATION_LEVELS, LAYOUTS, Layout, MEAN_LEVELS, PROTO,
+    TIME_CELLS,
 };
 pub use map_message::{Block, MapMessage, Seal};
 pub use point::{Cell, Point};

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use alloc::{format, vec};
 
 use crate::error::Error;
-use crate::layout::{CORRELATION, Layout, TAG};
+use crate::layout::{CORRELATION, Layout, TAG, TIME};
 use crate::point::Point;
 use crate::schema::Schema;
 use crate::seal::Key;
@@ -14,6 +14,8 @@ use crate::value::{Fields, Value};
 /// One Gaussian message about f at a few points, in whole numbers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Block {
+    /// The cell of the time at which its points were true; 0 for no certain time.
+    pub time: u8,
     /// As many as the layout says.
     pub points: Vec<Point>,
     /// Levels of the partial correlations: of points (2, 1), (3, 1), (3, 2), (4, 1) and so on, counted from 1.
@@ -23,7 +25,7 @@ pub struct Block {
 impl Block {
     /// A block that says nothing.
     pub fn silent(layout: &Layout) -> Self {
-        Self { points: vec![Point::default(); layout.points], correlations: vec![0; layout.correlations()] }
+        Self { time: 0, points: vec![Point::default(); layout.points], correlations: vec![0; layout.correlations()] }
     }
 
     /// Whether there is a point of which it says something.
@@ -123,6 +125,7 @@ impl MapMessage {
         } else {
             fields.set("model", number(self.model));
         }
+        fields.set(TIME, Value::List(self.blocks.iter().map(|block| number(block.time)).collect()));
         for field in layout.point_fields() {
             let points = self.blocks.iter().flat_map(|block| &block.points);
             fields.set(field.name, Value::List(points.map(|point| number((field.get)(point))).collect()));
@@ -142,6 +145,7 @@ impl MapMessage {
     /// The message of values that the schema has checked.
     fn from_fields(layout: &Layout, fields: &Fields) -> Self {
         let mut blocks = vec![Block::silent(layout); layout.blocks];
+        blocks.iter_mut().zip(numbers(fields, TIME)).for_each(|(block, cell)| block.time = cell as u8);
         for field in layout.point_fields() {
             let points = blocks.iter_mut().flat_map(|block| &mut block.points);
             points.zip(numbers(fields, field.name)).for_each(|(point, level)| (field.set)(point, level as i16));

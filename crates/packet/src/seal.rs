@@ -36,9 +36,9 @@ impl Key {
         let is_weak = bytes.iter().all(|byte| *byte == bytes[0]);
         let derived = |context: &str| blake3::derive_key(context, &bytes);
         let secrets = Secrets {
-            frames: derived("pingmap protocol 2, tag of a frame"),
-            memory: derived("pingmap protocol 2, check of a snapshot"),
-            fingerprint: derived("pingmap protocol 2, fingerprint of a key"),
+            frames: derived("pingmap protocol 3, tag of a frame"),
+            memory: derived("pingmap protocol 3, check of a snapshot"),
+            fingerprint: derived("pingmap protocol 3, fingerprint of a key"),
         };
         bytes.zeroize();
         if is_weak { Err(Error::WeakKey) } else { Ok(Self(Box::new(secrets))) }

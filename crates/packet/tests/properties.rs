@@ -42,8 +42,8 @@ fn point(has_depth: bool) -> impl Strategy<Value = Point> {
 
 fn block(layout: &Layout) -> impl Strategy<Value = Block> + use<> {
     let correlations = vec(-CORRELATION_LEVELS..=CORRELATION_LEVELS, layout.correlations());
-    let fields = (vec(point(layout.has_depth), layout.points), correlations);
-    fields.prop_map(|(points, correlations)| Block { points, correlations })
+    let fields = (0..TIME_CELLS, vec(point(layout.has_depth), layout.points), correlations);
+    fields.prop_map(|(time, points, correlations)| Block { time, points, correlations })
 }
 
 /// Any message within the bounds of its layout.
@@ -69,8 +69,9 @@ fn varied(layout: &Layout, sender: u8) -> MapMessage {
         mean: (4 * n % 31) as i8 - 15,
     };
     let block = |n: usize| Block {
+        time: (13 * n + 41) as u8 % 64,
         points: (0..layout.points).map(|place| point(n * layout.points + place)).collect(),
-        correlations: (0..layout.correlations()).map(|place| ((n + 2 * place) % 15) as i8 - 7).collect(),
+        correlations: (0..layout.correlations()).map(|place| ((n + 2 * place) % 7) as i8 - 3).collect(),
     };
     let model = if layout.is_sealed { 0 } else { 0x2a5 };
     MapMessage { sender, counter: 0x1234, model, blocks: (0..layout.blocks).map(block).collect() }
@@ -88,7 +89,8 @@ fn is_within_bounds(layout: &Layout, message: &MapMessage) -> bool {
     };
     let is_block = |block: &Block| {
         let is_size = block.points.len() == layout.points && block.correlations.len() == layout.correlations();
-        is_size && block.points.iter().all(is_point) && block.correlations.iter().all(|c| (-7..=7).contains(c))
+        let is_pair = |level: &i8| (-3..=3).contains(level);
+        is_size && block.time < 64 && block.points.iter().all(is_point) && block.correlations.iter().all(is_pair)
     };
     message.model < 1 << 14 && message.blocks.len() == layout.blocks && message.blocks.iter().all(is_block)
 }
@@ -182,12 +184,13 @@ fn flip_bit(bytes: &mut [u8], bit: usize) {
 /// A change that makes a message impossible, and the error that must name it.
 type Spoiler = (fn(&mut MapMessage), &'static str, f64, f64, f64);
 
-const SPOILERS: [Spoiler; 11] = [
+const SPOILERS: [Spoiler; 12] = [
     (|m| m.blocks[0].points[1].information = 32, "information", 0.0, 31.0, 32.0),
     (|m| m.blocks[0].points[0].mean = 16, "mean", -15.0, 15.0, 16.0),
     (|m| m.blocks[0].points[2].mean = -16, "mean", -15.0, 15.0, -16.0),
-    (|m| m.blocks[0].correlations[0] = 8, "correlation", -7.0, 7.0, 8.0),
-    (|m| m.blocks[0].correlations[1] = -8, "correlation", -7.0, 7.0, -8.0),
+    (|m| m.blocks[0].correlations[0] = 4, "correlation", -3.0, 3.0, 4.0),
+    (|m| m.blocks[0].correlations[1] = -4, "correlation", -3.0, 3.0, -4.0),
+    (|m| m.blocks[0].time = 64, "time", 0.0, 63.0, 64.0),
     (|m| m.blocks[0].points[0].transmitter.east = 64, "tx_east", 0.0, 63.0, 64.0),
     (|m| m.blocks[0].points[0].transmitter.north = 64, "tx_north", 0.0, 63.0, 64.0),
     (|m| m.blocks[0].points[0].receiver.east = 255, "rx_east", 0.0, 63.0, 255.0),
@@ -285,7 +288,7 @@ fn codes_beyond_the_bounds_are_refused_on_the_wire() {
     for layout in &LAYOUTS {
         let points = layout.blocks * layout.points;
         let correlations = layout.blocks * layout.correlations();
-        for (name, count, max) in [("mean", points, 15.0), ("correlation", correlations, 7.0)] {
+        for (name, count, max) in [("mean", points, 15.0), ("correlation", correlations, 3.0)] {
             for element in [0, count - 1] {
                 let mut bytes = encode(layout, &varied(layout, 3)).unwrap();
                 let (start, width) = place_of(layout, name, count);

@@ -291,6 +291,10 @@ pub fn positive(text: &str) -> Result<f64, String> {
     number(text, bounds::POSITIVE)
 }
 
+pub fn time(text: &str) -> Result<f64, String> {
+    number(text, bounds::TIME_S)
+}
+
 pub fn threads(text: &str) -> Result<usize, String> {
     count(text, bounds::THREADS)
 }

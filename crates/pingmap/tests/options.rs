@@ -148,6 +148,8 @@ const TEAM: &[Case] = &[
     ("--frame-bytes", "256", ""),
     ("--epoch", "7", ""),
     ("--cell-m", "33", ""),
+    ("--start-s", "-100", ""),
+    ("--duration-s", "5000", ""),
     ("--output", "other-team.toml", ""),
 ];
 
@@ -226,7 +228,7 @@ columns = [\"water\"]
 ";
 
 /// A packet of another team than the one above.
-const PACKET: &str = "f8033412a5c2e154dcb858217b339316a2dc29f7081826314010832064a8ec31";
+const PACKET: &str = "f8033412a5427a3815372e56c8decca4852877ca3d0286490c10c42044678508";
 
 /// Exit status, what was said, and all files of the folder by name.
 type Outcome = (Option<i32>, String, BTreeMap<PathBuf, Vec<u8>>);

@@ -148,8 +148,9 @@ fn random(member: &Agent, counter: u16, rng: &mut impl Rng) -> Result<Vec<u8>, A
     };
     let points: Vec<Point> = places.into_iter().map(point).collect();
     let blocks = points.chunks(layout.points).map(|points| Block {
+        time: rng.random_range(0..64),
         points: points.to_vec(),
-        correlations: (0..layout.correlations()).map(|_| rng.random_range(-7..=7)).collect(),
+        correlations: (0..layout.correlations()).map(|_| rng.random_range(-3..=3)).collect(),
     });
     let sender = member.team().number(member.id()).unwrap_or_default();
     Ok(member.write(layout, &MapMessage { sender, counter, model: 0, blocks: blocks.collect() })?)

@@ -3,7 +3,8 @@
 use std::borrow::Cow;
 
 use dgpc::{Candidates, Concatenation, Inputs, Posterior, Sites, Summary};
-use pingmap_agent::{Agent, AgentError, Event, Link};
+use pingmap_agent::{Agent, AgentError, Attempt, Event, Link};
+use pingmap_packet::{Block, Layout};
 use rand::seq::index::sample;
 use rayon::prelude::*;
 
@@ -73,7 +74,7 @@ impl Alternative {
             return Ok(Said::Summaries(Vec::new()));
         }
         let speaker = Speaker::new(mission, agent)?;
-        if speaker.links.is_empty() {
+        if speaker.attempts.is_empty() {
             // Nothing happened within the grid.
             return Ok(Said::Summaries(Vec::new()));
         }
@@ -82,7 +83,7 @@ impl Alternative {
             Alternative::RawEvents => Said::Events(speaker.raw_events(frames)?),
             Alternative::RandomPoints => {
                 let mut rng = stream(mission.seed(), streams::ALTERNATIVES + place as u64);
-                let all = speaker.links.len();
+                let all = speaker.attempts.len();
                 let mut choose = |_: &Candidates| sample(&mut rng, all, speaker.points().min(all)).into_vec();
                 Said::Summaries(speaker.residuals(frames, &mut choose)?)
             }
@@ -136,20 +137,20 @@ impl Said {
 struct Speaker<'a> {
     agent: &'a Agent,
     own: Posterior,
-    layout: &'static pingmap_packet::Layout,
-    /// Candidates: links of its own events, and their inputs.
-    links: Vec<Link>,
+    layout: &'static Layout,
+    /// Candidates: what its own events tried, and the inputs of that.
+    attempts: Vec<Attempt>,
     inputs: Inputs,
 }
 
 impl<'a> Speaker<'a> {
     fn new(mission: &Mission, agent: &'a Agent) -> Result<Self, AgentError> {
-        let links = agent.candidates();
+        let attempts = agent.candidates();
         Ok(Self {
             own: agent.clone().own_posterior()?.clone(),
             layout: mission.team.layout(mission.team.frame_bytes)?,
-            inputs: inputs(agent, &links)?,
-            links,
+            inputs: agent.model().inputs(&attempts)?,
+            attempts,
             agent,
         })
     }
@@ -175,9 +176,9 @@ impl<'a> Speaker<'a> {
         for _ in 0..frames.saturating_mul(self.layout.blocks) {
             let chosen = choose(&candidates);
             candidates.condition_on(&chosen);
-            let links: Vec<Link> = chosen.iter().map(|&place| self.links[place]).collect();
+            let attempts: Vec<Attempt> = chosen.iter().map(|&place| self.attempts[place]).collect();
             let residual = |points: &Inputs| self.own.residual(&public, points);
-            if let Some((_, summary)) = self.agent.wire().encode(self.layout, &links, &residual)? {
+            if let Some((_, summary)) = self.encode(&attempts, &residual)? {
                 public.absorb_summaries(&[&summary])?;
                 said.push(summary);
             }
@@ -189,15 +190,26 @@ impl<'a> Speaker<'a> {
     fn unrounded(&self, mission: &Mission, place: usize, frames: usize) -> Result<Vec<Summary>, AgentError> {
         let mut public = self.nobody_knows();
         let mut said = Vec::new();
-        for (_, _, links) in mission.links_of_packets(place, frames) {
-            for block in links.chunks(self.points()) {
-                let points = inputs(self.agent, block)?;
-                let summary = self.own.residual(&public, &points)?;
-                public.absorb_summaries(&[&summary])?;
-                said.push(summary);
-            }
+        let packets = mission.sent(frames).nth(place).unwrap_or_default();
+        let blocks = packets.iter().filter_map(|packet| self.agent.read(packet).ok()).flat_map(|(_, told)| told.blocks);
+        for block in blocks.filter(Block::says_something) {
+            let points = self.agent.model().inputs(self.agent.wire().attempts(&block))?;
+            let summary = self.own.residual(&public, &points)?;
+            public.absorb_summaries(&[&summary])?;
+            said.push(summary);
         }
         Ok(said)
+    }
+
+    /// A block about these, as it is decoded.
+    fn encode(
+        &self,
+        attempts: &[Attempt],
+        say: &dyn Fn(&Inputs) -> dgpc::Result<Summary>,
+    ) -> dgpc::Result<Option<(Block, Summary)>> {
+        let links: Vec<Link> = attempts.iter().map(|attempt| attempt.link).collect();
+        let wire = self.agent.wire();
+        wire.encode(self.layout, wire.time_of(attempts), &links, say)
     }
 
     /// Events by their cells, as many as fit into the frames.
@@ -214,11 +226,11 @@ impl<'a> Speaker<'a> {
         // What happened over a link again comes after what happened over the others for the first time.
         let mut again: Vec<(usize, Event)> = Vec::new();
         for &place in &chosen.indices {
-            let there = self.agent.events().filter(|event| event.link == self.links[place]);
+            let there = self.agent.events().filter(|event| event.link == self.attempts[place].link);
             again.extend(there.filter_map(rounded).enumerate());
         }
         // What is so near to these that nothing of its own is left fills what room there is.
-        let is_told = |event: &&Event| chosen.indices.iter().any(|&place| self.links[place] == event.link);
+        let is_told = |event: &&Event| chosen.indices.iter().any(|&place| self.attempts[place].link == event.link);
         let rest = self.agent.events().filter(|event| !is_told(event));
         again.extend(rest.filter_map(rounded).map(|event| (usize::MAX, event)));
         again.sort_by_key(|&(times, _)| times);
@@ -230,32 +242,32 @@ impl<'a> Speaker<'a> {
     fn variational(&self, frames: usize) -> Result<Vec<Summary>, AgentError> {
         let kernel = self.agent.model().prior.kernel();
         let mut candidates = Candidates::new(kernel, &self.inputs)?;
-        let mut packets: Vec<Vec<Link>> = Vec::new();
+        let mut packets: Vec<Vec<Attempt>> = Vec::new();
         while packets.len() < frames.saturating_mul(self.layout.blocks) {
             let chosen = candidates.minimise_trace(self.points());
             if chosen.indices.is_empty() {
                 break;
             }
             candidates.condition_on(&chosen.indices);
-            packets.push(chosen.indices.iter().map(|&place| self.links[place]).collect());
+            packets.push(chosen.indices.iter().map(|&place| self.attempts[place]).collect());
         }
         let Some(sites) = self.agent.sites() else { return Ok(Vec::new()) };
         let regions = self.regions(sites, &packets)?;
         let mut said = Vec::new();
-        for (links, members) in packets.iter().zip(regions) {
+        for (attempts, members) in packets.iter().zip(regions) {
             let sites = sites.select(&members);
             let say = |points: &Inputs| Summary::variational(&self.agent.model().prior, &sites, points);
-            said.extend(self.agent.wire().encode(self.layout, links, &say)?.map(|(_, summary)| summary));
+            said.extend(self.encode(attempts, &say)?.map(|(_, summary)| summary));
         }
         Ok(said)
     }
 
     /// For every packet the events that it speaks for.
-    fn regions(&self, sites: &Sites, packets: &[Vec<Link>]) -> Result<Vec<Vec<usize>>, AgentError> {
+    fn regions(&self, sites: &Sites, packets: &[Vec<Attempt>]) -> Result<Vec<Vec<usize>>, AgentError> {
         let model = self.agent.model();
         let mut best = vec![(0, f64::NEG_INFINITY); sites.len()];
-        for (packet, links) in packets.iter().enumerate() {
-            let points = inputs(self.agent, links)?;
+        for (packet, attempts) in packets.iter().enumerate() {
+            let points = model.inputs(attempts)?;
             let covariance = model.prior.kernel().cross(sites.inputs(), &points)?;
             for (column, variance) in model.prior.kernel().diagonal(&points)?.iter().enumerate() {
                 for (best, k) in best.iter_mut().zip(covariance.column(column)) {
@@ -272,10 +284,4 @@ impl<'a> Speaker<'a> {
         }
         Ok(regions)
     }
-}
-
-/// The inputs of links as packets of this vehicle speak of them.
-fn inputs(agent: &Agent, links: &[Link]) -> dgpc::Result<Inputs> {
-    let wire = agent.wire();
-    agent.model().inputs(links.iter().map(|&link| wire.attempt(link)))
 }

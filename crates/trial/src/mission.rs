@@ -97,11 +97,13 @@ impl Plan {
             Agreed::Nothing => self.model(log, training)?,
         };
         let positions = log.events.iter().flat_map(|event| event.link.ends());
+        let team = Team::new(log.vehicles(), model, positions)?.with_frames(self.frame_bytes);
         let team = Team {
+            grid: team.grid.spanning(log.events.iter().map(|event| event.time_s)),
             key: self.key.clone(),
             repeats_max: self.repeats_max,
             limits: self.limits,
-            ..Team::new(log.vehicles(), model, positions)?.with_frames(self.frame_bytes)
+            ..team
         };
         Ok((team, fit))
     }

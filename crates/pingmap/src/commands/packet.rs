@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, Subcommand};
-use pingmap_agent::{Agent, Link, VehicleId};
+use pingmap_agent::{Agent, Link, VehicleId, When};
 use pingmap_packet::{Block, Cell, Layout, MapMessage, PROTO, Point, from_hex, to_hex};
 use serde::{Deserialize, Serialize};
 
@@ -103,6 +103,12 @@ struct PacketJson {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct BlockJson {
+    /// The cell of the time at which its points were true; 0 for no certain time.
+    #[serde(default)]
+    time: u8,
+    /// With a team, that time in seconds, which is not read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    time_s: Option<f64>,
     points: Vec<PointJson>,
     correlations: Vec<i8>,
 }
@@ -142,11 +148,13 @@ fn decode(options: &Decode, results: Results) -> anyhow::Result<()> {
     }
     let sender = listener.as_ref().and_then(|listener| listener.team().members.get(&message.sender));
     let sender = sender.map_or_else(|| format!("vehicle {}", message.sender), ToString::to_string);
-    let said = json.blocks.iter().flat_map(|block| &block.points).filter(|point| point.information > 0);
-    let rows: Vec<Vec<String>> = said.enumerate().map(|(place, point)| point_row(place + 1, point)).collect();
+    let said = json.blocks.iter().flat_map(|block| block.points.iter().map(move |point| (block, point)));
+    let said = said.filter(|(_, point)| point.information > 0);
+    let rows = said.enumerate().map(|(place, (block, point))| point_row(place + 1, block, point));
+    let rows: Vec<Vec<String>> = rows.collect();
     let header = match listener {
-        Some(_) => ["point", "transmitter, m", "receiver, m", "information", "mean"],
-        None => ["point", "transmitter, cell", "receiver, cell", "information", "mean"],
+        Some(_) => ["point", "time, s", "transmitter, m", "receiver, m", "information", "mean"],
+        None => ["point", "time, cell", "transmitter, cell", "receiver, cell", "information", "mean"],
     };
     print(
         results,
@@ -317,7 +325,13 @@ fn block_json(block: &Block, layout: &Layout, listener: Option<&Agent>) -> Block
         tx_m: link.map(|link| metres(link.transmitter)),
         rx_m: link.map(|link| metres(link.receiver)),
     };
-    BlockJson { points: block.points.iter().zip(links).map(point).collect(), correlations: block.correlations.clone() }
+    let when = listener.map(|listener| listener.team().grid.when(block.time));
+    BlockJson {
+        time: block.time,
+        time_s: when.and_then(|when| if let When::At(time_s) = when { Some(time_s) } else { None }),
+        points: block.points.iter().zip(links).map(point).collect(),
+        correlations: block.correlations.clone(),
+    }
 }
 
 fn block_of(json: &BlockJson, layout: &Layout) -> Result<Block, String> {
@@ -334,16 +348,22 @@ fn block_of(json: &BlockJson, layout: &Layout) -> Result<Block, String> {
         Ok(Point { transmitter: cell("tx", &point.tx)?, receiver: cell("rx", &point.rx)?, information, mean })
     };
     let points = json.points.iter().map(point).collect::<Result<_, String>>()?;
-    Ok(Block { points, correlations: json.correlations.clone() })
+    Ok(Block { time: json.time, points, correlations: json.correlations.clone() })
 }
 
-fn point_row(number: usize, point: &PointJson) -> Vec<String> {
+fn point_row(number: usize, block: &BlockJson, point: &PointJson) -> Vec<String> {
     let place = |cells: &[u8], metres: &Option<Vec<f64>>| match metres {
         Some(metres) => metres.iter().map(|metres| format!("{metres:.0}")).collect::<Vec<_>>().join(", "),
         None => cells.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
     };
+    let time = match (block.time, block.time_s) {
+        (0, _) => "–".to_owned(),
+        (_, Some(time_s)) => format!("{time_s:.0}"),
+        (cell, None) => cell.to_string(),
+    };
     vec![
         number.to_string(),
+        time,
         place(&point.tx, &point.tx_m),
         place(&point.rx, &point.rx_m),
         point.information.to_string(),

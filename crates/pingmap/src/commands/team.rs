@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_agent::{Grid, Team, TeamError, TeamFile};
+use pingmap_packet::TIME_CELLS;
 
 use crate::files::write_file;
 use crate::log::open_log;
 use crate::model::{log_digest, open_model};
 use crate::output::{BadInput, Results, count, note, warn};
 use crate::team::open_key;
-use crate::values::{frame_bytes, positive};
+use crate::values::{frame_bytes, positive, time};
 
 /// Write what a team must agree on before the mission: members, grid, frames, and the model that packets are formed
 /// under
@@ -33,6 +34,13 @@ pub struct Options {
     /// Side of a cell of the grid; the finest that holds the log if not given
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub cell_m: Option<f64>,
+    /// When the mission begins, in seconds of its events' clock: packets say when what they tell was true; the log's first
+    /// event if not given
+    #[arg(long, value_parser = time, allow_negative_numbers = true)]
+    pub start_s: Option<f64>,
+    /// How long the mission lasts at most; what is heard later is told without a time. As long as the log if not given
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    pub duration_s: Option<f64>,
     /// File for the team, in the folder of the model file or above it
     #[arg(long, short, value_name = "FILE", default_value = "team.toml")]
     pub output: PathBuf,
@@ -62,12 +70,18 @@ fn write(options: &Options) -> anyhow::Result<()> {
             warn(format_args!("{} beyond the grid: nothing can be told of them", count(outside, "event")));
         }
     }
+    team.grid = team.grid.spanning(log.events.iter().map(|event| event.time_s));
+    team.grid.start_s = options.start_s.unwrap_or(team.grid.start_s);
+    if let Some(duration_s) = options.duration_s {
+        team.grid.time_cell_s = duration_s / f64::from(TIME_CELLS - 1);
+    }
     let key_name = options.key_file.as_ref().map(|path| beside(path, &options.output)).transpose()?;
     let model_name = beside(&options.model, &options.output)?;
     let text = TeamFile::write(&team, &model_name, key_name.as_deref(), log_digest(&file));
     write_file(&options.output, text.map_err(bad_team)?.as_bytes())?;
-    let Grid { cell_m, .. } = team.grid;
-    note(format_args!("team: {}, cells of {cell_m} m", options.output.display()));
+    let Grid { cell_m, start_s, time_cell_s, .. } = team.grid;
+    let output = options.output.display();
+    note(format_args!("team: {output}, cells of {cell_m} m, and of {time_cell_s} s from {start_s} s on"));
     Ok(())
 }
 
