@@ -6,7 +6,6 @@ use std::sync::Arc;
 use dgpc::{Posterior, Sites};
 
 use crate::agent_error::AgentError;
-use crate::attempt::Attempt;
 use crate::beliefs::{Beliefs, Start};
 use crate::entry::Entry;
 use crate::event::{Event, VehicleId};
@@ -69,6 +68,8 @@ pub struct Agent {
     pub(crate) muted: BTreeSet<u8>,
     pub(crate) counts: Counts,
     pub(crate) heard_s: BTreeMap<u8, f64>,
+    /// Whether a link longer than any that was tried may be called better than its part of that length.
+    pub(crate) may_rise: bool,
 }
 
 impl Agent {
@@ -82,6 +83,7 @@ impl Agent {
             muted: BTreeSet::new(),
             counts: Counts::default(),
             heard_s: BTreeMap::new(),
+            may_rise: false,
         }
     }
 
@@ -89,6 +91,13 @@ impl Agent {
     #[must_use]
     pub fn owning_all_events(self) -> Self {
         Self { owns_all_events: true, ..self }
+    }
+
+    /// The same vehicle, but what it predicts may rise again beyond the longest link that was tried: see
+    /// [`Agent::predictions`].
+    #[must_use]
+    pub fn rising_beyond(self) -> Self {
+        Self { may_rise: true, ..self }
     }
 
     /// Who it is.
@@ -271,27 +280,6 @@ impl Agent {
     /// Takes what arrived into the posteriors.
     pub(crate) fn update(&mut self) -> Result<(), AgentError> {
         self.beliefs.update(&self.memory, &self.heard())
-    }
-
-    /// Probability of success of an attempt, or over a link between typical vehicles at a typical time.
-    ///
-    /// # Errors
-    /// [`AgentError::Method`] when a position is not finite.
-    pub fn probability(&mut self, attempt: impl Into<Attempt>) -> Result<f64, AgentError> {
-        Ok(self.probabilities([attempt])?[0])
-    }
-
-    /// Probability of success of each attempt. Takes in what arrived since the last time, up to 64 events beside the last
-    /// fit, and fits nothing again: see [`Agent::refit_due`]. O(n²) an attempt.
-    ///
-    /// # Errors
-    /// As [`Agent::probability`].
-    pub fn probabilities(
-        &mut self,
-        attempts: impl IntoIterator<Item = impl Into<Attempt>>,
-    ) -> Result<Vec<f64>, AgentError> {
-        let inputs = self.model().inputs(attempts)?;
-        Ok(self.posterior()?.probability(&inputs)?)
     }
 
     /// Its own events and all that others sent, put together.

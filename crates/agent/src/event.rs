@@ -64,6 +64,23 @@ impl Link {
         let north = self.transmitter.north_m - self.receiver.north_m;
         east.hypot(north)
     }
+
+    /// The part of it from the transmitter on that is `range_m` long; itself, if it is no longer.
+    #[must_use]
+    pub fn shortened_to(&self, range_m: f64) -> Self {
+        let Self { transmitter: from, receiver: to } = *self;
+        let share = range_m / self.range_m();
+        if share.is_nan() || share >= 1.0 {
+            return *self;
+        }
+        let along = |from: f64, to: f64| from + share * (to - from);
+        let receiver = Position {
+            east_m: along(from.east_m, to.east_m),
+            north_m: along(from.north_m, to.north_m),
+            depth_m: to.depth_m.map(|to_m| from.depth_m.map_or(to_m, |from_m| along(from_m, to_m))),
+        };
+        Self { receiver, ..*self }
+    }
 }
 
 /// One attempted transmission, as its receiver knows it: heard or missed. The receiver owns the event.

@@ -37,11 +37,13 @@ pub(crate) struct Events {
     /// In canonical order, so that fits do not depend on the order of arrival.
     in_order: Arc<Vec<Numbered>>,
     numbers: Arc<BTreeSet<u64>>,
+    /// Length of the longest link.
+    longest_m: f64,
 }
 
 impl Events {
     pub(crate) fn new(events_max: usize) -> Self {
-        Self { events_max: events_max.max(1), in_order: Arc::default(), numbers: Arc::default() }
+        Self { events_max: events_max.max(1), in_order: Arc::default(), numbers: Arc::default(), longest_m: 0.0 }
     }
 
     /// Puts in events that have these numbers. Of two events under one number, which no vehicle makes, the first in
@@ -68,6 +70,11 @@ impl Events {
         }
         self.merge(added);
         change.forgotten += self.forget();
+        let new_m = change.new.iter().map(|event| event.link.range_m());
+        self.longest_m = match change.forgotten {
+            0 => new_m.fold(self.longest_m, f64::max),
+            _ => self.iter().map(|event| event.link.range_m()).fold(0.0, f64::max),
+        };
         change
     }
 
@@ -118,6 +125,11 @@ impl Events {
     /// The number of the next event.
     pub(crate) fn count(&self) -> u64 {
         self.numbers.last().map_or(0, |&last| last.saturating_add(1))
+    }
+
+    /// Length of the longest link; 0 without events.
+    pub(crate) fn longest_m(&self) -> f64 {
+        self.longest_m
     }
 
     pub(crate) fn len(&self) -> usize {

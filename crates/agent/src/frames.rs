@@ -63,7 +63,10 @@ impl Frames {
         let wire = self.team.wire_of(message.sender);
         let summaries: Result<Vec<Summary>, _> = said.map(|block| wire.decode(block)).collect();
         let summaries = summaries.map_err(Refusal::Unusable)?;
-        Ok(((message.sender, message.counter), Packet { bytes: bytes[..layout.length()].to_vec(), summaries }))
+        let links = message.blocks.iter().flat_map(|block| wire.attempts(block));
+        let longest_m = links.map(|attempt| attempt.link.range_m()).fold(0.0, f64::max);
+        let bytes = bytes[..layout.length()].to_vec();
+        Ok(((message.sender, message.counter), Packet { bytes, summaries, longest_m }))
     }
 
     /// The bytes of a message: sealed if the team has a key, else with the number of what it agreed on.

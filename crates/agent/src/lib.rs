@@ -42,6 +42,7 @@ mod agent;
 #[cfg(feature = "learn")]
 mod adapt;
 mod exchange;
+mod prediction;
 mod snapshot;
 
 pub use agent::Agent;
@@ -62,6 +63,7 @@ pub use model_file::{ModelFile, Provenance};
 pub use model_file_error::ModelFileError;
 pub use packets::COUNTER_LEAP_MAX;
 pub use pingmap_packet::Key;
+pub use prediction::Prediction;
 pub use receipt::{Counts, Receipt, Refusal};
 pub use structure::{Addition, Additions, Given, MeanStructure, PathInputs, Structure, Terms};
 pub use team::{Slots, TEAM_SCHEMA, Team, TeamError};

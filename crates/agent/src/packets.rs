@@ -17,6 +17,8 @@ pub const COUNTER_LEAP_MAX: u16 = 1024;
 pub(crate) struct Packet {
     pub(crate) bytes: Vec<u8>,
     pub(crate) summaries: Vec<Summary>,
+    /// The longest link that it speaks of; 0 where it speaks of none.
+    pub(crate) longest_m: f64,
 }
 
 /// What became of a packet that was put in.

@@ -218,3 +218,46 @@ fn one_frame_tells_a_vehicle_of_a_region_that_it_has_not_seen() {
     let (before, after) = (off(), off());
     assert!(after < 0.5 * before, "{before} {after}");
 }
+
+proptest! {
+    #![proptest_config(cases(24))]
+
+    #[test]
+    fn a_link_longer_than_any_that_was_tried_is_not_better_than_its_part(
+        fleet in fleets(), ends in prop::array::uniform4(-4.0 * REACH_M..4.0 * REACH_M), beyond in 1.0..50.0f64,
+    ) {
+        let mut agent = fleet.vehicle(0);
+        let own_m = fleet.events[0].iter().map(|event| event.link.range_m()).fold(0.0, f64::max);
+        prop_assert_eq!(agent.longest_m(), Some(own_m));
+        for bytes in fleet.packets(2) {
+            agent.receive(&bytes, 0.0);
+        }
+        let longest_m = agent.longest_m().unwrap();
+        let told = agent.links_of_packets().into_iter().flat_map(|(_, _, links)| links);
+        prop_assert_eq!(longest_m, told.map(|link| link.range_m()).fold(own_m, f64::max));
+        let link = link(ends);
+        let share = longest_m * beyond / link.range_m();
+        let longer = Position {
+            east_m: ends[0] + share * (ends[2] - ends[0]),
+            north_m: ends[1] + share * (ends[3] - ends[1]),
+            depth_m: None,
+        };
+        let longer = Link { receiver: longer, ..link };
+        let part = longer.shortened_to(longest_m);
+        prop_assert!((part.range_m() - longest_m).abs() < 1e-6 && part.transmitter == link.transmitter);
+        let p = agent.probabilities([longer, part]).unwrap();
+        prop_assert!(p[0] <= p[1] + 1e-12, "{:?}", p);
+    }
+}
+
+#[test]
+fn beyond_all_data_even_odds_come_back_only_where_they_may() {
+    let mut agent = vehicle(&Arc::new(team(2, model())), 0, walk(0, 60, 0.0));
+    agent.refit().unwrap();
+    let longest_m = agent.longest_m().unwrap();
+    let [part, far] = [longest_m, 30.0 * longest_m].map(|range_m| link([0.0, 0.0, range_m, 0.0]));
+    let held = agent.probability(far).unwrap();
+    assert_eq!(held.to_bits(), agent.probability(part).unwrap().to_bits());
+    let rising = agent.rising_beyond().probability(far).unwrap();
+    assert!(held < 0.48 && (rising - 0.5).abs() < 0.01, "{held} {rising}");
+}

@@ -154,6 +154,10 @@ pub struct Asked {
     /// When: the end of the log, a typical time, another day that may be any, or a time of the log in seconds
     #[arg(long, value_name = "end|typical|another-day|SECONDS", default_value = "end", value_parser = Moment::parse, allow_negative_numbers = true)]
     pub time: Moment,
+    /// Let the probability rise again over links longer than any of the log, where nothing is known. If not given it stays at or
+    /// below that of their part of that length
+    #[arg(long)]
+    pub rising_beyond: bool,
 }
 
 /// The name of nobody in particular.

@@ -1,7 +1,6 @@
 //! A map of success probability, seen from one place.
 
-use dgpc::Posterior;
-use pingmap_agent::{Attempt, Event, Geographic, Link, Model, Position};
+use pingmap_agent::{Agent, Attempt, Event, Geographic, Link, Position};
 use serde_json::json;
 
 use crate::contour::{Grid, Point, contour_lines};
@@ -37,8 +36,7 @@ pub struct SuccessMap {
 impl SuccessMap {
     /// Predicts every cell of a grid over the area of the log and the place itself, as attempts that `asked` makes of links. O(cells · n²).
     pub fn new(
-        posterior: &Posterior,
-        model: &Model,
+        agent: &mut Agent,
         events: &[Event],
         (at, end): (Position, End),
         asked: &dyn Fn(Link) -> Attempt,
@@ -69,7 +67,7 @@ impl SuccessMap {
         let mut values = Vec::with_capacity(columns * rows);
         for row in 0..rows {
             let attempts = (0..columns).map(|column| asked(link(row, column)));
-            values.extend(posterior.probability(&model.inputs(attempts)?)?);
+            values.extend(agent.probabilities(attempts)?);
         }
         Ok(Self { at, end, values, columns, east, north, cell_m })
     }

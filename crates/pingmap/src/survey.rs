@@ -2,20 +2,20 @@
 
 use std::sync::Arc;
 
-use dgpc::Posterior;
 use pingmap_agent::{Agent, Event, FitQuality, Limits, Model, Team, VehicleId};
 use pingmap_trial::EventLog;
 
 use crate::log::{only, open_log, thinned};
 use crate::model::Known;
-use crate::options::Source;
+use crate::options::{Asked, Source};
 use crate::output::{note, spinner, warn};
 
 /// A log and what was learned from all of it.
 pub struct Survey {
     pub log: EventLog,
     pub known: Known,
-    pub posterior: Posterior,
+    /// One vehicle that owns all of it.
+    pub agent: Agent,
 }
 
 impl Survey {
@@ -35,11 +35,16 @@ impl Survey {
         let known = Known::new(model, &log, work.limits())?;
         let bar = spinner("fitting");
         let mut agent = all_in_one(&known.model, log.events.iter().cloned(), work.limits())?;
-        let posterior = agent.posterior()?.clone();
+        agent.posterior()?;
         bar.finish_and_clear();
         agent.fit_quality().iter().for_each(warn_of_quality);
         note(known.describe(log.events.len(), agent.learns_densely()));
-        Ok(Self { log, known, posterior })
+        Ok(Self { log, known, agent })
+    }
+
+    /// The same, allowed to rise beyond the longest link of the log if that is asked for.
+    pub fn rising(self, asked: &Asked) -> Self {
+        if asked.rising_beyond { Self { agent: self.agent.rising_beyond(), ..self } } else { self }
     }
 
     /// The model.

@@ -77,6 +77,7 @@ const ASKED: &[Case] = &[
     ("--transmitter", "bob", "--model offsets.toml"),
     ("--receiver", "new", "--model offsets.toml"),
     ("--time", "another-day", "--model offsets.toml"),
+    ("--rising-beyond", "", "--prior-mean zero --kernel squared-exponential --length-scale-m 100"),
 ];
 
 const PREDICT: &[Case] = &[
@@ -187,7 +188,7 @@ fn prepare(folder: &Path) {
     file(folder, "other.csv", log.replace("200,500", "210,480"));
     let splits: String = (0..40).map(|n| if n % 4 == 0 { "1\n" } else { "0\n" }).collect();
     file(folder, "splits.csv", format!("split_0\n{splits}"));
-    let links = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n100,200,500,300\n";
+    let links = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n100,200,500,300\n9000,200,500,300\n";
     file(folder, "links.csv", links);
     file(folder, "other-links.csv", links.replace("100,", "900,"));
     file(folder, "key.hex", "0123456789abcdef".repeat(4));

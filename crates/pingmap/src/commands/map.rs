@@ -65,12 +65,12 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if origin.is_some() {
         check_near_origin(&log)?;
     }
-    let survey = Survey::learn(log, &options.source)?;
+    let mut survey = Survey::learn(log, &options.source)?.rising(&options.asked);
     let (east, north) = options.at;
     let at = Position { depth_m: survey.log.mean_depth_m(), ..Position::new(east, north) };
     let bar = spinner("drawing");
     let events = &survey.log.events;
-    let map = SuccessMap::new(&survey.posterior, survey.model(), events, (at, options.end), &asked, options.cell_m)?;
+    let map = SuccessMap::new(&mut survey.agent, events, (at, options.end), &asked, options.cell_m)?;
     let bytes = match format {
         Format::Png => map.figure(&survey.log.events).png()?,
         Format::Svg => map.figure(&survey.log.events).svg(true).into_bytes(),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::Args;
-use pingmap_agent::{Attempt, Link, Position};
+use pingmap_agent::{Attempt, Link, Position, Prediction};
 use pingmap_trial::read_attempts;
 use serde::Serialize;
 
@@ -56,6 +56,7 @@ impl Options {
 struct Predictions {
     survey: Survey,
     header: Vec<&'static str>,
+    jitter: f64,
     rows: Vec<Vec<f64>>,
 }
 
@@ -76,23 +77,23 @@ impl Predictions {
         let nowhere = Position::new(0.0, 0.0);
         let asked = options.asked.attempt(&log)?(Link { transmitter: nowhere, receiver: nowhere });
         let mut attempts = read_attempts(&options.links, &asked)?;
-        let survey = Survey::learn(log, &options.source)?;
+        let mut survey = Survey::learn(log, &options.source)?.rising(&options.asked);
         fill_depths(attempts.iter_mut().map(|attempt| &mut attempt.link), &survey.log);
         let bar = spinner("predicting");
-        let latent = survey.posterior.latent(&survey.model().inputs(&attempts)?)?;
+        let predicted = survey.agent.predictions(attempts.iter().copied())?;
         bar.finish_and_clear();
         let depths = survey.model().inputs.has_depths();
-        let predicted = latent.mean.iter().zip(&latent.variance).zip(latent.probability());
-        let row = |(attempt, ((&mean, &variance), p)): (&Attempt, ((&f64, &f64), f64))| {
-            [columns(&attempt.link, depths), vec![mean, variance, p]].concat()
+        let row = |(attempt, predicted): (&Attempt, &Prediction)| {
+            [columns(&attempt.link, depths), vec![predicted.mean, predicted.variance, predicted.probability]].concat()
         };
-        let rows = attempts.iter().zip(predicted).map(row).collect();
+        let rows = attempts.iter().zip(&predicted).map(row).collect();
         let mut header = vec!["tx_easting_m", "tx_northing_m", "rx_easting_m", "rx_northing_m"];
         if depths {
             header.extend(["tx_depth_m", "rx_depth_m"]);
         }
         header.extend(["mean", "variance", "probability"]);
-        Ok(Self { survey, header, rows })
+        let jitter = survey.agent.posterior()?.jitter();
+        Ok(Self { survey, header, jitter, rows })
     }
 
     fn json(&self) -> PredictionsJson<'_> {
@@ -100,7 +101,7 @@ impl Predictions {
         PredictionsJson {
             schema: 1,
             events_used: self.survey.log.events.len(),
-            jitter: self.survey.posterior.jitter(),
+            jitter: self.jitter,
             kernel: KernelJson::of(self.survey.model()),
             predictions: self.rows.iter().map(row).collect(),
         }

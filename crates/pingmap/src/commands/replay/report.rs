@@ -58,13 +58,12 @@ impl Pictures {
         let mut team = mission.after_sharing(frames)?;
         let viewer = team.first_mut().context("every log has a receiver")?;
         let at = last_position(viewer).unwrap_or_else(|| replayed.log.events[0].link.receiver);
-        let posterior = viewer.posterior()?.clone();
         // How a typical vehicle hears the viewer at the end of what it learned from.
         let end_s = viewer.events().last().map(|event| event.time_s);
         let (transmitter, when) = (viewer.id().into(), end_s.map_or(When::Typical, When::At));
         let asked = |link| Attempt { transmitter, when, ..Attempt::from(link) };
         let events = &replayed.log.events;
-        let map = SuccessMap::new(&posterior, viewer.model(), events, (at, End::Tx), &asked, None)?;
+        let map = SuccessMap::new(viewer, events, (at, End::Tx), &asked, None)?;
         let mut sent = viewer.links_of_packets();
         sent.extend(mission.links_of_packets(0, frames));
         Ok(Self {
