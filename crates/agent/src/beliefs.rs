@@ -8,7 +8,7 @@ use dgpc::{Fit, Posterior, Prior, Summary};
 use crate::agent_error::AgentError;
 use crate::event::Event;
 use crate::events::{Change, Numbered};
-use crate::fitting::{self, Begin};
+use crate::fitting::{self, Begin, absorb_event};
 use crate::memory::Memory;
 use crate::model::Model;
 use crate::packets::{Packet, PacketKey};
@@ -304,7 +304,7 @@ impl Beliefs {
     fn at_fit(&self, memory: &Memory, heard: &[Arc<Packet>]) -> Result<(Posterior, Posterior), AgentError> {
         let (nothing, heard) = (nothing(&memory.frames.team.model), summaries(heard));
         let own = self.fit.as_ref().map_or(Ok(nothing.clone()), |fit| fit.posterior_with(&[]))?;
-        let fused = match self.own_model.as_ref().map(|own| &own.fit).or(self.fit.as_deref()) {
+        let fused = match self.fit_of_fused() {
             Some(fit) => fit.posterior_with(&heard)?,
             None => {
                 let mut fused = nothing;
@@ -313,6 +313,16 @@ impl Beliefs {
             }
         };
         Ok((own, fused))
+    }
+
+    /// The last fit of its own events under the model that it predicts under.
+    pub(crate) fn fit_of_fused(&self) -> Option<&Fit> {
+        self.own_model.as_ref().map(|own| &own.fit).or(self.fit.as_deref())
+    }
+
+    /// Events that the posteriors hold beside the last fit.
+    pub(crate) fn beside(&self) -> &[Event] {
+        &self.taken.beside[..self.taken.absorbed]
     }
 
     /// Members that are left out.
@@ -375,19 +385,4 @@ impl Beliefs {
 
 fn nothing(model: &Model) -> Posterior {
     Posterior::prior_alone(&model.prior, model.inputs.dimension())
-}
-
-/// Takes an event into both posteriors. Under its own model it has another site.
-fn absorb_event(
-    model: &Model,
-    event: &Event,
-    own: &mut Posterior,
-    fused: &mut Posterior,
-    has_own_model: bool,
-) -> Result<(), AgentError> {
-    let observation = model.observations([event])?;
-    let site = dgpc::sites_given(own, &observation)?;
-    own.absorb_events(&site)?;
-    let site = if has_own_model { dgpc::sites_given(fused, &observation)? } else { site };
-    Ok(fused.absorb_events(&site)?)
 }

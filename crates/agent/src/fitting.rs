@@ -1,8 +1,12 @@
-//! A vehicle's own events under some prior, with as many inducing points as its limits ask for.
+//! A vehicle's own events under some prior: all of them with as many inducing points as its limits ask for, or one beside
+//! what is known.
 
-use dgpc::{Candidates, Fit, FitOptions, Inputs, Observations, Prior, Summary, spread_out};
+use dgpc::{Candidates, Fit, FitOptions, Inputs, Observations, Posterior, Prior, Summary, spread_out};
 
+use crate::agent_error::AgentError;
+use crate::event::Event;
 use crate::limits::Limits;
+use crate::model::Model;
 
 /// How a fit went.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,4 +76,19 @@ pub(crate) fn fit(
     };
     let chosen = Candidates::new(prior.kernel(), &candidates)?.greedy(limits.inducing_points_max);
     dgpc::fit(prior, observations, &options.inducing_points(&candidates.select(&chosen.indices)))
+}
+
+/// Takes an event into both posteriors. Under its own model it has another site.
+pub(crate) fn absorb_event(
+    model: &Model,
+    event: &Event,
+    own: &mut Posterior,
+    fused: &mut Posterior,
+    has_own_model: bool,
+) -> Result<(), AgentError> {
+    let observation = model.observations([event])?;
+    let site = dgpc::sites_given(own, &observation)?;
+    own.absorb_events(&site)?;
+    let site = if has_own_model { dgpc::sites_given(fused, &observation)? } else { site };
+    Ok(fused.absorb_events(&site)?)
 }

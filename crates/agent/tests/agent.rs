@@ -261,3 +261,38 @@ fn beyond_all_data_even_odds_come_back_only_where_they_may() {
     let rising = agent.rising_beyond().probability(far).unwrap();
     assert!(held < 0.48 && (rising - 0.5).abs() < 0.01, "{held} {rising}");
 }
+
+proptest! {
+    #![proptest_config(cases(24))]
+
+    #[test]
+    fn intervals_hold_what_is_predicted(fleet in fleets(), learned in 0..40usize, places in prop::collection::vec(links(), 8)) {
+        let mut agent = vehicle(&fleet.team, 0, fleet.events[0].iter().take(learned).cloned());
+        agent.refit().unwrap();
+        // Beside the fit.
+        agent.observe_all(fleet.events[0].iter().skip(learned).cloned()).unwrap();
+        fleet.packets(2).iter().for_each(|bytes| drop(agent.receive(bytes, 0.0)));
+        let wide = agent.wide_posterior().unwrap();
+        prop_assert_eq!(wide.len(), agent.posterior().unwrap().len());
+        let predicted = agent.probabilities(&places).unwrap();
+        let intervals = agent.intervals(&wide, &places).unwrap();
+        for (p, (low, high)) in predicted.into_iter().zip(intervals) {
+            prop_assert!(0.0 <= low && low <= p && p <= high && high <= 1.0, "{} {} {}", low, p, high);
+        }
+    }
+}
+
+#[test]
+fn intervals_are_wide_where_nothing_is_known() {
+    let heard = walk(0, 60, 0.0).into_iter().filter(|event| event.success);
+    let mut agent = vehicle(&Arc::new(team(2, model())), 0, heard);
+    agent.refit().unwrap();
+    let wide = agent.wide_posterior().unwrap();
+    let near: Vec<Link> = agent.events().map(|event| event.link).collect();
+    let far = link([60_000.0, 60_000.0, 60_100.0, 60_000.0]);
+    let width = |(low, high): &(f64, f64)| high - low;
+    let far = width(&agent.intervals(&wide, [far]).unwrap()[0]);
+    let widths: Vec<f64> = agent.intervals(&wide, &near).unwrap().iter().map(width).collect();
+    let near = widths.iter().sum::<f64>() / widths.len() as f64;
+    assert!(far > 0.95 && near < far - 0.15, "{far} {near}");
+}

@@ -29,6 +29,11 @@ impl Sites {
         Ok(Self { inputs: observations.inputs().clone(), omega, kappa: observations.kappa() })
     }
 
+    /// Sites of any ω and κ.
+    pub(crate) fn gaussian(inputs: Inputs, omega: Vec<f64>, kappa: Vec<f64>) -> Self {
+        Self { inputs, omega, kappa }
+    }
+
     /// No sites, of inputs of dimension `dimension`.
     pub fn empty(dimension: usize) -> Self {
         Self { inputs: Inputs::empty(dimension), omega: Vec::new(), kappa: Vec::new() }

@@ -15,6 +15,11 @@ pub(crate) fn logistic(f: f64) -> f64 {
     }
 }
 
+/// ln σ(f).
+pub(crate) fn ln_logistic(f: f64) -> f64 {
+    0.5 * f - ln_2_cosh(0.5 * f)
+}
+
 /// ln(2 cosh x).
 pub(crate) fn ln_2_cosh(x: f64) -> f64 {
     x.abs() + (-2.0 * x.abs()).exp().ln_1p()

@@ -409,3 +409,34 @@ fn a_chain_without_events_does_nothing() {
     chain.sweep(&mut seeded(60)).unwrap();
     assert!(chain.latent().is_empty() && chain.sites().unwrap().is_empty());
 }
+
+/// Where all outcomes around a place are of one kind, and where they are not: intervals of the probability by expectation
+/// propagation against the quantiles of a long chain, and the mean field's beside them.
+#[test]
+fn intervals_by_expectation_propagation_are_those_of_a_long_chain() {
+    let inputs = line(&(0..40).map(|n| 0.1 * f64::from(n)).collect::<Vec<_>>());
+    let observations = Observations::new(inputs.clone(), (0..40).map(|n| n < 22 || n % 5 == 0).collect()).unwrap();
+    let prior = prior(6.0, 1.5, 1, PriorMean::Constant(0.5));
+    let mut rng = seeded(77);
+    let mut chain = Gibbs::new(&prior, observations.clone()).unwrap();
+    (0..1000).for_each(|_| chain.sweep(&mut rng).unwrap());
+    let mut draws = vec![Vec::new(); inputs.len()];
+    for _ in 0..60_000 {
+        chain.sweep(&mut rng).unwrap();
+        draws.iter_mut().zip(chain.latent()).for_each(|(draws, &f)| draws.push(f));
+    }
+    let fit = fit(&prior, &observations, &FitOptions::default()).unwrap();
+    let wide = fit.propagated_with(&[]).unwrap().posterior().unwrap().latent(&inputs).unwrap();
+    let (mut off, mut off_of_mean_field) = (0.0f64, 0.0f64);
+    for (n, draws) in draws.iter_mut().enumerate() {
+        draws.sort_by(f64::total_cmp);
+        for (share, reach) in [(0.05, -1.645), (0.95, 1.645)] {
+            let exact = logistic(draws[(share * draws.len() as f64) as usize]);
+            let found = logistic(wide.mean[n] + reach * wide.variance[n].sqrt());
+            let narrow = logistic(fit.mean()[n] + reach * fit.variance()[n].sqrt());
+            off = off.max((found - exact).abs());
+            off_of_mean_field = off_of_mean_field.max((narrow - exact).abs());
+        }
+    }
+    assert!(off < 0.03 && off_of_mean_field > 0.05, "{off} {off_of_mean_field}");
+}

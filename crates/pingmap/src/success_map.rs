@@ -27,6 +27,8 @@ pub struct SuccessMap {
     end: End,
     /// Row by row from the south, each row from the west.
     values: Vec<f64>,
+    /// Where nine in ten of the probabilities lie, in the same order.
+    intervals: Vec<(f64, f64)>,
     pub columns: usize,
     east: (f64, f64),
     north: (f64, f64),
@@ -64,12 +66,14 @@ impl SuccessMap {
                 End::Rx => Link { transmitter: cell, receiver: at },
             }
         };
-        let mut values = Vec::with_capacity(columns * rows);
+        let wide = agent.wide_posterior()?;
+        let (mut values, mut intervals) = (Vec::with_capacity(columns * rows), Vec::with_capacity(columns * rows));
         for row in 0..rows {
-            let attempts = (0..columns).map(|column| asked(link(row, column)));
-            values.extend(agent.probabilities(attempts)?);
+            let attempts: Vec<Attempt> = (0..columns).map(|column| asked(link(row, column))).collect();
+            values.extend(agent.probabilities(&attempts)?);
+            intervals.extend(agent.intervals(&wide, &attempts)?);
         }
-        Ok(Self { at, end, values, columns, east, north, cell_m })
+        Ok(Self { at, end, values, intervals, columns, east, north, cell_m })
     }
 
     /// Rows of the grid.
@@ -86,6 +90,13 @@ impl SuccessMap {
         self.values.iter().filter(|&&p| p >= level).count() as f64 / self.values.len() as f64
     }
 
+    /// Median width of the intervals.
+    pub fn interval_width(&self) -> f64 {
+        let mut widths: Vec<f64> = self.intervals.iter().map(|(low, high)| high - low).collect();
+        widths.sort_by(f64::total_cmp);
+        widths[widths.len() / 2]
+    }
+
     /// The map as a picture, with the tracks of everybody in the log.
     pub fn figure(&self, events: &[Event]) -> Figure {
         let (title, name) = match self.end {
@@ -97,14 +108,14 @@ impl SuccessMap {
         probability_map(title, &self.grid(), &CONTOURS, &series, (name, (self.at.east_m, self.at.north_m)), SIDE)
     }
 
-    /// The grid as CSV: the middle of every cell, and the probability there.
+    /// The grid as CSV: the middle of every cell, and the probability there with its interval.
     pub fn csv(&self) -> anyhow::Result<String> {
-        let row = |(n, &p): (usize, &f64)| {
+        let row = |(n, (&p, &(low, high))): (usize, (&f64, &(f64, f64)))| {
             let (column, row) = ((n % self.columns) as f64, (n / self.columns) as f64);
-            vec![self.east.0 + (column + 0.5) * self.cell_m, self.north.0 + (row + 0.5) * self.cell_m, p]
+            vec![self.east.0 + (column + 0.5) * self.cell_m, self.north.0 + (row + 0.5) * self.cell_m, p, low, high]
         };
-        let rows: Vec<Vec<f64>> = self.values.iter().enumerate().map(row).collect();
-        csv_text(&["easting_m", "northing_m", "probability"], &rows)
+        let rows: Vec<Vec<f64>> = self.values.iter().zip(&self.intervals).enumerate().map(row).collect();
+        csv_text(&["easting_m", "northing_m", "probability", "probability_low", "probability_high"], &rows)
     }
 
     /// The contours and the place as GeoJSON.

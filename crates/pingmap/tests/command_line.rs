@@ -67,7 +67,7 @@ fn replay_json_has_the_promised_keys() {
 }
 
 #[test]
-fn predict_writes_mean_variance_and_probability_beside_the_links() {
+fn predict_writes_probabilities_and_their_intervals_beside_the_links() {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "events.csv", log(&["a", "b"], 200));
     let links = "name,tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\nnear,500,200,500,300\nfar,0,200,500,900\n";
@@ -75,11 +75,16 @@ fn predict_writes_mean_variance_and_probability_beside_the_links() {
     let command = ["predict", "--events", "events.csv", "--links", "links.csv"];
     let text = stdout(&pingmap(folder.path(), &command));
     let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
-    assert_eq!(rows[0][4..], ["mean", "variance", "probability"]);
+    assert_eq!(rows[0][4..], ["mean", "variance", "probability", "probability_low", "probability_high"]);
     assert_eq!(rows[1][..4], ["500", "200", "500", "300"]);
     let p = |row: usize| rows[row][6].parse::<f64>().unwrap();
     assert!(p(1) > 0.8 && p(2) < 0.2, "{text}");
     assert!(rows[1][5].parse::<f64>().unwrap() > 0.0);
+    let ends = |row: usize| [7, 8].map(|column| rows[row][column].parse::<f64>().unwrap());
+    assert!(
+        [1, 2].into_iter().all(|row| 0.0 < ends(row)[0] && ends(row)[0] < p(row) && p(row) < ends(row)[1]),
+        "{text}"
+    );
     // To a file the same, and as JSON the same numbers.
     assert!(pingmap(folder.path(), &[&command[..], &["-o", "out.csv"]].concat()).status.success());
     assert_eq!(std::fs::read_to_string(folder.path().join("out.csv")).unwrap(), text);

@@ -51,15 +51,16 @@ impl Calibration {
         Self { bins: [Bin::default(); BINS], known: 0, within: [0; INTERVALS.len()] }
     }
 
-    /// Counts predictions, what happened, and the true probabilities where they are known.
-    pub fn count(&mut self, latent: &Latent, outcomes: &[bool], truth: Option<&[f64]>) {
-        for (p, &success) in latent.probability().into_iter().zip(outcomes) {
+    /// Counts predicted probabilities, what happened, and how often intervals of the log-odds hold the true ones where these
+    /// are known.
+    pub fn count(&mut self, predicted: &[f64], wide: &Latent, outcomes: &[bool], truth: Option<&[f64]>) {
+        for (&p, &success) in predicted.iter().zip(outcomes) {
             let bin = &mut self.bins[((p * BINS as f64) as usize).min(BINS - 1)];
             bin.events += 1;
             bin.probability += p;
             bin.heard += usize::from(success);
         }
-        for ((&mean, &variance), &truth) in latent.mean.iter().zip(&latent.variance).zip(truth.unwrap_or_default()) {
+        for ((&mean, &variance), &truth) in wide.mean.iter().zip(&wide.variance).zip(truth.unwrap_or_default()) {
             let truth = truth.clamp(TRUTH_MIN, 1.0 - TRUTH_MIN);
             let away = ((truth / (1.0 - truth)).ln() - mean).abs() / variance.sqrt();
             self.known += 1;
@@ -119,7 +120,7 @@ mod tests {
             variance: vec![1.0 / overconfidence; count],
         };
         let mut calibration = Calibration::new();
-        calibration.count(&latent, &outcomes, Some(&truth));
+        calibration.count(&latent.probability(), &latent, &outcomes, Some(&truth));
         calibration
     }
 

@@ -275,6 +275,16 @@ impl Mission {
         Ok(agent.clone().posterior()?.latent(&inputs)?)
     }
 
+    /// The same as widely as intervals take it: [`Agent::wide_latent`].
+    ///
+    /// # Errors
+    /// [`AgentError`] when the method refuses.
+    pub fn wide_latent(&self, agent: &Agent) -> Result<Latent, AgentError> {
+        let mut agent = agent.clone();
+        let wide = agent.wide_posterior()?;
+        agent.wide_latent(&wide, &self.held_out)
+    }
+
     fn predict(&self, mut team: Vec<Agent>) -> Result<Vec<Vec<f64>>, AgentError> {
         team.par_iter_mut().map(|agent| agent.probabilities(&self.held_out)).collect()
     }

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use dgpc::Latent;
 use pingmap_agent::{Agent, AgentError, Event, FitQuality, LearnedModel, Model, Team, VehicleId};
 use rayon::prelude::*;
 
@@ -92,14 +93,17 @@ impl Calibrated {
 
     fn of_split(mission: &Mission, frames: usize, truth: Option<&[f64]>) -> Result<Self, AgentError> {
         let mut calibrated = Self::default();
-        let all = mission.latent(&mission.centralised)?;
-        calibrated.centralised.count(&all, &mission.outcomes, truth);
+        let count = |calibration: &mut Calibration, agent: &Agent| -> Result<Latent, AgentError> {
+            let latent = mission.latent(agent)?;
+            calibration.count(&latent.probability(), &mission.wide_latent(agent)?, &mission.outcomes, truth);
+            Ok(latent)
+        };
+        let all = count(&mut calibrated.centralised, &mission.centralised)?;
         for agent in &mission.vehicles {
-            calibrated.own.count(&mission.latent(agent)?, &mission.outcomes, truth);
+            count(&mut calibrated.own, agent)?;
         }
         for agent in &mission.after_sharing(frames)? {
-            let latent = mission.latent(agent)?;
-            calibrated.team.count(&latent, &mission.outcomes, truth);
+            let latent = count(&mut calibrated.team, agent)?;
             let ratios = latent.variance.iter().zip(&all.variance).map(|(team, all)| team / all);
             calibrated.variance_ratios.extend(ratios);
         }

@@ -6,18 +6,22 @@ mod cavity;
 mod dense;
 mod fixed_point;
 mod options;
+mod propagation;
 mod single;
 mod solve;
 mod sparse;
-
-use std::borrow::Cow;
+mod together;
 
 #[cfg(feature = "learn")]
 pub(crate) use cavity::corrected_evidence;
 pub(crate) use fixed_point::MeanField;
 pub use options::FitOptions;
+pub use propagation::Propagated;
 pub use single::sites_given;
 pub(crate) use solve::{solve, solve_with_gradient};
+
+use propagation::propagate;
+use together::put_together;
 
 use crate::error::Result;
 use crate::inputs::Inputs;
@@ -102,16 +106,30 @@ impl Fit {
     /// # Errors
     /// As [`Posterior::fuse`].
     pub fn posterior_with(&self, summaries: &[&Summary]) -> Result<Posterior> {
-        let read: Vec<Cow<'_, Summary>> =
-            summaries.iter().map(|summary| summary.read_under(&self.prior)).collect::<Result<_>>()?;
-        let mut summaries: Vec<&Summary> = read.iter().map(AsRef::as_ref).collect();
-        let Some(condensed) = &self.condensed else {
-            return Posterior::fuse(&self.prior, &self.found.sites, &summaries);
-        };
-        summaries.push(condensed);
-        let mut posterior = Posterior::prior_alone(&self.prior, self.found.sites.inputs().dimension());
-        posterior.absorb_summaries(&summaries)?;
-        Ok(posterior)
+        put_together(&self.prior, &self.found.sites, self.condensed.as_ref(), summaries)
+    }
+
+    /// Expectation propagation from the sites of this fit on, with `summaries` in place of the messages that the fit was
+    /// given. The mean field's variances are too small, by a factor of several where all outcomes are of one kind; these are
+    /// nearly those of the exact posterior. Ten to thirty iterations, each as dear as one of the fit.
+    ///
+    /// ```
+    /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
+    ///
+    /// let inputs = Inputs::from_rows(&[[0.0], [0.1], [0.2], [0.3]])?;
+    /// let observations = Observations::new(inputs.clone(), vec![true; 4])?;
+    /// let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 16.0, 1.0, 1)?])?;
+    /// let fit = fit(&Prior::new(kernel, PriorMean::Zero)?, &observations, &FitOptions::default())?;
+    /// let wide = fit.propagated_with(&[])?.posterior()?.latent(&inputs)?;
+    /// assert!(wide.variance[0] > 1.5 * fit.variance()[0]);
+    /// # Ok::<(), dgpc::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`fit`].
+    pub fn propagated_with(&self, summaries: &[&Summary]) -> Result<Propagated> {
+        let inducing_points = self.condensed.as_ref().map(Summary::inducing_points);
+        propagate(&self.prior, &self.found, inducing_points, summaries)
     }
 
     /// The prior that it was fitted under.

@@ -6,7 +6,7 @@ use dgpc::*;
 use proptest::prelude::*;
 
 /// What another agent, with another prior, says about two points that keep their distance.
-fn message(problem: &Problem) -> Option<Summary> {
+pub(super) fn message(problem: &Problem) -> Option<Summary> {
     let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern32, 1.5, 1.2, problem.inputs().dimension()).unwrap()]);
     let prior = Prior::new(kernel.unwrap(), PriorMean::Constant(0.3)).unwrap();
     let count = problem.elsewhere.len();

@@ -17,6 +17,7 @@ mod nothing;
 mod posteriors;
 mod probabilities;
 mod problems;
+mod propagation;
 mod refusals;
 mod selection;
 mod summaries;

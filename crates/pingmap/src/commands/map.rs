@@ -104,6 +104,8 @@ struct MapJson<'a> {
     rows: usize,
     cell_m: f64,
     share_above: [ShareAbove; 2],
+    /// Median width over the map of the intervals that hold nine in ten of the probabilities.
+    interval_width: f64,
 }
 
 /// Share of the map's area where success is at least this probable.
@@ -126,6 +128,7 @@ impl<'a> MapJson<'a> {
             rows: map.rows(),
             cell_m: map.cell_m,
             share_above: CONTOURS.map(|level| ShareAbove { probability: level, share: map.share_above(level) }),
+            interval_width: map.interval_width(),
         }
     }
 }

@@ -80,18 +80,21 @@ impl Predictions {
         let mut survey = Survey::learn(log, &options.source)?.rising(&options.asked);
         fill_depths(attempts.iter_mut().map(|attempt| &mut attempt.link), &survey.log);
         let bar = spinner("predicting");
-        let predicted = survey.agent.predictions(attempts.iter().copied())?;
+        let predicted = survey.agent.predictions(&attempts)?;
+        let wide = survey.agent.wide_posterior()?;
+        let intervals = survey.agent.intervals(&wide, &attempts)?;
         bar.finish_and_clear();
         let depths = survey.model().inputs.has_depths();
-        let row = |(attempt, predicted): (&Attempt, &Prediction)| {
-            [columns(&attempt.link, depths), vec![predicted.mean, predicted.variance, predicted.probability]].concat()
+        let row = |((attempt, predicted), (low, high)): ((&Attempt, &Prediction), (f64, f64))| {
+            let Prediction { mean, variance, probability } = *predicted;
+            [columns(&attempt.link, depths), vec![mean, variance, probability, low, high]].concat()
         };
-        let rows = attempts.iter().zip(&predicted).map(row).collect();
+        let rows = attempts.iter().zip(&predicted).zip(intervals).map(row).collect();
         let mut header = vec!["tx_easting_m", "tx_northing_m", "rx_easting_m", "rx_northing_m"];
         if depths {
             header.extend(["tx_depth_m", "rx_depth_m"]);
         }
-        header.extend(["mean", "variance", "probability"]);
+        header.extend(["mean", "variance", "probability", "probability_low", "probability_high"]);
         let jitter = survey.agent.posterior()?.jitter();
         Ok(Self { survey, header, jitter, rows })
     }

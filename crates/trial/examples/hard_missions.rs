@@ -1,0 +1,143 @@
+//! What becomes of a team when one of its members is deaf, and when noise rises under way.
+//!
+//! * A deaf vehicle travels 50 m beside the last receiver of the log and misses everything; the NLL of the others, with it and
+//!   without it, over the splits.
+//! * The outcomes of the log are drawn again from its true probabilities, with log-odds that are 2.5 lower from half time
+//!   on; how far the NLL of the next 35 events is above that of the true probabilities, under way, mean over ten draws. The team
+//!   has agreed on nothing, or on a change with time among the things that may be.
+//!
+//! `cargo run --release -p pingmap-trial --example hard_missions -- events.csv splits.csv [packets]`
+
+#![allow(clippy::print_stdout, reason = "what it measures is its output")]
+
+use std::error::Error;
+use std::path::Path;
+
+use pingmap_agent::{Addition, Event, Learning, VehicleId};
+use pingmap_trial::{Agreed, EventLog, Mission, Plan, Score, Split, Step, learn_best, online, read_splits};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+type Failure = Box<dyn Error + Send + Sync>;
+
+/// How far from the vehicle that it travels with.
+const ASIDE_M: f64 = 50.0;
+
+/// By how much log-odds fall at half time.
+const NOISE: f64 = 2.5;
+
+/// Events after half time.
+const NEXT: usize = 35;
+
+/// Draws of the outcomes.
+const DRAWS: u64 = 10;
+
+/// The log with a deaf vehicle, whose events are learned from, and the splits of it.
+fn with_a_deaf_vehicle(log: &EventLog, splits: &[Split]) -> (EventLog, Vec<Split>) {
+    let Some(beside) = log.vehicles().pop() else { return (log.clone(), splits.to_vec()) };
+    let mut events: Vec<(Event, Vec<bool>)> = Vec::new();
+    let held_out = |n: usize| splits.iter().map(|split| split.held_out[n]).collect();
+    let mut missed_s = Vec::new();
+    for (n, event) in log.events.iter().enumerate() {
+        events.push((event.clone(), held_out(n)));
+        let Event { time_s, ref transmitter_id, .. } = *event;
+        let is_there = [transmitter_id, &event.receiver_id].contains(&&beside);
+        if is_there && !missed_s.contains(&time_s) {
+            missed_s.push(time_s);
+            let mut missed = Event { receiver_id: VehicleId::new("deaf"), success: false, ..event.clone() };
+            if *transmitter_id == beside {
+                missed.link.receiver = event.link.transmitter;
+            }
+            missed.link.receiver.east_m += ASIDE_M;
+            events.push((missed, vec![false; splits.len()]));
+        }
+    }
+    let divide = |(place, split): (usize, &Split)| Split {
+        name: split.name.clone(),
+        held_out: events.iter().map(|(_, held_out)| held_out[place]).collect(),
+    };
+    let splits = splits.iter().enumerate().map(divide).collect();
+    let events = events.into_iter().map(|(event, _)| event).collect();
+    (EventLog { events, true_probability: None, ..log.clone() }, splits)
+}
+
+/// NLL of all events in one place, and the mean over the vehicles of the log of own events and of the team.
+fn scores(log: &EventLog, split: &Split, vehicles: usize, packets: usize) -> Result<[f64; 3], Failure> {
+    let mission = Mission::prepare(log, split, &Plan::new(Learning::default(), 1), packets)?;
+    let nll = |predicted: &Vec<f64>| Score::new(predicted, &mission.outcomes).map_or(f64::NAN, |score| score.nll);
+    let names = log.vehicles();
+    let mean = |all: Vec<Vec<f64>>| {
+        let of_log = all.iter().zip(&names).filter(|(_, name)| name.as_str() != "deaf");
+        of_log.map(|(predicted, _)| nll(predicted)).sum::<f64>() / vehicles as f64
+    };
+    Ok([nll(&mission.predict_centralised()?), mean(mission.predict_alone()?), mean(mission.predict_as_team(packets)?)])
+}
+
+fn mean_scores(log: &EventLog, splits: &[Split], vehicles: usize, packets: usize) -> Result<[f64; 3], Failure> {
+    let all = splits.par_iter().map(|split| scores(log, split, vehicles, packets)).collect::<Result<Vec<_>, _>>()?;
+    Ok([0, 1, 2].map(|place| all.iter().map(|scores| scores[place]).sum::<f64>() / all.len() as f64))
+}
+
+/// The log with outcomes drawn again, and the NLL of the true probabilities of each.
+fn noisy(log: &EventLog, seed: u64) -> Option<(EventLog, Vec<f64>)> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let half_s = log.events.iter().map(|event| event.time_s).fold(0.0, f64::max) / 2.0;
+    let mut log = log.clone();
+    let truth = log.true_probability.take()?;
+    let mut nll = Vec::new();
+    for (event, p) in log.events.iter_mut().zip(truth) {
+        let log_odds = (p / (1.0 - p)).ln() - if event.time_s > half_s { NOISE } else { 0.0 };
+        let p = 1.0 / (1.0 + (-log_odds).exp());
+        event.success = rng.random::<f64>() < p;
+        nll.push(-(if event.success { p } else { 1.0 - p }).ln());
+    }
+    Some((log, nll))
+}
+
+/// How far own, team and all events are above the truth in the events after half time.
+fn above(log: &EventLog, truth: &[f64], plan: &Plan) -> Result<[f64; 3], Failure> {
+    let mission = online(log, plan, 10, &|| ())?;
+    let half_s = log.events.iter().map(|event| event.time_s).fold(0.0, f64::max) / 2.0;
+    let first = mission.steps.iter().take_while(|step| step.time_s <= half_s).count();
+    let after = first..(first + NEXT).min(truth.len());
+    let least = truth[after.clone()].iter().sum::<f64>() / after.len() as f64;
+    let Step { own, team, centralised, .. } = Step::mean(&mission.steps[after]).ok_or("no events")?;
+    Ok([own, team, centralised].map(|nll| nll - least))
+}
+
+fn main() -> Result<(), Failure> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [events, splits, rest @ ..] = arguments.as_slice() else {
+        return Err("expected: events.csv splits.csv [packets]".into());
+    };
+    let packets = rest.first().map_or(Ok(10), |packets| packets.parse())?;
+    let log = EventLog::open(Path::new(events))?;
+    let splits = read_splits(Path::new(splits), &log)?;
+    let vehicles = log.vehicles().len();
+    println!("                      all     own     team");
+    let [all, own, team] = mean_scores(&log, &splits, vehicles, packets)?;
+    println!("as it is           {all:.4}  {own:.4}  {team:.4}");
+    let (deaf, splits) = with_a_deaf_vehicle(&log, &splits);
+    let [all, own, team] = mean_scores(&deaf, &splits, vehicles, packets)?;
+    println!("and a deaf one     {all:.4}  {own:.4}  {team:.4}");
+    let nothing = Plan::new(Learning::default(), 1);
+    let mut may_rise = nothing.clone();
+    may_rise.learning.structures.iter_mut().for_each(|structure| *structure = structure.with(Addition::Time));
+    // The mission before, over the same water.
+    let (before, _) = noisy(&log, DRAWS + 1).ok_or("no true probabilities")?;
+    let events: Vec<&Event> = before.events.iter().collect();
+    let learned = learn_best(&Learning::default(), log.chart(), log.inputs(), &events)?;
+    let learned = Plan { agreed: Agreed::Model(learned.model), ..nothing.clone() };
+    for (name, plan) in [("noise rises", nothing), ("and may rise", may_rise), ("as it did before", learned)] {
+        let draws = (1..=DRAWS).into_par_iter().map(|seed| {
+            let (log, truth) = noisy(&log, seed).ok_or("no true probabilities")?;
+            above(&log, &truth, &plan)
+        });
+        let draws = draws.collect::<Result<Vec<_>, Failure>>()?;
+        let [own, team, all] =
+            [0, 1, 2].map(|place| draws.iter().map(|draw| draw[place]).sum::<f64>() / draws.len() as f64);
+        println!("{name:18} {all:+.4} {own:+.4} {team:+.4}");
+    }
+    Ok(())
+}
