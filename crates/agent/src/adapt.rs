@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use dgpc::Summary;
+
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
 use crate::beliefs::OwnModel;
@@ -21,8 +23,9 @@ impl Agent {
         self.refit()?;
         let heard = self.heard();
         let packets = said(&self.memory, heard.iter());
-        let messages = summaries(&packets);
-        let Model { chart, inputs, .. } = *self.model();
+        let place = self.model().place_summary().into_iter();
+        let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
+        let &Model { chart, inputs, .. } = self.model();
         let events = self.memory.events.iter();
         let learned = match &self.beliefs.own_model {
             Some(own) => {

@@ -5,7 +5,9 @@ use pingmap_packet::{Key, digest};
 
 use crate::canonical::Writer;
 use crate::chart::Chart;
+use crate::event::Link;
 use crate::grid::Grid;
+use crate::place::Place;
 use crate::team::{Slots, Team};
 
 /// Version of what bytes on the water mean: of the packets, their levels and the digest. It is in the digest, so that
@@ -13,7 +15,7 @@ use crate::team::{Slots, Team};
 pub const PROTOCOL_VERSION: u16 = 3;
 
 impl Team {
-    /// Digest of all that gives a packet its meaning: chart, inputs, kernel and prior mean, grid, members, frames,
+    /// Digest of all that gives a packet its meaning: chart, inputs, kernel and prior mean, what is known of the place, grid, members, frames,
     /// window, slots, epoch and key, in the version of the protocol. Whoever differs in one of these reads another team's
     /// packets as foreign. What a vehicle decides for itself (limits, what is worth a frame, repeats) and what is for
     /// learning alone (ties of length-scales, the chart's scale) is not in it.
@@ -29,6 +31,7 @@ impl Team {
         write_chart(&mut out, &self.model.chart);
         out.u8(self.model.inputs.has_depths().into());
         write_prior(&mut out, &self.model.prior);
+        write_place(&mut out, self.model.place.as_deref());
         let Grid { cell_m, depth_cell_m, start_s, time_cell_s } = self.grid;
         [cell_m, depth_cell_m, start_s, time_cell_s].into_iter().for_each(|value| number(&mut out, value));
         out.u32(self.frame_bytes.min(u32::MAX as usize) as u32);
@@ -72,6 +75,21 @@ fn write_prior(out: &mut Writer, prior: &Prior) {
         out.u32(term.correlations().len() as u32);
         term.correlations().iter().for_each(|correlation| write_correlation(out, correlation));
         write_reflection(out, term.reflection());
+    }
+}
+
+/// Links, and what is said of them; no links where nothing is known of the place.
+fn write_place(out: &mut Writer, place: Option<&Place>) {
+    let links = place.map_or(&[][..], Place::links);
+    out.u32(links.len() as u32);
+    for end in links.iter().flat_map(Link::ends) {
+        number(out, end.east_m);
+        number(out, end.north_m);
+        out.option(end.depth_m.map(|depth_m| depth_m + 0.0));
+    }
+    if let Some(place) = place {
+        place.precision_rows().flatten().for_each(|entry| number(out, entry));
+        place.summary().whitened_shift().iter().for_each(|&entry| number(out, entry));
     }
 }
 

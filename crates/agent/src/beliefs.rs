@@ -108,7 +108,7 @@ impl OwnModel {
 impl Beliefs {
     /// What is believed before anything happened.
     pub(crate) fn new(model: &Model) -> Self {
-        let nothing = nothing(model);
+        let nothing = model.known_before();
         Self {
             fit: None,
             began_cold: false,
@@ -162,11 +162,13 @@ impl Beliefs {
             });
             fitting::fit(prior, &observations, messages, &memory.frames.team.limits, begin)
         };
-        let fit = fit_anew(&model.prior, &[], self.fit.as_deref(), &self.own)?;
+        let place: Vec<&Summary> = model.place_summary().into_iter().collect();
+        let fit = fit_anew(&model.prior, &place, self.fit.as_deref(), &self.own)?;
         let own_model = match &self.own_model {
             Some(own) => {
                 let packets = said(memory, heard.iter());
-                let fit = fit_anew(own.fit.prior(), &summaries(&packets), Some(&own.fit), &self.fused)?;
+                let messages = [place, summaries(&packets)].concat();
+                let fit = fit_anew(own.fit.prior(), &messages, Some(&own.fit), &self.fused)?;
                 Some(Arc::new(own.with(fit)))
             }
             None => None,
@@ -302,13 +304,14 @@ impl Beliefs {
 
     /// The own and the fused posterior of the last fit and these packets of others, before any event beside it.
     fn at_fit(&self, memory: &Memory, heard: &[Arc<Packet>]) -> Result<(Posterior, Posterior), AgentError> {
-        let (nothing, heard) = (nothing(&memory.frames.team.model), summaries(heard));
-        let own = self.fit.as_ref().map_or(Ok(nothing.clone()), |fit| fit.posterior_with(&[]))?;
+        let model = &memory.frames.team.model;
+        let place: Vec<&Summary> = model.place_summary().into_iter().collect();
+        let own = self.fit.as_ref().map_or_else(|| Ok(model.known_before()), |fit| fit.posterior_with(&place))?;
         let fused = match self.fit_of_fused() {
-            Some(fit) => fit.posterior_with(&heard)?,
+            Some(fit) => fit.posterior_with(&[place, summaries(heard)].concat())?,
             None => {
-                let mut fused = nothing;
-                fused.absorb_summaries(&heard)?;
+                let mut fused = model.known_before();
+                fused.absorb_summaries(&summaries(heard))?;
                 fused
             }
         };
@@ -367,7 +370,7 @@ impl Beliefs {
     /// The posteriors of the last fit and these packets. Events since that fit are to be absorbed again.
     pub(crate) fn put_together(&mut self, memory: &Memory, wanted: &BTreeSet<PacketKey>) -> Result<(), AgentError> {
         let [told, heard] = told_and_heard(memory, wanted);
-        let mut public = nothing(&memory.frames.team.model);
+        let mut public = memory.frames.team.model.known_before();
         public.absorb_summaries(&summaries(&told))?;
         (self.own, self.fused) = self.at_fit(memory, &heard)?;
         self.public = public;
@@ -381,8 +384,4 @@ impl Beliefs {
     pub(crate) fn invalidate(&mut self) {
         self.taken.is_stale = true;
     }
-}
-
-fn nothing(model: &Model) -> Posterior {
-    Posterior::prior_alone(&model.prior, model.inputs.dimension())
 }

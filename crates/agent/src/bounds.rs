@@ -82,6 +82,12 @@ pub const INDUCING_POINTS: Bounds = Bounds::new(1.0, 4000.0, "a whole number fro
 /// Events that are candidates for inducing points.
 pub const CANDIDATES: Bounds = Bounds::new(1.0, 20_000.0, "a whole number from 1 to 20000");
 
+/// Points at which a place is known: every posterior holds them.
+pub const PLACE_POINTS: Bounds = Bounds::new(1.0, 256.0, "a whole number from 1 to 256");
+
+/// What is said of a place, whitened.
+pub const INFORMATION: Bounds = Bounds::new(-1e9, 1e9, "a finite number, at most 1e9 from zero");
+
 /// Packets of a vehicle: a counter has 16 bits.
 pub const PACKETS: Bounds = Bounds::new(1.0, 65_536.0, "a whole number from 1 to 65536");
 

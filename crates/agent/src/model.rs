@@ -2,15 +2,20 @@
 
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
+use std::sync::Arc;
 
-use dgpc::{Correlation, Inputs, Kernel, Observations, Prior, PriorMean, Reflection, Shape, Term};
+use dgpc::{
+    Candidates, Correlation, Inputs, Kernel, Observations, Posterior, Prior, PriorMean, Reflection, Shape, Summary,
+    Term,
+};
 
 use crate::attempt::Attempt;
 use crate::chart::Chart;
-use crate::event::Event;
+use crate::event::{Event, Link, Position};
+use crate::place::Place;
 
 /// Version of what a [`Model`] holds. Whoever reads one from a file or message refuses a newer version.
-pub const MODEL_SCHEMA: u32 = 2;
+pub const MODEL_SCHEMA: u32 = 3;
 
 /// Name of the column of the time.
 pub(crate) const TIME: &str = "time";
@@ -152,12 +157,54 @@ pub struct Model {
     pub inputs: InputSpec,
     /// Kernel and prior mean over those numbers; length-scales in metres.
     pub prior: Prior,
+    /// What earlier missions learned of the place under that prior, if anything.
+    pub place: Option<Arc<Place>>,
 }
 
 impl Model {
     /// A model of the current schema.
     pub fn new(chart: Chart, inputs: InputSpec, prior: Prior) -> Self {
-        Self { schema: MODEL_SCHEMA, chart, inputs, prior }
+        Self { schema: MODEL_SCHEMA, chart, inputs, prior, place: None }
+    }
+
+    /// The same model with what `learned`, a posterior under it, says of its place: at up to `points_max` of the links, those that
+    /// leave least of the prior variance of all of them. Of typical vehicles at a typical time, so that yesterday's noise stays
+    /// behind; a place that the model had before is in the posterior already, and goes on. O(Nm² + mn²) for N links, m of
+    /// them kept, and a posterior of n events and points.
+    ///
+    /// # Errors
+    /// [`dgpc::Error`] for a position that is not finite, and for a posterior under another prior.
+    pub fn with_place(&self, learned: &Posterior, links: &[Link], points_max: usize) -> dgpc::Result<Self> {
+        if *learned.prior() != self.prior {
+            return Err(dgpc::Error::DifferentPriors { what: "a model and what was learned of its place" });
+        }
+        let chosen = Candidates::new(self.prior.kernel(), &self.inputs(links)?)?.greedy(points_max).indices;
+        let links: Vec<Link> = chosen.into_iter().map(|n| self.as_looked_at(&links[n])).collect();
+        let inputs = self.inputs(&links)?;
+        let said = learned.summarise(&inputs)?;
+        let (precision, shift) = (said.whitened_precision().clone(), said.whitened_shift().to_vec());
+        let place = Place::new(&self.prior, links, &inputs, precision, shift)?;
+        Ok(Self { place: Some(Arc::new(place)), ..self.clone() })
+    }
+
+    /// The link as far as the model looks at it: with depths, of which an unknown one counts as 0, or without.
+    fn as_looked_at(&self, link: &Link) -> Link {
+        let end = |end: Position| {
+            let depth_m = self.inputs.has_depths().then_some(end.depth_m.unwrap_or(0.0));
+            Position { depth_m, ..end }
+        };
+        Link { transmitter: end(link.transmitter), receiver: end(link.receiver) }
+    }
+
+    /// What is known before any event: the prior, and the place.
+    pub fn known_before(&self) -> Posterior {
+        let prior_alone = || Posterior::prior_alone(&self.prior, self.inputs.dimension());
+        self.place.as_ref().map_or_else(prior_alone, |place| place.posterior().clone())
+    }
+
+    /// What is known of the place, as a message.
+    pub(crate) fn place_summary(&self) -> Option<&Summary> {
+        self.place.as_ref().map(|place| place.summary())
     }
 
     /// Geometric mean of the length-scales of its first term's first correlation, in metres: how far what is seen of

@@ -1,6 +1,8 @@
 //! A model as a TOML text that a person can read and edit. Unknown keys are refused: a slip of the pen must not pass
 //! for a default.
 
+use std::sync::Arc;
+
 use dgpc::{Kernel, Prior, PriorMean, Term};
 use serde::{Deserialize, Serialize};
 
@@ -9,6 +11,7 @@ use crate::chart::{Chart, Geographic};
 use crate::event::Position;
 use crate::model::{InputSpec, MODEL_SCHEMA, Model};
 use crate::model_file_error::ModelFileError;
+use crate::place_layout::PlaceLayout;
 use crate::term_layout::TermLayout;
 
 /// What a model was learned from, and how well it did.
@@ -43,7 +46,7 @@ pub struct Provenance {
 ///
 /// let learning = Learning::default();
 /// let prior = learning.template(&learning.structures[0], InputSpec::Positions, 490.0)?;
-/// let file = ModelFile { model: Model::new(Chart::about([]), InputSpec::Positions, prior), learned: None };
+/// let file = ModelFile { model: Model::new(Chart::about([]), InputSpec::Positions, prior), learned: None, place_log_digests: Vec::new() };
 /// assert_eq!(ModelFile::parse(&file.write()?)?, file);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -53,6 +56,8 @@ pub struct ModelFile {
     pub model: Model,
     /// What it was learned from; nothing for a model that a person wrote.
     pub learned: Option<Provenance>,
+    /// Digests of the logs that its place was learned from, as [`Provenance::log_digest`].
+    pub place_log_digests: Vec<String>,
 }
 
 impl ModelFile {
@@ -65,12 +70,15 @@ impl ModelFile {
         if version.schema > MODEL_SCHEMA {
             return Err(ModelFileError::Newer { found: version.schema });
         }
-        let Layout { schema, depths, chart, prior_mean, kernel, learned } = read(text)?;
+        let Layout { schema, depths, chart, prior_mean, kernel, learned, place } = read(text)?;
         let inputs = if depths { InputSpec::PositionsAndDepths } else { InputSpec::Positions };
         let terms =
             kernel.into_iter().enumerate().map(|(n, term)| term.read(n + 1, inputs)).collect::<Result<_, _>>()?;
         let prior = Prior::new(Kernel::new(terms)?, prior_mean.read(inputs)?)?;
-        Ok(Self { model: Model { schema, chart: chart.read()?, inputs, prior }, learned })
+        let mut model = Model { schema, chart: chart.read()?, inputs, prior, place: None };
+        model.place = place.as_ref().map(|place| place.read(&model)).transpose()?.map(Arc::new);
+        let place_log_digests = place.map(|place| place.log_digests).unwrap_or_default();
+        Ok(Self { model, learned, place_log_digests })
     }
 
     /// The text, which [`ModelFile::parse`] reads back to the same model.
@@ -78,7 +86,7 @@ impl ModelFile {
     /// # Errors
     /// [`ModelFileError::Unwritable`] for a model that no file can say.
     pub fn write(&self) -> Result<String, ModelFileError> {
-        let Model { schema, chart, inputs, prior } = &self.model;
+        let Model { schema, chart, inputs, prior, place } = &self.model;
         let layout = Layout {
             schema: *schema,
             depths: inputs.has_depths(),
@@ -86,6 +94,7 @@ impl ModelFile {
             prior_mean: MeanLayout::write(prior.mean()),
             kernel: prior.kernel().terms().iter().map(|term| TermLayout::write(term, *inputs)).collect(),
             learned: self.learned.clone(),
+            place: place.as_deref().map(|place| PlaceLayout::write(place, &self.place_log_digests)),
         };
         let unwritable = |problem: &dyn std::fmt::Display| ModelFileError::Unwritable(problem.to_string());
         let text = HEAD.to_owned() + &toml::to_string(&layout).map_err(|error| unwritable(&error))?;
@@ -110,6 +119,8 @@ const HEAD: &str = "\
 # ties numbers those of a list that stay equal when they are learned. The column time has length_scale_s; tx_vehicle, rx_vehicle and
 # water are labels (shape = \"label\", no length-scale): every vehicle has an offset of its own, and a typical one none.
 # prior_mean: kind = \"zero\", \"constant\" (log_odds) or \"range\" (log-odds = intercept - slope_per_m * range).
+# place, if there: what earlier missions learned of it. links: tx east, north, rx east, north (depth after each north), in the
+# metres of the log; of these the whitened precision (lower triangle) and shift.
 
 ";
 
@@ -133,6 +144,7 @@ struct Layout {
     prior_mean: MeanLayout,
     kernel: Vec<TermLayout>,
     learned: Option<Provenance>,
+    place: Option<PlaceLayout>,
 }
 
 #[derive(Serialize, Deserialize)]

@@ -16,6 +16,22 @@ pub enum ModelFileError {
         /// The schema of the text.
         found: u32,
     },
+    /// Links, shift and precision of a place that do not go together.
+    #[error(
+        "place: expected {points} entries of shift and rows of precision, the first of one entry, each of one more"
+    )]
+    UnevenPlace {
+        /// How many links there are.
+        points: usize,
+    },
+    /// A link of a place without just its coordinates.
+    #[error("place: expected {expected} numbers for a link, found {found}")]
+    LinkOfPlace {
+        /// How many make a link.
+        expected: usize,
+        /// How many there are.
+        found: usize,
+    },
     /// A term names a column that links do not have.
     #[error("kernel term {term}: unknown column {column:?}; expected one of {known}")]
     UnknownColumn {

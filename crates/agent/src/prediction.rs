@@ -1,6 +1,6 @@
 //! What a vehicle predicts, and how sure it is.
 
-use dgpc::{Latent, Posterior};
+use dgpc::{Latent, Posterior, Summary};
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
@@ -73,7 +73,9 @@ impl Agent {
         let left_out = self.beliefs.left_out();
         let believed = self.heard().into_iter().filter(|key| !left_out.contains(&key.0)).collect::<Vec<_>>();
         let packets = said(&self.memory, believed.iter());
-        let mut wide = fit.propagated_with(&summaries(&packets))?.posterior()?;
+        let place = self.model().place_summary().into_iter();
+        let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
+        let mut wide = fit.propagated_with(&messages)?.posterior()?;
         for event in self.beliefs.beside() {
             let observation = self.model().observations([event])?;
             wide.absorb_events(&dgpc::sites_given(&wide, &observation)?)?;
@@ -153,11 +155,13 @@ impl Agent {
         Ok(predicted.map(|((&mean, &variance), probability)| Prediction { mean, variance, probability }).collect())
     }
 
-    /// Length of the longest link that its own events tried, or that others told of; `None` before any.
+    /// Length of the longest link that its own events tried, that others told of, or that is known of the place; `None` before any.
     pub fn longest_m(&self) -> Option<f64> {
         let told = self.heard().into_iter().filter_map(|key| self.memory.packets.get(key));
         let told_m = told.map(|packet| packet.longest_m);
         let own_m = (self.memory.events.len() > 0).then(|| self.memory.events.longest_m());
-        told_m.chain(own_m).reduce(f64::max)
+        let place = self.model().place.iter();
+        let before_m = place.flat_map(|place| place.links()).map(|link| link.range_m());
+        told_m.chain(own_m).chain(before_m).reduce(f64::max)
     }
 }

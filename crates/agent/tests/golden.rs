@@ -135,7 +135,7 @@ fn snapshots_do_not_drift() {
 
 #[test]
 fn files_do_not_drift_and_their_comments_mean_nothing() {
-    let file = ModelFile { model: sealed().model, learned: None };
+    let file = ModelFile { model: sealed().model, learned: None, place_log_digests: Vec::new() };
     let text = file.write().unwrap();
     check("model.toml", &text, include_str!("golden/model.toml"));
     let team = TeamFile::write(&sealed(), "model.toml", Some("key.hex"), None).unwrap();

@@ -71,14 +71,18 @@ fn model_files_read_back_to_the_same_model() {
             variance_factor: 1.5,
             stop: "converged".to_owned(),
         };
-        let file = ModelFile { model, learned: Some(learned) };
+        let file = ModelFile { model, learned: Some(learned), place_log_digests: Vec::new() };
         assert_eq!(ModelFile::parse(&file.write().unwrap()).unwrap(), file, "{structure}");
     }
     // With depths and a place on Earth.
     let prior = Given::default().few()[0].template(InputSpec::PositionsAndDepths, 77.0).unwrap();
     let geographic = Some(Geographic { latitude_deg: 42.5, longitude_deg: -70.25 });
     let chart = Chart { geographic, ..Chart::about([Position::new(431_234.0, 4_700_001.0)]) };
-    let file = ModelFile { model: Model::new(chart, InputSpec::PositionsAndDepths, prior), learned: None };
+    let file = ModelFile {
+        model: Model::new(chart, InputSpec::PositionsAndDepths, prior),
+        learned: None,
+        place_log_digests: Vec::new(),
+    };
     assert_eq!(ModelFile::parse(&file.write().unwrap()).unwrap(), file);
 }
 
@@ -227,7 +231,7 @@ fn products_and_shapes_with_parameters_go_into_a_file() {
     let term =
         dgpc::Term::of(2.0, path).unwrap().times(range).unwrap().reciprocal(inputs.swap_ends().unwrap()).unwrap();
     let prior = dgpc::Prior::new(dgpc::Kernel::new(vec![term]).unwrap(), dgpc::PriorMean::Zero).unwrap();
-    let file = ModelFile { model: Model::new(chart, inputs, prior), learned: None };
+    let file = ModelFile { model: Model::new(chart, inputs, prior), learned: None, place_log_digests: Vec::new() };
     let text = file.write().unwrap();
     assert!(text.contains("[[kernel.times]]") && text.contains("\"rational-quadratic:1.5\""), "{text}");
     assert_eq!(ModelFile::parse(&text).unwrap(), file);

@@ -100,6 +100,11 @@ pub fn log_digest(file: &ModelFile) -> Option<&str> {
     file.learned.as_ref()?.log_digest.as_deref()
 }
 
+/// All logs that a model and its place were learned from, as far as its file says.
+pub fn log_digests(file: &ModelFile) -> impl Iterator<Item = &str> {
+    log_digest(file).into_iter().chain(file.place_log_digests.iter().map(String::as_str))
+}
+
 /// A model from a file, if it is for a chart such as this log's.
 pub fn fitting(model: Model, path: &Path, log: &EventLog) -> anyhow::Result<Model> {
     let bad = |message: &dyn std::fmt::Display| BadInput(format!("{}: {message}", path.display()));

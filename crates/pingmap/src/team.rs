@@ -6,7 +6,7 @@ use std::path::Path;
 use pingmap_agent::{Key, Team, TeamFile};
 use pingmap_trial::EventLog;
 
-use crate::model::{fitting, log_digest, read_model};
+use crate::model::{fitting, log_digests, read_model};
 use crate::output::{BadInput, read_text, warn};
 
 /// Reads a team file for the use of a log: its model must be for such a chart, and who is not a member only listens. Also
@@ -33,7 +33,7 @@ fn read_with_digests(path: &Path) -> anyhow::Result<(Team, Vec<String>)> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let model = read_model(&folder.join(&file.model_file))?;
     let key = file.key_file.as_ref().map(|name| open_key(&folder.join(name))).transpose()?;
-    let digests = [log_digest(&model), file.log_digest.as_deref()].into_iter().flatten().map(str::to_owned).collect();
+    let digests = log_digests(&model).chain(file.log_digest.as_deref()).map(str::to_owned).collect();
     Ok((file.team(model.model, key).map_err(|error| bad(&error))?, digests))
 }
 

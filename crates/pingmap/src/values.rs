@@ -295,6 +295,10 @@ pub fn time(text: &str) -> Result<f64, String> {
     number(text, bounds::TIME_S)
 }
 
+pub fn place_points(text: &str) -> Result<usize, String> {
+    count(text, bounds::PLACE_POINTS)
+}
+
 pub fn threads(text: &str) -> Result<usize, String> {
     count(text, bounds::THREADS)
 }

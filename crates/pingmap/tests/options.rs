@@ -69,8 +69,15 @@ const CRITERION: Case = ("--criterion", "evidence", "");
 /// The same: few logs ask for any.
 const ADDITIONS: Case = ("--additions", "none", "");
 
-const LEARN: &[Case] =
-    &[("--output", "other.toml", ""), ("--test-share", "0.3", ""), CRITERION, ADDITIONS, ("--json", "", "")];
+const LEARN: &[Case] = &[
+    ("--output", "other.toml", ""),
+    ("--test-share", "0.3", ""),
+    ("--place", "8", ""),
+    ("--onto", "other.toml", "--place 8"),
+    CRITERION,
+    ADDITIONS,
+    ("--json", "", ""),
+];
 
 /// Who and when, where the model tells them apart.
 const ASKED: &[Case] = &[

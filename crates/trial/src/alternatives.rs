@@ -161,7 +161,7 @@ impl<'a> Speaker<'a> {
     }
 
     fn nobody_knows(&self) -> Posterior {
-        Posterior::prior_alone(&self.agent.model().prior, self.inputs.dimension())
+        self.agent.model().known_before()
     }
 
     /// Residual packets about points that `choose` takes from the candidates given those taken before.

@@ -4,17 +4,17 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use dgpc::{PriorMean, Term};
-use pingmap_agent::{Criterion, Event, InputSpec, LearnedModel, Learning, Limits, Model, ModelFile, Provenance};
+use pingmap_agent::{Criterion, Event, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, Provenance};
 use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
 use serde::Serialize;
 
 use crate::files::write_file;
 use crate::log::{open_log, thinned};
-use crate::model::{KernelJson, PriorMeanJson, of_events, stop_words, warn_of_search};
+use crate::model::{KernelJson, PriorMeanJson, of_events, open_model, stop_words, warn_of_search};
 use crate::options::{Kernel, Work};
-use crate::output::{BadInput, Results, note, print, print_json, progress, spinner, table};
+use crate::output::{BadInput, Results, note, print, print_json, progress, spinner, table, warn};
 use crate::survey::all_in_one;
-use crate::values::{name_of, open_share};
+use crate::values::{name_of, open_share, place_points};
 
 /// Learn from an event log how links behave, and write it to a model file that all other commands take
 #[derive(Args)]
@@ -27,6 +27,13 @@ pub struct Options {
     /// Also hold out this share of every vehicle's events, and print how well the rest predicts them
     #[arg(long, value_parser = open_share, allow_negative_numbers = true)]
     pub test_share: Option<f64>,
+    /// Keep what the log says of the place, too, at so many inducing points: known beforehand to whoever takes the model on the
+    /// next mission there. 64 are enough for a few hundred events
+    #[arg(long, value_name = "POINTS", value_parser = place_points)]
+    pub place: Option<usize>,
+    /// With --place: learn no model, but take this one and what it knows of the place, and add what the log says
+    #[arg(long, value_name = "FILE", requires = "place", conflicts_with_all = ["test_share", "Kernel"])]
+    pub onto: Option<PathBuf>,
     #[command(flatten)]
     pub kernel: Kernel,
     #[command(flatten)]
@@ -51,6 +58,9 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let log_digest = log.digest();
     let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
     let limits = options.work.limits();
+    if let Some((onto, points)) = options.onto.as_deref().zip(options.place) {
+        return add_to_place(options, (&log, log_digest), (onto, points), results);
+    }
     let learning = options.kernel.learning(options.kernel.given().many(), limits);
     let (training, held_out) = divided(&log, options)?;
 
@@ -73,7 +83,10 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     // What is kept knows all events, those that were held out too.
     let best = if held_out.is_empty() { added.best } else { learn_again(&learning, &added.best, &log)? };
     let from = options.events.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let file = ModelFile { model: best.model.clone(), learned: Some(provenance(&best, from, log_digest)) };
+    let model = options.place.map(|points| with_place(&best.model, &log, points, limits)).transpose()?;
+    let model = model.unwrap_or_else(|| best.model.clone());
+    let place_log_digests = options.place.map(|_| log_digest.clone()).into_iter().collect();
+    let file = ModelFile { model, learned: Some(provenance(&best, from, log_digest)), place_log_digests };
     write_file(&options.output, file.write().map_err(|error| BadInput(error.to_string()))?.as_bytes())?;
 
     if options.json {
@@ -96,6 +109,49 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     }
     note(format_args!("wrote {}", options.output.display()));
     Ok(())
+}
+
+/// The model with what the log says of its place.
+fn with_place(model: &Model, log: &EventLog, points: usize, limits: Limits) -> anyhow::Result<Model> {
+    let bar = spinner("summing up the place");
+    let mut agent = all_in_one(model, log.events.iter().cloned(), limits)?;
+    let known = model.place.iter().flat_map(|place| place.links()).copied();
+    let links: Vec<Link> = known.chain(log.events.iter().map(|event| event.link)).collect();
+    let model = model.with_place(agent.posterior()?, &links, points)?;
+    bar.finish_and_clear();
+    Ok(model)
+}
+
+/// A model as it was, with what it knew of the place and what the log says.
+fn add_to_place(
+    options: &Options,
+    (log, log_digest): (&EventLog, String),
+    (onto, points): (&Path, usize),
+    results: Results,
+) -> anyhow::Result<()> {
+    let mut file = open_model(onto, log)?;
+    if file.place_log_digests.contains(&log_digest) {
+        warn(format_args!("{}: already knows this very log, which counts twice now", onto.display()));
+    }
+    file.model = with_place(&file.model, log, points, options.work.limits())?;
+    file.place_log_digests.push(log_digest);
+    write_file(&options.output, file.write().map_err(|error| BadInput(error.to_string()))?.as_bytes())?;
+    let place_points = file.model.place.as_ref().map_or(0, |place| place.links().len());
+    if options.json {
+        let added = AddedJson { schema: 1, file: &options.output, events: log.events.len(), place_points };
+        print_json(results, &added)?;
+    }
+    note(format_args!("wrote {}: the place at {place_points} points", options.output.display()));
+    Ok(())
+}
+
+/// What was added to a place.
+#[derive(Serialize)]
+struct AddedJson<'a> {
+    schema: u32,
+    file: &'a Path,
+    events: usize,
+    place_points: usize,
 }
 
 /// The structure that was chosen, learned from all events.

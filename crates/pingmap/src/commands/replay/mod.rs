@@ -13,7 +13,7 @@ use pingmap_trial::{Agreed, DivideBy, Division, EventLog, Learners, Plan, Split,
 
 use crate::files::{make_folder, write_file};
 use crate::log::{open_log, thinned};
-use crate::model::{HAS_SEEN_LOG, log_digest, open_model};
+use crate::model::{HAS_SEEN_LOG, log_digests, open_model};
 use crate::options::{ModelSource, Work};
 use crate::output::{BadInput, Results, note, print, print_json, warn};
 use crate::team::{open_key, open_team};
@@ -198,8 +198,8 @@ fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Agreed, bool)> {
         }
         (Some(path), None) => {
             let file = open_model(path, log)?;
-            let digest = log_digest(&file).map(str::to_owned);
-            (Agreed::Model(file.model), digest.into_iter().collect())
+            let digests = log_digests(&file).map(str::to_owned).collect();
+            (Agreed::Model(file.model), digests)
         }
         (None, None) => (Agreed::Nothing, Vec::new()),
     };
