@@ -60,6 +60,9 @@ pub const LONGITUDE_DEG: Bounds = Bounds::new(-180.0, 180.0, "a number from -180
 /// Seconds of a slot.
 pub const SLOT_S: Bounds = Bounds::new(1e-3, 1e6, "a number of seconds from 0.001 to 1e6");
 
+/// Seconds of a mission, in 63 cells no shorter or longer than a slot may be.
+pub const MISSION_S: Bounds = Bounds::new(0.1, 6e7, "a number of seconds from 0.1 to 6e7");
+
 /// Times, in seconds from wherever a team counts.
 pub const TIME_S: Bounds = Bounds::new(-1e12, 1e12, "a finite number of seconds, at most 1e12 from zero");
 

@@ -65,6 +65,12 @@ impl Link {
         east.hypot(north)
     }
 
+    /// The same with its ends exchanged.
+    #[must_use]
+    pub fn swapped(&self) -> Self {
+        Self { transmitter: self.receiver, receiver: self.transmitter }
+    }
+
     /// The part of it from the transmitter on that is `range_m` long; itself, if it is no longer.
     #[must_use]
     pub fn shortened_to(&self, range_m: f64) -> Self {

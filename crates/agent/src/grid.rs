@@ -3,6 +3,7 @@
 use pingmap_packet::{Cell, DEPTH_CELLS, HORIZONTAL_CELLS, TIME_CELLS};
 
 use crate::attempt::When;
+use crate::bounds;
 use crate::chart::Chart;
 use crate::event::{Link, Position};
 
@@ -54,6 +55,7 @@ impl Grid {
         });
         span.map_or(self, |(first_s, last_s)| {
             let time_cell_s = round_up((last_s - first_s) / f64::from(TIME_CELLS - 1));
+            let time_cell_s = time_cell_s.clamp(bounds::SLOT_S.min, bounds::SLOT_S.max);
             Self { start_s: first_s, time_cell_s, ..self }
         })
     }

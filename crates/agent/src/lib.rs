@@ -45,6 +45,7 @@ mod agent;
 mod adapt;
 mod exchange;
 mod prediction;
+mod intervals;
 mod snapshot;
 
 pub use agent::Agent;

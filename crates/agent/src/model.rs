@@ -169,8 +169,8 @@ impl Model {
 
     /// The same model with what `learned`, a posterior under it, says of its place: at up to `points_max` of the links, those that
     /// leave least of the prior variance of all of them. Of typical vehicles at a typical time, so that yesterday's noise stays
-    /// behind; a place that the model had before is in the posterior already, and goes on. O(Nm² + mn²) for N links, m of
-    /// them kept, and a posterior of n events and points.
+    /// behind; a place that the model had before is in the posterior already, and goes on. O(N²m + mn²), and 2N² numbers, for N links,
+    /// m of them kept, and a posterior of n events and points.
     ///
     /// # Errors
     /// [`dgpc::Error`] for a position that is not finite, and for a posterior under another prior.
@@ -184,7 +184,7 @@ impl Model {
         let said = learned.summarise(&inputs)?;
         let (precision, shift) = (said.whitened_precision().clone(), said.whitened_shift().to_vec());
         let place = Place::new(&self.prior, links, &inputs, precision, shift)?;
-        Ok(Self { place: Some(Arc::new(place)), ..self.clone() })
+        Ok(Self { schema: MODEL_SCHEMA, place: Some(Arc::new(place)), ..self.clone() })
     }
 
     /// The link as far as the model looks at it: with depths, of which an unknown one counts as 0, or without.

@@ -1,17 +1,11 @@
-//! What a vehicle predicts, and how sure it is.
+//! What a vehicle predicts.
 
-use dgpc::{Latent, Posterior, Summary};
+use dgpc::Posterior;
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
 use crate::attempt::Attempt;
-use crate::said::{said, summaries};
-
-/// Standard deviations within which nine in ten of a normal distribution lie, to either side.
-const REACH: f64 = 1.644_854;
-
-/// By how much intervals are wider than what is known under the model as it is.
-const WIDENING: f64 = 1.7;
+use crate::model::Model;
 
 /// What is predicted of an attempt.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,6 +16,14 @@ pub struct Prediction {
     pub variance: f64,
     /// Probability that it succeeds.
     pub probability: f64,
+}
+
+/// What is said of an attempt.
+pub(crate) struct Shown {
+    pub(crate) asked: Attempt,
+    /// What it is said of: the attempt itself, or a part of its link.
+    pub(crate) of: Attempt,
+    pub(crate) predicted: Prediction,
 }
 
 impl Agent {
@@ -47,9 +49,9 @@ impl Agent {
     /// What is predicted of each attempt. Takes in what arrived since the last time, up to 64 events beside the last
     /// fit, and fits nothing again: see [`Agent::refit_due`]. O(n²) an attempt.
     ///
-    /// Where nothing is known the probability goes to even odds, and so it would rise again on the far side of all data. Over
-    /// a link longer than the longest that was tried nothing better is predicted than over its part of that length from the
-    /// transmitter, unless [`Agent::rising_beyond`] says so.
+    /// Where nothing is known the probability goes to even odds, and so it would rise again on the far side of all data. Of
+    /// a link longer than the longest that was tried, and of its two parts of that length (the one from the transmitter, and
+    /// the one to the receiver), what is predicted is that of the least, unless [`Agent::rising_beyond`] says so.
     ///
     /// # Errors
     /// As [`Agent::probability`].
@@ -57,111 +59,97 @@ impl Agent {
         &mut self,
         attempts: impl IntoIterator<Item = impl Into<Attempt>>,
     ) -> Result<Vec<Prediction>, AgentError> {
-        Ok(self.shown(attempts)?.into_iter().map(|(_, predicted)| predicted).collect())
+        Ok(self.shown(attempts)?.into_iter().map(|shown| shown.predicted).collect())
     }
 
-    /// What it knows by expectation propagation, begun at the last fit: the same probabilities to a few hundredths, and
-    /// variances that are not too small where outcomes are of one kind, as those of predictions are. What
-    /// [`Agent::intervals`] are made from. Ten to thirty times the cost of an iteration of [`Agent::refit`]; where nothing
-    /// was fitted, what it knows as it is.
+    /// The same by its own events alone, under the team's model.
     ///
     /// # Errors
-    /// [`AgentError::Method`] when the method refuses.
-    pub fn wide_posterior(&mut self) -> Result<Posterior, AgentError> {
+    /// As [`Agent::probability`].
+    pub fn own_probabilities(
+        &mut self,
+        attempts: impl IntoIterator<Item = impl Into<Attempt>>,
+    ) -> Result<Vec<f64>, AgentError> {
         self.update()?;
-        let Some(fit) = self.beliefs.fit_of_fused() else { return Ok(self.beliefs.fused.clone()) };
-        let left_out = self.beliefs.left_out();
-        let believed = self.heard().into_iter().filter(|key| !left_out.contains(&key.0)).collect::<Vec<_>>();
-        let packets = said(&self.memory, believed.iter());
-        let place = self.model().place_summary().into_iter();
-        let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
-        let mut wide = fit.propagated_with(&messages)?.posterior()?;
-        for event in self.beliefs.beside() {
-            let observation = self.model().observations([event])?;
-            wide.absorb_events(&dgpc::sites_given(&wide, &observation)?)?;
-        }
-        Ok(wide)
+        let longest_m = self.own_longest_m().filter(|_| !self.may_rise);
+        let shown = shown(self.model(), &self.beliefs.own, longest_m, attempts.into_iter().map(Into::into).collect())?;
+        Ok(shown.into_iter().map(|shown| shown.predicted.probability).collect())
     }
 
-    /// Log-odds of each attempt as widely as intervals take them: those of a [`Agent::wide_posterior`], with standard
-    /// deviations 1.7 times as large. That the numbers of the kernel are learned, and that water has edges which no kernel
-    /// knows, is in that factor: it was chosen on simulated trials such that intervals of 90 % hold what they should
-    /// (docs/evaluation.md). O(n²) an attempt.
+    /// The same by another posterior under its model than its own, such as one that heard other things.
     ///
     /// # Errors
     /// As [`Agent::probability`].
-    pub fn wide_latent(
-        &mut self,
-        wide: &Posterior,
+    pub fn probabilities_under(
+        &self,
+        posterior: &Posterior,
         attempts: impl IntoIterator<Item = impl Into<Attempt>>,
-    ) -> Result<Latent, AgentError> {
-        let shown: Vec<Attempt> = self.shown(attempts)?.into_iter().map(|(attempt, _)| attempt).collect();
-        Ok(self.widened(wide, &shown)?)
+    ) -> Result<Vec<f64>, AgentError> {
+        let longest_m = self.longest_m().filter(|_| !self.may_rise);
+        let shown = shown(self.model(), posterior, longest_m, attempts.into_iter().map(Into::into).collect())?;
+        Ok(shown.into_iter().map(|shown| shown.predicted.probability).collect())
     }
 
-    /// Where the probability of each attempt lies: nine in ten do. The interval holds what [`Agent::predictions`] says.
-    /// O(n²) an attempt.
-    ///
-    /// # Errors
-    /// As [`Agent::probability`].
-    pub fn intervals(
-        &mut self,
-        wide: &Posterior,
-        attempts: impl IntoIterator<Item = impl Into<Attempt>>,
-    ) -> Result<Vec<(f64, f64)>, AgentError> {
-        let (attempts, predicted): (Vec<_>, Vec<_>) = self.shown(attempts)?.into_iter().unzip();
-        let latent = self.widened(wide, &attempts)?;
-        let interval = |((mean, variance), predicted): ((&f64, &f64), &Prediction)| {
-            let reach = REACH * variance.sqrt();
-            let end = |log_odds: f64| dgpc::success_probability(log_odds, 0.0);
-            (end(mean - reach).min(predicted.probability), end(mean + reach).max(predicted.probability))
-        };
-        Ok(latent.mean.iter().zip(&latent.variance).zip(&predicted).map(interval).collect())
-    }
-
-    fn widened(&self, wide: &Posterior, attempts: &[Attempt]) -> dgpc::Result<Latent> {
-        let mut latent = wide.latent(&self.model().inputs(attempts)?)?;
-        latent.variance.iter_mut().for_each(|variance| *variance *= WIDENING * WIDENING);
-        Ok(latent)
-    }
-
-    /// What is predicted of each attempt, and of which attempt that is the prediction: itself, or its part.
-    fn shown(
+    pub(crate) fn shown(
         &mut self,
         attempts: impl IntoIterator<Item = impl Into<Attempt>>,
-    ) -> Result<Vec<(Attempt, Prediction)>, AgentError> {
-        let attempts: Vec<Attempt> = attempts.into_iter().map(Into::into).collect();
-        let predicted = self.as_known(&attempts)?;
-        let mut shown: Vec<(Attempt, Prediction)> = attempts.into_iter().zip(predicted).collect();
-        let Some(longest_m) = self.longest_m().filter(|_| !self.may_rise) else { return Ok(shown) };
-        let beyond: Vec<usize> = (0..shown.len()).filter(|&n| shown[n].0.link.range_m() > longest_m).collect();
-        let part = |&n: &usize| Attempt { link: shown[n].0.link.shortened_to(longest_m), ..shown[n].0 };
-        let parts: Vec<Attempt> = beyond.iter().map(part).collect();
-        let predicted = self.as_known(&parts)?;
-        for (n, part) in beyond.into_iter().zip(parts.into_iter().zip(predicted)) {
-            if part.1.probability < shown[n].1.probability {
-                shown[n] = part;
-            }
-        }
-        Ok(shown)
+    ) -> Result<Vec<Shown>, AgentError> {
+        self.update()?;
+        let longest_m = self.longest_m().filter(|_| !self.may_rise);
+        let attempts = attempts.into_iter().map(Into::into).collect();
+        Ok(shown(self.model(), &self.beliefs.fused, longest_m, attempts)?)
     }
 
-    /// What the posterior says, wherever it is asked.
-    fn as_known(&mut self, attempts: &[Attempt]) -> Result<Vec<Prediction>, AgentError> {
-        let inputs = self.model().inputs(attempts)?;
-        let latent = self.posterior()?.latent(&inputs)?;
-        let moments = latent.mean.iter().zip(&latent.variance);
-        let predicted = moments.zip(latent.probability());
-        Ok(predicted.map(|((&mean, &variance), probability)| Prediction { mean, variance, probability }).collect())
-    }
-
-    /// Length of the longest link that its own events tried, that others told of, or that is known of the place; `None` before any.
+    /// Length of the longest link that its own events tried, that others told of whom it believes, or that is known of the
+    /// place; `None` before any.
     pub fn longest_m(&self) -> Option<f64> {
-        let told = self.heard().into_iter().filter_map(|key| self.memory.packets.get(key));
-        let told_m = told.map(|packet| packet.longest_m);
+        let left_out = self.beliefs.left_out();
+        let believed = self.heard().into_iter().filter(|key| !left_out.contains(&key.0));
+        let told_m = believed.filter_map(|key| self.memory.packets.get(key)).map(|packet| packet.longest_m);
+        told_m.chain(self.own_longest_m()).reduce(f64::max)
+    }
+
+    fn own_longest_m(&self) -> Option<f64> {
         let own_m = (self.memory.events.len() > 0).then(|| self.memory.events.longest_m());
         let place = self.model().place.iter();
         let before_m = place.flat_map(|place| place.links()).map(|link| link.range_m());
-        told_m.chain(own_m).chain(before_m).reduce(f64::max)
+        before_m.chain(own_m).reduce(f64::max)
     }
+}
+
+/// What a posterior says of each attempt, or of the least of its parts if it is longer than the longest.
+fn shown(
+    model: &Model,
+    posterior: &Posterior,
+    longest_m: Option<f64>,
+    attempts: Vec<Attempt>,
+) -> dgpc::Result<Vec<Shown>> {
+    let predicted = predictions(model, posterior, &attempts)?;
+    let itself = |(asked, predicted)| Shown { asked, of: asked, predicted };
+    let mut shown: Vec<Shown> = attempts.into_iter().zip(predicted).map(itself).collect();
+    let Some(longest_m) = longest_m else { return Ok(shown) };
+    let beyond = |shown: &&mut Shown| shown.asked.link.range_m() > longest_m;
+    let beyond: Vec<&mut Shown> = shown.iter_mut().filter(beyond).collect();
+    let parts = |shown: &&mut Shown| {
+        let link = shown.asked.link;
+        let parts = [link.shortened_to(longest_m), link.swapped().shortened_to(longest_m).swapped()];
+        parts.map(|link| Attempt { link, ..shown.asked })
+    };
+    let parts: Vec<Attempt> = beyond.iter().flat_map(parts).collect();
+    let predicted = predictions(model, posterior, &parts)?;
+    for (shown, (parts, predicted)) in beyond.into_iter().zip(parts.chunks(2).zip(predicted.chunks(2))) {
+        for (&of, &predicted) in parts.iter().zip(predicted) {
+            if predicted.probability < shown.predicted.probability {
+                (shown.of, shown.predicted) = (of, predicted);
+            }
+        }
+    }
+    Ok(shown)
+}
+
+/// What a posterior says of each attempt, wherever it is.
+fn predictions(model: &Model, posterior: &Posterior, attempts: &[Attempt]) -> dgpc::Result<Vec<Prediction>> {
+    let latent = posterior.latent(&model.inputs(attempts)?)?;
+    let moments = latent.mean.iter().zip(&latent.variance).zip(latent.probability());
+    Ok(moments.map(|((&mean, &variance), probability)| Prediction { mean, variance, probability }).collect())
 }

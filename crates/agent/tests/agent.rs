@@ -245,8 +245,10 @@ proptest! {
         let longer = Link { receiver: longer, ..link };
         let part = longer.shortened_to(longest_m);
         prop_assert!((part.range_m() - longest_m).abs() < 1e-6 && part.transmitter == link.transmitter);
-        let p = agent.probabilities([longer, part]).unwrap();
-        prop_assert!(p[0] <= p[1] + 1e-12, "{:?}", p);
+        let back = longer.swapped().shortened_to(longest_m).swapped();
+        prop_assert!(back.receiver == longer.receiver);
+        let p = agent.probabilities([longer, part, back]).unwrap();
+        prop_assert!(p[0] <= p[1] + 1e-12 && p[0] <= p[2] + 1e-12, "{:?}", p);
     }
 }
 
@@ -258,6 +260,11 @@ fn beyond_all_data_even_odds_come_back_only_where_they_may() {
     let [part, far] = [longest_m, 30.0 * longest_m].map(|range_m| link([0.0, 0.0, range_m, 0.0]));
     let held = agent.probability(far).unwrap();
     assert_eq!(held.to_bits(), agent.probability(part).unwrap().to_bits());
+    // A reciprocal kernel says the same the other way round, and nobody knows how bad it is out there.
+    assert!((agent.probability(far.swapped()).unwrap() - held).abs() < 1e-9);
+    let wide = agent.wide_posterior().unwrap();
+    let [near, far_off] = [part, far].map(|link| agent.intervals(&wide, [link]).unwrap()[0]);
+    assert!(far_off.0 <= near.0 && far_off.1 == near.1, "{near:?} {far_off:?}");
     let rising = agent.rising_beyond().probability(far).unwrap();
     assert!(held < 0.48 && (rising - 0.5).abs() < 0.01, "{held} {rising}");
 }

@@ -6,7 +6,7 @@ use pingmap_agent::{Agent, Event, FitQuality, Limits, Model, Team, VehicleId};
 use pingmap_trial::EventLog;
 
 use crate::log::{only, open_log, thinned};
-use crate::model::Known;
+use crate::model::{Known, read_model};
 use crate::options::{Asked, Source};
 use crate::output::{note, spinner, warn};
 
@@ -23,6 +23,11 @@ impl Survey {
     pub fn open(source: &Source) -> anyhow::Result<EventLog> {
         let Source { events, vehicle, work, .. } = source;
         let mut log = open_log(events)?;
+        if let Some(path) = &source.model.model
+            && read_model(path)?.place_log_digests.contains(&log.digest())
+        {
+            warn(format_args!("{}: its place knows this very log, which counts twice now", path.display()));
+        }
         if let Some(vehicle) = vehicle {
             log = only(&log, vehicle)?;
         }

@@ -3,17 +3,25 @@
 use std::fmt::Display;
 use std::path::Path;
 
+use dgpc::{Correlation, Term};
 use pingmap_agent::{Key, Team, TeamFile};
 use pingmap_trial::EventLog;
 
 use crate::model::{fitting, log_digests, read_model};
-use crate::output::{BadInput, read_text, warn};
+use crate::output::{BadInput, count, read_text, warn};
 
 /// Reads a team file for the use of a log: its model must be for such a chart, and who is not a member only listens. Also
 /// returns the digests of what its model was learned from.
 pub fn open_team(path: &Path, log: &EventLog) -> anyhow::Result<(Team, Vec<String>)> {
     let (mut team, digests) = read_with_digests(path)?;
     team.model = fitting(team.model, path, log)?;
+    let columns =
+        || team.model.prior.kernel().terms().iter().flat_map(Term::correlations).flat_map(Correlation::columns);
+    let beyond = log.events.iter().filter(|event| team.grid.time_cell(event.time_s) == 0).count();
+    if beyond > 0 && columns().any(|&column| column == team.model.inputs.time()) {
+        let events = count(beyond, "event");
+        warn(format_args!("{}: {events} beyond the time of its grid, and told of without a time", path.display()));
+    }
     let strangers = log.vehicles().into_iter().filter(|id| team.number(id).is_none());
     let strangers: Vec<String> = strangers.map(|id| id.to_string()).collect();
     if !strangers.is_empty() {

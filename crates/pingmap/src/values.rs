@@ -295,6 +295,10 @@ pub fn time(text: &str) -> Result<f64, String> {
     number(text, bounds::TIME_S)
 }
 
+pub fn mission_s(text: &str) -> Result<f64, String> {
+    number(text, bounds::MISSION_S)
+}
+
 pub fn place_points(text: &str) -> Result<usize, String> {
     count(text, bounds::PLACE_POINTS)
 }

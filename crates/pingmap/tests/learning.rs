@@ -241,6 +241,8 @@ fn a_place_goes_on_to_the_next_mission() {
     // And scores on what a place was learned from are called what they are.
     let seen = json(folder, &"replay second.csv --online --model both.toml --json".split(' ').collect::<Vec<_>>());
     assert_eq!(seen["model_has_seen_log"], true);
+    assert!(succeeded("map --events second.csv --model both.toml --at 0,0 -o map.csv").contains("counts twice"));
+    assert!(!succeeded("map --events third.csv --model both.toml --at 0,0 -o map.csv").contains("counts twice"));
     assert!(refused(folder, &["learn", "second.csv", "--onto", "place.toml"]).contains("--place"));
     assert!(refused(folder, &["learn", "second.csv", "--place", "0"]).contains("from 1 to 256"));
 }

@@ -98,7 +98,6 @@ impl Alternative {
     /// What a vehicle predicts given what all said.
     fn hear(self, mission: &Mission, place: usize, agent: &Agent, said: &[Said]) -> Result<Vec<f64>, AgentError> {
         let mut agent = agent.clone().owning_all_events();
-        let inputs = agent.model().inputs(&mission.held_out)?;
         let others = || said.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, said)| said);
         if self == Alternative::RawEvents {
             agent.observe_all(others().flat_map(Said::events).cloned())?;
@@ -107,6 +106,7 @@ impl Alternative {
         }
         if self == Alternative::Concatenation {
             let all: Vec<&Summary> = said.iter().flat_map(Said::summaries).collect();
+            let inputs = agent.model().inputs(&mission.held_out)?;
             return Ok(Concatenation::new(&agent.model().prior, &all)?.probability(&inputs)?);
         }
         let mut posterior = agent.posterior()?.clone();
@@ -114,7 +114,7 @@ impl Alternative {
         let read = others().flat_map(Said::summaries).map(|summary| summary.read_under(posterior.prior()));
         let read: Vec<Cow<'_, Summary>> = read.collect::<Result<_, dgpc::Error>>()?;
         posterior.absorb_summaries(&read.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
-        Ok(posterior.probability(&inputs)?)
+        agent.probabilities_under(&posterior, &mission.held_out)
     }
 }
 

@@ -135,10 +135,9 @@ impl<'a> Run<'a> {
     fn happen(&mut self, event: &Event) -> Result<(), AgentError> {
         let nll = |p: f64| Score::new(&[p], &[event.success]).map_or(0.0, |score| score.nll);
         let Some(agent) = self.vehicles.get_mut(&event.receiver_id) else { return Ok(()) };
-        let inputs = agent.model().inputs([event.attempt()])?;
         let (mine, all) = rayon::join(
             || -> Result<_, AgentError> {
-                let own = agent.own_posterior()?.probability(&inputs)?[0];
+                let own = agent.own_probabilities([event.attempt()])?[0];
                 let team = agent.probability(event.attempt())?;
                 learn(agent, event)?;
                 Ok((own, team))

@@ -95,7 +95,8 @@ impl Calibrated {
         let mut calibrated = Self::default();
         let count = |calibration: &mut Calibration, agent: &Agent| -> Result<Latent, AgentError> {
             let latent = mission.latent(agent)?;
-            calibration.count(&latent.probability(), &mission.wide_latent(agent)?, &mission.outcomes, truth);
+            let predicted = agent.clone().probabilities(&mission.held_out)?;
+            calibration.count(&predicted, &mission.wide_latent(agent)?, &mission.outcomes, truth);
             Ok(latent)
         };
         let all = count(&mut calibrated.centralised, &mission.centralised)?;

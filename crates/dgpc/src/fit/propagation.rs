@@ -87,7 +87,12 @@ pub(super) fn propagate(
     match inducing_points {
         Some(points) => {
             let mut support = points.clone();
-            messages.iter().try_for_each(|message| support.append(message.inducing_points()))?;
+            // Those of messages that the fit was given are there.
+            for point in messages.iter().flat_map(|message| message.inducing_points().rows()) {
+                if !points.rows().any(|known| known == point) {
+                    support.append(&Inputs::new(point.to_vec(), point.len())?)?;
+                }
+            }
             run.iterate(&mut Sparse::new(prior, &likelihood, &support)?)?;
         }
         None => run.iterate(&mut Dense::new(prior, &likelihood)?)?,

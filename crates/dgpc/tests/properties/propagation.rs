@@ -38,14 +38,22 @@ proptest! {
         }
     }
 
-    /// On inducing points that are the events it is the same.
+    /// On inducing points that are the events it is the same, with messages that the fit had or had not.
     #[test]
-    fn sparse_on_all_events_is_dense(problem in problems(3..=14)) {
+    fn sparse_on_all_events_is_dense(problem in problems(3..=14), with_message in 0..3u8) {
         let observations = problem.observations.select(&problem.spread(14));
-        let dense = dgpc::fit(&problem.prior, &observations, &FitOptions::default()).unwrap();
-        let options = FitOptions::default().inducing_points(observations.inputs());
-        let sparse = dgpc::fit(&problem.prior, &observations, &options).unwrap();
-        let latent = |fit: &Fit| fit.propagated_with(&[]).unwrap().posterior().unwrap().latent(&problem.elsewhere).unwrap();
+        let message = message(&problem);
+        let messages: Vec<&Summary> = message.iter().filter(|_| with_message > 0).collect();
+        let fitted: &[&Summary] = if with_message > 1 { &messages } else { &[] };
+        let dense = FitOptions::default().messages(fitted);
+        let sparse = dense.inducing_points(observations.inputs());
+        let [dense, sparse] = [dense, sparse].map(|options| dgpc::fit(&problem.prior, &observations, &options).unwrap());
+        prop_assume!(sparse.jitter() == 0.0);
+        let latent = |fit: &Fit| {
+            let found = fit.propagated_with(&messages).unwrap();
+            assert!(found.converged());
+            found.posterior().unwrap().latent(&problem.elsewhere).unwrap()
+        };
         assert_same_latent(&latent(&sparse), &latent(&dense), 1e-3);
     }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use dgpc::{PriorMean, Term};
+use dgpc::{PriorMean, Term, spread_out};
 use pingmap_agent::{Criterion, Event, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, Provenance};
 use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
 use serde::Serialize;
@@ -116,7 +116,9 @@ fn with_place(model: &Model, log: &EventLog, points: usize, limits: Limits) -> a
     let bar = spinner("summing up the place");
     let mut agent = all_in_one(model, log.events.iter().cloned(), limits)?;
     let known = model.place.iter().flat_map(|place| place.links()).copied();
-    let links: Vec<Link> = known.chain(log.events.iter().map(|event| event.link)).collect();
+    // Choosing takes a matrix of as many rows as there are links to choose from.
+    let spread = spread_out(log.events.len(), limits.candidates_max).into_iter().map(|n| log.events[n].link);
+    let links: Vec<Link> = known.chain(spread).collect();
     let model = model.with_place(agent.posterior()?, &links, points)?;
     bar.finish_and_clear();
     Ok(model)

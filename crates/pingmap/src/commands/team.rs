@@ -11,7 +11,7 @@ use crate::log::open_log;
 use crate::model::{log_digest, open_model};
 use crate::output::{BadInput, Results, count, note, warn};
 use crate::team::open_key;
-use crate::values::{frame_bytes, positive, time};
+use crate::values::{frame_bytes, mission_s, positive, time};
 
 /// Write what a team must agree on before the mission: members, grid, frames, and the model that packets are formed
 /// under
@@ -39,7 +39,7 @@ pub struct Options {
     #[arg(long, value_parser = time, allow_negative_numbers = true)]
     pub start_s: Option<f64>,
     /// How long the mission lasts at most; what is heard later is told without a time. As long as the log if not given
-    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_parser = mission_s, allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
     /// File for the team, in the folder of the model file or above it
     #[arg(long, short, value_name = "FILE", default_value = "team.toml")]
