@@ -24,8 +24,8 @@ const MEAN_FAR: i8 = 6;
 /// Whitened means at the highest levels.
 const MEANS_FAR: [f64; 3] = [3.2, 6.0, 12.0];
 
-/// Partial correlation of one level.
-const CORRELATION_STEP: f64 = 1.0 / (CORRELATION_LEVELS as f64 + 0.5);
+/// Partial correlations at levels from 1 up.
+const CORRELATIONS: [f64; CORRELATION_LEVELS as usize] = [0.3, 0.6, 0.93];
 
 /// Points are taken as distinct by a receiver down to this share of their prior variance, half of what a sender wants, so
 /// that a difference in the last bit between two machines never turns a packet away.
@@ -103,10 +103,7 @@ impl Wire<'_> {
             return Err(dgpc::Error::NotPositiveDefinite { what, pivot, size, jitter: 0.0 });
         }
         let root: Vec<f64> = points.iter().map(|point| information(point.information).sqrt()).collect();
-        let partial = |i: usize, j: usize| {
-            let level = block.correlations[pair(said[i], said[j])];
-            f64::from(level) * CORRELATION_STEP
-        };
+        let partial = |i: usize, j: usize| partial_correlation(block.correlations[pair(said[i], said[j])]);
         let rows = correlation_root(points.len(), partial);
         let precision = Matrix::from_fn(points.len(), points.len(), |i, j| {
             rows[i].iter().zip(&rows[j]).map(|(a, b)| a * b).sum::<f64>() * root[i] * root[j]
@@ -210,9 +207,19 @@ fn levels(summary: &Summary) -> dgpc::Result<Vec<(u8, i8)>> {
 
 /// Levels of the partial correlations between points.
 fn correlation_levels(summary: &Summary) -> Vec<i8> {
-    let bound = f64::from(CORRELATION_LEVELS);
-    let level = |partial: f64| (partial / CORRELATION_STEP).round().clamp(-bound, bound) as i8;
-    partial_correlations(summary.whitened_precision()).into_iter().map(level).collect()
+    partial_correlations(summary.whitened_precision()).into_iter().map(correlation_level).collect()
+}
+
+fn partial_correlation(level: i8) -> f64 {
+    let place = usize::from(level.unsigned_abs()).checked_sub(1);
+    let size = place.map_or(0.0, |place| CORRELATIONS[place.min(CORRELATIONS.len() - 1)]);
+    size.copysign(f64::from(level))
+}
+
+/// The nearest level.
+fn correlation_level(partial: f64) -> i8 {
+    let off = |level: &i8| (partial_correlation(*level) - partial).abs();
+    (-CORRELATION_LEVELS..=CORRELATION_LEVELS).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)
 }
 
 /// The place of the pair (i, j), i > j, among the correlations of a block.
@@ -306,6 +313,14 @@ mod tests {
         for (found, expected) in partial_correlations(&matrix).iter().zip(partials) {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }
+    }
+
+    #[test]
+    fn levels_of_correlations_are_their_own_nearest() {
+        for level in -CORRELATION_LEVELS..=CORRELATION_LEVELS {
+            assert_eq!(correlation_level(partial_correlation(level)), level);
+        }
+        assert_eq!((correlation_level(1.0), correlation_level(-1.0)), (CORRELATION_LEVELS, -CORRELATION_LEVELS));
     }
 
     #[test]

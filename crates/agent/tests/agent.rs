@@ -187,7 +187,8 @@ fn a_sparse_fit_knows_and_tells_nearly_what_a_dense_one_does() {
         }
         receiver.probabilities(somewhere()).unwrap()
     });
-    assert!(largest_difference(&heard[0], &heard[1]) < 0.06, "{heard:?}");
+    // Other points, rounded otherwise: that far apart are two packets of one vehicle, too.
+    assert!(largest_difference(&heard[0], &heard[1]) < 0.1, "{heard:?}");
 }
 
 #[test]
