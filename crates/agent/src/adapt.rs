@@ -27,6 +27,8 @@ impl Agent {
         let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
         let &Model { chart, inputs, .. } = self.model();
         let events = self.memory.events.iter();
+        // How much its own events count is for all that it tells of them, under the team's model.
+        let learning = &Learning { fading: Some(self.model().fading), ..learning.clone() };
         let learned = match &self.beliefs.own_model {
             Some(own) => {
                 let earlier = &own.learned;

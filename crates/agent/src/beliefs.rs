@@ -295,9 +295,8 @@ impl Beliefs {
         let (mut own, mut fused) = self.at_fit(memory, &said(memory, heard.iter()))?;
         let mut beside: Vec<&Event> = self.taken.beside.iter().collect();
         beside.sort_by(|a, b| a.canonical_order(b));
-        let model = &memory.frames.team.model;
         for event in &beside[..self.taken.absorbed] {
-            absorb_event(model, event, &mut own, &mut fused, self.own_model.is_some())?;
+            absorb_event(&memory.observation(event)?, &mut own, &mut fused, self.own_model.is_some())?;
         }
         Ok([own, fused])
     }
@@ -347,9 +346,8 @@ impl Beliefs {
 
     fn absorb_events(&mut self, memory: &Memory) -> Result<(), AgentError> {
         let end = self.taken.beside.len().min(BESIDE_MAX);
-        let model = &memory.frames.team.model;
         for event in &self.taken.beside[self.taken.absorbed..end] {
-            absorb_event(model, event, &mut self.own, &mut self.fused, self.own_model.is_some())?;
+            absorb_event(&memory.observation(event)?, &mut self.own, &mut self.fused, self.own_model.is_some())?;
         }
         self.taken.absorbed = end;
         Ok(())

@@ -141,6 +141,12 @@ impl Events {
         self.in_order.iter().map(|known| &known.event)
     }
 
+    /// Those before an event in canonical order, the latest first.
+    pub(crate) fn before(&self, event: &Event) -> impl Iterator<Item = &Event> {
+        let place = self.in_order.partition_point(|known| known.event.canonical_order(event).is_lt());
+        self.in_order[..place].iter().rev().map(|known| &known.event)
+    }
+
     /// In canonical order, with their numbers.
     pub(crate) fn numbered(&self) -> &[Numbered] {
         &self.in_order

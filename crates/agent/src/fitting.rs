@@ -4,9 +4,7 @@
 use dgpc::{Candidates, Fit, FitOptions, Inputs, Observations, Posterior, Prior, Summary, spread_out};
 
 use crate::agent_error::AgentError;
-use crate::event::Event;
 use crate::limits::Limits;
-use crate::model::Model;
 
 /// How a fit went.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,15 +78,13 @@ pub(crate) fn fit(
 
 /// Takes an event into both posteriors. Under its own model it has another site.
 pub(crate) fn absorb_event(
-    model: &Model,
-    event: &Event,
+    observation: &Observations,
     own: &mut Posterior,
     fused: &mut Posterior,
     has_own_model: bool,
 ) -> Result<(), AgentError> {
-    let observation = model.observations([event])?;
-    let site = dgpc::sites_given(own, &observation)?;
+    let site = dgpc::sites_given(own, observation)?;
     own.absorb_events(&site)?;
-    let site = if has_own_model { dgpc::sites_given(fused, &observation)? } else { site };
+    let site = if has_own_model { dgpc::sites_given(fused, observation)? } else { site };
     Ok(fused.absorb_events(&site)?)
 }

@@ -32,7 +32,7 @@ impl Agent {
         let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
         let mut wide = fit.propagated_with(&messages)?.posterior()?;
         for event in self.beliefs.beside() {
-            let observation = self.model().observations([event])?;
+            let observation = self.memory.observation(event)?;
             wide.absorb_events(&dgpc::sites_given(&wide, &observation)?)?;
         }
         Ok(wide)

@@ -5,12 +5,16 @@ use dgpc::{HyperPrior, LearnOptions, Learned, Prior, PriorMean, Summary, spread_
 
 use crate::chart::Chart;
 use crate::event::Event;
+use crate::fading::Fading;
 use crate::limits::Limits;
 use crate::model::{InputSpec, Model};
 use crate::structure::{Addition, Given, MeanStructure, Structure};
 
 /// What an addition must be worth, in nats an event.
 const WORTH_NATS: f64 = 0.001;
+
+/// Share of the events that repeats must cost before anything is learned of them.
+const REPEATED: f64 = 0.02;
 
 /// Where the search with an addition ends: far below what it must be worth.
 const ADDITION_TOLERANCE: f64 = 1e-6;
@@ -37,6 +41,8 @@ pub struct Learning {
     pub length_scale_m: Option<f64>,
     /// The variance of every term, where it is given and not learned.
     pub variance: Option<f64>,
+    /// How outcomes at one place fade, where it is given and not learned.
+    pub fading: Option<Fading>,
     /// Learn from at most so many events, spread evenly over the log.
     pub events_max: usize,
     /// When to go from dense to sparse fits.
@@ -52,6 +58,7 @@ impl Default for Learning {
             criterion: Criterion::LeaveOneOut,
             length_scale_m: None,
             variance: None,
+            fading: None,
             events_max: 2000,
             limits: Limits::default(),
         }
@@ -80,9 +87,11 @@ impl LearnedModel {
         self.learned.optimum_evidence
     }
 
-    /// Mean leave-one-out log predictive probability of the events used, in nats; 0 without any.
+    /// Mean leave-one-out log predictive probability of the events used, each as much as it counts, in nats; 0 without any.
     pub fn leave_one_out(&self) -> f64 {
-        self.learned.fit.leave_one_out().iter().sum::<f64>() / self.events_used.max(1) as f64
+        let (fit, weights) = (&self.learned.fit, self.learned.fit.weights());
+        let sum: f64 = fit.leave_one_out().iter().zip(weights).map(|(log, weight)| weight * log).sum();
+        if weights.is_empty() { 0.0 } else { sum / weights.iter().sum::<f64>() }
     }
 
     /// Whether this model, which has `addition` beyond `before`, explains the same events so much better that the addition
@@ -92,12 +101,16 @@ impl LearnedModel {
         let [after, before] = [self, before].map(|model| &model.learned.fit);
         let pairs = after.leave_one_out().into_iter().zip(before.leave_one_out());
         let gains: Vec<f64> = pairs.map(|(after, before)| after - before).collect();
-        let count = gains.len() as f64;
-        if gains.len() < 2 {
+        // As many events as there are count, or fewer where they repeat one another.
+        let weighted = |of: &dyn Fn(f64) -> f64| {
+            gains.iter().zip(before.weights()).map(|(&gain, weight)| weight * of(gain)).sum::<f64>()
+        };
+        let count = weighted(&|_| 1.0);
+        if count < 2.0 {
             return false;
         }
-        let mean = gains.iter().sum::<f64>() / count;
-        let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let mean = weighted(&|gain| gain) / count;
+        let variance = weighted(&|gain| (gain - mean).powi(2)) / (count - 1.0);
         let least = WORTH_NATS.max((variance / count).sqrt());
         let evidence = (after.corrected_evidence() - before.corrected_evidence()) / count;
         mean > least && (addition.is_ordinary() || evidence > least)
@@ -141,9 +154,10 @@ impl Learning {
         earlier: Option<&LearnedModel>,
     ) -> dgpc::Result<LearnedModel> {
         let prior = self.template(structure, inputs, chart.scale_m)?;
-        let template = Model::new(chart, inputs, prior);
+        let fading = self.fading.or_else(|| earlier.map(|earlier| earlier.model.fading)).unwrap_or_default();
+        let template = Model { fading, ..Model::new(chart, inputs, prior) };
         let events: Vec<&Event> = events.into_iter().collect();
-        let used: Vec<&Event> = spread_out(events.len(), self.events_max).into_iter().map(|n| events[n]).collect();
+        let used = self.used(&events);
         let observations = template.observations(used.iter().copied())?;
         let start =
             earlier.map(|earlier| structure.begin_at(&template.prior, (&earlier.structure, &earlier.learned.optimum)));
@@ -187,7 +201,41 @@ impl Learning {
                 best = if after.is_worth_it(addition, &best) { after } else { best };
             }
         }
-        Ok(best)
+        self.with_fading(best, events, messages)
+    }
+
+    /// The same model with the fading of its events, learned from what it leaves unexplained of them, and its numbers learned
+    /// again where events count otherwise for it. Where it is given, or hardly any event repeats another one, that is the
+    /// model as it is.
+    ///
+    /// # Errors
+    /// As [`Learning::fit`].
+    pub fn with_fading<'a>(
+        &self,
+        mut learned: LearnedModel,
+        events: impl IntoIterator<Item = &'a Event>,
+        messages: &[&Summary],
+    ) -> dgpc::Result<LearnedModel> {
+        let events: Vec<&Event> = events.into_iter().collect();
+        let used = self.used(&events);
+        let fit = &learned.learned.fit;
+        let (before, count) = (fit.weights(), used.len() as f64);
+        if self.fading.is_some() || before.iter().sum::<f64>() > (1.0 - REPEATED) * count {
+            return Ok(learned);
+        }
+        let fading = learned.model.fading.learned(&used, &fit.probabilities());
+        let after = fading.weights(&used);
+        let changed: f64 = before.iter().zip(&after).map(|(before, after)| (after - before).abs()).sum();
+        learned.model.fading = fading;
+        if changed < REPEATED * count {
+            return Ok(learned);
+        }
+        let &LearnedModel { structure, model: Model { chart, inputs, .. }, .. } = &learned;
+        self.fit(&structure, chart, inputs, events, messages, Some(&learned))
+    }
+
+    fn used<'a>(&self, events: &[&'a Event]) -> Vec<&'a Event> {
+        spread_out(events.len(), self.events_max).into_iter().map(|n| events[n]).collect()
     }
 
     /// The best of several fits; the first of equals.

@@ -12,6 +12,7 @@ mod canonical;
 mod event;
 mod attempt;
 mod chart;
+mod fading;
 mod grid;
 mod limits;
 mod place;
@@ -56,6 +57,7 @@ pub use bounds::Bounds;
 pub use chart::{Chart, Geographic, SCALE_FALLBACK_M};
 pub use entry::Entry;
 pub use event::{Event, Link, Position, VehicleId};
+pub use fading::Fading;
 pub use fitting::FitQuality;
 pub use grid::Grid;
 #[cfg(feature = "learn")]

@@ -1,5 +1,7 @@
 //! What a vehicle remembers. All else that it knows follows from this, and from what its team agreed on.
 
+use dgpc::Observations;
+
 use crate::agent_error::AgentError;
 use crate::bounds::COORDINATE_M;
 use crate::entry::Entry;
@@ -57,6 +59,11 @@ impl Memory {
                 Ok(Applied::Frame(self.put_in(&bytes, Some(number))))
             }
         }
+    }
+
+    /// One of its events as the method sees it, with the weight that it has beside those before it.
+    pub(crate) fn observation(&self, event: &Event) -> dgpc::Result<Observations> {
+        self.frames.team.model.observation_beside(event, self.events.before(event))
     }
 
     /// Remembers many events, or none of them.

@@ -12,10 +12,11 @@ use dgpc::{
 use crate::attempt::Attempt;
 use crate::chart::Chart;
 use crate::event::{Event, Link, Position};
+use crate::fading::Fading;
 use crate::place::Place;
 
 /// Version of what a [`Model`] holds. Whoever reads one from a file or message refuses a newer version.
-pub const MODEL_SCHEMA: u32 = 3;
+pub const MODEL_SCHEMA: u32 = 4;
 
 /// Name of the column of the time.
 pub(crate) const TIME: &str = "time";
@@ -159,12 +160,14 @@ pub struct Model {
     pub prior: Prior,
     /// What earlier missions learned of the place under that prior, if anything.
     pub place: Option<Arc<Place>>,
+    /// How much outcomes count that follow one another at one place.
+    pub fading: Fading,
 }
 
 impl Model {
     /// A model of the current schema.
     pub fn new(chart: Chart, inputs: InputSpec, prior: Prior) -> Self {
-        Self { schema: MODEL_SCHEMA, chart, inputs, prior, place: None }
+        Self { schema: MODEL_SCHEMA, chart, inputs, prior, place: None, fading: Fading::default() }
     }
 
     /// The same model with what `learned`, a posterior under it, says of its place: at up to `points_max` of the links, those that
@@ -216,14 +219,28 @@ impl Model {
             .exp()
     }
 
-    /// The events as the method sees them.
+    /// The events as the method sees them, each with its weight among them ([`Fading::weights`]).
     ///
     /// # Errors
     /// [`dgpc::Error::NotFinite`] with row and column of the first NaN or infinity.
     pub fn observations<'a>(&self, events: impl IntoIterator<Item = &'a Event>) -> dgpc::Result<Observations> {
-        let (attempts, outcomes): (Vec<Attempt>, Vec<bool>) =
-            events.into_iter().map(|event| (event.attempt(), event.success)).unzip();
-        Observations::new(self.inputs(attempts)?, outcomes)
+        let events: Vec<&Event> = events.into_iter().collect();
+        let outcomes = events.iter().map(|event| event.success).collect();
+        let inputs = self.inputs(events.iter().map(|event| event.attempt()))?;
+        Observations::weighted(inputs, outcomes, self.fading.weights(&events))
+    }
+
+    /// One event, with its weight beside earlier ones of the same receiver, the latest first.
+    ///
+    /// # Errors
+    /// As [`Model::observations`].
+    pub(crate) fn observation_beside<'a>(
+        &self,
+        event: &Event,
+        earlier: impl Iterator<Item = &'a Event>,
+    ) -> dgpc::Result<Observations> {
+        let weight = self.fading.weight(event, earlier);
+        Observations::weighted(self.inputs([event.attempt()])?, vec![event.success], vec![weight])
     }
 
     /// A model with one isotropic kernel term over all inputs, reciprocal or not, and a zero prior mean.

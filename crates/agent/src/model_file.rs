@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::bounds::{self, Bounds};
 use crate::chart::{Chart, Geographic};
 use crate::event::Position;
+use crate::fading::Fading;
 use crate::model::{InputSpec, MODEL_SCHEMA, Model};
 use crate::model_file_error::ModelFileError;
 use crate::place_layout::PlaceLayout;
@@ -70,12 +71,13 @@ impl ModelFile {
         if version.schema > MODEL_SCHEMA {
             return Err(ModelFileError::Newer { found: version.schema });
         }
-        let Layout { schema, depths, chart, prior_mean, kernel, learned, place } = read(text)?;
+        let Layout { schema, depths, chart, prior_mean, fading, kernel, learned, place } = read(text)?;
         let inputs = if depths { InputSpec::PositionsAndDepths } else { InputSpec::Positions };
         let terms =
             kernel.into_iter().enumerate().map(|(n, term)| term.read(n + 1, inputs)).collect::<Result<_, _>>()?;
         let prior = Prior::new(Kernel::new(terms)?, prior_mean.read(inputs)?)?;
-        let mut model = Model { schema, chart: chart.read()?, inputs, prior, place: None };
+        let fading = fading.map_or_else(|| Ok(Fading::default()), |fading| fading.read())?;
+        let mut model = Model { schema, chart: chart.read()?, inputs, prior, place: None, fading };
         model.place = place.as_ref().map(|place| place.read(&model)).transpose()?.map(Arc::new);
         let place_log_digests = place.map(|place| place.log_digests).unwrap_or_default();
         Ok(Self { model, learned, place_log_digests })
@@ -86,12 +88,13 @@ impl ModelFile {
     /// # Errors
     /// [`ModelFileError::Unwritable`] for a model that no file can say.
     pub fn write(&self) -> Result<String, ModelFileError> {
-        let Model { schema, chart, inputs, prior, place } = &self.model;
+        let Model { schema, chart, inputs, prior, place, fading } = &self.model;
         let layout = Layout {
             schema: *schema,
             depths: inputs.has_depths(),
             chart: ChartLayout::write(chart),
             prior_mean: MeanLayout::write(prior.mean()),
+            fading: Some(FadingLayout::write(*fading)),
             kernel: prior.kernel().terms().iter().map(|term| TermLayout::write(term, *inputs)).collect(),
             learned: self.learned.clone(),
             place: place.as_deref().map(|place| PlaceLayout::write(place, &self.place_log_digests)),
@@ -119,6 +122,8 @@ const HEAD: &str = "\
 # ties numbers those of a list that stay equal when they are learned. The column time has length_scale_s; tx_vehicle, rx_vehicle and
 # water are labels (shape = \"label\", no length-scale): every vehicle has an offset of its own, and a typical one none.
 # prior_mean: kind = \"zero\", \"constant\" (log_odds) or \"range\" (log-odds = intercept - slope_per_m * range).
+# fading: outcomes of one pair of vehicles that lie still (slower than drift_m_per_s) are alike by correlation * exp(-t/memory_s) after
+# t seconds, beyond what the place explains, and count the less for it; correlation = 0: all count in full.
 # place, if there: what earlier missions learned of it. links: tx east, north, rx east, north (depth after each north), in the
 # metres of the log; of these the whitened precision (lower triangle) and shift.
 
@@ -142,6 +147,8 @@ struct Layout {
     depths: bool,
     chart: ChartLayout,
     prior_mean: MeanLayout,
+    /// Files of before schema 4 have none.
+    fading: Option<FadingLayout>,
     kernel: Vec<TermLayout>,
     learned: Option<Provenance>,
     place: Option<PlaceLayout>,
@@ -215,6 +222,29 @@ impl MeanLayout {
                 Ok(inputs.range_mean(intercept, slope_per_m)?)
             }
         }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FadingLayout {
+    correlation: f64,
+    memory_s: f64,
+    drift_m_per_s: f64,
+}
+
+impl FadingLayout {
+    fn write(fading: Fading) -> Self {
+        let Fading { correlation, memory_s, drift_m_per_s } = fading;
+        Self { correlation, memory_s, drift_m_per_s }
+    }
+
+    fn read(&self) -> Result<Fading, ModelFileError> {
+        Ok(Fading {
+            correlation: checked("fading.correlation", bounds::SHARE, self.correlation)?,
+            memory_s: checked("fading.memory_s", bounds::POSITIVE, self.memory_s)?,
+            drift_m_per_s: checked("fading.drift_m_per_s", bounds::POSITIVE, self.drift_m_per_s)?,
+        })
     }
 }
 

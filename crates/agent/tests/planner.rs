@@ -133,7 +133,7 @@ fn a_prior_that_was_far_off_is_set_right() {
         receiver: Position::new(750.0, -100.0 - shift),
     };
     let event = |n: usize| Event {
-        time_s: n as f64,
+        time_s: 60.0 * n as f64,
         transmitter_id: names[1].clone(),
         receiver_id: names[0].clone(),
         link: link(n as f64),

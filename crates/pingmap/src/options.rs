@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use dgpc::Shape;
 use pingmap_agent::{
-    Addition, Attempt, Given, Learning, Limits, Link, MeanStructure, Party, Structure, VehicleId, When,
+    Addition, Attempt, Fading, Given, Learning, Limits, Link, MeanStructure, Party, Structure, VehicleId, When,
 };
 use pingmap_trial::EventLog;
 
@@ -71,6 +71,10 @@ pub struct Kernel {
     /// Fix the variance of every term
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub variance: Option<f64>,
+    /// Fix how alike outcomes at one place are that follow one another: correlation, seconds over which it fades,
+    /// metres a second below which vehicles lie still; or `none`. Learned where vehicles lay still, if not given
+    #[arg(long, value_parser = fading, value_name = "C,S,M_PER_S")]
+    pub fading: Option<Fading>,
     /// What decides among kernels and prior means
     #[arg(long, value_enum, default_value_t = CriterionName::LeaveOneOut)]
     pub criterion: CriterionName,
@@ -107,10 +111,10 @@ impl Kernel {
 
     /// Learning with these structures to choose from.
     pub fn learning(&self, structures: Vec<Structure>, limits: Limits) -> Learning {
-        let Self { length_scale_m, variance, learn_events_max: events_max, .. } = *self;
+        let Self { length_scale_m, variance, fading, learn_events_max: events_max, .. } = *self;
         let additions = self.additions();
         let criterion = self.criterion.criterion();
-        Learning { structures, additions, criterion, length_scale_m, variance, events_max, limits }
+        Learning { structures, additions, criterion, length_scale_m, variance, fading, events_max, limits }
     }
 }
 

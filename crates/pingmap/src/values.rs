@@ -6,7 +6,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Arg, Command, ValueEnum};
 use dgpc::Shape;
-use pingmap_agent::{Addition, Bounds, Criterion, MeanStructure, PathInputs, Terms, bounds};
+use pingmap_agent::{Addition, Bounds, Criterion, Fading, MeanStructure, PathInputs, Terms, bounds};
 use pingmap_trial::DivideBy;
 use pingmap_trial::paper::Policy;
 
@@ -331,4 +331,18 @@ pub fn pair(text: &str) -> Result<(f64, f64), String> {
 
 pub fn quadruple(text: &str) -> Result<[f64; 4], String> {
     numbers(text)
+}
+
+/// How outcomes at one place fade: correlation, seconds, metres a second, or `none`.
+pub fn fading(text: &str) -> Result<Fading, String> {
+    if text == "none" {
+        return Ok(Fading::NONE);
+    }
+    let [correlation, memory_s, drift_m_per_s] = numbers(text).map_err(|error| format!("{error}, or none"))?;
+    let within = |bounds: Bounds, value| bounds.check(value).ok_or_else(|| format!("{value}: expected {bounds}"));
+    Ok(Fading {
+        correlation: within(bounds::SHARE, correlation)?,
+        memory_s: within(bounds::POSITIVE, memory_s)?,
+        drift_m_per_s: within(bounds::POSITIVE, drift_m_per_s)?,
+    })
 }

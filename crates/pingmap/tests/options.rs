@@ -24,6 +24,7 @@ const MODEL: &[Case] = &[
     ("--conservative-slope-per-km", "20", "--conservative-range-m 300"),
     ("--length-scale-m", "200", ""),
     ("--variance", "9", ""),
+    ("--fading", "0.9,1000,100", ""),
     ("--learn-events-max", "20", ""),
     ("--events-max", "12", ""),
 ];

@@ -71,6 +71,7 @@ pub fn learn_additions(
         let together = left.iter().take_while(|&&addition| structure.can_have(addition));
         let together: Vec<Addition> = together.take(rayon::current_num_threads()).copied().collect();
         if together.is_empty() {
+            added.best = learning.with_fading(added.best, events.iter().copied(), &[])?;
             return Ok(added);
         }
         let fit = |&addition: &Addition| {

@@ -8,7 +8,7 @@ use pingmap_trial::{Alternative, EventLog, Learners, Mission, Plan, Split};
 /// What `a` heard `repeats` times over each of these links, from `b`; and what `b` then heard once, which is held out.
 fn log(links: &[Link], repeats: usize) -> (EventLog, Split) {
     let event = |n: usize, receiver: &str, transmitter: &str, link: Link| Event {
-        time_s: n as f64,
+        time_s: 60.0 * n as f64,
         transmitter_id: VehicleId::new(transmitter),
         receiver_id: VehicleId::new(receiver),
         link,

@@ -25,6 +25,7 @@ use together::put_together;
 
 use crate::error::Result;
 use crate::inputs::Inputs;
+use crate::latent::success_probability;
 use crate::likelihood::Likelihood;
 use crate::observations::Observations;
 use crate::posterior::Posterior;
@@ -157,9 +158,20 @@ impl Fit {
         &self.found.variance
     }
 
+    /// Probabilities of success at the events, N.
+    pub fn probabilities(&self) -> Vec<f64> {
+        let moments = self.found.mean.iter().zip(&self.found.variance);
+        moments.map(|(&mean, &variance)| success_probability(mean, variance)).collect()
+    }
+
     /// Tilts c_n = √E\[f_n²\] that ω̄ was computed from, N.
     pub fn tilts(&self) -> &[f64] {
         &self.found.tilts
+    }
+
+    /// How much each event counts, N.
+    pub fn weights(&self) -> &[f64] {
+        &self.found.weights
     }
 
     /// The evidence bound E, in nats: a lower bound on the log marginal likelihood.

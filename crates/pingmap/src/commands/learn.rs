@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use dgpc::{PriorMean, Term, spread_out};
-use pingmap_agent::{Criterion, Event, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, Provenance};
+use pingmap_agent::{
+    Criterion, Event, Fading, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, Provenance,
+};
 use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
 use serde::Serialize;
 
@@ -230,10 +232,22 @@ struct ModelJson {
     events_used: usize,
     kernel: KernelJson,
     prior_mean: PriorMeanJson,
+    /// As how many independent events those used count.
+    events_counted: f64,
+    fading: FadingJson,
+}
+
+/// How outcomes at one place are alike.
+#[derive(Serialize)]
+struct FadingJson {
+    correlation: f64,
+    memory_s: f64,
+    drift_m_per_s: f64,
 }
 
 impl ModelJson {
     fn of(fit: &LearnedModel) -> Self {
+        let Fading { correlation, memory_s, drift_m_per_s } = fit.model.fading;
         Self {
             structure: fit.structure.to_string(),
             evidence: fit.evidence(),
@@ -241,8 +255,15 @@ impl ModelJson {
             events_used: fit.events_used,
             kernel: KernelJson::of(&fit.model),
             prior_mean: PriorMeanJson::of(fit.model.prior.mean()),
+            events_counted: counted(fit),
+            fading: FadingJson { correlation, memory_s, drift_m_per_s },
         }
     }
+}
+
+/// As how many independent events those count that a model was learned from.
+fn counted(fit: &LearnedModel) -> f64 {
+    fit.learned.fit.weights().iter().sum()
 }
 
 /// Training and held-out events; all are training events unless a share is to be held out.
@@ -290,8 +311,14 @@ fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, hel
         }
         _ => "  zero prior mean".to_owned(),
     };
+    let Fading { correlation, memory_s, .. } = best.model.fading;
+    let fading = format!(
+        "  outcomes of vehicles that lie still alike by {correlation:.2}, for {memory_s:.0} s: {} events count as {:.0}",
+        best.events_used,
+        counted(best),
+    );
     format!(
-        "{}\n\nChosen by {by}, learned from {}: {}\n{}\n{mean}\nE and leave-one-out in nats an event, higher is better; NLL in nats, \
+        "{}\n\nChosen by {by}, learned from {}: {}\n{}\n{mean}\n{fading}\nE and leave-one-out in nats an event, higher is better; NLL in nats, \
          lower is better.",
         table(&header, &candidates.iter().map(Candidate::row).collect::<Vec<_>>()),
         of_events(best.events_used, best.events, "event"),
