@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut event = |n: usize| {
         let link = Link { transmitter: place(), receiver: place() };
         let [receiver_id, transmitter_id] = names.clone();
-        Event { time_s: n as f64, transmitter_id, receiver_id, link, success: link.range_m() < 700.0 }
+        Event { time_s: n as f64, transmitter_id, receiver_id, link, kind: None, success: link.range_m() < 700.0 }
     };
     let mut agent = Agent::new(names[0].clone(), team.clone());
     let mut slowest_s = 0.0f64;

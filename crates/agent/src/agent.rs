@@ -42,7 +42,7 @@ use crate::team::Team;
 /// let mut alice = Agent::new(names[0].clone(), team.clone());
 /// for (time_s, east_m, success) in [(0.0, 100.0, true), (10.0, 200.0, true), (20.0, 900.0, false)] {
 ///     let [receiver_id, transmitter_id] = names.clone();
-///     alice.observe(Event { time_s, transmitter_id, receiver_id, link: link(east_m), success })?;
+///     alice.observe(Event { time_s, transmitter_id, receiver_id, link: link(east_m), kind: None, success })?;
 ///     if alice.refit_due() {
 ///         alice.refit()?;
 ///     }

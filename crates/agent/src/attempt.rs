@@ -1,8 +1,8 @@
-//! What is asked of a model: which link, between whom, when.
+//! What is asked of a model: which link, between whom, when, for what kind of message.
 
 use pingmap_packet::digest;
 
-use crate::event::{Event, Link, VehicleId};
+use crate::event::{Event, Link, MessageKind, VehicleId};
 
 /// Who is at one end of a link, as far as vehicles differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -16,10 +16,17 @@ pub enum Party {
     Vehicle(Label),
 }
 
-/// A vehicle's name as a number that inputs can hold: 48 bits of the digest of its name, so that everybody has the same
-/// without having agreed on it.
+/// A name as a number that inputs can hold: 48 bits of its digest, so that everybody has the same without having agreed on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Label(u64);
+
+impl Label {
+    fn of(name: &str) -> Self {
+        let mut bytes = [0; 8];
+        bytes[..6].copy_from_slice(&digest(name.as_bytes())[..6]);
+        Self(u64::from_le_bytes(bytes))
+    }
+}
 
 /// The labels of nobody and of somebody new, which no name has.
 const NOBODY: f64 = -1.0;
@@ -38,9 +45,33 @@ impl Party {
 
 impl From<&VehicleId> for Party {
     fn from(id: &VehicleId) -> Self {
-        let mut bytes = [0; 8];
-        bytes[..6].copy_from_slice(&digest(id.as_str().as_bytes())[..6]);
-        Party::Vehicle(Label(u64::from_le_bytes(bytes)))
+        Party::Vehicle(Label::of(id.as_str()))
+    }
+}
+
+/// What kind of message it is, as far as kinds get through differently.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Kind {
+    /// A kind in the middle of all: its offset is zero. What is not known counts as this.
+    #[default]
+    Typical,
+    /// A certain kind.
+    Named(Label),
+}
+
+impl Kind {
+    /// The number that stands for it in the inputs.
+    pub(crate) fn label(self) -> f64 {
+        match self {
+            Kind::Typical => NOBODY,
+            Kind::Named(Label(number)) => number as f64,
+        }
+    }
+}
+
+impl From<&MessageKind> for Kind {
+    fn from(kind: &MessageKind) -> Self {
+        Kind::Named(Label::of(kind.as_str()))
     }
 }
 
@@ -70,8 +101,8 @@ impl When {
     }
 }
 
-/// One attempt to get a message through: over which link, between whom, and when. A [`Link`] alone is the attempt of
-/// typical vehicles at a typical time.
+/// One attempt to get a message through: over which link, between whom, when, and what kind of message. A [`Link`] alone is
+/// the attempt of typical vehicles at a typical time with a typical message.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Attempt {
     /// From where to where.
@@ -82,11 +113,14 @@ pub struct Attempt {
     pub receiver: Party,
     /// When.
     pub when: When,
+    /// What kind of message.
+    pub kind: Kind,
 }
 
 impl From<Link> for Attempt {
     fn from(link: Link) -> Self {
-        Self { link, transmitter: Party::Typical, receiver: Party::Typical, when: When::Typical }
+        let (transmitter, receiver) = (Party::Typical, Party::Typical);
+        Self { link, transmitter, receiver, when: When::Typical, kind: Kind::Typical }
     }
 }
 
@@ -110,6 +144,7 @@ impl Event {
             transmitter: (&self.transmitter_id).into(),
             receiver: (&self.receiver_id).into(),
             when: When::At(self.time_s),
+            kind: self.kind.as_ref().map_or(Kind::Typical, Kind::from),
         }
     }
 }

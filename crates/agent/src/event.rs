@@ -25,6 +25,28 @@ impl fmt::Display for VehicleId {
     }
 }
 
+/// What kind of message it was, as far as kinds get through differently: rate, band, level, length, whatever the log says.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct MessageKind(String);
+
+impl MessageKind {
+    /// The kind called `name`.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self(name.into())
+    }
+
+    /// The name.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for MessageKind {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.pad(&self.0)
+    }
+}
+
 /// A place, in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
@@ -100,13 +122,15 @@ pub struct Event {
     pub receiver_id: VehicleId,
     /// From where to where.
     pub link: Link,
+    /// What kind of message, where that is known.
+    pub kind: Option<MessageKind>,
     /// Whether it was heard.
     pub success: bool,
 }
 
 impl Event {
-    /// The order in which events are kept, whatever the order in which they arrive: by time, then transmitter, receiver
-    /// and place. Events that are equal in all of these but not in outcome are ordered by outcome.
+    /// The order in which events are kept, whatever the order in which they arrive: by time, then transmitter, receiver,
+    /// place and kind. Events that are equal in all of these but not in outcome are ordered by outcome.
     pub fn canonical_order(&self, other: &Event) -> Ordering {
         let place = |event: &Event| {
             let Link { transmitter: t, receiver: r } = event.link;
@@ -123,6 +147,7 @@ impl Event {
             .then_with(|| self.transmitter_id.cmp(&other.transmitter_id))
             .then_with(|| self.receiver_id.cmp(&other.receiver_id))
             .then_with(by_place)
+            .then_with(|| self.kind.cmp(&other.kind))
             .then_with(|| self.success.cmp(&other.success))
     }
 }

@@ -5,7 +5,7 @@ use pingmap_packet::{Layout, MapMessage};
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
-use crate::attempt::{Attempt, Party};
+use crate::attempt::{Attempt, Kind, Party};
 use crate::entry::Entry;
 use crate::event::{Event, Link, VehicleId};
 use crate::memory::Arrived;
@@ -99,13 +99,14 @@ impl Agent {
         self.memory.own.map_or_else(|| self.team().wire(), |number| self.team().wire_of(number))
     }
 
-    /// What its own events tried and it could tell of: those within the grid, of a typical transmitter, spread over time
-    /// if they are too many.
+    /// What its own events tried and it could tell of: those within the grid, of a typical transmitter and kind of message,
+    /// spread over time if they are too many.
     pub fn candidates(&self) -> Vec<Attempt> {
         let wire = self.team().wire();
         let held: Vec<&Event> = self.events().filter(|event| wire.holds(&event.link)).collect();
         let spread = spread_out(held.len(), self.team().limits.candidates_max).into_iter();
-        spread.map(|place| Attempt { transmitter: Party::Typical, ..held[place].attempt() }).collect()
+        let typical = |attempt| Attempt { transmitter: Party::Typical, kind: Kind::Typical, ..attempt };
+        spread.map(|place| typical(held[place].attempt())).collect()
     }
 
     /// The links that a packet speaks of, by sender and counter; those of others too. Nothing for a packet that does

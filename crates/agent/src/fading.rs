@@ -194,7 +194,7 @@ mod tests {
     fn event(time_s: f64, receiver: &str, east_m: f64) -> Event {
         let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(east_m, 0.0) };
         let (transmitter_id, receiver_id) = (VehicleId::new("auv1"), VehicleId::new(receiver));
-        Event { time_s, transmitter_id, receiver_id, link, success: true }
+        Event { time_s, transmitter_id, receiver_id, link, kind: None, success: true }
     }
 
     #[test]

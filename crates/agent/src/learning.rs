@@ -194,7 +194,7 @@ impl Learning {
         let fits =
             self.structures.iter().map(|structure| self.fit(structure, chart, inputs, events.clone(), messages, None));
         let mut best = self.choose(fits.collect::<dgpc::Result<_>>()?)?;
-        for &addition in &self.additions {
+        for addition in self.additions_to(&events.clone().into_iter().collect::<Vec<_>>()) {
             if best.structure.can_have(addition) {
                 let structure = best.structure.with(addition);
                 let after = self.fit(&structure, chart, inputs, events.clone(), messages, Some(&best))?;
@@ -202,6 +202,12 @@ impl Learning {
             }
         }
         self.with_fading(best, events, messages)
+    }
+
+    /// The additions that may be worth trying on these events: kinds of messages only where there are several.
+    pub fn additions_to(&self, events: &[&Event]) -> Vec<Addition> {
+        let has_kinds = events.iter().any(|event| event.kind != events[0].kind);
+        self.additions.iter().copied().filter(|&addition| has_kinds || addition != Addition::Kinds).collect()
     }
 
     /// The same model with the fading of its events, learned from what it leaves unexplained of them, and its numbers learned

@@ -32,18 +32,19 @@ pub(crate) const TIME: &str = "time";
 /// | `range` | distance between the ends, in metres |
 /// | `time`, `water` | when, in seconds, and a label that is negative where time does not count ([`crate::When`]) |
 /// | `tx_vehicle`, `rx_vehicle` | who, as labels ([`crate::Party`]) |
+/// | `kind` | what kind of message, as a label ([`crate::Kind`]) |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InputSpec {
-    /// East and north of each end: thirteen columns.
+    /// East and north of each end: fourteen columns.
     Positions,
-    /// East, north and depth of each end: seventeen columns. Unknown depth counts as 0.
+    /// East, north and depth of each end: eighteen columns. Unknown depth counts as 0.
     PositionsAndDepths,
 }
 
 impl InputSpec {
     /// Number of columns.
     pub fn dimension(self) -> usize {
-        4 * self.dimension_of_an_end() + 5
+        4 * self.dimension_of_an_end() + 6
     }
 
     /// Whether it looks at depths.
@@ -56,7 +57,7 @@ impl InputSpec {
         let axes = &["east", "north", "depth"][..self.dimension_of_an_end()];
         let groups = ["tx", "rx", "u", "v"].iter();
         let names = groups.flat_map(|group| axes.iter().map(move |axis| format!("{group}_{axis}")));
-        names.chain(["range", TIME, "water", "tx_vehicle", "rx_vehicle"].map(str::to_owned)).collect()
+        names.chain(["range", TIME, "water", "tx_vehicle", "rx_vehicle", "kind"].map(str::to_owned)).collect()
     }
 
     /// Columns of the transmitter.
@@ -104,6 +105,11 @@ impl InputSpec {
         self.range() + 4
     }
 
+    /// Column of the label of the kind of message.
+    pub fn kind(self) -> usize {
+        self.range() + 5
+    }
+
     fn group(self, place: usize) -> Range<usize> {
         let width = self.dimension_of_an_end();
         place * width..(place + 1) * width
@@ -143,7 +149,7 @@ impl InputSpec {
         values.extend(pairs().map(|(t, r)| (t - r) * FRAC_1_SQRT_2));
         values.push(pairs().map(|(t, r)| (t - r) * (t - r)).sum::<f64>().sqrt());
         values.extend(attempt.when.columns());
-        values.extend([attempt.transmitter.label(), attempt.receiver.label()]);
+        values.extend([attempt.transmitter.label(), attempt.receiver.label(), attempt.kind.label()]);
     }
 }
 

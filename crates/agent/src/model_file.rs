@@ -119,8 +119,8 @@ const HEAD: &str = "\
 # A model of how links behave: what pingmap reads links with. Lengths are in metres.
 # Columns of a link: tx_east, tx_north, rx_east, rx_north (both ends about the chart's origin, and ..._depth with depths = true),
 # u_... = (tx + rx)/sqrt(2), v_... = (tx - rx)/sqrt(2), range. One length-scale is for all columns of a term, a list has one for each;
-# ties numbers those of a list that stay equal when they are learned. The column time has length_scale_s; tx_vehicle, rx_vehicle and
-# water are labels (shape = \"label\", no length-scale): every vehicle has an offset of its own, and a typical one none.
+# ties numbers those of a list that stay equal when they are learned. The column time has length_scale_s; tx_vehicle, rx_vehicle, kind
+# and water are labels (shape = \"label\", no length-scale): every vehicle (and kind of message) has an offset of its own, a typical one none.
 # prior_mean: kind = \"zero\", \"constant\" (log_odds) or \"range\" (log-odds = intercept - slope_per_m * range).
 # fading: outcomes of one pair of vehicles that lie still (slower than drift_m_per_s) are alike by correlation * exp(-t/memory_s) after
 # t seconds, beyond what the place explains, and count the less for it; correlation = 0: all count in full.

@@ -8,7 +8,7 @@ use crate::agent::Agent;
 use crate::agent_error::AgentError;
 use crate::canonical::{Reader, Writer, check_of};
 use crate::entry::Entry;
-use crate::event::{Event, Link, Position, VehicleId};
+use crate::event::{Event, Link, MessageKind, Position, VehicleId};
 use crate::events::Numbered;
 use crate::team::Team;
 
@@ -140,7 +140,7 @@ fn contents(bytes: &[u8]) -> Option<Contents<'_>> {
 fn write_entry(out: &mut Writer, entry: &Entry) {
     match entry {
         Entry::Observed { number, event } => {
-            out.u8(0);
+            out.u8(if event.kind.is_some() { 3 } else { 0 });
             out.u64(*number);
             write_event(out, event);
         }
@@ -158,14 +158,14 @@ fn write_entry(out: &mut Writer, entry: &Entry) {
 
 fn read_entry(reader: &mut Reader<'_>) -> Option<Entry> {
     match reader.u8()? {
-        0 => Some(Entry::Observed { number: reader.u64()?, event: read_event(reader)? }),
+        tag @ (0 | 3) => Some(Entry::Observed { number: reader.u64()?, event: read_event(reader, tag == 3)? }),
         1 => Some(Entry::Heard { bytes: reader.bytes()?.to_vec() }),
         2 => Some(Entry::Sent { number: reader.u64()?, bytes: reader.bytes()?.to_vec() }),
         _ => None,
     }
 }
 
-/// Time, who sent, who should have heard it, whether it did, and both ends.
+/// Time, who sent, who should have heard it, whether it did, both ends, and the kind of message if it has one.
 fn write_event(out: &mut Writer, event: &Event) {
     out.f64(event.time_s);
     out.text(event.transmitter_id.as_str());
@@ -176,14 +176,16 @@ fn write_event(out: &mut Writer, event: &Event) {
         out.f64(end.north_m);
         out.option(end.depth_m);
     }
+    event.kind.iter().for_each(|kind| out.text(kind.as_str()));
 }
 
-fn read_event(reader: &mut Reader<'_>) -> Option<Event> {
+fn read_event(reader: &mut Reader<'_>, has_kind: bool) -> Option<Event> {
     let time_s = reader.f64()?;
     let mut id = || Some(VehicleId::new(reader.text()?));
     let (transmitter_id, receiver_id) = (id()?, id()?);
     let success = reader.bool()?;
     let mut end = || Some(Position { east_m: reader.f64()?, north_m: reader.f64()?, depth_m: reader.option()? });
     let link = Link { transmitter: end()?, receiver: end()? };
-    Some(Event { time_s, transmitter_id, receiver_id, link, success })
+    let kind = if has_kind { Some(MessageKind::new(reader.text()?)) } else { None };
+    Some(Event { time_s, transmitter_id, receiver_id, link, kind, success })
 }

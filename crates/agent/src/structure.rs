@@ -65,6 +65,8 @@ pub enum Addition {
     Transmitters,
     /// Water that changes slowly, everywhere alike.
     Time,
+    /// An offset of every kind of message: a faster one is harder to hear.
+    Kinds,
     /// Noise at the place of the receiver.
     ReceiverPlace,
     /// Loss over the range as a curve with steps and teeth: Matérn 1/2.
@@ -75,9 +77,10 @@ pub enum Addition {
 
 impl Addition {
     /// All, in the order in which they are tried.
-    pub const ALL: [Addition; 7] = [
+    pub const ALL: [Addition; 8] = [
         Addition::Range,
         Addition::ReceiverPlace,
+        Addition::Kinds,
         Addition::Receivers,
         Addition::Transmitters,
         Addition::Time,
@@ -97,6 +100,7 @@ impl Addition {
             Addition::Receivers => "receivers",
             Addition::Transmitters => "transmitters",
             Addition::Time => "time",
+            Addition::Kinds => "kinds",
             Addition::ReceiverPlace => "receiver-place",
             Addition::RoughRange => "rough-range",
             Addition::Walls => "walls",
@@ -174,6 +178,7 @@ pub(crate) enum Part {
     Receivers,
     Transmitters,
     Time,
+    Kinds,
     Walls,
 }
 
@@ -186,6 +191,7 @@ impl Part {
             Addition::Receivers => Some(Part::Receivers),
             Addition::Transmitters => Some(Part::Transmitters),
             Addition::Time => Some(Part::Time),
+            Addition::Kinds => Some(Part::Kinds),
             Addition::RoughRange => None,
             Addition::Walls => Some(Part::Walls),
         }
@@ -235,6 +241,7 @@ impl Structure {
             Part::Receivers => "receivers",
             Part::Transmitters => "transmitters",
             Part::Time => "time",
+            Part::Kinds => "kinds",
             Part::Walls => "walls",
         }
     }
@@ -268,6 +275,7 @@ impl Structure {
             Part::Range => Term::of(OTHER_VARIANCE, tied(rough, inputs.range()..inputs.range() + 1)?),
             Part::Receivers => label(inputs.receiving_vehicle()),
             Part::Transmitters => label(inputs.transmitting_vehicle()),
+            Part::Kinds => label(inputs.kind()),
             Part::Time => {
                 let memory = Correlation::new(Shape::Matern12, &[inputs.time()], &[MEMORY_S])?;
                 Term::of(OTHER_VARIANCE, memory)?.times(Correlation::of_labels(&[inputs.water()])?)

@@ -127,7 +127,7 @@ impl Wire<'_> {
 
     /// What is said of a link in a cell of time: how a typical vehicle is heard over it by the sender then.
     pub fn attempt(&self, time: u8, link: Link) -> Attempt {
-        Attempt { link, transmitter: Party::Typical, receiver: self.receiver, when: self.grid.when(time) }
+        Attempt { receiver: self.receiver, when: self.grid.when(time), ..Attempt::from(link) }
     }
 
     /// The cell of the time in the middle of all times at which these were tried: what a block about them is said of.

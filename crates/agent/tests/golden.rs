@@ -90,7 +90,8 @@ fn snapshot(team: Team) -> Vec<u8> {
         };
         let link = Link { transmitter: place(10 * n, 7), receiver: place(50, 20 * n) };
         let [receiver_id, transmitter_id, _] = names();
-        let event = Event { time_s: 10.5 * f64::from(n), transmitter_id, receiver_id, link, success: n % 2 == 0 };
+        let event =
+            Event { time_s: 10.5 * f64::from(n), transmitter_id, receiver_id, link, kind: None, success: n % 2 == 0 };
         agent.observe(event).unwrap();
     }
     let frame = |sender, counter, shift: i8| {

@@ -187,6 +187,17 @@ fn equal_events_are_two_and_one_that_comes_twice_is_one() {
 }
 
 #[test]
+fn kinds_of_messages_are_kept() {
+    let team = Arc::new(team(2, model()));
+    let kind = |n: usize| (!n.is_multiple_of(3)).then(|| MessageKind::new(format!("kind {}", n % 3)));
+    let of_kinds = walk(0, 9, 0.0).into_iter().enumerate().map(|(n, event)| Event { kind: kind(n), ..event });
+    let agent = vehicle(&team, 0, of_kinds);
+    let again = restored(&agent, &agent.snapshot());
+    assert_eq!(events(&again), events(&agent));
+    assert_eq!(events(&again).iter().filter(|event| event.kind.is_some()).count(), 6);
+}
+
+#[test]
 fn what_is_no_event_of_this_vehicle_is_not_recorded() {
     let mut agent = vehicle(&Arc::new(team(2, model())), 0, walk(0, 3, 0.0));
     let before = agent.snapshot();

@@ -103,7 +103,14 @@ fn events(receiver: &str, count: usize, phase: f64) -> Vec<Event> {
         let t = n as f64 * 0.37 + phase;
         let link = link([500.0 * t.sin(), 400.0 * (0.7 * t).cos(), 450.0 * (1.3 * t).cos(), 350.0 * (0.9 * t).sin()]);
         let (transmitter_id, receiver_id) = (VehicleId::new("other"), VehicleId::new(receiver));
-        Event { time_s: 10.0 * n as f64, transmitter_id, receiver_id, success: link.range_m() < 450.0, link }
+        Event {
+            time_s: 10.0 * n as f64,
+            transmitter_id,
+            receiver_id,
+            kind: None,
+            success: link.range_m() < 450.0,
+            link,
+        }
     };
     (0..count).map(event).collect()
 }

@@ -21,7 +21,7 @@ fn events(missed: impl Fn(&str, &str, f64) -> bool) -> Vec<Event> {
             let noise = 150.0 * (f64::from(n) * 2.4 + receiver as f64 * 1.3).sin();
             let success = link.range_m() + noise < 500.0 && !missed(names[sender], names[receiver], time_s);
             let (transmitter_id, receiver_id) = (VehicleId::new(names[sender]), VehicleId::new(names[receiver]));
-            events.push(Event { time_s, transmitter_id, receiver_id, link, success });
+            events.push(Event { time_s, transmitter_id, receiver_id, link, kind: None, success });
         }
     }
     events
@@ -39,7 +39,7 @@ fn has(fit: &LearnedModel, addition: Addition) -> bool {
 /// The probability over a short link, by who takes part and when.
 fn near(fit: &LearnedModel, transmitter: Party, receiver: Party, when: When) -> f64 {
     let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(120.0, 0.0) };
-    let inputs = fit.model.inputs([Attempt { link, transmitter, receiver, when }]).unwrap();
+    let inputs = fit.model.inputs([Attempt { transmitter, receiver, when, ..Attempt::from(link) }]).unwrap();
     fit.learned.fit.posterior().unwrap().probability(&inputs).unwrap()[0]
 }
 
@@ -90,6 +90,72 @@ fn noise_that_comes_and_goes_is_the_waters_and_not_the_places() {
     // What is known of another day is what is known of the place, less surely.
     let another = at(When::AnotherDay);
     assert!((during + 0.1..after).contains(&another), "{another}");
+}
+
+/// Every other round is sent fast, and heard over half the range.
+fn of_two_kinds() -> Vec<Event> {
+    let kinds = ["slow", "fast"].map(MessageKind::new);
+    let of_kind = |event: Event| {
+        let round = (event.time_s / 480.0) as usize;
+        let success = event.success && (round.is_multiple_of(2) || event.link.range_m() < 250.0);
+        Event { kind: Some(kinds[round % 2].clone()), success, ..event }
+    };
+    events(|_, _, _| false).into_iter().map(of_kind).collect()
+}
+
+#[test]
+fn a_fast_message_is_harder_to_hear_and_tells_of_slow_ones() {
+    let events = of_two_kinds();
+    let fit = learned(&events);
+    assert!(has(&fit, Addition::Kinds), "{}", fit.structure);
+    let mut agent = Agent::new(VehicleId::new("all"), std::sync::Arc::new(team(&fit, &events))).owning_all_events();
+    agent.observe_all(events.clone()).unwrap();
+    agent.refit().unwrap();
+    let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(330.0, 0.0) };
+    let mut of = |kind| agent.probability(Attempt { kind, ..Attempt::from(link) }).unwrap();
+    let [slow, fast] = ["slow", "fast"].map(|name| of((&MessageKind::new(name)).into()));
+    let (typical, unheard_of) = (of(Kind::Typical), of((&MessageKind::new("faster")).into()));
+    assert!(
+        slow > fast + 0.3 && (fast..slow).contains(&typical) && (fast..slow).contains(&unheard_of),
+        "{slow} {typical} {fast}"
+    );
+    // Where there is one kind only, nothing of the sort is tried.
+    let one: Vec<&Event> = events.iter().filter(|event| event.kind == events[0].kind).collect();
+    assert!(!Learning::default().additions_to(&one).contains(&Addition::Kinds));
+    assert!(Learning::default().additions_to(&events.iter().collect::<Vec<_>>()).contains(&Addition::Kinds));
+}
+
+/// A packet speaks of a typical message, whatever kinds its sender heard.
+#[test]
+fn packets_speak_of_typical_messages() {
+    let events = of_two_kinds();
+    let fit = learned(&events);
+    let team = std::sync::Arc::new(team(&fit, &events));
+    let [mut ada, mut bob] = ["ada", "bob"].map(|name| {
+        let name = VehicleId::new(name);
+        let mut agent = Agent::new(name.clone(), team.clone());
+        agent.observe_all(events.iter().filter(|event| event.receiver_id == name).cloned()).unwrap();
+        agent.refit().unwrap();
+        agent
+    });
+    while let Some(packet) = ada.next_packet(8000.0, 32).unwrap() {
+        assert_eq!(bob.receive(&packet, 8000.0), Receipt::Accepted);
+    }
+    let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(330.0, 0.0) };
+    let to_ada = |kind| Attempt { receiver: vehicle("ada"), kind, ..Attempt::from(link) };
+    let [slow, fast] = ["slow", "fast"].map(|name| (&MessageKind::new(name)).into());
+    let [knows_slow, knows_fast] = [slow, fast].map(|kind| ada.probability(to_ada(kind)).unwrap());
+    let [told_slow, told_fast] = [slow, fast].map(|kind| bob.probability(to_ada(kind)).unwrap());
+    assert!(told_slow > told_fast + 0.2, "{told_slow} {told_fast}");
+    assert!(
+        (told_slow - knows_slow).abs() < 0.2 && (told_fast - knows_fast).abs() < 0.2,
+        "{knows_slow} {knows_fast} {told_slow} {told_fast}"
+    );
+}
+
+fn team(fit: &LearnedModel, events: &[Event]) -> Team {
+    let reach = events.iter().flat_map(|event| event.link.ends());
+    Team::new(["ada", "bob", "eve", "joe"].map(VehicleId::new), fit.model.clone(), reach).unwrap()
 }
 
 /// Offsets are about who and when, so that swapping the ends of a link swaps them with it and the path stays reciprocal.

@@ -137,6 +137,7 @@ fn a_prior_that_was_far_off_is_set_right() {
         transmitter_id: names[1].clone(),
         receiver_id: names[0].clone(),
         link: link(n as f64),
+        kind: None,
         success: true,
     };
     let [mut alice, mut bob] = names.clone().map(|name| Agent::new(name, team.clone()));

@@ -1,11 +1,13 @@
 //! Options that several commands share.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use clap::Args;
 use dgpc::Shape;
 use pingmap_agent::{
-    Addition, Attempt, Fading, Given, Learning, Limits, Link, MeanStructure, Party, Structure, VehicleId, When,
+    Addition, Attempt, Fading, Given, Kind, Learning, Limits, Link, MeanStructure, MessageKind, Party, Structure,
+    VehicleId, When,
 };
 use pingmap_trial::EventLog;
 
@@ -158,6 +160,9 @@ pub struct Asked {
     /// When: the end of the log, a typical time, another day that may be any, or a time of the log in seconds
     #[arg(long, value_name = "end|typical|another-day|SECONDS", default_value = "end", value_parser = Moment::parse, allow_negative_numbers = true)]
     pub time: Moment,
+    /// What kind of message: one of the log, or a typical one
+    #[arg(long, value_name = "NAME|typical", default_value = TYPICAL)]
+    pub kind: String,
     /// Let the probability rise again over links longer than any of the log, where nothing is known. If not given it stays at or
     /// below that of their part of that length
     #[arg(long)]
@@ -179,7 +184,23 @@ impl Asked {
             Moment::AnotherDay => When::AnotherDay,
             Moment::At(time_s) => When::At(time_s),
         };
-        Ok(move |link| Attempt { link, transmitter, receiver, when })
+        let kind = kind(&self.kind, log)?;
+        Ok(move |link| Attempt { link, transmitter, receiver, when, kind })
+    }
+}
+
+/// The kind of message that the option names.
+fn kind(name: &str, log: &EventLog) -> Result<Kind, BadInput> {
+    let known: BTreeSet<&str> =
+        log.events.iter().filter_map(|event| event.kind.as_ref()).map(|kind| kind.as_str()).collect();
+    match name {
+        name if known.contains(name) => Ok((&MessageKind::new(name)).into()),
+        TYPICAL => Ok(Kind::Typical),
+        _ if known.is_empty() => Err(BadInput(format!("--kind {name}: the log has no column kind; expected typical"))),
+        _ => {
+            let known: Vec<&str> = known.into_iter().collect();
+            Err(BadInput(format!("--kind {name}: expected {} or typical", known.join(", "))))
+        }
     }
 }
 

@@ -117,6 +117,8 @@ pub enum AdditionName {
     Transmitters,
     /// Water that changes slowly, everywhere alike
     Time,
+    /// An offset of every kind of message, where the log tells kinds apart
+    Kinds,
     /// Loss over the range with steps and teeth, instead of a smooth curve
     RoughRange,
     /// Walls and quays: a second path term over the raw ends
@@ -132,6 +134,7 @@ impl AdditionName {
             AdditionName::Receivers => Some(Addition::Receivers),
             AdditionName::Transmitters => Some(Addition::Transmitters),
             AdditionName::Time => Some(Addition::Time),
+            AdditionName::Kinds => Some(Addition::Kinds),
             AdditionName::RoughRange => Some(Addition::RoughRange),
             AdditionName::Walls => Some(Addition::Walls),
         }

@@ -85,6 +85,7 @@ const ASKED: &[Case] = &[
     ("--transmitter", "bob", "--model offsets.toml"),
     ("--receiver", "new", "--model offsets.toml"),
     ("--time", "another-day", "--model offsets.toml"),
+    ("--kind", "fast", "--model offsets.toml"),
     ("--rising-beyond", "", "--prior-mean zero --kernel squared-exponential --length-scale-m 100"),
 ];
 
@@ -192,7 +193,9 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
 /// The files that options name.
 fn prepare(folder: &Path) {
     let log = log(&["ada", "bob"], 40);
-    file(folder, "events.csv", &log);
+    let kinds = ["kind", "fast", "slow"].into_iter().chain(["fast", "slow"].into_iter().cycle());
+    let of_kinds: String = log.lines().zip(kinds).map(|(line, kind)| format!("{line},{kind}\n")).collect();
+    file(folder, "events.csv", of_kinds);
     file(folder, "other.csv", log.replace("200,500", "210,480"));
     let splits: String = (0..40).map(|n| if n % 4 == 0 { "1\n" } else { "0\n" }).collect();
     file(folder, "splits.csv", format!("split_0\n{splits}"));
@@ -224,6 +227,11 @@ columns = [\"rx_vehicle\"]
 shape = \"label\"
 variance = 2.0
 columns = [\"tx_vehicle\"]
+
+[[kernel]]
+shape = \"label\"
+variance = 2.0
+columns = [\"kind\"]
 
 [[kernel]]
 shape = \"matern12\"

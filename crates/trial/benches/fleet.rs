@@ -111,6 +111,7 @@ fn vehicle(number: usize) -> Agent {
         receiver_id: name(number),
         success: heard(&link, rng.random()),
         link,
+        kind: None,
     });
     agent.observe_all(events).unwrap();
     agent.rebuild_posteriors().unwrap();

@@ -62,6 +62,7 @@ mod tests {
             transmitter_id: VehicleId::new("t"),
             receiver_id: VehicleId::new(receiver),
             link: Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(1.0, 1.0) },
+            kind: None,
             success: true,
         }
     }

@@ -187,6 +187,7 @@ mod tests {
             transmitter_id: VehicleId::new(format!("v{}", n % 3)),
             receiver_id: VehicleId::new(format!("v{receiver}")),
             link: Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new((n + receiver) as f64, 0.0) },
+            kind: None,
             success: n.is_multiple_of(2),
         };
         let both = |n: usize| (0..3).filter(move |receiver| *receiver != n % 3).map(move |receiver| event(n, receiver));

@@ -2,7 +2,8 @@
 //!
 //! Required columns, in any order: `time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m,
 //! success`. Read when present: `true_probability` (for scoring only), `tx_depth_m` and `rx_depth_m` (together: links
-//! then have six inputs). Known and not used: `rate`. Anything else is named in [`EventLog::unknown_columns`].
+//! then have six inputs), `kind` (what kind of message; where that is missing `rate`, `band`, `level` and `length`, as far as they
+//! are there, make the kind). Anything else is named in [`EventLog::unknown_columns`].
 
 use std::collections::BTreeSet;
 use std::io::Read;
@@ -18,7 +19,8 @@ pub const REQUIRED_COLUMNS: [&str; 8] =
     ["time_s", "tx_id", "rx_id", "tx_easting_m", "tx_northing_m", "rx_easting_m", "rx_northing_m", "success"];
 
 /// Columns that mean something where they are present.
-const OPTIONAL_COLUMNS: [&str; 4] = ["true_probability", "tx_depth_m", "rx_depth_m", "rate"];
+const OPTIONAL_COLUMNS: [&str; 8] =
+    ["true_probability", "tx_depth_m", "rx_depth_m", "kind", "rate", "band", "level", "length"];
 
 /// The events of a trial, in file order.
 #[derive(Debug, Clone)]
@@ -64,6 +66,7 @@ impl EventLog {
                 transmitter_id: table.vehicle("tx_id")?,
                 receiver_id: table.vehicle("rx_id")?,
                 link: table.link(has_depths)?,
+                kind: table.kind()?,
                 success: table.flag("success")?,
             });
             if has_probability {
@@ -94,12 +97,16 @@ impl EventLog {
         }
     }
 
-    /// The log as a CSV file that [`EventLog::read`] takes: the required columns, then depths and true probabilities
-    /// where it has them. Every number is written with as few digits as identify it.
+    /// The log as a CSV file that [`EventLog::read`] takes: the required columns, then depths, kinds and true
+    /// probabilities where it has them. Every number is written with as few digits as identify it.
     pub fn to_csv(&self) -> String {
         let mut header = REQUIRED_COLUMNS.to_vec();
         if self.has_depths {
             header.extend(["tx_depth_m", "rx_depth_m"]);
+        }
+        let has_kinds = self.events.iter().any(|event| event.kind.is_some());
+        if has_kinds {
+            header.push("kind");
         }
         if self.true_probability.is_some() {
             header.push("true_probability");
@@ -116,6 +123,9 @@ impl EventLog {
             if self.has_depths {
                 row.extend([tx.depth_m, rx.depth_m].map(|depth_m| depth_m.unwrap_or_default().to_string()));
             }
+            if has_kinds {
+                row.push(event.kind.as_ref().map(|kind| kind.to_string()).unwrap_or_default());
+            }
             row.extend(self.true_probability.as_ref().map(|probabilities| probabilities[n].to_string()));
             let _ = writer.write_record(&row);
         }
@@ -123,7 +133,7 @@ impl EventLog {
     }
 
     /// 32 hexadecimal digits by which these events are known again, whatever the file, its other columns and the order of
-    /// its lines: the first half of the BLAKE3 digest of time, names, places and outcome of every event.
+    /// its lines: the first half of the BLAKE3 digest of time, names, places, outcome and kind of every event.
     pub fn digest(&self) -> String {
         let mut events: Vec<&Event> = self.events.iter().collect();
         events.sort_by(|a, b| a.canonical_order(b));
@@ -140,6 +150,7 @@ impl EventLog {
                 bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
             }
             bytes.push(event.success.into());
+            bytes.extend(event.kind.iter().flat_map(|kind| kind.as_str().as_bytes()));
         }
         to_hex(&pingmap_packet::digest(&bytes)[..16])
     }
@@ -169,8 +180,8 @@ impl EventLog {
 }
 
 /// Reads attempts from CSV: the four position columns of an event log (and depths, where both are present); nothing else is
-/// required. Who and when are read from `tx_id`, `rx_id` and `time_s` where these are present, and are those of `asked`
-/// elsewhere. A vehicle that nobody met is [`pingmap_agent::Party::New`] by another name.
+/// required. Who, when and what kind are read from `tx_id`, `rx_id`, `time_s` and `kind` where these are present, and are
+/// those of `asked` elsewhere. A vehicle that nobody met is [`pingmap_agent::Party::New`] by another name.
 ///
 /// # Errors
 /// As [`EventLog::open`].
@@ -189,10 +200,49 @@ pub fn read_attempts(path: &Path, asked: &Attempt) -> Result<Vec<Attempt>, FileE
         if table.has("time_s") {
             attempt.when = When::At(table.number("time_s")?);
         }
+        if let Some(kind) = table.kind()? {
+            attempt.kind = (&kind).into();
+        }
         attempts.push(attempt);
     }
     if attempts.is_empty() {
         return Err(table.error(Problem::Empty { what: "links" }));
     }
     Ok(attempts)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(more: &str, values: &str) -> EventLog {
+        let text =
+            format!("{}{more}\n10,a,b,0,0,100,0,1{values}\n20,b,a,0,0,100,0,0{values}\n", REQUIRED_COLUMNS.join(","));
+        EventLog::read(text.as_bytes(), Path::new("log.csv")).unwrap()
+    }
+
+    fn kind(log: &EventLog) -> Option<&str> {
+        log.events[1].kind.as_ref().map(|kind| kind.as_str())
+    }
+
+    #[test]
+    fn kinds_of_messages_are_read_and_written() {
+        let plain = read("", "");
+        assert_eq!(kind(&plain), None);
+        assert!(!plain.to_csv().contains("kind"));
+        let said = read(",kind", ",fast 25 kHz");
+        assert_eq!((kind(&said), said.unknown_columns.len()), (Some("fast 25 kHz"), 0));
+        let made = read(",length,rate", ",32,80");
+        assert_eq!(kind(&made), Some("rate 80, length 32"));
+        assert_eq!(kind(&read(",rate,kind", ",80,fast")), Some("fast"));
+        assert_eq!(kind(&read(",kind", ",")), None);
+        for log in [&said, &made] {
+            let again = EventLog::read(log.to_csv().as_bytes(), Path::new("again.csv")).unwrap();
+            assert_eq!((&again.events, again.digest()), (&log.events, log.digest()));
+            assert_ne!(log.digest(), plain.digest());
+        }
+        let broken = format!("{},kind\n10,a,b,0,0,100,0,1,\u{7}\n", REQUIRED_COLUMNS.join(","));
+        let error = EventLog::read(broken.as_bytes(), Path::new("log.csv")).unwrap_err().to_string();
+        assert!(error.contains("line 2") && error.contains("kind of message"), "{error}");
+    }
 }

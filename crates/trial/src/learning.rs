@@ -63,7 +63,7 @@ pub fn learn_additions(
     events: &[&Event],
 ) -> dgpc::Result<Added> {
     let mut added = Added { best: chosen, tried: Vec::new() };
-    let mut left = learning.additions.clone();
+    let mut left = learning.additions_to(events);
     loop {
         let structure = added.best.structure;
         let out = left.iter().take_while(|&&addition| !structure.can_have(addition)).count();

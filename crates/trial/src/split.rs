@@ -112,6 +112,7 @@ mod tests {
             transmitter_id: VehicleId::new("t"),
             receiver_id: VehicleId::new(format!("v{receiver}")),
             link: Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(1.0, 1.0) },
+            kind: None,
             success: n % 2 == 0,
         };
         let receivers = sizes.iter().enumerate().flat_map(|(vehicle, &size)| std::iter::repeat_n(vehicle, size));

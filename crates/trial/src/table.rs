@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use csv::StringRecord;
-use pingmap_agent::{Link, Position, VehicleId, bounds};
+use pingmap_agent::{Link, MessageKind, Position, VehicleId, bounds};
 
 /// Why a file could not be read: where, and what was expected.
 #[derive(Debug, thiserror::Error)]
@@ -193,6 +193,25 @@ impl<R: Read> Table<R> {
             return Err(self.bad(column, "the name of a vehicle, without control characters"));
         }
         Ok(VehicleId::new(name))
+    }
+
+    /// The kind of message, if it is said.
+    pub(crate) fn kind(&self) -> Result<Option<MessageKind>, FileError> {
+        let said = |column: &str| {
+            let value = if self.has(column) { self.field(column) } else { "" };
+            let is_name = !value.contains(char::is_control);
+            is_name.then_some(value).ok_or_else(|| self.bad(column, "a kind of message, without control characters"))
+        };
+        let kind = said("kind")?;
+        if !kind.is_empty() {
+            return Ok(Some(MessageKind::new(kind)));
+        }
+        let mut parts = Vec::new();
+        for column in ["rate", "band", "level", "length"] {
+            let value = said(column)?;
+            parts.extend((!value.is_empty()).then(|| format!("{column} {value}")));
+        }
+        Ok((!parts.is_empty()).then(|| MessageKind::new(parts.join(", "))))
     }
 
     fn metres(&self, column: &str) -> Result<f64, FileError> {

@@ -12,6 +12,7 @@ fn log(links: &[Link], repeats: usize) -> (EventLog, Split) {
         transmitter_id: VehicleId::new(transmitter),
         receiver_id: VehicleId::new(receiver),
         link,
+        kind: None,
         success: true,
     };
     let mut events: Vec<Event> =

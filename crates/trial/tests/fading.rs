@@ -41,6 +41,7 @@ fn mooring(rng: &mut ChaCha8Rng, count: usize, Drawn { share, memory_s }: Drawn)
             transmitter_id: VehicleId::new("boat"),
             receiver_id: VehicleId::new("mooring"),
             link: Link { transmitter: Position::new(0.0, 0.0), receiver },
+            kind: None,
             success: share.sqrt() * slow + (1.0 - share).sqrt() * normal() < QUANTILE,
         }
     };

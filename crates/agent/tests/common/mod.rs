@@ -60,7 +60,7 @@ pub fn walk(receiver: usize, count: usize, phase: f64) -> Vec<Event> {
 
 pub fn event_at(receiver: usize, time_s: f64, link: Link, success: bool) -> Event {
     let (transmitter_id, receiver_id) = (VehicleId::new("somebody"), names(receiver + 1).remove(receiver));
-    Event { time_s, transmitter_id, receiver_id, link, success }
+    Event { time_s, transmitter_id, receiver_id, link, kind: None, success }
 }
 
 /// A vehicle by its number, or one that is no member beyond them, with its events.

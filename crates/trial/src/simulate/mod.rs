@@ -142,7 +142,7 @@ impl Simulation {
                 let probability = rounded(channel.probability(&link, self_noise_db), 1e4);
                 let transmitter_id = vehicles[transmitter].0.clone();
                 let success = rng.random::<f64>() < probability;
-                events.push(Event { time_s, transmitter_id, receiver_id, link, success });
+                events.push(Event { time_s, transmitter_id, receiver_id, link, kind: None, success });
                 probabilities.push(probability);
             }
         }
