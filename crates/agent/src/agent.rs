@@ -185,6 +185,12 @@ impl Agent {
         self.memory.heard().filter(|(sender, _)| !self.muted.contains(sender)).collect()
     }
 
+    /// Those of them that are believed.
+    pub(crate) fn believed(&self) -> BTreeSet<PacketKey> {
+        let left_out = self.beliefs.left_out();
+        self.heard().into_iter().filter(|(sender, _)| !left_out.contains(sender)).collect()
+    }
+
     /// Records an event of its own, and does nothing else; [`Agent::refit_due`] says when it is time for more. Beyond
     /// [`crate::Limits::events_max`] those go that were recorded first, a sixteenth at a time. O(log N) to find its place.
     ///

@@ -25,9 +25,7 @@ impl Agent {
     pub fn wide_posterior(&mut self) -> Result<Posterior, AgentError> {
         self.update()?;
         let Some(fit) = self.beliefs.fit_of_fused() else { return Ok(self.beliefs.fused.clone()) };
-        let left_out = self.beliefs.left_out();
-        let believed = self.heard().into_iter().filter(|key| !left_out.contains(&key.0)).collect::<Vec<_>>();
-        let packets = said(&self.memory, believed.iter());
+        let packets = said(&self.memory, self.believed().iter());
         let place = self.model().place_summary().into_iter();
         let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
         let mut wide = fit.propagated_with(&messages)?.posterior()?;

@@ -71,8 +71,7 @@ impl Agent {
         attempts: impl IntoIterator<Item = impl Into<Attempt>>,
     ) -> Result<Vec<f64>, AgentError> {
         self.update()?;
-        let longest_m = self.own_longest_m().filter(|_| !self.may_rise);
-        let shown = shown(self.model(), &self.beliefs.own, longest_m, attempts.into_iter().map(Into::into).collect())?;
+        let shown = self.shown_under(&self.beliefs.own, self.own_longest_m(), attempts)?;
         Ok(shown.into_iter().map(|shown| shown.predicted.probability).collect())
     }
 
@@ -85,8 +84,7 @@ impl Agent {
         posterior: &Posterior,
         attempts: impl IntoIterator<Item = impl Into<Attempt>>,
     ) -> Result<Vec<f64>, AgentError> {
-        let longest_m = self.longest_m().filter(|_| !self.may_rise);
-        let shown = shown(self.model(), posterior, longest_m, attempts.into_iter().map(Into::into).collect())?;
+        let shown = self.shown_under(posterior, self.longest_m(), attempts)?;
         Ok(shown.into_iter().map(|shown| shown.predicted.probability).collect())
     }
 
@@ -95,16 +93,24 @@ impl Agent {
         attempts: impl IntoIterator<Item = impl Into<Attempt>>,
     ) -> Result<Vec<Shown>, AgentError> {
         self.update()?;
-        let longest_m = self.longest_m().filter(|_| !self.may_rise);
+        self.shown_under(&self.beliefs.fused, self.longest_m(), attempts)
+    }
+
+    /// What a posterior under its model says, of which links up to `longest_m` were tried.
+    fn shown_under(
+        &self,
+        posterior: &Posterior,
+        longest_m: Option<f64>,
+        attempts: impl IntoIterator<Item = impl Into<Attempt>>,
+    ) -> Result<Vec<Shown>, AgentError> {
         let attempts = attempts.into_iter().map(Into::into).collect();
-        Ok(shown(self.model(), &self.beliefs.fused, longest_m, attempts)?)
+        Ok(shown(self.model(), posterior, longest_m.filter(|_| !self.may_rise), attempts)?)
     }
 
     /// Length of the longest link that its own events tried, that others told of whom it believes, or that is known of the
     /// place; `None` before any.
     pub fn longest_m(&self) -> Option<f64> {
-        let left_out = self.beliefs.left_out();
-        let believed = self.heard().into_iter().filter(|key| !left_out.contains(&key.0));
+        let believed = self.believed().into_iter();
         let told_m = believed.filter_map(|key| self.memory.packets.get(key)).map(|packet| packet.longest_m);
         told_m.chain(self.own_longest_m()).reduce(f64::max)
     }

@@ -5,11 +5,11 @@
 
 #![allow(clippy::print_stdout, reason = "what it measures is its output")]
 
-use std::error::Error;
-use std::path::Path;
+mod common;
 
+use common::{Failure, log_splits_and_packets};
 use pingmap_agent::{Addition, Learning};
-use pingmap_trial::{EventLog, Mission, Plan, Score, Split, read_splits};
+use pingmap_trial::{EventLog, Mission, Plan, Score, Split};
 use rayon::prelude::*;
 
 /// What came of one split.
@@ -20,7 +20,7 @@ struct Row {
     nll: [f64; 3],
 }
 
-fn row(log: &EventLog, split: &Split, packets: usize) -> Result<Row, Box<dyn Error + Send + Sync>> {
+fn row(log: &EventLog, split: &Split, packets: usize) -> Result<Row, Failure> {
     let mission = Mission::prepare(log, split, &Plan::new(Learning::default(), 1), packets)?;
     let nll = |predicted: &[f64]| Score::new(predicted, &mission.outcomes).map_or(f64::NAN, |score| score.nll);
     let mean = |all: Vec<Vec<f64>>| all.iter().map(|predicted| nll(predicted)).sum::<f64>() / all.len() as f64;
@@ -36,14 +36,8 @@ fn row(log: &EventLog, split: &Split, packets: usize) -> Result<Row, Box<dyn Err
     })
 }
 
-fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [events, splits, rest @ ..] = arguments.as_slice() else {
-        return Err("expected: events.csv splits.csv [packets]".into());
-    };
-    let packets = rest.first().map_or(Ok(10), |packets| packets.parse())?;
-    let log = EventLog::open(Path::new(events))?;
-    let splits = read_splits(Path::new(splits), &log)?;
+fn main() -> Result<(), Failure> {
+    let (log, splits, packets) = log_splits_and_packets()?;
     let rows = splits.par_iter().map(|split| row(&log, split, packets)).collect::<Result<Vec<Row>, _>>()?;
     println!("split     all     own    team  taken");
     for Row { name, taken, nll: [all, own, team] } in &rows {

@@ -10,16 +10,14 @@
 
 #![allow(clippy::print_stdout, reason = "what it measures is its output")]
 
-use std::error::Error;
-use std::path::Path;
+mod common;
 
+use common::{Failure, log_splits_and_packets};
 use pingmap_agent::{Addition, Event, Learning, VehicleId};
-use pingmap_trial::{Agreed, EventLog, Mission, Plan, Score, Split, Step, learn_best, online, read_splits};
+use pingmap_trial::{Agreed, EventLog, Mission, Plan, Score, Split, Step, learn_best, online};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-
-type Failure = Box<dyn Error + Send + Sync>;
 
 /// How far from the vehicle that it travels with.
 const ASIDE_M: f64 = 50.0;
@@ -107,13 +105,7 @@ fn above(log: &EventLog, truth: &[f64], plan: &Plan) -> Result<[f64; 3], Failure
 }
 
 fn main() -> Result<(), Failure> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [events, splits, rest @ ..] = arguments.as_slice() else {
-        return Err("expected: events.csv splits.csv [packets]".into());
-    };
-    let packets = rest.first().map_or(Ok(10), |packets| packets.parse())?;
-    let log = EventLog::open(Path::new(events))?;
-    let splits = read_splits(Path::new(splits), &log)?;
+    let (log, splits, packets) = log_splits_and_packets()?;
     let vehicles = log.vehicles().len();
     println!("                      all     own     team");
     let [all, own, team] = mean_scores(&log, &splits, vehicles, packets)?;
