@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use dgpc::Latent;
 use pingmap_agent::{
-    Agent, AgentError, Attempt, Event, Key, LearnedModel, Learning, Limits, Link, Model, Team, VehicleId,
+    Addition, Agent, AgentError, Attempt, Event, Key, LearnedModel, Learning, Limits, Link, Model, Structure, Team,
+    VehicleId,
 };
 use rayon::prelude::*;
 
@@ -28,7 +29,8 @@ pub enum Learners {
 #[derive(Debug, Clone)]
 pub enum Agreed {
     /// Nothing: the packet model is learned from the pooled training events, or is what the first structure expects
-    /// before any event where every vehicle learns by itself.
+    /// before any event where every vehicle learns by itself; where there are no training events, beside offsets of receivers
+    /// and a change with time, if these are among the additions.
     Nothing,
     /// The packet model.
     Model(Model),
@@ -110,17 +112,24 @@ impl Plan {
 
     fn model(&self, log: &EventLog, training: Option<&[&Event]>) -> dgpc::Result<(Model, Option<LearnedModel>)> {
         let (chart, inputs) = (log.chart(), log.inputs());
-        let expected = self.learning.structures.first();
-        match (training.filter(|_| self.learners == Learners::Pooled), expected) {
-            (None, Some(structure)) => {
-                let prior = self.learning.template(structure, inputs, chart.scale_m)?;
-                Ok((Model::new(chart, inputs, prior), None))
-            }
-            (training, _) => {
-                let fit = learn_best(&self.learning, chart, inputs, training.unwrap_or_default())?;
-                Ok((fit.model.clone(), Some(fit)))
-            }
+        let expected = match (self.learning.structures.first(), training) {
+            // Where nothing was learned, nothing says that ears are alike and that the water stays as it is.
+            (Some(structure), None) => Some(self.with_what_may_differ(structure)),
+            (Some(structure), Some(_)) if self.learners == Learners::Own => Some(*structure),
+            _ => None,
+        };
+        if let Some(structure) = expected {
+            let prior = self.learning.template(&structure, inputs, chart.scale_m)?;
+            return Ok((Model::new(chart, inputs, prior), None));
         }
+        let fit = learn_best(&self.learning, chart, inputs, training.unwrap_or_default())?;
+        Ok((fit.model.clone(), Some(fit)))
+    }
+
+    fn with_what_may_differ(&self, structure: &Structure) -> Structure {
+        let may_differ = [Addition::Receivers, Addition::Time].into_iter();
+        let tried = may_differ.filter(|addition| self.learning.additions.contains(addition));
+        tried.fold(*structure, |structure, addition| structure.with(addition))
     }
 }
 

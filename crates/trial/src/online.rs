@@ -62,8 +62,8 @@ impl Step {
 
 /// Runs the mission. Every transmission of a vehicle is a slot of it, and every `slot_every`-th of its slots carries a
 /// packet if there is one worth sending; who heard the transmission, by the log, hears the packet, unless the plan's
-/// water loses it. A team that has agreed on nothing uses what the first structure expects before any event, so that no
-/// event is predicted by a model that has seen it. `step` is called after every event.
+/// water loses it. A team that has agreed on nothing uses what the first structure expects before any event, with offsets of receivers and a
+/// change with time beside, so that no event is predicted by a model that has seen it. `step` is called after every event.
 ///
 /// # Errors
 /// [`AgentError`] when the method refuses.
