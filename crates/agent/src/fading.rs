@@ -1,7 +1,7 @@
 //! Outcomes of one link seconds apart, which are not independent, and how much each of them counts (docs/method.md,
 //! section 8).
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use crate::event::{Event, VehicleId};
 
@@ -55,7 +55,7 @@ impl Fading {
 
     /// How much each of these events counts: 1/(1 + 2Σc), c its correlations with earlier ones of the same pair of
     /// vehicles. Of steady repeats so much is left that they count as many independent ones as their mean is worth. O(N log N),
-    /// plus one for every two outcomes within reach.
+    /// plus one for every two outcomes within reach, of which one has a thousand at most.
     pub fn weights(&self, events: &[&Event]) -> Vec<f64> {
         let mut weights = vec![1.0; events.len()];
         for places in in_pairs(events).into_values() {
@@ -78,43 +78,40 @@ impl Fading {
 
     /// This, corrected by what was predicted of `events` and is left unexplained: least squares over the products of
     /// standardised residuals of two outcomes of one pair of vehicles, every outcome counting once, and beside them as much of
-    /// what this says as thirty outcomes weigh. The drift stays.
+    /// what this says as thirty outcomes weigh. The drift stays. Costs as [`Fading::weights`], over two minutes.
     #[cfg(feature = "learn")]
     pub(crate) fn learned(&self, events: &[&Event], probabilities: &[f64]) -> Self {
-        let memories_s = || (0..=12).map(|step| 2.0 * f64::powf(60.0, f64::from(step) / 12.0));
         let residual = |n: usize| {
             let p = probabilities[n].clamp(1e-3, 1.0 - 1e-3);
             (f64::from(u8::from(events[n].success)) - p) / (p * (1.0 - p)).sqrt()
         };
-        let mut products = self.assumed();
+        let mut fits = Remembering::ALL_MEMORIES_S.map(Remembering::of);
+        let mut add = |products: &[Product], weight| fits.iter_mut().for_each(|fit| fit.add(products, weight));
+        add(&self.assumed(), ASSUMED);
         for places in in_pairs(events).into_values() {
             for (done, &later) in places.iter().enumerate() {
                 let near = |&earlier: &usize| {
                     let share = self.stillness(events[earlier], events[later]);
                     let apart_s = events[later].time_s - events[earlier].time_s;
                     let product = residual(earlier) * residual(later);
-                    (share >= STILL).then_some(Product { apart_s, share, product, weight: 1.0 })
+                    (share >= STILL && apart_s <= LEARNED_OVER_S).then_some(Product { apart_s, share, product })
                 };
-                let within = |&&earlier: &&usize| events[later].time_s - events[earlier].time_s <= LEARNED_OVER_S;
-                let earlier = places[..done].iter().rev().take_while(within).take(EARLIER_MAX);
-                let near: Vec<Product> = earlier.filter_map(near).collect();
-                let weight = 1.0 / near.len().max(1) as f64;
-                products.extend(near.into_iter().map(|product| Product { weight, ..product }));
+                let earlier = places[..done].iter().rev().take(EARLIER_MAX);
+                add(&earlier.filter_map(near).collect::<Vec<_>>(), 1.0);
             }
         }
-        let fitted = memories_s().map(|memory_s| fitted(&products, memory_s));
-        let best = fitted.reduce(|best, next| if next.explained > best.explained { next } else { best });
-        best.map_or(*self, |best| Self { correlation: best.correlation, memory_s: best.memory_s, ..*self })
+        let best = fits.into_iter().reduce(|best, next| if next.explained() > best.explained() { next } else { best });
+        best.map_or(*self, |best| Self { correlation: best.correlation(), memory_s: best.memory_s, ..*self })
     }
 
-    /// What this says of the seconds up to three times its memory, as [`ASSUMED`] outcomes would that agree with it.
+    /// What this says of the seconds up to three times its memory.
     #[cfg(feature = "learn")]
     fn assumed(&self) -> Vec<Product> {
         const POINTS: u32 = 30;
         let at = |step: u32| {
             let memories = REACH * f64::from(step) / f64::from(POINTS);
             let product = self.correlation * (-memories).exp();
-            Product { apart_s: memories * self.memory_s, share: 1.0, product, weight: ASSUMED / f64::from(POINTS) }
+            Product { apart_s: memories * self.memory_s, share: 1.0, product }
         };
         (1..=POINTS).map(at).collect()
     }
@@ -137,28 +134,44 @@ struct Product {
     apart_s: f64,
     share: f64,
     product: f64,
-    weight: f64,
 }
 
-/// Fading that remembers so long.
+/// The correlation by least squares if fading remembers so long.
 #[cfg(feature = "learn")]
-struct Fitted {
+struct Remembering {
     memory_s: f64,
-    correlation: f64,
-    /// By how much it lowers the sum of squares.
-    explained: f64,
+    along: f64,
+    square: f64,
 }
 
 #[cfg(feature = "learn")]
-fn fitted(products: &[Product], memory_s: f64) -> Fitted {
-    let (mut along, mut square) = (0.0, 0.0);
-    for Product { apart_s, share, product, weight } in products {
-        let expected = share * (-apart_s / memory_s).exp();
-        along += weight * expected * product;
-        square += weight * expected * expected;
+impl Remembering {
+    /// What is tried.
+    const ALL_MEMORIES_S: [f64; 13] = [2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 15.0, 22.0, 30.0, 42.0, 60.0, 85.0, 120.0];
+
+    fn of(memory_s: f64) -> Self {
+        Self { memory_s, along: 0.0, square: 0.0 }
     }
-    let correlation = (along / square.max(f64::MIN_POSITIVE)).clamp(0.0, CORRELATION_MAX);
-    Fitted { memory_s, correlation, explained: correlation * (2.0 * along - correlation * square) }
+
+    /// Takes in products that have this weight together.
+    fn add(&mut self, products: &[Product], weight: f64) {
+        let each = weight / products.len().max(1) as f64;
+        for Product { apart_s, share, product } in products {
+            let expected = share * (-apart_s / self.memory_s).exp();
+            self.along += each * expected * product;
+            self.square += each * expected * expected;
+        }
+    }
+
+    fn correlation(&self) -> f64 {
+        (self.along / self.square.max(f64::MIN_POSITIVE)).clamp(0.0, CORRELATION_MAX)
+    }
+
+    /// By how much it lowers the sum of squares.
+    fn explained(&self) -> f64 {
+        let correlation = self.correlation();
+        correlation * (2.0 * self.along - correlation * self.square)
+    }
 }
 
 fn is_of_one_pair(a: &Event, b: &Event) -> bool {
@@ -166,10 +179,10 @@ fn is_of_one_pair(a: &Event, b: &Event) -> bool {
 }
 
 /// The events of every pair of vehicles, in canonical order.
-fn in_pairs<'a>(events: &[&'a Event]) -> HashMap<(&'a VehicleId, &'a VehicleId), Vec<usize>> {
+fn in_pairs<'a>(events: &[&'a Event]) -> BTreeMap<(&'a VehicleId, &'a VehicleId), Vec<usize>> {
     let mut order: Vec<usize> = (0..events.len()).collect();
     order.sort_by(|&a, &b| events[a].canonical_order(events[b]));
-    let mut pairs: HashMap<_, Vec<usize>> = HashMap::new();
+    let mut pairs: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for place in order {
         pairs.entry((&events[place].transmitter_id, &events[place].receiver_id)).or_default().push(place);
     }
