@@ -17,7 +17,7 @@ pub const PROTOCOL_VERSION: u16 = 3;
 impl Team {
     /// Digest of all that gives a packet its meaning: chart, inputs, kernel and prior mean, what is known of the place, grid, members, frames,
     /// window, slots, epoch and key, in the version of the protocol. Whoever differs in one of these reads another team's
-    /// packets as foreign. What a vehicle decides for itself (limits, what is worth a frame, repeats) and what is for
+    /// packets as foreign. What a vehicle decides for itself (limits, what is worth a frame, repeats, how fading weighs its own events) and what is for
     /// learning alone (ties of length-scales, the chart's scale) is not in it.
     pub fn digest(&self) -> [u8; 32] {
         digest(&self.canonical_bytes())

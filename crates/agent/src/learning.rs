@@ -230,7 +230,7 @@ impl Learning {
         let used = self.used(&events);
         let fit = &learned.learned.fit;
         let (before, count) = (fit.weights(), used.len() as f64);
-        if self.fading.is_some() || before.iter().sum::<f64>() > (1.0 - REPEATED) * count {
+        if self.fading.is_some() || before.iter().sum::<f64>() >= (1.0 - REPEATED) * count {
             return Ok(learned);
         }
         let fading = learned.model.fading.learned(&used, &fit.probabilities());
