@@ -3,6 +3,9 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
+use crate::bounds::{self, Bounds};
 use crate::event::{Event, VehicleId};
 
 /// Fading: how alike the outcomes of one transmitter at one receiver are while both lie still, beyond what the place
@@ -10,7 +13,8 @@ use crate::event::{Event, VehicleId};
 /// correlation · exp(−t/memory_s − (v/drift_m_per_s)²). Moorings and vehicles adrift ask every few seconds what a
 /// survey asks once; each answer says less than one that comes by itself. Where vehicles are under way, time and place go
 /// together, and what is alike from one second to the next is the place's.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Fading {
     /// Correlation of two outcomes at one moment and place, from 0 to 1.
     pub correlation: f64,
@@ -53,6 +57,15 @@ impl Fading {
     /// No fading: every outcome counts in full.
     pub const NONE: Self = Self { correlation: 0.0, memory_s: 1.0, drift_m_per_s: 1.0 };
 
+    /// Every number of it: its key in a model file, what it is, and its bounds.
+    pub fn entries(&self) -> [(&'static str, f64, Bounds); 3] {
+        [
+            ("fading.correlation", self.correlation, bounds::SHARE),
+            ("fading.memory_s", self.memory_s, bounds::POSITIVE),
+            ("fading.drift_m_per_s", self.drift_m_per_s, bounds::POSITIVE),
+        ]
+    }
+
     /// How much each of these events counts: 1/(1 + 2Σc), c its correlations with earlier ones of the same pair of
     /// vehicles. Of steady repeats so much is left that they count as many independent ones as their mean is worth. O(N log N),
     /// plus one for every two outcomes within reach, of which one has a thousand at most.
@@ -90,14 +103,14 @@ impl Fading {
         add(&self.assumed(), ASSUMED);
         for places in in_pairs(events).into_values() {
             for (done, &later) in places.iter().enumerate() {
+                let apart_s = |earlier: usize| events[later].time_s - events[earlier].time_s;
                 let near = |&earlier: &usize| {
                     let share = self.stillness(events[earlier], events[later]);
-                    let apart_s = events[later].time_s - events[earlier].time_s;
                     let product = residual(earlier) * residual(later);
-                    (share >= STILL && apart_s <= LEARNED_OVER_S).then_some(Product { apart_s, share, product })
+                    (share >= STILL).then_some(Product { apart_s: apart_s(earlier), share, product })
                 };
-                let earlier = places[..done].iter().rev().take(EARLIER_MAX);
-                add(&earlier.filter_map(near).collect::<Vec<_>>(), 1.0);
+                let within = places[..done].iter().rev().take_while(|&&earlier| apart_s(earlier) <= LEARNED_OVER_S);
+                add(&within.take(EARLIER_MAX).filter_map(near).collect::<Vec<_>>(), 1.0);
             }
         }
         let best = fits.into_iter().reduce(|best, next| if next.explained() > best.explained() { next } else { best });

@@ -76,7 +76,10 @@ impl ModelFile {
         let terms =
             kernel.into_iter().enumerate().map(|(n, term)| term.read(n + 1, inputs)).collect::<Result<_, _>>()?;
         let prior = Prior::new(Kernel::new(terms)?, prior_mean.read(inputs)?)?;
-        let fading = fading.map_or_else(|| Ok(Fading::default()), |fading| fading.read())?;
+        let fading = fading.unwrap_or_default();
+        for (key, value, bounds) in fading.entries() {
+            checked(key, bounds, value)?;
+        }
         let mut model = Model { schema, chart: chart.read()?, inputs, prior, place: None, fading };
         model.place = place.as_ref().map(|place| place.read(&model)).transpose()?.map(Arc::new);
         let place_log_digests = place.map(|place| place.log_digests).unwrap_or_default();
@@ -94,7 +97,7 @@ impl ModelFile {
             depths: inputs.has_depths(),
             chart: ChartLayout::write(chart),
             prior_mean: MeanLayout::write(prior.mean()),
-            fading: Some(FadingLayout::write(*fading)),
+            fading: Some(*fading),
             kernel: prior.kernel().terms().iter().map(|term| TermLayout::write(term, *inputs)).collect(),
             learned: self.learned.clone(),
             place: place.as_deref().map(|place| PlaceLayout::write(place, &self.place_log_digests)),
@@ -148,7 +151,7 @@ struct Layout {
     chart: ChartLayout,
     prior_mean: MeanLayout,
     /// Files of before schema 4 have none.
-    fading: Option<FadingLayout>,
+    fading: Option<Fading>,
     kernel: Vec<TermLayout>,
     learned: Option<Provenance>,
     place: Option<PlaceLayout>,
@@ -222,29 +225,6 @@ impl MeanLayout {
                 Ok(inputs.range_mean(intercept, slope_per_m)?)
             }
         }
-    }
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FadingLayout {
-    correlation: f64,
-    memory_s: f64,
-    drift_m_per_s: f64,
-}
-
-impl FadingLayout {
-    fn write(fading: Fading) -> Self {
-        let Fading { correlation, memory_s, drift_m_per_s } = fading;
-        Self { correlation, memory_s, drift_m_per_s }
-    }
-
-    fn read(&self) -> Result<Fading, ModelFileError> {
-        Ok(Fading {
-            correlation: checked("fading.correlation", bounds::SHARE, self.correlation)?,
-            memory_s: checked("fading.memory_s", bounds::POSITIVE, self.memory_s)?,
-            drift_m_per_s: checked("fading.drift_m_per_s", bounds::POSITIVE, self.drift_m_per_s)?,
-        })
     }
 }
 

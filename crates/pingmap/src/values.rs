@@ -342,10 +342,9 @@ pub fn fading(text: &str) -> Result<Fading, String> {
         return Ok(Fading::NONE);
     }
     let [correlation, memory_s, drift_m_per_s] = numbers(text).map_err(|error| format!("{error}, or none"))?;
-    let within = |bounds: Bounds, value| bounds.check(value).ok_or_else(|| format!("{value}: expected {bounds}"));
-    Ok(Fading {
-        correlation: within(bounds::SHARE, correlation)?,
-        memory_s: within(bounds::POSITIVE, memory_s)?,
-        drift_m_per_s: within(bounds::POSITIVE, drift_m_per_s)?,
-    })
+    let fading = Fading { correlation, memory_s, drift_m_per_s };
+    match fading.entries().into_iter().find(|(_, value, bounds)| bounds.check(*value).is_none()) {
+        Some((_, value, bounds)) => Err(format!("{value}: expected {bounds}")),
+        None => Ok(fading),
+    }
 }

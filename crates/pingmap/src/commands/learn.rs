@@ -234,20 +234,12 @@ struct ModelJson {
     prior_mean: PriorMeanJson,
     /// As how many independent events those used count.
     events_counted: f64,
-    fading: FadingJson,
-}
-
-/// How outcomes at one place are alike.
-#[derive(Serialize)]
-struct FadingJson {
-    correlation: f64,
-    memory_s: f64,
-    drift_m_per_s: f64,
+    /// How outcomes at one place are alike.
+    fading: Fading,
 }
 
 impl ModelJson {
     fn of(fit: &LearnedModel) -> Self {
-        let Fading { correlation, memory_s, drift_m_per_s } = fit.model.fading;
         Self {
             structure: fit.structure.to_string(),
             evidence: fit.evidence(),
@@ -256,7 +248,7 @@ impl ModelJson {
             kernel: KernelJson::of(&fit.model),
             prior_mean: PriorMeanJson::of(fit.model.prior.mean()),
             events_counted: counted(fit),
-            fading: FadingJson { correlation, memory_s, drift_m_per_s },
+            fading: fit.model.fading,
         }
     }
 }
