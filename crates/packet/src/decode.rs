@@ -23,6 +23,15 @@ impl Schema {
 
     /// The same without checking the schema: it must have passed [`Schema::check`].
     pub(crate) fn read(&self, bytes: &[u8]) -> Result<Fields, Error> {
+        let (message, length) = self.read_first(bytes)?;
+        match bytes.len() - length {
+            0 => Ok(message),
+            extra => Err(Error::Long { extra }),
+        }
+    }
+
+    /// The message that `bytes` begin with, and how many of them it has; like [`Schema::read`], it checks no schema.
+    pub(crate) fn read_first(&self, bytes: &[u8]) -> Result<(Fields, usize), Error> {
         let mut reader = Reader { bits: BitReader::new(bytes), length: bytes.len() };
         if let Some(expected) = self.id {
             let found = Schema::id_of(bytes);
@@ -41,10 +50,7 @@ impl Schema {
             reader.field(field, Some(&chosen), "", &mut message)?;
         }
         reader.align()?;
-        match reader.bits.bytes_left() {
-            0 => Ok(message),
-            extra => Err(Error::Long { extra }),
-        }
+        Ok((message, bytes.len() - reader.bits.bytes_left()))
     }
 }
 

@@ -7,7 +7,7 @@ use crate::bits::overwrite;
 use crate::error::Error;
 use crate::point::Point;
 use crate::schema::{Field, Kind, Schema};
-use crate::value::Fields;
+use crate::value::{Fields, numbers};
 use crate::widths::id_bits;
 
 /// The map messages as a Goby user loads them.
@@ -35,7 +35,7 @@ pub const MEAN_LEVELS: i8 = 15;
 const MODELS: u16 = 1 << 14;
 
 /// Bits of an authentication tag.
-const TAG_BITS: u32 = 64;
+pub(crate) const TAG_BITS: u32 = 64;
 
 /// A form of the map message: one for each frame size, with or without depth, open or sealed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -101,7 +101,7 @@ const fn point_field(
     PointField { name, kind, get, set }
 }
 
-fn sender() -> Kind {
+pub(crate) fn sender() -> Kind {
     Kind::integer(0.0, f64::from(u8::MAX))
 }
 
@@ -109,7 +109,7 @@ fn counter() -> Kind {
     Kind::integer(0.0, f64::from(u16::MAX))
 }
 
-fn model() -> Kind {
+pub(crate) fn model() -> Kind {
     Kind::integer(0.0, f64::from(MODELS - 1))
 }
 
@@ -137,7 +137,7 @@ fn correlation() -> Kind {
     Kind::integer(-f64::from(CORRELATION_LEVELS), f64::from(CORRELATION_LEVELS))
 }
 
-fn word() -> Kind {
+pub(crate) fn word() -> Kind {
     Kind::integer(0.0, f64::from(u32::MAX))
 }
 
@@ -166,6 +166,12 @@ pub(crate) const CORRELATION: &str = "correlation";
 
 /// Names of the fields that hold the tag: its lower and its upper half.
 pub(crate) const TAG: [&str; 2] = ["tag_low", "tag_high"];
+
+/// The tag of a sealed message.
+pub(crate) fn tag_of(fields: &Fields) -> u64 {
+    let [low, high] = TAG.map(|name| numbers(fields, name).next().unwrap_or(0.0) as u64);
+    low | high << 32
+}
 
 /// Bits of these fields of one point.
 fn bits_of<'a>(fields: impl Iterator<Item = &'a PointField>) -> u64 {

@@ -5,6 +5,7 @@
 //!   both ways, by name.
 //! * [`MapMessage`]: what a vehicle tells of its map, in frames of 32, 64 or 256 bytes. Its `.proto` ships beside this
 //!   crate (`proto/pingmap.proto`) and says the same as [`Layout::schema`].
+//! * [`Report`]: what a vehicle heard and missed, slot by slot, and where it was meanwhile; in frames of any size.
 //! * [`Key`]: authentication of whole frames.
 //!
 //! The crate knows integers only: what a cell or a level means is the team's chart and packet model. No I/O, no panics,
@@ -44,6 +45,8 @@ mod seal;
 mod point;
 mod layout;
 mod map_message;
+mod outcomes;
+mod report;
 
 pub use error::Error;
 pub use hex::{from_hex, to_hex};
@@ -51,8 +54,12 @@ pub use layout::{
     CORRELATION_LEVELS, DEPTH_CELLS, HORIZONTAL_CELLS, INFORMATION_LEVELS, LAYOUTS, Layout, MEAN_LEVELS, PROTO,
     TIME_CELLS,
 };
-pub use map_message::{Block, MapMessage, Seal};
+pub use map_message::{Block, MapMessage};
+pub use outcomes::Outcome;
 pub use point::{Cell, Point};
+pub use report::{
+    KNOT_CELLS, KNOT_DEPTH_CELLS, KNOTS_MAX, Knot, REPORT_LAYOUTS, Report, ReportLayout, SHARE_LEVELS, SLOTS, Share,
+};
 pub use schema::{Field, Kind, Number, Rule, Schema};
-pub use seal::{Key, digest};
+pub use seal::{Key, Seal, digest};
 pub use value::{Fields, Value};

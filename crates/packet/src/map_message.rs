@@ -5,11 +5,11 @@ use alloc::vec::Vec;
 use alloc::{format, vec};
 
 use crate::error::Error;
-use crate::layout::{CORRELATION, Layout, TAG, TIME};
+use crate::layout::{CORRELATION, Layout, TAG, TIME, tag_of};
 use crate::point::Point;
 use crate::schema::Schema;
-use crate::seal::Key;
-use crate::value::{Fields, Value};
+use crate::seal::Seal;
+use crate::value::{Fields, Value, number, numbers};
 
 /// One Gaussian message about f at a few points, in whole numbers.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,15 +46,6 @@ pub struct MapMessage {
     pub model: u16,
     /// As many as the layout says.
     pub blocks: Vec<Block>,
-}
-
-/// A key, and what both ends must agree on without sending it.
-#[derive(Debug, Clone, Copy)]
-pub struct Seal<'a> {
-    /// The team's secret.
-    pub key: &'a Key,
-    /// Such as the digest of the team's model.
-    pub context: &'a [u8],
 }
 
 impl MapMessage {
@@ -99,7 +90,7 @@ impl MapMessage {
                 // What could be decoded has no other form than these bytes: nothing needs to be encoded again.
                 let mut signed = message.to_vec();
                 layout.put_tag(&mut signed, 0);
-                seal.key.check(seal.context, &signed, tag(&fields))?;
+                seal.key.check(seal.context, &signed, tag_of(&fields))?;
             }
             (true, None) => return Err(Error::Seal("a sealed message, but no key is at hand")),
             (false, Some(_)) => return Err(Error::Seal("an open message where only sealed ones are taken")),
@@ -160,24 +151,4 @@ impl MapMessage {
             blocks,
         }
     }
-}
-
-fn number(value: impl Into<f64>) -> Value {
-    Value::Number(value.into())
-}
-
-/// The numbers of a field, repeated or not.
-fn numbers<'a>(fields: &'a Fields, name: &str) -> impl Iterator<Item = f64> + use<'a> {
-    let elements = match fields.get(name) {
-        Some(Value::List(elements)) => elements.as_slice(),
-        Some(single) => core::slice::from_ref(single),
-        None => &[],
-    };
-    elements.iter().filter_map(|value| if let Value::Number(value) = value { Some(*value) } else { None })
-}
-
-/// The tag of a sealed message.
-fn tag(fields: &Fields) -> u64 {
-    let [low, high] = TAG.map(|name| numbers(fields, name).next().unwrap_or(0.0) as u64);
-    low | high << 32
 }

@@ -94,6 +94,15 @@ impl Key {
     }
 }
 
+/// A key, and what both ends must agree on without sending it.
+#[derive(Debug, Clone, Copy)]
+pub struct Seal<'a> {
+    /// The team's secret.
+    pub key: &'a Key,
+    /// Such as the digest of the team's model.
+    pub context: &'a [u8],
+}
+
 /// A key is a secret: it does not print itself.
 impl core::fmt::Debug for Key {
     fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {

@@ -50,3 +50,18 @@ impl Fields {
         self.0.iter().map(|(name, value)| (name.as_str(), value))
     }
 }
+
+/// A number as a value.
+pub(crate) fn number(value: impl Into<f64>) -> Value {
+    Value::Number(value.into())
+}
+
+/// The numbers of a field, repeated or not.
+pub(crate) fn numbers<'a>(fields: &'a Fields, name: &str) -> impl Iterator<Item = f64> + use<'a> {
+    let elements = match fields.get(name) {
+        Some(Value::List(elements)) => elements.as_slice(),
+        Some(single) => core::slice::from_ref(single),
+        None => &[],
+    };
+    elements.iter().filter_map(|value| if let Value::Number(value) = value { Some(*value) } else { None })
+}

@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use pingmap_packet::{Field, Kind, LAYOUTS, Layout, PROTO, Rule};
+use pingmap_packet::{Field, KNOTS_MAX, Kind, LAYOUTS, Layout, PROTO, REPORT_LAYOUTS, ReportLayout, Rule, Schema};
 
 /// What stands between the comment at the top and the messages.
 const HEADER: &str = r#"syntax = "proto2";
@@ -17,8 +17,9 @@ package pingmap;
 
 #[test]
 fn the_proto_file_says_what_the_schemas_say() {
-    let messages = LAYOUTS.iter().map(|layout| format!("\n{}", rendered(layout)));
-    let expected = HEADER.to_owned() + &messages.collect::<String>();
+    let maps = LAYOUTS.iter().map(|layout| format!("\n{}", rendered(layout)));
+    let reports = REPORT_LAYOUTS.iter().map(|layout| format!("\n{}", rendered_report(layout)));
+    let expected = HEADER.to_owned() + &maps.chain(reports).collect::<String>();
     let proto = &PROTO[PROTO.find("syntax").unwrap()..];
     let mismatch = proto.lines().zip(expected.lines()).position(|(found, expected)| found != expected);
     assert!(
@@ -37,27 +38,67 @@ fn rendered(layout: &Layout) -> String {
         "// {} bytes, {depth} depth, {seal}: {} {blocks} of {} points.\n",
         layout.frame_bytes, layout.blocks, layout.points
     );
+    text += &rendered_schema(&schema);
+    text
+}
+
+/// A form of the report as proto2 text.
+fn rendered_report(layout: &ReportLayout) -> String {
+    let depth = if layout.has_depth { "with" } else { "without" };
+    let seal = if layout.is_sealed { "sealed" } else { "open" };
+    format!("// Any length, {depth} depth, {seal}.\n") + &rendered_schema(&layout.schema())
+}
+
+fn rendered_schema(schema: &Schema) -> String {
     let id = schema.id.unwrap();
-    writeln!(text, "message {} {{", schema.name).unwrap();
+    let mut text = format!("message {} {{\n", schema.name);
     writeln!(text, "  option (dccl.msg) = {{ codec_version: 4 id: {id} max_bytes: {} }};", schema.bytes_max).unwrap();
+    for field in &schema.fields {
+        if let Kind::Message(inside) = &field.kind {
+            writeln!(text, "  message {} {{", capital(&field.name)).unwrap();
+            for (place, field) in inside.iter().enumerate() {
+                writeln!(text, "    {}", rendered_field(field, place + 1)).unwrap();
+            }
+            text += "  }\n";
+        }
+    }
     for (place, field) in schema.fields.iter().enumerate() {
         writeln!(text, "  {}", rendered_field(field, place + 1)).unwrap();
     }
     text + "}\n"
 }
 
+fn capital(name: &str) -> String {
+    name[..1].to_uppercase() + &name[1..]
+}
+
 fn rendered_field(field: &Field, tag: usize) -> String {
-    let Kind::Number(number) = &field.kind else { panic!("{} is not a number", field.name) };
-    assert!(number.integer && number.resolution == 1.0 && !field.presence && field.oneof.is_none());
-    let (rule, repeats) = match field.rule {
-        Rule::Required => ("required", String::new()),
-        Rule::Optional => ("optional", String::new()),
-        Rule::Repeated { min, max } => ("repeated", format!(" min_repeat: {min} max_repeat: {max}")),
+    assert!(!field.presence && field.oneof.is_none());
+    let (kind, mut options) = match &field.kind {
+        Kind::Number(number) => {
+            assert!(number.integer && number.resolution == 1.0);
+            let kind = if number.min >= 0.0 { "uint32" } else { "int32" };
+            (kind.to_owned(), vec![format!("min: {} max: {}", number.min, number.max)])
+        }
+        Kind::Bool => ("bool".to_owned(), vec![]),
+        Kind::Bytes { length_max } => ("bytes".to_owned(), vec![format!("max_length: {length_max}")]),
+        Kind::Message(_) => (capital(&field.name), vec![]),
+        other => panic!("{}: {other:?} is in no message of ours", field.name),
     };
-    let kind = if number.min >= 0.0 { "uint32" } else { "int32" };
-    let head = if field.in_head { " in_head: true" } else { "" };
-    let options = format!("min: {} max: {}{repeats}{head}", number.min, number.max);
-    format!("{rule} {kind} {} = {tag} [(dccl.field) = {{ {options} }}];", field.name)
+    let rule = match field.rule {
+        Rule::Required => "required",
+        Rule::Optional => "optional",
+        Rule::Repeated { min, max } => {
+            options.push(format!("min_repeat: {min} max_repeat: {max}"));
+            "repeated"
+        }
+    };
+    if field.in_head {
+        options.push("in_head: true".to_owned());
+    }
+    let options = options.join(" ");
+    let options = if options.is_empty() { options } else { format!(" [(dccl.field) = {{ {options} }}]") };
+    format!("{rule} {kind} {} = {tag}{options};", field.name)
 }
 
 #[test]
@@ -68,6 +109,15 @@ fn every_form_fits_its_frame() {
         assert!(schema.length() <= layout.frame_bytes, "{}", layout.name);
         assert!(id_bits(layout) + field_bits(layout) <= 8 * layout.frame_bytes, "{}", layout.name);
         assert_eq!(schema.bytes_max, layout.frame_bytes, "{}", layout.name);
+    }
+}
+
+#[test]
+fn reports_are_sound_and_their_lengths_counted() {
+    for layout in &REPORT_LAYOUTS {
+        let schema = layout.schema();
+        assert_eq!(schema.check(), Ok(()), "{}", layout.name);
+        assert_eq!(layout.length(8 * 255, false, KNOTS_MAX, true), schema.length(), "{}", layout.name);
     }
 }
 
@@ -127,11 +177,12 @@ fn the_smallest_frames_carry_these_points() {
 
 #[test]
 fn ids_are_distinct_and_for_private_use() {
-    let ids: BTreeSet<u16> = LAYOUTS.iter().map(|layout| layout.id).collect();
-    assert_eq!(ids.len(), LAYOUTS.len());
+    let maps = LAYOUTS.iter().map(|layout| (layout.id, layout.name));
+    let reports = REPORT_LAYOUTS.iter().map(|layout| (layout.id, layout.name));
+    let (ids, names): (BTreeSet<u16>, BTreeSet<&str>) = maps.chain(reports).unzip();
+    let all = LAYOUTS.len() + REPORT_LAYOUTS.len();
+    assert_eq!((ids.len(), names.len()), (all, all));
     assert!(ids.iter().all(|id| (124..=255).contains(id)), "{ids:?}");
-    let names: BTreeSet<&str> = LAYOUTS.iter().map(|layout| layout.name).collect();
-    assert_eq!(names.len(), LAYOUTS.len());
 }
 
 #[test]
