@@ -7,10 +7,11 @@ use dgpc::Summary;
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
 use crate::beliefs::OwnModel;
-use crate::fitting;
+use crate::fitted::{all_events, fit_events};
+use crate::heard::{said, summaries};
 use crate::learning::{LearnedModel, Learning};
 use crate::model::Model;
-use crate::said::{said, summaries};
+use crate::reports::Worth;
 
 impl Agent {
     /// Learns a model of its own from its own events and from what others said, and from then on predicts under that.
@@ -22,23 +23,23 @@ impl Agent {
     pub fn adapt(&mut self, learning: &Learning) -> Result<&LearnedModel, AgentError> {
         self.refit()?;
         let heard = self.heard();
-        let packets = said(&self.memory, heard.iter());
+        let packets = said(&self.memory, &heard.packets, Worth::All);
         let place = self.model().place_summary().into_iter();
         let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
         let &Model { chart, inputs, .. } = self.model();
-        let events = self.memory.events.iter();
+        let (_, events) = all_events(&self.memory, &heard);
+        let events = || events.iter().copied();
         // How much its own events count is for all that it tells of them, under the team's model.
         let learning = &Learning { fading: Some(self.model().fading), ..learning.clone() };
         let learned = match &self.beliefs.own_model {
             Some(own) => {
                 let earlier = &own.learned;
-                learning.fit(&earlier.structure, chart, inputs, events, &messages, Some(earlier))?
+                learning.fit(&earlier.structure, chart, inputs, events(), &messages, Some(earlier))?
             }
-            None => learning.best(chart, inputs, events, &messages)?,
+            None => learning.best(chart, inputs, events(), &messages)?,
         };
-        let observations = learned.model.observations(self.memory.events.iter())?;
-        let fit = fitting::fit(&learned.model.prior, &observations, &messages, &self.team().limits, None)?;
-        let own = self.beliefs.own_model.insert(Arc::new(OwnModel { fit, learned })).clone();
+        let fitted = fit_events(&self.memory, &learned.model.prior, &heard, &messages, None)?;
+        let own = self.beliefs.own_model.insert(Arc::new(OwnModel { fitted, learned })).clone();
         self.beliefs.invalidate();
         self.update()?;
         Ok(&self.beliefs.own_model.insert(own).learned)

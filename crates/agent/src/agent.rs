@@ -8,13 +8,13 @@ use dgpc::{Posterior, Sites};
 use crate::agent_error::AgentError;
 use crate::beliefs::{Beliefs, Start};
 use crate::entry::Entry;
-use crate::event::{Event, VehicleId};
+use crate::event::{Event, Position, VehicleId};
 use crate::events::Numbered;
 use crate::fitting::FitQuality;
 use crate::frames::Frames;
+use crate::heard::Heard;
 use crate::memory::{Applied, Arrived, Memory};
 use crate::model::Model;
-use crate::packets::PacketKey;
 use crate::receipt::{Counts, Receipt};
 use crate::team::Team;
 
@@ -64,12 +64,30 @@ pub struct Agent {
     pub(crate) beliefs: Beliefs,
     /// Whether it records what any receiver heard.
     owns_all_events: bool,
+    /// In which ways it tells what it knows.
+    pub(crate) telling: Telling,
     /// Members that it does not listen to.
     pub(crate) muted: BTreeSet<u8>,
     pub(crate) counts: Counts,
     pub(crate) heard_s: BTreeMap<u8, f64>,
     /// Whether a link longer than any that was tried may be called better than its part of that length.
     pub(crate) may_rise: bool,
+}
+
+/// In which ways a vehicle tells what it knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Telling {
+    /// By map messages: points that stand for all its events.
+    pub points: bool,
+    /// By reports: single events and where it was.
+    pub reports: bool,
+}
+
+impl Default for Telling {
+    /// In both.
+    fn default() -> Self {
+        Self { points: true, reports: true }
+    }
 }
 
 impl Agent {
@@ -80,6 +98,7 @@ impl Agent {
             memory: Memory::new(Frames::new(team.clone()), team.number(&id)),
             id,
             owns_all_events: false,
+            telling: Telling::default(),
             muted: BTreeSet::new(),
             counts: Counts::default(),
             heard_s: BTreeMap::new(),
@@ -91,6 +110,12 @@ impl Agent {
     #[must_use]
     pub fn owning_all_events(self) -> Self {
         Self { owns_all_events: true, ..self }
+    }
+
+    /// The same vehicle, but it tells what it knows in these ways alone.
+    #[must_use]
+    pub fn telling(self, telling: Telling) -> Self {
+        Self { telling, ..self }
     }
 
     /// The same vehicle, but what it predicts may rise again beyond the longest link that was tried: see
@@ -132,7 +157,13 @@ impl Agent {
 
     /// How many packets count at present, its own included.
     pub fn live_packets(&self) -> usize {
-        self.memory.told().count() + self.heard().len()
+        self.memory.told().count() + self.heard().packets.len()
+    }
+
+    /// How many events of others it knows by what they reported, and how many more were told and wait until it is known where
+    /// they took place.
+    pub fn told_events(&self) -> (usize, usize) {
+        (self.memory.told_events().len(), self.memory.waiting())
     }
 
     /// When a member was last heard by a packet that counted.
@@ -170,25 +201,24 @@ impl Agent {
     pub fn surprise(&mut self, member: &VehicleId) -> Result<Option<f64>, AgentError> {
         self.update()?;
         let heard = self.heard();
-        let number = self.team().number(member).filter(|number| heard.iter().any(|key| key.0 == *number));
+        let number = self.team().number(member).filter(|number| heard.members().contains(number));
         number.map(|number| self.beliefs.surprise_of(&self.memory, &heard, number)).transpose()
     }
 
     /// Members whose packets do not count at present, because what they say surprises by more than
     /// [`Team::surprise_max`]. They count again when they agree again. As of the last prediction.
     pub fn left_out(&self) -> Vec<&VehicleId> {
-        self.beliefs.left_out().iter().filter_map(|number| self.team().members.get(number)).collect()
+        self.beliefs.left_out.iter().filter_map(|number| self.team().members.get(number)).collect()
     }
 
-    /// Packets of others that count.
-    pub(crate) fn heard(&self) -> BTreeSet<PacketKey> {
-        self.memory.heard().filter(|(sender, _)| !self.muted.contains(sender)).collect()
+    /// What others said and counts.
+    pub(crate) fn heard(&self) -> Heard {
+        Heard::of(&self.memory, &self.muted)
     }
 
-    /// Those of them that are believed.
-    pub(crate) fn believed(&self) -> BTreeSet<PacketKey> {
-        let left_out = self.beliefs.left_out();
-        self.heard().into_iter().filter(|(sender, _)| !left_out.contains(sender)).collect()
+    /// What is believed of it.
+    pub(crate) fn believed(&self) -> Heard {
+        self.heard().without(&self.beliefs.left_out)
     }
 
     /// Records an event of its own, and does nothing else; [`Agent::refit_due`] says when it is time for more. Beyond
@@ -221,6 +251,15 @@ impl Agent {
         Ok(())
     }
 
+    /// Records where it was, by its own navigation: once a slot is often enough. Where it heard or missed something it knows
+    /// from its events, too. Without either it tells nobody where it was, and so not what it heard. O(N) for N places.
+    ///
+    /// # Errors
+    /// [`AgentError::NoTime`] and [`AgentError::Nowhere`] for numbers that are none, and then nothing is recorded.
+    pub fn navigate(&mut self, fixes: impl IntoIterator<Item = (f64, Position)>) -> Result<(), AgentError> {
+        self.memory.navigate(&fixes.into_iter().collect::<Vec<_>>())
+    }
+
     fn check_owner(&self, event: &Event) -> Result<(), AgentError> {
         if self.owns_all_events || event.receiver_id == self.id {
             return Ok(());
@@ -239,6 +278,7 @@ impl Agent {
             self.check_owner(event)?;
         }
         match self.memory.apply(entry)? {
+            Applied::Fix => Ok(Receipt::Accepted),
             Applied::Event(change) => {
                 self.beliefs.note(change);
                 Ok(Receipt::Accepted)
@@ -308,12 +348,12 @@ impl Agent {
 
     /// The sites of its own events in the last fit, under the team's model; `None` before the first.
     pub fn sites(&self) -> Option<&Sites> {
-        self.beliefs.fit.as_ref().map(|fit| fit.sites())
+        self.beliefs.alone.as_ref().map(|alone| alone.fit.sites())
     }
 
     /// How the last fit to its own events went; `None` before the first.
     pub fn fit_quality(&self) -> Option<FitQuality> {
-        self.beliefs.fit.as_ref().map(|fit| FitQuality::of(fit))
+        self.beliefs.alone.as_ref().map(|alone| FitQuality::of(&alone.fit))
     }
 
     /// Whether its events are few enough for a dense fit.

@@ -5,14 +5,15 @@ use pingmap_packet::{Key, digest};
 
 use crate::canonical::Writer;
 use crate::chart::Chart;
-use crate::event::Link;
+use crate::event::{Link, VehicleId};
 use crate::grid::Grid;
 use crate::place::Place;
-use crate::team::{Slots, Team};
+use crate::slots::Slots;
+use crate::team::Team;
 
 /// Version of what bytes on the water mean: of the packets, their levels and the digest. It is in the digest, so that
 /// packets of another version are another team's.
-pub const PROTOCOL_VERSION: u16 = 3;
+pub const PROTOCOL_VERSION: u16 = 4;
 
 impl Team {
     /// Digest of all that gives a packet its meaning: chart, inputs, kernel and prior mean, what is known of the place, grid, members, frames,
@@ -36,6 +37,7 @@ impl Team {
         [cell_m, depth_cell_m, start_s, time_cell_s].into_iter().for_each(|value| number(&mut out, value));
         out.u32(self.frame_bytes.min(u32::MAX as usize) as u32);
         out.u16(self.packets_per_sender_max);
+        out.u16(self.reports_per_sender_max);
         out.u32(self.epoch);
         out.u32(self.members.len() as u32);
         for (member, name) in &self.members {
@@ -125,9 +127,25 @@ fn write_reflection(out: &mut Writer, reflection: Option<&Reflection>) {
     }
 }
 
+/// The order from the beginning on, other orders from later slots on, and transmissions one by one if there are.
 fn write_slots(out: &mut Writer, slots: &Slots) {
+    let names = |out: &mut Writer, names: &[VehicleId]| {
+        out.u32(names.len() as u32);
+        names.iter().for_each(|name| out.text(name.as_str()));
+    };
     number(out, slots.start_s);
     number(out, slots.duration_s);
-    out.u32(slots.order.len() as u32);
-    slots.order.iter().for_each(|name| out.text(name.as_str()));
+    names(out, &slots.order);
+    out.u32(slots.changes.len() as u32);
+    for change in &slots.changes {
+        out.u32(change.from);
+        names(out, &change.order);
+    }
+    let listed = slots.listed.as_deref().unwrap_or_default();
+    out.u32(listed.len() as u32);
+    for opportunity in listed {
+        number(out, opportunity.time_s);
+        out.text(opportunity.sender.as_str());
+        names(out, &opportunity.listeners);
+    }
 }

@@ -1,6 +1,6 @@
 //! What can happen to a memory.
 
-use crate::event::Event;
+use crate::event::{Event, Position};
 
 /// Something that a vehicle remembers from then on. All that it knows follows from the set of its entries, whatever
 /// their order and however often each of them came: a journal of them can be applied again, in parts and twice over.
@@ -13,6 +13,13 @@ pub enum Entry {
         number: u64,
         /// The event.
         event: Event,
+    },
+    /// Where it was, by its own navigation.
+    Navigated {
+        /// When, in seconds.
+        time_s: f64,
+        /// Where.
+        position: Position,
     },
     /// A frame that it heard.
     Heard {

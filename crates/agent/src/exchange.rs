@@ -1,18 +1,34 @@
 //! What a vehicle takes in from the water, and what it gives.
 
 use dgpc::spread_out;
-use pingmap_packet::{Layout, MapMessage};
+use pingmap_packet::{Earlier, Layout, MapMessage, Report as ReportMessage, ReportLayout};
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
 use crate::attempt::{Attempt, Kind, Party};
 use crate::entry::Entry;
 use crate::event::{Event, Link, VehicleId};
+use crate::heard::{Packets, counting};
 use crate::memory::Arrived;
 use crate::packets::PacketKey;
 use crate::planner::Planner;
 use crate::receipt::{Receipt, Refusal};
+use crate::reporter::Reporter;
+use crate::reports::Worth;
 use crate::wire::Wire;
+
+/// A vehicle begins to report when it is done within so many frames,
+const FRAMES_BEFORE: u64 = 1;
+
+/// and so many for each that it has sent.
+const FRAMES_AGAIN: u64 = 3;
+
+/// A report that could be sent.
+struct PlannedReport {
+    report: ReportMessage,
+    /// How many frames it takes to tell all that was never told.
+    frames_needed: u64,
+}
 
 impl Agent {
     /// Takes in a packet. What it says is in the next prediction. (A time that is not finite is not noted.)
@@ -40,6 +56,22 @@ impl Agent {
         self.memory.frames.read(bytes)
     }
 
+    /// Reads a report of the team without taking it in: its form, what it says, and how many bytes it has.
+    ///
+    /// # Errors
+    /// As [`Agent::read`].
+    pub fn read_report(&self, bytes: &[u8]) -> Result<(&'static ReportLayout, ReportMessage, usize), Refusal> {
+        self.memory.frames.read_report(bytes)
+    }
+
+    /// The bytes of a report, in the form of the team: see [`Agent::write`].
+    ///
+    /// # Errors
+    /// As [`ReportMessage::encode`].
+    pub fn write_report(&self, report: &ReportMessage) -> Result<Vec<u8>, pingmap_packet::Error> {
+        self.memory.frames.write_report(report)
+    }
+
     /// The bytes of a message, as this team sends them: sealed if it has a key, else with the digest of what it agreed
     /// on.
     ///
@@ -50,25 +82,27 @@ impl Agent {
     }
 
     /// The packet that tells most for a frame of so many bytes (at most the team's), of what is known by the last fit
-    /// and the events beside it; `None` where nothing is worth a frame. Fits nothing: whoever has time to
-    /// [`Agent::refit`] before does. Whoever may lose its memory writes an [`Agent::snapshot`] or an [`Entry::Sent`]
-    /// before the packet leaves: a counter must not be used twice.
+    /// and the events beside it; `None` where nothing is worth a frame. It is a report, of single events and where it was, or a
+    /// map message, of what all its events say: whichever brings what others can know closer to what it knows. Fits nothing:
+    /// whoever has time to [`Agent::refit`] before does. Whoever may lose its memory writes an [`Agent::snapshot`] or an
+    /// [`Entry::Sent`] before the packet leaves: a counter must not be used twice.
     ///
     /// # Errors
     /// [`AgentError::NotAMember`], [`AgentError::CountersUsedUp`], and [`AgentError::Team`] for a frame below 32 bytes.
     pub fn next_packet(&mut self, time_s: f64, frame_bytes: usize) -> Result<Option<Vec<u8>>, AgentError> {
         let sender = self.memory.own.ok_or_else(|| AgentError::NotAMember { id: self.id.clone() })?;
-        let layout = self.team().layout(frame_bytes.min(self.team().frame_bytes))?;
+        let frame_bytes = frame_bytes.min(self.team().frame_bytes);
+        let layout = self.team().layout(frame_bytes)?;
         let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team().epoch };
         let counter = u16::try_from(self.memory.packets.counter_next(sender)).map_err(|_| used_up())?;
         self.update()?;
         let planned = if self.beliefs.nothing_new_in == Some(layout.frame_bytes) {
             None
         } else {
-            self.planner(layout)?.packet(&self.beliefs.public)?
+            self.plan(sender, counter, layout, frame_bytes)?
         };
         let bytes = match planned {
-            Some(planned) => self.write(layout, &MapMessage { sender, counter, model: 0, blocks: planned.blocks })?,
+            Some(bytes) => bytes,
             None => {
                 self.beliefs.nothing_new_in = Some(layout.frame_bytes);
                 let Some(again) = self.repeat() else { return Ok(None) };
@@ -80,10 +114,74 @@ impl Agent {
         Ok(Some(bytes))
     }
 
+    /// A report or a map message. A few points soon tell much of what the vehicle knows by itself, and only when most of its
+    /// events are told one by one do these tell more; but then they tell what no points do, because everybody can fit them
+    /// together with all others. Nothing says how many frames will follow, but that some were sent: reports begin when they are
+    /// done within three times as many, and one more. After that a map message goes where one is worth a frame.
+    fn plan(
+        &self,
+        sender: u8,
+        counter: u16,
+        layout: &Layout,
+        frame_bytes: usize,
+    ) -> Result<Option<Vec<u8>>, AgentError> {
+        let planner = self.planner(layout)?;
+        let report =
+            if self.telling.reports { self.plan_report(&planner, sender, counter, frame_bytes)? } else { None };
+        let begins = |planned: &PlannedReport| {
+            (1..=FRAMES_BEFORE + FRAMES_AGAIN * self.memory.sent_next()).contains(&planned.frames_needed)
+        };
+        let map = match &report {
+            Some(planned) if begins(planned) => None,
+            _ if self.telling.points => planner.packet(&self.beliefs.public)?,
+            _ => None,
+        };
+        match (map, report) {
+            (Some(map), _) => {
+                Ok(Some(self.write(layout, &MapMessage { sender, counter, model: 0, blocks: map.blocks })?))
+            }
+            (None, Some(planned)) => Ok(Some(self.memory.frames.write_report(&planned.report)?)),
+            (None, None) => Ok(None),
+        }
+    }
+
+    /// The report that is worth most. Its map messages, which may speak of the same events, count as
+    /// much beside it as leaves least untold.
+    fn plan_report(
+        &self,
+        planner: &Planner<'_>,
+        sender: u8,
+        counter: u16,
+        frame_bytes: usize,
+    ) -> Result<Option<PlannedReport>, AgentError> {
+        let memory = &self.memory;
+        let told: Vec<PacketKey> = memory.told().map(|(counter, _)| (sender, counter)).collect();
+        let packets = counting(memory, told.iter().copied());
+        let reporter = Reporter::new(memory, sender);
+        let earlier = |counts| (!told.is_empty()).then_some(Earlier { before: counter as u8, counts });
+        let Some(report) = reporter.report(frame_bytes, earlier(false)) else { return Ok(None) };
+        let new = reporter.slots_told(&report);
+        let known = memory.reports.told_by(sender);
+        let is_told = |slot: u32| new.contains(&slot) || known.is_some_and(|told| told.outcomes.contains_key(&slot));
+        let left = |packets: &Packets| -> Result<f64, AgentError> {
+            Ok(planner.left(&self.beliefs.public_of(memory, packets, &is_told)?)?)
+        };
+        let without = left(&Packets::new())?;
+        let beyond: Packets = packets.into_keys().map(|key| (key, Worth::Beyond)).collect();
+        let with = if beyond.is_empty() { f64::INFINITY } else { left(&beyond)? };
+        let report = ReportMessage { earlier: earlier(with < without), ..report };
+        let frames_needed = reporter.frames_needed(frame_bytes, earlier(false)) as u64;
+        Ok(Some(PlannedReport { report, frames_needed }))
+    }
+
     /// A packet of its own that was sent again least often, the oldest of these, unless all were sent again often
     /// enough.
     fn repeat(&self) -> Option<Vec<u8>> {
-        let (_, least) = self.memory.told().min_by_key(|(_, version)| version.sent.len())?;
+        let counts = |&(counter, _): &(u16, _)| {
+            let own = self.memory.own.map(|own| (own, counter));
+            own.is_some_and(|key| !counting(&self.memory, [key].into_iter()).is_empty())
+        };
+        let (_, least) = self.memory.told().filter(counts).min_by_key(|(_, version)| version.sent.len())?;
         (least.sent.len() <= usize::from(self.team().repeats_max)).then(|| least.packet.bytes.clone())
     }
 
@@ -113,7 +211,7 @@ impl Agent {
     /// not count.
     pub fn links_of_packets(&self) -> Vec<(VehicleId, u16, Vec<Link>)> {
         let own = self.memory.told().filter_map(|(counter, _)| Some((self.memory.own?, counter)));
-        let mut counting: Vec<PacketKey> = own.chain(self.heard()).collect();
+        let mut counting: Vec<PacketKey> = own.chain(self.heard().packets.into_keys()).collect();
         counting.sort_unstable();
         let told = |key: PacketKey| {
             let name = self.team().members.get(&key.0)?.clone();

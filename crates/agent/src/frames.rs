@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use dgpc::Summary;
-use pingmap_packet::{Block, Layout, MapMessage, Seal, digest};
+use pingmap_packet::{Block, Cell, Layout, MapMessage, Outcome, Report as ReportMessage, ReportLayout, Seal, digest};
 
 use crate::packets::{Packet, PacketKey};
 use crate::receipt::Refusal;
+use crate::reports::Report;
 use crate::team::Team;
 
 /// What reads and writes a team's packets.
@@ -29,15 +30,40 @@ impl Frames {
             return Err(Refusal::OtherForm { name: layout.name });
         }
         let (layout, message) = MapMessage::decode(bytes, self.seal()).map_err(|error| self.refusal(error))?;
-        let found = message.model ^ if layout.is_sealed { 0 } else { check_number(&layout.with_model_zeroed(bytes)) };
-        let expected = if layout.is_sealed { 0 } else { self.number() };
-        if found != expected {
-            return Err(Refusal::OtherTeam { found: Some(found), expected });
+        if !layout.is_sealed {
+            self.check_number(message.model, &layout.with_model_zeroed(bytes))?;
         }
-        if !self.team.members.contains_key(&message.sender) {
-            return Err(Refusal::UnknownSender { number: message.sender });
-        }
+        self.check_sender(message.sender)?;
         Ok((layout, message))
+    }
+
+    /// A report of the team in the first so many bytes: its form, and what it says.
+    pub(crate) fn read_report(&self, bytes: &[u8]) -> Result<(&'static ReportLayout, ReportMessage, usize), Refusal> {
+        if let Some(layout) = ReportLayout::of(bytes)
+            && (layout.has_depth != self.team.model.inputs.has_depths() || layout.is_sealed != self.team.key.is_some())
+        {
+            return Err(Refusal::OtherForm { name: layout.name });
+        }
+        let (layout, message, length) =
+            ReportMessage::decode(bytes, self.seal()).map_err(|error| self.refusal(error))?;
+        if !layout.is_sealed {
+            self.check_number(message.model, &layout.with_model_zeroed(&bytes[..length]))?;
+        }
+        self.check_sender(message.sender)?;
+        Ok((layout, message, length))
+    }
+
+    /// Whether an open message was formed under this agreement, and is whole.
+    fn check_number(&self, model: u16, unnumbered: &[u8]) -> Result<(), Refusal> {
+        let (found, expected) = (model ^ check_number(unnumbered), self.number());
+        if found == expected { Ok(()) } else { Err(Refusal::OtherTeam { found: Some(found), expected }) }
+    }
+
+    fn check_sender(&self, number: u8) -> Result<(), Refusal> {
+        match self.team.members.contains_key(&number) {
+            true => Ok(()),
+            false => Err(Refusal::UnknownSender { number }),
+        }
     }
 
     /// Whether members of the team send packets of this form.
@@ -67,6 +93,67 @@ impl Frames {
         let longest_m = links.map(|attempt| attempt.link.range_m()).fold(0.0, f64::max);
         let bytes = bytes[..layout.length()].to_vec();
         Ok(((message.sender, message.counter), Packet { bytes, summaries, longest_m }))
+    }
+
+    /// A report of the team: who sent it, and what it says of which slots. What it says of slots that there are not is left out.
+    pub(crate) fn report(&self, bytes: &[u8]) -> Result<(u8, Report), Refusal> {
+        let (_, message, length) = self.read_report(bytes)?;
+        let (mut outcomes, mut silent) = (Vec::new(), Vec::new());
+        let mut said = message.outcomes.iter();
+        for slot in self.slots_of(message.sender, message.first, message.tells_own) {
+            let Some(outcome) = said.next() else { break };
+            match (self.is_heard_by(slot, message.sender), outcome) {
+                (_, Outcome::Untold) => {}
+                (true, outcome) => outcomes.push((slot, *outcome == Outcome::Heard)),
+                (false, Outcome::Missed) => silent.push(slot),
+                (false, _) => {}
+            }
+        }
+        let mut slot = message.first;
+        let knots = message.knots.iter().enumerate().map(|(place, knot)| {
+            let slots = u32::from(knot.slots);
+            slot = if place == 0 { slot.saturating_sub(slots) } else { slot + slots };
+            (slot, Cell { east: knot.east, north: knot.north, depth: knot.depth })
+        });
+        let knots = knots.collect();
+        let report = Report {
+            bytes: bytes[..length].to_vec(),
+            first: message.first,
+            outcomes,
+            silent,
+            knots,
+            earlier: message.earlier,
+        };
+        Ok((message.sender, report))
+    }
+
+    /// The slots from `first` on that outcomes of a member stand for: those in which it could hear somebody and, where it tells
+    /// of them, its own.
+    pub(crate) fn slots_of(&self, member: u8, first: u32, tells_own: bool) -> impl Iterator<Item = u32> {
+        let id = self.team.members.get(&member);
+        let slots = first..id.map_or(first, |_| self.team.slots.end());
+        slots.filter(move |&slot| self.is_heard_by(slot, member) || tells_own && self.team.slots.sender(slot) == id)
+    }
+
+    /// Whether a member could hear somebody in a slot.
+    pub(crate) fn is_heard_by(&self, slot: u32, member: u8) -> bool {
+        self.team.members.get(&member).is_some_and(|id| self.team.slots.is_heard_by(slot, id))
+    }
+
+    /// The bytes of a report: see [`Frames::write`].
+    pub(crate) fn write_report(&self, message: &ReportMessage) -> Result<Vec<u8>, pingmap_packet::Error> {
+        let layout = self.report_layout();
+        let unnumbered = ReportMessage { model: 0, ..message.clone() };
+        let bytes = unnumbered.encode(layout, self.seal())?;
+        if layout.is_sealed {
+            return Ok(bytes);
+        }
+        ReportMessage { model: check_number(&bytes) ^ self.number(), ..unnumbered }.encode(layout, None)
+    }
+
+    /// The form of the team's reports.
+    pub(crate) fn report_layout(&self) -> &'static ReportLayout {
+        ReportLayout::new(self.team.model.inputs.has_depths(), self.team.key.is_some())
     }
 
     /// The bytes of a message: sealed if the team has a key, else with the number of what it agreed on.

@@ -1,6 +1,6 @@
 //! Chart and time in whole cells, as packets name places and times.
 
-use pingmap_packet::{Cell, DEPTH_CELLS, HORIZONTAL_CELLS, TIME_CELLS};
+use pingmap_packet::{Cell, DEPTH_CELLS, HORIZONTAL_CELLS, KNOT_CELLS, KNOT_DEPTH_CELLS, TIME_CELLS};
 
 use crate::attempt::When;
 use crate::bounds;
@@ -24,8 +24,44 @@ pub struct Grid {
 /// Where nothing is said of the time: cells of ten minutes, for a mission of half a day.
 pub(crate) const TIME_CELL_S: f64 = 600.0;
 
-/// Cells on one side of the origin.
-const HALF: f64 = HORIZONTAL_CELLS as f64 / 2.0;
+/// How many cells a chart has, and how large they are.
+#[derive(Clone, Copy)]
+struct Cells {
+    /// East and north.
+    across: u16,
+    /// From the surface down.
+    down: u8,
+    side_m: f64,
+    height_m: f64,
+}
+
+impl Cells {
+    /// The cell of a position, if there is one.
+    fn cell(self, chart: &Chart, position: &Position) -> Option<Cell> {
+        let (east_m, north_m) = chart.local_m(position);
+        let place = |value: f64, cells: u16| (value >= 0.0 && value < f64::from(cells)).then_some(value as u8);
+        let across = |value_m: f64| place((value_m / self.side_m + f64::from(self.across) / 2.0).floor(), self.across);
+        Some(Cell {
+            east: across(east_m)?,
+            north: across(north_m)?,
+            depth: match position.depth_m {
+                // Floats and buoys lie on the surface, or a little above what a sensor calls it.
+                Some(depth_m) => place((depth_m / self.height_m).floor().max(0.0), self.down.into())?,
+                None => 0,
+            },
+        })
+    }
+
+    /// The middle of a cell.
+    fn position(self, chart: &Chart, cell: Cell, has_depth: bool) -> Position {
+        let middle = |place: u8| (f64::from(place) + 0.5 - f64::from(self.across) / 2.0) * self.side_m;
+        Position {
+            east_m: chart.origin.east_m + middle(cell.east),
+            north_m: chart.origin.north_m + middle(cell.north),
+            depth_m: has_depth.then(|| (f64::from(cell.depth) + 0.5) * self.height_m),
+        }
+    }
+}
 
 impl Grid {
     /// The finest grid of two-digit cells that holds all these positions.
@@ -37,7 +73,7 @@ impl Grid {
             depth_max_m = depth_max_m.max(position.depth_m.unwrap_or(0.0));
         }
         Self {
-            cell_m: round_up(reach_m / HALF),
+            cell_m: round_up(2.0 * reach_m / f64::from(HORIZONTAL_CELLS)),
             depth_cell_m: round_up(depth_max_m / f64::from(DEPTH_CELLS)),
             start_s: 0.0,
             time_cell_s: TIME_CELL_S,
@@ -76,27 +112,33 @@ impl Grid {
 
     /// The cell of a position, if the grid holds it.
     pub fn cell(&self, chart: &Chart, position: &Position) -> Option<Cell> {
-        let (east_m, north_m) = chart.local_m(position);
-        let place = |value: f64, cells: u8| (value >= 0.0 && value < f64::from(cells)).then_some(value as u8);
-        Some(Cell {
-            east: place((east_m / self.cell_m + HALF).floor(), HORIZONTAL_CELLS)?,
-            north: place((north_m / self.cell_m + HALF).floor(), HORIZONTAL_CELLS)?,
-            depth: match position.depth_m {
-                // Floats and buoys lie on the surface, or a little above what a sensor calls it.
-                Some(depth_m) => place((depth_m / self.depth_cell_m).floor().max(0.0), DEPTH_CELLS)?,
-                None => 0,
-            },
-        })
+        self.cells_of_points().cell(chart, position)
     }
 
     /// The middle of a cell.
     pub fn position(&self, chart: &Chart, cell: Cell, has_depth: bool) -> Position {
-        let middle = |place: u8| (f64::from(place) + 0.5 - HALF) * self.cell_m;
-        Position {
-            east_m: chart.origin.east_m + middle(cell.east),
-            north_m: chart.origin.north_m + middle(cell.north),
-            depth_m: has_depth.then(|| (f64::from(cell.depth) + 0.5) * self.depth_cell_m),
-        }
+        self.cells_of_points().position(chart, cell, has_depth)
+    }
+
+    /// The cell of a position in which a knot of a track lies: a quarter as wide, and half as high.
+    pub fn knot_cell(&self, chart: &Chart, position: &Position) -> Option<Cell> {
+        self.cells_of_knots().cell(chart, position)
+    }
+
+    /// The middle of a cell of knots.
+    pub fn knot_position(&self, chart: &Chart, cell: Cell, has_depth: bool) -> Position {
+        self.cells_of_knots().position(chart, cell, has_depth)
+    }
+
+    fn cells_of_points(&self) -> Cells {
+        let Self { cell_m: side_m, depth_cell_m: height_m, .. } = *self;
+        Cells { across: HORIZONTAL_CELLS.into(), down: DEPTH_CELLS, side_m, height_m }
+    }
+
+    fn cells_of_knots(&self) -> Cells {
+        let side_m = self.cell_m * f64::from(HORIZONTAL_CELLS) / f64::from(KNOT_CELLS);
+        let height_m = self.depth_cell_m * f64::from(DEPTH_CELLS) / f64::from(KNOT_DEPTH_CELLS);
+        Cells { across: KNOT_CELLS, down: KNOT_DEPTH_CELLS, side_m, height_m }
     }
 
     /// The cells of both ends, if the grid holds them.
@@ -135,6 +177,11 @@ mod tests {
             let depths = (middle.depth_m.unwrap_or(0.0), corner.depth_m.unwrap_or(0.0));
             assert!(off(depths.0, depths.1) <= 0.5 * grid.depth_cell_m + 1e-9, "{depths:?}");
             assert_eq!(grid.cell(&chart, &middle), Some(cell));
+            let knot = grid.knot_position(&chart, grid.knot_cell(&chart, &corner).expect("and so it does"), true);
+            assert!(
+                off(knot.east_m, corner.east_m).max(off(knot.north_m, corner.north_m)) <= 0.125 * grid.cell_m + 1e-9
+            );
+            assert!(off(knot.depth_m.unwrap_or(0.0), corner.depth_m.unwrap_or(0.0)) <= 0.25 * grid.depth_cell_m + 1e-9);
         }
         assert_eq!(grid.cell(&chart, &Position::new(5e5 + 40.0 * grid.cell_m, 4e6)), None);
         assert!(grid.cell_m * 32.0 < 1.1 * 1600.0, "{grid:?}");

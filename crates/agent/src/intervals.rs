@@ -5,8 +5,9 @@ use dgpc::{Latent, Posterior, Summary};
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
 use crate::attempt::Attempt;
+use crate::heard::{said, summaries};
 use crate::prediction::Shown;
-use crate::said::{said, summaries};
+use crate::reports::Worth;
 
 /// Standard deviations within which nine in ten of a normal distribution lie, to either side.
 const REACH: f64 = 1.644_854;
@@ -24,11 +25,11 @@ impl Agent {
     /// [`AgentError::Method`] when the method refuses.
     pub fn wide_posterior(&mut self) -> Result<Posterior, AgentError> {
         self.update()?;
-        let Some(fit) = self.beliefs.fit_of_fused() else { return Ok(self.beliefs.fused.clone()) };
-        let packets = said(&self.memory, self.believed().iter());
+        let Some(fitted) = self.beliefs.fitted() else { return Ok(self.beliefs.fused.clone()) };
+        let packets = said(&self.memory, &self.believed().packets, Worth::All);
         let place = self.model().place_summary().into_iter();
         let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
-        let mut wide = fit.propagated_with(&messages)?.posterior()?;
+        let mut wide = fitted.fit.propagated_with(&messages)?.posterior()?;
         for event in self.beliefs.beside() {
             let observation = self.memory.observation(event)?;
             wide.absorb_events(&dgpc::sites_given(&wide, &observation)?)?;

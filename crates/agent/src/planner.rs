@@ -35,6 +35,8 @@ const TEMPERED_SHARE: f64 = 0.01;
 pub(crate) struct Planned {
     pub(crate) blocks: Vec<Block>,
     pub(crate) summaries: Vec<Summary>,
+    /// What others do not know with it: see [`Planner::left`].
+    pub(crate) left: f64,
 }
 
 /// What a vehicle knows, at the places where it could send something of it.
@@ -68,20 +70,29 @@ impl Planner<'_> {
         for temper in TEMPERS {
             let worth = if temper < 1.0 { self.worth_nats.max(TEMPERED_SHARE * untold) } else { self.worth_nats };
             for (choice, parts) in CHOICES {
-                let mut best: Option<(f64, Planned)> = None;
+                let mut best: Option<Planned> = None;
                 for pool in parts.iter().map(|part| self.worst(&order, *part)) {
                     let (planned, public) = self.form(public, &pool, choice, temper)?;
-                    let left = mean(&self.divergences(&known, &public)?);
-                    if !planned.summaries.is_empty() && best.as_ref().is_none_or(|(least, _)| left < *least) {
-                        best = Some((left, planned));
+                    let planned = Planned { left: mean(&self.divergences(&known, &public)?), ..planned };
+                    if !planned.summaries.is_empty() && best.as_ref().is_none_or(|best| planned.left < best.left) {
+                        best = Some(planned);
                     }
                 }
-                if let Some((_, planned)) = best.filter(|(left, _)| untold - left >= worth) {
+                if let Some(planned) = best.filter(|planned| untold - planned.left >= worth) {
                     return Ok(Some(planned));
                 }
             }
         }
         Ok(None)
+    }
+
+    /// What somebody who knows `public` does not know: mean Kullback-Leibler divergence of what that predicts from what the
+    /// vehicle knows, over its own events, in nats. 0 without any.
+    pub(crate) fn left(&self, public: &Posterior) -> dgpc::Result<f64> {
+        if self.attempts.is_empty() {
+            return Ok(0.0);
+        }
+        Ok(mean(&self.divergences(&self.own.probability(&self.inputs)?, public)?))
     }
 
     /// One in `part` of the candidates, the first in `order`, and as many as a block has points.
@@ -119,7 +130,7 @@ impl Planner<'_> {
             summaries.push(summary);
         }
         blocks.resize_with(self.layout.blocks, || Block::silent(self.layout));
-        Ok((Planned { blocks, summaries }, public))
+        Ok((Planned { blocks, summaries, left: f64::NAN }, public))
     }
 
     /// Kullback-Leibler divergence of what `public` predicts from what the vehicle knows, at every candidate.

@@ -110,9 +110,10 @@ impl Agent {
     /// Length of the longest link that its own events tried, that others told of whom it believes, or that is known of the
     /// place; `None` before any.
     pub fn longest_m(&self) -> Option<f64> {
-        let believed = self.believed().into_iter();
-        let told_m = believed.filter_map(|key| self.memory.packets.get(key)).map(|packet| packet.longest_m);
-        told_m.chain(self.own_longest_m()).reduce(f64::max)
+        let believed = self.believed();
+        let packets = believed.packets.keys().filter_map(|&key| self.memory.packets.get(key));
+        let told_m = believed.told.values().map(|event| event.link.range_m());
+        packets.map(|packet| packet.longest_m).chain(told_m).chain(self.own_longest_m()).reduce(f64::max)
     }
 
     fn own_longest_m(&self) -> Option<f64> {

@@ -13,8 +13,8 @@ pub enum Receipt {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// Not a map message, or one whose fields are out of bounds.
-    #[error("not a map message: {0}")]
+    /// Neither a map message nor a report, or one whose fields are out of bounds.
+    #[error("neither a map message nor a report: {0}")]
     Malformed(pingmap_packet::Error),
     /// The tag does not fit: damaged, or sealed with another key.
     #[error("not of this team: {0}")]
@@ -70,6 +70,10 @@ pub enum Refusal {
         /// The counter.
         counter: u16,
     },
+    /// A report with the vehicle's own number that it did not send: another one goes by that number, or it sent the report
+    /// before it lost its memory. What it says counts as told.
+    #[error("a report not sent by this vehicle, whose number it has")]
+    OwnReport,
     /// Said to be sent by this vehicle, which has another number.
     #[error("sent under number {number}, which is not that of this vehicle")]
     NotSentByMe {
@@ -140,7 +144,7 @@ impl Counts {
             Refusal::TooOld => &mut self.too_old,
             Refusal::Conflict { .. } => &mut self.conflict,
             Refusal::Unconfirmed { .. } => &mut self.unconfirmed,
-            Refusal::OwnNumber { .. } | Refusal::NotSentByMe { .. } => &mut self.own_number,
+            Refusal::OwnNumber { .. } | Refusal::OwnReport | Refusal::NotSentByMe { .. } => &mut self.own_number,
             Refusal::Unusable(_) => &mut self.unusable,
         }
     }

@@ -71,13 +71,14 @@ impl Agent {
     ) -> Result<Self, AgentError> {
         let wrong = |problem: String| AgentError::Snapshot { id: id.clone(), problem };
         let content = checked(bytes, key).map_err(wrong)?;
-        let Contents { vehicle, digest, latest, events, frames } =
+        let Contents { vehicle, digest, latest, events, fixes, frames } =
             contents(content).ok_or_else(|| wrong("what it says makes no sense".into()))?;
         if vehicle != id.as_str() {
             return Err(wrong(format!("it is of {vehicle}")));
         }
         let mut agent = Agent::new(id.clone(), team);
         agent.remember(events)?;
+        agent.navigate(fixes)?;
         if digest == agent.memory.frames.digest {
             for (sender, latest) in latest {
                 agent.memory.packets.reach(sender, latest);
@@ -96,6 +97,7 @@ struct Contents<'a> {
     digest: &'a [u8],
     latest: Vec<(u8, u16)>,
     events: Vec<Numbered>,
+    fixes: Vec<(f64, Position)>,
     frames: Vec<Entry>,
 }
 
@@ -127,14 +129,15 @@ fn contents(bytes: &[u8]) -> Option<Contents<'_>> {
     let senders = reader.u16()?;
     let latest = (0..senders).map(|_| Some((reader.u8()?, reader.u16()?))).collect::<Option<_>>()?;
     // No list is made longer than the bytes that are there.
-    let (mut events, mut frames) = (Vec::new(), Vec::new());
+    let (mut events, mut fixes, mut frames) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..reader.u64()? {
         match read_entry(&mut reader)? {
             Entry::Observed { number, event } => events.push(Numbered { number, event }),
+            Entry::Navigated { time_s, position } => fixes.push((time_s, position)),
             frame => frames.push(frame),
         }
     }
-    reader.is_at_end().then_some(Contents { vehicle, digest, latest, events, frames })
+    reader.is_at_end().then_some(Contents { vehicle, digest, latest, events, fixes, frames })
 }
 
 fn write_entry(out: &mut Writer, entry: &Entry) {
@@ -143,6 +146,11 @@ fn write_entry(out: &mut Writer, entry: &Entry) {
             out.u8(if event.kind.is_some() { 3 } else { 0 });
             out.u64(*number);
             write_event(out, event);
+        }
+        Entry::Navigated { time_s, position } => {
+            out.u8(4);
+            out.f64(*time_s);
+            write_position(out, position);
         }
         Entry::Heard { bytes } => {
             out.u8(1);
@@ -159,6 +167,7 @@ fn write_entry(out: &mut Writer, entry: &Entry) {
 fn read_entry(reader: &mut Reader<'_>) -> Option<Entry> {
     match reader.u8()? {
         tag @ (0 | 3) => Some(Entry::Observed { number: reader.u64()?, event: read_event(reader, tag == 3)? }),
+        4 => Some(Entry::Navigated { time_s: reader.f64()?, position: read_position(reader)? }),
         1 => Some(Entry::Heard { bytes: reader.bytes()?.to_vec() }),
         2 => Some(Entry::Sent { number: reader.u64()?, bytes: reader.bytes()?.to_vec() }),
         _ => None,
@@ -171,12 +180,18 @@ fn write_event(out: &mut Writer, event: &Event) {
     out.text(event.transmitter_id.as_str());
     out.text(event.receiver_id.as_str());
     out.u8(event.success.into());
-    for end in event.link.ends() {
-        out.f64(end.east_m);
-        out.f64(end.north_m);
-        out.option(end.depth_m);
-    }
+    event.link.ends().iter().for_each(|end| write_position(out, end));
     event.kind.iter().for_each(|kind| out.text(kind.as_str()));
+}
+
+fn write_position(out: &mut Writer, position: &Position) {
+    out.f64(position.east_m);
+    out.f64(position.north_m);
+    out.option(position.depth_m);
+}
+
+fn read_position(reader: &mut Reader<'_>) -> Option<Position> {
+    Some(Position { east_m: reader.f64()?, north_m: reader.f64()?, depth_m: reader.option()? })
 }
 
 fn read_event(reader: &mut Reader<'_>, has_kind: bool) -> Option<Event> {
@@ -184,8 +199,7 @@ fn read_event(reader: &mut Reader<'_>, has_kind: bool) -> Option<Event> {
     let mut id = || Some(VehicleId::new(reader.text()?));
     let (transmitter_id, receiver_id) = (id()?, id()?);
     let success = reader.bool()?;
-    let mut end = || Some(Position { east_m: reader.f64()?, north_m: reader.f64()?, depth_m: reader.option()? });
-    let link = Link { transmitter: end()?, receiver: end()? };
+    let link = Link { transmitter: read_position(reader)?, receiver: read_position(reader)? };
     let kind = if has_kind { Some(MessageKind::new(reader.text()?)) } else { None };
     Some(Event { time_s, transmitter_id, receiver_id, link, kind, success })
 }

@@ -10,10 +10,11 @@ use crate::event::{Position, VehicleId};
 use crate::grid::Grid;
 use crate::limits::Limits;
 use crate::model::Model;
+use crate::slots::Slots;
 use crate::wire::Wire;
 
 /// Version of `team.toml`. A newer one is refused.
-pub const TEAM_SCHEMA: u32 = 2;
+pub const TEAM_SCHEMA: u32 = 3;
 
 /// Inducing points of all live packets together, where the team does not say how many packets each sender may have.
 const LIVE_POINTS: usize = 2560;
@@ -38,6 +39,12 @@ pub struct Team {
     /// Packets of every sender that count, those behind its latest: bounds everybody's memory. A sender says again what
     /// falls out.
     pub packets_per_sender_max: u16,
+    /// Reports of every sender that count, those about its latest slots: bounds everybody's memory.
+    pub reports_per_sender_max: u16,
+    /// How often a vehicle reports the same transmission at most, as long as there are frames for it: reports get lost.
+    pub tellings_max: u8,
+    /// How far the track that a vehicle tells may be off where it was, in metres.
+    pub track_off_max_m: f64,
     /// A packet is sent if it brings what others can know by it closer to what the sender knows by so many nats an
     /// event at least: mean Kullback-Leibler divergence at the sender's own events.
     pub worth_nats: f64,
@@ -48,25 +55,6 @@ pub struct Team {
     pub repeats_max: u8,
     /// Bounds on work and memory of every vehicle.
     pub limits: Limits,
-}
-
-/// Whose turn it is.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Slots {
-    /// When a slot of the first sender begins, in seconds.
-    pub start_s: f64,
-    /// Length of a slot in seconds.
-    pub duration_s: f64,
-    /// Senders in turn.
-    pub order: Vec<VehicleId>,
-}
-
-impl Slots {
-    /// Who may send at this time; nobody in a schedule without members, and at a time that is not finite.
-    pub fn owner(&self, time_s: f64) -> Option<&VehicleId> {
-        let slot = ((time_s - self.start_s) / self.duration_s).floor().rem_euclid(self.order.len() as f64);
-        if slot.is_finite() { self.order.get(slot as usize) } else { None }
-    }
 }
 
 /// What makes no team.
@@ -114,6 +102,12 @@ pub enum TeamError {
         /// The name.
         name: VehicleId,
     },
+    /// Orders of slots that do not follow one another in time.
+    #[error("slots.changes: {from_s} s is no later than the change before, or the beginning")]
+    ChangesBackwards {
+        /// When the order begins.
+        from_s: f64,
+    },
     /// A slot for somebody who is not in the team.
     #[error("slots: {name} is not a member")]
     UnknownMember {
@@ -156,13 +150,17 @@ impl Team {
         if let Some(name) = names.iter().enumerate().find_map(|(n, name)| names[..n].contains(name).then_some(name)) {
             return Err(TeamError::SameName { name: name.clone() });
         }
+        let grid = Grid::covering(&model.chart, positions);
         Ok(Self {
-            grid: Grid::covering(&model.chart, positions),
+            track_off_max_m: TRACK_OFF_CELLS * grid.cell_m,
+            grid,
             packets_per_sender_max: packets_per_sender_max(members.len(), FRAME_BYTES),
             members,
             model,
             frame_bytes: FRAME_BYTES,
-            slots: Slots { start_s: 0.0, duration_s: SLOT_S, order: names },
+            slots: Slots::in_turn(SLOT_S, names),
+            reports_per_sender_max: REPORTS_PER_SENDER_MAX,
+            tellings_max: TELLINGS_MAX,
             key: None,
             epoch: 0,
             worth_nats: WORTH_NATS,
@@ -214,6 +212,15 @@ pub(crate) const SLOT_S: f64 = 10.0;
 /// The default of [`Team::surprise_max`]. Over ten splits of five trials, 340 cases, no honest member came above 4.3; members
 /// whose every event was a miss came to 4.6 and more on the trial with equal ears.
 pub(crate) const SURPRISE_MAX: f64 = 4.5;
+
+/// The default of [`Team::reports_per_sender_max`].
+pub(crate) const REPORTS_PER_SENDER_MAX: u16 = 256;
+
+/// The default of [`Team::tellings_max`]: with three reports in ten lost, less than one transmission in a hundred stays untold.
+pub(crate) const TELLINGS_MAX: u8 = 4;
+
+/// The default of [`Team::track_off_max_m`], in cells of the grid.
+pub(crate) const TRACK_OFF_CELLS: f64 = 0.5;
 
 /// The default of [`Team::worth_nats`].
 pub(crate) const WORTH_NATS: f64 = 3e-5;

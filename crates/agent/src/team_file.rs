@@ -10,8 +10,10 @@ use crate::event::VehicleId;
 use crate::grid::{Grid, TIME_CELL_S};
 use crate::limits::Limits;
 use crate::model::Model;
+use crate::slots::{SlotChange, Slots};
 use crate::team::{
-    FRAME_BYTES, SLOT_S, SURPRISE_MAX, Slots, TEAM_SCHEMA, Team, TeamError, WORTH_NATS, packets_per_sender_max,
+    FRAME_BYTES, REPORTS_PER_SENDER_MAX, SLOT_S, SURPRISE_MAX, TEAM_SCHEMA, TELLINGS_MAX, TRACK_OFF_CELLS, Team,
+    TeamError, WORTH_NATS, packets_per_sender_max,
 };
 
 /// `team.toml`, with the names of the files that belong to it.
@@ -33,6 +35,12 @@ pub struct TeamFile {
     frame_bytes: usize,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     packets_per_sender_max: Option<u16>,
+    #[serde(default = "reports_per_sender_max")]
+    reports_per_sender_max: u16,
+    #[serde(default = "tellings_max")]
+    tellings_max: u8,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    track_off_max_m: Option<f64>,
     #[serde(default = "worth_nats")]
     worth_nats: f64,
     #[serde(default = "surprise_max")]
@@ -49,6 +57,14 @@ pub struct TeamFile {
 
 fn frame_bytes() -> usize {
     FRAME_BYTES
+}
+
+fn reports_per_sender_max() -> u16 {
+    REPORTS_PER_SENDER_MAX
+}
+
+fn tellings_max() -> u8 {
+    TELLINGS_MAX
 }
 
 fn surprise_max() -> f64 {
@@ -82,11 +98,62 @@ struct SlotsLayout {
     duration_s: f64,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     order: Vec<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    changes: Vec<ChangeLayout>,
+}
+
+/// Another order, and when its first slot begins.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ChangeLayout {
+    from_s: f64,
+    order: Vec<String>,
 }
 
 impl Default for SlotsLayout {
     fn default() -> Self {
-        Self { start_s: 0.0, duration_s: SLOT_S, order: Vec::new() }
+        Self { start_s: 0.0, duration_s: SLOT_S, order: Vec::new(), changes: Vec::new() }
+    }
+}
+
+impl SlotsLayout {
+    fn of(slots: &Slots) -> Self {
+        let names = |order: &[VehicleId]| order.iter().map(|name| name.as_str().to_owned()).collect();
+        let change = |change: &SlotChange| ChangeLayout {
+            from_s: slots.start_s + f64::from(change.from) * slots.duration_s,
+            order: names(&change.order),
+        };
+        Self {
+            start_s: slots.start_s,
+            duration_s: slots.duration_s,
+            order: names(&slots.order),
+            changes: slots.changes.iter().map(change).collect(),
+        }
+    }
+
+    /// The slots of these members: they send in turn where the file names no order.
+    fn slots(&self, members: &BTreeMap<u8, VehicleId>) -> Result<Slots, TeamError> {
+        let names = |order: &[String]| -> Result<Vec<VehicleId>, TeamError> {
+            let order: Vec<VehicleId> = order.iter().map(|name| VehicleId::new(name.as_str())).collect();
+            let is_known = |name: &VehicleId| name.as_str().is_empty() || members.values().any(|member| member == name);
+            match order.iter().find(|name| !is_known(name)) {
+                Some(name) => Err(TeamError::UnknownMember { name: name.clone() }),
+                None if order.is_empty() => Ok(members.values().cloned().collect()),
+                None => Ok(order),
+            }
+        };
+        let mut slots = Slots {
+            start_s: checked("slots.start_s", bounds::TIME_S, self.start_s)?,
+            ..Slots::in_turn(checked("slots.duration_s", bounds::SLOT_S, self.duration_s)?, names(&self.order)?)
+        };
+        for change in &self.changes {
+            let from_s = checked("slots.changes.from_s", bounds::TIME_S, change.from_s)?;
+            let before = slots.changes.last().map_or(0, |change| change.from);
+            let from = slots.number(from_s).filter(|&from| from > before);
+            let from = from.ok_or(TeamError::ChangesBackwards { from_s })?;
+            slots.changes.push(SlotChange { from, order: names(&change.order)? });
+        }
+        Ok(slots)
     }
 }
 
@@ -128,6 +195,9 @@ impl TeamFile {
             epoch: team.epoch,
             frame_bytes: team.frame_bytes,
             packets_per_sender_max: Some(team.packets_per_sender_max),
+            reports_per_sender_max: team.reports_per_sender_max,
+            tellings_max: team.tellings_max,
+            track_off_max_m: Some(team.track_off_max_m),
             worth_nats: team.worth_nats,
             surprise_max: team.surprise_max,
             repeats_max: team.repeats_max,
@@ -138,11 +208,7 @@ impl TeamFile {
                 start_s: team.grid.start_s,
                 time_cell_s: team.grid.time_cell_s,
             },
-            slots: SlotsLayout {
-                start_s: team.slots.start_s,
-                duration_s: team.slots.duration_s,
-                order: team.slots.order.iter().map(|name| name.as_str().to_owned()).collect(),
-            },
+            slots: SlotsLayout::of(&team.slots),
             limits: team.limits,
         };
         let unwritable = |problem: &dyn std::fmt::Display| TeamError::Unwritable { problem: problem.to_string() };
@@ -152,8 +218,10 @@ impl TeamFile {
         }
         let again = Self::parse(&text).and_then(|file| file.team(team.model.clone(), team.key.clone()));
         let again = again.map_err(|error| unwritable(&error))?;
-        let own_affairs =
-            |team: &Team| (team.worth_nats.to_bits(), team.surprise_max.to_bits(), team.repeats_max, team.limits);
+        let own_affairs = |team: &Team| {
+            let numbers = [team.worth_nats, team.surprise_max, team.track_off_max_m].map(f64::to_bits);
+            (numbers, team.repeats_max, team.tellings_max, team.limits)
+        };
         if again.canonical_bytes() != team.canonical_bytes() || own_affairs(&again) != own_affairs(team) {
             return Err(unwritable(&"something is lost in it"));
         }
@@ -172,13 +240,6 @@ impl TeamFile {
                 return Err(TeamError::SameNumber { number, first, second });
             }
         }
-        let mut order: Vec<VehicleId> = self.slots.order.iter().map(|name| VehicleId::new(name.as_str())).collect();
-        if let Some(name) = order.iter().find(|name| members.values().all(|member| member != *name)) {
-            return Err(TeamError::UnknownMember { name: name.clone() });
-        }
-        if order.is_empty() {
-            order = members.values().cloned().collect();
-        }
         if members.is_empty() {
             return Err(TeamError::Members { found: 0 });
         }
@@ -195,14 +256,21 @@ impl TeamFile {
                 time_cell_s: checked("grid.time_cell_s", bounds::SLOT_S, self.grid.time_cell_s)?,
             },
             frame_bytes: self.frame_bytes,
-            slots: Slots {
-                start_s: checked("slots.start_s", bounds::TIME_S, self.slots.start_s)?,
-                duration_s: checked("slots.duration_s", bounds::SLOT_S, self.slots.duration_s)?,
-                order,
-            },
+            slots: self.slots.slots(&members)?,
             key,
             epoch: self.epoch,
             packets_per_sender_max: checked("packets_per_sender_max", bounds::WINDOW, window.into())? as u16,
+            reports_per_sender_max: checked(
+                "reports_per_sender_max",
+                bounds::WINDOW,
+                self.reports_per_sender_max.into(),
+            )? as u16,
+            tellings_max: self.tellings_max,
+            track_off_max_m: checked(
+                "track_off_max_m",
+                bounds::LENGTH_M,
+                self.track_off_max_m.unwrap_or(TRACK_OFF_CELLS * self.grid.cell_m),
+            )?,
             surprise_max: checked("surprise_max", bounds::SURPRISE, self.surprise_max)?,
             worth_nats: checked("worth_nats", bounds::WORTH_NATS, self.worth_nats)?,
             repeats_max: self.repeats_max,

@@ -46,7 +46,7 @@ fn sealed() -> Team {
         model: model(InputSpec::PositionsAndDepths),
         grid: Grid { cell_m: 25.0, depth_cell_m: 2.5, start_s: -60.0, time_cell_s: 45.5 },
         frame_bytes: 64,
-        slots: Slots { start_s: 3.0, duration_s: 7.5, order },
+        slots: Slots { start_s: 3.0, ..Slots::in_turn(7.5, order) },
         key: Some(key(1)),
         epoch: 12,
         packets_per_sender_max: 9,
@@ -94,6 +94,9 @@ fn snapshot(team: Team) -> Vec<u8> {
             Event { time_s: 10.5 * f64::from(n), transmitter_id, receiver_id, link, kind: None, success: n % 2 == 0 };
         agent.observe(event).unwrap();
     }
+    let place = Position { depth_m: has_depth.then_some(1.5), ..Position::new(500_010.0, 4_900_020.0) };
+    agent.navigate([(3.0, place), (75.0, place)]).unwrap();
+    let report = agent.clone().telling(Telling { points: false, reports: true }).next_packet(0.0, 32).unwrap();
     let frame = |sender, counter, shift: i8| {
         let mut message = message(layout, sender, counter);
         message.blocks[0].points[0].mean += shift;
@@ -104,7 +107,7 @@ fn snapshot(team: Team) -> Vec<u8> {
     for bytes in heard {
         agent.apply(Entry::Heard { bytes }).unwrap();
     }
-    for (number, bytes) in (0..).zip(sent) {
+    for (number, bytes) in (0..).zip(sent.into_iter().chain(report)) {
         agent.apply(Entry::Sent { number, bytes }).unwrap();
     }
     assert_eq!((agent.live_packets(), agent.conflicts(&names()[1])), (3, 1));

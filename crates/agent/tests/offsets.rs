@@ -183,7 +183,8 @@ fn packets_of_a_deaf_member_say_that_it_is_deaf() {
     let reach = events.iter().flat_map(|event| event.link.ends());
     let team = std::sync::Arc::new(Team::new(names.clone(), fit.model.clone(), reach).unwrap());
     let vehicle_of = |name: &VehicleId| {
-        let mut agent = Agent::new(name.clone(), team.clone());
+        let points = Telling { points: true, reports: false };
+        let mut agent = Agent::new(name.clone(), team.clone()).telling(points);
         agent.observe_all(events.iter().filter(|event| event.receiver_id == *name).cloned()).unwrap();
         agent.rebuild_posteriors().unwrap();
         agent
@@ -212,7 +213,8 @@ fn packets_say_when_what_they_tell_was_true() {
     let team = Team::new(names.clone(), fit.model.clone(), reach).unwrap();
     let evening_less_noon = |grid: Grid| {
         let team = std::sync::Arc::new(Team { grid, ..team.clone() });
-        let mut bob = Agent::new(names[1].clone(), team.clone());
+        let points = Telling { points: true, reports: false };
+        let mut bob = Agent::new(names[1].clone(), team.clone()).telling(points);
         let noisy = events.iter().filter(|event| event.receiver_id == names[1] && is_noon(event.time_s));
         bob.observe_all(noisy.cloned()).unwrap();
         bob.rebuild_posteriors().unwrap();

@@ -48,8 +48,12 @@ fn what_was_written_reads_back_to_the_same_agreement() {
     written.members =
         [(7, "a b"), (0, "\"quoted\""), (255, "wal.do")].map(|(n, name)| (n, VehicleId::new(name))).into();
     written.grid = Grid { cell_m: 17.3, depth_cell_m: 2.1, start_s: 1.76e9, time_cell_s: 170.5 };
+    (written.reports_per_sender_max, written.tellings_max, written.track_off_max_m) = (77, 2, 31.5);
     written.slots =
-        Slots { start_s: 3.25, duration_s: 7.5, order: ["wal.do", "a b", "wal.do"].map(VehicleId::new).into() };
+        Slots { start_s: 3.25, ..Slots::in_turn(7.5, ["wal.do", "a b", "wal.do"].map(VehicleId::new).into()) };
+    let change =
+        |from, order: &[&str]| SlotChange { from, order: order.iter().map(|&name| VehicleId::new(name)).collect() };
+    written.slots.changes = vec![change(9, &["a b", ""]), change(1000, &["wal.do"])];
     (written.frame_bytes, written.epoch, written.repeats_max, written.packets_per_sender_max) = (64, 9, 2, 5);
     written.worth_nats = 1.25e-5;
     written.limits = Limits { events_max: 1, dense_events_max: 2, inducing_points_max: 3, candidates_max: 4 };
@@ -61,55 +65,71 @@ fn what_was_written_reads_back_to_the_same_agreement() {
     let found = file.team(model(), Some(key(3))).unwrap();
     assert_eq!((&found.members, found.grid, &found.slots), (&written.members, written.grid, &written.slots));
     assert_eq!((found.frame_bytes, found.epoch, found.repeats_max), (64, 9, 2));
+    let reports = (found.reports_per_sender_max, found.tellings_max, found.track_off_max_m);
+    assert_eq!(reports, (77, 2, 31.5));
     assert_eq!((found.worth_nats, found.limits, found.digest()), (1.25e-5, written.limits, written.digest()));
     assert_eq!(TeamFile::write(&found, "m.toml", Some("key.hex"), Some("c0ffee")).unwrap(), text);
 }
 
+/// A line of a file, what stands there instead, and what is said of it.
+const NO_TEAMS: &[(&str, &str, &str)] = &[
+    ("schema = 1", "schema = 4", "newer version"),
+    (
+        "schema = 1",
+        "schema = 1\nreports_per_sender_max = 0",
+        "reports_per_sender_max must be a whole number from 1 to 1024",
+    ),
+    ("schema = 1", "schema = 1\ntrack_off_max_m = 0.0", "track_off_max_m must be a number of metres from 1e-6 to 1e9"),
+    ("[grid]", "[[slots.changes]]\nfrom_s = 50.0\norder = [\"eve\"]\n[grid]", "slots: eve is not a member"),
+    (
+        "[grid]",
+        "[[slots.changes]]\nfrom_s = 50.0\norder = [\"bob\"]\n[[slots.changes]]\nfrom_s = 50.0\norder = []\n[grid]",
+        "slots.changes: 50 s is no later",
+    ),
+    ("schema = 1", "schema = 1\ncolour = \"red\"", "colour"),
+    ("cell_m = 25.0", "cell_m = 25.0\nwidth = 3", "width"),
+    ("schema = 1\n", "", "schema"),
+    ("model_file = \"model.toml\"\n", "", "model_file"),
+    ("bob = 1", "bob = 4", "ada and bob both have number 4"),
+    ("bob = 1", "bob = 256", "256"),
+    ("bob = 1", "ada = 1", "duplicate"),
+    ("ada = 4\nbob = 1\n", "", "1 to 256 members, found 0"),
+    ("schema = 1", "schema = 1\nframe_bytes = 16", "frame_bytes must be at least 32, found 16"),
+    (
+        "schema = 1",
+        "schema = 1\npackets_per_sender_max = 0",
+        "packets_per_sender_max must be a whole number from 1 to 1024, found 0",
+    ),
+    ("schema = 1", "schema = 1\nworth_nats = -1.0", "worth_nats must be a number above 0, at most 1000, found -1"),
+    ("cell_m = 25.0", "cell_m = 0.0", "grid.cell_m must be a number of metres from 1e-6 to 1e9, found 0"),
+    ("cell_m = 25.0", "cell_m = nan", "grid.cell_m"),
+    ("cell_m = 25.0", "cell_m = 1.0\ndepth_cell_m = -2.0", "grid.depth_cell_m"),
+    ("[grid]", "[slots]\norder = [\"ada\", \"eve\"]\n[grid]", "slots: eve is not a member"),
+    ("[grid]", "[slots]\nduration_s = 0.0\n[grid]", "slots.duration_s"),
+    ("schema = 1", "schema = 1\nframe_bytes = 65537", "frame_bytes must be a whole number from 32 to 65536"),
+    (
+        "[grid]",
+        "[limits]\ninducing_points_max = 9223372036854775807\n[grid]",
+        "limits.inducing_points_max must be a whole number from 1 to 4000",
+    ),
+    ("[grid]", "[limits]\ndense_events_max = 1000000\n[grid]", "limits.dense_events_max must be a whole number"),
+    ("[grid]", "[limits]\ncandidates_max = 1000000\n[grid]", "limits.candidates_max must be a whole number"),
+    ("cell_m = 25.0", "cell_m = 1e300", "grid.cell_m"),
+    ("[grid]", "[slots]\nstart_s = inf\n[grid]", "slots.start_s must be a finite number of seconds"),
+    (
+        "[grid]",
+        "[limits]\nevents_max = 0\n[grid]",
+        "limits.events_max must be a whole number from 1 to 10000000, found 0",
+    ),
+];
+
 #[test]
 fn what_makes_no_team_is_refused_by_name() {
-    let cases = [
-        ("schema = 1", "schema = 3", "newer version"),
-        ("schema = 1", "schema = 1\ncolour = \"red\"", "colour"),
-        ("cell_m = 25.0", "cell_m = 25.0\nwidth = 3", "width"),
-        ("schema = 1\n", "", "schema"),
-        ("model_file = \"model.toml\"\n", "", "model_file"),
-        ("bob = 1", "bob = 4", "ada and bob both have number 4"),
-        ("bob = 1", "bob = 256", "256"),
-        ("bob = 1", "ada = 1", "duplicate"),
-        ("ada = 4\nbob = 1\n", "", "1 to 256 members, found 0"),
-        ("schema = 1", "schema = 1\nframe_bytes = 16", "frame_bytes must be at least 32, found 16"),
-        (
-            "schema = 1",
-            "schema = 1\npackets_per_sender_max = 0",
-            "packets_per_sender_max must be a whole number from 1 to 1024, found 0",
-        ),
-        ("schema = 1", "schema = 1\nworth_nats = -1.0", "worth_nats must be a number above 0, at most 1000, found -1"),
-        ("cell_m = 25.0", "cell_m = 0.0", "grid.cell_m must be a number of metres from 1e-6 to 1e9, found 0"),
-        ("cell_m = 25.0", "cell_m = nan", "grid.cell_m"),
-        ("cell_m = 25.0", "cell_m = 1.0\ndepth_cell_m = -2.0", "grid.depth_cell_m"),
-        ("[grid]", "[slots]\norder = [\"ada\", \"eve\"]\n[grid]", "slots: eve is not a member"),
-        ("[grid]", "[slots]\nduration_s = 0.0\n[grid]", "slots.duration_s"),
-        ("schema = 1", "schema = 1\nframe_bytes = 65537", "frame_bytes must be a whole number from 32 to 65536"),
-        (
-            "[grid]",
-            "[limits]\ninducing_points_max = 9223372036854775807\n[grid]",
-            "limits.inducing_points_max must be a whole number from 1 to 4000",
-        ),
-        ("[grid]", "[limits]\ndense_events_max = 1000000\n[grid]", "limits.dense_events_max must be a whole number"),
-        ("[grid]", "[limits]\ncandidates_max = 1000000\n[grid]", "limits.candidates_max must be a whole number"),
-        ("cell_m = 25.0", "cell_m = 1e300", "grid.cell_m"),
-        ("[grid]", "[slots]\nstart_s = inf\n[grid]", "slots.start_s must be a finite number of seconds"),
-        (
-            "[grid]",
-            "[limits]\nevents_max = 0\n[grid]",
-            "limits.events_max must be a whole number from 1 to 10000000, found 0",
-        ),
-    ];
-    for (line, other, expected) in cases {
+    for (line, other, expected) in NO_TEAMS {
         let error = read(&with(line, other)).unwrap_err().to_string();
         assert!(error.contains(expected), "{other}: {error}");
     }
-    assert_eq!(read(&with("schema = 1", "schema = 3\nfuture = true")).unwrap_err(), TeamError::Newer { found: 3 });
+    assert_eq!(read(&with("schema = 1", "schema = 4\nfuture = true")).unwrap_err(), TeamError::Newer { found: 4 });
     assert_eq!(Team::new([], model(), []).unwrap_err(), TeamError::Members { found: 0 });
     assert_eq!(Team::new(names(257), model(), []).unwrap_err(), TeamError::Members { found: 257 });
     assert_eq!(Team::new(names(256), model(), []).unwrap().members.len(), 256);
@@ -133,6 +153,13 @@ fn all_that_gives_packets_their_meaning_is_in_the_digest_and_nothing_else_is() {
         Team { slots: Slots { start_s: 0.5, ..team.slots.clone() }, ..team.clone() },
         Team { slots: Slots { duration_s: 9.0, ..team.slots.clone() }, ..team.clone() },
         Team { slots: Slots { order: names(2), ..team.slots.clone() }, ..team.clone() },
+        Team {
+            slots: Slots { changes: vec![SlotChange { from: 5, order: names(1) }], ..team.slots.clone() },
+            ..team.clone()
+        },
+        Team { slots: Slots { listed: Some(listed(3)), ..team.slots.clone() }, ..team.clone() },
+        Team { slots: Slots { listed: Some(listed(2)), ..team.slots.clone() }, ..team.clone() },
+        Team { reports_per_sender_max: 255, ..team.clone() },
         Team { key: Some(key(1)), ..team.clone() },
         Team { key: Some(key(2)), ..team.clone() },
         renamed,
@@ -140,9 +167,10 @@ fn all_that_gives_packets_their_meaning_is_in_the_digest_and_nothing_else_is() {
     let mut digests: Vec<_> = other.iter().chain([&team]).map(Team::digest).collect();
     digests.sort_unstable();
     digests.dedup();
-    assert_eq!(digests.len(), 15);
+    assert_eq!(digests.len(), other.len() + 1);
     let limits = Limits { events_max: 5, ..team.limits };
-    let mut same = Team { worth_nats: 1.0, repeats_max: 3, limits, ..team.clone() };
+    let mut same =
+        Team { worth_nats: 1.0, repeats_max: 3, tellings_max: 1, track_off_max_m: 99.0, limits, ..team.clone() };
     same.model.chart.scale_m = 7.0;
     assert_eq!(same.digest(), team.digest());
     // Minus zero is zero.
@@ -158,9 +186,14 @@ fn all_that_gives_packets_their_meaning_is_in_the_digest_and_nothing_else_is() {
     assert_eq!(tied(&[0, 0]), tied(&[0, 1]));
 }
 
+/// One transmission that so many could hear.
+fn listed(listeners: usize) -> std::sync::Arc<[Opportunity]> {
+    [Opportunity { time_s: 4.0, sender: names(1).remove(0), listeners: names(listeners) }].into()
+}
+
 #[test]
 fn slots_come_round_before_and_after_time_zero() {
-    let slots = Slots { start_s: 0.0, duration_s: 2.5, order: names(3) };
+    let slots = Slots::in_turn(2.5, names(3));
     for (time_s, owner) in
         [(0.0, 0), (2.4, 0), (2.5, 1), (7.4, 2), (7.5, 0), (7.5e6, 0), (-0.1, 2), (-7.5, 0), (-2.6, 1)]
     {
@@ -171,7 +204,7 @@ fn slots_come_round_before_and_after_time_zero() {
     for time_s in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert_eq!(slots.owner(time_s), None);
     }
-    assert_eq!(Slots { start_s: 0.0, duration_s: 1.0, order: Vec::new() }.owner(3.0), None);
+    assert_eq!(Slots::in_turn(1.0, Vec::new()).owner(3.0), None);
 }
 
 #[test]

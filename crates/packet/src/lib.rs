@@ -57,9 +57,7 @@ pub use layout::{
 pub use map_message::{Block, MapMessage};
 pub use outcomes::Outcome;
 pub use point::{Cell, Point};
-pub use report::{
-    KNOT_CELLS, KNOT_DEPTH_CELLS, KNOTS_MAX, Knot, REPORT_LAYOUTS, Report, ReportLayout, SHARE_LEVELS, SLOTS, Share,
-};
+pub use report::{Earlier, KNOT_CELLS, KNOT_DEPTH_CELLS, KNOTS_MAX, Knot, REPORT_LAYOUTS, Report, ReportLayout, SLOTS};
 pub use schema::{Field, Kind, Number, Rule, Schema};
 pub use seal::{Key, Seal, digest};
 pub use value::{Fields, Value};

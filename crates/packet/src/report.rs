@@ -24,9 +24,6 @@ pub const KNOT_DEPTH_CELLS: u8 = 64;
 /// Knots of a report at most.
 pub const KNOTS_MAX: usize = 31;
 
-/// A [`Share`] is one of so many levels.
-pub const SHARE_LEVELS: u8 = 8;
-
 /// Bytes of outcomes at most.
 const OUTCOME_BYTES_MAX: usize = 255;
 
@@ -70,13 +67,13 @@ pub struct Knot {
     pub depth: u8,
 }
 
-/// How much the sender's map messages count beside its reports, which may tell events that those speak of, too.
+/// What becomes of the sender's map messages, now that its reports tell events that those speak of, too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Share {
-    /// It is about map messages with counters below this.
-    pub before: u16,
-    /// They count to the power of so many eighths.
-    pub level: u8,
+pub struct Earlier {
+    /// It is about map messages with counters below this one, of which only the lowest 8 bits are sent.
+    pub before: u8,
+    /// Whether what they say beyond its reports still counts; if not, nothing of them does.
+    pub counts: bool,
 }
 
 /// What a vehicle heard and missed, slot by slot, and where it was meanwhile.
@@ -95,8 +92,8 @@ pub struct Report {
     pub outcomes: Vec<Outcome>,
     /// Where the sender was, in the order of time.
     pub knots: Vec<Knot>,
-    /// How much its map messages count, where that is not all.
-    pub share: Option<Share>,
+    /// Which of its map messages speak of the same events; nothing where none does.
+    pub earlier: Option<Earlier>,
 }
 
 impl ReportLayout {
@@ -112,14 +109,14 @@ impl ReportLayout {
     }
 
     /// Bytes of a report with so many outcomes, all of them told or not, and knots.
-    pub fn length(&self, outcomes: usize, has_gaps: bool, knots: usize, has_share: bool) -> usize {
+    pub fn length(&self, outcomes: usize, has_gaps: bool, knots: usize, has_earlier: bool) -> usize {
         let bits = |kind: Kind, count: usize| kind.bits_max() as usize * count;
         let proof = if self.is_sealed { TAG_BITS as usize } else { bits(model(), 1) };
-        let share = if has_share { bits(Kind::Message(share_fields()), 1) } else { 0 };
-        // Besides: whether own slots are told, how many bytes and knots there are, and whether there is a share.
+        let earlier = if has_earlier { bits(Kind::Message(earlier_fields()), 1) } else { 0 };
+        // Besides: whether own slots are told, how many bytes and knots there are, and whether anything is said of map messages.
         let counts = 1 + 8 + 5 + 1;
         let fixed = proof + bits(first(), 1) + bits(coding(), 1) + bits(unused(), 1) + counts;
-        let body = fixed + 8 * coded_bytes(outcomes, has_gaps) + bits(self.knot(), knots) + share;
+        let body = fixed + 8 * coded_bytes(outcomes, has_gaps) + bits(self.knot(), knots) + earlier;
         (BODY_START + body).div_ceil(8)
     }
 
@@ -160,7 +157,7 @@ impl ReportLayout {
             Field::required("tells_own", Kind::Bool),
             Field::required("outcomes", Kind::Bytes { length_max: OUTCOME_BYTES_MAX }),
             Field::repeated("knot", self.knot(), 0, KNOTS_MAX),
-            Field::optional("share", Kind::Message(share_fields())),
+            Field::optional("earlier", Kind::Message(earlier_fields())),
         ]);
         Schema { name: self.name.into(), id: Some(self.id), bytes_max: BYTES_MAX, fields }
     }
@@ -179,11 +176,8 @@ fn unused() -> Kind {
     Kind::integer(0.0, 7.0)
 }
 
-fn share_fields() -> Vec<Field> {
-    vec![
-        Field::required("before", Kind::integer(0.0, f64::from(u16::MAX))),
-        Field::required("level", Kind::integer(0.0, f64::from(SHARE_LEVELS - 1))),
-    ]
+fn earlier_fields() -> Vec<Field> {
+    vec![Field::required("before", Kind::integer(0.0, f64::from(u8::MAX))), Field::required("counts", Kind::Bool)]
 }
 
 impl Report {
@@ -243,11 +237,11 @@ impl Report {
         fields.set("outcomes", Value::Bytes(bytes));
         let knots = self.knots.iter().map(|knot| knot_value(knot, layout.has_depth)).collect::<Result<_, _>>()?;
         fields.set("knot", Value::List(knots));
-        if let Some(Share { before, level }) = self.share {
-            let mut share = Fields::new();
-            share.set("before", number(before));
-            share.set("level", number(level));
-            fields.set("share", Value::Message(share));
+        if let Some(Earlier { before, counts }) = self.earlier {
+            let mut earlier = Fields::new();
+            earlier.set("before", number(before));
+            earlier.set("counts", Value::Bool(counts));
+            fields.set("earlier", Value::Message(earlier));
         }
         Ok(fields)
     }
@@ -261,7 +255,7 @@ impl Report {
             Some(Knot { slots: part("slots"), east: part("east"), north: part("north"), depth: part("depth") })
         };
         let knots = if let Some(Value::List(knots)) = fields.get("knot") { knots.as_slice() } else { &[] };
-        let share = if let Some(Value::Message(share)) = fields.get("share") { Some(share) } else { None };
+        let earlier = if let Some(Value::Message(earlier)) = fields.get("earlier") { Some(earlier) } else { None };
         let bytes = if let Some(Value::Bytes(bytes)) = fields.get("outcomes") { bytes.clone() } else { Vec::new() };
         let (coding, unused) = (single(fields, "coding") as u8, single(fields, "unused") as u8);
         Ok(Self {
@@ -271,8 +265,10 @@ impl Report {
             tells_own: matches!(fields.get("tells_own"), Some(Value::Bool(true))),
             outcomes: decode(&Coded { coding, unused, bytes })?,
             knots: knots.iter().filter_map(knot).collect(),
-            share: share
-                .map(|share| Share { before: single(share, "before") as u16, level: single(share, "level") as u8 }),
+            earlier: earlier.map(|earlier| Earlier {
+                before: single(earlier, "before") as u8,
+                counts: matches!(earlier.get("counts"), Some(Value::Bool(true))),
+            }),
         })
     }
 }

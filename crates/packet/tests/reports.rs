@@ -25,16 +25,16 @@ fn report() -> impl Strategy<Value = (&'static ReportLayout, Report)> {
     let layout = prop::sample::select(&REPORT_LAYOUTS[..]);
     let knot = (any::<u8>(), any::<u8>(), any::<u8>(), 0..KNOT_DEPTH_CELLS);
     let knot = knot.prop_map(|(slots, east, north, depth)| Knot { slots, east, north, depth });
-    let share = (any::<u16>(), 0..SHARE_LEVELS).prop_map(|(before, level)| Share { before, level });
+    let earlier = (any::<u8>(), any::<bool>()).prop_map(|(before, counts)| Earlier { before, counts });
     let head = (layout, any::<u8>(), 0..1_u16 << 14, 0..SLOTS, any::<bool>());
-    (head, outcomes(), vec(knot, 0..=KNOTS_MAX), prop::option::of(share)).prop_map(
-        |((layout, sender, model, first, tells_own), outcomes, mut knots, share)| {
+    (head, outcomes(), vec(knot, 0..=KNOTS_MAX), prop::option::of(earlier)).prop_map(
+        |((layout, sender, model, first, tells_own), outcomes, mut knots, earlier)| {
             if !layout.has_depth {
                 knots.iter_mut().for_each(|knot| knot.depth = 0);
             }
             let layout = REPORT_LAYOUTS.iter().find(|known| known.id == layout.id).unwrap();
             let model = if layout.is_sealed { 0 } else { model };
-            (layout, Report { sender, model, first, tells_own, outcomes, knots, share })
+            (layout, Report { sender, model, first, tells_own, outcomes, knots, earlier })
         },
     )
 }
@@ -52,7 +52,7 @@ proptest! {
         let seal = layout.is_sealed.then_some(Seal { key: &key, context: b"team" });
         let bytes = report.encode(layout, seal).unwrap();
         let has_gaps = report.outcomes.contains(&Outcome::Untold);
-        let length = layout.length(report.outcomes.len(), has_gaps, report.knots.len(), report.share.is_some());
+        let length = layout.length(report.outcomes.len(), has_gaps, report.knots.len(), report.earlier.is_some());
         prop_assert_eq!(bytes.len(), length);
         for followed in [bytes.clone(), [bytes.clone(), vec![0; 9]].concat(), [bytes.clone(), rest].concat()] {
             let (found, again, length) = Report::decode(&followed, seal).unwrap();
@@ -92,7 +92,7 @@ proptest! {
     #[test]
     fn outcomes_take_few_bits(outcomes in outcomes()) {
         let bytes = |outcomes: Vec<Outcome>| {
-            let report = Report { sender: 0, model: 0, first: 0, tells_own: false, outcomes, knots: vec![], share: None };
+            let report = Report { sender: 0, model: 0, first: 0, tells_own: false, outcomes, knots: vec![], earlier: None };
             report.encode(&REPORT_LAYOUTS[0], None).unwrap().len()
         };
         let bits = if outcomes.contains(&Outcome::Untold) { 1.6 } else { 1.0 };
@@ -114,11 +114,11 @@ fn examples() -> Vec<(&'static ReportLayout, Report)> {
         (0..4).map(move |n| Knot { slots: 31 * n + 2, east: 60 * n, north: 255 - 17 * n, depth: depth(n) }).collect()
     };
     let example = |(place, layout): (usize, &'static ReportLayout)| {
-        let share = (place % 2 == 1).then_some(Share { before: 4660, level: 5 });
+        let earlier = (place % 2 == 1).then_some(Earlier { before: 201, counts: true });
         let model = if layout.is_sealed { 0 } else { 10_917 };
         let (first, tells_own) = (74_565, place >= 2);
         let outcomes = outcomes(place >= 1).collect();
-        (layout, Report { sender: 52, model, first, tells_own, outcomes, knots: knots(layout.has_depth), share })
+        (layout, Report { sender: 52, model, first, tells_own, outcomes, knots: knots(layout.has_depth), earlier })
     };
     REPORT_LAYOUTS.iter().enumerate().map(example).collect()
 }

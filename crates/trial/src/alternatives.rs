@@ -3,18 +3,22 @@
 use std::borrow::Cow;
 
 use dgpc::{Candidates, Concatenation, Inputs, Posterior, Sites, Summary};
-use pingmap_agent::{Agent, AgentError, Attempt, Event, Link};
+use pingmap_agent::{Agent, AgentError, Attempt, Event, Link, Telling};
 use pingmap_packet::{Block, Layout};
 use rand::seq::index::sample;
 use rayon::prelude::*;
 
-use crate::mission::Mission;
+use crate::mission::{Mission, send};
 use crate::streams::{self, stream};
 
 /// Another way to use the bytes of a frame. All of them take the same cells and levels to the water as our packets do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Alternative {
-    /// Our packets as they would be without rounding: the same points, exact numbers.
+    /// Map messages alone: points that stand for all events.
+    PointsOnly,
+    /// Reports alone: single events, by one bit each, and where the sender was.
+    ReportsOnly,
+    /// Our map messages as they would be without rounding: the same points, exact numbers.
     Unrounded,
     /// As many raw events as fit, those that lower the trace most first.
     RawEvents,
@@ -30,7 +34,9 @@ pub enum Alternative {
 
 impl Alternative {
     /// All of them.
-    pub const ALL: [Alternative; 6] = [
+    pub const ALL: [Alternative; 8] = [
+        Alternative::PointsOnly,
+        Alternative::ReportsOnly,
         Alternative::Unrounded,
         Alternative::RawEvents,
         Alternative::RandomPoints,
@@ -42,6 +48,8 @@ impl Alternative {
     /// What it is called.
     pub fn name(self) -> &'static str {
         match self {
+            Alternative::PointsOnly => "points only",
+            Alternative::ReportsOnly => "reports only",
             Alternative::Unrounded => "unrounded",
             Alternative::RawEvents => "raw events",
             Alternative::RandomPoints => "random points",
@@ -73,13 +81,17 @@ impl Alternative {
         if !agent.is_member() || agent.events().len() == 0 {
             return Ok(Said::Summaries(Vec::new()));
         }
+        let sent = |telling: Telling| send(&mut agent.clone().telling(telling), frames);
+        let (points, reports) = (Telling { points: true, reports: false }, Telling { points: false, reports: true });
         let speaker = Speaker::new(mission, agent)?;
         if speaker.attempts.is_empty() {
             // Nothing happened within the grid.
             return Ok(Said::Summaries(Vec::new()));
         }
         Ok(match self {
-            Alternative::Unrounded => Said::Summaries(speaker.unrounded(mission, place, frames)?),
+            Alternative::PointsOnly => Said::Frames(sent(points)?),
+            Alternative::ReportsOnly => Said::Frames(sent(reports)?),
+            Alternative::Unrounded => Said::Summaries(speaker.unrounded(&sent(points)?)?),
             Alternative::RawEvents => Said::Events(speaker.raw_events(frames)?),
             Alternative::RandomPoints => {
                 let mut rng = stream(mission.seed(), streams::ALTERNATIVES + place as u64);
@@ -99,6 +111,11 @@ impl Alternative {
     fn hear(self, mission: &Mission, place: usize, agent: &Agent, said: &[Said]) -> Result<Vec<f64>, AgentError> {
         let mut agent = agent.clone().owning_all_events();
         let others = || said.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, said)| said);
+        if matches!(self, Alternative::PointsOnly | Alternative::ReportsOnly) {
+            others().flat_map(Said::frames).for_each(|frame| drop(agent.receive(frame, 0.0)));
+            agent.rebuild_posteriors()?;
+            return agent.probabilities(&mission.held_out);
+        }
         if self == Alternative::RawEvents {
             agent.observe_all(others().flat_map(Said::events).cloned())?;
             agent.rebuild_posteriors()?;
@@ -119,11 +136,16 @@ impl Alternative {
 }
 
 enum Said {
+    Frames(Vec<Vec<u8>>),
     Summaries(Vec<Summary>),
     Events(Vec<Event>),
 }
 
 impl Said {
+    fn frames(&self) -> &[Vec<u8>] {
+        if let Said::Frames(frames) = self { frames } else { &[] }
+    }
+
     fn summaries(&self) -> &[Summary] {
         if let Said::Summaries(summaries) = self { summaries } else { &[] }
     }
@@ -186,11 +208,10 @@ impl<'a> Speaker<'a> {
         Ok(said)
     }
 
-    /// The packets that were really sent, without rounding.
-    fn unrounded(&self, mission: &Mission, place: usize, frames: usize) -> Result<Vec<Summary>, AgentError> {
+    /// What these map messages say, without rounding.
+    fn unrounded(&self, packets: &[Vec<u8>]) -> Result<Vec<Summary>, AgentError> {
         let mut public = self.nobody_knows();
         let mut said = Vec::new();
-        let packets = mission.sent(frames).nth(place).unwrap_or_default();
         let blocks = packets.iter().filter_map(|packet| self.agent.read(packet).ok()).flat_map(|(_, told)| told.blocks);
         for block in blocks.filter(Block::says_something) {
             let points = self.agent.model().inputs(self.agent.wire().attempts(&block))?;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use dgpc::Latent;
 use pingmap_agent::{
-    Addition, Agent, AgentError, Attempt, Event, Key, LearnedModel, Learning, Limits, Link, Model, Structure, Team,
-    VehicleId,
+    Addition, Agent, AgentError, Attempt, Event, Key, LearnedModel, Learning, Limits, Link, Model, Opportunity,
+    Position, Slots, Structure, Team, Telling, VehicleId,
 };
 use rayon::prelude::*;
 
@@ -35,7 +35,7 @@ pub enum Agreed {
     /// The packet model.
     Model(Model),
     /// Everything.
-    Team(Team),
+    Team(Box<Team>),
 }
 
 /// How a team learns and what it sends.
@@ -53,8 +53,10 @@ pub struct Plan {
     pub frame_bytes: usize,
     /// The secret that packets are sealed with, if any.
     pub key: Option<Key>,
-    /// How often a packet is sent again at most.
+    /// How often a packet is sent again at most, and a transmission reported beyond what is usual.
     pub repeats_max: u8,
+    /// In which ways vehicles tell what they know.
+    pub telling: Telling,
     /// What happens to packets.
     pub water: Water,
     /// Whether other ways to use the same bytes are tried too.
@@ -76,6 +78,7 @@ impl Plan {
             frame_bytes: 32,
             key: None,
             repeats_max: 0,
+            telling: Telling::default(),
             water: Water::default(),
             compare: false,
             calibration: false,
@@ -94,7 +97,7 @@ impl Plan {
         training: Option<&[&Event]>,
     ) -> Result<(Team, Option<LearnedModel>), AgentError> {
         let (model, fit) = match &self.agreed {
-            Agreed::Team(team) => return Ok((team.clone(), None)),
+            Agreed::Team(team) => return Ok(((**team).clone(), None)),
             Agreed::Model(model) => (model.clone(), None),
             Agreed::Nothing => self.model(log, training)?,
         };
@@ -104,6 +107,7 @@ impl Plan {
             grid: team.grid.spanning(log.events.iter().map(|event| event.time_s)),
             key: self.key.clone(),
             repeats_max: self.repeats_max,
+            tellings_max: team.tellings_max.saturating_add(self.repeats_max),
             limits: self.limits,
             ..team
         };
@@ -168,9 +172,10 @@ impl Mission {
         let events = |held_out| split.indices(held_out).into_iter().map(|n| &log.events[n]).collect::<Vec<_>>();
         let (training, held_out) = (events(false), events(true));
         let (team, fit) = plan.team(log, Some(&training))?;
-        let team = Arc::new(team);
+        let team = Arc::new(Team { slots: slots_of(training.iter().copied()), ..team });
         let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| -> Result<Agent, AgentError> {
-            let mut agent = Agent::new(id, team.clone()).owning_all_events();
+            let mut agent = Agent::new(id.clone(), team.clone()).owning_all_events().telling(plan.telling);
+            agent.navigate(track_of(log, &id))?;
             agent.observe_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()))?;
             agent.rebuild_posteriors()?;
             if plan.learners == Learners::Own {
@@ -242,6 +247,10 @@ impl Mission {
                     agent.receive(&packets[place], place as f64);
                 }
             }
+            if agent.told_events().0 > 0 {
+                // As the one who has all events does.
+                agent.rebuild_posteriors()?;
+            }
             if self.plan.learners == Learners::Own {
                 agent.adapt(&self.plan.learning)?;
             }
@@ -299,11 +308,35 @@ impl Mission {
     }
 }
 
+/// The transmissions of these events in the order of time, and who could hear each: the schedule of a log that has none.
+pub(crate) fn slots_of<'a>(events: impl IntoIterator<Item = &'a Event>) -> Slots {
+    let mut events: Vec<&Event> = events.into_iter().collect();
+    events.sort_by(|a, b| a.canonical_order(b));
+    let is_same = |a: &&Event, b: &&Event| a.time_s == b.time_s && a.transmitter_id == b.transmitter_id;
+    let opportunity = |events: &[&Event]| Opportunity {
+        time_s: events[0].time_s,
+        sender: events[0].transmitter_id.clone(),
+        listeners: events.iter().map(|event| event.receiver_id.clone()).collect(),
+    };
+    let listed: Vec<Opportunity> = events.chunk_by(is_same).map(opportunity).collect();
+    Slots { listed: Some(listed.into()), ..Slots::in_turn(1.0, Vec::new()) }
+}
+
+/// Where a vehicle was, by a log: at everything that it sent and should have heard.
+pub(crate) fn track_of<'a>(log: &'a EventLog, id: &'a VehicleId) -> impl Iterator<Item = (f64, Position)> + 'a {
+    let at = move |event: &'a Event| match () {
+        () if event.receiver_id == *id => Some((event.time_s, event.link.receiver)),
+        () if event.transmitter_id == *id => Some((event.time_s, event.link.transmitter)),
+        () => None,
+    };
+    log.events.iter().filter_map(at)
+}
+
 /// A name that no log has.
 pub(crate) const CENTRALISED: &str = "\u{0}all events";
 
 /// Up to `frames` packets of a vehicle, if it is a member of the team.
-fn send(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, AgentError> {
+pub(crate) fn send(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, AgentError> {
     let mut packets = Vec::new();
     if agent.is_member() {
         while packets.len() < frames

@@ -1,5 +1,5 @@
-//! A mission in the order of time: every event is predicted by its receiver before it is learned from, and packets ride
-//! on the transmissions of the log.
+//! A mission in the order of time: every event is predicted by its receiver before anybody learns from that transmission, and
+//! packets ride on the transmissions of the log.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use std::sync::Arc;
 use pingmap_agent::{Agent, AgentError, Event, Team, VehicleId};
 
 use crate::event_log::EventLog;
-use crate::mission::{CENTRALISED, Plan};
+use crate::mission::{CENTRALISED, Plan, slots_of};
 use crate::score::Score;
 
 /// How events were predicted before they happened.
@@ -69,6 +69,7 @@ impl Step {
 /// [`AgentError`] when the method refuses.
 pub fn online(log: &EventLog, plan: &Plan, slot_every: usize, step: &dyn Fn()) -> Result<Online, AgentError> {
     let (team, _) = plan.team(log, None)?;
+    let team = Team { slots: slots_of(&log.events), ..team };
     let mut mission = Run::new(log, Arc::new(team), plan);
     let mut events: Vec<&Event> = log.events.iter().collect();
     events.sort_by(|a, b| a.canonical_order(b));
@@ -92,7 +93,7 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn new(log: &EventLog, team: Arc<Team>, plan: &'a Plan) -> Self {
-        let agent = |id: VehicleId| (id.clone(), Agent::new(id, team.clone()));
+        let agent = |id: VehicleId| (id.clone(), Agent::new(id, team.clone()).telling(plan.telling));
         Self {
             plan,
             vehicles: log.vehicles().into_iter().map(agent).collect(),
@@ -107,6 +108,9 @@ impl<'a> Run<'a> {
     fn transmit(&mut self, events: &[&Event], slot_every: usize) -> Result<(), AgentError> {
         let Some(first) = events.first() else { return Ok(()) };
         let (sender, time_s) = (&first.transmitter_id, first.time_s);
+        if let Some(agent) = self.vehicles.get_mut(sender) {
+            agent.navigate([(time_s, first.link.transmitter)])?;
+        }
         let slot = self.slots.entry(sender.clone()).or_default();
         *slot += 1;
         let (slot, frame_bytes) = (*slot, self.online.team.frame_bytes);
@@ -122,8 +126,8 @@ impl<'a> Run<'a> {
             *self.online.packets.entry(sender.clone()).or_default() += 1;
             self.online.bytes += packet.len();
         }
+        self.happen(events)?;
         for &event in events {
-            self.happen(event)?;
             if let Some(packet) = packet.as_ref().filter(|_| event.success) {
                 self.deliver(event, packet, slot);
             }
@@ -131,26 +135,34 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// The receiver, and the one who knows all, predict an event and learn from it.
-    fn happen(&mut self, event: &Event) -> Result<(), AgentError> {
-        let nll = |p: f64| Score::new(&[p], &[event.success]).map_or(0.0, |score| score.nll);
-        let Some(agent) = self.vehicles.get_mut(&event.receiver_id) else { return Ok(()) };
+    /// All receivers of a transmission, and the one who knows all, predict it and then learn from it.
+    fn happen(&mut self, events: &[&Event]) -> Result<(), AgentError> {
+        let (vehicles, centralised) = (&mut self.vehicles, &mut self.centralised);
         let (mine, all) = rayon::join(
-            || -> Result<_, AgentError> {
-                let own = agent.own_probabilities([event.attempt()])?[0];
-                let team = agent.probability(event.attempt())?;
-                learn(agent, event)?;
-                Ok((own, team))
+            || -> Result<Vec<_>, AgentError> {
+                let mut predicted = Vec::with_capacity(events.len());
+                for &event in events {
+                    let Some(agent) = vehicles.get_mut(&event.receiver_id) else { continue };
+                    predicted.push((
+                        event,
+                        agent.own_probabilities([event.attempt()])?[0],
+                        agent.probability(event.attempt())?,
+                    ));
+                    learn(agent, event)?;
+                }
+                Ok(predicted)
             },
-            || -> Result<_, AgentError> {
-                let all = self.centralised.probability(event.attempt())?;
-                learn(&mut self.centralised, event)?;
+            || -> Result<Vec<f64>, AgentError> {
+                let all = centralised.probabilities(events.iter().map(|event| event.attempt()))?;
+                events.iter().try_for_each(|event| learn(centralised, event))?;
                 Ok(all)
             },
         );
-        let (own, team) = mine?;
-        let step = Step { time_s: event.time_s, own: nll(own), team: nll(team), centralised: nll(all?) };
-        self.online.steps.push(step);
+        for ((event, own, team), all) in mine?.into_iter().zip(all?) {
+            let nll = |p: f64| Score::new(&[p], &[event.success]).map_or(0.0, |score| score.nll);
+            let step = Step { time_s: event.time_s, own: nll(own), team: nll(team), centralised: nll(all) };
+            self.online.steps.push(step);
+        }
         Ok(())
     }
 

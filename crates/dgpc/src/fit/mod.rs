@@ -110,6 +110,30 @@ impl Fit {
         put_together(&self.prior, &self.found.sites, self.condensed.as_ref(), summaries)
     }
 
+    /// The same of some of its events, by their places: what somebody knows who was told of these alone. Their sites stay as
+    /// they are with all events.
+    ///
+    /// ```
+    /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
+    ///
+    /// let inputs = Inputs::from_rows(&[[0.0], [1.0], [5.0]])?;
+    /// let observations = Observations::new(inputs.clone(), vec![true, true, false])?;
+    /// let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 4.0, 1.0, 1)?])?;
+    /// let fit = fit(&Prior::new(kernel, PriorMean::Zero)?, &observations, &FitOptions::default())?;
+    /// let told = fit.posterior_of_part(&[0, 1], &[])?.latent(&inputs)?;
+    /// assert!(told.mean[0] > 0.5 && told.mean[2].abs() < 1e-3);
+    /// # Ok::<(), dgpc::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Posterior::fuse`].
+    pub fn posterior_of_part(&self, events: &[usize], summaries: &[&Summary]) -> Result<Posterior> {
+        let sites = self.found.sites.select(events);
+        let points = self.condensed.as_ref().map(Summary::inducing_points);
+        let condensed = points.map(|points| Summary::variational(&self.prior, &sites, points)).transpose()?;
+        put_together(&self.prior, &sites, condensed.as_ref(), summaries)
+    }
+
     /// Expectation propagation from the sites of this fit on, with `summaries` in place of the messages that the fit was
     /// given. The mean field's variances are too small, by a factor of several where all outcomes are of one kind; these are
     /// nearly those of the exact posterior. Ten to thirty iterations, each as dear as one of the fit.

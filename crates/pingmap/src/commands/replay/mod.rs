@@ -194,7 +194,7 @@ fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Agreed, bool)> {
     let (agreed, digests) = match (&options.source.model, &options.sharing.team) {
         (_, Some(path)) => {
             let (team, digests) = open_team(path, log)?;
-            (Agreed::Team(team), digests)
+            (Agreed::Team(Box::new(team)), digests)
         }
         (Some(path), None) => {
             let file = open_model(path, log)?;

@@ -53,7 +53,7 @@ impl Pictures {
         let split = replayed.splits.first().context("a replay has at least one split")?;
         // What the team had agreed on in this split.
         let found = replayed.replay.splits.first().context("a replay has at least one split")?;
-        let plan = Plan { agreed: Agreed::Team((*found.team).clone()), ..replayed.plan.clone() };
+        let plan = Plan { agreed: Agreed::Team(Box::new((*found.team).clone())), ..replayed.plan.clone() };
         let mission = Mission::prepare(&replayed.log, split, &plan, frames)?;
         let mut team = mission.after_sharing(frames)?;
         let viewer = team.first_mut().context("every log has a receiver")?;

@@ -1,11 +1,13 @@
 //! `pingmap packet`: the bytes on the water, for people.
 
+mod report;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, Subcommand};
 use pingmap_agent::{Agent, Link, VehicleId, When};
-use pingmap_packet::{Block, Cell, Layout, MapMessage, PROTO, Point, from_hex, to_hex};
+use pingmap_packet::{Block, Cell, Layout, MapMessage, PROTO, Point, ReportLayout, from_hex, to_hex};
 use serde::{Deserialize, Serialize};
 
 use crate::output::{BadInput, Results, count, print, print_json, read_text, table};
@@ -86,6 +88,13 @@ impl Options {
     }
 }
 
+/// What is read first.
+#[derive(Deserialize)]
+struct Named {
+    schema: u32,
+    message: String,
+}
+
 /// A packet as JSON: whole numbers only.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -131,6 +140,9 @@ struct PointJson {
 fn decode(options: &Decode, results: Results) -> anyhow::Result<()> {
     let bytes = bytes_of(&options.hex)?;
     let listener = options.team.as_deref().map(listener).transpose()?;
+    if ReportLayout::of(&bytes).is_some() {
+        return report::decode(&bytes, listener.as_ref(), options.json, results);
+    }
     let (layout, message) = match &listener {
         Some(listener) => listener.read(&bytes).map_err(|refusal| BadInput(refusal.to_string()))?,
         None => read_alone(&bytes)?,
@@ -181,10 +193,17 @@ fn read_alone(bytes: &[u8]) -> anyhow::Result<(&'static Layout, MapMessage)> {
 
 fn encode(options: &Encode, results: Results) -> anyhow::Result<()> {
     let bad = |problem: &dyn std::fmt::Display| BadInput(format!("{}: {problem}", options.file.display()));
-    let json: PacketJson = serde_json::from_str(&read_text(&options.file)?).map_err(|error| bad(&error))?;
-    if json.schema > 1 {
-        return Err(bad(&format_args!("schema {}, but this version reads schema 1", json.schema)).into());
+    let text = read_text(&options.file)?;
+    let named: Named = serde_json::from_str(&text).map_err(|error| bad(&error))?;
+    let listener = options.team.as_deref().map(listener).transpose()?;
+    if named.schema > 1 {
+        return Err(bad(&format_args!("schema {}, but this version reads schema 1", named.schema)).into());
     }
+    if named.message.starts_with("Report") {
+        let (layout, bytes) = report::encode(&text, listener.as_ref()).map_err(|problem| bad(&problem))?;
+        return print_bytes(options, layout.name, &bytes, results);
+    }
+    let json: PacketJson = serde_json::from_str(&text).map_err(|error| bad(&error))?;
     let layout = pingmap_packet::LAYOUTS.iter().find(|layout| layout.name == json.message);
     let layout = layout.ok_or_else(|| {
         let names: Vec<&str> = pingmap_packet::LAYOUTS.iter().map(|layout| layout.name).collect();
@@ -197,7 +216,7 @@ fn encode(options: &Encode, results: Results) -> anyhow::Result<()> {
         model: json.model,
         blocks: blocks.map_err(|problem: String| bad(&problem))?,
     };
-    let bytes = match options.team.as_deref().map(listener).transpose()? {
+    let bytes = match listener {
         Some(listener) => {
             let bytes = listener.write(layout, &message).map_err(|error| bad(&error))?;
             // What no member of the team would take is an error here already.
@@ -206,9 +225,13 @@ fn encode(options: &Encode, results: Results) -> anyhow::Result<()> {
         }
         None => message.encode(layout, None).map_err(|error| bad(&error))?,
     };
-    let hex = to_hex(&bytes);
+    print_bytes(options, layout.name, &bytes, results)
+}
+
+fn print_bytes(options: &Encode, message: &str, bytes: &[u8], results: Results) -> anyhow::Result<()> {
+    let hex = to_hex(bytes);
     if options.json {
-        let encoded = EncodedJson { schema: 1, message: layout.name, bytes: bytes.len(), hex };
+        let encoded = EncodedJson { schema: 1, message, bytes: bytes.len(), hex };
         return print_json(results, &encoded);
     }
     print(results, &hex)

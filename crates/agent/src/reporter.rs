@@ -1,0 +1,196 @@
+//! Which report is worth the next frame: what of its own events a vehicle tells one by one, and the part of its track that goes
+//! with them.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use pingmap_packet::{Cell, Earlier, KNOTS_MAX, Knot, Outcome, Report as ReportMessage};
+
+use crate::memory::Memory;
+use crate::track::Knots;
+
+/// What a transmission that was reported once is still worth: reports get lost.
+const LOST: f64 = 0.3;
+
+/// Slots that a report looks back on at most.
+const SLOTS_MAX: usize = 16_384;
+
+/// Outcomes of a report at most: its bytes hold no more with gaps.
+const OUTCOMES_MAX: usize = 1275;
+
+/// What the vehicle could say of a slot.
+#[derive(Debug, Clone, Copy)]
+struct Item {
+    slot: u32,
+    /// What became of another's transmission; none for a slot of its own.
+    outcome: Option<Outcome>,
+    /// What telling it is worth.
+    value: f64,
+}
+
+/// What a vehicle could report: slots in the order of time, and where it was.
+#[derive(Debug)]
+pub(crate) struct Reporter<'a> {
+    memory: &'a Memory,
+    sender: u8,
+    items: Vec<Item>,
+    knots: Vec<(u32, Cell)>,
+    /// Before the item of the same place: how many outcomes there are, how many of these are untold, and what all is worth.
+    sums: Vec<(usize, usize, f64)>,
+}
+
+/// A part of the items, ends included.
+#[derive(Debug, Clone, Copy)]
+struct Span {
+    first: usize,
+    last: usize,
+    value: f64,
+}
+
+impl<'a> Reporter<'a> {
+    /// O(slots since the vehicle was first anywhere, of a leg each).
+    pub(crate) fn new(memory: &'a Memory, sender: u8) -> Self {
+        let team = &memory.frames.team;
+        let knots = Knots {
+            slots: &team.slots,
+            grid: &team.grid,
+            chart: &team.model.chart,
+            has_depth: team.model.inputs.has_depths(),
+            off_max_m: team.track_off_max_m,
+        };
+        let nothing = BTreeMap::new();
+        let told = memory.reports.told_by(sender).map_or(&nothing, |told| &told.knots);
+        let knots: Vec<(u32, Cell)> = knots.of(&memory.track(), told).into_iter().collect();
+        let items = items(memory, sender, &knots);
+        let mut sums = vec![(0, 0, 0.0)];
+        for item in &items {
+            let (outcomes, untold, value) = sums.last().copied().unwrap_or_default();
+            let is_untold = item.outcome == Some(Outcome::Untold);
+            let outcomes = outcomes + usize::from(item.outcome.is_some());
+            sums.push((outcomes, untold + usize::from(is_untold), value + item.value));
+        }
+        Self { memory, sender, items, knots, sums }
+    }
+
+    /// The report that is worth most of those that fit into so many bytes and begin or end where something does that is worth
+    /// more than what is before or after it: what is left shall be in one piece. The latest of several. None where nothing is
+    /// worth telling (again).
+    pub(crate) fn report(&self, frame_bytes: usize, earlier: Option<Earlier>) -> Option<ReportMessage> {
+        let value = |place: usize| self.items[place].value;
+        let fits = |first, last| self.fits(first, last, frame_bytes, earlier.is_some());
+        // Between two items of value there may be some that nothing can be said of.
+        let worth: Vec<usize> = (0..self.items.len()).filter(|&place| value(place) > 0.0).collect();
+        let mut best: Option<Span> = None;
+        for (nth, &place) in worth.iter().enumerate().filter(|&(_, &place)| fits(place, place)) {
+            let is_more_than = |other: Option<&usize>| other.is_none_or(|&other| value(place) > value(other));
+            let begins = is_more_than(nth.checked_sub(1).and_then(|before| worth.get(before)));
+            let ends = is_more_than(worth.get(nth + 1));
+            let onward = worth[nth..].partition_point(|&last| fits(place, last));
+            let back = worth[..=nth].partition_point(|&first| !fits(first, place));
+            let spans =
+                [begins.then(|| (place, worth[nth + onward.max(1) - 1])), ends.then(|| (worth[back.min(nth)], place))];
+            for (first, last) in spans.into_iter().flatten() {
+                let value = self.sums[last + 1].2 - self.sums[first].2;
+                if best.is_none_or(|best| value >= best.value) {
+                    best = Some(Span { first, last, value });
+                }
+            }
+        }
+        best.map(|span| self.message(span, earlier))
+    }
+
+    /// How many frames of so many bytes it takes to tell all that was never told.
+    pub(crate) fn frames_needed(&self, frame_bytes: usize, earlier: Option<Earlier>) -> usize {
+        let mut untold = (0..self.items.len()).filter(|&place| self.items[place].value == 1.0).peekable();
+        let mut frames = 0;
+        while let Some(first) = untold.next() {
+            frames += 1;
+            while untold.next_if(|&last| self.fits(first, last, frame_bytes, earlier.is_some())).is_some() {}
+        }
+        frames
+    }
+
+    fn fits(&self, first: usize, last: usize, frame_bytes: usize, has_earlier: bool) -> bool {
+        let (before, end) = (self.sums[first], self.sums[last + 1]);
+        let (outcomes, has_gaps) = (end.0 - before.0, end.1 > before.1);
+        let (from, to) = self.knots_about(first, last);
+        let length = self.memory.frames.report_layout().length(outcomes, has_gaps, to + 1 - from, has_earlier);
+        length <= frame_bytes && to + 1 - from <= KNOTS_MAX && outcomes <= OUTCOMES_MAX
+    }
+
+    /// The places of the knots before and after these items.
+    fn knots_about(&self, first: usize, last: usize) -> (usize, usize) {
+        let (first, last) = (self.items[first].slot, self.items[last].slot);
+        let from = self.knots.partition_point(|knot| knot.0 <= first).saturating_sub(1);
+        (from, self.knots.partition_point(|knot| knot.0 < last).min(self.knots.len() - 1))
+    }
+
+    fn message(&self, span: Span, earlier: Option<Earlier>) -> ReportMessage {
+        let items = &self.items[span.first..=span.last];
+        let first = items[0].slot;
+        let (from, to) = self.knots_about(span.first, span.last);
+        let mut before = None;
+        let knot = |&(slot, Cell { east, north, depth }): &(u32, Cell)| {
+            let slots = before.replace(slot).map_or(first.saturating_sub(slot), |before| slot - before) as u8;
+            Knot { slots, east, north, depth }
+        };
+        ReportMessage {
+            sender: self.sender,
+            model: 0,
+            first,
+            tells_own: false,
+            outcomes: items.iter().filter_map(|item| item.outcome).collect(),
+            knots: self.knots[from..=to].iter().map(knot).collect(),
+            earlier,
+        }
+    }
+
+    /// The slots whose outcomes a report tells.
+    pub(crate) fn slots_told(&self, report: &ReportMessage) -> BTreeSet<u32> {
+        let slots = self.memory.frames.slots_of(self.sender, report.first, report.tells_own);
+        let told = slots.zip(&report.outcomes).filter(|(_, outcome)| **outcome != Outcome::Untold);
+        told.map(|(slot, _)| slot).collect()
+    }
+}
+
+/// Slots between the first and the last knot in which the vehicle could hear somebody or send.
+fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)]) -> Vec<Item> {
+    let (Some(&(begin, _)), Some(&(end, _))) = (knots.first(), knots.last()) else { return Vec::new() };
+    let own = memory.events.iter().filter_map(|event| Some((memory.slot_of(event)?, event.success)));
+    let own: BTreeMap<u32, bool> =
+        own.filter(|((receiver, _), _)| *receiver == sender).map(|((_, slot), success)| (slot, success)).collect();
+    let tellings = tellings(memory, sender);
+    let worth = |slot: u32| match tellings.get(&slot).copied().unwrap_or(0) {
+        told if told < u32::from(memory.frames.team.tellings_max) => LOST.powi(told as i32),
+        _ => 0.0,
+    };
+    // Where nobody is heard in slots, a schedule says nothing of who sends.
+    let is_in_force = memory.frames.team.slots.listed.is_some() || !own.is_empty();
+    let item = |slot: u32| {
+        if !memory.frames.is_heard_by(slot, sender) {
+            return Item { slot, outcome: None, value: if is_in_force { worth(slot) } else { 0.0 } };
+        }
+        match own.get(&slot) {
+            Some(true) => Item { slot, outcome: Some(Outcome::Heard), value: worth(slot) },
+            Some(false) => Item { slot, outcome: Some(Outcome::Missed), value: worth(slot) },
+            None => Item { slot, outcome: Some(Outcome::Untold), value: 0.0 },
+        }
+    };
+    let slots = memory.frames.slots_of(sender, begin, true).take_while(|&slot| slot <= end);
+    let items: Vec<Item> = slots.map(item).collect();
+    items[items.len().saturating_sub(SLOTS_MAX)..].to_vec()
+}
+
+/// How often each slot was reported: what became of it, or where the vehicle was when it sent.
+fn tellings(memory: &Memory, sender: u8) -> BTreeMap<u32, u32> {
+    let mut tellings = BTreeMap::new();
+    for kept in memory.reports.all(sender).filter(|kept| !kept.sent.is_empty()) {
+        let (report, times) = (&kept.report, kept.sent.len() as u32);
+        let outcomes = report.outcomes.iter().map(|&(slot, _)| slot);
+        let begin = report.first;
+        let end = report.knots.last().map_or(begin, |knot| knot.0);
+        let is_own = |slot: &u32| !memory.frames.is_heard_by(*slot, sender);
+        let own = memory.frames.slots_of(sender, begin, true).take_while(move |&slot| slot <= end).filter(is_own);
+        outcomes.chain(own).for_each(|slot| *tellings.entry(slot).or_default() += times);
+    }
+    tellings
+}

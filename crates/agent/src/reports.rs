@@ -1,0 +1,178 @@
+//! The reports that a vehicle remembers, and what they say together.
+
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use pingmap_packet::{Cell, Earlier};
+
+use crate::packets::PacketKey;
+
+/// A report as it came, and what it says.
+#[derive(Debug)]
+pub(crate) struct Report {
+    pub(crate) bytes: Vec<u8>,
+    /// The slot that it begins at.
+    pub(crate) first: u32,
+    /// What its sender heard (true) and missed, by slot.
+    pub(crate) outcomes: Vec<(u32, bool)>,
+    /// Slots of its own in which it was silent.
+    pub(crate) silent: Vec<u32>,
+    /// Where it was.
+    pub(crate) knots: Vec<(u32, Cell)>,
+    /// Which of its packets speak of the same events.
+    pub(crate) earlier: Option<Earlier>,
+}
+
+/// What became of a transmission, by all that a sender said of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Said {
+    Heard,
+    Missed,
+    /// Both, which nobody says by mistake: two vehicles go by one number. It counts as neither.
+    Contradicted,
+}
+
+/// What a packet counts for beside the reports of its sender.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Worth {
+    /// What it says is told better by reports.
+    Nothing,
+    /// For what it says beyond them.
+    Beyond,
+    /// For what it says.
+    All,
+}
+
+/// What all reports of one sender say together.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Told {
+    pub(crate) outcomes: BTreeMap<u32, Said>,
+    pub(crate) silent: BTreeSet<u32>,
+    /// Of different cells for one slot the first.
+    pub(crate) knots: BTreeMap<u32, Cell>,
+    earlier: BTreeSet<(u8, bool)>,
+}
+
+impl Told {
+    fn take(&mut self, report: &Report) {
+        for &(slot, heard) in &report.outcomes {
+            let said = if heard { Said::Heard } else { Said::Missed };
+            let known = self.outcomes.entry(slot).or_insert(said);
+            if *known != said {
+                *known = Said::Contradicted;
+            }
+        }
+        self.silent.extend(&report.silent);
+        for &(slot, cell) in &report.knots {
+            let known = self.knots.entry(slot).or_insert(cell);
+            *known = cell.min(*known);
+        }
+        self.earlier.extend(report.earlier.map(|earlier| (earlier.before, earlier.counts)));
+    }
+
+    /// What a packet of this counter counts for, by whatever said least of it. What is meant by 8 bits of a counter is the one
+    /// nearest to the next packet of the sender, as far as is known.
+    fn worth(&self, counter: u16, latest: u16) -> Worth {
+        let next = i32::from(latest) + 1;
+        let meant = |before: u8| next + i32::from((before.wrapping_sub(next as u8)) as i8);
+        let said = self.earlier.iter().filter(|(before, _)| i32::from(counter) < meant(*before));
+        said.map(|&(_, counts)| if counts { Worth::Beyond } else { Worth::Nothing }).min().unwrap_or(Worth::All)
+    }
+}
+
+/// A report, and by which numbers the vehicle sent it, if it did.
+#[derive(Debug, Clone)]
+pub(crate) struct Kept {
+    pub(crate) report: Arc<Report>,
+    pub(crate) sent: BTreeSet<u64>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Sender {
+    /// By the slot that they begin at, and their bytes.
+    reports: BTreeMap<(u32, Vec<u8>), Kept>,
+    told: Arc<Told>,
+}
+
+/// What became of a report that was put in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Filed {
+    New,
+    Known,
+    /// Its sender has reported on so many later slots that it is forgotten.
+    TooOld,
+}
+
+/// Reports. Of every sender those are kept that begin latest; what counts depends on the set of those that arrived, not on
+/// their order or number.
+#[derive(Debug, Clone)]
+pub(crate) struct Reports {
+    per_sender_max: usize,
+    senders: BTreeMap<u8, Sender>,
+}
+
+impl Reports {
+    pub(crate) fn new(per_sender_max: u16) -> Self {
+        Self { per_sender_max: usize::from(per_sender_max).max(1), senders: BTreeMap::new() }
+    }
+
+    /// Puts in a report, heard or sent under this number. O(log) and its length; where an old one goes for it, O(all of its
+    /// sender).
+    pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<u64>) -> Filed {
+        let max = self.per_sender_max;
+        let sender = self.senders.entry(sender).or_default();
+        let key = (report.first, report.bytes.clone());
+        let kept = match sender.reports.entry(key.clone()) {
+            Entry::Occupied(known) => {
+                known.into_mut().sent.extend(sent);
+                return Filed::Known;
+            }
+            Entry::Vacant(place) => place.insert(Kept { report: Arc::new(report), sent: sent.into_iter().collect() }),
+        };
+        if let report = kept.report.clone()
+            && sender.reports.len() <= max
+        {
+            Arc::make_mut(&mut sender.told).take(&report);
+            return Filed::New;
+        }
+        let gone = sender.reports.pop_first().map(|(gone, _)| gone);
+        if gone == Some(key) {
+            return Filed::TooOld;
+        }
+        let mut told = Told::default();
+        sender.reports.values().for_each(|kept| told.take(&kept.report));
+        sender.told = Arc::new(told);
+        Filed::New
+    }
+
+    /// Everybody who reported, and what they say.
+    pub(crate) fn told(&self) -> impl Iterator<Item = (u8, &Told)> {
+        self.senders.iter().map(|(&number, sender)| (number, &*sender.told))
+    }
+
+    /// What one member says.
+    pub(crate) fn told_by(&self, sender: u8) -> Option<&Told> {
+        self.senders.get(&sender).map(|sender| &*sender.told)
+    }
+
+    /// The same, shared: it stays the same thing until something new is said.
+    pub(crate) fn told_by_shared(&self, sender: u8) -> Option<Arc<Told>> {
+        self.senders.get(&sender).map(|sender| sender.told.clone())
+    }
+
+    /// All reports of one sender.
+    pub(crate) fn all(&self, sender: u8) -> impl Iterator<Item = &Kept> {
+        self.senders.get(&sender).into_iter().flat_map(|sender| sender.reports.values())
+    }
+
+    /// Everybody's.
+    pub(crate) fn everything(&self) -> impl Iterator<Item = &Kept> {
+        self.senders.values().flat_map(|sender| sender.reports.values())
+    }
+
+    /// What a packet counts for, where this is the latest of its sender.
+    pub(crate) fn worth(&self, (sender, counter): PacketKey, latest: u16) -> Worth {
+        self.told_by(sender).map_or(Worth::All, |told| told.worth(counter, latest))
+    }
+}

@@ -1,0 +1,137 @@
+//! Who may send when, and so what the number of a slot means.
+
+use std::sync::Arc;
+
+use pingmap_packet::SLOTS;
+
+use crate::event::VehicleId;
+
+/// Whose turn it is. Slots are numbered by time, from [`Slots::start_s`] on, and never by counting what was heard: whoever
+/// misses a few stays in step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Slots {
+    /// When slot 0 begins, in seconds.
+    pub start_s: f64,
+    /// Length of a slot in seconds.
+    pub duration_s: f64,
+    /// Senders in turn, from slot 0 on. An empty name is nobody: the slot before it goes on.
+    pub order: Vec<VehicleId>,
+    /// Other orders, from later slots on.
+    pub changes: Vec<SlotChange>,
+    /// Transmissions one by one, in the order of time, in place of all these: what a log has where no schedule is known. The
+    /// number of a slot is then its place here.
+    pub listed: Option<Arc<[Opportunity]>>,
+}
+
+/// An order of senders that holds from some slot on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SlotChange {
+    /// The first slot of it, and of its first sender.
+    pub from: u32,
+    /// Senders in turn, as in [`Slots::order`].
+    pub order: Vec<VehicleId>,
+}
+
+/// A transmission that took place, and who could have heard it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Opportunity {
+    /// When it was sent.
+    pub time_s: f64,
+    /// Who sent.
+    pub sender: VehicleId,
+    /// Who could have heard it.
+    pub listeners: Vec<VehicleId>,
+}
+
+/// Times that are told apart less are the same.
+const SAME_S: f64 = 1e-6;
+
+impl Slots {
+    /// Senders in turn, from time 0 on.
+    pub fn in_turn(duration_s: f64, order: Vec<VehicleId>) -> Self {
+        Self { start_s: 0.0, duration_s, order, changes: Vec::new(), listed: None }
+    }
+
+    /// The same slots, numbered from the last turn of the first sender on that begins no later than this: numbers are for one
+    /// mission.
+    #[must_use]
+    pub fn beginning_by(self, time_s: f64) -> Self {
+        let round_s = self.duration_s * self.order.len().max(1) as f64;
+        let start_s = self.start_s + ((time_s - self.start_s) / round_s).floor() * round_s;
+        if start_s.is_finite() { Self { start_s, ..self } } else { self }
+    }
+
+    /// The slot of this time; `None` before the first, behind the last that has a number, and at a time that is not finite.
+    pub fn number(&self, time_s: f64) -> Option<u32> {
+        let number = self.place(time_s);
+        (0.0..f64::from(SLOTS)).contains(&number).then_some(number as u32)
+    }
+
+    /// The slot of any time, numbered or not.
+    fn place(&self, time_s: f64) -> f64 {
+        match &self.listed {
+            Some(listed) => listed.partition_point(|listed| listed.time_s <= time_s + SAME_S) as f64 - 1.0,
+            None => ((time_s - self.start_s + SAME_S) / self.duration_s).floor(),
+        }
+    }
+
+    /// When a slot begins.
+    pub fn begin_s(&self, number: u32) -> Option<f64> {
+        match &self.listed {
+            Some(listed) => listed.get(number as usize).map(|listed| listed.time_s),
+            None => (number < SLOTS).then(|| self.start_s + f64::from(number) * self.duration_s),
+        }
+    }
+
+    /// Who may send in a slot; nobody in one that goes on, or of an order without members.
+    pub fn sender(&self, number: u32) -> Option<&VehicleId> {
+        self.sender_at(number.into())
+    }
+
+    /// Who may send at this time, in a slot with a number or not.
+    pub fn owner(&self, time_s: f64) -> Option<&VehicleId> {
+        self.sender_at(self.place(time_s))
+    }
+
+    fn sender_at(&self, place: f64) -> Option<&VehicleId> {
+        if !place.is_finite() {
+            return None;
+        }
+        if let Some(listed) = &self.listed {
+            let number = (place >= 0.0).then_some(place as usize)?;
+            return listed.get(number).map(|listed| &listed.sender);
+        }
+        let change =
+            self.changes.iter().filter(|change| f64::from(change.from) <= place).max_by_key(|change| change.from);
+        let (from, order) = change.map_or((0, &self.order), |change| (change.from, &change.order));
+        let turn = (place - f64::from(from)).rem_euclid(order.len() as f64);
+        let turn = turn.is_finite().then_some(turn as usize)?;
+        order.get(turn).filter(|name| !name.as_str().is_empty())
+    }
+
+    /// Whether a slot is one in which this vehicle could hear another one.
+    pub fn is_heard_by(&self, number: u32, id: &VehicleId) -> bool {
+        match &self.listed {
+            Some(listed) => listed.get(number as usize).is_some_and(|listed| listed.listeners.contains(id)),
+            None => self.sender(number).is_some_and(|sender| sender != id),
+        }
+    }
+
+    /// The slot of what this vehicle sent at this time, if it was its turn.
+    pub fn sent_in(&self, time_s: f64, id: &VehicleId) -> Option<u32> {
+        let number = self.number(time_s)?;
+        // A turn may go on over several slots.
+        let begin = (0..=number).rev().take(self.order_max()).find(|&number| self.sender(number).is_some())?;
+        (self.sender(begin) == Some(id)).then_some(begin)
+    }
+
+    /// How many slots a turn may go on at most.
+    fn order_max(&self) -> usize {
+        self.changes.iter().map(|change| change.order.len()).fold(self.order.len(), usize::max).max(1)
+    }
+
+    /// One more than the last slot.
+    pub fn end(&self) -> u32 {
+        self.listed.as_ref().map_or(SLOTS, |listed| (listed.len() as u32).min(SLOTS))
+    }
+}

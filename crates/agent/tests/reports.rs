@@ -1,0 +1,317 @@
+//! What vehicles hear and miss, told one by one: everybody comes to know what everything in one place says, whatever is lost,
+//! doubled or late on the way.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::sync::Arc;
+
+use common::*;
+use pingmap_agent::*;
+use pingmap_packet::Cell;
+use proptest::prelude::*;
+
+const SLOT_S: f64 = 10.0;
+
+/// A mission in slots: every vehicle goes straight from corner to corner, and is in the middle of a cell whenever it turns.
+#[derive(Debug, Clone)]
+struct Trip {
+    team: Arc<Team>,
+    slots: u32,
+    /// For every vehicle the cell of knots at every eighth slot.
+    turns: Vec<Vec<Cell>>,
+    /// By slot and receiver: heard, missed, or not listened.
+    outcomes: Vec<Vec<Option<bool>>>,
+}
+
+/// Slots of a leg.
+const LEG: u32 = 8;
+
+impl Trip {
+    fn at(&self, vehicle: usize, slot: u32) -> Position {
+        let place =
+            |leg: u32| self.team.grid.knot_position(&self.team.model.chart, self.turns[vehicle][leg as usize], false);
+        let leg = slot / LEG;
+        let (from, to) = (place(leg), place(if slot.is_multiple_of(LEG) { leg } else { leg + 1 }));
+        let share = f64::from(slot % LEG) / f64::from(LEG);
+        let along = |a: f64, b: f64| a + share * (b - a);
+        Position::new(along(from.east_m, to.east_m), along(from.north_m, to.north_m))
+    }
+
+    fn members(&self) -> usize {
+        self.turns.len()
+    }
+
+    fn event(&self, slot: u32, receiver: usize) -> Option<Event> {
+        let transmitter = slot as usize % self.members();
+        let success = self.outcomes[slot as usize][receiver].filter(|_| transmitter != receiver)?;
+        let id = |number: usize| names(number + 1).remove(number);
+        let link = Link { transmitter: self.at(transmitter, slot), receiver: self.at(receiver, slot) };
+        let time_s = SLOT_S * f64::from(slot);
+        Some(Event { time_s, transmitter_id: id(transmitter), receiver_id: id(receiver), link, kind: None, success })
+    }
+
+    fn events(&self, receiver: usize) -> Vec<Event> {
+        (0..self.slots).filter_map(|slot| self.event(slot, receiver)).collect()
+    }
+
+    fn vehicle(&self, number: usize) -> Agent {
+        let fixes = (0..=self.slots).map(|slot| (SLOT_S * f64::from(slot), self.at(number, slot)));
+        let reports = Telling { points: false, reports: true };
+        let mut agent = vehicle(&self.team, number, self.events(number)).telling(reports);
+        agent.navigate(fixes).unwrap();
+        agent
+    }
+
+    fn reports(&self) -> Vec<Vec<u8>> {
+        (0..self.members()).flat_map(|number| sent(&mut self.vehicle(number), 100)).collect()
+    }
+
+    /// Somebody with everybody's events.
+    fn all_in_one_place(&self) -> Agent {
+        let mut all = Agent::new(VehicleId::new("shore"), self.team.clone()).owning_all_events();
+        all.observe_all((0..self.members()).flat_map(|number| self.events(number))).unwrap();
+        all.rebuild_posteriors().unwrap();
+        all
+    }
+}
+
+fn trips() -> impl Strategy<Value = Trip> {
+    (2..5usize, 3..7u32).prop_flat_map(|(members, legs)| {
+        let slots = legs * LEG;
+        // No faster than a vehicle: neighbouring turns are near.
+        let cell = (64..192u8, 64..192u8).prop_map(|(east, north)| Cell { east, north, depth: 0 });
+        let turns = prop::collection::vec(prop::collection::vec(cell, legs as usize + 1), members);
+        let outcome = prop_oneof![3 => Just(Some(true)), 3 => Just(Some(false)), 1 => Just(None)];
+        let outcomes = prop::collection::vec(prop::collection::vec(outcome, members), slots as usize);
+        (turns, outcomes).prop_map(move |(turns, outcomes)| {
+            let team = team(members, model());
+            // Every turn is told, and in the middle of its cell: tracks are exact.
+            let team = Team { track_off_max_m: 1e-6, tellings_max: 2, ..team };
+            Trip { team: Arc::new(team), slots, turns, outcomes }
+        })
+    })
+}
+
+fn latent(agent: &mut Agent) -> (Vec<f64>, Vec<f64>) {
+    let inputs = agent.model().inputs(somewhere()).unwrap();
+    let latent = agent.posterior().unwrap().latent(&inputs).unwrap();
+    (latent.mean, latent.variance)
+}
+
+proptest! {
+    #![proptest_config(cases(24))]
+
+    #[test]
+    fn who_hears_all_reports_knows_what_everything_in_one_place_says(trip in trips()) {
+        let reports = trip.reports();
+        let all = trip.all_in_one_place();
+        for number in 0..trip.members() {
+            let mut agent = trip.vehicle(number);
+            reports.iter().for_each(|report| { agent.receive(report, 0.0); });
+            let (told, waiting) = agent.told_events();
+            let others: usize = (0..trip.members()).filter(|&other| other != number).map(|other| trip.events(other).len()).sum();
+            prop_assert_eq!((told, waiting), (others, 0));
+            agent.rebuild_posteriors().unwrap();
+            let mut all = all.clone();
+            let ((mean, variance), (mean_all, variance_all)) = (latent(&mut agent), latent(&mut all));
+            prop_assert!(largest_difference(&mean, &mean_all) < 1e-9, "{mean:?} {mean_all:?}");
+            prop_assert!(largest_difference(&variance, &variance_all) < 1e-9);
+        }
+    }
+
+    #[test]
+    fn order_and_repeats_do_not_matter(trip in trips(), order in any::<prop::sample::Index>(), lost in 0..4usize) {
+        let mut reports = trip.reports();
+        let kept = reports.len().saturating_sub(lost);
+        reports.truncate(kept);
+        let mut one = trip.vehicle(0);
+        reports.iter().for_each(|report| { one.receive(report, 0.0); });
+        let mut other = trip.vehicle(0);
+        let turn = if reports.is_empty() { 0 } else { order.index(reports.len()) };
+        reports.rotate_left(turn);
+        reports.extend(reports.clone());
+        reports.reverse();
+        for (n, report) in reports.iter().enumerate() {
+            other.receive(report, 0.0);
+            if n == turn {
+                // Questions in between change nothing either.
+                other.probability(somewhere()[0]).unwrap();
+                other.refit().unwrap();
+            }
+        }
+        prop_assert_eq!(one.told_events(), other.told_events());
+        prop_assert_eq!(one.snapshot(), other.snapshot());
+        one.rebuild_posteriors().unwrap();
+        other.rebuild_posteriors().unwrap();
+        let ((mean, _), (mean_other, _)) = (latent(&mut one), latent(&mut other));
+        prop_assert_eq!(bits(&mean), bits(&mean_other));
+    }
+
+    #[test]
+    fn a_snapshot_holds_reports_and_where_it_was(trip in trips()) {
+        let mut agent = trip.vehicle(0);
+        trip.reports().iter().for_each(|report| { agent.receive(report, 0.0); });
+        agent.refit().unwrap();
+        agent.next_packet(0.0, 32).unwrap();
+        let snapshot = agent.snapshot();
+        let mut again = restored(&agent, &snapshot).telling(Telling { points: false, reports: true });
+        prop_assert_eq!(again.snapshot(), snapshot);
+        prop_assert_eq!(again.told_events(), agent.told_events());
+        agent.rebuild_posteriors().unwrap();
+        again.rebuild_posteriors().unwrap();
+        prop_assert_eq!(latent(&mut agent), latent(&mut again));
+        prop_assert_eq!(agent.next_packet(0.0, 32).unwrap(), again.next_packet(0.0, 32).unwrap());
+    }
+}
+
+/// Three vehicles that lie still, and what each of the first two hears of the third.
+fn still(outcomes: [&[bool]; 2]) -> (Arc<Team>, Vec<Agent>) {
+    let team = Arc::new(team(3, model()));
+    let places = [(-300.0, 0.0), (300.0, 0.0), (0.0, 100.0)].map(|(east, north)| {
+        let cell = team.grid.knot_cell(&team.model.chart, &Position::new(east, north)).unwrap();
+        team.grid.knot_position(&team.model.chart, cell, false)
+    });
+    let agents = (0..3).map(|number| {
+        let heard = outcomes.get(number).copied().unwrap_or_default().iter().enumerate();
+        let event = |(n, &success): (usize, &bool)| Event {
+            time_s: SLOT_S * (3 * n + 2) as f64,
+            transmitter_id: names(3).remove(2),
+            receiver_id: names(3).remove(number),
+            link: Link { transmitter: places[2], receiver: places[number] },
+            kind: None,
+            success,
+        };
+        let mut agent = vehicle(&team, number, heard.map(event)).telling(Telling { points: false, reports: true });
+        agent.navigate((0..1000).map(|slot| (SLOT_S * f64::from(slot), places[number]))).unwrap();
+        agent
+    });
+    let agents = agents.collect();
+    (team, agents)
+}
+
+#[test]
+fn events_wait_for_places_whatever_their_outcome() {
+    let (_, mut agents) = still([&[true, false, true, false, false], &[]]);
+    let reports = sent(&mut agents[0], 20);
+    let mut listener = agents[1].clone();
+    reports.iter().for_each(|report| drop(listener.receive(report, 0.0)));
+    // Where the third one was it has not said.
+    assert_eq!(listener.told_events(), (0, 5));
+    // It heard nobody, and so it does not know that the schedule is in force until it hears somebody.
+    let places = Link { transmitter: Position::new(-300.0, 0.0), receiver: Position::new(0.0, 100.0) };
+    let [transmitter_id, receiver_id] = [0, 2].map(|number| names(3).remove(number));
+    let event = Event { time_s: 0.0, transmitter_id, receiver_id, link: places, kind: None, success: true };
+    agents[2].observe(event).unwrap();
+    for report in sent(&mut agents[2], 20) {
+        listener.receive(&report, 0.0);
+    }
+    assert_eq!(listener.told_events(), (6, 0));
+}
+
+#[test]
+fn a_member_that_is_muted_counts_no_more_and_comes_back() {
+    let (_, mut agents) = still([&[true; 40], &[]]);
+    let link = agents[0].events().next().unwrap().link;
+    let mut listener = Agent::new(VehicleId::new("shore"), Arc::new(agents[0].team().clone()));
+    let before = listener.probability(link).unwrap();
+    let mut third = agents[2].clone();
+    third
+        .observe(Event {
+            receiver_id: names(3).remove(2),
+            transmitter_id: names(3).remove(0),
+            time_s: 0.0,
+            ..agents[0].events().next().unwrap().clone()
+        })
+        .unwrap();
+    for report in sent(&mut agents[0], 20).into_iter().chain(sent(&mut third, 20)) {
+        listener.receive(&report, 0.0);
+    }
+    listener.mute(&names(3)[2]);
+    listener.refit().unwrap();
+    let told = listener.probability(link).unwrap();
+    assert!(told > 0.8 && told > before, "{before} {told}");
+    listener.mute(&names(3)[0]);
+    let muted = listener.probability(link).unwrap();
+    assert!((muted - before).abs() < 1e-9, "{before} {muted}");
+    listener.unmute(&names(3)[0]);
+    assert!((listener.probability(link).unwrap() - told).abs() < 1e-9);
+}
+
+/// What both ends of a line heard of one place goes together as if it were in one place.
+#[test]
+fn what_one_told_and_another_missed_is_weighed_as_in_one_place() {
+    let (team, mut agents) = still([&[true; 80], &[false; 10]]);
+    let mut all = Agent::new(VehicleId::new("shore"), team).owning_all_events();
+    all.observe_all(agents.iter().flat_map(events).collect::<Vec<_>>()).unwrap();
+    all.rebuild_posteriors().unwrap();
+    let mut third = agents[2].clone();
+    let some = agents[0].events().next().unwrap().clone();
+    third
+        .observe(Event {
+            receiver_id: names(3).remove(2),
+            transmitter_id: names(3).remove(0),
+            time_s: 0.0,
+            ..some.clone()
+        })
+        .unwrap();
+    let mut listener = agents[1].clone();
+    for report in sent(&mut agents[0], 20).into_iter().chain(sent(&mut third, 20)) {
+        listener.receive(&report, 0.0);
+    }
+    listener.mute(&names(3)[2]);
+    listener.refit().unwrap();
+    let (together, apart) = (all.probability(some.link).unwrap(), listener.probability(some.link).unwrap());
+    assert!((together - apart).abs() < 0.01, "{together} {apart}");
+}
+
+#[test]
+fn what_is_no_report_of_the_team_is_refused() {
+    let (team, mut agents) = still([&[true, false, true], &[]]);
+    let report = sent(&mut agents[0], 1).remove(0);
+    let mut listener = agents[1].clone();
+    let mut damaged = report.clone();
+    damaged[6] ^= 4;
+    assert!(matches!(
+        listener.receive(&damaged, 0.0),
+        Receipt::Refused(Refusal::OtherTeam { .. } | Refusal::Malformed(_))
+    ));
+    assert_eq!(agents[0].receive(&report, 0.0), Receipt::Refused(Refusal::Duplicate));
+    let mut twin = Agent::new(names(1).remove(0), team.clone());
+    assert_eq!(twin.receive(&report, 0.0), Receipt::Refused(Refusal::OwnReport));
+    let sealed = Arc::new(Team { key: Some(key(3)), ..(*team).clone() });
+    let mut stranger = Agent::new(names(2).remove(1), sealed);
+    assert!(matches!(stranger.receive(&report, 0.0), Receipt::Refused(Refusal::OtherForm { .. })));
+    let padded = [report.clone(), vec![0; 7]].concat();
+    assert_eq!(listener.receive(&padded, 0.0), Receipt::Accepted);
+    assert_eq!(listener.receive(&report, 0.0), Receipt::Refused(Refusal::Duplicate));
+    assert_eq!((listener.counts().accepted, listener.counts().duplicate), (1, 1));
+}
+
+#[test]
+fn slots_are_numbered_by_time_through_changes_and_long_turns() {
+    let [a, b, c] = [0, 1, 2].map(|number| names(3).remove(number));
+    let nobody = VehicleId::new("");
+    let change = |from, order: &[&VehicleId]| SlotChange { from, order: order.iter().map(|&id| id.clone()).collect() };
+    let slots = Slots {
+        start_s: 100.0,
+        changes: vec![change(7, &[&c, &nobody, &a]), change(13, &[&b])],
+        ..Slots::in_turn(5.0, vec![a.clone(), b.clone()])
+    };
+    let senders = |from: u32, to: u32| (from..to).map(|slot| slots.sender(slot).cloned()).collect::<Vec<_>>();
+    let some = |id: &VehicleId| Some(id.clone());
+    assert_eq!(senders(0, 7), [&a, &b, &a, &b, &a, &b, &a].map(some));
+    assert_eq!(senders(7, 15), [some(&c), None, some(&a), some(&c), None, some(&a), some(&b), some(&b)]);
+    assert_eq!((slots.number(99.9), slots.number(100.0), slots.number(139.0)), (None, Some(0), Some(7)));
+    // A turn of two slots is one opportunity, which began with the first.
+    assert_eq!(
+        (slots.sent_in(136.0, &c), slots.sent_in(142.0, &c), slots.sent_in(142.0, &a)),
+        (Some(7), Some(7), None)
+    );
+    assert!(slots.is_heard_by(7, &a) && !slots.is_heard_by(7, &c) && !slots.is_heard_by(8, &a));
+    assert_eq!(slots.begin_s(7), Some(135.0));
+    let later = slots.clone().beginning_by(1000.0);
+    assert!((990.0..=1000.0).contains(&later.start_s), "{}", later.start_s);
+    assert_eq!(later.owner(later.start_s), Some(&a));
+}
