@@ -154,11 +154,9 @@ impl Beliefs {
         Ok(())
     }
 
-    /// Whether the last fit has the told events that were heard, and no others.
+    /// Whether the last fit has the told events that were heard, where they are taken to have been, and no others.
     fn has_fitted(&self, heard: &Heard) -> bool {
-        let sources = self.fitted().map_or(&[][..], |fitted| &fitted.sources);
-        let told = sources.iter().filter_map(|source| if let Source::Told(key) = source { Some(key) } else { None });
-        told.clone().count() == heard.told.len() && told.into_iter().all(|key| heard.told.contains_key(key))
+        self.fitted().map_or(heard.told.is_empty(), |fitted| fitted.told == heard.told)
     }
 
     /// Takes in what arrived, O(n²) for every event and point. After a fit, or where something is in that counts no more,

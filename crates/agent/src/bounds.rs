@@ -57,6 +57,9 @@ pub const LATITUDE_DEG: Bounds = Bounds::new(-89.999, 89.999, "a number from -89
 /// Degrees of longitude.
 pub const LONGITUDE_DEG: Bounds = Bounds::new(-180.0, 180.0, "a number from -180 to 180");
 
+/// Seconds for which something is taken to go on as it did.
+pub const ONWARD_S: Bounds = Bounds::new(0.0, 86_400.0, "a number of seconds from 0 to 86400");
+
 /// Seconds of a slot.
 pub const SLOT_S: Bounds = Bounds::new(1e-3, 1e6, "a number of seconds from 0.001 to 1e6");
 

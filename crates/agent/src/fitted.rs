@@ -9,7 +9,7 @@ use crate::agent_error::AgentError;
 use crate::event::Event;
 use crate::fitting::{self, Begin};
 use crate::heard::{Heard, summaries};
-use crate::memory::{Memory, ToldKey};
+use crate::memory::{Memory, ToldEvents, ToldKey};
 use crate::model::Model;
 use crate::packets::Packet;
 
@@ -30,6 +30,8 @@ pub(crate) enum Source {
 pub(crate) struct Fitted {
     pub(crate) fit: Fit,
     pub(crate) sources: Vec<Source>,
+    /// The told events among them, as they were placed.
+    pub(crate) told: ToldEvents,
 }
 
 /// The least that packets must say beyond reports, as a share of what they say: less is rounding, by which information may be off
@@ -106,7 +108,8 @@ pub(crate) fn fit_events(
         tilts,
         new,
     });
-    Ok(Fitted { fit: fitting::fit(prior, &observations, messages, &team.limits, begin)?, sources })
+    let fit = fitting::fit(prior, &observations, messages, &team.limits, begin)?;
+    Ok(Fitted { fit, sources, told: told.told.clone() })
 }
 
 /// Tilts to begin with: those of the last fit and, of events that were not in it, what the posterior near it says; and which

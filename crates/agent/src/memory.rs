@@ -210,7 +210,10 @@ impl Memory {
         let at = |member: u8| {
             let position = match Some(member) == self.own {
                 true => own.at(time_s)?,
-                false => along(&self.reports.told_by(member)?.knots, slot, &team.slots, &place)?,
+                false => {
+                    let knots = &self.reports.told_by(member)?.knots;
+                    along(knots, slot, &team.slots, &place, team.onward_s_max)?
+                }
             };
             (position.depth_m.is_some() || !has_depth).then_some(position)
         };

@@ -45,6 +45,8 @@ pub struct Team {
     pub tellings_max: u8,
     /// How far the track that a vehicle tells may be off where it was, in metres.
     pub track_off_max_m: f64,
+    /// For how long others are taken to go straight on behind the last place that they told, in seconds.
+    pub onward_s_max: f64,
     /// A packet is sent if it brings what others can know by it closer to what the sender knows by so many nats an
     /// event at least: mean Kullback-Leibler divergence at the sender's own events.
     pub worth_nats: f64,
@@ -161,6 +163,7 @@ impl Team {
             slots: Slots::in_turn(SLOT_S, names),
             reports_per_sender_max: REPORTS_PER_SENDER_MAX,
             tellings_max: TELLINGS_MAX,
+            onward_s_max: ONWARD_S_MAX,
             key: None,
             epoch: 0,
             worth_nats: WORTH_NATS,
@@ -218,6 +221,9 @@ pub(crate) const REPORTS_PER_SENDER_MAX: u16 = 256;
 
 /// The default of [`Team::tellings_max`]: with three reports in ten lost, less than one transmission in a hundred stays untold.
 pub(crate) const TELLINGS_MAX: u8 = 4;
+
+/// The default of [`Team::onward_s_max`].
+pub(crate) const ONWARD_S_MAX: f64 = 120.0;
 
 /// The default of [`Team::track_off_max_m`], in cells of the grid.
 pub(crate) const TRACK_OFF_CELLS: f64 = 0.5;

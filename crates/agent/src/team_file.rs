@@ -12,8 +12,8 @@ use crate::limits::Limits;
 use crate::model::Model;
 use crate::slots::{SlotChange, Slots};
 use crate::team::{
-    FRAME_BYTES, REPORTS_PER_SENDER_MAX, SLOT_S, SURPRISE_MAX, TEAM_SCHEMA, TELLINGS_MAX, TRACK_OFF_CELLS, Team,
-    TeamError, WORTH_NATS, packets_per_sender_max,
+    FRAME_BYTES, ONWARD_S_MAX, REPORTS_PER_SENDER_MAX, SLOT_S, SURPRISE_MAX, TEAM_SCHEMA, TELLINGS_MAX,
+    TRACK_OFF_CELLS, Team, TeamError, WORTH_NATS, packets_per_sender_max,
 };
 
 /// `team.toml`, with the names of the files that belong to it.
@@ -41,6 +41,8 @@ pub struct TeamFile {
     tellings_max: u8,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     track_off_max_m: Option<f64>,
+    #[serde(default = "onward_s_max")]
+    onward_s_max: f64,
     #[serde(default = "worth_nats")]
     worth_nats: f64,
     #[serde(default = "surprise_max")]
@@ -65,6 +67,10 @@ fn reports_per_sender_max() -> u16 {
 
 fn tellings_max() -> u8 {
     TELLINGS_MAX
+}
+
+fn onward_s_max() -> f64 {
+    ONWARD_S_MAX
 }
 
 fn surprise_max() -> f64 {
@@ -198,6 +204,7 @@ impl TeamFile {
             reports_per_sender_max: team.reports_per_sender_max,
             tellings_max: team.tellings_max,
             track_off_max_m: Some(team.track_off_max_m),
+            onward_s_max: team.onward_s_max,
             worth_nats: team.worth_nats,
             surprise_max: team.surprise_max,
             repeats_max: team.repeats_max,
@@ -219,7 +226,8 @@ impl TeamFile {
         let again = Self::parse(&text).and_then(|file| file.team(team.model.clone(), team.key.clone()));
         let again = again.map_err(|error| unwritable(&error))?;
         let own_affairs = |team: &Team| {
-            let numbers = [team.worth_nats, team.surprise_max, team.track_off_max_m].map(f64::to_bits);
+            let numbers =
+                [team.worth_nats, team.surprise_max, team.track_off_max_m, team.onward_s_max].map(f64::to_bits);
             (numbers, team.repeats_max, team.tellings_max, team.limits)
         };
         if again.canonical_bytes() != team.canonical_bytes() || own_affairs(&again) != own_affairs(team) {
@@ -266,6 +274,7 @@ impl TeamFile {
                 self.reports_per_sender_max.into(),
             )? as u16,
             tellings_max: self.tellings_max,
+            onward_s_max: checked("onward_s_max", bounds::ONWARD_S, self.onward_s_max)?,
             track_off_max_m: checked(
                 "track_off_max_m",
                 bounds::LENGTH_M,

@@ -51,15 +51,25 @@ impl Track {
     }
 }
 
-/// Where somebody was that told these knots, at the beginning of a slot: straight between them, and nowhere beyond.
+/// Where somebody was that told these knots, at the beginning of a slot: straight between them and, for so many seconds, straight
+/// on behind the last one.
 pub(crate) fn along(
     knots: &BTreeMap<u32, Cell>,
     slot: u32,
     slots: &Slots,
     place: &dyn Fn(Cell) -> Position,
+    onward_s_max: f64,
 ) -> Option<Position> {
     let (&before, &from) = knots.range(..=slot).next_back()?;
-    let (&after, &to) = knots.range(slot..).next()?;
+    let Some((&after, &to)) = knots.range(slot..).next() else {
+        let last_s = slots.begin_s(before)?;
+        let time_s = slots.begin_s(slot).filter(|time_s| time_s - last_s <= onward_s_max)?;
+        let last = (last_s, place(from));
+        return Some(match knots.range(..before).next_back() {
+            Some((&earlier, &cell)) => between(&(slots.begin_s(earlier)?, place(cell)), &last, time_s),
+            None => last.1,
+        });
+    };
     let (from, to) = ((slots.begin_s(before)?, place(from)), (slots.begin_s(after)?, place(to)));
     Some(if before == after { from.1 } else { between(&from, &to, slots.begin_s(slot)?) })
 }
@@ -185,12 +195,18 @@ mod tests {
         assert!(knots.keys().filter(|&&slot| slot < 199).count() <= 4, "{knots:?}");
         let place = |cell| grid.knot_position(&chart, cell, false);
         for slot in 0..300 {
-            let (told, is) = (along(&knots, slot, &slots, &place).unwrap(), track.at(10.0 * f64::from(slot)).unwrap());
+            let (told, is) =
+                (along(&knots, slot, &slots, &place, 0.0).unwrap(), track.at(10.0 * f64::from(slot)).unwrap());
             let off_m = (told.east_m - is.east_m).hypot(told.north_m - is.north_m);
             // The jump to the circle takes a single slot.
             assert!(off_m <= 15.0, "slot {slot} is off by {off_m} m");
         }
-        assert_eq!(along(&knots, 300, &slots, &place), None);
+        assert_eq!(along(&knots, 300, &slots, &place, 0.0), None);
+        // Straight on for a while.
+        let east_m = |slot| along(&knots, slot, &slots, &place, 40.0).map(|at| at.east_m);
+        let leg = east_m(299).unwrap() - east_m(298).unwrap();
+        assert!((east_m(302).unwrap() - east_m(299).unwrap() - 3.0 * leg).abs() < 1e-6);
+        assert_eq!(east_m(304), None);
     }
 
     #[test]

@@ -48,7 +48,8 @@ fn what_was_written_reads_back_to_the_same_agreement() {
     written.members =
         [(7, "a b"), (0, "\"quoted\""), (255, "wal.do")].map(|(n, name)| (n, VehicleId::new(name))).into();
     written.grid = Grid { cell_m: 17.3, depth_cell_m: 2.1, start_s: 1.76e9, time_cell_s: 170.5 };
-    (written.reports_per_sender_max, written.tellings_max, written.track_off_max_m) = (77, 2, 31.5);
+    (written.reports_per_sender_max, written.tellings_max) = (77, 2);
+    (written.track_off_max_m, written.onward_s_max) = (31.5, 45.0);
     written.slots =
         Slots { start_s: 3.25, ..Slots::in_turn(7.5, ["wal.do", "a b", "wal.do"].map(VehicleId::new).into()) };
     let change =
@@ -65,8 +66,8 @@ fn what_was_written_reads_back_to_the_same_agreement() {
     let found = file.team(model(), Some(key(3))).unwrap();
     assert_eq!((&found.members, found.grid, &found.slots), (&written.members, written.grid, &written.slots));
     assert_eq!((found.frame_bytes, found.epoch, found.repeats_max), (64, 9, 2));
-    let reports = (found.reports_per_sender_max, found.tellings_max, found.track_off_max_m);
-    assert_eq!(reports, (77, 2, 31.5));
+    let reports = (found.reports_per_sender_max, found.tellings_max, found.track_off_max_m, found.onward_s_max);
+    assert_eq!(reports, (77, 2, 31.5, 45.0));
     assert_eq!((found.worth_nats, found.limits, found.digest()), (1.25e-5, written.limits, written.digest()));
     assert_eq!(TeamFile::write(&found, "m.toml", Some("key.hex"), Some("c0ffee")).unwrap(), text);
 }
@@ -80,6 +81,7 @@ const NO_TEAMS: &[(&str, &str, &str)] = &[
         "reports_per_sender_max must be a whole number from 1 to 1024",
     ),
     ("schema = 1", "schema = 1\ntrack_off_max_m = 0.0", "track_off_max_m must be a number of metres from 1e-6 to 1e9"),
+    ("schema = 1", "schema = 1\nonward_s_max = -1.0", "onward_s_max must be a number of seconds from 0"),
     ("[grid]", "[[slots.changes]]\nfrom_s = 50.0\norder = [\"eve\"]\n[grid]", "slots: eve is not a member"),
     (
         "[grid]",
@@ -169,8 +171,15 @@ fn all_that_gives_packets_their_meaning_is_in_the_digest_and_nothing_else_is() {
     digests.dedup();
     assert_eq!(digests.len(), other.len() + 1);
     let limits = Limits { events_max: 5, ..team.limits };
-    let mut same =
-        Team { worth_nats: 1.0, repeats_max: 3, tellings_max: 1, track_off_max_m: 99.0, limits, ..team.clone() };
+    let mut same = Team {
+        worth_nats: 1.0,
+        repeats_max: 3,
+        tellings_max: 1,
+        track_off_max_m: 99.0,
+        onward_s_max: 1.0,
+        limits,
+        ..team.clone()
+    };
     same.model.chart.scale_m = 7.0;
     assert_eq!(same.digest(), team.digest());
     // Minus zero is zero.
