@@ -126,27 +126,34 @@ impl Agent {
         frame_bytes: usize,
     ) -> Result<Option<Vec<u8>>, AgentError> {
         let planner = self.planner(layout)?;
+        let memory = &self.memory;
+        let has_reported = memory.reports.told_by(sender).is_some();
         let report =
             if self.telling.reports { self.plan_report(&planner, sender, counter, frame_bytes)? } else { None };
         let begins = |planned: &PlannedReport| {
-            (1..=FRAMES_BEFORE + FRAMES_AGAIN * self.memory.sent_next()).contains(&planned.frames_needed)
+            (1..=FRAMES_BEFORE + FRAMES_AGAIN * memory.sent_next()).contains(&planned.frames_needed)
         };
         let map = match &report {
             Some(planned) if begins(planned) => None,
-            _ if self.telling.points => planner.packet(&self.beliefs.public)?,
-            _ => None,
+            _ if !self.telling.points => None,
+            // What was not reported yet will be: no event is to be told twice.
+            _ if has_reported && self.telling.reports => {
+                let told = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
+                planner.packet(&self.beliefs.public_of(memory, &told, &|_| true)?)?
+            }
+            _ => planner.packet(&self.beliefs.public)?,
         };
         match (map, report) {
             (Some(map), _) => {
                 Ok(Some(self.write(layout, &MapMessage { sender, counter, model: 0, blocks: map.blocks })?))
             }
-            (None, Some(planned)) => Ok(Some(self.memory.frames.write_report(&planned.report)?)),
+            (None, Some(planned)) => Ok(Some(memory.frames.write_report(&planned.report)?)),
             (None, None) => Ok(None),
         }
     }
 
-    /// The report that is worth most. Its map messages, which may speak of the same events, count as
-    /// much beside it as leaves least untold.
+    /// The report that is worth most. Map messages that were sent before the first report speak of the same events: they count
+    /// for what they say beyond, or for nothing, whichever leaves less untold. Later ones are about other events.
     fn plan_report(
         &self,
         planner: &Planner<'_>,
@@ -155,20 +162,25 @@ impl Agent {
         frame_bytes: usize,
     ) -> Result<Option<PlannedReport>, AgentError> {
         let memory = &self.memory;
-        let told: Vec<PacketKey> = memory.told().map(|(counter, _)| (sender, counter)).collect();
-        let packets = counting(memory, told.iter().copied());
+        let packets = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
         let reporter = Reporter::new(memory, sender);
-        let earlier = |counts| (!told.is_empty()).then_some(Earlier { before: counter as u8, counts });
+        let known = memory.reports.told_by(sender);
+        let before = match known {
+            Some(told) => told.before(),
+            None => (counter > 0).then_some(counter as u8),
+        };
+        let earlier = |counts| before.map(|before| Earlier { before, counts });
         let Some(report) = reporter.report(frame_bytes, earlier(false)) else { return Ok(None) };
         let new = reporter.slots_told(&report);
-        let known = memory.reports.told_by(sender);
         let is_told = |slot: u32| new.contains(&slot) || known.is_some_and(|told| told.outcomes.contains_key(&slot));
         let left = |packets: &Packets| -> Result<f64, AgentError> {
             Ok(planner.left(&self.beliefs.public_of(memory, packets, &is_told)?)?)
         };
-        let without = left(&Packets::new())?;
-        let beyond: Packets = packets.into_keys().map(|key| (key, Worth::Beyond)).collect();
-        let with = if beyond.is_empty() { f64::INFINITY } else { left(&beyond)? };
+        let is_earlier = |worth: Worth| known.is_none() || worth < Worth::All;
+        let (earlier_ones, others): (Packets, Packets) = packets.into_iter().partition(|(_, worth)| is_earlier(*worth));
+        let without = left(&others)?;
+        let beyond = earlier_ones.keys().map(|&key| (key, Worth::Beyond)).chain(others).collect();
+        let with = if earlier_ones.is_empty() { f64::INFINITY } else { left(&beyond)? };
         let report = ReportMessage { earlier: earlier(with < without), ..report };
         let frames_needed = reporter.frames_needed(frame_bytes, earlier(false)) as u64;
         Ok(Some(PlannedReport { report, frames_needed }))

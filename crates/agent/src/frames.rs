@@ -135,9 +135,11 @@ impl Frames {
         slots.filter(move |&slot| self.is_heard_by(slot, member) || tells_own && self.team.slots.sender(slot) == id)
     }
 
-    /// Whether a member could hear somebody in a slot.
+    /// Whether a member could hear another one in a slot. Who is no member never says where it was.
     pub(crate) fn is_heard_by(&self, slot: u32, member: u8) -> bool {
-        self.team.members.get(&member).is_some_and(|id| self.team.slots.is_heard_by(slot, id))
+        let slots = &self.team.slots;
+        self.team.members.get(&member).is_some_and(|id| slots.is_heard_by(slot, id))
+            && slots.sender(slot).is_some_and(|sender| self.team.number(sender).is_some())
     }
 
     /// The bytes of a report: see [`Frames::write`].

@@ -145,7 +145,7 @@ impl Memory {
         let team = &self.frames.team;
         let slot = team.slots.sent_in(event.time_s, &event.transmitter_id)?;
         let receiver = team.number(&event.receiver_id)?;
-        team.slots.is_heard_by(slot, &event.receiver_id).then_some((receiver, slot))
+        self.frames.is_heard_by(slot, receiver).then_some((receiver, slot))
     }
 
     /// The vehicle's own events in these slots, by number.

@@ -71,6 +71,11 @@ impl Told {
         self.earlier.extend(report.earlier.map(|earlier| (earlier.before, earlier.counts)));
     }
 
+    /// The end of the counter below which packets speak of the same events, if there are any.
+    pub(crate) fn before(&self) -> Option<u8> {
+        self.earlier.first().map(|&(before, _)| before)
+    }
+
     /// What a packet of this counter counts for, by whatever said least of it. What is meant by 8 bits of a counter is the one
     /// nearest to the next packet of the sender, as far as is known.
     fn worth(&self, counter: u16, latest: u16) -> Worth {

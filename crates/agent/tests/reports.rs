@@ -266,6 +266,22 @@ fn what_one_told_and_another_missed_is_weighed_as_in_one_place() {
     assert!((together - apart).abs() < 0.01, "{together} {apart}");
 }
 
+/// Nobody would ever know where they took place.
+#[test]
+fn transmissions_of_no_member_are_told_by_points() {
+    let heard = walk(0, 60, 0.0);
+    let opportunity = |event: &Event| Opportunity {
+        time_s: event.time_s,
+        sender: event.transmitter_id.clone(),
+        listeners: vec![event.receiver_id.clone()],
+    };
+    let listed: Vec<Opportunity> = heard.iter().map(opportunity).collect();
+    let team = team(2, model());
+    let team = Arc::new(Team { slots: Slots { listed: Some(listed.into()), ..team.slots.clone() }, ..team });
+    let packets = sent(&mut vehicle(&team, 0, heard), 4);
+    assert!(!packets.is_empty() && packets.iter().all(|packet| pingmap_packet::ReportLayout::of(packet).is_none()));
+}
+
 #[test]
 fn what_is_no_report_of_the_team_is_refused() {
     let (team, mut agents) = still([&[true, false, true], &[]]);
