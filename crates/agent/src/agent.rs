@@ -39,20 +39,24 @@ use crate::team::Team;
 /// let team = Arc::new(Team::new(names.clone(), model, reach)?);
 /// let link = |east_m| Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(east_m, 0.0) };
 ///
+/// // They send in turn, ten seconds each.
 /// let mut alice = Agent::new(names[0].clone(), team.clone());
-/// for (time_s, east_m, success) in [(0.0, 100.0, true), (10.0, 200.0, true), (20.0, 900.0, false)] {
+/// for (time_s, east_m, success) in [(10.0, 100.0, true), (30.0, 200.0, true), (50.0, 900.0, false)] {
 ///     let [receiver_id, transmitter_id] = names.clone();
 ///     alice.observe(Event { time_s, transmitter_id, receiver_id, link: link(east_m), kind: None, success })?;
 ///     if alice.refit_due() {
 ///         alice.refit()?;
 ///     }
 /// }
-/// let frame = alice.next_packet(30.0, 32)?.expect("there is something to tell");
+/// let frame = alice.next_packet(60.0, 32)?.expect("there is something to tell");
 /// assert!(frame.len() <= 32);
 ///
+/// // Bob knows where he was when he sent, and alice told where she was.
 /// let mut bob = Agent::new(names[1].clone(), team);
-/// assert_eq!(bob.receive(&frame, 31.0), Receipt::Accepted);
-/// assert_eq!(bob.receive(&frame, 32.0), Receipt::Refused(Refusal::Duplicate));
+/// bob.navigate([0.0, 60.0].map(|time_s| (time_s, Position::new(0.0, 0.0))))?;
+/// assert_eq!(bob.receive(&frame, 61.0), Receipt::Accepted);
+/// assert_eq!(bob.receive(&frame, 62.0), Receipt::Refused(Refusal::Duplicate));
+/// assert_eq!(bob.told_events(), (3, 0));
 /// assert!(bob.probability(&link(150.0))? > 0.5);
 /// assert!(bob.probability(&link(900.0))? < 0.5);
 /// # Ok::<(), Box<dyn std::error::Error>>(())

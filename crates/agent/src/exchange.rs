@@ -83,7 +83,7 @@ impl Agent {
 
     /// The packet that tells most for a frame of so many bytes (at most the team's), of what is known by the last fit
     /// and the events beside it; `None` where nothing is worth a frame. It is a report, of single events and where it was, or a
-    /// map message, of what all its events say: whichever brings what others can know closer to what it knows. Fits nothing:
+    /// map message, of what all its events say: reports begin once they are soon done (docs/method.md, section 8). Fits nothing:
     /// whoever has time to [`Agent::refit`] before does. Whoever may lose its memory writes an [`Agent::snapshot`] or an
     /// [`Entry::Sent`] before the packet leaves: a counter must not be used twice.
     ///

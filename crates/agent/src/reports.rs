@@ -128,16 +128,17 @@ impl Reports {
         let max = self.per_sender_max;
         let sender = self.senders.entry(sender).or_default();
         let key = (report.first, report.bytes.clone());
-        let kept = match sender.reports.entry(key.clone()) {
+        let report = Arc::new(report);
+        match sender.reports.entry(key.clone()) {
             Entry::Occupied(known) => {
                 known.into_mut().sent.extend(sent);
                 return Filed::Known;
             }
-            Entry::Vacant(place) => place.insert(Kept { report: Arc::new(report), sent: sent.into_iter().collect() }),
-        };
-        if let report = kept.report.clone()
-            && sender.reports.len() <= max
-        {
+            Entry::Vacant(place) => {
+                place.insert(Kept { report: report.clone(), sent: sent.into_iter().collect() });
+            }
+        }
+        if sender.reports.len() <= max {
             Arc::make_mut(&mut sender.told).take(&report);
             return Filed::New;
         }
