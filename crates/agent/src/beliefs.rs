@@ -304,8 +304,7 @@ impl Beliefs {
 
     /// Told events that the last fit has.
     fn fitted_of(&self, believed: &Heard) -> BTreeSet<ToldKey> {
-        let sources = self.fitted().map_or(&[][..], |fitted| &fitted.sources).iter();
-        let told = sources.filter_map(|source| if let Source::Told(key) = source { Some(*key) } else { None });
+        let told = self.fitted().into_iter().flat_map(|fitted| fitted.told.keys().copied());
         told.filter(|key| believed.told.contains_key(key)).collect()
     }
 

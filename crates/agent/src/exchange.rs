@@ -178,10 +178,9 @@ impl Agent {
         };
         let is_earlier = |worth: Worth| known.is_none() || worth < Worth::All;
         let (earlier_ones, others): (Packets, Packets) = packets.into_iter().partition(|(_, worth)| is_earlier(*worth));
-        let without = left(&others)?;
-        let beyond = earlier_ones.keys().map(|&key| (key, Worth::Beyond)).chain(others).collect();
-        let with = if earlier_ones.is_empty() { f64::INFINITY } else { left(&beyond)? };
-        let report = ReportMessage { earlier: earlier(with < without), ..report };
+        let beyond = earlier_ones.keys().map(|&key| (key, Worth::Beyond)).chain(others.clone()).collect();
+        let counts = !earlier_ones.is_empty() && left(&beyond)? < left(&others)?;
+        let report = ReportMessage { earlier: earlier(counts), ..report };
         let frames_needed = reporter.frames_needed(frame_bytes, earlier(false)) as u64;
         Ok(Some(PlannedReport { report, frames_needed }))
     }

@@ -7,6 +7,7 @@ use crate::bits::overwrite;
 use crate::error::Error;
 use crate::point::Point;
 use crate::schema::{Field, Kind, Schema};
+use crate::seal::TAG_BITS;
 use crate::value::{Fields, numbers};
 use crate::widths::id_bits;
 
@@ -33,9 +34,6 @@ pub const MEAN_LEVELS: i8 = 15;
 
 /// Models are told apart by a number below this in open messages.
 const MODELS: u16 = 1 << 14;
-
-/// Bits of an authentication tag.
-pub(crate) const TAG_BITS: u32 = 64;
 
 /// A form of the map message: one for each frame size, with or without depth, open or sealed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -238,10 +236,10 @@ impl Layout {
         schema.write(values)
     }
 
-    /// Puts a tag into a sealed message: the last bits of the body.
-    pub(crate) fn put_tag(&self, message: &mut [u8], tag: u64) {
+    /// The first bit of the tag of a sealed message: it ends the body.
+    pub(crate) fn tag_place(&self) -> Option<usize> {
         let end = self.body_start().saturating_add(self.body_bits());
-        overwrite(message, end.saturating_sub(TAG_BITS as usize), TAG_BITS, tag);
+        self.is_sealed.then(|| end.saturating_sub(TAG_BITS as usize))
     }
 
     /// Bits of id, sender and counter.

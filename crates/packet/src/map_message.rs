@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::layout::{CORRELATION, Layout, TAG, TIME, tag_of};
 use crate::point::Point;
 use crate::schema::Schema;
-use crate::seal::Seal;
+use crate::seal::{Seal, check_seal, sealed};
 use crate::value::{Fields, Value, number, numbers};
 
 /// One Gaussian message about f at a few points, in whole numbers.
@@ -56,18 +56,7 @@ impl MapMessage {
     /// or points than the layout has, [`Error::Seal`] for a sealed layout without a seal or the other way round, and as
     /// [`Schema::check`] for a layout that is none of [`LAYOUTS`](crate::LAYOUTS).
     pub fn encode(&self, layout: &Layout, seal: Option<Seal<'_>>) -> Result<Vec<u8>, Error> {
-        let fields = self.fields(layout)?;
-        match (layout.is_sealed, seal) {
-            (false, None) => layout.encode(&fields),
-            (true, Some(seal)) => {
-                let mut bytes = layout.encode(&fields)?;
-                let tag = seal.key.tag(seal.context, &bytes);
-                layout.put_tag(&mut bytes, u64::from_le_bytes(tag));
-                Ok(bytes)
-            }
-            (true, None) => Err(Error::Seal("a sealed message needs a key")),
-            (false, Some(_)) => Err(Error::Seal("an open message cannot be sealed")),
-        }
+        sealed(layout.encode(&self.fields(layout)?)?, layout.tag_place(), seal)
     }
 
     /// The message in `bytes` and its form. Zeros after the message, as modems add to fill a frame, are ignored.
@@ -84,17 +73,7 @@ impl MapMessage {
             _ => bytes,
         };
         let fields = layout.schema().read(message)?;
-        match (layout.is_sealed, seal) {
-            (false, None) => {}
-            (true, Some(seal)) => {
-                // What could be decoded has no other form than these bytes: nothing needs to be encoded again.
-                let mut signed = message.to_vec();
-                layout.put_tag(&mut signed, 0);
-                seal.key.check(seal.context, &signed, tag_of(&fields))?;
-            }
-            (true, None) => return Err(Error::Seal("a sealed message, but no key is at hand")),
-            (false, Some(_)) => return Err(Error::Seal("an open message where only sealed ones are taken")),
-        }
+        check_seal(message, layout.tag_place(), tag_of(&fields), seal)?;
         Ok((layout, Self::from_fields(layout, &fields)))
     }
 

@@ -6,10 +6,10 @@ use alloc::vec::Vec;
 
 use crate::bits::overwrite;
 use crate::error::Error;
-use crate::layout::{TAG, TAG_BITS, model, sender, tag_of, word};
+use crate::layout::{TAG, model, sender, tag_of, word};
 use crate::outcomes::{Coded, Outcome, code, coded_bytes, decode};
 use crate::schema::{Field, Kind, Schema};
-use crate::seal::Seal;
+use crate::seal::{Seal, TAG_BITS, check_seal, sealed};
 use crate::value::{Fields, Value, number, numbers};
 
 /// Slots are told apart by a number below this.
@@ -130,6 +130,11 @@ impl ReportLayout {
         message
     }
 
+    /// The first bit of the tag of a sealed report: it begins the body.
+    fn tag_place(&self) -> Option<usize> {
+        self.is_sealed.then_some(BODY_START)
+    }
+
     fn knot(&self) -> Kind {
         let plane = Kind::integer(0.0, f64::from(KNOT_CELLS - 1));
         let mut fields = vec![
@@ -186,17 +191,7 @@ impl Report {
     /// # Errors
     /// As [`MapMessage::encode`](crate::MapMessage::encode).
     pub fn encode(&self, layout: &ReportLayout, seal: Option<Seal<'_>>) -> Result<Vec<u8>, Error> {
-        let mut bytes = layout.schema().write(&self.fields(layout)?)?;
-        match (layout.is_sealed, seal) {
-            (false, None) => {}
-            (true, Some(seal)) => {
-                let tag = seal.key.tag(seal.context, &bytes);
-                put_tag(&mut bytes, u64::from_le_bytes(tag));
-            }
-            (true, None) => return Err(Error::Seal("a sealed message needs a key")),
-            (false, Some(_)) => return Err(Error::Seal("an open message cannot be sealed")),
-        }
-        Ok(bytes)
+        sealed(layout.schema().write(&self.fields(layout)?)?, layout.tag_place(), seal)
     }
 
     /// The report that `bytes` begin with, its form, and how many bytes it has. What follows it, zeros or other messages, is
@@ -208,16 +203,7 @@ impl Report {
         let layout = ReportLayout::of(bytes)
             .ok_or_else(|| Error::Id { found: Schema::id_of(bytes), expected: "that of a report".into() })?;
         let (fields, length) = layout.schema().read_first(bytes)?;
-        match (layout.is_sealed, seal) {
-            (false, None) => {}
-            (true, Some(seal)) => {
-                let mut signed = bytes[..length].to_vec();
-                put_tag(&mut signed, 0);
-                seal.key.check(seal.context, &signed, tag_of(&fields))?;
-            }
-            (true, None) => return Err(Error::Seal("a sealed message, but no key is at hand")),
-            (false, Some(_)) => return Err(Error::Seal("an open message where only sealed ones are taken")),
-        }
+        check_seal(&bytes[..length], layout.tag_place(), tag_of(&fields), seal)?;
         Ok((layout, Self::from_fields(&fields)?, length))
     }
 
@@ -286,9 +272,4 @@ fn knot_value(knot: &Knot, has_depth: bool) -> Result<Value, Error> {
         }
     }
     Ok(Value::Message(fields))
-}
-
-/// Puts a tag into a sealed report: the first bits of the body.
-fn put_tag(message: &mut [u8], tag: u64) {
-    overwrite(message, BODY_START, TAG_BITS, tag);
 }

@@ -1,9 +1,11 @@
 //! Authentication of whole frames, and of what a vehicle keeps.
 
 use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 use zeroize::{Zeroize, ZeroizeOnDrop};
 
+use crate::bits::overwrite;
 use crate::error::Error;
 use crate::hex::from_hex;
 
@@ -101,6 +103,37 @@ pub struct Seal<'a> {
     pub key: &'a Key,
     /// Such as the digest of the team's model.
     pub context: &'a [u8],
+}
+
+/// Bits of an authentication tag.
+pub(crate) const TAG_BITS: u32 = 64;
+
+/// A message with its tag, where it has a place for one: the first bit of it, which is zeros until then.
+pub(crate) fn sealed(mut message: Vec<u8>, place: Option<usize>, seal: Option<Seal<'_>>) -> Result<Vec<u8>, Error> {
+    match (place, seal) {
+        (None, None) => Ok(message),
+        (Some(place), Some(seal)) => {
+            let tag = seal.key.tag(seal.context, &message);
+            overwrite(&mut message, place, TAG_BITS, u64::from_le_bytes(tag));
+            Ok(message)
+        }
+        (Some(_), None) => Err(Error::Seal("a sealed message needs a key")),
+        (None, Some(_)) => Err(Error::Seal("an open message cannot be sealed")),
+    }
+}
+
+/// Checks the tag of a message that was decoded: it has no other form than these bytes, and nothing needs to be encoded again.
+pub(crate) fn check_seal(message: &[u8], place: Option<usize>, tag: u64, seal: Option<Seal<'_>>) -> Result<(), Error> {
+    match (place, seal) {
+        (None, None) => Ok(()),
+        (Some(place), Some(seal)) => {
+            let mut signed = message.to_vec();
+            overwrite(&mut signed, place, TAG_BITS, 0);
+            seal.key.check(seal.context, &signed, tag)
+        }
+        (Some(_), None) => Err(Error::Seal("a sealed message, but no key is at hand")),
+        (None, Some(_)) => Err(Error::Seal("an open message where only sealed ones are taken")),
+    }
 }
 
 /// A key is a secret: it does not print itself.

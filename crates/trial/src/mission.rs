@@ -308,17 +308,22 @@ impl Mission {
     }
 }
 
-/// The transmissions of these events in the order of time, and who could hear each: the schedule of a log that has none.
-pub(crate) fn slots_of<'a>(events: impl IntoIterator<Item = &'a Event>) -> Slots {
+/// The events of each transmission, in the order of time.
+pub(crate) fn transmissions<'a>(events: impl IntoIterator<Item = &'a Event>) -> Vec<Vec<&'a Event>> {
     let mut events: Vec<&Event> = events.into_iter().collect();
     events.sort_by(|a, b| a.canonical_order(b));
     let is_same = |a: &&Event, b: &&Event| a.time_s == b.time_s && a.transmitter_id == b.transmitter_id;
-    let opportunity = |events: &[&Event]| Opportunity {
+    events.chunk_by(is_same).map(<[_]>::to_vec).collect()
+}
+
+/// The transmissions of these events in the order of time, and who could hear each: the schedule of a log that has none.
+pub(crate) fn slots_of<'a>(events: impl IntoIterator<Item = &'a Event>) -> Slots {
+    let opportunity = |events: &Vec<&Event>| Opportunity {
         time_s: events[0].time_s,
         sender: events[0].transmitter_id.clone(),
         listeners: events.iter().map(|event| event.receiver_id.clone()).collect(),
     };
-    let listed: Vec<Opportunity> = events.chunk_by(is_same).map(opportunity).collect();
+    let listed: Vec<Opportunity> = transmissions(events).iter().map(opportunity).collect();
     Slots { listed: Some(listed.into()), ..Slots::in_turn(1.0, Vec::new()) }
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use pingmap_agent::{Agent, AgentError, Event, Team, VehicleId};
 
 use crate::event_log::EventLog;
-use crate::mission::{CENTRALISED, Plan, slots_of};
+use crate::mission::{CENTRALISED, Plan, slots_of, transmissions};
 use crate::score::Score;
 
 /// How events were predicted before they happened.
@@ -71,10 +71,7 @@ pub fn online(log: &EventLog, plan: &Plan, slot_every: usize, step: &dyn Fn()) -
     let (team, _) = plan.team(log, None)?;
     let team = Team { slots: slots_of(&log.events), ..team };
     let mut mission = Run::new(log, Arc::new(team), plan);
-    let mut events: Vec<&Event> = log.events.iter().collect();
-    events.sort_by(|a, b| a.canonical_order(b));
-    let is_same = |a: &&Event, b: &&Event| a.time_s == b.time_s && a.transmitter_id == b.transmitter_id;
-    for transmission in events.chunk_by(is_same) {
+    for transmission in &transmissions(&log.events) {
         mission.transmit(transmission, slot_every)?;
         transmission.iter().for_each(|_| step());
     }
