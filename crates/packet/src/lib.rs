@@ -6,6 +6,7 @@
 //! * [`MapMessage`]: what a vehicle tells of its map, in frames of 32, 64 or 256 bytes. Its `.proto` ships beside this
 //!   crate (`proto/pingmap.proto`) and says the same as [`Layout::schema`].
 //! * [`Report`]: what a vehicle heard and missed, slot by slot, and where it was meanwhile; in frames of any size.
+//! * [`Recent`]: the latest of that in a few spare bits of a message that a host sends anyway.
 //! * [`Key`]: authentication of whole frames.
 //!
 //! The crate knows integers only: what a cell or a level means is the team's chart and packet model. No I/O, no panics,
@@ -47,6 +48,7 @@ mod layout;
 mod map_message;
 mod outcomes;
 mod report;
+mod recent;
 
 pub use error::Error;
 pub use hex::{from_hex, to_hex};
@@ -57,6 +59,7 @@ pub use layout::{
 pub use map_message::{Block, MapMessage};
 pub use outcomes::Outcome;
 pub use point::{Cell, Point};
+pub use recent::Recent;
 pub use report::{Earlier, KNOT_CELLS, KNOT_DEPTH_CELLS, KNOTS_MAX, Knot, REPORT_LAYOUTS, Report, ReportLayout, SLOTS};
 pub use schema::{Field, Kind, Number, Rule, Schema};
 pub use seal::{Key, Seal, digest};
