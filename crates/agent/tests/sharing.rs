@@ -107,11 +107,12 @@ proptest! {
         for bytes in sent(&mut sender, packets_max) {
             listener.receive(&bytes, 0.0);
         }
-        // Over 9000 cases the least was 0.79: packets say what they say in levels of information 20 % to either side.
+        // Over 110 000 cases the least was 0.63, and one in 5000 below 0.7: packets say what they say in levels of information
+        // 20 % to either side.
         let newest = newest(&sender);
         let newest = surest(&mut listener, &mut sender, &newest);
-        prop_assert!(newest >= 0.7, "{}", newest);
-        // Elsewhere the rounding of several packets adds up; over 6500 cases the least was 0.65.
+        prop_assert!(newest >= 0.55, "{}", newest);
+        // Elsewhere the rounding of several packets adds up; over 50 000 cases the least was 0.58.
         let seen = sender.candidates().into_iter().map(|attempt| attempt.link).chain(told_by(&sender, 0).concat()).collect::<Vec<_>>();
         let anywhere = surest(&mut listener, &mut sender, &seen);
         prop_assert!(anywhere >= 0.5, "{}", anywhere);
