@@ -7,6 +7,7 @@ use dgpc::{Posterior, Sites};
 
 use crate::agent_error::AgentError;
 use crate::beliefs::{Beliefs, Start};
+use crate::clock::out_of_turn;
 use crate::entry::Entry;
 use crate::event::{Event, Position, VehicleId};
 use crate::events::Numbered;
@@ -25,7 +26,7 @@ use crate::team::Team;
 /// believes follows from that set, and is held in three posteriors: of its own events alone, of what it sent alone (what
 /// any listener can know by it), and of its own events with all that others sent. Each grows by what arrives, at O(n²)
 /// for an event or packet on top of n events and inducing points. Nothing is fitted but by [`Agent::refit`], which is
-/// due after 64 events; [`Agent::rebuild_posteriors`] makes everything afresh.
+/// due after 8 events, later after a sixteenth as many as are known; [`Agent::rebuild_posteriors`] makes everything afresh.
 ///
 /// ```
 /// use pingmap_agent::*;
@@ -170,6 +171,14 @@ impl Agent {
         (self.memory.told_events().len(), self.memory.waiting())
     }
 
+    /// Members whom it hears out of their turn, though it misses in turn, of the latest 64 transmissions that it listened to: their clock or
+    /// their schedule differs from its own. If these are all whom it hears, its own clock is wrong. What it heard and missed of
+    /// them counts as no event, and what it missed is not told, until they are in turn again. None where the team's slots are
+    /// listed one by one.
+    pub fn out_of_turn(&self) -> BTreeSet<VehicleId> {
+        out_of_turn(&self.memory.frames, &self.memory.events)
+    }
+
     /// When a member was last heard by a packet that counted.
     pub fn heard_s(&self, member: &VehicleId) -> Option<f64> {
         self.team().number(member).and_then(|number| self.heard_s.get(&number)).copied()
@@ -264,6 +273,31 @@ impl Agent {
         self.memory.navigate(&fixes.into_iter().collect::<Vec<_>>())
     }
 
+    /// Records that it sent nothing in its own slots of these times: its next reports say so, and what others missed of it then
+    /// is no event. Members that often do not send stand in [`Slots::may_be_silent`](crate::Slots::may_be_silent).
+    ///
+    /// # Errors
+    /// [`AgentError::NotMyTurn`] for a time in no slot of its own, and then nothing is recorded.
+    pub fn stay_silent(&mut self, times_s: impl IntoIterator<Item = f64>) -> Result<(), AgentError> {
+        let mut slots = Vec::new();
+        for time_s in times_s {
+            let slot = self.is_member().then(|| self.team().slots.sent_in(time_s, &self.id)).flatten();
+            slots.push(slot.ok_or_else(|| AgentError::NotMyTurn { id: self.id.clone(), time_s })?);
+        }
+        for slot in slots {
+            self.memory.put_in_turn(&self.id, slot, false);
+        }
+        self.beliefs.nothing_new_in = None;
+        Ok(())
+    }
+
+    /// Notes what became of something that came.
+    pub(crate) fn arrived(&mut self, Arrived { receipt, change, .. }: Arrived) -> Receipt {
+        self.beliefs.note(change);
+        self.counts.count(&receipt);
+        receipt
+    }
+
     fn check_owner(&self, event: &Event) -> Result<(), AgentError> {
         if self.owns_all_events || event.receiver_id == self.id {
             return Ok(());
@@ -287,10 +321,7 @@ impl Agent {
                 self.beliefs.note(change);
                 Ok(Receipt::Accepted)
             }
-            Applied::Frame(Arrived { receipt, .. }) => {
-                self.counts.count(&receipt);
-                Ok(receipt)
-            }
+            Applied::Frame(arrived) => Ok(self.arrived(arrived)),
         }
     }
 
@@ -300,10 +331,10 @@ impl Agent {
         (self.memory.events.count(), self.memory.sent_next())
     }
 
-    /// Whether it is time to [`Agent::refit`]: more than 64 events have come, or gone, since the last fit. Predictions
-    /// take in the first 64 of them as they come; more wait.
+    /// Whether it is time to [`Agent::refit`]: more events have come, were told, or have gone since the last fit than
+    /// [`Limits::beside_fit`](crate::Limits::beside_fit). Predictions take them in as they come.
     pub fn refit_due(&self) -> bool {
-        self.beliefs.refit_due()
+        self.beliefs.refit_due(&self.team().limits)
     }
 
     /// Fits its own events again if any came or went since the last time, beginning at the last fit. O(N³) an iteration

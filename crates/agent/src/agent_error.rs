@@ -36,6 +36,14 @@ pub enum AgentError {
         /// What it is.
         time_s: f64,
     },
+    /// A time at which it is not the vehicle's turn to send.
+    #[error("{id} has no slot of its own at {time_s} s")]
+    NotMyTurn {
+        /// The vehicle.
+        id: VehicleId,
+        /// The time.
+        time_s: f64,
+    },
     /// A place that is nowhere on Earth.
     #[error("a coordinate must be {COORDINATE_M}, found {value_m}")]
     Nowhere {

@@ -10,13 +10,15 @@ use crate::event::Event;
 use crate::events::Change;
 use crate::fitted::{Fitted, Source, fit_events};
 use crate::fitting::absorb_event;
+use crate::frames::ToldKey;
 use crate::heard::{Heard, Packets, counting, said, summaries};
-use crate::memory::{Memory, ToldKey};
+use crate::limits::Limits;
+use crate::memory::Memory;
 use crate::model::Model;
 use crate::reports::{Told, Worth};
 
-/// So many events may stand beside the last fit before the next; those beyond wait for it.
-pub(crate) const BESIDE_MAX: usize = 64;
+/// So many told events are taken in at once: soon done, and each site is near what it is given the others.
+const TOLD_AT_ONCE: usize = 8;
 
 /// A prior of its own that a vehicle predicts under, and the fit of all events under it.
 #[derive(Debug)]
@@ -110,10 +112,11 @@ impl Beliefs {
         self.taken.forgotten += change.forgotten;
     }
 
-    /// Whether more events came or went since the last fit than can stand beside it, as of the last question.
-    pub(crate) fn refit_due(&self) -> bool {
+    /// Whether more events came or went since the last fit than should stand beside it, as of the last question.
+    pub(crate) fn refit_due(&self, limits: &Limits) -> bool {
         let [told, waiting] = self.taken.told_beside;
-        self.taken.beside.len() > BESIDE_MAX || self.taken.forgotten > BESIDE_MAX || told + waiting > BESIDE_MAX
+        let fitted = self.fitted().map_or(0, |fitted| fitted.sources.len());
+        self.taken.beside.len() + self.taken.forgotten + told + waiting > limits.beside_fit(fitted)
     }
 
     /// Fits the events of the memory under the team's model, alone and with those that were told, and with all that was heard
@@ -288,7 +291,7 @@ impl Beliefs {
             }
         };
         for event in &self.taken.beside {
-            if memory.slot_of(event).is_some_and(|(_, slot)| is_told(slot)) {
+            if memory.frames.slot_of(event).is_some_and(|(_, slot)| is_told(slot)) {
                 let site = dgpc::sites_given(&public, &memory.observation(event)?)?;
                 public.absorb_events(&site)?;
             }
@@ -314,7 +317,7 @@ impl Beliefs {
     }
 
     fn absorb_events(&mut self, memory: &Memory) -> Result<(), AgentError> {
-        let end = self.taken.beside.len().min(BESIDE_MAX);
+        let end = self.taken.beside.len().min(memory.frames.team.limits.events_beside_max);
         for event in &self.taken.beside[self.taken.absorbed..end] {
             absorb_event(&memory.observation(event)?, &mut self.own, &mut self.fused, self.own_model.is_some())?;
         }
@@ -329,11 +332,12 @@ impl Beliefs {
             believed.told.iter().filter(is_new).map(|(&key, event)| (key, event.clone())).collect();
         new.sort_by(|a, b| a.1.canonical_order(&b.1));
         let [in_already, _] = self.taken.told_beside;
-        let room = BESIDE_MAX.saturating_sub(in_already).min(new.len());
-        for (key, event) in &new[..room] {
-            let site = dgpc::sites_given(&self.fused, &memory.observation(event)?)?;
-            self.fused.absorb_events(&site)?;
-            self.taken.told.insert(*key);
+        let room = memory.frames.team.limits.events_beside_max.saturating_sub(in_already).min(new.len());
+        for some in new[..room].chunks(TOLD_AT_ONCE) {
+            let observations = memory.frames.team.model.observations(some.iter().map(|(_, event)| &**event))?;
+            let sites = dgpc::sites_given(&self.fused, &observations)?;
+            self.fused.absorb_events(&sites)?;
+            self.taken.told.extend(some.iter().map(|(key, _)| key));
         }
         self.taken.told_beside = [in_already + room, new.len() - room];
         Ok(())

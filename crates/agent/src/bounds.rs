@@ -88,6 +88,12 @@ pub const INDUCING_POINTS: Bounds = Bounds::new(1.0, 4000.0, "a whole number fro
 /// Events that are candidates for inducing points.
 pub const CANDIDATES: Bounds = Bounds::new(1.0, 20_000.0, "a whole number from 1 to 20000");
 
+/// Events beside a fit, each of which is taken in by itself.
+pub const EVENTS_BESIDE: Bounds = Bounds::new(1.0, 1000.0, "a whole number from 1 to 1000");
+
+/// Slots that a report looks back on.
+pub const SLOTS_BACK: Bounds = Bounds::new(1.0, 262_144.0, "a whole number from 1 to 262144");
+
 /// Points at which a place is known: every posterior holds them.
 pub const PLACE_POINTS: Bounds = Bounds::new(1.0, 256.0, "a whole number from 1 to 256");
 
@@ -104,6 +110,9 @@ pub const WINDOW: Bounds = Bounds::new(1.0, 1024.0, "a whole number from 1 to 10
 /// Bytes of a frame: no packet fits into less than 32.
 pub const FRAME_BYTES: Bounds =
     Bounds::new(32.0, 65_536.0, "a whole number from 32 to 65536: no packet fits into less");
+
+/// Bytes that a message of a host's has left over.
+pub const SPARE_BYTES: Bounds = Bounds::new(1.0, 8.0, "a whole number from 1 to 8");
 
 /// Shares of a whole.
 pub const SHARE: Bounds = Bounds::new(0.0, 1.0, "a number from 0 to 1");

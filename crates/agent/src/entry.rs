@@ -1,6 +1,6 @@
 //! What can happen to a memory.
 
-use crate::event::{Event, Position};
+use crate::event::{Event, Position, VehicleId};
 
 /// Something that a vehicle remembers from then on. All that it knows follows from the set of its entries, whatever
 /// their order and however often each of them came: a journal of them can be applied again, in parts and twice over.
@@ -20,6 +20,24 @@ pub enum Entry {
         time_s: f64,
         /// Where.
         position: Position,
+    },
+    /// Whether a member sent in a slot of its own.
+    Turn {
+        /// Whose slot it is.
+        sender: VehicleId,
+        /// The slot.
+        slot: u32,
+        /// Whether it sent.
+        sent: bool,
+    },
+    /// What another one said in spare bits of a message of its host's.
+    Recent {
+        /// Who said it.
+        sender: VehicleId,
+        /// The newest slot that it speaks of.
+        newest: u32,
+        /// Whether it heard what was sent in that slot, and in those before in which it could hear somebody.
+        outcomes: Vec<bool>,
     },
     /// A frame that it heard.
     Heard {

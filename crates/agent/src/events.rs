@@ -137,7 +137,7 @@ impl Events {
     }
 
     /// In canonical order.
-    pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &Event> + Clone {
+    pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &Event> + DoubleEndedIterator + Clone {
         self.in_order.iter().map(|known| &known.event)
     }
 
@@ -145,6 +145,12 @@ impl Events {
     pub(crate) fn before(&self, event: &Event) -> impl Iterator<Item = &Event> {
         let place = self.in_order.partition_point(|known| known.event.canonical_order(event).is_lt());
         self.in_order[..place].iter().rev().map(|known| &known.event)
+    }
+
+    /// Those from a time on, in canonical order.
+    pub(crate) fn since(&self, time_s: f64) -> impl Iterator<Item = &Event> {
+        let place = self.in_order.partition_point(|known| known.event.time_s < time_s);
+        self.in_order[place..].iter().map(|known| &known.event)
     }
 
     /// In canonical order, with their numbers.

@@ -9,7 +9,6 @@ use crate::attempt::{Attempt, Kind, Party};
 use crate::entry::Entry;
 use crate::event::{Event, Link, VehicleId};
 use crate::heard::{Packets, counting};
-use crate::memory::Arrived;
 use crate::packets::PacketKey;
 use crate::planner::Planner;
 use crate::receipt::{Receipt, Refusal};
@@ -33,12 +32,11 @@ struct PlannedReport {
 impl Agent {
     /// Takes in a packet. What it says is in the next prediction. (A time that is not finite is not noted.)
     pub fn receive(&mut self, bytes: &[u8], time_s: f64) -> Receipt {
-        let Arrived { sender, receipt } = self.memory.put_in(bytes, None);
-        if receipt == Receipt::Accepted {
-            sender.into_iter().for_each(|sender| self.note_time(sender, time_s));
+        let arrived = self.memory.put_in(bytes, None);
+        if arrived.receipt == Receipt::Accepted {
+            arrived.sender.into_iter().for_each(|sender| self.note_time(sender, time_s));
         }
-        self.counts.count(&receipt);
-        receipt
+        self.arrived(arrived)
     }
 
     fn note_time(&mut self, sender: u8, time_s: f64) {

@@ -8,10 +8,12 @@ use dgpc::{Candidates, DISTINCT_SHARE, Fit, Inputs, Posterior, Prior, Summary};
 use crate::agent_error::AgentError;
 use crate::event::Event;
 use crate::fitting::{self, Begin};
+use crate::frames::ToldKey;
 use crate::heard::{Heard, summaries};
-use crate::memory::{Memory, ToldEvents, ToldKey};
+use crate::memory::Memory;
 use crate::model::Model;
 use crate::packets::Packet;
+use crate::placing::ToldEvents;
 
 /// The smallest tilt that a warm fit begins at.
 const TILT_MIN: f64 = 1e-9;
@@ -82,7 +84,7 @@ impl Fitted {
 
 /// The vehicle's own events and those that were told, in canonical order.
 pub(crate) fn all_events<'a>(memory: &'a Memory, told: &'a Heard) -> (Vec<Source>, Vec<&'a Event>) {
-    let own = memory.events.numbered().iter().map(|known| (Source::Own(known.number), &known.event));
+    let own = memory.sent_events().map(|known| (Source::Own(known.number), &known.event));
     let told = told.told.iter().map(|(&key, event)| (Source::Told(key), &**event));
     let mut all: Vec<(Source, &Event)> = own.chain(told).collect();
     // Stable: equal events stay in the order of their numbers.

@@ -5,10 +5,14 @@ use std::sync::Arc;
 use dgpc::Summary;
 use pingmap_packet::{Block, Cell, Layout, MapMessage, Outcome, Report as ReportMessage, ReportLayout, Seal, digest};
 
+use crate::event::Event;
 use crate::packets::{Packet, PacketKey};
 use crate::receipt::Refusal;
 use crate::reports::Report;
 use crate::team::Team;
+
+/// A told event, by the number of who heard or missed it, and the slot.
+pub(crate) type ToldKey = (u8, u32);
 
 /// What reads and writes a team's packets.
 #[derive(Debug, Clone)]
@@ -98,15 +102,14 @@ impl Frames {
     /// A report of the team: who sent it, and what it says of which slots. What it says of slots that there are not is left out.
     pub(crate) fn report(&self, bytes: &[u8]) -> Result<(u8, Report), Refusal> {
         let (_, message, length) = self.read_report(bytes)?;
-        let (mut outcomes, mut silent) = (Vec::new(), Vec::new());
+        let (mut outcomes, mut turns) = (Vec::new(), Vec::new());
         let mut said = message.outcomes.iter();
         for slot in self.slots_of(message.sender, message.first, message.tells_own) {
             let Some(outcome) = said.next() else { break };
             match (self.is_heard_by(slot, message.sender), outcome) {
                 (_, Outcome::Untold) => {}
                 (true, outcome) => outcomes.push((slot, *outcome == Outcome::Heard)),
-                (false, Outcome::Missed) => silent.push(slot),
-                (false, _) => {}
+                (false, outcome) => turns.push((slot, *outcome == Outcome::Heard)),
             }
         }
         let mut slot = message.first;
@@ -120,7 +123,7 @@ impl Frames {
             bytes: bytes[..length].to_vec(),
             first: message.first,
             outcomes,
-            silent,
+            turns,
             knots,
             earlier: message.earlier,
         };
@@ -133,6 +136,18 @@ impl Frames {
         let id = self.team.members.get(&member);
         let slots = first..id.map_or(first, |_| self.team.slots.end());
         slots.filter(move |&slot| self.is_heard_by(slot, member) || tells_own && self.team.slots.sender(slot) == id)
+    }
+
+    /// The slots from `newest` back in which a member could hear somebody.
+    pub(crate) fn slots_back(&self, member: u8, newest: u32) -> impl Iterator<Item = u32> {
+        (0..=newest.min(self.team.slots.end())).rev().filter(move |&slot| self.is_heard_by(slot, member))
+    }
+
+    /// The slot of an event between members, and the number of who heard or missed it.
+    pub(crate) fn slot_of(&self, event: &Event) -> Option<ToldKey> {
+        let slot = self.team.slots.sent_in(event.time_s, &event.transmitter_id)?;
+        let receiver = self.team.number(&event.receiver_id)?;
+        self.is_heard_by(slot, receiver).then_some((receiver, slot))
     }
 
     /// Whether a member could hear another one in a slot. Who is no member never says where it was.

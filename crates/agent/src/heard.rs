@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use dgpc::Summary;
 
-use crate::memory::{Memory, ToldEvents};
+use crate::memory::Memory;
 use crate::packets::{Packet, PacketKey};
+use crate::placing::ToldEvents;
 use crate::reports::Worth;
 
 /// Packets by sender and counter, and what each of them counts for.

@@ -41,6 +41,9 @@ mod events;
 mod packets;
 mod reports;
 mod frames;
+mod clock;
+mod turns;
+mod placing;
 mod memory;
 mod heard;
 mod fitted;
@@ -51,6 +54,7 @@ mod agent;
 #[cfg(feature = "learn")]
 mod adapt;
 mod exchange;
+mod spare;
 mod prediction;
 mod intervals;
 mod snapshot;

@@ -4,27 +4,24 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, OnceLock};
 
 use dgpc::Observations;
-use pingmap_packet::{Cell, ReportLayout};
+use pingmap_packet::ReportLayout;
 
 use crate::agent_error::AgentError;
 use crate::bounds::COORDINATE_M;
+use crate::clock::out_of_turn;
 use crate::entry::Entry;
-use crate::event::{Event, Link, Position, VehicleId};
+use crate::event::{Event, Position, VehicleId};
 use crate::events::{Change, Events, Numbered};
 use crate::frames::Frames;
 use crate::packets::{Arrival, PacketKey, Packets, Version};
+use crate::placing::{Placed, ToldEvents, place};
 use crate::receipt::{Receipt, Refusal};
 use crate::reports::{Filed, Reports, Said};
-use crate::track::{Track, along};
+use crate::track::Track;
+use crate::turns::Turns;
 
 /// Numbers of entries from here on are no vehicle's.
 const NUMBER_MAX: u64 = 1 << 48;
-
-/// A told event, by the number of who heard or missed it, and the slot.
-pub(crate) type ToldKey = (u8, u32);
-
-/// Events that were told and have a place.
-pub(crate) type ToldEvents = BTreeMap<ToldKey, Arc<Event>>;
 
 /// Events, where it was, packets and reports. It changes only by [`Memory::apply`], and depends on nothing but the set of
 /// entries.
@@ -34,19 +31,14 @@ pub(crate) struct Memory {
     /// The vehicle's number in the team, if it is a member.
     pub(crate) own: Option<u8>,
     pub(crate) events: Events,
+    /// Numbers of those that are none: nobody says that it was sent.
+    unsent: Arc<BTreeSet<u64>>,
     /// Where it was, in the order of time.
     fixes: Vec<(f64, Position)>,
     pub(crate) packets: Packets,
     pub(crate) reports: Reports,
     /// What of all this follows about the events of others, until something changes.
     placed: OnceLock<Placed>,
-}
-
-/// Events of others by what they told.
-#[derive(Debug, Clone)]
-struct Placed {
-    events: Arc<ToldEvents>,
-    waiting: usize,
 }
 
 /// What an entry did.
@@ -63,14 +55,31 @@ pub(crate) struct Arrived {
     /// Who sent it, where that could be told.
     pub(crate) sender: Option<u8>,
     pub(crate) receipt: Receipt,
+    /// Which of the vehicle's own events are none, or are some again, for it.
+    pub(crate) change: Change,
+}
+
+impl Arrived {
+    pub(crate) fn refused(sender: Option<u8>, refusal: Refusal) -> Self {
+        Self { sender, receipt: Receipt::Refused(refusal), change: Change::default() }
+    }
 }
 
 impl Memory {
     pub(crate) fn new(frames: Frames, own: Option<u8>) -> Self {
         let events = Events::new(frames.team.limits.events_max);
         let packets = Packets::new(frames.team.packets_per_sender_max);
-        let reports = Reports::new(frames.team.reports_per_sender_max);
-        Self { frames, own, events, fixes: Vec::new(), packets, reports, placed: OnceLock::new() }
+        let reports = Reports::new(frames.team.reports_per_sender_max, frames.team.limits.slots_back_max);
+        Self {
+            frames,
+            own,
+            events,
+            unsent: Arc::default(),
+            fixes: Vec::new(),
+            packets,
+            reports,
+            placed: OnceLock::new(),
+        }
     }
 
     /// Remembers an entry: applying it again changes nothing. What became of it, if it is a frame.
@@ -83,6 +92,10 @@ impl Memory {
             Entry::Navigated { time_s, position } => {
                 self.navigate(&[(time_s, position)])?;
                 Ok(Applied::Fix)
+            }
+            Entry::Turn { sender, slot, sent } => Ok(Applied::Frame(self.put_in_turn(&sender, slot, sent))),
+            Entry::Recent { sender, newest, outcomes } => {
+                Ok(Applied::Frame(self.put_in_recent(&sender, newest, &outcomes)))
             }
             Entry::Heard { bytes } => Ok(Applied::Frame(self.put_in(&bytes, None))),
             Entry::Sent { number, bytes } => {
@@ -107,7 +120,64 @@ impl Memory {
             check(&entry.event)?;
         }
         self.placed = OnceLock::new();
-        Ok(self.events.insert(new))
+        let numbers: BTreeSet<u64> = new.iter().map(|known| known.number).collect();
+        let change = self.events.insert(new);
+        Ok(self.settle(change, &numbers))
+    }
+
+    /// Decides anew which of its events are none, after some were put in: those that are, and those that are none any more, are new;
+    /// those that are none now are gone. O(events + told) where anybody may have been silent.
+    fn settle(&mut self, change: Change, numbers: &BTreeSet<u64>) -> Change {
+        if self.unsent.is_empty() && !Turns::are_in_doubt(&self.frames, &self.events, &self.reports) {
+            return change;
+        }
+        let turns = Turns::new(&self.frames, &self.events, &self.reports);
+        let is_unsent = |known: &&Numbered| !turns.is_event(&known.event);
+        let unsent: BTreeSet<u64> = self.events.numbered().iter().filter(is_unsent).map(|known| known.number).collect();
+        let back = |known: &&Numbered| self.unsent.contains(&known.number) && !unsent.contains(&known.number);
+        let back = self.events.numbered().iter().filter(back).map(|known| known.event.clone());
+        let new = change.new.into_iter().filter(|event| turns.is_event(event)).chain(back).collect();
+        let gone = unsent.iter().filter(|number| !self.unsent.contains(number) && !numbers.contains(number)).count();
+        self.unsent = Arc::new(unsent);
+        Change { new, forgotten: change.forgotten + gone }
+    }
+
+    /// What became of transmissions that the vehicle listened to, by slot, from a time on. What it missed of those who do not
+    /// keep to the schedule says nothing.
+    pub(crate) fn outcomes_since(&self, own: u8, time_s: f64) -> BTreeMap<u32, bool> {
+        let strange = out_of_turn(&self.frames, &self.events);
+        let known = self.events.since(time_s).filter(|event| event.success || !strange.contains(&event.transmitter_id));
+        let known = known.filter_map(|event| Some((self.frames.slot_of(event)?, event.success)));
+        known.filter(|((receiver, _), _)| *receiver == own).map(|((_, slot), success)| (slot, success)).collect()
+    }
+
+    /// Its own events, with their numbers, but for those of which nobody says that they were sent.
+    pub(crate) fn sent_events(&self) -> impl Iterator<Item = &Numbered> {
+        self.events.numbered().iter().filter(|known| !self.unsent.contains(&known.number))
+    }
+
+    /// Length of the longest of its links; `None` without events. O(1) where none of them is in doubt.
+    pub(crate) fn longest_m(&self) -> Option<f64> {
+        if self.unsent.is_empty() {
+            return (self.events.len() > 0).then(|| self.events.longest_m());
+        }
+        self.sent_events().map(|known| known.event.link.range_m()).reduce(f64::max)
+    }
+
+    /// Remembers whether a member sent in a slot of its own.
+    pub(crate) fn put_in_turn(&mut self, sender: &VehicleId, slot: u32, sent: bool) -> Arrived {
+        let Some(number) = self.frames.team.number(sender) else {
+            return Arrived::refused(None, Refusal::NoMember { id: sender.clone() });
+        };
+        self.reports.insert_turn(number, slot, sent);
+        self.arrived(number, Receipt::Accepted)
+    }
+
+    /// What became of something that says more of what was sent.
+    fn arrived(&mut self, sender: u8, receipt: Receipt) -> Arrived {
+        self.placed = OnceLock::new();
+        let change = self.settle(Change::default(), &BTreeSet::new());
+        Arrived { sender: Some(sender), receipt, change }
     }
 
     /// Remembers where it was, or none of it; of as many places as events, the latest.
@@ -140,21 +210,13 @@ impl Memory {
         self.own.and_then(|own| self.frames.team.members.get(&own))
     }
 
-    /// The slot of an event between members, and the number of who heard or missed it.
-    pub(crate) fn slot_of(&self, event: &Event) -> Option<ToldKey> {
-        let team = &self.frames.team;
-        let slot = team.slots.sent_in(event.time_s, &event.transmitter_id)?;
-        let receiver = team.number(&event.receiver_id)?;
-        self.frames.is_heard_by(slot, receiver).then_some((receiver, slot))
-    }
-
     /// The vehicle's own events in these slots, by number.
     pub(crate) fn numbers_of(&self, is_wanted: &dyn Fn(u32) -> bool) -> BTreeSet<u64> {
         let is_in = |known: &&Numbered| {
-            let key = self.slot_of(&known.event).filter(|(receiver, _)| Some(*receiver) == self.own);
+            let key = self.frames.slot_of(&known.event).filter(|(receiver, _)| Some(*receiver) == self.own);
             key.is_some_and(|(_, slot)| is_wanted(slot))
         };
-        self.events.numbered().iter().filter(is_in).map(|known| known.number).collect()
+        self.sent_events().filter(is_in).map(|known| known.number).collect()
     }
 
     /// Events of others that were told and have a place: their ends are known, of others by what they told themselves. What the
@@ -169,62 +231,7 @@ impl Memory {
     }
 
     fn placed(&self) -> &Placed {
-        self.placed.get_or_init(|| self.place())
-    }
-
-    fn place(&self) -> Placed {
-        let (mut events, mut waiting) = (ToldEvents::new(), 0);
-        if self.reports.told().next().is_some() {
-            let recorded: BTreeSet<ToldKey> = self.events.iter().filter_map(|event| self.slot_of(event)).collect();
-            let track = self.track();
-            for (receiver, told) in self.reports.told().filter(|(receiver, _)| Some(*receiver) != self.own) {
-                let outcomes = told.outcomes.iter().filter(|(slot, _)| !recorded.contains(&(receiver, **slot)));
-                for (&slot, said) in outcomes {
-                    let Some((transmitter, success)) = self.opportunity(slot, *said) else { continue };
-                    match self.told_event(transmitter, receiver, slot, success, &track) {
-                        Some(event) => drop(events.insert((receiver, slot), Arc::new(event))),
-                        None => waiting += 1,
-                    }
-                }
-            }
-        }
-        Placed { events: Arc::new(events), waiting }
-    }
-
-    /// Who sent in a slot, and whether it was heard; nobody where the sender says that it was silent, or a receiver says both.
-    fn opportunity(&self, slot: u32, said: Said) -> Option<(u8, bool)> {
-        let transmitter = self.frames.team.number(self.frames.team.slots.sender(slot)?)?;
-        let is_silent = self.reports.told_by(transmitter).is_some_and(|told| told.silent.contains(&slot));
-        match said {
-            _ if is_silent => None,
-            Said::Contradicted => None,
-            said => Some((transmitter, said == Said::Heard)),
-        }
-    }
-
-    fn told_event(&self, transmitter: u8, receiver: u8, slot: u32, success: bool, own: &Track) -> Option<Event> {
-        let team = &self.frames.team;
-        let time_s = team.slots.begin_s(slot)?;
-        let has_depth = team.model.inputs.has_depths();
-        let place = |cell: Cell| team.grid.knot_position(&team.model.chart, cell, has_depth);
-        let at = |member: u8| {
-            let position = match Some(member) == self.own {
-                true => own.at(time_s)?,
-                false => {
-                    let knots = &self.reports.told_by(member)?.knots;
-                    along(knots, slot, &team.slots, &place, team.onward_s_max)?
-                }
-            };
-            (position.depth_m.is_some() || !has_depth).then_some(position)
-        };
-        Some(Event {
-            time_s,
-            transmitter_id: team.members.get(&transmitter)?.clone(),
-            receiver_id: team.members.get(&receiver)?.clone(),
-            link: Link { transmitter: at(transmitter)?, receiver: at(receiver)? },
-            kind: None,
-            success,
-        })
+        self.placed.get_or_init(|| place(&self.frames, self.own, &self.events, self.track(), &self.reports))
     }
 
     /// Remembers a frame that was heard, or sent under this number. One that is not the team's or, as a sent one, not
@@ -235,34 +242,49 @@ impl Memory {
         }
         let (key, packet) = match self.frames.packet(bytes) {
             Ok(read) => read,
-            Err(refusal) => return Arrived { sender: None, receipt: Receipt::Refused(refusal) },
+            Err(refusal) => return Arrived::refused(None, refusal),
         };
         let sender = Some(key.0);
         if sent.is_some() && sender != self.own {
-            let refusal = Refusal::NotSentByMe { number: key.0 };
-            return Arrived { sender, receipt: Receipt::Refused(refusal) };
+            return Arrived::refused(sender, Refusal::NotSentByMe { number: key.0 });
         }
         let arrival = self.packets.insert(key, packet, sent);
-        Arrived { sender, receipt: self.receipt(key, arrival, sent.is_some()) }
+        Arrived { sender, receipt: self.receipt(key, arrival, sent.is_some()), change: Change::default() }
     }
 
     fn put_in_report(&mut self, bytes: &[u8], sent: Option<u64>) -> Arrived {
         let (sender, report) = match self.frames.report(bytes) {
             Ok(read) => read,
-            Err(refusal) => return Arrived { sender: None, receipt: Receipt::Refused(refusal) },
+            Err(refusal) => return Arrived::refused(None, refusal),
         };
-        let refused = |refusal| Arrived { sender: Some(sender), receipt: Receipt::Refused(refusal) };
+        let refused = Receipt::Refused;
         if sent.is_some() && Some(sender) != self.own {
-            return refused(Refusal::NotSentByMe { number: sender });
+            return Arrived::refused(Some(sender), Refusal::NotSentByMe { number: sender });
         }
         let filed = self.reports.insert(sender, report, sent);
-        self.placed = OnceLock::new();
-        match filed {
+        let receipt = match filed {
             Filed::New if Some(sender) == self.own && sent.is_none() => refused(Refusal::OwnReport),
-            Filed::New => Arrived { sender: Some(sender), receipt: Receipt::Accepted },
+            Filed::New => Receipt::Accepted,
             Filed::Known => refused(Refusal::Duplicate),
             Filed::TooOld => refused(Refusal::TooOld),
+        };
+        self.arrived(sender, receipt)
+    }
+
+    /// Remembers what a member says of the slots from the newest back in which it could hear somebody.
+    pub(crate) fn put_in_recent(&mut self, sender: &VehicleId, newest: u32, outcomes: &[bool]) -> Arrived {
+        let number = self.frames.team.number(sender);
+        let refused = |refusal| Arrived::refused(number, refusal);
+        if !self.frames.team.has_spare_bits() {
+            return refused(Refusal::SpareBits);
         }
+        let Some(number) = number else { return refused(Refusal::NoMember { id: sender.clone() }) };
+        if Some(number) == self.own {
+            return refused(Refusal::OwnReport);
+        }
+        let slots = self.frames.slots_back(number, newest).zip(outcomes.iter().copied());
+        let is_new = self.reports.insert_recent(number, slots);
+        self.arrived(number, if is_new { Receipt::Accepted } else { Receipt::Refused(Refusal::Duplicate) })
     }
 
     /// What an arrival means to a receiver.
@@ -315,7 +337,29 @@ impl Memory {
             let heard = kept.sent.is_empty().then(|| Entry::Heard { bytes: bytes() });
             heard.into_iter().chain(kept.sent.iter().map(move |&number| Entry::Sent { number, bytes: bytes() }))
         });
-        observed.chain(navigated).chain(frames).chain(reports)
+        observed.chain(navigated).chain(frames).chain(reports).chain(self.recent_entries()).chain(self.turn_entries())
+    }
+
+    fn turn_entries(&self) -> impl Iterator<Item = Entry> {
+        let turns =
+            self.reports.senders().flat_map(|number| self.reports.turns(number).map(move |turn| (number, turn)));
+        turns.filter_map(|(number, (slot, sent))| {
+            Some(Entry::Turn { sender: self.frames.team.members.get(&number)?.clone(), slot, sent })
+        })
+    }
+
+    /// What spare bits said, one slot each.
+    fn recent_entries(&self) -> impl Iterator<Item = Entry> {
+        let recent =
+            self.reports.senders().flat_map(|number| self.reports.recent(number).map(move |said| (number, said)));
+        recent.flat_map(move |(number, (newest, said))| {
+            let both = [(Said::Missed, false), (Said::Heard, true)].into_iter();
+            let told = both.filter(move |(one, _)| said == *one || said == Said::Contradicted);
+            told.filter_map(move |(_, heard)| {
+                let sender = self.frames.team.members.get(&number)?.clone();
+                Some(Entry::Recent { sender, newest, outcomes: vec![heard] })
+            })
+        })
     }
 }
 

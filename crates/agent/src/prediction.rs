@@ -46,7 +46,7 @@ impl Agent {
         Ok(self.predictions(attempts)?.into_iter().map(|predicted| predicted.probability).collect())
     }
 
-    /// What is predicted of each attempt. Takes in what arrived since the last time, up to 64 events beside the last
+    /// What is predicted of each attempt. Takes in what arrived since the last time, up to some events beside the last
     /// fit, and fits nothing again: see [`Agent::refit_due`]. O(n²) an attempt.
     ///
     /// Where nothing is known the probability goes to even odds, and so it would rise again on the far side of all data. Of
@@ -117,7 +117,7 @@ impl Agent {
     }
 
     fn own_longest_m(&self) -> Option<f64> {
-        let own_m = (self.memory.events.len() > 0).then(|| self.memory.events.longest_m());
+        let own_m = self.memory.longest_m();
         let place = self.model().place.iter();
         let before_m = place.flat_map(|place| place.links()).map(|link| link.range_m());
         before_m.chain(own_m).reduce(f64::max)

@@ -1,5 +1,7 @@
 //! What became of a packet.
 
+use crate::event::VehicleId;
+
 /// What became of a packet.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Receipt {
@@ -40,6 +42,21 @@ pub enum Refusal {
     UnknownSender {
         /// The number.
         number: u8,
+    },
+    /// Spare bits, of which nothing shows who wrote them, in a team with a key: see [`crate::Team::spare_bits`].
+    #[error("spare bits are read by no team with a key, unless its file says so")]
+    SpareBits,
+    /// Spare bits of somebody who is no member.
+    #[error("{id} is no member")]
+    NoMember {
+        /// Who sent them.
+        id: VehicleId,
+    },
+    /// Spare bits of a time of which there are no slots.
+    #[error("no slot has a number at {time_s} s")]
+    NoSlot {
+        /// When they came, in seconds.
+        time_s: f64,
     },
     /// It was received before.
     #[error("received before")]
@@ -103,13 +120,13 @@ fn after(latest: Option<u16>) -> String {
 pub struct Counts {
     /// Count from then on.
     pub accepted: u64,
-    /// See [`Refusal::Malformed`].
+    /// See [`Refusal::Malformed`] and [`Refusal::NoSlot`].
     pub malformed: u64,
-    /// See [`Refusal::Forged`].
+    /// See [`Refusal::Forged`] and [`Refusal::SpareBits`].
     pub forged: u64,
     /// See [`Refusal::OtherTeam`] and [`Refusal::OtherForm`].
     pub other_team: u64,
-    /// See [`Refusal::UnknownSender`].
+    /// See [`Refusal::UnknownSender`] and [`Refusal::NoMember`].
     pub unknown_sender: u64,
     /// See [`Refusal::Duplicate`].
     pub duplicate: u64,
@@ -136,10 +153,10 @@ impl Counts {
 
     fn of(&mut self, refusal: &Refusal) -> &mut u64 {
         match refusal {
-            Refusal::Malformed(_) => &mut self.malformed,
-            Refusal::Forged(_) => &mut self.forged,
+            Refusal::Malformed(_) | Refusal::NoSlot { .. } => &mut self.malformed,
+            Refusal::Forged(_) | Refusal::SpareBits => &mut self.forged,
             Refusal::OtherForm { .. } | Refusal::OtherTeam { .. } => &mut self.other_team,
-            Refusal::UnknownSender { .. } => &mut self.unknown_sender,
+            Refusal::UnknownSender { .. } | Refusal::NoMember { .. } => &mut self.unknown_sender,
             Refusal::Duplicate => &mut self.duplicate,
             Refusal::TooOld => &mut self.too_old,
             Refusal::Conflict { .. } => &mut self.conflict,

@@ -11,9 +11,6 @@ use crate::track::Knots;
 /// What a transmission that was reported once is still worth: reports get lost.
 const LOST: f64 = 0.3;
 
-/// Slots that a report looks back on at most.
-const SLOTS_MAX: usize = 16_384;
-
 /// Outcomes of a report at most: its bytes hold no more with gaps.
 const OUTCOMES_MAX: usize = 1275;
 
@@ -21,8 +18,10 @@ const OUTCOMES_MAX: usize = 1275;
 #[derive(Debug, Clone, Copy)]
 struct Item {
     slot: u32,
-    /// What became of another's transmission; none for a slot of its own.
-    outcome: Option<Outcome>,
+    /// Whether it is a slot of its own.
+    is_own: bool,
+    /// What became of another's transmission, or whether it sent itself.
+    outcome: Outcome,
     /// What telling it is worth.
     value: f64,
 }
@@ -34,8 +33,21 @@ pub(crate) struct Reporter<'a> {
     sender: u8,
     items: Vec<Item>,
     knots: Vec<(u32, Cell)>,
-    /// Before the item of the same place: how many outcomes there are, how many of these are untold, and what all is worth.
-    sums: Vec<(usize, usize, f64)>,
+    /// Of all items before that of the same place.
+    sums: Vec<Sums>,
+}
+
+/// What some items come to.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    /// Slots of others, and how many of these are untold.
+    others: usize,
+    untold: usize,
+    /// Slots of its own, and in how many of these it must be told whether it sent.
+    own: usize,
+    turns: usize,
+    /// What all is worth.
+    value: f64,
 }
 
 /// A part of the items, ends included.
@@ -61,12 +73,20 @@ impl<'a> Reporter<'a> {
         let told = memory.reports.told_by(sender).map_or(&nothing, |told| &told.knots);
         let knots: Vec<(u32, Cell)> = knots.of(&memory.track(), told).into_iter().collect();
         let items = items(memory, sender, &knots);
-        let mut sums = vec![(0, 0, 0.0)];
+        let mut sums = vec![Sums::default()];
+        let own = memory.own_id();
+        let always = own.is_none_or(|own| !team.slots.may_be_silent.contains(own));
         for item in &items {
-            let (outcomes, untold, value) = sums.last().copied().unwrap_or_default();
-            let is_untold = item.outcome == Some(Outcome::Untold);
-            let outcomes = outcomes + usize::from(item.outcome.is_some());
-            sums.push((outcomes, untold + usize::from(is_untold), value + item.value));
+            let Sums { others, untold, own, turns, value } = sums.last().copied().unwrap_or_default();
+            let is_untold = item.outcome == Outcome::Untold;
+            let is_turn = item.is_own && !(always && item.outcome == Outcome::Heard);
+            sums.push(Sums {
+                others: others + usize::from(!item.is_own),
+                untold: untold + usize::from(is_untold),
+                own: own + usize::from(item.is_own),
+                turns: turns + usize::from(is_turn),
+                value: value + item.value,
+            });
         }
         Self { memory, sender, items, knots, sums }
     }
@@ -89,7 +109,7 @@ impl<'a> Reporter<'a> {
             let spans =
                 [begins.then(|| (place, worth[nth + onward.max(1) - 1])), ends.then(|| (worth[back.min(nth)], place))];
             for (first, last) in spans.into_iter().flatten() {
-                let value = self.sums[last + 1].2 - self.sums[first].2;
+                let value = self.sums[last + 1].value - self.sums[first].value;
                 if best.is_none_or(|best| value >= best.value) {
                     best = Some(Span { first, last, value });
                 }
@@ -111,10 +131,16 @@ impl<'a> Reporter<'a> {
 
     fn fits(&self, first: usize, last: usize, frame_bytes: usize, has_earlier: bool) -> bool {
         let (before, end) = (self.sums[first], self.sums[last + 1]);
-        let (outcomes, has_gaps) = (end.0 - before.0, end.1 > before.1);
+        let own = if self.tells_own(first, last) { end.own - before.own } else { 0 };
+        let (outcomes, has_gaps) = (end.others - before.others + own, end.untold > before.untold);
         let (from, to) = self.knots_about(first, last);
         let length = self.memory.frames.report_layout().length(outcomes, has_gaps, to + 1 - from, has_earlier);
         length <= frame_bytes && to + 1 - from <= KNOTS_MAX && outcomes <= OUTCOMES_MAX
+    }
+
+    /// Whether it was silent in one of these slots, or may have been as far as others know.
+    fn tells_own(&self, first: usize, last: usize) -> bool {
+        self.sums[last + 1].turns > self.sums[first].turns
     }
 
     /// The places of the knots before and after these items.
@@ -126,6 +152,7 @@ impl<'a> Reporter<'a> {
 
     fn message(&self, span: Span, earlier: Option<Earlier>) -> ReportMessage {
         let items = &self.items[span.first..=span.last];
+        let tells_own = self.tells_own(span.first, span.last);
         let first = items[0].slot;
         let (from, to) = self.knots_about(span.first, span.last);
         let mut before = None;
@@ -137,8 +164,8 @@ impl<'a> Reporter<'a> {
             sender: self.sender,
             model: 0,
             first,
-            tells_own: false,
-            outcomes: items.iter().filter_map(|item| item.outcome).collect(),
+            tells_own,
+            outcomes: items.iter().filter(|item| tells_own || !item.is_own).map(|item| item.outcome).collect(),
             knots: self.knots[from..=to].iter().map(knot).collect(),
             earlier,
         }
@@ -155,9 +182,7 @@ impl<'a> Reporter<'a> {
 /// Slots between the first and the last knot in which the vehicle could hear somebody or send.
 fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)]) -> Vec<Item> {
     let (Some(&(begin, _)), Some(&(end, _))) = (knots.first(), knots.last()) else { return Vec::new() };
-    let own = memory.events.iter().filter_map(|event| Some((memory.slot_of(event)?, event.success)));
-    let own: BTreeMap<u32, bool> =
-        own.filter(|((receiver, _), _)| *receiver == sender).map(|((_, slot), success)| (slot, success)).collect();
+    let own = memory.outcomes_since(sender, f64::NEG_INFINITY);
     let tellings = tellings(memory, sender);
     let worth = |slot: u32| match tellings.get(&slot).copied().unwrap_or(0) {
         told if told < u32::from(memory.frames.team.tellings_max) => LOST.powi(told as i32),
@@ -167,17 +192,21 @@ fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)]) -> Vec<Item> {
     let is_in_force = memory.frames.team.slots.listed.is_some() || !own.is_empty();
     let item = |slot: u32| {
         if !memory.frames.is_heard_by(slot, sender) {
-            return Item { slot, outcome: None, value: if is_in_force { worth(slot) } else { 0.0 } };
+            let outcome = match memory.reports.turn(sender, slot) {
+                Some(false) => Outcome::Missed,
+                _ => Outcome::Heard,
+            };
+            return Item { slot, is_own: true, outcome, value: if is_in_force { worth(slot) } else { 0.0 } };
         }
         match own.get(&slot) {
-            Some(true) => Item { slot, outcome: Some(Outcome::Heard), value: worth(slot) },
-            Some(false) => Item { slot, outcome: Some(Outcome::Missed), value: worth(slot) },
-            None => Item { slot, outcome: Some(Outcome::Untold), value: 0.0 },
+            Some(true) => Item { slot, is_own: false, outcome: Outcome::Heard, value: worth(slot) },
+            Some(false) => Item { slot, is_own: false, outcome: Outcome::Missed, value: worth(slot) },
+            None => Item { slot, is_own: false, outcome: Outcome::Untold, value: 0.0 },
         }
     };
     let slots = memory.frames.slots_of(sender, begin, true).take_while(|&slot| slot <= end);
     let items: Vec<Item> = slots.map(item).collect();
-    items[items.len().saturating_sub(SLOTS_MAX)..].to_vec()
+    items[items.len().saturating_sub(memory.frames.team.limits.slots_back_max)..].to_vec()
 }
 
 /// How often each slot was reported: what became of it, or where the vehicle was when it sent.

@@ -16,8 +16,8 @@ pub(crate) struct Report {
     pub(crate) first: u32,
     /// What its sender heard (true) and missed, by slot.
     pub(crate) outcomes: Vec<(u32, bool)>,
-    /// Slots of its own in which it was silent.
-    pub(crate) silent: Vec<u32>,
+    /// Whether it sent, by slot of its own.
+    pub(crate) turns: Vec<(u32, bool)>,
     /// Where it was.
     pub(crate) knots: Vec<(u32, Cell)>,
     /// Which of its packets speak of the same events.
@@ -48,22 +48,27 @@ pub(crate) enum Worth {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Told {
     pub(crate) outcomes: BTreeMap<u32, Said>,
-    pub(crate) silent: BTreeSet<u32>,
     /// Of different cells for one slot the first.
     pub(crate) knots: BTreeMap<u32, Cell>,
     earlier: BTreeSet<(u8, bool)>,
 }
 
+/// Notes what is said of a slot; whether that is new.
+fn say(outcomes: &mut BTreeMap<u32, Said>, slot: u32, heard: bool) -> bool {
+    let said = if heard { Said::Heard } else { Said::Missed };
+    match outcomes.entry(slot) {
+        Entry::Vacant(place) => drop(place.insert(said)),
+        Entry::Occupied(known) if *known.get() == said || *known.get() == Said::Contradicted => return false,
+        Entry::Occupied(mut known) => drop(known.insert(Said::Contradicted)),
+    }
+    true
+}
+
 impl Told {
     fn take(&mut self, report: &Report) {
         for &(slot, heard) in &report.outcomes {
-            let said = if heard { Said::Heard } else { Said::Missed };
-            let known = self.outcomes.entry(slot).or_insert(said);
-            if *known != said {
-                *known = Said::Contradicted;
-            }
+            say(&mut self.outcomes, slot, heard);
         }
-        self.silent.extend(&report.silent);
         for &(slot, cell) in &report.knots {
             let known = self.knots.entry(slot).or_insert(cell);
             *known = cell.min(*known);
@@ -98,6 +103,10 @@ struct Sender {
     /// By the slot that they begin at, and their bytes.
     reports: BTreeMap<(u32, Vec<u8>), Kept>,
     told: Arc<Told>,
+    /// What spare bits said, by slot. Nothing shows who wrote them: where a report says something, it counts.
+    recent: BTreeMap<u32, Said>,
+    /// Whether it sent, by slot of its own, as far as it ever said so.
+    turns: BTreeMap<u32, bool>,
 }
 
 /// What became of a report that was put in.
@@ -114,18 +123,24 @@ pub(crate) enum Filed {
 #[derive(Debug, Clone)]
 pub(crate) struct Reports {
     per_sender_max: usize,
+    slots_back_max: u32,
     senders: BTreeMap<u8, Sender>,
 }
 
 impl Reports {
-    pub(crate) fn new(per_sender_max: u16) -> Self {
-        Self { per_sender_max: usize::from(per_sender_max).max(1), senders: BTreeMap::new() }
+    pub(crate) fn new(per_sender_max: u16, slots_back_max: usize) -> Self {
+        Self {
+            per_sender_max: usize::from(per_sender_max).max(1),
+            slots_back_max: slots_back_max as u32,
+            senders: BTreeMap::new(),
+        }
     }
 
     /// Puts in a report, heard or sent under this number. O(log) and its length; where an old one goes for it, O(all of its
     /// sender).
     pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<u64>) -> Filed {
         let max = self.per_sender_max;
+        report.turns.iter().for_each(|&(slot, sent)| self.insert_turn(sender, slot, sent));
         let sender = self.senders.entry(sender).or_default();
         let key = (report.first, report.bytes.clone());
         let report = Arc::new(report);
@@ -152,19 +167,72 @@ impl Reports {
         Filed::New
     }
 
-    /// Everybody who reported, and what they say.
-    pub(crate) fn told(&self) -> impl Iterator<Item = (u8, &Told)> {
-        self.senders.iter().map(|(&number, sender)| (number, &*sender.told))
+    /// Puts in whether a member sent in a slot of its own. Of both it is that it did not.
+    pub(crate) fn insert_turn(&mut self, sender: u8, slot: u32, sent: bool) {
+        let known = self.senders.entry(sender).or_default().turns.entry(slot).or_insert(sent);
+        *known &= sent;
+    }
+
+    /// Whether a member sent in a slot of its own, if it ever said so.
+    pub(crate) fn turn(&self, sender: u8, slot: u32) -> Option<bool> {
+        self.senders.get(&sender)?.turns.get(&slot).copied()
+    }
+
+    /// All that a member said of slots of its own.
+    pub(crate) fn turns(&self, sender: u8) -> impl Iterator<Item = (u32, bool)> {
+        self.senders.get(&sender).into_iter().flat_map(|sender| sender.turns.iter().map(|(&slot, &sent)| (slot, sent)))
+    }
+
+    /// Whether anybody said anything of slots of its own.
+    pub(crate) fn has_turns(&self) -> bool {
+        self.senders.values().any(|sender| !sender.turns.is_empty())
+    }
+
+    /// Puts in what spare bits said of some slots; whether any of it is new. O(log) each.
+    pub(crate) fn insert_recent(&mut self, sender: u8, outcomes: impl IntoIterator<Item = (u32, bool)>) -> bool {
+        let recent = &mut self.senders.entry(sender).or_default().recent;
+        let mut is_new = false;
+        for (slot, heard) in outcomes {
+            let last = recent.last_key_value().map_or(slot, |(&last, _)| last.max(slot));
+            if last - slot < self.slots_back_max {
+                is_new |= say(recent, slot, heard);
+            }
+            let is_too_old = |(&first, _): (&u32, &Said)| last - first >= self.slots_back_max;
+            while recent.first_key_value().is_some_and(is_too_old) {
+                recent.pop_first();
+            }
+        }
+        is_new
+    }
+
+    /// What spare bits said of slots.
+    pub(crate) fn recent(&self, sender: u8) -> impl Iterator<Item = (u32, Said)> {
+        self.senders.get(&sender).into_iter().flat_map(|sender| sender.recent.iter().map(|(&slot, &said)| (slot, said)))
+    }
+
+    /// What a sender says of slots, and whether spare bits did.
+    pub(crate) fn outcomes(&self, sender: u8) -> impl Iterator<Item = (u32, Said, bool)> {
+        self.senders.get(&sender).into_iter().flat_map(|sender| {
+            let (told, recent) = (&sender.told.outcomes, &sender.recent);
+            let by_report = told.iter().map(|(&slot, &said)| (slot, said, recent.contains_key(&slot)));
+            let others = recent.iter().filter(|(slot, _)| !told.contains_key(slot));
+            by_report.chain(others.map(|(&slot, &said)| (slot, said, true)))
+        })
+    }
+
+    /// Everybody who said something.
+    pub(crate) fn senders(&self) -> impl Iterator<Item = u8> {
+        self.senders.keys().copied()
     }
 
     /// What one member says.
     pub(crate) fn told_by(&self, sender: u8) -> Option<&Told> {
-        self.senders.get(&sender).map(|sender| &*sender.told)
+        self.senders.get(&sender).filter(|sender| !sender.reports.is_empty()).map(|sender| &*sender.told)
     }
 
     /// The same, shared: it stays the same thing until something new is said.
     pub(crate) fn told_by_shared(&self, sender: u8) -> Option<Arc<Told>> {
-        self.senders.get(&sender).map(|sender| sender.told.clone())
+        self.senders.get(&sender).filter(|sender| !sender.reports.is_empty()).map(|sender| sender.told.clone())
     }
 
     /// All reports of one sender.
@@ -179,6 +247,11 @@ impl Reports {
 
     /// What a packet counts for, where this is the latest of its sender.
     pub(crate) fn worth(&self, (sender, counter): PacketKey, latest: u16) -> Worth {
-        self.told_by(sender).map_or(Worth::All, |told| told.worth(counter, latest))
+        let Some(sender) = self.senders.get(&sender) else { return Worth::All };
+        // Who never reported sends packets about all its events, those in spare bits among them.
+        match sender.reports.is_empty() && !sender.recent.is_empty() {
+            true => Worth::Beyond,
+            false => sender.told.worth(counter, latest),
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Who may send when, and so what the number of a slot means.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use pingmap_packet::SLOTS;
@@ -18,6 +19,9 @@ pub struct Slots {
     pub order: Vec<VehicleId>,
     /// Other orders, from later slots on.
     pub changes: Vec<SlotChange>,
+    /// Members that do not send in all of their slots: what somebody heard or missed of them is an event only when they say that
+    /// they sent, or yet another one heard it. (Others say when they did not.) No part of what a team must agree on.
+    pub may_be_silent: BTreeSet<VehicleId>,
     /// Transmissions one by one, in the order of time, in place of all these: what a log has where no schedule is known. The
     /// number of a slot is then its place here.
     pub listed: Option<Arc<[Opportunity]>>,
@@ -49,7 +53,7 @@ const SAME_S: f64 = 1e-6;
 impl Slots {
     /// Senders in turn, from time 0 on.
     pub fn in_turn(duration_s: f64, order: Vec<VehicleId>) -> Self {
-        Self { start_s: 0.0, duration_s, order, changes: Vec::new(), listed: None }
+        Self { start_s: 0.0, duration_s, order, changes: Vec::new(), may_be_silent: BTreeSet::new(), listed: None }
     }
 
     /// The same slots, numbered from the last turn of the first sender on that begins no later than this: numbers are for one

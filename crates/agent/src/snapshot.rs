@@ -152,6 +152,18 @@ fn write_entry(out: &mut Writer, entry: &Entry) {
             out.f64(*time_s);
             write_position(out, position);
         }
+        Entry::Turn { sender, slot, sent } => {
+            out.u8(6);
+            out.text(sender.as_str());
+            out.u32(*slot);
+            out.u8((*sent).into());
+        }
+        Entry::Recent { sender, newest, outcomes } => {
+            out.u8(5);
+            out.text(sender.as_str());
+            out.u32(*newest);
+            out.bytes(&outcomes.iter().map(|&heard| heard.into()).collect::<Vec<u8>>());
+        }
         Entry::Heard { bytes } => {
             out.u8(1);
             out.bytes(bytes);
@@ -168,6 +180,12 @@ fn read_entry(reader: &mut Reader<'_>) -> Option<Entry> {
     match reader.u8()? {
         tag @ (0 | 3) => Some(Entry::Observed { number: reader.u64()?, event: read_event(reader, tag == 3)? }),
         4 => Some(Entry::Navigated { time_s: reader.f64()?, position: read_position(reader)? }),
+        6 => Some(Entry::Turn { sender: VehicleId::new(reader.text()?), slot: reader.u32()?, sent: reader.bool()? }),
+        5 => Some(Entry::Recent {
+            sender: VehicleId::new(reader.text()?),
+            newest: reader.u32()?,
+            outcomes: reader.bytes()?.iter().map(|&heard| (heard <= 1).then_some(heard == 1)).collect::<Option<_>>()?,
+        }),
         1 => Some(Entry::Heard { bytes: reader.bytes()?.to_vec() }),
         2 => Some(Entry::Sent { number: reader.u64()?, bytes: reader.bytes()?.to_vec() }),
         _ => None,

@@ -43,6 +43,9 @@ pub struct Team {
     pub reports_per_sender_max: u16,
     /// How often a vehicle reports the same transmission at most, as long as there are frames for it: reports get lost.
     pub tellings_max: u8,
+    /// Whether to read what others say in spare bits of their hosts' messages; if nothing is said, where the team has no key:
+    /// nothing shows who wrote them.
+    pub spare_bits: Option<bool>,
     /// How far the track that a vehicle tells may be off where it was, in metres.
     pub track_off_max_m: f64,
     /// For how long others are taken to go straight on behind the last place that they told, in seconds.
@@ -164,6 +167,7 @@ impl Team {
             reports_per_sender_max: REPORTS_PER_SENDER_MAX,
             tellings_max: TELLINGS_MAX,
             onward_s_max: ONWARD_S_MAX,
+            spare_bits: None,
             key: None,
             epoch: 0,
             worth_nats: WORTH_NATS,
@@ -183,6 +187,11 @@ impl Team {
     /// The number of a member.
     pub fn number(&self, id: &VehicleId) -> Option<u8> {
         self.members.iter().find(|(_, name)| *name == id).map(|(&number, _)| number)
+    }
+
+    /// Whether spare bits are read and written: see [`Team::spare_bits`].
+    pub fn has_spare_bits(&self) -> bool {
+        self.spare_bits.unwrap_or(self.key.is_none())
     }
 
     /// The form of a packet in a frame of so many bytes.
@@ -219,8 +228,8 @@ pub(crate) const SURPRISE_MAX: f64 = 4.5;
 /// The default of [`Team::reports_per_sender_max`].
 pub(crate) const REPORTS_PER_SENDER_MAX: u16 = 256;
 
-/// The default of [`Team::tellings_max`]: with three reports in ten lost, less than one transmission in a hundred stays untold.
-pub(crate) const TELLINGS_MAX: u8 = 4;
+/// The default of [`Team::tellings_max`]: reports are lost in a row, where nobody is near.
+pub(crate) const TELLINGS_MAX: u8 = 8;
 
 /// The default of [`Team::onward_s_max`].
 pub(crate) const ONWARD_S_MAX: f64 = 120.0;

@@ -40,6 +40,8 @@ pub struct TeamFile {
     #[serde(default = "tellings_max")]
     tellings_max: u8,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    spare_bits: Option<bool>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     track_off_max_m: Option<f64>,
     #[serde(default = "onward_s_max")]
     onward_s_max: f64,
@@ -106,6 +108,8 @@ struct SlotsLayout {
     order: Vec<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     changes: Vec<ChangeLayout>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    may_be_silent: Vec<String>,
 }
 
 /// Another order, and when its first slot begins.
@@ -118,7 +122,7 @@ struct ChangeLayout {
 
 impl Default for SlotsLayout {
     fn default() -> Self {
-        Self { start_s: 0.0, duration_s: SLOT_S, order: Vec::new(), changes: Vec::new() }
+        Self { start_s: 0.0, duration_s: SLOT_S, order: Vec::new(), changes: Vec::new(), may_be_silent: Vec::new() }
     }
 }
 
@@ -134,6 +138,7 @@ impl SlotsLayout {
             duration_s: slots.duration_s,
             order: names(&slots.order),
             changes: slots.changes.iter().map(change).collect(),
+            may_be_silent: slots.may_be_silent.iter().map(|name| name.as_str().to_owned()).collect(),
         }
     }
 
@@ -150,8 +155,12 @@ impl SlotsLayout {
         };
         let mut slots = Slots {
             start_s: checked("slots.start_s", bounds::TIME_S, self.start_s)?,
+            may_be_silent: self.may_be_silent.iter().map(|name| VehicleId::new(name.as_str())).collect(),
             ..Slots::in_turn(checked("slots.duration_s", bounds::SLOT_S, self.duration_s)?, names(&self.order)?)
         };
+        if let Some(name) = slots.may_be_silent.iter().find(|name| !members.values().any(|member| member == *name)) {
+            return Err(TeamError::UnknownMember { name: name.clone() });
+        }
         for change in &self.changes {
             let from_s = checked("slots.changes.from_s", bounds::TIME_S, change.from_s)?;
             let before = slots.changes.last().map_or(0, |change| change.from);
@@ -203,6 +212,7 @@ impl TeamFile {
             packets_per_sender_max: Some(team.packets_per_sender_max),
             reports_per_sender_max: team.reports_per_sender_max,
             tellings_max: team.tellings_max,
+            spare_bits: team.spare_bits,
             track_off_max_m: Some(team.track_off_max_m),
             onward_s_max: team.onward_s_max,
             worth_nats: team.worth_nats,
@@ -228,7 +238,14 @@ impl TeamFile {
         let own_affairs = |team: &Team| {
             let numbers =
                 [team.worth_nats, team.surprise_max, team.track_off_max_m, team.onward_s_max].map(f64::to_bits);
-            (numbers, team.repeats_max, team.tellings_max, team.limits)
+            (
+                numbers,
+                team.repeats_max,
+                team.tellings_max,
+                team.spare_bits,
+                team.limits,
+                team.slots.may_be_silent.clone(),
+            )
         };
         if again.canonical_bytes() != team.canonical_bytes() || own_affairs(&again) != own_affairs(team) {
             return Err(unwritable(&"something is lost in it"));
@@ -274,6 +291,7 @@ impl TeamFile {
                 self.reports_per_sender_max.into(),
             )? as u16,
             tellings_max: self.tellings_max,
+            spare_bits: self.spare_bits,
             onward_s_max: checked("onward_s_max", bounds::ONWARD_S, self.onward_s_max)?,
             track_off_max_m: checked(
                 "track_off_max_m",

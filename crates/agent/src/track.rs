@@ -42,12 +42,18 @@ impl Track {
 
     /// Where it was, on the straight way between the positions before and after; `None` before the first and behind the last.
     pub(crate) fn at(&self, time_s: f64) -> Option<Position> {
+        self.at_within(time_s, f64::INFINITY)
+    }
+
+    /// The same where these two are no more than so many seconds apart.
+    pub(crate) fn at_within(&self, time_s: f64, apart_s_max: f64) -> Option<Position> {
         let after = self.0.partition_point(|fix| fix.0 < time_s);
         let next = self.0.get(after)?;
         if next.0 == time_s {
             return Some(next.1);
         }
-        Some(between(self.0.get(after.checked_sub(1)?)?, next, time_s))
+        let before = self.0.get(after.checked_sub(1)?)?;
+        (next.0 - before.0 <= apart_s_max).then(|| between(before, next, time_s))
     }
 }
 

@@ -7,98 +7,10 @@ mod common;
 
 use std::sync::Arc;
 
+use common::trip::*;
 use common::*;
 use pingmap_agent::*;
-use pingmap_packet::Cell;
 use proptest::prelude::*;
-
-const SLOT_S: f64 = 10.0;
-
-/// A mission in slots: every vehicle goes straight from corner to corner, and is in the middle of a cell whenever it turns.
-#[derive(Debug, Clone)]
-struct Trip {
-    team: Arc<Team>,
-    slots: u32,
-    /// For every vehicle the cell of knots at every eighth slot.
-    turns: Vec<Vec<Cell>>,
-    /// By slot and receiver: heard, missed, or not listened.
-    outcomes: Vec<Vec<Option<bool>>>,
-}
-
-/// Slots of a leg.
-const LEG: u32 = 8;
-
-impl Trip {
-    fn at(&self, vehicle: usize, slot: u32) -> Position {
-        let place =
-            |leg: u32| self.team.grid.knot_position(&self.team.model.chart, self.turns[vehicle][leg as usize], false);
-        let leg = slot / LEG;
-        let (from, to) = (place(leg), place(if slot.is_multiple_of(LEG) { leg } else { leg + 1 }));
-        let share = f64::from(slot % LEG) / f64::from(LEG);
-        let along = |a: f64, b: f64| a + share * (b - a);
-        Position::new(along(from.east_m, to.east_m), along(from.north_m, to.north_m))
-    }
-
-    fn members(&self) -> usize {
-        self.turns.len()
-    }
-
-    fn event(&self, slot: u32, receiver: usize) -> Option<Event> {
-        let transmitter = slot as usize % self.members();
-        let success = self.outcomes[slot as usize][receiver].filter(|_| transmitter != receiver)?;
-        let id = |number: usize| names(number + 1).remove(number);
-        let link = Link { transmitter: self.at(transmitter, slot), receiver: self.at(receiver, slot) };
-        let time_s = SLOT_S * f64::from(slot);
-        Some(Event { time_s, transmitter_id: id(transmitter), receiver_id: id(receiver), link, kind: None, success })
-    }
-
-    fn events(&self, receiver: usize) -> Vec<Event> {
-        (0..self.slots).filter_map(|slot| self.event(slot, receiver)).collect()
-    }
-
-    fn vehicle(&self, number: usize) -> Agent {
-        let fixes = (0..=self.slots).map(|slot| (SLOT_S * f64::from(slot), self.at(number, slot)));
-        let reports = Telling { points: false, reports: true };
-        let mut agent = vehicle(&self.team, number, self.events(number)).telling(reports);
-        agent.navigate(fixes).unwrap();
-        agent
-    }
-
-    fn reports(&self) -> Vec<Vec<u8>> {
-        (0..self.members()).flat_map(|number| sent(&mut self.vehicle(number), 100)).collect()
-    }
-
-    /// Somebody with everybody's events.
-    fn all_in_one_place(&self) -> Agent {
-        let mut all = Agent::new(VehicleId::new("shore"), self.team.clone()).owning_all_events();
-        all.observe_all((0..self.members()).flat_map(|number| self.events(number))).unwrap();
-        all.rebuild_posteriors().unwrap();
-        all
-    }
-}
-
-fn trips() -> impl Strategy<Value = Trip> {
-    (2..5usize, 3..7u32).prop_flat_map(|(members, legs)| {
-        let slots = legs * LEG;
-        // No faster than a vehicle: neighbouring turns are near.
-        let cell = (64..192u8, 64..192u8).prop_map(|(east, north)| Cell { east, north, depth: 0 });
-        let turns = prop::collection::vec(prop::collection::vec(cell, legs as usize + 1), members);
-        let outcome = prop_oneof![3 => Just(Some(true)), 3 => Just(Some(false)), 1 => Just(None)];
-        let outcomes = prop::collection::vec(prop::collection::vec(outcome, members), slots as usize);
-        (turns, outcomes).prop_map(move |(turns, outcomes)| {
-            let team = team(members, model());
-            // Every turn is told, and in the middle of its cell: tracks are exact.
-            let team = Team { track_off_max_m: 1e-6, tellings_max: 2, ..team };
-            Trip { team: Arc::new(team), slots, turns, outcomes }
-        })
-    })
-}
-
-fn latent(agent: &mut Agent) -> (Vec<f64>, Vec<f64>) {
-    let inputs = agent.model().inputs(somewhere()).unwrap();
-    let latent = agent.posterior().unwrap().latent(&inputs).unwrap();
-    (latent.mean, latent.variance)
-}
 
 proptest! {
     #![proptest_config(cases(24))]

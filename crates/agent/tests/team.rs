@@ -52,12 +52,21 @@ fn what_was_written_reads_back_to_the_same_agreement() {
     (written.track_off_max_m, written.onward_s_max) = (31.5, 45.0);
     written.slots =
         Slots { start_s: 3.25, ..Slots::in_turn(7.5, ["wal.do", "a b", "wal.do"].map(VehicleId::new).into()) };
+    written.slots.may_be_silent = [VehicleId::new("a b")].into();
+    written.spare_bits = Some(true);
     let change =
         |from, order: &[&str]| SlotChange { from, order: order.iter().map(|&name| VehicleId::new(name)).collect() };
     written.slots.changes = vec![change(9, &["a b", ""]), change(1000, &["wal.do"])];
     (written.frame_bytes, written.epoch, written.repeats_max, written.packets_per_sender_max) = (64, 9, 2, 5);
     written.worth_nats = 1.25e-5;
-    written.limits = Limits { events_max: 1, dense_events_max: 2, inducing_points_max: 3, candidates_max: 4 };
+    written.limits = Limits {
+        events_max: 1,
+        dense_events_max: 2,
+        inducing_points_max: 3,
+        candidates_max: 4,
+        events_beside_max: 5,
+        slots_back_max: 6,
+    };
     written.key = Some(key(3));
     let text = TeamFile::write(&written, "m.toml", Some("key.hex"), Some("c0ffee")).unwrap();
     let file = TeamFile::parse(&text).unwrap();
@@ -68,6 +77,7 @@ fn what_was_written_reads_back_to_the_same_agreement() {
     assert_eq!((found.frame_bytes, found.epoch, found.repeats_max), (64, 9, 2));
     let reports = (found.reports_per_sender_max, found.tellings_max, found.track_off_max_m, found.onward_s_max);
     assert_eq!(reports, (77, 2, 31.5, 45.0));
+    assert_eq!(found.spare_bits, Some(true));
     assert_eq!((found.worth_nats, found.limits, found.digest()), (1.25e-5, written.limits, written.digest()));
     assert_eq!(TeamFile::write(&found, "m.toml", Some("key.hex"), Some("c0ffee")).unwrap(), text);
 }
@@ -107,6 +117,17 @@ const NO_TEAMS: &[(&str, &str, &str)] = &[
     ("cell_m = 25.0", "cell_m = nan", "grid.cell_m"),
     ("cell_m = 25.0", "cell_m = 1.0\ndepth_cell_m = -2.0", "grid.depth_cell_m"),
     ("[grid]", "[slots]\norder = [\"ada\", \"eve\"]\n[grid]", "slots: eve is not a member"),
+    ("[grid]", "[slots]\nmay_be_silent = [\"eve\"]\n[grid]", "slots: eve is not a member"),
+    (
+        "[grid]",
+        "[limits]\nevents_beside_max = 0\n[grid]",
+        "limits.events_beside_max must be a whole number from 1 to 1000",
+    ),
+    (
+        "[grid]",
+        "[limits]\nslots_back_max = 262145\n[grid]",
+        "limits.slots_back_max must be a whole number from 1 to 262144",
+    ),
     ("[grid]", "[slots]\nduration_s = 0.0\n[grid]", "slots.duration_s"),
     ("schema = 1", "schema = 1\nframe_bytes = 65537", "frame_bytes must be a whole number from 32 to 65536"),
     (

@@ -276,6 +276,11 @@ pub fn frame_bytes(text: &str) -> Result<usize, String> {
     count(text, bounds::FRAME_BYTES)
 }
 
+/// Bytes that a message of a host's has left over.
+pub fn spare_bytes(text: &str) -> Result<usize, String> {
+    count(text, bounds::SPARE_BYTES)
+}
+
 /// What bounds it has is for others to say.
 pub fn whole_number(text: &str) -> Result<usize, String> {
     text.parse().map_err(|_| "expected a whole number, not negative".to_owned())

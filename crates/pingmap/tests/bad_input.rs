@@ -157,6 +157,7 @@ fn options_out_of_range() {
         (&["--frame-bytes", "31"], "from 32"),
         (&["--loss", "1.5"], "0 to 1"),
         (&["--online", "--slot-every", "0"], "a whole number from 1 to 65536"),
+        (&["--online", "--spare-bytes", "9"], "a whole number from 1 to 8"),
     ] {
         let command = [&["replay", "events.csv"], options].concat();
         // The argument parser says what the option is; the value checks what it must be.

@@ -53,7 +53,7 @@ const REPLAY: &[Case] = &[
     ("--loss", "0.5", ""),
     ("--duplicate", "0.5", "--json"),
     ("--reorder", "0.5", "--json"),
-    ("--repeat", "1", "--frames 20 --loss 0.5"),
+    ("--repeat", "1", "--frames 60 --loss 0.5"),
     ("--compare", "", ""),
     ("--calibration", "", ""),
     ("--report", "report.html", ""),
@@ -61,8 +61,12 @@ const REPLAY: &[Case] = &[
     ("--json", "", ""),
 ];
 
-const ONLINE: &[Case] =
-    &[("--online", "", ""), ("--slot-every", "3", "--online"), ("--splits", "splits.csv", "--frames 1")];
+const ONLINE: &[Case] = &[
+    ("--online", "", ""),
+    ("--slot-every", "3", "--online"),
+    ("--spare-bytes", "2", "--online"),
+    ("--splits", "splits.csv", "--frames 1"),
+];
 
 /// What it decides is the same for most logs; only `learn` says how. It is read in one place for all commands.
 const CRITERION: Case = ("--criterion", "evidence", "");

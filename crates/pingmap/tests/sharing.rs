@@ -143,6 +143,37 @@ fn a_mission_in_the_order_of_time() {
 }
 
 #[test]
+fn the_slots_of_a_team_are_those_that_the_log_keeps() {
+    let folder = team_folder(&["--start-s", "60.5"]);
+    let team = std::fs::read_to_string(folder.path().join("team.toml")).unwrap();
+    assert!(team.contains("order = [\"anna\", \"bert\"]") && team.contains("duration_s = 1.0"), "{team}");
+    assert!(team.contains("[slots]\nstart_s = 60.0"), "numbers are for the mission: {team}");
+    // One transmission out of turn, and there is no schedule.
+    let other = log(&["anna", "bert"], 120).replacen("\n7,bert,anna", "\n7,anna,bert", 1);
+    file(folder.path(), "other.csv", other);
+    let output = pingmap(folder.path(), &["team", "other.csv"]);
+    assert!(output.status.success() && stderr(&output).contains("keeps to no order"), "{}", stderr(&output));
+}
+
+#[test]
+fn spare_bytes_ride_on_every_transmission() {
+    let folder = team_folder(&[]);
+    let spare = ["replay", "events.csv", "--online", "--spare-bytes", "2"];
+    let text = stdout(&pingmap(folder.path(), &spare));
+    assert!(text.contains("; 2 spare bytes on each\n") && !text.contains("packet"), "{text}");
+    let result = json(folder.path(), &[&spare[..], &["--json"]].concat());
+    assert!(result["bytes"] == 0 && result["received"] == 0 && result["slot_every"].is_null(), "{result}");
+    let sent = result["spare_bytes_sent"].as_u64().unwrap();
+    assert!(sent > 100 && sent.is_multiple_of(2), "{sent}");
+    assert_ne!(result["nll"]["team"], result["nll"]["own"]);
+    // Whoever asks for them has them, key or not; and packets beside.
+    let sealed = json(folder.path(), &[&spare[..], &["--json", "--key-file", "team.key"]].concat());
+    assert_eq!(sealed["nll"], result["nll"]);
+    let both = json(folder.path(), &[&spare[..], &["--slot-every", "5", "--json"]].concat());
+    assert!(both["bytes"].as_u64().unwrap() > 0 && both["spare_bytes_sent"] == sent, "{both}");
+}
+
+#[test]
 fn reports_can_be_read_and_written_by_hand() {
     let folder = team_folder(&[]);
     let report = r#"{"schema":1,"message":"Report","sender":1,"first":40,"outcomes":"hm-mh",

@@ -14,7 +14,7 @@ mod common;
 
 use common::{Failure, log_splits_and_packets};
 use pingmap_agent::{Event, Learning, VehicleId};
-use pingmap_trial::{Agreed, EventLog, Mission, Plan, Score, Split, Step, learn_best, online};
+use pingmap_trial::{Agreed, EventLog, Mission, Plan, Riding, Score, Split, Step, learn_best, online};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -95,7 +95,7 @@ fn noisy(log: &EventLog, seed: u64) -> Option<(EventLog, Vec<f64>)> {
 
 /// How far own, team and all events are above the truth in the events after half time.
 fn above(log: &EventLog, truth: &[f64], plan: &Plan) -> Result<[f64; 3], Failure> {
-    let mission = online(log, plan, 10, &|| ())?;
+    let mission = online(log, plan, Riding { slot_every: Some(10), spare_bytes: 0 }, &|| ())?;
     let half_s = log.events.iter().map(|event| event.time_s).fold(0.0, f64::max) / 2.0;
     let first = mission.steps.iter().take_while(|step| step.time_s <= half_s).count();
     let after = first..(first + NEXT).min(truth.len());

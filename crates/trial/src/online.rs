@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, Event, Team, VehicleId};
+use pingmap_agent::{Agent, AgentError, Event, Receipt, Team, VehicleId};
 
 use crate::event_log::EventLog;
 use crate::mission::{CENTRALISED, Plan, slots_of, transmissions};
@@ -23,6 +23,17 @@ pub struct Online {
     pub bytes: usize,
     /// Packets that counted at a receiver.
     pub received: usize,
+    /// Spare bytes that went with transmissions.
+    pub spare_bytes: usize,
+}
+
+/// What goes with the transmissions of a log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Riding {
+    /// Every so many transmissions of a vehicle one carries a packet, if there is one worth sending; `None`: none does.
+    pub slot_every: Option<usize>,
+    /// Spare bytes of every transmission, which say what was heard of late; eight at most.
+    pub spare_bytes: usize,
 }
 
 /// One event.
@@ -60,19 +71,20 @@ impl Step {
     }
 }
 
-/// Runs the mission. Every transmission of a vehicle is a slot of it, and every `slot_every`-th of its slots carries a
-/// packet if there is one worth sending; who heard the transmission, by the log, hears the packet, unless the plan's
-/// water loses it. A team that has agreed on nothing uses what the first structure expects before any event, with offsets of receivers and a
+/// Runs the mission. Every transmission of a vehicle is a slot of it; who heard the transmission, by the log, hears what
+/// goes with it, unless the plan's water loses that. A team that has agreed on nothing uses what the first structure expects before any event, with offsets of receivers and a
 /// change with time beside, so that no event is predicted by a model that has seen it. `step` is called after every event.
 ///
 /// # Errors
 /// [`AgentError`] when the method refuses.
-pub fn online(log: &EventLog, plan: &Plan, slot_every: usize, step: &dyn Fn()) -> Result<Online, AgentError> {
+pub fn online(log: &EventLog, plan: &Plan, riding: Riding, step: &dyn Fn()) -> Result<Online, AgentError> {
     let (team, _) = plan.team(log, None)?;
-    let team = Team { slots: slots_of(&log.events), ..team };
-    let mut mission = Run::new(log, Arc::new(team), plan);
+    // Whoever asks for spare bytes has them read, key or not.
+    let spare_bits = if riding.spare_bytes > 0 { Some(true) } else { team.spare_bits };
+    let team = Team { slots: slots_of(&log.events), spare_bits, ..team };
+    let mut mission = Run::new(log, Arc::new(team), plan, riding);
     for transmission in &transmissions(&log.events) {
-        mission.transmit(transmission, slot_every)?;
+        mission.transmit(transmission)?;
         transmission.iter().for_each(|_| step());
     }
     Ok(mission.online)
@@ -81,6 +93,7 @@ pub fn online(log: &EventLog, plan: &Plan, slot_every: usize, step: &dyn Fn()) -
 /// A mission under way.
 struct Run<'a> {
     plan: &'a Plan,
+    riding: Riding,
     vehicles: BTreeMap<VehicleId, Agent>,
     centralised: Agent,
     /// Transmissions of every vehicle so far.
@@ -89,20 +102,20 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(log: &EventLog, team: Arc<Team>, plan: &'a Plan) -> Self {
+    fn new(log: &EventLog, team: Arc<Team>, plan: &'a Plan, riding: Riding) -> Self {
         let agent = |id: VehicleId| (id.clone(), Agent::new(id, team.clone()).telling(plan.telling));
         Self {
             plan,
+            riding,
             vehicles: log.vehicles().into_iter().map(agent).collect(),
             centralised: Agent::new(VehicleId::new(CENTRALISED), team.clone()).owning_all_events(),
             slots: BTreeMap::new(),
-            online: Online { team, steps: Vec::new(), packets: BTreeMap::new(), bytes: 0, received: 0 },
+            online: Online { team, steps: Vec::new(), packets: BTreeMap::new(), bytes: 0, received: 0, spare_bytes: 0 },
         }
     }
 
-    /// One transmission: a packet may go with it; everybody who should hear it predicts, then learns, then reads the
-    /// packet.
-    fn transmit(&mut self, events: &[&Event], slot_every: usize) -> Result<(), AgentError> {
+    /// One transmission, and what goes with it: everybody who should hear it predicts, then learns, then reads.
+    fn transmit(&mut self, events: &[&Event]) -> Result<(), AgentError> {
         let Some(first) = events.first() else { return Ok(()) };
         let (sender, time_s) = (&first.transmitter_id, first.time_s);
         if let Some(agent) = self.vehicles.get_mut(sender) {
@@ -111,8 +124,12 @@ impl<'a> Run<'a> {
         let slot = self.slots.entry(sender.clone()).or_default();
         *slot += 1;
         let (slot, frame_bytes) = (*slot, self.online.team.frame_bytes);
+        let is_due = self.riding.slot_every.is_some_and(|every| slot.is_multiple_of(every));
+        let n_bits = 8 * self.riding.spare_bytes;
+        let recent = self.vehicles.get(sender).and_then(|agent| agent.recent(time_s, n_bits));
+        self.online.spare_bytes += recent.map_or(0, |_| self.riding.spare_bytes);
         let packet = match self.vehicles.get_mut(sender) {
-            Some(agent) if slot.is_multiple_of(slot_every) && agent.is_member() => {
+            Some(agent) if is_due && agent.is_member() => {
                 // A slot comes with notice: there is time to tell all that is known.
                 agent.refit()?;
                 agent.next_packet(time_s, frame_bytes)?
@@ -124,10 +141,13 @@ impl<'a> Run<'a> {
             self.online.bytes += packet.len();
         }
         self.happen(events)?;
-        for &event in events {
-            if let Some(packet) = packet.as_ref().filter(|_| event.success) {
-                self.deliver(event, packet, slot);
-            }
+        for event in events.iter().filter(|event| event.success) {
+            self.deliver(event, slot, |agent| {
+                if let Some(bits) = recent {
+                    agent.receive_recent(sender, time_s, bits, n_bits);
+                }
+                packet.as_ref().map(|packet| agent.receive(packet, time_s))
+            });
         }
         Ok(())
     }
@@ -163,15 +183,14 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// A packet arrives with the transmission that it rode on, or is lost, or comes twice; it cannot be overtaken.
-    fn deliver(&mut self, event: &Event, packet: &[u8], slot: usize) {
+    /// What rode on a transmission arrives with it, or is lost, or comes twice; it cannot be overtaken.
+    fn deliver(&mut self, event: &Event, slot: usize, read: impl Fn(&mut Agent) -> Option<Receipt>) {
         let number = |id: &VehicleId| self.online.team.number(id).map_or(usize::from(u8::MAX) + 1, usize::from);
         let (sender, receiver) = (number(&event.transmitter_id), number(&event.receiver_id));
         let times = self.plan.water.delays(slot - 1, self.plan.seed, sender, receiver).len();
         let Some(agent) = self.vehicles.get_mut(&event.receiver_id) else { return };
         for _ in 0..times {
-            let accepted = agent.receive(packet, event.time_s) == pingmap_agent::Receipt::Accepted;
-            self.online.received += usize::from(accepted);
+            self.online.received += usize::from(read(agent) == Some(Receipt::Accepted));
         }
     }
 }

@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "every test file needs a part of it")]
 
+pub mod trip;
+
 use std::sync::Arc;
 
 use dgpc::Shape;

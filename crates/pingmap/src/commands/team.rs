@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pingmap_agent::{Grid, Team, TeamError, TeamFile};
+use pingmap_agent::{Grid, Slots, Team, TeamError, TeamFile};
 use pingmap_packet::TIME_CELLS;
+use pingmap_trial::schedule;
 
 use crate::files::write_file;
 use crate::log::open_log;
@@ -75,6 +76,9 @@ fn write(options: &Options) -> anyhow::Result<()> {
     if let Some(duration_s) = options.duration_s {
         team.grid.time_cell_s = duration_s / f64::from(TIME_CELLS - 1);
     }
+    let schedule = schedule(&log);
+    let is_kept = schedule.is_some();
+    team.slots = schedule.unwrap_or(team.slots).beginning_by(team.grid.start_s);
     let key_name = options.key_file.as_ref().map(|path| beside(path, &options.output)).transpose()?;
     let model_name = beside(&options.model, &options.output)?;
     let text = TeamFile::write(&team, &model_name, key_name.as_deref(), log_digest(&file));
@@ -82,6 +86,14 @@ fn write(options: &Options) -> anyhow::Result<()> {
     let Grid { cell_m, start_s, time_cell_s, .. } = team.grid;
     let output = options.output.display();
     note(format_args!("team: {output}, cells of {cell_m} m, and of {time_cell_s} s from {start_s} s on"));
+    let Slots { start_s, duration_s, .. } = team.slots;
+    if is_kept {
+        note(format_args!("slots: as the log keeps them, {duration_s} s each, from {start_s} s on"));
+    } else {
+        warn(format_args!(
+            "the log keeps to no order of sending: write [slots] by hand, or what is missed tells others nothing"
+        ));
+    }
     Ok(())
 }
 

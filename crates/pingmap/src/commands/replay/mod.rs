@@ -9,7 +9,9 @@ mod online;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pingmap_trial::{Agreed, DivideBy, Division, EventLog, Learners, Plan, Split, Water, read_splits, splits_to_csv};
+use pingmap_trial::{
+    Agreed, DivideBy, Division, EventLog, Learners, Plan, Riding, Split, Water, read_splits, splits_to_csv,
+};
 
 use crate::files::{make_folder, write_file};
 use crate::log::{open_log, thinned};
@@ -17,7 +19,7 @@ use crate::model::{HAS_SEEN_LOG, log_digests, open_model};
 use crate::options::{ModelSource, Work};
 use crate::output::{BadInput, Results, note, print, print_json, warn};
 use crate::team::{open_key, open_team};
-use crate::values::{DivideByName, LearnName, frame_bytes, open_share, packets, repeats, share};
+use crate::values::{DivideByName, LearnName, frame_bytes, open_share, packets, repeats, share, spare_bytes};
 use online::OnlineMission;
 pub use replayed::Replayed;
 
@@ -50,9 +52,13 @@ pub struct Options {
     /// from, and packets ride on the transmissions of the log. Without --model or --team nothing is learned beforehand
     #[arg(long, conflicts_with_all = ["splits", "Dividing", "write_splits", "frames", "compare", "calibration", "learn", "reorder"])]
     pub online: bool,
-    /// With --online: every so many of its transmissions a vehicle may send a packet; 10 if not given
+    /// With --online: every so many of its transmissions a vehicle may send a packet; 10 if not given, none with
+    /// --spare-bytes alone
     #[arg(long, value_name = "TRANSMISSIONS", value_parser = packets, requires = "online")]
     pub slot_every: Option<usize>,
+    /// With --online: spare bytes of every transmission, in which its sender says what it heard of late: two hold ten outcomes
+    #[arg(long, value_name = "BYTES", value_parser = spare_bytes, requires = "online")]
+    pub spare_bytes: Option<usize>,
     /// Also write a report with maps to this folder
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
@@ -170,7 +176,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     }
     if options.online {
         let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
-        let mission = OnlineMission { plan, has_seen_log, slot_every: options.slot_every, seed: options.work.seed };
+        let mission = OnlineMission { plan, has_seen_log, riding: riding(options), seed: options.work.seed };
         return mission.run(&log, results, options.json, options.report.as_deref());
     }
     let splits = match &options.splits {
@@ -204,6 +210,15 @@ fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Agreed, bool)> {
         (None, None) => (Agreed::Nothing, Vec::new()),
     };
     Ok((agreed, digests.contains(&log.digest())))
+}
+
+/// What goes with the transmissions of a log.
+fn riding(options: &Options) -> Riding {
+    let slot_every = match (options.slot_every, options.spare_bytes) {
+        (None, None) => Some(online::SLOT_EVERY),
+        (slot_every, _) => slot_every,
+    };
+    Riding { slot_every, spare_bytes: options.spare_bytes.unwrap_or(0) }
 }
 
 /// What the options say of the team and of what it sends.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use pingmap_trial::{Agreed, EventLog, Online, Plan, Step};
+use pingmap_trial::{Agreed, EventLog, Online, Plan, Riding, Step};
 use serde::Serialize;
 
 use super::report;
@@ -34,22 +34,22 @@ const WAYS: [Way; 3] = [
 ];
 
 /// Transmissions between packets where nothing is said of it.
-const SLOT_EVERY: usize = 10;
+pub const SLOT_EVERY: usize = 10;
 
 /// What is replayed in the order of time.
 pub struct OnlineMission {
     pub plan: Plan,
     /// Whether its model was learned from this very log.
     pub has_seen_log: bool,
-    /// Every so many of its transmissions a vehicle may send a packet.
-    pub slot_every: Option<usize>,
+    /// What goes with transmissions.
+    pub riding: Riding,
     pub seed: u64,
 }
 
 impl OnlineMission {
     pub fn run(&self, log: &EventLog, results: Results, as_json: bool, report: Option<&Path>) -> anyhow::Result<()> {
         let bar = progress(log.events.len() as u64, "replaying in the order of time");
-        let online = pingmap_trial::online(log, &self.plan, self.slot_every(), &|| bar.inc(1))?;
+        let online = pingmap_trial::online(log, &self.plan, self.riding, &|| bar.inc(1))?;
         bar.finish_and_clear();
         match as_json {
             true => print_json(results, &OnlineJson::of(&online, self))?,
@@ -61,10 +61,6 @@ impl OnlineMission {
         Ok(())
     }
 
-    fn slot_every(&self) -> usize {
-        self.slot_every.unwrap_or(SLOT_EVERY)
-    }
-
     fn headline(&self, online: &Online) -> String {
         let packets: usize = online.packets.values().sum();
         let model = match self.plan.agreed {
@@ -73,14 +69,25 @@ impl OnlineMission {
             Agreed::Model(_) | Agreed::Team(_) => "model as given",
         };
         let vehicles = online.team.members.len();
+        let slots = self
+            .riding
+            .slot_every
+            .map(|every| format!("a packet every {} of a vehicle at most", count(every, "transmission")));
+        let sent = self.riding.slot_every.map(|_| {
+            let (packets, bytes) = (count(packets, "packet"), count(online.bytes, "byte"));
+            format!("{packets}, {bytes}, heard {}", count(online.received, "time"))
+        });
+        let is_spare = self.riding.spare_bytes > 0;
+        let spare = is_spare.then(|| format!("{} on each", count(self.riding.spare_bytes, "spare byte")));
+        let spared = is_spare.then(|| format!("{} in all", count(online.spare_bytes, "spare byte")));
+        let both =
+            |one: Option<String>, other: Option<String>| one.into_iter().chain(other).collect::<Vec<_>>().join(", ");
         format!(
-            "{} in the order of time, {}; a packet every {} of a vehicle at most\n{}, {}, heard {}; {model}",
+            "{} in the order of time, {}; {}\n{}; {model}",
             count(online.steps.len(), "event"),
             count(vehicles, "vehicle"),
-            count(self.slot_every(), "transmission"),
-            count(packets, "packet"),
-            count(online.bytes, "byte"),
-            count(online.received, "time"),
+            both(slots, spare),
+            both(sent, spared),
         )
     }
 
@@ -123,12 +130,14 @@ fn header() -> Vec<&'static str> {
 struct OnlineJson {
     schema: u32,
     events: usize,
-    slot_every: usize,
+    slot_every: Option<usize>,
+    spare_bytes: usize,
     seed: u64,
     model_has_seen_log: bool,
     packets: BTreeMap<String, usize>,
     bytes: usize,
     received: usize,
+    spare_bytes_sent: usize,
     nll: Option<StepJson>,
     running_nll: Vec<StepJson>,
 }
@@ -147,12 +156,14 @@ impl OnlineJson {
         Self {
             schema: 1,
             events: online.steps.len(),
-            slot_every: mission.slot_every(),
+            slot_every: mission.riding.slot_every,
+            spare_bytes: mission.riding.spare_bytes,
             seed: mission.seed,
             model_has_seen_log: mission.has_seen_log,
             packets: online.packets.iter().map(|(id, &count)| (id.to_string(), count)).collect(),
             bytes: online.bytes,
             received: online.received,
+            spare_bytes_sent: online.spare_bytes,
             nll: Step::mean(&online.steps).as_ref().map(step),
             running_nll: online.running(CURVE_POINTS).iter().map(step).collect(),
         }

@@ -1,0 +1,119 @@
+//! Events of others: what they told of single transmissions, and where that was.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use pingmap_packet::Cell;
+
+use crate::event::{Event, Link, Position};
+use crate::events::Events;
+use crate::frames::{Frames, ToldKey};
+use crate::reports::{Reports, Said};
+use crate::track::{Track, along};
+use crate::turns::Turns;
+
+/// Events that were told and have a place.
+pub(crate) type ToldEvents = BTreeMap<ToldKey, Arc<Event>>;
+
+/// Events of others by what they told.
+#[derive(Debug, Clone)]
+pub(crate) struct Placed {
+    /// Those whose ends are known. What the vehicle has recorded itself is not among them.
+    pub(crate) events: Arc<ToldEvents>,
+    /// How many wait until it is known where they took place.
+    pub(crate) waiting: usize,
+}
+
+/// What is known of where everybody was.
+struct Whereabouts<'a> {
+    frames: &'a Frames,
+    reports: &'a Reports,
+    own: Option<u8>,
+    /// The vehicle's own way.
+    track: Track,
+    /// Where others were when they sent, as the vehicle recorded it with its events, heard or missed alike.
+    seen: BTreeMap<u8, Track>,
+}
+
+/// Places what others told. What a report says lies where reports say that both ends were, in the middle of a leg or for a
+/// while behind the last. What spare bits say lies where the vehicle itself knows that others were. In neither case does it depend on
+/// what became of the transmission. O(events + told), each with a logarithm.
+pub(crate) fn place(frames: &Frames, own: Option<u8>, events: &Events, track: Track, reports: &Reports) -> Placed {
+    let (mut placed, mut waiting) = (ToldEvents::new(), 0);
+    let turns = Turns::new(frames, events, reports);
+    if reports.senders().any(|sender| Some(sender) != own) {
+        let recorded: BTreeSet<ToldKey> = events.iter().filter_map(|event| frames.slot_of(event)).collect();
+        let has_recent = reports.senders().any(|sender| reports.recent(sender).next().is_some());
+        let seen = if has_recent { seen(frames, events) } else { BTreeMap::new() };
+        let whereabouts = Whereabouts { frames, reports, own, track, seen };
+        for receiver in reports.senders().filter(|&sender| Some(sender) != own) {
+            let outcomes = reports.outcomes(receiver);
+            for (slot, said, is_recent) in outcomes.filter(|(slot, ..)| !recorded.contains(&(receiver, *slot))) {
+                let Some((transmitter, success)) = opportunity(frames, &turns, (receiver, slot), said) else {
+                    continue;
+                };
+                match whereabouts.event(transmitter, receiver, slot, success, is_recent) {
+                    Some(event) => drop(placed.insert((receiver, slot), Arc::new(event))),
+                    None => waiting += 1,
+                }
+            }
+        }
+    }
+    Placed { events: Arc::new(placed), waiting }
+}
+
+/// Who sent in a slot, and whether it was heard; nobody where it was not sent, or a receiver says both.
+fn opportunity(frames: &Frames, turns: &Turns<'_>, key: ToldKey, said: Said) -> Option<(u8, bool)> {
+    let transmitter = frames.team.number(frames.team.slots.sender(key.1)?)?;
+    let success = match said {
+        Said::Heard => true,
+        Said::Missed => false,
+        Said::Contradicted => return None,
+    };
+    turns.was_sent(transmitter, key).then_some((transmitter, success))
+}
+
+fn seen(frames: &Frames, events: &Events) -> BTreeMap<u8, Track> {
+    let mut seen = BTreeMap::<u8, Vec<(f64, Position)>>::new();
+    for event in events.iter() {
+        if let Some(member) = frames.team.number(&event.transmitter_id) {
+            seen.entry(member).or_default().push((event.time_s, event.link.transmitter));
+        }
+    }
+    seen.into_iter().map(|(member, fixes)| (member, Track::new(fixes))).collect()
+}
+
+impl Whereabouts<'_> {
+    fn event(&self, transmitter: u8, receiver: u8, slot: u32, success: bool, is_recent: bool) -> Option<Event> {
+        let team = &self.frames.team;
+        let time_s = team.slots.begin_s(slot)?;
+        let at = |member: u8| {
+            let position = match Some(member) == self.own {
+                true => self.track.at(time_s)?,
+                false if is_recent => self.seen_at(member, time_s).or_else(|| self.along_knots(member, slot))?,
+                false => self.along_knots(member, slot)?,
+            };
+            (position.depth_m.is_some() || !team.model.inputs.has_depths()).then_some(position)
+        };
+        Some(Event {
+            time_s,
+            transmitter_id: team.members.get(&transmitter)?.clone(),
+            receiver_id: team.members.get(&receiver)?.clone(),
+            link: Link { transmitter: at(transmitter)?, receiver: at(receiver)? },
+            kind: None,
+            success,
+        })
+    }
+
+    fn along_knots(&self, member: u8, slot: u32) -> Option<Position> {
+        let team = &self.frames.team;
+        let place = |cell: Cell| team.grid.knot_position(&team.model.chart, cell, team.model.inputs.has_depths());
+        along(&self.reports.told_by(member)?.knots, slot, &team.slots, &place, team.onward_s_max)
+    }
+
+    /// Nothing says that others went straight between two places where they were seen, but that they were there soon before or
+    /// after.
+    fn seen_at(&self, member: u8, time_s: f64) -> Option<Position> {
+        self.seen.get(&member)?.at_within(time_s, 2.0 * self.frames.team.onward_s_max)
+    }
+}

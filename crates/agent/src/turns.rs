@@ -1,0 +1,74 @@
+//! Which transmissions there were: what was not sent was not missed.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::clock::out_of_turn;
+use crate::event::{Event, VehicleId};
+use crate::events::Events;
+use crate::frames::{Frames, ToldKey};
+use crate::reports::{Reports, Said};
+
+/// What is known of who sent in which slot.
+pub(crate) struct Turns<'a> {
+    frames: &'a Frames,
+    reports: &'a Reports,
+    /// Who heard something in which slot.
+    heard: BTreeMap<u32, BTreeSet<u8>>,
+    /// Who does not keep to the schedule, or keeps another one.
+    out_of_turn: BTreeSet<VehicleId>,
+}
+
+impl<'a> Turns<'a> {
+    /// Of what everybody said. O(events + told), each with a logarithm; O(1) where all send in all their slots.
+    pub(crate) fn new(frames: &'a Frames, events: &Events, reports: &'a Reports) -> Self {
+        let mut heard = BTreeMap::<u32, BTreeSet<u8>>::new();
+        if may_be_silent(frames, reports) {
+            let own = events.iter().filter(|event| event.success).filter_map(|event| frames.slot_of(event));
+            let told = reports.senders().flat_map(|sender| {
+                let heard = reports.outcomes(sender).filter(|(_, said, _)| *said == Said::Heard);
+                heard.map(move |(slot, ..)| (sender, slot))
+            });
+            for (receiver, slot) in own.chain(told) {
+                heard.entry(slot).or_default().insert(receiver);
+            }
+        }
+        Self { frames, reports, heard, out_of_turn: out_of_turn(frames, events) }
+    }
+
+    /// Whether any event may be none.
+    pub(crate) fn are_in_doubt(frames: &Frames, events: &Events, reports: &Reports) -> bool {
+        may_be_silent(frames, reports) || !out_of_turn(frames, events).is_empty()
+    }
+
+    /// Whether what became of this transmission at somebody is an event: its sender says that it sent, or always does, or yet another
+    /// one heard it. It is asked of what was heard as of what was missed: if hearing alone were proof enough for itself, what is
+    /// heard would count and what is missed would wait.
+    pub(crate) fn was_sent(&self, transmitter: u8, (receiver, slot): ToldKey) -> bool {
+        let heard = |is_asked: &dyn Fn(u8) -> bool| {
+            self.heard.get(&slot).is_some_and(|members| members.iter().any(|&member| is_asked(member)))
+        };
+        match self.reports.turn(transmitter, slot) {
+            Some(true) => true,
+            // Whoever says so has lost its memory.
+            Some(false) => heard(&|_| true),
+            None => {
+                let id = self.frames.team.members.get(&transmitter);
+                let always = id.is_none_or(|id| !self.frames.team.slots.may_be_silent.contains(id));
+                always || heard(&|member| member != receiver)
+            }
+        }
+    }
+
+    /// The same of something that the vehicle recorded itself. Of those who do not keep to its schedule it does not know what it
+    /// missed, and so what it heard does not count either.
+    pub(crate) fn is_event(&self, event: &Event) -> bool {
+        let turn = || Some((self.frames.team.number(&event.transmitter_id)?, self.frames.slot_of(event)?));
+        !self.out_of_turn.contains(&event.transmitter_id)
+            && turn().is_none_or(|(sender, key)| self.was_sent(sender, key))
+    }
+}
+
+/// Whether anybody was, or may have been, silent in a slot of its own.
+fn may_be_silent(frames: &Frames, reports: &Reports) -> bool {
+    !frames.team.slots.may_be_silent.is_empty() || reports.has_turns()
+}

@@ -1,0 +1,237 @@
+//! What rides along in spare bits: the same events as by reports, once, in whatever order and company they come.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::sync::Arc;
+
+use common::trip::*;
+use common::*;
+use pingmap_agent::*;
+use pingmap_packet::{Cell, Recent};
+use proptest::prelude::*;
+
+/// A message of a host's: who sent it, when, and its spare bits.
+type Spare = (usize, f64, u64);
+
+const N_BITS: usize = 16;
+
+/// Three vehicles that lie in the middle of their cells and listen always.
+fn still(slots: u32, heard: impl Fn(u32, usize) -> Option<bool>) -> Trip {
+    let turns = [(60, 128), (200, 128), (128, 150)].map(|(east, north)| Cell { east, north, depth: 0 });
+    let turns = turns.map(|cell| vec![cell; (slots / LEG) as usize + 2]).to_vec();
+    let outcomes = (0..slots).map(|slot| (0..3).map(|receiver| heard(slot, receiver)).collect()).collect();
+    let team = Team { track_off_max_m: 1e-6, tellings_max: 2, ..team(3, model()) };
+    Trip { team: Arc::new(team), slots, turns, outcomes }
+}
+
+/// The bits of a vehicle's messages in all its slots, as it forms them under way.
+fn messages(trip: &Trip, number: usize) -> Vec<Spare> {
+    let mut agent = Agent::new(names(number + 1).remove(number), trip.team.clone());
+    let mut messages = Vec::new();
+    for slot in 0..trip.slots {
+        let time_s = SLOT_S * f64::from(slot);
+        if slot as usize % trip.members() == number {
+            messages.extend(agent.recent(time_s, N_BITS).map(|bits| (number, time_s, bits)));
+        }
+        agent.observe_all(trip.event(slot, number)).unwrap();
+    }
+    messages
+}
+
+fn read(agent: &mut Agent, &(number, time_s, bits): &Spare) -> Receipt {
+    agent.receive_recent(&names(number + 1)[number], time_s, bits, N_BITS)
+}
+
+proptest! {
+    #![proptest_config(cases(16))]
+
+    #[test]
+    fn any_mixture_with_reports_in_any_order_tells_the_same_events(
+        trip in trips(),
+        order in any::<u64>(),
+        lost in vec_of_lost(),
+    ) {
+        let spare: Vec<Spare> = (1..trip.members()).flat_map(|number| messages(&trip, number)).collect();
+        let mut said: Vec<Result<Vec<u8>, Spare>> = trip.reports().into_iter().map(Ok).collect();
+        said.extend(spare.into_iter().map(Err));
+        let said: Vec<_> = said.into_iter().zip(lost.iter().cycle()).filter(|(_, lost)| !**lost).map(|(said, _)| said).collect();
+        let hear = |agent: &mut Agent, one: &Result<Vec<u8>, Spare>| match one {
+            Ok(report) => agent.receive(report, 0.0),
+            Err(spare) => read(agent, spare),
+        };
+        let mut one = trip.vehicle(0);
+        said.iter().for_each(|said| drop(hear(&mut one, said)));
+        let mut other = trip.vehicle(0);
+        let mut again: Vec<_> = said.iter().chain(&said).collect();
+        let mut state = order | 1;
+        again.sort_by_cached_key(|_| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            state
+        });
+        for (n, said) in again.into_iter().enumerate() {
+            hear(&mut other, said);
+            if n == 3 {
+                other.probability(somewhere()[0]).unwrap();
+                other.refit().unwrap();
+            }
+        }
+        prop_assert_eq!(one.told_events(), other.told_events());
+        prop_assert_eq!(one.snapshot(), other.snapshot());
+        let restored = restored(&one, &one.snapshot());
+        prop_assert_eq!(restored.told_events(), one.told_events());
+        one.rebuild_posteriors().unwrap();
+        other.rebuild_posteriors().unwrap();
+        let mean = |agent: &mut Agent| bits(&agent.probabilities(somewhere()).unwrap());
+        prop_assert_eq!(mean(&mut one), mean(&mut other));
+    }
+
+    #[test]
+    fn who_hears_every_message_knows_what_everything_in_one_place_says(
+        outcomes in prop::collection::vec(any::<[bool; 3]>(), 60),
+    ) {
+        let trip = still(60, |slot, receiver| Some(outcomes[slot as usize][receiver]));
+        let mut agent = trip.vehicle(0);
+        for spare in (1..3).flat_map(|number| messages(&trip, number)) {
+            read(&mut agent, &spare);
+        }
+        // Before vehicle 1 sent in slot 1 and vehicle 2 in slot 2 nobody knows where they were, and what they heard after slots
+        // 58 and 59 they have not told.
+        let told = |number: usize, between: std::ops::Range<u32>| {
+            let between = SLOT_S * f64::from(between.start)..SLOT_S * f64::from(between.end);
+            trip.events(number).into_iter().filter(move |event| between.contains(&event.time_s))
+        };
+        let others: Vec<Event> = told(1, 1..58).chain(told(2, 2..59)).collect();
+        prop_assert_eq!(agent.told_events(), (others.len(), 3));
+        agent.rebuild_posteriors().unwrap();
+        let mut all = Agent::new(VehicleId::new("shore"), trip.team.clone()).owning_all_events();
+        all.observe_all(trip.events(0).into_iter().chain(others)).unwrap();
+        all.rebuild_posteriors().unwrap();
+        let [one, all] = [&mut agent, &mut all].map(|agent| agent.probabilities(somewhere()).unwrap());
+        prop_assert!(largest_difference(&one, &all) < 1e-9, "{one:?} {all:?}");
+    }
+}
+
+fn vec_of_lost() -> impl Strategy<Value = Vec<bool>> {
+    prop::collection::vec(prop::bool::weighted(0.3), 7)
+}
+
+#[test]
+fn what_was_not_listened_to_is_never_told() {
+    // Vehicle 1 slept through slots 40 to 44, of which it could hear 41, 42 and 44.
+    let trip = still(60, |slot, receiver| (receiver != 1 || !(40..45).contains(&slot)).then_some(slot % 2 == 0));
+    let mut agent = trip.vehicle(1);
+    let recent = |agent: &Agent, slot: u32| {
+        let bits = agent.recent(SLOT_S * f64::from(slot), N_BITS)?;
+        Some(Recent::decode(bits, N_BITS).unwrap())
+    };
+    assert_eq!(recent(&agent, 39).unwrap().newest, 39);
+    // The ten before its sleep, until there are ten behind it.
+    for slot in [43, 52, 57] {
+        assert_eq!(recent(&agent, slot).unwrap().newest, 39, "{slot}");
+    }
+    let newest = recent(&agent, 59).unwrap();
+    assert_eq!((newest.newest, newest.outcomes.len()), (59, 10));
+    assert_eq!(&newest.outcomes[..3], [false, false, true], "slots 59, 57, 56: {newest:?}");
+    // After half the numbers it says nothing of these any more.
+    assert_eq!(recent(&agent, 59 + 31).map(|recent| recent.newest), Some(59));
+    assert_eq!(recent(&agent, 59 + 33), None);
+    let mut listener = trip.vehicle(0);
+    for spare in messages(&trip, 1) {
+        read(&mut listener, &spare);
+    }
+    let told = listener.told_events().0 + listener.told_events().1;
+    assert!(told > 20 && told <= trip.events(1).len(), "{told}");
+    // A message that waits for long still speaks of the same slots.
+    let bits = agent.recent(SLOT_S * 39.0, N_BITS).unwrap();
+    let mut late = trip.vehicle(0);
+    late.receive_recent(&names(2)[1], SLOT_S * 39.0, bits, N_BITS);
+    let at_once = late.snapshot();
+    let mut later = trip.vehicle(0);
+    later.receive_recent(&names(2)[1], SLOT_S * 100.0, bits, N_BITS);
+    assert_eq!(later.snapshot(), at_once);
+    agent.refit().unwrap();
+}
+
+#[test]
+fn a_report_counts_before_spare_bits_and_contradictions_count_as_neither() {
+    let trip = still(24, |_, _| Some(true));
+    let spare = messages(&trip, 1).pop().unwrap();
+    let wrong = (1, spare.1, spare.2 ^ (0x3ff << 6));
+    let reports = sent(&mut trip.vehicle(1), 20);
+    let [mut right, mut both, mut doubtful] = [0, 0, 0].map(|number| trip.vehicle(number));
+    for report in reports.iter().chain(&sent(&mut trip.vehicle(2), 20)) {
+        right.receive(report, 0.0);
+        both.receive(report, 0.0);
+    }
+    read(&mut both, &wrong);
+    assert_eq!(both.told_events(), right.told_events());
+    let [one, other] = [&mut right, &mut both].map(|agent| {
+        agent.rebuild_posteriors().unwrap();
+        bits(&agent.probabilities(somewhere()).unwrap())
+    });
+    assert_eq!(one, other);
+    read(&mut doubtful, &spare);
+    assert_eq!(doubtful.told_events(), (10, 0));
+    read(&mut doubtful, &wrong);
+    assert_eq!(doubtful.told_events(), (0, 0));
+    assert_eq!(restored(&doubtful, &doubtful.snapshot()).snapshot(), doubtful.snapshot());
+}
+
+#[test]
+fn map_messages_of_the_same_events_count_for_what_they_say_beyond() {
+    let trip = still(120, |slot, _| Some(slot % 4 != 0));
+    let points = Telling { points: true, reports: false };
+    let packets = sent(&mut trip.vehicle(1).telling(points), 6);
+    assert!(!packets.is_empty());
+    let mut listener = trip.vehicle(0);
+    messages(&trip, 1).iter().for_each(|spare| drop(read(&mut listener, spare)));
+    listener.rebuild_posteriors().unwrap();
+    let by_bits = variances(&mut listener, &somewhere());
+    packets.iter().for_each(|packet| drop(listener.receive(packet, 0.0)));
+    let both = variances(&mut listener, &somewhere());
+    // All that is known was told by bits: the packets add next to nothing, where alone they say much.
+    let mut alone = trip.vehicle(0);
+    let before = variances(&mut alone, &somewhere());
+    packets.iter().for_each(|packet| drop(alone.receive(packet, 0.0)));
+    let after = variances(&mut alone, &somewhere());
+    let gain = |before: &[f64], after: &[f64]| before.iter().zip(after).map(|(a, b)| a - b).sum::<f64>();
+    let (second, first) = (gain(&by_bits, &both), gain(&before, &after));
+    assert!(first > 0.1 && second < 0.1 * first, "{second} {first}");
+}
+
+#[test]
+fn spare_bits_are_for_teams_without_a_key_and_for_members() {
+    let trip = still(30, |_, _| Some(true));
+    let spare = messages(&trip, 1).pop().unwrap();
+    let sealed = Team { key: Some(key(1)), ..(*trip.team).clone() };
+    let willing = Team { spare_bits: Some(true), ..sealed.clone() };
+    let wary = Team { spare_bits: Some(false), ..(*trip.team).clone() };
+    for (team, takes) in [(sealed, false), (willing, true), (wary, false)] {
+        let trip = Trip { team: Arc::new(team), ..trip.clone() };
+        let mut agent = trip.vehicle(0);
+        assert_eq!(agent.recent(300.0, N_BITS).is_some(), takes);
+        let receipt = read(&mut agent, &spare);
+        let expected = if takes { Receipt::Accepted } else { Receipt::Refused(Refusal::SpareBits) };
+        assert_eq!(receipt, expected);
+    }
+    let mut agent = trip.vehicle(0);
+    let refused = |receipt: Receipt| match receipt {
+        Receipt::Refused(refusal) => refusal,
+        Receipt::Accepted => panic!("accepted"),
+    };
+    let (time_s, bits) = (spare.1, spare.2);
+    let stranger = VehicleId::new("a ship");
+    assert_eq!(refused(agent.receive_recent(&stranger, time_s, bits, 16)), Refusal::NoMember { id: stranger });
+    assert_eq!(refused(agent.receive_recent(&names(1)[0], time_s, bits, 16)), Refusal::OwnReport);
+    assert_eq!(refused(agent.receive_recent(&names(2)[1], -5.0, bits, 16)), Refusal::NoSlot { time_s: -5.0 });
+    for (bits, n_bits) in [(bits, 6), (bits, 65), (1 << 16, 16)] {
+        assert!(matches!(refused(agent.receive_recent(&names(2)[1], time_s, bits, n_bits)), Refusal::Malformed(_)));
+    }
+    assert_eq!(agent.recent(300.0, 6), None);
+    assert_eq!(agent.recent(f64::NAN, 16), None);
+    assert_eq!(agent.told_events(), (0, 0));
+    assert_eq!(read(&mut agent, &spare), Receipt::Accepted);
+    assert_eq!(refused(read(&mut agent, &spare)), Refusal::Duplicate);
+}

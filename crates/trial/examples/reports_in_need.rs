@@ -1,0 +1,243 @@
+//! What reports are worth where things are not as they should be: NLL of held-out events by own events, by the team after ten
+//! packets each, and by all events in one place, mean over vehicles and splits; and by how much the mean probability that the team
+//! gives is off the share that was heard.
+//!
+//! Vehicles send in turn, in slots of ten seconds from second 10 on, as in the shipped trials. A position error turns around the
+//! true place once in half an hour, another way for each vehicle, and is in all that the vehicle says of itself. A clock that is off, or a
+//! schedule that changed unnoticed, makes the last vehicle take others' slots for others': it notes as missed whoever should have
+//! sent by its own reckoning. Silent slots are one in ten: nobody sent, and whoever listened took it for a miss.
+//!
+//! `cargo run --release -p pingmap-trial --example reports_in_need -- events.csv splits.csv [packets]`
+
+#![allow(clippy::print_stdout, reason = "what it measures is its output")]
+
+mod common;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use common::{Failure, log_splits_and_packets};
+use pingmap_agent::{Agent, Event, Learning, Position, Slots, Team, Telling, VehicleId};
+use pingmap_trial::{EventLog, Mission, Plan, Score, Split};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+const SLOT_S: f64 = 10.0;
+
+/// What is not as it should be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Need {
+    Nothing,
+    /// Positions are off by so many metres.
+    Positions(f64),
+    /// The clock of the last vehicle is a slot ahead.
+    Clock,
+    /// From half time on the last vehicle takes the order to be reversed.
+    Order,
+    /// Nobody knows who sends when.
+    NoSchedule,
+    /// One slot in ten is silent; whether senders say so, and whether others wait for their word.
+    Silence {
+        told: bool,
+        awaited: bool,
+    },
+}
+
+const NEEDS: [(&str, Need); 10] = [
+    ("as it should be", Need::Nothing),
+    ("positions off by 10 m", Need::Positions(10.0)),
+    ("30 m", Need::Positions(30.0)),
+    ("100 m", Need::Positions(100.0)),
+    ("one clock off by a slot", Need::Clock),
+    ("one missed a change of order", Need::Order),
+    ("no schedule: points alone", Need::NoSchedule),
+    ("silent slots, told", Need::Silence { told: true, awaited: false }),
+    ("silent slots, waited for", Need::Silence { told: true, awaited: true }),
+    ("silent slots, not told", Need::Silence { told: false, awaited: false }),
+];
+
+/// Where everybody was when somebody sent.
+type Places = BTreeMap<VehicleId, BTreeMap<u64, Position>>;
+
+fn slot(time_s: f64) -> u64 {
+    (time_s / SLOT_S).round() as u64
+}
+
+fn places(log: &EventLog) -> Places {
+    let mut places = Places::new();
+    for event in &log.events {
+        let ends = [(&event.transmitter_id, event.link.transmitter), (&event.receiver_id, event.link.receiver)];
+        for (id, position) in ends {
+            places.entry(id.clone()).or_default().insert(slot(event.time_s), position);
+        }
+    }
+    places
+}
+
+/// A mission of this log in which something is amiss.
+struct Amiss<'a> {
+    need: Need,
+    log: &'a EventLog,
+    split: &'a Split,
+    places: &'a Places,
+    ids: Vec<VehicleId>,
+    silent: BTreeSet<u64>,
+}
+
+impl Amiss<'_> {
+    /// How far a vehicle takes itself to be from where it is.
+    fn off(&self, id: &VehicleId, time_s: f64) -> [f64; 2] {
+        let Need::Positions(off_m) = self.need else { return [0.0; 2] };
+        let number = self.ids.iter().position(|other| other == id).unwrap_or_default() as f64;
+        let turn =
+            std::f64::consts::TAU * (time_s / 1800.0 * if number % 2.0 == 0.0 { 1.0 } else { -1.0 } + number / 3.0);
+        [off_m * turn.cos(), off_m * turn.sin()]
+    }
+
+    fn moved(&self, id: &VehicleId, time_s: f64, at: Position) -> Position {
+        let [east_m, north_m] = self.off(id, time_s);
+        Position { east_m: at.east_m + east_m, north_m: at.north_m + north_m, ..at }
+    }
+
+    /// An event as vehicles that say where they are know it.
+    fn said(&self, event: &Event) -> Event {
+        let mut said = event.clone();
+        said.link.transmitter = self.moved(&event.transmitter_id, event.time_s, event.link.transmitter);
+        said.link.receiver = self.moved(&event.receiver_id, event.time_s, event.link.receiver);
+        said
+    }
+
+    /// What can be learned from.
+    fn training(&self) -> impl Iterator<Item = Event> {
+        self.split.indices(false).into_iter().map(|n| self.said(&self.log.events[n]))
+    }
+
+    fn is_lost(&self, id: &VehicleId) -> bool {
+        matches!(self.need, Need::Clock | Need::Order) && self.ids.last() == Some(id)
+    }
+
+    /// Who should send in a slot, and when it is, as the last vehicle reckons.
+    fn reckoned(&self, event: &Event) -> (VehicleId, f64) {
+        let (members, number) = (self.ids.len() as u64, slot(event.time_s) - 1);
+        let half = self.log.events.iter().map(|event| slot(event.time_s)).max().unwrap_or_default() / 2;
+        let (turn, time_s) = match self.need {
+            Need::Clock => ((number + 1) % members, event.time_s + SLOT_S),
+            Need::Order if number > half => (members - 1 - number % members, event.time_s),
+            _ => (number % members, event.time_s),
+        };
+        (self.ids[turn as usize].clone(), time_s)
+    }
+
+    /// What a vehicle records.
+    fn recorded(&self, id: &VehicleId) -> Vec<Event> {
+        let mut recorded = Vec::new();
+        for event in self.training().filter(|event| event.receiver_id == *id) {
+            if self.silent.contains(&slot(event.time_s)) {
+                recorded.push(Event { success: false, ..event });
+            } else if self.is_lost(id) {
+                let (expected, time_s) = self.reckoned(&event);
+                let place = self.places[&expected].get(&slot(event.time_s)).copied();
+                if (!event.success || expected != event.transmitter_id) && expected != *id {
+                    let mut missed = Event { time_s, transmitter_id: expected, success: false, ..event.clone() };
+                    missed.link.transmitter = place.unwrap_or(event.link.transmitter);
+                    recorded.push(missed);
+                }
+                if event.success {
+                    recorded.push(Event { time_s, ..event });
+                }
+            } else {
+                recorded.push(event);
+            }
+        }
+        recorded
+    }
+
+    fn team(&self, team: &Team, id: &VehicleId) -> Arc<Team> {
+        let slots = Slots { start_s: SLOT_S, ..Slots::in_turn(SLOT_S, self.ids.clone()) };
+        let may_be_silent = match self.need {
+            Need::Silence { awaited: true, .. } => self.ids.iter().cloned().collect(),
+            _ => BTreeSet::new(),
+        };
+        // Who missed the change has another team file.
+        let epoch = u32::from(self.need == Need::Order && self.is_lost(id));
+        Arc::new(Team { slots: Slots { may_be_silent, ..slots }, epoch, ..team.clone() })
+    }
+
+    fn vehicle(&self, team: &Team, id: &VehicleId) -> Result<Agent, Failure> {
+        let telling = Telling { points: true, reports: self.need != Need::NoSchedule };
+        let mut agent = Agent::new(id.clone(), self.team(team, id)).telling(telling);
+        let ahead_s = if self.need == Need::Clock && self.is_lost(id) { SLOT_S } else { 0.0 };
+        let fix = |(&slot, &at): (&u64, &Position)| {
+            let time_s = SLOT_S * slot as f64;
+            (time_s + ahead_s, self.moved(id, time_s, at))
+        };
+        agent.navigate(self.places[id].iter().map(fix))?;
+        agent.observe_all(self.recorded(id))?;
+        if let Need::Silence { told: true, .. } = self.need {
+            let is_own = |slot: &&u64| self.ids[((**slot - 1) % self.ids.len() as u64) as usize] == *id;
+            agent.stay_silent(self.silent.iter().filter(is_own).map(|&slot| SLOT_S * slot as f64))?;
+        }
+        agent.rebuild_posteriors()?;
+        Ok(agent)
+    }
+
+    /// NLL by own events, by the team, by all; and the team's mean probability less the share heard.
+    fn scores(&self, mission: &Mission, packets: usize) -> Result<[f64; 4], Failure> {
+        let mut agents = self.ids.iter().map(|id| self.vehicle(&mission.team, id)).collect::<Result<Vec<_>, _>>()?;
+        let mut sent: Vec<Vec<Vec<u8>>> = Vec::new();
+        for agent in &agents {
+            let (mut agent, mut frames) = (agent.clone(), Vec::new());
+            while frames.len() < packets
+                && let Some(frame) = agent.next_packet(0.0, 32)?
+            {
+                frames.push(frame);
+            }
+            sent.push(frames);
+        }
+        let is_there = |event: &Event| !self.silent.contains(&slot(event.time_s));
+        let mut all = Agent::new(VehicleId::new("shore"), mission.team.clone()).owning_all_events();
+        all.observe_all(self.training().filter(is_there))?;
+        all.rebuild_posteriors()?;
+        let heard = mission.outcomes.iter().filter(|heard| **heard).count() as f64 / mission.outcomes.len() as f64;
+        let nll = |predicted: &[f64]| Score::new(predicted, &mission.outcomes).map_or(f64::NAN, |score| score.nll);
+        let mut sums = [0.0; 4];
+        let count = agents.len() as f64;
+        for (number, agent) in agents.iter_mut().enumerate() {
+            sums[0] += nll(&agent.probabilities(&mission.held_out)?) / count;
+            for frames in sent.iter().enumerate().filter(|(sender, _)| *sender != number).map(|(_, frames)| frames) {
+                frames.iter().for_each(|frame| drop(agent.receive(frame, 0.0)));
+            }
+            agent.rebuild_posteriors()?;
+            let predicted = agent.probabilities(&mission.held_out)?;
+            sums[1] += nll(&predicted) / count;
+            sums[3] += (predicted.iter().sum::<f64>() / predicted.len() as f64 - heard) / count;
+        }
+        sums[2] = nll(&all.probabilities(&mission.held_out)?);
+        Ok(sums)
+    }
+}
+
+fn main() -> Result<(), Failure> {
+    let (log, splits, packets) = log_splits_and_packets()?;
+    let places = places(&log);
+    let plan = Plan::new(Learning::default(), 1);
+    let prepare = |split: &Split| Ok(Mission::prepare(&log, split, &plan, 0)?);
+    let missions = splits.par_iter().map(prepare).collect::<Result<Vec<_>, Failure>>()?;
+    println!("                                  own    team     all  mean probability less share heard");
+    for (name, need) in NEEDS {
+        let of_split = |(number, (split, mission)): (usize, (&Split, &Mission))| {
+            let mut rng = ChaCha8Rng::seed_from_u64(number as u64);
+            let last = log.events.iter().map(|event| slot(event.time_s)).max().unwrap_or_default();
+            let is_silent = |_: &u64| matches!(need, Need::Silence { .. }) && rng.random::<f64>() < 0.1;
+            let silent = (1..=last).filter(is_silent).collect();
+            Amiss { need, log: &log, split, places: &places, ids: log.vehicles(), silent }.scores(mission, packets)
+        };
+        let pairs: Vec<_> = splits.iter().zip(&missions).enumerate().collect();
+        let all = pairs.into_par_iter().map(of_split).collect::<Result<Vec<_>, Failure>>()?;
+        let [own, team, centralised, off] =
+            [0, 1, 2, 3].map(|place| all.iter().map(|scores| scores[place]).sum::<f64>() / all.len() as f64);
+        println!("{name:30} {own:.4}  {team:.4}  {centralised:.4}  {off:+.3}");
+    }
+    Ok(())
+}

@@ -1,0 +1,119 @@
+//! The schedule that a log keeps to, if it keeps to one.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use pingmap_agent::{Slots, VehicleId};
+
+use crate::event_log::EventLog;
+use crate::mission::transmissions;
+
+/// How far a transmission may be off the beginning of its slot, in slots.
+const OFF_MAX: f64 = 0.05;
+
+/// Rounds that show an order.
+const ROUNDS_MIN: usize = 3;
+
+/// Slots of an order at most, for every sender.
+const SLOTS_PER_SENDER_MAX: usize = 4;
+
+/// Slots of equal length at whose beginnings all transmissions of the log were sent, each sender's always at the same places of a round
+/// that comes again; of several such the shortest round. `None` where there is no such order, or not three rounds of it. Who never
+/// hears anybody is no member of a team, and its slots are nobody's. O(N · slots of a round).
+pub fn schedule(log: &EventLog) -> Option<Slots> {
+    let transmissions = transmissions(&log.events);
+    let first = transmissions.iter().filter_map(|events| events.first());
+    let (times_s, senders): (Vec<f64>, Vec<&VehicleId>) =
+        first.map(|event| (event.time_s, &event.transmitter_id)).unzip();
+    let (start_s, duration_s, numbers) = slots(&times_s)?;
+    let numbered: Vec<(usize, &VehicleId)> = numbers.into_iter().zip(senders).collect();
+    let members = log.vehicles();
+    let count = numbered.iter().map(|(_, sender)| *sender).collect::<BTreeSet<_>>().len();
+    let last = numbered.last().map_or(0, |(number, _)| *number);
+    let mut lengths = (1..=SLOTS_PER_SENDER_MAX * count).take_while(|length| ROUNDS_MIN * length <= last + 1);
+    let (length, owners) = lengths.find_map(|length| Some((length, owners(&numbered, length)?)))?;
+    let owner = |place| {
+        let owner = owners.get(&place).filter(|owner| members.contains(owner));
+        owner.map_or_else(|| VehicleId::new(""), |&owner| owner.clone())
+    };
+    Some(Slots { start_s, ..Slots::in_turn(duration_s, (0..length).map(owner).collect()) })
+}
+
+/// Where slots begin and how long they are that these times are all at the beginning of, one each, and the numbers of these.
+fn slots(times_s: &[f64]) -> Option<(f64, f64, Vec<usize>)> {
+    let apart_s = || times_s.windows(2).map(|pair| pair[1] - pair[0]);
+    let least_s = apart_s().reduce(f64::min).filter(|&least_s| least_s > 0.0)?;
+    let mut numbers = vec![0];
+    for apart_s in apart_s() {
+        numbers.push(numbers.last()? + (apart_s / least_s).round() as usize);
+    }
+    let duration_s = (times_s.last()? - times_s[0]) / *numbers.last()? as f64;
+    let late_s =
+        || times_s.iter().zip(&numbers).map(|(time_s, &number)| time_s - times_s[0] - duration_s * number as f64);
+    // Nobody begins before its slot does.
+    let start_s = times_s[0] + late_s().fold(0.0, f64::min);
+    late_s().all(|late_s| late_s.abs() <= OFF_MAX * duration_s).then_some((start_s, duration_s, numbers))
+}
+
+/// Who sends at which place of rounds of this length; `None` where two do at one.
+fn owners<'a>(numbered: &[(usize, &'a VehicleId)], length: usize) -> Option<BTreeMap<usize, &'a VehicleId>> {
+    let mut owners = BTreeMap::new();
+    for &(number, sender) in numbered {
+        if *owners.entry(number % length).or_insert(sender) != sender {
+            return None;
+        }
+    }
+    Some(owners)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pingmap_agent::{Event, Link, Position};
+
+    fn log(sent: &[(f64, &str)]) -> EventLog {
+        let event = |&(time_s, sender): &(f64, &str)| {
+            let id = |name: &str| VehicleId::new(name);
+            let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(9.0, 0.0) };
+            let receiver = if sender == "a" { "b" } else { "a" };
+            Event { time_s, transmitter_id: id(sender), receiver_id: id(receiver), link, kind: None, success: true }
+        };
+        let events = sent.iter().map(event).collect();
+        EventLog { events, true_probability: None, has_depths: false, unknown_columns: Vec::new() }
+    }
+
+    fn names(slots: &Slots) -> Vec<&str> {
+        slots.order.iter().map(VehicleId::as_str).collect()
+    }
+
+    #[test]
+    fn the_shortest_round_is_found_through_gaps_and_small_delays() {
+        // a, b, a, and a tag that hears nobody; some are missing, and all are late a little.
+        let order = ["a", "b", "a", "tag"];
+        let sent: Vec<(f64, &str)> = (0..40)
+            .filter(|n| n % 7 != 5)
+            .map(|n| (100.0 + 12.0 * f64::from(n) + 0.1 * f64::from(n % 3), order[n as usize % 4]))
+            .collect();
+        let slots = schedule(&log(&sent)).unwrap();
+        assert_eq!(names(&slots), ["a", "b", "a", ""]);
+        assert!((slots.duration_s - 12.0).abs() < 0.01 && (99.8..=100.0).contains(&slots.start_s), "{slots:?}");
+        for (n, &(time_s, sender)) in sent.iter().enumerate().filter(|(_, (_, sender))| *sender != "tag") {
+            assert_eq!(slots.owner(time_s).map(VehicleId::as_str), Some(sender), "{n}");
+        }
+    }
+
+    #[test]
+    fn what_keeps_to_no_order_has_no_schedule() {
+        let by_chance: Vec<(f64, &str)> = [0, 1, 0, 0, 1, 1, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 0, 0, 1]
+            .iter()
+            .enumerate()
+            .map(|(n, &sender)| (10.0 * n as f64, ["a", "b"][sender]))
+            .collect();
+        assert_eq!(schedule(&log(&by_chance)), None);
+        let drifting: Vec<(f64, &str)> =
+            (0..40).map(|n| (10.0 * f64::from(n).powf(1.1), ["a", "b"][n as usize % 2])).collect();
+        assert_eq!(schedule(&log(&drifting)), None);
+        for few in [&[][..], &[(0.0, "a")], &[(0.0, "a"), (10.0, "b")], &[(5.0, "a"), (5.0, "b")]] {
+            assert_eq!(schedule(&log(few)), None, "{few:?}");
+        }
+    }
+}
