@@ -16,6 +16,7 @@ mod fading;
 mod grid;
 mod limits;
 mod slots;
+mod told_track;
 mod track;
 mod place;
 mod model;

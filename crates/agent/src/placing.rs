@@ -9,7 +9,7 @@ use crate::event::{Event, Link, Position};
 use crate::events::Events;
 use crate::frames::{Frames, ToldKey};
 use crate::reports::{Reports, Said};
-use crate::track::{Track, along};
+use crate::track::Track;
 use crate::turns::Turns;
 
 /// Events that were told and have a place.
@@ -35,8 +35,8 @@ struct Whereabouts<'a> {
     seen: BTreeMap<u8, Track>,
 }
 
-/// Places what others told. What a report says lies where reports say that both ends were, in the middle of a leg or for a
-/// while behind the last. What spare bits say lies where the vehicle itself knows that others were. In neither case does it depend on
+/// Places what others told. What a report says lies where reports say that both ends were, on a leg or for a
+/// while behind one. What spare bits say lies where the vehicle itself knows that others were. In neither case does it depend on
 /// what became of the transmission. O(events + told), each with a logarithm.
 pub(crate) fn place(frames: &Frames, own: Option<u8>, events: &Events, track: Track, reports: &Reports) -> Placed {
     let (mut placed, mut waiting) = (ToldEvents::new(), 0);
@@ -90,8 +90,8 @@ impl Whereabouts<'_> {
         let at = |member: u8| {
             let position = match Some(member) == self.own {
                 true => self.track.at(time_s)?,
-                false if is_recent => self.seen_at(member, time_s).or_else(|| self.along_knots(member, slot))?,
-                false => self.along_knots(member, slot)?,
+                false if is_recent => self.seen_at(member, time_s).or_else(|| self.by_knots(member, slot))?,
+                false => self.by_knots(member, slot)?,
             };
             (position.depth_m.is_some() || !team.model.inputs.has_depths()).then_some(position)
         };
@@ -105,10 +105,10 @@ impl Whereabouts<'_> {
         })
     }
 
-    fn along_knots(&self, member: u8, slot: u32) -> Option<Position> {
+    fn by_knots(&self, member: u8, slot: u32) -> Option<Position> {
         let team = &self.frames.team;
         let place = |cell: Cell| team.grid.knot_position(&team.model.chart, cell, team.model.inputs.has_depths());
-        along(&self.reports.told_by(member)?.knots, slot, &team.slots, &place, team.onward_s_max)
+        self.reports.told_by(member)?.track.at(slot, &team.slots, &place, team.onward_s_max)
     }
 
     /// Nothing says that others went straight between two places where they were seen, but that they were there soon before or

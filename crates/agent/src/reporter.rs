@@ -70,7 +70,7 @@ impl<'a> Reporter<'a> {
             off_max_m: team.track_off_max_m,
         };
         let nothing = BTreeMap::new();
-        let told = memory.reports.told_by(sender).map_or(&nothing, |told| &told.knots);
+        let told = memory.reports.told_by(sender).map_or(&nothing, |told| told.track.knots());
         let knots: Vec<(u32, Cell)> = knots.of(&memory.track(), told).into_iter().collect();
         let items = items(memory, sender, &knots);
         let mut sums = vec![Sums::default()];

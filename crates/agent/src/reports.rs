@@ -7,6 +7,7 @@ use std::sync::Arc;
 use pingmap_packet::{Cell, Earlier};
 
 use crate::packets::PacketKey;
+use crate::told_track::ToldTrack;
 
 /// A report as it came, and what it says.
 #[derive(Debug)]
@@ -48,8 +49,7 @@ pub(crate) enum Worth {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Told {
     pub(crate) outcomes: BTreeMap<u32, Said>,
-    /// Of different cells for one slot the first.
-    pub(crate) knots: BTreeMap<u32, Cell>,
+    pub(crate) track: ToldTrack,
     earlier: BTreeSet<(u8, bool)>,
 }
 
@@ -69,10 +69,7 @@ impl Told {
         for &(slot, heard) in &report.outcomes {
             say(&mut self.outcomes, slot, heard);
         }
-        for &(slot, cell) in &report.knots {
-            let known = self.knots.entry(slot).or_insert(cell);
-            *known = cell.min(*known);
-        }
+        self.track.take(&report.knots);
         self.earlier.extend(report.earlier.map(|earlier| (earlier.before, earlier.counts)));
     }
 

@@ -48,7 +48,8 @@ pub struct Team {
     pub spare_bits: Option<bool>,
     /// How far the track that a vehicle tells may be off where it was, in metres.
     pub track_off_max_m: f64,
-    /// For how long others are taken to go straight on behind the last place that they told, in seconds.
+    /// For how long others are taken to go straight on behind the last place that they told, in seconds. Where what came between was
+    /// lost, too.
     pub onward_s_max: f64,
     /// A packet is sent if it brings what others can know by it closer to what the sender knows by so many nats an
     /// event at least: mean Kullback-Leibler divergence at the sender's own events.

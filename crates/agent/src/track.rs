@@ -1,4 +1,4 @@
-//! Where a vehicle was: what its navigation says, and what others make of a few knots of it.
+//! Where a vehicle was: what its navigation says, and the few knots that tell it.
 
 use std::collections::BTreeMap;
 
@@ -57,30 +57,8 @@ impl Track {
     }
 }
 
-/// Where somebody was that told these knots, at the beginning of a slot: straight between them and, for so many seconds, straight
-/// on behind the last one.
-pub(crate) fn along(
-    knots: &BTreeMap<u32, Cell>,
-    slot: u32,
-    slots: &Slots,
-    place: &dyn Fn(Cell) -> Position,
-    onward_s_max: f64,
-) -> Option<Position> {
-    let (&before, &from) = knots.range(..=slot).next_back()?;
-    let Some((&after, &to)) = knots.range(slot..).next() else {
-        let last_s = slots.begin_s(before)?;
-        let time_s = slots.begin_s(slot).filter(|time_s| time_s - last_s <= onward_s_max)?;
-        let last = (last_s, place(from));
-        return Some(match knots.range(..before).next_back() {
-            Some((&earlier, &cell)) => between(&(slots.begin_s(earlier)?, place(cell)), &last, time_s),
-            None => last.1,
-        });
-    };
-    let (from, to) = ((slots.begin_s(before)?, place(from)), (slots.begin_s(after)?, place(to)));
-    Some(if before == after { from.1 } else { between(&from, &to, slots.begin_s(slot)?) })
-}
-
-fn between(from: &(f64, Position), to: &(f64, Position), time_s: f64) -> Position {
+/// Where it was on the straight way from one place to another.
+pub(crate) fn between(from: &(f64, Position), to: &(f64, Position), time_s: f64) -> Position {
     let share = (time_s - from.0) / (to.0 - from.0);
     let along = |a: f64, b: f64| a + share * (b - a);
     Position {
@@ -177,6 +155,7 @@ impl Knots<'_> {
 mod tests {
     use super::*;
     use crate::event::VehicleId;
+    use crate::told_track::ToldTrack;
 
     fn with_knots(fixes: Vec<(f64, Position)>, off_max_m: f64) -> (Track, BTreeMap<u32, Cell>, Grid, Chart, Slots) {
         let chart = Chart::about(fixes.iter().map(|fix| fix.1));
@@ -200,19 +179,16 @@ mod tests {
         let (track, knots, grid, chart, slots) = with_knots(fixes, 15.0);
         assert!(knots.keys().filter(|&&slot| slot < 199).count() <= 4, "{knots:?}");
         let place = |cell| grid.knot_position(&chart, cell, false);
+        let mut told_track = ToldTrack::default();
+        told_track.take(&knots.into_iter().collect::<Vec<_>>());
+        let at = |slot, onward_s_max| told_track.at(slot, &slots, &place, onward_s_max);
         for slot in 0..300 {
-            let (told, is) =
-                (along(&knots, slot, &slots, &place, 0.0).unwrap(), track.at(10.0 * f64::from(slot)).unwrap());
+            let (told, is) = (at(slot, 0.0).unwrap(), track.at(10.0 * f64::from(slot)).unwrap());
             let off_m = (told.east_m - is.east_m).hypot(told.north_m - is.north_m);
             // The jump to the circle takes a single slot.
             assert!(off_m <= 15.0, "slot {slot} is off by {off_m} m");
         }
-        assert_eq!(along(&knots, 300, &slots, &place, 0.0), None);
-        // Straight on for a while.
-        let east_m = |slot| along(&knots, slot, &slots, &place, 40.0).map(|at| at.east_m);
-        let leg = east_m(299).unwrap() - east_m(298).unwrap();
-        assert!((east_m(302).unwrap() - east_m(299).unwrap() - 3.0 * leg).abs() < 1e-6);
-        assert_eq!(east_m(304), None);
+        assert_eq!(at(300, 0.0), None);
     }
 
     #[test]
