@@ -171,7 +171,7 @@ impl Beliefs {
             let believed = heard.without(&self.left_out);
             self.taken.beside.sort_by(Event::canonical_order);
             self.taken.packets = self.wanted(memory, &believed);
-            self.taken.told = self.fitted_of(&believed);
+            self.taken.told = self.fitted_of(&believed).collect();
             self.taken.told_beside = [0, believed.told.len() - self.taken.told.len()];
             self.absorb_told(memory, &believed)?;
         }
@@ -196,7 +196,7 @@ impl Beliefs {
         let has_changed = !self.taken.packets.iter().all(is_in)
             || wanted.iter().any(is_new)
             || !self.taken.told.iter().all(|key| believed.told.contains_key(key))
-            || !self.fitted_of(believed).is_subset(&self.taken.told);
+            || !self.fitted_of(believed).all(|key| self.taken.told.contains(&key));
         if self.taken.is_stale || has_changed || is_reported_anew {
             self.taken.reported = reported;
             self.put_together(memory, believed, &wanted)?;
@@ -306,9 +306,9 @@ impl Beliefs {
     }
 
     /// Told events that the last fit has.
-    fn fitted_of(&self, believed: &Heard) -> BTreeSet<ToldKey> {
+    fn fitted_of(&self, believed: &Heard) -> impl Iterator<Item = ToldKey> {
         let told = self.fitted().into_iter().flat_map(|fitted| fitted.told.keys().copied());
-        told.filter(|key| believed.told.contains_key(key)).collect()
+        told.filter(|key| believed.told.contains_key(key))
     }
 
     /// Events of its own that the posteriors hold beside the last fit.
@@ -369,7 +369,7 @@ impl Beliefs {
         self.taken.beside.sort_by(Event::canonical_order);
         (self.taken.absorbed, self.taken.is_stale) = (0, false);
         self.taken.packets.clone_from(wanted);
-        self.taken.told = self.fitted_of(believed);
+        self.taken.told = self.fitted_of(believed).collect();
         self.taken.told_beside = [0, 0];
         Ok(())
     }

@@ -33,7 +33,7 @@ pub(crate) struct Fitted {
     pub(crate) fit: Fit,
     pub(crate) sources: Vec<Source>,
     /// The told events among them, as they were placed.
-    pub(crate) told: ToldEvents,
+    pub(crate) told: Arc<ToldEvents>,
 }
 
 /// The least that packets must say beyond reports, as a share of what they say: less is rounding, by which information may be off

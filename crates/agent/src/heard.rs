@@ -17,14 +17,14 @@ pub(crate) type Packets = BTreeMap<PacketKey, Worth>;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Heard {
     pub(crate) packets: Packets,
-    pub(crate) told: ToldEvents,
+    pub(crate) told: Arc<ToldEvents>,
 }
 
 impl Heard {
     /// All that a vehicle heard of members that it listens to.
     pub(crate) fn of(memory: &Memory, muted: &BTreeSet<u8>) -> Self {
         let packets = memory.heard().filter(|(sender, _)| !muted.contains(sender));
-        let all = Self { packets: counting(memory, packets), told: ToldEvents::clone(memory.told_events()) };
+        let all = Self { packets: counting(memory, packets), told: memory.told_events().clone() };
         all.without(muted)
     }
 
@@ -40,11 +40,14 @@ impl Heard {
 
     fn part(&self, is_wanted: impl Fn(u8) -> bool) -> Self {
         let packets = self.packets.iter().filter(|(key, _)| is_wanted(key.0));
-        let told = self.told.iter().filter(|(key, _)| is_wanted(key.0));
-        Self {
-            packets: packets.map(|(&key, &worth)| (key, worth)).collect(),
-            told: told.map(|(&key, event)| (key, event.clone())).collect(),
-        }
+        let told = match self.told.keys().all(|key| is_wanted(key.0)) {
+            true => self.told.clone(),
+            false => {
+                let told = self.told.iter().filter(|(key, _)| is_wanted(key.0));
+                Arc::new(told.map(|(&key, event)| (key, event.clone())).collect())
+            }
+        };
+        Self { packets: packets.map(|(&key, &worth)| (key, worth)).collect(), told }
     }
 
     /// Who says something.

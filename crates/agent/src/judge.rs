@@ -1,6 +1,7 @@
 //! Whom a vehicle believes.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use dgpc::{Posterior, Shift, Summary, spread_out};
 
@@ -132,7 +133,7 @@ impl Beliefs {
         }
         let mut with = others.clone();
         with.packets.extend(&its.packets);
-        with.told.extend(its.told.iter().map(|(&key, event)| (key, event.clone())));
+        Arc::make_mut(&mut with.told).extend(its.told.iter().map(|(&key, event)| (key, event.clone())));
         let [_, with] = self.own_and_fused(memory, &with)?;
         moved(memory, posterior, &with, &its)
     }

@@ -37,7 +37,7 @@ impl Default for Limits {
             dense_events_max: 1000,
             inducing_points_max: 256,
             candidates_max: 1000,
-            events_beside_max: 64,
+            events_beside_max: 256,
             slots_back_max: 16_384,
         }
     }

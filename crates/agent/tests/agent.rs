@@ -84,7 +84,7 @@ fn many_new_events_are_fitted_afresh() {
     assert!(agent.fit_quality().is_some_and(|quality| quality.converged));
     assert_eq!(agent.sites().unwrap().len(), 63, "more than 8 events stand beside no fit of so few");
     let limits = agent.team().limits;
-    assert_eq!([0, 128, 320, 5000].map(|events| limits.beside_fit(events)), [8, 8, 20, 64]);
+    assert_eq!([0, 128, 320, 2000, 5000].map(|events| limits.beside_fit(events)), [8, 8, 20, 125, 256]);
     let kept = agent.probabilities(somewhere()).unwrap();
     let mut fresh = vehicle(&team, 0, walk(0, 70, 0.0));
     fresh.rebuild_posteriors().unwrap();
