@@ -119,9 +119,13 @@ impl Memory {
             check_number(entry.number)?;
             check(&entry.event)?;
         }
-        self.placed = OnceLock::new();
         let numbers: BTreeSet<u64> = new.iter().map(|known| known.number).collect();
         let change = self.events.insert(new);
+        let is_behind =
+            |event: &Event| self.is_settled_before(event.time_s, self.frames.slot_of(event).map(|key| key.1));
+        if change.forgotten > 0 || !change.new.iter().all(is_behind) {
+            self.placed = OnceLock::new();
+        }
         Ok(self.settle(change, &numbers))
     }
 
@@ -193,8 +197,11 @@ impl Memory {
         let sorted = Track::new(std::mem::take(&mut self.fixes)).fixes();
         self.fixes = sorted;
         let max = self.frames.team.limits.events_max;
-        self.fixes.drain(..self.fixes.len().saturating_sub(max));
-        self.placed = OnceLock::new();
+        let too_many = self.fixes.len().saturating_sub(max);
+        self.fixes.drain(..too_many);
+        if too_many > 0 || !new.iter().all(|&(time_s, _)| self.is_settled_before(time_s, None)) {
+            self.placed = OnceLock::new();
+        }
         Ok(())
     }
 
@@ -228,6 +235,11 @@ impl Memory {
     /// How many told events wait until it is known where they took place.
     pub(crate) fn waiting(&self) -> usize {
         self.placed().waiting
+    }
+
+    /// Whether something of its own of this time, in this slot if in any, changes nothing of the events of others.
+    fn is_settled_before(&self, time_s: f64, slot: Option<u32>) -> bool {
+        self.placed.get().is_none_or(|placed| placed.settled.is_some_and(|settled| settled.is_before(time_s, slot)))
     }
 
     fn placed(&self) -> &Placed {

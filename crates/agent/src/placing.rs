@@ -10,7 +10,7 @@ use crate::events::Events;
 use crate::frames::{Frames, ToldKey};
 use crate::reports::{Reports, Said};
 use crate::track::Track;
-use crate::turns::Turns;
+use crate::turns::{Turns, may_be_silent};
 
 /// Events that were told and have a place.
 pub(crate) type ToldEvents = BTreeMap<ToldKey, Arc<Event>>;
@@ -22,6 +22,22 @@ pub(crate) struct Placed {
     pub(crate) events: Arc<ToldEvents>,
     /// How many wait until it is known where they took place.
     pub(crate) waiting: usize,
+    /// What the vehicle records of its own behind this changes nothing of all this; none where it may.
+    pub(crate) settled: Option<Settled>,
+}
+
+/// The last slot that others told of, and when it began: the vehicle knows where it was itself until then.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Settled {
+    slot: Option<u32>,
+    time_s: f64,
+}
+
+impl Settled {
+    /// Whether something of its own of this time, in this slot if in any, is behind it.
+    pub(crate) fn is_before(&self, time_s: f64, slot: Option<u32>) -> bool {
+        time_s > self.time_s && slot.is_none_or(|slot| Some(slot) > self.slot)
+    }
 }
 
 /// What is known of where everybody was.
@@ -41,6 +57,7 @@ struct Whereabouts<'a> {
 pub(crate) fn place(frames: &Frames, own: Option<u8>, events: &Events, track: Track, reports: &Reports) -> Placed {
     let (mut placed, mut waiting) = (ToldEvents::new(), 0);
     let turns = Turns::new(frames, events, reports);
+    let settled = settled(frames, own, &track, reports);
     if reports.senders().any(|sender| Some(sender) != own) {
         let recorded: BTreeSet<ToldKey> = events.iter().filter_map(|event| frames.slot_of(event)).collect();
         let has_recent = reports.senders().any(|sender| reports.recent(sender).next().is_some());
@@ -59,7 +76,20 @@ pub(crate) fn place(frames: &Frames, own: Option<u8>, events: &Events, track: Tr
             }
         }
     }
-    Placed { events: Arc::new(placed), waiting }
+    Placed { events: Arc::new(placed), waiting, settled }
+}
+
+/// Nothing is settled where it depends on the vehicle's own events who was where, or who sent.
+fn settled(frames: &Frames, own: Option<u8>, track: &Track, reports: &Reports) -> Option<Settled> {
+    let others = || reports.senders().filter(|&sender| Some(sender) != own);
+    if may_be_silent(frames, reports) || others().any(|sender| reports.recent(sender).next().is_some()) {
+        return None;
+    }
+    let slot =
+        others().filter_map(|sender| reports.told_by(sender)?.outcomes.last_key_value().map(|(&slot, _)| slot)).max();
+    let time_s = slot.map_or(Some(f64::NEG_INFINITY), |slot| frames.team.slots.begin_s(slot))?;
+    let knows = slot.is_none() || own.is_none() || track.span_s().is_some_and(|(_, end_s)| end_s >= time_s);
+    knows.then_some(Settled { slot, time_s })
 }
 
 /// Who sent in a slot, and whether it was heard; nobody where it was not sent, or a receiver says both.

@@ -69,6 +69,6 @@ impl<'a> Turns<'a> {
 }
 
 /// Whether anybody was, or may have been, silent in a slot of its own.
-fn may_be_silent(frames: &Frames, reports: &Reports) -> bool {
+pub(crate) fn may_be_silent(frames: &Frames, reports: &Reports) -> bool {
     !frames.team.slots.may_be_silent.is_empty() || reports.has_turns()
 }

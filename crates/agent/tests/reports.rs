@@ -62,6 +62,39 @@ proptest! {
     }
 
     #[test]
+    fn what_is_recorded_before_and_after_reports_is_the_same(
+        trip in trips(), order in Just((0..400usize).collect::<Vec<_>>()).prop_shuffle(), is_in_order in any::<bool>(),
+    ) {
+        let (slots, id) = (0..trip.slots, names(1).remove(0));
+        // Where it was and what it heard slot by slot, and after some slots a report of somebody.
+        let others: Vec<Vec<u8>> = (1..trip.members()).flat_map(|number| sent(&mut trip.vehicle(number), 100)).collect();
+        let count = others.len();
+        let mut entries: Vec<Entry> = slots.flat_map(|slot| {
+            let (time_s, number) = (SLOT_S * f64::from(slot), u64::from(slot));
+            let navigated = Entry::Navigated { time_s, position: trip.at(0, slot) };
+            let observed = trip.event(slot, 0).map(|event| Entry::Observed { number, event });
+            let heard = (slot as usize % 5 == 4).then(|| others.get(slot as usize / 5 % count.max(1))).flatten();
+            let heard = heard.map(|bytes| Entry::Heard { bytes: bytes.clone() });
+            [Some(navigated), observed, heard].into_iter().flatten().collect::<Vec<_>>()
+        }).collect();
+        let mut at_once = Agent::new(id.clone(), trip.team.clone());
+        entries.iter().for_each(|entry| { at_once.apply(entry.clone()).unwrap(); });
+        if !is_in_order {
+            let mut places = order.into_iter().filter(|&place| place < entries.len());
+            entries = std::iter::from_fn(|| places.next().map(|place| entries[place].clone())).collect();
+        }
+        let mut asked = Agent::new(id, trip.team.clone());
+        for entry in entries {
+            asked.apply(entry).unwrap();
+            asked.told_events();
+        }
+        prop_assert_eq!(asked.told_events(), at_once.told_events());
+        asked.rebuild_posteriors().unwrap();
+        at_once.rebuild_posteriors().unwrap();
+        prop_assert_eq!(latent(&mut asked), latent(&mut at_once));
+    }
+
+    #[test]
     fn a_snapshot_holds_reports_and_where_it_was(trip in trips()) {
         let mut agent = trip.vehicle(0);
         trip.reports().iter().for_each(|report| { agent.receive(report, 0.0); });
