@@ -83,7 +83,7 @@ fn transmit(
     for event in events {
         let Some((agent, cost)) = vehicles.get_mut(&event.receiver_id) else { continue };
         let begin = Instant::now();
-        agent.probability(&event.link)?;
+        agent.probability(event.link)?;
         agent.observe(event.clone())?;
         if let Some(frame) = frame.as_ref().filter(|_| event.success) {
             agent.receive(frame, time_s);
@@ -114,7 +114,7 @@ fn scores(
     for event in events {
         let Some((agent, _)) = vehicles.get_mut(&event.receiver_id) else { continue };
         own.extend(agent.own_probabilities([event.attempt()])?);
-        team.push(agent.probability(&event.link)?);
+        team.push(agent.probability(event.link)?);
     }
     shore.rebuild_posteriors()?;
     let all = shore.probabilities(events.iter().map(|event| event.attempt()))?;
