@@ -273,24 +273,6 @@ impl Agent {
         self.memory.navigate(&fixes.into_iter().collect::<Vec<_>>())
     }
 
-    /// Records that it sent nothing in its own slots of these times: its next reports say so, and what others missed of it then
-    /// is no event. Members that often do not send stand in [`Slots::may_be_silent`](crate::Slots::may_be_silent).
-    ///
-    /// # Errors
-    /// [`AgentError::NotMyTurn`] for a time in no slot of its own, and then nothing is recorded.
-    pub fn stay_silent(&mut self, times_s: impl IntoIterator<Item = f64>) -> Result<(), AgentError> {
-        let mut slots = Vec::new();
-        for time_s in times_s {
-            let slot = self.is_member().then(|| self.team().slots.sent_in(time_s, &self.id)).flatten();
-            slots.push(slot.ok_or_else(|| AgentError::NotMyTurn { id: self.id.clone(), time_s })?);
-        }
-        for slot in slots {
-            self.memory.put_in_turn(&self.id, slot, false);
-        }
-        self.beliefs.nothing_new_in = None;
-        Ok(())
-    }
-
     /// Notes what became of something that came.
     pub(crate) fn arrived(&mut self, Arrived { receipt, change, .. }: Arrived) -> Receipt {
         self.beliefs.note(change);

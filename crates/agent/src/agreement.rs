@@ -141,6 +141,7 @@ fn write_slots(out: &mut Writer, slots: &Slots) {
         out.u32(change.from);
         names(out, &change.order);
     }
+    out.u8(slots.at_will.into());
     let listed = slots.listed.as_deref().unwrap_or_default();
     out.u32(listed.len() as u32);
     for opportunity in listed {

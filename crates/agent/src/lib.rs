@@ -55,6 +55,7 @@ mod agent;
 #[cfg(feature = "learn")]
 mod adapt;
 mod exchange;
+mod sending;
 mod spare;
 mod prediction;
 mod intervals;

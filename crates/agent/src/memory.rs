@@ -93,7 +93,7 @@ impl Memory {
                 self.navigate(&[(time_s, position)])?;
                 Ok(Applied::Fix)
             }
-            Entry::Turn { sender, slot, sent } => Ok(Applied::Frame(self.put_in_turn(&sender, slot, sent))),
+            Entry::Turn { sender, slot, sent } => Ok(Applied::Frame(self.put_in_turns(&sender, &[slot], sent))),
             Entry::Recent { sender, newest, outcomes } => {
                 Ok(Applied::Frame(self.put_in_recent(&sender, newest, &outcomes)))
             }
@@ -168,12 +168,12 @@ impl Memory {
         self.sent_events().map(|known| known.event.link.range_m()).reduce(f64::max)
     }
 
-    /// Remembers whether a member sent in a slot of its own.
-    pub(crate) fn put_in_turn(&mut self, sender: &VehicleId, slot: u32, sent: bool) -> Arrived {
+    /// Remembers whether a member sent in slots of its own.
+    pub(crate) fn put_in_turns(&mut self, sender: &VehicleId, slots: &[u32], sent: bool) -> Arrived {
         let Some(number) = self.frames.team.number(sender) else {
             return Arrived::refused(None, Refusal::NoMember { id: sender.clone() });
         };
-        self.reports.insert_turn(number, slot, sent);
+        slots.iter().for_each(|&slot| self.reports.insert_turn(number, slot, sent));
         self.arrived(number, Receipt::Accepted)
     }
 

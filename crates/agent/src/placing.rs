@@ -79,6 +79,27 @@ pub(crate) fn place(frames: &Frames, own: Option<u8>, events: &Events, track: Tr
     Placed { events: Arc::new(placed), waiting, settled }
 }
 
+/// What members say that they sent and this one did not record, as missed, where both ends are known.
+pub(crate) fn unheard(frames: &Frames, own: u8, events: &Events, track: Track, reports: &Reports) -> Vec<Event> {
+    let apart = frames.team.slots.at_once() as u32;
+    let recorded = events.iter().filter_map(|event| Some((frames.slot_of(event)?, event)));
+    let recorded = recorded.filter(|((receiver, _), _)| *receiver == own);
+    // What was heard is of a slot in which its sender says that it sent, wherever it seemed to be.
+    let known: BTreeSet<u32> = recorded
+        .map(|((_, slot), event)| {
+            let sender = frames.team.number(&event.transmitter_id).filter(|_| event.success);
+            sender.and_then(|sender| reports.sent_about(sender, slot, apart)).unwrap_or(slot)
+        })
+        .collect();
+    let whereabouts = Whereabouts { frames, reports, own: Some(own), track, seen: BTreeMap::new() };
+    let others = reports.senders().filter(|&sender| sender != own);
+    let sent = others.flat_map(|sender| {
+        let sent = reports.turns(sender).filter(|&(slot, sent)| sent && !known.contains(&slot));
+        sent.map(move |(slot, _)| (sender, slot))
+    });
+    sent.filter_map(|(sender, slot)| whereabouts.event(sender, own, slot, false, false)).collect()
+}
+
 /// Nothing is settled where it depends on the vehicle's own events who was where, or who sent.
 fn settled(frames: &Frames, own: Option<u8>, track: &Track, reports: &Reports) -> Option<Settled> {
     let others = || reports.senders().filter(|&sender| Some(sender) != own);
@@ -100,7 +121,7 @@ fn opportunity(frames: &Frames, turns: &Turns<'_>, key: ToldKey, said: Said) -> 
         Said::Missed => false,
         Said::Contradicted => return None,
     };
-    turns.was_sent(transmitter, key).then_some((transmitter, success))
+    turns.was_sent(transmitter, key, success).then_some((transmitter, success))
 }
 
 fn seen(frames: &Frames, events: &Events) -> BTreeMap<u8, Track> {

@@ -3,16 +3,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pingmap_packet::{Cell, Earlier, KNOTS_MAX, Knot, Outcome, Report as ReportMessage};
+use pingmap_packet::{
+    Cell, Earlier, KNOTS_MAX, Knot, OUTCOME_BYTES_MAX, Outcome, OutcomeCounts, Report as ReportMessage,
+};
 
 use crate::memory::Memory;
 use crate::track::Knots;
 
 /// What a transmission that was reported once is still worth: reports get lost.
 const LOST: f64 = 0.3;
-
-/// Outcomes of a report at most: its bytes hold no more with gaps.
-const OUTCOMES_MAX: usize = 1275;
 
 /// What the vehicle could say of a slot.
 #[derive(Debug, Clone, Copy)]
@@ -40,14 +39,39 @@ pub(crate) struct Reporter<'a> {
 /// What some items come to.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
-    /// Slots of others, and how many of these are untold.
+    /// Slots of others that are told, and slots of its own.
     others: usize,
-    untold: usize,
-    /// Slots of its own, and in how many of these it must be told whether it sent.
     own: usize,
+    /// Slots of which nothing is told, how many in a row these were last, and how often that was so many that a byte skips them.
+    untold: usize,
+    gap: usize,
+    skips: usize,
+    /// Slots of its own in which it must be told whether it sent.
     turns: usize,
     /// What all is worth.
     value: f64,
+}
+
+impl Sums {
+    fn and(self, item: &Item, always_sends: bool) -> Self {
+        let is_untold = item.outcome == Outcome::Untold;
+        let is_turn = item.is_own && !is_untold && !(always_sends && item.outcome == Outcome::Heard);
+        // Slots of its own stand among the others only where one of them is a turn.
+        let gap = match item.is_own && !is_turn {
+            _ if is_untold => self.gap + 1,
+            true => self.gap,
+            false => 0,
+        };
+        Self {
+            others: self.others + usize::from(!item.is_own && !is_untold),
+            own: self.own + usize::from(item.is_own && !is_untold),
+            untold: self.untold + usize::from(is_untold),
+            gap,
+            skips: self.skips + usize::from(is_untold && gap % OutcomeCounts::SKIP == 0),
+            turns: self.turns + usize::from(is_turn),
+            value: self.value + item.value,
+        }
+    }
 }
 
 /// A part of the items, ends included.
@@ -74,19 +98,10 @@ impl<'a> Reporter<'a> {
         let knots: Vec<(u32, Cell)> = knots.of(&memory.track(), told).into_iter().collect();
         let items = items(memory, sender, &knots);
         let mut sums = vec![Sums::default()];
-        let own = memory.own_id();
-        let always = own.is_none_or(|own| !team.slots.may_be_silent.contains(own));
+        let always = memory.own_id().is_none_or(|own| team.slots.always_sends(own));
         for item in &items {
-            let Sums { others, untold, own, turns, value } = sums.last().copied().unwrap_or_default();
-            let is_untold = item.outcome == Outcome::Untold;
-            let is_turn = item.is_own && !(always && item.outcome == Outcome::Heard);
-            sums.push(Sums {
-                others: others + usize::from(!item.is_own),
-                untold: untold + usize::from(is_untold),
-                own: own + usize::from(item.is_own),
-                turns: turns + usize::from(is_turn),
-                value: value + item.value,
-            });
+            let before = sums.last().copied().unwrap_or_default();
+            sums.push(before.and(item, always));
         }
         Self { memory, sender, items, knots, sums }
     }
@@ -132,10 +147,14 @@ impl<'a> Reporter<'a> {
     fn fits(&self, first: usize, last: usize, frame_bytes: usize, has_earlier: bool) -> bool {
         let (before, end) = (self.sums[first], self.sums[last + 1]);
         let own = if self.tells_own(first, last) { end.own - before.own } else { 0 };
-        let (outcomes, has_gaps) = (end.others - before.others + own, end.untold > before.untold);
+        let outcomes = OutcomeCounts {
+            told: end.others - before.others + own,
+            untold: end.untold - before.untold,
+            skips: end.skips - before.skips,
+        };
         let (from, to) = self.knots_about(first, last);
-        let length = self.memory.frames.report_layout().length(outcomes, has_gaps, to + 1 - from, has_earlier);
-        length <= frame_bytes && to + 1 - from <= KNOTS_MAX && outcomes <= OUTCOMES_MAX
+        let length = self.memory.frames.report_layout().length(outcomes, to + 1 - from, has_earlier);
+        length <= frame_bytes && to + 1 - from <= KNOTS_MAX && outcomes.bytes_max() <= OUTCOME_BYTES_MAX
     }
 
     /// Whether it was silent in one of these slots, or may have been as far as others know.
@@ -190,13 +209,16 @@ fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)]) -> Vec<Item> {
     };
     // Where nobody is heard in slots, a schedule says nothing of who sends.
     let is_in_force = memory.frames.team.slots.listed.is_some() || !own.is_empty();
+    let at_will = memory.frames.team.slots.at_will;
     let item = |slot: u32| {
         if !memory.frames.is_heard_by(slot, sender) {
-            let outcome = match memory.reports.turn(sender, slot) {
-                Some(false) => Outcome::Missed,
-                _ => Outcome::Heard,
+            let (outcome, is_worth) = match memory.reports.turn(sender, slot) {
+                Some(true) => (Outcome::Heard, true),
+                _ if at_will => (Outcome::Untold, false),
+                None => (Outcome::Heard, is_in_force),
+                Some(false) => (Outcome::Missed, is_in_force),
             };
-            return Item { slot, is_own: true, outcome, value: if is_in_force { worth(slot) } else { 0.0 } };
+            return Item { slot, is_own: true, outcome, value: if is_worth { worth(slot) } else { 0.0 } };
         }
         match own.get(&slot) {
             Some(true) => Item { slot, is_own: false, outcome: Outcome::Heard, value: worth(slot) },
@@ -204,7 +226,8 @@ fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)]) -> Vec<Item> {
             None => Item { slot, is_own: false, outcome: Outcome::Untold, value: 0.0 },
         }
     };
-    let slots = memory.frames.slots_of(sender, begin, true).take_while(|&slot| slot <= end);
+    let end = end + memory.frames.team.slots.at_once() as u32;
+    let slots = memory.frames.slots_of(sender, begin, true).take_while(|&slot| slot < end);
     let items: Vec<Item> = slots.map(item).collect();
     items[items.len().saturating_sub(memory.frames.team.limits.slots_back_max)..].to_vec()
 }
@@ -215,6 +238,11 @@ fn tellings(memory: &Memory, sender: u8) -> BTreeMap<u32, u32> {
     for kept in memory.reports.all(sender).filter(|kept| !kept.sent.is_empty()) {
         let (report, times) = (&kept.report, kept.sent.len() as u32);
         let outcomes = report.outcomes.iter().map(|&(slot, _)| slot);
+        if memory.frames.team.slots.at_will {
+            let turns = report.turns.iter().map(|&(slot, _)| slot);
+            outcomes.chain(turns).for_each(|slot| *tellings.entry(slot).or_default() += times);
+            continue;
+        }
         let begin = report.first;
         let end = report.knots.last().map_or(begin, |knot| knot.0);
         let is_own = |slot: &u32| !memory.frames.is_heard_by(*slot, sender);

@@ -175,6 +175,12 @@ impl Reports {
         self.senders.get(&sender)?.turns.get(&slot).copied()
     }
 
+    /// The slot in which a member says that it sent: this one, or else the last one of its own before it or the next one, so many further.
+    pub(crate) fn sent_about(&self, sender: u8, slot: u32, apart: u32) -> Option<u32> {
+        let near = [Some(slot), slot.checked_sub(apart), slot.checked_add(apart)];
+        near.into_iter().flatten().find(|&slot| self.turn(sender, slot) == Some(true))
+    }
+
     /// All that a member said of slots of its own.
     pub(crate) fn turns(&self, sender: u8) -> impl Iterator<Item = (u32, bool)> {
         self.senders.get(&sender).into_iter().flat_map(|sender| sender.turns.iter().map(|(&slot, &sent)| (slot, sent)))

@@ -9,11 +9,15 @@ use crate::event::VehicleId;
 
 /// Whose turn it is. Slots are numbered by time, from [`Slots::start_s`] on, and never by counting what was heard: whoever
 /// misses a few stays in step.
+///
+/// Where members send at will, every stretch of [`Slots::duration_s`] has a slot for each of them, in their order, and what somebody
+/// sends then is sent in its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slots {
     /// When slot 0 begins, in seconds.
     pub start_s: f64,
-    /// Length of a slot in seconds.
+    /// Length of a slot in seconds. Where members send at will it should be several times what their clocks differ and a message
+    /// travels, and less than half of the time between two transmissions of one of them.
     pub duration_s: f64,
     /// Senders in turn, from slot 0 on. An empty name is nobody: the slot before it goes on.
     pub order: Vec<VehicleId>,
@@ -22,6 +26,8 @@ pub struct Slots {
     /// Members that do not send in all of their slots: what somebody heard or missed of them is an event only when they say that
     /// they sent, or yet another one heard it. (Others say when they did not.) No part of what a team must agree on.
     pub may_be_silent: BTreeSet<VehicleId>,
+    /// Nobody has turns: all send when they like, and what they sent is known from their word alone ([`Agent::sent`](crate::Agent::sent)).
+    pub at_will: bool,
     /// Transmissions one by one, in the order of time, in place of all these: what a log has where no schedule is known. The
     /// number of a slot is then its place here.
     pub listed: Option<Arc<[Opportunity]>>,
@@ -53,19 +59,32 @@ const SAME_S: f64 = 1e-6;
 impl Slots {
     /// Senders in turn, from time 0 on.
     pub fn in_turn(duration_s: f64, order: Vec<VehicleId>) -> Self {
-        Self { start_s: 0.0, duration_s, order, changes: Vec::new(), may_be_silent: BTreeSet::new(), listed: None }
+        Self {
+            start_s: 0.0,
+            duration_s,
+            order,
+            changes: Vec::new(),
+            may_be_silent: BTreeSet::new(),
+            at_will: false,
+            listed: None,
+        }
+    }
+
+    /// Members who send when they like, from time 0 on, told apart if they do so in different stretches of this length.
+    pub fn at_will(duration_s: f64, members: Vec<VehicleId>) -> Self {
+        Self { at_will: true, ..Self::in_turn(duration_s, members) }
     }
 
     /// The same slots, numbered from the last turn of the first sender on that begins no later than this: numbers are for one
     /// mission.
     #[must_use]
     pub fn beginning_by(self, time_s: f64) -> Self {
-        let round_s = self.duration_s * self.order.len().max(1) as f64;
+        let round_s = self.duration_s * (self.order.len() / self.at_once()).max(1) as f64;
         let start_s = self.start_s + ((time_s - self.start_s) / round_s).floor() * round_s;
         if start_s.is_finite() { Self { start_s, ..self } } else { self }
     }
 
-    /// The slot of this time; `None` before the first, behind the last that has a number, and at a time that is not finite.
+    /// The slot of this time, of several at one time the first; `None` before the first, behind the last that has a number, and at a time that is not finite.
     pub fn number(&self, time_s: f64) -> Option<u32> {
         let number = self.place(time_s);
         (0.0..f64::from(SLOTS)).contains(&number).then_some(number as u32)
@@ -75,15 +94,22 @@ impl Slots {
     fn place(&self, time_s: f64) -> f64 {
         match &self.listed {
             Some(listed) => listed.partition_point(|listed| listed.time_s <= time_s + SAME_S) as f64 - 1.0,
-            None => ((time_s - self.start_s + SAME_S) / self.duration_s).floor(),
+            None => ((time_s - self.start_s + SAME_S) / self.duration_s).floor() * self.at_once() as f64,
         }
+    }
+
+    /// How many slots begin at one time.
+    pub(crate) fn at_once(&self) -> usize {
+        if self.at_will { self.order.len().max(1) } else { 1 }
     }
 
     /// When a slot begins.
     pub fn begin_s(&self, number: u32) -> Option<f64> {
         match &self.listed {
             Some(listed) => listed.get(number as usize).map(|listed| listed.time_s),
-            None => (number < SLOTS).then(|| self.start_s + f64::from(number) * self.duration_s),
+            None => {
+                (number < SLOTS).then(|| self.start_s + f64::from(number / self.at_once() as u32) * self.duration_s)
+            }
         }
     }
 
@@ -92,9 +118,9 @@ impl Slots {
         self.sender_at(number.into())
     }
 
-    /// Who may send at this time, in a slot with a number or not.
+    /// Who may send at this time, in a slot with a number or not; nobody more than others where all do at will.
     pub fn owner(&self, time_s: f64) -> Option<&VehicleId> {
-        self.sender_at(self.place(time_s))
+        if self.at_will { None } else { self.sender_at(self.place(time_s)) }
     }
 
     fn sender_at(&self, place: f64) -> Option<&VehicleId> {
@@ -121,9 +147,18 @@ impl Slots {
         }
     }
 
+    /// Whether somebody sends in all slots of its own, unless it says that it did not.
+    pub(crate) fn always_sends(&self, id: &VehicleId) -> bool {
+        !self.at_will && !self.may_be_silent.contains(id)
+    }
+
     /// The slot of what this vehicle sent at this time, if it was its turn.
     pub fn sent_in(&self, time_s: f64, id: &VehicleId) -> Option<u32> {
         let number = self.number(time_s)?;
+        if self.at_will {
+            let place = self.order.iter().position(|member| member == id)? as u32;
+            return Some(number + place).filter(|&number| number < SLOTS);
+        }
         // A turn may go on over several slots.
         let begin = (0..=number).rev().take(self.order_max()).find(|&number| self.sender(number).is_some())?;
         (self.sender(begin) == Some(id)).then_some(begin)

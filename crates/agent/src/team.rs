@@ -114,6 +114,9 @@ pub enum TeamError {
         /// When the order begins.
         from_s: f64,
     },
+    /// An order of slots among those who send at will.
+    #[error("slots: where all send at_will there is no order, and no changes of one")]
+    OrderAtWill,
     /// A slot for somebody who is not in the team.
     #[error("slots: {name} is not a member")]
     UnknownMember {
@@ -192,7 +195,7 @@ impl Team {
 
     /// Whether spare bits are read and written: see [`Team::spare_bits`].
     pub fn has_spare_bits(&self) -> bool {
-        self.spare_bits.unwrap_or(self.key.is_none())
+        !self.slots.at_will && self.spare_bits.unwrap_or(self.key.is_none())
     }
 
     /// The form of a packet in a frame of so many bytes.

@@ -104,6 +104,8 @@ struct GridLayout {
 struct SlotsLayout {
     start_s: f64,
     duration_s: f64,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    at_will: bool,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     order: Vec<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -122,7 +124,14 @@ struct ChangeLayout {
 
 impl Default for SlotsLayout {
     fn default() -> Self {
-        Self { start_s: 0.0, duration_s: SLOT_S, order: Vec::new(), changes: Vec::new(), may_be_silent: Vec::new() }
+        Self {
+            start_s: 0.0,
+            duration_s: SLOT_S,
+            at_will: false,
+            order: Vec::new(),
+            changes: Vec::new(),
+            may_be_silent: Vec::new(),
+        }
     }
 }
 
@@ -136,7 +145,9 @@ impl SlotsLayout {
         Self {
             start_s: slots.start_s,
             duration_s: slots.duration_s,
-            order: names(&slots.order),
+            at_will: slots.at_will,
+            // Those who send at will are the members.
+            order: if slots.at_will { Vec::new() } else { names(&slots.order) },
             changes: slots.changes.iter().map(change).collect(),
             may_be_silent: slots.may_be_silent.iter().map(|name| name.as_str().to_owned()).collect(),
         }
@@ -156,10 +167,14 @@ impl SlotsLayout {
         let mut slots = Slots {
             start_s: checked("slots.start_s", bounds::TIME_S, self.start_s)?,
             may_be_silent: self.may_be_silent.iter().map(|name| VehicleId::new(name.as_str())).collect(),
+            at_will: self.at_will,
             ..Slots::in_turn(checked("slots.duration_s", bounds::SLOT_S, self.duration_s)?, names(&self.order)?)
         };
         if let Some(name) = slots.may_be_silent.iter().find(|name| !members.values().any(|member| member == *name)) {
             return Err(TeamError::UnknownMember { name: name.clone() });
+        }
+        if slots.at_will && !(self.order.is_empty() && self.changes.is_empty()) {
+            return Err(TeamError::OrderAtWill);
         }
         for change in &self.changes {
             let from_s = checked("slots.changes.from_s", bounds::TIME_S, change.from_s)?;

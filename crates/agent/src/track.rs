@@ -104,7 +104,7 @@ impl Knots<'_> {
         knots
     }
 
-    /// The stops of a track: every slot that anybody may send in.
+    /// The stops of a track: every slot that anybody may send in, of several at one time the first.
     fn stops(&self, track: &Track) -> Vec<Stop> {
         let Some((first_s, last_s)) = track.span_s() else { return Vec::new() };
         let begin = self.slots.number(first_s).unwrap_or(0);
@@ -112,6 +112,7 @@ impl Knots<'_> {
             let time_s = self.slots.begin_s(slot).filter(|&time_s| time_s <= last_s)?;
             Some((slot, time_s))
         });
+        let slots = slots.step_by(self.slots.at_once());
         let stop = |(slot, time_s)| {
             self.slots.sender(slot)?;
             let at = track.at(time_s)?;

@@ -43,7 +43,16 @@ impl<'a> Turns<'a> {
     /// Whether what became of this transmission at somebody is an event: its sender says that it sent, or always does, or yet another
     /// one heard it. It is asked of what was heard as of what was missed: if hearing alone were proof enough for itself, what is
     /// heard would count and what is missed would wait.
-    pub(crate) fn was_sent(&self, transmitter: u8, (receiver, slot): ToldKey) -> bool {
+    ///
+    /// Of those who send at will it is the word of the sender alone: what somebody missed of them is known by it only. Where clocks
+    /// differ, what was heard may seem to be of the slot before or after.
+    pub(crate) fn was_sent(&self, transmitter: u8, (receiver, slot): ToldKey, success: bool) -> bool {
+        if self.frames.team.slots.at_will {
+            return match success {
+                true => self.reports.sent_about(transmitter, slot, self.frames.team.slots.at_once() as u32).is_some(),
+                false => self.reports.turn(transmitter, slot) == Some(true),
+            };
+        }
         let heard = |is_asked: &dyn Fn(u8) -> bool| {
             self.heard.get(&slot).is_some_and(|members| members.iter().any(|&member| is_asked(member)))
         };
@@ -53,7 +62,7 @@ impl<'a> Turns<'a> {
             Some(false) => heard(&|_| true),
             None => {
                 let id = self.frames.team.members.get(&transmitter);
-                let always = id.is_none_or(|id| !self.frames.team.slots.may_be_silent.contains(id));
+                let always = id.is_none_or(|id| self.frames.team.slots.always_sends(id));
                 always || heard(&|member| member != receiver)
             }
         }
@@ -64,11 +73,11 @@ impl<'a> Turns<'a> {
     pub(crate) fn is_event(&self, event: &Event) -> bool {
         let turn = || Some((self.frames.team.number(&event.transmitter_id)?, self.frames.slot_of(event)?));
         !self.out_of_turn.contains(&event.transmitter_id)
-            && turn().is_none_or(|(sender, key)| self.was_sent(sender, key))
+            && turn().is_none_or(|(sender, key)| self.was_sent(sender, key, event.success))
     }
 }
 
 /// Whether anybody was, or may have been, silent in a slot of its own.
 pub(crate) fn may_be_silent(frames: &Frames, reports: &Reports) -> bool {
-    !frames.team.slots.may_be_silent.is_empty() || reports.has_turns()
+    frames.team.slots.at_will || !frames.team.slots.may_be_silent.is_empty() || reports.has_turns()
 }

@@ -82,6 +82,26 @@ fn what_was_written_reads_back_to_the_same_agreement() {
     assert_eq!(TeamFile::write(&found, "m.toml", Some("key.hex"), Some("c0ffee")).unwrap(), text);
 }
 
+#[test]
+fn a_team_without_turns_is_written_and_read() {
+    let team = team(3, model());
+    let at_will = |order: Vec<VehicleId>| Team { slots: Slots::at_will(2.5, order), ..team.clone() };
+    let written = at_will(names(3));
+    let text = TeamFile::write(&written, "m.toml", None, None).unwrap();
+    let found = TeamFile::parse(&text).unwrap().team(model(), None).unwrap();
+    assert_eq!((&found.slots, found.digest()), (&written.slots, written.digest()));
+    assert!(!found.has_spare_bits());
+    // Every stretch has a slot for each.
+    let slots = [7.4, 7.6].map(|time_s| found.slots.sent_in(time_s, &names(3)[1]));
+    assert_eq!(slots, [Some(7), Some(10)]);
+    assert_eq!((found.slots.begin_s(7), found.slots.sender(7)), (Some(5.0), Some(&names(3)[1])));
+    assert_eq!((found.slots.owner(7.4), found.slots.number(-0.1)), (None, None));
+    let begun = found.slots.beginning_by(9.0);
+    assert_eq!(begun.start_s, 7.5);
+    // A file says no other order.
+    assert!(TeamFile::write(&at_will(names(2)), "m.toml", None, None).is_err());
+}
+
 /// A line of a file, what stands there instead, and what is said of it.
 const NO_TEAMS: &[(&str, &str, &str)] = &[
     ("schema = 1", "schema = 4", "newer version"),
@@ -118,6 +138,7 @@ const NO_TEAMS: &[(&str, &str, &str)] = &[
     ("cell_m = 25.0", "cell_m = 1.0\ndepth_cell_m = -2.0", "grid.depth_cell_m"),
     ("[grid]", "[slots]\norder = [\"ada\", \"eve\"]\n[grid]", "slots: eve is not a member"),
     ("[grid]", "[slots]\nmay_be_silent = [\"eve\"]\n[grid]", "slots: eve is not a member"),
+    ("[grid]", "[slots]\nat_will = true\norder = [\"ada\"]\n[grid]", "where all send at_will there is no order"),
     (
         "[grid]",
         "[limits]\nevents_beside_max = 0\n[grid]",
@@ -176,6 +197,7 @@ fn all_that_gives_packets_their_meaning_is_in_the_digest_and_nothing_else_is() {
         Team { slots: Slots { start_s: 0.5, ..team.slots.clone() }, ..team.clone() },
         Team { slots: Slots { duration_s: 9.0, ..team.slots.clone() }, ..team.clone() },
         Team { slots: Slots { order: names(2), ..team.slots.clone() }, ..team.clone() },
+        Team { slots: Slots { at_will: true, ..team.slots.clone() }, ..team.clone() },
         Team {
             slots: Slots { changes: vec![SlotChange { from: 5, order: names(1) }], ..team.slots.clone() },
             ..team.clone()

@@ -57,10 +57,13 @@ pub use layout::{
     TIME_CELLS,
 };
 pub use map_message::{Block, MapMessage};
-pub use outcomes::Outcome;
+pub use outcomes::{Outcome, OutcomeCounts};
 pub use point::{Cell, Point};
 pub use recent::Recent;
-pub use report::{Earlier, KNOT_CELLS, KNOT_DEPTH_CELLS, KNOTS_MAX, Knot, REPORT_LAYOUTS, Report, ReportLayout, SLOTS};
+pub use report::{
+    Earlier, KNOT_CELLS, KNOT_DEPTH_CELLS, KNOTS_MAX, Knot, OUTCOME_BYTES_MAX, REPORT_LAYOUTS, Report, ReportLayout,
+    SLOTS,
+};
 pub use schema::{Field, Kind, Number, Rule, Schema};
 pub use seal::{Key, Seal, digest};
 pub use value::{Fields, Value};

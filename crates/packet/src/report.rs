@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use crate::bits::overwrite;
 use crate::error::Error;
 use crate::layout::{TAG, model, sender, tag_of, word};
-use crate::outcomes::{Coded, Outcome, code, coded_bytes, decode};
+use crate::outcomes::{Coded, Outcome, OutcomeCounts, code, decode};
 use crate::schema::{Field, Kind, Schema};
 use crate::seal::{Seal, TAG_BITS, check_seal, sealed};
 use crate::value::{Fields, Value, number, numbers};
@@ -25,7 +25,7 @@ pub const KNOT_DEPTH_CELLS: u8 = 64;
 pub const KNOTS_MAX: usize = 31;
 
 /// Bytes of outcomes at most.
-const OUTCOME_BYTES_MAX: usize = 255;
+pub const OUTCOME_BYTES_MAX: usize = 255;
 
 /// Bytes of the longest report, and some more.
 const BYTES_MAX: usize = 512;
@@ -108,15 +108,15 @@ impl ReportLayout {
         REPORT_LAYOUTS.iter().find(|layout| layout.id == id)
     }
 
-    /// Bytes of a report with so many outcomes, all of them told or not, and knots.
-    pub fn length(&self, outcomes: usize, has_gaps: bool, knots: usize, has_earlier: bool) -> usize {
+    /// Bytes of a report with so many outcomes and knots at most.
+    pub fn length(&self, outcomes: OutcomeCounts, knots: usize, has_earlier: bool) -> usize {
         let bits = |kind: Kind, count: usize| kind.bits_max() as usize * count;
         let proof = if self.is_sealed { TAG_BITS as usize } else { bits(model(), 1) };
         let earlier = if has_earlier { bits(Kind::Message(earlier_fields()), 1) } else { 0 };
         // Besides: whether own slots are told, how many bytes and knots there are, and whether anything is said of map messages.
         let counts = 1 + 8 + 5 + 1;
         let fixed = proof + bits(first(), 1) + bits(coding(), 1) + bits(unused(), 1) + counts;
-        let body = fixed + 8 * coded_bytes(outcomes, has_gaps) + bits(self.knot(), knots) + earlier;
+        let body = fixed + 8 * outcomes.bytes_max() + bits(self.knot(), knots) + earlier;
         (BODY_START + body).div_ceil(8)
     }
 
@@ -172,7 +172,7 @@ fn first() -> Kind {
     Kind::integer(0.0, f64::from(SLOTS - 1))
 }
 
-/// Two more are left for outcomes with grades, of two bits each.
+/// One more is left, for outcomes with grades, of two bits each.
 fn coding() -> Kind {
     Kind::integer(0.0, 3.0)
 }

@@ -5,7 +5,10 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use pingmap_packet::{Field, KNOTS_MAX, Kind, LAYOUTS, Layout, PROTO, REPORT_LAYOUTS, ReportLayout, Rule, Schema};
+use pingmap_packet::{
+    Field, KNOTS_MAX, Kind, LAYOUTS, Layout, OUTCOME_BYTES_MAX, OutcomeCounts, PROTO, REPORT_LAYOUTS, ReportLayout,
+    Rule, Schema,
+};
 
 /// What stands between the comment at the top and the messages.
 const HEADER: &str = r#"syntax = "proto2";
@@ -117,7 +120,12 @@ fn reports_are_sound_and_their_lengths_counted() {
     for layout in &REPORT_LAYOUTS {
         let schema = layout.schema();
         assert_eq!(schema.check(), Ok(()), "{}", layout.name);
-        assert_eq!(layout.length(8 * 255, false, KNOTS_MAX, true), schema.length(), "{}", layout.name);
+        assert_eq!(
+            layout.length(OutcomeCounts { told: 8 * OUTCOME_BYTES_MAX, ..OutcomeCounts::default() }, KNOTS_MAX, true),
+            schema.length(),
+            "{}",
+            layout.name
+        );
     }
 }
 

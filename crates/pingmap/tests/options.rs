@@ -171,8 +171,14 @@ const DECODE: &[Case] = &[("--team", "team.toml", ""), ("--json", "", "")];
 
 const ENCODE: &[Case] = &[("--team", "team.toml", ""), ("--json", "", "")];
 
-const SCHEMA: &[Case] =
-    &[("--frame-bytes", "64", ""), ("--sealed", "", ""), ("--depth", "", ""), ("--proto", "", ""), ("--json", "", "")];
+const SCHEMA: &[Case] = &[
+    ("--frame-bytes", "64", ""),
+    ("--report", "", ""),
+    ("--sealed", "", ""),
+    ("--depth", "", ""),
+    ("--proto", "", ""),
+    ("--json", "", ""),
+];
 
 /// Every command as it runs without options, and its options.
 fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {

@@ -270,6 +270,13 @@ fn the_schema_is_told_in_bits() {
     assert!(proto.contains("message MapSealed32 {") && proto.contains("codec_version: 4 id: 125 max_bytes: 32"));
     let text = stdout(&pingmap(folder.path(), &["packet", "schema"]));
     assert!(text.contains("Map32, DCCL id 124: 32 of 32 bytes") && text.contains("correlation"), "{text}");
+    let report = json(folder.path(), &["packet", "schema", "--report", "--sealed", "--json"]);
+    assert_eq!(
+        (&report["message"], &report["id"], &report["points"]),
+        (&"ReportSealed".into(), &137.into(), &Value::Null)
+    );
+    let text = stdout(&pingmap(folder.path(), &["packet", "schema", "--report"]));
+    assert!(text.contains("Report, DCCL id 136: 10 to ") && text.contains("knot"), "{text}");
 }
 
 /// Ten frames with a third lost, against seven of which nothing is lost.

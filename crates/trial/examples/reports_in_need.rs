@@ -25,6 +25,9 @@ use rayon::prelude::*;
 
 const SLOT_S: f64 = 10.0;
 
+/// How exactly times are told where all send at will.
+const STRETCH_S: f64 = 2.0;
+
 /// What is not as it should be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Need {
@@ -35,8 +38,14 @@ enum Need {
     Clock,
     /// From half time on the last vehicle takes the order to be reversed.
     Order,
-    /// Nobody knows who sends when.
+    /// Nobody knows who sends when, and nobody says so.
     NoSchedule,
+    /// All send at will and say when they did.
+    AtWill,
+    /// Who did not hear the first vehicle's latest transmission has nothing to answer, and is silent.
+    Polled,
+    /// Everybody hears the frames of its neighbours in the order of names alone, and passes on what it hears.
+    Chain,
     /// One slot in ten is silent; whether senders say so, and whether others wait for their word.
     Silence {
         told: bool,
@@ -44,7 +53,7 @@ enum Need {
     },
 }
 
-const NEEDS: [(&str, Need); 10] = [
+const NEEDS: [(&str, Need); 13] = [
     ("as it should be", Need::Nothing),
     ("positions off by 10 m", Need::Positions(10.0)),
     ("30 m", Need::Positions(30.0)),
@@ -52,6 +61,9 @@ const NEEDS: [(&str, Need); 10] = [
     ("one clock off by a slot", Need::Clock),
     ("one missed a change of order", Need::Order),
     ("no schedule: points alone", Need::NoSchedule),
+    ("no schedule: what was sent is told", Need::AtWill),
+    ("polled vehicles", Need::Polled),
+    ("a chain", Need::Chain),
     ("silent slots, told", Need::Silence { told: true, awaited: false }),
     ("silent slots, waited for", Need::Silence { told: true, awaited: true }),
     ("silent slots, not told", Need::Silence { told: false, awaited: false }),
@@ -113,6 +125,10 @@ impl Amiss<'_> {
         self.split.indices(false).into_iter().map(|n| self.said(&self.log.events[n]))
     }
 
+    fn sender(&self, slot: u64) -> VehicleId {
+        self.ids[((slot - 1) % self.ids.len() as u64) as usize].clone()
+    }
+
     fn is_lost(&self, id: &VehicleId) -> bool {
         matches!(self.need, Need::Clock | Need::Order) && self.ids.last() == Some(id)
     }
@@ -154,9 +170,13 @@ impl Amiss<'_> {
     }
 
     fn team(&self, team: &Team, id: &VehicleId) -> Arc<Team> {
-        let slots = Slots { start_s: SLOT_S, ..Slots::in_turn(SLOT_S, self.ids.clone()) };
+        let slots = match self.need {
+            Need::AtWill => Slots::at_will(STRETCH_S, self.ids.clone()),
+            _ => Slots { start_s: SLOT_S, ..Slots::in_turn(SLOT_S, self.ids.clone()) },
+        };
         let may_be_silent = match self.need {
             Need::Silence { awaited: true, .. } => self.ids.iter().cloned().collect(),
+            Need::Polled => self.ids[1..].iter().cloned().collect(),
             _ => BTreeSet::new(),
         };
         // Who missed the change has another team file.
@@ -174,9 +194,15 @@ impl Amiss<'_> {
         };
         agent.navigate(self.places[id].iter().map(fix))?;
         agent.observe_all(self.recorded(id))?;
-        if let Need::Silence { told: true, .. } = self.need {
-            let is_own = |slot: &&u64| self.ids[((**slot - 1) % self.ids.len() as u64) as usize] == *id;
-            agent.stay_silent(self.silent.iter().filter(is_own).map(|&slot| SLOT_S * slot as f64))?;
+        if let Need::Silence { told: true, .. } | Need::Polled = self.need {
+            let own = self.silent.iter().filter(|&&slot| self.sender(slot) == *id);
+            agent.stay_silent(own.map(|&slot| SLOT_S * slot as f64))?;
+        }
+        if self.need == Need::AtWill {
+            // What others sent their messages' numbers show.
+            for event in self.training().filter(|event| event.transmitter_id == *id || event.receiver_id == *id) {
+                agent.sent(&event.transmitter_id, [event.time_s])?;
+            }
         }
         agent.rebuild_posteriors()?;
         Ok(agent)
@@ -195,6 +221,7 @@ impl Amiss<'_> {
             }
             sent.push(frames);
         }
+        let came = if self.need == Need::Chain { passed_on(&sent, packets) } else { to_everybody(&sent) };
         let is_there = |event: &Event| !self.silent.contains(&slot(event.time_s));
         let mut all = Agent::new(VehicleId::new("shore"), mission.team.clone()).owning_all_events();
         all.observe_all(self.training().filter(is_there))?;
@@ -205,8 +232,8 @@ impl Amiss<'_> {
         let count = agents.len() as f64;
         for (number, agent) in agents.iter_mut().enumerate() {
             sums[0] += nll(&agent.probabilities(&mission.held_out)?) / count;
-            for frames in sent.iter().enumerate().filter(|(sender, _)| *sender != number).map(|(_, frames)| frames) {
-                frames.iter().for_each(|frame| drop(agent.receive(frame, 0.0)));
+            for frame in &came[number] {
+                agent.receive(frame, 0.0);
             }
             agent.rebuild_posteriors()?;
             let predicted = agent.probabilities(&mission.held_out)?;
@@ -218,26 +245,69 @@ impl Amiss<'_> {
     }
 }
 
+/// What comes to each where everybody hears everybody.
+fn to_everybody(sent: &[Vec<Vec<u8>>]) -> Vec<Vec<Vec<u8>>> {
+    let others = |number: usize| sent.iter().enumerate().filter(move |&(sender, _)| sender != number);
+    (0..sent.len()).map(|number| others(number).flat_map(|(_, frames)| frames.clone()).collect()).collect()
+}
+
+/// What comes to each where everybody hears its neighbours and may send so many frames: in turn one of its own and the oldest that it
+/// heard and did not pass on.
+fn passed_on(sent: &[Vec<Vec<u8>>], packets: usize) -> Vec<Vec<Vec<u8>>> {
+    let mut own: Vec<_> = sent.iter().map(|frames| frames.iter().cloned()).collect();
+    let mut came = vec![Vec::<Vec<u8>>::new(); own.len()];
+    let mut passed = vec![0; own.len()];
+    for turn in 0..packets {
+        for number in 0..own.len() {
+            let heard = came[number].get(passed[number]).cloned();
+            let is_own = turn % 2 == 0 || heard.is_none();
+            passed[number] += usize::from(!is_own);
+            let Some(frame) = (if is_own { own[number].next() } else { heard }) else { continue };
+            for neighbour in [number.wrapping_sub(1), number + 1].into_iter().filter(|&other| other < sent.len()) {
+                if !came[neighbour].contains(&frame) && !sent[neighbour].contains(&frame) {
+                    came[neighbour].push(frame.clone());
+                }
+            }
+        }
+    }
+    came
+}
+
+/// The slots in which vehicles have nothing to answer: they did not hear the latest transmission of the first one.
+fn unasked(log: &EventLog, ids: &[VehicleId]) -> BTreeSet<u64> {
+    let asked = |id: &VehicleId, slot: u64| {
+        let requests = log.events.iter().filter(|event| event.transmitter_id == ids[0] && event.receiver_id == *id);
+        let before = requests.filter(|event| self::slot(event.time_s) < slot);
+        before.max_by(|a, b| a.time_s.total_cmp(&b.time_s)).is_none_or(|event| event.success)
+    };
+    let answers = log.events.iter().filter(|event| event.transmitter_id != ids[0]);
+    let silent = answers.filter(|event| !asked(&event.transmitter_id, slot(event.time_s)));
+    silent.map(|event| slot(event.time_s)).collect()
+}
+
 fn main() -> Result<(), Failure> {
     let (log, splits, packets) = log_splits_and_packets()?;
     let places = places(&log);
     let plan = Plan::new(Learning::default(), 1);
     let prepare = |split: &Split| Ok(Mission::prepare(&log, split, &plan, 0)?);
     let missions = splits.par_iter().map(prepare).collect::<Result<Vec<_>, Failure>>()?;
-    println!("                                  own    team     all  mean probability less share heard");
+    println!("                                        own    team     all  mean probability less share heard");
     for (name, need) in NEEDS {
         let of_split = |(number, (split, mission)): (usize, (&Split, &Mission))| {
             let mut rng = ChaCha8Rng::seed_from_u64(number as u64);
             let last = log.events.iter().map(|event| slot(event.time_s)).max().unwrap_or_default();
             let is_silent = |_: &u64| matches!(need, Need::Silence { .. }) && rng.random::<f64>() < 0.1;
-            let silent = (1..=last).filter(is_silent).collect();
+            let silent = match need {
+                Need::Polled => unasked(&log, &log.vehicles()),
+                _ => (1..=last).filter(is_silent).collect(),
+            };
             Amiss { need, log: &log, split, places: &places, ids: log.vehicles(), silent }.scores(mission, packets)
         };
         let pairs: Vec<_> = splits.iter().zip(&missions).enumerate().collect();
         let all = pairs.into_par_iter().map(of_split).collect::<Result<Vec<_>, Failure>>()?;
         let [own, team, centralised, off] =
             [0, 1, 2, 3].map(|place| all.iter().map(|scores| scores[place]).sum::<f64>() / all.len() as f64);
-        println!("{name:30} {own:.4}  {team:.4}  {centralised:.4}  {off:+.3}");
+        println!("{name:36} {own:.4}  {team:.4}  {centralised:.4}  {off:+.3}");
     }
     Ok(())
 }

@@ -1,11 +1,17 @@
-//! Any bytes as a map message or a report: they are refused, or say something that has no other form than these bytes.
+//! Any bytes as a map message, a report or spare bits: they are refused, or say something that has no other form than these bytes.
 
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use pingmap_packet::{Key, MapMessage, Report, Seal};
+use pingmap_packet::{Key, MapMessage, Recent, Report, Seal};
 
 fuzz_target!(|bytes: &[u8]| {
+    if let [n_bits, a, b, c, d, e, f, g, h, ..] = *bytes {
+        let bits = u64::from_le_bytes([a, b, c, d, e, f, g, h]);
+        if let Ok(recent) = Recent::decode(bits, n_bits.into()) {
+            assert_eq!(recent.encode(), bits);
+        }
+    }
     let key = Key::new(*b"the secret of a team of vehicles").expect("no weak key");
     for seal in [None, Some(Seal { key: &key, context: b"model" })] {
         if let Ok((layout, report, length)) = Report::decode(bytes, seal) {

@@ -91,7 +91,7 @@ fn write(options: &Options) -> anyhow::Result<()> {
         note(format_args!("slots: as the log keeps them, {duration_s} s each, from {start_s} s on"));
     } else {
         warn(format_args!(
-            "the log keeps to no order of sending: write [slots] by hand, or what is missed tells others nothing"
+            "the log keeps to no order of sending: write [slots] by hand, an order or at_will = true, or what is missed tells others nothing"
         ));
     }
     Ok(())

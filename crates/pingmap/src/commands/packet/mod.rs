@@ -1,18 +1,18 @@
 //! `pingmap packet`: the bytes on the water, for people.
 
 mod report;
+mod schema;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, Subcommand};
 use pingmap_agent::{Agent, Link, VehicleId, When};
-use pingmap_packet::{Block, Cell, Layout, MapMessage, PROTO, Point, ReportLayout, from_hex, to_hex};
+use pingmap_packet::{Block, Cell, Layout, MapMessage, Point, ReportLayout, from_hex, to_hex};
 use serde::{Deserialize, Serialize};
 
 use crate::output::{BadInput, Results, count, print, print_json, read_text, table};
 use crate::team::read_team;
-use crate::values::frame_bytes;
 
 /// Look at the bytes on the water: what a packet says, what fields it has, and the .proto of them all
 #[derive(Args)]
@@ -28,7 +28,7 @@ pub enum Action {
     /// Turn what `decode --json` prints, or a person wrote, into a packet
     Encode(Encode),
     /// Print the fields of the packets and their bits
-    Schema(Schema),
+    Schema(schema::Options),
 }
 
 #[derive(Args)]
@@ -55,25 +55,6 @@ pub struct Encode {
     pub json: bool,
 }
 
-#[derive(Args)]
-pub struct Schema {
-    /// Bytes of a frame
-    #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
-    pub frame_bytes: usize,
-    /// Sealed with a team's key
-    #[arg(long)]
-    pub sealed: bool,
-    /// With depths
-    #[arg(long)]
-    pub depth: bool,
-    /// Print the .proto of all packets instead, as Goby and other users of DCCL load it
-    #[arg(long, conflicts_with_all = ["json", "sealed", "depth", "frame_bytes"])]
-    pub proto: bool,
-    /// Print one JSON object instead of tables
-    #[arg(long)]
-    pub json: bool,
-}
-
 impl Options {
     pub fn threads(&self) -> usize {
         1
@@ -83,7 +64,7 @@ impl Options {
         match &self.action {
             Action::Decode(options) => decode(options, results),
             Action::Encode(options) => encode(options, results),
-            Action::Schema(options) => schema(options, results),
+            Action::Schema(options) => options.run(results),
         }
     }
 }
@@ -237,59 +218,6 @@ fn print_bytes(options: &Encode, message: &str, bytes: &[u8], results: Results) 
     print(results, &hex)
 }
 
-fn schema(options: &Schema, results: Results) -> anyhow::Result<()> {
-    if options.proto {
-        return print(results, PROTO);
-    }
-    let layout = Layout::for_frame(options.frame_bytes, options.depth, options.sealed);
-    let layout = layout.ok_or_else(|| BadInput(format!("no packet fits into {} bytes", options.frame_bytes)))?;
-    let schema = layout.schema();
-    let points = layout.points_in_all();
-    let bits = schema.bits();
-    let in_head = |name: &str| schema.fields.iter().any(|field| field.name == name && field.in_head);
-    let id_bits = schema.id_bits();
-    let used = id_bits + bits.iter().map(|(_, bits)| bits).sum::<u64>();
-    if options.json {
-        let field = |&(name, bits): &(&str, u64)| FieldJson { name: name.to_owned(), bits, in_head: in_head(name) };
-        return print_json(
-            results,
-            &SchemaJson {
-                schema: 1,
-                message: layout.name,
-                id: layout.id,
-                frame_bytes: layout.frame_bytes,
-                bytes: schema.length(),
-                blocks: layout.blocks,
-                points_per_block: layout.points,
-                points,
-                sealed: layout.is_sealed,
-                depth: layout.has_depth,
-                id_bits,
-                bits_used: used,
-                fields: bits.iter().map(field).collect(),
-            },
-        );
-    }
-    let mut rows = vec![vec!["(message id)".to_owned(), "head".to_owned(), id_bits.to_string()]];
-    rows.extend(bits.iter().map(|(name, bits)| {
-        let part = if in_head(name) { "head" } else { "body" };
-        vec![(*name).to_owned(), part.to_owned(), bits.to_string()]
-    }));
-    print(
-        results,
-        &format!(
-            "{}, DCCL id {}: {} of {} bytes, {used} bits used; {} in {}\n\n{}",
-            layout.name,
-            layout.id,
-            schema.length(),
-            layout.frame_bytes,
-            count(points, "inducing point"),
-            count(layout.blocks, "block"),
-            table(&["field", "part", "bits"], &rows)
-        ),
-    )
-}
-
 /// A packet in hexadecimal.
 #[derive(Serialize)]
 struct EncodedJson<'a> {
@@ -297,31 +225,6 @@ struct EncodedJson<'a> {
     message: &'a str,
     bytes: usize,
     hex: String,
-}
-
-/// The fields of a message.
-#[derive(Serialize)]
-struct SchemaJson<'a> {
-    schema: u32,
-    message: &'a str,
-    id: u16,
-    frame_bytes: usize,
-    bytes: usize,
-    blocks: usize,
-    points_per_block: usize,
-    points: usize,
-    sealed: bool,
-    depth: bool,
-    id_bits: u64,
-    bits_used: u64,
-    fields: Vec<FieldJson>,
-}
-
-#[derive(Serialize)]
-struct FieldJson {
-    name: String,
-    bits: u64,
-    in_head: bool,
 }
 
 /// Somebody who can read the packets of a team.

@@ -1,0 +1,131 @@
+//! `pingmap packet schema`: which fields messages have, and their bits.
+
+use clap::Args;
+use pingmap_packet::{Layout, OutcomeCounts, PROTO, ReportLayout};
+use serde::Serialize;
+
+use crate::output::{BadInput, Results, count, print, print_json, table};
+use crate::values::frame_bytes;
+
+#[derive(Args)]
+pub struct Options {
+    /// Bytes of a frame
+    #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
+    pub frame_bytes: usize,
+    /// The report, which has any length, instead of the map message
+    #[arg(long, conflicts_with = "frame_bytes")]
+    pub report: bool,
+    /// Sealed with a team's key
+    #[arg(long)]
+    pub sealed: bool,
+    /// With depths
+    #[arg(long)]
+    pub depth: bool,
+    /// Print the .proto of all packets instead, as Goby and other users of DCCL load it
+    #[arg(long, conflicts_with_all = ["json", "sealed", "depth", "frame_bytes", "report"])]
+    pub proto: bool,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The fields of a message.
+#[derive(Serialize)]
+struct SchemaJson {
+    schema: u32,
+    message: &'static str,
+    id: u16,
+    /// Bytes of the message; of a report at least, and at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bytes_min: Option<usize>,
+    bytes: usize,
+    sealed: bool,
+    depth: bool,
+    id_bits: u64,
+    /// Bits of all fields at most.
+    bits_used: u64,
+    fields: Vec<FieldJson>,
+    #[serde(flatten)]
+    points: Option<PointsJson>,
+}
+
+/// What a map message holds.
+#[derive(Serialize)]
+struct PointsJson {
+    frame_bytes: usize,
+    blocks: usize,
+    points_per_block: usize,
+    points: usize,
+}
+
+#[derive(Serialize)]
+struct FieldJson {
+    name: String,
+    bits: u64,
+    in_head: bool,
+}
+
+impl Options {
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        if self.proto {
+            return print(results, PROTO);
+        }
+        let json = if self.report { self.report() } else { self.map_message()? };
+        if self.json { print_json(results, &json) } else { print(results, &text(&json)) }
+    }
+
+    fn map_message(&self) -> anyhow::Result<SchemaJson> {
+        let layout = Layout::for_frame(self.frame_bytes, self.depth, self.sealed);
+        let layout = layout.ok_or_else(|| BadInput(format!("no packet fits into {} bytes", self.frame_bytes)))?;
+        let points = PointsJson {
+            frame_bytes: layout.frame_bytes,
+            blocks: layout.blocks,
+            points_per_block: layout.points,
+            points: layout.points_in_all(),
+        };
+        Ok(SchemaJson { points: Some(points), ..self.of(layout.name, layout.id, &layout.schema()) })
+    }
+
+    fn report(&self) -> SchemaJson {
+        let layout = ReportLayout::new(self.depth, self.sealed);
+        let bytes_min = layout.length(OutcomeCounts::default(), 0, false);
+        SchemaJson { bytes_min: Some(bytes_min), ..self.of(layout.name, layout.id, &layout.schema()) }
+    }
+
+    fn of(&self, message: &'static str, id: u16, schema: &pingmap_packet::Schema) -> SchemaJson {
+        let in_head = |name: &str| schema.fields.iter().any(|field| field.name == name && field.in_head);
+        let field = |(name, bits): (&str, u64)| FieldJson { name: name.to_owned(), bits, in_head: in_head(name) };
+        let fields: Vec<FieldJson> = schema.bits().into_iter().map(field).collect();
+        SchemaJson {
+            schema: 1,
+            message,
+            id,
+            bytes_min: None,
+            bytes: schema.length(),
+            sealed: self.sealed,
+            depth: self.depth,
+            id_bits: schema.id_bits(),
+            bits_used: schema.id_bits() + fields.iter().map(|field| field.bits).sum::<u64>(),
+            fields,
+            points: None,
+        }
+    }
+}
+
+fn text(json: &SchemaJson) -> String {
+    let SchemaJson { message, id, bytes, bits_used, .. } = json;
+    let size = match &json.points {
+        Some(PointsJson { frame_bytes, blocks, points, .. }) => format!(
+            "{bytes} of {frame_bytes} bytes, {bits_used} bits used; {} in {}",
+            count(*points, "inducing point"),
+            count(*blocks, "block")
+        ),
+        None => format!("{} to {bytes} bytes; fields at most", json.bytes_min.unwrap_or_default()),
+    };
+    let mut rows = vec![vec!["(message id)".to_owned(), "head".to_owned(), json.id_bits.to_string()]];
+    rows.extend(json.fields.iter().map(|field| {
+        let part = if field.in_head { "head" } else { "body" };
+        vec![field.name.clone(), part.to_owned(), field.bits.to_string()]
+    }));
+    format!("{message}, DCCL id {id}: {size}\n\n{}", table(&["field", "part", "bits"], &rows))
+}
