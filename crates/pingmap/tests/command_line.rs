@@ -57,6 +57,11 @@ fn replay_json_has_the_promised_keys() {
     assert_eq!(frames, [1, 4]);
     let sharing = &result["sharing"][0];
     assert_eq!((&sharing["points_per_frame"], &sharing["bytes_per_vehicle"]), (&5.into(), &32.0.into()));
+    // What is told one by one is told by reports.
+    for sharing in result["sharing"].as_array().unwrap() {
+        let [reports, told] = ["reports_per_vehicle", "told_share"].map(|key| sharing[key].as_f64().unwrap());
+        assert!((reports > 0.0) == (told > 0.0) && told <= 1.0, "{sharing}");
+    }
     let gap = |sharing: &Value| {
         let nll = |score: &Value| score["nll"].as_f64().unwrap();
         let (own, centralised) = (nll(&result["scores"]["own"]), nll(&result["scores"]["centralised"]));

@@ -35,7 +35,7 @@ pub use decision::Decisions;
 pub use division::{DivideBy, Division, DivisionError};
 pub use event_log::{EventLog, REQUIRED_COLUMNS, read_attempts};
 pub use learning::{Added, learn_additions, learn_all, learn_best};
-pub use mission::{Agreed, Learners, Mission, Plan};
+pub use mission::{Agreed, Learners, Mission, Plan, Traffic};
 pub use online::{Online, Riding, Step, online};
 pub use replay::{Calibrated, Replay, ReplayError, Sharing, SplitNll, SplitSummary, replay};
 pub use schedule::schedule;

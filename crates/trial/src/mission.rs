@@ -8,6 +8,7 @@ use pingmap_agent::{
     Addition, Agent, AgentError, Attempt, Event, Key, LearnedModel, Learning, Limits, Link, Model, Opportunity,
     Position, Slots, Structure, Team, Telling, VehicleId,
 };
+use pingmap_packet::ReportLayout;
 use rayon::prelude::*;
 
 use crate::event_log::EventLog;
@@ -162,6 +163,32 @@ pub struct Mission {
     plan: Plan,
 }
 
+/// What is sent, mean over vehicles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Traffic {
+    /// Packets of a vehicle: fewer than it might have sent where nothing more was worth a frame.
+    pub packets: f64,
+    /// How many of these are reports.
+    pub reports: f64,
+    /// Bytes of all of them.
+    pub bytes: f64,
+    /// How many of all events of others a vehicle then knows one by one.
+    pub told_share: f64,
+}
+
+impl Traffic {
+    /// The mean of several; `None` of none.
+    pub fn mean(all: &[Self]) -> Option<Self> {
+        let mean = |of: fn(&Self) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
+        (!all.is_empty()).then(|| Self {
+            packets: mean(|traffic| traffic.packets),
+            reports: mean(|traffic| traffic.reports),
+            bytes: mean(|traffic| traffic.bytes),
+            told_share: mean(|traffic| traffic.told_share),
+        })
+    }
+}
+
 impl Mission {
     /// Splits the log, learns the model, lets every vehicle learn from its own training events, and lets each form up
     /// to `frames_max` packets. Runs vehicles in parallel on the current thread pool.
@@ -229,9 +256,18 @@ impl Mission {
         listener.links_of_packets()
     }
 
-    /// Bytes that a vehicle sends in its first `frames` packets, mean over vehicles.
-    pub fn bytes_per_vehicle(&self, frames: usize) -> f64 {
-        self.sent(frames).flatten().map(Vec::len).sum::<usize>() as f64 / self.packets.len().max(1) as f64
+    /// What the first `frames` packets of every vehicle come to, and what the team (of [`Mission::after_sharing`]) knows by them.
+    pub fn traffic(&self, frames: usize, team: &[Agent]) -> Traffic {
+        let vehicles = self.packets.len().max(1) as f64;
+        let reports = self.sent(frames).flatten().filter(|packet| ReportLayout::of(packet).is_some()).count();
+        let others = team.iter().map(|agent| self.training.len() - agent.events().len()).sum::<usize>().max(1);
+        let told = team.iter().map(|agent| agent.told_events().0).sum::<usize>();
+        Traffic {
+            packets: self.sent(frames).map(<[_]>::len).sum::<usize>() as f64 / vehicles,
+            reports: reports as f64 / vehicles,
+            bytes: self.sent(frames).flatten().map(Vec::len).sum::<usize>() as f64 / vehicles,
+            told_share: told as f64 / others as f64,
+        }
     }
 
     /// The team after everybody received what the water let through of the first `frames` packets of the others and,
@@ -303,7 +339,7 @@ impl Mission {
         agent.wide_latent(&wide, &self.held_out)
     }
 
-    fn predict(&self, mut team: Vec<Agent>) -> Result<Vec<Vec<f64>>, AgentError> {
+    pub(crate) fn predict(&self, mut team: Vec<Agent>) -> Result<Vec<Vec<f64>>, AgentError> {
         team.par_iter_mut().map(|agent| agent.probabilities(&self.held_out)).collect()
     }
 }

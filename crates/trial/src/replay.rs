@@ -12,7 +12,7 @@ use crate::baseline::{DistanceOnly, base_rate};
 use crate::calibration::Calibration;
 use crate::decision::Decisions;
 use crate::event_log::EventLog;
-use crate::mission::{Mission, Plan};
+use crate::mission::{Mission, Plan, Traffic};
 use crate::score::{Estimate, MeanScore, Score};
 use crate::split::Split;
 
@@ -143,10 +143,8 @@ impl Replay {
 pub struct Sharing {
     /// Packets from every vehicle.
     pub frames: usize,
-    /// Packets that a vehicle really sent (fewer where nothing more was worth a frame), mean over vehicles and splits.
-    pub packets_per_vehicle: f64,
-    /// Bytes of these.
-    pub bytes_per_vehicle: f64,
+    /// What that came to, mean over splits.
+    pub traffic: Traffic,
     /// Mean over vehicles.
     pub team: MeanScore,
     /// NLL of the vehicle that does worst.
@@ -216,8 +214,8 @@ struct SplitScores {
     true_probability: Option<Score>,
     /// For each number of frames the mean over vehicles, and each vehicle.
     team: Vec<(Score, Vec<Score>)>,
-    /// For each number of frames the packets and bytes that a vehicle sent, mean over vehicles.
-    sent: Vec<(f64, f64)>,
+    /// For each number of frames what was sent.
+    traffic: Vec<Traffic>,
     /// For each number of frames the NLL of every alternative, mean over vehicles.
     alternatives: Vec<Vec<(Alternative, f64)>>,
     calibration: Option<Calibrated>,
@@ -264,7 +262,7 @@ pub fn replay(
     let vehicles = log.vehicles();
     let share = |(row, &frames): (usize, &usize)| {
         let team = mean(&|s| s.team[row].0)?;
-        let of_split = |of: &dyn Fn(&SplitScores) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
+        let traffic: Vec<Traffic> = scores.iter().map(|s| s.traffic[row]).collect();
         let of_vehicle = |v: usize| scores.iter().map(|s| s.team[row].1[v].nll).sum::<f64>() / scores.len() as f64;
         let gain = paired(&|s| s.own.nll - s.team[row].0.nll)?;
         let closed = gain.mean / gap.mean;
@@ -272,8 +270,7 @@ pub fn replay(
         let left = paired(&|s| s.own.nll - s.team[row].0.nll - closed * (s.own.nll - s.centralised.nll))?;
         Ok(Sharing {
             frames,
-            packets_per_vehicle: of_split(&|s| s.sent[row].0),
-            bytes_per_vehicle: of_split(&|s| s.sent[row].1),
+            traffic: Traffic::mean(&traffic).ok_or(ReplayError::NoSplits)?,
             team,
             worst_vehicle_nll: (0..vehicles.len()).map(of_vehicle).fold(f64::NEG_INFINITY, f64::max),
             alternatives: mean_alternatives(&scores, row),
@@ -340,12 +337,12 @@ fn replay_split(
     let true_probability = truth.as_ref().map(|truth| score(truth)).transpose()?;
     step();
     let mut team = Vec::with_capacity(frames.len());
-    let mut sent = Vec::with_capacity(frames.len());
+    let mut traffic = Vec::with_capacity(frames.len());
     let mut alternatives = Vec::with_capacity(frames.len());
     for &frames in frames {
-        let packets = mission.sent(frames).map(<[_]>::len).sum::<usize>();
-        sent.push((packets as f64 / mission.packets.len().max(1) as f64, mission.bytes_per_vehicle(frames)));
-        team.push(score_each(mission.predict_as_team(frames).map_err(failed)?)?);
+        let agents = mission.after_sharing(frames).map_err(failed)?;
+        traffic.push(mission.traffic(frames, &agents));
+        team.push(score_each(mission.predict(agents).map_err(failed)?)?);
         let tried = if plan.compare { &Alternative::ALL[..] } else { &[] };
         let nll = |&way: &Alternative| Ok((way, score_each(way.predict(&mission, frames).map_err(failed)?)?.0.nll));
         alternatives.push(tried.iter().map(nll).collect::<Result<Vec<_>, ReplayError>>()?);
@@ -367,7 +364,7 @@ fn replay_split(
         centralised,
         true_probability,
         team,
-        sent,
+        traffic,
         alternatives,
         summary: summarise(split, &mission, nll),
     })

@@ -141,7 +141,10 @@ struct SharingJson {
     team: OwnSharingJson,
     points_per_frame: Option<usize>,
     packets_per_vehicle: f64,
+    reports_per_vehicle: f64,
     bytes_per_vehicle: f64,
+    /// How many of all events of others a vehicle knows one by one.
+    told_share: f64,
     alternatives: Vec<AlternativeJson>,
 }
 
@@ -314,8 +317,10 @@ impl SharingJson {
         Self {
             team: OwnSharingJson::of(sharing),
             points_per_frame,
-            packets_per_vehicle: sharing.packets_per_vehicle,
-            bytes_per_vehicle: sharing.bytes_per_vehicle,
+            packets_per_vehicle: sharing.traffic.packets,
+            reports_per_vehicle: sharing.traffic.reports,
+            bytes_per_vehicle: sharing.traffic.bytes,
+            told_share: sharing.traffic.told_share,
             alternatives: sharing.alternatives.iter().map(alternative).collect(),
         }
     }

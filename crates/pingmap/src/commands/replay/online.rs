@@ -93,7 +93,7 @@ impl OnlineMission {
 
     fn text(&self, online: &Online) -> String {
         format!(
-            "{}\n\n{}\n\nNLL: negative log-likelihood in nats of every event as its receiver saw it coming, lower is better.",
+            "{}\n\n{}\n\nNLL: negative log-likelihood in nats of every event as its receiver saw it coming, lower is better.\nSlots are the transmissions of the log, in the order of time.",
             self.headline(online),
             table(&header(), &rows(online))
         )

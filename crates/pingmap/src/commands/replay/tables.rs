@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
 use pingmap_trial::{
-    Alternative, Bin, Calibrated, Calibration, Estimate, INTERVALS, Learners, MeanScore, Replay, Sharing, Water,
+    Alternative, Bin, Calibrated, Calibration, Estimate, INTERVALS, Learners, MeanScore, Replay, Sharing, Traffic,
+    Water,
 };
 
 use super::replayed::Replayed;
@@ -117,11 +118,13 @@ pub fn score_header(replayed: &Replayed) -> Vec<String> {
 pub fn sharing_rows(replayed: &Replayed) -> Vec<Vec<String>> {
     let row = |sharing: &Sharing| {
         let name = frames_name(sharing.frames);
-        let bytes = format!("{:.0}", sharing.bytes_per_vehicle);
+        let Traffic { bytes, reports, told_share, .. } = sharing.traffic;
+        let traffic = [format!("{bytes:.0}"), format!("{reports:.1}"), format!("{:.0} %", 100.0 * told_share)];
         let share = |gap: Estimate| format!("{:.0} ± {:.0} %", 100.0 * gap.mean, 100.0 * gap.se.unwrap_or(f64::NAN));
         let gap = sharing.gap_closed.map_or("–".to_owned(), share);
         [
-            vec![name, bytes],
+            vec![name],
+            traffic.to_vec(),
             score_row("", &sharing.team)[1..].to_vec(),
             vec![difference(sharing.gain), difference(sharing.behind)],
             vec![format!("{:.4}", sharing.worst_vehicle_nll), gap],
@@ -242,9 +245,11 @@ fn difference(difference: Estimate) -> String {
 }
 
 /// Columns of [`sharing_rows`].
-pub const SHARING_HEADER: [&str; 9] = [
+pub const SHARING_HEADER: [&str; 11] = [
     "after sharing, per vehicle",
     "bytes",
+    "reports",
+    "told",
     "accuracy",
     "NLL",
     "± s.e.",
@@ -258,8 +263,10 @@ pub const SHARING_HEADER: [&str; 9] = [
 pub const LEGEND: &str = "\
 NLL: negative log-likelihood of held-out events in nats, lower is better; Brier: mean squared error of the probability. Regret: how much
 less likely one is heard from the most promising of ten held-out places than from the best of them. Better, worse: paired differences of
-NLL over splits; ≈ marks those that cannot be told from none. Gap closed: how much of the way from own events only to all raw events in
-one place sharing goes; a dash where that gap cannot be told from none. Errors allow for splits that overlap (Nadeau and Bengio 2003).";
+NLL over splits; ≈ marks those that cannot be told from none. Reports: packets that tell single events; told: how many of all events of
+others a vehicle then knows one by one. Slots are the log's transmissions that are learned from, in the order of time. Gap closed: how
+much of the way from own events only to all raw events in one place sharing goes; a dash where that gap cannot be told from none. Errors
+allow for splits that overlap (Nadeau and Bengio 2003).";
 
 /// What an alternative is called in a table: in brackets if it cannot be sent.
 fn alternative_title(way: Alternative) -> String {
