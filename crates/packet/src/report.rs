@@ -110,13 +110,12 @@ impl ReportLayout {
 
     /// Bytes of a report with so many outcomes and knots at most.
     pub fn length(&self, outcomes: OutcomeCounts, knots: usize, has_earlier: bool) -> usize {
-        let bits = |kind: Kind, count: usize| kind.bits_max() as usize * count;
-        let proof = if self.is_sealed { TAG_BITS as usize } else { bits(model(), 1) };
-        let earlier = if has_earlier { bits(Kind::Message(earlier_fields()), 1) } else { 0 };
-        // Besides: whether own slots are told, how many bytes and knots there are, and whether anything is said of map messages.
-        let counts = 1 + 8 + 5 + 1;
-        let fixed = proof + bits(first(), 1) + bits(coding(), 1) + bits(unused(), 1) + counts;
-        let body = fixed + 8 * outcomes.bytes_max() + bits(self.knot(), knots) + earlier;
+        // Model or tag, first slot, coding, unused bits, whether own slots are told, how many bytes and knots there are, and whether
+        // anything is said of map messages.
+        let fixed = if self.is_sealed { TAG_BITS as usize } else { 14 } + 18 + 2 + 3 + 1 + 8 + 5 + 1;
+        let knot = if self.has_depth { 30 } else { 24 };
+        let earlier = if has_earlier { 9 } else { 0 };
+        let body = fixed + 8 * outcomes.bytes_max() + knot * knots + earlier;
         (BODY_START + body).div_ceil(8)
     }
 
