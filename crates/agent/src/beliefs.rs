@@ -50,7 +50,8 @@ pub(crate) struct Beliefs {
     pub(crate) own_model: Option<Arc<OwnModel>>,
     /// Of its own events, under the team's model.
     pub(crate) own: Posterior,
-    /// Of what it sent, under the team's model.
+    /// Of the packets that it sent, under the team's model. What it reported beside is put together when a frame is due
+    /// ([`Beliefs::public_of`]).
     pub(crate) public: Posterior,
     /// Of its own events and what others sent, under its own model if it has one.
     pub(crate) fused: Posterior,
@@ -78,7 +79,7 @@ pub(crate) struct Taken {
     pub(crate) told_beside: [usize; 2],
     /// The packets that are in, its own included.
     packets: Packets,
-    /// What it reported, as it is in `public`.
+    /// What it had reported when something was last taken in.
     reported: Option<Arc<Told>>,
     /// Whether the posteriors must be put together anew, whatever is in them.
     is_stale: bool,
@@ -197,8 +198,8 @@ impl Beliefs {
             || wanted.iter().any(is_new)
             || !self.taken.told.iter().all(|key| believed.told.contains_key(key))
             || !self.fitted_of(believed).all(|key| self.taken.told.contains(&key));
-        if self.taken.is_stale || has_changed || is_reported_anew {
-            self.taken.reported = reported;
+        self.taken.reported = reported;
+        if self.taken.is_stale || has_changed {
             self.put_together(memory, believed, &wanted)?;
         }
         let absorbed = self.absorb_events(memory).and_then(|()| self.absorb_packets(memory, &wanted));
@@ -361,9 +362,7 @@ impl Beliefs {
 
     /// The posteriors of the last fit and this. Events since that fit are to be absorbed again.
     fn put_together(&mut self, memory: &Memory, believed: &Heard, wanted: &Packets) -> Result<(), AgentError> {
-        let reported = self.taken.reported.clone();
-        let is_told = |slot: u32| reported.as_ref().is_some_and(|told| told.outcomes.contains_key(&slot));
-        let public = self.public_of(memory, &own_of(memory, wanted), &is_told)?;
+        let public = self.public_of(memory, &own_of(memory, wanted), &|_| false)?;
         (self.own, self.fused) = self.at_fit(memory, believed)?;
         self.public = public;
         self.taken.beside.sort_by(Event::canonical_order);

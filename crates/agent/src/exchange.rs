@@ -125,7 +125,7 @@ impl Agent {
     ) -> Result<Option<Vec<u8>>, AgentError> {
         let planner = self.planner(layout)?;
         let memory = &self.memory;
-        let has_reported = memory.reports.told_by(sender).is_some();
+        let reported = memory.reports.told_by(sender);
         let report =
             if self.telling.reports { self.plan_report(&planner, sender, counter, frame_bytes)? } else { None };
         let begins = |planned: &PlannedReport| {
@@ -134,12 +134,15 @@ impl Agent {
         let map = match &report {
             Some(planned) if begins(planned) => None,
             _ if !self.telling.points => None,
-            // What was not reported yet will be: no event is to be told twice.
-            _ if has_reported && self.telling.reports => {
-                let told = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
-                planner.packet(&self.beliefs.public_of(memory, &told, &|_| true)?)?
-            }
-            _ => planner.packet(&self.beliefs.public)?,
+            _ => match reported {
+                None => planner.packet(&self.beliefs.public)?,
+                Some(reported) => {
+                    let told = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
+                    // What was not reported yet will be: no event is to be told twice.
+                    let is_told = |slot: u32| self.telling.reports || reported.outcomes.contains_key(&slot);
+                    planner.packet(&self.beliefs.public_of(memory, &told, &is_told)?)?
+                }
+            },
         };
         match (map, report) {
             (Some(map), _) => {
