@@ -270,6 +270,7 @@ impl Agent {
     /// # Errors
     /// [`AgentError::NoTime`] and [`AgentError::Nowhere`] for numbers that are none, and then nothing is recorded.
     pub fn navigate(&mut self, fixes: impl IntoIterator<Item = (f64, Position)>) -> Result<(), AgentError> {
+        self.beliefs.nothing_new_in = None;
         self.memory.navigate(&fixes.into_iter().collect::<Vec<_>>())
     }
 
@@ -296,6 +297,9 @@ impl Agent {
     pub fn apply(&mut self, entry: Entry) -> Result<Receipt, AgentError> {
         if let Entry::Observed { event, .. } = &entry {
             self.check_owner(event)?;
+        }
+        if matches!(entry, Entry::Navigated { .. } | Entry::Turn { .. }) {
+            self.beliefs.nothing_new_in = None;
         }
         match self.memory.apply(entry)? {
             Applied::Fix => Ok(Receipt::Accepted),

@@ -15,6 +15,7 @@ use crate::heard::{Heard, Packets, counting, said, summaries};
 use crate::limits::Limits;
 use crate::memory::Memory;
 use crate::model::Model;
+use crate::placing::{ToldEvents, is_among};
 use crate::reports::{Told, Worth};
 
 /// So many told events are taken in at once: soon done, and each site is near what it is given the others.
@@ -73,8 +74,8 @@ pub(crate) struct Taken {
     pub(crate) absorbed: usize,
     /// Events of its own that went since the last fit, and are in all the same.
     forgotten: usize,
-    /// Told events that are in.
-    told: BTreeSet<ToldKey>,
+    /// Told events that are in, as they were placed.
+    told: ToldEvents,
     /// How many of these stand beside the last fit, and how many wait for the next.
     pub(crate) told_beside: [usize; 2],
     /// The packets that are in, its own included.
@@ -172,7 +173,7 @@ impl Beliefs {
             let believed = heard.without(&self.left_out);
             self.taken.beside.sort_by(Event::canonical_order);
             self.taken.packets = self.wanted(memory, &believed);
-            self.taken.told = self.fitted_of(&believed).collect();
+            self.taken.told = self.fitted_of(&believed).map(|(&key, event)| (key, event.clone())).collect();
             self.taken.told_beside = [0, believed.told.len() - self.taken.told.len()];
             self.absorb_told(memory, &believed)?;
         }
@@ -196,8 +197,8 @@ impl Beliefs {
         // What the last fit has is put together from its sites, also when it comes to count again.
         let has_changed = !self.taken.packets.iter().all(is_in)
             || wanted.iter().any(is_new)
-            || !self.taken.told.iter().all(|key| believed.told.contains_key(key))
-            || !self.fitted_of(believed).all(|key| self.taken.told.contains(&key));
+            || !self.taken.told.iter().all(|told| is_among(&believed.told, told))
+            || !self.fitted_of(believed).all(|told| is_among(&self.taken.told, told));
         self.taken.reported = reported;
         if self.taken.is_stale || has_changed {
             self.put_together(memory, believed, &wanted)?;
@@ -239,7 +240,9 @@ impl Beliefs {
             Some(fitted) => {
                 let is_in = |source: &Source| match source {
                     Source::Own(_) => true,
-                    Source::Told(key) => believed.told.contains_key(key),
+                    Source::Told(key) => {
+                        fitted.told.get_key_value(key).is_some_and(|told| is_among(&believed.told, told))
+                    }
                 };
                 let beyond = self.beyond(memory, fitted, believed)?;
                 let messages: Vec<&Summary> = place.into_iter().chain(summaries(&packets)).chain(&beyond).collect();
@@ -255,11 +258,14 @@ impl Beliefs {
         Ok((own, fused))
     }
 
-    /// What packets of members say beyond the events that they told, as far as they may speak of these.
+    /// What packets of members say beyond the events that they told, as far as they may speak of these. Nothing as long as the fit
+    /// has not all of these: the others stand beside it, and nothing would be taken from the packets for them.
     fn beyond(&self, memory: &Memory, fitted: &Fitted, believed: &Heard) -> Result<Vec<Summary>, AgentError> {
         let place: Vec<&Summary> = memory.frames.team.model.place_summary().into_iter().collect();
         let mut all = Vec::new();
-        for member in believed.members() {
+        let is_beside = |told: &(&ToldKey, &Arc<Event>)| !is_among(&fitted.told, *told);
+        let beside: BTreeSet<u8> = believed.told.iter().filter(is_beside).map(|(key, _)| key.0).collect();
+        for member in believed.members().difference(&beside).copied() {
             let packets = said(memory, &believed.of_member(member).packets, Worth::Beyond);
             let is_told = |source: &Source| matches!(source, Source::Told(key) if key.0 == member && believed.told.contains_key(key));
             all.extend(fitted.beyond(is_told, &place, &packets)?);
@@ -306,10 +312,10 @@ impl Beliefs {
         own_model.or(self.together.as_deref()).or(self.alone.as_deref())
     }
 
-    /// Told events that the last fit has.
-    fn fitted_of(&self, believed: &Heard) -> impl Iterator<Item = ToldKey> {
-        let told = self.fitted().into_iter().flat_map(|fitted| fitted.told.keys().copied());
-        told.filter(|key| believed.told.contains_key(key))
+    /// Told events that the last fit has, as they are told.
+    fn fitted_of<'a>(&'a self, believed: &'a Heard) -> impl Iterator<Item = (&'a ToldKey, &'a Arc<Event>)> {
+        let told = self.fitted().into_iter().flat_map(|fitted| &*fitted.told);
+        told.filter(|told| is_among(&believed.told, *told))
     }
 
     /// Events of its own that the posteriors hold beside the last fit.
@@ -328,7 +334,7 @@ impl Beliefs {
 
     /// Takes in told events that the last fit does not have, up to a number.
     fn absorb_told(&mut self, memory: &Memory, believed: &Heard) -> Result<(), AgentError> {
-        let is_new = |(key, _): &(&ToldKey, &Arc<Event>)| !self.taken.told.contains(key);
+        let is_new = |(key, _): &(&ToldKey, &Arc<Event>)| !self.taken.told.contains_key(key);
         let mut new: Vec<(ToldKey, Arc<Event>)> =
             believed.told.iter().filter(is_new).map(|(&key, event)| (key, event.clone())).collect();
         new.sort_by(|a, b| a.1.canonical_order(&b.1));
@@ -338,7 +344,7 @@ impl Beliefs {
             let observations = memory.frames.team.model.observations(some.iter().map(|(_, event)| &**event))?;
             let sites = dgpc::sites_given(&self.fused, &observations)?;
             self.fused.absorb_events(&sites)?;
-            self.taken.told.extend(some.iter().map(|(key, _)| key));
+            self.taken.told.extend(some.iter().cloned());
         }
         self.taken.told_beside = [in_already + room, new.len() - room];
         Ok(())
@@ -368,7 +374,7 @@ impl Beliefs {
         self.taken.beside.sort_by(Event::canonical_order);
         (self.taken.absorbed, self.taken.is_stale) = (0, false);
         self.taken.packets.clone_from(wanted);
-        self.taken.told = self.fitted_of(believed).collect();
+        self.taken.told = self.fitted_of(believed).map(|(&key, event)| (key, event.clone())).collect();
         self.taken.told_beside = [0, 0];
         Ok(())
     }

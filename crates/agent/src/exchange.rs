@@ -126,8 +126,11 @@ impl Agent {
         let planner = self.planner(layout)?;
         let memory = &self.memory;
         let reported = memory.reports.told_by(sender);
-        let report =
-            if self.telling.reports { self.plan_report(&planner, sender, counter, frame_bytes)? } else { None };
+        let reporter = self.telling.reports.then(|| Reporter::new(memory, sender));
+        let report = match &reporter {
+            Some(reporter) => self.plan_report(&planner, reporter, counter, frame_bytes)?,
+            None => None,
+        };
         let begins = |planned: &PlannedReport| {
             (1..=FRAMES_BEFORE + FRAMES_AGAIN * memory.sent_next()).contains(&planned.frames_needed)
         };
@@ -138,8 +141,9 @@ impl Agent {
                 None => planner.packet(&self.beliefs.public)?,
                 Some(reported) => {
                     let told = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
-                    // What was not reported yet will be: no event is to be told twice.
-                    let is_told = |slot: u32| self.telling.reports || reported.outcomes.contains_key(&slot);
+                    // What was not reported yet will be, if it is not too long ago: no event is to be told twice.
+                    let will_be = |slot: u32| reporter.as_ref().is_some_and(|reporter| reporter.begin() <= Some(slot));
+                    let is_told = |slot: u32| will_be(slot) || reported.outcomes.contains_key(&slot);
                     planner.packet(&self.beliefs.public_of(memory, &told, &is_told)?)?
                 }
             },
@@ -158,13 +162,12 @@ impl Agent {
     fn plan_report(
         &self,
         planner: &Planner<'_>,
-        sender: u8,
+        reporter: &Reporter<'_>,
         counter: u16,
         frame_bytes: usize,
     ) -> Result<Option<PlannedReport>, AgentError> {
-        let memory = &self.memory;
+        let (memory, sender) = (&self.memory, reporter.sender());
         let packets = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
-        let reporter = Reporter::new(memory, sender);
         let known = memory.reports.told_by(sender);
         let before = match known {
             Some(told) => told.before(),

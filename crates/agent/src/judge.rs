@@ -144,7 +144,7 @@ fn moved(memory: &Memory, without: &Posterior, with: &Posterior, its: &Heard) ->
     let told: Vec<_> = its.told.values().collect();
     let looked_at = spread_out(told.len(), LOOKED_AT_MAX).into_iter().map(|place| told[place].attempt());
     let mut points = memory.frames.team.model.inputs(looked_at)?;
-    let packets = said(memory, &its.packets, Worth::All);
+    let packets = [Worth::All, Worth::Beyond].map(|worth| said(memory, &its.packets, worth)).concat();
     summaries(&packets).into_iter().try_for_each(|summary: &Summary| points.append(summary.inducing_points()))?;
     let (before, after) = (without.latent(&points)?, with.latent(&points)?);
     let mean = after.mean.iter().zip(&before.mean).map(|(after, before)| after - before).collect();
@@ -160,7 +160,9 @@ fn surprise_of_packets(
     member: u8,
     shift: impl Fn(&Posterior, &[&Summary]) -> dgpc::Result<Shift>,
 ) -> Result<f64, AgentError> {
-    let packets = said(memory, &heard.of_member(member).packets, Worth::All);
+    // Without told events what counts beyond them counts in full.
+    let its = heard.of_member(member).packets;
+    let packets = [Worth::All, Worth::Beyond].map(|worth| said(memory, &its, worth)).concat();
     let prior = posterior.prior();
     let read = summaries(&packets).into_iter().map(|summary| summary.read_under(prior));
     let read: Vec<_> = read.collect::<Result<_, dgpc::Error>>()?;

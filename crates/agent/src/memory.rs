@@ -146,11 +146,11 @@ impl Memory {
         Change { new, forgotten: change.forgotten + gone }
     }
 
-    /// What became of transmissions that the vehicle listened to, by slot, from a time on. What it missed of those who do not
-    /// keep to the schedule says nothing.
+    /// What became of transmissions that the vehicle listened to, by slot, from a time on. What it heard of those who do not
+    /// keep to the schedule says as little as what it missed.
     pub(crate) fn outcomes_since(&self, own: u8, time_s: f64) -> BTreeMap<u32, bool> {
         let strange = out_of_turn(&self.frames, &self.events);
-        let known = self.events.since(time_s).filter(|event| event.success || !strange.contains(&event.transmitter_id));
+        let known = self.events.since(time_s).filter(|event| !strange.contains(&event.transmitter_id));
         let known = known.filter_map(|event| Some((self.frames.slot_of(event)?, event.success)));
         known.filter(|((receiver, _), _)| *receiver == own).map(|((_, slot), success)| (slot, success)).collect()
     }

@@ -15,6 +15,11 @@ use crate::turns::{Turns, may_be_silent};
 /// Events that were told and have a place.
 pub(crate) type ToldEvents = BTreeMap<ToldKey, Arc<Event>>;
 
+/// Whether an event was told, and just so.
+pub(crate) fn is_among(told: &ToldEvents, (key, event): (&ToldKey, &Arc<Event>)) -> bool {
+    told.get(key).is_some_and(|other| Arc::ptr_eq(other, event) || other == event)
+}
+
 /// Events of others by what they told.
 #[derive(Debug, Clone)]
 pub(crate) struct Placed {
@@ -26,7 +31,7 @@ pub(crate) struct Placed {
     pub(crate) settled: Option<Settled>,
 }
 
-/// The last slot that others told of, and when it began: the vehicle knows where it was itself until then.
+/// The last slot that others told of, and when the vehicle knows for the first time after that began where it was itself.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Settled {
     slot: Option<u32>,
@@ -108,9 +113,10 @@ fn settled(frames: &Frames, own: Option<u8>, track: &Track, reports: &Reports) -
     }
     let slot =
         others().filter_map(|sender| reports.told_by(sender)?.outcomes.last_key_value().map(|(&slot, _)| slot)).max();
-    let time_s = slot.map_or(Some(f64::NEG_INFINITY), |slot| frames.team.slots.begin_s(slot))?;
-    let knows = slot.is_none() || own.is_none() || track.span_s().is_some_and(|(_, end_s)| end_s >= time_s);
-    knows.then_some(Settled { slot, time_s })
+    let begin_s = slot.map_or(Some(f64::NEG_INFINITY), |slot| frames.team.slots.begin_s(slot))?;
+    // Where it was then follows from where it was next.
+    let time_s = if slot.is_none() || own.is_none() { begin_s } else { track.next_s(begin_s)? };
+    Some(Settled { slot, time_s })
 }
 
 /// Who sent in a slot, and whether it was heard; nobody where it was not sent, or a receiver says both.

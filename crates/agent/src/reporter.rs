@@ -32,6 +32,8 @@ pub(crate) struct Reporter<'a> {
     sender: u8,
     items: Vec<Item>,
     knots: Vec<(u32, Cell)>,
+    /// Of each knot the number of its run: between runs nobody says where it was.
+    runs: Vec<usize>,
     /// Of all items before that of the same place.
     sums: Vec<Sums>,
 }
@@ -48,8 +50,9 @@ struct Sums {
     skips: usize,
     /// Slots of its own in which it must be told whether it sent.
     turns: usize,
-    /// What all is worth.
+    /// What all is worth, and how many of them were never told.
     value: f64,
+    new: usize,
 }
 
 impl Sums {
@@ -70,6 +73,7 @@ impl Sums {
             skips: self.skips + usize::from(is_untold && gap % OutcomeCounts::SKIP == 0),
             turns: self.turns + usize::from(is_turn),
             value: self.value + item.value,
+            new: self.new + usize::from(item.value == 1.0),
         }
     }
 }
@@ -95,7 +99,9 @@ impl<'a> Reporter<'a> {
         };
         let nothing = BTreeMap::new();
         let told = memory.reports.told_by(sender).map_or(&nothing, |told| told.track.knots());
-        let knots: Vec<(u32, Cell)> = knots.of(&memory.track(), told).into_iter().collect();
+        let runs = knots.of(&memory.track(), told).into_iter().enumerate();
+        let (runs, knots): (Vec<usize>, Vec<(u32, Cell)>) =
+            runs.flat_map(|(run, knots)| knots.into_iter().map(move |knot| (run, knot))).unzip();
         let items = items(memory, sender, &knots);
         let mut sums = vec![Sums::default()];
         let always = memory.own_id().is_none_or(|own| team.slots.always_sends(own));
@@ -103,17 +109,18 @@ impl<'a> Reporter<'a> {
             let before = sums.last().copied().unwrap_or_default();
             sums.push(before.and(item, always));
         }
-        Self { memory, sender, items, knots, sums }
+        Self { memory, sender, items, knots, runs, sums }
     }
 
     /// The report that is worth most of those that fit into so many bytes and begin or end where something does that is worth
     /// more than what is before or after it: what is left shall be in one piece. The latest of several. None where nothing is
-    /// worth telling (again).
+    /// worth telling (again). Where another one has to go for it, it must say something new.
     pub(crate) fn report(&self, frame_bytes: usize, earlier: Option<Earlier>) -> Option<ReportMessage> {
         let value = |place: usize| self.items[place].value;
         let fits = |first, last| self.fits(first, last, frame_bytes, earlier.is_some());
         // Between two items of value there may be some that nothing can be said of.
         let worth: Vec<usize> = (0..self.items.len()).filter(|&place| value(place) > 0.0).collect();
+        let is_full = self.memory.reports.begin(self.sender) > 0;
         let mut best: Option<Span> = None;
         for (nth, &place) in worth.iter().enumerate().filter(|&(_, &place)| fits(place, place)) {
             let is_more_than = |other: Option<&usize>| other.is_none_or(|&other| value(place) > value(other));
@@ -125,7 +132,8 @@ impl<'a> Reporter<'a> {
                 [begins.then(|| (place, worth[nth + onward.max(1) - 1])), ends.then(|| (worth[back.min(nth)], place))];
             for (first, last) in spans.into_iter().flatten() {
                 let value = self.sums[last + 1].value - self.sums[first].value;
-                if best.is_none_or(|best| value >= best.value) {
+                let is_new = self.sums[last + 1].new > self.sums[first].new;
+                if (is_new || !is_full) && best.is_none_or(|best| value >= best.value) {
                     best = Some(Span { first, last, value });
                 }
             }
@@ -154,7 +162,8 @@ impl<'a> Reporter<'a> {
         };
         let (from, to) = self.knots_about(first, last);
         let length = self.memory.frames.report_layout().length(outcomes, to + 1 - from, has_earlier);
-        length <= frame_bytes && to + 1 - from <= KNOTS_MAX && outcomes.bytes_max() <= OUTCOME_BYTES_MAX
+        let is_one_run = self.runs[from] == self.runs[to];
+        is_one_run && length <= frame_bytes && to + 1 - from <= KNOTS_MAX && outcomes.bytes_max() <= OUTCOME_BYTES_MAX
     }
 
     /// Whether it was silent in one of these slots, or may have been as far as others know.
@@ -190,6 +199,17 @@ impl<'a> Reporter<'a> {
         }
     }
 
+    /// Whose reports these are.
+    pub(crate) fn sender(&self) -> u8 {
+        self.sender
+    }
+
+    /// The first slot that reports may begin at.
+    pub(crate) fn begin(&self) -> Option<u32> {
+        let first = self.items.first().map(|item| item.slot)?;
+        Some(first.max(self.memory.reports.begin(self.sender)))
+    }
+
     /// The slots whose outcomes a report tells.
     pub(crate) fn slots_told(&self, report: &ReportMessage) -> BTreeSet<u32> {
         let slots = self.memory.frames.slots_of(self.sender, report.first, report.tells_own);
@@ -203,8 +223,9 @@ fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)]) -> Vec<Item> {
     let (Some(&(begin, _)), Some(&(end, _))) = (knots.first(), knots.last()) else { return Vec::new() };
     let own = memory.outcomes_since(sender, f64::NEG_INFINITY);
     let tellings = tellings(memory, sender);
+    let begin_min = memory.reports.begin(sender);
     let worth = |slot: u32| match tellings.get(&slot).copied().unwrap_or(0) {
-        told if told < u32::from(memory.frames.team.tellings_max) => LOST.powi(told as i32),
+        told if slot >= begin_min && told < u32::from(memory.frames.team.tellings_max) => LOST.powi(told as i32),
         _ => 0.0,
     };
     // Where nobody is heard in slots, a schedule says nothing of who sends.

@@ -164,10 +164,20 @@ impl Reports {
         Filed::New
     }
 
+    /// The slot from which on a report of this sender must begin to be kept.
+    pub(crate) fn begin(&self, sender: u8) -> u32 {
+        let full = self.senders.get(&sender).filter(|sender| sender.reports.len() >= self.per_sender_max);
+        full.and_then(|sender| sender.reports.first_key_value()).map_or(0, |((first, _), _)| first + 1)
+    }
+
     /// Puts in whether a member sent in a slot of its own. Of both it is that it did not.
     pub(crate) fn insert_turn(&mut self, sender: u8, slot: u32, sent: bool) {
-        let known = self.senders.entry(sender).or_default().turns.entry(slot).or_insert(sent);
-        *known &= sent;
+        let turns = &mut self.senders.entry(sender).or_default().turns;
+        *turns.entry(slot).or_insert(sent) &= sent;
+        let begin = turns.last_key_value().map_or(0, |(&last, _)| last.saturating_sub(self.slots_back_max));
+        while turns.first_key_value().is_some_and(|(&first, _)| first < begin) {
+            turns.pop_first();
+        }
     }
 
     /// Whether a member sent in a slot of its own, if it ever said so.

@@ -8,7 +8,8 @@ use crate::placing::unheard;
 impl Agent {
     /// Records that a member sent something at these times. Of itself the vehicle says so in its next reports: where members send at
     /// will ([`Slots::at_will`](crate::Slots::at_will)) that is how others come to know what they could have heard. Of others it is
-    /// for hosts who know without these: a gap in the numbers of somebody's messages shows what was sent in between.
+    /// for hosts who know without these: a gap in the numbers of somebody's messages shows what was sent in between. A host that
+    /// guesses such times must know the stretch, or ask [`Agent::unheard`] instead: its guess and the sender's word would be two.
     ///
     /// # Errors
     /// [`AgentError::NotMyTurn`] for a time in no slot of this member, and then nothing is recorded.

@@ -27,6 +27,7 @@ pub struct Slots {
     /// they sent, or yet another one heard it. (Others say when they did not.) No part of what a team must agree on.
     pub may_be_silent: BTreeSet<VehicleId>,
     /// Nobody has turns: all send when they like, and what they sent is known from their word alone ([`Agent::sent`](crate::Agent::sent)).
+    /// There are numbers for 262 144 slots: with stretches of 2 s for 36 hours of four members, 14 of ten. Nothing counts behind these.
     pub at_will: bool,
     /// Transmissions one by one, in the order of time, in place of all these: what a log has where no schedule is known. The
     /// number of a slot is then its place here.
@@ -155,6 +156,11 @@ impl Slots {
     /// The slot of what this vehicle sent at this time, if it was its turn.
     pub fn sent_in(&self, time_s: f64, id: &VehicleId) -> Option<u32> {
         let number = self.number(time_s)?;
+        if let Some(listed) = &self.listed {
+            let at_once = (0..=number).rev().take_while(|&slot| listed[slot as usize].time_s >= time_s - 2.0 * SAME_S);
+            let slots = std::iter::once(number).chain(at_once);
+            return slots.into_iter().find(|&slot| listed[slot as usize].sender == *id);
+        }
         if self.at_will {
             let place = self.order.iter().position(|member| member == id)? as u32;
             return Some(number + place).filter(|&number| number < SLOTS);

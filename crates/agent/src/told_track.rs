@@ -69,7 +69,7 @@ impl ToldTrack {
 
     /// Whether it went straight from one slot to another.
     fn is_leg(&self, from: u32, to: u32) -> bool {
-        self.legs.range(..=from).next_back().is_some_and(|(_, &end)| end >= to)
+        self.legs.range(to.saturating_sub(u8::MAX.into())..=from).any(|(_, &end)| end >= to)
     }
 }
 

@@ -40,6 +40,11 @@ impl Track {
         Some((self.0.first()?.0, self.0.last()?.0))
     }
 
+    /// The time of the first position at this time or later.
+    pub(crate) fn next_s(&self, time_s: f64) -> Option<f64> {
+        self.0.get(self.0.partition_point(|fix| fix.0 < time_s)).map(|fix| fix.0)
+    }
+
     /// Where it was, on the straight way between the positions before and after; `None` before the first and behind the last.
     pub(crate) fn at(&self, time_s: f64) -> Option<Position> {
         self.at_within(time_s, f64::INFINITY)
@@ -57,9 +62,9 @@ impl Track {
     }
 }
 
-/// Where it was on the straight way from one place to another.
+/// Where it was on the straight way from one place to another, or behind it; of two places at one time the latter.
 pub(crate) fn between(from: &(f64, Position), to: &(f64, Position), time_s: f64) -> Position {
-    let share = (time_s - from.0) / (to.0 - from.0);
+    let share = if to.0 > from.0 { (time_s - from.0) / (to.0 - from.0) } else { 1.0 };
     let along = |a: f64, b: f64| a + share * (b - a);
     Position {
         east_m: along(from.1.east_m, to.1.east_m),
@@ -76,6 +81,8 @@ struct Stop {
     cell: Cell,
     /// The middle of the cell.
     middle: Position,
+    /// Whether it was nowhere that could be told in the slot before, or that was too long ago.
+    is_new_run: bool,
 }
 
 /// How tracks are told.
@@ -90,16 +97,21 @@ pub(crate) struct Knots<'a> {
 }
 
 impl Knots<'_> {
-    /// Knots of a track from its first slot to its last: as few as a search from the beginning on finds, every leg as long as it
-    /// may be. What was a knot once stays one (`told`): what others made of it must not change. Nothing follows a place that
-    /// the grid does not hold. O(slots · slots of a leg).
-    pub(crate) fn of(&self, track: &Track, told: &BTreeMap<u32, Cell>) -> BTreeMap<u32, Cell> {
+    /// Knots of a track from its first slot to its last, in runs: as few as a search from the beginning on finds, every leg as long
+    /// as it may be. What was a knot once stays one (`told`): what others made of it must not change. A run ends where the grid does
+    /// not hold the next place: nobody says that it went straight on to where it came back. O(slots · slots of a leg).
+    pub(crate) fn of(&self, track: &Track, told: &BTreeMap<u32, Cell>) -> Vec<Vec<(u32, Cell)>> {
         let stops = self.stops(track);
-        let mut knots = BTreeMap::new();
+        let runs = stops.chunk_by(|_, next| !next.is_new_run);
+        runs.map(|run| self.knots_of_run(run, told)).collect()
+    }
+
+    fn knots_of_run(&self, stops: &[Stop], told: &BTreeMap<u32, Cell>) -> Vec<(u32, Cell)> {
+        let mut knots = Vec::new();
         let mut from = 0;
         while let Some(begin) = stops.get(from) {
-            knots.insert(begin.slot, told.get(&begin.slot).copied().unwrap_or(begin.cell));
-            from = if from + 1 == stops.len() { stops.len() } else { self.leg(&stops, from, told) };
+            knots.push((begin.slot, told.get(&begin.slot).copied().unwrap_or(begin.cell)));
+            from = if from + 1 == stops.len() { stops.len() } else { self.leg(stops, from, told) };
         }
         knots
     }
@@ -113,14 +125,23 @@ impl Knots<'_> {
             Some((slot, time_s))
         });
         let slots = slots.step_by(self.slots.at_once());
-        let stop = |(slot, time_s)| {
-            self.slots.sender(slot)?;
+        let place = |time_s| {
             let at = track.at(time_s)?;
-            let cell = self.grid.knot_cell(self.chart, &at)?;
-            let middle = self.grid.knot_position(self.chart, cell, self.has_depth);
-            Some(Stop { slot, time_s, at, cell, middle })
+            Some((at, self.grid.knot_cell(self.chart, &at)?))
         };
-        slots.filter_map(stop).collect()
+        let mut stops: Vec<Stop> = Vec::new();
+        let mut is_away = false;
+        for (slot, time_s) in slots.filter(|&(slot, _)| self.slots.sender(slot).is_some()) {
+            let Some((at, cell)) = place(time_s) else {
+                is_away = true;
+                continue;
+            };
+            let is_new_run = is_away || stops.last().is_some_and(|last| slot - last.slot > LEG_SLOTS_MAX);
+            let middle = self.grid.knot_position(self.chart, cell, self.has_depth);
+            stops.push(Stop { slot, time_s, at, cell, middle, is_new_run });
+            is_away = false;
+        }
+        stops
     }
 
     /// Where a leg from this stop ends.
@@ -132,7 +153,7 @@ impl Knots<'_> {
                 reached = to;
             }
             if told.contains_key(&stops[to].slot) {
-                return if reached == to { to } else { reached };
+                return reached;
             }
             to += 1;
         }
@@ -164,7 +185,7 @@ mod tests {
         let slots = Slots::in_turn(10.0, ["a", "b"].map(VehicleId::new).into());
         let track = Track::new(fixes);
         let knots = Knots { slots: &slots, grid: &grid, chart: &chart, has_depth: false, off_max_m };
-        let found = knots.of(&track, &BTreeMap::new());
+        let found = knots.of(&track, &BTreeMap::new()).into_iter().flatten().collect();
         (track, found, grid, chart, slots)
     }
 
@@ -209,7 +230,23 @@ mod tests {
             .into();
         assert!(!knots.contains_key(&17));
         let ways = Knots { slots: &slots, grid: &grid, chart: &chart, has_depth: false, off_max_m: 20.0 };
-        let again = ways.of(&track, &told);
+        let again: BTreeMap<u32, Cell> = ways.of(&track, &told).into_iter().flatten().collect();
         assert!(told.iter().all(|(slot, cell)| again.get(slot) == Some(cell)), "{again:?}");
+    }
+
+    #[test]
+    fn nobody_went_straight_where_the_grid_does_not_reach() {
+        let (_, _, grid, chart, slots) = with_knots(vec![(0.0, Position::new(0.0, 0.0))], 15.0);
+        // Out of the grid and back elsewhere, and away for longer than a leg may be.
+        let far_m = 1e3 * grid.cell_m;
+        let north_m = |slot: u32| if slot < 700 { 0.0 } else { grid.cell_m };
+        let east_m = |slot: u32| if (100..120).contains(&slot) || (300..700).contains(&slot) { far_m } else { 0.0 };
+        let fix = |slot: u32| (10.0 * f64::from(slot), Position::new(east_m(slot), north_m(slot)));
+        let track = Track::new((0..800).map(fix).collect());
+        let knots = Knots { slots: &slots, grid: &grid, chart: &chart, has_depth: false, off_max_m: 15.0 };
+        let runs = knots.of(&track, &BTreeMap::new());
+        let ends = |run: &Vec<(u32, Cell)>| (run[0].0, run[run.len() - 1].0);
+        assert_eq!(runs.iter().map(ends).collect::<Vec<_>>(), [(0, 99), (120, 299), (700, 799)]);
+        assert!(runs.iter().all(|run| run.windows(2).all(|leg| leg[1].0 - leg[0].0 <= LEG_SLOTS_MAX)));
     }
 }

@@ -72,8 +72,10 @@ impl<'a> Turns<'a> {
     /// missed, and so what it heard does not count either.
     pub(crate) fn is_event(&self, event: &Event) -> bool {
         let turn = || Some((self.frames.team.number(&event.transmitter_id)?, self.frames.slot_of(event)?));
+        // Of what members send at will nobody says anything once slots have no numbers left.
+        let at_will = self.frames.team.slots.at_will && self.frames.team.number(&event.transmitter_id).is_some();
         !self.out_of_turn.contains(&event.transmitter_id)
-            && turn().is_none_or(|(sender, key)| self.was_sent(sender, key, event.success))
+            && turn().map_or(!at_will, |(sender, key)| self.was_sent(sender, key, event.success))
     }
 }
 

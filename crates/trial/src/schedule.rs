@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use pingmap_agent::{Slots, VehicleId};
+use pingmap_packet::SLOTS;
 
 use crate::event_log::EventLog;
 use crate::mission::transmissions;
@@ -44,7 +45,8 @@ fn slots(times_s: &[f64]) -> Option<(f64, f64, Vec<usize>)> {
     let least_s = apart_s().reduce(f64::min).filter(|&least_s| least_s > 0.0)?;
     let mut numbers = vec![0];
     for apart_s in apart_s() {
-        numbers.push(numbers.last()? + (apart_s / least_s).round() as usize);
+        let number = numbers.last()? + (apart_s / least_s).round().min(f64::from(SLOTS)) as usize;
+        numbers.push(Some(number).filter(|&number| number < SLOTS as usize)?);
     }
     let duration_s = (times_s.last()? - times_s[0]) / *numbers.last()? as f64;
     let late_s =
@@ -112,7 +114,13 @@ mod tests {
         let drifting: Vec<(f64, &str)> =
             (0..40).map(|n| (10.0 * f64::from(n).powf(1.1), ["a", "b"][n as usize % 2])).collect();
         assert_eq!(schedule(&log(&drifting)), None);
-        for few in [&[][..], &[(0.0, "a")], &[(0.0, "a"), (10.0, "b")], &[(5.0, "a"), (5.0, "b")]] {
+        for few in [
+            &[][..],
+            &[(0.0, "a")],
+            &[(0.0, "a"), (10.0, "b")],
+            &[(5.0, "a"), (5.0, "b")],
+            &[(0.0, "a"), (1e-300, "b"), (1000.0, "a")],
+        ] {
             assert_eq!(schedule(&log(few)), None, "{few:?}");
         }
     }
