@@ -185,10 +185,7 @@ impl Beliefs {
     fn take_in(&mut self, memory: &Memory, believed: &Heard) -> Result<(), AgentError> {
         let wanted = self.wanted(memory, believed);
         let reported = memory.own.and_then(|own| memory.reports.told_by_shared(own));
-        let is_reported_anew = match (&reported, &self.taken.reported) {
-            (Some(now), Some(before)) => !Arc::ptr_eq(now, before),
-            (now, before) => now.is_some() != before.is_some(),
-        };
+        let is_reported_anew = reported.as_ref().map(Arc::as_ptr) != self.taken.reported.as_ref().map(Arc::as_ptr);
         if is_reported_anew || own_of(memory, &self.taken.packets) != own_of(memory, &wanted) {
             self.nothing_new_in = None;
         }

@@ -87,8 +87,8 @@ pub enum Refusal {
         /// The counter.
         counter: u16,
     },
-    /// A report with the vehicle's own number that it did not send: another one goes by that number, or it sent the report
-    /// before it lost its memory. What it says counts as told.
+    /// A report, or spare bits, with the vehicle's own number that it did not send: another one goes by that number, or it sent
+    /// this before it lost its memory. What a report says counts as told.
     #[error("a report not sent by this vehicle, whose number it has")]
     OwnReport,
     /// Said to be sent by this vehicle, which has another number.

@@ -22,7 +22,8 @@ const SNAPSHOT_VERSION: u16 = 2;
 const CHECK_BYTES: usize = 32;
 
 impl Agent {
-    /// What it must not lose with its memory: events, packets that it heard and sent, and how far every sender has come.
+    /// What it must not lose with its memory: events, where it was, packets and reports that it heard and sent, what spare bits
+    /// said, who sent when, and how far every sender has come.
     /// (A model it learned can be learned again, and counts begin afresh.) At the end stands a check, keyed where the
     /// team has a key. Does not depend on the order in which entries arrived, nor on how often.
     pub fn snapshot(&self) -> Vec<u8> {
