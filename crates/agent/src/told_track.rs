@@ -67,9 +67,10 @@ impl ToldTrack {
         })
     }
 
-    /// Whether it went straight from one slot to another.
+    /// Whether it went straight from one slot to a later one. No leg is longer than the number of slots from knot to knot can say.
     fn is_leg(&self, from: u32, to: u32) -> bool {
-        self.legs.range(to.saturating_sub(u8::MAX.into())..=from).any(|(_, &end)| end >= to)
+        let first = to.saturating_sub(u8::MAX.into());
+        first <= from && self.legs.range(first..=from).any(|(_, &end)| end >= to)
     }
 }
 
@@ -113,6 +114,13 @@ mod tests {
             let found = [24, 30, 50, 59].map(|slot| east_m(&track, slot).unwrap());
             assert_eq!(found, [200.0, 200.0, 100.0, 10.0]);
         }
+    }
+
+    #[test]
+    fn reports_may_be_farther_apart_than_any_leg_is_long() {
+        let heard = track(&[&[(0, 0), (255, 51)], &[(1000, 51), (1255, 0)]]);
+        let found = [100, 255, 259, 500, 1000, 1005].map(|slot| east_m(&heard, slot));
+        assert_eq!(found, [Some(200.0), Some(510.0), Some(518.0), None, Some(510.0), Some(500.0)]);
     }
 
     #[test]
