@@ -39,6 +39,9 @@ impl fmt::Display for Bounds {
 /// Coordinates: farther than anything on Earth, and near enough that no square overflows.
 pub const COORDINATE_M: Bounds = Bounds::new(-1e9, 1e9, "a finite number of metres, at most 1e9 from zero");
 
+/// What may be nothing, and no less.
+pub const NOT_NEGATIVE: Bounds = Bounds::new(0.0, 1e9, "a number from 0 to 1e9");
+
 /// Lengths that people give.
 pub const LENGTH_M: Bounds = Bounds::new(1e-6, 1e9, "a number of metres from 1e-6 to 1e9");
 

@@ -8,6 +8,7 @@ use std::time::Duration;
 use anyhow::Context;
 use comfy_table::{CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressStyle};
+use pingmap_import::ImportError;
 use pingmap_trial::{FileError, ReplayError};
 use serde::Serialize;
 
@@ -28,7 +29,7 @@ impl BadInput {
     pub fn is_behind(error: &anyhow::Error) -> bool {
         error.chain().any(|cause| {
             let nothing_held_out = matches!(cause.downcast_ref(), Some(ReplayError::NothingHeldOut { .. }));
-            nothing_held_out || cause.is::<BadInput>() || cause.is::<FileError>()
+            nothing_held_out || cause.is::<BadInput>() || cause.is::<FileError>() || cause.is::<ImportError>()
         })
     }
 }

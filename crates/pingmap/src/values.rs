@@ -6,9 +6,12 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Arg, Command, ValueEnum};
 use dgpc::Shape;
-use pingmap_agent::{Addition, Bounds, Criterion, Fading, MeanStructure, PathInputs, Terms, bounds};
+use pingmap_agent::{Addition, Bounds, Criterion, Fading, Geographic, MeanStructure, PathInputs, Terms, bounds};
+use pingmap_import::geographic;
 use pingmap_trial::DivideBy;
 use pingmap_trial::paper::Policy;
+
+use crate::output::BadInput;
 
 /// The shapes of kernels, by their names; one with a parameter takes it after a colon.
 #[derive(Clone)]
@@ -299,6 +302,10 @@ pub fn positive(text: &str) -> Result<f64, String> {
     number(text, bounds::POSITIVE)
 }
 
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    number(text, bounds::NOT_NEGATIVE)
+}
+
 pub fn time(text: &str) -> Result<f64, String> {
     number(text, bounds::TIME_S)
 }
@@ -331,6 +338,16 @@ pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
         .collect();
     let numbers = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
     numbers.ok_or_else(|| format!("expected {N} numbers, at most 1e9 from zero, with commas between them"))
+}
+
+/// The place that the option `--origin` names.
+pub fn origin((latitude_deg, longitude_deg): (f64, f64)) -> Result<Geographic, BadInput> {
+    let (latitude, longitude) = (bounds::LATITUDE_DEG, bounds::LONGITUDE_DEG);
+    geographic(latitude_deg, longitude_deg).ok_or_else(|| {
+        BadInput(format!(
+            "--origin {latitude_deg},{longitude_deg}: expected a latitude ({latitude}) and a longitude ({longitude})"
+        ))
+    })
 }
 
 pub fn pair(text: &str) -> Result<(f64, f64), String> {

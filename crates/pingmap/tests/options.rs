@@ -150,7 +150,39 @@ const SIMULATE: &[Case] = &[
     ("--water-depth-m", "15", "--depths"),
     ("--ridge-m", "5", ""),
     ("--mound-m", "5", ""),
+    ("--as-files", "folder", ""),
+    ("--clock-off-s", "2", ""),
+    ("--stops", "auv1=0.5", "--as-files folder"),
+    ("--with-sent", "", "--as-files folder"),
+    ("--origin", "10,10", "--as-files folder"),
+    ("--start", "0", "--as-files folder"),
     ("--json", "", "--output simulated.csv"),
+];
+
+const IMPORT: &[Case] = &[
+    ("--nav", "other-nav.csv", ""),
+    ("--heard", "other-heard.csv", ""),
+    ("--sent", "sent.csv", ""),
+    ("--fixed", "auv1=100,100", "--origin 41.5,-70.6"),
+    ("--schedule", "listed.csv", ""),
+    ("--ids", "other-ids.csv", ""),
+    ("--listening", "auv3=0/1e10", "--always-sends"),
+    ("--column", "heard.source=from", ""),
+    ("--columns", "columns.toml", ""),
+    ("--origin", "41,-70", ""),
+    ("--crs", "EPSG:32619", ""),
+    ("--always-sends", "", ""),
+    ("--correct-clocks", "auv1", ""),
+    ("--clock-off-s-max", "0", ""),
+    ("--match-s", "0.001", ""),
+    ("--message-s", "11", ""),
+    ("--nav-gap-s-max", "0.5", "--correct-clocks auv1"),
+    ("--sound-m-per-s", "300", ""),
+    ("--overhear", "", "--column heard.destination=addressee"),
+    ("--any-frame", "", "--column heard.frame=part"),
+    ("--surfaced-above-m", "11", ""),
+    ("--output", "imported.csv", ""),
+    ("--json", "", ""),
 ];
 
 const REPRODUCE: &[Case] =
@@ -191,6 +223,7 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
         ("map --events events.csv --at 500,200 --cell-m 150", vec![MAP, ASKED, GIVEN, MODEL, WORK, THINNED]),
         ("select events.csv --vehicle ada --radius-m 400", vec![SELECT, GIVEN, MODEL]),
         ("simulate --slots 300", vec![SIMULATE]),
+        ("import --nav nav.csv --heard heard.csv --schedule schedule.toml --ids ids.csv", vec![IMPORT]),
         ("reproduce local --permutations 2", vec![REPRODUCE]),
         ("reproduce points --permutations 2", vec![&[("--out", "page", "")]]),
         ("team events.csv", vec![TEAM]),
@@ -221,9 +254,35 @@ fn prepare(folder: &Path) {
         let output = pingmap(folder, &arguments.split(' ').collect::<Vec<_>>());
         assert!(output.status.success(), "{arguments}: {}", stderr(&output));
     }
-    let model = std::fs::read_to_string(folder.join("model.toml")).unwrap();
-    file(folder, "offsets.toml", model + OFFSETS);
+    let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    file(folder, "offsets.toml", read("model.toml") + OFFSETS);
+    prepare_mission(folder, &read);
     file(folder, "packet.json", stdout(&pingmap(folder, &["packet", "decode", PACKET, "--json"])));
+}
+
+/// What three vehicles recorded, each kind of it in one table.
+fn prepare_mission(folder: &Path, read: &dyn Fn(&str) -> String) {
+    let simulate = "simulate --slots 90 --clock-off-s 2 --with-sent --as-files . -o recorded.csv";
+    let output = pingmap(folder, &simulate.split(' ').collect::<Vec<_>>());
+    assert!(output.status.success(), "{}", stderr(&output));
+    for (kind, header, more) in [
+        ("nav", "vehicle,time,latitude,longitude,depth_m", ""),
+        ("heard", "vehicle,time,source,destination,from,addressee,part", ",3,1,2"),
+        ("sent", "vehicle,time,destination", ""),
+    ] {
+        let mut all = format!("{header}\n");
+        for id in ["auv1", "auv2", "auv3"] {
+            let name = format!("{id}.{kind}.csv");
+            all.extend(read(&name).lines().skip(1).map(|line| format!("{id},{line}{more}\n")));
+            std::fs::remove_file(folder.join(name)).unwrap();
+        }
+        file(folder, &format!("{kind}.csv"), all);
+    }
+    file(folder, "other-nav.csv", read("nav.csv").replace("-70.66", "-70.65"));
+    file(folder, "other-heard.csv", read("heard.csv").replacen("\nauv1", "\nauv2", 1));
+    file(folder, "listed.csv", "time_s,source\n2026-05-03T12:00:10Z,auv1\n2026-05-03T12:00:20Z,auv2\n");
+    file(folder, "other-ids.csv", "id,name\n1,auv2\n2,auv1\n3,auv3\n63,broadcast\n");
+    file(folder, "columns.toml", "[heard]\nsource = \"from\"\n");
 }
 
 /// Vehicles and times that a model tells apart.
@@ -335,7 +394,7 @@ fn every_option_is_among_those_cases() {
         let is_option = |word: &&str| word.starts_with("--") && word.len() > 2;
         let listed = help.lines().map(str::trim_start).filter(|line| line.starts_with('-'));
         let options: BTreeSet<String> = listed
-            .filter_map(|line| line.split([' ', ',']).find(is_option).map(str::to_owned))
+            .filter_map(|line| line.split([' ', ',', '[']).find(is_option).map(str::to_owned))
             // The number of threads must change nothing; both have tests of their own.
             .filter(|option| !["--help", "--threads"].contains(&option.as_str()))
             .filter(|option| ![CRITERION.0, ADDITIONS.0].contains(&option.as_str()) || known.contains(option))

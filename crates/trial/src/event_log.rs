@@ -1,4 +1,4 @@
-//! Event logs as CSV files.
+//! Event logs as CSV files (or separated by semicolons or tabs; lines that begin with `#` are remarks).
 //!
 //! Required columns, in any order: `time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m,
 //! success`. Read when present: `true_probability` (for scoring only), `tx_depth_m` and `rx_depth_m` (together: links
@@ -57,7 +57,7 @@ impl EventLog {
             let lone_depth = column.ends_with("_depth_m") && !has_depths;
             REQUIRED_COLUMNS.contains(&column.as_str()) || OPTIONAL_COLUMNS.contains(&column.as_str()) && !lone_depth
         };
-        let unknown_columns = table.header.iter().filter(|column| !known(column)).cloned().collect();
+        let unknown_columns = table.header().iter().filter(|column| !known(&column.to_lowercase())).cloned().collect();
         let mut events = Vec::new();
         let mut probabilities = Vec::new();
         while table.next()? {
@@ -244,5 +244,21 @@ mod tests {
         let broken = format!("{},kind\n10,a,b,0,0,100,0,1,\u{7}\n", REQUIRED_COLUMNS.join(","));
         let error = EventLog::read(broken.as_bytes(), Path::new("log.csv")).unwrap_err().to_string();
         assert!(error.contains("line 2") && error.contains("kind of message"), "{error}");
+    }
+
+    #[test]
+    fn logs_of_any_system_and_spreadsheet_are_read_and_lines_counted_right() {
+        let plain = read("", "");
+        let header = REQUIRED_COLUMNS.join(";").to_uppercase();
+        let text = format!("# a mission\r\n\r\n{header}\r\n10;a;b;0;0;100;0;True\r\n# noon\r\n20;b;a;0;0;100;0;no\r\n");
+        let log = EventLog::read(text.as_bytes(), Path::new("log.csv")).unwrap();
+        assert_eq!(log.events, plain.events);
+        let error = |text: &str| EventLog::read(text.as_bytes(), Path::new("log.csv")).unwrap_err().to_string();
+        for ends in ["\n", "\r\n"] {
+            let broken = text.replace("\r\n", ends).replace("20;", "x;");
+            assert!(error(&broken).contains("line 6, column time_s"), "{}", error(&broken));
+            let broken = text.replace("\r\n", ends).replace("True", "maybe");
+            assert!(error(&broken).contains("line 4, column success: found \"maybe\""), "{}", error(&broken));
+        }
     }
 }

@@ -7,6 +7,7 @@
 
 // In the order of the flow: each module uses only those above it.
 mod streams;
+mod delimited;
 mod table;
 mod event_log;
 mod built_in;
@@ -41,5 +42,5 @@ pub use replay::{Calibrated, Replay, ReplayError, Sharing, SplitNll, SplitSummar
 pub use schedule::schedule;
 pub use score::{Estimate, MeanScore, Score};
 pub use split::{Split, read_splits, splits_to_csv, thin};
-pub use table::{FileError, Problem};
+pub use table::{FileError, Problem, Table, flag, open};
 pub use water::Water;

@@ -38,7 +38,7 @@ impl Split {
 pub fn read_splits(path: &Path, log: &EventLog) -> Result<Vec<Split>, FileError> {
     let mut table = Table::new(open(path)?, path, &[])?;
     let mut splits: Vec<Split> =
-        table.header.iter().map(|name| Split { name: name.clone(), held_out: Vec::new() }).collect();
+        table.header().iter().map(|name| Split { name: name.clone(), held_out: Vec::new() }).collect();
     while table.next()? {
         for (column, split) in splits.iter_mut().enumerate() {
             split.held_out.push(table.flag_at(column)?);

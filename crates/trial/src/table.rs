@@ -1,4 +1,4 @@
-//! CSV files read line by line, with errors that say where.
+//! Delimited text files read line by line, with errors that say where.
 
 use std::collections::HashMap;
 use std::io::Read;
@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use csv::StringRecord;
 use pingmap_agent::{Link, MessageKind, Position, VehicleId, bounds};
+
+use crate::delimited::records;
 
 /// Why a file could not be read: where, and what was expected.
 #[derive(Debug, thiserror::Error)]
@@ -88,7 +90,10 @@ pub enum Problem {
 }
 
 /// Opens a file to read.
-pub(crate) fn open(path: &Path) -> Result<std::fs::File, FileError> {
+///
+/// # Errors
+/// [`Problem::Unreadable`], for a folder too.
+pub fn open(path: &Path) -> Result<std::fs::File, FileError> {
     let unreadable = |error| FileError { path: path.to_owned(), problem: Problem::Unreadable(error) };
     let file = std::fs::File::open(path).map_err(unreadable)?;
     if file.metadata().map_err(unreadable)?.is_dir() {
@@ -97,28 +102,32 @@ pub(crate) fn open(path: &Path) -> Result<std::fs::File, FileError> {
     Ok(file)
 }
 
-/// A CSV file read line by line, with errors that say where.
-pub(crate) struct Table<R> {
-    reader: csv::Reader<R>,
+/// A text file of records with a header, read line by line, with errors that say where. Fields are separated by commas, semicolons or
+/// tabs, whichever its header has; lines that begin with `#` are remarks; columns are known by their names in upper or lower case.
+pub struct Table<'a> {
+    reader: csv::Reader<Box<dyn Read + 'a>>,
     path: PathBuf,
-    pub(crate) header: Vec<String>,
-    /// Where each column of the header stands.
+    header: Vec<String>,
+    /// Where each column of the header stands, by its name in lower case.
     places: HashMap<String, usize>,
     record: StringRecord,
     line: u64,
 }
 
-impl<R: Read> Table<R> {
-    pub(crate) fn new(reader: R, path: &Path, required: &[&str]) -> Result<Self, FileError> {
-        // Flexible, so that bytes that are no text are found before a wrong number of fields.
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(reader);
+impl<'a> Table<'a> {
+    /// Reads the header; `path` stands for the file in errors.
+    ///
+    /// # Errors
+    /// [`FileError`] where it is no text, lacks columns that are required, or has one twice.
+    pub fn new(reader: impl Read + 'a, path: &Path, required: &[&str]) -> Result<Self, FileError> {
         let fail = |problem| FileError { path: path.to_owned(), problem };
-        let header = reader.headers().map_err(|error| fail(problem_of(&error)))?;
+        let mut reader = records(reader).map_err(|error| fail(Problem::Unreadable(error)))?;
+        let header = reader.headers().map_err(|error| fail(problem_of(&error, 1)))?;
         // Spreadsheets put a byte-order mark before the first column.
         let header: Vec<String> = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect();
         let mut places = HashMap::with_capacity(header.len());
         for (place, column) in header.iter().enumerate() {
-            if places.insert(column.clone(), place).is_some() {
+            if places.insert(column.to_lowercase(), place).is_some() {
                 return Err(fail(Problem::RepeatedColumn { column: column.clone() }));
             }
         }
@@ -131,10 +140,22 @@ impl<R: Read> Table<R> {
         Ok(Self { reader, path: path.to_owned(), header, places, record: StringRecord::new(), line: 1 })
     }
 
+    /// The names of the columns as they stand in the file.
+    pub fn header(&self) -> &[String] {
+        &self.header
+    }
+
     /// Goes to the next line; false at the end.
-    pub(crate) fn next(&mut self) -> Result<bool, FileError> {
-        let more = self.reader.read_record(&mut self.record).map_err(|error| self.error(problem_of(&error)))?;
-        self.line = self.record.position().map_or(self.line, |position| position.line());
+    ///
+    /// # Errors
+    /// [`FileError`] where a line is no text or has more or fewer fields than the header.
+    #[expect(clippy::should_implement_trait, reason = "a line is looked at where it is, and not handed out")]
+    pub fn next(&mut self) -> Result<bool, FileError> {
+        let more = self.reader.read_record(&mut self.record);
+        // Every line was ended, so the reader stands behind that of the record; where it began there may have been remarks.
+        let within: usize = self.record.iter().map(|field| field.matches('\n').count()).sum();
+        self.line = (self.reader.position().line() - 1).saturating_sub(within as u64);
+        let more = more.map_err(|error| self.error(problem_of(&error, self.line)))?;
         let (expected, found) = (self.header.len(), self.record.len());
         if more && found != expected {
             return Err(self.error(Problem::Ragged { line: self.line, expected, found }));
@@ -142,11 +163,18 @@ impl<R: Read> Table<R> {
         Ok(more)
     }
 
-    pub(crate) fn error(&self, problem: Problem) -> FileError {
+    /// An error about this file.
+    pub fn error(&self, problem: Problem) -> FileError {
         FileError { path: self.path.clone(), problem }
     }
 
-    pub(crate) fn has(&self, column: &str) -> bool {
+    /// The number of the line, from 1.
+    pub fn line(&self) -> u64 {
+        self.line
+    }
+
+    /// Whether there is a column of this name, given in lower case.
+    pub fn has(&self, column: &str) -> bool {
         self.place(column).is_some()
     }
 
@@ -154,17 +182,22 @@ impl<R: Read> Table<R> {
         self.places.get(column).copied()
     }
 
-    /// The field in a column that is known to exist.
-    fn field(&self, column: &str) -> &str {
+    /// The field in a column; empty where there is no such column.
+    pub fn field(&self, column: &str) -> &str {
         self.place(column).and_then(|place| self.record.get(place)).unwrap_or_default()
     }
 
-    fn bad(&self, column: &str, expected: &'static str) -> FileError {
+    /// What this field holds is not what its column should.
+    pub fn bad(&self, column: &str, expected: &'static str) -> FileError {
         let (column, value) = (column.to_owned(), shorten(self.field(column)));
         self.error(Problem::BadValue { line: self.line, column, value, expected })
     }
 
-    pub(crate) fn number(&self, column: &str) -> Result<f64, FileError> {
+    /// A finite number.
+    ///
+    /// # Errors
+    /// [`Problem::BadValue`] for anything else, as all that follow.
+    pub fn number(&self, column: &str) -> Result<f64, FileError> {
         let number = self.field(column).parse::<f64>().ok().filter(|number| number.is_finite());
         number.ok_or_else(|| self.bad(column, "a finite number"))
     }
@@ -174,20 +207,25 @@ impl<R: Read> Table<R> {
         number.ok_or_else(|| self.bad(column, "a probability from 0 to 1"))
     }
 
-    pub(crate) fn flag(&self, column: &str) -> Result<bool, FileError> {
+    /// Yes or no, as [`flag`] reads it.
+    ///
+    /// # Errors
+    /// [`Problem::BadValue`] for anything else.
+    pub fn flag(&self, column: &str) -> Result<bool, FileError> {
         self.flag_at(self.place(column).unwrap_or(usize::MAX))
     }
 
     /// The flag in the n-th column.
     pub(crate) fn flag_at(&self, place: usize) -> Result<bool, FileError> {
-        match self.record.get(place) {
-            Some("1") => Ok(true),
-            Some("0") => Ok(false),
-            _ => Err(self.bad(self.header.get(place).map_or("", String::as_str), "0 or 1")),
-        }
+        let flag = self.record.get(place).and_then(flag);
+        flag.ok_or_else(|| self.bad(&self.header.get(place).map_or(String::new(), |name| name.to_lowercase()), FLAG))
     }
 
-    pub(crate) fn vehicle(&self, column: &str) -> Result<VehicleId, FileError> {
+    /// The name of a vehicle.
+    ///
+    /// # Errors
+    /// [`Problem::BadValue`] without one.
+    pub fn vehicle(&self, column: &str) -> Result<VehicleId, FileError> {
         let name = self.field(column);
         if name.is_empty() || name.contains(char::is_control) {
             return Err(self.bad(column, "the name of a vehicle, without control characters"));
@@ -195,8 +233,11 @@ impl<R: Read> Table<R> {
         Ok(VehicleId::new(name))
     }
 
-    /// The kind of message, if it is said.
-    pub(crate) fn kind(&self) -> Result<Option<MessageKind>, FileError> {
+    /// The kind of message, if it is said: by `kind`, or by what there is of `rate`, `band`, `level` and `length`.
+    ///
+    /// # Errors
+    /// [`Problem::BadValue`] for names with control characters.
+    pub fn kind(&self) -> Result<Option<MessageKind>, FileError> {
         let said = |column: &str| {
             let value = if self.has(column) { self.field(column) } else { "" };
             let is_name = !value.contains(char::is_control);
@@ -214,7 +255,11 @@ impl<R: Read> Table<R> {
         Ok((!parts.is_empty()).then(|| MessageKind::new(parts.join(", "))))
     }
 
-    fn metres(&self, column: &str) -> Result<f64, FileError> {
+    /// A coordinate in metres.
+    ///
+    /// # Errors
+    /// [`Problem::BadValue`] for what is none.
+    pub fn metres(&self, column: &str) -> Result<f64, FileError> {
         let number = self.field(column).parse::<f64>().ok().and_then(|number| bounds::COORDINATE_M.check(number));
         number.ok_or_else(|| self.bad(column, bounds::COORDINATE_M.words))
     }
@@ -231,11 +276,20 @@ impl<R: Read> Table<R> {
     }
 }
 
+/// What a flag may be.
+const FLAG: &str = "0 or 1, no or yes, false or true";
+
+/// Yes or no: 1, 1.0, true, yes; 0, 0.0, false, no; in upper or lower case.
+pub fn flag(text: &str) -> Option<bool> {
+    let is_one_of = |words: [&str; 4]| words.iter().any(|word| text.eq_ignore_ascii_case(word));
+    let yes = is_one_of(["1", "1.0", "true", "yes"]);
+    (yes || is_one_of(["0", "0.0", "false", "no"])).then_some(yes)
+}
+
 /// What the CSV reader met, in our words.
-fn problem_of(error: &csv::Error) -> Problem {
-    let line_of = |position: &Option<csv::Position>| position.as_ref().map_or(1, |position| position.line());
+fn problem_of(error: &csv::Error, line: u64) -> Problem {
     match error.kind() {
-        csv::ErrorKind::Utf8 { pos, .. } => Problem::NotText { line: line_of(pos) },
+        csv::ErrorKind::Utf8 { .. } => Problem::NotText { line },
         csv::ErrorKind::Io(error) => Problem::Unreadable(std::io::Error::new(error.kind(), error.to_string())),
         _ => Problem::Unreadable(std::io::Error::other(error.to_string())),
     }

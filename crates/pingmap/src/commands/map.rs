@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pingmap_agent::{Geographic, Position, bounds};
+use pingmap_agent::Position;
 use pingmap_trial::EventLog;
 use serde::Serialize;
 
@@ -13,7 +13,7 @@ use crate::options::{Asked, Source};
 use crate::output::{BadInput, Results, note, print_json, spinner};
 use crate::success_map::{CONTOURS, SuccessMap};
 use crate::survey::Survey;
-use crate::values::{End, name_of, pair, positive};
+use crate::values::{End, name_of, origin, pair, positive};
 
 /// Draw the probability of success seen from one place
 #[derive(Args)]
@@ -55,7 +55,7 @@ impl Options {
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let format = Format::of(&options.output)?;
-    let origin = options.origin.map(geographic).transpose()?;
+    let origin = options.origin.map(origin).transpose()?;
     if format == Format::GeoJson && origin.is_none() {
         let message = "a .geojson map needs --origin LAT,LON, the latitude and longitude of (0, 0) of the log";
         return Err(BadInput(message.to_owned()).into());
@@ -157,17 +157,6 @@ impl Format {
             }
         }
     }
-}
-
-fn geographic((latitude_deg, longitude_deg): (f64, f64)) -> anyhow::Result<Geographic> {
-    let (latitude, longitude) = (bounds::LATITUDE_DEG, bounds::LONGITUDE_DEG);
-    if latitude.check(latitude_deg).is_none() || longitude.check(longitude_deg).is_none() {
-        let message = format!(
-            "--origin {latitude_deg},{longitude_deg}: expected a latitude ({latitude}) and a longitude ({longitude})"
-        );
-        return Err(BadInput(message).into());
-    }
-    Ok(Geographic { latitude_deg, longitude_deg })
 }
 
 /// A plane tangent to the Earth is no map of it farther out than this.

@@ -2,6 +2,7 @@
 //! run.
 
 pub mod demo;
+pub mod import;
 pub mod learn;
 pub mod map;
 pub mod packet;
@@ -42,6 +43,7 @@ macro_rules! commands {
 
 commands! {
     Demo(demo),
+    Import(import),
     Replay(replay),
     Learn(learn),
     Predict(predict),

@@ -72,6 +72,9 @@ pub struct Simulation {
     pub ridge_m: f64,
     /// Height of a mound, metres; where it is is drawn.
     pub mound_m: f64,
+    /// How far clocks are off: that of the first vehicle is right, those of the others are ahead and behind in turn. Everybody sends
+    /// when its own clock says so.
+    pub clock_off_s: f64,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -91,6 +94,7 @@ impl Default for Simulation {
             water_depth_m: 30.0,
             ridge_m: 24.0,
             mound_m: 22.5,
+            clock_off_s: 0.0,
             seed: 1,
         }
     }
@@ -105,6 +109,15 @@ pub struct Simulated {
     pub vehicles: Vec<(VehicleId, f64)>,
     /// Sound, and the sea floor that was drawn.
     pub channel: Channel,
+    tracks: Vec<Legs>,
+    simulation: Simulation,
+}
+
+impl Simulated {
+    /// Where a vehicle, by its number from 0, is at a time.
+    pub fn position(&self, vehicle: usize, time_s: f64) -> Position {
+        self.simulation.place(&self.tracks[vehicle], time_s, &self.channel.floor)
+    }
 }
 
 impl Simulation {
@@ -133,9 +146,9 @@ impl Simulation {
         let mut events = Vec::with_capacity(self.slots * (self.vehicles - 1));
         let mut probabilities = Vec::with_capacity(events.capacity());
         for slot in 0..self.slots {
-            let time_s = self.slot_s * (slot + 1) as f64;
-            let places: Vec<Position> = tracks.iter().map(|legs| self.place(legs, time_s, &channel.floor)).collect();
             let transmitter = slot % self.vehicles;
+            let time_s = self.slot_s * (slot + 1) as f64 - self.clock_ahead_s(transmitter);
+            let places: Vec<Position> = tracks.iter().map(|legs| self.place(legs, time_s, &channel.floor)).collect();
             for receiver in (0..self.vehicles).filter(|&receiver| receiver != transmitter) {
                 let link = Link { transmitter: places[transmitter], receiver: places[receiver] };
                 let (receiver_id, self_noise_db) = vehicles[receiver].clone();
@@ -148,7 +161,16 @@ impl Simulation {
         }
         let true_probability = Some(probabilities);
         let log = EventLog { events, true_probability, has_depths: true, unknown_columns: Vec::new() };
-        Ok(Simulated { log, vehicles, channel })
+        Ok(Simulated { log, vehicles, channel, tracks, simulation: self.clone() })
+    }
+
+    /// How far a vehicle's clock is ahead of true time, in seconds; the number is from 0.
+    pub fn clock_ahead_s(&self, vehicle: usize) -> f64 {
+        match vehicle {
+            0 => 0.0,
+            odd if odd % 2 == 1 => self.clock_off_s,
+            _ => -self.clock_off_s,
+        }
     }
 
     fn check(&self) -> Result<(), SimulationError> {
@@ -161,6 +183,7 @@ impl Simulation {
         within("water depth (m)", self.water_depth_m, CLEARANCE_M, 11_000.0)?;
         within("depth of the vehicles (m)", self.depth_m, DEPTH_MIN_M, self.water_depth_m - ALTITUDE_MIN_M)?;
         within("height of the ridge (m)", self.ridge_m, 0.0, height_max_m)?;
+        within("clocks off by (s)", self.clock_off_s, 0.0, self.slot_s / 2.0)?;
         within("height of the mound (m)", self.mound_m, 0.0, height_max_m)?;
         within("vehicles' own noise (dB)", self.self_noise_db, -100.0, 250.0)?;
         within("spread of the vehicles' own noise (dB)", self.self_noise_spread_db, 0.0, 50.0)

@@ -1,5 +1,7 @@
 //! `pingmap simulate`: a field trial of one's own.
 
+mod files;
+
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -9,6 +11,7 @@ use pingmap_trial::simulate::{
 };
 use serde::Serialize;
 
+use self::files::Files;
 use crate::files::write_file;
 use crate::output::{BadInput, Results, count, print, print_json, table};
 use crate::values::{sea_state, whole_number};
@@ -47,6 +50,8 @@ pub struct Options {
     pub sound: Sound,
     #[command(flatten)]
     pub floor: Floor,
+    #[command(flatten)]
+    pub files: Files,
     /// Print one JSON object instead of a summary
     #[arg(long)]
     pub json: bool,
@@ -152,6 +157,7 @@ impl Options {
             water_depth_m,
             ridge_m,
             mound_m,
+            clock_off_s: self.files.clock_off_s,
             seed,
         }
     }
@@ -187,6 +193,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let simulation = options.simulation();
     let mut trial = simulation.run(&options.sound()).map_err(|error| BadInput(error.to_string()))?;
     trial.log.has_depths = options.depths;
+    options.files.write(&simulation, &mut trial)?;
     write_file(&options.output, trial.log.to_csv().as_bytes())?;
     if options.json {
         return print_json(results, &SimulatedJson::of(&simulation, &trial));

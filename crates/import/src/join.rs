@@ -1,0 +1,245 @@
+//! From what vehicles recorded to events.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use pingmap_agent::{Event, Link, VehicleId};
+use pingmap_trial::EventLog;
+
+use crate::clocks::Clocks;
+use crate::error::ImportError;
+use crate::fleet::Fleet;
+use crate::listening::{Sending, local_s, unknown};
+use crate::matching::{Matches, add_received, all_matches};
+use crate::recording::Recordings;
+use crate::reference::Reference;
+use crate::report::{ClockFound, Imported, LeftOut, Pair, Proofs};
+use crate::rules::Rules;
+use crate::schedule::Schedule;
+use crate::transmission::{Proof, Reception, Transmission, accounted, known};
+
+/// Matching and fitting clocks take turns so often.
+const ROUNDS: usize = 3;
+
+/// Puts together what vehicles recorded: what was sent, who heard it, who could have. O(n log n) for n lines, times the vehicles.
+///
+/// # Errors
+/// [`ImportError::Together`] where there is nobody who listened, nobody who moved, or a name that nobody has.
+pub fn join(
+    recordings: &Recordings,
+    schedule: Option<&Schedule>,
+    reference: &Reference,
+    rules: &Rules,
+) -> Result<Imported, ImportError> {
+    let fleet = Fleet::new(recordings, reference, rules);
+    check(&fleet, schedule)?;
+    let mut sent = known(&fleet, schedule);
+    let accounted = accounted(&sent);
+    let mut clocks = guess(&fleet, &mut sent, &accounted);
+    for _ in 0..ROUNDS {
+        let found = all_matches(&fleet, &clocks, &sent);
+        clocks.improve(&fleet, &receptions(&fleet, &sent, &found));
+    }
+    clocks.relative_to_reference();
+    let mut unexpected = BTreeMap::new();
+    for (sender, sent) in sent.iter_mut().enumerate() {
+        let added = add_received(&fleet, &clocks, sender, sent);
+        if added > 0 && accounted.contains(&sender) {
+            unexpected.insert(fleet.vehicles[sender].name.clone(), added);
+        }
+    }
+    let matches = all_matches(&fleet, &clocks, &sent);
+    prove(&mut sent, &matches);
+    let (log, pairs, overheard) = events(&fleet, &clocks, &sent, &matches);
+    let found = ClockFound::all(&fleet, &clocks, &receptions(&fleet, &sent, &matches));
+    Ok(Imported {
+        proofs: Proofs::of(&sent),
+        left_out: LeftOut {
+            strangers: fleet.strangers.clone(),
+            twice: fleet.twice,
+            own: fleet.own,
+            overheard,
+            unexpected,
+            unplaced: fleet.vehicles.iter().map(|vehicle| vehicle.track.unplaced).sum(),
+        },
+        by_reception_alone: fleet.names(&senders(&sent).difference(&accounted).copied().collect()),
+        unused_turns: fleet.names(&unused(&sent)),
+        delay_s: clocks.delay_s,
+        doubts: clocks.doubts.clone(),
+        clocks: found,
+        log,
+        pairs,
+    })
+}
+
+fn check(fleet: &Fleet, schedule: Option<&Schedule>) -> Result<(), ImportError> {
+    let fail = |text: String| Err(ImportError::Together(text));
+    if fleet.receivers().next().is_none() {
+        return fail("no record of what was heard; expected one of at least one vehicle (--heard NAME=FILE)".into());
+    }
+    for vehicle in &fleet.vehicles {
+        let name = vehicle.name;
+        let Some((from_s, to_s)) = vehicle.track.span_s() else {
+            return fail(format!(
+                "{name}: no record of where it was; expected one (--nav {name}=FILE), or where it stays (--fixed)"
+            ));
+        };
+        let heard = vehicle.recording.arrivals.iter().flatten().map(|arrival| arrival.time_s);
+        let mut times = heard.chain(vehicle.recording.sent.iter().flatten().map(|sent| sent.time_s)).peekable();
+        let off_s = fleet.rules.clock_off_s_max + fleet.rules.nav_gap_s_max;
+        if times.peek().is_some() && !times.any(|time_s| from_s - off_s <= time_s && time_s <= to_s + off_s) {
+            let [from, to] = [from_s, to_s].map(crate::time::time_in_words);
+            return fail(format!(
+                "{name}: its navigation is from {from} to {to}, and nothing that it heard or sent is; expected times of one kind in both"
+            ));
+        }
+    }
+    let right = fleet.rules.right_clock.as_ref();
+    if let Some(name) = right.filter(|name| fleet.number(name).is_none()) {
+        return fail(format!("nobody is called {name}; expected one of {}", names(fleet)));
+    }
+    let nobody = |name: &&VehicleId| fleet.number(name).is_none();
+    if let Some(name) = schedule.and_then(|schedule| schedule.senders().find(nobody)) {
+        return fail(format!(
+            "the schedule has turns for {name}, of whom nothing was recorded; expected one of {} (or --ids)",
+            names(fleet)
+        ));
+    }
+    Ok(())
+}
+
+fn names(fleet: &Fleet) -> String {
+    fleet.names(&(0..fleet.vehicles.len()).collect())
+}
+
+/// A first idea of clocks. Senders that kept no record and have no turns are known for that by what one receiver has of them.
+fn guess(fleet: &Fleet, sent: &mut [Vec<Transmission>], accounted: &BTreeSet<usize>) -> Clocks {
+    let messages =
+        |receiver: usize, sender: usize| fleet.vehicles[receiver].messages.get(&sender).map_or(&[][..], Vec::as_slice);
+    let mut provisional = sent.to_vec();
+    for sender in (0..sent.len()).filter(|sender| !accounted.contains(sender)) {
+        let Some(receiver) = fleet.receivers().max_by_key(|&receiver| messages(receiver, sender).len()) else {
+            continue;
+        };
+        let behind =
+            |message| Transmission::behind(message, receiver, fleet.travel_s(sender, receiver, message.time_s));
+        provisional[sender] = messages(receiver, sender).iter().map(behind).collect();
+        provisional[sender].sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    }
+    let mut clocks = Clocks::guess(fleet, &provisional);
+    clocks.search_pieces(fleet, &provisional);
+    clocks
+}
+
+/// Each message that has a transmission.
+fn receptions<'a>(
+    fleet: &Fleet,
+    sent: &'a [Vec<Transmission>],
+    found: &BTreeMap<(usize, usize), Matches>,
+) -> Vec<Reception<'a>> {
+    let mut receptions = Vec::new();
+    for (&(receiver, sender), matches) in found {
+        let messages = &fleet.vehicles[receiver].messages[&sender];
+        receptions.extend(matches.iter().map(|(&place, &message)| {
+            let time_s = messages[message].time_s;
+            Reception { sender, sent: &sent[sender][place], receiver, time_s }
+        }));
+    }
+    receptions
+}
+
+/// Whatever somebody received was sent.
+fn prove(sent: &mut [Vec<Transmission>], matches: &BTreeMap<(usize, usize), Matches>) {
+    for ((_, sender), matches) in matches {
+        for &place in matches.keys() {
+            let proof = &mut sent[*sender][place].proof;
+            *proof = (*proof).min(Proof::Received);
+        }
+    }
+}
+
+fn senders(sent: &[Vec<Transmission>]) -> BTreeSet<usize> {
+    (0..sent.len()).filter(|&sender| !sent[sender].is_empty()).collect()
+}
+
+/// Those of whom turns are left that nobody can vouch for.
+fn unused(sent: &[Vec<Transmission>]) -> BTreeSet<usize> {
+    let open = |sender: &usize| sent[*sender].iter().any(|sent| sent.proof == Proof::Nothing);
+    (0..sent.len()).filter(open).collect()
+}
+
+/// Every transmission, by everybody who could have heard it: events, what is known of each pair, and how much was meant for others.
+fn events(
+    fleet: &Fleet,
+    clocks: &Clocks,
+    sent: &[Vec<Transmission>],
+    matches: &BTreeMap<(usize, usize), Matches>,
+) -> (EventLog, BTreeMap<(VehicleId, VehicleId), Pair>, usize) {
+    let sending = Sending::of(fleet, clocks, sent);
+    let mut events = Vec::new();
+    let mut pairs: BTreeMap<(VehicleId, VehicleId), Pair> = BTreeMap::new();
+    let mut overheard = 0;
+    for (sender, all) in sent.iter().enumerate() {
+        for receiver in fleet.receivers().filter(|&receiver| receiver != sender) {
+            let [from, to] = [sender, receiver].map(|vehicle| fleet.vehicles[vehicle].name.clone());
+            let pair = pairs.entry((from.clone(), to.clone())).or_default();
+            for (place, sent) in all.iter().enumerate() {
+                let message = matches.get(&(receiver, sender)).and_then(|matches| matches.get(&place));
+                let message = message.map(|&message| &fleet.vehicles[receiver].messages[&sender][message]);
+                let destination =
+                    sent.destination.as_ref().or(message.and_then(|message| message.destination.as_ref()));
+                if destination.is_some_and(|destination| *destination != to) && !fleet.rules.overhear {
+                    overheard += usize::from(message.is_some());
+                    continue;
+                }
+                let (time_s, link) = time_and_place(fleet, clocks, (sender, sent), receiver);
+                if let Some(reason) = unknown(fleet, clocks, &sending, (sender, sent), (receiver, link)) {
+                    *pair.unknown.entry(reason).or_default() += 1;
+                    continue;
+                }
+                let Some(link) = link else { continue };
+                let success = message.is_some_and(|message| message.is_heard(sent.frames, fleet.rules.any_frame));
+                *if success { &mut pair.heard } else { &mut pair.missed } += 1;
+                let kind = sent.kind.clone().or(message.and_then(|message| message.kind.clone()));
+                let [transmitter_id, receiver_id] = [from.clone(), to.clone()];
+                events.push(Event { time_s, transmitter_id, receiver_id, link, kind, success });
+            }
+        }
+    }
+    pairs.retain(|_, pair| *pair != Pair::default());
+    events.sort_by(|a, b| {
+        let by_time = a.time_s.total_cmp(&b.time_s);
+        by_time.then_with(|| (&a.transmitter_id, &a.receiver_id).cmp(&(&b.transmitter_id, &b.receiver_id)))
+    });
+    (log_of(events), pairs, overheard)
+}
+
+/// Depths count where all places have one.
+fn log_of(mut events: Vec<Event>) -> EventLog {
+    let mut ends = events.iter().flat_map(|event| event.link.ends());
+    let has_depths = !events.is_empty() && ends.all(|end| end.depth_m.is_some());
+    if !has_depths {
+        for event in &mut events {
+            let Link { transmitter, receiver } = &mut event.link;
+            (transmitter.depth_m, receiver.depth_m) = (None, None);
+        }
+    }
+    EventLog { events, true_probability: None, has_depths, unknown_columns: Vec::new() }
+}
+
+/// When a transmission began, and where both were then: by the right clock, if one is; as recorded, if none is.
+fn time_and_place(
+    fleet: &Fleet,
+    clocks: &Clocks,
+    (sender, sent): (usize, &Transmission),
+    receiver: usize,
+) -> (f64, Option<Link>) {
+    let recorded_s = clocks.begin_s(sent);
+    let corrected = fleet.rules.right_clock.is_some();
+    let time_s = if corrected { recorded_s - clocks.clocks[sent.clock].ahead_s(recorded_s) } else { recorded_s };
+    let at = |vehicle: usize| {
+        let local_s = if corrected { local_s(clocks, sent, vehicle) } else { recorded_s };
+        fleet.vehicles[vehicle].track.at(local_s, fleet.rules.nav_gap_s_max)
+    };
+    let link = at(sender).zip(at(receiver)).map(|(transmitter, receiver)| Link { transmitter, receiver });
+    (time_s, link)
+}

@@ -1,0 +1,67 @@
+//! From what underwater vehicles recorded to one event log.
+//!
+//! After a mission there are files of each vehicle: where it was, what it heard, perhaps what it sent, all by its own clock; and perhaps
+//! a schedule. [`Reading`] takes tables in, a [`Recording`] for each vehicle; [`join`] puts these together: a log of who could have
+//! heard what, from where to where, and whether it was heard.
+//!
+//! What is estimated from such a log is the probability that a message, *once sent*, is decoded by a *listening* receiver. So
+//! a transmission counts only if something proves that it was sent ([`Proof`]), and only for receivers that listened: whatever speaks
+//! against that ([`Unknown`]) is asked without regard to the outcome, so that what is left out is left out heard and missed alike.
+//!
+//! ```
+//! use std::path::Path;
+//! use pingmap_agent::VehicleId;
+//! use pingmap_import::{Reading, Recordings, Reference, Rules, TableKind, join};
+//!
+//! let (a, b) = (VehicleId::new("a"), VehicleId::new("b"));
+//! let mut recordings = Recordings::new();
+//! let mut take = |kind, vehicle, text: &str| {
+//!     Reading::default().take(kind, (text.as_bytes(), Path::new("table")), Some(vehicle), &mut recordings)
+//! };
+//! take(TableKind::Navigation, &a, "time,x,y\n0,0,0\n60,90,0\n")?;
+//! take(TableKind::Navigation, &b, "time,x,y\n0,300,0\n60,300,0\n")?;
+//! take(TableKind::Sent, &a, "time\n10\n20\n30\n40\n")?;
+//! take(TableKind::Heard, &b, "time,source\n10.2,a\n20.2,a\n40.2,a\n")?;
+//! let rules = Rules { nav_gap_s_max: 60.0, ..Rules::default() };
+//! let imported = join(&recordings, None, &Reference::unknown(), &rules)?;
+//! let outcomes: Vec<bool> = imported.log.events.iter().map(|event| event.success).collect();
+//! assert_eq!(outcomes, [true, true, false, true]);
+//! # Ok::<(), pingmap_import::ImportError>(())
+//! ```
+
+#![forbid(unsafe_code)]
+
+// In the order of the flow: each module uses only those above it.
+mod time;
+mod reference;
+mod recording;
+mod error;
+mod columns;
+mod ids;
+mod tables;
+mod schedule;
+mod rules;
+mod message;
+mod track;
+mod clock;
+mod fleet;
+mod transmission;
+mod clocks;
+mod matching;
+mod listening;
+mod report;
+mod join;
+
+pub use clock::{Clock, Piece};
+pub use columns::{Columns, Role, TableKind};
+pub use error::ImportError;
+pub use ids::Ids;
+pub use join::join;
+pub use recording::{Arrival, Fix, Recording, Recordings, Sent, Unknown};
+pub use reference::{Place, Reference, ReferenceError, geographic};
+pub use report::{ClockFound, Imported, LeftOut, Pair, Proofs};
+pub use rules::{AlwaysSend, Rules};
+pub use schedule::Schedule;
+pub use tables::{Reading, Skipped};
+pub use time::{TIME, parse_time, time_in_words};
+pub use transmission::Proof;

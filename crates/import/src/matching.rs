@@ -1,0 +1,71 @@
+//! Which message came from which transmission.
+
+use std::collections::BTreeMap;
+
+use crate::clocks::Clocks;
+use crate::fleet::Fleet;
+use crate::transmission::Transmission;
+
+/// Messages by the transmission that they came from, both by their places in lists, of one sender and receiver.
+pub(crate) type Matches = BTreeMap<usize, usize>;
+
+/// Gives each message of a sender to the transmission that fits best, if any fits; each gets one. O(n log n).
+pub(crate) fn matches(
+    fleet: &Fleet,
+    clocks: &Clocks,
+    (sender, sent): (usize, &[Transmission]),
+    receiver: usize,
+) -> Matches {
+    let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { return Matches::new() };
+    let mut expected: Vec<(f64, usize)> =
+        sent.iter().zip(0..).map(|(sent, place)| (clocks.expected_s(fleet, (sender, sent), receiver), place)).collect();
+    expected.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut best: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
+    for (message, at) in messages.iter().map(|message| message.time_s).zip(0..).map(|(time_s, at)| (at, time_s)) {
+        let after = expected.partition_point(|(time_s, _)| *time_s < at);
+        let near = expected[after.saturating_sub(1)..].iter().take(2);
+        let off = |&(time_s, place): &(f64, usize)| ((time_s - at).abs(), place);
+        let nearest = near.map(off).min_by(|a, b| a.0.total_cmp(&b.0)).filter(|near| near.0 <= fleet.rules.match_s);
+        let Some((off_s, place)) = nearest else { continue };
+        let known = best.entry(place).or_insert((off_s, message));
+        if off_s < known.0 {
+            *known = (off_s, message);
+        }
+    }
+    best.into_iter().map(|(place, (_, message))| (place, message)).collect()
+}
+
+/// All matches, by receiver and sender.
+pub(crate) fn all_matches(
+    fleet: &Fleet,
+    clocks: &Clocks,
+    sent: &[Vec<Transmission>],
+) -> BTreeMap<(usize, usize), Matches> {
+    let mut all = BTreeMap::new();
+    for receiver in fleet.receivers() {
+        for &sender in fleet.vehicles[receiver].messages.keys() {
+            all.insert((receiver, sender), matches(fleet, clocks, (sender, &sent[sender]), receiver));
+        }
+    }
+    all
+}
+
+/// The transmissions of messages that came from none that is known, added to those that are. Of several receivers of one the first
+/// that has most messages of its sender tells it.
+pub(crate) fn add_received(fleet: &Fleet, clocks: &Clocks, sender: usize, sent: &mut Vec<Transmission>) -> usize {
+    let mut receivers: Vec<usize> = fleet.receivers().filter(|&receiver| receiver != sender).collect();
+    let count = |receiver: usize| fleet.vehicles[receiver].messages.get(&sender).map_or(0, Vec::len);
+    receivers.sort_by_key(|&receiver| std::cmp::Reverse(count(receiver)));
+    let before = sent.len();
+    for receiver in receivers {
+        let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { continue };
+        let known = matches(fleet, clocks, (sender, sent), receiver);
+        let known: std::collections::BTreeSet<usize> = known.into_values().collect();
+        let behind = |(_, message): (usize, &crate::message::Message)| {
+            Transmission::behind(message, receiver, fleet.travel_s(sender, receiver, message.time_s))
+        };
+        sent.extend(messages.iter().enumerate().filter(|(at, _)| !known.contains(at)).map(behind));
+    }
+    sent.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    sent.len() - before
+}

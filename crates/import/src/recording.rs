@@ -1,0 +1,136 @@
+//! What one vehicle recorded, on its own clock.
+
+use std::collections::BTreeMap;
+
+use pingmap_agent::{MessageKind, VehicleId};
+
+use crate::reference::Place;
+
+/// What every vehicle recorded.
+pub type Recordings = BTreeMap<VehicleId, Recording>;
+
+/// What one vehicle recorded, in any order. All times are of its own clock, in seconds.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Recording {
+    /// Where it was.
+    pub fixes: Vec<Fix>,
+    /// Where it stays, if it does not move.
+    pub fixed: Option<Fix>,
+    /// What it sent, by its own word; `None` where there is no record of that.
+    pub sent: Option<Vec<Sent>>,
+    /// What reached it; `None` where there is no record of that: such a vehicle is no receiver.
+    pub arrivals: Option<Vec<Arrival>>,
+    /// From when to when its modem is known to have been at work: the first and the last sentence of it, or what somebody said.
+    pub at_work: Vec<(f64, f64)>,
+    /// From when to when it could not hear, and why.
+    pub deaf: Vec<(f64, f64, Unknown)>,
+}
+
+/// A place at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fix {
+    /// When.
+    pub time_s: f64,
+    /// Where.
+    pub place: Place,
+    /// How deep, where that was recorded.
+    pub depth_m: Option<f64>,
+    /// Whether the clock was set by satellites then.
+    pub clock_set: bool,
+}
+
+/// A transmission that its sender knows to have been sent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sent {
+    /// When it began.
+    pub time_s: f64,
+    /// To whom; `None` for everybody.
+    pub destination: Option<VehicleId>,
+    /// In how many frames, where that was recorded.
+    pub frames: Option<u32>,
+    /// What kind of message, where that was recorded.
+    pub kind: Option<MessageKind>,
+}
+
+/// A message, or a frame of one, that reached a modem.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Arrival {
+    /// When it was recorded.
+    pub time_s: f64,
+    /// Who sent it.
+    pub source: VehicleId,
+    /// To whom; `None` for everybody.
+    pub destination: Option<VehicleId>,
+    /// Which frame, from 1.
+    pub frame: Option<u32>,
+    /// Of how many.
+    pub frames: Option<u32>,
+    /// Whether it was decoded.
+    pub good: bool,
+    /// What kind of message, where that was recorded.
+    pub kind: Option<MessageKind>,
+}
+
+/// Why nobody knows whether a transmission was missed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Unknown {
+    /// A schedule named it, nobody heard it, and nothing says that it was sent.
+    NotKnownSent,
+    /// The receiver's modem had said nothing yet, or said nothing any more.
+    NotRecording,
+    /// The receiver was transmitting itself.
+    Transmitting,
+    /// The receiver's modem was starting.
+    Rebooting,
+    /// The receiver listened on another rate or band, or was ranging.
+    OtherMode,
+    /// How the clocks of both differ is not known.
+    ClockUnsure,
+    /// Where one of both was is not known.
+    NoNavigation,
+    /// One of both was at the surface.
+    Surfaced,
+}
+
+impl Unknown {
+    /// All of them.
+    pub const ALL: [Unknown; 8] = [
+        Unknown::NotKnownSent,
+        Unknown::NotRecording,
+        Unknown::Transmitting,
+        Unknown::Rebooting,
+        Unknown::OtherMode,
+        Unknown::ClockUnsure,
+        Unknown::NoNavigation,
+        Unknown::Surfaced,
+    ];
+
+    /// The reason in a few words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Unknown::NotKnownSent => "not known to be sent",
+            Unknown::NotRecording => "modem silent",
+            Unknown::Transmitting => "itself sending",
+            Unknown::Rebooting => "rebooting",
+            Unknown::OtherMode => "other mode",
+            Unknown::ClockUnsure => "clock unsure",
+            Unknown::NoNavigation => "no navigation",
+            Unknown::Surfaced => "surfaced",
+        }
+    }
+
+    /// The reason as a key for programs.
+    pub fn key(self) -> &'static str {
+        match self {
+            Unknown::NotKnownSent => "not_known_sent",
+            Unknown::NotRecording => "not_recording",
+            Unknown::Transmitting => "transmitting",
+            Unknown::Rebooting => "rebooting",
+            Unknown::OtherMode => "other_mode",
+            Unknown::ClockUnsure => "clock_unsure",
+            Unknown::NoNavigation => "no_navigation",
+            Unknown::Surfaced => "surfaced",
+        }
+    }
+}

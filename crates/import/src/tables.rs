@@ -1,0 +1,169 @@
+//! Tables of navigation, receptions and transmissions.
+
+use std::io::Read;
+use std::path::Path;
+
+use pingmap_agent::VehicleId;
+
+use crate::columns::{Columns, Named, TableKind};
+use crate::error::ImportError;
+use crate::ids::Ids;
+use crate::recording::{Arrival, Fix, Recording, Recordings, Sent};
+use crate::reference::{Place, geographic};
+
+/// How tables are read.
+#[derive(Debug, Clone, Default)]
+pub struct Reading {
+    /// How columns are called that are called otherwise.
+    pub columns: Columns,
+    /// Who is meant by ids.
+    pub ids: Ids,
+}
+
+/// Lines of tables that say nothing for the log.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Skipped {
+    /// Fixes without a position.
+    pub unplaced: usize,
+    /// Receptions that were not decoded and whose sender is not known.
+    pub unattributed: usize,
+    /// Transmissions that did not take place, by their senders' word.
+    pub not_sent: usize,
+}
+
+impl Skipped {
+    /// Both together.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            unplaced: self.unplaced + other.unplaced,
+            unattributed: self.unattributed + other.unattributed,
+            not_sent: self.not_sent + other.not_sent,
+        }
+    }
+}
+
+impl Reading {
+    /// Takes a table in. Its lines belong to `vehicle`, or to the vehicles that its column says. O(lines), one at a time.
+    ///
+    /// # Errors
+    /// [`ImportError`] with file, line, column, value and what was expected.
+    pub fn take(
+        &self,
+        kind: TableKind,
+        (reader, path): (impl Read, &Path),
+        vehicle: Option<&VehicleId>,
+        into: &mut Recordings,
+    ) -> Result<Skipped, ImportError> {
+        let mut named = Named::new(reader, path, kind, &self.columns)?;
+        if vehicle.is_none() {
+            named.require(kind, &["vehicle"])?;
+        }
+        let mut skipped = Skipped::default();
+        if let (Some(vehicle), true) = (vehicle, kind != TableKind::Navigation) {
+            // A record without a line is a record of nothing.
+            begin(kind, into.entry(vehicle.clone()).or_default());
+        }
+        self.require(kind, &named)?;
+        while named.table.next()? {
+            let whose = match vehicle {
+                Some(vehicle) => vehicle.clone(),
+                None => self.ids.whom(named.text("vehicle")).ok_or_else(|| named.bad("vehicle", "one vehicle"))?,
+            };
+            let recording = into.entry(whose).or_default();
+            begin(kind, recording);
+            match kind {
+                TableKind::Navigation => take_fix(&named, recording, &mut skipped)?,
+                TableKind::Heard => self.take_arrival(&named, recording, &mut skipped)?,
+                TableKind::Sent => self.take_sent(&named, recording, &mut skipped)?,
+            }
+        }
+        Ok(skipped)
+    }
+
+    fn require(&self, kind: TableKind, named: &Named) -> Result<(), ImportError> {
+        match kind {
+            TableKind::Navigation if named.has("latitude") || named.has("longitude") => {
+                named.require(kind, &["latitude", "longitude"])
+            }
+            TableKind::Navigation => named.require(kind, &["easting", "northing"]),
+            TableKind::Heard => named.require(kind, &["source"]),
+            TableKind::Sent => Ok(()),
+        }
+    }
+
+    fn take_arrival(&self, named: &Named, recording: &mut Recording, skipped: &mut Skipped) -> Result<(), ImportError> {
+        let time_s = named.time_s()?;
+        widen(&mut recording.at_work, time_s);
+        let good = named.flag("good")?.unwrap_or(true);
+        let id = named.text("source");
+        // A line without a source says that the modem was at work, and no more.
+        if id.is_empty() {
+            skipped.unattributed += usize::from(!good);
+            return Ok(());
+        }
+        let source = self.ids.whom(id).ok_or_else(|| named.bad("source", "one vehicle, not everybody"))?;
+        let arrival = Arrival {
+            time_s,
+            source,
+            destination: self.ids.whom(named.text("destination")),
+            frame: named.whole("frame")?,
+            frames: named.whole("frames")?,
+            good,
+            kind: named.table.kind()?,
+        };
+        recording.arrivals.get_or_insert_default().push(arrival);
+        Ok(())
+    }
+
+    fn take_sent(&self, named: &Named, recording: &mut Recording, skipped: &mut Skipped) -> Result<(), ImportError> {
+        if named.flag("sent")? == Some(false) {
+            skipped.not_sent += 1;
+            return Ok(());
+        }
+        let sent = Sent {
+            time_s: named.time_s()?,
+            destination: self.ids.whom(named.text("destination")),
+            frames: named.whole("frames")?,
+            kind: named.table.kind()?,
+        };
+        recording.sent.get_or_insert_default().push(sent);
+        Ok(())
+    }
+}
+
+fn begin(kind: TableKind, recording: &mut Recording) {
+    match kind {
+        TableKind::Navigation => {}
+        TableKind::Heard => drop(recording.arrivals.get_or_insert_default()),
+        TableKind::Sent => drop(recording.sent.get_or_insert_default()),
+    }
+}
+
+/// One span from the first to the last time.
+fn widen(spans: &mut Vec<(f64, f64)>, time_s: f64) {
+    match spans.first_mut() {
+        Some((from_s, to_s)) => (*from_s, *to_s) = (from_s.min(time_s), to_s.max(time_s)),
+        None => spans.push((time_s, time_s)),
+    }
+}
+
+fn take_fix(named: &Named, recording: &mut Recording, skipped: &mut Skipped) -> Result<(), ImportError> {
+    let time_s = named.time_s()?;
+    let in_degrees = named.has("latitude");
+    let (first, second) = if in_degrees { ("latitude", "longitude") } else { ("easting", "northing") };
+    let (Some(a), Some(b)) = (named.number(first)?, named.number(second)?) else {
+        skipped.unplaced += 1;
+        return Ok(());
+    };
+    let place = if in_degrees {
+        let place = geographic(a, b).ok_or_else(|| named.bad(first, "degrees: latitudes to 90, longitudes to 180"))?;
+        Place::Degrees(place)
+    } else {
+        Place::Metres(a, b)
+    };
+    let depth_m = named.number("depth")?;
+    let clock_set = named.flag("clock_set")?.unwrap_or(false);
+    recording.fixes.push(Fix { time_s, place, depth_m, clock_set });
+    Ok(())
+}

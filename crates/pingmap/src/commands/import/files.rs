@@ -1,0 +1,210 @@
+//! The files that vehicles left, and what is said about them.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::Args;
+use pingmap_agent::{Geographic, VehicleId};
+use pingmap_import::{
+    Columns, Fix, Ids, ImportError, Place, Reading, Recordings, Reference, Schedule, Skipped, TIME, TableKind,
+    parse_time,
+};
+use pingmap_trial::open;
+
+use crate::output::{BadInput, progress, read_text};
+use crate::values::{origin, pair};
+
+#[derive(Args)]
+#[command(next_help_heading = "Files")]
+pub struct Files {
+    /// Where a vehicle was: time, and latitude and longitude or metres. Without NAME= the file has a column that says who
+    #[arg(long, value_name = "[NAME=]FILE", num_args = 1.., required = true)]
+    nav: Vec<String>,
+    /// What reached a vehicle's modem: time and source
+    #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
+    heard: Vec<String>,
+    /// What a vehicle sent: time
+    #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
+    sent: Vec<String>,
+    /// Where somebody stays that has no navigation: metres, or degrees such as 41.52N,70.67W; and a depth in metres
+    #[arg(long, value_name = "NAME=PLACE", value_parser = fixed)]
+    fixed: Vec<(String, Fix)>,
+    /// Who may send when: a team file, its part [slots], or a table of time_s and source
+    #[arg(long, value_name = "FILE")]
+    schedule: Option<PathBuf>,
+    /// Who is meant by modems' ids: a table of id and name; everybody is called broadcast
+    #[arg(long, value_name = "FILE")]
+    ids: Option<PathBuf>,
+    /// From when to when a modem was listening, where its first and last reception do not tell
+    #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = span)]
+    listening: Vec<(String, (f64, f64))>,
+    /// What a column is called, such as heard.source=from
+    #[arg(long, value_name = "WHAT=COLUMN", num_args = 1.., value_parser = two)]
+    column: Vec<(String, String)>,
+    /// The same from a file, as TOML: [heard], source = "from"
+    #[arg(long, value_name = "FILE")]
+    columns: Option<PathBuf>,
+    /// Where (0, 0) of the log is; the middle of all positions in degrees, rounded, if not given
+    #[arg(long, value_name = "LAT,LON", value_parser = pair, allow_hyphen_values = true, conflicts_with = "crs")]
+    origin: Option<(f64, f64)>,
+    /// Reference system of metres in files and log, such as EPSG:32619
+    #[arg(long, value_name = "EPSG:CODE")]
+    crs: Option<String>,
+}
+
+/// What was in the files.
+pub struct Taken {
+    pub recordings: Recordings,
+    pub schedule: Option<Schedule>,
+    pub reference: Reference,
+    /// Where (0, 0) of the log is, if that is known, and whether nobody said so.
+    pub origin: Option<(Geographic, bool)>,
+    pub skipped: Skipped,
+}
+
+fn two(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("expected a name, = and a value")?;
+    Ok((name.to_owned(), value.to_owned()))
+}
+
+fn span(text: &str) -> Result<(String, (f64, f64)), String> {
+    let (name, span) = two(text)?;
+    let span = span.split_once('/').and_then(|(from, to)| Some((parse_time(from)?, parse_time(to)?)));
+    let span =
+        span.filter(|(from_s, to_s)| from_s <= to_s).ok_or_else(|| format!("expected NAME=FROM/TO with {TIME}"))?;
+    Ok((name, span))
+}
+
+fn fixed(text: &str) -> Result<(String, Fix), String> {
+    const EXPECTED: &str = "expected NAME=EAST,NORTH or NAME=41.52N,70.67W, and perhaps a depth";
+    let (name, place) = two(text)?;
+    let parts: Vec<&str> = place.split(',').map(str::trim).collect();
+    let ([a, b] | [a, b, _]) = parts[..] else { return Err(EXPECTED.into()) };
+    let depth_m = parts.get(2).map(|depth| depth.parse::<f64>().map_err(|_| EXPECTED)).transpose()?;
+    let degrees = |text: &str, positive: char, negative: char| {
+        let number = |sign: f64, letter: char| Some(sign * text.strip_suffix(letter)?.parse::<f64>().ok()?);
+        number(1.0, positive).or_else(|| number(-1.0, negative))
+    };
+    let geographic = degrees(a, 'N', 'S').zip(degrees(b, 'E', 'W'));
+    let metres = || a.parse::<f64>().ok().zip(b.parse::<f64>().ok()).filter(|(a, b)| a.is_finite() && b.is_finite());
+    let place = match geographic {
+        Some((a, b)) => Place::Degrees(pingmap_import::geographic(a, b).ok_or(EXPECTED)?),
+        None => metres().map(|(a, b)| Place::Metres(a, b)).ok_or(EXPECTED)?,
+    };
+    Ok((name, Fix { time_s: 0.0, place, depth_m, clock_set: false }))
+}
+
+impl Files {
+    /// Reads them all.
+    pub fn take(&self) -> anyhow::Result<Taken> {
+        let reading = Reading { columns: self.columns()?, ids: self.ids()? };
+        let mut recordings = Recordings::new();
+        let mut skipped = Skipped::default();
+        let files =
+            [(TableKind::Navigation, &self.nav), (TableKind::Heard, &self.heard), (TableKind::Sent, &self.sent)];
+        let bar = progress(files.iter().map(|(_, files)| files.len() as u64).sum(), "reading");
+        for (kind, file) in files.iter().flat_map(|(kind, files)| files.iter().map(move |file| (*kind, file))) {
+            let (vehicle, path) = whose(file);
+            let more = reading.take(kind, (opened(path)?, path), vehicle.as_ref(), &mut recordings)?;
+            skipped = skipped.and(more);
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        for (name, fix) in &self.fixed {
+            recordings.entry(VehicleId::new(name)).or_default().fixed = Some(*fix);
+        }
+        for (name, span) in &self.listening {
+            let Some(recording) = recordings.get_mut(&VehicleId::new(name)).filter(|known| known.arrivals.is_some())
+            else {
+                return Err(BadInput(format!("--listening {name}: expected a vehicle of --heard")).into());
+            };
+            recording.at_work.push(*span);
+        }
+        let schedule =
+            self.schedule.as_ref().map(|path| Schedule::read(opened(path)?, path, &reading.ids)).transpose()?;
+        let (reference, origin) = self.reference(&recordings)?;
+        Ok(Taken { recordings, schedule, reference, origin, skipped })
+    }
+
+    fn ids(&self) -> anyhow::Result<Ids> {
+        let Some(path) = &self.ids else { return Ok(Ids::default()) };
+        Ok(Ids::read(opened(path)?, path)?)
+    }
+
+    fn columns(&self) -> anyhow::Result<Columns> {
+        let mut columns = Columns::default();
+        if let Some(path) = &self.columns {
+            let text = read_text(path)?;
+            let file: BTreeMap<String, BTreeMap<String, String>> = toml::from_str(&text).map_err(|error| {
+                BadInput(format!(
+                    "{}: {}; expected tables such as [heard] with source = \"from\"",
+                    path.display(),
+                    error.message()
+                ))
+            })?;
+            for (kind, roles) in &file {
+                for (role, column) in roles {
+                    columns.name(&format!("{kind}.{role}"), column).with_context(|| path.display().to_string())?;
+                }
+            }
+        }
+        for (what, column) in &self.column {
+            columns.name(what, column)?;
+        }
+        Ok(columns)
+    }
+
+    /// What the metres of the log mean, and where (0, 0) is.
+    fn reference(&self, recordings: &Recordings) -> anyhow::Result<(Reference, Option<(Geographic, bool)>)> {
+        let about = |origin| Reference::about(origin).map_err(ImportError::from);
+        if let Some(name) = &self.crs {
+            return Ok((Reference::epsg(name).map_err(ImportError::from)?, None));
+        }
+        if let Some(given) = self.origin {
+            let given = origin(given)?;
+            return Ok((about(given)?, Some((given, false))));
+        }
+        let places = recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.fixed));
+        let (degrees, metres): (Vec<Place>, Vec<Place>) =
+            places.map(|fix| fix.place).partition(|place| matches!(place, Place::Degrees(_)));
+        if degrees.is_empty() {
+            return Ok((Reference::unknown(), None));
+        }
+        if !metres.is_empty() {
+            let message = "some positions are in metres and others in degrees; expected --origin, the latitude and longitude of (0, 0) of \
+                           the metres, or --crs";
+            return Err(BadInput(message.into()).into());
+        }
+        let middle = middle(&degrees);
+        Ok((about(middle)?, Some((middle, true))))
+    }
+}
+
+/// Opened here, for every reader to say the same of files that are not there.
+fn opened(path: &Path) -> Result<File, ImportError> {
+    Ok(open(path)?)
+}
+
+/// The vehicle before the first `=`, if there is one, and the file.
+fn whose(file: &str) -> (Option<VehicleId>, &Path) {
+    match file.split_once('=') {
+        Some((name, path)) if !name.is_empty() && !name.contains(['/', '\\']) => {
+            (Some(VehicleId::new(name)), Path::new(path))
+        }
+        _ => (None, Path::new(file)),
+    }
+}
+
+/// The mean of places in degrees, rounded to a hundredth so that logs of one place share it.
+fn middle(degrees: &[Place]) -> Geographic {
+    let mean = |of: fn(&Geographic) -> f64| {
+        let all = degrees.iter().filter_map(|place| match place {
+            Place::Degrees(place) => Some(of(place)),
+            Place::Metres(..) => None,
+        });
+        (all.sum::<f64>() / degrees.len() as f64 * 100.0).round() / 100.0
+    };
+    Geographic { latitude_deg: mean(|place| place.latitude_deg), longitude_deg: mean(|place| place.longitude_deg) }
+}

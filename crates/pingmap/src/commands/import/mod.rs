@@ -1,0 +1,119 @@
+//! `pingmap import`: what vehicles recorded becomes an event log.
+
+mod files;
+mod shown;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use pingmap_agent::VehicleId;
+use pingmap_import::{AlwaysSend, Imported, Rules, join};
+
+use self::files::Files;
+use self::shown::{ImportedJson, summary, warnings};
+use crate::files::write_file;
+use crate::output::{Results, print, print_json, warn};
+use crate::values::{not_negative, positive};
+
+/// Make an event log from what the vehicles recorded: where each was, what it heard, what it sent or when it was its turn
+///
+/// A transmission counts if its sender recorded it, if anybody received it, or if it was the sender's turn and --always-sends says that
+/// turns are used; and for receivers whose modem was at work. Whatever is neither heard nor missed for certain is left out and counted.
+#[derive(Args)]
+pub struct Options {
+    #[command(flatten)]
+    pub files: Files,
+    #[command(flatten)]
+    pub decisions: Decisions,
+    /// File for the event log
+    #[arg(long, short, value_name = "FILE", default_value = "events.csv")]
+    pub output: PathBuf,
+    /// Print one JSON object instead of a summary
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+#[command(next_help_heading = "Decisions")]
+pub struct Decisions {
+    /// Turns of the schedule are all used: everybody's, or those of some. Else a turn that nobody heard is not known to be used
+    #[arg(long, value_name = "NAME,…", num_args = 0..=1, require_equals = true, default_missing_value = "*", value_delimiter = ',')]
+    pub always_sends: Option<Vec<String>>,
+    /// Correct times and places to this vehicle's clock
+    #[arg(long, value_name = "NAME")]
+    pub correct_clocks: Option<String>,
+    /// Clocks differ by no more than this; 0: not at all
+    #[arg(long, default_value_t = Rules::default().clock_off_s_max, value_parser = not_negative, allow_negative_numbers = true)]
+    pub clock_off_s_max: f64,
+    /// A reception belongs to a transmission if it came within so many seconds of when it should
+    #[arg(long, default_value_t = Rules::default().match_s, value_parser = positive, allow_negative_numbers = true)]
+    pub match_s: f64,
+    /// How long a message lasts: for so long before and after its own a vehicle hears nothing
+    #[arg(long, default_value_t = Rules::default().message_s, value_parser = positive, allow_negative_numbers = true)]
+    pub message_s: f64,
+    /// Where a vehicle was between fixes that are farther apart is not known
+    #[arg(long, default_value_t = Rules::default().nav_gap_s_max, value_parser = positive, allow_negative_numbers = true)]
+    pub nav_gap_s_max: f64,
+    /// Speed of sound
+    #[arg(long, default_value_t = Rules::default().sound_m_per_s, value_parser = positive, allow_negative_numbers = true)]
+    pub sound_m_per_s: f64,
+    /// Messages to one vehicle count for the others, too
+    #[arg(long)]
+    pub overhear: bool,
+    /// A message of several frames counts as heard with any of them; else with all
+    #[arg(long)]
+    pub any_frame: bool,
+    /// Vehicles above this depth are at the surface and left out
+    #[arg(long, value_name = "METRES", value_parser = positive, allow_negative_numbers = true)]
+    pub surfaced_above_m: Option<f64>,
+}
+
+impl Decisions {
+    fn rules(&self) -> Rules {
+        let Self { clock_off_s_max, match_s, message_s, nav_gap_s_max, sound_m_per_s, .. } = *self;
+        let always_send = match &self.always_sends {
+            None => AlwaysSend::Nobody,
+            Some(names) if names.iter().any(|name| name == "*") => AlwaysSend::Everybody,
+            Some(names) => AlwaysSend::These(names.iter().map(VehicleId::new).collect()),
+        };
+        Rules {
+            sound_m_per_s,
+            clock_off_s_max,
+            match_s,
+            right_clock: self.correct_clocks.as_ref().map(VehicleId::new),
+            nav_gap_s_max,
+            message_s,
+            always_send,
+            overhear: self.overhear,
+            any_frame: self.any_frame,
+            surfaced_above_m: self.surfaced_above_m,
+            ..Rules::default()
+        }
+    }
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        1
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        run(self, results)
+    }
+}
+
+fn run(options: &Options, results: Results) -> anyhow::Result<()> {
+    let rules = options.decisions.rules();
+    let taken = options.files.take()?;
+    let imported: Imported = join(&taken.recordings, taken.schedule.as_ref(), &taken.reference, &rules)?;
+    for warning in warnings(&imported, &taken, &rules) {
+        warn(warning);
+    }
+    let written = write_file(&options.output, imported.log.to_csv().as_bytes());
+    if options.json {
+        print_json(results, &ImportedJson::of(&imported, &taken))?;
+    } else {
+        print(results, &format!("{}: {}", options.output.display(), summary(&imported, &taken, &rules)))?;
+    }
+    written
+}

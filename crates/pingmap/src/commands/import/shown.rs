@@ -1,0 +1,266 @@
+//! What was imported, for people and programs.
+
+use std::collections::BTreeMap;
+
+use pingmap_import::{ClockFound, Imported, Pair, Proofs, Rules, Unknown};
+use serde::Serialize;
+
+use super::files::Taken;
+use crate::output::{count, table};
+
+/// Clocks that differ by more than this are worth a word.
+const CLOCK_OFF_S: f64 = 0.5;
+
+/// What should be known before the log is used.
+pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if !imported.by_reception_alone.is_empty() {
+        warnings.push(format!(
+            "of what {} sent only what somebody received is known, so what all missed is not in the log and the map will be optimistic: \
+             say what was sent (--sent), or when it was whose turn (--schedule)",
+            imported.by_reception_alone
+        ));
+    }
+    if !imported.unused_turns.is_empty() {
+        warnings.push(format!(
+            "{} of {} that nobody heard may not have been used and are left out, so the map will be optimistic: say what was sent \
+             (--sent), or that all turns are used (--always-sends)",
+            count(imported.proofs.nothing, "turn"),
+            imported.unused_turns
+        ));
+    }
+    let off = |clock: &&ClockFound| clock.pieces.iter().any(|piece| piece.ahead_s.abs() > CLOCK_OFF_S);
+    if rules.right_clock.is_none() && imported.clocks.iter().any(|clock| off(&clock)) {
+        warnings.push(
+            "clocks differ, and times and places are as recorded: --correct-clocks NAME corrects them to that of NAME"
+                .into(),
+        );
+    }
+    warnings.extend(imported.doubts.iter().cloned());
+    for (name, messages) in &imported.left_out.strangers {
+        let messages = count(*messages, "message");
+        warnings.push(format!(
+            "{messages} from {name}, of whom nothing was recorded, left out (--ids says who is meant by an id)"
+        ));
+    }
+    for (name, messages) in &imported.left_out.unexpected {
+        let messages = count(*messages, "message");
+        warnings.push(format!(
+            "{messages} from {name} were received when it sent none by its record or had no turn; they are in the log"
+        ));
+    }
+    let left_out =
+        |number: usize, what: &str, why: &str| (number > 0).then(|| format!("{} {why}", count(number, what)));
+    warnings.extend(left_out(taken.skipped.unplaced, "line", "of navigation without a position left out"));
+    warnings.extend(left_out(imported.left_out.unplaced, "position", "outside of the map left out"));
+    warnings.extend(left_out(imported.left_out.own, "message", "that vehicles heard of themselves left out"));
+    warnings
+}
+
+/// The pairs, what was left out and why, and the clocks.
+pub fn summary(imported: &Imported, taken: &Taken, rules: &Rules) -> String {
+    let events = imported.log.events.len();
+    let heard = imported.log.events.iter().filter(|event| event.success).count();
+    let Proofs { recorded, always_sends, received, nothing } = imported.proofs;
+    let mut text = format!(
+        "{} ({heard} heard, {} missed) of {}: {recorded} recorded by the sender, {always_sends} by its turn, {received} by a reception alone.\n",
+        count(events, "event"),
+        events - heard,
+        count(recorded + always_sends + received, "transmission"),
+    );
+    if nothing > 0 {
+        text += &format!("{} not known to be used.\n", count(nothing, "turn"));
+    }
+    text += &format!("Places: {}{}.\n", taken.reference.name(), chosen(taken));
+    text += &format!("\n{}\n", pairs(&imported.pairs));
+    let times =
+        if rules.right_clock.is_some() { "times and places are corrected" } else { "times and places are as recorded" };
+    text += &format!("\n{}\n\nClocks by what was sent and heard; {times}.", clocks(&imported.clocks));
+    if imported.delay_s > 0.0 {
+        text += &format!(
+            " A message is recorded {:.2} s after it began, beside the time that sound takes.",
+            imported.delay_s
+        );
+    }
+    let left_out = &imported.left_out;
+    let more = [
+        (left_out.twice, "arrivals recorded twice"),
+        (left_out.overheard, "messages meant for others (--overhear)"),
+        (taken.skipped.unattributed, "broken messages of unknown senders"),
+        (taken.skipped.not_sent, "transmissions that did not take place"),
+    ];
+    let more: Vec<String> =
+        more.iter().filter(|more| more.0 > 0).map(|(number, what)| format!("{number} {what}")).collect();
+    if !more.is_empty() {
+        text += &format!("\nLeft out: {}.", more.join(", "));
+    }
+    text
+}
+
+/// Whether the origin was chosen here, which another log of the place must be told.
+fn chosen(taken: &Taken) -> String {
+    match taken.origin {
+        Some((origin, true)) => format!(
+            " (their middle; for other logs of this place: --origin {:.2},{:.2})",
+            origin.latitude_deg, origin.longitude_deg
+        ),
+        _ => String::new(),
+    }
+}
+
+type Pairs = BTreeMap<(pingmap_agent::VehicleId, pingmap_agent::VehicleId), Pair>;
+
+fn pairs(pairs: &Pairs) -> String {
+    let reasons: Vec<Unknown> = Unknown::ALL
+        .into_iter()
+        .filter(|reason| pairs.values().any(|pair| pair.unknown.contains_key(reason)))
+        .collect();
+    let mut header = vec!["from → to", "heard", "missed"];
+    header.extend(reasons.iter().map(|reason| reason.words()));
+    let row = |((from, to), pair): (&(_, _), &Pair)| {
+        let mut row = vec![format!("{from} → {to}"), pair.heard.to_string(), pair.missed.to_string()];
+        row.extend(reasons.iter().map(|reason| pair.unknown.get(reason).map_or("–".into(), ToString::to_string)));
+        row
+    };
+    table(&header, &pairs.iter().map(row).collect::<Vec<_>>())
+}
+
+fn clocks(clocks: &[ClockFound]) -> String {
+    let rows: Vec<Vec<String>> = clocks.iter().map(clock).collect();
+    table(&["clock", "ahead by (s)", "gains (ppm)", "messages", "half are off by less than (s)"], &rows)
+}
+
+fn clock(clock: &ClockFound) -> Vec<String> {
+    let joined = |text: &dyn Fn(&pingmap_import::Piece) -> String| match clock.pieces.as_slice() {
+        [] => "unknown".to_owned(),
+        pieces => pieces.iter().map(text).collect::<Vec<_>>().join(", then "),
+    };
+    let (ahead, gains) = if clock.is_reference {
+        ("0 (the others by it)".to_owned(), "–".to_owned())
+    } else {
+        (joined(&|piece| format!("{:+.2}", piece.ahead_s)), joined(&|piece| format!("{:+.1}", 1e6 * piece.drift)))
+    };
+    vec![clock.vehicle.to_string(), ahead, gains, clock.comparisons.to_string(), format!("{:.3}", clock.off_s)]
+}
+
+/// What was imported, for programs.
+#[derive(Serialize)]
+pub struct ImportedJson {
+    schema: u32,
+    events: usize,
+    heard: usize,
+    log_digest: String,
+    transmissions: ProofsJson,
+    pairs: Vec<PairJson>,
+    unknown: BTreeMap<&'static str, usize>,
+    clocks: Vec<ClockJson>,
+    delay_s: f64,
+    reference: String,
+    origin: Option<[f64; 2]>,
+    left_out: LeftOutJson,
+}
+
+#[derive(Serialize)]
+struct ProofsJson {
+    recorded: usize,
+    by_turn: usize,
+    by_reception: usize,
+    turns_not_known_to_be_used: usize,
+}
+
+#[derive(Serialize)]
+struct PairJson {
+    transmitter: String,
+    receiver: String,
+    heard: usize,
+    missed: usize,
+    unknown: BTreeMap<&'static str, usize>,
+}
+
+#[derive(Serialize)]
+struct ClockJson {
+    vehicle: String,
+    is_reference: bool,
+    pieces: Vec<PieceJson>,
+    messages: usize,
+    off_s_median: f64,
+}
+
+#[derive(Serialize)]
+struct PieceJson {
+    time_s: f64,
+    ahead_s: f64,
+    drift_ppm: f64,
+}
+
+#[derive(Serialize)]
+struct LeftOutJson {
+    of_unknown_vehicles: BTreeMap<String, usize>,
+    unexpected: BTreeMap<String, usize>,
+    recorded_twice: usize,
+    overheard: usize,
+    of_itself: usize,
+    not_sent: usize,
+    broken_of_unknown_senders: usize,
+    positions: usize,
+}
+
+impl ImportedJson {
+    pub fn of(imported: &Imported, taken: &Taken) -> Self {
+        let Proofs { recorded, always_sends, received, nothing } = imported.proofs;
+        let pair = |((from, to), pair): (&(pingmap_agent::VehicleId, pingmap_agent::VehicleId), &Pair)| PairJson {
+            transmitter: from.to_string(),
+            receiver: to.to_string(),
+            heard: pair.heard,
+            missed: pair.missed,
+            unknown: keys(&pair.unknown),
+        };
+        let clock = |clock: &ClockFound| ClockJson {
+            vehicle: clock.vehicle.to_string(),
+            is_reference: clock.is_reference,
+            pieces: clock
+                .pieces
+                .iter()
+                .map(|piece| PieceJson { time_s: piece.middle_s, ahead_s: piece.ahead_s, drift_ppm: 1e6 * piece.drift })
+                .collect(),
+            messages: clock.comparisons,
+            off_s_median: clock.off_s,
+        };
+        let left_out = &imported.left_out;
+        let named = |names: &BTreeMap<pingmap_agent::VehicleId, usize>| {
+            names.iter().map(|(name, number)| (name.to_string(), *number)).collect()
+        };
+        Self {
+            schema: 1,
+            events: imported.log.events.len(),
+            heard: imported.log.events.iter().filter(|event| event.success).count(),
+            log_digest: imported.log.digest(),
+            transmissions: ProofsJson {
+                recorded,
+                by_turn: always_sends,
+                by_reception: received,
+                turns_not_known_to_be_used: nothing,
+            },
+            pairs: imported.pairs.iter().map(pair).collect(),
+            unknown: keys(&imported.unknown()),
+            clocks: imported.clocks.iter().map(clock).collect(),
+            delay_s: imported.delay_s,
+            reference: taken.reference.name().to_owned(),
+            origin: taken.origin.map(|(origin, _)| [origin.latitude_deg, origin.longitude_deg]),
+            left_out: LeftOutJson {
+                of_unknown_vehicles: named(&left_out.strangers),
+                unexpected: named(&left_out.unexpected),
+                recorded_twice: left_out.twice,
+                overheard: left_out.overheard,
+                of_itself: left_out.own,
+                not_sent: taken.skipped.not_sent,
+                broken_of_unknown_senders: taken.skipped.unattributed,
+                positions: taken.skipped.unplaced + left_out.unplaced,
+            },
+        }
+    }
+}
+
+fn keys(reasons: &BTreeMap<Unknown, usize>) -> BTreeMap<&'static str, usize> {
+    reasons.iter().map(|(reason, number)| (reason.key(), *number)).collect()
+}

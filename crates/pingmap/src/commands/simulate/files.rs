@@ -1,0 +1,151 @@
+//! What the vehicles of a simulated trial would have recorded.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use pingmap_agent::Position;
+use pingmap_import::{Reference, parse_time, time_in_words};
+use pingmap_trial::simulate::{Simulated, Simulation};
+
+use crate::files::{make_folder, write_file};
+use crate::output::BadInput;
+use crate::values::{origin, pair};
+
+/// From the beginning of a message until it is decoded and recorded.
+const DELAY_S: f64 = 1.2;
+
+/// Speed of sound in all files.
+const SOUND_M_PER_S: f64 = 1500.0;
+
+/// What modems call everybody.
+const BROADCAST: u32 = 63;
+
+#[derive(Args)]
+#[command(next_help_heading = "Files")]
+pub struct Files {
+    /// Folder for files as the vehicles would have recorded them, for `pingmap import`: positions in latitude and longitude, what each
+    /// heard, the schedule, and who is meant by modems' ids. The event log then has the times of these files
+    #[arg(long = "as-files", value_name = "FOLDER")]
+    folder: Option<PathBuf>,
+    /// Clocks are off by so much, but for the first vehicle's: ahead and behind in turn
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    pub clock_off_s: f64,
+    /// A vehicle that stops recording what it hears, and after which share of the mission
+    #[arg(long, value_name = "NAME=SHARE", requires = "folder", value_parser = stop)]
+    stops: Option<(String, f64)>,
+    /// Also write what each vehicle sent
+    #[arg(long, requires = "folder")]
+    with_sent: bool,
+    /// Where (0, 0) of the log is
+    #[arg(long, value_name = "LAT,LON", requires = "folder", value_parser = pair, allow_hyphen_values = true, default_value = "41.52,-70.67")]
+    origin: (f64, f64),
+    /// When the mission begins
+    #[arg(long, value_name = "TIME", requires = "folder", value_parser = time, default_value = "2026-05-03T12:00:00Z")]
+    start: f64,
+}
+
+fn time(text: &str) -> Result<f64, String> {
+    parse_time(text).ok_or_else(|| format!("expected {}", pingmap_import::TIME))
+}
+
+fn stop(text: &str) -> Result<(String, f64), String> {
+    let parts = text.split_once('=').and_then(|(name, share)| Some((name.to_owned(), share.parse::<f64>().ok()?)));
+    parts.filter(|(_, share)| (0.0..=1.0).contains(share)).ok_or_else(|| "expected NAME=SHARE, such as auv2=0.7".into())
+}
+
+impl Files {
+    /// Writes the files, if any are wanted, and gives the log their times.
+    pub fn write(&self, simulation: &Simulation, trial: &mut Simulated) -> anyhow::Result<()> {
+        let Some(folder) = &self.folder else { return Ok(()) };
+        let reference = Reference::about(origin(self.origin)?).map_err(|error| BadInput(error.to_string()))?;
+        let known =
+            trial.vehicles.iter().any(|(id, _)| self.stops.as_ref().is_none_or(|(name, _)| name == id.as_str()));
+        if !known {
+            let names: Vec<&str> = trial.vehicles.iter().map(|(id, _)| id.as_str()).collect();
+            return Err(BadInput(format!("--stops: expected one of {}", names.join(", "))).into());
+        }
+        make_folder(folder)?;
+        let write = |name: &str, text: String| write_file(&folder.join(name), text.as_bytes());
+        for (vehicle, (id, _)) in trial.vehicles.iter().enumerate() {
+            write(&format!("{id}.nav.csv"), self.navigation(simulation, trial, vehicle, &reference)?)?;
+            write(&format!("{id}.heard.csv"), self.heard(simulation, trial, vehicle))?;
+            if self.with_sent {
+                write(&format!("{id}.sent.csv"), self.sent(simulation, vehicle))?;
+            }
+        }
+        write("schedule.toml", self.schedule(simulation, trial))?;
+        write("ids.csv", ids(trial))?;
+        trial.log.events.iter_mut().for_each(|event| event.time_s += self.start);
+        Ok(())
+    }
+
+    /// A true time by a vehicle's clock, as it writes it.
+    fn stamp(&self, simulation: &Simulation, vehicle: usize, time_s: f64) -> String {
+        time_in_words(self.start + time_s + simulation.clock_ahead_s(vehicle))
+    }
+
+    fn navigation(
+        &self,
+        simulation: &Simulation,
+        trial: &Simulated,
+        vehicle: usize,
+        reference: &Reference,
+    ) -> anyhow::Result<String> {
+        let mut text = String::from("time,latitude,longitude,depth_m\n");
+        // By no clock there is another turn before it ends.
+        let end_s = simulation.slot_s * (simulation.slots as f64 + 0.4);
+        for second in 0..=end_s as u64 {
+            let time_s = second as f64;
+            let Position { east_m, north_m, depth_m } = trial.position(vehicle, time_s);
+            let place = reference.geographic(east_m, north_m);
+            let place = place
+                .ok_or_else(|| BadInput(format!("--origin: no map holds an area of {} m there", simulation.area_m)))?;
+            let (latitude, longitude) = (place.latitude_deg, place.longitude_deg);
+            let stamp = self.stamp(simulation, vehicle, time_s);
+            writeln!(text, "{stamp},{latitude:.7},{longitude:.7},{:.1}", depth_m.unwrap_or_default())?;
+        }
+        Ok(text)
+    }
+
+    fn heard(&self, simulation: &Simulation, trial: &Simulated, vehicle: usize) -> String {
+        let name = &trial.vehicles[vehicle].0;
+        let end_s = simulation.slot_s * simulation.slots as f64;
+        let stop = self.stops.as_ref().filter(|(stops, _)| stops == name.as_str());
+        let until_s = stop.map_or(f64::INFINITY, |(_, share)| share * end_s);
+        let mut text = String::from("time,source,destination\n");
+        for event in trial.log.events.iter().filter(|event| event.receiver_id == *name && event.success) {
+            let time_s = event.time_s + event.link.range_m() / SOUND_M_PER_S + DELAY_S;
+            let source = trial.vehicles.iter().position(|(id, _)| *id == event.transmitter_id).unwrap_or_default() + 1;
+            if time_s <= until_s {
+                let _ = writeln!(text, "{},{source},{BROADCAST}", self.stamp(simulation, vehicle, time_s));
+            }
+        }
+        text
+    }
+
+    fn sent(&self, simulation: &Simulation, vehicle: usize) -> String {
+        let own = (0..simulation.slots).filter(|slot| slot % simulation.vehicles == vehicle);
+        let line = |slot: usize| {
+            let time_s = simulation.slot_s * (slot + 1) as f64 - simulation.clock_ahead_s(vehicle);
+            format!("{},{BROADCAST}\n", self.stamp(simulation, vehicle, time_s))
+        };
+        format!("time,destination\n{}", own.map(line).collect::<String>())
+    }
+
+    fn schedule(&self, simulation: &Simulation, trial: &Simulated) -> String {
+        let order: Vec<String> = trial.vehicles.iter().map(|(id, _)| format!("\"{id}\"")).collect();
+        format!(
+            "[slots]\nstart_s = \"{}\"\nduration_s = {}\norder = [{}]\n",
+            time_in_words(self.start + simulation.slot_s),
+            simulation.slot_s,
+            order.join(", ")
+        )
+    }
+}
+
+fn ids(trial: &Simulated) -> String {
+    let line = |(number, (id, _)): (usize, &(pingmap_agent::VehicleId, f64))| format!("{},{id}\n", number + 1);
+    let vehicles: String = trial.vehicles.iter().enumerate().map(line).collect();
+    format!("id,name\n{vehicles}{BROADCAST},broadcast\n")
+}
