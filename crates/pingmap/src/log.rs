@@ -1,43 +1,82 @@
-//! Reading a log for use: warnings about what is odd in it, thinning, and the part of one vehicle.
+//! Reading logs for use: what is odd in them, thinning, and the part of one vehicle.
 
-use std::collections::HashSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use clap::Args;
 use pingmap_agent::{Link, VehicleId};
 use pingmap_trial::{EventLog, Split, thin};
 
-use crate::output::{BadInput, count, warn};
+use crate::output::{BadInput, warn};
 
-/// Reads an event log and warns about what its reader should know.
-pub fn open_log(path: &Path) -> anyhow::Result<EventLog> {
-    let log = EventLog::open(path)?;
-    if !log.unknown_columns.is_empty() {
-        warn(format_args!("{}: ignoring the column {}", path.display(), some_of(&log.unknown_columns)));
-    }
-    warn_about(&log);
-    Ok(log)
+/// Standard input, where a file is named.
+const STANDARD_INPUT: &str = "-";
+
+/// The logs that a command reads.
+#[derive(Args)]
+pub struct Logs {
+    /// Event logs, several as one; - is standard input
+    #[arg(value_name = "LOG", required_unless_present = "events")]
+    logs: Vec<PathBuf>,
+    /// As logs were named before
+    #[arg(long, hide = true, value_name = "LOG", conflicts_with = "logs")]
+    events: Vec<PathBuf>,
+    /// Go on though a log says nothing that a map could be made of
+    #[arg(long)]
+    force: bool,
 }
 
-fn warn_about(log: &EventLog) {
-    let successes = log.events.iter().filter(|event| event.success).count();
-    if successes == 0 || successes == log.events.len() {
-        let class = if successes == 0 { "missed" } else { "heard" };
-        let events = count(log.events.len(), "event");
-        warn(format_args!("all of {events} {class}: the map can only say so with growing certainty"));
+impl Logs {
+    /// Reads them as one log, warns about what is odd and refuses what is nonsense.
+    pub fn open(&self) -> anyhow::Result<EventLog> {
+        let log = self.read()?;
+        for finding in log.findings() {
+            match finding.is_nonsense && !self.force {
+                true => return Err(BadInput(format!("{}: {}; --force goes on", self.name(), finding.text)).into()),
+                false => warn(format_args!("{}: {}", self.name(), finding.text)),
+            }
+        }
+        Ok(log)
     }
-    if let [vehicle] = log.vehicles().as_slice() {
-        warn(format_args!("{vehicle} is the only receiver: there is nobody to share with"));
+
+    /// Reads them as one log, whatever it says.
+    pub fn read(&self) -> anyhow::Result<EventLog> {
+        let paths = || self.logs.iter().chain(&self.events);
+        let mut logs = paths().map(|path| read_log(path)).collect::<anyhow::Result<Vec<_>>>()?.into_iter();
+        let Some(mut all) = logs.next() else { return Err(BadInput("expected an event log".into()).into()) };
+        for (log, path) in logs.zip(paths().skip(1)) {
+            if log.has_depths != all.has_depths {
+                let message = "one log has depths and another has none; expected all or none of them to";
+                return Err(BadInput(format!("{}: {message}", path.display())).into());
+            }
+            all.append(log);
+        }
+        Ok(all)
     }
-    let bits =
-        |link: &Link| link.ends().map(|end| [end.east_m, end.north_m, end.depth_m.unwrap_or(0.0)].map(f64::to_bits));
-    let distinct: HashSet<_> = log.events.iter().map(|event| bits(&event.link)).collect();
-    if log.events.len() >= 100 && distinct.len() * 20 < log.events.len() {
-        warn(format_args!(
-            "only {} distinct links among {} events: the map says little between them",
-            distinct.len(),
-            log.events.len()
-        ));
+
+    /// All of them by name.
+    pub fn name(&self) -> String {
+        let name = |path: &PathBuf| path.display().to_string();
+        self.logs.iter().chain(&self.events).map(name).collect::<Vec<_>>().join(", ")
     }
+
+    /// The files, without their folders.
+    pub fn file_names(&self) -> String {
+        let name =
+            |path: &PathBuf| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        self.logs.iter().chain(&self.events).map(name).collect::<Vec<_>>().join(", ")
+    }
+}
+
+fn read_log(path: &Path) -> anyhow::Result<EventLog> {
+    if path == Path::new(STANDARD_INPUT) {
+        return Ok(EventLog::read(std::io::stdin().lock(), Path::new("standard input"))?);
+    }
+    Ok(EventLog::open(path)?)
+}
+
+/// Reads one log and warns about what is odd.
+pub fn open_log(path: &Path) -> anyhow::Result<EventLog> {
+    Logs { logs: vec![path.to_owned()], events: Vec::new(), force: true }.open()
 }
 
 /// Keeps at most `events_max` events, and says so.

@@ -11,15 +11,15 @@ use pingmap_agent::{
 };
 use pingmap_trial::EventLog;
 
+use crate::log::Logs;
 use crate::output::BadInput;
 use crate::values::*;
 
 /// What a map is learned from, and how.
 #[derive(Args)]
 pub struct Source {
-    /// Event log to learn from
-    #[arg(long)]
-    pub events: PathBuf,
+    #[command(flatten)]
+    pub logs: Logs,
     /// Learn from this vehicle's events only
     #[arg(long)]
     pub vehicle: Option<String>,

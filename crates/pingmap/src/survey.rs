@@ -5,7 +5,7 @@ use std::sync::Arc;
 use pingmap_agent::{Agent, Event, FitQuality, Limits, Model, Team, VehicleId};
 use pingmap_trial::EventLog;
 
-use crate::log::{only, open_log, thinned};
+use crate::log::{only, thinned};
 use crate::model::{Known, read_model};
 use crate::options::{Asked, Source};
 use crate::output::{note, spinner, warn};
@@ -21,8 +21,8 @@ pub struct Survey {
 impl Survey {
     /// Reads a log, and keeps one vehicle's events if asked to.
     pub fn open(source: &Source) -> anyhow::Result<EventLog> {
-        let Source { events, vehicle, work, .. } = source;
-        let mut log = open_log(events)?;
+        let Source { logs, vehicle, work, .. } = source;
+        let mut log = logs.open()?;
         if let Some(path) = &source.model.model
             && read_model(path)?.place_log_digests.contains(&log.digest())
         {

@@ -11,8 +11,8 @@ use std::path::Path;
 /// Every command that reads an event log, on `events.csv`.
 const COMMANDS: [&[&str]; 4] = [
     &["replay", "events.csv"],
-    &["predict", "--events", "events.csv", "--links", "links.csv", "-o", "result"],
-    &["map", "--events", "events.csv", "--at", "0,0", "-o", "result.png"],
+    &["predict", "events.csv", "--links", "links.csv", "-o", "result"],
+    &["map", "events.csv", "--at", "0,0", "-o", "result.png"],
     &["select", "events.csv", "--vehicle", "a"],
 ];
 
@@ -181,23 +181,22 @@ fn select_and_map_say_what_they_need() {
         let many = ["select", "events.csv", "--vehicle", "a", "--points", points];
         refused_command(folder.path(), &many, &["--points", "a whole number from 1 to 4000"]);
     }
-    let map = ["map", "--events", "events.csv", "--at", "0,0"];
+    let map = ["map", "events.csv", "--at", "0,0"];
     let with = |more: &[&'static str]| [&map[..], more].concat();
     refused_command(folder.path(), &with(&["-o", "map.pdf"]), &["map.pdf", ".png, .svg, .csv or .geojson"]);
     refused_command(folder.path(), &with(&["-o", "map.geojson"]), &["--origin"]);
     refused_command(folder.path(), &with(&["-o", "map.geojson", "--origin", "91,0"]), &["latitude"]);
     refused_command(folder.path(), &with(&["--cell-m", "0.001"]), &["--cell-m", "cells"]);
-    refused_command(folder.path(), &["map", "--events", "events.csv", "--at", "1e200,0"], &["--at", "1e9"]);
+    refused_command(folder.path(), &["map", "events.csv", "--at", "1e200,0"], &["--at", "1e9"]);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a file was left behind");
 }
 
 #[test]
 fn geojson_of_a_log_far_from_its_origin() {
     let folder = tempfile::tempdir().unwrap();
-    let line = "1,a,b,431000,4700000,431100,4700100,1\n";
-    file(folder.path(), "events.csv", format!("{HEADER}\n{}", line.repeat(4)));
-    let command =
-        ["map", "--events", "events.csv", "--at", "431000,4700000", "--origin", "42,-71", "-o", "map.geojson"];
+    let line = |success| format!("1,a,b,431000,4700000,431100,4700100,{success}\n");
+    file(folder.path(), "events.csv", format!("{HEADER}\n{}{}", line(0), line(1)));
+    let command = ["map", "events.csv", "--at", "431000,4700000", "--origin", "42,-71", "-o", "map.geojson"];
     refused_command(folder.path(), &command, &["--origin", "UTM", "100 km"]);
 }
 
@@ -205,7 +204,7 @@ fn geojson_of_a_log_far_from_its_origin() {
 fn links_that_do_not_fit() {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "events.csv", log(&["a", "b"], 30));
-    let command = ["predict", "--events", "events.csv", "--links", "links.csv"];
+    let command = ["predict", "events.csv", "--links", "links.csv"];
     let header = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m";
     file(folder.path(), "links.csv", format!("{header}\n0,0,1,x\n"));
     refused_command(folder.path(), &command, &["links.csv", "line 2", "rx_northing_m", "\"x\""]);
@@ -217,7 +216,7 @@ fn links_that_do_not_fit() {
 fn an_output_that_cannot_be_written_is_a_failure_not_bad_input() {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "events.csv", log(&["a", "b"], 30));
-    let output = pingmap(folder.path(), &["map", "--events", "events.csv", "--at", "0,0", "-o", "nowhere/map.png"]);
+    let output = pingmap(folder.path(), &["map", "events.csv", "--at", "0,0", "-o", "nowhere/map.png"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("nowhere/map.png"), "{}", stderr(&output));
 }
@@ -229,7 +228,7 @@ fn a_result_goes_where_a_link_points_and_replaces_no_device() {
     file(folder.path(), "links.csv", "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n0,0,1,1\n");
     let target = file(folder.path(), "target.csv", "old");
     let predict = |output: &str| {
-        let command = ["predict", "--events", "events.csv", "--links", "links.csv", "-o", output];
+        let command = ["predict", "events.csv", "--links", "links.csv", "-o", output];
         assert!(pingmap(folder.path(), &command).status.success(), "{output}");
     };
     #[cfg(unix)]
@@ -265,7 +264,7 @@ fn models_whose_numbers_overflow_are_refused() {
         file(folder.path(), "model.toml", model(kernel, mean));
         for command in [
             &["replay", "events.csv", "--model", "model.toml"][..],
-            &["predict", "--events", "events.csv", "--links", "events.csv", "--model", "model.toml"],
+            &["predict", "events.csv", "--links", "events.csv", "--model", "model.toml"],
             &["select", "events.csv", "--vehicle", "a", "--model", "model.toml"],
         ] {
             refused_command(folder.path(), command, &["model.toml", expected]);

@@ -77,7 +77,7 @@ fn predict_writes_probabilities_and_their_intervals_beside_the_links() {
     file(folder.path(), "events.csv", log(&["a", "b"], 200));
     let links = "name,tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\nnear,500,200,500,300\nfar,0,200,500,900\n";
     file(folder.path(), "links.csv", links);
-    let command = ["predict", "--events", "events.csv", "--links", "links.csv"];
+    let command = ["predict", "events.csv", "--links", "links.csv"];
     let text = stdout(&pingmap(folder.path(), &command));
     let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(rows[0][4..], ["mean", "variance", "probability", "probability_low", "probability_high"]);
@@ -104,7 +104,7 @@ fn predict_reciprocally_unless_told_otherwise() {
     let header = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m";
     file(folder.path(), "links.csv", format!("{header}\n300,200,500,600\n500,600,300,200\n"));
     // The path alone: noise at the receiver knows which end it is at.
-    let command = ["predict", "--events", "events.csv", "--links", "links.csv", "--terms", "path", "--json"];
+    let command = ["predict", "events.csv", "--links", "links.csv", "--terms", "path", "--json"];
     let both = |options: &[&str]| {
         let object = json(folder.path(), &[&command[..], options].concat());
         [0, 1].map(|n: usize| object["predictions"][n]["probability"].as_f64().unwrap())
@@ -152,7 +152,7 @@ fn maps_of_every_kind() {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "events.csv", log(&["a", "b"], 200));
     let draw = |options: &[&str]| {
-        let command = [&["map", "--events", "events.csv", "--at", "500,200", "--cell-m", "50"], options].concat();
+        let command = [&["map", "events.csv", "--at", "500,200", "--cell-m", "50"], options].concat();
         let output = pingmap(folder.path(), &command);
         assert!(output.status.success(), "{}", stderr(&output));
         stdout(&output)
@@ -188,7 +188,7 @@ fn a_reader_that_goes_away_is_no_failure() {
     file(folder.path(), "links.csv", format!("tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n{rows}"));
     let mut child = Command::new(env!("CARGO_BIN_EXE_pingmap"))
         .current_dir(folder.path())
-        .args(["predict", "--events", "events.csv", "--links", "links.csv"])
+        .args(["predict", "events.csv", "--links", "links.csv"])
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn()

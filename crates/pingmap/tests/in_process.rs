@@ -38,7 +38,7 @@ fn failures_say_what_the_program_would() {
     let failure = run(&["replay", missing.to_str().unwrap()]).unwrap_err();
     assert!(failure.status == 2 && failure.message.contains("nowhere.csv"), "{failure:?}");
     let failure = run(&["replay"]).unwrap_err();
-    assert!(failure.status == 2 && failure.message.contains("<EVENTS>"), "{failure:?}");
+    assert!(failure.status == 2 && failure.message.contains("<LOG>"), "{failure:?}");
     let help = run(&["--help"]).unwrap_err();
     assert!(help.status == 0 && help.message.contains("demo") && help.message.contains("reproduce"), "{help:?}");
 }

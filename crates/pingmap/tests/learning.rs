@@ -74,7 +74,7 @@ fn all_commands_take_a_model_file() {
     }
     file(folder.path(), "links.csv", "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n0,200,500,300\n");
     let model = ["--model", "model.toml"];
-    let events = ["--events", "events.csv"];
+    let events = ["events.csv"];
     let predict =
         json(folder.path(), &[&["predict"], &events[..], &model, &["--links", "links.csv", "--json"]].concat());
     let map =
@@ -133,8 +133,7 @@ fn a_conservative_range_is_where_learning_starts() {
     file(folder.path(), "events.csv", format!("{HEADER}\n1,a,b,0,0,0,100,1\n"));
     let header = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m";
     file(folder.path(), "links.csv", format!("{header}\n9000,0,9000,250\n9000,0,9000,500\n9000,0,9000,1000\n"));
-    let command =
-        ["predict", "--events", "events.csv", "--links", "links.csv", "--json", "--conservative-range-m", "500"];
+    let command = ["predict", "events.csv", "--links", "links.csv", "--json", "--conservative-range-m", "500"];
     let p = |more: &[&str]| {
         let result = json(folder.path(), &[&command[..], more].concat());
         [0, 1, 2].map(|n: usize| result["predictions"][n]["probability"].as_f64().unwrap())

@@ -94,7 +94,6 @@ const ASKED: &[Case] = &[
 ];
 
 const PREDICT: &[Case] = &[
-    ("--events", "other.csv", ""),
     ("--vehicle", "ada", ""),
     ("--links", "other-links.csv", ""),
     ("--output", "predicted.csv", ""),
@@ -102,7 +101,6 @@ const PREDICT: &[Case] = &[
 ];
 
 const MAP: &[Case] = &[
-    ("--events", "other.csv", ""),
     ("--vehicle", "ada", ""),
     ("--at", "300,300", ""),
     ("--as", "rx", "--reciprocal no"),
@@ -218,9 +216,10 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
         ("demo", vec![DEMO]),
         ("replay events.csv --repeats 1 --frames 1", vec![REPLAY, GIVEN, MODEL, WORK, THINNED]),
         ("replay events.csv --model model.toml", vec![ONLINE]),
+        ("check events.csv", vec![&[("--json", "", "")]]),
         ("learn events.csv", vec![LEARN, MODEL, WORK, THINNED]),
-        ("predict --events events.csv --links links.csv", vec![PREDICT, ASKED, GIVEN, MODEL, WORK, THINNED]),
-        ("map --events events.csv --at 500,200 --cell-m 150", vec![MAP, ASKED, GIVEN, MODEL, WORK, THINNED]),
+        ("predict events.csv --links links.csv", vec![PREDICT, ASKED, GIVEN, MODEL, WORK, THINNED]),
+        ("map events.csv --at 500,200 --cell-m 150", vec![MAP, ASKED, GIVEN, MODEL, WORK, THINNED]),
         ("select events.csv --vehicle ada --radius-m 400", vec![SELECT, GIVEN, MODEL]),
         ("simulate --slots 300", vec![SIMULATE]),
         ("import --nav nav.csv --heard heard.csv --schedule schedule.toml --ids ids.csv", vec![IMPORT]),
@@ -395,8 +394,8 @@ fn every_option_is_among_those_cases() {
         let listed = help.lines().map(str::trim_start).filter(|line| line.starts_with('-'));
         let options: BTreeSet<String> = listed
             .filter_map(|line| line.split([' ', ',', '[']).find(is_option).map(str::to_owned))
-            // The number of threads must change nothing; both have tests of their own.
-            .filter(|option| !["--help", "--threads"].contains(&option.as_str()))
+            // The number of threads must change nothing, and what is refused otherwise is no case; all have tests of their own.
+            .filter(|option| !["--help", "--threads", "--force", "--strict"].contains(&option.as_str()))
             .filter(|option| ![CRITERION.0, ADDITIONS.0].contains(&option.as_str()) || known.contains(option))
             .collect();
         assert_eq!(options, known, "{name:?}");

@@ -80,6 +80,19 @@ impl EventLog {
         Ok(Self { events, true_probability, has_depths, unknown_columns })
     }
 
+    /// Takes in the events of another log. True probabilities stay where both know them.
+    pub fn append(&mut self, other: Self) {
+        self.true_probability = self.true_probability.take().zip(other.true_probability).map(|(mut own, more)| {
+            own.extend(more);
+            own
+        });
+        self.events.extend(other.events);
+        let unknown: Vec<String> =
+            other.unknown_columns.into_iter().filter(|column| !self.unknown_columns.contains(column)).collect();
+        self.unknown_columns.extend(unknown);
+        self.has_depths &= other.has_depths;
+    }
+
     /// Every vehicle that appears as a receiver, in alphabetical order: those that own events.
     pub fn vehicles(&self) -> Vec<VehicleId> {
         let ids: BTreeSet<&VehicleId> = self.events.iter().map(|event| &event.receiver_id).collect();

@@ -11,7 +11,7 @@ use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn
 use serde::Serialize;
 
 use crate::files::write_file;
-use crate::log::{open_log, thinned};
+use crate::log::{Logs, thinned};
 use crate::model::{KernelJson, PriorMeanJson, of_events, open_model, stop_words, warn_of_search};
 use crate::options::{Kernel, Work};
 use crate::output::{BadInput, Results, note, print, print_json, progress, spinner, table, warn};
@@ -21,8 +21,8 @@ use crate::values::{name_of, open_share, place_points};
 /// Learn from an event log how links behave, and write it to a model file that all other commands take
 #[derive(Args)]
 pub struct Options {
-    /// Event log
-    pub events: PathBuf,
+    #[command(flatten)]
+    pub logs: Logs,
     /// File for the model
     #[arg(long, short, value_name = "FILE", default_value = "model.toml")]
     pub output: PathBuf,
@@ -56,7 +56,7 @@ impl Options {
 }
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
-    let log = open_log(&options.events)?;
+    let log = options.logs.open()?;
     let log_digest = log.digest();
     let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
     let limits = options.work.limits();
@@ -84,7 +84,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
 
     // What is kept knows all events, those that were held out too.
     let best = if held_out.is_empty() { added.best } else { learn_again(&learning, &added.best, &log)? };
-    let from = options.events.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let from = options.logs.file_names();
     let model = options.place.map(|points| with_place(&best.model, &log, points, limits)).transpose()?;
     let model = model.unwrap_or_else(|| best.model.clone());
     let place_log_digests = options.place.map(|_| log_digest.clone()).into_iter().collect();

@@ -1,6 +1,7 @@
 //! The list of commands. Each is a module with its options, `Options`, which know how many threads they take and how to
 //! run.
 
+pub mod check;
 pub mod demo;
 pub mod import;
 pub mod learn;
@@ -44,6 +45,7 @@ macro_rules! commands {
 commands! {
     Demo(demo),
     Import(import),
+    Check(check),
     Replay(replay),
     Learn(learn),
     Predict(predict),

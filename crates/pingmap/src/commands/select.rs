@@ -1,13 +1,11 @@
 //! `pingmap select`: the inducing points that sum up a locality region.
 
-use std::path::PathBuf;
-
 use clap::Args;
 use pingmap_agent::{Event, Limits, Link, Position};
 use pingmap_trial::selection::{Query, RegionChoice, SelectionError, choose_points};
 use serde::Serialize;
 
-use crate::log;
+use crate::log::{self, Logs};
 use crate::model::{KernelJson, Known};
 use crate::options::ModelSource;
 use crate::output::{BadInput, Results, count, note, print, print_json, spinner, table, warn};
@@ -16,8 +14,8 @@ use crate::values::{PolicyName, dense_events, inducing_points, name_of, positive
 /// Choose the inducing points that sum up a locality region, with the certificate of the choice
 #[derive(Args)]
 pub struct Options {
-    /// Event log
-    pub events: PathBuf,
+    #[command(flatten)]
+    pub logs: Logs,
     /// The vehicle whose events are summed up
     #[arg(long)]
     pub vehicle: String,
@@ -107,7 +105,7 @@ struct CertificateJson {
 
 impl Selected {
     fn choose(options: &Options) -> anyhow::Result<Self> {
-        let log = log::open_log(&options.events)?;
+        let log = options.logs.open()?;
         let own = log::only(&log, &options.vehicle)?;
         let known = Known::new(&options.model, &log, Limits::default())?;
         let centre = options.centre.map(|[tx_east, tx_north, rx_east, rx_north]| {

@@ -8,7 +8,7 @@ use pingmap_packet::TIME_CELLS;
 use pingmap_trial::schedule;
 
 use crate::files::write_file;
-use crate::log::open_log;
+use crate::log::Logs;
 use crate::model::{log_digest, open_model};
 use crate::output::{BadInput, Results, count, note, warn};
 use crate::team::open_key;
@@ -18,8 +18,8 @@ use crate::values::{frame_bytes, mission_s, positive, time};
 /// under
 #[derive(Args)]
 pub struct Options {
-    /// Event log: its receivers are the members, and the grid holds all of its positions
-    pub events: PathBuf,
+    #[command(flatten)]
+    pub logs: Logs,
     /// Model file, as `pingmap learn` writes it
     #[arg(long, value_name = "FILE", default_value = "model.toml")]
     pub model: PathBuf,
@@ -58,7 +58,7 @@ impl Options {
 }
 
 fn write(options: &Options) -> anyhow::Result<()> {
-    let log = open_log(&options.events)?;
+    let log = options.logs.open()?;
     let file = open_model(&options.model, &log)?;
     let key = options.key_file.as_deref().map(open_key).transpose()?;
     let positions = log.events.iter().flat_map(|event| event.link.ends());

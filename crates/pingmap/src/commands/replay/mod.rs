@@ -14,7 +14,7 @@ use pingmap_trial::{
 };
 
 use crate::files::{make_folder, write_file};
-use crate::log::{open_log, thinned};
+use crate::log::{Logs, thinned};
 use crate::model::{HAS_SEEN_LOG, log_digests, open_model};
 use crate::options::{ModelSource, Work};
 use crate::output::{BadInput, Results, note, print, print_json, warn};
@@ -27,8 +27,8 @@ pub use replayed::Replayed;
 /// best
 #[derive(Args)]
 pub struct Options {
-    /// Event log
-    pub events: PathBuf,
+    #[command(flatten)]
+    pub logs: Logs,
     /// CSV of fixed splits: one column a split, one row an event, 1 = held out
     #[arg(long, value_name = "FILE", conflicts_with = "Dividing")]
     pub splits: Option<PathBuf>,
@@ -165,7 +165,7 @@ impl Options {
 }
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
-    let log = open_log(&options.events)?;
+    let log = options.logs.open()?;
     if let Some(folder) = &options.report {
         make_folder(folder)?;
     }

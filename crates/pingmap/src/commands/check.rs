@@ -1,0 +1,132 @@
+//! `pingmap check`: whether a log can be trusted.
+
+use clap::Args;
+use pingmap_trial::{EventLog, Finding, PairCount, RangeBin};
+use serde::Serialize;
+
+use crate::log::Logs;
+use crate::output::{BadInput, Results, count, print, print_json, table};
+
+/// Bins of the table over range.
+const BINS: usize = 8;
+
+/// Look at event logs: who was heard by whom, share heard over range, and all that is odd
+#[derive(Args)]
+pub struct Options {
+    #[command(flatten)]
+    pub logs: Logs,
+    /// Exit status 2 where anything is odd
+    #[arg(long)]
+    pub strict: bool,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        1
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        run(self, results)
+    }
+}
+
+fn run(options: &Options, results: Results) -> anyhow::Result<()> {
+    let log = options.logs.read()?;
+    let findings = log.findings();
+    if options.json {
+        print_json(results, &CheckedJson::of(&log, &findings))?;
+    } else {
+        print(results, &text(&log, &findings))?;
+    }
+    if options.strict && !findings.is_empty() {
+        return Err(BadInput(format!("{}: {}", options.logs.name(), count(findings.len(), "finding"))).into());
+    }
+    Ok(())
+}
+
+fn text(log: &EventLog, findings: &[Finding]) -> String {
+    let share = |heard: usize, events: usize| format!("{:.3}", heard as f64 / events as f64);
+    let pair = |((from, to), PairCount { heard, missed }): (&(_, _), &PairCount)| {
+        let (events, share) = (heard + missed, share(*heard, heard + missed));
+        vec![format!("{from} → {to}"), events.to_string(), heard.to_string(), missed.to_string(), share]
+    };
+    let pairs: Vec<Vec<String>> = log.pairs().iter().map(pair).collect();
+    let bin = |bin: &RangeBin| {
+        let range = format!("{:.0} to {:.0}", bin.from_m, bin.to_m);
+        vec![range, bin.events.to_string(), share(bin.heard, bin.events)]
+    };
+    let bins: Vec<Vec<String>> = log.over_range(BINS).iter().map(bin).collect();
+    let line = |finding: &Finding| format!("{} {}\n", if finding.is_nonsense { "!!" } else { "! " }, finding.text);
+    let found = match findings {
+        [] => "Nothing odd.".to_owned(),
+        _ => findings.iter().map(line).collect(),
+    };
+    format!(
+        "{}\n\n{}\n\n{}",
+        table(&["from → to", "sent", "heard", "missed", "share heard"], &pairs),
+        table(&["range (m)", "events", "share heard"], &bins),
+        found
+    )
+}
+
+/// What was found, for programs.
+#[derive(Serialize)]
+struct CheckedJson {
+    schema: u32,
+    events: usize,
+    log_digest: String,
+    pairs: Vec<PairJson>,
+    over_range: Vec<BinJson>,
+    findings: Vec<FindingJson>,
+}
+
+#[derive(Serialize)]
+struct PairJson {
+    transmitter: String,
+    receiver: String,
+    heard: usize,
+    missed: usize,
+}
+
+#[derive(Serialize)]
+struct BinJson {
+    from_m: f64,
+    to_m: f64,
+    events: usize,
+    heard: usize,
+}
+
+#[derive(Serialize)]
+struct FindingJson {
+    check: &'static str,
+    is_nonsense: bool,
+    text: String,
+}
+
+impl CheckedJson {
+    fn of(log: &EventLog, findings: &[Finding]) -> Self {
+        let pair = |((from, to), PairCount { heard, missed }): (&(_, _), &PairCount)| PairJson {
+            transmitter: format!("{from}"),
+            receiver: format!("{to}"),
+            heard: *heard,
+            missed: *missed,
+        };
+        let bin = |&RangeBin { from_m, to_m, events, heard }: &RangeBin| BinJson { from_m, to_m, events, heard };
+        let finding = |Finding { check, is_nonsense, text }: &Finding| FindingJson {
+            check,
+            is_nonsense: *is_nonsense,
+            text: text.clone(),
+        };
+        Self {
+            schema: 1,
+            events: log.events.len(),
+            log_digest: log.digest(),
+            pairs: log.pairs().iter().map(pair).collect(),
+            over_range: log.over_range(BINS).iter().map(bin).collect(),
+            findings: findings.iter().map(finding).collect(),
+        }
+    }
+}
