@@ -26,6 +26,14 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     replace(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
+/// Tries whether a file could be written to a folder, and leaves nothing behind.
+pub fn try_folder(path: &Path, folder: &Path) -> io::Result<()> {
+    match path.metadata() {
+        Ok(known) if !known.is_file() || names(&known) > 1 => OpenOptions::new().write(true).open(path).map(drop),
+        _ => aside().tempfile_in(folder).map(drop),
+    }
+}
+
 fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     // A pipe behind /dev/stdout has no name that could be followed.
     if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {

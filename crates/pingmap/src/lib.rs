@@ -15,6 +15,7 @@
 // In the order of the flow: each module uses only those above it.
 mod output;
 mod files;
+mod outputs;
 mod contour;
 mod figure;
 mod values;

@@ -20,9 +20,9 @@ pub struct Logs {
     /// As logs were named before
     #[arg(long, hide = true, value_name = "LOG", conflicts_with = "logs")]
     events: Vec<PathBuf>,
-    /// Go on though a log says nothing that a map could be made of
+    /// Go on though a log says nothing that a map could be made of, and replace files that pingmap did not write
     #[arg(long)]
-    force: bool,
+    pub force: bool,
 }
 
 impl Logs {
@@ -51,6 +51,11 @@ impl Logs {
             all.append(log);
         }
         Ok(all)
+    }
+
+    /// The files.
+    pub fn paths(&self) -> Vec<&Path> {
+        self.logs.iter().chain(&self.events).map(PathBuf::as_path).collect()
     }
 
     /// All of them by name.

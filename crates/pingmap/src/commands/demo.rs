@@ -8,8 +8,8 @@ use pingmap_agent::Learning;
 use pingmap_trial::{Division, Plan, built_in};
 
 use super::replay::Replayed;
-use crate::files::make_folder;
 use crate::output::{Results, note};
+use crate::outputs::Target;
 use crate::values::threads;
 
 /// Three vehicles on survey legs in a bay with a ridge and a mound.
@@ -37,7 +37,7 @@ impl Options {
     }
 
     pub fn run(&self, results: Results) -> anyhow::Result<()> {
-        make_folder(&self.out)?;
+        Target::page(&self.out, false)?;
         let log = built_in(TRIAL).context("the trial is built in")??;
         note(
             "Three underwater vehicles record which of each other's messages they hear. Each learns from the events it",

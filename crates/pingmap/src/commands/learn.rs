@@ -10,11 +10,11 @@ use pingmap_agent::{
 use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
 use serde::Serialize;
 
-use crate::files::write_file;
 use crate::log::{Logs, thinned};
 use crate::model::{KernelJson, PriorMeanJson, of_events, open_model, stop_words, warn_of_search};
 use crate::options::{Kernel, Work};
-use crate::output::{BadInput, Results, note, print, print_json, progress, spinner, table, warn};
+use crate::output::{BadInput, Results, note, print_json, progress, spinner, table, warn};
+use crate::outputs::{Kind, Target};
 use crate::survey::all_in_one;
 use crate::values::{name_of, open_share, place_points};
 
@@ -56,12 +56,13 @@ impl Options {
 }
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
+    let target = Target::new(&options.output, Kind::MODEL, &options.logs.paths(), options.logs.force)?;
     let log = options.logs.open()?;
     let log_digest = log.digest();
     let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
     let limits = options.work.limits();
     if let Some((onto, points)) = options.onto.as_deref().zip(options.place) {
-        return add_to_place(options, (&log, log_digest), (onto, points), results);
+        return add_to_place(options, &target, (&log, log_digest), (onto, points), results);
     }
     let learning = options.kernel.learning(options.kernel.given().many(), limits);
     let (training, held_out) = divided(&log, options)?;
@@ -89,9 +90,10 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let model = model.unwrap_or_else(|| best.model.clone());
     let place_log_digests = options.place.map(|_| log_digest.clone()).into_iter().collect();
     let file = ModelFile { model, learned: Some(provenance(&best, from, log_digest)), place_log_digests };
-    write_file(&options.output, file.write().map_err(|error| BadInput(error.to_string()))?.as_bytes())?;
+    let file = file.write().map_err(|error| BadInput(error.to_string()))?;
+    let written = target.write(file.as_bytes(), results);
 
-    if options.json {
+    if options.json && !target.is_standard_output() {
         print_json(
             results,
             &LearnJson {
@@ -107,10 +109,12 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
             },
         )?;
     } else {
-        print(results, &text(&candidates, &best, learning.criterion, !held_out.is_empty()))?;
+        target.tell(&text(&candidates, &best, learning.criterion, !held_out.is_empty()), results)?;
     }
-    note(format_args!("wrote {}", options.output.display()));
-    Ok(())
+    if written.is_ok() {
+        note(format_args!("wrote {}", options.output.display()));
+    }
+    written
 }
 
 /// The model with what the log says of its place.
@@ -129,6 +133,7 @@ fn with_place(model: &Model, log: &EventLog, points: usize, limits: Limits) -> a
 /// A model as it was, with what it knew of the place and what the log says.
 fn add_to_place(
     options: &Options,
+    target: &Target,
     (log, log_digest): (&EventLog, String),
     (onto, points): (&Path, usize),
     results: Results,
@@ -139,9 +144,10 @@ fn add_to_place(
     }
     file.model = with_place(&file.model, log, points, options.work.limits())?;
     file.place_log_digests.push(log_digest);
-    write_file(&options.output, file.write().map_err(|error| BadInput(error.to_string()))?.as_bytes())?;
+    let text = file.write().map_err(|error| BadInput(error.to_string()))?;
+    target.write(text.as_bytes(), results)?;
     let place_points = file.model.place.as_ref().map_or(0, |place| place.links().len());
-    if options.json {
+    if options.json && !target.is_standard_output() {
         let added = AddedJson { schema: 1, file: &options.output, events: log.events.len(), place_points };
         print_json(results, &added)?;
     }

@@ -7,10 +7,10 @@ use pingmap_agent::Position;
 use pingmap_trial::EventLog;
 use serde::Serialize;
 
-use crate::files::write_file;
 use crate::model::KernelJson;
 use crate::options::{Asked, Source};
 use crate::output::{BadInput, Results, note, print_json, spinner};
+use crate::outputs::{Kind, Target};
 use crate::success_map::{CONTOURS, SuccessMap};
 use crate::survey::Survey;
 use crate::values::{End, name_of, origin, pair, positive};
@@ -29,7 +29,7 @@ pub struct Options {
     #[command(flatten)]
     pub asked: Asked,
     /// File for the map; its ending says what it is: .png, .svg, .csv (the grid) or .geojson (the contours; needs
-    /// --origin)
+    /// --origin). The grid goes to standard output for -
     #[arg(long, short, value_name = "FILE", default_value = "map.png")]
     pub output: PathBuf,
     /// Latitude and longitude of (0, 0) of the log, in degrees
@@ -60,6 +60,8 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         let message = "a .geojson map needs --origin LAT,LON, the latitude and longitude of (0, 0) of the log";
         return Err(BadInput(message.to_owned()).into());
     }
+    let logs = &options.source.logs;
+    let target = Target::new(&options.output, format.kind(), &logs.paths(), logs.force)?;
     let log = Survey::open(&options.source)?;
     let asked = options.asked.attempt(&log)?;
     if origin.is_some() {
@@ -81,13 +83,15 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
             serde_json::to_vec_pretty(&map.geojson(&|position| chart.geographic(position)))?
         }
     };
-    write_file(&options.output, &bytes)?;
     bar.finish_and_clear();
-    note(format_args!("wrote {}", options.output.display()));
-    if options.json {
+    let written = target.write(&bytes, results);
+    if written.is_ok() {
+        note(format_args!("wrote {}", options.output.display()));
+    }
+    if options.json && !target.is_standard_output() {
         print_json(results, &MapJson::of(options, &survey, &map))?;
     }
-    Ok(())
+    written
 }
 
 /// What was drawn.
@@ -142,7 +146,20 @@ enum Format {
 }
 
 impl Format {
+    /// What such a file is known by.
+    fn kind(self) -> Kind {
+        match self {
+            Format::Png => Kind::PNG,
+            Format::Svg => Kind::SVG,
+            Format::Csv => Kind::GRID,
+            Format::GeoJson => Kind::GEO_JSON,
+        }
+    }
+
     fn of(path: &Path) -> anyhow::Result<Self> {
+        if path == Path::new("-") {
+            return Ok(Format::Csv);
+        }
         match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {
             Some("png") => Ok(Format::Png),
             Some("svg") => Ok(Format::Svg),

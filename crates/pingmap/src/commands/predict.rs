@@ -1,18 +1,18 @@
 //! `pingmap predict`: probability of success over links.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_agent::{Attempt, Link, Position, Prediction};
 use pingmap_trial::read_attempts;
 use serde::Serialize;
 
-use crate::files::write_file;
 use crate::log::fill_depths;
 use crate::model::KernelJson;
 use crate::options::{Asked, Source};
-use crate::output::{Results, csv_text, print, spinner};
+use crate::output::{Results, csv_text, spinner};
+use crate::outputs::{Kind, Target};
 use crate::survey::Survey;
 
 /// Predict the probability of success over links
@@ -40,15 +40,17 @@ impl Options {
     }
 
     pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        let logs = &self.source.logs;
+        let kind = if self.json { Kind::PREDICTIONS_JSON } else { Kind::PREDICTIONS };
+        let inputs: Vec<&Path> = logs.paths().into_iter().chain([self.links.as_path()]).collect();
+        let output = self.output.as_deref().unwrap_or(Path::new("-"));
+        let target = Target::new(output, kind, &inputs, logs.force)?;
         let predictions = Predictions::compute(self)?;
         let text = match self.json {
             true => serde_json::to_string_pretty(&serde_json::to_value(predictions.json())?)?,
             false => csv_text(&predictions.header, &predictions.rows)?,
         };
-        match &self.output {
-            Some(path) => write_file(path, text.as_bytes()),
-            None => print(results, &text),
-        }
+        target.write((text.trim_end().to_owned() + "\n").as_bytes(), results)
     }
 }
 

@@ -7,10 +7,10 @@ use pingmap_agent::{Grid, Slots, Team, TeamError, TeamFile};
 use pingmap_packet::TIME_CELLS;
 use pingmap_trial::schedule;
 
-use crate::files::write_file;
 use crate::log::Logs;
 use crate::model::{log_digest, open_model};
 use crate::output::{BadInput, Results, count, note, warn};
+use crate::outputs::{Kind, Target};
 use crate::team::open_key;
 use crate::values::{frame_bytes, mission_s, positive, time};
 
@@ -42,7 +42,7 @@ pub struct Options {
     /// How long the mission lasts at most; what is heard later is told without a time. As long as the log if not given
     #[arg(long, value_parser = mission_s, allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
-    /// File for the team, in the folder of the model file or above it
+    /// File for the team; it names the model file as seen from its own folder
     #[arg(long, short, value_name = "FILE", default_value = "team.toml")]
     pub output: PathBuf,
 }
@@ -52,12 +52,15 @@ impl Options {
         1
     }
 
-    pub fn run(&self, _: Results) -> anyhow::Result<()> {
-        write(self)
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        write(self, results)
     }
 }
 
-fn write(options: &Options) -> anyhow::Result<()> {
+fn write(options: &Options, results: Results) -> anyhow::Result<()> {
+    let mut inputs = options.logs.paths();
+    inputs.extend(options.key_file.as_deref().into_iter().chain([options.model.as_path()]));
+    let target = Target::new(&options.output, Kind::TEAM, &inputs, options.logs.force)?;
     let log = options.logs.open()?;
     let file = open_model(&options.model, &log)?;
     let key = options.key_file.as_deref().map(open_key).transpose()?;
@@ -82,7 +85,7 @@ fn write(options: &Options) -> anyhow::Result<()> {
     let key_name = options.key_file.as_ref().map(|path| beside(path, &options.output)).transpose()?;
     let model_name = beside(&options.model, &options.output)?;
     let text = TeamFile::write(&team, &model_name, key_name.as_deref(), log_digest(&file));
-    write_file(&options.output, text.map_err(bad_team)?.as_bytes())?;
+    target.write(text.map_err(bad_team)?.as_bytes(), results)?;
     let Grid { cell_m, start_s, time_cell_s, .. } = team.grid;
     let output = options.output.display();
     note(format_args!("team: {output}, cells of {cell_m} m, and of {time_cell_s} s from {start_s} s on"));
@@ -100,9 +103,17 @@ fn write(options: &Options) -> anyhow::Result<()> {
 /// The name of a file as the team file beside it says it.
 fn beside(path: &Path, team_file: &Path) -> anyhow::Result<String> {
     let absolute = std::path::absolute(path)?;
-    let folder = std::path::absolute(team_file)?;
-    let name = absolute.strip_prefix(folder.parent().unwrap_or(Path::new("/"))).unwrap_or(&absolute);
-    Ok(name.display().to_string())
+    let team_file = std::path::absolute(team_file)?;
+    let mut folder = team_file.parent().unwrap_or(Path::new("/"));
+    let mut name = PathBuf::new();
+    loop {
+        if let Ok(below) = absolute.strip_prefix(folder) {
+            return Ok(name.join(below).display().to_string());
+        }
+        let Some(above) = folder.parent() else { return Ok(absolute.display().to_string()) };
+        folder = above;
+        name.push("..");
+    }
 }
 
 fn bad_team(error: TeamError) -> BadInput {

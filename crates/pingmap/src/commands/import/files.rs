@@ -128,6 +128,12 @@ impl Files {
         Ok(Taken { recordings, schedule, reference, origin, skipped })
     }
 
+    /// All files that are read.
+    pub fn paths(&self) -> Vec<&Path> {
+        let tables = [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| whose(file).1);
+        tables.chain([&self.schedule, &self.ids, &self.columns].into_iter().flatten().map(PathBuf::as_path)).collect()
+    }
+
     fn ids(&self) -> anyhow::Result<Ids> {
         let Some(path) = &self.ids else { return Ok(Ids::default()) };
         Ok(Ids::read(opened(path)?, path)?)

@@ -11,8 +11,8 @@ use pingmap_import::{AlwaysSend, Imported, Rules, join};
 
 use self::files::Files;
 use self::shown::{ImportedJson, summary, warnings};
-use crate::files::write_file;
-use crate::output::{Results, print, print_json, warn};
+use crate::output::{Results, print_json, warn};
+use crate::outputs::{Kind, Target};
 use crate::values::{not_negative, positive};
 
 /// Make an event log from what the vehicles recorded: where each was, what it heard, what it sent or when it was its turn
@@ -28,6 +28,9 @@ pub struct Options {
     /// File for the event log
     #[arg(long, short, value_name = "FILE", default_value = "events.csv")]
     pub output: PathBuf,
+    /// Replace a file that pingmap did not write
+    #[arg(long)]
+    pub force: bool,
     /// Print one JSON object instead of a summary
     #[arg(long)]
     pub json: bool,
@@ -104,16 +107,18 @@ impl Options {
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let rules = options.decisions.rules();
+    let inputs = options.files.paths();
+    let target = Target::new(&options.output, Kind::EVENT_LOG, &inputs, options.force)?;
     let taken = options.files.take()?;
     let imported: Imported = join(&taken.recordings, taken.schedule.as_ref(), &taken.reference, &rules)?;
     for warning in warnings(&imported, &taken, &rules) {
         warn(warning);
     }
-    let written = write_file(&options.output, imported.log.to_csv().as_bytes());
-    if options.json {
+    let written = target.write(imported.log.to_csv().as_bytes(), results);
+    if options.json && !target.is_standard_output() {
         print_json(results, &ImportedJson::of(&imported, &taken))?;
     } else {
-        print(results, &format!("{}: {}", options.output.display(), summary(&imported, &taken, &rules)))?;
+        target.tell(&format!("{}: {}", options.output.display(), summary(&imported, &taken, &rules)), results)?;
     }
     written
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use pingmap_agent::VehicleId;
 use pingmap_import::{ClockFound, Imported, Pair, Proofs, Rules, Unknown};
 use serde::Serialize;
 
@@ -10,6 +11,9 @@ use crate::output::{count, table};
 
 /// Clocks that differ by more than this are worth a word.
 const CLOCK_OFF_S: f64 = 0.5;
+
+/// So is a modem without a sign for this share of all messages.
+const SILENT_SHARE: f64 = 0.1;
 
 /// What should be known before the log is used.
 pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String> {
@@ -27,6 +31,12 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
              (--sent), or that all turns are used (--always-sends)",
             count(imported.proofs.nothing, "turn"),
             imported.unused_turns
+        ));
+    }
+    for (receiver, silent, all) in silences(&imported.pairs) {
+        warnings.push(format!(
+            "{silent} of {all} messages lie before the first or after the last sign of {receiver}'s modem and are left out, whatever became \
+             of them: if it was listening, --listening {receiver}=FROM/TO says from when to when"
         ));
     }
     let off = |clock: &&ClockFound| clock.pieces.iter().any(|piece| piece.ahead_s.abs() > CLOCK_OFF_S);
@@ -55,6 +65,22 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
     warnings.extend(left_out(imported.left_out.unplaced, "position", "outside of the map left out"));
     warnings.extend(left_out(imported.left_out.own, "message", "that vehicles heard of themselves left out"));
     warnings
+}
+
+/// Receivers whose modem gave no sign for a good part of all messages: how many, and of how many.
+fn silences(pairs: &Pairs) -> Vec<(&VehicleId, usize, usize)> {
+    let mut by_receiver: BTreeMap<&VehicleId, (usize, usize)> = BTreeMap::new();
+    for ((_, receiver), pair) in pairs {
+        let counts = by_receiver.entry(receiver).or_default();
+        counts.0 += pair.unknown.get(&Unknown::NotRecording).copied().unwrap_or(0);
+        counts.1 += pair.heard + pair.missed + pair.unknown.values().sum::<usize>();
+    }
+    let many = |counts: &(usize, usize)| counts.0 as f64 > SILENT_SHARE * counts.1 as f64;
+    by_receiver
+        .into_iter()
+        .filter(|(_, counts)| many(counts))
+        .map(|(name, counts)| (name, counts.0, counts.1))
+        .collect()
 }
 
 /// The pairs, what was left out and why, and the clocks.
@@ -108,7 +134,7 @@ fn chosen(taken: &Taken) -> String {
     }
 }
 
-type Pairs = BTreeMap<(pingmap_agent::VehicleId, pingmap_agent::VehicleId), Pair>;
+type Pairs = BTreeMap<(VehicleId, VehicleId), Pair>;
 
 fn pairs(pairs: &Pairs) -> String {
     let reasons: Vec<Unknown> = Unknown::ALL
@@ -208,7 +234,7 @@ struct LeftOutJson {
 impl ImportedJson {
     pub fn of(imported: &Imported, taken: &Taken) -> Self {
         let Proofs { recorded, always_sends, received, nothing } = imported.proofs;
-        let pair = |((from, to), pair): (&(pingmap_agent::VehicleId, pingmap_agent::VehicleId), &Pair)| PairJson {
+        let pair = |((from, to), pair): (&(VehicleId, VehicleId), &Pair)| PairJson {
             transmitter: from.to_string(),
             receiver: to.to_string(),
             heard: pair.heard,
@@ -227,7 +253,7 @@ impl ImportedJson {
             off_s_median: clock.off_s,
         };
         let left_out = &imported.left_out;
-        let named = |names: &BTreeMap<pingmap_agent::VehicleId, usize>| {
+        let named = |names: &BTreeMap<VehicleId, usize>| {
             names.iter().map(|(name, number)| (name.to_string(), *number)).collect()
         };
         Self {

@@ -13,11 +13,11 @@ use pingmap_trial::{
     Agreed, DivideBy, Division, EventLog, Learners, Plan, Riding, Split, Water, read_splits, splits_to_csv,
 };
 
-use crate::files::{make_folder, write_file};
 use crate::log::{Logs, thinned};
 use crate::model::{HAS_SEEN_LOG, log_digests, open_model};
 use crate::options::{ModelSource, Work};
 use crate::output::{BadInput, Results, note, print, print_json, warn};
+use crate::outputs::{Kind, Target};
 use crate::team::{open_key, open_team};
 use crate::values::{DivideByName, LearnName, frame_bytes, open_share, packets, repeats, share, spare_bytes};
 use online::OnlineMission;
@@ -165,10 +165,16 @@ impl Options {
 }
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
-    let log = options.logs.open()?;
     if let Some(folder) = &options.report {
-        make_folder(folder)?;
+        Target::page(folder, options.logs.force)?;
     }
+    let written_splits = options.write_splits.as_deref().map(|path| {
+        let mut inputs = options.logs.paths();
+        inputs.extend(options.splits.as_deref());
+        Target::new(path, Kind::SPLITS, &inputs, options.logs.force)
+    });
+    let written_splits = written_splits.transpose()?;
+    let log = options.logs.open()?;
     let (agreed, has_seen_log) = agreed(options, &log)?;
     let plan = plan(options, agreed)?;
     if has_seen_log {
@@ -183,8 +189,8 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         Some(path) => read_splits(path, &log)?,
         None => options.dividing.splits(&log, options.work.seed)?,
     };
-    if let Some(path) = &options.write_splits {
-        write_file(path, splits_to_csv(&splits).as_bytes())?;
+    if let Some(target) = written_splits {
+        target.write(splits_to_csv(&splits).as_bytes(), results)?;
     }
     let events = log.events.len();
     let (log, splits) = thinned(log, splits, options.work.events_max, options.work.seed);

@@ -20,6 +20,7 @@ use pingmap_trial::{BUILT_IN, built_in};
 use crate::files::{make_folder, write_file};
 use crate::log::open_log;
 use crate::output::{BadInput, Results, note, print, print_json, spinner, warn};
+use crate::outputs::{Kind, Target};
 use crate::values::{name_of, repeats, threads};
 use exhibit::Exhibit;
 use results::Computed;
@@ -67,6 +68,9 @@ fn run(options: &Options, out: Results) -> anyhow::Result<()> {
     let figures = options.out.join(page::FIGURES);
     if options.exhibit.has_pictures() {
         make_folder(&figures)?;
+    }
+    if options.exhibit == Exhibit::All {
+        Target::new(&options.out.join("reproduction.md"), Kind::REPRODUCTION, &[], false)?;
     }
     let bar = spinner("learning the length-scale");
     let experiment = Experiment::new(sets, options.permutations, options.seed)?;

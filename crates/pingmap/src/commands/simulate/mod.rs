@@ -12,8 +12,8 @@ use pingmap_trial::simulate::{
 use serde::Serialize;
 
 use self::files::Files;
-use crate::files::write_file;
-use crate::output::{BadInput, Results, count, print, print_json, table};
+use crate::output::{BadInput, Results, count, print_json, table};
+use crate::outputs::{Kind, Target};
 use crate::values::{sea_state, whole_number};
 
 /// Make up a field trial: vehicles on survey legs, a slot schedule, and an acoustic channel of published formulas
@@ -52,6 +52,9 @@ pub struct Options {
     pub floor: Floor,
     #[command(flatten)]
     pub files: Files,
+    /// Replace a file that pingmap did not write
+    #[arg(long)]
+    pub force: bool,
     /// Print one JSON object instead of a summary
     #[arg(long)]
     pub json: bool,
@@ -191,15 +194,17 @@ const STAND_IN: &str =
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let simulation = options.simulation();
+    let target = Target::new(&options.output, Kind::EVENT_LOG, &[], options.force)?;
     let mut trial = simulation.run(&options.sound()).map_err(|error| BadInput(error.to_string()))?;
     trial.log.has_depths = options.depths;
     options.files.write(&simulation, &mut trial)?;
-    write_file(&options.output, trial.log.to_csv().as_bytes())?;
-    if options.json {
-        return print_json(results, &SimulatedJson::of(&simulation, &trial));
+    let written = target.write(trial.log.to_csv().as_bytes(), results);
+    if options.json && !target.is_standard_output() {
+        print_json(results, &SimulatedJson::of(&simulation, &trial))?;
+    } else {
+        target.tell(&format!("{}: {}", options.output.display(), summary(&simulation, &trial)), results)?;
     }
-    let text = format!("{}: {}", options.output.display(), summary(&simulation, &trial));
-    print(results, &text)
+    written
 }
 
 fn summary(simulation: &Simulation, trial: &Simulated) -> String {

@@ -1,0 +1,130 @@
+//! Where results are to be written: tried before the work, so that nothing is destroyed and nothing is late.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+
+use crate::files::{try_folder, write_file};
+use crate::output::{BadInput, Results, note, print};
+
+/// Standard output, where a file is named.
+const STANDARD_OUTPUT: &str = "-";
+
+/// So much of a file tells who wrote it.
+const LOOKED_AT_BYTES: u64 = 1 << 20;
+
+/// A kind of file that pingmap writes, known by its first megabyte.
+#[derive(Clone, Copy)]
+pub struct Kind(fn(&str) -> bool);
+
+impl Kind {
+    pub const EVENT_LOG: Kind = Kind(|text| text.starts_with("time_s,tx_id,rx_id,tx_easting_m,"));
+    pub const SPLITS: Kind = Kind(is_splits);
+    pub const PREDICTIONS: Kind =
+        Kind(|text| text.starts_with("tx_easting_m,") && text.contains("mean,variance,probability"));
+    pub const PREDICTIONS_JSON: Kind = Kind(|text| text.starts_with('{') && text.contains("\"predictions\""));
+    pub const GRID: Kind = Kind(|text| text.starts_with("easting_m,northing_m,probability"));
+    pub const PNG: Kind = Kind(|text| text.contains("PNG") && text.contains("kuva"));
+    pub const SVG: Kind = Kind(|text| text.starts_with("<svg") && text.contains("kuva"));
+    pub const GEO_JSON: Kind = Kind(|text| text.starts_with('{') && text.contains("\"seen_from\""));
+    pub const MODEL: Kind = Kind(|text| text.starts_with("# A model of how links behave: what pingmap"));
+    pub const TEAM: Kind = Kind(|text| text.starts_with("schema = ") && text.contains("model_file = "));
+    pub const PAGE: Kind = Kind(|text| text.starts_with("<!DOCTYPE html>") && text.contains("<title>pingmap"));
+    pub const REPRODUCTION: Kind = Kind(|text| text.contains("Written by `pingmap reproduce"));
+
+    fn is_of(self, path: &Path) -> anyhow::Result<bool> {
+        let mut bytes = Vec::new();
+        File::open(path)?.take(LOOKED_AT_BYTES).read_to_end(&mut bytes)?;
+        Ok(bytes.is_empty() || self.0(&String::from_utf8_lossy(&bytes)))
+    }
+}
+
+/// Names of splits, a letter and a number each, and nothing but zeros and ones below.
+fn is_splits(text: &str) -> bool {
+    let is_name = |name: &str| name.strip_prefix(['r', 't']).is_some_and(|number| number.parse::<u32>().is_ok());
+    let mut lines = text.lines();
+    lines.next().is_some_and(|names| names.split(',').all(is_name))
+        && lines.all(|line| line.bytes().all(|byte| b"01,".contains(&byte)))
+}
+
+/// Where a result goes.
+pub struct Target<'a> {
+    path: &'a Path,
+}
+
+impl<'a> Target<'a> {
+    /// Makes sure that a file can be written, is none of those that are read, and replaces none that somebody else wrote, unless
+    /// that is wanted.
+    pub fn new(path: &'a Path, kind: Kind, inputs: &[&Path], force: bool) -> anyhow::Result<Self> {
+        if path == Path::new(STANDARD_OUTPUT) {
+            return Ok(Self { path });
+        }
+        let name = path.display();
+        if inputs.iter().any(|input| is_same(input, path)) {
+            return Err(
+                BadInput(format!("{name} is read and would be written; expected another name for the result")).into()
+            );
+        }
+        match path.metadata() {
+            Ok(known) if known.is_dir() => return Err(BadInput(format!("{name} is a folder; expected a file")).into()),
+            Ok(known) if known.is_file() => {
+                let is_ours = force
+                    || kind.is_of(path).with_context(|| format!("cannot look at {name}, which would be replaced"))?;
+                if !is_ours {
+                    let message =
+                        "is there and was not written by pingmap; expected another name, or --force to replace it";
+                    return Err(BadInput(format!("{name} {message}")).into());
+                }
+            }
+            // A device or pipe, or nothing yet.
+            _ => {}
+        }
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            return Err(anyhow::anyhow!("cannot write {name}: there is no folder {}", folder.display()));
+        }
+        try_folder(path, folder).with_context(|| format!("cannot write {name}"))?;
+        Ok(Self { path })
+    }
+
+    /// The page of a report and its folder, which is made.
+    pub fn page(folder: &Path, force: bool) -> anyhow::Result<PathBuf> {
+        crate::files::make_folder(folder)?;
+        let page = folder.join("index.html");
+        Target::new(&page, Kind::PAGE, &[], force)?;
+        Ok(page)
+    }
+
+    /// Whether results go to standard output.
+    pub fn is_standard_output(&self) -> bool {
+        self.path == Path::new(STANDARD_OUTPUT)
+    }
+
+    /// Writes the result, to standard output as it is.
+    pub fn write(&self, bytes: &[u8], results: Results) -> anyhow::Result<()> {
+        if self.is_standard_output() {
+            results.write_all(bytes)?;
+            return Ok(results.flush()?);
+        }
+        write_file(self.path, bytes)
+    }
+
+    /// What is said of the result: on standard output, unless that is where the result goes.
+    pub fn tell(&self, text: &str, results: Results) -> anyhow::Result<()> {
+        if self.is_standard_output() {
+            note(text);
+            return Ok(());
+        }
+        print(results, text)
+    }
+}
+
+/// Whether two names are of one file.
+fn is_same(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    }
+}

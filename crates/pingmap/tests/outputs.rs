@@ -1,0 +1,122 @@
+//! Nothing is destroyed, nothing is late: where results go is tried before the work.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::path::Path;
+
+use common::*;
+
+fn run(folder: &Path, arguments: &str) -> (Option<i32>, String, String) {
+    let output = pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>());
+    (output.status.code(), stdout(&output), stderr(&output))
+}
+
+/// A folder with a log and a model.
+fn prepared() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 60));
+    assert_eq!(run(folder.path(), "learn events.csv --kernel matern32 --additions none").0, Some(0));
+    folder
+}
+
+/// Every command that writes, with the name of the file that it writes left out.
+const COMMANDS: [(&str, &str); 8] = [
+    ("learn events.csv --kernel matern32 --additions none -o ", "m.toml"),
+    ("map events.csv --model model.toml --at 0,0 --cell-m 200 -o ", "m.png"),
+    ("map events.csv --model model.toml --at 0,0 --cell-m 200 -o ", "m.svg"),
+    ("map events.csv --model model.toml --at 0,0 --cell-m 200 -o ", "m.csv"),
+    ("map events.csv --model model.toml --at 0,0 --cell-m 200 --origin 41,-70 -o ", "m.geojson"),
+    ("predict events.csv --model model.toml --links events.csv -o ", "p.csv"),
+    ("team events.csv -o ", "t.toml"),
+    ("simulate --slots 60 -o ", "s.csv"),
+];
+
+#[test]
+fn what_is_read_is_never_written() {
+    let folder = prepared();
+    let folder = folder.path();
+    let before = std::fs::read(folder.join("events.csv")).unwrap();
+    for (command, _) in
+        COMMANDS.iter().filter(|(command, name)| command.contains("events.csv") && name.ends_with("csv"))
+    {
+        for name in ["events.csv", "./events.csv"] {
+            let (status, _, said) = run(folder, &format!("{command}{name}"));
+            assert!(status == Some(2) && said.contains("is read and would be written"), "{command}: {said}");
+        }
+        // Not even by force.
+        assert_eq!(run(folder, &format!("{command}events.csv --force")).0, Some(2));
+    }
+    assert_eq!(run(folder, "team events.csv -o model.toml").0, Some(2));
+    assert_eq!(run(folder, "replay events.csv --write-splits events.csv").0, Some(2));
+    assert_eq!(std::fs::read(folder.join("events.csv")).unwrap(), before);
+}
+
+#[test]
+fn what_somebody_else_wrote_stays_and_what_pingmap_wrote_is_replaced() {
+    let folder = prepared();
+    let folder = folder.path();
+    for (command, name) in COMMANDS {
+        file(folder, name, "years of work\n");
+        let (status, _, said) = run(folder, &format!("{command}{name}"));
+        assert!(status == Some(2) && said.contains(name) && said.contains("--force"), "{command}: {said}");
+        assert_eq!(std::fs::read(folder.join(name)).unwrap(), b"years of work\n", "{command}");
+        let (status, _, said) = run(folder, &format!("{command}{name} --force"));
+        assert_eq!(status, Some(0), "{command}: {said}");
+        // Its own it replaces, and so it does a file without anything in it.
+        assert_eq!(run(folder, &format!("{command}{name}")).0, Some(0), "{command}");
+        file(folder, name, "");
+        assert_eq!(run(folder, &format!("{command}{name}")).0, Some(0), "{command}");
+    }
+    // A page in the folder of a report is somebody's, too.
+    std::fs::create_dir(folder.join("site")).unwrap();
+    file(&folder.join("site"), "index.html", "<!DOCTYPE html><title>my site</title>");
+    let (status, _, said) = run(folder, "replay events.csv --model model.toml --frames 1 --repeats 1 --report site");
+    assert!(status == Some(2) && said.contains("index.html"), "{said}");
+    for _ in 0..2 {
+        let report =
+            "replay events.csv --model model.toml --frames 1 --repeats 1 --report report --write-splits splits.csv";
+        assert_eq!(run(folder, report).0, Some(0));
+    }
+}
+
+#[test]
+fn where_nothing_can_be_written_is_said_before_the_work() {
+    let folder = prepared();
+    let folder = folder.path();
+    for (command, name) in COMMANDS {
+        let (status, printed, said) = run(folder, &format!("{command}nowhere/{name}"));
+        assert!(status == Some(1) && said.contains("there is no folder nowhere"), "{command}: {said}");
+        // Nothing was learned, fitted or warned of before.
+        assert!(printed.is_empty() && said.lines().count() == 1, "{command}: {said}");
+        std::fs::create_dir_all(folder.join("folder").join(name)).unwrap();
+        let (status, _, said) = run(folder, &format!("{command}folder/{name}"));
+        assert!(status == Some(2) && said.contains("is a folder"), "{command}: {said}");
+    }
+}
+
+#[test]
+fn results_go_to_standard_output_if_that_is_named() {
+    let folder = prepared();
+    let folder = folder.path();
+    for (command, name) in COMMANDS.iter().filter(|(_, name)| !["m.png", "m.svg", "m.geojson"].contains(name)) {
+        assert_eq!(run(folder, &format!("{command}{name}")).0, Some(0), "{command}");
+        let (status, printed, said) = run(folder, &format!("{command}-"));
+        assert_eq!(status, Some(0), "{command}: {said}");
+        let seconds = |line: &&str| !line.contains("seconds");
+        let of_file = std::fs::read_to_string(folder.join(name)).unwrap();
+        assert!(printed.lines().filter(seconds).eq(of_file.lines().filter(seconds)), "{command}: {printed}");
+    }
+}
+
+#[test]
+fn a_team_file_names_its_model_as_seen_from_its_folder() {
+    let folder = prepared();
+    let folder = folder.path();
+    std::fs::create_dir_all(folder.join("teams/first")).unwrap();
+    assert_eq!(run(folder, "team events.csv -o teams/first/team.toml").0, Some(0));
+    let text = std::fs::read_to_string(folder.join("teams/first/team.toml")).unwrap();
+    assert!(text.contains("model_file = \"../../model.toml\""), "{text}");
+    assert_eq!(run(folder, "replay events.csv --team teams/first/team.toml --frames 1 --repeats 1").0, Some(0));
+}
