@@ -146,7 +146,9 @@ impl Schedule {
         let mut turns = Vec::new();
         for (place, (start_s, order)) in orders.iter().enumerate() {
             let end_s = orders.get(place + 1).map_or(f64::INFINITY, |next| next.0);
-            let mut begin_s = *start_s;
+            // Days before the one that is asked for leave nothing over.
+            let midnight_s = (from_s / DAY_S).floor() * DAY_S;
+            let mut begin_s = if *restarts_daily { start_s.max(midnight_s) } else { *start_s };
             while begin_s < end_s.min(to_s) {
                 let midnight_s = (begin_s / DAY_S).floor() * DAY_S + DAY_S;
                 let until_s = if *restarts_daily { midnight_s } else { f64::INFINITY };

@@ -41,12 +41,10 @@ impl Kind {
     }
 }
 
-/// Names of splits, a letter and a number each, and nothing but zeros and ones below.
+/// Nothing but zeros and ones below names.
 fn is_splits(text: &str) -> bool {
-    let is_name = |name: &str| name.strip_prefix(['r', 't']).is_some_and(|number| number.parse::<u32>().is_ok());
-    let mut lines = text.lines();
-    lines.next().is_some_and(|names| names.split(',').all(is_name))
-        && lines.all(|line| line.bytes().all(|byte| b"01,".contains(&byte)))
+    let mut lines = text.lines().skip(1).peekable();
+    lines.peek().is_some() && lines.all(|line| !line.is_empty() && line.bytes().all(|byte| b"01,".contains(&byte)))
 }
 
 /// Where a result goes.

@@ -226,7 +226,7 @@ fn a_result_goes_where_a_link_points_and_replaces_no_device() {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "events.csv", log(&["a", "b"], 30));
     file(folder.path(), "links.csv", "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n0,0,1,1\n");
-    let target = file(folder.path(), "target.csv", "old");
+    let target = file(folder.path(), "target.csv", "");
     let predict = |output: &str| {
         let command = ["predict", "events.csv", "--links", "links.csv", "-o", output];
         assert!(pingmap(folder.path(), &command).status.success(), "{output}");

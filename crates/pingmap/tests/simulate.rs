@@ -392,9 +392,12 @@ fn extreme_but_allowed_values_give_probabilities() {
 
 /// Runs the command on options at fault: status 2, a message with all of `expected`, nothing written, an older log left
 /// as it was.
+/// A log that pingmap may have written earlier.
+const OLDER: &str = "time_s,tx_id,rx_id,tx_easting_m,older";
+
 fn refused(options: &[&str], expected: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
-    file(folder.path(), "trial.csv", "older");
+    file(folder.path(), "trial.csv", OLDER);
     let output = pingmap(folder.path(), &[&["simulate"], options].concat());
     let message = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{options:?}: {message}");
@@ -404,7 +407,7 @@ fn refused(options: &[&str], expected: &[&str]) {
         assert!(message.contains(expected), "{options:?} should say {expected:?}: {message}");
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "{options:?} left a file behind");
-    assert_eq!(std::fs::read_to_string(folder.path().join("trial.csv")).unwrap(), "older", "{options:?}");
+    assert_eq!(std::fs::read_to_string(folder.path().join("trial.csv")).unwrap(), OLDER, "{options:?}");
 }
 
 #[test]

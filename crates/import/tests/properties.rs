@@ -1,0 +1,187 @@
+//! What is put together is what took place, for any fleet; and no text stops the readers.
+
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use pingmap_agent::VehicleId;
+use pingmap_import::{
+    Arrival, Fix, Ids, Place, Reading, Recording, Recordings, Reference, Rules, Schedule, Sent, TableKind, join,
+    parse_time, time_in_words,
+};
+use proptest::prelude::*;
+
+const SOUND_M_PER_S: f64 = 1500.0;
+
+/// A fleet: of each vehicle how far its clock is ahead, and which of its messages were heard by whom.
+#[derive(Debug, Clone)]
+struct Fleet {
+    ahead_s: Vec<f64>,
+    drift: Vec<f64>,
+    delay_s: f64,
+    /// Sender and gap before it, of every message; and who heard it, by bits.
+    messages: Vec<(usize, f64, u8)>,
+}
+
+fn fleets() -> impl Strategy<Value = Fleet> {
+    (2usize..5).prop_flat_map(|vehicles| {
+        let ahead = prop::collection::vec(-4.0..4.0f64, vehicles);
+        let drift = prop::collection::vec(-2e-5..2e-5f64, vehicles);
+        // Gaps without a period: which difference of clocks fits is never in doubt.
+        let messages = prop::collection::vec((0..vehicles, 8.0..23.0f64, any::<u8>()), 120..200);
+        (ahead, drift, 0.0..2.5f64, messages).prop_map(|(ahead_s, drift, delay_s, messages)| Fleet {
+            ahead_s,
+            drift,
+            delay_s,
+            messages,
+        })
+    })
+}
+
+fn name(vehicle: usize) -> VehicleId {
+    VehicleId::new(format!("v{vehicle}"))
+}
+
+/// Vehicles on circles, so far out that sound takes up to a second.
+fn place(vehicle: usize, time_s: f64) -> (f64, f64) {
+    let angle = 0.002 * time_s + vehicle as f64;
+    let radius_m = 200.0 + 150.0 * vehicle as f64;
+    (radius_m * angle.cos(), radius_m * angle.sin())
+}
+
+/// What each vehicle records, and what took place: time, sender, receiver, outcome.
+type Truth = Vec<(f64, usize, usize, bool)>;
+
+impl Fleet {
+    fn clock(&self, vehicle: usize, time_s: f64) -> f64 {
+        time_s + self.ahead_s[vehicle] + self.drift[vehicle] * time_s
+    }
+
+    fn recorded(&self) -> (Recordings, Truth) {
+        let vehicles = self.ahead_s.len();
+        let mut all =
+            vec![Recording { sent: Some(Vec::new()), arrivals: Some(Vec::new()), ..Recording::default() }; vehicles];
+        let (mut truth, mut time_s) = (Truth::new(), 20.0);
+        for &(sender, gap_s, heard) in &self.messages {
+            time_s += gap_s;
+            let sent = Sent { time_s: self.clock(sender, time_s), destination: None, frames: None, kind: None };
+            all[sender].sent.as_mut().unwrap().push(sent);
+            for receiver in (0..vehicles).filter(|&receiver| receiver != sender) {
+                let is_heard = heard >> receiver & 1 == 1;
+                truth.push((time_s, sender, receiver, is_heard));
+                let (a, b) = (place(sender, time_s), place(receiver, time_s));
+                let arrival_s = time_s + (a.0 - b.0).hypot(a.1 - b.1) / SOUND_M_PER_S + self.delay_s;
+                let (time_s, source) = (self.clock(receiver, arrival_s), name(sender));
+                let (destination, frame, frames, kind) = (None, None, None, None);
+                let arrival = Arrival { time_s, source, destination, frame, frames, good: true, kind };
+                all[receiver].arrivals.as_mut().unwrap().extend(is_heard.then_some(arrival));
+            }
+        }
+        for (vehicle, recording) in all.iter_mut().enumerate() {
+            recording.at_work.push((-100.0, time_s + 100.0));
+            for second in 0..(time_s + 30.0) as u32 {
+                let (east_m, north_m) = place(vehicle, f64::from(second));
+                let (time_s, place) = (self.clock(vehicle, f64::from(second)), Place::Metres(east_m, north_m));
+                recording.fixes.push(Fix { time_s, place, depth_m: None, clock_set: false });
+            }
+        }
+        ((0..vehicles).map(name).zip(all).collect(), truth)
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(40) })]
+
+    #[test]
+    fn what_took_place_is_found_whatever_the_clocks(fleet in fleets()) {
+        let (recordings, truth) = fleet.recorded();
+        let rules = Rules { right_clock: Some(name(0)), message_s: 2.6, ..Rules::default() };
+        let imported = join(&recordings, None, &Reference::unknown(), &rules).unwrap();
+        // All times are by the first vehicle's clock.
+        let found: Vec<_> = imported.log.events.iter().map(|event| {
+            (event.time_s, event.transmitter_id.clone(), event.receiver_id.clone(), event.success, event.link)
+        }).collect();
+        prop_assert_eq!(found.len() + imported.unknown().values().sum::<usize>(), truth.len());
+        // Nothing is left out but of vehicles whose clock nobody can know.
+        let known: BTreeSet<VehicleId> =
+            imported.clocks.iter().filter(|clock| !clock.pieces.is_empty()).map(|clock| clock.vehicle.clone()).collect();
+        let of_known = |sender: usize, receiver: usize| known.contains(&name(sender)) && known.contains(&name(receiver));
+        prop_assert_eq!(found.len(), truth.iter().filter(|event| of_known(event.1, event.2)).count());
+        for (time_s, sender, receiver, heard) in truth.into_iter().filter(|event| of_known(event.1, event.2)) {
+            let by_first_s = fleet.clock(0, time_s);
+            let is_it = |event: &&(f64, VehicleId, VehicleId, bool, _)| {
+                event.1 == name(sender) && event.2 == name(receiver) && (event.0 - by_first_s).abs() < 0.1
+            };
+            let event = found.iter().find(is_it);
+            prop_assert!(event.is_some_and(|event| event.3 == heard), "{time_s} {sender} {receiver} {heard}: {event:?}");
+            let link: pingmap_agent::Link = event.unwrap().4;
+            let (a, b) = (place(sender, time_s), place(receiver, time_s));
+            prop_assert!((link.transmitter.east_m - a.0).hypot(link.transmitter.north_m - a.1) < 0.5);
+            prop_assert!((link.receiver.east_m - b.0).hypot(link.receiver.north_m - b.1) < 0.5);
+        }
+    }
+
+    #[test]
+    fn the_order_of_lines_does_not_matter(fleet in fleets(), seed in any::<u64>()) {
+        let (recordings, _) = fleet.recorded();
+        let mut other = recordings.clone();
+        for recording in other.values_mut() {
+            let turn = |length: usize| if length == 0 { 0 } else { (seed % length as u64) as usize };
+            let fixes = turn(recording.fixes.len());
+            recording.fixes.rotate_left(fixes);
+            let arrivals = recording.arrivals.as_mut().unwrap();
+            let by = turn(arrivals.len());
+            arrivals.rotate_left(by);
+            arrivals.reverse();
+            recording.sent.as_mut().unwrap().reverse();
+        }
+        let log = |recordings: &Recordings| {
+            join(recordings, None, &Reference::unknown(), &Rules::default()).unwrap().log.digest()
+        };
+        prop_assert_eq!(log(&recordings), log(&other));
+    }
+
+    #[test]
+    fn times_come_back(milliseconds in 200_000_000_000i64..4_000_000_000_000) {
+        let time_s = milliseconds as f64 / 1e3;
+        prop_assert!((parse_time(&time_in_words(time_s)).unwrap() - time_s).abs() < 1e-6);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
+
+    /// Any bytes, and texts that look like what is expected.
+    #[test]
+    fn no_text_stops_the_readers(
+        bytes in prop::collection::vec(any::<u8>(), 0..200),
+        rows in prop::collection::vec("[0-9eE.,;:TZ+-]{0,12}(,[0-9a-z.-]{0,8}){0,4}", 0..6),
+        header in "(time|t|lat|lon|x|y|source|vehicle|ok|frame)(,(time|lat|lon|x|y|source|vehicle|ok|frame|depth)){0,5}",
+    ) {
+        let text = format!("{header}\n{}", rows.join("\n"));
+        for content in [bytes.as_slice(), text.as_bytes()] {
+            let path = Path::new("table");
+            let mut recordings = Recordings::new();
+            for kind in [TableKind::Navigation, TableKind::Heard, TableKind::Sent] {
+                for vehicle in [None, Some(&name(0))] {
+                    let _ = Reading::default().take(kind, (content, path), vehicle, &mut recordings);
+                }
+            }
+            let _ = join(&recordings, None, &Reference::unknown(), &Rules::default());
+            let _ = Ids::read(content, path);
+            if let Ok(schedule) = Schedule::read(content, path, &Ids::default()) {
+                let _ = join(&recordings, Some(&schedule), &Reference::unknown(), &Rules::default());
+            }
+        }
+    }
+
+    #[test]
+    fn no_schedule_runs_away(start_s in -1e11..1e11f64, duration_s in 1e-3..1e6f64, restarts in any::<bool>(), from_s in -1e11..1e11f64) {
+        let text = format!("[slots]\nstart_s = {start_s:e}\nduration_s = {duration_s:e}\norder = ['a', 'b']\nrestarts_daily = {restarts}\n");
+        if let Ok(schedule) = Schedule::read(text.as_bytes(), Path::new("s"), &Ids::default()) {
+            let turns = schedule.turns_s(&VehicleId::new("a"), from_s, from_s + 100.0 * duration_s);
+            prop_assert!(turns.len() <= 202 && turns.is_sorted(), "{}", turns.len());
+        }
+    }
+}
