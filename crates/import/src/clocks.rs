@@ -40,7 +40,9 @@ impl Clocks {
             speaks[*late] += peak.count;
         }
         let named = fleet.rules.right_clock.as_ref().and_then(|name| fleet.number(name));
-        let most = (0..speaks.len()).rev().max_by_key(|&vehicle| speaks[vehicle]).unwrap_or(0);
+        // A clock that was set on the way is no measure for others.
+        let merit = |vehicle: usize| (fleet.set_s(vehicle).is_empty(), speaks[vehicle]);
+        let most = (0..speaks.len()).rev().max_by_key(|&vehicle| merit(vehicle)).unwrap_or(0);
         let mut found = Self::equal(fleet, named.unwrap_or(most));
         if fleet.rules.clock_off_s_max == 0.0 {
             // What messages take is all that there is to see.

@@ -9,16 +9,20 @@ use crate::clocks::Clocks;
 use crate::error::ImportError;
 use crate::fleet::Fleet;
 use crate::listening::{Sending, local_s, unknown};
-use crate::matching::{Matches, add_received, all_matches};
+use crate::matching::{Matches, add_received, all_matches, doubt};
 use crate::recording::Recordings;
 use crate::reference::Reference;
 use crate::report::{ClockFound, Imported, LeftOut, Pair, Proofs};
-use crate::rules::Rules;
+use crate::rules::{AlwaysSend, Rules};
 use crate::schedule::Schedule;
+use crate::time::time_in_words;
 use crate::transmission::{Proof, Reception, Transmission, accounted, known};
 
-/// Matching and fitting clocks take turns so often.
-const ROUNDS: usize = 3;
+/// Matching and fitting clocks take turns so often at most.
+const ROUNDS_MAX: usize = 30;
+
+/// A schedule with more slots in a mission is a slip.
+const SLOTS_MAX: f64 = 1e7;
 
 /// Puts together what vehicles recorded: what was sent, who heard it, who could have. O(n log n) for n lines, times the vehicles.
 ///
@@ -35,20 +39,29 @@ pub fn join(
     let mut sent = known(&fleet, schedule);
     let accounted = accounted(&sent);
     let mut clocks = guess(&fleet, &mut sent, &accounted);
-    for _ in 0..ROUNDS {
+    let mut matched = BTreeMap::new();
+    for _ in 0..ROUNDS_MAX {
         let found = all_matches(&fleet, &clocks, &sent);
+        if found == matched {
+            break;
+        }
+        matched.clone_from(&found);
         clocks.improve(&fleet, &receptions(&fleet, &sent, &found));
     }
     clocks.relative_to_reference();
     let mut unexpected = BTreeMap::new();
     for (sender, sent) in sent.iter_mut().enumerate() {
-        let added = add_received(&fleet, &clocks, sender, sent);
+        let added = match fleet.vehicles[sender].recording.sent {
+            // Its record tells all that it sent: what fits none of that is not another transmission, and puts the nearest in doubt.
+            Some(_) => doubt(&fleet, &clocks, sender, sent),
+            None => add_received(&fleet, &clocks, sender, sent),
+        };
         if added > 0 && accounted.contains(&sender) {
             unexpected.insert(fleet.vehicles[sender].name.clone(), added);
         }
     }
     let matches = all_matches(&fleet, &clocks, &sent);
-    prove(&mut sent, &matches);
+    prove(&fleet, &mut sent, &matches);
     let (log, pairs, overheard) = events(&fleet, &clocks, &sent, &matches);
     let found = ClockFound::all(&fleet, &clocks, &receptions(&fleet, &sent, &matches));
     Ok(Imported {
@@ -87,7 +100,7 @@ fn check(fleet: &Fleet, schedule: Option<&Schedule>) -> Result<(), ImportError> 
         let mut times = heard.chain(vehicle.recording.sent.iter().flatten().map(|sent| sent.time_s)).peekable();
         let off_s = fleet.rules.clock_off_s_max + fleet.rules.nav_gap_s_max;
         if times.peek().is_some() && !times.any(|time_s| from_s - off_s <= time_s && time_s <= to_s + off_s) {
-            let [from, to] = [from_s, to_s].map(crate::time::time_in_words);
+            let [from, to] = [from_s, to_s].map(time_in_words);
             return fail(format!(
                 "{name}: its navigation is from {from} to {to}, and nothing that it heard or sent is; expected times of one kind in both"
             ));
@@ -98,6 +111,22 @@ fn check(fleet: &Fleet, schedule: Option<&Schedule>) -> Result<(), ImportError> 
         return fail(format!("nobody is called {name}; expected one of {}", names(fleet)));
     }
     let nobody = |name: &&VehicleId| fleet.number(name).is_none();
+    if let AlwaysSend::These(these) = &fleet.rules.always_send
+        && let Some(name) = these.iter().find(nobody)
+    {
+        return fail(format!(
+            "nobody is called {name}, who is said to use every turn; expected one of {}",
+            names(fleet)
+        ));
+    }
+    let (from_s, to_s) = fleet.span_s();
+    let slots = schedule.map_or(0.0, |schedule| schedule.slots_between(from_s, to_s));
+    if slots > SLOTS_MAX {
+        let [from, to] = [from_s, to_s].map(time_in_words);
+        return fail(format!(
+            "the schedule has {slots:.0} slots between the first and the last thing recorded, {from} to {to}; expected at most {SLOTS_MAX:.0} (a time far from the rest?)"
+        ));
+    }
     if let Some(name) = schedule.and_then(|schedule| schedule.senders().find(nobody)) {
         return fail(format!(
             "the schedule has turns for {name}, of whom nothing was recorded; expected one of {} (or --ids)",
@@ -147,12 +176,35 @@ fn receptions<'a>(
     receptions
 }
 
-/// Whatever somebody received was sent.
-fn prove(sent: &mut [Vec<Transmission>], matches: &BTreeMap<(usize, usize), Matches>) {
-    for ((_, sender), matches) in matches {
-        for &place in matches.keys() {
-            let proof = &mut sent[*sender][place].proof;
-            *proof = (*proof).min(Proof::Received);
+/// Whatever somebody received was sent; to whom and as what kind of message its receivers say, if its sender does not. What they say holds
+/// for everybody, so that what is left out is left out heard and missed alike.
+fn prove(fleet: &Fleet, sent: &mut [Vec<Transmission>], matches: &BTreeMap<(usize, usize), Matches>) {
+    let is_recorded = |is_said: fn(&Transmission) -> bool| -> Vec<bool> {
+        let says = |sent: &Vec<Transmission>| sent.iter().any(|sent| sent.proof == Proof::Recorded && is_said(sent));
+        sent.iter().map(says).collect()
+    };
+    let destinations_recorded = is_recorded(|sent| sent.destination.is_some());
+    let kinds_recorded = is_recorded(|sent| sent.kind.is_some());
+    let mut heard = BTreeSet::new();
+    for (&(receiver, sender), matches) in matches {
+        for (&place, &message) in matches {
+            let message = &fleet.vehicles[receiver].messages[&sender][message];
+            let sent = &mut sent[sender][place];
+            sent.proof = sent.proof.min(Proof::Received);
+            sent.destination = sent.destination.take().or_else(|| message.destination.clone());
+            sent.kind = sent.kind.take().or_else(|| message.kind.clone().filter(|_| !kinds_recorded[sender]));
+            heard.insert((sender, place));
+        }
+    }
+    for (sender, all) in sent.iter_mut().enumerate() {
+        if !destinations_recorded[sender] && all.iter().any(|sent| sent.destination.is_some()) {
+            let unheard = all.iter_mut().enumerate().filter(|(place, _)| !heard.contains(&(sender, *place)));
+            unheard.for_each(|(_, sent)| sent.destination_unknown = true);
+        }
+        // A kind that only heard messages have would say that it is always heard.
+        let lacks_kind = |sent: &Transmission| sent.kind.is_none() && sent.proof != Proof::Nothing;
+        if !kinds_recorded[sender] && all.iter().any(lacks_kind) {
+            all.iter_mut().for_each(|sent| sent.kind = None);
         }
     }
 }
@@ -185,10 +237,8 @@ fn events(
             for (place, sent) in all.iter().enumerate() {
                 let message = matches.get(&(receiver, sender)).and_then(|matches| matches.get(&place));
                 let message = message.map(|&message| &fleet.vehicles[receiver].messages[&sender][message]);
-                let destination =
-                    sent.destination.as_ref().or(message.and_then(|message| message.destination.as_ref()));
-                if destination.is_some_and(|destination| *destination != to) && !fleet.rules.overhear {
-                    overheard += usize::from(message.is_some());
+                if sent.destination.as_ref().is_some_and(|destination| *destination != to) && !fleet.rules.overhear {
+                    overheard += 1;
                     continue;
                 }
                 let (time_s, link) = time_and_place(fleet, clocks, (sender, sent), receiver);
@@ -199,7 +249,7 @@ fn events(
                 let Some(link) = link else { continue };
                 let success = message.is_some_and(|message| message.is_heard(sent.frames, fleet.rules.any_frame));
                 *if success { &mut pair.heard } else { &mut pair.missed } += 1;
-                let kind = sent.kind.clone().or(message.and_then(|message| message.kind.clone()));
+                let kind = sent.kind.clone();
                 let [transmitter_id, receiver_id] = [from.clone(), to.clone()];
                 events.push(Event { time_s, transmitter_id, receiver_id, link, kind, success });
             }

@@ -53,6 +53,9 @@ pub(crate) fn unknown(
         return Some(Unknown::NotKnownSent);
     }
     let rules = fleet.rules;
+    if sent.destination_unknown && !rules.overhear {
+        return Some(Unknown::DestinationUnknown);
+    }
     let recording = fleet.vehicles[receiver].recording;
     let arrival_s = clocks.expected_s(fleet, (sender, sent), receiver);
     let begin_s = arrival_s - clocks.delay_s;
@@ -68,7 +71,7 @@ pub(crate) fn unknown(
         return Some(deaf.2);
     }
     let of_clock: BTreeSet<usize> = [sender, sent.clock, receiver].into();
-    if of_clock.iter().any(|&clock| !clocks.clocks[clock].known) {
+    if sent.doubtful_at.contains(&receiver) || of_clock.iter().any(|&clock| !clocks.clocks[clock].known) {
         return Some(Unknown::ClockUnsure);
     }
     let Some(link) = link else { return Some(Unknown::NoNavigation) };

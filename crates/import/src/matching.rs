@@ -1,6 +1,6 @@
 //! Which message came from which transmission.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::clocks::Clocks;
 use crate::fleet::Fleet;
@@ -50,6 +50,35 @@ pub(crate) fn all_matches(
     all
 }
 
+/// A message that fits no transmission of its sender puts those in doubt that began within so many seconds.
+const DOUBT_S: f64 = 10.0;
+
+/// Messages that fit no transmission of a sender that recorded all of them, how many: of those without a message the nearest to each
+/// is neither heard nor missed for certain.
+pub(crate) fn doubt(fleet: &Fleet, clocks: &Clocks, sender: usize, sent: &mut [Transmission]) -> usize {
+    let mut strays = 0;
+    for receiver in fleet.receivers().filter(|&receiver| receiver != sender) {
+        let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { continue };
+        let known = matches(fleet, clocks, (sender, sent), receiver);
+        let matched: BTreeSet<usize> = known.values().copied().collect();
+        let expected = |place: usize, sent: &Transmission| (clocks.expected_s(fleet, (sender, sent), receiver), place);
+        let open = sent.iter().enumerate().filter(|(place, _)| !known.contains_key(place));
+        let mut open: Vec<(f64, usize)> = open.map(|(place, sent)| expected(place, sent)).collect();
+        open.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for message in messages.iter().enumerate().filter(|(at, _)| !matched.contains(at)).map(|(_, message)| message) {
+            strays += 1;
+            let after = open.partition_point(|(time_s, _)| *time_s < message.time_s);
+            let near = open[after.saturating_sub(1)..].iter().take(2);
+            let off = near.map(|(time_s, place)| ((time_s - message.time_s).abs(), *place));
+            let nearest = off.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|near| near.0 <= DOUBT_S);
+            if let Some((_, place)) = nearest {
+                sent[place].doubtful_at.insert(receiver);
+            }
+        }
+    }
+    strays
+}
+
 /// The transmissions of messages that came from none that is known, added to those that are. Of several receivers of one the first
 /// that has most messages of its sender tells it.
 pub(crate) fn add_received(fleet: &Fleet, clocks: &Clocks, sender: usize, sent: &mut Vec<Transmission>) -> usize {
@@ -60,7 +89,7 @@ pub(crate) fn add_received(fleet: &Fleet, clocks: &Clocks, sender: usize, sent: 
     for receiver in receivers {
         let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { continue };
         let known = matches(fleet, clocks, (sender, sent), receiver);
-        let known: std::collections::BTreeSet<usize> = known.into_values().collect();
+        let known: BTreeSet<usize> = known.into_values().collect();
         let behind = |(_, message): (usize, &crate::message::Message)| {
             Transmission::behind(message, receiver, fleet.travel_s(sender, receiver, message.time_s))
         };

@@ -7,8 +7,8 @@ use pingmap_agent::{MessageKind, VehicleId};
 use crate::recording::Arrival;
 use crate::rules::Rules;
 
-/// No message takes longer from its first frame to its last.
-const FRAMES_S_MAX: f64 = 60.0;
+/// No longer than this from one frame of a message to the next.
+const FRAME_S_MAX: f64 = 5.0;
 
 /// A message as it reached one modem.
 #[derive(Debug, Clone)]
@@ -24,6 +24,8 @@ pub(crate) struct Message {
     /// How many frames it has, as far as anybody said.
     frames: u32,
     decoded: BTreeSet<u32>,
+    /// Whether it was recorded as decoded without a word of frames.
+    whole: bool,
 }
 
 impl Message {
@@ -36,6 +38,7 @@ impl Message {
             frame: arrival.frame,
             frames: 0,
             decoded: BTreeSet::new(),
+            whole: false,
         };
         message.take(arrival);
         message
@@ -47,12 +50,13 @@ impl Message {
         self.frame = arrival.frame;
         self.frames = self.frames.max(frame).max(arrival.frames.unwrap_or(0));
         self.decoded.extend(arrival.good.then_some(frame));
+        self.whole |= arrival.good && arrival.frame.is_none();
     }
 
     /// Whether it was decoded, given how many frames its sender says that it had.
     pub(crate) fn is_heard(&self, frames_sent: Option<u32>, any_frame: bool) -> bool {
         let frames = self.frames.max(frames_sent.unwrap_or(0)) as usize;
-        if any_frame { !self.decoded.is_empty() } else { self.decoded.len() >= frames }
+        self.whole || if any_frame { !self.decoded.is_empty() } else { self.decoded.len() >= frames }
     }
 }
 
@@ -68,7 +72,8 @@ pub(crate) fn messages(mut arrivals: Vec<&Arrival>, rules: &Rules) -> (Vec<Messa
         };
         let again = arrival.frame == latest.frame && arrival.time_s - latest.last_s <= rules.same_arrival_s;
         let next = arrival.frame.zip(latest.frame).is_some_and(|(frame, before)| frame > before)
-            && arrival.time_s - latest.time_s <= FRAMES_S_MAX;
+            && arrival.time_s - latest.last_s <= FRAME_S_MAX
+            && arrival.destination == latest.destination;
         if again || next {
             twice += usize::from(again);
             latest.take(arrival);
@@ -106,6 +111,11 @@ mod tests {
         assert_eq!(heard(&broken, false), (vec![(10.0, false)], 0));
         let (first, _) = messages(broken[..1].iter().collect(), &Rules::default());
         assert!(first[0].is_heard(Some(1), false) && !first[0].is_heard(Some(2), false));
+        // A line without a frame is of the whole message; frames of two messages are not one.
+        let (whole, _) = messages([arrival(10.0, None, None, true)].iter().collect(), &Rules::default());
+        assert!(whole[0].is_heard(Some(3), false));
+        let two = [arrival(20.2, Some(1), Some(2), true), arrival(50.2, Some(2), Some(2), true)];
+        assert_eq!(heard(&two, false), (vec![(20.2, false), (50.2, false)], 0));
     }
 
     #[test]

@@ -77,6 +77,8 @@ pub struct Arrival {
 pub enum Unknown {
     /// A schedule named it, nobody heard it, and nothing says that it was sent.
     NotKnownSent,
+    /// Its sender sends to one vehicle or another, and nobody who heard it says to whom this was.
+    DestinationUnknown,
     /// The receiver's modem had said nothing yet, or said nothing any more.
     NotRecording,
     /// The receiver was transmitting itself.
@@ -95,8 +97,9 @@ pub enum Unknown {
 
 impl Unknown {
     /// All of them.
-    pub const ALL: [Unknown; 8] = [
+    pub const ALL: [Unknown; 9] = [
         Unknown::NotKnownSent,
+        Unknown::DestinationUnknown,
         Unknown::NotRecording,
         Unknown::Transmitting,
         Unknown::Rebooting,
@@ -110,6 +113,7 @@ impl Unknown {
     pub fn words(self) -> &'static str {
         match self {
             Unknown::NotKnownSent => "not known to be sent",
+            Unknown::DestinationUnknown => "to whom unknown",
             Unknown::NotRecording => "modem silent",
             Unknown::Transmitting => "itself sending",
             Unknown::Rebooting => "rebooting",
@@ -124,6 +128,7 @@ impl Unknown {
     pub fn key(self) -> &'static str {
         match self {
             Unknown::NotKnownSent => "not_known_sent",
+            Unknown::DestinationUnknown => "destination_unknown",
             Unknown::NotRecording => "not_recording",
             Unknown::Transmitting => "transmitting",
             Unknown::Rebooting => "rebooting",

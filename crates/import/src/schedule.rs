@@ -14,6 +14,9 @@ use crate::time::{TIME, parse_time};
 /// A day, after which some schedules begin anew.
 const DAY_S: f64 = 86_400.0;
 
+/// No slot is shorter.
+const DURATION_S_MIN: f64 = 0.01;
+
 /// Turns to send, each on its sender's own clock.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Schedule {
@@ -98,8 +101,8 @@ impl Schedule {
         if slots.at_will {
             return Err("at_will: who sends at will has no schedule; expected what was sent (--sent)".into());
         }
-        if !(slots.duration_s > 0.0 && slots.duration_s <= DAY_S) {
-            return Err(format!("duration_s: found {}; expected seconds above 0, at most a day", slots.duration_s));
+        if !(DURATION_S_MIN..=DAY_S).contains(&slots.duration_s) {
+            return Err(format!("duration_s: found {}; expected {DURATION_S_MIN} s to a day", slots.duration_s));
         }
         let name = |name: &String| ids.whom(name).unwrap_or_else(|| VehicleId::new(""));
         let mut orders = vec![(slots.start_s.seconds("start_s")?, slots.order.iter().map(name).collect::<Vec<_>>())];
@@ -134,6 +137,17 @@ impl Schedule {
         };
         let in_turn = orders.iter().flat_map(|(_, order)| order).filter(|name| !name.as_str().is_empty());
         in_turn.chain(listed.iter().map(|(_, sender)| sender))
+    }
+
+    /// How many slots there are from one time to another, at most.
+    pub fn slots_between(&self, from_s: f64, to_s: f64) -> f64 {
+        match self {
+            Schedule::InTurn { duration_s, orders, .. } => {
+                let start_s = orders.iter().map(|(start_s, _)| *start_s).fold(f64::INFINITY, f64::min);
+                (to_s - from_s.max(start_s)) / duration_s
+            }
+            Schedule::Listed(listed) => listed.len() as f64,
+        }
     }
 
     /// When a sender's turns begin, from one time to another.
@@ -208,7 +222,7 @@ mod tests {
     #[test]
     fn what_is_no_schedule_is_refused() {
         for (text, words) in [
-            ("[slots]\nstart_s = 0\nduration_s = 0\norder = ['a']", "above 0"),
+            ("[slots]\nstart_s = 0\nduration_s = 0\norder = ['a']", "0.01 s to a day"),
             ("[slots]\nstart_s = 0\nduration_s = 10\norder = []", "members in turn"),
             ("[slots]\nstart_s = 'noon'\nduration_s = 10\norder = ['a']", "start_s"),
             ("[slots]\nduration_s = 10\norder = ['a']", "start_s"),

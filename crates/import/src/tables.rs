@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use pingmap_agent::VehicleId;
+use pingmap_agent::{VehicleId, bounds};
 
 use crate::columns::{Columns, Named, TableKind};
 use crate::error::ImportError;
@@ -163,6 +163,9 @@ fn take_fix(named: &Named, recording: &mut Recording, skipped: &mut Skipped) -> 
         Place::Metres(a, b)
     };
     let depth_m = named.number("depth")?;
+    if depth_m.is_some_and(|depth_m| bounds::COORDINATE_M.check(depth_m).is_none()) {
+        return Err(named.bad("depth", bounds::COORDINATE_M.words).into());
+    }
     let clock_set = named.flag("clock_set")?.unwrap_or(false);
     recording.fixes.push(Fix { time_s, place, depth_m, clock_set });
     Ok(())

@@ -34,6 +34,10 @@ pub(crate) struct Transmission {
     pub(crate) destination: Option<VehicleId>,
     pub(crate) frames: Option<u32>,
     pub(crate) kind: Option<MessageKind>,
+    /// Whether it may have been for one vehicle, and nobody says for whom.
+    pub(crate) destination_unknown: bool,
+    /// Receivers that recorded something of its sender at about that time which fits no transmission.
+    pub(crate) doubtful_at: BTreeSet<usize>,
 }
 
 impl Transmission {
@@ -47,6 +51,8 @@ impl Transmission {
             destination: message.destination.clone(),
             frames: None,
             kind: message.kind.clone(),
+            destination_unknown: false,
+            doubtful_at: BTreeSet::new(),
         }
     }
 }
@@ -74,6 +80,8 @@ pub(crate) fn known(fleet: &Fleet, schedule: Option<&Schedule>) -> Vec<Vec<Trans
             destination: None,
             frames: None,
             kind: None,
+            destination_unknown: false,
+            doubtful_at: BTreeSet::new(),
         };
         let mut sent: Vec<Transmission> = match (&vehicle.recording.sent, schedule, vehicle.track.span_s()) {
             (Some(sent), ..) => {
@@ -98,6 +106,10 @@ pub(crate) fn known(fleet: &Fleet, schedule: Option<&Schedule>) -> Vec<Vec<Trans
             _ => Vec::new(),
         };
         sent.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        // A record that is there twice tells of one transmission.
+        sent.dedup_by(|next, sent| {
+            next.time_s - sent.time_s <= fleet.rules.same_arrival_s && next.proof == Proof::Recorded
+        });
         sent
     };
     fleet.vehicles.iter().enumerate().map(of).collect()

@@ -218,7 +218,7 @@ fn a_fixed_listener_columns_of_other_names_and_other_systems() {
     let line = |n: u32| format!("{},{:.6},{:.6}\n", 10 * n, 41.52 + 1e-5 * f64::from(n), -70.67);
     file(folder, "nav.csv", format!("when,wide,long_\n{}", (0..60).map(line).collect::<String>()));
     file(folder, "sent.csv", format!("t\n{}", (1..59).map(|n| format!("{}\n", 10 * n)).collect::<String>()));
-    let heard = (1..59).filter(|n| n % 3 > 0).map(|n| format!("{:.1}\tauv\tgate\t1\n", 10.4 + 10.0 * f64::from(n - 1)));
+    let heard = (1..59).filter(|n| n % 3 > 0).map(|n| format!("{:.1}\tauv\t*\t1\n", 10.4 + 10.0 * f64::from(n - 1)));
     file(folder, "heard.csv", format!("Time\tFROM\tTo\tOK\n{}", heard.collect::<String>()));
     file(folder, "columns.toml", "[nav]\ntime = \"when\"\nlatitude = \"wide\"\n");
     let options = "--nav auv=nav.csv --sent auv=sent.csv --heard gate=heard.csv --columns columns.toml --column nav.longitude=long_";

@@ -174,11 +174,11 @@ const IMPORT: &[Case] = &[
     ("--clock-off-s-max", "0", ""),
     ("--match-s", "0.001", ""),
     ("--message-s", "11", ""),
-    ("--nav-gap-s-max", "0.5", "--correct-clocks auv1"),
+    ("--nav-gap-s-max", "5", ""),
     ("--sound-m-per-s", "300", ""),
     ("--overhear", "", "--column heard.destination=addressee"),
     ("--any-frame", "", "--column heard.frame=part"),
-    ("--surfaced-above-m", "11", ""),
+    ("--surfaced-above-m", "9.9", ""),
     ("--output", "imported.csv", ""),
     ("--json", "", ""),
 ];
@@ -272,7 +272,10 @@ fn prepare_mission(folder: &Path, read: &dyn Fn(&str) -> String) {
         let mut all = format!("{header}\n");
         for id in ["auv1", "auv2", "auv3"] {
             let name = format!("{id}.{kind}.csv");
-            all.extend(read(&name).lines().skip(1).map(|line| format!("{id},{line}{more}\n")));
+            // A gap of ten seconds in what was recorded.
+            let text = read(&name);
+            let lines = text.lines().skip(1).filter(|line| !line.contains("T12:05:1"));
+            all.extend(lines.map(|line| format!("{id},{line}{more}\n")));
             std::fs::remove_file(folder.join(name)).unwrap();
         }
         file(folder, &format!("{kind}.csv"), all);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
-use pingmap_agent::{Geographic, VehicleId};
+use pingmap_agent::{Geographic, VehicleId, bounds};
 use pingmap_import::{
     Columns, Fix, Ids, ImportError, Place, Reading, Recordings, Reference, Schedule, Skipped, TIME, TableKind,
     parse_time,
@@ -80,9 +80,10 @@ fn span(text: &str) -> Result<(String, (f64, f64)), String> {
 fn fixed(text: &str) -> Result<(String, Fix), String> {
     const EXPECTED: &str = "expected NAME=EAST,NORTH or NAME=41.52N,70.67W, and perhaps a depth";
     let (name, place) = two(text)?;
+    let bounded = |text: &str| text.parse::<f64>().ok().and_then(|number| bounds::COORDINATE_M.check(number));
     let parts: Vec<&str> = place.split(',').map(str::trim).collect();
     let ([a, b] | [a, b, _]) = parts[..] else { return Err(EXPECTED.into()) };
-    let depth_m = parts.get(2).map(|depth| depth.parse::<f64>().map_err(|_| EXPECTED)).transpose()?;
+    let depth_m = parts.get(2).map(|depth| bounded(depth).ok_or(EXPECTED)).transpose()?;
     let degrees = |text: &str, positive: char, negative: char| {
         let number = |sign: f64, letter: char| Some(sign * text.strip_suffix(letter)?.parse::<f64>().ok()?);
         number(1.0, positive).or_else(|| number(-1.0, negative))

@@ -11,7 +11,7 @@ use pingmap_import::{AlwaysSend, Imported, Rules, join};
 
 use self::files::Files;
 use self::shown::{ImportedJson, summary, warnings};
-use crate::output::{Results, print_json, warn};
+use crate::output::{BadInput, Results, print_json, warn};
 use crate::outputs::{Kind, Target};
 use crate::values::{not_negative, positive};
 
@@ -113,6 +113,13 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let imported: Imported = join(&taken.recordings, taken.schedule.as_ref(), &taken.reference, &rules)?;
     for warning in warnings(&imported, &taken, &rules) {
         warn(warning);
+    }
+    if imported.log.events.is_empty() {
+        let reasons: Vec<String> =
+            imported.unknown().iter().map(|(why, count)| format!("{count} {}", why.words())).collect();
+        let message =
+            format!("no event is left ({}); expected some that were heard or missed for certain", reasons.join(", "));
+        return Err(BadInput(message).into());
     }
     let written = target.write(imported.log.to_csv().as_bytes(), results);
     if options.json && !target.is_standard_output() {

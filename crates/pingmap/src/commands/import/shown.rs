@@ -56,7 +56,7 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
     for (name, messages) in &imported.left_out.unexpected {
         let messages = count(*messages, "message");
         warnings.push(format!(
-            "{messages} from {name} were received when it sent none by its record or had no turn; they are in the log"
+            "{messages} from {name} were received when it sent none by its record or had no turn: are clocks, ids and --match-s right?"
         ));
     }
     let left_out =

@@ -1,0 +1,114 @@
+//! What is left out, and what is read of a message, does not depend on whether it was heard.
+
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use pingmap_agent::VehicleId;
+use pingmap_import::{ImportError, Imported, Reading, Recordings, Reference, Rules, Schedule, TableKind, join};
+
+/// Vehicles a, b and c 300 m from each other; what a sent, and what b and c heard.
+fn imported(sent: &str, heard: [&str; 2], rules: &Rules) -> Imported {
+    let mut recordings = Recordings::new();
+    let mut take = |kind, vehicle: &str, text: &str| {
+        let table = (text.as_bytes(), Path::new("table"));
+        Reading::default().take(kind, table, Some(&VehicleId::new(vehicle)), &mut recordings).unwrap();
+    };
+    for (vehicle, east_m) in [("a", 0), ("b", 300), ("c", -300)] {
+        let line = |n: u32| format!("{},{east_m},0\n", 20 * n);
+        take(TableKind::Navigation, vehicle, &format!("t,x,y\n{}", (0..80).map(line).collect::<String>()));
+    }
+    take(TableKind::Sent, "a", sent);
+    take(TableKind::Heard, "b", heard[0]);
+    take(TableKind::Heard, "c", heard[1]);
+    join(&recordings, None, &Reference::unknown(), rules).unwrap()
+}
+
+/// One hundred messages, every ten seconds.
+fn sent(more: &str, of: impl Fn(u32) -> String) -> String {
+    format!("t{more}\n{}", (1..=100).map(|n| format!("{}{}\n", 10 * n, of(n))).collect::<String>())
+}
+
+/// Those of them that are heard, and what else the line says.
+fn heard(more: &str, is_heard: impl Fn(u32) -> bool, of: impl Fn(u32) -> String) -> String {
+    let lines = (1..=100).filter(|n| is_heard(*n)).map(|n| format!("{}.2,a{}\n", 10 * n, of(n)));
+    format!("t,source{more}\n{}", lines.collect::<String>())
+}
+
+fn none(_: u32) -> String {
+    String::new()
+}
+
+/// Heard at both ends of the mission, and two of three in between.
+fn mostly(n: u32) -> bool {
+    !n.is_multiple_of(3)
+}
+
+fn pair(imported: &Imported, to: &str) -> (usize, usize, usize) {
+    let pair = &imported.pairs[&(VehicleId::new("a"), VehicleId::new(to))];
+    (pair.heard, pair.missed, pair.unknown.values().sum())
+}
+
+#[test]
+fn to_whom_and_of_what_kind_is_not_asked_of_the_outcome() {
+    let to = |n: u32| format!(",{}", if n.is_multiple_of(2) { "b" } else { "c" });
+    let both = heard(",to", mostly, to);
+    let found = imported(&sent("", none), [&both, &both], &Rules::default());
+    // All that somebody heard is known for whom it was, and was heard by both; what nobody heard is not known to be for either.
+    assert_eq!((pair(&found, "b"), pair(&found, "c")), ((34, 0, 33), (33, 0, 33)));
+    let overheard = imported(&sent("", none), [&both, &both], &Rules { overhear: true, ..Rules::default() });
+    assert_eq!(pair(&overheard, "b"), (67, 33, 0));
+    // A kind that only receivers know is that of heard ones: it is none.
+    let kinds = heard(",kind", mostly, |_| ",short".into());
+    let found = imported(&sent("", none), [&kinds, &kinds], &Rules::default());
+    assert!(found.log.events.iter().all(|event| event.kind.is_none()));
+    // Where somebody heard every one of them all have one.
+    let rest = heard(",kind", |n| !mostly(n) || n == 1 || n == 100, |_| ",short".into());
+    let found = imported(&sent("", none), [&kinds, &rest], &Rules::default());
+    assert!(
+        found.log.events.iter().all(|event| event.kind.is_some())
+            && found.log.events.iter().any(|event| !event.success)
+    );
+}
+
+#[test]
+fn a_message_that_fits_no_record_is_no_other_message() {
+    let late = |n: u32| if n == 50 || n == 53 { "61" } else { "2" };
+    let lines = (1..=100)
+        .filter(|n| mostly(*n))
+        .map(|n| format!("{}.{},a\n", if late(n) == "61" { 10 * n + 1 } else { 10 * n }, late(n)));
+    let heard_late = format!("t,source\n{}", lines.collect::<String>());
+    let found = imported(&sent("", none), [&heard_late, &heard("", mostly, none)], &Rules::default());
+    assert_eq!((pair(&found, "b"), pair(&found, "c")), ((65, 33, 2), (67, 33, 0)));
+    assert_eq!(found.left_out.unexpected[&VehicleId::new("a")], 2);
+}
+
+#[test]
+fn records_that_are_there_twice_count_once_and_lines_without_frames_are_whole() {
+    let once = sent("", none);
+    let twice = once.clone() + once.split_once('\n').unwrap().1;
+    let both = heard("", mostly, none);
+    assert_eq!(pair(&imported(&twice, [&both, &both], &Rules::default()), "b"), (67, 33, 0));
+    let of_three = sent(",frames", |_| ",3".into());
+    assert_eq!(pair(&imported(&of_three, [&both, &both], &Rules::default()), "b"), (67, 33, 0));
+}
+
+#[test]
+fn what_would_fill_the_memory_is_refused() {
+    let schedule = |start_s: &str, duration_s: &str| -> Result<Schedule, ImportError> {
+        let text = format!("[slots]\nstart_s = {start_s}\nduration_s = {duration_s}\norder = ['a']\n");
+        Schedule::read(text.as_bytes(), Path::new("slots.toml"), &Default::default())
+    };
+    assert!(schedule("0", "1e-6").is_err() && schedule("-1e10", "1e-18").is_err());
+    let mut recordings = Recordings::new();
+    for (kind, text) in
+        [(TableKind::Navigation, "t,x,y\n-1.7e9,0,0\n0,0,0\n20,1,1\n"), (TableKind::Heard, "t,source\n10,b\n")]
+    {
+        Reading::default()
+            .take(kind, (text.as_bytes(), Path::new("t")), Some(&VehicleId::new("a")), &mut recordings)
+            .unwrap();
+    }
+    let schedule = schedule("-1.7e9", "10").unwrap();
+    let error = join(&recordings, Some(&schedule), &Reference::unknown(), &Rules::default()).unwrap_err().to_string();
+    assert!(error.contains("170000002 slots") && error.contains("far from the rest"), "{error}");
+}
