@@ -79,10 +79,6 @@ impl Clock {
             }
         }
     }
-
-    fn shift(&mut self, by_s: f64) {
-        self.pieces.iter_mut().for_each(|(_, piece)| piece.ahead_s += by_s);
-    }
 }
 
 /// One message by two clocks, without the time that it took.
@@ -167,12 +163,6 @@ pub(crate) fn fit(clocks: &mut [Clock], comparisons: &[Comparison], reference: u
             return;
         }
     }
-}
-
-/// Moves all clocks such that the reference is right where it was set last.
-pub(crate) fn relative_to(clocks: &mut [Clock], reference: usize) {
-    let by_s = clocks[reference].pieces[0].1.ahead_s;
-    clocks.iter_mut().for_each(|clock| clock.shift(-by_s));
 }
 
 /// A straight line through points, least squares in which points far off count less (Huber); level where they are few or close.

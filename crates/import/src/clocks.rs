@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::clock::{Clock, Comparison, Peak, fit, median, peak, relative_to};
+use crate::clock::{Clock, Comparison, Peak, fit, median, peak};
 use crate::fleet::Fleet;
 use crate::transmission::{Reception, Transmission};
 
@@ -123,11 +123,6 @@ impl Clocks {
                 self.clocks[vehicle].search(vehicle, &comparisons, &others, fleet.rules.match_s);
             }
         }
-    }
-
-    /// Moves all clocks such that the reference is right.
-    pub(crate) fn relative_to_reference(&mut self) {
-        relative_to(&mut self.clocks, self.reference);
     }
 }
 

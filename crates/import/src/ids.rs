@@ -5,12 +5,9 @@ use std::io::Read;
 use std::path::Path;
 
 use pingmap_agent::VehicleId;
-use pingmap_trial::Table;
+use pingmap_trial::{Table, is_everybody};
 
 use crate::error::ImportError;
-
-/// Names that mean everybody.
-const EVERYBODY: [&str; 4] = ["*", "broadcast", "everybody", "all"];
 
 /// Names of vehicles by what their modems are called.
 #[derive(Debug, Clone, Default)]
@@ -44,10 +41,6 @@ impl Ids {
             None => Some(VehicleId::new(id)),
         }
     }
-}
-
-fn is_everybody(name: &str) -> bool {
-    EVERYBODY.iter().any(|everybody| name.eq_ignore_ascii_case(everybody))
 }
 
 /// The number behind `007` and `7.0`.

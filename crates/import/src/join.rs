@@ -16,7 +16,7 @@ use crate::report::{ClockFound, Imported, LeftOut, Pair, Proofs};
 use crate::rules::{AlwaysSend, Rules};
 use crate::schedule::Schedule;
 use crate::time::time_in_words;
-use crate::transmission::{Proof, Reception, Transmission, accounted, known};
+use crate::transmission::{Proof, Reception, Transmission, known, senders};
 
 /// Matching and fitting clocks take turns so often at most.
 const ROUNDS_MAX: usize = 30;
@@ -37,8 +37,8 @@ pub fn join(
     let fleet = Fleet::new(recordings, reference, rules);
     check(&fleet, schedule)?;
     let mut sent = known(&fleet, schedule);
-    let accounted = accounted(&sent);
-    let mut clocks = guess(&fleet, &mut sent, &accounted);
+    let accounted = senders(&sent);
+    let mut clocks = guess(&fleet, &sent, &accounted);
     let mut matched = BTreeMap::new();
     for _ in 0..ROUNDS_MAX {
         let found = all_matches(&fleet, &clocks, &sent);
@@ -48,7 +48,6 @@ pub fn join(
         matched.clone_from(&found);
         clocks.improve(&fleet, &receptions(&fleet, &sent, &found));
     }
-    clocks.relative_to_reference();
     let mut unexpected = BTreeMap::new();
     for (sender, sent) in sent.iter_mut().enumerate() {
         let added = match fleet.vehicles[sender].recording.sent {
@@ -141,7 +140,7 @@ fn names(fleet: &Fleet) -> String {
 }
 
 /// A first idea of clocks. Senders that kept no record and have no turns are known for that by what one receiver has of them.
-fn guess(fleet: &Fleet, sent: &mut [Vec<Transmission>], accounted: &BTreeSet<usize>) -> Clocks {
+fn guess(fleet: &Fleet, sent: &[Vec<Transmission>], accounted: &BTreeSet<usize>) -> Clocks {
     let messages =
         |receiver: usize, sender: usize| fleet.vehicles[receiver].messages.get(&sender).map_or(&[][..], Vec::as_slice);
     let mut provisional = sent.to_vec();
@@ -207,10 +206,6 @@ fn prove(fleet: &Fleet, sent: &mut [Vec<Transmission>], matches: &BTreeMap<(usiz
             all.iter_mut().for_each(|sent| sent.kind = None);
         }
     }
-}
-
-fn senders(sent: &[Vec<Transmission>]) -> BTreeSet<usize> {
-    (0..sent.len()).filter(|&sender| !sent[sender].is_empty()).collect()
 }
 
 /// Those of whom turns are left that nobody can vouch for.

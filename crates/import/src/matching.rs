@@ -21,18 +21,22 @@ pub(crate) fn matches(
         sent.iter().zip(0..).map(|(sent, place)| (clocks.expected_s(fleet, (sender, sent), receiver), place)).collect();
     expected.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut best: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
-    for (message, at) in messages.iter().map(|message| message.time_s).zip(0..).map(|(time_s, at)| (at, time_s)) {
-        let after = expected.partition_point(|(time_s, _)| *time_s < at);
-        let near = expected[after.saturating_sub(1)..].iter().take(2);
-        let off = |&(time_s, place): &(f64, usize)| ((time_s - at).abs(), place);
-        let nearest = near.map(off).min_by(|a, b| a.0.total_cmp(&b.0)).filter(|near| near.0 <= fleet.rules.match_s);
-        let Some((off_s, place)) = nearest else { continue };
+    for (message, at) in messages.iter().enumerate() {
+        let near = nearest(&expected, at.time_s).filter(|near| near.0 <= fleet.rules.match_s);
+        let Some((off_s, place)) = near else { continue };
         let known = best.entry(place).or_insert((off_s, message));
         if off_s < known.0 {
             *known = (off_s, message);
         }
     }
     best.into_iter().map(|(place, (_, message))| (place, message)).collect()
+}
+
+/// Of places by time, in the order of time, the one nearest to a time, and how far off it is.
+fn nearest(places: &[(f64, usize)], time_s: f64) -> Option<(f64, usize)> {
+    let after = places.partition_point(|place| place.0 < time_s);
+    let near = places[after.saturating_sub(1)..].iter().take(2);
+    near.map(|&(at_s, place)| ((at_s - time_s).abs(), place)).min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 /// All matches, by receiver and sender.
@@ -67,11 +71,7 @@ pub(crate) fn doubt(fleet: &Fleet, clocks: &Clocks, sender: usize, sent: &mut [T
         open.sort_by(|a, b| a.0.total_cmp(&b.0));
         for message in messages.iter().enumerate().filter(|(at, _)| !matched.contains(at)).map(|(_, message)| message) {
             strays += 1;
-            let after = open.partition_point(|(time_s, _)| *time_s < message.time_s);
-            let near = open[after.saturating_sub(1)..].iter().take(2);
-            let off = near.map(|(time_s, place)| ((time_s - message.time_s).abs(), *place));
-            let nearest = off.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|near| near.0 <= DOUBT_S);
-            if let Some((_, place)) = nearest {
+            if let Some((_, place)) = nearest(&open, message.time_s).filter(|near| near.0 <= DOUBT_S) {
                 sent[place].doubtful_at.insert(receiver);
             }
         }

@@ -115,7 +115,7 @@ pub(crate) fn known(fleet: &Fleet, schedule: Option<&Schedule>) -> Vec<Vec<Trans
     fleet.vehicles.iter().enumerate().map(of).collect()
 }
 
-/// Those that have a turn or a record of what they sent.
-pub(crate) fn accounted(sent: &[Vec<Transmission>]) -> BTreeSet<usize> {
+/// Those of whom any transmission is known.
+pub(crate) fn senders(sent: &[Vec<Transmission>]) -> BTreeSet<usize> {
     (0..sent.len()).filter(|&sender| !sent[sender].is_empty()).collect()
 }

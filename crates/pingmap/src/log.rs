@@ -40,10 +40,10 @@ impl Logs {
 
     /// Reads them as one log, whatever it says.
     pub fn read(&self) -> anyhow::Result<EventLog> {
-        let paths = || self.logs.iter().chain(&self.events);
-        let mut logs = paths().map(|path| read_log(path)).collect::<anyhow::Result<Vec<_>>>()?.into_iter();
+        let paths = self.paths();
+        let mut logs = paths.iter().map(|path| read_log(path)).collect::<anyhow::Result<Vec<_>>>()?.into_iter();
         let Some(mut all) = logs.next() else { return Err(BadInput("expected an event log".into()).into()) };
-        for (log, path) in logs.zip(paths().skip(1)) {
+        for (log, path) in logs.zip(&paths[1..]) {
             if log.has_depths != all.has_depths {
                 let message = "one log has depths and another has none; expected all or none of them to";
                 return Err(BadInput(format!("{}: {message}", path.display())).into());
@@ -60,15 +60,14 @@ impl Logs {
 
     /// All of them by name.
     pub fn name(&self) -> String {
-        let name = |path: &PathBuf| path.display().to_string();
-        self.logs.iter().chain(&self.events).map(name).collect::<Vec<_>>().join(", ")
+        self.paths().iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
     }
 
     /// The files, without their folders.
     pub fn file_names(&self) -> String {
-        let name =
-            |path: &PathBuf| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        self.logs.iter().chain(&self.events).map(name).collect::<Vec<_>>().join(", ")
+        let names =
+            self.paths().into_iter().filter_map(Path::file_name).map(|name| name.to_string_lossy().into_owned());
+        names.collect::<Vec<_>>().join(", ")
     }
 }
 

@@ -2,15 +2,15 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Context;
 
-use crate::files::{try_folder, write_file};
+use crate::files::{make_folder, try_folder, write_file};
 use crate::output::{BadInput, Results, note, print};
 
 /// Standard output, where a file is named.
-const STANDARD_OUTPUT: &str = "-";
+pub const STANDARD_OUTPUT: &str = "-";
 
 /// So much of a file tells who wrote it.
 const LOOKED_AT_BYTES: u64 = 1 << 20;
@@ -88,11 +88,9 @@ impl<'a> Target<'a> {
     }
 
     /// The page of a report and its folder, which is made.
-    pub fn page(folder: &Path, force: bool) -> anyhow::Result<PathBuf> {
-        crate::files::make_folder(folder)?;
-        let page = folder.join("index.html");
-        Target::new(&page, Kind::PAGE, &[], force)?;
-        Ok(page)
+    pub fn page(folder: &Path, force: bool) -> anyhow::Result<()> {
+        make_folder(folder)?;
+        Target::new(&folder.join("index.html"), Kind::PAGE, &[], force).map(drop)
     }
 
     /// Whether results go to standard output.

@@ -195,7 +195,6 @@ fn names(log: &EventLog) -> Vec<Finding> {
             format!("{} differ in case only, and are taken for different vehicles", names.join(" and ")),
         ));
     }
-    let is_everybody = |name: &str| ["broadcast", "everybody", "all", "*"].contains(&name.to_lowercase().as_str());
     for id in all.iter().filter(|id| is_everybody(id.as_str())) {
         let text = format!("{id} is taken for a vehicle: a message to everybody is an event of each who could hear it");
         findings.push(odd("broadcast_vehicle", text));
@@ -212,6 +211,11 @@ fn names(log: &EventLog) -> Vec<Finding> {
         findings.push(odd("one_receiver", text));
     }
     findings
+}
+
+/// Whether a name means everybody.
+pub fn is_everybody(name: &str) -> bool {
+    ["*", "broadcast", "everybody", "all"].iter().any(|everybody| name.eq_ignore_ascii_case(everybody))
 }
 
 /// Vehicles that move faster than any does.

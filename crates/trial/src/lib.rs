@@ -33,7 +33,7 @@ pub use alternatives::Alternative;
 pub use baseline::{DistanceOnly, base_rate};
 pub use built_in::{BUILT_IN, built_in};
 pub use calibration::{Bin, Calibration, INTERVALS};
-pub use check::{Finding, PairCount, RangeBin};
+pub use check::{Finding, PairCount, RangeBin, is_everybody};
 pub use decision::Decisions;
 pub use division::{DivideBy, Division, DivisionError};
 pub use event_log::{EventLog, REQUIRED_COLUMNS, read_attempts};

@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::model::KernelJson;
 use crate::options::{Asked, Source};
 use crate::output::{BadInput, Results, note, print_json, spinner};
-use crate::outputs::{Kind, Target};
+use crate::outputs::{Kind, STANDARD_OUTPUT, Target};
 use crate::success_map::{CONTOURS, SuccessMap};
 use crate::survey::Survey;
 use crate::values::{End, name_of, origin, pair, positive};
@@ -157,7 +157,7 @@ impl Format {
     }
 
     fn of(path: &Path) -> anyhow::Result<Self> {
-        if path == Path::new("-") {
+        if path == Path::new(STANDARD_OUTPUT) {
             return Ok(Format::Csv);
         }
         match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {

@@ -12,7 +12,7 @@ use crate::log::fill_depths;
 use crate::model::KernelJson;
 use crate::options::{Asked, Source};
 use crate::output::{Results, csv_text, spinner};
-use crate::outputs::{Kind, Target};
+use crate::outputs::{Kind, STANDARD_OUTPUT, Target};
 use crate::survey::Survey;
 
 /// Predict the probability of success over links
@@ -43,7 +43,7 @@ impl Options {
         let logs = &self.source.logs;
         let kind = if self.json { Kind::PREDICTIONS_JSON } else { Kind::PREDICTIONS };
         let inputs: Vec<&Path> = logs.paths().into_iter().chain([self.links.as_path()]).collect();
-        let output = self.output.as_deref().unwrap_or(Path::new("-"));
+        let output = self.output.as_deref().unwrap_or(Path::new(STANDARD_OUTPUT));
         let target = Target::new(output, kind, &inputs, logs.force)?;
         let predictions = Predictions::compute(self)?;
         let text = match self.json {
