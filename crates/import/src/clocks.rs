@@ -44,6 +44,13 @@ impl Clocks {
         let merit = |vehicle: usize| (fleet.set_s(vehicle).is_empty(), speaks[vehicle]);
         let most = (0..speaks.len()).rev().max_by_key(|&vehicle| merit(vehicle)).unwrap_or(0);
         let mut found = Self::equal(fleet, named.unwrap_or(most));
+        if let Some(vehicle) = named.filter(|&vehicle| !fleet.set_s(vehicle).is_empty()) {
+            found.doubts.push(format!(
+                "{0}'s clock, which times are corrected to, was set on the way: what it showed before counts as right, too (--correct-clocks \
+                 of another, unless these were small steps)",
+                fleet.vehicles[vehicle].name
+            ));
+        }
         if fleet.rules.clock_off_s_max == 0.0 {
             // What messages take is all that there is to see.
             let all =
@@ -79,7 +86,7 @@ impl Clocks {
 
     /// When a message should be recorded by the receiver's clock.
     pub(crate) fn expected_s(&self, fleet: &Fleet, (sender, sent): (usize, &Transmission), receiver: usize) -> f64 {
-        let true_s = self.begin_s(sent) - self.clocks[sent.clock].ahead_s(sent.time_s);
+        let true_s = self.true_s(sent);
         let travel_s = fleet.travel_s(sender, receiver, true_s);
         true_s + self.clocks[receiver].ahead_s(true_s) + travel_s + self.delay_s
     }
@@ -87,6 +94,21 @@ impl Clocks {
     /// When a transmission began by the clock that its time is of.
     pub(crate) fn begin_s(&self, sent: &Transmission) -> f64 {
         sent.time_s - if sent.by_reception { self.delay_s } else { 0.0 }
+    }
+
+    /// When it began by the clock of the reference.
+    pub(crate) fn true_s(&self, sent: &Transmission) -> f64 {
+        let begin_s = self.begin_s(sent);
+        begin_s - self.clocks[sent.clock].ahead_s(begin_s)
+    }
+
+    /// When it began by the clock of a vehicle.
+    pub(crate) fn local_s(&self, sent: &Transmission, vehicle: usize) -> f64 {
+        if sent.clock == vehicle {
+            return self.begin_s(sent);
+        }
+        let true_s = self.true_s(sent);
+        true_s + self.clocks[vehicle].ahead_s(true_s)
     }
 
     /// Improves the clocks by messages and what they come from.

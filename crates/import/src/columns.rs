@@ -68,7 +68,7 @@ const SENT: &[Role] = &[
         &["vehicle", "vehicle_id", "source", "source_id", "src", "sender", "transmitter", "tx_id", "tx", "platform"],
     ),
     ("destination", DESTINATION_NAMES),
-    ("sent", &["sent", "ok", "success"]),
+    ("sent", &["sent", "transmitted"]),
     ("frames", FRAMES_NAMES),
 ];
 
@@ -97,7 +97,7 @@ impl TableKind {
 pub struct Columns(BTreeMap<(TableKind, &'static str), String>);
 
 impl Columns {
-    /// Says that a column tells something: `heard.source`, `from modem`.
+    /// Says that a column tells something: `heard.source`, `from modem`; no column where its name is empty.
     ///
     /// # Errors
     /// [`ImportError::Role`] for what no column tells.
@@ -132,6 +132,7 @@ impl<'a> Named<'a> {
         let mut places = BTreeMap::new();
         for &(role, names) in kind.roles() {
             let found = match columns.0.get(&(kind, role)) {
+                Some(column) if column.is_empty() => None,
                 Some(column) if table.has(column) => Some(column.clone()),
                 Some(column) => return Err(lacking(&table, vec![column.clone()], vec![column.clone()])),
                 None => names.iter().find(|name| table.has(name)).map(|name| (*name).to_owned()),

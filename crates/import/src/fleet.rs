@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use pingmap_agent::VehicleId;
 
 use crate::message::{Message, messages};
-use crate::recording::Recordings;
+use crate::recording::{Recording, Recordings};
 use crate::reference::Reference;
 use crate::rules::Rules;
 use crate::track::Track;
@@ -13,10 +13,12 @@ use crate::track::Track;
 /// One vehicle among others.
 pub(crate) struct Vehicle<'a> {
     pub(crate) name: &'a VehicleId,
-    pub(crate) recording: &'a crate::recording::Recording,
+    pub(crate) recording: &'a Recording,
     pub(crate) track: Track,
     /// What reached it, by sender.
     pub(crate) messages: BTreeMap<usize, Vec<Message>>,
+    /// From when to when its modem was at work for all that anybody knows.
+    pub(crate) at_work: Vec<(f64, f64)>,
 }
 
 /// All vehicles of which something was recorded, in the order of their names.
@@ -25,6 +27,8 @@ pub(crate) struct Fleet<'a> {
     pub(crate) rules: &'a Rules,
     /// Messages from somebody of whom nothing was recorded.
     pub(crate) strangers: BTreeMap<VehicleId, usize>,
+    /// Messages to somebody of whom nothing was recorded.
+    pub(crate) to_strangers: BTreeMap<VehicleId, usize>,
     /// Arrivals that were recorded twice.
     pub(crate) twice: usize,
     /// Messages that a vehicle heard of itself.
@@ -33,9 +37,15 @@ pub(crate) struct Fleet<'a> {
 
 impl<'a> Fleet<'a> {
     pub(crate) fn new(recordings: &'a Recordings, reference: &Reference, rules: &'a Rules) -> Self {
-        let mut fleet = Self { vehicles: Vec::new(), rules, strangers: BTreeMap::new(), twice: 0, own: 0 };
+        let (strangers, to_strangers) = (BTreeMap::new(), BTreeMap::new());
+        let mut fleet = Self { vehicles: Vec::new(), rules, strangers, to_strangers, twice: 0, own: 0 };
         let numbers: BTreeMap<&VehicleId, usize> = recordings.keys().zip(0..).collect();
         for (name, recording) in recordings {
+            let received = recording.arrivals.iter().flatten().filter_map(|arrival| arrival.destination.as_ref());
+            let sent = recording.sent.iter().flatten().filter_map(|sent| sent.destination.as_ref());
+            for to in received.chain(sent).filter(|to| !numbers.contains_key(to)) {
+                *fleet.to_strangers.entry(to.clone()).or_default() += 1;
+            }
             let mut by_source = BTreeMap::new();
             for arrival in recording.arrivals.iter().flatten() {
                 match numbers.get(&arrival.source) {
@@ -51,7 +61,8 @@ impl<'a> Fleet<'a> {
                 gathered.insert(source, messages);
             }
             let track = Track::of(recording, reference);
-            fleet.vehicles.push(Vehicle { name, recording, track, messages: gathered });
+            let at_work = at_work(recording, &gathered, rules.match_s);
+            fleet.vehicles.push(Vehicle { name, recording, track, messages: gathered, at_work });
         }
         fleet
     }
@@ -97,4 +108,22 @@ impl<'a> Fleet<'a> {
     pub(crate) fn names(&self, vehicles: &BTreeSet<usize>) -> String {
         vehicles.iter().map(|&vehicle| self.vehicles[vehicle].name.as_str()).collect::<Vec<_>>().join(", ")
     }
+}
+
+/// When a modem was at work: when it is said to have listened, and from the first to the last sign of it. Where such a sign is a message,
+/// that one is left out: it is there because it was heard, and would be among what counts each time.
+fn at_work(recording: &Recording, messages: &BTreeMap<usize, Vec<Message>>, match_s: f64) -> Vec<(f64, f64)> {
+    let between = |&(from_s, to_s): &(f64, f64)| {
+        let (mut after_s, mut before_s) = (from_s, to_s);
+        for message in messages.values().flatten() {
+            if message.time_s == from_s {
+                after_s = from_s + match_s;
+            }
+            if message.last_s == to_s {
+                before_s = before_s.min(message.time_s - match_s);
+            }
+        }
+        (after_s, before_s)
+    };
+    recording.signs.iter().map(between).chain(recording.listening.iter().copied()).collect()
 }

@@ -8,7 +8,7 @@ use pingmap_trial::EventLog;
 use crate::clocks::Clocks;
 use crate::error::ImportError;
 use crate::fleet::Fleet;
-use crate::listening::{Sending, local_s, unknown};
+use crate::listening::{Sending, unknown};
 use crate::matching::{Matches, add_received, all_matches, doubt};
 use crate::recording::Recordings;
 use crate::reference::Reference;
@@ -39,6 +39,7 @@ pub fn join(
     let mut sent = known(&fleet, schedule);
     let accounted = senders(&sent);
     let mut clocks = guess(&fleet, &sent, &accounted);
+    check_reference(&fleet, &clocks)?;
     let mut matched = BTreeMap::new();
     for _ in 0..ROUNDS_MAX {
         let found = all_matches(&fleet, &clocks, &sent);
@@ -67,6 +68,7 @@ pub fn join(
         proofs: Proofs::of(&sent),
         left_out: LeftOut {
             strangers: fleet.strangers.clone(),
+            to_strangers: fleet.to_strangers.clone(),
             twice: fleet.twice,
             own: fleet.own,
             overheard,
@@ -133,6 +135,18 @@ fn check(fleet: &Fleet, schedule: Option<&Schedule>) -> Result<(), ImportError> 
         ));
     }
     Ok(())
+}
+
+/// A clock that is compared with no other can be the measure of none.
+fn check_reference(fleet: &Fleet, clocks: &Clocks) -> Result<(), ImportError> {
+    let alone = clocks.clocks.len() > 1 && clocks.clocks.iter().filter(|clock| clock.known).count() == 1;
+    match &fleet.rules.right_clock {
+        Some(name) if alone => Err(ImportError::Together(format!(
+            "no two messages compare {name}'s clock with another's, so none can be corrected to it; expected a vehicle that was heard by \
+             others or heard them (or --clock-off-s-max 0, if clocks agree)"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 fn names(fleet: &Fleet) -> String {
@@ -280,9 +294,9 @@ fn time_and_place(
 ) -> (f64, Option<Link>) {
     let recorded_s = clocks.begin_s(sent);
     let corrected = fleet.rules.right_clock.is_some();
-    let time_s = if corrected { recorded_s - clocks.clocks[sent.clock].ahead_s(recorded_s) } else { recorded_s };
+    let time_s = if corrected { clocks.true_s(sent) } else { recorded_s };
     let at = |vehicle: usize| {
-        let local_s = if corrected { local_s(clocks, sent, vehicle) } else { recorded_s };
+        let local_s = if corrected { clocks.local_s(sent, vehicle) } else { recorded_s };
         fleet.vehicles[vehicle].track.at(local_s, fleet.rules.nav_gap_s_max)
     };
     let link = at(sender).zip(at(receiver)).map(|(transmitter, receiver)| Link { transmitter, receiver });

@@ -1,7 +1,5 @@
 //! Whether a receiver could have heard, whatever became of the message.
 
-use std::collections::BTreeSet;
-
 use pingmap_agent::Link;
 
 use crate::clocks::Clocks;
@@ -16,7 +14,7 @@ impl Sending {
     pub(crate) fn of(fleet: &Fleet, clocks: &Clocks, sent: &[Vec<Transmission>]) -> Self {
         let own = |(sender, sent): (usize, &Vec<Transmission>)| {
             let certain = sent.iter().filter(|sent| sent.proof != Proof::Nothing);
-            let mut times: Vec<f64> = certain.map(|sent| local_s(clocks, sent, sender)).collect();
+            let mut times: Vec<f64> = certain.map(|sent| clocks.local_s(sent, sender)).collect();
             times.sort_by(f64::total_cmp);
             times
         };
@@ -28,16 +26,6 @@ impl Sending {
         let times = &self.0[vehicle];
         times.get(times.partition_point(|time_s| *time_s <= from_s)).is_some_and(|time_s| *time_s < to_s)
     }
-}
-
-/// When a transmission began by the clock of a vehicle.
-pub(crate) fn local_s(clocks: &Clocks, sent: &Transmission, vehicle: usize) -> f64 {
-    let begin_s = clocks.begin_s(sent);
-    if sent.clock == vehicle {
-        return begin_s;
-    }
-    let true_s = begin_s - clocks.clocks[sent.clock].ahead_s(begin_s);
-    true_s + clocks.clocks[vehicle].ahead_s(true_s)
 }
 
 /// What stands against counting a transmission as heard or missed by a receiver, where both were or may have been. The outcome is not
@@ -59,9 +47,8 @@ pub(crate) fn unknown(
     let recording = fleet.vehicles[receiver].recording;
     let arrival_s = clocks.expected_s(fleet, (sender, sent), receiver);
     let begin_s = arrival_s - clocks.delay_s;
-    // What defines from when to when a modem was at work is seen as exactly as receptions are matched.
-    let is_at_work = |span: &(f64, f64)| span.0 - rules.match_s <= arrival_s && arrival_s <= span.1 + rules.match_s;
-    if !recording.at_work.iter().any(is_at_work) {
+    let is_at_work = |span: &(f64, f64)| span.0 <= arrival_s && arrival_s <= span.1;
+    if !fleet.vehicles[receiver].at_work.iter().any(is_at_work) {
         return Some(Unknown::NotRecording);
     }
     if sending.is_within(receiver, begin_s - rules.message_s, begin_s + rules.message_s) {
@@ -70,8 +57,9 @@ pub(crate) fn unknown(
     if let Some(deaf) = recording.deaf.iter().find(|deaf| deaf.0 <= begin_s + rules.message_s && begin_s <= deaf.1) {
         return Some(deaf.2);
     }
-    let of_clock: BTreeSet<usize> = [sender, sent.clock, receiver].into();
-    if sent.doubtful_at.contains(&receiver) || of_clock.iter().any(|&clock| !clocks.clocks[clock].known) {
+    // The clock of a sender that only others tell of says where it was, and nothing of what was heard.
+    let is_unsure = |clock: usize| !clocks.clocks[clock].known;
+    if sent.doubtful_at.contains(&receiver) || is_unsure(sent.clock) || is_unsure(receiver) {
         return Some(Unknown::ClockUnsure);
     }
     let Some(link) = link else { return Some(Unknown::NoNavigation) };

@@ -16,7 +16,7 @@ pub(crate) struct Message {
     /// When its first frame was recorded.
     pub(crate) time_s: f64,
     /// When the latest one was.
-    last_s: f64,
+    pub(crate) last_s: f64,
     pub(crate) destination: Option<VehicleId>,
     pub(crate) kind: Option<MessageKind>,
     /// The number of the latest frame, if frames have numbers.

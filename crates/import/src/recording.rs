@@ -20,8 +20,10 @@ pub struct Recording {
     pub sent: Option<Vec<Sent>>,
     /// What reached it; `None` where there is no record of that: such a vehicle is no receiver.
     pub arrivals: Option<Vec<Arrival>>,
-    /// From when to when its modem is known to have been at work: the first and the last sentence of it, or what somebody said.
-    pub at_work: Vec<(f64, f64)>,
+    /// From the first to the last sign of its modem, of each record.
+    pub signs: Vec<(f64, f64)>,
+    /// From when to when its modem is said to have been listening.
+    pub listening: Vec<(f64, f64)>,
     /// From when to when it could not hear, and why.
     pub deaf: Vec<(f64, f64, Unknown)>,
 }
@@ -93,6 +95,16 @@ pub enum Unknown {
     NoNavigation,
     /// One of both was at the surface.
     Surfaced,
+}
+
+impl Recording {
+    /// Takes in that its modem was at work, as told by the record that begins at this number of `signs`.
+    pub(crate) fn sign(&mut self, record: usize, time_s: f64) {
+        match self.signs.get_mut(record) {
+            Some((from_s, to_s)) => (*from_s, *to_s) = (from_s.min(time_s), to_s.max(time_s)),
+            None => self.signs.push((time_s, time_s)),
+        }
+    }
 }
 
 impl Unknown {

@@ -86,6 +86,8 @@ impl Proofs {
 pub struct LeftOut {
     /// Messages from somebody of whom nothing was recorded.
     pub strangers: BTreeMap<VehicleId, usize>,
+    /// Messages to somebody of whom nothing was recorded, as often as they were recorded.
+    pub to_strangers: BTreeMap<VehicleId, usize>,
     /// Arrivals that were recorded twice.
     pub twice: usize,
     /// Messages that a vehicle heard of itself.

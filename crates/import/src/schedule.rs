@@ -40,6 +40,7 @@ enum Time {
     Seconds(f64),
     Whole(i64),
     Text(String),
+    Date(toml::value::Datetime),
 }
 
 impl Time {
@@ -48,6 +49,7 @@ impl Time {
             Time::Seconds(seconds) => seconds.to_string(),
             Time::Whole(seconds) => seconds.to_string(),
             Time::Text(text) => text.clone(),
+            Time::Date(date) => date.to_string(),
         };
         parse_time(&text).ok_or_else(|| format!("{key}: found {text:?}; expected {TIME}"))
     }
@@ -211,6 +213,8 @@ mod tests {
         assert_eq!(turns(&schedule, "b", 0.0, 86_450.0), [86_395.0, 86_415.0]);
         // From the middle of a far day on, without counting every day before it.
         assert_eq!(turns(&schedule, "c", 86_430.0, 86_450.0), [86_430.0]);
+        // A date needs no quotation marks.
+        assert_eq!(read(&text.replace('\'', "").replace("[a, b, c]", "['a', 'b', 'c']")).unwrap(), schedule);
     }
 
     #[test]

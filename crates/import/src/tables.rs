@@ -1,5 +1,6 @@
 //! Tables of navigation, receptions and transmissions.
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
@@ -60,6 +61,9 @@ impl Reading {
             named.require(kind, &["vehicle"])?;
         }
         let mut skipped = Skipped::default();
+        // Between the last sign of a modem in one file and the first in the next it may have been off.
+        let records: BTreeMap<VehicleId, usize> =
+            into.iter().map(|(name, recording)| (name.clone(), recording.signs.len())).collect();
         if let (Some(vehicle), true) = (vehicle, kind != TableKind::Navigation) {
             // A record without a line is a record of nothing.
             begin(kind, into.entry(vehicle.clone()).or_default());
@@ -70,11 +74,12 @@ impl Reading {
                 Some(vehicle) => vehicle.clone(),
                 None => self.ids.whom(named.text("vehicle")).ok_or_else(|| named.bad("vehicle", "one vehicle"))?,
             };
+            let record = records.get(&whose).copied().unwrap_or(0);
             let recording = into.entry(whose).or_default();
             begin(kind, recording);
             match kind {
                 TableKind::Navigation => take_fix(&named, recording, &mut skipped)?,
-                TableKind::Heard => self.take_arrival(&named, recording, &mut skipped)?,
+                TableKind::Heard => self.take_arrival(&named, (recording, record), &mut skipped)?,
                 TableKind::Sent => self.take_sent(&named, recording, &mut skipped)?,
             }
         }
@@ -92,9 +97,14 @@ impl Reading {
         }
     }
 
-    fn take_arrival(&self, named: &Named, recording: &mut Recording, skipped: &mut Skipped) -> Result<(), ImportError> {
+    fn take_arrival(
+        &self,
+        named: &Named,
+        (recording, record): (&mut Recording, usize),
+        skipped: &mut Skipped,
+    ) -> Result<(), ImportError> {
         let time_s = named.time_s()?;
-        widen(&mut recording.at_work, time_s);
+        recording.sign(record, time_s);
         let good = named.flag("good")?.unwrap_or(true);
         let id = named.text("source");
         // A line without a source says that the modem was at work, and no more.
@@ -137,14 +147,6 @@ fn begin(kind: TableKind, recording: &mut Recording) {
         TableKind::Navigation => {}
         TableKind::Heard => drop(recording.arrivals.get_or_insert_default()),
         TableKind::Sent => drop(recording.sent.get_or_insert_default()),
-    }
-}
-
-/// One span from the first to the last time.
-fn widen(spans: &mut Vec<(f64, f64)>, time_s: f64) {
-    match spans.first_mut() {
-        Some((from_s, to_s)) => (*from_s, *to_s) = (from_s.min(time_s), to_s.max(time_s)),
-        None => spans.push((time_s, time_s)),
     }
 }
 

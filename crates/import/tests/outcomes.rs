@@ -9,6 +9,11 @@ use pingmap_import::{ImportError, Imported, Reading, Recordings, Reference, Rule
 
 /// Vehicles a, b and c 300 m from each other; what a sent, and what b and c heard.
 fn imported(sent: &str, heard: [&str; 2], rules: &Rules) -> Imported {
+    recorded(sent, heard, Some((0.0, 2000.0)), rules)
+}
+
+/// The same where nobody says when b and c listened, or somebody does.
+fn recorded(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>, rules: &Rules) -> Imported {
     let mut recordings = Recordings::new();
     let mut take = |kind, vehicle: &str, text: &str| {
         let table = (text.as_bytes(), Path::new("table"));
@@ -19,8 +24,12 @@ fn imported(sent: &str, heard: [&str; 2], rules: &Rules) -> Imported {
         take(TableKind::Navigation, vehicle, &format!("t,x,y\n{}", (0..80).map(line).collect::<String>()));
     }
     take(TableKind::Sent, "a", sent);
-    take(TableKind::Heard, "b", heard[0]);
-    take(TableKind::Heard, "c", heard[1]);
+    for (vehicle, heard) in ["b", "c"].into_iter().zip(heard) {
+        take(TableKind::Heard, vehicle, heard);
+    }
+    for vehicle in ["b", "c"] {
+        recordings.get_mut(&VehicleId::new(vehicle)).unwrap().listening.extend(listening);
+    }
     join(&recordings, None, &Reference::unknown(), rules).unwrap()
 }
 
@@ -81,6 +90,41 @@ fn a_message_that_fits_no_record_is_no_other_message() {
     let found = imported(&sent("", none), [&heard_late, &heard("", mostly, none)], &Rules::default());
     assert_eq!((pair(&found, "b"), pair(&found, "c")), ((65, 33, 2), (67, 33, 0)));
     assert_eq!(found.left_out.unexpected[&VehicleId::new("a")], 2);
+}
+
+#[test]
+fn receptions_that_say_when_a_modem_was_at_work_do_not_count() {
+    let (share, mut seed) = (0.3, 1u64);
+    let mut is_heard = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as f64 / 2f64.powi(31) < share
+    };
+    let (mut heard_of, mut all, mut at_ends) = (0.0, 0.0, 0.0);
+    for _ in 0..150 {
+        let outcomes: Vec<bool> = (0..=100).map(|_| is_heard()).collect();
+        // Short records: every tenth message is listened for, so the ends weigh a lot.
+        let of = |n: u32| n.is_multiple_of(10) && outcomes[n as usize];
+        let few = format!("t\n{}", (1..=10).map(|n| format!("{}\n", 100 * n)).collect::<String>());
+        let found = recorded(&few, [&heard("", of, none), &heard("", of, none)], None, &Rules::default());
+        let (heard, missed, _) = pair(&found, "b");
+        (heard_of, all) = (heard_of + heard as f64, all + (heard + missed) as f64);
+        at_ends += f64::from((1..=100).filter(|n| of(*n)).count() > 1) * 2.0;
+    }
+    let off = (heard_of - share * all) / (share * (1.0 - share) * all).sqrt();
+    assert!(off.abs() < 4.0, "{heard_of} of {all}: {off} deviations");
+    // With them it would have been seen.
+    let off = (heard_of + at_ends - share * (all + at_ends)) / (share * (1.0 - share) * (all + at_ends)).sqrt();
+    assert!(off > 8.0, "{off}");
+    // Two files of one receiver, and nothing from the first to the second.
+    let all = heard("", mostly, none);
+    let lines: Vec<&str> = all.lines().collect();
+    let mut recordings = Recordings::new();
+    for part in [&lines[1..20], &lines[40..]] {
+        let text = format!("{}\n{}", lines[0], part.join("\n"));
+        let (table, b) = ((text.as_bytes(), Path::new("t")), VehicleId::new("b"));
+        Reading::default().take(TableKind::Heard, table, Some(&b), &mut recordings).unwrap();
+    }
+    assert_eq!(recordings[&VehicleId::new("b")].signs, [(10.2, 280.2), (590.2, 1000.2)]);
 }
 
 #[test]

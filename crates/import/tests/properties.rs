@@ -79,7 +79,7 @@ impl Fleet {
             }
         }
         for (vehicle, recording) in all.iter_mut().enumerate() {
-            recording.at_work.push((-100.0, time_s + 100.0));
+            recording.listening.push((-100.0, time_s + 100.0));
             for second in 0..(time_s + 30.0) as u32 {
                 let (east_m, north_m) = place(vehicle, f64::from(second));
                 let (time_s, place) = (self.clock(vehicle, f64::from(second)), Place::Metres(east_m, north_m));

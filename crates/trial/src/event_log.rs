@@ -57,7 +57,12 @@ impl EventLog {
             let lone_depth = column.ends_with("_depth_m") && !has_depths;
             REQUIRED_COLUMNS.contains(&column.as_str()) || OPTIONAL_COLUMNS.contains(&column.as_str()) && !lone_depth
         };
-        let unknown_columns = table.header().iter().filter(|column| !known(&column.to_lowercase())).cloned().collect();
+        let unknown_columns = table
+            .header()
+            .iter()
+            .filter(|column| !column.is_empty() && !known(&column.to_lowercase()))
+            .cloned()
+            .collect();
         let mut events = Vec::new();
         let mut probabilities = Vec::new();
         while table.next()? {

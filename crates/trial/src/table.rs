@@ -127,7 +127,8 @@ impl<'a> Table<'a> {
         let header: Vec<String> = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect();
         let mut places = HashMap::with_capacity(header.len());
         for (place, column) in header.iter().enumerate() {
-            if places.insert(column.to_lowercase(), place).is_some() {
+            // What has no name (an index, or a separator at the end of lines) is never asked for.
+            if !column.is_empty() && places.insert(column.to_lowercase(), place).is_some() {
                 return Err(fail(Problem::RepeatedColumn { column: column.clone() }));
             }
         }

@@ -121,7 +121,7 @@ impl Files {
             else {
                 return Err(BadInput(format!("--listening {name}: expected a vehicle of --heard")).into());
             };
-            recording.at_work.push(*span);
+            recording.listening.push(*span);
         }
         let schedule =
             self.schedule.as_ref().map(|path| Schedule::read(opened(path)?, path, &reading.ids)).transpose()?;
@@ -174,12 +174,17 @@ impl Files {
             return Ok((about(given)?, Some((given, false))));
         }
         let places = recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.fixed));
-        let (degrees, metres): (Vec<Place>, Vec<Place>) =
-            places.map(|fix| fix.place).partition(|place| matches!(place, Place::Degrees(_)));
+        let (mut degrees, mut has_metres) = (Vec::new(), false);
+        for fix in places {
+            match fix.place {
+                Place::Degrees(place) => degrees.push(place),
+                Place::Metres(..) => has_metres = true,
+            }
+        }
         if degrees.is_empty() {
             return Ok((Reference::unknown(), None));
         }
-        if !metres.is_empty() {
+        if has_metres {
             let message = "some positions are in metres and others in degrees; expected --origin, the latitude and longitude of (0, 0) of \
                            the metres, or --crs";
             return Err(BadInput(message.into()).into());
@@ -205,13 +210,25 @@ fn whose(file: &str) -> (Option<VehicleId>, &Path) {
 }
 
 /// The mean of places in degrees, rounded to a hundredth so that logs of one place share it.
-fn middle(degrees: &[Place]) -> Geographic {
-    let mean = |of: fn(&Geographic) -> f64| {
-        let all = degrees.iter().filter_map(|place| match place {
-            Place::Degrees(place) => Some(of(place)),
-            Place::Metres(..) => None,
-        });
-        (all.sum::<f64>() / degrees.len() as f64 * 100.0).round() / 100.0
+fn middle(degrees: &[Geographic]) -> Geographic {
+    let mean = |of: &dyn Fn(&Geographic) -> f64| {
+        (degrees.iter().map(of).sum::<f64>() / degrees.len() as f64 * 100.0).round() / 100.0
     };
-    Geographic { latitude_deg: mean(|place| place.latitude_deg), longitude_deg: mean(|place| place.longitude_deg) }
+    // By how far they are east of one of them: numbers jump where days meet.
+    let from_deg = degrees[0].longitude_deg.round();
+    let turn = |east_deg: f64| (east_deg + 180.0).rem_euclid(360.0) - 180.0;
+    let east_deg = mean(&|place| turn(place.longitude_deg - from_deg));
+    Geographic { latitude_deg: mean(&|place| place.latitude_deg), longitude_deg: turn(from_deg + east_deg) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_middle_is_among_the_places_where_days_meet() {
+        let place = |longitude_deg| Geographic { latitude_deg: -17.0, longitude_deg };
+        let found = middle(&[179.98, -179.98, -179.97].map(place));
+        assert!((found.longitude_deg + 179.99).abs() < 1e-9 && found.latitude_deg == -17.0, "{found:?}");
+    }
 }

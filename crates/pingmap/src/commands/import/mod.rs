@@ -45,8 +45,8 @@ pub struct Decisions {
     /// Correct times and places to this vehicle's clock
     #[arg(long, value_name = "NAME")]
     pub correct_clocks: Option<String>,
-    /// Clocks differ by no more than this; 0: not at all
-    #[arg(long, default_value_t = Rules::default().clock_off_s_max, value_parser = not_negative, allow_negative_numbers = true)]
+    /// Clocks differ by no more than this, an hour at most; 0: not at all
+    #[arg(long, default_value_t = Rules::default().clock_off_s_max, value_parser = clock_off_s_max, allow_negative_numbers = true)]
     pub clock_off_s_max: f64,
     /// A reception belongs to a transmission if it came within so many seconds of when it should
     #[arg(long, default_value_t = Rules::default().match_s, value_parser = positive, allow_negative_numbers = true)]
@@ -69,6 +69,12 @@ pub struct Decisions {
     /// Vehicles above this depth are at the surface and left out
     #[arg(long, value_name = "METRES", value_parser = positive, allow_negative_numbers = true)]
     pub surfaced_above_m: Option<f64>,
+}
+
+/// Each message is compared with all that was sent so long before and after it.
+fn clock_off_s_max(text: &str) -> Result<f64, String> {
+    let expected = || "expected an hour (3600) at most: shift the times of that vehicle's files first".to_owned();
+    not_negative(text).and_then(|off_s| (off_s <= 3600.0).then_some(off_s).ok_or_else(expected))
 }
 
 impl Decisions {

@@ -47,10 +47,17 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
         );
     }
     warnings.extend(imported.doubts.iter().cloned());
+    warnings.extend(unknown_clocks(imported));
     for (name, messages) in &imported.left_out.strangers {
         let messages = count(*messages, "message");
         warnings.push(format!(
             "{messages} from {name}, of whom nothing was recorded, left out (--ids says who is meant by an id)"
+        ));
+    }
+    for (name, messages) in imported.left_out.to_strangers.iter().filter(|_| !rules.overhear) {
+        warnings.push(format!(
+            "{} to {name}, of whom nothing was recorded, are nobody's: if {name} is everybody, or somebody by another name, --ids says so",
+            count(*messages, "message")
         ));
     }
     for (name, messages) in &imported.left_out.unexpected {
@@ -65,6 +72,20 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
     warnings.extend(left_out(imported.left_out.unplaced, "position", "outside of the map left out"));
     warnings.extend(left_out(imported.left_out.own, "message", "that vehicles heard of themselves left out"));
     warnings
+}
+
+/// Vehicles whose clock no messages compare with the others', and what becomes of them.
+fn unknown_clocks(imported: &Imported) -> Option<String> {
+    let unknown = imported.clocks.iter().filter(|clock| clock.pieces.is_empty());
+    let names: Vec<&str> = unknown.map(|clock| clock.vehicle.as_str()).collect();
+    let left_out = imported.unknown().get(&Unknown::ClockUnsure).copied().unwrap_or(0);
+    (!names.is_empty()).then(|| {
+        format!(
+            "no two messages compare the clock of {} with the others': places stay as recorded, and for want of such comparisons and for \
+             messages that fit nothing {left_out} are left out: --clock-off-s-max 0 says that clocks agree",
+            names.join(", ")
+        )
+    })
 }
 
 /// Receivers whose modem gave no sign for a good part of all messages: how many, and of how many.
@@ -222,6 +243,7 @@ struct PieceJson {
 #[derive(Serialize)]
 struct LeftOutJson {
     of_unknown_vehicles: BTreeMap<String, usize>,
+    to_unknown_vehicles: BTreeMap<String, usize>,
     unexpected: BTreeMap<String, usize>,
     recorded_twice: usize,
     overheard: usize,
@@ -275,6 +297,7 @@ impl ImportedJson {
             origin: taken.origin.map(|(origin, _)| [origin.latitude_deg, origin.longitude_deg]),
             left_out: LeftOutJson {
                 of_unknown_vehicles: named(&left_out.strangers),
+                to_unknown_vehicles: named(&left_out.to_strangers),
                 unexpected: named(&left_out.unexpected),
                 recorded_twice: left_out.twice,
                 overheard: left_out.overheard,
