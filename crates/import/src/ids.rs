@@ -33,6 +33,11 @@ impl Ids {
         Ok(ids)
     }
 
+    /// The vehicle that is listed with an id.
+    pub fn listed(&self, id: &str) -> Option<VehicleId> {
+        self.0.get(&plain(id)).cloned().flatten()
+    }
+
     /// Whom an id means: a vehicle, or everybody. What is not listed is a name itself; nothing is everybody.
     pub fn whom(&self, id: &str) -> Option<VehicleId> {
         match self.0.get(&plain(id)) {

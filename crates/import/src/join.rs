@@ -88,7 +88,7 @@ pub fn join(
 fn check(fleet: &Fleet, schedule: Option<&Schedule>) -> Result<(), ImportError> {
     let fail = |text: String| Err(ImportError::Together(text));
     if fleet.receivers().next().is_none() {
-        return fail("no record of what was heard; expected one of at least one vehicle (--heard NAME=FILE)".into());
+        return fail("no record of what was heard; expected one of at least one vehicle (--heard NAME=FILE, or a log that holds its modem's words) and where all were (--nav)".into());
     }
     for vehicle in &fleet.vehicles {
         let name = vehicle.name;

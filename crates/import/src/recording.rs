@@ -1,6 +1,6 @@
 //! What one vehicle recorded, on its own clock.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use pingmap_agent::{MessageKind, VehicleId};
 
@@ -22,6 +22,8 @@ pub struct Recording {
     pub arrivals: Option<Vec<Arrival>>,
     /// From the first to the last sign of its modem, of each record.
     pub signs: Vec<(f64, f64)>,
+    /// What its modem is called by others, by its own word.
+    pub modem_ids: BTreeSet<String>,
     /// From when to when its modem is said to have been listening.
     pub listening: Vec<(f64, f64)>,
     /// From when to when it could not hear, and why.
@@ -98,6 +100,23 @@ pub enum Unknown {
 }
 
 impl Recording {
+    /// Takes in another record of the same vehicle.
+    pub(crate) fn append(&mut self, other: Recording) {
+        let Recording { fixes, fixed, sent, arrivals, signs, modem_ids, listening, deaf } = other;
+        self.fixes.extend(fixes);
+        self.fixed = fixed.or(self.fixed);
+        if let Some(sent) = sent {
+            self.sent.get_or_insert_default().extend(sent);
+        }
+        if let Some(arrivals) = arrivals {
+            self.arrivals.get_or_insert_default().extend(arrivals);
+        }
+        self.signs.extend(signs);
+        self.modem_ids.extend(modem_ids);
+        self.listening.extend(listening);
+        self.deaf.extend(deaf);
+    }
+
     /// Takes in that its modem was at work, as told by the record that begins at this number of `signs`.
     pub(crate) fn sign(&mut self, record: usize, time_s: f64) {
         match self.signs.get_mut(record) {

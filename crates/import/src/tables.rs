@@ -9,38 +9,26 @@ use pingmap_agent::{VehicleId, bounds};
 use crate::columns::{Columns, Named, TableKind};
 use crate::error::ImportError;
 use crate::ids::Ids;
+use crate::moos::PREFIX;
 use crate::recording::{Arrival, Fix, Recording, Recordings, Sent};
 use crate::reference::{Place, geographic};
+use crate::told::Skipped;
 
 /// How tables are read.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Reading {
     /// How columns are called that are called otherwise.
     pub columns: Columns,
     /// Who is meant by ids.
     pub ids: Ids,
+    /// What stands before the names of the modem's variables in logs of MOOS.
+    pub prefix: String,
 }
 
-/// Lines of tables that say nothing for the log.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Skipped {
-    /// Fixes without a position.
-    pub unplaced: usize,
-    /// Receptions that were not decoded and whose sender is not known.
-    pub unattributed: usize,
-    /// Transmissions that did not take place, by their senders' word.
-    pub not_sent: usize,
-}
-
-impl Skipped {
-    /// Both together.
-    #[must_use]
-    pub fn and(self, other: Self) -> Self {
-        Self {
-            unplaced: self.unplaced + other.unplaced,
-            unattributed: self.unattributed + other.unattributed,
-            not_sent: self.not_sent + other.not_sent,
-        }
+impl Default for Reading {
+    /// Usual names, and nobody's id.
+    fn default() -> Self {
+        Self { columns: Columns::default(), ids: Ids::default(), prefix: PREFIX.to_owned() }
     }
 }
 

@@ -149,6 +149,14 @@ proptest! {
     }
 }
 
+/// Sentences of a modem, with fields that may be anything small.
+fn sentences() -> impl Strategy<Value = String> {
+    let names =
+        "CA(CYC|RXD|RXP|CST|MSG|TXD|TXP|TXF|XST|DRQ|ERR|MUA|MUC|RDP|TDP|REV|CFG|MSC|MPC)|CC(CYC|TXD|TDP|MUC)|SNTTA";
+    let fields = prop::collection::vec("([0-6]|1[0-9]|BAD_CRC|DATA_TIMEOUT|INIT|SRC|AABB|1;2;00|)", 0..24);
+    (names, fields).prop_map(|(name, fields)| format!("${name},{}", fields.join(",")))
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
 
@@ -173,6 +181,31 @@ proptest! {
             if let Ok(schedule) = Schedule::read(content, path, &Ids::default()) {
                 let _ = join(&recordings, Some(&schedule), &Reference::unknown(), &Rules::default());
             }
+        }
+    }
+
+    /// Any bytes, and sentences and rows in any order with any fields.
+    #[test]
+    fn no_log_stops_the_readers(
+        bytes in prop::collection::vec(any::<u8>(), 0..200),
+        said in prop::collection::vec((0u32..400, sentences()), 0..40),
+        rows in prop::collection::vec("-?[0-9]{1,3} (NAV_(X|Y|LAT|LONG|DEPTH)|NODE_REPORT_LOCAL|ACOMMS_MODEM_(RECEIVE|TRANSMIT)|%%) p [ -~]{0,40}", 0..20),
+    ) {
+        let capture: String = said.iter().map(|(time_s, said)| format!("{time_s} {said}\n")).collect();
+        let spoken: String = said.iter().map(|(time_s, said)| format!("{time_s} ACOMMS_NMEA_IN p {said}\n")).collect();
+        let log = format!("%% LOG FILE: x\n%% LOGSTART 5000\n{spoken}{}\n", rows.join("\n"));
+        for content in [bytes.as_slice(), capture.as_bytes(), log.as_bytes()] {
+            let mut recordings = Recordings::new();
+            let _ = Reading::default().take_record((content, Path::new("file")), Some(&name(0)), &mut recordings);
+            // What was sent was finished, and what arrived has a frame of those that it has.
+            for recording in recordings.values() {
+                let finished = capture.matches("TXF").count() + capture.matches("XST").count();
+                prop_assert!(content != capture.as_bytes() || recording.sent.iter().flatten().count() <= finished);
+                for arrival in recording.arrivals.iter().flatten() {
+                    prop_assert!(arrival.frame.zip(arrival.frames).is_none_or(|(frame, frames)| 1 <= frame && frame <= frames));
+                }
+            }
+            let _ = join(&recordings, None, &Reference::unknown(), &Rules::default());
         }
     }
 

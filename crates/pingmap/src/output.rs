@@ -104,6 +104,15 @@ pub fn progress(steps: u64, what: &'static str) -> ProgressBar {
     bar
 }
 
+/// The same for files that are read.
+pub fn progress_of_bytes(bytes: u64, what: &'static str) -> ProgressBar {
+    let bar = progress(bytes, what);
+    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {bytes}/{total_bytes} {elapsed} (left: {eta})") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
+}
+
 /// The same for work of unknown length.
 pub fn spinner(what: &'static str) -> ProgressBar {
     let bar = ProgressBar::new_spinner().with_message(what);

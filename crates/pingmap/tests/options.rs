@@ -149,6 +149,7 @@ const SIMULATE: &[Case] = &[
     ("--ridge-m", "5", ""),
     ("--mound-m", "5", ""),
     ("--as-files", "folder", ""),
+    ("--files", "alog", "--as-files folder"),
     ("--clock-off-s", "2", ""),
     ("--stops", "auv1=0.5", "--as-files folder"),
     ("--with-sent", "", "--as-files folder"),
@@ -161,6 +162,7 @@ const IMPORT: &[Case] = &[
     ("--nav", "other-nav.csv", ""),
     ("--heard", "other-heard.csv", ""),
     ("--sent", "sent.csv", ""),
+    ("--acomms-prefix", "MM_", "more.alog"),
     ("--fixed", "auv1=100,100", "--origin 41.5,-70.6"),
     ("--schedule", "listed.csv", ""),
     ("--ids", "other-ids.csv", ""),
@@ -284,6 +286,8 @@ fn prepare_mission(folder: &Path, read: &dyn Fn(&str) -> String) {
     file(folder, "other-heard.csv", read("heard.csv").replacen("\nauv1", "\nauv2", 1));
     file(folder, "listed.csv", "time_s,source\n2026-05-03T12:00:10Z,auv1\n2026-05-03T12:00:20Z,auv2\n");
     file(folder, "other-ids.csv", "id,name\n1,auv2\n2,auv1\n3,auv3\n63,broadcast\n");
+    let row = "%% LOGSTART 1777809600\n1 NODE_REPORT_LOCAL p NAME=auv1\n140 MM_NMEA_IN p $CAMUA,2,63,00\n";
+    file(folder, "more.alog", format!("%% LOG FILE: more\n{row}"));
     file(folder, "columns.toml", "[heard]\nsource = \"from\"\n");
 }
 

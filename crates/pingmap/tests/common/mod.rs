@@ -2,6 +2,8 @@
 
 #![allow(dead_code)]
 
+pub mod mission;
+
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

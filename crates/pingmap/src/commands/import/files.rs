@@ -1,26 +1,29 @@
 //! The files that vehicles left, and what is said about them.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::Args;
 use pingmap_agent::{Geographic, VehicleId, bounds};
 use pingmap_import::{
-    Columns, Fix, Ids, ImportError, Place, Reading, Recordings, Reference, Schedule, Skipped, TIME, TableKind,
-    parse_time,
+    Columns, Fix, Ids, ImportError, PREFIX, Place, Reading, Recordings, Reference, Schedule, Skipped, TIME, TableKind,
+    parse_time, resolve,
 };
-use pingmap_trial::open;
 
-use crate::output::{BadInput, progress, read_text};
+use super::records::{self, Records, opened, whose};
+use crate::output::{BadInput, progress_of_bytes, read_text};
 use crate::values::{origin, pair};
 
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
 pub struct Files {
-    /// Where a vehicle was: time, and latitude and longitude or metres. Without NAME= the file has a column that says who
-    #[arg(long, value_name = "[NAME=]FILE", num_args = 1.., required = true)]
+    /// Files of known kinds, or folders of such: logs of MOOS (.alog) and its mission files, sentences of a Micro-Modem with a time in front
+    /// of each. Without NAME= they say themselves whose they are
+    #[arg(value_name = "[NAME=]FILE")]
+    records: Vec<String>,
+    /// Where a vehicle was, as a table: time, and latitude and longitude or metres. Without NAME= it has a column that says who
+    #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
     nav: Vec<String>,
     /// What reached a vehicle's modem: time and source
     #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
@@ -40,13 +43,16 @@ pub struct Files {
     /// From when to when a modem was listening, where its first and last reception do not tell
     #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = span)]
     listening: Vec<(String, (f64, f64))>,
+    /// What stands before the names of the modem's variables in logs of MOOS: …NMEA_IN, …MODEM_RECEIVE
+    #[arg(long, value_name = "PREFIX", default_value = PREFIX)]
+    acomms_prefix: String,
     /// What a column is called, such as heard.source=from
     #[arg(long, value_name = "WHAT=COLUMN", num_args = 1.., value_parser = two)]
     column: Vec<(String, String)>,
     /// The same from a file, as TOML: [heard], source = "from"
     #[arg(long, value_name = "FILE")]
     columns: Option<PathBuf>,
-    /// Where (0, 0) of the log is; the middle of all positions in degrees, rounded, if not given
+    /// Where (0, 0) of the log is; if not given where files say, or the middle of all positions in degrees, rounded
     #[arg(long, value_name = "LAT,LON", value_parser = pair, allow_hyphen_values = true, conflicts_with = "crs")]
     origin: Option<(f64, f64)>,
     /// Reference system of metres in files and log, such as EPSG:32619
@@ -59,9 +65,22 @@ pub struct Taken {
     pub recordings: Recordings,
     pub schedule: Option<Schedule>,
     pub reference: Reference,
-    /// Where (0, 0) of the log is, if that is known, and whether nobody said so.
-    pub origin: Option<(Geographic, bool)>,
+    /// Where (0, 0) of the log is, if that is known, and by whose word.
+    pub origin: Option<(Geographic, OriginBy)>,
     pub skipped: Skipped,
+    /// Files in folders that are of no known kind.
+    pub left_alone: Vec<PathBuf>,
+}
+
+/// Who says where (0, 0) is.
+#[derive(Clone, Copy, PartialEq)]
+pub enum OriginBy {
+    /// Whoever imports.
+    Option,
+    /// What vehicles recorded.
+    Files,
+    /// Nobody: it is the middle of all positions.
+    Nobody,
 }
 
 fn two(text: &str) -> Result<(String, String), String> {
@@ -100,39 +119,49 @@ fn fixed(text: &str) -> Result<(String, Fix), String> {
 impl Files {
     /// Reads them all.
     pub fn take(&self) -> anyhow::Result<Taken> {
-        let reading = Reading { columns: self.columns()?, ids: self.ids()? };
+        let reading = Reading { columns: self.columns()?, ids: self.ids()?, prefix: self.acomms_prefix.clone() };
         let mut recordings = Recordings::new();
         let mut skipped = Skipped::default();
+        let mut records = Records::default();
+        let record_files = records::all(&self.records)?;
         let files =
             [(TableKind::Navigation, &self.nav), (TableKind::Heard, &self.heard), (TableKind::Sent, &self.sent)];
-        let bar = progress(files.iter().map(|(_, files)| files.len() as u64).sum(), "reading");
+        let tables = files.iter().flat_map(|(_, files)| files.iter().map(|file| whose(file).1));
+        let paths = record_files.iter().map(|file| file.path.as_path()).chain(tables);
+        let bar = progress_of_bytes(paths.filter_map(|path| Some(path.metadata().ok()?.len())).sum(), "reading");
+        for file in &record_files {
+            records.take(file, bar.wrap_read(opened(&file.path)?), &reading, &mut recordings)?;
+        }
         for (kind, file) in files.iter().flat_map(|(kind, files)| files.iter().map(move |file| (*kind, file))) {
             let (vehicle, path) = whose(file);
-            let more = reading.take(kind, (opened(path)?, path), vehicle.as_ref(), &mut recordings)?;
-            skipped = skipped.and(more);
-            bar.inc(1);
+            let table = (bar.wrap_read(opened(path)?), path);
+            skipped = skipped.and(reading.take(kind, table, vehicle.as_ref(), &mut recordings)?);
         }
         bar.finish_and_clear();
+        resolve(&mut recordings)?;
         for (name, fix) in &self.fixed {
             recordings.entry(VehicleId::new(name)).or_default().fixed = Some(*fix);
         }
         for (name, span) in &self.listening {
             let Some(recording) = recordings.get_mut(&VehicleId::new(name)).filter(|known| known.arrivals.is_some())
             else {
-                return Err(BadInput(format!("--listening {name}: expected a vehicle of --heard")).into());
+                let message = format!("--listening {name}: expected a vehicle of which it is recorded what it heard");
+                return Err(BadInput(message).into());
             };
             recording.listening.push(*span);
         }
         let schedule =
             self.schedule.as_ref().map(|path| Schedule::read(opened(path)?, path, &reading.ids)).transpose()?;
-        let (reference, origin) = self.reference(&recordings)?;
-        Ok(Taken { recordings, schedule, reference, origin, skipped })
+        let (reference, origin) = self.reference(&recordings, &records)?;
+        let skipped = skipped.and(records.skipped);
+        Ok(Taken { recordings, schedule, reference, origin, skipped, left_alone: records.left_alone })
     }
 
     /// All files that are read.
-    pub fn paths(&self) -> Vec<&Path> {
-        let tables = [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| whose(file).1);
-        tables.chain([&self.schedule, &self.ids, &self.columns].into_iter().flatten().map(PathBuf::as_path)).collect()
+    pub fn paths(&self) -> anyhow::Result<Vec<PathBuf>> {
+        let tables = [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| whose(file).1.to_owned());
+        let others = [&self.schedule, &self.ids, &self.columns].into_iter().flatten().cloned();
+        Ok(records::all(&self.records)?.into_iter().map(|file| file.path).chain(tables).chain(others).collect())
     }
 
     fn ids(&self) -> anyhow::Result<Ids> {
@@ -164,14 +193,21 @@ impl Files {
     }
 
     /// What the metres of the log mean, and where (0, 0) is.
-    fn reference(&self, recordings: &Recordings) -> anyhow::Result<(Reference, Option<(Geographic, bool)>)> {
+    fn reference(
+        &self,
+        recordings: &Recordings,
+        records: &Records,
+    ) -> anyhow::Result<(Reference, Option<(Geographic, OriginBy)>)> {
         let about = |origin| Reference::about(origin).map_err(ImportError::from);
         if let Some(name) = &self.crs {
             return Ok((Reference::epsg(name).map_err(ImportError::from)?, None));
         }
         if let Some(given) = self.origin {
             let given = origin(given)?;
-            return Ok((about(given)?, Some((given, false))));
+            return Ok((about(given)?, Some((given, OriginBy::Option))));
+        }
+        if let Some(datum) = records.datum()? {
+            return Ok((about(datum)?, Some((datum, OriginBy::Files))));
         }
         let places = recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.fixed));
         let (mut degrees, mut has_metres) = (Vec::new(), false);
@@ -190,22 +226,7 @@ impl Files {
             return Err(BadInput(message.into()).into());
         }
         let middle = middle(&degrees);
-        Ok((about(middle)?, Some((middle, true))))
-    }
-}
-
-/// Opened here, for every reader to say the same of files that are not there.
-fn opened(path: &Path) -> Result<File, ImportError> {
-    Ok(open(path)?)
-}
-
-/// The vehicle before the first `=`, if there is one, and the file.
-fn whose(file: &str) -> (Option<VehicleId>, &Path) {
-    match file.split_once('=') {
-        Some((name, path)) if !name.is_empty() && !name.contains(['/', '\\']) => {
-            (Some(VehicleId::new(name)), Path::new(path))
-        }
-        _ => (None, Path::new(file)),
+        Ok((about(middle)?, Some((middle, OriginBy::Nobody))))
     }
 }
 

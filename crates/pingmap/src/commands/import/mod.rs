@@ -1,9 +1,10 @@
 //! `pingmap import`: what vehicles recorded becomes an event log.
 
 mod files;
+mod records;
 mod shown;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_agent::VehicleId;
@@ -113,7 +114,8 @@ impl Options {
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let rules = options.decisions.rules();
-    let inputs = options.files.paths();
+    let inputs = options.files.paths()?;
+    let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     let target = Target::new(&options.output, Kind::EVENT_LOG, &inputs, options.force)?;
     let taken = options.files.take()?;
     let imported: Imported = join(&taken.recordings, taken.schedule.as_ref(), &taken.reference, &rules)?;

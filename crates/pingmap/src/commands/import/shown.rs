@@ -6,7 +6,7 @@ use pingmap_agent::VehicleId;
 use pingmap_import::{ClockFound, Imported, Pair, Proofs, Rules, Unknown};
 use serde::Serialize;
 
-use super::files::Taken;
+use super::files::{OriginBy, Taken};
 use crate::output::{count, table};
 
 /// Clocks that differ by more than this are worth a word.
@@ -63,11 +63,12 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
     for (name, messages) in &imported.left_out.unexpected {
         let messages = count(*messages, "message");
         warnings.push(format!(
-            "{messages} from {name} were received when it sent none by its record or had no turn: are clocks, ids and --match-s right?"
+            "{messages} from {name} were received when it sent none by its record or had no turn: did its record end before, are clocks, ids and --match-s right?"
         ));
     }
     let left_out =
         |number: usize, what: &str, why: &str| (number > 0).then(|| format!("{} {why}", count(number, what)));
+    warnings.extend(left_out(taken.skipped.garbled, "line", "that are none of their kind, or garbled, left out"));
     warnings.extend(left_out(taken.skipped.unplaced, "line", "of navigation without a position left out"));
     warnings.extend(left_out(imported.left_out.unplaced, "position", "outside of the map left out"));
     warnings.extend(left_out(imported.left_out.own, "message", "that vehicles heard of themselves left out"));
@@ -135,6 +136,7 @@ pub fn summary(imported: &Imported, taken: &Taken, rules: &Rules) -> String {
         (left_out.overheard, "messages meant for others (--overhear)"),
         (taken.skipped.unattributed, "broken messages of unknown senders"),
         (taken.skipped.not_sent, "transmissions that did not take place"),
+        (taken.left_alone.len(), "files of no known kind"),
     ];
     let more: Vec<String> =
         more.iter().filter(|more| more.0 > 0).map(|(number, what)| format!("{number} {what}")).collect();
@@ -144,14 +146,17 @@ pub fn summary(imported: &Imported, taken: &Taken, rules: &Rules) -> String {
     text
 }
 
-/// Whether the origin was chosen here, which another log of the place must be told.
+/// Whether the origin was not said by whoever imports, and who said it.
 fn chosen(taken: &Taken) -> String {
     match taken.origin {
-        Some((origin, true)) => format!(
+        Some((origin, OriginBy::Nobody)) => format!(
             " (their middle; for other logs of this place: --origin {:.2},{:.2})",
             origin.latitude_deg, origin.longitude_deg
         ),
-        _ => String::new(),
+        Some((origin, OriginBy::Files)) => {
+            format!(" (by the files: --origin {:.5},{:.5})", origin.latitude_deg, origin.longitude_deg)
+        }
+        Some((_, OriginBy::Option)) | None => String::new(),
     }
 }
 
@@ -250,6 +255,8 @@ struct LeftOutJson {
     of_itself: usize,
     not_sent: usize,
     broken_of_unknown_senders: usize,
+    garbled: usize,
+    files: usize,
     positions: usize,
 }
 
@@ -304,6 +311,8 @@ impl ImportedJson {
                 of_itself: left_out.own,
                 not_sent: taken.skipped.not_sent,
                 broken_of_unknown_senders: taken.skipped.unattributed,
+                garbled: taken.skipped.garbled,
+                files: taken.left_alone.len(),
                 positions: taken.skipped.unplaced + left_out.unplaced,
             },
         }

@@ -3,23 +3,15 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use pingmap_agent::Position;
 use pingmap_import::{Reference, parse_time, time_in_words};
 use pingmap_trial::simulate::{Simulated, Simulation};
 
+use super::modem::{BROADCAST, DELAY_S, Fix, SOUND_M_PER_S, capture, moos_log, said};
 use crate::files::{make_folder, write_file};
 use crate::output::BadInput;
 use crate::values::{origin, pair};
-
-/// From the beginning of a message until it is decoded and recorded.
-const DELAY_S: f64 = 1.2;
-
-/// Speed of sound in all files.
-const SOUND_M_PER_S: f64 = 1500.0;
-
-/// What modems call everybody.
-const BROADCAST: u32 = 63;
 
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
@@ -28,6 +20,9 @@ pub struct Files {
     /// heard, the schedule, and who is meant by modems' ids. The event log then has the times of these files
     #[arg(long = "as-files", value_name = "FOLDER")]
     folder: Option<PathBuf>,
+    /// As what files: tables; logs of MOOS; or a table of navigation and a capture of what host and modem said
+    #[arg(long, value_enum, requires = "folder", default_value_t = FileKind::Tables)]
+    files: FileKind,
     /// Clocks are off by so much, but for the first vehicle's: ahead and behind in turn
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub clock_off_s: f64,
@@ -43,6 +38,14 @@ pub struct Files {
     /// When the mission begins
     #[arg(long, value_name = "TIME", requires = "folder", value_parser = time, default_value = "2026-05-03T12:00:00Z")]
     start: f64,
+}
+
+/// In what files vehicles record.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum FileKind {
+    Tables,
+    Alog,
+    Capture,
 }
 
 fn time(text: &str) -> Result<f64, String> {
@@ -68,9 +71,20 @@ impl Files {
         make_folder(folder)?;
         let write = |name: &str, text: String| write_file(&folder.join(name), text.as_bytes());
         for (vehicle, (id, _)) in trial.vehicles.iter().enumerate() {
-            write(&format!("{id}.nav.csv"), self.navigation(simulation, trial, vehicle, &reference)?)?;
-            write(&format!("{id}.heard.csv"), self.heard(simulation, trial, vehicle))?;
-            if self.with_sent {
+            let fixes = self.fixes(simulation, trial, vehicle, &reference)?;
+            let said = || said(simulation, trial, vehicle, self.until_s(simulation, id.as_str()));
+            let ahead_s = simulation.clock_ahead_s(vehicle);
+            if self.files != FileKind::Alog {
+                write(&format!("{id}.nav.csv"), self.navigation(simulation, vehicle, &fixes))?;
+            }
+            match self.files {
+                FileKind::Alog => {
+                    write(&format!("{id}.alog"), moos_log(id.as_str(), &said(), &fixes, (self.start, ahead_s)))?;
+                }
+                FileKind::Capture => write(&format!("{id}.nmea"), capture(&said(), self.start, ahead_s))?,
+                FileKind::Tables => write(&format!("{id}.heard.csv"), self.heard(simulation, trial, vehicle))?,
+            }
+            if self.with_sent && self.files == FileKind::Tables {
                 write(&format!("{id}.sent.csv"), self.sent(simulation, vehicle))?;
             }
         }
@@ -85,14 +99,21 @@ impl Files {
         time_in_words(self.start + time_s + simulation.clock_ahead_s(vehicle))
     }
 
-    fn navigation(
+    /// Until when a vehicle recorded what its modem said.
+    fn until_s(&self, simulation: &Simulation, name: &str) -> f64 {
+        let stop = self.stops.as_ref().filter(|(stops, _)| stops == name);
+        stop.map_or(f64::INFINITY, |(_, share)| share * simulation.slot_s * simulation.slots as f64)
+    }
+
+    /// Where a vehicle was, every second.
+    fn fixes(
         &self,
         simulation: &Simulation,
         trial: &Simulated,
         vehicle: usize,
         reference: &Reference,
-    ) -> anyhow::Result<String> {
-        let mut text = String::from("time,latitude,longitude,depth_m\n");
+    ) -> anyhow::Result<Vec<Fix>> {
+        let mut fixes = Vec::new();
         // By no clock there is another turn before it ends.
         let end_s = simulation.slot_s * (simulation.slots as f64 + 0.4);
         for second in 0..=end_s as u64 {
@@ -101,18 +122,25 @@ impl Files {
             let place = reference.geographic(east_m, north_m);
             let place = place
                 .ok_or_else(|| BadInput(format!("--origin: no map holds an area of {} m there", simulation.area_m)))?;
-            let (latitude, longitude) = (place.latitude_deg, place.longitude_deg);
-            let stamp = self.stamp(simulation, vehicle, time_s);
-            writeln!(text, "{stamp},{latitude:.7},{longitude:.7},{:.1}", depth_m.unwrap_or_default())?;
+            let (latitude_deg, longitude_deg) = (place.latitude_deg, place.longitude_deg);
+            let depth_m = depth_m.unwrap_or_default();
+            fixes.push(Fix { time_s, east_m, north_m, depth_m, latitude_deg, longitude_deg });
         }
-        Ok(text)
+        Ok(fixes)
+    }
+
+    fn navigation(&self, simulation: &Simulation, vehicle: usize, fixes: &[Fix]) -> String {
+        let mut text = String::from("time,latitude,longitude,depth_m\n");
+        for Fix { time_s, depth_m, latitude_deg, longitude_deg, .. } in fixes {
+            let stamp = self.stamp(simulation, vehicle, *time_s);
+            let _ = writeln!(text, "{stamp},{latitude_deg:.7},{longitude_deg:.7},{depth_m:.1}");
+        }
+        text
     }
 
     fn heard(&self, simulation: &Simulation, trial: &Simulated, vehicle: usize) -> String {
         let name = &trial.vehicles[vehicle].0;
-        let end_s = simulation.slot_s * simulation.slots as f64;
-        let stop = self.stops.as_ref().filter(|(stops, _)| stops == name.as_str());
-        let until_s = stop.map_or(f64::INFINITY, |(_, share)| share * end_s);
+        let until_s = self.until_s(simulation, name.as_str());
         let mut text = String::from("time,source,destination\n");
         for event in trial.log.events.iter().filter(|event| event.receiver_id == *name && event.success) {
             let time_s = event.time_s + event.link.range_m() / SOUND_M_PER_S + DELAY_S;

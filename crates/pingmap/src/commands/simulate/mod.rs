@@ -1,6 +1,7 @@
 //! `pingmap simulate`: a field trial of one's own.
 
 mod files;
+mod modem;
 
 use std::path::PathBuf;
 

@@ -1,0 +1,71 @@
+//! Captures of what a host and its modem say to each other, a time in front of each sentence.
+
+use std::io::{self, BufRead};
+
+use crate::ids::Ids;
+use crate::lines::Lines;
+use crate::micromodem::{Into, Micromodem};
+use crate::sentence::Sentence;
+use crate::time::parse_time;
+use crate::told::Told;
+
+/// Reads a capture. Lines without a sentence, or without a time, are counted and left out. O(lines), one at a time.
+pub(crate) fn read(reader: impl BufRead, ids: &Ids) -> io::Result<Told> {
+    let (mut lines, mut modem, mut told) = (Lines::new(reader), Micromodem::default(), Told::default());
+    while let Some(line) = lines.next()? {
+        let Some((front, _)) = line.split_once('$') else { continue };
+        match (time_before(front), Sentence::parse(line)) {
+            (Some(time_s), Some(sentence)) => {
+                modem.take(time_s, &sentence, Into { recording: &mut told.recording, ids });
+            }
+            _ => told.skipped.garbled += 1,
+        }
+    }
+    modem.finish(Into { recording: &mut told.recording, ids }, &mut told.skipped);
+    Ok(told)
+}
+
+/// The time in front of a sentence: `1777809600.25`, `[2026-05-03T12:00:00Z]`, `2026-05-03 12:00:00Z,RX,`, whatever stands behind it.
+pub(crate) fn time_before(front: &str) -> Option<f64> {
+    let front = front.trim_start_matches([' ', '\t', '[', '(', '"']);
+    let is_end = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | ']' | ')' | '"' | '<' | '>' | '|');
+    let (first, rest) = front.split_at(front.find(is_end).unwrap_or(front.len()));
+    let second = || {
+        let rest = rest.strip_prefix(' ')?;
+        parse_time(&format!("{first}T{}", &rest[..rest.find(is_end).unwrap_or(rest.len())]))
+    };
+    // A date alone is midnight, and no time of a sentence.
+    second().or_else(|| parse_time(first)).or_else(|| parse_time(first.trim_end_matches(':')))
+}
+
+/// Whether the beginning of a file is one of a capture: a line of it holds a sentence of a modem after a time.
+pub(crate) fn is_one(head: &str) -> bool {
+    head.lines().any(|line| {
+        let sentence = Sentence::parse(line).filter(|sentence| matches!(sentence.name.get(..2), Some("CA" | "CC")));
+        sentence.is_some() && line.split_once('$').is_some_and(|(front, _)| time_before(front).is_some())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_stand_in_front_in_many_ways() {
+        for front in [
+            "1777809600.25 ",
+            "[1777809600.25] ",
+            "2026-05-03T12:00:00.25Z\t",
+            "2026-05-03T12:00:00.25Z\tINFO\tmodem\t",
+            "2026-05-03 12:00:00.25Z,RX,",
+            "\"2026-05-03T12:00:00.25\",\"",
+            "1777809600.25: ",
+            "1777809600.25 < ",
+        ] {
+            assert_eq!(time_before(front), Some(1_777_809_600.25), "{front:?}");
+        }
+        for front in ["", "RX ", "12:00:00 ", "[", "\u{fffd}"] {
+            assert_eq!(time_before(front), None, "{front:?}");
+        }
+    }
+}

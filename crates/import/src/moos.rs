@@ -1,0 +1,219 @@
+//! Logs of MOOS (`.alog`): rows of a time, a variable, who wrote it, and a value.
+
+use std::io::{self, BufRead};
+
+use pingmap_agent::{Geographic, VehicleId};
+
+use crate::goby::Transmission;
+use crate::ids::Ids;
+use crate::lines::Lines;
+use crate::micromodem::{Into, Micromodem};
+use crate::navigation::Navigation;
+use crate::recording::Recording;
+use crate::sentence::Sentence;
+use crate::told::{Skipped, Told};
+
+/// What stands before the names of all variables of the modem, where nobody says otherwise.
+pub const PREFIX: &str = "ACOMMS_";
+
+/// Times that lie no longer before the start of the log than this are of the day, others count from its start.
+const BEFORE_START_S: f64 = 1000.0;
+
+/// Times beyond this are of the day even in a log that does not say when it started.
+const OF_THE_DAY_S: f64 = 1e8;
+
+/// Whether the beginning of a file is one of such a log.
+pub(crate) fn is_one(head: &str) -> bool {
+    let mut lines = head.lines().filter(|line| !line.trim().is_empty());
+    let first = lines.next().unwrap_or("");
+    first.starts_with("%%") && head.lines().any(|line| line.contains("LOGSTART") || line.contains("LOG FILE"))
+}
+
+/// The datum of a mission file: what its lines `LatOrigin = …` and `LongOrigin = …` say, if they do.
+pub(crate) fn datum_of_mission(head: &str) -> Option<Geographic> {
+    let value = |key: &str| {
+        let of_key = |line: &str| {
+            let (name, value) = line.split("//").next()?.split_once('=')?;
+            name.trim().eq_ignore_ascii_case(key).then(|| value.trim().parse::<f64>().ok())?
+        };
+        head.lines().find_map(of_key)
+    };
+    crate::reference::geographic(value("LatOrigin")?, value("LongOrigin")?)
+}
+
+/// Reads a log whose modem's variables begin with a prefix. Rows that are none are counted and left out. O(rows), one at a time; holds a
+/// position a fifth of a second apart at most, and what was sent and received.
+///
+/// # Errors
+/// What is no row's fault: a file that cannot be read, or (as text) one that does not say when it started.
+pub(crate) fn read(reader: impl BufRead, ids: &Ids, prefix: &str) -> io::Result<Result<Told, String>> {
+    let mut lines = Lines::new(reader);
+    let mut log = Log { prefix: prefix.to_owned(), ..Log::default() };
+    while let Some(line) = lines.next()? {
+        if let Some(remark) = line.strip_prefix("%%") {
+            log.remark(remark);
+        } else if let Some((time_s, variable, value)) = row(line) {
+            let Some(time_s) = log.time_s(time_s) else {
+                return Ok(Err(format!(
+                    "line {}: a time of {time_s} s from the start of the log, and no line says when that was; expected %% LOGSTART and seconds",
+                    lines.number
+                )));
+            };
+            log.take(time_s, variable, value, ids);
+        } else if !line.trim().is_empty() {
+            log.garbled += 1;
+        }
+    }
+    Ok(Ok(log.finish(ids)))
+}
+
+/// A row: a time, a variable, who wrote it (left out here), and all the rest.
+fn row(line: &str) -> Option<(f64, &str, &str)> {
+    let (time, rest) = split(line.trim_start())?;
+    let (variable, rest) = split(rest)?;
+    let (_, value) = split(rest).unwrap_or((rest, ""));
+    let time_s = time.parse::<f64>().ok().filter(|time_s| time_s.abs() < 1e11)?;
+    Some((time_s, variable, value.trim_end()))
+}
+
+/// The first word, and what comes behind it.
+fn split(text: &str) -> Option<(&str, &str)> {
+    let end = text.find(char::is_whitespace)?;
+    Some((&text[..end], text[end..].trim_start()))
+}
+
+#[derive(Default)]
+struct Log {
+    prefix: String,
+    start_s: Option<f64>,
+    /// Whether values say what type they are of.
+    is_marked: bool,
+    name: Option<VehicleId>,
+    navigation: Navigation,
+    reported: Navigation,
+    modem: Micromodem,
+    /// What the modem said itself, and what its host made of it.
+    recording: Recording,
+    by_host: Recording,
+    garbled: usize,
+}
+
+impl Log {
+    fn remark(&mut self, remark: &str) {
+        let mut words = remark.split_whitespace();
+        match words.next() {
+            Some("LOGSTART") => self.start_s = words.next().and_then(|word| word.parse().ok()).or(self.start_s),
+            Some("DATATYPE") => self.is_marked = words.next() == Some("MARKING") && words.next() == Some("ON"),
+            _ => {}
+        }
+    }
+
+    /// A time of the day.
+    fn time_s(&self, time_s: f64) -> Option<f64> {
+        match self.start_s {
+            Some(start_s) if time_s + BEFORE_START_S > start_s => Some(time_s),
+            Some(start_s) => Some(start_s + time_s),
+            None => (time_s > OF_THE_DAY_S).then_some(time_s),
+        }
+    }
+
+    fn take(&mut self, time_s: f64, variable: &str, value: &str, ids: &Ids) {
+        let is_marked = self.is_marked && value.as_bytes().get(1) == Some(&b':');
+        let value = if is_marked { &value[2..] } else { value };
+        if let Some(name) = variable.strip_prefix("NAV_") {
+            self.garbled += usize::from(!self.navigation.take(time_s, name, value));
+        } else if variable == "NODE_REPORT_LOCAL" {
+            self.report(time_s, value);
+        } else if let Some(name) = variable.strip_prefix(self.prefix.as_str()) {
+            match name {
+                "NMEA_IN" | "NMEA_OUT" => match Sentence::parse(value) {
+                    Some(sentence) => {
+                        self.modem.take(time_s, &sentence, Into { recording: &mut self.recording, ids });
+                    }
+                    None => self.garbled += 1,
+                },
+                "MODEM_RECEIVE" | "MODEM_TRANSMIT" => {
+                    self.by_host.arrivals.get_or_insert_default();
+                    self.by_host.sent.get_or_insert_default();
+                    let (said, mut into) = (Transmission::parse(value), Into { recording: &mut self.by_host, ids });
+                    if name == "MODEM_RECEIVE" {
+                        said.received(time_s, &mut into);
+                    } else {
+                        said.transmitted(time_s, &mut into);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// What the vehicle says of itself: who it is, and where.
+    fn report(&mut self, time_s: f64, value: &str) {
+        for (key, value) in value.split(',').filter_map(|part| part.split_once('=')) {
+            let name = match key.trim() {
+                "NAME" => {
+                    self.name = Some(VehicleId::new(value.trim()));
+                    continue;
+                }
+                "DEP" => "DEPTH",
+                "LON" => "LONG",
+                key => key,
+            };
+            self.reported.take(time_s, name, value.trim());
+        }
+    }
+
+    fn finish(mut self, ids: &Ids) -> Told {
+        let mut skipped = Skipped { garbled: self.garbled, ..Skipped::default() };
+        self.modem.finish(Into { recording: &mut self.recording, ids }, &mut skipped);
+        // Where the modem's own words are there its host's would only say them again.
+        let mut recording = if self.modem.spoke { self.recording } else { self.by_host };
+        let navigation = if self.navigation.is_empty() { self.reported } else { self.navigation };
+        let datum = navigation.datum();
+        recording.fixes = navigation.into_fixes();
+        Told { recording, name: self.name, datum, skipped }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::Place;
+
+    fn told(text: &str) -> Result<Told, String> {
+        read(text.as_bytes(), &Ids::default(), PREFIX).unwrap()
+    }
+
+    #[test]
+    fn times_are_of_the_day_or_from_the_start() {
+        let first_s = |text: &str| told(text).unwrap().recording.fixes[0].time_s;
+        let rows = |times: [&str; 2]| format!("{} NAV_X p 1\n{} NAV_Y p 2\n", times[0], times[1]);
+        let header = "%%%%\n%% LOG FILE: a.alog\n%% LOGSTART  1777809600.5\n%%%%\n";
+        assert_eq!(first_s(&format!("{header}{}", rows(["-2.5", "-2.25"]))), 1_777_809_598.25);
+        assert_eq!(first_s(&format!("{header}{}", rows(["1777809610", "1777809610"]))), 1_777_809_610.0);
+        assert_eq!(first_s(&rows(["1777809610", "1777809610"])), 1_777_809_610.0);
+        let error = told(&rows(["3", "4"])).unwrap_err();
+        assert!(error.contains("line 1") && error.contains("LOGSTART"), "{error}");
+    }
+
+    #[test]
+    fn values_may_say_their_type_and_others_reports_are_not_received() {
+        let text = "%% LOGSTART 1777809600\n%% DATATYPE MARKING ON\n\
+            1.0 NAV_X pNav:x D:10.5\n1.0 NAV_Y pNav D:-4\n1.0 NAV_DEPTH pNav D:7\n\
+            2.0 NODE_REPORT_LOCAL pNode S:NAME=ada,X=1,Y=2,LAT=41.5,LON=-70.6\n\
+            2.5 NODE_REPORT uF S:NAME=bob,X=9,Y=9\nnot a row\n";
+        let told = told(text).unwrap();
+        assert_eq!(told.name, Some(VehicleId::new("ada")));
+        let fix = told.recording.fixes[0];
+        assert_eq!((fix.place, fix.depth_m), (Place::Metres(10.5, -4.0), None));
+        assert_eq!((told.recording.fixes.len(), told.skipped.garbled), (1, 1));
+        assert!(told.recording.arrivals.is_none() && told.recording.sent.is_none());
+    }
+
+    #[test]
+    fn the_datum_of_a_mission_is_what_its_lines_say() {
+        let text = "ServerHost = localhost\nLatOrigin  = 43.8253 // the bay\nlongorigin = -70.3304\n";
+        assert_eq!(datum_of_mission(text), Some(Geographic { latitude_deg: 43.8253, longitude_deg: -70.3304 }));
+        assert_eq!(datum_of_mission("LatOrigin = 43"), None);
+    }
+}

@@ -1,0 +1,151 @@
+//! Positions put together from coordinates that are written one by one.
+
+use pingmap_agent::{Geographic, bounds};
+
+use crate::recording::Fix;
+use crate::reference::{Place, Reference, geographic};
+
+/// Coordinates of one position are written no farther apart than this, in seconds.
+const TOGETHER_S: f64 = 0.5;
+
+/// Both forms of one position are written no farther apart than this, in seconds.
+const SAME_S: f64 = 0.05;
+
+/// Positions closer to each other than this in time say no more than one, in seconds.
+const FIX_S_MIN: f64 = 0.2;
+
+/// A depth holds for so long, in seconds.
+const DEPTH_S_MAX: f64 = 30.0;
+
+/// One coordinate of a pair, and when it was written.
+type Half = Option<(f64, f64)>;
+
+/// What is known of where a vehicle was.
+#[derive(Debug, Default)]
+pub(crate) struct Navigation {
+    /// Latitude and longitude; east and north.
+    degrees: [Half; 2],
+    metres: [Half; 2],
+    depth: Half,
+    in_degrees: Vec<Fix>,
+    in_metres: Vec<Fix>,
+    /// The latest place in each form, and when that was.
+    latest_degrees: Option<(f64, Geographic)>,
+    latest_metres: Option<(f64, (f64, f64))>,
+    /// The place nearest to (0, 0) that was written in both forms.
+    both: Option<(Geographic, (f64, f64))>,
+}
+
+impl Navigation {
+    /// Takes in a coordinate by what MOOS calls it; false where its value is none. Other names are not asked for.
+    pub(crate) fn take(&mut self, time_s: f64, name: &str, value: &str) -> bool {
+        let (is_degrees, place) = match name {
+            "LAT" => (true, 0),
+            "LONG" | "LON" => (true, 1),
+            "X" => (false, 0),
+            "Y" => (false, 1),
+            "DEPTH" => (false, 2),
+            _ => return true,
+        };
+        let Some(value) = value.parse::<f64>().ok().and_then(|value| bounds::COORDINATE_M.check(value)) else {
+            return false;
+        };
+        if place == 2 {
+            self.depth = Some((time_s, value));
+            return true;
+        }
+        let pair = if is_degrees { &mut self.degrees } else { &mut self.metres };
+        pair[place] = Some((time_s, value));
+        let together = |pair: [Half; 2]| {
+            let (first, second) = pair[0].zip(pair[1])?;
+            ((first.0 - second.0).abs() <= TOGETHER_S).then_some((first.1, second.1))
+        };
+        let Some((first, second)) = together(*pair) else { return true };
+        *pair = [None; 2];
+        if !is_degrees {
+            self.fix(time_s, Place::Metres(first, second));
+            return true;
+        }
+        let Some(place) = geographic(first, second) else { return false };
+        self.fix(time_s, Place::Degrees(place));
+        true
+    }
+
+    fn fix(&mut self, time_s: f64, place: Place) {
+        let depth = self.depth.filter(|depth| time_s - depth.0 <= DEPTH_S_MAX);
+        match place {
+            Place::Degrees(degrees) => self.latest_degrees = Some((time_s, degrees)),
+            Place::Metres(east_m, north_m) => self.latest_metres = Some((time_s, (east_m, north_m))),
+        }
+        if let Some(((degrees_s, degrees), (metres_s, metres))) = self.latest_degrees.zip(self.latest_metres) {
+            let is_nearer = self.both.is_none_or(|(_, both)| metres.0.hypot(metres.1) < both.0.hypot(both.1));
+            if is_nearer && (degrees_s - metres_s).abs() <= SAME_S {
+                self.both = Some((degrees, metres));
+            }
+        }
+        let fixes = if matches!(place, Place::Degrees(_)) { &mut self.in_degrees } else { &mut self.in_metres };
+        if fixes.last().is_none_or(|last| !(0.0..FIX_S_MIN).contains(&(time_s - last.time_s))) {
+            fixes.push(Fix { time_s, place, depth_m: depth.map(|depth| depth.1), clock_set: false });
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.in_degrees.is_empty() && self.in_metres.is_empty()
+    }
+
+    /// Where (0, 0) of the metres is, by the place nearest to it that was written in both forms; from there it is right to a share
+    /// of the distance that the projection of whoever wrote them differs by.
+    pub(crate) fn datum(&self) -> Option<Geographic> {
+        let (place, (east_m, north_m)) = self.both?;
+        let mut datum = place;
+        for _ in 0..4 {
+            let (x_m, y_m) = Reference::about(datum).ok()?.metres(Place::Degrees(place))?;
+            // A degree of latitude, near enough: what is left over shrinks with every round.
+            let metres_a_degree = 111_200.0;
+            datum = geographic(
+                datum.latitude_deg + (y_m - north_m) / metres_a_degree,
+                datum.longitude_deg
+                    + (x_m - east_m) / (metres_a_degree * datum.latitude_deg.to_radians().cos().max(0.01)),
+            )?;
+        }
+        Some(datum)
+    }
+
+    /// The positions: in degrees, where there are such, or else in metres.
+    pub(crate) fn into_fixes(self) -> Vec<Fix> {
+        if self.in_degrees.is_empty() { self.in_metres } else { self.in_degrees }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_are_put_together_and_tell_the_datum() {
+        let origin = geographic(43.8253, -70.3304).unwrap();
+        let reference = Reference::about(origin).unwrap();
+        let mut navigation = Navigation::default();
+        for n in 0..100 {
+            let (time_s, east_m) = (0.1 * f64::from(n), 10.0 * f64::from(n) - 600.0);
+            let place = reference.geographic(east_m, 300.0).unwrap();
+            for (name, value) in
+                [("X", east_m), ("Y", 300.0), ("LAT", place.latitude_deg), ("LONG", place.longitude_deg)]
+            {
+                assert!(navigation.take(time_s, name, &value.to_string()));
+            }
+            assert!(navigation.take(time_s, "DEPTH", "12") && navigation.take(time_s, "SPEED", "fast"));
+        }
+        let datum = navigation.datum().unwrap();
+        let off_m = reference.metres(Place::Degrees(datum)).unwrap();
+        assert!(off_m.0.hypot(off_m.1) < 0.01, "{off_m:?}");
+        assert!(!navigation.take(11.0, "X", "nan") && !navigation.take(11.0, "LAT", "here"));
+        let fixes = navigation.into_fixes();
+        assert!((33..=51).contains(&fixes.len()) && fixes[1].depth_m == Some(12.0), "{}", fixes.len());
+        // What is too far apart is no position.
+        let mut navigation = Navigation::default();
+        navigation.take(0.0, "X", "1");
+        navigation.take(0.9, "Y", "1");
+        assert!(navigation.is_empty());
+    }
+}

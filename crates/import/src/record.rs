@@ -1,0 +1,125 @@
+//! Files of known kinds, recognised by what is in them.
+
+use std::collections::BTreeMap;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+use pingmap_agent::{Geographic, VehicleId};
+use pingmap_trial::{FileError, Problem};
+
+use crate::error::ImportError;
+use crate::recording::Recordings;
+use crate::tables::Reading;
+use crate::told::{Skipped, Told};
+use crate::{capture, moos};
+
+/// So much of a file tells what it is.
+const HEAD_BYTES: usize = 1 << 16;
+
+/// What a file of a known kind is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RecordKind {
+    /// A log of MOOS.
+    MoosLog,
+    /// A mission file of MOOS, for its datum.
+    MoosMission,
+    /// What a host and its Micro-Modem said, with the host's times.
+    ModemCapture,
+}
+
+impl RecordKind {
+    /// What a file is that begins so; `None` for what is of no known kind.
+    pub fn of(head: &[u8]) -> Option<Self> {
+        let head = String::from_utf8_lossy(head);
+        if moos::is_one(&head) {
+            Some(Self::MoosLog)
+        } else if capture::is_one(&head) {
+            Some(Self::ModemCapture)
+        } else {
+            moos::datum_of_mission(&head).map(|_| Self::MoosMission)
+        }
+    }
+}
+
+/// What a file was, and what it told besides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Taken {
+    /// What it was.
+    pub kind: RecordKind,
+    /// Where (0, 0) of its metres is, by its own word.
+    pub datum: Option<Geographic>,
+    /// What of it says nothing for the log.
+    pub skipped: Skipped,
+}
+
+impl Reading {
+    /// Takes in a file of a known kind, recognised by its content; `None` where it is of none. It belongs to `vehicle`, or to whom it names
+    /// itself: by `NODE_REPORT_LOCAL`, or by its modem's id where `ids` knows that. O(lines), one at a time.
+    ///
+    /// # Errors
+    /// [`ImportError`] where it cannot be read, does not say whose it is, or when it was.
+    pub fn take_record(
+        &self,
+        (reader, path): (impl Read, &Path),
+        vehicle: Option<&VehicleId>,
+        into: &mut Recordings,
+    ) -> Result<Option<Taken>, ImportError> {
+        let unreadable = |error| FileError { path: path.to_owned(), problem: Problem::Unreadable(error) };
+        let fail = |problem: String| ImportError::Content { file: path.display().to_string(), problem };
+        let mut reader = BufReader::new(reader);
+        let mut head = Vec::new();
+        reader.by_ref().take(HEAD_BYTES as u64).read_to_end(&mut head).map_err(unreadable)?;
+        let Some(kind) = RecordKind::of(&head) else { return Ok(None) };
+        let text = head.as_slice().chain(reader);
+        let told = match kind {
+            RecordKind::MoosMission => {
+                let datum = moos::datum_of_mission(&String::from_utf8_lossy(&head));
+                return Ok(Some(Taken { kind, datum, skipped: Skipped::default() }));
+            }
+            RecordKind::MoosLog => moos::read(text, &self.ids, &self.prefix).map_err(unreadable)?.map_err(fail)?,
+            RecordKind::ModemCapture => capture::read(text, &self.ids).map_err(unreadable)?,
+        };
+        let Told { recording, name, datum, skipped } = told;
+        let by_modem = || recording.modem_ids.iter().find_map(|id| self.ids.listed(id));
+        let Some(name) = vehicle.cloned().or(name).or_else(by_modem) else {
+            return Err(fail(
+                "does not say whose it is; expected NAME= in front of it, or its modem's id in --ids".into(),
+            ));
+        };
+        into.entry(name).or_default().append(recording);
+        Ok(Some(Taken { kind, datum, skipped }))
+    }
+}
+
+/// Puts vehicles in the place of modem ids that they said are theirs.
+///
+/// # Errors
+/// [`ImportError::Together`] where two say the same.
+pub fn resolve(recordings: &mut Recordings) -> Result<(), ImportError> {
+    let mut owners: BTreeMap<VehicleId, VehicleId> = BTreeMap::new();
+    for (name, recording) in &*recordings {
+        for id in &recording.modem_ids {
+            if let Some(other) = owners.insert(VehicleId::new(id), name.clone()) {
+                return Err(ImportError::Together(format!(
+                    "the modems of {other} and {name} both say that their id is {id}; expected one vehicle for each (are files of one given for two?)"
+                )));
+            }
+        }
+    }
+    let put = |id: &mut VehicleId| {
+        if let Some(owner) = owners.get(id) {
+            id.clone_from(owner);
+        }
+    };
+    for recording in recordings.values_mut() {
+        for arrival in recording.arrivals.iter_mut().flatten() {
+            put(&mut arrival.source);
+            arrival.destination.as_mut().map(put);
+        }
+        for sent in recording.sent.iter_mut().flatten() {
+            sent.destination.as_mut().map(put);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,62 @@
+//! Sentences as instruments say them (NMEA 0183).
+
+/// A sentence: `$CARXD,1,63,0,1,00*5A` is called `CARXD` and has five fields.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Sentence<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) fields: Vec<&'a str>,
+}
+
+impl<'a> Sentence<'a> {
+    /// The sentence that begins at the first `$` of a text; `None` where there is none, or where its checksum is another.
+    pub(crate) fn parse(text: &'a str) -> Option<Self> {
+        let body = &text[text.find('$')? + 1..];
+        let (body, sum) = match body.split_once('*') {
+            Some((body, rest)) => (body, Some(rest.get(..2)?)),
+            None => (body.trim_end(), None),
+        };
+        let is_right = |sum: &str| u8::from_str_radix(sum, 16).is_ok_and(|sum| sum == nmea_checksum(body));
+        if !sum.is_none_or(is_right) {
+            return None;
+        }
+        let mut parts = body.split(',').map(str::trim);
+        let name = parts.next().filter(|name| name.len() >= 4 && name.chars().all(|c| c.is_ascii_alphanumeric()))?;
+        Some(Self { name, fields: parts.collect() })
+    }
+
+    /// A field, from 0; empty where there is none.
+    pub(crate) fn field(&self, place: usize) -> &'a str {
+        self.fields.get(place).copied().unwrap_or("")
+    }
+
+    /// A field that is a whole number.
+    pub(crate) fn number(&self, place: usize) -> Option<u32> {
+        self.field(place).parse().ok()
+    }
+}
+
+/// The checksum of a sentence: exclusive or of all bytes between `$` and `*`.
+pub fn nmea_checksum(body: &str) -> u8 {
+    body.bytes().fold(0, |sum, byte| sum ^ byte)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sentences_are_what_their_checksum_says() {
+        let sum = nmea_checksum("CARXD,1,63,0,1,00FF");
+        let text = format!("12:00 <- $CARXD,1,63,0,1,00FF*{sum:02x}\r");
+        let sentence = Sentence::parse(&text).unwrap();
+        assert_eq!((sentence.name, sentence.field(4), sentence.number(1)), ("CARXD", "00FF", Some(63)));
+        assert_eq!((sentence.field(9), sentence.number(4)), ("", None));
+        // The example of the standard: exclusive or of a known sentence.
+        assert!(Sentence::parse("$GPGLL,5300.97914,N,00259.98174,E,125926,A*28").is_some());
+        assert!(Sentence::parse("$GPGLL,5300.97915,N,00259.98174,E,125926,A*28").is_none());
+        assert!(Sentence::parse("$CATXF,32 ").is_some_and(|sentence| sentence.number(0) == Some(32)));
+        for text in ["", "CATXF,32", "$", "$,,", "$CATXF,32*", "$CATXF,32*G0", "$CA\u{e9}\u{e9},1", "$CATXF*\u{e9}"] {
+            assert!(Sentence::parse(text).is_none(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! What sentences of a Micro-Modem, and transmissions in Goby's text, say that was sent and heard.
+
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use pingmap_agent::VehicleId;
+use pingmap_import::{Reading, RecordKind, Recording, Recordings, Skipped, Unknown, nmea_checksum, resolve};
+
+/// What a file says, as the record of `a`.
+fn taken(text: &str) -> (Recording, Skipped) {
+    let mut recordings = Recordings::new();
+    let a = VehicleId::new("a");
+    let taken = Reading::default().take_record((text.as_bytes(), Path::new("file")), Some(&a), &mut recordings);
+    (recordings.remove(&a).unwrap(), taken.unwrap().unwrap().skipped)
+}
+
+/// A capture of sentences at these times.
+fn capture(said: &[(f64, &str)]) -> (Recording, Skipped) {
+    let line = |(time_s, sentence): &(f64, &str)| format!("{time_s} ${sentence}*{:02X}\n", nmea_checksum(sentence));
+    taken(&said.iter().map(line).collect::<String>())
+}
+
+/// Times, destinations, frames and kinds of what was sent.
+fn sent(recording: &Recording) -> Vec<(f64, String, Option<u32>, String)> {
+    let text = |text: Option<String>| text.unwrap_or_default();
+    let of = |sent: &pingmap_import::Sent| {
+        let to = sent.destination.as_ref().map(ToString::to_string);
+        (sent.time_s, text(to), sent.frames, text(sent.kind.as_ref().map(ToString::to_string)))
+    };
+    recording.sent.iter().flatten().map(of).collect()
+}
+
+/// Time, source, frame and of how many, and whether it was decoded.
+type Heard<'a> = (f64, &'a str, Option<u32>, Option<u32>, bool);
+
+fn heard(recording: &Recording) -> Vec<Heard<'_>> {
+    let all = recording.arrivals.iter().flatten();
+    all.map(|arrival| (arrival.time_s, arrival.source.as_str(), arrival.frame, arrival.frames, arrival.good)).collect()
+}
+
+#[test]
+fn what_a_modem_has_finished_was_sent_and_what_a_host_asked_for_was_not() {
+    let (recording, skipped) = capture(&[
+        (0.0, "CACFG,SRC,1"),
+        (1.0, "CCCYC,0,1,2,1,0,3"),
+        (1.1, "CACYC,0,1,2,1,0,3"),
+        (1.2, "CADRQ,120001,1,2,0,64,1"),
+        (1.3, "CCTXD,1,2,0,AA"),
+        (1.4, "CATXD,1,2,0,1"),
+        (1.5, "CCTXD,1,2,0,BB"),
+        (1.6, "CATXD,1,2,0,1"),
+        (1.7, "CCTXD,1,2,0,"),
+        (2.0, "CATXP,128"),
+        (5.0, "CATXF,128"),
+        (5.1, "CAXST,20260503,120005.0000,0,0,200,5000,25000,1,1,2,0,3,2,3,128"),
+        // Asked for and never sent: no data came in time.
+        (20.0, "CCCYC,0,1,2,1,0,3"),
+        (20.1, "CACYC,0,1,2,1,0,3"),
+        (20.2, "CATXD,1,2,0,1"),
+        (25.0, "CAERR,120025,DATA_TIMEOUT,2"),
+        // Asked for alone.
+        (40.0, "CCCYC,0,1,2,1,0,3"),
+        // Finished, and taken back by its statistics.
+        (60.0, "CATXD,1,63,0,1"),
+        (60.1, "CATXP,32"),
+        (61.0, "CATXF,32"),
+        (61.1, "CAXST,6,20260503,120101.0000,0,2,200,5000,25000,0,1,63,0,1,0,2,32"),
+        // A mini-packet, a flexible one, and one that only statistics tell of.
+        (80.0, "CCMUC,1,3,0123"),
+        (80.1, "CAMUC,1,3,0123"),
+        (80.2, "CATXP,2"),
+        (80.8, "CATXF,2"),
+        (90.0, "CCTDP,3,5,0,0,AABB"),
+        (90.1, "CATDP,0,7,3,5,0,0,2"),
+        (90.2, "CATXP,2"),
+        (91.8, "CATXF,2"),
+        (100.0, "CATXD,1,2,0,32"),
+        (103.0, "CAXST,6,20260503,120143.0000,0,0,200,5000,25000,0,1,2,0,1,1,2,32"),
+    ]);
+    let expected = [
+        (2.0, "2", Some(2), "rate 1"),
+        (80.2, "3", Some(1), "mini"),
+        (90.2, "3", Some(1), "rate 5"),
+        (103.0, "2", Some(1), ""),
+    ];
+    assert_eq!(sent(&recording), expected.map(|(time_s, to, frames, kind)| (time_s, to.into(), frames, kind.into())));
+    assert_eq!((skipped.not_sent, recording.arrivals.as_ref().map(Vec::len)), (2, Some(0)));
+    assert_eq!((recording.signs[0], recording.modem_ids.len()), ((0.0, 103.0), 1));
+}
+
+#[test]
+fn what_a_modem_gives_its_host_was_heard_and_what_it_names_was_missed() {
+    let long = "9000,60,200,150,0,0,0,0,0";
+    let statistics = |mode: u32, source: &str, frames: u32, bad: u32, before: &str| {
+        format!("CACST,{before}{mode},120000.0000,0,{long},1,{source},63,0,3,{frames},{bad},120,15,-1,-1,-1,180")
+    };
+    // Three frames, of which two are good: before version 6, and from it on.
+    for version in ["", "6,"] {
+        let bad = statistics(1, "2", 3, 1, version);
+        let (recording, skipped) = capture(&[
+            (0.0, "CACYC,0,2,63,1,0,3"),
+            (0.5, "CARXP,1"),
+            (3.0, "CARXD,2,63,0,1,AA"),
+            (3.2, "CAMSG,BAD_CRC,2"),
+            (3.4, "CARXD,2,63,0,3,CC"),
+            (3.5, &bad),
+        ]);
+        assert_eq!(heard(&recording), [(3.0, "2", Some(1), Some(3), true), (3.0, "2", Some(3), Some(3), true)]);
+        assert_eq!(skipped.unattributed, 0, "version {version:?}");
+    }
+    let (nothing, broken, whole) =
+        (statistics(2, "", 0, 0, ""), statistics(1, "3", 1, 1, ""), statistics(0, "2", 3, 0, ""));
+    let (recording, skipped) = capture(&[
+        // Nothing came of it.
+        (0.0, "CACYC,0,2,63,1,0,3"),
+        (9.0, "CAMSG,PACKET_TIMEOUT,1"),
+        (9.1, &nothing),
+        // It broke; who sent it is told, or is not.
+        (20.0, "CAMSG,Bad CRC,1"),
+        (20.1, &broken),
+        (40.0, "CACYC,0,2,63,0,0,1"),
+        (43.0, "CAMSG,BAD_CRC,1"),
+        // Whole, of frames that the cycle announced; and the same again is another message.
+        (60.0, "CACYC,0,2,63,1,0,2"),
+        (63.0, "CARXD,2,63,0,1,AA"),
+        (63.5, "CARXD,2,63,0,2,BB"),
+        (63.6, &whole),
+        (66.0, "CARXD,2,63,0,1,AA"),
+        // Two sources, a mini-packet, and a flexible one with a broken frame.
+        (66.5, "CARXD,4,63,0,1,AA"),
+        (70.0, "CAMUA,5,63,0123"),
+        (80.0, "CARDP,5,63,1,0,0,1;2;AABB;0;2;CCDD"),
+        (90.0, "CARDP,5,63,1,0,0,1;2;AABB"),
+    ]);
+    let expected = [
+        (20.0, "3", Some(1), Some(1), false),
+        (63.0, "2", Some(1), Some(3), true),
+        (63.0, "2", Some(2), Some(3), true),
+        (66.0, "2", Some(1), Some(2), true),
+        (66.5, "4", Some(1), Some(1), true),
+        (70.0, "5", None, None, true),
+        (80.0, "5", None, None, false),
+        (90.0, "5", None, None, true),
+    ];
+    let mut found = heard(&recording);
+    // Statistics of a good message are not asked how many frames it had; its announcement is.
+    found.iter_mut().filter(|arrival| arrival.0 == 63.0).for_each(|arrival| arrival.3 = Some(3));
+    assert_eq!(found, expected);
+    assert_eq!(skipped.unattributed, 1);
+    // What others announce does not tell that this modem was at work; what it received does.
+    assert_eq!(recording.signs, [(20.0, 90.0)]);
+}
+
+#[test]
+fn starting_ranging_and_answering_modems_hear_nothing() {
+    let (recording, _) = capture(&[
+        (10.0, "CAMSC,1"),
+        (17.0, "CAREV,120017,INIT,0.94.0.00"),
+        (30.0, "CAREV,120030,AUV,0.94.0.00"),
+        (40.0, "CAMPC,1,2"),
+        (50.0, "CATXP,2"),
+        (50.7, "CATXF,2"),
+        (60.0, "CATXF,2"),
+    ]);
+    let expected = [
+        (10.0, 17.0, Unknown::Rebooting),
+        (40.0, 45.0, Unknown::OtherMode),
+        (50.0, 50.7, Unknown::Transmitting),
+        (57.0, 60.0, Unknown::Transmitting),
+    ];
+    assert_eq!(recording.deaf, expected);
+    assert!(recording.sent.unwrap().is_empty());
+}
+
+#[test]
+fn a_wrong_checksum_is_no_sentence_and_kinds_are_told_by_content() {
+    let text = "2026-05-03 12:00:00Z,RX,$CACFG,SRC,7*35\r\n2026-05-03 12:00:01Z,RX,$CARXD,2,63,0,1,AA*00\r\n";
+    let (recording, skipped) = taken(text);
+    assert_eq!((recording.arrivals.unwrap().len(), skipped.garbled), (0, 1));
+    assert_eq!(recording.signs, [(1_777_809_600.0, 1_777_809_600.0)]);
+    for (text, kind) in [
+        (text, Some(RecordKind::ModemCapture)),
+        ("%%%%\n%% LOG FILE: x\n%% LOGSTART 5\n", Some(RecordKind::MoosLog)),
+        ("ServerPort = 9000\nLatOrigin = 41\nLongOrigin = -70\n", Some(RecordKind::MoosMission)),
+        ("time,source\n1,2\n", None),
+        ("1 $GPGGA,1,2,3\n", None),
+        ("", None),
+    ] {
+        assert_eq!(RecordKind::of(text.as_bytes()), kind, "{text}");
+    }
+}
+
+#[test]
+fn transmissions_in_gobys_text_are_those_of_its_host() {
+    let rows = |more: &str| {
+        format!(
+            "%% LOG FILE: a\n%% LOGSTART 1777809600\n\
+             10 ACOMMS_MODEM_TRANSMIT pAcommsHandler @PB[goby.acomms.protobuf.ModemTransmission] src: 1 dest: 0 rate: 1 type: DATA frame: \"a\" frame: \"b\"\n\
+             20 ACOMMS_MODEM_RECEIVE pAcommsHandler src: 2 dest: 1 rate: 1 type: DATA frame: \"a\" frame: \"\" [micromodem.protobuf.frame_with_bad_crc]: 1\n\
+             30 ACOMMS_MODEM_RECEIVE pAcommsHandler src: 2 dest: 1 type: ACK acked_frame: 0\n\
+             40 ACOMMS_MAC_SLOT_START pAcommsHandler src: 1 dest: 2 type: DATA frame: \"x\"\n{more}"
+        )
+    };
+    let (recording, _) = taken(&rows(""));
+    let at = 1_777_809_600.0;
+    assert_eq!(sent(&recording), [(at + 10.0, String::new(), Some(2), "rate 1".into())]);
+    assert_eq!(heard(&recording), [(at + 20.0, "2", Some(1), Some(2), true)]);
+    assert!(recording.modem_ids.contains("1"));
+    // Where the modem's own words are there they are believed.
+    let (recording, _) = taken(&rows("50 ACOMMS_NMEA_IN p $CARXD,3,1,0,1,AA\n"));
+    assert_eq!((sent(&recording).len(), heard(&recording)), (0, vec![(at + 50.0, "3", Some(1), Some(1), true)]));
+    // Variables may be called otherwise.
+    let reading = Reading { prefix: "MM_".into(), ..Reading::default() };
+    let mut recordings = Recordings::new();
+    let text = rows("").replace("ACOMMS_", "MM_");
+    let a = VehicleId::new("a");
+    reading.take_record((text.as_bytes(), Path::new("a.alog")), Some(&a), &mut recordings).unwrap();
+    assert_eq!(sent(&recordings[&a]).len(), 1);
+}
+
+#[test]
+fn modems_that_say_their_ids_are_known_by_them() {
+    let mut recordings = Recordings::new();
+    let mut take = |vehicle: &str, text: &str| {
+        let vehicle = VehicleId::new(vehicle);
+        Reading::default().take_record((text.as_bytes(), Path::new("f")), Some(&vehicle), &mut recordings).unwrap();
+    };
+    take("ada", "1 $CACFG,SRC,1\n5 $CARXD,2,1,0,1,AA\n");
+    take("bob", "1 $CACFG,SRC,2\n3 $CATXD,2,1,0,1\n4 $CATXF,1\n");
+    resolve(&mut recordings).unwrap();
+    let of = |name: &str| recordings[&VehicleId::new(name)].clone();
+    let arrival = of("ada").arrivals.unwrap().remove(0);
+    assert_eq!((arrival.source.as_str(), arrival.destination.unwrap().as_str()), ("bob", "ada"));
+    assert_eq!(of("bob").sent.unwrap()[0].destination, Some(VehicleId::new("ada")));
+    recordings.get_mut(&VehicleId::new("bob")).unwrap().modem_ids.insert("1".into());
+    let error = resolve(&mut recordings).unwrap_err().to_string();
+    assert!(error.contains("ada and bob") && error.contains("id is 1"), "{error}");
+}

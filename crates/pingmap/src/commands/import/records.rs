@@ -1,0 +1,127 @@
+//! Files of known kinds, and folders of such.
+
+use std::path::{Path, PathBuf};
+
+use pingmap_agent::{Geographic, VehicleId};
+use pingmap_import::{ImportError, Place, Reading, Recordings, Reference, Skipped};
+use pingmap_trial::open;
+
+use crate::output::BadInput;
+
+/// Places of (0, 0) that lie no farther apart than this are the same, in metres.
+const DATUM_M_MAX: f64 = 20.0;
+
+/// A file that was given, or lies in a folder that was.
+pub struct RecordFile {
+    pub path: PathBuf,
+    pub vehicle: Option<VehicleId>,
+    /// Whether it was given itself: it should be of a known kind.
+    pub is_given: bool,
+}
+
+/// Every file of those that are given as `[NAME=]FILE`, and of the folders among them, in the order of their names.
+pub fn all(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
+    let mut files = Vec::new();
+    for given in given {
+        let (vehicle, path) = whose(given);
+        if path.is_dir() {
+            in_folder(path, &vehicle, &mut files)?;
+        } else {
+            files.push(RecordFile { path: path.to_owned(), vehicle, is_given: true });
+        }
+    }
+    Ok(files)
+}
+
+fn in_folder(folder: &Path, vehicle: &Option<VehicleId>, files: &mut Vec<RecordFile>) -> anyhow::Result<()> {
+    let unreadable = |error: std::io::Error| BadInput(format!("{}: cannot be read: {error}", folder.display()));
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        paths.push(entry.map_err(unreadable)?);
+    }
+    paths.sort_by_key(std::fs::DirEntry::file_name);
+    for entry in paths {
+        // What a link points to may be the folder itself.
+        let kind = entry.file_type().map_err(unreadable)?;
+        if kind.is_dir() {
+            in_folder(&entry.path(), vehicle, files)?;
+        } else if kind.is_file() {
+            files.push(RecordFile { path: entry.path(), vehicle: vehicle.clone(), is_given: false });
+        }
+    }
+    Ok(())
+}
+
+/// What files of known kinds told besides what vehicles recorded.
+#[derive(Default)]
+pub struct Records {
+    pub skipped: Skipped,
+    /// Where (0, 0) is, by which file.
+    pub datums: Vec<(PathBuf, Geographic)>,
+    /// Files in folders that are of no known kind.
+    pub left_alone: Vec<PathBuf>,
+}
+
+impl Records {
+    /// Takes in a file.
+    pub fn take(
+        &mut self,
+        file: &RecordFile,
+        reader: impl std::io::Read,
+        reading: &Reading,
+        recordings: &mut Recordings,
+    ) -> anyhow::Result<()> {
+        let RecordFile { path, vehicle, is_given } = file;
+        match reading.take_record((reader, path), vehicle.as_ref(), recordings)? {
+            Some(taken) => {
+                self.skipped = self.skipped.and(taken.skipped);
+                self.datums.extend(taken.datum.map(|datum| (path.clone(), datum)));
+            }
+            None if *is_given => {
+                let message = "of no known kind; expected a log (.alog) or mission file of MOOS, or sentences of a Micro-Modem with a time in front \
+                               of each; tables belong behind --nav, --heard and --sent";
+                return Err(BadInput(format!("{}: {message}", path.display())).into());
+            }
+            None => self.left_alone.push(path.clone()),
+        }
+        Ok(())
+    }
+
+    /// Where (0, 0) is, where files say so.
+    pub fn datum(&self) -> anyhow::Result<Option<Geographic>> {
+        let Some((first, datum)) = self.datums.first() else { return Ok(None) };
+        let reference = Reference::about(*datum).map_err(ImportError::from)?;
+        for (path, other) in &self.datums {
+            let off_m = reference
+                .metres(Place::Degrees(*other))
+                .map_or(f64::INFINITY, |(east_m, north_m)| east_m.hypot(north_m));
+            if off_m > DATUM_M_MAX {
+                let at = |place: &Geographic| format!("{:.5},{:.5}", place.latitude_deg, place.longitude_deg);
+                return Err(BadInput(format!(
+                    "{}: (0, 0) is {}, and {} in {}; expected one datum for all, or --origin, which holds for metres of all files",
+                    path.display(),
+                    at(other),
+                    at(datum),
+                    first.display()
+                ))
+                .into());
+            }
+        }
+        Ok(Some(*datum))
+    }
+}
+
+/// Opened here, for every reader to say the same of files that are not there.
+pub fn opened(path: &Path) -> Result<std::fs::File, ImportError> {
+    Ok(open(path)?)
+}
+
+/// The vehicle before the first `=`, if there is one, and the file.
+pub fn whose(file: &str) -> (Option<VehicleId>, &Path) {
+    match file.split_once('=') {
+        Some((name, path)) if !name.is_empty() && !name.contains(['/', '\\']) => {
+            (Some(VehicleId::new(name)), Path::new(path))
+        }
+        _ => (None, Path::new(file)),
+    }
+}

@@ -1,0 +1,104 @@
+//! Logs of known kinds hold the same mission: the same events, with fewer decisions.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::mission::*;
+use common::*;
+
+#[test]
+fn logs_of_known_kinds_hold_the_same_mission() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, "--clock-off-s 3 --files alog");
+    let (of_moos, said) = import(folder, "mission --ids mission/ids.csv --correct-clocks auv1");
+    // Modems say what they sent and that they are at work: nothing is unknown, and nothing but the clocks had to be decided.
+    assert_eq!((compare(folder), of_moos["events"].as_u64()), (0, Some(800)));
+    assert_eq!(of_moos["transmissions"]["recorded"], 400);
+    assert!(of_moos["unknown"].as_object().unwrap().is_empty() && said.is_empty(), "{said}");
+    assert!((of_moos["origin"][0].as_f64().unwrap() - 41.52).abs() < 1e-6, "{}", of_moos["origin"]);
+    // As it was recorded: the clocks are what nobody knows.
+    let (_, said) = import(folder, "mission --ids mission/ids.csv");
+    assert!(said.contains("--correct-clocks") && said.lines().count() == 1, "{said}");
+    // Who broadcast is for is the other.
+    let arguments = ["import", "mission", "--correct-clocks", "auv1"];
+    let output = pingmap(folder, &arguments);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("to 63") && stderr(&output).contains("--ids"), "{}", stderr(&output));
+
+    // What host and modem said, and navigation beside it; one after the other, or as folders of a vehicle each.
+    simulate(folder, "--clock-off-s 3 --files capture");
+    let nav = files(&["nav"]);
+    let captures = [1, 2, 3].map(|id| format!("auv{id}=mission/auv{id}.nmea")).join(" ");
+    let (of_modems, _) = import(folder, &format!("{captures} {nav} --correct-clocks auv1"));
+    assert_eq!((compare(folder), &of_modems["pairs"]), (0, &of_moos["pairs"]));
+    // Modems say their ids, and the table of ids says the name.
+    let captures = [1, 2, 3].map(|id| format!("mission/auv{id}.nmea")).join(" ");
+    assert_eq!(import(folder, &format!("{captures} {nav} --correct-clocks auv1")).0, of_modems);
+    for id in 1..=3 {
+        std::fs::create_dir(folder.join(format!("auv{id}"))).unwrap();
+        std::fs::copy(folder.join(format!("mission/auv{id}.nmea")), folder.join(format!("auv{id}/modem.txt"))).unwrap();
+    }
+    let (of_folders, _) = import(folder, &format!("auv1=auv1 auv2=auv2 auv3=auv3 {nav} --correct-clocks auv1"));
+    assert_eq!(of_folders, of_modems);
+    // A log of MOOS of one, tables of another.
+    simulate(folder, "--clock-off-s 3 --files alog");
+    std::fs::rename(folder.join("mission/auv1.alog"), folder.join("one.alog")).unwrap();
+    simulate(folder, "--clock-off-s 3 --with-sent");
+    let of = |kind: &str| format!("--{kind} auv2=mission/auv2.{kind}.csv auv3=mission/auv3.{kind}.csv");
+    let options = format!("one.alog {} {} {} --ids mission/ids.csv", of("nav"), of("heard"), of("sent"));
+    let (mixed, _) = import(folder, &format!("{options} --correct-clocks auv1"));
+    assert_eq!(compare(folder), count(&mixed, "not_recording"));
+}
+
+#[test]
+fn a_modem_that_stops_is_no_deaf_receiver_and_its_later_messages_are_unexpected() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, "--clock-off-s 2 --files alog --stops auv3=0.6");
+    let (found, said) = import(folder, "mission --ids mission/ids.csv --correct-clocks auv1");
+    let missing = compare(folder);
+    let unexpected = found["left_out"]["unexpected"]["auv3"].as_u64().unwrap();
+    // Of 400 messages the last 160 fall silent at one, of whom a third of these were; what it did not record to have sent is not there.
+    assert!((90..=120).contains(&count(&found, "not_recording")), "{found}");
+    let recorded = found["transmissions"]["recorded"].as_u64().unwrap() as usize;
+    assert_eq!(missing - count(&found, "not_recording"), 2 * (400 - recorded), "{found}");
+    assert!(unexpected > 20 && said.contains("did its record end before"), "{said}");
+}
+
+#[test]
+fn what_logs_do_not_say_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, "--slots 60 --files alog");
+    let refused = |options: &str, words: &[&str]| {
+        let output = pingmap(folder, &["import"].into_iter().chain(options.split_whitespace()).collect::<Vec<_>>());
+        assert_eq!(output.status.code(), Some(2), "{options}: {}", stderr(&output));
+        for word in words {
+            assert!(stderr(&output).contains(word), "{options}: expected {word} in {}", stderr(&output));
+        }
+    };
+    refused("mission/ids.csv", &["mission/ids.csv", "no known kind", "--heard"]);
+    refused("nowhere", &["nowhere", "cannot be read"]);
+    file(folder, "late.alog", "%% LOG FILE: a\n1.5 NAV_X p 1\n");
+    refused("late.alog", &["late.alog", "line 2", "LOGSTART"]);
+    let text = std::fs::read_to_string(folder.join("mission/auv1.alog")).unwrap();
+    file(folder, "nobody.alog", text.replace("NODE_REPORT_LOCAL", "OTHER"));
+    refused("nobody.alog", &["nobody.alog", "NAME=", "--ids"]);
+    refused("mission one=nobody.alog", &["auv1 and one", "id is 1"]);
+    // Two datums, and one in a mission file.
+    file(folder, "other.moos", "LatOrigin = 41.53\nLongOrigin = -70.67\n");
+    refused("mission other.moos --ids mission/ids.csv", &["other.moos", "41.53000,-70.67000", "--origin"]);
+    let options = "mission other.moos --ids mission/ids.csv --origin 41.52,-70.67";
+    import(folder, options);
+    compare(folder);
+    // In metres alone the datum of the mission file says where (0, 0) is.
+    for id in 1..=3 {
+        let text = std::fs::read_to_string(folder.join(format!("mission/auv{id}.alog"))).unwrap();
+        file(folder, &format!("auv{id}.alog"), text.replace("NAV_LAT", "NAV_SOG").replace("NAV_LONG", "NAV_COG"));
+    }
+    let (found, _) = import(folder, "auv1.alog auv2.alog auv3.alog other.moos --ids mission/ids.csv");
+    assert_eq!(found["origin"][0], 41.53);
+    compare(folder);
+}
