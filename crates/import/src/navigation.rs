@@ -62,17 +62,33 @@ impl Navigation {
         };
         let Some((first, second)) = together(*pair) else { return true };
         *pair = [None; 2];
-        if !is_degrees {
-            self.fix(time_s, Place::Metres(first, second));
-            return true;
+        if is_degrees {
+            return self.place_degrees(time_s, (first, second), None);
         }
-        let Some(place) = geographic(first, second) else { return false };
-        self.fix(time_s, Place::Degrees(place));
+        self.place_metres(time_s, (first, second), None)
+    }
+
+    /// Takes in a position; false where it is none.
+    pub(crate) fn place_degrees(&mut self, time_s: f64, place: (f64, f64), depth_m: Option<f64>) -> bool {
+        let Some(place) = geographic(place.0, place.1) else { return false };
+        self.fix(time_s, Place::Degrees(place), depth_m);
         true
     }
 
-    fn fix(&mut self, time_s: f64, place: Place) {
-        let depth = self.depth.filter(|depth| time_s - depth.0 <= DEPTH_S_MAX);
+    /// Takes in a position; false where it is none.
+    pub(crate) fn place_metres(&mut self, time_s: f64, (x_m, y_m): (f64, f64), depth_m: Option<f64>) -> bool {
+        let is_bounded = |value: f64| bounds::COORDINATE_M.check(value).is_some();
+        if !is_bounded(x_m) || !is_bounded(y_m) {
+            return false;
+        }
+        self.fix(time_s, Place::Metres(x_m, y_m), depth_m.filter(|depth_m| is_bounded(*depth_m)));
+        true
+    }
+
+    /// Takes in a position; its depth is the latest, if it has none itself.
+    fn fix(&mut self, time_s: f64, place: Place, depth_m: Option<f64>) {
+        self.depth = depth_m.map(|depth_m| (time_s, depth_m)).or(self.depth);
+        let depth_m = self.depth.filter(|depth| time_s - depth.0 <= DEPTH_S_MAX).map(|depth| depth.1);
         match place {
             Place::Degrees(degrees) => self.latest_degrees = Some((time_s, degrees)),
             Place::Metres(east_m, north_m) => self.latest_metres = Some((time_s, (east_m, north_m))),
@@ -85,7 +101,7 @@ impl Navigation {
         }
         let fixes = if matches!(place, Place::Degrees(_)) { &mut self.in_degrees } else { &mut self.in_metres };
         if fixes.last().is_none_or(|last| !(0.0..FIX_S_MIN).contains(&(time_s - last.time_s))) {
-            fixes.push(Fix { time_s, place, depth_m: depth.map(|depth| depth.1), clock_set: false });
+            fixes.push(Fix { time_s, place, depth_m, clock_set: false });
         }
     }
 
@@ -111,9 +127,9 @@ impl Navigation {
         Some(datum)
     }
 
-    /// The positions: in degrees, where there are such, or else in metres.
+    /// The positions: in degrees, or in metres where there are more than twice as many of these (satellites are seen at the surface alone).
     pub(crate) fn into_fixes(self) -> Vec<Fix> {
-        if self.in_degrees.is_empty() { self.in_metres } else { self.in_degrees }
+        if self.in_metres.len() > 2 * self.in_degrees.len() { self.in_metres } else { self.in_degrees }
     }
 }
 

@@ -11,7 +11,7 @@ use crate::error::ImportError;
 use crate::recording::Recordings;
 use crate::tables::Reading;
 use crate::told::{Skipped, Told};
-use crate::{capture, moos};
+use crate::{capture, mcap_file, moos, sqlite};
 
 /// So much of a file tells what it is.
 const HEAD_BYTES: usize = 1 << 16;
@@ -26,11 +26,20 @@ pub enum RecordKind {
     MoosMission,
     /// What a host and its Micro-Modem said, with the host's times.
     ModemCapture,
+    /// Topics in an MCAP file.
+    Mcap,
+    /// A bag of ROS 2 in SQLite.
+    Sqlite,
 }
 
 impl RecordKind {
     /// What a file is that begins so; `None` for what is of no known kind.
     pub fn of(head: &[u8]) -> Option<Self> {
+        if head.starts_with(mcap_file::MAGIC) {
+            return Some(Self::Mcap);
+        } else if head.starts_with(sqlite::MAGIC) {
+            return Some(Self::Sqlite);
+        }
         let head = String::from_utf8_lossy(head);
         if moos::is_one(&head) {
             Some(Self::MoosLog)
@@ -53,16 +62,34 @@ pub struct Taken {
     pub skipped: Skipped,
 }
 
+/// Where a file is from.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'a> {
+    /// Where it lies.
+    pub path: &'a Path,
+    /// Whose it is; `None` where it says so itself.
+    pub vehicle: Option<&'a VehicleId>,
+    /// What the names of topics begin with that are read; all of them where it is empty.
+    pub topics: &'a str,
+}
+
+impl<'a> Source<'a> {
+    /// A file of somebody, with all its topics.
+    pub fn new(path: &'a Path, vehicle: Option<&'a VehicleId>) -> Self {
+        Self { path, vehicle, topics: "" }
+    }
+}
+
 impl Reading {
-    /// Takes in a file of a known kind, recognised by its content; `None` where it is of none. It belongs to `vehicle`, or to whom it names
-    /// itself: by `NODE_REPORT_LOCAL`, or by its modem's id where `ids` knows that. O(lines), one at a time.
+    /// Takes in a file of a known kind, recognised by its content; `None` where it is of none. It is its source's vehicle's, or whose it says
+    /// itself: by `NODE_REPORT_LOCAL`, or by its modem's id where `ids` knows that. SQLite is read from the path, all others from `reader`. O(lines), one at a time.
     ///
     /// # Errors
     /// [`ImportError`] where it cannot be read, does not say whose it is, or when it was.
     pub fn take_record(
         &self,
-        (reader, path): (impl Read, &Path),
-        vehicle: Option<&VehicleId>,
+        reader: impl Read,
+        &Source { path, vehicle, topics }: &Source,
         into: &mut Recordings,
     ) -> Result<Option<Taken>, ImportError> {
         let unreadable = |error| FileError { path: path.to_owned(), problem: Problem::Unreadable(error) };
@@ -79,6 +106,8 @@ impl Reading {
             }
             RecordKind::MoosLog => moos::read(text, &self.ids, &self.prefix).map_err(unreadable)?.map_err(fail)?,
             RecordKind::ModemCapture => capture::read(text, &self.ids).map_err(unreadable)?,
+            RecordKind::Mcap => mcap_file::read(text, &self.ids, topics).map_err(fail)?,
+            RecordKind::Sqlite => sqlite::read(path, &self.ids, topics).map_err(fail)?,
         };
         let Told { recording, name, datum, skipped } = told;
         let by_modem = || recording.modem_ids.iter().find_map(|id| self.ids.listed(id));

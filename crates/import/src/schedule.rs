@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(turns(&schedule, "a", 0.0, 300.0), [100.0, 130.0]);
         assert_eq!(turns(&schedule, "b", 0.0, 166.0), [120.0, 145.0, 155.0, 165.0]);
         assert_eq!(turns(&schedule, "b", 150.0, 166.0), [155.0, 165.0]);
-        assert_eq!(turns(&schedule, "c", 0.0, 1e9), []);
+        assert!(turns(&schedule, "c", 0.0, 1e9).is_empty());
         assert_eq!(schedule.senders().count(), 3);
     }
 

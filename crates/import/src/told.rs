@@ -15,6 +15,8 @@ pub struct Skipped {
     pub not_sent: usize,
     /// Lines that are none of their kind, or were garbled.
     pub garbled: usize,
+    /// Files that end in the middle of something.
+    pub cut_off: usize,
 }
 
 impl Skipped {
@@ -26,6 +28,7 @@ impl Skipped {
             unattributed: self.unattributed + other.unattributed,
             not_sent: self.not_sent + other.not_sent,
             garbled: self.garbled + other.garbled,
+            cut_off: self.cut_off + other.cut_off,
         }
     }
 }

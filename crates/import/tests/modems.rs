@@ -5,13 +5,14 @@
 use std::path::Path;
 
 use pingmap_agent::VehicleId;
-use pingmap_import::{Reading, RecordKind, Recording, Recordings, Skipped, Unknown, nmea_checksum, resolve};
+use pingmap_import::{Reading, RecordKind, Recording, Recordings, Skipped, Source, Unknown, nmea_checksum, resolve};
 
 /// What a file says, as the record of `a`.
 fn taken(text: &str) -> (Recording, Skipped) {
     let mut recordings = Recordings::new();
     let a = VehicleId::new("a");
-    let taken = Reading::default().take_record((text.as_bytes(), Path::new("file")), Some(&a), &mut recordings);
+    let taken =
+        Reading::default().take_record(text.as_bytes(), &Source::new(Path::new("file"), Some(&a)), &mut recordings);
     (recordings.remove(&a).unwrap(), taken.unwrap().unwrap().skipped)
 }
 
@@ -215,7 +216,7 @@ fn transmissions_in_gobys_text_are_those_of_its_host() {
     let mut recordings = Recordings::new();
     let text = rows("").replace("ACOMMS_", "MM_");
     let a = VehicleId::new("a");
-    reading.take_record((text.as_bytes(), Path::new("a.alog")), Some(&a), &mut recordings).unwrap();
+    reading.take_record(text.as_bytes(), &Source::new(Path::new("a.alog"), Some(&a)), &mut recordings).unwrap();
     assert_eq!(sent(&recordings[&a]).len(), 1);
 }
 
@@ -224,7 +225,9 @@ fn modems_that_say_their_ids_are_known_by_them() {
     let mut recordings = Recordings::new();
     let mut take = |vehicle: &str, text: &str| {
         let vehicle = VehicleId::new(vehicle);
-        Reading::default().take_record((text.as_bytes(), Path::new("f")), Some(&vehicle), &mut recordings).unwrap();
+        Reading::default()
+            .take_record(text.as_bytes(), &Source::new(Path::new("f"), Some(&vehicle)), &mut recordings)
+            .unwrap();
     };
     take("ada", "1 $CACFG,SRC,1\n5 $CARXD,2,1,0,1,AA\n");
     take("bob", "1 $CACFG,SRC,2\n3 $CATXD,2,1,0,1\n4 $CATXF,1\n");

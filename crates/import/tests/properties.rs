@@ -7,8 +7,8 @@ use std::path::Path;
 
 use pingmap_agent::VehicleId;
 use pingmap_import::{
-    Arrival, Fix, Ids, Place, Reading, Recording, Recordings, Reference, Rules, Schedule, Sent, TableKind, join,
-    parse_time, time_in_words,
+    Arrival, Fix, Ids, Place, Reading, Recording, Recordings, Reference, Rules, Schedule, Sent, Source, TableKind,
+    join, parse_time, time_in_words,
 };
 use proptest::prelude::*;
 
@@ -196,7 +196,7 @@ proptest! {
         let log = format!("%% LOG FILE: x\n%% LOGSTART 5000\n{spoken}{}\n", rows.join("\n"));
         for content in [bytes.as_slice(), capture.as_bytes(), log.as_bytes()] {
             let mut recordings = Recordings::new();
-            let _ = Reading::default().take_record((content, Path::new("file")), Some(&name(0)), &mut recordings);
+            let _ = Reading::default().take_record(content, &Source::new(Path::new("file"), Some(&name(0))), &mut recordings);
             // What was sent was finished, and what arrived has a frame of those that it has.
             for recording in recordings.values() {
                 let finished = capture.matches("TXF").count() + capture.matches("XST").count();

@@ -42,6 +42,14 @@ fn logs_of_known_kinds_hold_the_same_mission() {
     }
     let (of_folders, _) = import(folder, &format!("auv1=auv1 auv2=auv2 auv3=auv3 {nav} --correct-clocks auv1"));
     assert_eq!(of_folders, of_modems);
+    // Bags of ROS 2: in no file but their topics it stands whose they are.
+    simulate(folder, "--clock-off-s 3 --files mcap");
+    let bags = [1, 2, 3].map(|id| format!("auv{id}=mission/auv{id}.mcap")).join(" ");
+    let options = "--ids mission/ids.csv --origin 41.52,-70.67 --correct-clocks auv1";
+    let (of_bags, _) = import(folder, &format!("{bags} {options}"));
+    assert_eq!((compare(folder), &of_bags["pairs"]), (0, &of_moos["pairs"]));
+    let topics = [1, 2, 3].map(|id| format!("auv{id}=mission/auv{id}.mcap#/auv{id}/")).join(" ");
+    assert_eq!(import(folder, &format!("{topics} {options}")).0, of_bags);
     // A log of MOOS of one, tables of another.
     simulate(folder, "--clock-off-s 3 --files alog");
     std::fs::rename(folder.join("mission/auv1.alog"), folder.join("one.alog")).unwrap();

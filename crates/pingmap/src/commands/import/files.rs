@@ -19,8 +19,8 @@ use crate::values::{origin, pair};
 #[command(next_help_heading = "Files")]
 pub struct Files {
     /// Files of known kinds, or folders of such: logs of MOOS (.alog) and its mission files, sentences of a Micro-Modem with a time in front
-    /// of each. Without NAME= they say themselves whose they are
-    #[arg(value_name = "[NAME=]FILE")]
+    /// of each, bags of ROS 2 (MCAP, SQLite), of which #TOPIC takes topics that begin so. Without NAME= they say themselves whose they are
+    #[arg(value_name = "[NAME=]FILE[#TOPIC]")]
     records: Vec<String>,
     /// Where a vehicle was, as a table: time, and latitude and longitude or metres. Without NAME= it has a column that says who
     #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]

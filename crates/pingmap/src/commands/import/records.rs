@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use pingmap_agent::{Geographic, VehicleId};
-use pingmap_import::{ImportError, Place, Reading, Recordings, Reference, Skipped};
+use pingmap_import::{ImportError, Place, Reading, Recordings, Reference, Skipped, Source};
 use pingmap_trial::open;
 
 use crate::output::BadInput;
@@ -14,20 +14,23 @@ const DATUM_M_MAX: f64 = 20.0;
 /// A file that was given, or lies in a folder that was.
 pub struct RecordFile {
     pub path: PathBuf,
+    /// What the names of topics begin with that are read.
+    pub topics: String,
     pub vehicle: Option<VehicleId>,
     /// Whether it was given itself: it should be of a known kind.
     pub is_given: bool,
 }
 
-/// Every file of those that are given as `[NAME=]FILE`, and of the folders among them, in the order of their names.
+/// Every file of those that are given as `[NAME=]FILE[#TOPIC]`, and of the folders among them, in the order of their names.
 pub fn all(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
     let mut files = Vec::new();
     for given in given {
         let (vehicle, path) = whose(given);
+        let (path, topics) = of_topics(path);
         if path.is_dir() {
             in_folder(path, &vehicle, &mut files)?;
         } else {
-            files.push(RecordFile { path: path.to_owned(), vehicle, is_given: true });
+            files.push(RecordFile { path: path.to_owned(), topics, vehicle, is_given: true });
         }
     }
     Ok(files)
@@ -46,10 +49,17 @@ fn in_folder(folder: &Path, vehicle: &Option<VehicleId>, files: &mut Vec<RecordF
         if kind.is_dir() {
             in_folder(&entry.path(), vehicle, files)?;
         } else if kind.is_file() {
-            files.push(RecordFile { path: entry.path(), vehicle: vehicle.clone(), is_given: false });
+            let (path, vehicle) = (entry.path(), vehicle.clone());
+            files.push(RecordFile { path, topics: String::new(), vehicle, is_given: false });
         }
     }
     Ok(())
+}
+
+/// The file, and what the names of its topics begin with, behind a `#` that is not part of its own name.
+fn of_topics(path: &Path) -> (&Path, String) {
+    let parts = path.to_str().filter(|_| !path.exists()).and_then(|text| text.rsplit_once('#'));
+    parts.map_or((path, String::new()), |(path, topics)| (Path::new(path), topics.to_owned()))
 }
 
 /// What files of known kinds told besides what vehicles recorded.
@@ -71,15 +81,15 @@ impl Records {
         reading: &Reading,
         recordings: &mut Recordings,
     ) -> anyhow::Result<()> {
-        let RecordFile { path, vehicle, is_given } = file;
-        match reading.take_record((reader, path), vehicle.as_ref(), recordings)? {
+        let RecordFile { path, topics, vehicle, is_given } = file;
+        match reading.take_record(reader, &Source { path, vehicle: vehicle.as_ref(), topics }, recordings)? {
             Some(taken) => {
                 self.skipped = self.skipped.and(taken.skipped);
                 self.datums.extend(taken.datum.map(|datum| (path.clone(), datum)));
             }
             None if *is_given => {
                 let message = "of no known kind; expected a log (.alog) or mission file of MOOS, or sentences of a Micro-Modem with a time in front \
-                               of each; tables belong behind --nav, --heard and --sent";
+                               of each, a bag of ROS 2 (MCAP or SQLite); tables belong behind --nav, --heard and --sent";
                 return Err(BadInput(format!("{}: {message}", path.display())).into());
             }
             None => self.left_alone.push(path.clone()),

@@ -3,11 +3,13 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::{Args, ValueEnum};
 use pingmap_agent::Position;
 use pingmap_import::{Reference, parse_time, time_in_words};
 use pingmap_trial::simulate::{Simulated, Simulation};
 
+use super::bag::bag;
 use super::modem::{BROADCAST, DELAY_S, Fix, SOUND_M_PER_S, capture, moos_log, said};
 use crate::files::{make_folder, write_file};
 use crate::output::BadInput;
@@ -20,7 +22,7 @@ pub struct Files {
     /// heard, the schedule, and who is meant by modems' ids. The event log then has the times of these files
     #[arg(long = "as-files", value_name = "FOLDER")]
     folder: Option<PathBuf>,
-    /// As what files: tables; logs of MOOS; or a table of navigation and a capture of what host and modem said
+    /// As what files: tables; logs of MOOS; a table of navigation and a capture of what host and modem said; or bags of ROS 2
     #[arg(long, value_enum, requires = "folder", default_value_t = FileKind::Tables)]
     files: FileKind,
     /// Clocks are off by so much, but for the first vehicle's: ahead and behind in turn
@@ -46,6 +48,7 @@ enum FileKind {
     Tables,
     Alog,
     Capture,
+    Mcap,
 }
 
 fn time(text: &str) -> Result<f64, String> {
@@ -74,12 +77,16 @@ impl Files {
             let fixes = self.fixes(simulation, trial, vehicle, &reference)?;
             let said = || said(simulation, trial, vehicle, self.until_s(simulation, id.as_str()));
             let ahead_s = simulation.clock_ahead_s(vehicle);
-            if self.files != FileKind::Alog {
+            if matches!(self.files, FileKind::Tables | FileKind::Capture) {
                 write(&format!("{id}.nav.csv"), self.navigation(simulation, vehicle, &fixes))?;
             }
             match self.files {
                 FileKind::Alog => {
                     write(&format!("{id}.alog"), moos_log(id.as_str(), &said(), &fixes, (self.start, ahead_s)))?;
+                }
+                FileKind::Mcap => {
+                    let bytes = bag(id.as_str(), &said(), &fixes, (self.start, ahead_s)).context("a bag")?;
+                    write_file(&folder.join(format!("{id}.mcap")), &bytes)?;
                 }
                 FileKind::Capture => write(&format!("{id}.nmea"), capture(&said(), self.start, ahead_s))?,
                 FileKind::Tables => write(&format!("{id}.heard.csv"), self.heard(simulation, trial, vehicle))?,

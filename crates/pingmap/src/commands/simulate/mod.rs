@@ -1,5 +1,6 @@
 //! `pingmap simulate`: a field trial of one's own.
 
+mod bag;
 mod files;
 mod modem;
 

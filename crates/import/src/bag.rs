@@ -1,0 +1,218 @@
+//! What topics of a robot's bag tell, whatever file they stand in.
+
+use std::collections::BTreeSet;
+
+use pingmap_agent::MessageKind;
+use serde::Deserialize;
+
+use crate::cdr::Cdr;
+use crate::ids::Ids;
+use crate::micromodem::{Into, Micromodem, Part};
+use crate::navigation::Navigation;
+use crate::recording::Sent;
+use crate::sentence::Sentence;
+use crate::told::Told;
+
+/// What stands in a topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Topic {
+    /// `sensor_msgs/NavSatFix`.
+    Degrees,
+    /// `nav_msgs/Odometry`.
+    Metres,
+    /// `std_msgs/String`.
+    Text,
+    /// `std_msgs/UInt8MultiArray` or `ByteMultiArray`.
+    Bytes,
+    /// Objects as JSON.
+    Json,
+    /// Nothing of use here.
+    Other,
+}
+
+impl Topic {
+    /// What stands in a topic of this type, written in this way.
+    pub(crate) fn of(kind: &str, encoding: &str) -> Self {
+        match (encoding, kind) {
+            ("json", _) => Self::Json,
+            ("cdr", "sensor_msgs/msg/NavSatFix") => Self::Degrees,
+            ("cdr", "nav_msgs/msg/Odometry") => Self::Metres,
+            ("cdr", "std_msgs/msg/String") => Self::Text,
+            ("cdr", "std_msgs/msg/UInt8MultiArray" | "std_msgs/msg/ByteMultiArray") => Self::Bytes,
+            _ => Self::Other,
+        }
+    }
+}
+
+/// What a bag told so far.
+pub(crate) struct Bag<'a> {
+    ids: &'a Ids,
+    /// What the names of topics begin with that are read.
+    prefix: &'a str,
+    modem: Micromodem,
+    navigation: Navigation,
+    told: Told,
+    /// Topics of positions, in degrees and in metres.
+    positions: [BTreeSet<String>; 2],
+}
+
+/// What JSON says of a position, a reception or a transmission.
+#[derive(Deserialize)]
+struct Spoken {
+    latitude: Option<f64>,
+    longitude: Option<f64>,
+    depth: Option<f64>,
+    #[serde(alias = "src")]
+    source: Option<Id>,
+    #[serde(alias = "dest", alias = "dst")]
+    destination: Option<Id>,
+    good: Option<bool>,
+    sent: Option<bool>,
+    frame: Option<u32>,
+    frames: Option<u32>,
+    kind: Option<String>,
+}
+
+/// An id as a number or a text.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Id {
+    Number(u64),
+    Text(String),
+}
+
+impl Id {
+    fn text(&self) -> String {
+        match self {
+            Id::Number(number) => number.to_string(),
+            Id::Text(text) => text.clone(),
+        }
+    }
+}
+
+impl<'a> Bag<'a> {
+    pub(crate) fn new(ids: &'a Ids, prefix: &'a str) -> Self {
+        let positions = [BTreeSet::new(), BTreeSet::new()];
+        Self {
+            ids,
+            prefix,
+            modem: Micromodem::default(),
+            navigation: Navigation::default(),
+            told: Told::default(),
+            positions,
+        }
+    }
+
+    /// Whether a topic is read.
+    pub(crate) fn asks_for(&self, name: &str) -> bool {
+        name.starts_with(self.prefix)
+    }
+
+    /// Takes in a message, recorded at this time.
+    pub(crate) fn take(&mut self, time_s: f64, (topic, name): (Topic, &str), message: &[u8]) {
+        let is_read = match topic {
+            Topic::Degrees => self.take_degrees(time_s, name, message),
+            Topic::Metres => self.take_metres(time_s, name, message),
+            Topic::Text => Cdr::of(message).and_then(|mut cdr| cdr.text().map(|text| self.spoken(time_s, name, text))),
+            Topic::Bytes => Cdr::of(message).and_then(|mut cdr| {
+                let text = String::from_utf8_lossy(cdr.array()?);
+                self.spoken(time_s, name, &text);
+                Some(())
+            }),
+            Topic::Json => std::str::from_utf8(message).ok().map(|text| self.spoken(time_s, name, text)),
+            Topic::Other => Some(()),
+        };
+        self.told.skipped.garbled += usize::from(is_read.is_none());
+    }
+
+    fn take_degrees(&mut self, time_s: f64, name: &str, message: &[u8]) -> Option<()> {
+        let mut cdr = Cdr::of(message)?;
+        cdr.header()?;
+        let (status, _) = (cdr.i8()?, cdr.u16()?);
+        let (latitude_deg, longitude_deg) = (cdr.f64()?, cdr.f64()?);
+        if status < 0 {
+            self.told.skipped.unplaced += 1;
+            return Some(());
+        }
+        self.place(time_s, name, [Some(latitude_deg), Some(longitude_deg)], None)
+    }
+
+    fn take_metres(&mut self, time_s: f64, name: &str, message: &[u8]) -> Option<()> {
+        let mut cdr = Cdr::of(message)?;
+        cdr.header()?;
+        cdr.bytes()?;
+        let (x_m, y_m, z_m) = (cdr.f64()?, cdr.f64()?, cdr.f64()?);
+        self.positions[1].insert(name.to_owned());
+        self.navigation.place_metres(time_s, (x_m, y_m), Some(-z_m)).then_some(())
+    }
+
+    fn place(&mut self, time_s: f64, name: &str, degrees: [Option<f64>; 2], depth_m: Option<f64>) -> Option<()> {
+        let [Some(latitude_deg), Some(longitude_deg)] = degrees else { return Some(()) };
+        self.positions[0].insert(name.to_owned());
+        self.navigation.place_degrees(time_s, (latitude_deg, longitude_deg), depth_m).then_some(())
+    }
+
+    /// What a text says: a modem's sentences, or JSON. Other texts are not asked.
+    fn spoken(&mut self, time_s: f64, name: &str, text: &str) {
+        if text.trim_start().starts_with('{') {
+            match serde_json::from_str::<Spoken>(text) {
+                Ok(spoken) => self.take_json(time_s, name, &spoken),
+                Err(_) => self.told.skipped.garbled += 1,
+            }
+            return;
+        }
+        for line in text.lines().filter(|line| line.contains("$CA") || line.contains("$CC")) {
+            let into = Into { recording: &mut self.told.recording, ids: self.ids };
+            match Sentence::parse(line) {
+                Some(sentence) => self.modem.take(time_s, &sentence, into),
+                None => self.told.skipped.garbled += 1,
+            }
+        }
+    }
+
+    fn take_json(&mut self, time_s: f64, name: &str, spoken: &Spoken) {
+        let is_placed = self.place(time_s, name, [spoken.latitude, spoken.longitude], spoken.depth).is_some();
+        self.told.skipped.garbled += usize::from(!is_placed);
+        let destination = spoken.destination.as_ref().map(Id::text).unwrap_or_default();
+        let is_name = |kind: &&String| !kind.is_empty() && !kind.contains(char::is_control);
+        let kind = spoken.kind.as_ref().filter(is_name).map(MessageKind::new);
+        let mut into = Into { recording: &mut self.told.recording, ids: self.ids };
+        match (spoken.sent, &spoken.source) {
+            (Some(true), _) => {
+                into.sign(time_s);
+                let sent = Sent { time_s, destination: self.ids.whom(&destination), frames: spoken.frames, kind };
+                into.recording.sent.get_or_insert_default().push(sent);
+            }
+            (Some(false), _) => {
+                into.recording.sent.get_or_insert_default();
+                self.told.skipped.not_sent += 1;
+            }
+            (None, Some(source)) => {
+                let frame = spoken.frame.filter(|frame| *frame > 0);
+                let good = spoken.good.unwrap_or(true);
+                into.arrive(time_s, (&source.text(), &destination), Part { frame, frames: spoken.frames, good, kind });
+            }
+            (None, None) => {}
+        }
+    }
+
+    /// Everything that the bag told.
+    ///
+    /// # Errors
+    /// Where positions stand in several topics of one kind.
+    pub(crate) fn finish(mut self) -> Result<Told, String> {
+        self.modem.finish(Into { recording: &mut self.told.recording, ids: self.ids }, &mut self.told.skipped);
+        for topics in &self.positions {
+            if topics.len() > 1 {
+                let names: Vec<&str> = topics.iter().map(String::as_str).collect();
+                return Err(format!(
+                    "positions stand in {}; expected one topic: NAME=FILE#TOPIC takes those whose names begin so",
+                    names.join(" and ")
+                ));
+            }
+        }
+        self.told.datum = self.navigation.datum();
+        self.told.recording.fixes = self.navigation.into_fixes();
+        Ok(self.told)
+    }
+}

@@ -1,0 +1,45 @@
+//! Bags of ROS 2 in SQLite (`.db3`).
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use rusqlite::{Connection, OpenFlags};
+
+use crate::bag::{Bag, Topic};
+use crate::ids::Ids;
+use crate::told::Told;
+
+/// The first bytes of every SQLite database.
+pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
+
+/// Reads a bag, message by message in the order in which they were recorded; never writes to it.
+///
+/// # Errors
+/// What is wrong with the file, and what was expected.
+pub(crate) fn read(path: &Path, ids: &Ids, prefix: &str) -> Result<Told, String> {
+    messages(path, Bag::new(ids, prefix))
+        .map_err(|error| format!("not a bag of ROS 2: {error}; expected its tables"))?
+        .finish()
+}
+
+fn messages<'a>(path: &Path, mut bag: Bag<'a>) -> rusqlite::Result<Bag<'a>> {
+    let database = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
+    let mut topics = BTreeMap::new();
+    let mut statement = database.prepare("SELECT id, name, type, serialization_format FROM topics")?;
+    let mut rows = statement.query([])?;
+    while let Some(row) = rows.next()? {
+        let (name, kind, encoding): (String, String, String) = (row.get(1)?, row.get(2)?, row.get(3)?);
+        if bag.asks_for(&name) {
+            topics.insert(row.get::<_, i64>(0)?, (Topic::of(&kind, &encoding), name));
+        }
+    }
+    let mut statement = database.prepare("SELECT topic_id, timestamp, data FROM messages ORDER BY id")?;
+    let mut rows = statement.query([])?;
+    while let Some(row) = rows.next()? {
+        let (topic, time_ns): (i64, i64) = (row.get(0)?, row.get(1)?);
+        if let Some((topic, name)) = topics.get(&topic) {
+            bag.take(time_ns as f64 * 1e-9, (*topic, name), row.get_ref(2)?.as_blob()?);
+        }
+    }
+    Ok(bag)
+}

@@ -1,0 +1,96 @@
+//! Bags of ROS 2 that its own packages wrote (`data/make.py`): what is in them, and what is not.
+
+#![allow(clippy::unwrap_used)]
+
+use std::path::{Path, PathBuf};
+
+use pingmap_agent::VehicleId;
+use pingmap_import::{ImportError, Place, Reading, RecordKind, Recording, Recordings, Source, Taken};
+
+const START_S: f64 = 1_777_809_600.0;
+
+fn path(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
+}
+
+/// What stands in topics of a file that begin so.
+fn read(bytes: &[u8], path: &Path, topics: &str) -> Result<(Recording, Taken), ImportError> {
+    let (mut recordings, vehicle) = (Recordings::new(), VehicleId::new("auv1"));
+    let source = Source { topics, ..Source::new(path, Some(&vehicle)) };
+    let taken = Reading::default().take_record(bytes, &source, &mut recordings)?.unwrap();
+    Ok((recordings.remove(&vehicle).unwrap(), taken))
+}
+
+fn read_file(name: &str, topics: &str) -> (Recording, Taken) {
+    let path = path(name);
+    read(&std::fs::read(&path).unwrap(), &path, topics).unwrap()
+}
+
+/// Six messages heard and six sent, a start of the modem's own.
+fn has_what_was_said(recording: &Recording) {
+    let arrivals = recording.arrivals.as_ref().unwrap();
+    let times: Vec<f64> = arrivals.iter().map(|arrival| arrival.time_s - START_S).collect();
+    assert_eq!(times, [3.0, 13.0, 23.0, 33.0, 43.0, 53.0]);
+    assert!(arrivals.iter().all(|arrival| arrival.source.as_str() == "2" && arrival.good));
+    let sent: Vec<f64> = recording.sent.iter().flatten().map(|sent| sent.time_s - START_S).collect();
+    assert_eq!(sent, [8.0, 18.0, 28.0, 38.0, 48.0, 58.0]);
+    assert_eq!((recording.signs[0].0, recording.modem_ids.len()), (START_S, 1));
+}
+
+#[test]
+fn an_mcap_file_of_its_own_package_is_read() {
+    let (recording, taken) = read_file("ros2.mcap", "");
+    assert_eq!((taken.kind, taken.skipped), (RecordKind::Mcap, Default::default()));
+    has_what_was_said(&recording);
+    assert_eq!(recording.fixes.len(), 61);
+    let Place::Degrees(last) = recording.fixes[60].place else { panic!("degrees") };
+    assert!((last.latitude_deg - 41.52 - 120.0 / 111_066.0).abs() < 1e-12 && last.longitude_deg == -70.67);
+    assert_eq!(recording.fixes[60].time_s, START_S + 60.0);
+    // Topics by how they begin.
+    let (recording, _) = read_file("ros2.mcap", "/auv1/modem");
+    assert!(recording.fixes.is_empty() && recording.arrivals.is_some());
+    let (recording, _) = read_file("ros2.mcap", "/auv2");
+    assert_eq!(recording, Recording::default());
+}
+
+#[test]
+fn a_bag_in_sqlite_of_its_own_package_is_read() {
+    let (recording, taken) = read_file("ros2.db3", "");
+    assert_eq!((taken.kind, taken.skipped), (RecordKind::Sqlite, Default::default()));
+    has_what_was_said(&recording);
+    let last = recording.fixes.last().unwrap();
+    assert_eq!((last.place, last.depth_m), (Place::Metres(100.0, 120.0), Some(7.5)));
+    assert_eq!(recording.fixes.len(), 61);
+    let (recording, _) = read_file("ros2.db3", "/auv1/odom");
+    assert!(recording.arrivals.is_none() && recording.fixes.len() == 61);
+}
+
+#[test]
+fn what_was_cut_off_is_read_to_its_end_and_what_is_no_bag_is_refused() {
+    let whole = std::fs::read(path("ros2.mcap")).unwrap();
+    let (mut at_most, mut cut_off, lengths) = (0, 0, (8..whole.len()).step_by(97));
+    let count = lengths.len();
+    for length in lengths {
+        match read(&whole[..length], Path::new("cut.mcap"), "") {
+            Ok((recording, taken)) => {
+                assert!(recording.fixes.len() <= 61, "{length}");
+                at_most = at_most.max(recording.fixes.len());
+                cut_off += taken.skipped.cut_off;
+            }
+            Err(error) => assert!(error.to_string().contains("cut.mcap"), "{error}"),
+        }
+    }
+    // All but those that lack some of the index at the end, which nobody asks for.
+    assert!(at_most == 61 && cut_off > count / 3, "{at_most} {cut_off} of {count}");
+    let mut garbled = whole;
+    garbled[900..1400].fill(0xa5);
+    let error = read(&garbled, Path::new("garbled.mcap"), "").unwrap_err().to_string();
+    assert!(error.contains("garbled.mcap") && error.contains("MCAP"), "{error}");
+    // A database that is no bag; and one that is not there any more.
+    let folder = std::env::temp_dir();
+    let head = [b"SQLite format 3\0".as_slice(), &[0; 100]].concat();
+    let gone = folder.join("pingmap-no-such.db3");
+    let error = read(&head, &gone, "").unwrap_err().to_string();
+    assert!(error.contains("pingmap-no-such.db3") && error.contains("bag of ROS 2"), "{error}");
+    assert!(!gone.exists(), "reading makes no file");
+}
