@@ -6,6 +6,7 @@ use pingmap_agent::MessageKind;
 use serde::Deserialize;
 
 use crate::cdr::Cdr;
+use crate::columns::{TableKind, role_of};
 use crate::ids::Ids;
 use crate::micromodem::{Into, Micromodem, Part};
 use crate::navigation::Navigation;
@@ -56,11 +57,17 @@ pub(crate) struct Bag<'a> {
     positions: [BTreeSet<String>; 2],
 }
 
-/// What JSON says of a position, a reception or a transmission.
-#[derive(Deserialize)]
-struct Spoken {
+/// What is said of a position, a reception or a transmission.
+#[derive(Debug, Default, Deserialize)]
+pub(crate) struct Spoken {
+    #[serde(alias = "lat")]
     latitude: Option<f64>,
+    #[serde(alias = "lon")]
     longitude: Option<f64>,
+    #[serde(alias = "x")]
+    easting: Option<f64>,
+    #[serde(alias = "y")]
+    northing: Option<f64>,
     depth: Option<f64>,
     #[serde(alias = "src")]
     source: Option<Id>,
@@ -74,7 +81,7 @@ struct Spoken {
 }
 
 /// An id as a number or a text.
-#[derive(Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(untagged)]
 enum Id {
     Number(u64),
@@ -86,6 +93,45 @@ impl Id {
         match self {
             Id::Number(number) => number.to_string(),
             Id::Text(text) => text.clone(),
+        }
+    }
+}
+
+impl Spoken {
+    /// Takes in a number by the name that it has; of several of one name the first.
+    pub(crate) fn number(&mut self, name: &str, number: f64) {
+        let place = match role_of(TableKind::Navigation, name) {
+            Some("latitude") => Some(&mut self.latitude),
+            Some("longitude") => Some(&mut self.longitude),
+            Some("easting") => Some(&mut self.easting),
+            Some("northing") => Some(&mut self.northing),
+            Some("depth") => Some(&mut self.depth),
+            _ => None,
+        };
+        if let Some(place) = place {
+            place.get_or_insert(number);
+            return;
+        }
+        let whole = (number >= 0.0 && number.fract() == 0.0).then_some(number as u64);
+        let count = whole.and_then(|whole| u32::try_from(whole).ok());
+        match role_of(TableKind::Heard, name) {
+            Some("source") => self.source = self.source.take().or(whole.map(Id::Number)),
+            Some("destination") => self.destination = self.destination.take().or(whole.map(Id::Number)),
+            Some("good") => self.good = self.good.or(Some(number != 0.0)),
+            Some("frame") => self.frame = self.frame.or(count),
+            Some("frames") => self.frames = self.frames.or(count),
+            _ if name.eq_ignore_ascii_case("sent") => self.sent = self.sent.or(Some(number != 0.0)),
+            _ => {}
+        }
+    }
+
+    /// The same of a text.
+    pub(crate) fn text(&mut self, name: &str, text: &str) {
+        match role_of(TableKind::Heard, name) {
+            Some("source") => self.source = self.source.take().or(Some(Id::Text(text.to_owned()))),
+            Some("destination") => self.destination = self.destination.take().or(Some(Id::Text(text.to_owned()))),
+            _ if name.eq_ignore_ascii_case("kind") => self.kind = self.kind.take().or(Some(text.to_owned())),
+            _ => {}
         }
     }
 }
@@ -122,7 +168,7 @@ impl<'a> Bag<'a> {
             Topic::Json => std::str::from_utf8(message).ok().map(|text| self.spoken(time_s, name, text)),
             Topic::Other => Some(()),
         };
-        self.told.skipped.garbled += usize::from(is_read.is_none());
+        self.garbled(is_read.is_none());
     }
 
     fn take_degrees(&mut self, time_s: f64, name: &str, message: &[u8]) -> Option<()> {
@@ -134,7 +180,7 @@ impl<'a> Bag<'a> {
             self.told.skipped.unplaced += 1;
             return Some(());
         }
-        self.place(time_s, name, [Some(latitude_deg), Some(longitude_deg)], None)
+        self.place(time_s, (0, name), (latitude_deg, longitude_deg), None)
     }
 
     fn take_metres(&mut self, time_s: f64, name: &str, message: &[u8]) -> Option<()> {
@@ -142,21 +188,33 @@ impl<'a> Bag<'a> {
         cdr.header()?;
         cdr.bytes()?;
         let (x_m, y_m, z_m) = (cdr.f64()?, cdr.f64()?, cdr.f64()?);
-        self.positions[1].insert(name.to_owned());
-        self.navigation.place_metres(time_s, (x_m, y_m), Some(-z_m)).then_some(())
+        self.place(time_s, (1, name), (x_m, y_m), Some(-z_m))
     }
 
-    fn place(&mut self, time_s: f64, name: &str, degrees: [Option<f64>; 2], depth_m: Option<f64>) -> Option<()> {
-        let [Some(latitude_deg), Some(longitude_deg)] = degrees else { return Some(()) };
-        self.positions[0].insert(name.to_owned());
-        self.navigation.place_degrees(time_s, (latitude_deg, longitude_deg), depth_m).then_some(())
+    /// A position in degrees (0) or metres (1); `None` where it is none.
+    fn place(
+        &mut self,
+        time_s: f64,
+        (form, name): (usize, &str),
+        place: (f64, f64),
+        depth_m: Option<f64>,
+    ) -> Option<()> {
+        if !self.positions[form].contains(name) {
+            self.positions[form].insert(name.to_owned());
+        }
+        let is_one = if form == 0 {
+            self.navigation.place_degrees(time_s, place, depth_m)
+        } else {
+            self.navigation.place_metres(time_s, place, depth_m)
+        };
+        is_one.then_some(())
     }
 
     /// What a text says: a modem's sentences, or JSON. Other texts are not asked.
-    fn spoken(&mut self, time_s: f64, name: &str, text: &str) {
+    pub(crate) fn spoken(&mut self, time_s: f64, name: &str, text: &str) {
         if text.trim_start().starts_with('{') {
             match serde_json::from_str::<Spoken>(text) {
-                Ok(spoken) => self.take_json(time_s, name, &spoken),
+                Ok(spoken) => self.take_spoken(time_s, name, &spoken),
                 Err(_) => self.told.skipped.garbled += 1,
             }
             return;
@@ -170,9 +228,18 @@ impl<'a> Bag<'a> {
         }
     }
 
-    fn take_json(&mut self, time_s: f64, name: &str, spoken: &Spoken) {
-        let is_placed = self.place(time_s, name, [spoken.latitude, spoken.longitude], spoken.depth).is_some();
-        self.told.skipped.garbled += usize::from(!is_placed);
+    /// A message that cannot be read is counted.
+    pub(crate) fn garbled(&mut self, is_garbled: bool) {
+        self.told.skipped.garbled += usize::from(is_garbled);
+    }
+
+    /// Takes in what members of a message say by their names.
+    pub(crate) fn take_spoken(&mut self, time_s: f64, name: &str, spoken: &Spoken) {
+        let places = [spoken.latitude.zip(spoken.longitude), spoken.easting.zip(spoken.northing)];
+        for (form, place) in places.into_iter().enumerate() {
+            let is_placed = place.is_none_or(|place| self.place(time_s, (form, name), place, spoken.depth).is_some());
+            self.garbled(!is_placed);
+        }
         let destination = spoken.destination.as_ref().map(Id::text).unwrap_or_default();
         let is_name = |kind: &&String| !kind.is_empty() && !kind.contains(char::is_control);
         let kind = spoken.kind.as_ref().filter(is_name).map(MessageKind::new);
@@ -206,7 +273,7 @@ impl<'a> Bag<'a> {
             if topics.len() > 1 {
                 let names: Vec<&str> = topics.iter().map(String::as_str).collect();
                 return Err(format!(
-                    "positions stand in {}; expected one topic: NAME=FILE#TOPIC takes those whose names begin so",
+                    "positions stand in {}; expected one: NAME=FILE#TOPIC takes topics (or channels) whose names begin so",
                     names.join(" and ")
                 ));
             }

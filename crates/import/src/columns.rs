@@ -92,6 +92,12 @@ impl TableKind {
     }
 }
 
+/// What a name tells in a table of this kind.
+pub(crate) fn role_of(kind: TableKind, name: &str) -> Option<&'static str> {
+    let name = name.to_lowercase();
+    kind.roles().iter().find(|(_, names)| names.contains(&name.as_str())).map(|(role, _)| *role)
+}
+
 /// How columns are called that are called otherwise.
 #[derive(Debug, Clone, Default)]
 pub struct Columns(BTreeMap<(TableKind, &'static str), String>);

@@ -8,13 +8,17 @@ use pingmap_agent::{Geographic, VehicleId};
 use pingmap_trial::{FileError, Problem};
 
 use crate::error::ImportError;
+use crate::lcm_types::LcmTypes;
 use crate::recording::Recordings;
 use crate::tables::Reading;
 use crate::told::{Skipped, Told};
-use crate::{capture, mcap_file, moos, sqlite};
+use crate::{capture, lcm, mcap_file, moos, sqlite};
 
 /// So much of a file tells what it is.
 const HEAD_BYTES: usize = 1 << 16;
+
+/// No definitions of types are longer.
+const TYPES_BYTES_MAX: u64 = 1 << 22;
 
 /// What a file of a known kind is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,6 +34,10 @@ pub enum RecordKind {
     Mcap,
     /// A bag of ROS 2 in SQLite.
     Sqlite,
+    /// A log of LCM.
+    Lcm,
+    /// Types of the messages in such.
+    LcmTypes,
 }
 
 impl RecordKind {
@@ -39,12 +47,16 @@ impl RecordKind {
             return Some(Self::Mcap);
         } else if head.starts_with(sqlite::MAGIC) {
             return Some(Self::Sqlite);
+        } else if head.starts_with(lcm::MAGIC) {
+            return Some(Self::Lcm);
         }
         let head = String::from_utf8_lossy(head);
         if moos::is_one(&head) {
             Some(Self::MoosLog)
         } else if capture::is_one(&head) {
             Some(Self::ModemCapture)
+        } else if LcmTypes::are_in(&head) {
+            Some(Self::LcmTypes)
         } else {
             moos::datum_of_mission(&head).map(|_| Self::MoosMission)
         }
@@ -81,6 +93,22 @@ impl<'a> Source<'a> {
 }
 
 impl Reading {
+    /// Takes in types of LCM, if a file is of such; before the logs that need them.
+    ///
+    /// # Errors
+    /// [`ImportError`] where it cannot be read, or says something that is no type.
+    pub fn take_types(&mut self, mut reader: impl Read, path: &Path) -> Result<(), ImportError> {
+        let fail = |problem: String| ImportError::Content { file: path.display().to_string(), problem };
+        let mut bytes = Vec::new();
+        let unreadable = |error| FileError { path: path.to_owned(), problem: Problem::Unreadable(error) };
+        reader.by_ref().take(HEAD_BYTES as u64).read_to_end(&mut bytes).map_err(unreadable)?;
+        if RecordKind::of(&bytes) == Some(RecordKind::LcmTypes) {
+            reader.take(TYPES_BYTES_MAX).read_to_end(&mut bytes).map_err(unreadable)?;
+            self.lcm_types.read(&String::from_utf8_lossy(&bytes)).map_err(fail)?;
+        }
+        Ok(())
+    }
+
     /// Takes in a file of a known kind, recognised by its content; `None` where it is of none. It is its source's vehicle's, or whose it says
     /// itself: by `NODE_REPORT_LOCAL`, or by its modem's id where `ids` knows that. SQLite is read from the path, all others from `reader`. O(lines), one at a time.
     ///
@@ -106,6 +134,8 @@ impl Reading {
             }
             RecordKind::MoosLog => moos::read(text, &self.ids, &self.prefix).map_err(unreadable)?.map_err(fail)?,
             RecordKind::ModemCapture => capture::read(text, &self.ids).map_err(unreadable)?,
+            RecordKind::LcmTypes => return Ok(Some(Taken { kind, datum: None, skipped: Skipped::default() })),
+            RecordKind::Lcm => lcm::read(text, &self.lcm_types, &self.ids, topics).map_err(fail)?,
             RecordKind::Mcap => mcap_file::read(text, &self.ids, topics).map_err(fail)?,
             RecordKind::Sqlite => sqlite::read(path, &self.ids, topics).map_err(fail)?,
         };

@@ -9,6 +9,7 @@ use pingmap_agent::{VehicleId, bounds};
 use crate::columns::{Columns, Named, TableKind};
 use crate::error::ImportError;
 use crate::ids::Ids;
+use crate::lcm_types::LcmTypes;
 use crate::moos::PREFIX;
 use crate::recording::{Arrival, Fix, Recording, Recordings, Sent};
 use crate::reference::{Place, geographic};
@@ -23,12 +24,19 @@ pub struct Reading {
     pub ids: Ids,
     /// What stands before the names of the modem's variables in logs of MOOS.
     pub prefix: String,
+    /// Types of the messages in logs of LCM.
+    pub lcm_types: LcmTypes,
 }
 
 impl Default for Reading {
     /// Usual names, and nobody's id.
     fn default() -> Self {
-        Self { columns: Columns::default(), ids: Ids::default(), prefix: PREFIX.to_owned() }
+        Self {
+            columns: Columns::default(),
+            ids: Ids::default(),
+            prefix: PREFIX.to_owned(),
+            lcm_types: LcmTypes::default(),
+        }
     }
 }
 

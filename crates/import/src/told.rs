@@ -15,6 +15,8 @@ pub struct Skipped {
     pub not_sent: usize,
     /// Lines that are none of their kind, or were garbled.
     pub garbled: usize,
+    /// Messages of types that are not known.
+    pub of_no_type: usize,
     /// Files that end in the middle of something.
     pub cut_off: usize,
 }
@@ -28,6 +30,7 @@ impl Skipped {
             unattributed: self.unattributed + other.unattributed,
             not_sent: self.not_sent + other.not_sent,
             garbled: self.garbled + other.garbled,
+            of_no_type: self.of_no_type + other.of_no_type,
             cut_off: self.cut_off + other.cut_off,
         }
     }

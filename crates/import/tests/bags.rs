@@ -66,6 +66,36 @@ fn a_bag_in_sqlite_of_its_own_package_is_read() {
 }
 
 #[test]
+fn a_log_of_lcm_of_its_own_package_is_read_with_its_types() {
+    let (log, types) = (std::fs::read(path("auv1.lcmlog")).unwrap(), std::fs::read(path("types.lcm")).unwrap());
+    let with = |types: &[u8], log: &[u8], topics: &str| {
+        let (mut reading, mut recordings, vehicle) = (Reading::default(), Recordings::new(), VehicleId::new("auv1"));
+        reading.take_types(types, Path::new("types.lcm")).map_err(|error| error.to_string())?;
+        let source = Source { topics, ..Source::new(Path::new("auv1.lcmlog"), Some(&vehicle)) };
+        let taken = reading.take_record(log, &source, &mut recordings).map_err(|error| error.to_string())?.unwrap();
+        Ok::<_, String>((recordings.remove(&vehicle).unwrap(), taken))
+    };
+    let (recording, taken) = with(&types, &log, "").unwrap();
+    assert_eq!((taken.kind, taken.skipped), (RecordKind::Lcm, Default::default()));
+    has_what_was_said(&recording);
+    let last = recording.fixes.last().unwrap();
+    let Place::Degrees(place) = last.place else { panic!("degrees") };
+    assert!((place.latitude_deg - 41.52 - 120.0 / 111_066.0).abs() < 1e-12 && last.depth_m == Some(7.5));
+    assert_eq!((recording.fixes.len(), last.time_s), (61, START_S + 60.0));
+    // Channels by how they begin; a type that is not known; a log cut off; what is none.
+    assert!(with(&types, &log, "AUV1_NAV").unwrap().0.arrivals.is_none());
+    let (recording, taken) = with(b"package pm; struct modem_t { int64_t utime; string nmea; }", &log, "").unwrap();
+    assert_eq!((recording.fixes.len(), taken.skipped.of_no_type), (0, 61));
+    let (recording, taken) = with(&types, &log[..log.len() - 5], "").unwrap();
+    assert_eq!((recording.fixes.len(), taken.skipped.cut_off), (61, 1));
+    assert!(with(b"", &log, "").unwrap_err().contains(".lcm"));
+    let mut garbled = log;
+    garbled[20..24].fill(0xff);
+    assert!(with(&types, &garbled, "").unwrap_err().contains("not a log of LCM"));
+    assert!(with(b"struct a { int32_t", b"", "").unwrap_err().contains("struct a"));
+}
+
+#[test]
 fn what_was_cut_off_is_read_to_its_end_and_what_is_no_bag_is_refused() {
     let whole = std::fs::read(path("ros2.mcap")).unwrap();
     let (mut at_most, mut cut_off, lengths) = (0, 0, (8..whole.len()).step_by(97));

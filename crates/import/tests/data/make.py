@@ -1,12 +1,16 @@
 """Makes the files of this folder with the packages that robots' own files come from: python make.py, in this folder.
 
-Needs rosbags (Apache-2.0) and mcap-ros2-support (MIT). Every second for a minute a position, every ten seconds a message that was heard
+Needs rosbags (Apache-2.0), mcap-ros2-support (MIT) and lcm (LGPL; only to make a file). Every second for a minute a position, every ten seconds a message that was heard
 and, five seconds later, one that was sent; the vehicle goes north at 2 m/s.
 """
 
 import pathlib
 import shutil
+import subprocess
+import sys
+import tempfile
 
+import lcm
 import numpy
 from mcap_ros2.writer import Writer as McapWriter
 from rosbags.rosbag2 import Writer as BagWriter
@@ -117,6 +121,27 @@ def write_bag(folder):
     shutil.rmtree(path)
 
 
+def write_lcm(path, types):
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(["lcm-gen", "-p", "--ppath", folder, types], check=True)
+        sys.path.insert(0, folder)
+        import pm
+
+        log = lcm.EventLog(path, mode="w", overwrite=True)
+        for second in range(61):
+            message = pm.nav_t()
+            message.utime = START_NS // 1000 + second * 1_000_000
+            message.place.lat, message.place.lon, message.depth = latitude(second), -70.67, 7.5
+            message.n, message.raw, message.name, message.ok = 3, b"abc", "auv1", True
+            log.write_event(message.utime, "AUV1_NAV", message.encode())
+        for time_ns, sentence in spoken():
+            message = pm.modem_t()
+            message.utime, message.nmea = time_ns // 1000, sentence
+            log.write_event(message.utime, "AUV1_MODEM", message.encode())
+        log.close()
+
+
 if __name__ == "__main__":
     write_mcap("ros2.mcap")
     write_bag("bag")
+    write_lcm("auv1.lcmlog", "types.lcm")

@@ -119,7 +119,8 @@ fn fixed(text: &str) -> Result<(String, Fix), String> {
 impl Files {
     /// Reads them all.
     pub fn take(&self) -> anyhow::Result<Taken> {
-        let reading = Reading { columns: self.columns()?, ids: self.ids()?, prefix: self.acomms_prefix.clone() };
+        let prefix = self.acomms_prefix.clone();
+        let mut reading = Reading { columns: self.columns()?, ids: self.ids()?, prefix, ..Reading::default() };
         let mut recordings = Recordings::new();
         let mut skipped = Skipped::default();
         let mut records = Records::default();
@@ -129,6 +130,9 @@ impl Files {
         let tables = files.iter().flat_map(|(_, files)| files.iter().map(|file| whose(file).1));
         let paths = record_files.iter().map(|file| file.path.as_path()).chain(tables);
         let bar = progress_of_bytes(paths.filter_map(|path| Some(path.metadata().ok()?.len())).sum(), "reading");
+        for file in &record_files {
+            reading.take_types(opened(&file.path)?, &file.path)?;
+        }
         for file in &record_files {
             records.take(file, bar.wrap_read(opened(&file.path)?), &reading, &mut recordings)?;
         }

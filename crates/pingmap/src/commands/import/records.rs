@@ -89,7 +89,7 @@ impl Records {
             }
             None if *is_given => {
                 let message = "of no known kind; expected a log (.alog) or mission file of MOOS, or sentences of a Micro-Modem with a time in front \
-                               of each, a bag of ROS 2 (MCAP or SQLite); tables belong behind --nav, --heard and --sent";
+                               of each, a bag of ROS 2 (MCAP or SQLite), a log of LCM with its types (.lcm); tables belong behind --nav, --heard and --sent";
                 return Err(BadInput(format!("{}: {message}", path.display())).into());
             }
             None => self.left_alone.push(path.clone()),

@@ -69,6 +69,8 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
     let left_out =
         |number: usize, what: &str, why: &str| (number > 0).then(|| format!("{} {why}", count(number, what)));
     warnings.extend(left_out(taken.skipped.garbled, "line", "that are none of their kind, or garbled, left out"));
+    let of_no_type = taken.skipped.of_no_type;
+    warnings.extend(left_out(of_no_type, "message", "of types that no given definition (.lcm) has left out"));
     let cut_off = taken.skipped.cut_off;
     warnings.extend(left_out(cut_off, "file", "cut off: what stands before is read, what followed is not known"));
     warnings.extend(left_out(taken.skipped.unplaced, "line", "of navigation without a position left out"));
@@ -258,6 +260,7 @@ struct LeftOutJson {
     not_sent: usize,
     broken_of_unknown_senders: usize,
     garbled: usize,
+    of_no_type: usize,
     cut_off: usize,
     files: usize,
     positions: usize,
@@ -315,6 +318,7 @@ impl ImportedJson {
                 not_sent: taken.skipped.not_sent,
                 broken_of_unknown_senders: taken.skipped.unattributed,
                 garbled: taken.skipped.garbled,
+                of_no_type: taken.skipped.of_no_type,
                 cut_off: taken.skipped.cut_off,
                 files: taken.left_alone.len(),
                 positions: taken.skipped.unplaced + left_out.unplaced,
