@@ -4,6 +4,10 @@
 
 mod common;
 
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+
 use common::mission::*;
 use common::*;
 
@@ -50,6 +54,7 @@ fn logs_of_known_kinds_hold_the_same_mission() {
     assert_eq!((compare(folder), &of_bags["pairs"]), (0, &of_moos["pairs"]));
     let topics = [1, 2, 3].map(|id| format!("auv{id}=mission/auv{id}.mcap#/auv{id}/")).join(" ");
     assert_eq!(import(folder, &format!("{topics} {options}")).0, of_bags);
+    archives_are_folders(folder, "--ids mission/ids.csv --correct-clocks auv1", &of_moos);
     // A log of MOOS of one, tables of another.
     simulate(folder, "--clock-off-s 3 --files alog");
     std::fs::rename(folder.join("mission/auv1.alog"), folder.join("one.alog")).unwrap();
@@ -58,6 +63,42 @@ fn logs_of_known_kinds_hold_the_same_mission() {
     let options = format!("one.alog {} {} {} --ids mission/ids.csv", of("nav"), of("heard"), of("sent"));
     let (mixed, _) = import(folder, &format!("{options} --correct-clocks auv1"));
     assert_eq!(compare(folder), count(&mixed, "not_recording"));
+}
+
+/// The same logs in archives of each kind.
+fn archives_are_folders(folder: &Path, options: &str, expected: &serde_json::Value) {
+    simulate(folder, "--clock-off-s 3 --files alog");
+    let logs = [1, 2, 3].map(|id| format!("auv{id}.alog"));
+    let text = |name: &String| std::fs::read(folder.join("mission").join(name)).unwrap();
+    let mut zip = zip::ZipWriter::new(File::create(folder.join("all.zip")).unwrap());
+    let tar = flate2::write::GzEncoder::new(File::create(folder.join("all.tgz")).unwrap(), flate2::Compression::fast());
+    let (mut tar, mut plain) =
+        (tar::Builder::new(tar), tar::Builder::new(File::create(folder.join("all.tar")).unwrap()));
+    for name in &logs {
+        zip.start_file(format!("logs/{name}"), zip::write::SimpleFileOptions::default()).unwrap();
+        zip.write_all(&text(name)).unwrap();
+        tar.append_path_with_name(folder.join("mission").join(name), format!("logs/{name}")).unwrap();
+        plain.append_path_with_name(folder.join("mission").join(name), name).unwrap();
+        let mut one = flate2::write::GzEncoder::new(
+            File::create(folder.join(format!("{name}.gz"))).unwrap(),
+            flate2::Compression::fast(),
+        );
+        one.write_all(&text(name)).unwrap();
+        one.finish().unwrap();
+    }
+    zip.finish().unwrap();
+    tar.into_inner().unwrap().finish().unwrap();
+    plain.into_inner().unwrap();
+    for given in ["all.zip", "all.tgz", "all.tar", "auv1.alog.gz auv2.alog.gz auv3.alog.gz"] {
+        let found = import(folder, &format!("{given} {options}")).0;
+        assert_eq!((&found["log_digest"], &found["pairs"]), (&expected["log_digest"], &expected["pairs"]), "{given}");
+    }
+    let whole = std::fs::read(folder.join("all.tgz")).unwrap();
+    file(folder, "cut.tgz", "");
+    std::fs::write(folder.join("cut.tgz"), &whole[..whole.len() / 2]).unwrap();
+    let output = pingmap(folder, &["import", "cut.tgz"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("cut.tgz") && stderr(&output).contains("unpacked"), "{}", stderr(&output));
 }
 
 #[test]

@@ -18,7 +18,7 @@ use crate::values::{origin, pair};
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
 pub struct Files {
-    /// Files of known kinds, or folders of such: logs of MOOS (.alog) and its mission files, sentences of a Micro-Modem with a time in front
+    /// Files of known kinds, or folders or archives (ZIP, tar, gzip) of such: logs of MOOS (.alog) and its mission files, sentences of a Micro-Modem with a time in front
     /// of each, bags of ROS 2 (MCAP, SQLite), of which #TOPIC takes topics that begin so. Without NAME= they say themselves whose they are
     #[arg(value_name = "[NAME=]FILE[#TOPIC]")]
     records: Vec<String>,
@@ -124,7 +124,8 @@ impl Files {
         let mut recordings = Recordings::new();
         let mut skipped = Skipped::default();
         let mut records = Records::default();
-        let record_files = records::all(&self.records)?;
+        // Unpacked as long as it is read.
+        let (record_files, _unpacked) = records::with_archives(records::all(&self.records)?)?;
         let files =
             [(TableKind::Navigation, &self.nav), (TableKind::Heard, &self.heard), (TableKind::Sent, &self.sent)];
         let tables = files.iter().flat_map(|(_, files)| files.iter().map(|file| whose(file).1));

@@ -1,5 +1,6 @@
 //! `pingmap import`: what vehicles recorded becomes an event log.
 
+mod archives;
 mod files;
 mod records;
 mod shown;

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use pingmap_agent::{Geographic, VehicleId};
 use pingmap_import::{ImportError, Place, Reading, Recordings, Reference, Skipped, Source};
 use pingmap_trial::open;
+use tempfile::TempDir;
 
+use super::archives::unpacked;
 use crate::output::BadInput;
 
 /// Places of (0, 0) that lie no farther apart than this are the same, in metres.
@@ -34,6 +36,22 @@ pub fn all(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
         }
     }
     Ok(files)
+}
+
+/// The same files with all that is in archives among them in their places; and the folders where that was unpacked.
+pub fn with_archives(files: Vec<RecordFile>) -> anyhow::Result<(Vec<RecordFile>, Vec<TempDir>)> {
+    let (mut all, mut folders) = (Vec::new(), Vec::new());
+    for file in files {
+        let Some(folder) = unpacked(&file.path)? else {
+            all.push(file);
+            continue;
+        };
+        let before = all.len();
+        in_folder(folder.path(), &file.vehicle, &mut all)?;
+        all[before..].iter_mut().for_each(|inside| inside.topics.clone_from(&file.topics));
+        folders.push(folder);
+    }
+    Ok((all, folders))
 }
 
 fn in_folder(folder: &Path, vehicle: &Option<VehicleId>, files: &mut Vec<RecordFile>) -> anyhow::Result<()> {
