@@ -1,0 +1,43 @@
+//! The pages of the documentation: every one is in the book, and what they point to is there.
+
+#![allow(clippy::unwrap_used)]
+
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// What stands behind `](` in a text, but for addresses and places in the same page.
+fn links(text: &str) -> Vec<String> {
+    let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    let links =
+        links.filter(|link| !link.contains("://") && !link.starts_with('#') && !link.contains(char::is_whitespace));
+    links.map(|link| link.split('#').next().unwrap_or(link).to_owned()).collect()
+}
+
+#[test]
+fn every_page_is_in_the_book_and_links_lead_somewhere() {
+    let docs = root().join("docs");
+    let summary = std::fs::read_to_string(docs.join("SUMMARY.md")).unwrap();
+    let listed = links(&summary);
+    let mut pages = vec![root().join("README.md"), root().join("ARCHITECTURE.md"), root().join("examples/README.md")];
+    for entry in std::fs::read_dir(&docs).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        if name.ends_with(".md") {
+            assert!(name == "SUMMARY.md" || listed.contains(&name), "docs/SUMMARY.md lacks {name}");
+            pages.push(path);
+        }
+    }
+    let mut count = 0;
+    for page in pages {
+        let text = std::fs::read_to_string(&page).unwrap();
+        for link in links(&text) {
+            let target = page.parent().unwrap().join(&link);
+            assert!(target.exists(), "{} points to {link}, which is not there", page.display());
+            count += 1;
+        }
+    }
+    assert!(count > 20, "{count}");
+}
