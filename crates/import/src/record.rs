@@ -9,7 +9,7 @@ use pingmap_trial::{FileError, Problem};
 
 use crate::error::ImportError;
 use crate::lcm_types::LcmTypes;
-use crate::recording::Recordings;
+use crate::recording::{Recording, Recordings};
 use crate::tables::Reading;
 use crate::told::{Skipped, Told};
 use crate::{capture, lcm, mcap_file, moos, sqlite};
@@ -140,6 +140,11 @@ impl Reading {
             RecordKind::Sqlite => sqlite::read(path, &self.ids, topics).map_err(fail)?,
         };
         let Told { recording, name, datum, skipped } = told;
+        let taken = Taken { kind, datum, skipped };
+        // A log that somebody kept on shore, who neither moved nor listened, is of nobody.
+        if recording == Recording::default() {
+            return Ok(Some(taken));
+        }
         let by_modem = || recording.modem_ids.iter().find_map(|id| self.ids.listed(id));
         let Some(name) = vehicle.cloned().or(name).or_else(by_modem) else {
             return Err(fail(
@@ -147,7 +152,7 @@ impl Reading {
             ));
         };
         into.entry(name).or_default().append(recording);
-        Ok(Some(Taken { kind, datum, skipped }))
+        Ok(Some(taken))
     }
 }
 

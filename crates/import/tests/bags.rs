@@ -18,7 +18,7 @@ fn read(bytes: &[u8], path: &Path, topics: &str) -> Result<(Recording, Taken), I
     let (mut recordings, vehicle) = (Recordings::new(), VehicleId::new("auv1"));
     let source = Source { topics, ..Source::new(path, Some(&vehicle)) };
     let taken = Reading::default().take_record(bytes, &source, &mut recordings)?.unwrap();
-    Ok((recordings.remove(&vehicle).unwrap(), taken))
+    Ok((recordings.remove(&vehicle).unwrap_or_default(), taken))
 }
 
 fn read_file(name: &str, topics: &str) -> (Recording, Taken) {

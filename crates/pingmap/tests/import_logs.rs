@@ -22,9 +22,17 @@ fn logs_of_known_kinds_hold_the_same_mission() {
     assert_eq!(of_moos["transmissions"]["recorded"], 400);
     assert!(of_moos["unknown"].as_object().unwrap().is_empty() && said.is_empty(), "{said}");
     assert!((of_moos["origin"][0].as_f64().unwrap() - 41.52).abs() < 1e-6, "{}", of_moos["origin"]);
+    // A log of the shore, where nobody moved or listened, changes nothing.
+    file(
+        folder,
+        "mission/shore.alog",
+        "%% LOG FILE: shore\n%% LOGSTART 1777809600\n1 NODE_REPORT uF NAME=auv1,X=1,Y=2\n",
+    );
+    assert_eq!(import(folder, "mission --ids mission/ids.csv --correct-clocks auv1").0, of_moos);
     // As it was recorded: the clocks are what nobody knows.
     let (_, said) = import(folder, "mission --ids mission/ids.csv");
     assert!(said.contains("--correct-clocks") && said.lines().count() == 1, "{said}");
+    std::fs::remove_file(folder.join("mission/shore.alog")).unwrap();
     // Who broadcast is for is the other.
     let arguments = ["import", "mission", "--correct-clocks", "auv1"];
     let output = pingmap(folder, &arguments);
