@@ -6,11 +6,23 @@ use std::path::{Path, PathBuf};
 
 use pingmap_agent::VehicleId;
 use pingmap_import::{ImportError, Place, Reading, RecordKind, Recording, Recordings, Source, Taken};
+use proptest::prelude::*;
 
 const START_S: f64 = 1_777_809_600.0;
 
 fn path(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
+}
+
+/// Bytes of a file with some of them changed, cut off somewhere.
+fn damaged(bytes: &[u8], changes: &[(prop::sample::Index, u8)], end: prop::sample::Index) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for (at, byte) in changes {
+        let at = at.index(bytes.len());
+        bytes[at] = *byte;
+    }
+    bytes.truncate(end.index(bytes.len() + 1).max(16));
+    bytes
 }
 
 /// What stands in topics of a file that begin so.
@@ -123,4 +135,39 @@ fn what_was_cut_off_is_read_to_its_end_and_what_is_no_bag_is_refused() {
     let error = read(&head, &gone, "").unwrap_err().to_string();
     assert!(error.contains("pingmap-no-such.db3") && error.contains("bag of ROS 2"), "{error}");
     assert!(!gone.exists(), "reading makes no file");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1000) })]
+
+    /// Whatever became of a file: it is read, or refused by its name; and what is read of it are numbers.
+    #[test]
+    fn no_damage_stops_the_readers(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..12),
+        end in any::<prop::sample::Index>(),
+    ) {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["ros2.mcap", "ros2.db3", "auv1.lcmlog", "types.lcm"] {
+            let bytes = damaged(&std::fs::read(path(name)).unwrap(), &changes, end);
+            // SQLite reads the file itself.
+            let path = folder.path().join(name);
+            std::fs::write(&path, &bytes).unwrap();
+            let (mut reading, mut recordings, vehicle) = (Reading::default(), Recordings::new(), VehicleId::new("auv1"));
+            let types = if name == "types.lcm" { bytes.clone() } else { std::fs::read(self::path("types.lcm")).unwrap() };
+            let found = reading.take_types(types.as_slice(), &path);
+            let found = found.and_then(|()| reading.take_record(bytes.as_slice(), &Source::new(&path, Some(&vehicle)), &mut recordings));
+            if let Err(error) = found {
+                prop_assert!(error.to_string().contains(name), "{}", error);
+            }
+            for recording in recordings.values() {
+                for fix in &recording.fixes {
+                    let numbers = match fix.place {
+                        Place::Degrees(place) => [place.latitude_deg, place.longitude_deg],
+                        Place::Metres(east_m, north_m) => [east_m, north_m],
+                    };
+                    prop_assert!(fix.time_s.is_finite() && numbers.iter().all(|number| number.is_finite()));
+                }
+            }
+        }
+    }
 }
