@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::clocks::Clocks;
 use crate::fleet::Fleet;
+use crate::message::Message;
 use crate::transmission::Transmission;
 
 /// Messages by the transmission that they came from, both by their places in lists, of one sender and receiver.
@@ -69,7 +70,9 @@ pub(crate) fn doubt(fleet: &Fleet, clocks: &Clocks, sender: usize, sent: &mut [T
         let open = sent.iter().enumerate().filter(|(place, _)| !known.contains_key(place));
         let mut open: Vec<(f64, usize)> = open.map(|(place, sent)| expected(place, sent)).collect();
         open.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for message in messages.iter().enumerate().filter(|(at, _)| !matched.contains(at)).map(|(_, message)| message) {
+        // What broke was missed whichever it belongs to (a cycle breaks before its data, and names the same sender).
+        let stray = |(at, message): &(usize, &Message)| !matched.contains(at) && message.is_any_decoded();
+        for (_, message) in messages.iter().enumerate().filter(stray) {
             strays += 1;
             if let Some((_, place)) = nearest(&open, message.time_s).filter(|near| near.0 <= DOUBT_S) {
                 sent[place].doubtful_at.insert(receiver);
@@ -79,21 +82,40 @@ pub(crate) fn doubt(fleet: &Fleet, clocks: &Clocks, sender: usize, sent: &mut [T
     strays
 }
 
-/// The transmissions of messages that came from none that is known, added to those that are. Of several receivers of one the first
-/// that has most messages of its sender tells it.
+/// What breaks so soon before or after a transmission, in seconds, is no other one: a cycle that goes before its data.
+const CYCLE_S: f64 = 5.0;
+
+/// The transmissions of messages that came from none that is known, added to those that are: first of what was decoded, then of what
+/// broke far from all of these. Of several receivers of one the first that has most messages of its sender tells it.
 pub(crate) fn add_received(fleet: &Fleet, clocks: &Clocks, sender: usize, sent: &mut Vec<Transmission>) -> usize {
     let mut receivers: Vec<usize> = fleet.receivers().filter(|&receiver| receiver != sender).collect();
     let count = |receiver: usize| fleet.vehicles[receiver].messages.get(&sender).map_or(0, Vec::len);
     receivers.sort_by_key(|&receiver| std::cmp::Reverse(count(receiver)));
     let before = sent.len();
-    for receiver in receivers {
-        let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { continue };
-        let known = matches(fleet, clocks, (sender, sent), receiver);
-        let known: BTreeSet<usize> = known.into_values().collect();
-        let behind = |(_, message): (usize, &crate::message::Message)| {
-            Transmission::behind(message, receiver, fleet.travel_s(sender, receiver, message.time_s))
-        };
-        sent.extend(messages.iter().enumerate().filter(|(at, _)| !known.contains(at)).map(behind));
+    for is_decoded in [true, false] {
+        for &receiver in &receivers {
+            let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { continue };
+            let matched: BTreeSet<usize> = matches(fleet, clocks, (sender, sent), receiver).into_values().collect();
+            let mut expected: Vec<(f64, usize)> = sent
+                .iter()
+                .zip(0..)
+                .map(|(sent, place)| (clocks.expected_s(fleet, (sender, sent), receiver), place))
+                .collect();
+            expected.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let mut latest_s = f64::NEG_INFINITY;
+            for (at, message) in messages.iter().enumerate() {
+                let is_near = || {
+                    let near = nearest(&expected, message.time_s).is_some_and(|near| near.0 <= CYCLE_S);
+                    near || message.time_s - latest_s <= CYCLE_S
+                };
+                let is_open = message.is_any_decoded() == is_decoded && !matched.contains(&at);
+                if is_open && (is_decoded || !is_near()) {
+                    latest_s = message.time_s;
+                    let travel_s = fleet.travel_s(sender, receiver, message.time_s);
+                    sent.push(Transmission::behind(message, receiver, travel_s));
+                }
+            }
+        }
     }
     sent.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     sent.len() - before

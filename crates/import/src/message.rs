@@ -53,6 +53,11 @@ impl Message {
         self.whole |= arrival.good && arrival.frame.is_none();
     }
 
+    /// Whether anything of it was decoded.
+    pub(crate) fn is_any_decoded(&self) -> bool {
+        self.whole || !self.decoded.is_empty()
+    }
+
     /// Whether it was decoded, given how many frames its sender says that it had.
     pub(crate) fn is_heard(&self, frames_sent: Option<u32>, any_frame: bool) -> bool {
         let frames = self.frames.max(frames_sent.unwrap_or(0)) as usize;
