@@ -129,8 +129,10 @@ proptest! {
         }
         let mut order: Vec<usize> = (0..packets.len()).collect();
         let straight = order.clone();
+        // Who lies comes last, first, and in between.
+        let reversed: Vec<usize> = order.iter().rev().copied().collect();
         order.sort_by_key(|&place| (place as u64 + 1).wrapping_mul(shuffle | 1).rotate_left(17));
-        let surprises = [straight, order].map(|order| {
+        let surprises = [straight, reversed, order].map(|order| {
             let mut agent = fleet.vehicle(0);
             for (step, place) in order.into_iter().enumerate() {
                 agent.receive(&packets[place], 0.0);
@@ -144,5 +146,6 @@ proptest! {
             (left_out, surprise, agent.snapshot())
         });
         prop_assert_eq!(&surprises[0], &surprises[1]);
+        prop_assert_eq!(&surprises[0], &surprises[2]);
     }
 }
