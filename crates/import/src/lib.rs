@@ -25,7 +25,8 @@
 //! let rules = Rules { nav_gap_s_max: 60.0, ..Rules::default() };
 //! let imported = join(&recordings, None, &Reference::unknown(), &rules)?;
 //! let outcomes: Vec<bool> = imported.log.events.iter().map(|event| event.success).collect();
-//! assert_eq!(outcomes, [true, true, false, true]);
+//! // The first and the last reception only tell when b's modem was at work: they are heard by their choice, so they do not count.
+//! assert_eq!(outcomes, [true, false]);
 //! # Ok::<(), pingmap_import::ImportError>(())
 //! ```
 
