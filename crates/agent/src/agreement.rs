@@ -1,13 +1,16 @@
 //! What a team agreed on, in the one form of bytes that its digest is of (docs/protocol.md, "What a team agrees on").
 
 use dgpc::{Correlation, Prior, PriorMean, Reflection};
-use pingmap_packet::{Key, digest};
+use pingmap_packet::{Key, digest, to_hex};
 
 use crate::canonical::Writer;
 use crate::chart::Chart;
 use crate::event::{Link, VehicleId};
+use crate::fading::Fading;
 use crate::grid::Grid;
+use crate::model::Model;
 use crate::place::Place;
+use crate::reference::{Geographic, ReferenceSystem};
 use crate::slots::Slots;
 use crate::team::Team;
 
@@ -51,6 +54,22 @@ impl Team {
     }
 }
 
+impl Model {
+    /// 32 hexadecimal digits by which a model is known again, whatever its file: of all that decides what is predicted under it. Two models
+    /// that differ in what is for learning alone have the same.
+    pub fn digest(&self) -> String {
+        let mut out = Writer::default();
+        out.text("pingmap model");
+        write_chart(&mut out, &self.chart);
+        out.u8(self.inputs.has_depths().into());
+        write_prior(&mut out, &self.prior);
+        write_place(&mut out, self.place.as_deref());
+        let Fading { correlation, memory_s, drift_m_per_s } = self.fading;
+        [correlation, memory_s, drift_m_per_s].into_iter().for_each(|value| number(&mut out, value));
+        to_hex(&digest(&out.finish())[..16])
+    }
+}
+
 /// Minus zero means zero.
 fn number(out: &mut Writer, value: f64) {
     out.f64(value + 0.0);
@@ -64,8 +83,17 @@ fn list(out: &mut Writer, values: &[usize]) {
 fn write_chart(out: &mut Writer, chart: &Chart) {
     number(out, chart.origin.east_m);
     number(out, chart.origin.north_m);
-    out.option(chart.geographic.map(|place| place.latitude_deg + 0.0));
-    out.option(chart.geographic.map(|place| place.longitude_deg + 0.0));
+    match chart.reference {
+        ReferenceSystem::Unknown => [None, None].into_iter().for_each(|none| out.option(none)),
+        ReferenceSystem::About(Geographic { latitude_deg, longitude_deg }) => {
+            [latitude_deg, longitude_deg].into_iter().for_each(|degrees| out.option(Some(degrees + 0.0)));
+        }
+        ReferenceSystem::Epsg(code) => {
+            // Neither the 0 nor the 1 of an option.
+            out.u8(2);
+            out.u32(code);
+        }
+    }
 }
 
 fn write_prior(out: &mut Writer, prior: &Prior) {

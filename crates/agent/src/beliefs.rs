@@ -376,8 +376,7 @@ impl Beliefs {
         Ok(())
     }
 
-    /// Asks for everything to be put together and decided anew: a fit that is as it was decides nothing, and whom one looked at
-    /// since the last one depends on the order in which packets came.
+    /// Asks for everything to be decided anew: a fit that is as it was decides nothing, and whom one looked at depends on the order of packets.
     pub(crate) fn invalidate(&mut self) {
         self.taken.is_stale = true;
         self.judged = None;

@@ -1,9 +1,7 @@
-//! The one place where metres in a log, metres about the chart origin, and latitude and longitude meet.
+//! The one place where metres in a log and metres about the chart origin meet.
 
 use crate::event::Position;
-
-/// Semi-major axis (m) and squared eccentricity of the WGS 84 ellipsoid.
-const WGS84: (f64, f64) = (6_378_137.0, 6.694_379_990_14e-3);
+use crate::reference::ReferenceSystem;
 
 /// The team's common frame. The method sees metres about `origin`, never scaled column by column, so that swapping the
 /// two ends of a link keeps distances; the origin only keeps numbers small (UTM northings have seven digits before the
@@ -16,8 +14,8 @@ pub struct Chart {
     /// a factor of a few, before anything is learned. Fixed with the chart, so that vehicles that never saw each
     /// other's data expect the same.
     pub scale_m: f64,
-    /// Latitude and longitude of (0, 0) of the log, if known.
-    pub geographic: Option<Geographic>,
+    /// What the metres of the log mean.
+    pub reference: ReferenceSystem,
 }
 
 /// Scale of a chart about positions that do not tell one, in metres.
@@ -30,15 +28,6 @@ const SCALE_MIN_M: f64 = 1e-3;
 fn two_digits(number: f64) -> f64 {
     let unit = 10f64.powf(number.log10().floor() - 1.0);
     (number / unit).round() * unit
-}
-
-/// A point on the ellipsoid, in degrees.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Geographic {
-    /// Degrees north, −90 to 90.
-    pub latitude_deg: f64,
-    /// Degrees east, −180 to 180.
-    pub longitude_deg: f64,
 }
 
 impl Chart {
@@ -55,44 +44,18 @@ impl Chart {
         let spread_m = positions.iter().map(square).sum::<f64>().sqrt();
         let round = |metres: f64| (metres / 100.0).round() * 100.0;
         let scale_m = if spread_m > SCALE_MIN_M { two_digits(spread_m) } else { SCALE_FALLBACK_M };
-        Self { origin: Position::new(round(east_m), round(north_m)), scale_m, geographic: None }
+        Self { origin: Position::new(round(east_m), round(north_m)), scale_m, reference: ReferenceSystem::Unknown }
     }
 
     /// East and north of a position in metres about the origin.
     pub fn local_m(&self, position: &Position) -> (f64, f64) {
         (position.east_m - self.origin.east_m, position.north_m - self.origin.north_m)
     }
-
-    /// Latitude and longitude of a position, where the chart knows its own: a local plane tangent to WGS 84 at the
-    /// log's (0, 0). Good to about a metre within 2 km and 30 m within 15 km at middle latitudes.
-    pub fn geographic(&self, position: &Position) -> Option<Geographic> {
-        let Geographic { latitude_deg, longitude_deg } = self.geographic?;
-        let (axis, eccentricity) = WGS84;
-        let latitude = latitude_deg.to_radians();
-        let slack = 1.0 - eccentricity * latitude.sin().powi(2);
-        let meridian_radius_m = axis * (1.0 - eccentricity) / slack.powf(1.5);
-        let parallel_radius_m = axis / slack.sqrt() * latitude.cos();
-        Some(Geographic {
-            latitude_deg: latitude_deg + (position.north_m / meridian_radius_m).to_degrees(),
-            longitude_deg: longitude_deg + (position.east_m / parallel_radius_m).to_degrees(),
-        })
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn one_degree_of_latitude_is_110_6_to_111_7_km() {
-        for (latitude_deg, north_m) in [(0.0, 110_574.0), (45.0, 111_132.0)] {
-            let datum = Geographic { latitude_deg, longitude_deg: 10.0 };
-            let chart = Chart { geographic: Some(datum), ..Chart::about([]) };
-            let found = chart.geographic(&Position::new(0.0, north_m / 100.0)).expect("a datum is given");
-            assert!((found.latitude_deg - latitude_deg - 0.01).abs() < 1e-6, "{found:?}");
-            assert_eq!(found.longitude_deg, 10.0);
-        }
-    }
 
     #[test]
     fn the_origin_is_round_and_central() {

@@ -1,6 +1,6 @@
 //! How sure a vehicle is of the probabilities that it predicts.
 
-use dgpc::{Latent, Posterior, Summary};
+use dgpc::{Latent, Matrix, Posterior, Summary};
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
@@ -52,6 +52,21 @@ impl Agent {
     ) -> Result<Latent, AgentError> {
         let of: Vec<Attempt> = self.shown(attempts)?.into_iter().map(|shown| shown.of).collect();
         Ok(self.widened(wide, &of)?)
+    }
+
+    /// [`Agent::draws`] of a [`Agent::wide_posterior`], as far from their mean as intervals take them to be ([`Agent::wide_latent`]).
+    ///
+    /// # Errors
+    /// As [`Agent::draws`].
+    pub fn wide_draws(
+        &mut self,
+        wide: &Posterior,
+        attempts: impl IntoIterator<Item = impl Into<Attempt>>,
+        normals: &Matrix,
+    ) -> Result<Matrix, AgentError> {
+        let wider =
+            Matrix::from_fn(normals.rows(), normals.columns(), |row, draw| WIDENING * normals.column(draw)[row]);
+        self.draws(wide, attempts, &wider)
     }
 
     /// Where the probability of each attempt lies: nine in ten do. The interval holds what [`Agent::predictions`] says, and

@@ -16,7 +16,7 @@ use crate::fading::Fading;
 use crate::place::Place;
 
 /// Version of what a [`Model`] holds. Whoever reads one from a file or message refuses a newer version.
-pub const MODEL_SCHEMA: u32 = 4;
+pub const MODEL_SCHEMA: u32 = 5;
 
 /// Name of the column of the time.
 pub(crate) const TIME: &str = "time";

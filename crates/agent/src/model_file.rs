@@ -7,12 +7,13 @@ use dgpc::{Kernel, Prior, PriorMean, Term};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{self, Bounds};
-use crate::chart::{Chart, Geographic};
+use crate::chart::Chart;
 use crate::event::Position;
 use crate::fading::Fading;
 use crate::model::{InputSpec, MODEL_SCHEMA, Model};
 use crate::model_file_error::ModelFileError;
 use crate::place_layout::PlaceLayout;
+use crate::reference::{Geographic, ReferenceSystem};
 use crate::term_layout::TermLayout;
 
 /// What a model was learned from, and how well it did.
@@ -119,7 +120,8 @@ fn ties(term: &Term) -> Vec<Vec<usize>> {
 }
 
 const HEAD: &str = "\
-# A model of how links behave: what pingmap reads links with. Lengths are in metres.
+# A model of how links behave: what pingmap reads links with. Lengths are in metres, which are counted from latitude_deg, longitude_deg
+# or are those of the system with the number epsg, if [chart] says so.
 # Columns of a link: tx_east, tx_north, rx_east, rx_north (both ends about the chart's origin, and ..._depth with depths = true),
 # u_... = (tx + rx)/sqrt(2), v_... = (tx - rx)/sqrt(2), range. One length-scale is for all columns of a term, a list has one for each;
 # ties numbers those of a list that stay equal when they are learned. The column time has length_scale_s; tx_vehicle, rx_vehicle, kind
@@ -165,16 +167,23 @@ struct ChartLayout {
     scale_m: f64,
     latitude_deg: Option<f64>,
     longitude_deg: Option<f64>,
+    epsg: Option<u32>,
 }
 
 impl ChartLayout {
     fn write(chart: &Chart) -> Self {
+        let (place, epsg) = match chart.reference {
+            ReferenceSystem::Unknown => (None, None),
+            ReferenceSystem::About(place) => (Some(place), None),
+            ReferenceSystem::Epsg(code) => (None, Some(code)),
+        };
         Self {
             origin_east_m: chart.origin.east_m,
             origin_north_m: chart.origin.north_m,
             scale_m: chart.scale_m,
-            latitude_deg: chart.geographic.map(|place| place.latitude_deg),
-            longitude_deg: chart.geographic.map(|place| place.longitude_deg),
+            latitude_deg: place.map(|place| place.latitude_deg),
+            longitude_deg: place.map(|place| place.longitude_deg),
+            epsg,
         }
     }
 
@@ -184,15 +193,17 @@ impl ChartLayout {
             checked("origin_north_m", bounds::COORDINATE_M, self.origin_north_m)?,
         );
         let scale_m = checked("scale_m", bounds::LENGTH_M, self.scale_m)?;
-        let geographic = match (self.latitude_deg, self.longitude_deg) {
-            (Some(latitude_deg), Some(longitude_deg)) => Some(Geographic {
+        let reference = match (self.latitude_deg, self.longitude_deg, self.epsg) {
+            (Some(latitude_deg), Some(longitude_deg), None) => ReferenceSystem::About(Geographic {
                 latitude_deg: checked("latitude_deg", bounds::LATITUDE_DEG, latitude_deg)?,
                 longitude_deg: checked("longitude_deg", bounds::LONGITUDE_DEG, longitude_deg)?,
             }),
-            (None, None) => None,
+            (None, None, Some(code)) => ReferenceSystem::Epsg(code),
+            (None, None, None) => ReferenceSystem::Unknown,
+            (Some(_), Some(_), Some(_)) => return Err(ModelFileError::TwoPlaces),
             _ => return Err(ModelFileError::HalfAPlace),
         };
-        Ok(Chart { origin, scale_m, geographic })
+        Ok(Chart { origin, scale_m, reference })
     }
 }
 

@@ -105,4 +105,9 @@ pub enum ModelFileError {
     /// Latitude without longitude, or the other way round.
     #[error("chart: latitude_deg and longitude_deg go together")]
     HalfAPlace,
+    /// Both a place of (0, 0) and a reference system.
+    #[error(
+        "[chart] has latitude_deg and longitude_deg, and epsg; expected the place of (0, 0) or the system, not both"
+    )]
+    TwoPlaces,
 }

@@ -1,6 +1,6 @@
 //! What a vehicle predicts.
 
-use dgpc::Posterior;
+use dgpc::{Matrix, Posterior};
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
@@ -86,6 +86,39 @@ impl Agent {
     ) -> Result<Vec<f64>, AgentError> {
         let shown = self.shown_under(posterior, self.longest_m(), attempts)?;
         Ok(shown.into_iter().map(|shown| shown.predicted.probability).collect())
+    }
+
+    /// Share of the variance of each attempt's log-odds that what was observed and told took away, from 0 (nothing is known beyond the
+    /// prior) to 1. Of a link longer than the longest that was tried it is that of what [`Agent::predictions`] are of. O(n²) an attempt.
+    ///
+    /// # Errors
+    /// As [`Agent::probability`].
+    pub fn explained_shares(
+        &mut self,
+        attempts: impl IntoIterator<Item = impl Into<Attempt>>,
+    ) -> Result<Vec<f64>, AgentError> {
+        let shown = self.shown(attempts)?;
+        let of: Vec<Attempt> = shown.iter().map(|shown| shown.of).collect();
+        let model = self.model();
+        let before = model.prior.kernel().diagonal(&model.inputs(&of)?)?;
+        let share = |(shown, before): (&Shown, &f64)| (1.0 - shown.predicted.variance / before).clamp(0.0, 1.0);
+        Ok(shown.iter().zip(&before).map(share).collect())
+    }
+
+    /// Log-odds of these attempts as they may be together, a column for each column of standard normals: drawn from a posterior under
+    /// its model such as [`Agent::wide_posterior`]. Beyond the longest link that was tried each is of what [`Agent::predictions`] are
+    /// of. O(Mn² + M²n + M³) for M attempts.
+    ///
+    /// # Errors
+    /// As [`Agent::probability`], and for normals of another number of rows.
+    pub fn draws(
+        &mut self,
+        posterior: &Posterior,
+        attempts: impl IntoIterator<Item = impl Into<Attempt>>,
+        normals: &Matrix,
+    ) -> Result<Matrix, AgentError> {
+        let of: Vec<Attempt> = self.shown(attempts)?.into_iter().map(|shown| shown.of).collect();
+        Ok(posterior.draws(&self.model().inputs(&of)?, normals)?.0)
     }
 
     pub(crate) fn shown(

@@ -7,6 +7,7 @@ mod common;
 use std::sync::Arc;
 
 use common::*;
+use dgpc::Matrix;
 use pingmap_agent::*;
 use proptest::prelude::*;
 
@@ -305,4 +306,54 @@ fn intervals_are_wide_where_nothing_is_known() {
     let widths: Vec<f64> = agent.intervals(&wide, &near).unwrap().iter().map(width).collect();
     let near = widths.iter().sum::<f64>() / widths.len() as f64;
     assert!(far > 0.95 && near < far - 0.15, "{far} {near}");
+}
+
+#[test]
+fn events_explain_what_is_near_them_and_draws_go_as_far_as_intervals_do() {
+    let team = Arc::new(team(2, model()));
+    let places =
+        [[0.0, 0.0, 100.0, 0.0], [300.0, 0.0, 350.0, 40.0], [60_000.0, 60_000.0, 60_100.0, 60_000.0]].map(link);
+    // Nothing is explained before the first event.
+    let none = vehicle(&team, 0, []).explained_shares(places).unwrap();
+    assert!(none.iter().all(|share| share.abs() < 1e-9), "{none:?}");
+    let mut agent = vehicle(&team, 0, walk(0, 60, 0.0));
+    agent.refit().unwrap();
+    let own: Vec<Link> = agent.events().map(|event| event.link).collect();
+    let near = agent.explained_shares(&own).unwrap();
+    let far = agent.explained_shares([places[2]]).unwrap()[0];
+    assert!(near.iter().all(|share| (0.0..=1.0).contains(share) && *share > far + 0.1) && far < 0.05, "{near:?} {far}");
+    // Functions drawn: their mean and their spread are those of each attempt by itself, and what is wide is wider.
+    let wide = agent.wide_posterior().unwrap();
+    let unit = Matrix::from_fn(3, 4, |row, draw| f64::from(u8::from(row + 1 == draw)));
+    let [plain, wider] = [agent.draws(&wide, places, &unit).unwrap(), agent.wide_draws(&wide, places, &unit).unwrap()];
+    let latent = agent.wide_latent(&wide, places).unwrap();
+    for place in 0..3 {
+        let mean = plain.column(0)[place];
+        assert!((mean - latent.mean[place]).abs() < 1e-9 && (wider.column(0)[place] - mean).abs() < 1e-9);
+        let spread = |draws: &Matrix| (1..4).map(|draw| (draws.column(draw)[place] - mean).powi(2)).sum::<f64>();
+        assert!((spread(&wider) / latent.variance[place] - 1.0).abs() < 1e-6, "{place}");
+        assert!((spread(&wider) / spread(&plain) - 1.7 * 1.7).abs() < 1e-6, "{place}");
+    }
+}
+
+#[test]
+fn models_are_known_by_what_is_predicted_under_them() {
+    let digest = |change: &dyn Fn(&mut Model)| {
+        let mut model = model();
+        change(&mut model);
+        model.digest()
+    };
+    let plain = digest(&|_| {});
+    assert!(plain.len() == 32 && plain == digest(&|_| {}));
+    // What is for learning alone makes no other model.
+    assert_eq!(plain, digest(&|model| model.chart.scale_m *= 2.0));
+    let others = [
+        digest(&|model| model.chart.origin.east_m += 1.0),
+        digest(&|model| model.chart.reference = ReferenceSystem::Epsg(32619)),
+        digest(&|model| model.fading = Fading::NONE),
+        digest(&|model| model.inputs = InputSpec::PositionsAndDepths),
+    ];
+    for (n, other) in others.iter().enumerate() {
+        assert!(*other != plain && !others[..n].contains(other), "{n}");
+    }
 }

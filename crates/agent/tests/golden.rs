@@ -30,7 +30,7 @@ fn model(inputs: InputSpec) -> Model {
     let chart = Chart {
         origin: Position::new(500_000.0, 4_900_000.0),
         scale_m: 500.0,
-        geographic: Some(Geographic { latitude_deg: 44.25, longitude_deg: 9.5 }),
+        reference: ReferenceSystem::About(Geographic { latitude_deg: 44.25, longitude_deg: 9.5 }),
     };
     Model::new(chart, inputs, Prior::new(Kernel::new(vec![path, receiver]).unwrap(), mean).unwrap())
 }
@@ -58,7 +58,7 @@ fn plain() -> Team {
     let mut model = model(InputSpec::Positions);
     let term = Term::isotropic(Shape::Matern52, 4.0, 250.0, 4).unwrap();
     model.prior = Prior::new(Kernel::new(vec![term]).unwrap(), PriorMean::Zero).unwrap();
-    model.chart.geographic = None;
+    model.chart.reference = ReferenceSystem::Unknown;
     Team { model, ..open() }
 }
 

@@ -76,14 +76,13 @@ fn model_files_read_back_to_the_same_model() {
     }
     // With depths and a place on Earth.
     let prior = Given::default().few()[0].template(InputSpec::PositionsAndDepths, 77.0).unwrap();
-    let geographic = Some(Geographic { latitude_deg: 42.5, longitude_deg: -70.25 });
-    let chart = Chart { geographic, ..Chart::about([Position::new(431_234.0, 4_700_001.0)]) };
-    let file = ModelFile {
-        model: Model::new(chart, InputSpec::PositionsAndDepths, prior),
-        learned: None,
-        place_log_digests: Vec::new(),
-    };
-    assert_eq!(ModelFile::parse(&file.write().unwrap()).unwrap(), file);
+    let place = Geographic { latitude_deg: 42.5, longitude_deg: -70.25 };
+    for reference in [ReferenceSystem::Unknown, ReferenceSystem::About(place), ReferenceSystem::Epsg(32_619)] {
+        let chart = Chart { reference, ..Chart::about([Position::new(431_234.0, 4_700_001.0)]) };
+        let model = Model::new(chart, InputSpec::PositionsAndDepths, prior.clone());
+        let file = ModelFile { model, learned: None, place_log_digests: Vec::new() };
+        assert_eq!(ModelFile::parse(&file.write().unwrap()).unwrap(), file);
+    }
 }
 
 #[test]

@@ -243,6 +243,24 @@ impl Posterior {
         Ok((about_prior_mean.iter().zip(&prior_mean).map(|(mean, prior)| mean + prior).collect(), covariance))
     }
 
+    /// Functions drawn from this posterior, at `inputs`: of M×S standard normal numbers M×S values, a column for each function; and
+    /// the jitter that it took. O(Mn² + M²n + M³ + M²S).
+    ///
+    /// # Errors
+    /// As [`Posterior::latent`], and [`Error::SizeMismatch`] for normals of another number of rows.
+    pub fn draws(&self, inputs: &Inputs, normals: &Matrix) -> Result<(Matrix, f64)> {
+        same_size("rows of normals", inputs.len(), normals.rows())?;
+        let (mean, covariance) = self.joint(inputs)?;
+        let root = Cholesky::with_jitter("covariance of functions", &covariance)?;
+        let mut draws = Matrix::zeros(inputs.len(), normals.columns());
+        for draw in 0..normals.columns() {
+            let about_mean = root.lower_times(normals.column(draw));
+            let values = draws.column_mut(draw).iter_mut().zip(mean.iter().zip(about_mean));
+            values.for_each(|(value, (mean, about_mean))| *value = mean + about_mean);
+        }
+        Ok((draws, root.jitter()))
+    }
+
     fn joint_about_prior_mean(&self, inputs: &Inputs) -> Result<(Vec<f64>, Matrix)> {
         let mut features = self.features(inputs)?;
         let mean = features.transposed_times(&self.weights);

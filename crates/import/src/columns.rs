@@ -145,9 +145,7 @@ impl<'a> Named<'a> {
             };
             places.extend(found.map(|column| (role, column)));
         }
-        let named = Self { table, places };
-        named.require(kind, &["time"])?;
-        Ok(named)
+        Ok(Self { table, places })
     }
 
     /// Fails where a role has no column.

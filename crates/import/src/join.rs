@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pingmap_agent::{Event, Link, VehicleId};
+use pingmap_agent::{Event, Link, ReferenceSystem, VehicleId};
 use pingmap_trial::EventLog;
 
 use crate::clocks::Clocks;
@@ -61,8 +61,9 @@ pub fn join(
         }
     }
     let matches = all_matches(&fleet, &clocks, &sent);
-    prove(&fleet, &mut sent, &matches);
-    let (log, pairs, overheard) = events(&fleet, &clocks, &sent, &matches);
+    let whom_by_reception = prove(&fleet, &mut sent, &matches);
+    let (mut log, pairs, overheard) = events(&fleet, &clocks, &sent, &matches);
+    log.reference = reference.system();
     let found = ClockFound::all(&fleet, &clocks, &receptions(&fleet, &sent, &matches));
     Ok(Imported {
         proofs: Proofs::of(&sent),
@@ -76,6 +77,7 @@ pub fn join(
             unplaced: fleet.vehicles.iter().map(|vehicle| vehicle.track.unplaced).sum(),
         },
         by_reception_alone: fleet.names(&senders(&sent).difference(&accounted).copied().collect()),
+        whom_by_reception: fleet.names(&whom_by_reception),
         unused_turns: fleet.names(&unused(&sent)),
         delay_s: clocks.delay_s,
         doubts: clocks.doubts.clone(),
@@ -190,21 +192,29 @@ fn receptions<'a>(
 }
 
 /// Whatever somebody received was sent; to whom and as what kind of message its receivers say, if its sender does not. What they say holds
-/// for everybody, so that what is left out is left out heard and missed alike.
-fn prove(fleet: &Fleet, sent: &mut [Vec<Transmission>], matches: &BTreeMap<(usize, usize), Matches>) {
+/// for everybody, so that what is left out is left out heard and missed alike. Returned are those of whom only receivers say to whom they
+/// sent: what nobody received of them may have been to anybody.
+fn prove(
+    fleet: &Fleet,
+    sent: &mut [Vec<Transmission>],
+    matches: &BTreeMap<(usize, usize), Matches>,
+) -> BTreeSet<usize> {
     let is_recorded = |is_said: fn(&Transmission) -> bool| -> Vec<bool> {
         let says = |sent: &Vec<Transmission>| sent.iter().any(|sent| sent.proof == Proof::Recorded && is_said(sent));
         sent.iter().map(says).collect()
     };
     let destinations_recorded = is_recorded(|sent| sent.destination.is_some());
     let kinds_recorded = is_recorded(|sent| sent.kind.is_some());
-    let mut heard = BTreeSet::new();
+    let (mut heard, mut whom_by_reception) = (BTreeSet::new(), BTreeSet::new());
     for (&(receiver, sender), matches) in matches {
         for (&place, &message) in matches {
             let message = &fleet.vehicles[receiver].messages[&sender][message];
             let sent = &mut sent[sender][place];
             sent.proof = sent.proof.min(Proof::Received);
-            sent.destination = sent.destination.take().or_else(|| message.destination.clone());
+            sent.destination = sent
+                .destination
+                .take()
+                .or_else(|| message.destination.clone().filter(|_| !destinations_recorded[sender]));
             sent.kind = sent.kind.take().or_else(|| message.kind.clone().filter(|_| !kinds_recorded[sender]));
             heard.insert((sender, place));
         }
@@ -213,6 +223,7 @@ fn prove(fleet: &Fleet, sent: &mut [Vec<Transmission>], matches: &BTreeMap<(usiz
         if !destinations_recorded[sender] && all.iter().any(|sent| sent.destination.is_some()) {
             let unheard = all.iter_mut().enumerate().filter(|(place, _)| !heard.contains(&(sender, *place)));
             unheard.for_each(|(_, sent)| sent.destination_unknown = true);
+            whom_by_reception.extend(all.iter().any(|sent| sent.destination_unknown).then_some(sender));
         }
         // A kind that only heard messages have would say that it is always heard.
         let lacks_kind = |sent: &Transmission| sent.kind.is_none() && sent.proof != Proof::Nothing;
@@ -220,6 +231,7 @@ fn prove(fleet: &Fleet, sent: &mut [Vec<Transmission>], matches: &BTreeMap<(usiz
             all.iter_mut().for_each(|sent| sent.kind = None);
         }
     }
+    whom_by_reception
 }
 
 /// Those of whom turns are left that nobody can vouch for.
@@ -282,7 +294,13 @@ fn log_of(mut events: Vec<Event>) -> EventLog {
             (transmitter.depth_m, receiver.depth_m) = (None, None);
         }
     }
-    EventLog { events, true_probability: None, has_depths, unknown_columns: Vec::new() }
+    EventLog {
+        events,
+        true_probability: None,
+        has_depths,
+        unknown_columns: Vec::new(),
+        reference: ReferenceSystem::Unknown,
+    }
 }
 
 /// When a transmission began, and where both were then: by the right clock, if one is; as recorded, if none is.

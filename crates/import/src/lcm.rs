@@ -2,9 +2,10 @@
 
 use std::io::{self, Read};
 
-use crate::bag::{Bag, Spoken};
+use crate::bag::Bag;
 use crate::ids::Ids;
 use crate::lcm_types::{LcmTypes, Leaf};
+use crate::spoken::Spoken;
 use crate::told::Told;
 
 /// What every event begins with.
@@ -64,7 +65,7 @@ fn event(reader: &mut impl Read, message: &mut Vec<u8>) -> io::Result<Event> {
     if head.is_empty() {
         return Ok(Event::End);
     }
-    if !head.starts_with(MAGIC) {
+    if !head.starts_with(MAGIC) && !MAGIC.starts_with(&head) {
         return Err(io::Error::other("an event does not begin with 0xEDA1DA01"));
     }
     let Ok(head) = <[u8; 28]>::try_from(head) else { return Ok(Event::CutOff) };
@@ -87,17 +88,14 @@ fn event(reader: &mut impl Read, message: &mut Vec<u8>) -> io::Result<Event> {
 /// Takes in what a message says by the names of its members.
 fn take(bag: &mut Bag, (time_s, channel): (f64, &str), types: &LcmTypes, (name, bytes): (&str, &[u8])) -> Option<()> {
     let mut spoken = Spoken::default();
-    let mut texts = Vec::new();
     types.decode(name, bytes, &mut |member, leaf| match leaf {
+        Leaf::Flag(flag) => spoken.flag(member, flag),
         Leaf::Number(number) => spoken.number(member, number),
-        Leaf::Text(text) => {
-            spoken.text(member, text);
-            texts.push(text.to_owned());
-        }
-        Leaf::Bytes(bytes) => texts.push(String::from_utf8_lossy(bytes).into_owned()),
+        Leaf::Text(text) => spoken.text(member, text),
+        Leaf::Bytes(bytes) => spoken.texts.push(String::from_utf8_lossy(bytes).into_owned()),
     })?;
     bag.take_spoken(time_s, channel, &spoken);
-    for text in texts.iter().filter(|text| text.contains('$')) {
+    for text in spoken.texts.iter().filter(|text| text.trim_start().starts_with('{')) {
         bag.spoken(time_s, channel, text);
     }
     Some(())

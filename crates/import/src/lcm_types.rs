@@ -36,13 +36,15 @@ enum Kind {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Dimension {
-    Fixed(usize),
+    /// A number, and how it is written.
+    Fixed(usize, String),
     Member(String),
 }
 
 /// What stands in a member that holds no others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Leaf<'a> {
+    Flag(bool),
     Number(f64),
     Text(&'a str),
     Bytes(&'a [u8]),
@@ -58,6 +60,14 @@ const NUMBERS: [(&str, usize); 8] = [
     ("float", 4),
     ("double", 8),
 ];
+
+/// A size as C writes it.
+fn size_of(text: &str) -> Option<usize> {
+    match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
+        Some(digits) => usize::from_str_radix(digits, 16).ok(),
+        None => text.parse().ok(),
+    }
+}
 
 fn is_name(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
@@ -193,9 +203,9 @@ impl Struct {
                     Some("[") => {
                         let size = words.next().ok_or("an array without a size")?;
                         let value = constants.get(size).copied().unwrap_or(size);
-                        dimensions.push(match value.parse() {
-                            Ok(size) => Dimension::Fixed(size),
-                            Err(_) => Dimension::Member(value.to_owned()),
+                        dimensions.push(match size_of(value) {
+                            Some(size) => Dimension::Fixed(size, value.to_owned()),
+                            None => Dimension::Member(value.to_owned()),
                         });
                         expect(words.next(), "]", size)?;
                     }
@@ -225,9 +235,9 @@ impl Struct {
             found.byte(dimensions.len() as u8);
             for dimension in dimensions {
                 match dimension {
-                    Dimension::Fixed(size) => {
+                    Dimension::Fixed(_, text) => {
                         found.byte(0);
-                        found.text(&size.to_string());
+                        found.text(text);
                     }
                     Dimension::Member(name) => {
                         found.byte(1);
@@ -276,12 +286,12 @@ impl<'b> Message<'_, 'b> {
             let mut count: usize = 1;
             for dimension in &member.dimensions {
                 let size = match dimension {
-                    Dimension::Fixed(size) => *size,
+                    Dimension::Fixed(size, _) => *size,
                     Dimension::Member(name) => *sizes.get(name.as_str())?,
                 };
                 count = count.checked_mul(size)?;
             }
-            if let (Kind::Number("byte", 1), false) = (&member.kind, member.dimensions.is_empty()) {
+            if let (Kind::Number("byte" | "int8_t", 1), false) = (&member.kind, member.dimensions.is_empty()) {
                 let bytes = self.take(count)?;
                 (self.give)(&member.name, Leaf::Bytes(bytes));
                 continue;
@@ -304,7 +314,8 @@ impl<'b> Message<'_, 'b> {
                         sizes.extend(
                             (number >= 0.0 && number.fract() == 0.0).then_some((member.name.as_str(), number as usize)),
                         );
-                        (self.give)(&member.name, Leaf::Number(number));
+                        let leaf = if *kind == "boolean" { Leaf::Flag(number != 0.0) } else { Leaf::Number(number) };
+                        (self.give)(&member.name, leaf);
                     }
                 }
             }

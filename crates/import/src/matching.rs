@@ -21,16 +21,18 @@ pub(crate) fn matches(
     let mut expected: Vec<(f64, usize)> =
         sent.iter().zip(0..).map(|(sent, place)| (clocks.expected_s(fleet, (sender, sent), receiver), place)).collect();
     expected.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut best: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
+    // What was decoded goes before what broke, however near that was: a first path may break and a later one not.
+    let mut best: BTreeMap<usize, (bool, f64, usize)> = BTreeMap::new();
     for (message, at) in messages.iter().enumerate() {
         let near = nearest(&expected, at.time_s).filter(|near| near.0 <= fleet.rules.match_s);
         let Some((off_s, place)) = near else { continue };
-        let known = best.entry(place).or_insert((off_s, message));
-        if off_s < known.0 {
-            *known = (off_s, message);
+        let found = (!at.is_any_decoded(), off_s, message);
+        let known = best.entry(place).or_insert(found);
+        if (found.0, found.1) < (known.0, known.1) {
+            *known = found;
         }
     }
-    best.into_iter().map(|(place, (_, message))| (place, message)).collect()
+    best.into_iter().map(|(place, (_, _, message))| (place, message)).collect()
 }
 
 /// Of places by time, in the order of time, the one nearest to a time, and how far off it is.

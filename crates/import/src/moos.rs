@@ -38,7 +38,7 @@ pub(crate) fn datum_of_mission(head: &str) -> Option<Geographic> {
         };
         head.lines().find_map(of_key)
     };
-    crate::reference::geographic(value("LatOrigin")?, value("LongOrigin")?)
+    Geographic::new(value("LatOrigin")?, value("LongOrigin")?)
 }
 
 /// Reads a log whose modem's variables begin with a prefix. Rows that are none are counted and left out. O(rows), one at a time; holds a

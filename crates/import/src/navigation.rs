@@ -3,7 +3,7 @@
 use pingmap_agent::{Geographic, bounds};
 
 use crate::recording::Fix;
-use crate::reference::{Place, Reference, geographic};
+use crate::reference::{Place, Reference};
 
 /// Coordinates of one position are written no farther apart than this, in seconds.
 const TOGETHER_S: f64 = 0.5;
@@ -70,8 +70,9 @@ impl Navigation {
 
     /// Takes in a position; false where it is none.
     pub(crate) fn place_degrees(&mut self, time_s: f64, place: (f64, f64), depth_m: Option<f64>) -> bool {
-        let Some(place) = geographic(place.0, place.1) else { return false };
-        self.fix(time_s, Place::Degrees(place), depth_m);
+        let Some(place) = Geographic::new(place.0, place.1) else { return false };
+        let is_bounded = |value: &f64| bounds::COORDINATE_M.check(*value).is_some();
+        self.fix(time_s, Place::Degrees(place), depth_m.filter(is_bounded));
         true
     }
 
@@ -118,7 +119,7 @@ impl Navigation {
             let (x_m, y_m) = Reference::about(datum).ok()?.metres(Place::Degrees(place))?;
             // A degree of latitude, near enough: what is left over shrinks with every round.
             let metres_a_degree = 111_200.0;
-            datum = geographic(
+            datum = Geographic::new(
                 datum.latitude_deg + (y_m - north_m) / metres_a_degree,
                 datum.longitude_deg
                     + (x_m - east_m) / (metres_a_degree * datum.latitude_deg.to_radians().cos().max(0.01)),
@@ -139,7 +140,7 @@ mod tests {
 
     #[test]
     fn positions_are_put_together_and_tell_the_datum() {
-        let origin = geographic(43.8253, -70.3304).unwrap();
+        let origin = Geographic::new(43.8253, -70.3304).unwrap();
         let reference = Reference::about(origin).unwrap();
         let mut navigation = Navigation::default();
         for n in 0..100 {

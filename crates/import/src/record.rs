@@ -1,6 +1,6 @@
 //! Files of known kinds, recognised by what is in them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufReader, Read};
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use pingmap_trial::{FileError, Problem};
 
 use crate::error::ImportError;
 use crate::lcm_types::LcmTypes;
-use crate::recording::{Recording, Recordings};
+use crate::recording::{Arrival, Recording, Recordings};
 use crate::tables::Reading;
 use crate::told::{Skipped, Told};
 use crate::{capture, lcm, mcap_file, moos, sqlite};
@@ -137,7 +137,11 @@ impl Reading {
             RecordKind::LcmTypes => return Ok(Some(Taken { kind, datum: None, skipped: Skipped::default() })),
             RecordKind::Lcm => lcm::read(text, &self.lcm_types, &self.ids, topics).map_err(fail)?,
             RecordKind::Mcap => mcap_file::read(text, &self.ids, topics).map_err(fail)?,
-            RecordKind::Sqlite => sqlite::read(path, &self.ids, topics).map_err(fail)?,
+            // Other things are kept in databases, too.
+            RecordKind::Sqlite => match sqlite::read(path, &self.ids, topics).map_err(fail)? {
+                Some(told) => told,
+                None => return Ok(None),
+            },
         };
         let Told { recording, name, datum, skipped } = told;
         let taken = Taken { kind, datum, skipped };
@@ -156,11 +160,12 @@ impl Reading {
     }
 }
 
-/// Puts vehicles in the place of modem ids that they said are theirs.
+/// Puts vehicles in the place of modem ids that they said are theirs, and takes what members of messages say for receptions where they
+/// name somebody of whom something was recorded: many things have a source. How many name others, by their names, is returned.
 ///
 /// # Errors
 /// [`ImportError::Together`] where two say the same.
-pub fn resolve(recordings: &mut Recordings) -> Result<(), ImportError> {
+pub fn resolve(recordings: &mut Recordings) -> Result<BTreeMap<VehicleId, usize>, ImportError> {
     let mut owners: BTreeMap<VehicleId, VehicleId> = BTreeMap::new();
     for (name, recording) in &*recordings {
         for id in &recording.modem_ids {
@@ -177,7 +182,8 @@ pub fn resolve(recordings: &mut Recordings) -> Result<(), ImportError> {
         }
     };
     for recording in recordings.values_mut() {
-        for arrival in recording.arrivals.iter_mut().flatten() {
+        let arrivals = recording.arrivals.iter_mut().flatten();
+        for arrival in arrivals.chain(recording.said.iter_mut().flatten()) {
             put(&mut arrival.source);
             arrival.destination.as_mut().map(put);
         }
@@ -185,5 +191,19 @@ pub fn resolve(recordings: &mut Recordings) -> Result<(), ImportError> {
             sent.destination.as_mut().map(put);
         }
     }
-    Ok(())
+    let names: BTreeSet<VehicleId> = recordings.keys().cloned().collect();
+    let mut strangers = BTreeMap::new();
+    for recording in recordings.values_mut() {
+        for said in std::mem::take(&mut recording.said) {
+            let (known, others): (Vec<Arrival>, Vec<Arrival>) =
+                said.into_iter().partition(|arrival| names.contains(&arrival.source));
+            others.into_iter().for_each(|arrival| *strangers.entry(arrival.source).or_default() += 1);
+            let record = recording.signs.len();
+            known.iter().for_each(|arrival| recording.sign(record, arrival.time_s));
+            if !known.is_empty() {
+                recording.arrivals.get_or_insert_default().extend(known);
+            }
+        }
+    }
+    Ok(strangers)
 }

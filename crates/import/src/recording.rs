@@ -20,6 +20,9 @@ pub struct Recording {
     pub sent: Option<Vec<Sent>>,
     /// What reached it; `None` where there is no record of that: such a vehicle is no receiver.
     pub arrivals: Option<Vec<Arrival>>,
+    /// What members of messages say that reached it, of each record: [`crate::resolve`] takes it for such where somebody recorded is
+    /// its source.
+    pub said: Vec<Vec<Arrival>>,
     /// From the first to the last sign of its modem, of each record.
     pub signs: Vec<(f64, f64)>,
     /// What its modem is called by others, by its own word.
@@ -102,7 +105,7 @@ pub enum Unknown {
 impl Recording {
     /// Takes in another record of the same vehicle.
     pub(crate) fn append(&mut self, other: Recording) {
-        let Recording { fixes, fixed, sent, arrivals, signs, modem_ids, listening, deaf } = other;
+        let Recording { fixes, fixed, sent, arrivals, said, signs, modem_ids, listening, deaf } = other;
         self.fixes.extend(fixes);
         self.fixed = fixed.or(self.fixed);
         if let Some(sent) = sent {
@@ -111,6 +114,7 @@ impl Recording {
         if let Some(arrivals) = arrivals {
             self.arrivals.get_or_insert_default().extend(arrivals);
         }
+        self.said.extend(said);
         self.signs.extend(signs);
         self.modem_ids.extend(modem_ids);
         self.listening.extend(listening);

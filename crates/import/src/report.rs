@@ -30,6 +30,8 @@ pub struct Imported {
     pub left_out: LeftOut,
     /// Senders of which only what somebody received is known, with commas: what all missed is not in the log.
     pub by_reception_alone: String,
+    /// Senders of which only receivers know to whom they sent, with commas: what nobody heard of them is left out.
+    pub whom_by_reception: String,
     /// Senders with turns of which nobody knows whether they were used, with commas.
     pub unused_turns: String,
 }

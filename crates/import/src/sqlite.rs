@@ -12,18 +12,21 @@ use crate::told::Told;
 /// The first bytes of every SQLite database.
 pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
 
-/// Reads a bag, message by message in the order in which they were recorded; never writes to it.
+/// Reads a bag, message by message in the order in which they were recorded; never writes to it. `None` for a database that is none.
 ///
 /// # Errors
 /// What is wrong with the file, and what was expected.
-pub(crate) fn read(path: &Path, ids: &Ids, prefix: &str) -> Result<Told, String> {
-    messages(path, Bag::new(ids, prefix))
-        .map_err(|error| format!("not a bag of ROS 2: {error}; expected its tables"))?
-        .finish()
+pub(crate) fn read(path: &Path, ids: &Ids, prefix: &str) -> Result<Option<Told>, String> {
+    let bad = |error: rusqlite::Error| format!("not a bag of ROS 2: {error}; expected its tables");
+    let database = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY).map_err(bad)?;
+    let has = |table: &str| database.table_exists(None, table).map_err(bad);
+    if !has("topics")? || !has("messages")? {
+        return Ok(None);
+    }
+    messages(&database, Bag::new(ids, prefix)).map_err(bad)?.finish().map(Some)
 }
 
-fn messages<'a>(path: &Path, mut bag: Bag<'a>) -> rusqlite::Result<Bag<'a>> {
-    let database = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
+fn messages<'a>(database: &Connection, mut bag: Bag<'a>) -> rusqlite::Result<Bag<'a>> {
     let mut topics = BTreeMap::new();
     let mut statement = database.prepare("SELECT id, name, type, serialization_format FROM topics")?;
     let mut rows = statement.query([])?;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
-use pingmap_agent::{VehicleId, bounds};
+use pingmap_agent::{Geographic, VehicleId, bounds};
 
 use crate::columns::{Columns, Named, TableKind};
 use crate::error::ImportError;
@@ -12,7 +12,7 @@ use crate::ids::Ids;
 use crate::lcm_types::LcmTypes;
 use crate::moos::PREFIX;
 use crate::recording::{Arrival, Fix, Recording, Recordings, Sent};
-use crate::reference::{Place, geographic};
+use crate::reference::Place;
 use crate::told::Skipped;
 
 /// How tables are read.
@@ -53,6 +53,7 @@ impl Reading {
         into: &mut Recordings,
     ) -> Result<Skipped, ImportError> {
         let mut named = Named::new(reader, path, kind, &self.columns)?;
+        named.require(kind, &["time"])?;
         if vehicle.is_none() {
             named.require(kind, &["vehicle"])?;
         }
@@ -84,10 +85,7 @@ impl Reading {
 
     fn require(&self, kind: TableKind, named: &Named) -> Result<(), ImportError> {
         match kind {
-            TableKind::Navigation if named.has("latitude") || named.has("longitude") => {
-                named.require(kind, &["latitude", "longitude"])
-            }
-            TableKind::Navigation => named.require(kind, &["easting", "northing"]),
+            TableKind::Navigation => require_places(named),
             TableKind::Heard => named.require(kind, &["source"]),
             TableKind::Sent => Ok(()),
         }
@@ -148,14 +146,29 @@ fn begin(kind: TableKind, recording: &mut Recording) {
 
 fn take_fix(named: &Named, recording: &mut Recording, skipped: &mut Skipped) -> Result<(), ImportError> {
     let time_s = named.time_s()?;
-    let in_degrees = named.has("latitude");
-    let (first, second) = if in_degrees { ("latitude", "longitude") } else { ("easting", "northing") };
-    let (Some(a), Some(b)) = (named.number(first)?, named.number(second)?) else {
+    let Some((place, depth_m)) = place(named)? else {
         skipped.unplaced += 1;
         return Ok(());
     };
+    let clock_set = named.flag("clock_set")?.unwrap_or(false);
+    recording.fixes.push(Fix { time_s, place, depth_m, clock_set });
+    Ok(())
+}
+
+/// Checks that there are columns of places: in degrees, or else in metres.
+pub(crate) fn require_places(named: &Named) -> Result<(), ImportError> {
+    let in_degrees = named.has("latitude") || named.has("longitude");
+    named.require(TableKind::Navigation, if in_degrees { &["latitude", "longitude"] } else { &["easting", "northing"] })
+}
+
+/// The place of a line, and how deep it is; nothing where both numbers are not there.
+pub(crate) fn place(named: &Named) -> Result<Option<(Place, Option<f64>)>, ImportError> {
+    let in_degrees = named.has("latitude");
+    let (first, second) = if in_degrees { ("latitude", "longitude") } else { ("easting", "northing") };
+    let (Some(a), Some(b)) = (named.number(first)?, named.number(second)?) else { return Ok(None) };
     let place = if in_degrees {
-        let place = geographic(a, b).ok_or_else(|| named.bad(first, "degrees: latitudes to 90, longitudes to 180"))?;
+        let place =
+            Geographic::new(a, b).ok_or_else(|| named.bad(first, "degrees: latitudes to 90, longitudes to 180"))?;
         Place::Degrees(place)
     } else {
         Place::Metres(a, b)
@@ -164,7 +177,5 @@ fn take_fix(named: &Named, recording: &mut Recording, skipped: &mut Skipped) -> 
     if depth_m.is_some_and(|depth_m| bounds::COORDINATE_M.check(depth_m).is_none()) {
         return Err(named.bad("depth", bounds::COORDINATE_M.words).into());
     }
-    let clock_set = named.flag("clock_set")?.unwrap_or(false);
-    recording.fixes.push(Fix { time_s, place, depth_m, clock_set });
-    Ok(())
+    Ok(Some((place, depth_m)))
 }

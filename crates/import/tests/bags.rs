@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use pingmap_agent::VehicleId;
-use pingmap_import::{ImportError, Place, Reading, RecordKind, Recording, Recordings, Source, Taken};
+use pingmap_import::{ImportError, Place, Reading, RecordKind, Recording, Recordings, Source, Taken, resolve};
 use proptest::prelude::*;
 
 const START_S: f64 = 1_777_809_600.0;
@@ -28,8 +28,11 @@ fn damaged(bytes: &[u8], changes: &[(prop::sample::Index, u8)], end: prop::sampl
 /// What stands in topics of a file that begin so.
 fn read(bytes: &[u8], path: &Path, topics: &str) -> Result<(Recording, Taken), ImportError> {
     let (mut recordings, vehicle) = (Recordings::new(), VehicleId::new("auv1"));
+    // Somebody of whom something else was recorded.
+    recordings.insert(VehicleId::new("2"), Recording::default());
     let source = Source { topics, ..Source::new(path, Some(&vehicle)) };
     let taken = Reading::default().take_record(bytes, &source, &mut recordings)?.unwrap();
+    resolve(&mut recordings)?;
     Ok((recordings.remove(&vehicle).unwrap_or_default(), taken))
 }
 
@@ -61,8 +64,9 @@ fn an_mcap_file_of_its_own_package_is_read() {
     // Topics by how they begin.
     let (recording, _) = read_file("ros2.mcap", "/auv1/modem");
     assert!(recording.fixes.is_empty() && recording.arrivals.is_some());
-    let (recording, _) = read_file("ros2.mcap", "/auv2");
-    assert_eq!(recording, Recording::default());
+    let (path, nowhere) = (path("ros2.mcap"), "/auv2");
+    let error = read(&std::fs::read(&path).unwrap(), &path, nowhere).unwrap_err().to_string();
+    assert!(error.contains("no topic") && error.contains(nowhere), "{error}");
 }
 
 #[test]
@@ -128,7 +132,14 @@ fn what_was_cut_off_is_read_to_its_end_and_what_is_no_bag_is_refused() {
     garbled[900..1400].fill(0xa5);
     let error = read(&garbled, Path::new("garbled.mcap"), "").unwrap_err().to_string();
     assert!(error.contains("garbled.mcap") && error.contains("MCAP"), "{error}");
-    // A database that is no bag; and one that is not there any more.
+    // A database of something else is left alone, and what is damaged is refused; so is one that is not there any more.
+    let other = tempfile::tempdir().unwrap();
+    let notes = other.path().join("notes.db3");
+    rusqlite::Connection::open(&notes).unwrap().execute_batch("CREATE TABLE notes (text TEXT)").unwrap();
+    let bytes = std::fs::read(&notes).unwrap();
+    let source = Source::new(&notes, None);
+    let taken = Reading::default().take_record(bytes.as_slice(), &source, &mut Recordings::new()).unwrap();
+    assert!(taken.is_none(), "{taken:?}");
     let folder = std::env::temp_dir();
     let head = [b"SQLite format 3\0".as_slice(), &[0; 100]].concat();
     let gone = folder.join("pingmap-no-such.db3");

@@ -64,9 +64,17 @@ fn to_whom_and_of_what_kind_is_not_asked_of_the_outcome() {
     let both = heard(",to", mostly, to);
     let found = imported(&sent("", none), [&both, &both], &Rules::default());
     // All that somebody heard is known for whom it was, and was heard by both; what nobody heard is not known to be for either.
+    // That leaves those that were heard, and is said.
     assert_eq!((pair(&found, "b"), pair(&found, "c")), ((34, 0, 33), (33, 0, 33)));
+    assert_eq!(found.whom_by_reception, "a");
     let overheard = imported(&sent("", none), [&both, &both], &Rules { overhear: true, ..Rules::default() });
     assert_eq!(pair(&overheard, "b"), (67, 33, 0));
+    // What the sender says goes before what receivers say, or messages that are heard would be to others than those that are missed.
+    let either = |n: u32| if n.is_multiple_of(2) { ",b".to_owned() } else { ",".to_owned() };
+    let said = heard(",to", mostly, |_| ",b".to_owned());
+    let found = imported(&sent(",to", either), [&said, &heard("", mostly, none)], &Rules::default());
+    assert_eq!((pair(&found, "b"), pair(&found, "c")), ((67, 33, 0), (33, 17, 0)));
+    assert_eq!(found.whom_by_reception, "");
     // A kind that only receivers know is that of heard ones: it is none.
     let kinds = heard(",kind", mostly, |_| ",short".into());
     let found = imported(&sent("", none), [&kinds, &kinds], &Rules::default());

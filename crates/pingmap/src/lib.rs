@@ -18,24 +18,33 @@ mod files;
 mod outputs;
 mod contour;
 mod figure;
+mod names;
 mod values;
 mod log;
+mod reference;
 mod options;
 mod model;
 mod team;
 mod tracks;
 mod survey;
+mod area;
 mod success_map;
+mod route;
+mod silence;
+mod standoff;
+mod map_figure;
+mod page;
+mod exports;
 mod commands;
 
 use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 
 use crate::commands::Command;
-use crate::output::BadInput;
+use crate::output::{BadInput, Out};
 
 /// Learn, while under way, the probability that a message from here reaches there.
 ///
@@ -45,8 +54,37 @@ use crate::output::BadInput;
 #[derive(Parser)]
 #[command(name = "pingmap", version)]
 struct Arguments {
+    /// Say nothing but results, warnings and errors
+    #[arg(long, short, global = true)]
+    quiet: bool,
     #[command(subcommand)]
     command: Command,
+}
+
+/// Where results go, and the command line that they answer.
+struct Answers<'a> {
+    out: &'a mut (dyn Write + Send),
+    command: Vec<String>,
+}
+
+impl Write for Answers<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.out.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.out.flush()
+    }
+}
+
+impl Out for Answers<'_> {
+    fn command(&self) -> &[String] {
+        &self.command
+    }
+
+    fn definition(&self) -> clap::Command {
+        Arguments::command()
+    }
 }
 
 /// Why a command did not succeed.
@@ -69,7 +107,7 @@ impl std::error::Error for Failure {}
 /// The program: arguments from the command line, results to standard output.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    match execute(&arguments.command, &mut std::io::stdout()) {
+    match execute(&arguments, words(std::env::args_os()), &mut std::io::stdout()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("pingmap: {failure}");
@@ -86,13 +124,22 @@ pub fn run(
     arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
     results: &mut (dyn Write + Send),
 ) -> Result<(), Failure> {
-    let arguments = Arguments::try_parse_from(arguments)
+    let given: Vec<OsString> = arguments.into_iter().map(Into::into).collect();
+    let arguments = Arguments::try_parse_from(&given)
         .map_err(|error| Failure { status: error.exit_code().try_into().unwrap_or(2), message: error.to_string() })?;
-    execute(&arguments.command, results)
+    execute(&arguments, words(given), results)
 }
 
-fn execute(command: &Command, results: &mut (dyn Write + Send)) -> Result<(), Failure> {
-    match output::with_threads(command.threads(), || command.run(results)) {
+/// The command line as text, behind the program's name.
+fn words(arguments: impl IntoIterator<Item = OsString>) -> Vec<String> {
+    arguments.into_iter().skip(1).map(|word| word.to_string_lossy().into_owned()).collect()
+}
+
+fn execute(arguments: &Arguments, words: Vec<String>, out: &mut (dyn Write + Send)) -> Result<(), Failure> {
+    let command = &arguments.command;
+    output::be_quiet(arguments.quiet);
+    let mut answers = Answers { out, command: words };
+    match output::with_threads(command.threads(), || command.run(&mut answers)) {
         Ok(()) => Ok(()),
         // A reader that has seen enough, such as `head`, is not a failure.
         Err(error) if output::is_broken_pipe(&error) => Ok(()),

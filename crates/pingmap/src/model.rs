@@ -4,11 +4,32 @@ use std::path::Path;
 
 use dgpc::{Calibration, Correlation, PriorMean, Stop, Term};
 use pingmap_agent::{Chart, InputSpec, LearnedModel, Limits, Link, Model, ModelFile};
-use pingmap_trial::{EventLog, learn_best};
+use pingmap_trial::{Agreed, EventLog, learn_best};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::options::ModelSource;
 use crate::output::{BadInput, count, read_text, spinner, warn};
+
+/// What a result was made of, for programs.
+#[derive(Serialize, JsonSchema)]
+pub struct MadeOf {
+    pub log_digest: String,
+    /// Of the model that all was read with, if there is one.
+    pub model_digest: Option<String>,
+}
+
+impl MadeOf {
+    /// A log, and what a team agreed on beforehand.
+    pub fn given(log: &EventLog, agreed: &Agreed) -> Self {
+        let model = match agreed {
+            Agreed::Nothing => None,
+            Agreed::Model(model) => Some(model),
+            Agreed::Team(team) => Some(&team.model),
+        };
+        Self { log_digest: log.digest(), model_digest: model.map(Model::digest) }
+    }
+}
 
 /// What links are read with, and how it was learned if it was.
 pub struct Known {
@@ -108,6 +129,13 @@ pub fn log_digests(file: &ModelFile) -> impl Iterator<Item = &str> {
 /// A model from a file, if it is for a chart such as this log's.
 pub fn fitting(model: Model, path: &Path, log: &EventLog) -> anyhow::Result<Model> {
     let bad = |message: &dyn std::fmt::Display| BadInput(format!("{}: {message}", path.display()));
+    let (of_model, of_log) = (model.chart.reference, log.reference);
+    if of_model.is_known() && of_log.is_known() && of_model != of_log {
+        let message = format!(
+            "the model's metres are those of {of_model}, the log's those of {of_log}; expected one system for both (pingmap import --origin, --crs)"
+        );
+        return Err(bad(&message).into());
+    }
     let Chart { origin, scale_m, .. } = model.chart;
     let distance_m = Link { transmitter: origin, receiver: log.chart().origin }.range_m();
     // Origins are rounded to 100 m.
@@ -119,6 +147,12 @@ pub fn fitting(model: Model, path: &Path, log: &EventLog) -> anyhow::Result<Mode
             origin.north_m,
             distance_m / 1000.0
         );
+        return Err(bad(&message).into());
+    }
+    let (known, of_log) = (model.chart.reference, log.reference);
+    if known.is_known() && of_log.is_known() && known != of_log {
+        let message =
+            format!("the model's metres are those of {known}, but the log's are those of {of_log}; expected the same");
         return Err(bad(&message).into());
     }
     match (model.inputs, log.inputs()) {
@@ -145,7 +179,7 @@ pub fn stop_words(stop: &Stop) -> String {
 }
 
 /// A kernel for programs: the path term's shape, typical length-scale and variance, and all terms.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct KernelJson {
     pub shape: Option<String>,
     pub reciprocal: Option<bool>,
@@ -157,8 +191,8 @@ pub struct KernelJson {
     pub inputs: Option<&'static str>,
 }
 
-#[derive(Debug, Serialize)]
-struct TermJson {
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct TermJson {
     variance: f64,
     reciprocal: bool,
     #[serde(flatten)]
@@ -168,8 +202,8 @@ struct TermJson {
     times: Vec<CorrelationJson>,
 }
 
-#[derive(Debug, Serialize)]
-struct CorrelationJson {
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct CorrelationJson {
     shape: String,
     columns: Vec<String>,
     /// One for each column that is a place; labels have none.
@@ -211,7 +245,7 @@ impl KernelJson {
 }
 
 /// A prior mean and its numbers, for programs.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum PriorMeanJson {
     Zero,

@@ -12,7 +12,9 @@ use pingmap_agent::{
 use pingmap_trial::EventLog;
 
 use crate::log::Logs;
+use crate::names::*;
 use crate::output::BadInput;
+use crate::reference::ReferenceOptions;
 use crate::values::*;
 
 /// What a map is learned from, and how.
@@ -23,6 +25,8 @@ pub struct Source {
     /// Learn from this vehicle's events only
     #[arg(long)]
     pub vehicle: Option<String>,
+    #[command(flatten)]
+    pub reference: ReferenceOptions,
     #[command(flatten)]
     pub model: ModelSource,
     #[command(flatten)]
@@ -41,6 +45,7 @@ pub struct ModelSource {
 
 /// Kernel and prior mean, as far as they are given. What is not given is learned.
 #[derive(Args)]
+#[command(next_help_heading = "Model, where no file is given")]
 #[group(id = "Kernel", multiple = true)]
 pub struct Kernel {
     /// How covariance falls with distance
@@ -122,6 +127,7 @@ impl Kernel {
 
 /// Bounds on work, and the seed.
 #[derive(Args)]
+#[command(next_help_heading = "Work")]
 pub struct Work {
     /// Seed of everything random
     #[arg(long, default_value_t = 1)]
@@ -150,6 +156,7 @@ impl Work {
 
 /// Who and when is asked about, where the model tells vehicles or times apart.
 #[derive(Args)]
+#[command(next_help_heading = "Who and when")]
 pub struct Asked {
     /// Who transmits: a vehicle of the log, a typical one, or a new one that may be any
     #[arg(long, value_name = "NAME|typical|new", default_value = TYPICAL)]

@@ -3,6 +3,7 @@
 use std::fmt::Display;
 use std::io::Write;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Context;
@@ -46,8 +47,17 @@ pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| cause.downcast_ref().is_some_and(broken))
 }
 
+/// Where results go, which knows what was asked.
+pub trait Out: Write + Send {
+    /// The command line.
+    fn command(&self) -> &[String];
+
+    /// All commands and options.
+    fn definition(&self) -> clap::Command;
+}
+
 /// Where results go.
-pub type Results<'a> = &'a mut (dyn Write + Send);
+pub type Results<'a> = &'a mut dyn Out;
 
 /// Prints a result.
 pub fn print(out: Results, text: &str) -> anyhow::Result<()> {
@@ -55,14 +65,39 @@ pub fn print(out: Results, text: &str) -> anyhow::Result<()> {
     Ok(out.flush()?)
 }
 
-/// Prints one JSON object, its keys in alphabetical order.
+/// Prints one JSON object, its keys in alphabetical order, with the version and the command line that it was made with.
 pub fn print_json(out: Results, value: &impl Serialize) -> anyhow::Result<()> {
-    print(out, &serde_json::to_string_pretty(&serde_json::to_value(value)?)?)
+    let text = json_text(out, value)?;
+    print(out, &text)
+}
+
+/// The same as text.
+pub fn json_text(out: &dyn Out, value: &impl Serialize) -> anyhow::Result<String> {
+    let mut value = serde_json::to_value(value)?;
+    if let Some(object) = value.as_object_mut() {
+        object.insert("version".into(), env!("CARGO_PKG_VERSION").into());
+        object.insert("command".into(), out.command().into());
+    }
+    Ok(serde_json::to_string_pretty(&value)?)
+}
+
+/// Whether nothing but results, warnings and errors is said.
+static IS_QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Says nothing from now on but results, warnings and errors.
+pub fn be_quiet(quiet: bool) {
+    IS_QUIET.store(quiet, Ordering::Relaxed);
+}
+
+fn is_quiet() -> bool {
+    IS_QUIET.load(Ordering::Relaxed)
 }
 
 /// Says something that is not a result.
 pub fn note(text: impl Display) {
-    eprintln!("{text}");
+    if !is_quiet() {
+        eprintln!("{text}");
+    }
 }
 
 /// Says that something is odd but not wrong.
@@ -96,7 +131,7 @@ pub fn table_of(header: &[impl ToString], rows: &[Vec<String>]) -> String {
 
 /// A progress bar on standard error, shown only to people.
 pub fn progress(steps: u64, what: &'static str) -> ProgressBar {
-    let bar = ProgressBar::new(steps).with_message(what);
+    let bar = if is_quiet() { ProgressBar::hidden() } else { ProgressBar::new(steps).with_message(what) };
     if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len} {elapsed} (left: {eta})") {
         bar.set_style(style.progress_chars("=> "));
     }
@@ -115,7 +150,7 @@ pub fn progress_of_bytes(bytes: u64, what: &'static str) -> ProgressBar {
 
 /// The same for work of unknown length.
 pub fn spinner(what: &'static str) -> ProgressBar {
-    let bar = ProgressBar::new_spinner().with_message(what);
+    let bar = if is_quiet() { ProgressBar::hidden() } else { ProgressBar::new_spinner().with_message(what) };
     bar.enable_steady_tick(Duration::from_millis(200));
     bar
 }
@@ -128,10 +163,15 @@ pub fn with_threads(threads: usize, run: impl FnOnce() -> anyhow::Result<()> + S
 
 /// CSV with numbers in the shortest form that reads back the same.
 pub fn csv_text(header: &[&str], rows: &[Vec<f64>]) -> anyhow::Result<String> {
+    csv_of_text(header, rows.iter().map(|row| row.iter().map(ToString::to_string).collect::<Vec<_>>()))
+}
+
+/// CSV of fields as they are.
+pub fn csv_of_text(header: &[impl AsRef<[u8]>], rows: impl IntoIterator<Item = Vec<String>>) -> anyhow::Result<String> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(header)?;
     for row in rows {
-        writer.write_record(row.iter().map(ToString::to_string))?;
+        writer.write_record(row)?;
     }
     Ok(String::from_utf8(writer.into_inner().map_err(|error| error.into_error())?)?)
 }

@@ -20,15 +20,28 @@ const LOOKED_AT_BYTES: u64 = 1 << 20;
 pub struct Kind(fn(&str) -> bool);
 
 impl Kind {
-    pub const EVENT_LOG: Kind = Kind(|text| text.starts_with("time_s,tx_id,rx_id,tx_easting_m,"));
+    pub const EVENT_LOG: Kind = Kind(is_event_log);
     pub const SPLITS: Kind = Kind(is_splits);
-    pub const PREDICTIONS: Kind =
-        Kind(|text| text.starts_with("tx_easting_m,") && text.contains("mean,variance,probability"));
+    pub const PREDICTIONS: Kind = Kind(|text| {
+        let header = text.lines().next().unwrap_or_default();
+        header.contains("probability,lower,upper,log_odds_mean") || header.contains("mean,variance,probability")
+    });
     pub const PREDICTIONS_JSON: Kind = Kind(|text| text.starts_with('{') && text.contains("\"predictions\""));
-    pub const GRID: Kind = Kind(|text| text.starts_with("easting_m,northing_m,probability"));
+    pub const GRID: Kind = Kind(|text| {
+        text.starts_with("easting_m,northing_m,")
+            && text.lines().next().is_some_and(|header| header.contains("probability"))
+    });
+    pub const PLAN: Kind = Kind(|text| {
+        let header = text.lines().next().unwrap_or_default();
+        ["bearing_deg,range_m,", "leg,time_s,", "name,easting_m,northing_m,share,"]
+            .iter()
+            .any(|columns| header.starts_with(columns))
+    });
     pub const PNG: Kind = Kind(|text| text.contains("PNG") && text.contains("kuva"));
     pub const SVG: Kind = Kind(|text| text.starts_with("<svg") && text.contains("kuva"));
     pub const GEO_JSON: Kind = Kind(|text| text.starts_with('{') && text.contains("\"seen_from\""));
+    pub const KML: Kind = Kind(|text| text.contains("<kml") && text.contains("Written by pingmap"));
+    pub const GEO_TIFF: Kind = Kind(|text| text.starts_with("II*") && text.contains("pingmap"));
     pub const MODEL: Kind = Kind(|text| text.starts_with("# A model of how links behave: what pingmap"));
     pub const TEAM: Kind = Kind(|text| text.starts_with("schema = ") && text.contains("model_file = "));
     pub const PAGE: Kind = Kind(|text| text.starts_with("<!DOCTYPE html>") && text.contains("<title>pingmap"));
@@ -39,6 +52,12 @@ impl Kind {
         File::open(path)?.take(LOOKED_AT_BYTES).read_to_end(&mut bytes)?;
         Ok(bytes.is_empty() || self.0(&String::from_utf8_lossy(&bytes)))
     }
+}
+
+/// Our columns, perhaps below what metres mean.
+fn is_event_log(text: &str) -> bool {
+    let header = text.lines().find(|line| !line.starts_with("# reference system:"));
+    header.is_some_and(|header| header.starts_with("time_s,tx_id,rx_id,tx_easting_m,"))
 }
 
 /// Nothing but zeros and ones below names.

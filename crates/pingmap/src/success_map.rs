@@ -1,144 +1,263 @@
-//! A map of success probability, seen from one place.
+//! Maps of success probability, seen from one place or from several together.
 
-use pingmap_agent::{Agent, Attempt, Event, Geographic, Link, Position};
-use serde_json::json;
+use dgpc::{Matrix, Posterior, success_probability};
+use pingmap_agent::{Agent, Attempt, Link, Position};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
 
-use crate::contour::{Grid, Point, contour_lines};
-use crate::figure::{Figure, probability_map};
-use crate::output::{BadInput, csv_text};
-use crate::tracks;
-use crate::values::{End, name_of};
+use crate::area::Area;
+use crate::names::{Join, Seen};
+use crate::output::BadInput;
 
-/// Probabilities whose contours are drawn.
-pub const CONTOURS: [f64; 2] = [0.5, 0.9];
+/// Probabilities whose contours are drawn if nobody says otherwise.
+pub const LEVELS: [f64; 2] = [0.5, 0.9];
 
-/// Cells along the longer side of a map.
-const CELLS: f64 = 120.0;
+/// A cell is little known where what was observed took away less than this share of the variance of its log-odds.
+pub const LITTLE_KNOWN: f64 = 1.0 / 3.0;
 
-/// The most cells a map may have.
-const CELLS_MAX: f64 = 4e6;
+/// Functions drawn to see how much what is not known of several links has in common.
+const DRAWS: usize = 256;
 
-/// Pixels along the longer side of a figure.
-pub const SIDE: f64 = 640.0;
+/// Seed of these draws.
+const SEED: u64 = 1;
 
-/// Probability of success between one place and every cell of a grid.
-pub struct SuccessMap {
-    at: Position,
-    end: End,
-    /// Row by row from the south, each row from the west.
-    values: Vec<f64>,
-    /// Where nine in ten of the probabilities lie, in the same order.
-    intervals: Vec<(f64, f64)>,
-    pub columns: usize,
-    east: (f64, f64),
-    north: (f64, f64),
-    pub cell_m: f64,
+/// What is asked of a map.
+pub struct Asked<'a> {
+    /// The places it is seen from.
+    pub at: &'a [Position],
+    pub seen: Seen,
+    /// Whether all of several places count, or any.
+    pub join: Join,
+    /// Depth of the cells.
+    pub depth_m: Option<f64>,
+    /// The attempt over a link that is asked about.
+    pub attempt: &'a dyn Fn(Link) -> Attempt,
 }
 
-impl SuccessMap {
-    /// Predicts every cell of a grid over the area of the log and the place itself, as attempts that `asked` makes of links. O(cells · n²).
-    pub fn new(
-        agent: &mut Agent,
-        events: &[Event],
-        (at, end): (Position, End),
-        asked: &dyn Fn(Link) -> Attempt,
-        cell_m: Option<f64>,
-    ) -> anyhow::Result<Self> {
-        let (east, north) = tracks::extent(events, &at);
-        let cell_m = cell_m.unwrap_or((east.1 - east.0).max(north.1 - north.0) / CELLS);
-        let cells = |(low, high): (f64, f64)| ((high - low) / cell_m).ceil().max(1.0);
-        let (columns, rows) = (cells(east), cells(north));
-        if columns * rows > CELLS_MAX {
-            let message = format!("--cell-m {cell_m} makes {columns} x {rows} cells; expected at most {CELLS_MAX}");
-            return Err(BadInput(message).into());
-        }
-        let (columns, rows) = (columns as usize, rows as usize);
-        let east = (east.0, east.0 + columns as f64 * cell_m);
-        let north = (north.0, north.0 + rows as f64 * cell_m);
-        let link = |row: usize, column: usize| {
-            let cell = Position {
-                east_m: east.0 + (column as f64 + 0.5) * cell_m,
-                north_m: north.0 + (row as f64 + 0.5) * cell_m,
-                depth_m: at.depth_m,
-            };
-            match end {
-                End::Tx => Link { transmitter: at, receiver: cell },
-                End::Rx => Link { transmitter: cell, receiver: at },
-            }
-        };
-        let wide = agent.wide_posterior()?;
-        let (mut values, mut intervals) = (Vec::with_capacity(columns * rows), Vec::with_capacity(columns * rows));
-        for row in 0..rows {
-            let attempts: Vec<Attempt> = (0..columns).map(|column| asked(link(row, column))).collect();
-            values.extend(agent.probabilities(&attempts)?);
-            intervals.extend(agent.intervals(&wide, &attempts)?);
-        }
-        Ok(Self { at, end, values, intervals, columns, east, north, cell_m })
+/// What is predicted of a cell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cell {
+    pub probability: f64,
+    /// Where the probability lies: nine in ten do.
+    pub lower: f64,
+    pub upper: f64,
+    /// Share of the variance of the log-odds that what was observed took away.
+    pub explained: f64,
+}
+
+impl Cell {
+    /// Width of its interval.
+    pub fn width(&self) -> f64 {
+        self.upper - self.lower
+    }
+}
+
+/// One direction of a map, cell by cell.
+pub struct Side {
+    pub seen: Seen,
+    pub cells: Vec<Cell>,
+}
+
+impl Side {
+    /// One number of every cell.
+    pub fn values(&self, of: impl Fn(&Cell) -> f64) -> Vec<f64> {
+        self.cells.iter().map(of).collect()
     }
 
-    /// Rows of the grid.
-    pub fn rows(&self) -> usize {
-        self.values.len() / self.columns
-    }
-
-    fn grid(&self) -> Grid<'_> {
-        Grid { values: &self.values, columns: self.columns, east: self.east, north: self.north }
-    }
-
-    /// Share of the map's area where success is at least this probable.
-    pub fn share_above(&self, level: f64) -> f64 {
-        self.values.iter().filter(|&&p| p >= level).count() as f64 / self.values.len() as f64
+    /// Share of the area for which something holds.
+    pub fn share(&self, holds: impl Fn(&Cell) -> bool) -> f64 {
+        self.cells.iter().filter(|cell| holds(cell)).count() as f64 / self.cells.len() as f64
     }
 
     /// Median width of the intervals.
     pub fn interval_width(&self) -> f64 {
-        let mut widths: Vec<f64> = self.intervals.iter().map(|(low, high)| high - low).collect();
+        let mut widths = self.values(Cell::width);
         widths.sort_by(f64::total_cmp);
         widths[widths.len() / 2]
     }
+}
 
-    /// The map as a picture, with the tracks of everybody in the log.
-    pub fn figure(&self, events: &[Event]) -> Figure {
-        let (title, name) = match self.end {
-            End::Tx => ("Will a message sent from here get through?", "transmitter"),
-            End::Rx => ("Will a message sent to here get through?", "receiver"),
+/// Probability of success between some places and every cell of an area.
+pub struct SuccessMap {
+    pub area: Area,
+    pub at: Vec<Position>,
+    pub join: Join,
+    /// One, or both directions.
+    pub sides: Vec<Side>,
+}
+
+impl SuccessMap {
+    /// Predicts every cell. O(cells · places · n²).
+    pub fn new(agent: &mut Agent, area: Area, asked: &Asked) -> anyhow::Result<Self> {
+        if asked.at.is_empty() {
+            return Err(BadInput("expected a place that the map is seen from".into()).into());
+        }
+        let wide = agent.wide_posterior()?;
+        let directions = match asked.seen {
+            Seen::Both => vec![Seen::Tx, Seen::Rx],
+            one => vec![one],
         };
-        let tracks = tracks::tracks(events);
-        let series = tracks::tracks_as_series(&tracks);
-        probability_map(title, &self.grid(), &CONTOURS, &series, (name, (self.at.east_m, self.at.north_m)), SIDE)
+        let mut sides = Vec::new();
+        for seen in directions {
+            let mut cells = Vec::with_capacity(area.cells());
+            for row in 0..area.rows {
+                let middles = (0..area.columns).map(|column| area.middle(row * area.columns + column));
+                let middles: Vec<Position> = middles
+                    .map(|(east_m, north_m)| Position { depth_m: asked.depth_m, ..Position::new(east_m, north_m) })
+                    .collect();
+                cells.extend(predicted(agent, &wide, asked, seen, &middles)?);
+            }
+            sides.push(Side { seen, cells });
+        }
+        Ok(Self { area, at: asked.at.to_vec(), join: asked.join, sides })
+    }
+}
+
+/// What is predicted of some places.
+pub fn predicted(
+    agent: &mut Agent,
+    wide: &Posterior,
+    asked: &Asked,
+    seen: Seen,
+    middles: &[Position],
+) -> anyhow::Result<Vec<Cell>> {
+    let of_places = asked.at.iter().map(|&at| from_one(agent, wide, asked, (seen, at), middles));
+    let of_places = of_places.collect::<anyhow::Result<Vec<_>>>()?;
+    all_joined(agent, wide, asked.join, &of_places)
+}
+
+/// What is predicted of several places together, from what is predicted of each of them.
+pub fn all_joined(
+    agent: &mut Agent,
+    wide: &Posterior,
+    join: Join,
+    of_places: &[Vec<(Cell, Attempt)>],
+) -> anyhow::Result<Vec<Cell>> {
+    if let [one] = of_places {
+        return Ok(one.iter().map(|(cell, _)| *cell).collect());
+    }
+    let normals = normals(of_places.len());
+    let cell = |n: usize| -> anyhow::Result<Cell> {
+        let (cells, attempts): (Vec<Cell>, Vec<Attempt>) = of_places.iter().map(|place| place[n]).unzip();
+        let draws = agent.draws(wide, attempts, &normals)?;
+        Ok(joined(join, &cells, &draws))
+    };
+    (0..of_places[0].len()).map(cell).collect()
+}
+
+/// The same from one place, and of which attempt it is.
+pub fn from_one(
+    agent: &mut Agent,
+    wide: &Posterior,
+    asked: &Asked,
+    (seen, at): (Seen, Position),
+    middles: &[Position],
+) -> anyhow::Result<Vec<(Cell, Attempt)>> {
+    let mut attempts = |link: &dyn Fn(Position) -> Link| -> anyhow::Result<Vec<(Cell, Attempt)>> {
+        let attempts: Vec<Attempt> = middles.iter().map(|&middle| (asked.attempt)(link(middle))).collect();
+        let probabilities = agent.probabilities(attempts.iter().copied())?;
+        let intervals = agent.intervals(wide, attempts.iter().copied())?;
+        let explained = agent.explained_shares(attempts.iter().copied())?;
+        let cell = |((probability, (lower, upper)), explained)| Cell { probability, lower, upper, explained };
+        let cells = probabilities.into_iter().zip(intervals).zip(explained).map(cell);
+        Ok(cells.zip(attempts).collect())
+    };
+    let from = |middle| Link { transmitter: at, receiver: middle };
+    let to = |middle| Link { transmitter: middle, receiver: at };
+    Ok(match seen {
+        Seen::Tx => attempts(&from)?,
+        Seen::Rx => attempts(&to)?,
+        Seen::Worst | Seen::Both => {
+            let (from, to) = (attempts(&from)?, attempts(&to)?);
+            let worst = |(a, b): ((Cell, Attempt), (Cell, Attempt))| {
+                let (less, more) = if a.0.probability <= b.0.probability { (a, b) } else { (b, a) };
+                let lower = less.0.lower.min(more.0.lower);
+                let explained = less.0.explained.min(more.0.explained);
+                (Cell { lower, explained, ..less.0 }, less.1)
+            };
+            from.into_iter().zip(to).map(worst).collect()
+        }
+    })
+}
+
+/// Standard normal numbers, the same for every cell, so that a map is as smooth as what it shows.
+pub fn normals(places: usize) -> Matrix {
+    let mut random = ChaCha8Rng::seed_from_u64(SEED);
+    let half = Matrix::from_fn(places, DRAWS / 2, |_, _| StandardNormal.sample(&mut random));
+    Matrix::from_fn(places, DRAWS, |place, draw| {
+        let sign = if draw < DRAWS / 2 { 1.0 } else { -1.0 };
+        sign * half.column(draw % (DRAWS / 2))[place]
+    })
+}
+
+/// All, or any, of several attempts. What is not known of them has much in common, so that they get through together more often than a
+/// product of their probabilities says: by how much more is seen from functions drawn from the posterior.
+fn joined(join: Join, cells: &[Cell], draws: &Matrix) -> Cell {
+    // Any of them is not all failing.
+    let of = |p: f64| if join == Join::All { p } else { 1.0 - p };
+    let back = of;
+    let columns = draws.columns() as f64;
+    let sigma = |place: usize, draw: usize| of(success_probability(draws.column(draw)[place], 0.0));
+    let places = 0..cells.len();
+    let together: f64 =
+        (0..draws.columns()).map(|draw| places.clone().map(|place| sigma(place, draw)).product::<f64>()).sum();
+    let apart: f64 =
+        places.map(|place| (0..draws.columns()).map(|draw| sigma(place, draw)).sum::<f64>() / columns).product();
+    let product = |number: fn(&Cell) -> f64| cells.iter().map(|cell| of(number(cell))).product::<f64>();
+    let least = cells.iter().map(|cell| of(cell.probability)).fold(1.0, f64::min);
+    let common = if apart > 0.0 { (together / columns / apart).max(1.0) } else { 1.0 };
+    let probability = back((product(|cell| cell.probability) * common).min(least));
+    // Nothing is more probable than each of all, nor less than each of any.
+    let bounds = cells
+        .iter()
+        .fold((1.0_f64, 1.0_f64), |(lower, upper), cell| (lower.min(of(cell.lower)), upper.min(of(cell.upper))));
+    let (a, b) = match join {
+        Join::All => (product(|cell| cell.lower), bounds.1),
+        Join::Any => (back(bounds.0), back(product(|cell| cell.upper))),
+    };
+    Cell {
+        probability,
+        lower: a.min(probability),
+        upper: b.max(probability),
+        explained: cells.iter().map(|cell| cell.explained).fold(1.0, f64::min),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(probability: f64) -> Cell {
+        Cell { probability, lower: probability / 2.0, upper: (1.0 + probability) / 2.0, explained: 0.5 }
     }
 
-    /// The grid as CSV: the middle of every cell, and the probability there with its interval.
-    pub fn csv(&self) -> anyhow::Result<String> {
-        let row = |(n, (&p, &(low, high))): (usize, (&f64, &(f64, f64)))| {
-            let (column, row) = ((n % self.columns) as f64, (n / self.columns) as f64);
-            vec![self.east.0 + (column + 0.5) * self.cell_m, self.north.0 + (row + 0.5) * self.cell_m, p, low, high]
-        };
-        let rows: Vec<Vec<f64>> = self.values.iter().zip(&self.intervals).enumerate().map(row).collect();
-        csv_text(&["easting_m", "northing_m", "probability", "probability_low", "probability_high"], &rows)
+    /// Log-odds of two attempts: normal about nought, the same of both or each of its own.
+    fn draws(alike: bool) -> Matrix {
+        let normals = normals(2);
+        Matrix::from_fn(2, DRAWS, |place, draw| 3.0 * normals.column(draw)[if alike { 0 } else { place }])
     }
 
-    /// The contours and the place as GeoJSON.
-    pub fn geojson(&self, geographic: &dyn Fn(&Position) -> Option<Geographic>) -> serde_json::Value {
-        let coordinates = |(east_m, north_m): Point| {
-            let place = geographic(&Position::new(east_m, north_m));
-            place.map(|place| json!([place.longitude_deg, place.latitude_deg]))
-        };
-        let contour = |level: f64| {
-            let lines: Vec<Vec<_>> = contour_lines(&self.grid(), level)
-                .into_iter()
-                .map(|line| line.into_iter().filter_map(coordinates).collect())
-                .collect();
-            json!({
-                "type": "Feature", "properties": { "probability": level },
-                "geometry": { "type": "MultiLineString", "coordinates": lines },
-            })
-        };
-        let place = json!({
-            "type": "Feature", "properties": { "seen_from": name_of(&self.end) },
-            "geometry": { "type": "Point", "coordinates": coordinates((self.at.east_m, self.at.north_m)) },
-        });
-        let features: Vec<_> = CONTOURS.into_iter().map(contour).chain([place]).collect();
-        json!({ "type": "FeatureCollection", "features": features })
+    #[test]
+    fn what_is_known_of_each_alone_multiplies() {
+        let certain = Matrix::from_fn(2, DRAWS, |_, _| 0.0);
+        let all = joined(Join::All, &[cell(0.6), cell(0.5)], &certain);
+        assert!((all.probability - 0.3).abs() < 1e-12 && all.lower <= 0.3 && (0.3..=0.75).contains(&all.upper));
+        let any = joined(Join::Any, &[cell(0.6), cell(0.5)], &certain);
+        assert!((any.probability - 0.8).abs() < 1e-12 && any.lower <= 0.8 && any.upper >= 0.8, "{any:?}");
+    }
+
+    /// E[σ(f)²] for f = 3z by a fine sum, against the independent product E[σ(f)]² = 1/4.
+    #[test]
+    fn what_is_not_known_of_two_has_something_in_common() {
+        let step = 0.01;
+        let density = |z: f64| (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
+        let square = |z: f64| success_probability(3.0 * z, 0.0).powi(2) * density(z) * step;
+        let exact: f64 = (-800..=800).map(|n| square(f64::from(n) * step)).sum();
+        let [alike, apart] = [true, false].map(|alike| joined(Join::All, &[cell(0.5), cell(0.5)], &draws(alike)));
+        assert!((alike.probability - exact).abs() < 0.02 && exact > 0.35, "{alike:?} against {exact}");
+        assert!((apart.probability - 0.25).abs() < 0.03, "{apart:?}");
+        let any = joined(Join::Any, &[cell(0.5), cell(0.5)], &draws(true));
+        assert!((any.probability - (1.0 - exact)).abs() < 0.02, "{any:?}");
     }
 }

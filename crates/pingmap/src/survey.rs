@@ -6,7 +6,7 @@ use pingmap_agent::{Agent, Event, FitQuality, Limits, Model, Team, VehicleId};
 use pingmap_trial::EventLog;
 
 use crate::log::{only, thinned};
-use crate::model::{Known, read_model};
+use crate::model::{Known, MadeOf, read_model};
 use crate::options::{Asked, Source};
 use crate::output::{note, spinner, warn};
 
@@ -23,10 +23,15 @@ impl Survey {
     pub fn open(source: &Source) -> anyhow::Result<EventLog> {
         let Source { logs, vehicle, work, .. } = source;
         let mut log = logs.open()?;
-        if let Some(path) = &source.model.model
-            && read_model(path)?.place_log_digests.contains(&log.digest())
-        {
-            warn(format_args!("{}: its place knows this very log, which counts twice now", path.display()));
+        source.reference.tell(&mut log)?;
+        if let Some(path) = &source.model.model {
+            let file = read_model(path)?;
+            if file.place_log_digests.contains(&log.digest()) {
+                warn(format_args!("{}: its place knows this very log, which counts twice now", path.display()));
+            }
+            if !log.reference.is_known() {
+                log.reference = file.model.chart.reference;
+            }
         }
         if let Some(vehicle) = vehicle {
             log = only(&log, vehicle)?;
@@ -50,6 +55,11 @@ impl Survey {
     /// The same, allowed to rise beyond the longest link of the log if that is asked for.
     pub fn rising(self, asked: &Asked) -> Self {
         if asked.rising_beyond { Self { agent: self.agent.rising_beyond(), ..self } } else { self }
+    }
+
+    /// What all that follows from it was made of.
+    pub fn made_of(&self) -> MadeOf {
+        MadeOf { log_digest: self.log.digest(), model_digest: Some(self.model().digest()) }
     }
 
     /// The model.

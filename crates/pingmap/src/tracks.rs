@@ -2,19 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use pingmap_agent::{Event, Link, Position, VehicleId};
+use pingmap_agent::{Event, Link, VehicleId};
 
 use crate::contour::Point;
 use crate::figure::{Mark, Series, Style};
 
-/// The area of a log and a place, with a margin of a twentieth and at least 50 m; never narrower than half its length,
+/// The area of some places, with a margin of a twentieth and at least 50 m; never narrower than half its length,
 /// so that a straight survey line still makes a picture.
-pub fn extent(events: &[Event], at: &Position) -> (Point, Point) {
-    let ends = events.iter().flat_map(|event| event.link.ends());
-    widened(ends.chain([*at]).map(|end| (end.east_m, end.north_m)))
-}
-
-/// The area of some places, with such a margin.
 pub fn widened(places: impl Iterator<Item = Point>) -> (Point, Point) {
     let (mut east, mut north) = ((f64::MAX, f64::MIN), (f64::MAX, f64::MIN));
     for place in places {

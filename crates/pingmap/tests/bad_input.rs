@@ -183,11 +183,21 @@ fn select_and_map_say_what_they_need() {
     }
     let map = ["map", "events.csv", "--at", "0,0"];
     let with = |more: &[&'static str]| [&map[..], more].concat();
-    refused_command(folder.path(), &with(&["-o", "map.pdf"]), &["map.pdf", ".png, .svg, .csv or .geojson"]);
+    refused_command(folder.path(), &with(&["-o", "map.pdf"]), &["map.pdf", ".png, .svg, .csv, .geojson, .kml or .tif"]);
     refused_command(folder.path(), &with(&["-o", "map.geojson"]), &["--origin"]);
     refused_command(folder.path(), &with(&["-o", "map.geojson", "--origin", "91,0"]), &["latitude"]);
     refused_command(folder.path(), &with(&["--cell-m", "0.001"]), &["--cell-m", "cells"]);
-    refused_command(folder.path(), &["map", "events.csv", "--at", "1e200,0"], &["--at", "1e9"]);
+    refused_command(folder.path(), &with(&["--levels", "0.9,0.5"]), &["--levels", "rising"]);
+    refused_command(folder.path(), &with(&["--levels", "1"]), &["--levels", "below 1"]);
+    refused_command(folder.path(), &with(&["--bounds", "0,0,5,0"]), &["--bounds", "corners"]);
+    refused_command(folder.path(), &with(&["--bounds", "0,0,5"]), &["--bounds", "corners"]);
+    refused_command(folder.path(), &with(&["--depth", "5"]), &["--depth", "no depths"]);
+    refused_command(folder.path(), &["map", "events.csv", "--at", "0,0,5"], &["--at", "no depths"]);
+    refused_command(folder.path(), &["map", "events.csv", "--at", "41.5N,70.6W"], &["--at", "--origin"]);
+    refused_command(folder.path(), &["map", "events.csv", "--at", "41.5N,70.6"], &["--at", "41.52N,70.67W"]);
+    refused_command(folder.path(), &with(&["--crs", "EPSG:4326"]), &["EPSG:4326", "metres"]);
+    refused_command(folder.path(), &with(&["--crs", "EPSG:32619", "--origin", "41,-70"]), &["--crs", "--origin"]);
+    refused_command(folder.path(), &["map", "events.csv", "--at", "1e200,0"], &["--at", "1e200", "metres"]);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a file was left behind");
 }
 
@@ -197,7 +207,7 @@ fn geojson_of_a_log_far_from_its_origin() {
     let line = |success| format!("1,a,b,431000,4700000,431100,4700100,{success}\n");
     file(folder.path(), "events.csv", format!("{HEADER}\n{}{}", line(0), line(1)));
     let command = ["map", "events.csv", "--at", "431000,4700000", "--origin", "42,-71", "-o", "map.geojson"];
-    refused_command(folder.path(), &command, &["--origin", "UTM", "100 km"]);
+    refused_command(folder.path(), &command, &["origin", "--crs EPSG:CODE", "UTM", "100 km"]);
 }
 
 #[test]

@@ -68,7 +68,7 @@ fn all_commands_take_a_model_file() {
     let folder = tempfile::tempdir().unwrap();
     let text = learned(folder.path(), &["--terms", "path", "--prior-mean", "zero"]);
     for expected in
-        ["schema = 4", "[chart]", "origin_east_m", "scale_m", "length_scale_m = ", "evidence = ", "events = 120"]
+        ["schema = 5", "[chart]", "origin_east_m", "scale_m", "length_scale_m = ", "evidence = ", "events = 120"]
     {
         assert!(text.contains(expected), "{expected:?} is missing: {text}");
     }
@@ -113,7 +113,7 @@ fn a_model_that_cannot_be_used_is_refused_with_the_reason() {
     expect(with("length_scale_m = ", "length_scale_m = -"), &["kernel term 1", "length-scale", "positive"]);
     expect(with("\"tx_east\"", "\"tx_up\""), &["kernel term 1", "tx_up", "expected one of tx_east"]);
     expect(with("\"rx_east\", ", ""), &["reciprocal", "rx_east"]);
-    expect(with("schema = 4", "schema = 5"), &["schema 5", "newer"]);
+    expect(with("schema = 5", "schema = 6"), &["schema 6", "newer"]);
     expect(with("correlation = 0.35", "correlation = 1.5"), &["fading.correlation", "from 0 to 1", "1.5"]);
     expect(with("drift_m_per_s = 0.15", "drift_m_per_s = 0.0"), &["fading.drift_m_per_s", "above 0"]);
     expect(with("depths = false", "depths = true"), &["depths", "tx_depth_m"]);

@@ -79,6 +79,8 @@ const LEARN: &[Case] = &[
     ("--test-share", "0.3", ""),
     ("--place", "8", ""),
     ("--onto", "other.toml", "--place 8"),
+    ("--origin", "44,9", ""),
+    ("--crs", "EPSG:32619", ""),
     CRITERION,
     ADDITIONS,
     ("--json", "", ""),
@@ -90,11 +92,14 @@ const ASKED: &[Case] = &[
     ("--receiver", "new", "--model offsets.toml"),
     ("--time", "another-day", "--model offsets.toml"),
     ("--kind", "fast", "--model offsets.toml"),
-    ("--rising-beyond", "", "--prior-mean zero --kernel squared-exponential --length-scale-m 100"),
 ];
+
+const RISING: &[Case] =
+    &[("--rising-beyond", "", "--prior-mean zero --kernel squared-exponential --length-scale-m 100")];
 
 const PREDICT: &[Case] = &[
     ("--vehicle", "ada", ""),
+    ("--crs", "EPSG:32632", "--json"),
     ("--links", "other-links.csv", ""),
     ("--output", "predicted.csv", ""),
     ("--json", "", ""),
@@ -106,9 +111,49 @@ const MAP: &[Case] = &[
     ("--as", "rx", "--reciprocal no"),
     ("--output", "map.svg", ""),
     ("--origin", "44.1,9.8", "--output map.geojson --origin 44,9"),
+    ("--crs", "EPSG:32619", "--output map.csv"),
+    ("--join", "any", "--at 300,300 --at 100,100"),
+    ("--bounds", "0,0,500,500", ""),
+    ("--levels", "0.3", ""),
+    ("--layers", "upper", ""),
+    ("--with-events", "", ""),
+    ("--title", "A_map", ""),
     ("--cell-m", "77", ""),
     ("--json", "", ""),
 ];
+
+/// Where depths are known.
+const DEEP: &[Case] = &[("--depth", "2", "")];
+
+/// What every plan has of its own.
+const PLAN: &[Case] = &[("--as", "tx", "--json"), ("--output", "plan.svg", ""), ("--json", "", "")];
+
+const STANDOFF: &[Case] = &[
+    ("--at", "300,300", ""),
+    ("--probability", "0.3", ""),
+    ("--range-max-m", "200", ""),
+    ("--vehicle", "ada", ""),
+    ("--origin", "44.1,9.8", "--output plan.geojson --origin 44,9"),
+    ("--crs", "EPSG:32619", "--json"),
+];
+
+const TRACK: &[Case] = &[
+    ("--at", "300,300", ""),
+    ("--along", "other-track.csv", ""),
+    ("--join", "any", "--at 300,300 --at 100,100"),
+    ("--speed-m-per-s", "3", ""),
+    ("--every-s", "20", ""),
+];
+
+const GATEWAY: &[Case] = &[
+    ("--among", "track.csv", ""),
+    ("--along", "other-track.csv", ""),
+    ("--speed-m-per-s", "3", ""),
+    ("--every-s", "20", ""),
+];
+
+/// What all plans learn from, tried with one of them.
+const OF_ALL_PLANS: [&[Case]; 6] = [STANDOFF, ASKED, GIVEN, MODEL, WORK, THINNED];
 
 const SELECT: &[Case] = &[
     ("--vehicle", "bob", ""),
@@ -197,6 +242,7 @@ const TEAM: &[Case] = &[
     ("--start-s", "-100", ""),
     ("--duration-s", "5000", ""),
     ("--output", "other-team.toml", ""),
+    ("--json", "", ""),
 ];
 
 const DECODE: &[Case] = &[("--team", "team.toml", ""), ("--json", "", "")];
@@ -220,8 +266,15 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
         ("replay events.csv --model model.toml", vec![ONLINE]),
         ("check events.csv", vec![&[("--json", "", "")]]),
         ("learn events.csv", vec![LEARN, MODEL, WORK, THINNED]),
-        ("predict events.csv --links links.csv", vec![PREDICT, ASKED, GIVEN, MODEL, WORK, THINNED]),
-        ("map events.csv --at 500,200 --cell-m 150", vec![MAP, ASKED, GIVEN, MODEL, WORK, THINNED]),
+        ("predict events.csv --links links.csv", vec![PREDICT, ASKED, RISING, GIVEN, MODEL, WORK, THINNED]),
+        ("map events.csv --at 500,200 --cell-m 150", vec![MAP, ASKED, RISING, GIVEN, MODEL, WORK, THINNED]),
+        ("map deep.csv --at 500,200 --cell-m 150 --model deep.toml", vec![DEEP]),
+        ("predict events.csv --links places.csv --origin 44,9", vec![&[("--origin", "44.001,9", "")]]),
+        ("plan standoff deep.csv --at 500,200 --probability 0.4 --model deep.toml", vec![DEEP]),
+        ("plan standoff events.csv --at 500,200", [&[PLAN][..], &OF_ALL_PLANS].concat()),
+        ("plan track events.csv --at 9000,200 --along track.csv", vec![RISING]),
+        ("plan track events.csv --at 500,200 --along track.csv --model model.toml", vec![PLAN, TRACK]),
+        ("plan gateway events.csv --among other-track.csv --along track.csv --model model.toml", vec![PLAN, GATEWAY]),
         ("select events.csv --vehicle ada --radius-m 400", vec![SELECT, GIVEN, MODEL]),
         ("simulate --slots 300", vec![SIMULATE]),
         ("import --nav nav.csv --heard heard.csv --schedule schedule.toml --ids ids.csv", vec![IMPORT]),
@@ -246,10 +299,17 @@ fn prepare(folder: &Path) {
     let links = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n100,200,500,300\n9000,200,500,300\n";
     file(folder, "links.csv", links);
     file(folder, "other-links.csv", links.replace("100,", "900,"));
+    let places = "tx_latitude_deg,tx_longitude_deg,rx_latitude_deg,rx_longitude_deg\n44.001,9.001,44.004,9.006\n";
+    file(folder, "places.csv", places);
+    file(folder, "track.csv", "x,y\n100,100\n500,400\n");
+    file(folder, "other-track.csv", "x,y\n100,100\n500,900\n");
+    let deep = ["tx_depth_m,rx_depth_m", "3,9", "9,3"].into_iter().chain(["2,7", "8,5"].into_iter().cycle());
+    file(folder, "deep.csv", log.lines().zip(deep).map(|(line, deep)| format!("{line},{deep}\n")).collect::<String>());
     file(folder, "key.hex", "0123456789abcdef".repeat(4));
     for arguments in [
         "learn events.csv",
         "learn events.csv --kernel rational-quadratic --output other.toml",
+        "learn deep.csv --output deep.toml",
         "team events.csv --epoch 3 --frame-bytes 64",
     ] {
         let output = pingmap(folder, &arguments.split(' ').collect::<Vec<_>>());
@@ -335,7 +395,8 @@ fn outcome(template: &Path, arguments: &str) -> Outcome {
     let arguments = arguments.replace("PACKET", PACKET);
     let output = pingmap(folder.path(), &arguments.split_whitespace().collect::<Vec<_>>());
     let timed = |line: &&str| !line.contains("seconds");
-    let said = stdout(&output).lines().filter(timed).collect::<Vec<_>>().join("\n");
+    let said = without_command(stdout(&output));
+    let said = said.lines().filter(timed).collect::<Vec<_>>().join("\n");
     let mut files = BTreeMap::new();
     collect(folder.path(), Path::new(""), &mut files);
     (output.status.code(), said, files)
@@ -390,9 +451,14 @@ fn every_option_is_among_those_cases() {
     let mut known: BTreeMap<Vec<&str>, BTreeSet<String>> = BTreeMap::new();
     for (command, parts) in commands() {
         let words: Vec<&str> = command.split(' ').collect();
-        let name = if words[0] == "packet" { &words[..2] } else { &words[..1] };
-        let options = parts.into_iter().flatten().map(|case| case.0.to_owned());
-        known.entry(name.to_vec()).or_default().extend(options);
+        let name = if ["packet", "plan"].contains(&words[0]) { &words[..2] } else { &words[..1] };
+        let options = parts.into_iter().flatten();
+        known.entry(name.to_vec()).or_default().extend(options.map(|case| case.0.to_owned()));
+        if words[0] == "plan" {
+            let of_one = ["--at", "--probability", "--range-max-m"];
+            let of_all = OF_ALL_PLANS.into_iter().chain([DEEP, RISING]).flatten().map(|case| case.0.to_owned());
+            known.entry(name.to_vec()).or_default().extend(of_all.filter(|option| !of_one.contains(&option.as_str())));
+        }
     }
     for (name, known) in known {
         let folder = tempfile::tempdir().unwrap();
@@ -402,7 +468,7 @@ fn every_option_is_among_those_cases() {
         let options: BTreeSet<String> = listed
             .filter_map(|line| line.split([' ', ',', '[']).find(is_option).map(str::to_owned))
             // The number of threads must change nothing, and what is refused otherwise is no case; all have tests of their own.
-            .filter(|option| !["--help", "--threads", "--force", "--strict"].contains(&option.as_str()))
+            .filter(|option| !["--help", "--threads", "--force", "--strict", "--quiet"].contains(&option.as_str()))
             .filter(|option| ![CRITERION.0, ADDITIONS.0].contains(&option.as_str()) || known.contains(option))
             .collect();
         assert_eq!(options, known, "{name:?}");

@@ -34,7 +34,7 @@ fn the_tutorial_goes_from_files_to_a_map_of_what_took_place() {
     assert!(!said[1].0.contains("--always-sends") && !said[1].0.contains("--correct-clocks"), "{}", said[1].0);
     assert!(said[1].1.contains("--origin 41.53,-70.66") && text.contains("--origin 41.53,-70.66"), "{}", said[1].1);
     assert!(said[2].1.contains("Nothing odd"), "{}", said[2].1);
-    for file in ["map.png", "map.geojson", "model.toml"] {
+    for file in ["map.png", "doubt.png", "map.geojson", "model.toml", "standoff.png", "track.png"] {
         assert!(folder.join(file).exists(), "{file}");
     }
     is_what_took_place(folder, &root);

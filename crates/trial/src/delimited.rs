@@ -5,9 +5,12 @@ use std::io::{self, BufRead, BufReader, Cursor, Read};
 /// A header may be so long.
 const HEADER_BYTES_MAX: usize = 1 << 20;
 
-/// A reader of records: fields are separated by whichever of comma, semicolon and tab its header has most of, lines that begin with
-/// `#` are remarks, and line ends are those of any system.
-pub(crate) fn records<'a>(reader: impl Read + 'a) -> io::Result<csv::Reader<Box<dyn Read + 'a>>> {
+/// A reader of whatever lies behind it.
+pub(crate) type Records<'a> = csv::Reader<Box<dyn Read + 'a>>;
+
+/// A reader of records, and the remarks before its header: fields are separated by whichever of comma, semicolon and tab the header has
+/// most of, lines that begin with `#` are remarks, and line ends are those of any system.
+pub(crate) fn records<'a>(reader: impl Read + 'a) -> io::Result<(Records<'a>, Vec<String>)> {
     let mut reader = BufReader::new(LineFeeds::new(reader));
     let mut head = Vec::new();
     let mut line = 0;
@@ -20,11 +23,12 @@ pub(crate) fn records<'a>(reader: impl Read + 'a) -> io::Result<csv::Reader<Box<
         line = head.len();
     }
     let delimiter = delimiter(&head[line..]);
+    let remarks = String::from_utf8_lossy(&head[..line]).lines().map(str::to_owned).collect();
     let whole: Box<dyn Read + 'a> = Box::new(Cursor::new(head).chain(reader));
     // Flexible, so that bytes that are no text are found before a wrong number of fields.
     let mut builder = csv::ReaderBuilder::new();
     builder.trim(csv::Trim::All).flexible(true).comment(Some(b'#')).delimiter(delimiter);
-    Ok(builder.from_reader(whole))
+    Ok((builder.from_reader(whole), remarks))
 }
 
 /// The sign that stands in a header most often outside of quotes; of equals the first.

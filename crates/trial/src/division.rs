@@ -177,7 +177,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use pingmap_agent::{Link, Position};
+    use pingmap_agent::{Link, Position, ReferenceSystem};
 
     /// Transmissions every ten seconds, by three vehicles in turn, each received or missed by the two others, in an order
     /// of the file that is not that of time. Ranges grow with time.
@@ -193,7 +193,13 @@ mod tests {
         let both = |n: usize| (0..3).filter(move |receiver| *receiver != n % 3).map(move |receiver| event(n, receiver));
         let mut events: Vec<Event> = (0..count).flat_map(both).collect();
         events.sort_by(|a, b| a.receiver_id.cmp(&b.receiver_id));
-        EventLog { events, true_probability: None, has_depths: false, unknown_columns: Vec::new() }
+        EventLog {
+            events,
+            true_probability: None,
+            has_depths: false,
+            unknown_columns: Vec::new(),
+            reference: ReferenceSystem::Unknown,
+        }
     }
 
     fn division(by: DivideBy) -> Division {

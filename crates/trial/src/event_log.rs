@@ -3,13 +3,14 @@
 //! Required columns, in any order: `time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m,
 //! success`. Read when present: `true_probability` (for scoring only), `tx_depth_m` and `rx_depth_m` (together: links
 //! then have six inputs), `kind` (what kind of message; where that is missing `rate`, `band`, `level` and `length`, as far as they
-//! are there, make the kind). Anything else is named in [`EventLog::unknown_columns`].
+//! are there, make the kind). Anything else is named in [`EventLog::unknown_columns`]. A remark before the header may say what metres mean:
+//! `# reference system: 41.52,-70.67` (latitude and longitude of (0, 0)) or `# reference system: EPSG:32619`.
 
 use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::Path;
 
-use pingmap_agent::{Attempt, Chart, Event, InputSpec, Link, VehicleId, When};
+use pingmap_agent::{Chart, Event, InputSpec, Link, ReferenceSystem, VehicleId};
 use pingmap_packet::to_hex;
 
 use crate::table::{FileError, Problem, Table, open};
@@ -33,7 +34,12 @@ pub struct EventLog {
     pub has_depths: bool,
     /// Columns of the file that mean nothing here, such as depths of one end only.
     pub unknown_columns: Vec<String>,
+    /// What its metres mean.
+    pub reference: ReferenceSystem,
 }
+
+/// What stands before the name of a reference system.
+const REFERENCE_REMARK: &str = "# reference system:";
 
 impl EventLog {
     /// Reads a CSV file. O(events), one event at a time.
@@ -63,6 +69,7 @@ impl EventLog {
             .filter(|column| !column.is_empty() && !known(&column.to_lowercase()))
             .cloned()
             .collect();
+        let reference = reference(&table)?;
         let mut events = Vec::new();
         let mut probabilities = Vec::new();
         while table.next()? {
@@ -82,10 +89,11 @@ impl EventLog {
             return Err(table.error(Problem::Empty { what: "events" }));
         }
         let true_probability = has_probability.then_some(probabilities);
-        Ok(Self { events, true_probability, has_depths, unknown_columns })
+        Ok(Self { events, true_probability, has_depths, unknown_columns, reference })
     }
 
-    /// Takes in the events of another log. True probabilities stay where both know them.
+    /// Takes in the events of another log of the same frame. True probabilities stay where both know them; what metres mean is taken
+    /// from the other where it is not known.
     pub fn append(&mut self, other: Self) {
         self.true_probability = self.true_probability.take().zip(other.true_probability).map(|(mut own, more)| {
             own.extend(more);
@@ -96,6 +104,9 @@ impl EventLog {
             other.unknown_columns.into_iter().filter(|column| !self.unknown_columns.contains(column)).collect();
         self.unknown_columns.extend(unknown);
         self.has_depths &= other.has_depths;
+        if !self.reference.is_known() {
+            self.reference = other.reference;
+        }
     }
 
     /// Every vehicle that appears as a receiver, in alphabetical order: those that own events.
@@ -112,11 +123,13 @@ impl EventLog {
             true_probability: self.true_probability.as_ref().map(pick),
             has_depths: self.has_depths,
             unknown_columns: self.unknown_columns.clone(),
+            reference: self.reference,
         }
     }
 
     /// The log as a CSV file that [`EventLog::read`] takes: the required columns, then depths, kinds and true
-    /// probabilities where it has them. Every number is written with as few digits as identify it.
+    /// probabilities where it has them, below a remark that says what metres mean if that is known. Every number is written with as
+    /// few digits as identify it.
     pub fn to_csv(&self) -> String {
         let mut header = REQUIRED_COLUMNS.to_vec();
         if self.has_depths {
@@ -129,7 +142,9 @@ impl EventLog {
         if self.true_probability.is_some() {
             header.push("true_probability");
         }
-        let mut writer = csv::Writer::from_writer(Vec::new());
+        let remark = format!("{REFERENCE_REMARK} {}\n", self.reference);
+        let head = if self.reference.is_known() { remark } else { String::new() };
+        let mut writer = csv::Writer::from_writer(head.into_bytes());
         // Writing to memory cannot fail, nor can rows of one length.
         let _ = writer.write_record(&header);
         for (n, event) in self.events.iter().enumerate() {
@@ -188,7 +203,8 @@ impl EventLog {
 
     /// A chart about the middle of all positions.
     pub fn chart(&self) -> Chart {
-        Chart::about(self.events.iter().flat_map(|event| event.link.ends()))
+        let reference = self.reference;
+        Chart { reference, ..Chart::about(self.events.iter().flat_map(|event| event.link.ends())) }
     }
 
     /// The inputs that these links can yield.
@@ -197,36 +213,15 @@ impl EventLog {
     }
 }
 
-/// Reads attempts from CSV: the four position columns of an event log (and depths, where both are present); nothing else is
-/// required. Who, when and what kind are read from `tx_id`, `rx_id`, `time_s` and `kind` where these are present, and are
-/// those of `asked` elsewhere. A vehicle that nobody met is [`pingmap_agent::Party::New`] by another name.
-///
-/// # Errors
-/// As [`EventLog::open`].
-pub fn read_attempts(path: &Path, asked: &Attempt) -> Result<Vec<Attempt>, FileError> {
-    let mut table = Table::new(open(path)?, path, &REQUIRED_COLUMNS[3..7])?;
-    let has_depths = table.has("tx_depth_m") && table.has("rx_depth_m");
-    let mut attempts = Vec::new();
-    while table.next()? {
-        let mut attempt = Attempt { link: table.link(has_depths)?, ..*asked };
-        if table.has("tx_id") {
-            attempt.transmitter = (&table.vehicle("tx_id")?).into();
+/// What the remarks before a header say that metres mean.
+fn reference(table: &Table) -> Result<ReferenceSystem, FileError> {
+    for (line, remark) in (1..).zip(table.remarks()) {
+        if let Some(name) = remark.strip_prefix(REFERENCE_REMARK) {
+            let bad = || Problem::BadReference { line, name: name.trim().to_owned() };
+            return name.parse().map_err(|_| table.error(bad()));
         }
-        if table.has("rx_id") {
-            attempt.receiver = (&table.vehicle("rx_id")?).into();
-        }
-        if table.has("time_s") {
-            attempt.when = When::At(table.number("time_s")?);
-        }
-        if let Some(kind) = table.kind()? {
-            attempt.kind = (&kind).into();
-        }
-        attempts.push(attempt);
     }
-    if attempts.is_empty() {
-        return Err(table.error(Problem::Empty { what: "links" }));
-    }
-    Ok(attempts)
+    Ok(ReferenceSystem::Unknown)
 }
 
 #[cfg(test)]

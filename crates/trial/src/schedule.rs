@@ -70,7 +70,7 @@ fn owners<'a>(numbered: &[(usize, &'a VehicleId)], length: usize) -> Option<BTre
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pingmap_agent::{Event, Link, Position};
+    use pingmap_agent::{Event, Link, Position, ReferenceSystem};
 
     fn log(sent: &[(f64, &str)]) -> EventLog {
         let event = |&(time_s, sender): &(f64, &str)| {
@@ -80,7 +80,13 @@ mod tests {
             Event { time_s, transmitter_id: id(sender), receiver_id: id(receiver), link, kind: None, success: true }
         };
         let events = sent.iter().map(event).collect();
-        EventLog { events, true_probability: None, has_depths: false, unknown_columns: Vec::new() }
+        EventLog {
+            events,
+            true_probability: None,
+            has_depths: false,
+            unknown_columns: Vec::new(),
+            reference: ReferenceSystem::Unknown,
+        }
     }
 
     fn names(slots: &Slots) -> Vec<&str> {

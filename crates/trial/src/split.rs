@@ -103,7 +103,7 @@ pub(crate) fn events_by_vehicle(log: &EventLog) -> BTreeMap<&VehicleId, Vec<usiz
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pingmap_agent::{Event, Link, Position};
+    use pingmap_agent::{Event, Link, Position, ReferenceSystem};
 
     /// A log in which the n-th vehicle received `sizes[n]` events.
     fn log(sizes: &[usize]) -> EventLog {
@@ -121,6 +121,7 @@ mod tests {
             true_probability: None,
             has_depths: false,
             unknown_columns: Vec::new(),
+            reference: ReferenceSystem::Unknown,
         }
     }
 

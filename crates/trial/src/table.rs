@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use csv::StringRecord;
 use pingmap_agent::{Link, MessageKind, Position, VehicleId, bounds};
 
-use crate::delimited::records;
+use crate::delimited::{Records, records};
 
 /// Why a file could not be read: where, and what was expected.
 #[derive(Debug, thiserror::Error)]
@@ -73,6 +73,16 @@ pub enum Problem {
         /// What the column holds.
         expected: &'static str,
     },
+    /// A remark names a reference system that is none.
+    #[error(
+        "line {line}: found the reference system {name:?}; expected the latitude and longitude of (0, 0), such as 41.52,-70.67, or EPSG:32619"
+    )]
+    BadReference {
+        /// The line.
+        line: u64,
+        /// What it says.
+        name: String,
+    },
     /// There is a header and nothing else, or nothing at all.
     #[error("no {what}; expected at least one line after the header")]
     Empty {
@@ -105,9 +115,11 @@ pub fn open(path: &Path) -> Result<std::fs::File, FileError> {
 /// A text file of records with a header, read line by line, with errors that say where. Fields are separated by commas, semicolons or
 /// tabs, whichever its header has; lines that begin with `#` are remarks; columns are known by their names in upper or lower case.
 pub struct Table<'a> {
-    reader: csv::Reader<Box<dyn Read + 'a>>,
+    reader: Records<'a>,
     path: PathBuf,
     header: Vec<String>,
+    /// The lines before the header.
+    remarks: Vec<String>,
     /// Where each column of the header stands, by its name in lower case.
     places: HashMap<String, usize>,
     record: StringRecord,
@@ -121,7 +133,7 @@ impl<'a> Table<'a> {
     /// [`FileError`] where it is no text, lacks columns that are required, or has one twice.
     pub fn new(reader: impl Read + 'a, path: &Path, required: &[&str]) -> Result<Self, FileError> {
         let fail = |problem| FileError { path: path.to_owned(), problem };
-        let mut reader = records(reader).map_err(|error| fail(Problem::Unreadable(error)))?;
+        let (mut reader, remarks) = records(reader).map_err(|error| fail(Problem::Unreadable(error)))?;
         let header = reader.headers().map_err(|error| fail(problem_of(&error, 1)))?;
         // Spreadsheets put a byte-order mark before the first column.
         let header: Vec<String> = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect();
@@ -132,18 +144,34 @@ impl<'a> Table<'a> {
                 return Err(fail(Problem::RepeatedColumn { column: column.clone() }));
             }
         }
-        let missing = required.iter().filter(|name| !places.contains_key(**name));
-        let missing: Vec<String> = missing.map(|name| name.to_string()).collect();
-        if !missing.is_empty() {
-            let expected = required.iter().map(|name| name.to_string()).collect();
-            return Err(fail(Problem::MissingColumns { missing, expected, found: shorten(&header.join(",")) }));
+        let table =
+            Self { reader, path: path.to_owned(), header, remarks, places, record: StringRecord::new(), line: 1 };
+        table.require(required)?;
+        Ok(table)
+    }
+
+    /// Fails where columns are missing, given in lower case.
+    ///
+    /// # Errors
+    /// [`Problem::MissingColumns`].
+    pub fn require(&self, required: &[&str]) -> Result<(), FileError> {
+        let missing: Vec<String> =
+            required.iter().filter(|name| !self.has(name)).map(|name| name.to_string()).collect();
+        if missing.is_empty() {
+            return Ok(());
         }
-        Ok(Self { reader, path: path.to_owned(), header, places, record: StringRecord::new(), line: 1 })
+        let expected = required.iter().map(|name| name.to_string()).collect();
+        Err(self.error(Problem::MissingColumns { missing, expected, found: shorten(&self.header.join(",")) }))
     }
 
     /// The names of the columns as they stand in the file.
     pub fn header(&self) -> &[String] {
         &self.header
+    }
+
+    /// The remarks and empty lines before the header, as they stand in the file.
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
     }
 
     /// Goes to the next line; false at the end.
@@ -186,6 +214,11 @@ impl<'a> Table<'a> {
     /// The field in a column; empty where there is no such column.
     pub fn field(&self, column: &str) -> &str {
         self.place(column).and_then(|place| self.record.get(place)).unwrap_or_default()
+    }
+
+    /// The fields of the line as they stand in the file.
+    pub fn fields(&self) -> Vec<String> {
+        self.record.iter().map(str::to_owned).collect()
     }
 
     /// What this field holds is not what its column should.

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use pingmap_agent::{Event, Given, Learning, Link, MeanStructure, Position, VehicleId};
+use pingmap_agent::{Event, Given, Learning, Link, MeanStructure, Position, ReferenceSystem, VehicleId};
 use pingmap_trial::{Alternative, EventLog, Learners, Mission, Plan, Split};
 
 /// What `a` heard `repeats` times over each of these links, from `b`; and what `b` then heard once, which is held out.
@@ -19,7 +19,13 @@ fn log(links: &[Link], repeats: usize) -> (EventLog, Split) {
         (0..repeats * links.len()).map(|n| event(n, "a", "b", links[n % links.len()])).collect();
     events.extend(links.iter().enumerate().map(|(n, link)| event(1000 + n, "b", "a", *link)));
     let held_out = events.iter().map(|event| event.receiver_id.as_str() == "b").collect();
-    let log = EventLog { events, true_probability: None, has_depths: false, unknown_columns: Vec::new() };
+    let log = EventLog {
+        events,
+        true_probability: None,
+        has_depths: false,
+        unknown_columns: Vec::new(),
+        reference: ReferenceSystem::Unknown,
+    };
     (log, Split { name: "b".to_owned(), held_out })
 }
 

@@ -47,7 +47,13 @@ fn trial(seed: u64, spread_db: f64) -> [EventLog; 2] {
                 probabilities.push(p);
             }
         }
-        EventLog { events, true_probability: Some(probabilities), has_depths: true, unknown_columns: Vec::new() }
+        EventLog {
+            events,
+            true_probability: Some(probabilities),
+            has_depths: true,
+            unknown_columns: Vec::new(),
+            reference: ReferenceSystem::Unknown,
+        }
     })
 }
 

@@ -86,6 +86,26 @@ proptest! {
     }
 
     #[test]
+    fn functions_drawn_have_the_joint_covariance(problem in problems(1..=16)) {
+        let posterior = problem.full();
+        let rows = problem.elsewhere.len();
+        let (mean, covariance) = posterior.joint(&problem.elsewhere).unwrap();
+        // Of normals that are nought, and one for each row alone: the mean, and the columns of a root.
+        let unit = Matrix::from_fn(rows, rows + 1, |row, draw| f64::from(u8::from(row + 1 == draw)));
+        let (draws, jitter) = posterior.draws(&problem.elsewhere, &unit).unwrap();
+        for a in 0..rows {
+            prop_assert!((draws.column(0)[a] - mean[a]).abs() < 1e-12);
+            for b in 0..rows {
+                let of = |row: usize, draw: usize| draws.column(draw)[row] - mean[row];
+                let found: f64 = (1..=rows).map(|draw| of(a, draw) * of(b, draw)).sum();
+                let expected = covariance.column(b)[a] + if a == b { jitter } else { 0.0 };
+                prop_assert!((found - expected).abs() < 1e-9 * (1.0 + covariance.column(a)[a]), "{} {}", found, expected);
+            }
+        }
+        prop_assert!(posterior.draws(&problem.elsewhere, &Matrix::zeros(rows + 1, 2)).is_err());
+    }
+
+    #[test]
     fn a_residual_is_what_was_missing(problem in problems(4..=20)) {
         // `known` has seen some of the events of `all`, so that nothing is clipped.
         let z = problem.inputs().select(&problem.spread(4));

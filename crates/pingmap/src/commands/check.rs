@@ -2,6 +2,7 @@
 
 use clap::Args;
 use pingmap_trial::{EventLog, Finding, PairCount, RangeBin};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::log::Logs;
@@ -73,8 +74,8 @@ fn text(log: &EventLog, findings: &[Finding]) -> String {
 }
 
 /// What was found, for programs.
-#[derive(Serialize)]
-struct CheckedJson {
+#[derive(Serialize, JsonSchema)]
+pub struct CheckedJson {
     schema: u32,
     events: usize,
     log_digest: String,
@@ -83,24 +84,24 @@ struct CheckedJson {
     findings: Vec<FindingJson>,
 }
 
-#[derive(Serialize)]
-struct PairJson {
+#[derive(Serialize, JsonSchema)]
+pub struct PairJson {
     transmitter: String,
     receiver: String,
     heard: usize,
     missed: usize,
 }
 
-#[derive(Serialize)]
-struct BinJson {
+#[derive(Serialize, JsonSchema)]
+pub struct BinJson {
     from_m: f64,
     to_m: f64,
     events: usize,
     heard: usize,
 }
 
-#[derive(Serialize)]
-struct FindingJson {
+#[derive(Serialize, JsonSchema)]
+pub struct FindingJson {
     check: &'static str,
     is_nonsense: bool,
     text: String,

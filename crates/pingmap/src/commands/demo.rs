@@ -46,7 +46,7 @@ impl Options {
         let plan = Plan::new(Learning::default(), SEED);
         let splits = Division::random(3, 0.35).splits(&log, SEED)?;
         let events = log.events.len();
-        let mission = Replayed::new(log, events, splits, &[1, 2, 5, 10, 20], plan)?;
+        let mission = Replayed::new((log, events, format!("{TRIAL}, built in")), splits, &[1, 2, 5, 10, 20], plan)?;
         mission.show(results, self.json, Some(&self.out))
     }
 }

@@ -8,18 +8,24 @@ use pingmap_agent::{
     Criterion, Event, Fading, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, Provenance,
 };
 use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::log::{Logs, thinned};
-use crate::model::{KernelJson, PriorMeanJson, of_events, open_model, stop_words, warn_of_search};
+use crate::model::{KernelJson, MadeOf, PriorMeanJson, of_events, open_model, stop_words, warn_of_search};
+use crate::names::name_of;
 use crate::options::{Kernel, Work};
 use crate::output::{BadInput, Results, note, print_json, progress, spinner, table, warn};
 use crate::outputs::{Kind, Target};
+use crate::reference::ReferenceOptions;
 use crate::survey::all_in_one;
-use crate::values::{name_of, open_share, place_points};
+use crate::values::{open_share, place_points};
 
 /// Learn from an event log how links behave, and write it to a model file that all other commands take
 #[derive(Args)]
+#[command(
+    after_help = "Examples:\n  pingmap learn log.csv -o model.toml\n  pingmap learn monday.csv tuesday.csv --place 40 -o place.toml"
+)]
 pub struct Options {
     #[command(flatten)]
     pub logs: Logs,
@@ -36,6 +42,8 @@ pub struct Options {
     /// With --place: learn no model, but take this one and what it knows of the place, and add what the log says
     #[arg(long, value_name = "FILE", requires = "place", conflicts_with_all = ["test_share", "Kernel"])]
     pub onto: Option<PathBuf>,
+    #[command(flatten)]
+    pub reference: ReferenceOptions,
     #[command(flatten)]
     pub kernel: Kernel,
     #[command(flatten)]
@@ -57,7 +65,8 @@ impl Options {
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let target = Target::new(&options.output, Kind::MODEL, &options.logs.paths(), options.logs.force)?;
-    let log = options.logs.open()?;
+    let mut log = options.logs.open()?;
+    options.reference.tell(&mut log)?;
     let log_digest = log.digest();
     let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
     let limits = options.work.limits();
@@ -88,6 +97,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let from = options.logs.file_names();
     let model = options.place.map(|points| with_place(&best.model, &log, points, limits)).transpose()?;
     let model = model.unwrap_or_else(|| best.model.clone());
+    let made_of = MadeOf { log_digest: log_digest.clone(), model_digest: Some(model.digest()) };
     let place_log_digests = options.place.map(|_| log_digest.clone()).into_iter().collect();
     let file = ModelFile { model, learned: Some(provenance(&best, from, log_digest)), place_log_digests };
     let file = file.write().map_err(|error| BadInput(error.to_string()))?;
@@ -98,6 +108,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
             results,
             &LearnJson {
                 schema: 1,
+                made_of,
                 file: &options.output,
                 events: log.events.len(),
                 training_events: training.len(),
@@ -143,12 +154,13 @@ fn add_to_place(
         warn(format_args!("{}: already knows this very log, which counts twice now", onto.display()));
     }
     file.model = with_place(&file.model, log, points, options.work.limits())?;
+    let made_of = MadeOf { log_digest: log_digest.clone(), model_digest: Some(file.model.digest()) };
     file.place_log_digests.push(log_digest);
     let text = file.write().map_err(|error| BadInput(error.to_string()))?;
     target.write(text.as_bytes(), results)?;
     let place_points = file.model.place.as_ref().map_or(0, |place| place.links().len());
     if options.json && !target.is_standard_output() {
-        let added = AddedJson { schema: 1, file: &options.output, events: log.events.len(), place_points };
+        let added = AddedJson { schema: 1, made_of, file: &options.output, events: log.events.len(), place_points };
         print_json(results, &added)?;
     }
     note(format_args!("wrote {}: the place at {place_points} points", options.output.display()));
@@ -156,9 +168,11 @@ fn add_to_place(
 }
 
 /// What was added to a place.
-#[derive(Serialize)]
-struct AddedJson<'a> {
+#[derive(Serialize, JsonSchema)]
+pub struct AddedJson<'a> {
     schema: u32,
+    #[serde(flatten)]
+    made_of: MadeOf,
     file: &'a Path,
     events: usize,
     place_points: usize,
@@ -206,9 +220,11 @@ impl Candidate {
 }
 
 /// What was learned, for programs.
-#[derive(Serialize)]
-struct LearnJson<'a> {
+#[derive(Serialize, JsonSchema)]
+pub struct LearnJson<'a> {
     schema: u32,
+    #[serde(flatten)]
+    made_of: MadeOf,
     file: &'a Path,
     events: usize,
     training_events: usize,
@@ -219,8 +235,8 @@ struct LearnJson<'a> {
     model: ModelJson,
 }
 
-#[derive(Serialize)]
-struct CandidateJson {
+#[derive(Serialize, JsonSchema)]
+pub struct CandidateJson {
     #[serde(flatten)]
     model: ModelJson,
     seconds: f64,
@@ -230,8 +246,16 @@ struct CandidateJson {
     variance_factor: f64,
 }
 
-#[derive(Serialize)]
-struct ModelJson {
+/// How alike outcomes at one place are that follow one another.
+#[derive(Serialize, JsonSchema)]
+pub struct FadingJson {
+    correlation: f64,
+    memory_s: f64,
+    drift_m_per_s: f64,
+}
+
+#[derive(Serialize, JsonSchema)]
+pub struct ModelJson {
     structure: String,
     evidence: f64,
     leave_one_out: f64,
@@ -241,11 +265,12 @@ struct ModelJson {
     /// As how many independent events those used count.
     events_counted: f64,
     /// How outcomes at one place are alike.
-    fading: Fading,
+    fading: FadingJson,
 }
 
 impl ModelJson {
     fn of(fit: &LearnedModel) -> Self {
+        let Fading { correlation, memory_s, drift_m_per_s } = fit.model.fading;
         Self {
             structure: fit.structure.to_string(),
             evidence: fit.evidence(),
@@ -254,7 +279,7 @@ impl ModelJson {
             kernel: KernelJson::of(&fit.model),
             prior_mean: PriorMeanJson::of(fit.model.prior.mean()),
             events_counted: counted(fit),
-            fading: fit.model.fading,
+            fading: FadingJson { correlation, memory_s, drift_m_per_s },
         }
     }
 }

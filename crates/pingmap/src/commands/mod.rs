@@ -7,10 +7,13 @@ pub mod import;
 pub mod learn;
 pub mod map;
 pub mod packet;
+pub mod plan;
 pub mod predict;
 pub mod replay;
 pub mod reproduce;
 pub mod select;
+pub mod shell;
+pub mod schema;
 pub mod simulate;
 pub mod team;
 
@@ -19,10 +22,10 @@ use clap::Subcommand;
 use crate::output::Results;
 
 macro_rules! commands {
-    ($($name:ident($module:ident)),* $(,)?) => {
+    ($($name:ident($options:ty)),* $(,)?) => {
         #[derive(Subcommand)]
         pub enum Command {
-            $($name($module::Options)),*
+            $($name($options)),*
         }
 
         impl Command {
@@ -43,16 +46,20 @@ macro_rules! commands {
 }
 
 commands! {
-    Demo(demo),
-    Import(import),
-    Check(check),
-    Replay(replay),
-    Learn(learn),
-    Predict(predict),
-    Map(map),
-    Select(select),
-    Reproduce(reproduce),
-    Simulate(simulate),
-    Team(team),
-    Packet(packet),
+    Demo(demo::Options),
+    Import(import::Options),
+    Check(check::Options),
+    Replay(replay::Options),
+    Learn(learn::Options),
+    Predict(predict::Options),
+    Map(map::Options),
+    Plan(plan::Options),
+    Select(select::Options),
+    Reproduce(reproduce::Options),
+    Simulate(simulate::Options),
+    Team(team::Options),
+    Packet(packet::Options),
+    Completions(shell::Completions),
+    Man(shell::Man),
+    Schema(schema::Options),
 }

@@ -1,31 +1,35 @@
 //! `pingmap predict`: probability of success over links.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_agent::{Attempt, Link, Position, Prediction};
-use pingmap_trial::read_attempts;
+use pingmap_import::Place;
+use pingmap_trial::{AttemptTable, read_attempts};
+use schemars::JsonSchema;
 use serde::Serialize;
+use serde_json::{Map, Value, json};
 
 use crate::log::fill_depths;
-use crate::model::KernelJson;
+use crate::model::{KernelJson, MadeOf};
 use crate::options::{Asked, Source};
-use crate::output::{Results, csv_text, spinner};
+use crate::output::{Results, csv_of_text, json_text, spinner, warn};
 use crate::outputs::{Kind, STANDARD_OUTPUT, Target};
+use crate::reference::reference;
 use crate::survey::Survey;
 
 /// Predict the probability of success over links
 #[derive(Args)]
+#[command(after_help = "Example:\n  pingmap predict log.csv --links links.csv --model model.toml -o predicted.csv")]
 pub struct Options {
-    #[command(flatten)]
-    pub source: Source,
-    /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m; who and when in tx_id, rx_id and time_s
-    /// where it has these
+    /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m, or tx_latitude_deg and so on; who and when in tx_id,
+    /// rx_id and time_s where it has these. Its columns stand before what is predicted
     #[arg(long)]
     pub links: PathBuf,
     #[command(flatten)]
     pub asked: Asked,
+    #[command(flatten)]
+    pub source: Source,
     /// File for the result; standard output if not given
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -47,77 +51,115 @@ impl Options {
         let target = Target::new(output, kind, &inputs, logs.force)?;
         let predictions = Predictions::compute(self)?;
         let text = match self.json {
-            true => serde_json::to_string_pretty(&serde_json::to_value(predictions.json())?)?,
-            false => csv_text(&predictions.header, &predictions.rows)?,
+            true => json_text(results, &predictions.json())?,
+            false => predictions.csv()?,
         };
         target.write((text.trim_end().to_owned() + "\n").as_bytes(), results)
     }
 }
 
-/// Links and what is predicted of them, as a table.
+/// What is predicted of a link: the probability, between which ends nine in ten lie, and what both were made from.
+const COLUMNS: [&str; 5] = ["probability", "lower", "upper", "log_odds_mean", "log_odds_variance"];
+
+/// Links and what is predicted of them.
 struct Predictions {
     survey: Survey,
-    header: Vec<&'static str>,
+    table: AttemptTable,
     jitter: f64,
-    rows: Vec<Vec<f64>>,
+    /// In the order of [`COLUMNS`].
+    predicted: Vec<[f64; 5]>,
 }
 
 /// The same for programs.
-#[derive(Serialize)]
-struct PredictionsJson<'a> {
+#[derive(Serialize, JsonSchema)]
+pub struct PredictionsJson {
     schema: u32,
+    #[serde(flatten)]
+    made_of: MadeOf,
+    /// What metres mean; `unknown` where nobody said so.
+    reference_system: String,
     events_used: usize,
     jitter: f64,
     kernel: KernelJson,
-    predictions: Vec<BTreeMap<&'a str, f64>>,
+    predictions: Vec<Map<String, Value>>,
 }
 
 impl Predictions {
     fn compute(options: &Options) -> anyhow::Result<Self> {
         // What is asked comes first: learning takes a while, and a slip of the pen should not wait for it.
         let log = Survey::open(&options.source)?;
+        let reference = reference(log.reference)?;
         let nowhere = Position::new(0.0, 0.0);
         let asked = options.asked.attempt(&log)?(Link { transmitter: nowhere, receiver: nowhere });
-        let mut attempts = read_attempts(&options.links, &asked)?;
-        let mut survey = Survey::learn(log, &options.source)?.rising(&options.asked);
-        fill_depths(attempts.iter_mut().map(|attempt| &mut attempt.link), &survey.log);
-        let bar = spinner("predicting");
-        let predicted = survey.agent.predictions(&attempts)?;
-        let wide = survey.agent.wide_posterior()?;
-        let intervals = survey.agent.intervals(&wide, &attempts)?;
-        bar.finish_and_clear();
-        let depths = survey.model().inputs.has_depths();
-        let row = |((attempt, predicted), (low, high)): ((&Attempt, &Prediction), (f64, f64))| {
-            let Prediction { mean, variance, probability } = *predicted;
-            [columns(&attempt.link, depths), vec![mean, variance, probability, low, high]].concat()
-        };
-        let rows = attempts.iter().zip(&predicted).zip(intervals).map(row).collect();
-        let mut header = vec!["tx_easting_m", "tx_northing_m", "rx_easting_m", "rx_northing_m"];
-        if depths {
-            header.extend(["tx_depth_m", "rx_depth_m"]);
+        let mut table = read_attempts(&options.links, &asked, &|place| reference.metres(Place::Degrees(place)))?;
+        let replaced: Vec<&str> = table.header.iter().map(String::as_str).filter(is_predicted).collect();
+        if !replaced.is_empty() {
+            let (path, columns) = (options.links.display(), replaced.join(", "));
+            warn(format_args!("{path}: what stood in {columns} is replaced by what is predicted now"));
         }
-        header.extend(["mean", "variance", "probability", "probability_low", "probability_high"]);
+        let mut survey = Survey::learn(log, &options.source)?.rising(&options.asked);
+        fill_depths(table.attempts.iter_mut().map(|attempt| &mut attempt.link), &survey.log);
+        let bar = spinner("predicting");
+        let predicted = survey.agent.predictions(&table.attempts)?;
+        let wide = survey.agent.wide_posterior()?;
+        let intervals = survey.agent.intervals(&wide, &table.attempts)?;
+        bar.finish_and_clear();
+        let row = |(predicted, (lower, upper)): (&Prediction, (f64, f64))| {
+            let Prediction { mean, variance, probability } = *predicted;
+            [probability, lower, upper, mean, variance]
+        };
+        let predicted = predicted.iter().zip(intervals).map(row).collect();
         let jitter = survey.agent.posterior()?.jitter();
-        Ok(Self { survey, header, jitter, rows })
+        Ok(Self { survey, table, jitter, predicted })
     }
 
-    fn json(&self) -> PredictionsJson<'_> {
-        let row = |row: &Vec<f64>| self.header.iter().copied().zip(row.iter().copied()).collect();
+    /// The columns of the input, and behind them what is predicted.
+    fn csv(&self) -> anyhow::Result<String> {
+        let kept: Vec<usize> =
+            (0..self.table.header.len()).filter(|&n| !is_predicted(&self.table.header[n].as_str())).collect();
+        let of = |fields: &[String]| kept.iter().map(|&n| fields[n].clone()).collect::<Vec<_>>();
+        let header = [of(&self.table.header), COLUMNS.map(str::to_owned).to_vec()].concat();
+        let rows = self.table.rows.iter().zip(&self.predicted);
+        let rows =
+            rows.map(|(fields, numbers)| [of(fields), numbers.map(|number| number.to_string()).to_vec()].concat());
+        csv_of_text(&header, rows)
+    }
+
+    fn json(&self) -> PredictionsJson {
+        let of = |(attempt, numbers): (&Attempt, &[f64; 5])| {
+            let [_, lower, upper, mean, variance] = *numbers;
+            let mut object = link(&attempt.link);
+            object.extend(COLUMNS.iter().zip(numbers).map(|(name, number)| ((*name).to_owned(), json!(number))));
+            // As these were called before.
+            let before =
+                [("mean", mean), ("variance", variance), ("probability_low", lower), ("probability_high", upper)];
+            object.extend(before.map(|(name, number)| (name.to_owned(), json!(number))));
+            object
+        };
         PredictionsJson {
             schema: 1,
+            made_of: self.survey.made_of(),
+            reference_system: self.survey.log.reference.to_string(),
             events_used: self.survey.log.events.len(),
             jitter: self.jitter,
             kernel: KernelJson::of(self.survey.model()),
-            predictions: self.rows.iter().map(row).collect(),
+            predictions: self.table.attempts.iter().zip(&self.predicted).map(of).collect(),
         }
     }
 }
 
-fn columns(link: &Link, depths: bool) -> Vec<f64> {
-    let Link { transmitter: t, receiver: r } = link;
-    let mut columns = vec![t.east_m, t.north_m, r.east_m, r.north_m];
-    if depths {
-        columns.extend([t.depth_m.unwrap_or(0.0), r.depth_m.unwrap_or(0.0)]);
+/// Whether a column of the input is called as one that is predicted.
+fn is_predicted(name: &&str) -> bool {
+    COLUMNS.iter().any(|column| column.eq_ignore_ascii_case(name))
+}
+
+/// Both ends of a link in metres of the log.
+fn link(link: &Link) -> Map<String, Value> {
+    let mut object = Map::new();
+    for (end, place) in [("tx", link.transmitter), ("rx", link.receiver)] {
+        object.insert(format!("{end}_easting_m"), json!(place.east_m));
+        object.insert(format!("{end}_northing_m"), json!(place.north_m));
+        object.extend(place.depth_m.map(|depth_m| (format!("{end}_depth_m"), json!(depth_m))));
     }
-    columns
+    object
 }

@@ -3,13 +3,15 @@
 use clap::Args;
 use pingmap_agent::{Event, Limits, Link, Position};
 use pingmap_trial::selection::{Query, RegionChoice, SelectionError, choose_points};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::log::{self, Logs};
-use crate::model::{KernelJson, Known};
+use crate::model::{KernelJson, Known, MadeOf};
+use crate::names::{PolicyName, name_of};
 use crate::options::ModelSource;
 use crate::output::{BadInput, Results, count, note, print, print_json, spinner, table, warn};
-use crate::values::{PolicyName, dense_events, inducing_points, name_of, positive, quadruple, threads};
+use crate::values::{dense_events, inducing_points, positive, quadruple, threads};
 
 /// Choose the inducing points that sum up a locality region, with the certificate of the choice
 #[derive(Args)]
@@ -63,14 +65,17 @@ impl Options {
 
 /// The points, and what they were chosen under.
 struct Selected {
+    log_digest: String,
     known: Known,
     choice: RegionChoice,
 }
 
 /// The same for programs.
-#[derive(Serialize)]
-struct SelectedJson<'a> {
+#[derive(Serialize, JsonSchema)]
+pub struct SelectedJson<'a> {
     schema: u32,
+    #[serde(flatten)]
+    made_of: MadeOf,
     vehicle: &'a str,
     policy: String,
     radius_m: f64,
@@ -83,8 +88,8 @@ struct SelectedJson<'a> {
     certificate: CertificateJson,
 }
 
-#[derive(Serialize)]
-struct PointJson {
+#[derive(Serialize, JsonSchema)]
+pub struct PointJson {
     time_s: f64,
     tx_easting_m: f64,
     tx_northing_m: f64,
@@ -93,8 +98,8 @@ struct PointJson {
     success: u8,
 }
 
-#[derive(Serialize)]
-struct CertificateJson {
+#[derive(Serialize, JsonSchema)]
+pub struct CertificateJson {
     kl: f64,
     gap: f64,
     closed_form: f64,
@@ -107,6 +112,7 @@ impl Selected {
     fn choose(options: &Options) -> anyhow::Result<Self> {
         let log = options.logs.open()?;
         let own = log::only(&log, &options.vehicle)?;
+        let log_digest = log.digest();
         let known = Known::new(&options.model, &log, Limits::default())?;
         let centre = options.centre.map(|[tx_east, tx_north, rx_east, rx_north]| {
             let (transmitter, receiver) = (Position::new(tx_east, tx_north), Position::new(rx_east, rx_north));
@@ -136,7 +142,7 @@ impl Selected {
             warn(format_args!("only {found} of {wanted} points are distinct in this region"));
         }
         note(known.describe(choice.events, true));
-        Ok(Self { known, choice })
+        Ok(Self { log_digest, known, choice })
     }
 
     fn json<'a>(&self, options: &'a Options) -> SelectedJson<'a> {
@@ -154,6 +160,7 @@ impl Selected {
         };
         SelectedJson {
             schema: 1,
+            made_of: MadeOf { log_digest: self.log_digest.clone(), model_digest: Some(self.known.model.digest()) },
             vehicle: &options.vehicle,
             policy: name_of(&options.policy),
             radius_m,

@@ -3,13 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pingmap_agent::{Grid, Slots, Team, TeamError, TeamFile};
-use pingmap_packet::TIME_CELLS;
-use pingmap_trial::schedule;
+use pingmap_agent::{Grid, Slots, Team, TeamError, TeamFile, VehicleId};
+use pingmap_packet::{TIME_CELLS, to_hex};
+use pingmap_trial::{EventLog, schedule};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::log::Logs;
-use crate::model::{log_digest, open_model};
-use crate::output::{BadInput, Results, count, note, warn};
+use crate::model::{MadeOf, log_digest, open_model};
+use crate::output::{BadInput, Results, count, note, print_json, warn};
 use crate::outputs::{Kind, Target};
 use crate::team::open_key;
 use crate::values::{frame_bytes, mission_s, positive, time};
@@ -45,6 +47,39 @@ pub struct Options {
     /// File for the team; it names the model file as seen from its own folder
     #[arg(long, short, value_name = "FILE", default_value = "team.toml")]
     pub output: PathBuf,
+    /// Print what was agreed on as one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What was agreed on.
+#[derive(Serialize, JsonSchema)]
+pub struct TeamJson<'a> {
+    schema: u32,
+    #[serde(flatten)]
+    made_of: MadeOf,
+    file: &'a Path,
+    /// What all packets of the team are known by.
+    team_digest: String,
+    members: Vec<MemberJson<'a>>,
+    frame_bytes: usize,
+    epoch: u32,
+    is_sealed: bool,
+    cell_m: f64,
+    depth_cell_m: f64,
+    start_s: f64,
+    time_cell_s: f64,
+    slots_start_s: f64,
+    slot_s: f64,
+    /// Whether the log keeps to an order of sending, which is the team's then.
+    slots_from_log: bool,
+    reference_system: String,
+}
+
+#[derive(Serialize, JsonSchema)]
+pub struct MemberJson<'a> {
+    member: u8,
+    vehicle: &'a str,
 }
 
 impl Options {
@@ -86,6 +121,9 @@ fn write(options: &Options, results: Results) -> anyhow::Result<()> {
     let model_name = beside(&options.model, &options.output)?;
     let text = TeamFile::write(&team, &model_name, key_name.as_deref(), log_digest(&file));
     target.write(text.map_err(bad_team)?.as_bytes(), results)?;
+    if options.json && !target.is_standard_output() {
+        print_json(results, &TeamJson::of(options, &log, &team, is_kept))?;
+    }
     let Grid { cell_m, start_s, time_cell_s, .. } = team.grid;
     let output = options.output.display();
     note(format_args!("team: {output}, cells of {cell_m} m, and of {time_cell_s} s from {start_s} s on"));
@@ -98,6 +136,31 @@ fn write(options: &Options, results: Results) -> anyhow::Result<()> {
         ));
     }
     Ok(())
+}
+
+impl<'a> TeamJson<'a> {
+    fn of(options: &'a Options, log: &EventLog, team: &'a Team, slots_from_log: bool) -> Self {
+        let member = |(&member, vehicle): (&u8, &'a VehicleId)| MemberJson { member, vehicle: vehicle.as_str() };
+        let Grid { cell_m, depth_cell_m, start_s, time_cell_s } = team.grid;
+        Self {
+            schema: 1,
+            made_of: MadeOf { log_digest: log.digest(), model_digest: Some(team.model.digest()) },
+            file: &options.output,
+            team_digest: to_hex(&team.digest()),
+            members: team.members.iter().map(member).collect(),
+            frame_bytes: team.frame_bytes,
+            epoch: team.epoch,
+            is_sealed: team.key.is_some(),
+            cell_m,
+            depth_cell_m,
+            start_s,
+            time_cell_s,
+            slots_start_s: team.slots.start_s,
+            slot_s: team.slots.duration_s,
+            slots_from_log,
+            reference_system: team.model.chart.reference.to_string(),
+        }
+    }
 }
 
 /// The name of a file as the team file beside it says it.

@@ -1,17 +1,26 @@
 //! A figure under construction: axes, what is drawn inside them, and a legend.
 
-use kuva::prelude::{ColorMap, Layout, LinePlot, Plot, QuiverPlot, TickFormat};
+use kuva::prelude::{Layout, LinePlot, Plot};
 use kuva::render::color::Color;
 use kuva::render::layout::ComputedLayout;
 use kuva::render::render::{Primitive, Scene, TextAnchor, render_multiple};
 
-use super::marks::{draw_arrow, draw_line, draw_mark, text_at, text_width};
+use super::marks::{draw_arrow, draw_head, draw_line, draw_mark, shortened, text_at, text_width, ways_once};
 use super::style::{Arrows, Figure, Mark, Series, Style};
 use crate::contour::{Grid, Point, contour_lines};
 
 const ROW_PX: f64 = 20.0;
 const KEY_PX: f64 = 42.0;
 const LINK_MARK_PX: f64 = 3.0;
+
+/// Above the axes, for the name of the upright one.
+const Y_LABEL_ROOM_PX: f64 = 30.0;
+
+/// Between the arrow heads along a track.
+const HEADS_PX: f64 = 110.0;
+
+/// Right of the axes, for the bar of colours and its numbers.
+pub(super) const BAR_ROOM_PX: f64 = 64.0;
 
 /// Of more tracks than this the legend names none.
 const TRACKS_NAMED_MAX: usize = 24;
@@ -21,12 +30,14 @@ pub(super) struct Frame {
     pub(super) scene: Scene,
     pub(super) axes: ComputedLayout,
     /// What is drawn inside the axes, in pixels.
-    inside: Vec<Primitive>,
+    pub(super) inside: Vec<Primitive>,
     /// Texts inside the axes, over everything else there.
-    labels: Vec<Primitive>,
+    pub(super) labels: Vec<Primitive>,
     /// What is drawn right of everything else.
-    legend: Vec<Primitive>,
-    rows: usize,
+    pub(super) legend: Vec<Primitive>,
+    pub(super) rows: usize,
+    /// Room for the bar of colours between axes and legend.
+    pub(super) bar_px: f64,
     legend_width: f64,
     pub(super) legend_place: LegendPlace,
 }
@@ -44,74 +55,48 @@ pub(super) enum LegendPlace {
 
 impl Frame {
     /// Makes map axes with one metre the same length both ways, the longer side `side` pixels.
-    pub(super) fn map(layout: Layout, east: (f64, f64), north: (f64, f64), bar: Option<&str>, side: f64) -> Self {
+    pub(super) fn map(layout: Layout, east: (f64, f64), north: (f64, f64), side: f64) -> Self {
         let (width, height) = (east.1 - east.0, north.1 - north.0);
         let scale = side / width.max(height);
-        Self::new(layout, east, north, bar, (width * scale, height * scale))
+        Self::new(layout, (east, "east (m)"), (north, "north (m)"), (width * scale, height * scale))
     }
 
-    /// Makes axes over exactly `x` and `y` whose data area is `size` pixels.
-    pub(super) fn new(layout: Layout, x: Point, y: Point, bar: Option<&str>, size: Point) -> Self {
-        let mut layout = layout
-            .with_x_axis_min(x.0)
-            .with_x_axis_max(x.1)
-            .with_y_axis_min(y.0)
-            .with_y_axis_max(y.1)
-            .with_colorbar_tick_format(TickFormat::Fixed(1))
-            .with_box_axes();
-        layout.show_colorbar = bar.is_some();
+    /// Makes axes over exactly `x` and `y`, which have names, whose data area is `size` pixels.
+    pub(super) fn new(layout: Layout, (x, x_label): (Point, &str), (y, y_label): (Point, &str), size: Point) -> Self {
+        let mut layout =
+            layout.with_x_axis_min(x.0).with_x_axis_max(x.1).with_y_axis_min(y.0).with_y_axis_max(y.1).with_box_axes();
+        if !layout.suppress_x_ticks {
+            layout = layout.with_x_label(x_label);
+        }
+        layout.show_colorbar = false;
         // The margins do not depend on the size, so measure them first and add them.
+        let margins = ComputedLayout::from_layout(&layout);
+        layout.force_margin_top = Some(margins.margin_top.max(Y_LABEL_ROOM_PX));
         let margins = ComputedLayout::from_layout(&layout);
         let layout = layout
             .with_width(size.0 + margins.margin_left + margins.margin_right)
             .with_height(size.1 + margins.margin_top + margins.margin_bottom);
-        // A vector plot without vectors draws nothing but a colour bar with a fixed range; an
-        // empty line draws nothing at all (without any plot there would be no axes).
-        let plot: Plot = match bar {
-            Some(label) => QuiverPlot::new()
-                .with_color_map(ColorMap::Cividis)
-                .with_color_range(0.0, 1.0)
-                .with_color_legend_label(label)
-                .into(),
-            None => LinePlot::new().into(),
-        };
         let axes = ComputedLayout::from_layout(&layout);
-        let scene = render_multiple(vec![plot], layout);
-        let (inside, labels, legend) = (Vec::new(), Vec::new(), Vec::new());
-        Self { scene, axes, inside, labels, legend, rows: 0, legend_width: 0.0, legend_place: LegendPlace::Right }
+        // An empty line draws nothing at all; without any plot there would be no axes.
+        let scene = render_multiple(vec![Plot::from(LinePlot::new())], layout);
+        // Upright and above its axis: rotated letters are hard to read.
+        let legend = vec![text_at((8.0, axes.margin_top - 14.0), y_label, TextAnchor::Start)];
+        Self {
+            scene,
+            axes,
+            inside: Vec::new(),
+            labels: Vec::new(),
+            legend,
+            rows: 0,
+            bar_px: 0.0,
+            legend_width: 0.0,
+            legend_place: LegendPlace::Right,
+        }
     }
 
     /// Where a data point is on the page.
     pub(super) fn pixel(&self, (x, y): Point) -> Point {
         (self.axes.map_x(x), self.axes.map_y(y))
-    }
-
-    /// Fills the cells of a grid, joining equal neighbours in a row.
-    pub(super) fn heat_map(&mut self, grid: &Grid) {
-        let rows = grid.values.len() / grid.columns;
-        let (left, top) = self.pixel((grid.east.0, grid.north.1));
-        let (right, bottom) = self.pixel((grid.east.1, grid.north.0));
-        let (width, height) = ((right - left) / grid.columns as f64, (bottom - top) / rows as f64);
-        let (mut x, mut y, mut w, mut h) = (vec![], vec![], vec![], vec![]);
-        let mut fills = vec![];
-        for (row, values) in grid.values.chunks_exact(grid.columns).enumerate() {
-            // A hundred shades are about what the eye tells apart, and they join into longer runs.
-            let shades: Vec<f64> = values.iter().map(|p| (p.clamp(0.0, 1.0) * 100.0).round() / 100.0).collect();
-            let mut column = 0;
-            for run in shades.chunk_by(|a, b| a == b) {
-                let shade = Some(run[0]).filter(|p| !p.is_nan());
-                if let Some((r, g, b)) = shade.and_then(|p| ColorMap::Cividis.map_rgb(p)) {
-                    x.push(left + column as f64 * width);
-                    y.push(bottom - (row + 1) as f64 * height);
-                    // Half a pixel more hides the seams between cells.
-                    w.push(run.len() as f64 * width + 0.5);
-                    h.push(height + 0.5);
-                    fills.push(Color::Rgb(r, g, b));
-                }
-                column += run.len();
-            }
-        }
-        self.inside.push(Primitive::RectBatch { x, y, w, h, fills });
     }
 
     /// Draws and labels the lines on which the grid has the value `level`.
@@ -134,8 +119,8 @@ impl Frame {
         }
     }
 
-    /// Draws tracks with a marker here and there, those of who stays in place on top, and adds them to the legend; of
-    /// very many, all look alike under one name.
+    /// Draws tracks with a marker here and there, a ring where they begin and arrow heads along them, those of who stays in place on
+    /// top, and adds them to the legend; of very many, all look alike under one name.
     pub(super) fn tracks(&mut self, tracks: &[Series]) {
         let many = tracks.len() > TRACKS_NAMED_MAX;
         let plain = Style { color: "#d7301f", width: 1.0, dash: &[], mark: Mark::Dot };
@@ -143,7 +128,10 @@ impl Frame {
         for track in moving.into_iter().chain(fixed) {
             let style = if many { plain } else { track.style };
             let points: Vec<Point> = thin(track.points, 2000).map(|&point| self.pixel(point)).collect();
-            self.line(&points, style, 2.5);
+            for piece in ways_once(&points) {
+                self.line(&piece, style, 2.5);
+            }
+            self.directions(&points, style);
             let radius = if points.len() > 1 { 4.5 } else { 6.5 };
             for &point in thin(&points, 12) {
                 self.mark(point, radius, style);
@@ -153,6 +141,36 @@ impl Frame {
             self.key(&format!("{} vehicles", tracks.len()), plain, false);
         } else {
             tracks.iter().for_each(|track| self.key(track.name, track.style, false));
+        }
+    }
+
+    /// A ring where a track begins, and arrow heads along it.
+    pub(super) fn directions(&mut self, points: &[Point], style: Style) {
+        let [first, _, ..] = points else { return };
+        let ring = |r, stroke: &str, width| Primitive::Circle {
+            cx: first.0,
+            cy: first.1,
+            r,
+            fill: Color::None,
+            fill_opacity: None,
+            stroke: Some(stroke.into()),
+            stroke_width: Some(width),
+        };
+        self.inside.extend([ring(8.0, "#ffffff", 3.6), ring(8.0, style.color, 1.8)]);
+        let length = |pair: &[Point]| (pair[1].0 - pair[0].0).hypot(pair[1].1 - pair[0].1);
+        let whole: f64 = points.windows(2).map(length).sum();
+        let (mut gone, mut next) = (0.0, whole.min(HEADS_PX) / 2.0);
+        for pair in points.windows(2) {
+            let step = length(pair);
+            while step > 0.0 && next <= gone + step {
+                let along = |share: f64| {
+                    (pair[0].0 + (pair[1].0 - pair[0].0) * share, pair[0].1 + (pair[1].1 - pair[0].1) * share)
+                };
+                let (share, back) = ((next - gone) / step, 1.0 / step);
+                draw_head(&mut self.inside, along(share - back), along(share), style);
+                next += HEADS_PX;
+            }
+            gone += step;
         }
     }
 
@@ -208,6 +226,7 @@ impl Frame {
         if self.legend_place == LegendPlace::Nowhere {
             return;
         }
+        let name = &shortened(name);
         let (x, y) = self.place(self.rows);
         let ends = [(x, y), (x + KEY_PX, y)];
         if arrow {
@@ -229,7 +248,7 @@ impl Frame {
             let width = (self.axes.width - 16.0) / 2.0;
             return (16.0 + width * column as f64, self.axes.height + ROW_PX * (row as f64 + 0.5));
         }
-        (self.axes.width + 8.0, self.axes.margin_top + ROW_PX * (entry as f64 + 0.5))
+        (self.axes.width + 8.0 + self.bar_px, self.axes.margin_top + ROW_PX * (entry as f64 + 0.5))
     }
 
     /// Puts the parts together.
@@ -254,7 +273,7 @@ impl Frame {
         elements.splice(at..at, self.inside.into_iter().chain(self.labels));
         elements.push(frame);
         elements.append(&mut self.legend);
-        self.scene.width = (self.scene.width + legend_width).ceil();
+        self.scene.width = (self.scene.width + self.bar_px + legend_width).ceil();
         self.scene.height = self.scene.height.max(bottom).ceil();
         Figure(self.scene)
     }
@@ -263,4 +282,11 @@ impl Frame {
 /// At most about `count` of the points, evenly spread, the first among them.
 pub(super) fn thin(points: &[Point], count: usize) -> impl Iterator<Item = &Point> {
     points.iter().step_by(points.len().div_ceil(count).max(1))
+}
+
+/// The smallest of 1, 2 or 5 times a power of ten that is not below `step`.
+pub(super) fn round_step(step: f64) -> f64 {
+    let power = 10.0_f64.powf(step.log10().floor());
+    let factor = [1.0, 2.0, 5.0].into_iter().find(|f| f * power >= step);
+    factor.unwrap_or(10.0) * power
 }

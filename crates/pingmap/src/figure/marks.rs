@@ -1,5 +1,7 @@
 //! Lines, arrows, markers and texts, in pixels.
 
+use std::collections::HashMap;
+
 use kuva::prelude::{Layout, LegendEntry, LegendShape};
 use kuva::render::render::{PathData, Primitive, TextAnchor};
 
@@ -44,6 +46,74 @@ pub(super) fn draw_line(out: &mut Vec<Primitive>, points: &[Point], style: Style
     if part.is_multiple_of(2) {
         stroke(piece, style.color, style.width);
     }
+}
+
+/// Steps in which ways are compared, and how near two of them are the same; in pixels.
+const STEP_PX: f64 = 3.0;
+const SAME_PX: f64 = 2.4;
+
+/// The pieces of a way that have not been drawn before: a way that is gone twice would fill the gaps of its own dashes. O(n) for n
+/// steps.
+pub(super) fn ways_once(points: &[Point]) -> Vec<Vec<Point>> {
+    let mut seen: HashMap<(i64, i64), Vec<(usize, Point)>> = HashMap::new();
+    let cell = |(x, y): Point| ((x / SAME_PX).floor() as i64, (y / SAME_PX).floor() as i64);
+    let (mut pieces, mut piece) = (Vec::new(), Vec::new());
+    for (number, point) in steps(points).into_iter().enumerate() {
+        let (column, row) = cell(point);
+        let around = (-1..=1).flat_map(|x| (-1..=1).map(move |y| (column + x, row + y)));
+        let near = |&(earlier, other): &(usize, Point)| {
+            // What was drawn just now is the way itself.
+            earlier + 6 < number && (other.0 - point.0).hypot(other.1 - point.1) < SAME_PX
+        };
+        let is_old = around.filter_map(|cell| seen.get(&cell)).flatten().any(near);
+        seen.entry((column, row)).or_default().push((number, point));
+        piece.push(point);
+        if is_old {
+            pieces.extend((piece.len() > 2).then(|| std::mem::take(&mut piece)));
+            piece = vec![point];
+        }
+    }
+    pieces.extend((piece.len() > 1).then_some(piece));
+    pieces
+}
+
+/// The corners of a line, and points between them.
+fn steps(points: &[Point]) -> Vec<Point> {
+    let mut steps: Vec<Point> = points.first().copied().into_iter().collect();
+    for pair in points.windows(2) {
+        let count = ((pair[1].0 - pair[0].0).hypot(pair[1].1 - pair[0].1) / STEP_PX).ceil().max(1.0) as usize;
+        let at = |n: usize| {
+            let share = n as f64 / count as f64;
+            (pair[0].0 + (pair[1].0 - pair[0].0) * share, pair[0].1 + (pair[1].1 - pair[0].1) * share)
+        };
+        steps.extend((1..=count).map(at));
+    }
+    steps
+}
+
+/// Draws the head of an arrow that ends at `to`.
+pub(super) fn draw_head(out: &mut Vec<Primitive>, from: Point, to: Point, style: Style) {
+    let length = (to.0 - from.0).hypot(to.1 - from.1);
+    let (x, y) = ((to.0 - from.0) / length, (to.1 - from.1) / length);
+    let (tip, base) = ((to.0 + 5.0 * x, to.1 + 5.0 * y), (to.0 - 5.0 * x, to.1 - 5.0 * y));
+    out.push(polygon(
+        &[tip, (base.0 - 5.0 * y, base.1 + 5.0 * x), to, (base.0 + 5.0 * y, base.1 - 5.0 * x)],
+        style.color,
+        "#ffffff",
+    ));
+}
+
+/// The most letters of a name that are drawn.
+const NAME_LETTERS_MAX: usize = 40;
+
+/// A name, its middle left out where it is very long.
+pub(super) fn shortened(name: &str) -> String {
+    let letters: Vec<char> = name.chars().collect();
+    if letters.len() <= NAME_LETTERS_MAX {
+        return name.to_owned();
+    }
+    let half = NAME_LETTERS_MAX / 2 - 1;
+    letters[..half].iter().chain(&['…']).chain(&letters[letters.len() - half..]).collect()
 }
 
 /// Draws an arrow with a filled head.
@@ -106,7 +176,7 @@ pub(super) fn draw_mark(out: &mut Vec<Primitive>, (x, y): Point, radius: f64, st
     out.push(polygon(&shape, style.color, "#ffffff"));
 }
 
-fn polygon(corners: &[Point], fill: &str, edge: &str) -> Primitive {
+pub(super) fn polygon(corners: &[Point], fill: &str, edge: &str) -> Primitive {
     let steps: Vec<String> = corners.iter().map(|(x, y)| format!("{x:.2},{y:.2}")).collect();
     Primitive::Path(Box::new(PathData {
         d: format!("M{} Z", steps.join(" L")),

@@ -7,42 +7,79 @@
 mod style;
 mod marks;
 mod frame;
+mod ground;
 
 use kuva::prelude::Layout;
 use kuva::render::render::{Primitive, Scene};
 
 use crate::contour::{Grid, Point};
-use frame::{Frame, LegendPlace, thin};
+use frame::{Frame, LegendPlace, round_step, thin};
+pub use ground::shade;
 pub use style::{Arrows, Figure, Mark, Panel, Series, Style};
 
 const PANEL_TITLE_PX: u32 = 14;
 const PANEL_TITLE_ROOM_PX: f64 = 30.0;
 const PANEL_GAP_PX: f64 = 8.0;
 
-/// Draws the map of success probability, `side` pixels along its longer side.
-pub fn probability_map(
-    title: &str,
-    grid: &Grid,
-    contours: &[f64],
-    tracks: &[Series],
-    seen_from: (&str, Point),
-    side: f64,
-) -> Figure {
-    let bar = Some("probability of success");
-    let mut frame = Frame::map(map_layout(title, grid.east, grid.north), grid.east, grid.north, bar, side);
-    frame.heat_map(grid);
-    for (n, &level) in contours.iter().enumerate() {
-        let dash = if n == 0 { &[5.0, 4.0][..] } else { &[] };
-        frame.contour(grid, level, Style { color: "#000000", width: 1.4, dash, mark: Mark::None });
+/// What a map of an area shows: a number of every cell, and what lies over it.
+pub struct GridMap<'a> {
+    pub title: &'a str,
+    /// What the colours say.
+    pub bar: &'a str,
+    pub grid: Grid<'a>,
+    pub contours: &'a [f64],
+    /// Lines of equal latitude or longitude, by their names.
+    pub graticule: &'a [(String, Vec<Point>)],
+    /// Cells of which little is known.
+    pub hatched: &'a [bool],
+    pub tracks: &'a [Series<'a>],
+    /// Where messages were heard and missed, as arrows.
+    pub links: &'a [Arrows<'a>],
+    pub places: &'a [(String, Point)],
+    /// Lines of a plan, over all that.
+    pub lines: &'a [Series<'a>],
+}
+
+/// Draws a map, `side` pixels along its longer side.
+pub fn grid_map(map: &GridMap, side: f64) -> Figure {
+    let (east, north) = (map.grid.east, map.grid.north);
+    let mut frame = Frame::map(map_layout(map.title, east, north), east, north, side);
+    frame.heat_map(&map.grid);
+    frame.color_bar(map.bar);
+    frame.hatch(&map.grid, map.hatched);
+    frame.graticule(map.graticule);
+    for (n, &level) in map.contours.iter().enumerate() {
+        let dash = CONTOUR_DASHES[(map.contours.len() - 1 - n) % CONTOUR_DASHES.len()];
+        frame.contour(&map.grid, level, Style { color: "#000000", width: 1.4, dash, mark: Mark::None });
     }
-    frame.tracks(tracks);
-    let (name, place) = seen_from;
+    if map.hatched.contains(&true) {
+        frame.hatched_key("little known beyond the prior");
+    }
+    frame.tracks(map.tracks);
+    frame.links(map.links);
+    for line in map.lines {
+        let points: Vec<Point> = line.points.iter().map(|&point| frame.pixel(point)).collect();
+        frame.line(&points, line.style, 2.5);
+        if line.style.width > 0.0 && line.style.mark != Mark::None {
+            frame.directions(&points, line.style);
+        }
+        for &point in points.iter().filter(|_| line.style.mark != Mark::None) {
+            frame.mark(point, 5.0, line.style);
+        }
+        frame.key(line.name, line.style, false);
+    }
     let star = Style { color: "#d00000", width: 0.0, dash: &[], mark: Mark::Star };
-    let (x, y) = frame.pixel(place);
-    frame.mark((x, y), 10.0, star);
-    frame.label((x, y - 20.0), name);
+    for (name, place) in map.places {
+        let (x, y) = frame.pixel(*place);
+        frame.mark((x, y), 10.0, star);
+        frame.label((x, y - 20.0), name);
+    }
+    frame.north_and_scale(east.1 - east.0);
     frame.finish()
 }
+
+/// The most probable contour is solid, the next ones ever more broken.
+const CONTOUR_DASHES: [&[f64]; 4] = [&[], &[5.0, 4.0], &[2.0, 3.0], &[8.0, 3.0, 2.0, 3.0]];
 
 /// Draws arrows (transmitter to receiver) and tracks on a map with equal scales.
 pub fn link_map(
@@ -53,7 +90,7 @@ pub fn link_map(
     tracks: &[Series],
     side: f64,
 ) -> Figure {
-    let mut frame = Frame::map(map_layout(title, east, north), east, north, None, side);
+    let mut frame = Frame::map(map_layout(title, east, north), east, north, side);
     let faint = tracks.iter().map(|track| Series { style: Style { width: 0.8, ..track.style }, ..*track });
     frame.tracks(&faint.collect::<Vec<_>>());
     frame.links(links);
@@ -69,12 +106,11 @@ pub fn link_panels(panels: &[Panel], east: (f64, f64), north: (f64, f64), side: 
         let mut layout = map_layout(panel.title, east, north).with_title_size(PANEL_TITLE_PX);
         if !is_last {
             // The axis of the last panel is that of all.
-            layout.x_label = None;
             layout.suppress_x_ticks = true;
             layout.force_margin_bottom = Some(PANEL_GAP_PX);
         }
         layout.force_margin_top = Some(PANEL_TITLE_ROOM_PX);
-        let mut frame = Frame::map(layout, east, north, None, side);
+        let mut frame = Frame::map(layout, east, north, side);
         frame.legend_place = if is_last { LegendPlace::Below } else { LegendPlace::Nowhere };
         frame.tracks(panel.tracks);
         frame.links(panel.links);
@@ -84,7 +120,7 @@ pub fn link_panels(panels: &[Panel], east: (f64, f64), north: (f64, f64), side: 
 }
 
 /// Puts figures one below the other.
-fn stacked(figures: Vec<Figure>) -> Figure {
+pub fn stacked(figures: Vec<Figure>) -> Figure {
     let mut figures = figures.into_iter().enumerate();
     let Some((_, Figure(mut whole))) = figures.next() else {
         return Figure(Scene::new(1.0, 1.0));
@@ -123,10 +159,10 @@ pub fn curves(title: &str, x_label: &str, y_label: &str, series: &[Series], size
     let (x, (low, high)) = (range(|point| point.0), range(|point| point.1));
     let margin = 0.05 * (high - low);
     let y = (low - margin, high + margin);
-    let layout = Layout::new(x, y).with_title(title).with_x_label(x_label).with_y_label(y_label);
+    let layout = Layout::new(x, y).with_title(title);
     let layout =
         layout.with_x_tick_step(round_step((x.1 - x.0) / 10.0)).with_y_tick_step(round_step((y.1 - y.0) / 8.0));
-    let mut frame = Frame::new(layout, x, y, None, size);
+    let mut frame = Frame::new(layout, (x, x_label), (y, y_label), size);
     for series in series {
         let line: Vec<Point> = series.points.iter().map(|&point| frame.pixel(point)).collect();
         frame.line(&line, series.style, 0.0);
@@ -141,17 +177,5 @@ pub fn curves(title: &str, x_label: &str, y_label: &str, series: &[Series], size
 /// Title, axes in metres and ticks of a map.
 fn map_layout(title: &str, east: (f64, f64), north: (f64, f64)) -> Layout {
     let step = round_step((east.1 - east.0).max(north.1 - north.0) / 10.0);
-    Layout::new(east, north)
-        .with_title(title)
-        .with_x_label("east (m)")
-        .with_y_label("north (m)")
-        .with_x_tick_step(step)
-        .with_y_tick_step(step)
-}
-
-/// The smallest of 1, 2 or 5 times a power of ten that is not below `step`.
-fn round_step(step: f64) -> f64 {
-    let power = 10.0_f64.powf(step.log10().floor());
-    let factor = [1.0, 2.0, 5.0].into_iter().find(|f| f * power >= step);
-    factor.unwrap_or(10.0) * power
+    Layout::new(east, north).with_title(title).with_x_tick_step(step).with_y_tick_step(step)
 }

@@ -61,7 +61,14 @@ impl Figure {
     /// The figure as SVG; `embed_font` makes it independent of installed fonts (and 3.2 MB larger).
     pub fn svg(&self, embed_font: bool) -> String {
         let backend = SvgBackend::new().with_embedded_font(embed_font);
-        backend.render_scene(&self.0)
+        let svg = backend.render_scene(&self.0);
+        // Without it a picture that is shown smaller is cut off instead of drawn smaller.
+        match svg.split_once("<svg ") {
+            Some((before, rest)) if !rest.split('>').next().is_some_and(|head| head.contains("viewBox")) => {
+                format!("{before}<svg viewBox=\"0 0 {} {}\" {rest}", self.0.width, self.0.height)
+            }
+            _ => svg,
+        }
     }
 
     /// The figure as PNG bytes, two pixels per SVG unit.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use pingmap_trial::EventLog;
 
-use super::{pingmap, stderr, stdout};
+use super::{pingmap, stderr, stdout, without_command};
 
 /// What is in both logs of one event.
 type Key = (String, String, i64);
@@ -41,12 +41,12 @@ pub fn files(kinds: &[&str]) -> String {
     kinds.iter().map(of).collect::<String>() + "--ids mission/ids.csv --origin 41.52,-70.67"
 }
 
-/// Imports with these options; what was printed and said.
+/// Imports with these options; what was printed, but for the command line, and said.
 pub fn import(folder: &Path, options: &str) -> (serde_json::Value, String) {
     let arguments = format!("import {options} --json");
     let output = pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>());
     assert!(output.status.success(), "{arguments}: {}", stderr(&output));
-    (serde_json::from_str(&stdout(&output)).unwrap(), stderr(&output))
+    (serde_json::from_str(&without_command(stdout(&output))).unwrap(), stderr(&output))
 }
 
 /// Every imported event is one of the truth: same outcome, places to 1 m, times to 0.1 s. Gives how many of the truth are not there.

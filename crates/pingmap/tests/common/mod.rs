@@ -32,6 +32,17 @@ pub fn json(folder: &Path, arguments: &[&str]) -> serde_json::Value {
     serde_json::from_str(&stdout(&output)).expect("one JSON object on standard output")
 }
 
+/// Objects say by which command line they were made, which changes with every option.
+pub fn without_command(said: String) -> String {
+    match serde_json::from_str::<serde_json::Value>(&said) {
+        Ok(mut object) => {
+            object.as_object_mut().map(|object| object.remove("command"));
+            serde_json::to_string_pretty(&object).expect("it is JSON")
+        }
+        Err(_) => said,
+    }
+}
+
 /// Writes a file to a folder and returns its path.
 pub fn file(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
     let path = folder.join(name);

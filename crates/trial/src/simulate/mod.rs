@@ -8,7 +8,7 @@ mod sea_floor;
 mod channel;
 mod survey;
 
-use pingmap_agent::{Event, Link, Position, VehicleId};
+use pingmap_agent::{Event, Link, Position, ReferenceSystem, VehicleId};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -160,7 +160,13 @@ impl Simulation {
             }
         }
         let true_probability = Some(probabilities);
-        let log = EventLog { events, true_probability, has_depths: true, unknown_columns: Vec::new() };
+        let log = EventLog {
+            events,
+            true_probability,
+            has_depths: true,
+            unknown_columns: Vec::new(),
+            reference: ReferenceSystem::Unknown,
+        };
         Ok(Simulated { log, vehicles, channel, tracks, simulation: self.clone() })
     }
 

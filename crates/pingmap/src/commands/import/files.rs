@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::Args;
-use pingmap_agent::{Geographic, VehicleId, bounds};
+use pingmap_agent::{Geographic, ReferenceSystem, VehicleId};
 use pingmap_import::{
     Columns, Fix, Ids, ImportError, PREFIX, Place, Reading, Recordings, Reference, Schedule, Skipped, TIME, TableKind,
     parse_time, resolve,
@@ -13,7 +13,7 @@ use pingmap_import::{
 
 use super::records::{self, Records, opened, whose};
 use crate::output::{BadInput, progress_of_bytes, read_text};
-use crate::values::{origin, pair};
+use crate::values::{crs, origin, place};
 
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
@@ -53,11 +53,11 @@ pub struct Files {
     #[arg(long, value_name = "FILE")]
     columns: Option<PathBuf>,
     /// Where (0, 0) of the log is; if not given where files say, or the middle of all positions in degrees, rounded
-    #[arg(long, value_name = "LAT,LON", value_parser = pair, allow_hyphen_values = true, conflicts_with = "crs")]
-    origin: Option<(f64, f64)>,
+    #[arg(long, value_name = "LAT,LON", value_parser = origin, allow_hyphen_values = true, conflicts_with = "crs")]
+    origin: Option<ReferenceSystem>,
     /// Reference system of metres in files and log, such as EPSG:32619
-    #[arg(long, value_name = "EPSG:CODE")]
-    crs: Option<String>,
+    #[arg(long, value_name = "EPSG:CODE", value_parser = crs)]
+    crs: Option<ReferenceSystem>,
 }
 
 /// What was in the files.
@@ -68,6 +68,8 @@ pub struct Taken {
     /// Where (0, 0) of the log is, if that is known, and by whose word.
     pub origin: Option<(Geographic, OriginBy)>,
     pub skipped: Skipped,
+    /// Of whom members of messages say that they are from them, and nothing was recorded, how often.
+    pub unknown_sources: BTreeMap<VehicleId, usize>,
     /// Files in folders that are of no known kind.
     pub left_alone: Vec<PathBuf>,
 }
@@ -97,22 +99,8 @@ fn span(text: &str) -> Result<(String, (f64, f64)), String> {
 }
 
 fn fixed(text: &str) -> Result<(String, Fix), String> {
-    const EXPECTED: &str = "expected NAME=EAST,NORTH or NAME=41.52N,70.67W, and perhaps a depth";
-    let (name, place) = two(text)?;
-    let bounded = |text: &str| text.parse::<f64>().ok().and_then(|number| bounds::COORDINATE_M.check(number));
-    let parts: Vec<&str> = place.split(',').map(str::trim).collect();
-    let ([a, b] | [a, b, _]) = parts[..] else { return Err(EXPECTED.into()) };
-    let depth_m = parts.get(2).map(|depth| bounded(depth).ok_or(EXPECTED)).transpose()?;
-    let degrees = |text: &str, positive: char, negative: char| {
-        let number = |sign: f64, letter: char| Some(sign * text.strip_suffix(letter)?.parse::<f64>().ok()?);
-        number(1.0, positive).or_else(|| number(-1.0, negative))
-    };
-    let geographic = degrees(a, 'N', 'S').zip(degrees(b, 'E', 'W'));
-    let metres = || a.parse::<f64>().ok().zip(b.parse::<f64>().ok()).filter(|(a, b)| a.is_finite() && b.is_finite());
-    let place = match geographic {
-        Some((a, b)) => Place::Degrees(pingmap_import::geographic(a, b).ok_or(EXPECTED)?),
-        None => metres().map(|(a, b)| Place::Metres(a, b)).ok_or(EXPECTED)?,
-    };
+    let (name, value) = two(text)?;
+    let (place, depth_m) = place(&value).map_err(|error| format!("NAME=PLACE: {error}"))?;
     Ok((name, Fix { time_s: 0.0, place, depth_m, clock_set: false }))
 }
 
@@ -143,7 +131,7 @@ impl Files {
             skipped = skipped.and(reading.take(kind, table, vehicle.as_ref(), &mut recordings)?);
         }
         bar.finish_and_clear();
-        resolve(&mut recordings)?;
+        let unknown_sources = resolve(&mut recordings)?;
         for (name, fix) in &self.fixed {
             recordings.entry(VehicleId::new(name)).or_default().fixed = Some(*fix);
         }
@@ -159,7 +147,7 @@ impl Files {
             self.schedule.as_ref().map(|path| Schedule::read(opened(path)?, path, &reading.ids)).transpose()?;
         let (reference, origin) = self.reference(&recordings, &records)?;
         let skipped = skipped.and(records.skipped);
-        Ok(Taken { recordings, schedule, reference, origin, skipped, left_alone: records.left_alone })
+        Ok(Taken { recordings, schedule, reference, origin, skipped, unknown_sources, left_alone: records.left_alone })
     }
 
     /// All files that are read.
@@ -204,12 +192,12 @@ impl Files {
         records: &Records,
     ) -> anyhow::Result<(Reference, Option<(Geographic, OriginBy)>)> {
         let about = |origin| Reference::about(origin).map_err(ImportError::from);
-        if let Some(name) = &self.crs {
-            return Ok((Reference::epsg(name).map_err(ImportError::from)?, None));
-        }
-        if let Some(given) = self.origin {
-            let given = origin(given)?;
-            return Ok((about(given)?, Some((given, OriginBy::Option))));
+        if let Some(told) = self.origin.or(self.crs) {
+            let origin = match told {
+                ReferenceSystem::About(place) => Some((place, OriginBy::Option)),
+                _ => None,
+            };
+            return Ok((Reference::of(told).map_err(ImportError::from)?, origin));
         }
         if let Some(datum) = records.datum()? {
             return Ok((about(datum)?, Some((datum, OriginBy::Files))));

@@ -3,7 +3,7 @@
 mod archives;
 mod files;
 mod records;
-mod shown;
+pub mod shown;
 
 use std::path::{Path, PathBuf};
 
@@ -22,6 +22,9 @@ use crate::values::{not_negative, positive};
 /// A transmission counts if its sender recorded it, if anybody received it, or if it was the sender's turn and --always-sends says that
 /// turns are used; and for receivers whose modem was at work. Whatever is neither heard nor missed for certain is left out and counted.
 #[derive(Args)]
+#[command(
+    after_help = "Examples:\n  pingmap import mission/*.alog --ids ids.csv -o events.csv\n  pingmap import --nav auv1=nav1.csv auv2=nav2.csv --heard auv1=rx1.csv auv2=rx2.csv --sent auv1=tx1.csv auv2=tx2.csv"
+)]
 pub struct Options {
     #[command(flatten)]
     pub files: Files,

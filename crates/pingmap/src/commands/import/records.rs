@@ -30,7 +30,9 @@ pub fn all(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
         let (vehicle, path) = whose(given);
         let (path, topics) = of_topics(path);
         if path.is_dir() {
+            let before = files.len();
             in_folder(path, &vehicle, &mut files)?;
+            files[before..].iter_mut().for_each(|inside| inside.topics.clone_from(&topics));
         } else {
             files.push(RecordFile { path: path.to_owned(), topics, vehicle, is_given: true });
         }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
 use pingmap_import::{ClockFound, Imported, Pair, Proofs, Rules, Unknown};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::files::{OriginBy, Taken};
@@ -23,6 +24,13 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
             "of what {} sent only what somebody received is known, so what all missed is not in the log and the map will be optimistic: \
              say what was sent (--sent), or when it was whose turn (--schedule)",
             imported.by_reception_alone
+        ));
+    }
+    if !imported.whom_by_reception.is_empty() && !rules.overhear {
+        warnings.push(format!(
+            "to whom {} sent only receivers know, so messages that nobody heard are left out and the map will be optimistic: say it where it \
+             is recorded what was sent, or --overhear counts everything for everybody",
+            imported.whom_by_reception
         ));
     }
     if !imported.unused_turns.is_empty() {
@@ -48,7 +56,7 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
     }
     warnings.extend(imported.doubts.iter().cloned());
     warnings.extend(unknown_clocks(imported));
-    for (name, messages) in &imported.left_out.strangers {
+    for (name, messages) in imported.left_out.strangers.iter().chain(&taken.unknown_sources) {
         let messages = count(*messages, "message");
         warnings.push(format!(
             "{messages} from {name}, of whom nothing was recorded, left out (--ids says who is meant by an id)"
@@ -66,17 +74,29 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
             "{messages} from {name} were received when it sent none by its record or had no turn: did its record end before, are clocks, ids and --match-s right?"
         ));
     }
-    let left_out =
-        |number: usize, what: &str, why: &str| (number > 0).then(|| format!("{} {why}", count(number, what)));
-    warnings.extend(left_out(taken.skipped.garbled, "line", "that are none of their kind, or garbled, left out"));
-    let of_no_type = taken.skipped.of_no_type;
-    warnings.extend(left_out(of_no_type, "message", "of types that no given definition (.lcm) has left out"));
-    let cut_off = taken.skipped.cut_off;
-    warnings.extend(left_out(cut_off, "file", "cut off: what stands before is read, what followed is not known"));
-    warnings.extend(left_out(taken.skipped.unplaced, "line", "of navigation without a position left out"));
-    warnings.extend(left_out(imported.left_out.unplaced, "position", "outside of the map left out"));
-    warnings.extend(left_out(imported.left_out.own, "message", "that vehicles heard of themselves left out"));
+    warnings.extend(left_out(imported, taken));
     warnings
+}
+
+/// What stood in files and is in no event, of which there should be nothing.
+fn left_out(imported: &Imported, taken: &Taken) -> impl Iterator<Item = String> {
+    let skipped = &taken.skipped;
+    let counts = [
+        (skipped.garbled, "line", "that are none of their kind, or garbled, left out"),
+        (
+            skipped.of_no_type,
+            "message",
+            "in an encoding that is not read, or of types that no given definition (.lcm) has, left out",
+        ),
+        (skipped.cut_off, "file", "cut off: what stands before is read, what followed is not known"),
+        (skipped.unplaced, "line", "of navigation without a position left out"),
+        (imported.left_out.unplaced, "position", "outside of the map left out"),
+        (imported.left_out.own, "message", "that vehicles heard of themselves left out"),
+    ];
+    counts
+        .into_iter()
+        .filter(|(number, ..)| *number > 0)
+        .map(|(number, what, why)| format!("{} {why}", count(number, what)))
 }
 
 /// Vehicles whose clock no messages compare with the others', and what becomes of them.
@@ -200,7 +220,7 @@ fn clock(clock: &ClockFound) -> Vec<String> {
 }
 
 /// What was imported, for programs.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub struct ImportedJson {
     schema: u32,
     events: usize,
@@ -216,16 +236,16 @@ pub struct ImportedJson {
     left_out: LeftOutJson,
 }
 
-#[derive(Serialize)]
-struct ProofsJson {
+#[derive(Serialize, JsonSchema)]
+pub struct ProofsJson {
     recorded: usize,
     by_turn: usize,
     by_reception: usize,
     turns_not_known_to_be_used: usize,
 }
 
-#[derive(Serialize)]
-struct PairJson {
+#[derive(Serialize, JsonSchema)]
+pub struct PairJson {
     transmitter: String,
     receiver: String,
     heard: usize,
@@ -233,8 +253,8 @@ struct PairJson {
     unknown: BTreeMap<&'static str, usize>,
 }
 
-#[derive(Serialize)]
-struct ClockJson {
+#[derive(Serialize, JsonSchema)]
+pub struct ClockJson {
     vehicle: String,
     is_reference: bool,
     pieces: Vec<PieceJson>,
@@ -242,15 +262,15 @@ struct ClockJson {
     off_s_median: f64,
 }
 
-#[derive(Serialize)]
-struct PieceJson {
+#[derive(Serialize, JsonSchema)]
+pub struct PieceJson {
     time_s: f64,
     ahead_s: f64,
     drift_ppm: f64,
 }
 
-#[derive(Serialize)]
-struct LeftOutJson {
+#[derive(Serialize, JsonSchema)]
+pub struct LeftOutJson {
     of_unknown_vehicles: BTreeMap<String, usize>,
     to_unknown_vehicles: BTreeMap<String, usize>,
     unexpected: BTreeMap<String, usize>,
@@ -306,7 +326,7 @@ impl ImportedJson {
             unknown: keys(&imported.unknown()),
             clocks: imported.clocks.iter().map(clock).collect(),
             delay_s: imported.delay_s,
-            reference: taken.reference.name().to_owned(),
+            reference: taken.reference.name(),
             origin: taken.origin.map(|(origin, _)| [origin.latitude_deg, origin.longitude_deg]),
             left_out: LeftOutJson {
                 of_unknown_vehicles: named(&left_out.strangers),

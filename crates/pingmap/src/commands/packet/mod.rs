@@ -1,7 +1,7 @@
 //! `pingmap packet`: the bytes on the water, for people.
 
-mod report;
-mod schema;
+pub mod report;
+pub mod schema;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,6 +9,8 @@ use std::sync::Arc;
 use clap::{Args, Subcommand};
 use pingmap_agent::{Agent, Link, VehicleId, When};
 use pingmap_packet::{Block, Cell, Layout, MapMessage, Point, ReportLayout, from_hex, to_hex};
+use schemars::JsonSchema;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::output::{BadInput, Results, count, print, print_json, read_text, table};
@@ -77,10 +79,17 @@ struct Named {
 }
 
 /// A packet as JSON: whole numbers only.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct PacketJson {
+pub struct PacketJson {
     schema: u32,
+    /// With what it was written, from which nothing follows.
+    #[serde(default, skip_serializing, rename = "version")]
+    #[schemars(skip)]
+    _version: IgnoredAny,
+    #[serde(default, skip_serializing, rename = "command")]
+    #[schemars(skip)]
+    _command: IgnoredAny,
     /// Name of the message in the `.proto`.
     message: String,
     sender: u8,
@@ -90,9 +99,9 @@ struct PacketJson {
     blocks: Vec<BlockJson>,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct BlockJson {
+pub struct BlockJson {
     /// The cell of the time at which its points were true; 0 for no certain time.
     #[serde(default)]
     time: u8,
@@ -105,9 +114,9 @@ struct BlockJson {
 
 /// East, north and, in messages with depths, depth of both ends in cells; levels of information and mean. With a team,
 /// also what the cells are in metres, which is not read.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct PointJson {
+pub struct PointJson {
     tx: Vec<u8>,
     rx: Vec<u8>,
     information: u8,
@@ -130,6 +139,8 @@ fn decode(options: &Decode, results: Results) -> anyhow::Result<()> {
     };
     let json = PacketJson {
         schema: 1,
+        _version: IgnoredAny,
+        _command: IgnoredAny,
         message: layout.name.to_owned(),
         sender: message.sender,
         counter: message.counter,
@@ -219,8 +230,8 @@ fn print_bytes(options: &Encode, message: &str, bytes: &[u8], results: Results) 
 }
 
 /// A packet in hexadecimal.
-#[derive(Serialize)]
-struct EncodedJson<'a> {
+#[derive(Serialize, JsonSchema)]
+pub struct EncodedJson<'a> {
     schema: u32,
     message: &'a str,
     bytes: usize,

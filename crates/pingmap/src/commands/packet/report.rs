@@ -2,15 +2,24 @@
 
 use pingmap_agent::Agent;
 use pingmap_packet::{Cell, Earlier, Knot, Outcome, REPORT_LAYOUTS, Report, ReportLayout};
+use schemars::JsonSchema;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::output::{BadInput, Results, print, print_json, table};
 
 /// A report as JSON.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct ReportJson {
+pub struct ReportJson {
     schema: u32,
+    /// With what it was written, from which nothing follows.
+    #[serde(default, skip_serializing, rename = "version")]
+    #[schemars(skip)]
+    _version: IgnoredAny,
+    #[serde(default, skip_serializing, rename = "command")]
+    #[schemars(skip)]
+    _command: IgnoredAny,
     /// Name of the message in the `.proto`.
     message: String,
     sender: u8,
@@ -27,9 +36,9 @@ struct ReportJson {
     earlier: Option<EarlierJson>,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct KnotJson {
+pub struct KnotJson {
     slot: u32,
     /// East, north and, in messages with depths, depth in cells of knots.
     cell: Vec<u8>,
@@ -39,9 +48,9 @@ struct KnotJson {
 }
 
 /// Which map messages speak of the same events.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct EarlierJson {
+pub struct EarlierJson {
     before: u8,
     counts: bool,
 }
@@ -161,6 +170,8 @@ fn json_of(layout: &ReportLayout, report: &Report, listener: Option<&Agent>) -> 
     };
     ReportJson {
         schema: 1,
+        _version: IgnoredAny,
+        _command: IgnoredAny,
         message: layout.name.to_owned(),
         sender: report.sender,
         model: report.model,

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use pingmap_packet::{Layout, OutcomeCounts, PROTO, ReportLayout};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::output::{BadInput, Results, count, print, print_json, table};
@@ -30,8 +31,8 @@ pub struct Options {
 }
 
 /// The fields of a message.
-#[derive(Serialize)]
-struct SchemaJson {
+#[derive(Serialize, JsonSchema)]
+pub struct SchemaJson {
     schema: u32,
     message: &'static str,
     id: u16,
@@ -50,16 +51,16 @@ struct SchemaJson {
 }
 
 /// What a map message holds.
-#[derive(Serialize)]
-struct PointsJson {
+#[derive(Serialize, JsonSchema)]
+pub struct PointsJson {
     frame_bytes: usize,
     blocks: usize,
     points_per_block: usize,
     points: usize,
 }
 
-#[derive(Serialize)]
-struct FieldJson {
+#[derive(Serialize, JsonSchema)]
+pub struct FieldJson {
     name: String,
     bits: u64,
     in_head: bool,

@@ -5,15 +5,18 @@ use pingmap_packet::Layout;
 use pingmap_trial::{
     Bin, Calibrated, Calibration, Estimate, Learners, MeanScore, Replay, Sharing, SplitNll, SplitSummary, Water,
 };
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::replayed::Replayed;
-use crate::model::{KernelJson, PriorMeanJson, path_variance, stop_words};
+use crate::model::{KernelJson, MadeOf, PriorMeanJson, path_variance, stop_words};
 
 /// Everything that was computed.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub struct ReplayJson {
     schema: u32,
+    #[serde(flatten)]
+    made_of: MadeOf,
     events: usize,
     events_used: usize,
     vehicles: usize,
@@ -34,8 +37,8 @@ pub struct ReplayJson {
 }
 
 /// How far probabilities mean what they say.
-#[derive(Serialize)]
-struct CalibratedJson {
+#[derive(Serialize, JsonSchema)]
+pub struct CalibratedJson {
     own: CalibrationJson,
     team: CalibrationJson,
     centralised: CalibrationJson,
@@ -43,23 +46,23 @@ struct CalibratedJson {
     median_variance_ratio: Option<f64>,
 }
 
-#[derive(Serialize)]
-struct CalibrationJson {
+#[derive(Serialize, JsonSchema)]
+pub struct CalibrationJson {
     expected_error: f64,
     coverage_50: Option<f64>,
     coverage_90: Option<f64>,
     bins: Vec<BinJson>,
 }
 
-#[derive(Serialize)]
-struct BinJson {
+#[derive(Serialize, JsonSchema)]
+pub struct BinJson {
     events: usize,
     predicted: Option<f64>,
     heard: Option<f64>,
 }
 
-#[derive(Serialize)]
-struct InferenceJson {
+#[derive(Serialize, JsonSchema)]
+pub struct InferenceJson {
     own: &'static str,
     centralised: &'static str,
     dense_events_max: usize,
@@ -69,8 +72,8 @@ struct InferenceJson {
 }
 
 /// What is sent, and what happens to it.
-#[derive(Serialize)]
-struct PacketsJson {
+#[derive(Serialize, JsonSchema)]
+pub struct PacketsJson {
     message: Option<&'static str>,
     bytes: Option<usize>,
     sealed: Option<bool>,
@@ -82,20 +85,20 @@ struct PacketsJson {
 }
 
 /// Scores of every vehicle learning by itself.
-#[derive(Serialize)]
-struct OwnLearningJson {
+#[derive(Serialize, JsonSchema)]
+pub struct OwnLearningJson {
     scores: OwnScoresJson,
     sharing: Vec<OwnSharingJson>,
 }
 
-#[derive(Serialize)]
-struct OwnScoresJson {
+#[derive(Serialize, JsonSchema)]
+pub struct OwnScoresJson {
     own: ScoreJson,
     centralised: ScoreJson,
 }
 
-#[derive(Serialize)]
-struct OwnSharingJson {
+#[derive(Serialize, JsonSchema)]
+pub struct OwnSharingJson {
     frames: usize,
     team: ScoreJson,
     better_than_own: DifferenceJson,
@@ -105,8 +108,8 @@ struct OwnSharingJson {
     gap_closed_se: Option<f64>,
 }
 
-#[derive(Serialize)]
-struct ScoresJson {
+#[derive(Serialize, JsonSchema)]
+pub struct ScoresJson {
     base_rate: ScoreJson,
     distance_only: ScoreJson,
     own: ScoreJson,
@@ -116,8 +119,8 @@ struct ScoresJson {
     true_probability: Option<ScoreJson>,
 }
 
-#[derive(Serialize)]
-struct ScoreJson {
+#[derive(Serialize, JsonSchema)]
+pub struct ScoreJson {
     acc: f64,
     nll: f64,
     nll_se: Option<f64>,
@@ -128,15 +131,15 @@ struct ScoreJson {
 }
 
 /// A paired difference of NLL over splits.
-#[derive(Serialize)]
-struct DifferenceJson {
+#[derive(Serialize, JsonSchema)]
+pub struct DifferenceJson {
     nll: f64,
     nll_se: Option<f64>,
     indistinguishable: bool,
 }
 
-#[derive(Serialize)]
-struct SharingJson {
+#[derive(Serialize, JsonSchema)]
+pub struct SharingJson {
     #[serde(flatten)]
     team: OwnSharingJson,
     points_per_frame: Option<usize>,
@@ -148,14 +151,14 @@ struct SharingJson {
     alternatives: Vec<AlternativeJson>,
 }
 
-#[derive(Serialize)]
-struct AlternativeJson {
+#[derive(Serialize, JsonSchema)]
+pub struct AlternativeJson {
     name: &'static str,
     nll: f64,
 }
 
-#[derive(Serialize)]
-struct SplitJson {
+#[derive(Serialize, JsonSchema)]
+pub struct SplitJson {
     name: String,
     training_events: usize,
     held_out_events: usize,
@@ -173,8 +176,8 @@ struct SplitJson {
     nll: SplitNllJson,
 }
 
-#[derive(Serialize)]
-struct SplitNllJson {
+#[derive(Serialize, JsonSchema)]
+pub struct SplitNllJson {
     distance_only: f64,
     own: f64,
     /// For each number of frames.
@@ -184,10 +187,11 @@ struct SplitNllJson {
 
 impl ReplayJson {
     pub fn of(replayed: &Replayed) -> Self {
-        let Replayed { log, splits, plan, replay, own_learning, events, has_seen_log } = replayed;
+        let Replayed { log, splits, plan, replay, own_learning, events, has_seen_log, .. } = replayed;
         let points = replayed.layout().map(Layout::points_in_all);
         Self {
             schema: 1,
+            made_of: MadeOf::given(log, &plan.agreed),
             events: *events,
             events_used: log.events.len(),
             vehicles: replay.vehicles.len(),

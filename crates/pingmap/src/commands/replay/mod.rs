@@ -2,9 +2,10 @@
 
 mod replayed;
 mod tables;
-mod json;
+pub mod json;
+mod pictures;
 mod report;
-mod online;
+pub mod online;
 
 use std::path::{Path, PathBuf};
 
@@ -15,17 +16,21 @@ use pingmap_trial::{
 
 use crate::log::{Logs, thinned};
 use crate::model::{HAS_SEEN_LOG, log_digests, open_model};
+use crate::names::{DivideByName, LearnName};
 use crate::options::{ModelSource, Work};
 use crate::output::{BadInput, Results, note, print, print_json, warn};
 use crate::outputs::{Kind, Target};
 use crate::team::{open_key, open_team};
-use crate::values::{DivideByName, LearnName, frame_bytes, open_share, packets, repeats, share, spare_bytes};
+use crate::values::{frame_bytes, open_share, packets, repeats, share, spare_bytes};
 use online::OnlineMission;
 pub use replayed::Replayed;
 
 /// Replay a mission: what each vehicle knows alone, what the team knows after sharing packets, what it could know at
 /// best
 #[derive(Args)]
+#[command(
+    after_help = "Examples:\n  pingmap replay log.csv --frames 1,5,10 --report report\n  pingmap replay log.csv --model model.toml --online"
+)]
 pub struct Options {
     #[command(flatten)]
     pub logs: Logs,
@@ -194,7 +199,8 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     }
     let events = log.events.len();
     let (log, splits) = thinned(log, splits, options.work.events_max, options.work.seed);
-    let mut mission = Replayed { has_seen_log, ..Replayed::new(log, events, splits, &options.frames, plan)? };
+    let mut mission =
+        Replayed { has_seen_log, ..Replayed::new((log, events, options.logs.name()), splits, &options.frames, plan)? };
     if options.learn == LearnName::Both {
         mission.learn_own(&options.frames)?;
     }
@@ -248,12 +254,13 @@ impl Replayed {
     /// Warns, prints, and writes the report if one is wanted.
     pub fn show(&self, results: Results, as_json: bool, report: Option<&Path>) -> anyhow::Result<()> {
         self.warn();
+        let command = results.command().to_vec();
         match as_json {
             true => print_json(results, &json::ReplayJson::of(self))?,
             false => print(results, &tables::text(self))?,
         }
         if let Some(folder) = report {
-            note(format_args!("report: {}", report::write(self, folder)?.display()));
+            note(format_args!("report: {}", report::write(self, &command, folder)?.display()));
         }
         Ok(())
     }

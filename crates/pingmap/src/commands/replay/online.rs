@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use pingmap_trial::{Agreed, EventLog, Online, Plan, Riding, Step};
+use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::report;
 use crate::figure::{Figure, Mark, Series, Style, curves};
 use crate::files::write_file;
-use crate::model::HAS_SEEN_LOG;
+use crate::model::{HAS_SEEN_LOG, MadeOf};
 use crate::output::{Results, count, note, print, print_json, progress, table};
+use crate::page::Page;
 
 /// Rows of the table.
 const PARTS: usize = 10;
@@ -52,7 +53,7 @@ impl OnlineMission {
         let online = pingmap_trial::online(log, &self.plan, self.riding, &|| bar.inc(1))?;
         bar.finish_and_clear();
         match as_json {
-            true => print_json(results, &OnlineJson::of(&online, self))?,
+            true => print_json(results, &OnlineJson::of(&online, self, log))?,
             false => print(results, &self.text(&online))?,
         }
         if let Some(folder) = report {
@@ -103,8 +104,15 @@ impl OnlineMission {
         let figure = figure(online);
         write_file(&folder.join("online.png"), &figure.png()?)?;
         let page = folder.join("index.html");
-        let html = report::online_page(&self.headline(online), &header(), &rows(online), &figure);
-        write_file(&page, html.as_bytes())?;
+        let mut html = Page::new("pingmap: a mission in the order of time");
+        html.paragraph(&self.headline(online));
+        html.heading("How well are coming events predicted?");
+        html.figure(&figure, "NLL of coming events in the order of time: lower is better.");
+        html.table(&header(), &rows(online));
+        html.paragraph(
+            "Every event is predicted by its receiver before it is learned from. NLL is the negative log-likelihood in nats: lower is better.",
+        );
+        write_file(&page, html.finish().as_bytes())?;
         Ok(page)
     }
 }
@@ -126,9 +134,11 @@ fn header() -> Vec<&'static str> {
 }
 
 /// A mission in the order of time, for programs.
-#[derive(Serialize)]
-struct OnlineJson {
+#[derive(Serialize, JsonSchema)]
+pub struct OnlineJson {
     schema: u32,
+    #[serde(flatten)]
+    made_of: MadeOf,
     events: usize,
     slot_every: Option<usize>,
     spare_bytes: usize,
@@ -142,8 +152,8 @@ struct OnlineJson {
     running_nll: Vec<StepJson>,
 }
 
-#[derive(Serialize)]
-struct StepJson {
+#[derive(Serialize, JsonSchema)]
+pub struct StepJson {
     time_s: f64,
     own: f64,
     team: f64,
@@ -151,10 +161,11 @@ struct StepJson {
 }
 
 impl OnlineJson {
-    fn of(online: &Online, mission: &OnlineMission) -> Self {
+    fn of(online: &Online, mission: &OnlineMission, log: &EventLog) -> Self {
         let step = |&Step { time_s, own, team, centralised }: &Step| StepJson { time_s, own, team, centralised };
         Self {
             schema: 1,
+            made_of: MadeOf::given(log, &mission.plan.agreed),
             events: online.steps.len(),
             slot_every: mission.riding.slot_every,
             spare_bytes: mission.riding.spare_bytes,

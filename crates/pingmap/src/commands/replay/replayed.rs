@@ -19,13 +19,20 @@ pub struct Replayed {
     pub has_seen_log: bool,
     /// Events in the file, before thinning.
     pub events: usize,
+    /// What the log is called.
+    pub log_name: String,
 }
 
 impl Replayed {
     /// Replays the mission with a progress bar.
-    pub fn new(log: EventLog, events: usize, splits: Vec<Split>, frames: &[usize], plan: Plan) -> anyhow::Result<Self> {
+    pub fn new(
+        (log, events, log_name): (EventLog, usize, String),
+        splits: Vec<Split>,
+        frames: &[usize],
+        plan: Plan,
+    ) -> anyhow::Result<Self> {
         let replay = with_progress(&log, &splits, frames, &plan)?;
-        Ok(Self { log, splits, plan, replay, own_learning: None, has_seen_log: false, events })
+        Ok(Self { log, splits, plan, replay, own_learning: None, has_seen_log: false, events, log_name })
     }
 
     /// Replays it once more with every vehicle learning by itself.

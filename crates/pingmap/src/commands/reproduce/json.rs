@@ -9,6 +9,7 @@ use pingmap_trial::paper::{
     AtRadius, Choice, Claim, DataSet, EffectiveDraws, Fusion, LocalOutcome, Omega, SetOutcome, SweepRow,
 };
 use pingmap_trial::{Estimate, MeanScore};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::page;
@@ -16,7 +17,7 @@ use super::published::{Published, PublishedScore};
 use super::results::{BOUNDS, Computed, Who};
 
 /// Everything that was computed.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub struct ReproductionJson {
     schema: u32,
     caveat: String,
@@ -28,45 +29,45 @@ pub struct ReproductionJson {
     sweep: Vec<SweepJson>,
 }
 
-#[derive(Serialize)]
-struct DataSetJson {
+#[derive(Serialize, JsonSchema)]
+pub struct DataSetJson {
     data_set: String,
     agents: Vec<AgentJson>,
 }
 
 /// Events of an agent.
-#[derive(Serialize)]
-struct AgentJson {
+#[derive(Serialize, JsonSchema)]
+pub struct AgentJson {
     agent: String,
     #[serde(flatten)]
     events: EventsJson,
     published: Option<EventsJson>,
 }
 
-#[derive(Serialize)]
-struct EventsJson {
+#[derive(Serialize, JsonSchema)]
+pub struct EventsJson {
     failures: usize,
     successes: usize,
 }
 
-#[derive(Serialize)]
-struct RadiusJson {
+#[derive(Serialize, JsonSchema)]
+pub struct RadiusJson {
     radius: f64,
     length_scales: f64,
     data_sets: Vec<SetJson>,
 }
 
 /// One data set at one radius.
-#[derive(Serialize)]
-struct SetJson {
+#[derive(Serialize, JsonSchema)]
+pub struct SetJson {
     data_set: String,
     agents: Vec<LocalJson>,
     team: TeamJson,
     claims: Vec<ClaimJson>,
 }
 
-#[derive(Serialize)]
-struct ClaimJson {
+#[derive(Serialize, JsonSchema)]
+pub struct ClaimJson {
     who: String,
     claim: String,
     nll_difference: Option<EstimateJson>,
@@ -74,15 +75,15 @@ struct ClaimJson {
     published: DifferencesJson,
 }
 
-#[derive(Serialize)]
-struct DifferencesJson {
+#[derive(Serialize, JsonSchema)]
+pub struct DifferencesJson {
     nll_difference: Option<f64>,
     acc_difference: Option<f64>,
 }
 
 /// An agent by itself.
-#[derive(Serialize)]
-struct LocalJson {
+#[derive(Serialize, JsonSchema)]
+pub struct LocalJson {
     agent: String,
     region: RegionJson,
     skipped: usize,
@@ -93,20 +94,20 @@ struct LocalJson {
     rank_correlation_with_nll: BTreeMap<&'static str, Option<EstimateJson>>,
 }
 
-#[derive(Serialize)]
-struct RegionJson {
+#[derive(Serialize, JsonSchema)]
+pub struct RegionJson {
     centre_standardised: Vec<f64>,
     events: usize,
 }
 
-#[derive(Serialize)]
-struct DrawsJson {
+#[derive(Serialize, JsonSchema)]
+pub struct DrawsJson {
     mean: f64,
     least: f64,
 }
 
-#[derive(Serialize)]
-struct LocalScoreJson {
+#[derive(Serialize, JsonSchema)]
+pub struct LocalScoreJson {
     policy: &'static str,
     points: usize,
     omega: &'static str,
@@ -114,41 +115,41 @@ struct LocalScoreJson {
     published: Option<PublishedJson>,
 }
 
-#[derive(Serialize)]
-struct OmegaScoreJson {
+#[derive(Serialize, JsonSchema)]
+pub struct OmegaScoreJson {
     omega: &'static str,
     score: Option<ScoreJson>,
 }
 
-#[derive(Serialize)]
-struct CertificateJson {
+#[derive(Serialize, JsonSchema)]
+pub struct CertificateJson {
     policy: &'static str,
     points: usize,
     bounds: BTreeMap<&'static str, Option<EstimateJson>>,
 }
 
-#[derive(Serialize)]
-struct TeamJson {
+#[derive(Serialize, JsonSchema)]
+pub struct TeamJson {
     skipped: usize,
     scores: Vec<TeamScoreJson>,
     centralised: Vec<OmegaScoreJson>,
 }
 
-#[derive(Serialize)]
-struct TeamScoreJson {
+#[derive(Serialize, JsonSchema)]
+pub struct TeamScoreJson {
     fusion: &'static str,
     #[serde(flatten)]
     score: LocalScoreJson,
 }
 
-#[derive(Serialize)]
-struct SweepJson {
+#[derive(Serialize, JsonSchema)]
+pub struct SweepJson {
     data_set: String,
     rows: Vec<SweepRowJson>,
 }
 
-#[derive(Serialize)]
-struct SweepRowJson {
+#[derive(Serialize, JsonSchema)]
+pub struct SweepRowJson {
     length_scales: f64,
     training_events: f64,
     skipped: usize,
@@ -157,28 +158,28 @@ struct SweepRowJson {
     random_minus_good: Vec<PointsJson>,
 }
 
-#[derive(Serialize)]
-struct PointsJson {
+#[derive(Serialize, JsonSchema)]
+pub struct PointsJson {
     points: usize,
     nll: EstimateJson,
 }
 
-#[derive(Serialize)]
-struct EstimateJson {
+#[derive(Serialize, JsonSchema)]
+pub struct EstimateJson {
     mean: f64,
     se: Option<f64>,
 }
 
-#[derive(Serialize)]
-struct ScoreJson {
+#[derive(Serialize, JsonSchema)]
+pub struct ScoreJson {
     acc: f64,
     acc_se: Option<f64>,
     nll: f64,
     nll_se: Option<f64>,
 }
 
-#[derive(Serialize)]
-struct PublishedJson {
+#[derive(Serialize, JsonSchema)]
+pub struct PublishedJson {
     acc: f64,
     nll: f64,
 }

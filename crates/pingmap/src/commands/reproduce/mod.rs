@@ -8,7 +8,7 @@ mod table;
 mod tables;
 mod pictures;
 mod page;
-mod json;
+pub mod json;
 
 use std::path::{Path, PathBuf};
 
@@ -19,9 +19,10 @@ use pingmap_trial::{BUILT_IN, built_in};
 
 use crate::files::{make_folder, write_file};
 use crate::log::open_log;
+use crate::names::name_of;
 use crate::output::{BadInput, Results, note, print, print_json, spinner, warn};
 use crate::outputs::{Kind, Target};
-use crate::values::{name_of, repeats, threads};
+use crate::values::{repeats, threads};
 use exhibit::Exhibit;
 use results::Computed;
 use table::Table;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use pingmap_agent::Position;
+use pingmap_agent::{Position, ReferenceSystem};
 use pingmap_import::{Reference, parse_time, time_in_words};
 use pingmap_trial::simulate::{Simulated, Simulation};
 
@@ -13,7 +13,7 @@ use super::bag::bag;
 use super::modem::{BROADCAST, DELAY_S, Fix, SOUND_M_PER_S, capture, moos_log, said};
 use crate::files::{make_folder, write_file};
 use crate::output::BadInput;
-use crate::values::{origin, pair};
+use crate::values::origin;
 
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
@@ -35,8 +35,8 @@ pub struct Files {
     #[arg(long, requires = "folder")]
     with_sent: bool,
     /// Where (0, 0) of the log is
-    #[arg(long, value_name = "LAT,LON", requires = "folder", value_parser = pair, allow_hyphen_values = true, default_value = "41.52,-70.67")]
-    origin: (f64, f64),
+    #[arg(long, value_name = "LAT,LON", requires = "folder", value_parser = origin, allow_hyphen_values = true, default_value = "41.52,-70.67")]
+    origin: ReferenceSystem,
     /// When the mission begins
     #[arg(long, value_name = "TIME", requires = "folder", value_parser = time, default_value = "2026-05-03T12:00:00Z")]
     start: f64,
@@ -64,7 +64,7 @@ impl Files {
     /// Writes the files, if any are wanted, and gives the log their times.
     pub fn write(&self, simulation: &Simulation, trial: &mut Simulated) -> anyhow::Result<()> {
         let Some(folder) = &self.folder else { return Ok(()) };
-        let reference = Reference::about(origin(self.origin)?).map_err(|error| BadInput(error.to_string()))?;
+        let reference = Reference::of(self.origin).map_err(|error| BadInput(error.to_string()))?;
         let known =
             trial.vehicles.iter().any(|(id, _)| self.stops.as_ref().is_none_or(|(name, _)| name == id.as_str()));
         if !known {
@@ -98,6 +98,7 @@ impl Files {
         write("schedule.toml", self.schedule(simulation, trial))?;
         write("ids.csv", ids(trial))?;
         trial.log.events.iter_mut().for_each(|event| event.time_s += self.start);
+        trial.log.reference = reference.system();
         Ok(())
     }
 

@@ -8,12 +8,15 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use pingmap_agent::VehicleId;
+use pingmap_trial::EventLog;
 use pingmap_trial::simulate::{
     self, Absorption, CLEARANCE_M, Seawater, Simulated, Simulation, wind_of_sea_state_m_per_s,
 };
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use self::files::Files;
+use crate::model::MadeOf;
 use crate::output::{BadInput, Results, count, print_json, table};
 use crate::outputs::{Kind, Target};
 use crate::values::{sea_state, whole_number};
@@ -200,9 +203,12 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let mut trial = simulation.run(&options.sound()).map_err(|error| BadInput(error.to_string()))?;
     trial.log.has_depths = options.depths;
     options.files.write(&simulation, &mut trial)?;
-    let written = target.write(trial.log.to_csv().as_bytes(), results);
+    let text = trial.log.to_csv();
+    let written = target.write(text.as_bytes(), results);
     if options.json && !target.is_standard_output() {
-        print_json(results, &SimulatedJson::of(&simulation, &trial))?;
+        // As whoever reads it will see it: numbers are rounded, and depths may not be there.
+        let log = EventLog::read(text.as_bytes(), &options.output)?;
+        print_json(results, &SimulatedJson::of(&simulation, &trial, &log))?;
     } else {
         target.tell(&format!("{}: {}", options.output.display(), summary(&simulation, &trial)), results)?;
     }
@@ -231,9 +237,11 @@ fn summary(simulation: &Simulation, trial: &Simulated) -> String {
 }
 
 /// What was made up, for programs.
-#[derive(Serialize)]
-struct SimulatedJson {
+#[derive(Serialize, JsonSchema)]
+pub struct SimulatedJson {
     schema: u32,
+    #[serde(flatten)]
+    made_of: MadeOf,
     note: &'static str,
     seed: u64,
     events: usize,
@@ -242,8 +250,8 @@ struct SimulatedJson {
     mound: MoundJson,
 }
 
-#[derive(Serialize)]
-struct VehicleJson {
+#[derive(Serialize, JsonSchema)]
+pub struct VehicleJson {
     vehicle: String,
     self_noise_db: f64,
     even_odds_range_m: f64,
@@ -251,8 +259,8 @@ struct VehicleJson {
     successes: usize,
 }
 
-#[derive(Serialize)]
-struct RidgeJson {
+#[derive(Serialize, JsonSchema)]
+pub struct RidgeJson {
     easting_m: f64,
     northing_m: f64,
     direction_rad: f64,
@@ -260,8 +268,8 @@ struct RidgeJson {
     width_m: f64,
 }
 
-#[derive(Serialize)]
-struct MoundJson {
+#[derive(Serialize, JsonSchema)]
+pub struct MoundJson {
     easting_m: f64,
     northing_m: f64,
     height_m: f64,
@@ -269,7 +277,7 @@ struct MoundJson {
 }
 
 impl SimulatedJson {
-    fn of(simulation: &Simulation, trial: &Simulated) -> Self {
+    fn of(simulation: &Simulation, trial: &Simulated, log: &EventLog) -> Self {
         let vehicle = |(id, noise_db): &(VehicleId, f64)| {
             let (events, successes) = events_and_heard(trial, id);
             VehicleJson {
@@ -283,6 +291,7 @@ impl SimulatedJson {
         let (ridge, mound) = (&trial.channel.floor.ridge, &trial.channel.floor.mound);
         Self {
             schema: 1,
+            made_of: MadeOf { log_digest: log.digest(), model_digest: None },
             note: STAND_IN,
             seed: simulation.seed,
             events: trial.log.events.len(),

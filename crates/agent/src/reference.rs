@@ -1,0 +1,107 @@
+//! What metres mean: where on Earth they are counted from, as far as that is known.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::bounds;
+
+/// A point on the ellipsoid, in degrees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Geographic {
+    /// Degrees north, −90 to 90.
+    pub latitude_deg: f64,
+    /// Degrees east, −180 to 180.
+    pub longitude_deg: f64,
+}
+
+impl Geographic {
+    /// Latitude and longitude, if both are such.
+    pub fn new(latitude_deg: f64, longitude_deg: f64) -> Option<Self> {
+        let latitude_deg = bounds::LATITUDE_DEG.check(latitude_deg)?;
+        Some(Self { latitude_deg, longitude_deg: bounds::LONGITUDE_DEG.check(longitude_deg)? })
+    }
+}
+
+/// What the metres of a log, and of a model that was learned from it, mean. It goes with them as a name; what it takes to reckon
+/// between metres and degrees is left to whoever has a map to draw.
+///
+/// ```
+/// use pingmap_agent::ReferenceSystem;
+///
+/// let about: ReferenceSystem = "41.52,-70.67".parse()?;
+/// let utm: ReferenceSystem = "EPSG:32619".parse()?;
+/// assert_eq!((about.to_string().as_str(), utm.to_string().as_str()), ("41.52,-70.67", "EPSG:32619"));
+/// # Ok::<(), pingmap_agent::NoReferenceSystem>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum ReferenceSystem {
+    /// Metres about an origin that nobody told.
+    #[default]
+    Unknown,
+    /// Metres east and north of a place: a transverse Mercator projection about it, on WGS 84, of scale one. Lengths are true to a
+    /// millionth within 9 km.
+    About(Geographic),
+    /// Eastings and northings of a projected system, by its number in the register of EPSG.
+    Epsg(u32),
+}
+
+/// A text that names no reference system.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{0:?} is no reference system; expected the latitude and longitude of (0, 0), such as 41.52,-70.67, or EPSG:32619"
+)]
+pub struct NoReferenceSystem(pub String);
+
+impl ReferenceSystem {
+    /// Whether it is known where on Earth metres are counted from.
+    pub fn is_known(&self) -> bool {
+        *self != ReferenceSystem::Unknown
+    }
+}
+
+impl fmt::Display for ReferenceSystem {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ReferenceSystem::Unknown => formatter.write_str("unknown"),
+            ReferenceSystem::About(Geographic { latitude_deg, longitude_deg }) => {
+                write!(formatter, "{latitude_deg},{longitude_deg}")
+            }
+            ReferenceSystem::Epsg(code) => write!(formatter, "EPSG:{code}"),
+        }
+    }
+}
+
+impl FromStr for ReferenceSystem {
+    type Err = NoReferenceSystem;
+
+    fn from_str(text: &str) -> Result<Self, NoReferenceSystem> {
+        let text = text.trim();
+        let code = text.split_at_checked(5).filter(|(head, _)| head.eq_ignore_ascii_case("EPSG:"));
+        let found = match code {
+            Some((_, code)) => code.parse().ok().map(ReferenceSystem::Epsg),
+            None if text.eq_ignore_ascii_case("unknown") => Some(ReferenceSystem::Unknown),
+            None => text.split_once(',').and_then(|(latitude, longitude)| {
+                let degrees = |text: &str| text.trim().parse::<f64>().ok();
+                Geographic::new(degrees(latitude)?, degrees(longitude)?).map(ReferenceSystem::About)
+            }),
+        };
+        found.ok_or_else(|| NoReferenceSystem(text.to_owned()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn systems_are_known_again_by_their_names() {
+        let place = Geographic { latitude_deg: -17.123_456_789, longitude_deg: 179.5 };
+        for system in [ReferenceSystem::Unknown, ReferenceSystem::About(place), ReferenceSystem::Epsg(32_719)] {
+            assert_eq!(system.to_string().parse(), Ok(system));
+        }
+        assert_eq!(" epsg:3067 ".parse(), Ok(ReferenceSystem::Epsg(3067)));
+        for wrong in ["", "EPSG:", "EPSG:x", "epsg", "91,0", "0,181", "1", "1,2,3", "NaN,0", "é,1", "ééé"] {
+            assert_eq!(wrong.parse::<ReferenceSystem>(), Err(NoReferenceSystem(wrong.into())));
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! What all plans have in common: what is learned from, who is asked about, and where a plan is written.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use dgpc::Posterior;
+use pingmap_agent::{Attempt, Link, Position};
+use pingmap_import::{Reference, Waypoint, read_waypoints};
+use pingmap_trial::{EventLog, open};
+
+use crate::area::Area;
+use crate::contour::Point;
+use crate::exports::{Line, geojson_of_lines};
+use crate::figure::{Figure, Series};
+use crate::map_figure::{Drawn, figure};
+use crate::names::{Join, Layer, Seen, SeenOnce};
+use crate::options::{Asked as Parties, Source};
+use crate::output::{BadInput, Results, csv_of_text, note, spinner};
+use crate::outputs::{Kind, Target};
+use crate::reference::reference;
+use crate::success_map::{Asked, SuccessMap};
+use crate::survey::Survey;
+use crate::values::not_negative;
+
+#[derive(Args)]
+pub struct Common {
+    #[command(flatten)]
+    pub parties: Parties,
+    #[command(flatten)]
+    pub source: Source,
+    /// What the place does that is asked about: a gateway that is to hear receives
+    #[arg(long = "as", value_enum, default_value_t = SeenOnce::Rx)]
+    pub seen: SeenOnce,
+    /// Depth of what is elsewhere, where the log has depths; their mean if not given
+    #[arg(long, value_name = "METRES", value_parser = not_negative, allow_negative_numbers = true)]
+    pub depth: Option<f64>,
+    /// File for the plan; its ending says what it is: .png, .svg, .csv, or .geojson
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How a plan is written.
+#[derive(Clone, Copy, PartialEq)]
+enum Format {
+    Png,
+    Svg,
+    Csv,
+    GeoJson,
+}
+
+impl Format {
+    fn of(path: &Path) -> Result<Self, BadInput> {
+        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
+        match ending.as_str() {
+            "png" => Ok(Format::Png),
+            "svg" => Ok(Format::Svg),
+            "csv" => Ok(Format::Csv),
+            "geojson" => Ok(Format::GeoJson),
+            _ => {
+                Err(BadInput(format!("{}: expected a name that ends in .png, .svg, .csv or .geojson", path.display())))
+            }
+        }
+    }
+
+    fn kind(self) -> Kind {
+        match self {
+            Format::Png => Kind::PNG,
+            Format::Svg => Kind::SVG,
+            Format::Csv => Kind::PLAN,
+            Format::GeoJson => Kind::GEO_JSON,
+        }
+    }
+}
+
+/// A log that is ready to be learned from, and what its metres mean.
+pub struct Ready<'a> {
+    common: &'a Common,
+    pub log: EventLog,
+    pub reference: Reference,
+    pub depth_m: Option<f64>,
+    output: Option<(Format, Target<'a>)>,
+}
+
+impl Common {
+    /// Opens the log, and makes sure that the plan can be written; `files` are read beside it.
+    pub fn open(&self, files: &[&Path]) -> anyhow::Result<Ready<'_>> {
+        let logs = &self.source.logs;
+        let inputs: Vec<&Path> = logs.paths().into_iter().chain(files.iter().copied()).collect();
+        let output = match &self.output {
+            None => None,
+            Some(path) => {
+                let format = Format::of(path)?;
+                Some((format, Target::new(path, format.kind(), &inputs, logs.force)?))
+            }
+        };
+        let log = Survey::open(&self.source)?;
+        let reference = reference(log.reference)?;
+        if matches!(output, Some((Format::GeoJson, _))) && !log.reference.is_known() {
+            let message = "a .geojson plan needs the place of (0, 0): expected --origin LAT,LON or --crs EPSG:CODE";
+            return Err(BadInput(message.into()).into());
+        }
+        if self.depth.is_some() && !log.has_depths {
+            let message = "--depth: the log has no depths; expected columns tx_depth_m and rx_depth_m";
+            return Err(BadInput(message.into()).into());
+        }
+        let depth_m = self.depth.or(log.mean_depth_m());
+        Ok(Ready { common: self, log, reference, depth_m, output })
+    }
+}
+
+/// Reads a list of places.
+pub fn waypoints(path: &Path) -> anyhow::Result<Vec<Waypoint>> {
+    Ok(read_waypoints(open(path)?, path)?)
+}
+
+/// How attempts are asked about.
+pub struct Questions {
+    seen: Seen,
+    depth_m: Option<f64>,
+    attempt: Box<dyn Fn(Link) -> Attempt>,
+}
+
+impl Questions {
+    /// What is asked of a map or a plan seen from these places.
+    pub fn of<'a>(&'a self, at: &'a [Position], join: Join) -> Asked<'a> {
+        Asked { at, seen: self.seen, join, depth_m: self.depth_m, attempt: &*self.attempt }
+    }
+}
+
+/// What was learned, and what is asked about.
+pub struct Learned<'a> {
+    pub survey: Survey,
+    pub wide: Posterior,
+    pub reference: Reference,
+    pub questions: Questions,
+    path: Option<&'a Path>,
+    output: Option<(Format, Target<'a>)>,
+}
+
+impl<'a> Ready<'a> {
+    /// Learns from the log.
+    pub fn learn(self) -> anyhow::Result<Learned<'a>> {
+        let Ready { common, log, reference, depth_m, output } = self;
+        let attempt = Box::new(common.parties.attempt(&log)?);
+        let questions = Questions { seen: common.seen.seen(), depth_m, attempt };
+        let mut survey = Survey::learn(log, &common.source)?.rising(&common.parties);
+        let wide = survey.agent.wide_posterior()?;
+        Ok(Learned { survey, wide, reference, questions, path: common.output.as_deref(), output })
+    }
+}
+
+/// What goes into a file.
+pub struct Written<'a> {
+    /// Where the map is seen from, and its title.
+    pub at: &'a [Position],
+    pub join: Join,
+    pub title: &'a str,
+    pub lines: &'a [Series<'a>],
+    /// Lines and areas for other programs.
+    pub shapes: Vec<Line>,
+    /// A picture below the map, if there is one.
+    pub below: Option<Figure>,
+    pub header: &'a [&'a str],
+    pub rows: Vec<Vec<String>>,
+    /// Places that the picture should show, beside those of the log.
+    pub shown: &'a [Point],
+}
+
+impl Learned<'_> {
+    /// Writes the plan, if a file was asked for.
+    pub fn write(mut self, written: Written, results: Results) -> anyhow::Result<()> {
+        let Some((format, target)) = self.output.take() else { return Ok(()) };
+        let bytes = match format {
+            Format::Csv => csv_of_text(written.header, written.rows)?.into_bytes(),
+            Format::GeoJson => geojson_of_lines(&self.reference, &written.shapes)?,
+            Format::Png => self.picture(written)?.png()?,
+            Format::Svg => self.picture(written)?.svg(true).into_bytes(),
+        };
+        target.write(&bytes, results)?;
+        if let Some(path) = self.path {
+            note(format_args!("wrote {}", path.display()));
+        }
+        Ok(())
+    }
+
+    fn picture(&mut self, written: Written) -> anyhow::Result<Figure> {
+        let bar = spinner("drawing");
+        let ends = self.survey.log.events.iter().flat_map(|event| event.link.ends());
+        let shown = written.shown.iter().map(|&(east_m, north_m)| Position::new(east_m, north_m));
+        let area = Area::around(ends.chain(written.at.iter().copied()).chain(shown), None)?;
+        let asked = self.questions.of(written.at, written.join);
+        let map = SuccessMap::new(&mut self.survey.agent, area, &asked)?;
+        let known = Some(&self.reference).filter(|reference| reference.system().is_known());
+        let drawn = Drawn {
+            events: &[],
+            levels: &[],
+            layers: &[Layer::Probability],
+            title: Some(written.title),
+            reference: known,
+            with_events: false,
+            lines: written.lines,
+        };
+        let picture = figure(&map, &drawn);
+        bar.finish_and_clear();
+        Ok(match written.below {
+            Some(below) => crate::figure::stacked(vec![picture, below]),
+            None => picture,
+        })
+    }
+}

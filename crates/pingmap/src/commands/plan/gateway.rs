@@ -1,0 +1,277 @@
+//! `pingmap plan gateway`: which of some places is best.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use pingmap_agent::{Attempt, Position};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::json;
+
+use super::common::{Common, Learned, Written, waypoints};
+use crate::contour::Point;
+use crate::exports::{Line, Shape};
+use crate::figure::{Mark, Series, Style};
+use crate::model::{KernelJson, MadeOf};
+use crate::names::{Join, name_of};
+use crate::output::{BadInput, Results, print, print_json, spinner, table};
+use crate::reference::{PlaceJson, positions};
+use crate::route::{Route, Sending};
+use crate::silence::{Drawn, Silence, Silences};
+use crate::success_map::{Cell, from_one};
+use crate::values::positive;
+
+#[derive(Args)]
+#[command(
+    after_help = "Example:\n  pingmap plan gateway log.csv --model model.toml --among places.csv --along waypoints.csv"
+)]
+pub struct Options {
+    /// Table of places where the gateway may stand, in metres of the log or degrees; a column name says what each is called
+    #[arg(long, value_name = "FILE")]
+    pub among: PathBuf,
+    /// Table of waypoints of a track that it is to hear
+    #[arg(long, value_name = "FILE")]
+    pub along: PathBuf,
+    /// Speed on the track, where its waypoints have no times
+    #[arg(long, default_value_t = 1.5, value_parser = positive, allow_negative_numbers = true)]
+    pub speed_m_per_s: f64,
+    /// A message is sent every so many seconds
+    #[arg(long, default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
+    pub every_s: f64,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// A place that may be best.
+struct Candidate {
+    name: String,
+    place: Position,
+    /// Share of the messages that get through: what is expected, and between which ends nine in ten lie.
+    share: f64,
+    share_lower: f64,
+    share_upper: f64,
+    lowest: f64,
+    silence: Silence,
+    /// In which share of all that may be it is the best of all.
+    best: f64,
+}
+
+#[derive(Serialize, JsonSchema)]
+pub struct CandidateJson {
+    name: String,
+    place: PlaceJson,
+    share: f64,
+    share_lower: f64,
+    share_upper: f64,
+    probability_lowest: f64,
+    silence_median_s: f64,
+    silence_likely_s: f64,
+    best_share: f64,
+}
+
+#[derive(Serialize, JsonSchema)]
+pub struct GatewayJson {
+    schema: u32,
+    #[serde(flatten)]
+    made_of: MadeOf,
+    #[serde(rename = "as")]
+    seen: String,
+    every_s: f64,
+    messages: usize,
+    events_used: usize,
+    kernel: KernelJson,
+    /// The name of the place that is advised.
+    best: String,
+    /// From the best on.
+    candidates: Vec<CandidateJson>,
+}
+
+/// The most places to choose from.
+const CANDIDATES_MAX: usize = 100;
+
+impl Options {
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        let ready = self.common.open(&[&self.among, &self.along])?;
+        let list = waypoints(&self.among)?;
+        if list.len() > CANDIDATES_MAX {
+            let (path, found) = (self.among.display(), list.len());
+            return Err(BadInput(format!("{path}: {found} places; expected at most {CANDIDATES_MAX}")).into());
+        }
+        let places: Vec<_> = list.iter().map(|waypoint| (waypoint.place, waypoint.depth_m)).collect();
+        let places = positions("--among", &places, &ready.reference, ready.depth_m)?;
+        let named = list.iter().enumerate().map(|(n, waypoint)| waypoint.name.clone().unwrap_or((n + 1).to_string()));
+        let named: Vec<(String, Position)> = named.zip(places).collect();
+        let route = Route::new(&waypoints(&self.along)?, &ready.reference, self.speed_m_per_s, ready.depth_m)?;
+        let sendings = route.sendings(self.every_s)?;
+        let mut learned = ready.learn()?;
+        let bar = spinner("comparing places");
+        let candidates = ranked(&mut learned, &named, (&route, &sendings), self.common.source.work.seed)?;
+        bar.finish_and_clear();
+        if self.common.json {
+            print_json(results, &self.json(&candidates, &learned, sendings.len()))?;
+        } else {
+            print(results, &text(&candidates))?;
+        }
+        let track: Vec<Point> = route.waypoints.iter().map(|(_, at)| (at.east_m, at.north_m)).collect();
+        let others: Vec<Point> = candidates.iter().skip(1).map(|one| (one.place.east_m, one.place.north_m)).collect();
+        let series = [
+            Series { name: "planned track", points: &track, style: TRACK },
+            Series { name: "other places", points: &others, style: OTHERS },
+        ];
+        let written = Written {
+            at: &[candidates[0].place],
+            join: Join::All,
+            title: &format!("Best for the gateway: {}", candidates[0].name),
+            lines: if others.is_empty() { &series[..1] } else { &series },
+            shapes: self.shapes(&candidates, &track),
+            below: None,
+            header: &HEADER,
+            rows: candidates.iter().map(row).collect(),
+            shown: &[&track[..], &others].concat(),
+        };
+        learned.write(written, results)
+    }
+
+    fn json(&self, candidates: &[Candidate], learned: &Learned, messages: usize) -> GatewayJson {
+        let of = |one: &Candidate| CandidateJson {
+            name: one.name.clone(),
+            place: PlaceJson::of(&one.place, &learned.reference),
+            share: one.share,
+            share_lower: one.share_lower,
+            share_upper: one.share_upper,
+            probability_lowest: one.lowest,
+            silence_median_s: one.silence.median_s,
+            silence_likely_s: one.silence.likely_s,
+            best_share: one.best,
+        };
+        GatewayJson {
+            schema: 1,
+            made_of: learned.survey.made_of(),
+            seen: name_of(&self.common.seen),
+            every_s: self.every_s,
+            messages,
+            events_used: learned.survey.log.events.len(),
+            kernel: KernelJson::of(learned.survey.model()),
+            best: candidates[0].name.clone(),
+            candidates: candidates.iter().map(of).collect(),
+        }
+    }
+
+    fn shapes(&self, candidates: &[Candidate], track: &[Point]) -> Vec<Line> {
+        let seen = name_of(&self.common.seen);
+        let place = |one: &Candidate| Line {
+            kind: "place",
+            shape: Shape::Place((one.place.east_m, one.place.north_m)),
+            said: vec![
+                ("name", json!(one.name)),
+                ("share", json!(one.share)),
+                ("best_share", json!(one.best)),
+                ("silence_likely_s", json!(one.silence.likely_s)),
+                ("seen_from", json!(seen)),
+            ],
+        };
+        let track = Line { kind: "track", shape: Shape::Line(track.to_vec()), said: Vec::new() };
+        candidates.iter().map(place).chain([track]).collect()
+    }
+}
+
+/// Places from the best on: by the share of messages that get through.
+fn ranked(
+    learned: &mut Learned,
+    named: &[(String, Position)],
+    (route, sendings): (&Route, &[Sending]),
+    seed: u64,
+) -> anyhow::Result<Vec<Candidate>> {
+    let on_track: Vec<Position> = sendings.iter().map(|sending| sending.position).collect();
+    let (mut cells, mut attempts): (Vec<Vec<Cell>>, Vec<Vec<Attempt>>) = (Vec::new(), Vec::new());
+    for (_, place) in named {
+        let at = [*place];
+        let asked = learned.questions.of(&at, Join::All);
+        let found = from_one(&mut learned.survey.agent, &learned.wide, &asked, (asked.seen, *place), &on_track)?;
+        let (of_place, asked_about) = found.into_iter().unzip();
+        cells.push(of_place);
+        attempts.push(asked_about);
+    }
+    // All places under the same function: what is not known of the water is the same for all of them.
+    let together = Drawn::new(&mut learned.survey.agent, &learned.wide, &attempts)?;
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let shares: Vec<Vec<f64>> = (0..together.functions())
+        .map(|function| (0..named.len()).map(|place| mean(&together.probabilities(place, function))).collect())
+        .collect();
+    let mut best = vec![0.0; named.len()];
+    for shares in &shares {
+        let first = (0..shares.len()).max_by(|&a, &b| shares[a].total_cmp(&shares[b])).unwrap_or(0);
+        best[first] += 1.0 / together.functions() as f64;
+    }
+    let mut candidates = Vec::with_capacity(named.len());
+    for (n, (name, place)) in named.iter().enumerate() {
+        let at = [*place];
+        let asked = learned.questions.of(&at, Join::All);
+        let alone = Drawn::new(&mut learned.survey.agent, &learned.wide, &attempts[n..=n])?;
+        let probabilities: Vec<f64> = cells[n].iter().map(|cell| cell.probability).collect();
+        let mut drawn: Vec<f64> = shares.iter().map(|shares| shares[n]).collect();
+        drawn.sort_by(f64::total_cmp);
+        let quantile = |share: f64| drawn[(share * (drawn.len() - 1) as f64).round() as usize];
+        let share = mean(&probabilities);
+        candidates.push(Candidate {
+            name: name.clone(),
+            place: *place,
+            share,
+            share_lower: quantile(0.05).min(share),
+            share_upper: quantile(0.95).max(share),
+            lowest: probabilities.iter().copied().fold(1.0, f64::min),
+            silence: Silences::new(&alone, &asked, route, sendings, seed).whole,
+            best: best[n],
+        });
+    }
+    candidates.sort_by(|a, b| b.share.total_cmp(&a.share));
+    Ok(candidates)
+}
+
+const HEADER: [&str; 10] = [
+    "name",
+    "easting_m",
+    "northing_m",
+    "share",
+    "share_lower",
+    "share_upper",
+    "probability_lowest",
+    "silence_median_s",
+    "silence_likely_s",
+    "best_share",
+];
+
+fn row(one: &Candidate) -> Vec<String> {
+    let Silence { median_s, likely_s } = one.silence;
+    let Position { east_m, north_m, .. } = one.place;
+    let numbers =
+        [east_m, north_m, one.share, one.share_lower, one.share_upper, one.lowest, median_s, likely_s, one.best];
+    [vec![one.name.clone()], numbers.map(|number| number.to_string()).to_vec()].concat()
+}
+
+fn text(candidates: &[Candidate]) -> String {
+    let row = |one: &Candidate| {
+        vec![
+            one.name.clone(),
+            format!("{:.2} ({:.2}–{:.2})", one.share, one.share_lower, one.share_upper),
+            format!("{:.2}", one.lowest),
+            format!("{:.0}", one.silence.median_s),
+            format!("{:.0}", one.silence.likely_s),
+            format!("{:.0} %", 100.0 * one.best),
+        ]
+    };
+    let rows: Vec<Vec<String>> = candidates.iter().map(row).collect();
+    let header = ["place", "share heard", "lowest probability", "silence (s)", "at most, 9 of 10", "best in"];
+    let best = &candidates[0];
+    format!(
+        "{}\n\nThe gateway stands best at {}, where {:.0} % of the messages of the track are expected to get through; of all that may be, that place is\n\
+         the best in {:.0} %.",
+        table(&header, &rows),
+        best.name,
+        100.0 * best.share,
+        100.0 * best.best
+    )
+}
+
+const TRACK: Style = Style { color: "#d00000", width: 2.2, dash: &[], mark: Mark::Dot };
+const OTHERS: Style = Style { color: "#ff7f00", width: 0.0, dash: &[], mark: Mark::Square };

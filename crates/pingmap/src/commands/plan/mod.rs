@@ -1,0 +1,45 @@
+//! `pingmap plan`: what a map answers before a mission.
+
+mod common;
+pub mod standoff;
+pub mod track;
+pub mod gateway;
+
+use clap::{Args, Subcommand};
+
+use crate::output::Results;
+
+/// Plan with what was learned: how far one may go, what a track hears, where a gateway stands best
+#[derive(Args)]
+pub struct Options {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// How far one may go from a place in each direction and still be heard
+    Standoff(Box<standoff::Options>),
+    /// The probability along a planned track, leg by leg, and the longest silence to expect
+    Track(Box<track::Options>),
+    /// Which of some places is best for a gateway
+    Gateway(Box<gateway::Options>),
+}
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        match &self.action {
+            Action::Standoff(options) => options.common.source.work.threads,
+            Action::Track(options) => options.common.source.work.threads,
+            Action::Gateway(options) => options.common.source.work.threads,
+        }
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        match &self.action {
+            Action::Standoff(options) => options.run(results),
+            Action::Track(options) => options.run(results),
+            Action::Gateway(options) => options.run(results),
+        }
+    }
+}

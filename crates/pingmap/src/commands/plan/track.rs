@@ -1,0 +1,279 @@
+//! `pingmap plan track`: what a planned track hears.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use pingmap_agent::{Attempt, Position};
+use pingmap_import::{Place, Reference};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::json;
+
+use super::common::{Common, Learned, Written, waypoints};
+use crate::contour::Point;
+use crate::exports::{Line, Shape};
+use crate::figure::{Figure, Mark, Series, Style, curves};
+use crate::model::{KernelJson, MadeOf};
+use crate::names::{Join, name_of};
+use crate::output::{Results, print, print_json, spinner, table};
+use crate::reference::{PlaceJson, positions};
+use crate::route::{Route, Sending};
+use crate::silence::{Drawn, Silence, Silences};
+use crate::success_map::{Asked, Cell, all_joined, from_one};
+use crate::values::{place, positive};
+
+#[derive(Args)]
+#[command(
+    after_help = "Example:\n  pingmap plan track log.csv --model model.toml --along waypoints.csv --at 700,510 --every-s 10 -o track.png"
+)]
+pub struct Options {
+    /// Table of waypoints, in metres of the log or degrees, with their times if these are known
+    #[arg(long, value_name = "FILE")]
+    pub along: PathBuf,
+    /// The place one is to be heard at, as a place of --along. Several: --join says which of them count
+    #[arg(long, value_name = "PLACE", value_parser = place, allow_hyphen_values = true, required = true)]
+    pub at: Vec<(Place, Option<f64>)>,
+    /// Of several places: whether all of them count at once, or any
+    #[arg(long, value_enum, default_value_t = Join::All)]
+    pub join: Join,
+    /// Speed on the track, where its waypoints have no times
+    #[arg(long, default_value_t = 1.5, value_parser = positive, allow_negative_numbers = true)]
+    pub speed_m_per_s: f64,
+    /// A message is sent every so many seconds
+    #[arg(long, default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
+    pub every_s: f64,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// What is expected of a track, message by message and leg by leg.
+struct Expected {
+    route: Route,
+    sendings: Vec<Sending>,
+    cells: Vec<Cell>,
+    silences: Silences,
+}
+
+/// A leg, or the whole track.
+#[derive(Serialize, JsonSchema)]
+pub struct LegJson {
+    from: PlaceJson,
+    to: PlaceJson,
+    start_s: f64,
+    end_s: f64,
+    messages: usize,
+    /// How many of them are expected to get through.
+    received_expected: f64,
+    /// Where it is least probable that one does.
+    lowest: LowestJson,
+    silence_median_s: f64,
+    silence_likely_s: f64,
+}
+
+#[derive(Serialize, JsonSchema)]
+pub struct LowestJson {
+    time_s: f64,
+    at: PlaceJson,
+    probability: f64,
+    lower: f64,
+    upper: f64,
+}
+
+#[derive(Serialize, JsonSchema)]
+pub struct TrackJson {
+    schema: u32,
+    #[serde(flatten)]
+    made_of: MadeOf,
+    places: Vec<PlaceJson>,
+    #[serde(rename = "as")]
+    seen: String,
+    join: String,
+    every_s: f64,
+    events_used: usize,
+    kernel: KernelJson,
+    whole: LegJson,
+    legs: Vec<LegJson>,
+}
+
+impl Options {
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        let ready = self.common.open(&[&self.along])?;
+        let list = waypoints(&self.along)?;
+        let route = Route::new(&list, &ready.reference, self.speed_m_per_s, ready.depth_m)?;
+        let sendings = route.sendings(self.every_s)?;
+        let at = positions("--at", &self.at, &ready.reference, ready.depth_m)?;
+        let mut learned = ready.learn()?;
+        let bar = spinner("playing missions");
+        let expected = Expected::new(&mut learned, (&at, self.join), (route, sendings), self.common.source.work.seed)?;
+        bar.finish_and_clear();
+        if self.common.json {
+            print_json(results, &self.json(&expected, &learned, &at))?;
+        } else {
+            print(results, &expected.text())?;
+        }
+        let track: Vec<Point> = expected.route.waypoints.iter().map(|(_, at)| (at.east_m, at.north_m)).collect();
+        let series = [Series { name: "planned track", points: &track, style: TRACK }];
+        let written = Written {
+            at: &at,
+            join: self.join,
+            title: "What is heard along the track",
+            lines: &series,
+            shapes: expected.shapes(&at, &name_of(&self.common.seen)),
+            below: Some(expected.curve()),
+            header: &["leg", "time_s", "easting_m", "northing_m", "probability", "lower", "upper", "explained"],
+            rows: expected.rows(),
+            shown: &track,
+        };
+        learned.write(written, results)
+    }
+
+    fn json(&self, expected: &Expected, learned: &Learned, at: &[Position]) -> TrackJson {
+        let reference = &learned.reference;
+        TrackJson {
+            schema: 1,
+            made_of: learned.survey.made_of(),
+            places: at.iter().map(|at| PlaceJson::of(at, reference)).collect(),
+            seen: name_of(&self.common.seen),
+            join: name_of(&self.join),
+            every_s: self.every_s,
+            events_used: learned.survey.log.events.len(),
+            kernel: KernelJson::of(learned.survey.model()),
+            whole: expected.leg(None, reference),
+            legs: (0..expected.route.legs()).map(|leg| expected.leg(Some(leg), reference)).collect(),
+        }
+    }
+}
+
+impl Expected {
+    fn new(
+        learned: &mut Learned,
+        (at, join): (&[Position], Join),
+        (route, sendings): (Route, Vec<Sending>),
+        seed: u64,
+    ) -> anyhow::Result<Self> {
+        let asked: Asked = learned.questions.of(at, join);
+        let places: Vec<Position> = sendings.iter().map(|sending| sending.position).collect();
+        let of_places =
+            at.iter().map(|&at| from_one(&mut learned.survey.agent, &learned.wide, &asked, (asked.seen, at), &places));
+        let of_places = of_places.collect::<anyhow::Result<Vec<_>>>()?;
+        let cells = all_joined(&mut learned.survey.agent, &learned.wide, join, &of_places)?;
+        let attempts: Vec<Vec<Attempt>> =
+            of_places.iter().map(|place| place.iter().map(|(_, attempt)| *attempt).collect()).collect();
+        let drawn = Drawn::new(&mut learned.survey.agent, &learned.wide, &attempts)?;
+        let silences = Silences::new(&drawn, &asked, &route, &sendings, seed);
+        Ok(Self { route, sendings, cells, silences })
+    }
+
+    /// Messages of a leg, or all.
+    fn of(&self, leg: Option<usize>) -> impl Iterator<Item = (&Sending, &Cell)> {
+        let all = self.sendings.iter().zip(&self.cells);
+        all.filter(move |(sending, _)| leg.is_none_or(|leg| sending.leg == leg))
+    }
+
+    fn leg(&self, leg: Option<usize>, reference: &Reference) -> LegJson {
+        let last = self.route.legs();
+        let (from, to) = leg.map_or((0, last), |leg| (leg, leg + 1));
+        let [(start_s, from), (end_s, to)] = [self.route.waypoints[from], self.route.waypoints[to]];
+        let lowest = self.of(leg).min_by(|a, b| a.1.probability.total_cmp(&b.1.probability));
+        // A leg that is over before the next message has none: what the message before it says is near enough.
+        let before = self.sendings.iter().zip(&self.cells).rfind(|(sending, _)| sending.time_s <= start_s);
+        let (sending, cell) = lowest.or(before).unwrap_or((&self.sendings[0], &self.cells[0]));
+        let Silence { median_s, likely_s } = leg.map_or(self.silences.whole, |leg| self.silences.legs[leg]);
+        LegJson {
+            from: PlaceJson::of(&from, reference),
+            to: PlaceJson::of(&to, reference),
+            start_s,
+            end_s,
+            messages: self.of(leg).count(),
+            received_expected: self.of(leg).map(|(_, cell)| cell.probability).sum(),
+            lowest: LowestJson {
+                time_s: sending.time_s,
+                at: PlaceJson::of(&sending.position, reference),
+                probability: cell.probability,
+                lower: cell.lower,
+                upper: cell.upper,
+            },
+            silence_median_s: median_s,
+            silence_likely_s: likely_s,
+        }
+    }
+
+    fn text(&self) -> String {
+        let name = |n: usize| self.route.names[n].clone().unwrap_or_else(|| (n + 1).to_string());
+        let row = |leg: Option<usize>| {
+            let found = self.leg(leg, &Reference::unknown());
+            let what = leg.map_or("all".to_owned(), |leg| format!("{} – {}", name(leg), name(leg + 1)));
+            let length_m: f64 = match leg {
+                Some(leg) => self.route.length_m(leg),
+                None => (0..self.route.legs()).map(|leg| self.route.length_m(leg)).sum(),
+            };
+            let LowestJson { time_s, probability, lower, upper, .. } = found.lowest;
+            vec![
+                what,
+                format!("{length_m:.0}"),
+                found.messages.to_string(),
+                format!("{:.1}", found.received_expected),
+                format!("{probability:.2} ({lower:.2}–{upper:.2})"),
+                format!("{time_s:.0}"),
+                format!("{:.0}", found.silence_median_s),
+                format!("{:.0}", found.silence_likely_s),
+            ]
+        };
+        let rows: Vec<Vec<String>> = (0..self.route.legs()).map(Some).chain([None]).map(row).collect();
+        let header =
+            ["leg", "m", "messages", "expected", "lowest probability", "at (s)", "silence (s)", "at most, 9 of 10"];
+        let Silence { median_s, likely_s } = self.silences.whole;
+        format!(
+            "{}\n\nThe longest silence to expect on the whole track: {median_s:.0} s in half of all missions, at most {likely_s:.0} s in nine of ten.",
+            table(&header, &rows)
+        )
+    }
+
+    fn rows(&self) -> Vec<Vec<String>> {
+        let row = |(sending, cell): (&Sending, &Cell)| {
+            let Position { east_m, north_m, .. } = sending.position;
+            let numbers = [sending.time_s, east_m, north_m, cell.probability, cell.lower, cell.upper, cell.explained];
+            [vec![(sending.leg + 1).to_string()], numbers.map(|number| number.to_string()).to_vec()].concat()
+        };
+        self.of(None).map(row).collect()
+    }
+
+    /// Probability and interval over time.
+    fn curve(&self) -> Figure {
+        let line = |of: fn(&Cell) -> f64| -> Vec<Point> {
+            self.of(None).map(|(sending, cell)| (sending.time_s, of(cell))).collect()
+        };
+        let (middle, lower, upper) = (line(|cell| cell.probability), line(|cell| cell.lower), line(|cell| cell.upper));
+        let series = [
+            Series { name: "probability", points: &middle, style: TRACK },
+            Series { name: "nine in ten: from", points: &lower, style: BOUND },
+            Series { name: "nine in ten: to", points: &upper, style: Style { dash: &[2.0, 3.0], ..BOUND } },
+        ];
+        curves("Along the track", "time (s)", "probability of success", &series, (640.0, 240.0))
+    }
+
+    fn shapes(&self, at: &[Position], seen: &str) -> Vec<Line> {
+        let leg = |leg: usize| {
+            let points = self.route.waypoints[leg..=leg + 1].iter().map(|(_, at)| (at.east_m, at.north_m)).collect();
+            let found = self.leg(Some(leg), &Reference::unknown());
+            let said = vec![
+                ("leg", json!(leg + 1)),
+                ("messages", json!(found.messages)),
+                ("received_expected", json!(found.received_expected)),
+                ("probability_lowest", json!(found.lowest.probability)),
+                ("silence_median_s", json!(found.silence_median_s)),
+                ("silence_likely_s", json!(found.silence_likely_s)),
+            ];
+            Line { kind: "leg", shape: Shape::Line(points), said }
+        };
+        let place = |at: &Position| Line {
+            kind: "place",
+            shape: Shape::Place((at.east_m, at.north_m)),
+            said: vec![("seen_from", json!(seen))],
+        };
+        (0..self.route.legs()).map(leg).chain(at.iter().map(place)).collect()
+    }
+}
+
+const TRACK: Style = Style { color: "#d00000", width: 2.2, dash: &[], mark: Mark::Dot };
+const BOUND: Style = Style { color: "#555555", width: 1.2, dash: &[6.0, 4.0], mark: Mark::None };

@@ -1,0 +1,170 @@
+//! The pictures of a report.
+
+use std::collections::BTreeMap;
+
+use anyhow::Context;
+use pingmap_agent::{Agent, Attempt, Event, Link, Position, VehicleId, When};
+use pingmap_trial::{Agreed, Bin, Calibrated, Calibration, Mission, Plan, RangeBin};
+
+use super::replayed::Replayed;
+use crate::area::Area;
+use crate::contour::Point;
+use crate::figure::{Arrows, Figure, Mark, Series, Style, curves, link_map};
+use crate::map_figure::{Drawn, SIDE, figure};
+use crate::names::{Join, Layer, Seen};
+use crate::reference::reference;
+use crate::success_map::{Asked, LEVELS, SuccessMap};
+use crate::tracks;
+
+/// Packets of every vehicle behind the maps, if the replay went that far.
+const FRAMES_SHOWN: usize = 10;
+
+/// Packets of every vehicle whose points are drawn; more would hide each other.
+pub const PACKETS_DRAWN: usize = 2;
+
+/// Vehicles whose maps are drawn.
+const MAPS_MAX: usize = 6;
+
+/// Distances by which shares are shown.
+const RANGE_BINS: usize = 12;
+
+pub struct Pictures {
+    /// Packets of every vehicle behind the maps.
+    pub frames: usize,
+    pub split: String,
+    /// Whose map it is, as far as there is room for it.
+    pub maps: Vec<(VehicleId, Figure)>,
+    /// How many vehicles there are.
+    pub vehicles: usize,
+    /// Nothing where everything was told event by event.
+    pub packets: Option<Figure>,
+    pub over_range: Figure,
+}
+
+impl Pictures {
+    /// Plays the first split once more, up to [`FRAMES_SHOWN`] packets, and draws what everybody then knows.
+    pub fn draw(replayed: &Replayed) -> anyhow::Result<Self> {
+        let counts = replayed.replay.sharing.iter().map(|sharing| sharing.frames);
+        let frames = counts.clone().filter(|&frames| frames <= FRAMES_SHOWN).max().or(counts.min()).unwrap_or(0);
+        let split = replayed.splits.first().context("a replay has at least one split")?;
+        // What the team had agreed on in this split.
+        let found = replayed.replay.splits.first().context("a replay has at least one split")?;
+        let plan = Plan { agreed: Agreed::Team(Box::new((*found.team).clone())), ..replayed.plan.clone() };
+        let mission = Mission::prepare(&replayed.log, split, &plan, frames)?;
+        let mut team = mission.after_sharing(frames)?;
+        let vehicles = team.len();
+        let mut maps = Vec::new();
+        for agent in team.iter_mut().take(MAPS_MAX) {
+            maps.push((agent.id().clone(), map(agent, replayed)?));
+        }
+        let first = team.first_mut().context("every log has a receiver")?;
+        let over_range = over_range(first, replayed)?;
+        let mut sent = first.links_of_packets();
+        sent.extend(mission.links_of_packets(0, frames));
+        let is_sent = sent.iter().any(|(_, counter, _)| usize::from(*counter) < PACKETS_DRAWN);
+        let packets = is_sent.then(|| packets_figure(replayed, &sent));
+        Ok(Self { frames, split: split.name.clone(), maps, vehicles, packets, over_range })
+    }
+}
+
+/// How a typical vehicle hears this one from where it was last, at the end of what it learned from.
+fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
+    let events = &replayed.log.events;
+    let last: Option<&Event> = viewer.events().last();
+    let at = last.map_or(events[0].link.receiver, |event| event.link.receiver);
+    let end_s = last.map(|event| event.time_s);
+    let (transmitter, when) = (viewer.id().into(), end_s.map_or(When::Typical, When::At));
+    let asked = |link| Attempt { transmitter, when, ..Attempt::from(link) };
+    let ends = events.iter().flat_map(|event| event.link.ends());
+    let area = Area::around(ends.chain([at]), None)?;
+    let seen = Asked { at: &[at], seen: Seen::Tx, join: Join::All, depth_m: at.depth_m, attempt: &asked };
+    let map = SuccessMap::new(viewer, area, &seen)?;
+    let place = reference(replayed.log.reference)?;
+    let drawn = Drawn {
+        events,
+        levels: &LEVELS,
+        layers: &[Layer::Probability],
+        title: None,
+        reference: Some(&place).filter(|place| place.system().is_known()),
+        with_events: false,
+        lines: &[],
+    };
+    Ok(figure(&map, &drawn))
+}
+
+/// Share heard over distance, and what one vehicle's map says of the same attempts.
+fn over_range(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
+    let mut events: Vec<&Event> = replayed.log.events.iter().collect();
+    events.sort_by(|a, b| a.link.range_m().total_cmp(&b.link.range_m()));
+    let predicted = viewer.probabilities(events.iter().map(|event| event.attempt()))?;
+    let (mut heard, mut said) = (Vec::new(), Vec::new());
+    let mut first = 0;
+    for RangeBin { from_m, to_m, events, heard: hits } in replayed.log.over_range(RANGE_BINS) {
+        let middle_m = (from_m + to_m) / 2.0;
+        let of_bin = &predicted[first..first + events];
+        first += events;
+        heard.push((middle_m, hits as f64 / events as f64));
+        said.push((middle_m, of_bin.iter().sum::<f64>() / events as f64));
+    }
+    let series = [
+        Series { name: "heard", points: &heard, style: Style { mark: Mark::Square, ..HEARD } },
+        Series { name: "what the map says", points: &said, style: SAID },
+    ];
+    Ok(curves("Share heard over range", "range (m)", "share heard", &series, (640.0, 320.0)))
+}
+
+/// Share heard over predicted probability: on the diagonal probabilities mean what they say.
+pub fn calibration(calibrated: &Calibrated) -> Figure {
+    let points = |calibration: &Calibration| -> Vec<Point> {
+        calibration.bins.iter().filter_map(|bin: &Bin| bin.predicted().zip(bin.heard())).collect()
+    };
+    let Calibrated { own, team, centralised, .. } = calibrated;
+    let (own, team, centralised) = (points(own), points(team), points(centralised));
+    let diagonal = [(0.0, 0.0), (1.0, 1.0)];
+    let series = [
+        Series { name: "as it should be", points: &diagonal, style: DIAGONAL },
+        Series { name: "own events only", points: &own, style: OWN },
+        Series { name: "team", points: &team, style: Style { mark: Mark::Dot, ..SAID } },
+        Series { name: "all events in one place", points: &centralised, style: Style { mark: Mark::Square, ..HEARD } },
+    ];
+    curves("Predicted, and heard", "predicted probability", "share heard", &series, (420.0, 420.0))
+}
+
+const HEARD: Style = Style { color: "#404040", width: 1.6, dash: &[7.0, 4.0], mark: Mark::Square };
+const SAID: Style = Style { color: "#0571b0", width: 2.2, dash: &[], mark: Mark::Dot };
+const OWN: Style = Style { color: "#d7301f", width: 1.6, dash: &[2.0, 3.0], mark: Mark::Triangle };
+const DIAGONAL: Style = Style { color: "#999999", width: 1.0, dash: &[], mark: Mark::None };
+
+/// The links of packets, by sender and counter.
+type Sent = Vec<(VehicleId, u16, Vec<Link>)>;
+
+/// The inducing points that everybody sent, as arrows from transmitter to receiver over the tracks.
+fn packets_figure(replayed: &Replayed, sent: &Sent) -> Figure {
+    let mut arrows: BTreeMap<&VehicleId, Vec<(Point, Point)>> = BTreeMap::new();
+    for (sender, _, links) in sent.iter().filter(|(_, counter, _)| usize::from(*counter) < PACKETS_DRAWN) {
+        let end = |place: Position| (place.east_m, place.north_m);
+        let pairs = links.iter().map(|link| (end(link.transmitter), end(link.receiver)));
+        arrows.entry(sender).or_default().extend(pairs);
+    }
+    let tracks = tracks::tracks(&replayed.log.events);
+    let place = |id: &VehicleId| tracks.keys().position(|other| *other == id).unwrap_or_default();
+    let names: Vec<String> = arrows.keys().map(|id| format!("sent by {id}")).collect();
+    let groups: Vec<Arrows> = arrows
+        .iter()
+        .zip(&names)
+        .map(|((id, pairs), name)| {
+            let style = Style { mark: Mark::None, ..tracks::style(place(id)) };
+            Arrows { name, pairs, style, heads: true }
+        })
+        .collect();
+    let ends = replayed.log.events.iter().flat_map(|event| event.link.ends());
+    let (east, north) = tracks::widened(ends.map(|end| (end.east_m, end.north_m)));
+    link_map(
+        "Links that stand for all others: the first inducing points",
+        east,
+        north,
+        &groups,
+        &tracks::tracks_as_series(&tracks),
+        SIDE,
+    )
+}

@@ -1,0 +1,84 @@
+//! `pingmap schema`: what the objects are made of that commands print with `--json`.
+
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use schemars::generate::SchemaSettings;
+use schemars::{JsonSchema, Schema};
+use serde_json::json;
+
+use super::{check, import, learn, map, packet, plan, predict, replay, reproduce, select, simulate, team};
+use crate::output::{BadInput, Results, print};
+
+/// Print the JSON Schema of what a command prints with --json
+#[derive(Args)]
+#[command(after_help = "Example: pingmap schema \"plan track\"")]
+pub struct Options {
+    /// The command; a list of all if not given
+    #[arg(value_parser = PossibleValuesParser::new(SCHEMAS.iter().map(|(name, _)| *name)))]
+    pub command: Option<String>,
+}
+
+/// An object by the command that prints it.
+type Printed = (&'static str, fn() -> Schema);
+
+const SCHEMAS: [Printed; 19] = [
+    ("check", of::<check::CheckedJson>),
+    ("import", of::<import::shown::ImportedJson>),
+    ("learn", of::<learn::LearnJson>),
+    ("learn --onto", of::<learn::AddedJson>),
+    ("map", of::<map::MapJson>),
+    ("packet decode", of::<packet::PacketJson>),
+    ("packet decode (report)", of::<packet::report::ReportJson>),
+    ("packet encode", of::<packet::EncodedJson>),
+    ("packet schema", of::<packet::schema::SchemaJson>),
+    ("plan gateway", of::<plan::gateway::GatewayJson>),
+    ("plan standoff", of::<plan::standoff::StandoffJson>),
+    ("plan track", of::<plan::track::TrackJson>),
+    ("predict", of::<predict::PredictionsJson>),
+    ("replay", of::<replay::json::ReplayJson>),
+    ("replay --online", of::<replay::online::OnlineJson>),
+    ("reproduce", of::<reproduce::json::ReproductionJson>),
+    ("select", of::<select::SelectedJson>),
+    ("simulate", of::<simulate::SimulatedJson>),
+    ("team", of::<team::TeamJson>),
+];
+
+impl Options {
+    pub fn threads(&self) -> usize {
+        1
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        let Some(name) = &self.command else {
+            let names: Vec<&str> = SCHEMAS.iter().map(|(name, _)| *name).collect();
+            return print(results, &names.join("\n"));
+        };
+        let found = SCHEMAS.iter().find(|(known, _)| known == name);
+        let (_, schema) = found.ok_or_else(|| BadInput(format!("no command {name} prints an object")))?;
+        let mut schema = schema();
+        schema.insert("title".into(), format!("pingmap {name}").into());
+        schema.insert("description".into(), format!("What pingmap {name} prints with --json.").into());
+        print(results, &serde_json::to_string_pretty(&schema)?)
+    }
+}
+
+/// The schema of an object, with what every object says of itself.
+fn of<T: JsonSchema>() -> Schema {
+    let mut schema = SchemaSettings::default().for_serialize().into_generator().into_root_schema_for::<T>();
+    let of_all = [
+        ("version", json!({"type": "string", "description": "Version of pingmap."})),
+        (
+            "command",
+            json!({"type": "array", "items": {"type": "string"}, "description": "The command line that it answers."}),
+        ),
+    ];
+    for (name, said) in of_all {
+        if let Some(properties) = schema.get_mut("properties").and_then(|properties| properties.as_object_mut()) {
+            properties.insert(name.to_owned(), said);
+        }
+        if let Some(required) = schema.get_mut("required").and_then(|required| required.as_array_mut()) {
+            required.push(name.into());
+        }
+    }
+    schema
+}

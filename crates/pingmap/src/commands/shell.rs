@@ -1,0 +1,62 @@
+//! `pingmap completions` and `pingmap man`: what shells and readers of manuals want, from the definitions of the options themselves.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use clap_complete::Shell;
+
+use crate::files::make_folder;
+use crate::output::{BadInput, Results, note};
+
+/// Print what a shell completes commands and options with
+#[derive(Args)]
+#[command(after_help = "Example: pingmap completions bash > /usr/share/bash-completion/completions/pingmap")]
+pub struct Completions {
+    /// For which shell
+    #[arg(value_enum)]
+    shell: Shell,
+}
+
+impl Completions {
+    pub fn threads(&self) -> usize {
+        1
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        let mut text = Vec::new();
+        clap_complete::generate(self.shell, &mut results.definition(), "pingmap", &mut text);
+        results.write_all(&text)?;
+        Ok(results.flush()?)
+    }
+}
+
+/// Print the manual page, or write those of all commands to a folder
+#[derive(Args)]
+#[command(after_help = "Example: pingmap man | man -l -")]
+pub struct Man {
+    /// Folder for the pages
+    folder: Option<PathBuf>,
+}
+
+impl Man {
+    pub fn threads(&self) -> usize {
+        1
+    }
+
+    pub fn run(&self, results: Results) -> anyhow::Result<()> {
+        let definition = results.definition();
+        let Some(folder) = &self.folder else {
+            let mut page = Vec::new();
+            clap_mangen::Man::new(definition).render(&mut page)?;
+            results.write_all(&page)?;
+            return Ok(results.flush()?);
+        };
+        if folder.exists() && !folder.is_dir() {
+            return Err(BadInput(format!("{} is no folder; expected one for the pages", folder.display())).into());
+        }
+        make_folder(folder)?;
+        clap_mangen::generate_to(definition, folder)?;
+        note(format_args!("wrote the pages to {}", folder.display()));
+        Ok(())
+    }
+}

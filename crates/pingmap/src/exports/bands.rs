@@ -1,0 +1,63 @@
+//! Areas between levels of probability, as polygons.
+
+use anyhow::Context;
+use contour::ContourBuilder;
+use geo_types::{LineString, MultiPolygon};
+
+use super::export::Export;
+use crate::success_map::Side;
+
+/// The area where the probability is between two levels, in degrees: outer rings run counter-clockwise, holes clockwise.
+pub(super) struct Band {
+    pub(super) from: f64,
+    pub(super) to: f64,
+    pub(super) polygons: MultiPolygon<f64>,
+}
+
+/// The bands of a side, from the least probable on; none that is nowhere.
+pub(super) fn bands(export: &Export, side: &Side) -> anyhow::Result<Vec<Band>> {
+    let area = &export.map.area;
+    let mut limits = vec![0.0];
+    limits.extend(export.levels);
+    // What is certain belongs to the last band, whose upper limit it does not reach.
+    limits.push(1.0 + 1e-9);
+    // The rings are between the middles of cells, and half a cell farther at the rim.
+    let builder = ContourBuilder::new(area.columns, area.rows, true)
+        .x_origin(area.east.0)
+        .y_origin(area.north.0)
+        .x_step(area.cell_m)
+        .y_step(area.cell_m);
+    let found = builder.isobands(&side.values(|cell| cell.probability), &limits).context("areas of a map")?;
+    let mut bands = Vec::new();
+    for band in found {
+        let (mut polygons, from, to) = band.into_inner();
+        for polygon in &mut polygons.0 {
+            let mut failed = None;
+            polygon.exterior_mut(|ring| failed = turned(export, ring, 1.0).err());
+            polygon.interiors_mut(|rings| {
+                for ring in rings {
+                    failed = failed.take().or(turned(export, ring, -1.0).err());
+                }
+            });
+            failed.map_or(Ok(()), Err)?;
+        }
+        if !polygons.0.is_empty() {
+            bands.push(Band { from, to: to.min(1.0), polygons });
+        }
+    }
+    Ok(bands)
+}
+
+/// Takes a ring to degrees, and lets it run as it should: with a positive sign counter-clockwise.
+fn turned(export: &Export, ring: &mut LineString<f64>, sign: f64) -> anyhow::Result<()> {
+    let pairs = ring.0.windows(2);
+    let area: f64 = pairs.map(|pair| pair[0].x * pair[1].y - pair[1].x * pair[0].y).sum();
+    if area * sign < 0.0 {
+        ring.0.reverse();
+    }
+    for corner in &mut ring.0 {
+        let place = export.degrees(corner.x, corner.y)?;
+        (corner.x, corner.y) = (place.longitude_deg, place.latitude_deg);
+    }
+    Ok(())
+}

@@ -1,0 +1,67 @@
+//! A map as GeoJSON (RFC 7946): WGS 84, longitude first.
+
+use geojson::{Feature, FeatureCollection, Geometry, GeometryValue, JsonObject};
+use serde_json::{Value, json};
+
+use super::bands::bands;
+use super::export::Export;
+use crate::contour::{Point, contour_lines};
+use crate::names::name_of;
+use crate::tracks::tracks;
+
+/// Areas between levels, contours, tracks and the places it is seen from, on WGS 84 (RFC 7946).
+pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
+    let map = export.map;
+    let position = |(east_m, north_m): Point| -> anyhow::Result<geojson::Position> {
+        let place = export.degrees(east_m, north_m)?;
+        Ok([place.longitude_deg, place.latitude_deg].into())
+    };
+    let line = |points: &[Point]| points.iter().map(|&point| position(point)).collect::<anyhow::Result<Vec<_>>>();
+    let mut features = Vec::new();
+    for side in &map.sides {
+        let seen = name_of(&side.seen);
+        for band in bands(export, side)? {
+            let said =
+                [("probability_from", json!(band.from)), ("probability_to", json!(band.to)), ("seen_as", json!(seen))];
+            features.push(feature("area", said, GeometryValue::from(&band.polygons)));
+        }
+        let values = side.values(|cell| cell.probability);
+        for &level in export.levels {
+            let lines = contour_lines(&map.area.grid(&values), level);
+            let coordinates = lines.iter().map(|points| line(points)).collect::<anyhow::Result<Vec<_>>>()?;
+            let said = [("probability", json!(level)), ("seen_as", json!(seen))];
+            features.push(feature("contour", said, GeometryValue::MultiLineString { coordinates }));
+        }
+    }
+    for (id, points) in tracks(export.events) {
+        let coordinates = line(&points)?;
+        let geometry = match &coordinates[..] {
+            [place] => GeometryValue::Point { coordinates: place.clone() },
+            _ => GeometryValue::LineString { coordinates },
+        };
+        features.push(feature("track", [("vehicle", json!(id.as_str()))], geometry));
+    }
+    for place in &map.at {
+        let coordinates = position((place.east_m, place.north_m))?;
+        let seen: Vec<String> = map.sides.iter().map(|side| name_of(&side.seen)).collect();
+        features.push(feature(
+            "place",
+            [("seen_from", json!(seen.join(" and ")))],
+            GeometryValue::Point { coordinates },
+        ));
+    }
+    let collection = FeatureCollection { bbox: None, features, foreign_members: None };
+    Ok(serde_json::to_vec_pretty(&collection)?)
+}
+
+/// A shape with its kind and what is said of it.
+pub(super) fn feature<'a>(
+    kind: &str,
+    said: impl IntoIterator<Item = (&'a str, Value)>,
+    geometry: GeometryValue,
+) -> Feature {
+    let mut properties = JsonObject::new();
+    properties.insert("kind".into(), json!(kind));
+    properties.extend(said.into_iter().map(|(name, value)| (name.to_owned(), value)));
+    Feature { geometry: Some(Geometry::new(geometry)), properties: Some(properties), ..Feature::default() }
+}

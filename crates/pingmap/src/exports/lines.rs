@@ -1,0 +1,61 @@
+//! Lines, areas and places of a plan as GeoJSON.
+
+use geojson::{FeatureCollection, GeometryValue, Position};
+use pingmap_import::Reference;
+use serde_json::Value;
+
+use super::geojson::feature;
+use crate::contour::Point;
+use crate::output::BadInput;
+
+/// A place, a line, or the area within a line, with what is said of it.
+pub struct Line {
+    /// What it is.
+    pub kind: &'static str,
+    pub shape: Shape,
+    /// Names and numbers.
+    pub said: Vec<(&'static str, Value)>,
+}
+
+/// In metres of the log.
+pub enum Shape {
+    Place(Point),
+    Line(Vec<Point>),
+    /// The corners, counter-clockwise or clockwise, each once.
+    Area(Vec<Point>),
+}
+
+/// All of them on WGS 84 (RFC 7946).
+pub fn geojson_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec<u8>> {
+    let position = |&(east_m, north_m): &Point| -> anyhow::Result<Position> {
+        let place = reference.geographic(east_m, north_m);
+        let place =
+            place.ok_or_else(|| BadInput(format!("({east_m:.0}, {north_m:.0}) m is on no map of the Earth")))?;
+        Ok([place.longitude_deg, place.latitude_deg].into())
+    };
+    let positions = |points: &[Point]| points.iter().map(position).collect::<anyhow::Result<Vec<_>>>();
+    let one = |line: &Line| {
+        let geometry = match &line.shape {
+            Shape::Place(place) => GeometryValue::Point { coordinates: position(place)? },
+            Shape::Line(points) => GeometryValue::LineString { coordinates: positions(points)? },
+            Shape::Area(corners) => {
+                let mut ring = corners.clone();
+                // Outer rings run counter-clockwise, and end where they begin.
+                if twice_the_area(&ring) < 0.0 {
+                    ring.reverse();
+                }
+                ring.extend(ring.first().copied());
+                GeometryValue::Polygon { coordinates: vec![positions(&ring)?] }
+            }
+        };
+        Ok(feature(line.kind, line.said.iter().cloned(), geometry))
+    };
+    let features = lines.iter().map(one).collect::<anyhow::Result<Vec<_>>>()?;
+    Ok(serde_json::to_vec_pretty(&FeatureCollection { bbox: None, features, foreign_members: None })?)
+}
+
+/// Positive for corners that run counter-clockwise.
+fn twice_the_area(corners: &[Point]) -> f64 {
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(|(a, b)| a.0 * b.1 - b.0 * a.1).sum()
+}

@@ -1,0 +1,35 @@
+//! A map as a table.
+
+use super::export::Export;
+use crate::output::csv_text;
+
+/// The numbers of a cell, by name.
+const NUMBERS: [&str; 4] = ["probability", "lower", "upper", "explained"];
+
+/// The grid as CSV: the middle of every cell in metres, and in degrees where these are known; and what is predicted there.
+pub fn csv(export: &Export) -> anyhow::Result<Vec<u8>> {
+    let map = export.map;
+    let mut header = vec!["easting_m".to_owned(), "northing_m".to_owned()];
+    if export.has_degrees() {
+        header.extend(["latitude_deg".to_owned(), "longitude_deg".to_owned()]);
+    }
+    for side in &map.sides {
+        let prefix = export.prefix(side);
+        header.extend(NUMBERS.map(|name| format!("{prefix}{name}")));
+    }
+    let row = |cell: usize| -> anyhow::Result<Vec<f64>> {
+        let (east_m, north_m) = map.area.middle(cell);
+        let mut row = vec![east_m, north_m];
+        if export.has_degrees() {
+            let place = export.degrees(east_m, north_m)?;
+            row.extend([place.latitude_deg, place.longitude_deg]);
+        }
+        for cell in map.sides.iter().map(|side| side.cells[cell]) {
+            row.extend([cell.probability, cell.lower, cell.upper, cell.explained]);
+        }
+        Ok(row)
+    };
+    let rows = (0..map.area.cells()).map(row).collect::<anyhow::Result<Vec<_>>>()?;
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    Ok(csv_text(&header, &rows)?.into_bytes())
+}

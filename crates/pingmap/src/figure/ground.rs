@@ -1,0 +1,188 @@
+//! What lies under everything else on a map: colours and their bar, hatching, a graticule, north and scale.
+
+use kuva::prelude::ColorMap;
+use kuva::render::color::Color;
+use kuva::render::render::{Primitive, TextAnchor};
+
+use super::frame::{BAR_ROOM_PX, Frame, LegendPlace, round_step};
+use super::marks::{draw_line, polygon, text_at, text_width};
+use super::style::{Mark, Style};
+use crate::contour::{Grid, Point};
+
+/// As many shades as the eye tells apart, and more: equal neighbours join.
+const SHADES: f64 = 200.0;
+
+/// Between lines of hatching, across.
+const HATCH_PX: f64 = 9.0;
+const HATCH: Style = Style { color: "#ffffff", width: 0.9, dash: &[], mark: Mark::None };
+
+const BAR_PX: f64 = 16.0;
+const GRATICULE: Style = Style { color: "#ffffff", width: 0.4, dash: &[], mark: Mark::None };
+const INK: Style = Style { color: "#000000", width: 1.4, dash: &[], mark: Mark::None };
+
+/// The colour of a probability: Cividis, which is read in grey and by those who see fewer colours.
+pub fn shade(probability: f64) -> (u8, u8, u8) {
+    ColorMap::Cividis.map_rgb(probability.clamp(0.0, 1.0)).unwrap_or((128, 128, 128))
+}
+
+impl Frame {
+    /// Fills the cells of a grid, joining equal neighbours in a row.
+    pub(super) fn heat_map(&mut self, grid: &Grid) {
+        let rows = grid.values.len() / grid.columns;
+        let (left, top) = self.pixel((grid.east.0, grid.north.1));
+        let (right, bottom) = self.pixel((grid.east.1, grid.north.0));
+        // Whole pixels, so that no edge is blended with what is behind it.
+        let x_of = |column: usize| (left + column as f64 * (right - left) / grid.columns as f64).round();
+        let y_of = |row: usize| (bottom - row as f64 * (bottom - top) / rows as f64).round();
+        let (mut x, mut y, mut w, mut h) = (vec![], vec![], vec![], vec![]);
+        let mut fills = vec![];
+        for (row, values) in grid.values.chunks_exact(grid.columns).enumerate() {
+            let shades: Vec<f64> = values.iter().map(|p| (p.clamp(0.0, 1.0) * SHADES).round() / SHADES).collect();
+            let mut column = 0;
+            for run in shades.chunk_by(|a, b| a == b) {
+                if !run[0].is_nan() {
+                    let (r, g, b) = shade(run[0]);
+                    x.push(x_of(column));
+                    y.push(y_of(row + 1));
+                    // Half a pixel more hides seams where a page is shown at another size.
+                    w.push(x_of(column + run.len()) - x_of(column) + 0.5);
+                    h.push(y_of(row) - y_of(row + 1) + 0.5);
+                    fills.push(Color::Rgb(r, g, b));
+                }
+                column += run.len();
+            }
+        }
+        let extra_attrs = Some("shape-rendering=\"crispEdges\"".to_owned());
+        self.inside.push(Primitive::GroupStart { transform: None, title: None, extra_attrs });
+        self.inside.push(Primitive::RectBatch { x, y, w, h, fills });
+        self.inside.push(Primitive::GroupEnd);
+    }
+
+    /// Draws what the colours say, as high as the axes and right of them.
+    pub(super) fn color_bar(&mut self, label: &str) {
+        let (top, bottom) = (self.axes.margin_top, self.axes.height - self.axes.margin_bottom);
+        let left = self.axes.width - self.axes.margin_right + 18.0;
+        let y_of = |share: f64| bottom - share * (bottom - top);
+        let steps = 128;
+        let edges: Vec<f64> = (0..=steps).map(|n| y_of(f64::from(n) / f64::from(steps)).round()).collect();
+        let fills = (0..steps).map(|n| shade((f64::from(n) + 0.5) / f64::from(steps)));
+        self.legend.push(Primitive::RectBatch {
+            x: vec![left; steps as usize],
+            y: edges[1..].to_vec(),
+            w: vec![BAR_PX; steps as usize],
+            h: edges.windows(2).map(|pair| pair[0] - pair[1]).collect(),
+            fills: fills.map(|(r, g, b)| Color::Rgb(r, g, b)).collect(),
+        });
+        self.legend.push(outline(Color::None, left, top, (BAR_PX, bottom - top)));
+        for n in 0..=5 {
+            let (share, y) = (f64::from(n) / 5.0, y_of(f64::from(n) / 5.0));
+            draw_line(&mut self.legend, &[(left + BAR_PX, y), (left + BAR_PX + 5.0, y)], INK, 0.0);
+            self.legend.push(text_at((left + BAR_PX + 8.0, y), &format!("{share:.1}"), TextAnchor::Start));
+        }
+        // Upright letters are read more easily, and all programs draw them alike.
+        self.legend.push(text_at((left, top - 14.0), label, TextAnchor::Start));
+        self.bar_px = BAR_ROOM_PX.max(18.0 + text_width(label) - self.axes.margin_right + 8.0);
+    }
+
+    /// Draws slanted lines over cells, row by row from the south as those of the grid.
+    pub(super) fn hatch(&mut self, grid: &Grid, hatched: &[bool]) {
+        let rows = grid.values.len() / grid.columns;
+        let (left, top) = self.pixel((grid.east.0, grid.north.1));
+        let (right, bottom) = self.pixel((grid.east.1, grid.north.0));
+        let is_hatched = |(x, y): Point| {
+            let column = ((x - left) / (right - left) * grid.columns as f64) as usize;
+            let row = ((bottom - y) / (bottom - top) * rows as f64) as usize;
+            let inside = (left..right).contains(&x) && y > top && y <= bottom;
+            inside && hatched.get(row * grid.columns + column).is_some_and(|&is| is)
+        };
+        // Lines x + y = const, looked at pixel by pixel.
+        let mut sum = ((left + top) / HATCH_PX).ceil() * HATCH_PX;
+        while sum < right + bottom {
+            let (first, last) = ((sum - bottom).max(left), (sum - top).min(right));
+            let mut begun = None;
+            let mut x = first;
+            while x <= last + 1.0 {
+                let here = x <= last && is_hatched((x, sum - x));
+                match begun {
+                    None if here => begun = Some(x),
+                    Some(from) if !here => {
+                        draw_line(&mut self.inside, &[(from, sum - from), (x, sum - x)], HATCH, 0.0);
+                        begun = None;
+                    }
+                    _ => {}
+                }
+                x += 1.0;
+            }
+            sum += HATCH_PX;
+        }
+    }
+
+    /// Adds hatching to the legend.
+    pub(super) fn hatched_key(&mut self, name: &str) {
+        if self.legend_place == LegendPlace::Nowhere {
+            return;
+        }
+        let (x, y) = self.place(self.rows);
+        let (r, g, b) = shade(0.3);
+        let (width, height) = (38.0, 12.0);
+        let fill = Color::Rgb(r, g, b);
+        self.legend.push(outline(fill, x + 2.0, y - 6.0, (width, height)));
+        for n in 0..3 {
+            let at = x + 2.0 + 13.0 * f64::from(n);
+            draw_line(&mut self.legend, &[(at, y + 6.0), (at + 12.0, y - 6.0)], HATCH, 0.0);
+        }
+        let none = Style { color: "none", width: 0.0, dash: &[], mark: Mark::None };
+        self.key(name, none, false);
+    }
+
+    /// Draws lines of equal latitude or longitude, each with its name where it begins.
+    pub(super) fn graticule(&mut self, lines: &[(String, Vec<Point>)]) {
+        for (name, points) in lines {
+            let points: Vec<Point> = points.iter().map(|&point| self.pixel(point)).collect();
+            draw_line(&mut self.inside, &points, GRATICULE, 0.0);
+            if let Some(&(x, y)) = points.first() {
+                self.label((x, y), name);
+            }
+        }
+    }
+
+    /// Says where north is and how long a round number of metres.
+    pub(super) fn north_and_scale(&mut self, metres_wide: f64) {
+        let (left, right) = (self.axes.margin_left, self.axes.width - self.axes.margin_right);
+        let (top, bottom) = (self.axes.margin_top, self.axes.height - self.axes.margin_bottom);
+        let px_per_m = (right - left) / metres_wide;
+        let length_m = round_step(metres_wide / 8.0);
+        let width = length_m * px_per_m;
+        let name = if length_m >= 1000.0 { format!("{} km", length_m / 1000.0) } else { format!("{length_m} m") };
+        let room = width.max(text_width(&name)) + 16.0;
+        let (x, y) = (left + 8.0, bottom - 38.0);
+        let ground = Primitive::Rect {
+            x,
+            y,
+            width: room,
+            height: 30.0,
+            fill: "#ffffff".into(),
+            stroke: None,
+            stroke_width: None,
+            opacity: Some(0.8),
+        };
+        self.labels.push(ground);
+        let (from, to, line) = (x + 8.0, x + 8.0 + width, y + 24.0);
+        let ends = [(from, line - 4.0), (from, line), (to, line), (to, line - 4.0)];
+        draw_line(&mut self.labels, &ends, INK, 0.0);
+        self.labels.push(text_at(((from + to) / 2.0, y + 10.0), &name, TextAnchor::Middle));
+        let (x, y) = (left + 20.0, top + 12.0);
+        self.labels.push(polygon(
+            &[(x, y), (x + 6.0, y + 17.0), (x, y + 13.0), (x - 6.0, y + 17.0)],
+            "#000000",
+            "#ffffff",
+        ));
+        self.label((x, y + 28.0), "N");
+    }
+}
+
+/// A rectangle with an edge.
+fn outline(fill: Color, x: f64, y: f64, (width, height): Point) -> Primitive {
+    let stroke = Some("#000000".into());
+    Primitive::Rect { x, y, width, height, fill, stroke, stroke_width: Some(1.0), opacity: None }
+}

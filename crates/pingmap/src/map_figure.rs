@@ -1,0 +1,171 @@
+//! Pictures of a map.
+
+use pingmap_agent::{Event, Geographic};
+use pingmap_import::{Place, Reference};
+
+use crate::contour::Point;
+use crate::figure::{Arrows, Figure, GridMap, Mark, Series, Style, grid_map, stacked};
+use crate::names::{Join, Layer, Seen};
+use crate::success_map::{Cell, LITTLE_KNOWN, Side, SuccessMap};
+use crate::tracks;
+
+/// Pixels along the longer side of a figure.
+pub const SIDE: f64 = 640.0;
+
+/// How a map is drawn.
+pub struct Drawn<'a> {
+    pub events: &'a [Event],
+    pub levels: &'a [f64],
+    pub layers: &'a [Layer],
+    pub title: Option<&'a str>,
+    /// What metres mean, where that is known.
+    pub reference: Option<&'a Reference>,
+    /// Whether every event is drawn.
+    pub with_events: bool,
+    /// What lies over everything: lines of a plan.
+    pub lines: &'a [Series<'a>],
+}
+
+/// The map as a picture with the tracks of everybody: for each side and layer one, one below the other.
+pub fn figure(map: &SuccessMap, drawn: &Drawn) -> Figure {
+    let pictures =
+        map.sides.iter().flat_map(|side| drawn.layers.iter().map(move |&layer| picture(map, side, layer, drawn)));
+    stacked(pictures.collect())
+}
+
+fn picture(map: &SuccessMap, side: &Side, layer: Layer, drawn: &Drawn) -> Figure {
+    let tracks = tracks::tracks(drawn.events);
+    let [heard, missed] = links(drawn);
+    let arrows = |name, pairs, mark, color| Arrows {
+        name,
+        pairs,
+        style: Style { color, width: 0.0, dash: &[], mark },
+        heads: false,
+    };
+    let links =
+        [arrows("heard here", &heard, Mark::Dot, "#d0f0ff"), arrows("missed here", &missed, Mark::Cross, "#000000")];
+    let values = side.values(|cell| number(layer, cell));
+    let hatched: Vec<bool> = side.cells.iter().map(|cell| cell.explained < LITTLE_KNOWN).collect();
+    let title = drawn.title.map_or_else(|| question(map, side.seen), str::to_owned);
+    let is_probability = layer != Layer::Width;
+    let picture = GridMap {
+        title: &title,
+        bar: bar(layer),
+        grid: map.area.grid(&values),
+        graticule: &drawn.reference.map(|reference| graticule(map, reference)).unwrap_or_default(),
+        contours: if is_probability { drawn.levels } else { &[] },
+        hatched: if layer == Layer::Probability { &hatched } else { &[] },
+        tracks: &tracks::tracks_as_series(&tracks),
+        links: if drawn.with_events { &links } else { &[] },
+        places: &places(map, side.seen),
+        lines: drawn.lines,
+    };
+    grid_map(&picture, SIDE)
+}
+
+/// Lines of a graticule, about so many each way.
+const LINES: f64 = 4.0;
+
+/// Points along such a line.
+const POINTS: usize = 64;
+
+/// Parallels and meridians over the area at round minutes, by their names.
+fn graticule(map: &SuccessMap, reference: &Reference) -> Vec<(String, Vec<Point>)> {
+    let (east, north) = (map.area.east, map.area.north);
+    let corners = [(east.0, north.0), (east.1, north.0), (east.0, north.1), (east.1, north.1)];
+    let corners: Vec<Geographic> =
+        corners.into_iter().filter_map(|(east_m, north_m)| reference.geographic(east_m, north_m)).collect();
+    let span = |of: fn(&Geographic) -> f64| {
+        corners.iter().map(of).fold((f64::MAX, f64::MIN), |(low, high), degrees| (low.min(degrees), high.max(degrees)))
+    };
+    let (latitudes, longitudes) = (span(|place| place.latitude_deg), span(|place| place.longitude_deg));
+    // Areas across the meridian where days meet have none.
+    if corners.len() < 4 || longitudes.1 - longitudes.0 > 180.0 {
+        return Vec::new();
+    }
+    let line = |place: &dyn Fn(f64) -> Option<Geographic>| -> Vec<Point> {
+        let points = (0..=POINTS).filter_map(|n| place(n as f64 / POINTS as f64));
+        let points = points.filter_map(|place| reference.metres(Place::Degrees(place)));
+        points.filter(|(x, y)| (east.0..=east.1).contains(x) && (north.0..=north.1).contains(y)).collect()
+    };
+    let between = |(low, high): Point, share: f64| low + (high - low) * share;
+    let meridian = |degrees: f64| {
+        // From the north on, as parallels from the east: where neither axis has its numbers.
+        let points = line(&|share| Geographic::new(between(latitudes, 1.0 - share), degrees));
+        (minutes(degrees, ["E", "W"]), points)
+    };
+    let parallel = |degrees: f64| {
+        let points = line(&|share| Geographic::new(degrees, between(longitudes, 1.0 - share)));
+        (minutes(degrees, ["N", "S"]), points)
+    };
+    round(latitudes).into_iter().map(parallel).chain(round(longitudes).into_iter().map(meridian)).collect()
+}
+
+/// Round numbers of degrees between two.
+fn round((low, high): Point) -> Vec<f64> {
+    // Minutes, and tenths and hundredths of them; degrees beyond.
+    const STEPS: [f64; 14] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0];
+    let wanted = (high - low) * 60.0 / LINES;
+    let step = STEPS.into_iter().find(|step| *step >= wanted).unwrap_or(600.0);
+    let first = (low * 60.0 / step).ceil() as i64;
+    let last = (high * 60.0 / step).floor() as i64;
+    (first..=last).map(|n| n as f64 * step / 60.0).collect()
+}
+
+/// Degrees and decimal minutes, as charts have them.
+fn minutes(degrees: f64, [positive, negative]: [&str; 2]) -> String {
+    let half = if degrees < 0.0 { negative } else { positive };
+    let hundredths = (degrees.abs() * 6000.0).round() as u64;
+    let (whole, minutes) = (hundredths / 6000, (hundredths % 6000) as f64 / 100.0);
+    format!("{whole}°{minutes}′{half}")
+}
+
+fn number(layer: Layer, cell: &Cell) -> f64 {
+    match layer {
+        Layer::Probability => cell.probability,
+        Layer::Lower => cell.lower,
+        Layer::Upper => cell.upper,
+        Layer::Width => cell.width(),
+    }
+}
+
+fn bar(layer: Layer) -> &'static str {
+    match layer {
+        Layer::Probability => "probability of success",
+        Layer::Lower => "probability, lower end of 90 %",
+        Layer::Upper => "probability, upper end of 90 %",
+        Layer::Width => "width of the 90 % interval",
+    }
+}
+
+fn question(map: &SuccessMap, seen: Seen) -> String {
+    let which = match (map.at.len(), map.join) {
+        (1, _) => "here",
+        (_, Join::All) => "all of these",
+        (_, Join::Any) => "any of these",
+    };
+    match seen {
+        Seen::Tx => format!("Will a message sent from {which} get through?"),
+        Seen::Rx => format!("Will a message sent to {which} get through?"),
+        Seen::Worst | Seen::Both => format!("Will messages to and from {which} get through?"),
+    }
+}
+
+fn places(map: &SuccessMap, seen: Seen) -> Vec<(String, Point)> {
+    let name = match seen {
+        Seen::Tx => "transmitter",
+        Seen::Rx => "receiver",
+        Seen::Worst | Seen::Both => "here",
+    };
+    map.at.iter().map(|place| (name.to_owned(), (place.east_m, place.north_m))).collect()
+}
+
+/// Where messages were heard, and where they were missed: from the transmitter to the receiver.
+fn links(drawn: &Drawn) -> [Vec<(Point, Point)>; 2] {
+    let pair = |event: &Event| {
+        let [from, to] = event.link.ends().map(|end| (end.east_m, end.north_m));
+        (event.success, (from, to))
+    };
+    let (heard, missed): (Vec<_>, Vec<_>) = drawn.events.iter().map(pair).partition(|(success, _)| *success);
+    [heard, missed].map(|events: Vec<_>| events.into_iter().map(|(_, pair)| pair).collect())
+}

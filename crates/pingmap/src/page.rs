@@ -1,0 +1,160 @@
+//! A page for browsers, phones and paper: headings, words, tables, pictures. Everything is in one file.
+
+use std::fmt::Write;
+
+use crate::figure::Figure;
+
+/// A page that is being written.
+pub struct Page {
+    html: String,
+    /// Pictures so far: names within them must differ from one to the next.
+    figures: usize,
+}
+
+impl Page {
+    pub fn new(title: &str) -> Self {
+        let html = format!("{HEAD}<h1>{}</h1>\n", escape(title));
+        Self { html, figures: 0 }
+    }
+
+    pub fn heading(&mut self, text: &str) {
+        // Writing to a String cannot fail.
+        let _ = writeln!(self.html, "<h2>{}</h2>", escape(text));
+    }
+
+    pub fn paragraph(&mut self, text: &str) {
+        let _ = writeln!(self.html, "<p>{}</p>", escape(text));
+    }
+
+    /// What a hurried reader should take away.
+    pub fn conclusion(&mut self, text: &str) {
+        let _ = writeln!(self.html, "<p class=\"conclusion\">{}</p>", escape(text));
+    }
+
+    /// A table that scrolls by itself where it is wider than the page.
+    pub fn table(&mut self, header: &[impl AsRef<str>], rows: &[Vec<String>]) {
+        let head: String =
+            header.iter().map(|cell| format!("<th scope=\"col\">{}</th>", escape(cell.as_ref()))).collect();
+        let row = |row: &Vec<String>| {
+            let cells = row.iter().map(|cell| format!("<td>{}</td>", escape(cell)));
+            format!("<tr>{}</tr>\n", cells.collect::<String>())
+        };
+        let body: String = rows.iter().map(row).collect();
+        let _ = writeln!(
+            self.html,
+            "<div class=\"scroll\" tabindex=\"0\"><table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody></table></div>"
+        );
+    }
+
+    /// Facts by their names.
+    pub fn facts(&mut self, facts: &[(&str, String)]) {
+        let rows = facts
+            .iter()
+            .map(|(name, fact)| format!("<tr><th scope=\"row\">{}</th><td>{}</td></tr>\n", escape(name), escape(fact)));
+        let _ = writeln!(
+            self.html,
+            "<div class=\"scroll\" tabindex=\"0\"><table class=\"facts\"><tbody>\n{}</tbody></table></div>",
+            rows.collect::<String>()
+        );
+    }
+
+    /// A picture, and what those are told who do not see it.
+    pub fn figure(&mut self, figure: &Figure, said: &str) {
+        self.figures += 1;
+        let svg = with_names_of_its_own(&figure.svg(false), self.figures);
+        let said = escape(said);
+        let _ = writeln!(
+            self.html,
+            "<figure role=\"img\" aria-label=\"{said}\">{svg}<figcaption>{said}</figcaption></figure>"
+        );
+    }
+
+    /// The page.
+    pub fn finish(self) -> String {
+        self.html + "</body>\n</html>\n"
+    }
+}
+
+/// Puts a number behind the names within a picture: on one page they must differ.
+fn with_names_of_its_own(svg: &str, number: usize) -> String {
+    let names = svg.split(" id=\"").skip(1).filter_map(|rest| rest.split('"').next());
+    let mut names: Vec<&str> = names.collect();
+    // Longer ones first, lest a name that begins another one is found in it.
+    names.sort_by_key(|name| std::cmp::Reverse(name.len()));
+    names.dedup();
+    names.into_iter().fold(svg.to_owned(), |svg, name| {
+        let renamed = format!("{name}-of-{number}");
+        svg.replace(&format!(" id=\"{name}\""), &format!(" id=\"{renamed}\""))
+            .replace(&format!("#{name})"), &format!("#{renamed})"))
+    })
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// Colours are those of the reader's device, light or dark; pictures keep their white paper. What is wide scrolls by itself, and on paper
+/// nothing is cut in two.
+const HEAD: &str = "<!DOCTYPE html>
+<html lang=\"en\">
+<head>
+<meta charset=\"utf-8\">
+<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">
+<meta name=\"color-scheme\" content=\"light dark\">
+<title>pingmap report</title>
+<style>
+:root { --ink: #222; --paper: #fff; --line: #ddd; --stress: #eef3f8; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e4e4e4; --paper: #15181c; --line: #3a3f46; --stress: #22303d; } }
+body { font: 16px/1.5 'DejaVu Sans', Verdana, sans-serif; max-width: 76rem; margin: 2rem auto; padding: 0 1rem; color: var(--ink); background: var(--paper); overflow-wrap: anywhere; }
+p, figcaption { max-width: 62rem; }
+h1 { font-size: 1.6rem; line-height: 1.25; }
+h2 { font-size: 1.25rem; margin-top: 2.2rem; }
+.conclusion { font-size: 1.1rem; padding: .8rem 1rem; background: var(--stress); border-left: 4px solid #0571b0; }
+.scroll { overflow-x: auto; margin: 1rem 0; }
+table { border-collapse: collapse; overflow-wrap: normal; font-size: .92rem; }
+th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid var(--line); font-variant-numeric: tabular-nums; white-space: nowrap; }
+th:first-child, td:first-child { text-align: left; }
+.facts td { text-align: left; white-space: normal; overflow-wrap: anywhere; }
+.facts th { vertical-align: top; }
+figure { margin: 1rem 0; }
+figure svg { display: block; max-width: 100%; height: auto; background: #fff; }
+figcaption { font-size: .9rem; margin-top: .4rem; }
+@page { margin: 15mm; }
+@media print {
+  :root { --ink: #000; --paper: #fff; --line: #999; --stress: #fff; }
+  body { max-width: none; margin: 0; padding: 0; font-size: 10pt; }
+  .scroll { overflow: visible; }
+  table { font-size: 7.5pt; }
+  th, td { padding: .15rem .35rem; }
+  th { white-space: normal; }
+  figure, tr, .conclusion { break-inside: avoid; }
+  figure svg { max-height: 200mm; }
+  h2 { break-after: avoid; }
+}
+</style>
+</head>
+<body>
+";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_in_pictures_differ_from_one_to_the_next() {
+        let svg = "<clipPath id=\"clip\"/><clipPath id=\"clip2\"/><g clip-path=\"url(#clip)\"/><g clip-path=\"url(#clip2)\"/>";
+        let second = with_names_of_its_own(svg, 2);
+        let expected = "<clipPath id=\"clip-of-2\"/><clipPath id=\"clip2-of-2\"/><g clip-path=\"url(#clip-of-2)\"/><g clip-path=\"url(#clip2-of-2)\"/>";
+        assert_eq!(second, expected);
+    }
+
+    #[test]
+    fn what_people_call_things_is_no_markup() {
+        let mut page = Page::new("a < b");
+        page.table(&["<name>"], &[vec!["\"x\" & y".into()]]);
+        page.facts(&[("log", "<script>".into())]);
+        let html = page.finish();
+        assert!(html.contains("a &lt; b") && html.contains("&lt;name&gt;") && html.contains("&quot;x&quot; &amp; y"));
+        assert!(!html.contains("<script>") && html.ends_with("</html>\n"));
+    }
+}

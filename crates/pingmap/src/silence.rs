@@ -1,0 +1,200 @@
+//! How long nothing gets through on a planned track.
+
+use dgpc::rand::RngExt;
+use dgpc::{Matrix, Posterior, success_probability};
+use pingmap_agent::{Agent, Attempt};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use crate::names::Join;
+use crate::route::{Route, Sending};
+use crate::success_map::{Asked, normals};
+
+/// The longest time between messages that get through; the track begins and ends with one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Silence {
+    /// Half of all missions have a longer one.
+    pub median_s: f64,
+    /// One in ten has.
+    pub likely_s: f64,
+}
+
+/// Silences on the whole track, and on each leg by itself.
+pub struct Silences {
+    pub whole: Silence,
+    pub legs: Vec<Silence>,
+}
+
+/// Functions are drawn at so many messages at most, and taken to be straight between them.
+const NODES_MAX: usize = 600;
+
+/// Missions for each function that is drawn.
+const MISSIONS: usize = 4;
+
+/// Log-odds of every message to each of several places, as they may be: functions drawn from the posterior, as wide as intervals are, so
+/// that what is not known of neighbours goes wrong for all of them at once.
+pub struct Drawn {
+    /// For each place: a row for each node, a column for each function.
+    places: Vec<Matrix>,
+    /// Which messages are nodes, rising.
+    nodes: Vec<usize>,
+}
+
+impl Drawn {
+    /// Draws for these attempts, a list of equal length for each place. O(n²) for each node, O(M³) for M nodes of all places together.
+    pub fn new(agent: &mut Agent, wide: &Posterior, attempts: &[Vec<Attempt>]) -> anyhow::Result<Self> {
+        let length = attempts[0].len();
+        let wanted = (NODES_MAX / attempts.len()).clamp(2, length.max(2));
+        let nodes: Vec<usize> = match length {
+            0 | 1 => (0..length).collect(),
+            _ => {
+                let step = (length - 1) as f64 / (wanted.min(length) - 1) as f64;
+                (0..wanted.min(length)).map(|n| (n as f64 * step).round() as usize).collect()
+            }
+        };
+        let asked: Vec<Attempt> = attempts.iter().flat_map(|place| nodes.iter().map(|&node| place[node])).collect();
+        let drawn = agent.wide_draws(wide, asked.iter().copied(), &normals(asked.len()))?;
+        let of = |place: usize| {
+            Matrix::from_fn(nodes.len(), drawn.columns(), |node, draw| drawn.column(draw)[place * nodes.len() + node])
+        };
+        Ok(Self { places: (0..attempts.len()).map(of).collect(), nodes })
+    }
+
+    /// How many functions were drawn.
+    pub fn functions(&self) -> usize {
+        self.places[0].columns()
+    }
+
+    /// Probabilities of all messages to a place, by one of the functions.
+    pub fn probabilities(&self, place: usize, function: usize) -> Vec<f64> {
+        let log_odds = self.places[place].column(function);
+        let mut probabilities = Vec::with_capacity(self.nodes.last().map_or(0, |last| last + 1));
+        probabilities.extend(log_odds.first().map(|&first| success_probability(first, 0.0)));
+        for (n, pair) in self.nodes.windows(2).enumerate() {
+            let between = (pair[0] + 1..=pair[1]).map(|message| {
+                let share = (message - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
+                success_probability(log_odds[n] + (log_odds[n + 1] - log_odds[n]) * share, 0.0)
+            });
+            probabilities.extend(between);
+        }
+        probabilities
+    }
+}
+
+impl Silences {
+    /// Plays missions on the track: a function drawn, then every message for itself. Those to several places get through where `asked`
+    /// says that they do.
+    pub fn new(drawn: &Drawn, asked: &Asked, route: &Route, sendings: &[Sending], seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut longest: Vec<Vec<f64>> = vec![Vec::new(); route.legs() + 1];
+        for function in 0..drawn.functions() {
+            let places: Vec<Vec<f64>> = (0..asked.at.len()).map(|place| drawn.probabilities(place, function)).collect();
+            let joined = |n: usize| {
+                let of = |p: f64| if asked.join == Join::All { p } else { 1.0 - p };
+                of(places.iter().map(|place| of(place[n])).product())
+            };
+            let probabilities: Vec<f64> = (0..sendings.len()).map(joined).collect();
+            for _ in 0..MISSIONS {
+                let heard = |(sending, p): (&Sending, &f64)| (random.random::<f64>() < *p).then_some(sending.time_s);
+                let received: Vec<f64> = sendings.iter().zip(&probabilities).filter_map(heard).collect();
+                longest[0].push(longest_gap_s(&received, route.waypoints[0].0, route.waypoints[route.legs()].0));
+                for leg in 0..route.legs() {
+                    let (from_s, to_s) = (route.waypoints[leg].0, route.waypoints[leg + 1].0);
+                    let first = received.partition_point(|time_s| *time_s < from_s);
+                    let end = received.partition_point(|time_s| *time_s <= to_s);
+                    longest[leg + 1].push(longest_gap_s(&received[first..end], from_s, to_s));
+                }
+            }
+        }
+        let mut silences = longest.into_iter().map(Silence::of);
+        let whole = silences.next().unwrap_or(Silence { median_s: 0.0, likely_s: 0.0 });
+        Self { whole, legs: silences.collect() }
+    }
+}
+
+impl Silence {
+    fn of(mut longest_s: Vec<f64>) -> Self {
+        longest_s.sort_by(f64::total_cmp);
+        let quantile = |share: f64| longest_s[((longest_s.len() as f64 * share) as usize).min(longest_s.len() - 1)];
+        Self { median_s: quantile(0.5), likely_s: quantile(0.9) }
+    }
+}
+
+/// The longest time without any of these times, which rise, between two.
+pub fn longest_gap_s(received_s: &[f64], from_s: f64, to_s: f64) -> f64 {
+    let mut last_s = from_s;
+    let mut longest_s = 0.0_f64;
+    for &time_s in received_s.iter().chain([&to_s]) {
+        longest_s = longest_s.max(time_s - last_s);
+        last_s = time_s;
+    }
+    longest_s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pingmap_agent::Position;
+
+    fn drawn(log_odds: &[f64], nodes: &[usize]) -> Drawn {
+        let row = |node: usize, _: usize| log_odds[node];
+        Drawn { places: vec![Matrix::from_fn(nodes.len(), 256, row)], nodes: nodes.to_vec() }
+    }
+
+    #[test]
+    fn gaps_count_from_the_first_to_the_last_moment() {
+        assert_eq!(longest_gap_s(&[], 10.0, 70.0), 60.0);
+        assert_eq!(longest_gap_s(&[10.0, 20.0, 50.0, 60.0], 10.0, 70.0), 30.0);
+        assert_eq!(longest_gap_s(&[40.0], 10.0, 70.0), 30.0);
+    }
+
+    #[test]
+    fn log_odds_are_straight_between_nodes() {
+        let between = drawn(&[0.0, 2.0, -2.0], &[0, 4, 6]).probabilities(0, 0);
+        let expected = [0.0, 0.5, 1.0, 1.5, 2.0, 0.0, -2.0].map(|log_odds| success_probability(log_odds, 0.0));
+        assert!(between.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12) && between.len() == 7, "{between:?}");
+    }
+
+    /// With the same probability everywhere, against the exact distribution of the longest run of misses.
+    #[test]
+    fn silences_are_those_of_runs_of_misses() {
+        let messages = 51;
+        let place = |n: usize| (10.0 * n as f64, Position::new(10.0 * n as f64, 0.0));
+        let route = Route { waypoints: vec![place(0), place(messages - 1)], names: vec![None, None] };
+        let sendings = route.sendings(10.0).unwrap();
+        let p = 0.3_f64;
+        let at = [Position::new(0.0, 0.0)];
+        let attempt = |link| Attempt::from(link);
+        let asked = Asked { at: &at, seen: crate::names::Seen::Rx, join: Join::All, depth_m: None, attempt: &attempt };
+        let log_odds = (p / (1.0 - p)).ln();
+        let nodes: Vec<usize> = (0..messages).collect();
+        let found = Silences::new(&drawn(&vec![log_odds; messages], &nodes), &asked, &route, &sendings, 1);
+        // P(no run of more than k misses), message by message: by how many were missed since the last that got through. A run of k at
+        // the rim makes a gap of k intervals, one within k + 1.
+        let shorter = |gap: usize| {
+            let mut since = vec![0.0; gap + 1];
+            (since[0], since[1.min(gap)]) = (p, if gap >= 1 { 1.0 - p } else { 0.0 });
+            for n in 1..messages {
+                let mut next = vec![0.0; gap + 1];
+                for (missed, chance) in since.iter().enumerate() {
+                    let is_rim = missed == n;
+                    let gap_if_heard = if is_rim { missed } else { missed + 1 };
+                    if gap_if_heard <= gap {
+                        next[0] += chance * p;
+                    }
+                    if missed < gap {
+                        next[missed + 1] += chance * (1.0 - p);
+                    }
+                }
+                since = next;
+            }
+            // At the end of the track what was missed counts to the last message, which is the end itself.
+            since.iter().sum::<f64>()
+        };
+        let quantile = |share: f64| (0..messages).find(|&gap| shorter(gap) >= share).unwrap() as f64 * 10.0;
+        let near = |found: f64, exact: f64| (found - exact).abs() <= 10.0;
+        assert!(near(found.whole.median_s, quantile(0.5)), "{:?} {}", found.whole, quantile(0.5));
+        assert!(near(found.whole.likely_s, quantile(0.9)), "{:?} {}", found.whole, quantile(0.9));
+        assert_eq!(found.legs[0], found.whole);
+    }
+}

@@ -1,0 +1,88 @@
+//! How far one may go in each direction.
+
+use dgpc::Posterior;
+use pingmap_agent::{Agent, Position};
+
+use crate::success_map::{Asked, Cell, predicted};
+
+/// How far one may go on one bearing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// Clockwise from the north of the log.
+    pub bearing_deg: f64,
+    /// Up to here the probability is at least what is wanted; the farthest that was looked at where it stays so.
+    pub range_m: f64,
+    /// Up to here the lower end of its interval is, too.
+    pub range_lower_m: f64,
+}
+
+/// Bearings that are looked at.
+pub const BEARINGS: usize = 72;
+
+/// Ranges that are looked at on each.
+const STEPS: usize = 150;
+
+impl Ray {
+    /// The place on this bearing so far from another.
+    pub fn place(&self, from: Position, range_m: f64) -> (f64, f64) {
+        let (sin, cos) = self.bearing_deg.to_radians().sin_cos();
+        (from.east_m + range_m * sin, from.north_m + range_m * cos)
+    }
+}
+
+/// Rays from the first of the places that are asked about: all that lies nearer on them is as probable as wanted. O(bearings · n²).
+pub fn standoff(
+    agent: &mut Agent,
+    wide: &Posterior,
+    asked: &Asked,
+    (probability, range_max_m): (f64, f64),
+) -> anyhow::Result<Vec<Ray>> {
+    let step_m = range_max_m / STEPS as f64;
+    let from = asked.at[0];
+    let mut rays = Vec::with_capacity(BEARINGS);
+    for n in 0..BEARINGS {
+        let bearing_deg = n as f64 * 360.0 / BEARINGS as f64;
+        let ray = Ray { bearing_deg, range_m: 0.0, range_lower_m: 0.0 };
+        let place = |step: usize| {
+            let (east_m, north_m) = ray.place(from, step as f64 * step_m);
+            Position { depth_m: asked.depth_m, ..Position::new(east_m, north_m) }
+        };
+        let places: Vec<Position> = (0..=STEPS).map(place).collect();
+        let cells = predicted(agent, wide, asked, asked.seen, &places)?;
+        let up_to = |of: fn(&Cell) -> f64| {
+            let values: Vec<f64> = cells.iter().map(of).collect();
+            first_below(&values, probability) * step_m
+        };
+        rays.push(Ray { range_m: up_to(|cell| cell.probability), range_lower_m: up_to(|cell| cell.lower), ..ray });
+    }
+    Ok(rays)
+}
+
+/// Where values first fall below a level, in steps; between two of them as a straight line has it.
+fn first_below(values: &[f64], level: f64) -> f64 {
+    match values.iter().position(|&value| value < level) {
+        None => (values.len() - 1) as f64,
+        Some(0) => 0.0,
+        Some(n) => (n - 1) as f64 + (values[n - 1] - level) / (values[n - 1] - values[n]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_is_where_values_first_fall_below_the_level() {
+        assert_eq!(first_below(&[0.95, 0.92, 0.88, 0.99], 0.9), 1.5);
+        assert_eq!((first_below(&[0.5, 0.99], 0.9), first_below(&[0.95, 0.9], 0.9)), (0.0, 1.0));
+    }
+
+    #[test]
+    fn bearings_run_from_north_over_east() {
+        let ray = |bearing_deg| Ray { bearing_deg, range_m: 0.0, range_lower_m: 0.0 };
+        let (east, north) = ray(90.0).place(Position::new(10.0, 20.0), 5.0);
+        assert!((east - 15.0).abs() < 1e-12 && (north - 20.0).abs() < 1e-12);
+        let (east, north) = ray(0.0).place(Position::new(10.0, 20.0), 5.0);
+        assert!((east - 10.0).abs() < 1e-12 && (north - 25.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,190 @@
+//! What programs get: objects that say what they were made with, silence, completions, manual pages.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::path::Path;
+
+use common::{file, json, log, pingmap, stderr, stdout};
+use serde_json::Value;
+
+#[test]
+fn every_object_says_what_it_was_made_with() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 60));
+    file(folder.path(), "links.csv", "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n0,0,100,100\n");
+    file(folder.path(), "track.csv", "x,y\n0,0\n100,0\n");
+    let digest = json(folder.path(), &["check", "events.csv", "--json"])["log_digest"].clone();
+    assert_eq!(digest.as_str().unwrap().len(), 32);
+    let schema = |name: &str| serde_json::from_str(&stdout(&pingmap(folder.path(), &["schema", name]))).unwrap();
+    let learned = json(folder.path(), &["learn", "events.csv", "--terms", "path", "--additions", "none", "--json"]);
+    let model = learned["model_digest"].clone();
+    assert!(model.as_str().unwrap().len() == 32 && model != digest);
+    for (arguments, has_model) in [
+        ("check events.csv", false),
+        ("predict events.csv --links links.csv --model model.toml", true),
+        ("map events.csv --at 0,0 --cell-m 200 --model model.toml", true),
+        ("plan standoff events.csv --at 0,0 --model model.toml", true),
+        ("plan track events.csv --at 0,0 --along track.csv --model model.toml", true),
+        ("plan gateway events.csv --among track.csv --along track.csv --model model.toml", true),
+        ("select events.csv --vehicle a --radius-m 400 --model model.toml", true),
+        ("replay events.csv --model model.toml --repeats 1 --frames 1", true),
+        ("replay events.csv --model model.toml --online", true),
+        ("team events.csv", true),
+    ] {
+        let words: Vec<&str> = arguments.split(' ').chain(["--json"]).collect();
+        let object = json(folder.path(), &words);
+        assert_eq!(object["version"], env!("CARGO_PKG_VERSION"), "{arguments}");
+        assert_eq!(object["command"].as_array().unwrap().len(), words.len(), "{arguments}");
+        assert_eq!((&object["command"][0], &object["schema"]), (&words[0].into(), &1.into()), "{arguments}");
+        assert_eq!(object["log_digest"], digest, "{arguments}");
+        assert!(!has_model || object["model_digest"] == model, "{arguments}: {}", object["model_digest"]);
+        let name = match &words[..] {
+            ["plan", what, ..] => format!("plan {what}"),
+            ["replay", .., "--online", "--json"] => "replay --online".to_owned(),
+            _ => words[0].to_owned(),
+        };
+        fits(&object, &schema(&name), &schema(&name), arguments);
+    }
+    // Without a log there is no digest of one.
+    let schema = json(folder.path(), &["packet", "schema", "--json"]);
+    assert!(schema["version"].is_string() && schema["log_digest"].is_null());
+    let simulated = json(folder.path(), &["simulate", "--slots", "60", "-o", "trial.csv", "--json"]);
+    let checked = json(folder.path(), &["check", "trial.csv", "--json"]);
+    assert_eq!(simulated["log_digest"], checked["log_digest"]);
+    // Another model has another digest, and so has another log.
+    let other = json(
+        folder.path(),
+        &["learn", "trial.csv", "--force", "-o", "other.toml", "--terms", "path", "--additions", "none", "--json"],
+    );
+    assert!(other["model_digest"] != model && other["log_digest"] != digest);
+}
+
+/// Whether a value has all that its schema asks for, and nothing that it does not know; `whole` holds the definitions.
+fn fits(value: &Value, schema: &Value, whole: &Value, place: &str) {
+    if let Some(name) = schema["$ref"].as_str() {
+        return fits(value, &whole["$defs"][name.trim_start_matches("#/$defs/")], whole, place);
+    }
+    if let Some(choices) = schema["anyOf"].as_array() {
+        let choice = choices.iter().find(|choice| (choice["type"] == "null") == value.is_null());
+        return fits(value, choice.unwrap_or_else(|| panic!("{place}: {value}")), whole, place);
+    }
+    if let Some(kinds) = schema["oneOf"].as_array() {
+        let of_kind = |of: &&Value| value["kind"] == of["properties"]["kind"]["const"];
+        return fits(value, kinds.iter().find(of_kind).unwrap_or_else(|| panic!("{place}: {value}")), whole, place);
+    }
+    let kind = match value {
+        Value::Null => "null",
+        Value::Bool(_) => "boolean",
+        Value::Number(number) if number.is_f64() => "number",
+        Value::Number(_) => "integer",
+        Value::String(_) => "string",
+        Value::Array(_) => "array",
+        Value::Object(_) => "object",
+    };
+    let of = schema["type"].as_array().cloned().unwrap_or_else(|| vec![schema["type"].clone()]);
+    let is_known = |of: &Value| of == kind || (kind == "integer" && of == "number") || of.is_null();
+    assert!(of.iter().any(is_known), "{place}: {kind}, expected {of:?}");
+    for (n, item) in value.as_array().into_iter().flatten().enumerate() {
+        let of_item = if schema["items"].is_object() { &schema["items"] } else { &schema["prefixItems"][n] };
+        fits(item, of_item, whole, &format!("{place}[{n}]"));
+    }
+    let Some(object) = value.as_object() else { return };
+    for name in schema["required"].as_array().into_iter().flatten() {
+        assert!(object.contains_key(name.as_str().unwrap()), "{place}: no {name}");
+    }
+    for (name, value) in object {
+        let known = &schema["properties"][name];
+        let known = if known.is_null() { &schema["additionalProperties"] } else { known };
+        assert!(!known.is_null() && known != false, "{place}: {name} is not in the schema");
+        fits(value, known, whole, &format!("{place}.{name}"));
+    }
+}
+
+#[test]
+fn schemas_are_those_of_the_documentation() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/schemas");
+    let names = stdout(&pingmap(Path::new("."), &["schema"]));
+    for name in names.lines() {
+        let path = folder.join(format!("{}.json", file_name(name)));
+        let written = std::fs::read_to_string(&path).unwrap_or_else(|_| panic!("no {}", path.display()));
+        let printed = stdout(&pingmap(Path::new("."), &["schema", name]));
+        assert_eq!(written, printed, "pingmap schema {name:?} > docs/schemas/{}.json", file_name(name));
+        let schema: Value = serde_json::from_str(&printed).unwrap();
+        assert_eq!(schema["properties"]["command"]["type"], "array", "{name}");
+    }
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), names.lines().count() + 1, "one page beside the schemas");
+    assert!(pingmap(Path::new("."), &["schema", "demo"]).status.code() == Some(2));
+}
+
+/// "packet decode (report)" → "packet-decode-report".
+fn file_name(name: &str) -> String {
+    let letters: String = name.chars().map(|letter| if letter.is_alphanumeric() { letter } else { ' ' }).collect();
+    letters.split_whitespace().collect::<Vec<_>>().join("-")
+}
+
+#[test]
+fn quiet_commands_say_results_and_warnings_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 60));
+    let map = ["map", "events.csv", "--at", "0,0", "--cell-m", "200", "--terms", "path", "--additions", "none"];
+    let said = |more: &[&str]| stderr(&pingmap(folder.path(), &[&map[..], more].concat()));
+    assert!(said(&[]).contains("wrote map.png"));
+    let warned = said(&["--quiet"]);
+    assert!(!warned.is_empty() && warned.lines().all(|line| line.starts_with("warning: ")), "{warned}");
+    assert_eq!(said(&["-q"]), warned);
+    // Nor does what it draws depend on that.
+    let drawn = std::fs::read(folder.path().join("map.png")).unwrap();
+    said(&[]);
+    assert_eq!(std::fs::read(folder.path().join("map.png")).unwrap(), drawn);
+}
+
+#[test]
+fn shells_and_manuals_know_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let text = stdout(&pingmap(folder.path(), &["completions", shell]));
+        for word in ["standoff", "--along", "--conservative-range-m", "import"] {
+            // Fish has long options without their dashes.
+            assert!(text.contains(word.trim_start_matches('-')), "{shell}: no {word}");
+        }
+    }
+    let refused = pingmap(folder.path(), &["completions", "tcsh"]);
+    assert!(refused.status.code() == Some(2) && stderr(&refused).contains("bash"), "{}", stderr(&refused));
+    let page = stdout(&pingmap(folder.path(), &["man"]));
+    assert!(page.contains(".TH pingmap") && page.contains("pingmap\\-plan") && page.contains("\\-\\-quiet"), "{page}");
+    assert!(pingmap(folder.path(), &["man", "pages"]).status.success());
+    let page = std::fs::read_to_string(folder.path().join("pages/pingmap-plan-track.1")).unwrap();
+    assert!(page.contains("\\-\\-along") && page.contains("waypoints"), "{page}");
+    assert!(std::fs::read_dir(folder.path().join("pages")).unwrap().count() >= 20);
+    file(folder.path(), "taken", "");
+    let refused = pingmap(folder.path(), &["man", "taken"]);
+    assert!(
+        refused.status.code() == Some(2) && stderr(&refused).contains("taken is no folder"),
+        "{}",
+        stderr(&refused)
+    );
+}
+
+/// What matters most stands first, in groups, and examples at the end.
+#[test]
+fn help_is_grouped_and_ends_with_examples() {
+    let folder = tempfile::tempdir().unwrap();
+    let help = |command: &str| {
+        stdout(&pingmap(folder.path(), &[&command.split(' ').collect::<Vec<_>>()[..], &["--help"]].concat()))
+    };
+    for command in ["import", "map", "predict", "learn", "replay", "plan standoff", "plan track", "plan gateway"] {
+        let text = help(command);
+        let (before, examples) = text.rsplit_once("Example").unwrap_or_else(|| panic!("{command} has no example"));
+        assert!(examples.contains(&format!("pingmap {command}")) && !before.is_empty(), "{command}: {examples}");
+    }
+    let text = help("map");
+    let place = |what: &str| text.find(what).unwrap_or_else(|| panic!("no {what}"));
+    assert!(
+        place("\nView:") < place("\nWho and when:")
+            && place("\nWho and when:") < place("\nModel, where no file")
+            && place("\nDrawing:") < place("\nWork:"),
+        "{text}"
+    );
+}

@@ -1,0 +1,126 @@
+//! Links that somebody asks about, as a table.
+
+use std::path::Path;
+
+use pingmap_agent::{Attempt, Geographic, Link, Position, When};
+
+use crate::table::{FileError, Problem, Table, open};
+
+/// What is asked, line by line, and what stands in the other columns.
+pub struct AttemptTable {
+    /// The columns as the file has them.
+    pub header: Vec<String>,
+    /// The fields of every line.
+    pub rows: Vec<Vec<String>>,
+    /// What each line asks about.
+    pub attempts: Vec<Attempt>,
+}
+
+/// Columns of positions in metres: of the transmitter, then of the receiver.
+const METRES: [[&str; 2]; 2] = [["tx_easting_m", "tx_northing_m"], ["rx_easting_m", "rx_northing_m"]];
+
+/// The same in degrees.
+const DEGREES: [[&str; 2]; 2] = [["tx_latitude_deg", "tx_longitude_deg"], ["rx_latitude_deg", "rx_longitude_deg"]];
+
+/// Where metres of a log are that are given in degrees; `None` where nobody knows.
+pub type ToMetres<'a> = &'a dyn Fn(Geographic) -> Option<(f64, f64)>;
+
+/// Reads attempts from CSV: the four position columns of an event log, in metres or as `tx_latitude_deg` and so on (and depths, where
+/// both are present); nothing else is required. Who, when and what kind are read from `tx_id`, `rx_id`, `time_s` and `kind` where
+/// these are present, and are those of `asked` elsewhere. A vehicle that nobody met is [`pingmap_agent::Party::New`] by another name.
+///
+/// # Errors
+/// As [`crate::EventLog::open`], and for degrees that `to_metres` has no place for.
+pub fn read_attempts(path: &Path, asked: &Attempt, to_metres: ToMetres) -> Result<AttemptTable, FileError> {
+    let mut table = Table::new(open(path)?, path, &[])?;
+    let in_degrees = table.has(DEGREES[0][0]) && !table.has(METRES[0][0]);
+    let columns = if in_degrees { DEGREES } else { METRES };
+    table.require(&columns.concat())?;
+    let has_depths = table.has("tx_depth_m") && table.has("rx_depth_m");
+    let (mut rows, mut attempts) = (Vec::new(), Vec::new());
+    while table.next()? {
+        let end = |which: usize| -> Result<Position, FileError> {
+            let [first, second] = columns[which];
+            let (east_m, north_m) = match in_degrees {
+                false => (table.metres(first)?, table.metres(second)?),
+                true => {
+                    let place = Geographic::new(table.number(first)?, table.number(second)?);
+                    place.and_then(to_metres).ok_or_else(|| table.bad(first, DEGREES_KNOWN))?
+                }
+            };
+            let depth = ["tx_depth_m", "rx_depth_m"][which];
+            let depth_m = has_depths.then(|| table.metres(depth)).transpose()?;
+            Ok(Position { east_m, north_m, depth_m })
+        };
+        let link = Link { transmitter: end(0)?, receiver: end(1)? };
+        attempts.push(attempt(&table, link, asked)?);
+        rows.push(table.fields());
+    }
+    if attempts.is_empty() {
+        return Err(table.error(Problem::Empty { what: "links" }));
+    }
+    Ok(AttemptTable { header: table.header().to_vec(), rows, attempts })
+}
+
+/// What degrees have to be.
+const DEGREES_KNOWN: &str = "degrees on the map of a log that knows where its metres are (--origin, --crs)";
+
+/// Who, when and what kind, as far as the line says.
+fn attempt(table: &Table, link: Link, asked: &Attempt) -> Result<Attempt, FileError> {
+    let mut attempt = Attempt { link, ..*asked };
+    if table.has("tx_id") {
+        attempt.transmitter = (&table.vehicle("tx_id")?).into();
+    }
+    if table.has("rx_id") {
+        attempt.receiver = (&table.vehicle("rx_id")?).into();
+    }
+    if table.has("time_s") {
+        attempt.when = When::At(table.number("time_s")?);
+    }
+    if let Some(kind) = table.kind()? {
+        attempt.kind = (&kind).into();
+    }
+    Ok(attempt)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pingmap_agent::{Kind, Party};
+
+    fn read(text: &str) -> Result<AttemptTable, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("links.csv");
+        std::fs::write(&path, text).unwrap();
+        let nowhere = Position::new(0.0, 0.0);
+        let link = Link { transmitter: nowhere, receiver: nowhere };
+        let (transmitter, receiver, when, kind) = (Party::Typical, Party::Typical, When::Typical, Kind::Typical);
+        let asked = Attempt { link, transmitter, receiver, when, kind };
+        let north = |place: Geographic| (place.latitude_deg > 0.0).then_some((place.longitude_deg, 1.0));
+        read_attempts(&path, &asked, &north).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn other_columns_stay_as_they_are() {
+        let text = "Note;TX_easting_m;tx_northing_m;rx_easting_m;rx_northing_m;time_s\na, b;0;1;2;3.50;7\n";
+        let table = read(text).unwrap();
+        assert_eq!((table.header[0].as_str(), table.rows[0][0].as_str()), ("Note", "a, b"));
+        assert_eq!(table.rows[0][4], "3.50");
+        let asked = table.attempts[0];
+        assert_eq!((asked.link.receiver.north_m, asked.when), (3.5, When::At(7.0)));
+    }
+
+    #[test]
+    fn degrees_are_places_where_somebody_knows_them() {
+        let header = "tx_latitude_deg,tx_longitude_deg,rx_latitude_deg,rx_longitude_deg\n";
+        let table = read(&format!("{header}41,-70,42,-71\n")).unwrap();
+        assert_eq!(table.attempts[0].link.receiver, Position::new(-71.0, 1.0));
+        for (line, wrong) in [("41,-70,-42,-71", "-42"), ("91,-70,42,-71", "91")] {
+            let error = read(&format!("{header}{line}\n")).err().unwrap();
+            assert!(error.contains("line 2") && error.contains(wrong) && error.contains("--origin"), "{error}");
+        }
+        let error = read("tx_latitude_deg,tx_longitude_deg\n1,2\n").err().unwrap();
+        assert!(error.contains("rx_latitude_deg"), "{error}");
+        assert!(read("a\n1\n").err().unwrap().contains("tx_easting_m"));
+    }
+}
