@@ -14,6 +14,7 @@ use crate::output::{BadInput, count, read_text, spinner, warn};
 /// What a result was made of, for programs.
 #[derive(Serialize, JsonSchema)]
 pub struct MadeOf {
+    /// By which the events are known again, whatever the file and the order of its lines.
     pub log_digest: String,
     /// Of the model that all was read with, if there is one.
     pub model_digest: Option<String>,
@@ -78,6 +79,11 @@ pub fn path_variance(model: &Model) -> f64 {
 /// "698 events", "10000 of 12972 events"; `noun` is what one is called.
 pub fn of_events(used: usize, all: usize, noun: &str) -> String {
     if used == all { count(all, noun) } else { format!("{used} of {}", count(all, noun)) }
+}
+
+/// As how many independent events those count that a model was learned from.
+pub fn counted(fit: &LearnedModel) -> f64 {
+    fit.learned.fit.weights().iter().sum()
 }
 
 /// Warns of a search that is not what it should be.
@@ -181,10 +187,15 @@ pub fn stop_words(stop: &Stop) -> String {
 /// A kernel for programs: the path term's shape, typical length-scale and variance, and all terms.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct KernelJson {
+    /// How the path term falls with distance.
     pub shape: Option<String>,
+    /// Whether it takes both directions of a link for the same.
     pub reciprocal: Option<bool>,
+    /// Typical length-scale of the path term.
     pub length_scale_m: f64,
+    /// Its variance.
     pub variance: Option<f64>,
+    /// All terms, which are added.
     terms: Vec<TermJson>,
     /// What the columns are about; where that is not said elsewhere.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -193,7 +204,9 @@ pub struct KernelJson {
 
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct TermJson {
+    /// Its variance.
     variance: f64,
+    /// Whether it takes both directions of a link for the same.
     reciprocal: bool,
     #[serde(flatten)]
     first: CorrelationJson,
@@ -204,7 +217,9 @@ pub struct TermJson {
 
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct CorrelationJson {
+    /// How it falls with distance.
     shape: String,
+    /// Which columns of an event it compares.
     columns: Vec<String>,
     /// One for each column that is a place; labels have none.
     length_scales_m: Vec<f64>,
@@ -248,9 +263,20 @@ impl KernelJson {
 #[derive(Debug, Serialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum PriorMeanJson {
+    /// Even odds.
     Zero,
-    Constant { log_odds: f64 },
-    Range { intercept: f64, slope_per_m: f64 },
+    /// The same everywhere.
+    Constant {
+        /// The log-odds that a message gets through.
+        log_odds: f64,
+    },
+    /// Falling with range on a straight line.
+    Range {
+        /// The log-odds at range 0.
+        intercept: f64,
+        /// By how much they fall with every metre.
+        slope_per_m: f64,
+    },
 }
 
 impl PriorMeanJson {

@@ -74,10 +74,15 @@ pub fn positions(
 /// A place for programs.
 #[derive(Serialize, JsonSchema)]
 pub struct PlaceJson {
+    /// In metres of the log.
     pub easting_m: f64,
+    /// In metres of the log.
     pub northing_m: f64,
+    /// Below the surface; where depths count.
     pub depth_m: Option<f64>,
+    /// Where it is known what metres mean.
     pub latitude_deg: Option<f64>,
+    /// Where it is known what metres mean.
     pub longitude_deg: Option<f64>,
 }
 

@@ -113,9 +113,24 @@ fn schemas_are_those_of_the_documentation() {
         assert_eq!(written, printed, "pingmap schema {name:?} > docs/schemas/{}.json", file_name(name));
         let schema: Value = serde_json::from_str(&printed).unwrap();
         assert_eq!(schema["properties"]["command"]["type"], "array", "{name}");
+        every_key_is_described(&schema, name);
     }
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), names.lines().count() + 1, "one page beside the schemas");
     assert!(pingmap(Path::new("."), &["schema", "demo"]).status.code() == Some(2));
+}
+
+/// Every key but the one that tells kinds apart says what it is.
+fn every_key_is_described(schema: &Value, place: &str) {
+    for (key, of) in schema["properties"].as_object().into_iter().flatten() {
+        let is_described = of["description"].as_str().is_some_and(|text| text.len() > 4) || of["const"].is_string();
+        assert!(is_described, "{place}.{key} is not described");
+    }
+    let inner = ["$defs", "oneOf", "anyOf"].iter().flat_map(|within| match &schema[within] {
+        Value::Object(of) => of.values().collect(),
+        Value::Array(of) => of.iter().collect(),
+        _ => Vec::new(),
+    });
+    inner.for_each(|of| every_key_is_described(of, place));
 }
 
 /// "packet decode (report)" → "packet-decode-report".

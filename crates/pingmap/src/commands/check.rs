@@ -76,34 +76,51 @@ fn text(log: &EventLog, findings: &[Finding]) -> String {
 /// What was found, for programs.
 #[derive(Serialize, JsonSchema)]
 pub struct CheckedJson {
+    /// Version of this object.
     schema: u32,
+    /// Events of all logs together.
     events: usize,
+    /// By which the events are known again, whatever the file and the order of its lines.
     log_digest: String,
+    /// From whom to whom, by name.
     pairs: Vec<PairJson>,
+    /// By range, from near to far, in bins of about as many events.
     over_range: Vec<BinJson>,
+    /// What is odd.
     findings: Vec<FindingJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct PairJson {
+    /// Who sent.
     transmitter: String,
+    /// Who was to hear it.
     receiver: String,
+    /// Events that were heard.
     heard: usize,
+    /// Events that were missed.
     missed: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct BinJson {
+    /// The nearest range of the bin.
     from_m: f64,
+    /// The farthest one.
     to_m: f64,
+    /// Events of these ranges.
     events: usize,
+    /// Those of them that were heard.
     heard: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct FindingJson {
+    /// Name of the check, as in the documentation.
     check: &'static str,
+    /// Whether a map of this log would be nonsense: such logs are refused.
     is_nonsense: bool,
+    /// What was found, for people.
     text: String,
 }
 

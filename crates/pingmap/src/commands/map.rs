@@ -177,25 +177,36 @@ fn bytes(
 /// What was drawn.
 #[derive(Serialize, JsonSchema)]
 pub struct MapJson<'a> {
+    /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// The picture, or the first of the files.
     file: &'a Path,
     /// The first place it is seen from, in metres of the log.
     at: [f64; 2],
     /// All of them.
     places: Vec<PlaceJson>,
+    /// Who sends: `tx` the place asked about, `rx` the others, `both` each in turn, `worst` whichever direction is worse.
     #[serde(rename = "as")]
     seen: String,
+    /// Of several places: whether `all` of them are to hear, or `any`.
     join: String,
     /// What metres mean; `unknown` where nobody said so.
     reference_system: String,
+    /// How many events the answer rests on.
     events_used: usize,
+    /// The kernel that all was computed with.
     kernel: KernelJson,
+    /// Cells from west to east.
     columns: usize,
+    /// Cells from south to north.
     rows: usize,
+    /// Side of a cell.
     cell_m: f64,
+    /// Where it begins and ends, west to east.
     east_m: [f64; 2],
+    /// Where it begins and ends, south to north.
     north_m: [f64; 2],
     /// Of the first side, as what follows.
     share_above: Vec<ShareAbove>,
@@ -203,23 +214,30 @@ pub struct MapJson<'a> {
     interval_width: f64,
     /// Share of the area of which little is known beyond the prior.
     share_little_known: f64,
+    /// Every direction that was asked for.
     sides: Vec<SideJson>,
 }
 
 /// One direction.
 #[derive(Serialize, JsonSchema)]
 pub struct SideJson {
+    /// Who sends: `tx` the place asked about, `rx` the others, `both` each in turn, `worst` whichever direction is worse.
     #[serde(rename = "as")]
     seen: String,
+    /// How much of the area has a probability at least as high as each level.
     share_above: Vec<ShareAbove>,
+    /// Median width over the map of the intervals that hold nine in ten of the probabilities.
     interval_width: f64,
+    /// Share of the area of which little is known beyond the prior.
     share_little_known: f64,
 }
 
 /// Share of the map's area where success is at least this probable.
 #[derive(Serialize, JsonSchema)]
 struct ShareAbove {
+    /// The level.
     probability: f64,
+    /// How much of the area reaches it.
     share: f64,
 }
 

@@ -73,14 +73,19 @@ struct Predictions {
 /// The same for programs.
 #[derive(Serialize, JsonSchema)]
 pub struct PredictionsJson {
+    /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
     /// What metres mean; `unknown` where nobody said so.
     reference_system: String,
+    /// How many events the answer rests on.
     events_used: usize,
+    /// What was added to the kernel matrix's diagonal to factorise it; 0 in the ordinary case.
     jitter: f64,
+    /// The kernel that all was computed with.
     kernel: KernelJson,
+    /// A row for each link that was asked about: its own columns, then `probability`, `lower`, `upper`, `log_odds_mean` and `log_odds_variance`.
     predictions: Vec<Map<String, Value>>,
 }
 

@@ -24,8 +24,8 @@ type Printed = (&'static str, fn() -> Schema);
 const SCHEMAS: [Printed; 19] = [
     ("check", of::<check::CheckedJson>),
     ("import", of::<import::shown::ImportedJson>),
-    ("learn", of::<learn::LearnJson>),
-    ("learn --onto", of::<learn::AddedJson>),
+    ("learn", of::<learn::json::LearnJson>),
+    ("learn --onto", of::<learn::json::AddedJson>),
     ("map", of::<map::MapJson>),
     ("packet decode", of::<packet::PacketJson>),
     ("packet decode (report)", of::<packet::report::ReportJson>),

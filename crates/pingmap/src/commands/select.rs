@@ -73,38 +73,59 @@ struct Selected {
 /// The same for programs.
 #[derive(Serialize, JsonSchema)]
 pub struct SelectedJson<'a> {
+    /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// Whose region.
     vehicle: &'a str,
+    /// How points were chosen.
     policy: String,
+    /// Radius of the locality region.
     radius_m: f64,
+    /// Events in it.
     events_in_region: usize,
+    /// Seed of everything random.
     seed: u64,
+    /// The kernel that all was computed with.
     kernel: KernelJson,
+    /// What it is summed up by.
     inducing_points: Vec<PointJson>,
+    /// tr K̃ with these points: the prior variance that they leave unexplained.
     trace: f64,
+    /// The same without any points.
     trace_before: f64,
+    /// Bounds on the divergence from the posterior with all events of the region.
     certificate: CertificateJson,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct PointJson {
+    /// When it was.
     time_s: f64,
+    /// The transmitter's place.
     tx_easting_m: f64,
+    /// The transmitter's place.
     tx_northing_m: f64,
+    /// The receiver's place.
     rx_easting_m: f64,
+    /// The receiver's place.
     rx_northing_m: f64,
+    /// 1 heard, 0 missed.
     success: u8,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct CertificateJson {
+    /// The divergence itself, in nats.
     kl: f64,
+    /// Upper less lower bound on the evidence: the certificate, in nats.
     gap: f64,
+    /// A bound that vanishes with the trace, in nats.
     closed_form: f64,
     /// The paper's closed form.
     paper: f64,
+    /// What was added to a diagonal to factorise it; 0 in the ordinary case.
     jitter: f64,
 }
 

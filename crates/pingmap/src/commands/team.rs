@@ -55,30 +55,45 @@ pub struct Options {
 /// What was agreed on.
 #[derive(Serialize, JsonSchema)]
 pub struct TeamJson<'a> {
+    /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// The team file that was written.
     file: &'a Path,
     /// What all packets of the team are known by.
     team_digest: String,
+    /// By which numbers packets name vehicles.
     members: Vec<MemberJson<'a>>,
+    /// Bytes of a frame.
     frame_bytes: usize,
+    /// Number of the key epoch: packets of another one are foreign.
     epoch: u32,
+    /// Whether packets are sealed with a secret.
     is_sealed: bool,
+    /// Side of a cell east and north.
     cell_m: f64,
+    /// Height of a cell.
     depth_cell_m: f64,
+    /// When the first cell of time begins.
     start_s: f64,
+    /// Length of a cell of time.
     time_cell_s: f64,
+    /// When the first slot begins.
     slots_start_s: f64,
+    /// Length of a slot.
     slot_s: f64,
     /// Whether the log keeps to an order of sending, which is the team's then.
     slots_from_log: bool,
+    /// What metres mean; `unknown` where nobody said so.
     reference_system: String,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct MemberJson<'a> {
+    /// Its number.
     member: u8,
+    /// Its name.
     vehicle: &'a str,
 }
 

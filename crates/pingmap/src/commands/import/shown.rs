@@ -222,67 +222,109 @@ fn clock(clock: &ClockFound) -> Vec<String> {
 /// What was imported, for programs.
 #[derive(Serialize, JsonSchema)]
 pub struct ImportedJson {
+    /// Version of this object.
     schema: u32,
+    /// Events that were written.
     events: usize,
+    /// Those of them that were heard.
     heard: usize,
+    /// By which the events are known again, whatever the file and the order of its lines.
     log_digest: String,
+    /// How it is known that something was sent.
     transmissions: ProofsJson,
+    /// From whom to whom, by name.
     pairs: Vec<PairJson>,
+    /// What is no event since nobody knows whether it was missed, by reason.
     unknown: BTreeMap<&'static str, usize>,
+    /// What is known of the vehicles' clocks.
     clocks: Vec<ClockJson>,
+    /// From the beginning of a message to the record of its reception, beside the time that sound takes.
     delay_s: f64,
+    /// What metres in the log mean.
     reference: String,
+    /// Latitude and longitude of the place where both coordinates are 0, in degrees.
     origin: Option<[f64; 2]>,
+    /// What was recorded and counts as nothing.
     left_out: LeftOutJson,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct ProofsJson {
+    /// Transmissions that their sender recorded.
     recorded: usize,
+    /// Turns of a schedule that were taken to be used.
     by_turn: usize,
+    /// Transmissions that only receivers tell of.
     by_reception: usize,
+    /// Turns of a schedule of which nobody heard: unknown unless every turn is said to be used.
     turns_not_known_to_be_used: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct PairJson {
+    /// Who sent.
     transmitter: String,
+    /// Who was to hear it.
     receiver: String,
+    /// Events that were heard.
     heard: usize,
+    /// Events that were missed.
     missed: usize,
+    /// What is no event, by reason.
     unknown: BTreeMap<&'static str, usize>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct ClockJson {
+    /// Whose clock.
     vehicle: String,
+    /// Whether the others are compared with it.
     is_reference: bool,
+    /// How far ahead it is, a piece between times when it was set; empty where nothing is known.
     pieces: Vec<PieceJson>,
+    /// Messages that speak of it.
     messages: usize,
+    /// Half of them are off by less than this.
     off_s_median: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct PieceJson {
+    /// The time for which `ahead_s` holds.
     time_s: f64,
+    /// How far ahead of the reference it is then.
     ahead_s: f64,
+    /// How fast it gains, in microseconds a second.
     drift_ppm: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct LeftOutJson {
+    /// Messages from somebody of whom nothing was recorded, by name.
     of_unknown_vehicles: BTreeMap<String, usize>,
+    /// Messages to somebody of whom nothing was recorded, by name.
     to_unknown_vehicles: BTreeMap<String, usize>,
+    /// Messages of senders that recorded no such transmission, or had no turn then, by name; they are events, and odd.
     unexpected: BTreeMap<String, usize>,
+    /// Arrivals that were recorded twice.
     recorded_twice: usize,
+    /// Messages that were meant for others.
     overheard: usize,
+    /// Messages that a vehicle heard of itself.
     of_itself: usize,
+    /// Transmissions that failed by the modem's own word.
     not_sent: usize,
+    /// Broken arrivals that do not say whose they were.
     broken_of_unknown_senders: usize,
+    /// Rows and sentences that make no sense.
     garbled: usize,
+    /// Messages in recordings whose type is not known.
     of_no_type: usize,
+    /// Files that end within a record.
     cut_off: usize,
+    /// Files in folders and archives that were left alone.
     files: usize,
+    /// Positions that are no place.
     positions: usize,
 }
 

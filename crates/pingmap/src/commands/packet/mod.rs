@@ -82,6 +82,7 @@ struct Named {
 #[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PacketJson {
+    /// Version of this object.
     schema: u32,
     /// With what it was written, from which nothing follows.
     #[serde(default, skip_serializing, rename = "version")]
@@ -92,10 +93,14 @@ pub struct PacketJson {
     _command: IgnoredAny,
     /// Name of the message in the `.proto`.
     message: String,
+    /// The number of its sender in the team.
     sender: u8,
+    /// Counts the sender's packets.
     counter: u16,
+    /// Check number of the team's model and of this packet; not in a sealed one, which proves more.
     #[serde(default)]
     model: u16,
+    /// Summaries of the sender's locality regions.
     blocks: Vec<BlockJson>,
 }
 
@@ -108,7 +113,9 @@ pub struct BlockJson {
     /// With a team, that time in seconds, which is not read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     time_s: Option<f64>,
+    /// Its inducing points.
     points: Vec<PointJson>,
+    /// Levels of the correlations between its points, row by row below the diagonal.
     correlations: Vec<i8>,
 }
 
@@ -117,12 +124,18 @@ pub struct BlockJson {
 #[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointJson {
+    /// The cell of the transmitter.
     tx: Vec<u8>,
+    /// The cell of the receiver.
     rx: Vec<u8>,
+    /// Level of how much is known there.
     information: u8,
+    /// Level of the log-odds there.
     mean: i8,
+    /// The transmitter's place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     tx_m: Option<Vec<f64>>,
+    /// The receiver's place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     rx_m: Option<Vec<f64>>,
 }
@@ -232,9 +245,13 @@ fn print_bytes(options: &Encode, message: &str, bytes: &[u8], results: Results) 
 /// A packet in hexadecimal.
 #[derive(Serialize, JsonSchema)]
 pub struct EncodedJson<'a> {
+    /// Version of this object.
     schema: u32,
+    /// Name of the message in the `.proto`.
     message: &'a str,
+    /// How long it is.
     bytes: usize,
+    /// Its bytes in hexadecimal.
     hex: String,
 }
 

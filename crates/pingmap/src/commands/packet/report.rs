@@ -12,6 +12,7 @@ use crate::output::{BadInput, Results, print, print_json, table};
 #[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReportJson {
+    /// Version of this object.
     schema: u32,
     /// With what it was written, from which nothing follows.
     #[serde(default, skip_serializing, rename = "version")]
@@ -22,16 +23,21 @@ pub struct ReportJson {
     _command: IgnoredAny,
     /// Name of the message in the `.proto`.
     message: String,
+    /// The number of its sender in the team.
     sender: u8,
+    /// Check number of the team's model and of this report; not in a sealed one, which proves more.
     #[serde(default)]
     model: u16,
     /// The slot that it begins at.
     first: u32,
+    /// Whether it tells of its sender's own transmissions, too.
     #[serde(default)]
     tells_own: bool,
     /// For every slot that it stands for a letter: h heard (or sent), m missed (or silent), - untold.
     outcomes: String,
+    /// Its sender's track, to be joined by straight lines.
     knots: Vec<KnotJson>,
+    /// Which map messages tell of the same events.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     earlier: Option<EarlierJson>,
 }
@@ -39,6 +45,7 @@ pub struct ReportJson {
 #[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnotJson {
+    /// The slot at whose beginning it was there.
     slot: u32,
     /// East, north and, in messages with depths, depth in cells of knots.
     cell: Vec<u8>,
@@ -51,7 +58,9 @@ pub struct KnotJson {
 #[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EarlierJson {
+    /// It is about map messages with counters below this one, of which these are the lowest 8 bits.
     before: u8,
+    /// Whether what they say beyond reports still counts.
     counts: bool,
 }
 

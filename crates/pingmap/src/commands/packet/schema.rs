@@ -33,18 +33,26 @@ pub struct Options {
 /// The fields of a message.
 #[derive(Serialize, JsonSchema)]
 pub struct SchemaJson {
+    /// Version of this object.
     schema: u32,
+    /// Name of the message in the `.proto`.
     message: &'static str,
+    /// Its DCCL number.
     id: u16,
     /// Bytes of the message; of a report at least, and at most.
     #[serde(skip_serializing_if = "Option::is_none")]
     bytes_min: Option<usize>,
+    /// Bytes of the message at most.
     bytes: usize,
+    /// Whether it ends in a proof of who wrote it.
     sealed: bool,
+    /// Whether places have a depth.
     depth: bool,
+    /// Bits of the DCCL number.
     id_bits: u64,
     /// Bits of all fields at most.
     bits_used: u64,
+    /// Every field in its order.
     fields: Vec<FieldJson>,
     #[serde(flatten)]
     points: Option<PointsJson>,
@@ -53,16 +61,23 @@ pub struct SchemaJson {
 /// What a map message holds.
 #[derive(Serialize, JsonSchema)]
 pub struct PointsJson {
+    /// Bytes of the frame that it is made for.
     frame_bytes: usize,
+    /// Blocks in it at most.
     blocks: usize,
+    /// Points of each block.
     points_per_block: usize,
+    /// Points of all blocks.
     points: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct FieldJson {
+    /// Its name in the `.proto`.
     name: String,
+    /// Its bits, at most.
     bits: u64,
+    /// Whether it lies in the head, which DCCL keeps apart.
     in_head: bool,
 }
 

@@ -58,27 +58,42 @@ struct Candidate {
 
 #[derive(Serialize, JsonSchema)]
 pub struct CandidateJson {
+    /// What the table calls it.
     name: String,
+    /// Where it is.
     place: PlaceJson,
+    /// Share of the messages that is expected to get through.
     share: f64,
+    /// One in twenty of what may be has a smaller share.
     share_lower: f64,
+    /// One in twenty has a larger one.
     share_upper: f64,
+    /// The least probable message.
     probability_lowest: f64,
+    /// The longest silence that half of all missions exceed.
     silence_median_s: f64,
+    /// The longest silence that one mission in ten exceeds.
     silence_likely_s: f64,
+    /// In which share of all that may be it is the best place of all.
     best_share: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct GatewayJson {
+    /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// Who sends: `tx` the place asked about, `rx` the others, `both` each in turn, `worst` whichever direction is worse.
     #[serde(rename = "as")]
     seen: String,
+    /// A message is sent every so many seconds.
     every_s: f64,
+    /// Messages on the whole track.
     messages: usize,
+    /// How many events the answer rests on.
     events_used: usize,
+    /// The kernel that all was computed with.
     kernel: KernelJson,
     /// The name of the place that is advised.
     best: String,

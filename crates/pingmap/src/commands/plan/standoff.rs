@@ -39,26 +39,38 @@ pub struct Options {
 /// The answer for programs.
 #[derive(Serialize, JsonSchema)]
 pub struct StandoffJson {
+    /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// The place asked about.
     at: PlaceJson,
+    /// Who sends: `tx` the place asked about, `rx` the others, `both` each in turn, `worst` whichever direction is worse.
     #[serde(rename = "as")]
     seen: String,
+    /// The probability that is wanted.
     probability: f64,
+    /// So far was looked.
     range_max_m: f64,
+    /// How many events the answer rests on.
     events_used: usize,
+    /// The kernel that all was computed with.
     kernel: KernelJson,
     /// The shortest of all rays: whatever the direction.
     range_m: f64,
+    /// The same where the lower end of the interval has that probability.
     range_lower_m: f64,
+    /// In every direction.
     rays: Vec<RayJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct RayJson {
+    /// Clockwise from north.
     bearing_deg: f64,
+    /// How far one may go without ever having less than the probability.
     range_m: f64,
+    /// The same by the lower end of the interval.
     range_lower_m: f64,
 }
 

@@ -57,41 +57,62 @@ struct Expected {
 /// A leg, or the whole track.
 #[derive(Serialize, JsonSchema)]
 pub struct LegJson {
+    /// Where it begins.
     from: PlaceJson,
+    /// Where it ends.
     to: PlaceJson,
+    /// When it begins, since the first waypoint.
     start_s: f64,
+    /// When it ends.
     end_s: f64,
+    /// Messages that are sent on it.
     messages: usize,
     /// How many of them are expected to get through.
     received_expected: f64,
     /// Where it is least probable that one does.
     lowest: LowestJson,
+    /// The longest silence that half of all missions exceed.
     silence_median_s: f64,
+    /// The longest silence that one mission in ten exceeds.
     silence_likely_s: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct LowestJson {
+    /// When, since the first waypoint.
     time_s: f64,
+    /// Where.
     at: PlaceJson,
+    /// The probability there.
     probability: f64,
+    /// The lower end of the interval that holds nine in ten.
     lower: f64,
+    /// Its upper end.
     upper: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct TrackJson {
+    /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// Who listens, or sends.
     places: Vec<PlaceJson>,
+    /// Who sends: `tx` the place asked about, `rx` the others, `both` each in turn, `worst` whichever direction is worse.
     #[serde(rename = "as")]
     seen: String,
+    /// Of several places: whether `all` of them are to hear, or `any`.
     join: String,
+    /// A message is sent every so many seconds.
     every_s: f64,
+    /// How many events the answer rests on.
     events_used: usize,
+    /// The kernel that all was computed with.
     kernel: KernelJson,
+    /// The whole track.
     whole: LegJson,
+    /// Between one waypoint and the next.
     legs: Vec<LegJson>,
 }
 

@@ -2,186 +2,137 @@
 
 use pingmap_agent::{LearnedModel, VehicleId};
 use pingmap_packet::Layout;
-use pingmap_trial::{
-    Bin, Calibrated, Calibration, Estimate, Learners, MeanScore, Replay, Sharing, SplitNll, SplitSummary, Water,
-};
+use pingmap_trial::{Learners, Replay, SplitNll, SplitSummary, Water};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::replayed::Replayed;
+use super::scores::{CalibratedJson, OwnLearningJson, ScoresJson, SharingJson};
 use crate::model::{KernelJson, MadeOf, PriorMeanJson, path_variance, stop_words};
 
 /// Everything that was computed.
 #[derive(Serialize, JsonSchema)]
 pub struct ReplayJson {
+    /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// Events of all logs together.
     events: usize,
+    /// Those of them that were replayed.
     events_used: usize,
+    /// How many vehicles there are.
     vehicles: usize,
+    /// Their names.
     vehicle_ids: Vec<String>,
+    /// How often the log was divided into training and held-out events.
     splits: usize,
+    /// Seed of everything random.
     seed: u64,
+    /// How posteriors were computed.
     inference: InferenceJson,
+    /// What is sent, and what happens to it.
     packets: PacketsJson,
+    /// Whether vehicles learned their kernels each for itself (`own`) or from all events (`pooled`).
     learn: &'static str,
+    /// Whether the model was learned from these events: scores are too good then.
     model_has_seen_log: bool,
+    /// The kernel of the first split, with numbers typical of all.
     kernel: Option<KernelJson>,
+    /// The prior mean of the first split.
     prior_mean: Option<PriorMeanJson>,
+    /// The same where every vehicle learned for itself.
     own_learning: Option<OwnLearningJson>,
+    /// Without sharing, and with all events in one place.
     scores: ScoresJson,
+    /// With so many frames from each vehicle.
     sharing: Vec<SharingJson>,
+    /// How far probabilities mean what they say.
     calibration: Option<CalibratedJson>,
+    /// Every division of the log.
     per_split: Vec<SplitJson>,
-}
-
-/// How far probabilities mean what they say.
-#[derive(Serialize, JsonSchema)]
-pub struct CalibratedJson {
-    own: CalibrationJson,
-    team: CalibrationJson,
-    centralised: CalibrationJson,
-    team_surer_than_centralised: Option<f64>,
-    median_variance_ratio: Option<f64>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct CalibrationJson {
-    expected_error: f64,
-    coverage_50: Option<f64>,
-    coverage_90: Option<f64>,
-    bins: Vec<BinJson>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct BinJson {
-    events: usize,
-    predicted: Option<f64>,
-    heard: Option<f64>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct InferenceJson {
+    /// Method for a vehicle's events.
     own: &'static str,
+    /// Method for all events.
     centralised: &'static str,
+    /// So many events are taken one by one.
     dense_events_max: usize,
+    /// More are summed up by so many points at most.
     inducing_points_max: usize,
+    /// What packets say: the change from what was known.
     summary: &'static str,
+    /// How packets are fused.
     fusion: &'static str,
 }
 
 /// What is sent, and what happens to it.
 #[derive(Serialize, JsonSchema)]
 pub struct PacketsJson {
+    /// Name of the message in the `.proto`.
     message: Option<&'static str>,
+    /// How long it is.
     bytes: Option<usize>,
+    /// Whether it ends in a proof of who wrote it.
     sealed: Option<bool>,
+    /// Side of a cell of the team's chart.
     cell_m: Option<f64>,
+    /// Share of packets that are lost.
     loss: f64,
+    /// Share that arrive twice.
     duplicate: f64,
+    /// Share that are overtaken.
     reorder: f64,
+    /// How often a packet is sent again at most.
     repeats_max: Option<u8>,
-}
-
-/// Scores of every vehicle learning by itself.
-#[derive(Serialize, JsonSchema)]
-pub struct OwnLearningJson {
-    scores: OwnScoresJson,
-    sharing: Vec<OwnSharingJson>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct OwnScoresJson {
-    own: ScoreJson,
-    centralised: ScoreJson,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct OwnSharingJson {
-    frames: usize,
-    team: ScoreJson,
-    better_than_own: DifferenceJson,
-    worse_than_centralised: DifferenceJson,
-    worst_vehicle_nll: f64,
-    gap_closed: Option<f64>,
-    gap_closed_se: Option<f64>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct ScoresJson {
-    base_rate: ScoreJson,
-    distance_only: ScoreJson,
-    own: ScoreJson,
-    centralised: ScoreJson,
-    /// Own less centralised.
-    gap: DifferenceJson,
-    true_probability: Option<ScoreJson>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct ScoreJson {
-    acc: f64,
-    nll: f64,
-    nll_se: Option<f64>,
-    brier: f64,
-    brier_se: Option<f64>,
-    regret: Option<f64>,
-    regret_se: Option<f64>,
-}
-
-/// A paired difference of NLL over splits.
-#[derive(Serialize, JsonSchema)]
-pub struct DifferenceJson {
-    nll: f64,
-    nll_se: Option<f64>,
-    indistinguishable: bool,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct SharingJson {
-    #[serde(flatten)]
-    team: OwnSharingJson,
-    points_per_frame: Option<usize>,
-    packets_per_vehicle: f64,
-    reports_per_vehicle: f64,
-    bytes_per_vehicle: f64,
-    /// How many of all events of others a vehicle knows one by one.
-    told_share: f64,
-    alternatives: Vec<AlternativeJson>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct AlternativeJson {
-    name: &'static str,
-    nll: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct SplitJson {
+    /// What divides it.
     name: String,
+    /// Events that vehicles learned from.
     training_events: usize,
+    /// Events that they were tried on.
     held_out_events: usize,
+    /// Typical length-scale of the path term.
     length_scale_m: f64,
+    /// Its variance.
     variance: f64,
+    /// Terms and prior mean, in words.
     structure: Option<String>,
+    /// The kernel that all was computed with.
     kernel: KernelJson,
+    /// What is expected where nothing was heard.
     prior_mean: PriorMeanJson,
+    /// Lower bound on the log probability of all outcomes, at the optimum, in nats.
     evidence: Option<f64>,
+    /// Mean log probability of an event given all others, in nats.
     leave_one_out: Option<f64>,
+    /// How many events the kernel was learned from.
     learning_events: Option<usize>,
+    /// Why the search ended.
     stop: Option<String>,
+    /// Whether every posterior did.
     converged: bool,
+    /// The most that was added to a kernel matrix's diagonal.
     jitter_max: f64,
+    /// Mean negative log-likelihoods, in nats.
     nll: SplitNllJson,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct SplitNllJson {
+    /// By the distance alone.
     distance_only: f64,
+    /// Every vehicle by itself.
     own: f64,
     /// For each number of frames.
     team: Vec<f64>,
+    /// All events in one place.
     centralised: f64,
 }
 
@@ -254,103 +205,6 @@ impl PacketsJson {
             duplicate,
             reorder,
             repeats_max: team.map(|team| team.repeats_max),
-        }
-    }
-}
-
-impl OwnLearningJson {
-    fn of(own: &Replay) -> Self {
-        Self {
-            scores: OwnScoresJson { own: ScoreJson::of(&own.own), centralised: ScoreJson::of(&own.centralised) },
-            sharing: own.sharing.iter().map(OwnSharingJson::of).collect(),
-        }
-    }
-}
-
-impl OwnSharingJson {
-    fn of(sharing: &Sharing) -> Self {
-        let Sharing { frames, worst_vehicle_nll, gap_closed, ref team, .. } = *sharing;
-        Self {
-            frames,
-            team: ScoreJson::of(team),
-            better_than_own: DifferenceJson::of(sharing.gain),
-            worse_than_centralised: DifferenceJson::of(sharing.behind),
-            worst_vehicle_nll,
-            gap_closed: gap_closed.map(|gap| gap.mean),
-            gap_closed_se: gap_closed.and_then(|gap| gap.se),
-        }
-    }
-}
-
-impl ScoresJson {
-    fn of(replay: &Replay) -> Self {
-        Self {
-            base_rate: ScoreJson::of(&replay.base_rate),
-            distance_only: ScoreJson::of(&replay.distance_only),
-            own: ScoreJson::of(&replay.own),
-            centralised: ScoreJson::of(&replay.centralised),
-            gap: DifferenceJson::of(replay.gap),
-            true_probability: replay.true_probability.as_ref().map(ScoreJson::of),
-        }
-    }
-}
-
-impl ScoreJson {
-    fn of(score: &MeanScore) -> Self {
-        Self {
-            acc: score.accuracy.mean,
-            nll: score.nll.mean,
-            nll_se: score.nll.se,
-            brier: score.brier.mean,
-            brier_se: score.brier.se,
-            regret: score.regret.map(|regret| regret.mean),
-            regret_se: score.regret.and_then(|regret| regret.se),
-        }
-    }
-}
-
-impl DifferenceJson {
-    fn of(difference: Estimate) -> Self {
-        Self { nll: difference.mean, nll_se: difference.se, indistinguishable: !difference.is_clear() }
-    }
-}
-
-impl SharingJson {
-    fn of(sharing: &Sharing, points_per_frame: Option<usize>) -> Self {
-        let alternative = |&(way, nll): &(pingmap_trial::Alternative, f64)| AlternativeJson { name: way.name(), nll };
-        Self {
-            team: OwnSharingJson::of(sharing),
-            points_per_frame,
-            packets_per_vehicle: sharing.traffic.packets,
-            reports_per_vehicle: sharing.traffic.reports,
-            bytes_per_vehicle: sharing.traffic.bytes,
-            told_share: sharing.traffic.told_share,
-            alternatives: sharing.alternatives.iter().map(alternative).collect(),
-        }
-    }
-}
-
-impl CalibratedJson {
-    fn of(calibrated: &Calibrated) -> Self {
-        Self {
-            own: CalibrationJson::of(&calibrated.own),
-            team: CalibrationJson::of(&calibrated.team),
-            centralised: CalibrationJson::of(&calibrated.centralised),
-            team_surer_than_centralised: calibrated.surer(),
-            median_variance_ratio: calibrated.median_variance_ratio(),
-        }
-    }
-}
-
-impl CalibrationJson {
-    fn of(calibration: &Calibration) -> Self {
-        let bin = |bin: &Bin| BinJson { events: bin.events, predicted: bin.predicted(), heard: bin.heard() };
-        let [coverage_50, coverage_90] = calibration.coverage().map_or([None; 2], |shares| shares.map(Some));
-        Self {
-            expected_error: calibration.expected_error(),
-            coverage_50,
-            coverage_90,
-            bins: calibration.bins.iter().map(bin).collect(),
         }
     }
 }

@@ -3,6 +3,7 @@
 mod replayed;
 mod tables;
 pub mod json;
+mod scores;
 mod pictures;
 mod report;
 pub mod online;

@@ -136,27 +136,43 @@ fn header() -> Vec<&'static str> {
 /// A mission in the order of time, for programs.
 #[derive(Serialize, JsonSchema)]
 pub struct OnlineJson {
+    /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// Events of the mission.
     events: usize,
+    /// Every so many of its transmissions a vehicle sends a packet, if there is one worth it.
     slot_every: Option<usize>,
+    /// Spare bytes of every transmission, which say what was heard of late.
     spare_bytes: usize,
+    /// Seed of everything random.
     seed: u64,
+    /// Whether the model was learned from these events: scores are too good then.
     model_has_seen_log: bool,
+    /// Packets that each vehicle sent.
     packets: BTreeMap<String, usize>,
+    /// Bytes of all packets.
     bytes: usize,
+    /// Packets that counted at a receiver.
     received: usize,
+    /// Spare bytes that went with transmissions.
     spare_bytes_sent: usize,
+    /// Mean over the whole mission of the negative log-likelihood of what comes next, in nats.
     nll: Option<StepJson>,
+    /// The same over time, as a running mean.
     running_nll: Vec<StepJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct StepJson {
+    /// When.
     time_s: f64,
+    /// Every vehicle by itself.
     own: f64,
+    /// With what others sent.
     team: f64,
+    /// With all events in one place.
     centralised: f64,
 }
 

@@ -2,186 +2,166 @@
 
 use std::collections::BTreeMap;
 
-use pingmap_trial::paper::statistics::{
-    Metric, bound_orders_nll, effective_draws, local_score, mean, mean_bound, team_score,
-};
-use pingmap_trial::paper::{
-    AtRadius, Choice, Claim, DataSet, EffectiveDraws, Fusion, LocalOutcome, Omega, SetOutcome, SweepRow,
-};
-use pingmap_trial::{Estimate, MeanScore};
+use pingmap_trial::Estimate;
+use pingmap_trial::paper::statistics::{Metric, bound_orders_nll, effective_draws, local_score, mean, team_score};
+use pingmap_trial::paper::{AtRadius, Choice, Claim, DataSet, EffectiveDraws, Fusion, Omega, SetOutcome, SweepRow};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::page;
-use super::published::{Published, PublishedScore};
+use super::published::Published;
 use super::results::{BOUNDS, Computed, Who};
+use super::scores::{
+    CertificateJson, DifferencesJson, DrawsJson, EstimateJson, LocalScoreJson, OmegaScoreJson, PointsJson,
+    TeamScoreJson, by_omega, estimates,
+};
 
 /// Everything that was computed.
 #[derive(Serialize, JsonSchema)]
 pub struct ReproductionJson {
+    /// Version of this object.
     schema: u32,
+    /// What these numbers are not.
     caveat: String,
+    /// Seed of everything random.
     seed: u64,
+    /// How often every data set was divided anew.
     permutations: usize,
+    /// The length-scale that all data sets have in common, in standardised units.
     length_scale: f64,
+    /// What was put in the places of the paper's data sets.
     data_sets: Vec<DataSetJson>,
+    /// The tables of the paper, a radius each.
     radii: Vec<RadiusJson>,
+    /// NLL over the radius.
     sweep: Vec<SweepJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct DataSetJson {
+    /// Its name.
     data_set: String,
+    /// Its vehicles.
     agents: Vec<AgentJson>,
 }
 
 /// Events of an agent.
 #[derive(Serialize, JsonSchema)]
 pub struct AgentJson {
+    /// Its name.
     agent: String,
     #[serde(flatten)]
     events: EventsJson,
+    /// What the paper says.
     published: Option<EventsJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct EventsJson {
+    /// Messages that were missed.
     failures: usize,
+    /// Messages that were heard.
     successes: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct RadiusJson {
+    /// The radius of regions, in standardised units.
     radius: f64,
+    /// The same in length-scales.
     length_scales: f64,
+    /// Each data set.
     data_sets: Vec<SetJson>,
 }
 
 /// One data set at one radius.
 #[derive(Serialize, JsonSchema)]
 pub struct SetJson {
+    /// Its name.
     data_set: String,
+    /// Each agent by itself.
     agents: Vec<LocalJson>,
+    /// All together.
     team: TeamJson,
+    /// What the paper claims of it, and what was found.
     claims: Vec<ClaimJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct ClaimJson {
+    /// Of whom.
     who: String,
+    /// What.
     claim: String,
+    /// In mean negative log-likelihood.
     nll_difference: Option<EstimateJson>,
+    /// In accuracy.
     acc_difference: Option<EstimateJson>,
+    /// The same by the paper.
     published: DifferencesJson,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct DifferencesJson {
-    nll_difference: Option<f64>,
-    acc_difference: Option<f64>,
 }
 
 /// An agent by itself.
 #[derive(Serialize, JsonSchema)]
 pub struct LocalJson {
+    /// Its name.
     agent: String,
+    /// Its locality region.
     region: RegionJson,
+    /// Permutations that left the region empty and do not count.
     skipped: usize,
+    /// How many independent draws the chain is worth.
     effective_draws: Option<DrawsJson>,
+    /// By policy and number of points.
     scores: Vec<LocalScoreJson>,
+    /// With all events of the region.
     all_events: Vec<OmegaScoreJson>,
+    /// Bounds on the divergence from the posterior with all events.
     certificate: Vec<CertificateJson>,
+    /// How well each bound ranks what the scores rank.
     rank_correlation_with_nll: BTreeMap<&'static str, Option<EstimateJson>>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct RegionJson {
+    /// Its centre, in standardised units.
     centre_standardised: Vec<f64>,
+    /// Events in it.
     events: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
-pub struct DrawsJson {
-    mean: f64,
-    least: f64,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct LocalScoreJson {
-    policy: &'static str,
-    points: usize,
-    omega: &'static str,
-    score: Option<ScoreJson>,
-    published: Option<PublishedJson>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct OmegaScoreJson {
-    omega: &'static str,
-    score: Option<ScoreJson>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct CertificateJson {
-    policy: &'static str,
-    points: usize,
-    bounds: BTreeMap<&'static str, Option<EstimateJson>>,
-}
-
-#[derive(Serialize, JsonSchema)]
 pub struct TeamJson {
+    /// Permutations that left a region empty and do not count.
     skipped: usize,
+    /// By fusion, policy and number of points.
     scores: Vec<TeamScoreJson>,
+    /// With all events in one place.
     centralised: Vec<OmegaScoreJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
-pub struct TeamScoreJson {
-    fusion: &'static str,
-    #[serde(flatten)]
-    score: LocalScoreJson,
-}
-
-#[derive(Serialize, JsonSchema)]
 pub struct SweepJson {
+    /// Its name.
     data_set: String,
+    /// By radius.
     rows: Vec<SweepRowJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct SweepRowJson {
+    /// The radius in length-scales.
     length_scales: f64,
+    /// Training events in a region, mean over agents and permutations.
     training_events: f64,
+    /// Permutations that left a region empty and do not count.
     skipped: usize,
+    /// NLL of all training events of the regions.
     all_events: Option<EstimateJson>,
+    /// NLL of so many good points.
     good: Vec<PointsJson>,
+    /// By how much the NLL of as many random points is above it.
     random_minus_good: Vec<PointsJson>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct PointsJson {
-    points: usize,
-    nll: EstimateJson,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct EstimateJson {
-    mean: f64,
-    se: Option<f64>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct ScoreJson {
-    acc: f64,
-    acc_se: Option<f64>,
-    nll: f64,
-    nll_se: Option<f64>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct PublishedJson {
-    acc: f64,
-    nll: f64,
 }
 
 impl ReproductionJson {
@@ -275,13 +255,6 @@ impl LocalJson {
     }
 }
 
-impl CertificateJson {
-    fn of(choice: Choice, outcomes: &[&LocalOutcome]) -> Self {
-        let bound = |(key, _, of): &(&'static str, &str, _)| (*key, mean_bound(outcomes, choice, *of));
-        Self { policy: choice.policy.name(), points: choice.points, bounds: estimates(BOUNDS.iter().map(bound)) }
-    }
-}
-
 impl TeamJson {
     fn of(outcome: &SetOutcome, published: Option<Published>) -> Self {
         let outcomes = outcome.team();
@@ -302,18 +275,6 @@ impl TeamJson {
     }
 }
 
-impl LocalScoreJson {
-    fn of(choice: Choice, omega: Omega, score: Option<MeanScore>, published: Option<PublishedScore>) -> Self {
-        Self {
-            policy: choice.policy.name(),
-            points: choice.points,
-            omega: omega.name(),
-            score: score.map(ScoreJson::of),
-            published: published.map(|PublishedScore { accuracy, nll }| PublishedJson { acc: accuracy, nll }),
-        }
-    }
-}
-
 impl SweepRowJson {
     fn of(row: &SweepRow) -> Self {
         let by_points = |all: &BTreeMap<usize, Estimate>| {
@@ -328,27 +289,4 @@ impl SweepRowJson {
             random_minus_good: by_points(&row.gain),
         }
     }
-}
-
-impl EstimateJson {
-    fn of(Estimate { mean, se, .. }: Estimate) -> Self {
-        Self { mean, se }
-    }
-}
-
-impl ScoreJson {
-    fn of(MeanScore { accuracy, nll, .. }: MeanScore) -> Self {
-        Self { acc: accuracy.mean, acc_se: accuracy.se, nll: nll.mean, nll_se: nll.se }
-    }
-}
-
-fn by_omega(score: impl Fn(Omega) -> Option<MeanScore>) -> Vec<OmegaScoreJson> {
-    let of = |omega: Omega| OmegaScoreJson { omega: omega.name(), score: score(omega).map(ScoreJson::of) };
-    Omega::ALL.into_iter().map(of).collect()
-}
-
-fn estimates(
-    all: impl Iterator<Item = (&'static str, Option<Estimate>)>,
-) -> BTreeMap<&'static str, Option<EstimateJson>> {
-    all.map(|(key, value)| (key, value.map(EstimateJson::of))).collect()
 }

@@ -9,6 +9,7 @@ mod tables;
 mod pictures;
 mod page;
 pub mod json;
+mod scores;
 
 use std::path::{Path, PathBuf};
 

@@ -239,40 +239,61 @@ fn summary(simulation: &Simulation, trial: &Simulated) -> String {
 /// What was made up, for programs.
 #[derive(Serialize, JsonSchema)]
 pub struct SimulatedJson {
+    /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// What it is not.
     note: &'static str,
+    /// Seed of everything random.
     seed: u64,
+    /// Events of the log.
     events: usize,
+    /// Who took part.
     vehicles: Vec<VehicleJson>,
+    /// A ridge across the area.
     ridge: RidgeJson,
+    /// A mound in it.
     mound: MoundJson,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct VehicleJson {
+    /// Its name.
     vehicle: String,
+    /// Spectrum level of its own noise, in dB re 1 µPa²/Hz.
     self_noise_db: f64,
+    /// Over flat ground it hears half of all messages at this range.
     even_odds_range_m: f64,
+    /// Messages that it was to hear.
     events: usize,
+    /// Those that it heard.
     successes: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct RidgeJson {
+    /// A place on its crest.
     easting_m: f64,
+    /// A place on its crest.
     northing_m: f64,
+    /// Where its crest runs, from east to north.
     direction_rad: f64,
+    /// Its height.
     height_m: f64,
+    /// Standard deviation of its profile.
     width_m: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct MoundJson {
+    /// Its top.
     easting_m: f64,
+    /// Its top.
     northing_m: f64,
+    /// Its height.
     height_m: f64,
+    /// Standard deviation of its profile.
     width_m: f64,
 }
 

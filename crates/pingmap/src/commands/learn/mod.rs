@@ -1,5 +1,7 @@
 //! `pingmap learn`: kernel, prior mean and chart by the data.
 
+pub mod json;
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -8,11 +10,10 @@ use pingmap_agent::{
     Criterion, Event, Fading, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, Provenance,
 };
 use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
-use schemars::JsonSchema;
-use serde::Serialize;
 
+use self::json::{AddedJson, CandidateJson, LearnJson, ModelJson};
 use crate::log::{Logs, thinned};
-use crate::model::{KernelJson, MadeOf, PriorMeanJson, of_events, open_model, stop_words, warn_of_search};
+use crate::model::{MadeOf, counted, of_events, open_model, stop_words, warn_of_search};
 use crate::names::name_of;
 use crate::options::{Kernel, Work};
 use crate::output::{BadInput, Results, note, print_json, progress, spinner, table, warn};
@@ -167,17 +168,6 @@ fn add_to_place(
     Ok(())
 }
 
-/// What was added to a place.
-#[derive(Serialize, JsonSchema)]
-pub struct AddedJson<'a> {
-    schema: u32,
-    #[serde(flatten)]
-    made_of: MadeOf,
-    file: &'a Path,
-    events: usize,
-    place_points: usize,
-}
-
 /// The structure that was chosen, learned from all events.
 fn learn_again(learning: &Learning, chosen: &LearnedModel, log: &EventLog) -> anyhow::Result<LearnedModel> {
     let bar = spinner("learning from all events");
@@ -217,76 +207,6 @@ impl Candidate {
             variance_factor: self.fit.learned.calibration.factor(),
         }
     }
-}
-
-/// What was learned, for programs.
-#[derive(Serialize, JsonSchema)]
-pub struct LearnJson<'a> {
-    schema: u32,
-    #[serde(flatten)]
-    made_of: MadeOf,
-    file: &'a Path,
-    events: usize,
-    training_events: usize,
-    held_out_events: usize,
-    seed: u64,
-    criterion: String,
-    candidates: Vec<CandidateJson>,
-    model: ModelJson,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct CandidateJson {
-    #[serde(flatten)]
-    model: ModelJson,
-    seconds: f64,
-    held_out_nll: Option<f64>,
-    evaluations: usize,
-    stop: String,
-    variance_factor: f64,
-}
-
-/// How alike outcomes at one place are that follow one another.
-#[derive(Serialize, JsonSchema)]
-pub struct FadingJson {
-    correlation: f64,
-    memory_s: f64,
-    drift_m_per_s: f64,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct ModelJson {
-    structure: String,
-    evidence: f64,
-    leave_one_out: f64,
-    events_used: usize,
-    kernel: KernelJson,
-    prior_mean: PriorMeanJson,
-    /// As how many independent events those used count.
-    events_counted: f64,
-    /// How outcomes at one place are alike.
-    fading: FadingJson,
-}
-
-impl ModelJson {
-    fn of(fit: &LearnedModel) -> Self {
-        let Fading { correlation, memory_s, drift_m_per_s } = fit.model.fading;
-        Self {
-            structure: fit.structure.to_string(),
-            evidence: fit.evidence(),
-            leave_one_out: fit.leave_one_out(),
-            events_used: fit.events_used,
-            kernel: KernelJson::of(&fit.model),
-            prior_mean: PriorMeanJson::of(fit.model.prior.mean()),
-            events_counted: counted(fit),
-            fading: FadingJson { correlation, memory_s, drift_m_per_s },
-        }
-    }
-}
-
-/// As how many independent events those count that a model was learned from.
-fn counted(fit: &LearnedModel) -> f64 {
-    fit.learned.fit.weights().iter().sum()
 }
 
 /// Training and held-out events; all are training events unless a share is to be held out.
