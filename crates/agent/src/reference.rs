@@ -20,6 +20,15 @@ impl Geographic {
         let latitude_deg = bounds::LATITUDE_DEG.check(latitude_deg)?;
         Some(Self { latitude_deg, longitude_deg: bounds::LONGITUDE_DEG.check(longitude_deg)? })
     }
+
+    /// How far another place is, if it is near, in metres.
+    fn distance_m(&self, other: &Self) -> f64 {
+        // Earth as a sphere: near enough to tell a rounding from another place.
+        const METRES_A_DEGREE: f64 = 111_200.0;
+        let north_deg = other.latitude_deg - self.latitude_deg;
+        let east_deg = (other.longitude_deg - self.longitude_deg + 180.0).rem_euclid(360.0) - 180.0;
+        METRES_A_DEGREE * north_deg.hypot(east_deg * self.latitude_deg.to_radians().cos())
+    }
 }
 
 /// What the metres of a log, and of a model that was learned from it, mean. It goes with them as a name; what it takes to reckon
@@ -57,6 +66,15 @@ impl ReferenceSystem {
     pub fn is_known(&self) -> bool {
         *self != ReferenceSystem::Unknown
     }
+
+    /// Whether metres of both mean the same as far as anybody knows: to a metre, since origins are found again from rounded numbers.
+    pub fn agrees_with(&self, other: &Self) -> bool {
+        match (self, other) {
+            (ReferenceSystem::Unknown, _) | (_, ReferenceSystem::Unknown) => true,
+            (ReferenceSystem::About(one), ReferenceSystem::About(other)) => one.distance_m(other) <= 1.0,
+            _ => self == other,
+        }
+    }
 }
 
 impl fmt::Display for ReferenceSystem {
@@ -92,6 +110,26 @@ impl FromStr for ReferenceSystem {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn systems_agree_to_a_metre() {
+        let about = |text: &str| text.parse::<ReferenceSystem>().unwrap();
+        let (origin, utm) = (about("41.52,-70.67"), about("EPSG:32619"));
+        for (other, is_same) in [
+            ("41.519999987301745,-70.66999999783731", true),
+            ("41.520008,-70.67", true),
+            ("41.520010,-70.67", false),
+            ("41.52,-70.670010", true),
+            ("41.52,-70.670013", false),
+            ("unknown", true),
+            ("EPSG:32619", false),
+        ] {
+            assert_eq!(origin.agrees_with(&about(other)), is_same, "{other}");
+            assert_eq!(about(other).agrees_with(&origin), is_same, "{other}");
+        }
+        assert!(utm.agrees_with(&utm) && !utm.agrees_with(&about("EPSG:32618")));
+        assert!(about("0,180").agrees_with(&about("0,-180")));
+    }
 
     #[test]
     fn systems_are_known_again_by_their_names() {

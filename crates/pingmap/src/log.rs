@@ -48,7 +48,7 @@ impl Logs {
                 let message = "one log has depths and another has none; expected all or none of them to";
                 return Err(BadInput(format!("{}: {message}", path.display())).into());
             }
-            if log.reference.is_known() && all.reference.is_known() && log.reference != all.reference {
+            if !log.reference.agrees_with(&all.reference) {
                 let (one, other) = (all.reference, log.reference);
                 let message =
                     format!("metres of {other}, but those of the logs before are of {one}; expected one system");

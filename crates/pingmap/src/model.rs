@@ -136,7 +136,7 @@ pub fn log_digests(file: &ModelFile) -> impl Iterator<Item = &str> {
 pub fn fitting(model: Model, path: &Path, log: &EventLog) -> anyhow::Result<Model> {
     let bad = |message: &dyn std::fmt::Display| BadInput(format!("{}: {message}", path.display()));
     let (of_model, of_log) = (model.chart.reference, log.reference);
-    if of_model.is_known() && of_log.is_known() && of_model != of_log {
+    if !of_model.agrees_with(&of_log) {
         let message = format!(
             "the model's metres are those of {of_model}, the log's those of {of_log}; expected one system for both (pingmap import --origin, --crs)"
         );
@@ -153,12 +153,6 @@ pub fn fitting(model: Model, path: &Path, log: &EventLog) -> anyhow::Result<Mode
             origin.north_m,
             distance_m / 1000.0
         );
-        return Err(bad(&message).into());
-    }
-    let (known, of_log) = (model.chart.reference, log.reference);
-    if known.is_known() && of_log.is_known() && known != of_log {
-        let message =
-            format!("the model's metres are those of {known}, but the log's are those of {of_log}; expected the same");
         return Err(bad(&message).into());
     }
     match (model.inputs, log.inputs()) {

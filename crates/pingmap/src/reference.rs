@@ -29,7 +29,7 @@ impl ReferenceOptions {
     /// Where the log says otherwise, or lies so far from its origin that a plane is no map of it.
     pub fn tell(&self, log: &mut EventLog) -> anyhow::Result<()> {
         if let Some(told) = self.origin.or(self.crs) {
-            if log.reference.is_known() && log.reference != told {
+            if !log.reference.agrees_with(&told) {
                 let known = log.reference;
                 return Err(BadInput(format!("metres are those of {known} by the log, and of {told} by option")).into());
             }

@@ -232,7 +232,8 @@ fn middle(degrees: &[Geographic]) -> Geographic {
     let from_deg = degrees[0].longitude_deg.round();
     let turn = |east_deg: f64| (east_deg + 180.0).rem_euclid(360.0) - 180.0;
     let east_deg = mean(&|place| turn(place.longitude_deg - from_deg));
-    Geographic { latitude_deg: mean(&|place| place.latitude_deg), longitude_deg: turn(from_deg + east_deg) }
+    let longitude_deg = (turn(from_deg + east_deg) * 100.0).round() / 100.0;
+    Geographic { latitude_deg: mean(&|place| place.latitude_deg), longitude_deg }
 }
 
 #[cfg(test)]
