@@ -4,13 +4,10 @@ use pingmap_agent::{Event, Geographic};
 use pingmap_import::{Place, Reference};
 
 use crate::contour::Point;
-use crate::figure::{Arrows, Figure, GridMap, Mark, Series, Style, grid_map, stacked};
+use crate::figure::{Arrows, Figure, GridMap, Mark, Room, Series, Style, grid_map, stacked};
 use crate::names::{Join, Layer, Seen};
 use crate::success_map::{Cell, LITTLE_KNOWN, Side, SuccessMap};
 use crate::tracks;
-
-/// Pixels along the longer side of a figure.
-pub const SIDE: f64 = 640.0;
 
 /// How a map is drawn.
 pub struct Drawn<'a> {
@@ -26,14 +23,13 @@ pub struct Drawn<'a> {
     pub lines: &'a [Series<'a>],
 }
 
-/// The map as a picture with the tracks of everybody: for each side and layer one, one below the other.
-pub fn figure(map: &SuccessMap, drawn: &Drawn) -> Figure {
-    let pictures =
-        map.sides.iter().flat_map(|side| drawn.layers.iter().map(move |&layer| picture(map, side, layer, drawn)));
-    stacked(pictures.collect())
+/// The map as a picture with the tracks of everybody: for each side and layer one, one below the other, each in that room.
+pub fn figure(map: &SuccessMap, drawn: &Drawn, room: Room) -> Figure {
+    let pictures = map.sides.iter().flat_map(|side| drawn.layers.iter().map(move |&layer| (side, layer)));
+    stacked(pictures.map(|(side, layer)| picture(map, side, layer, drawn, room)).collect())
 }
 
-fn picture(map: &SuccessMap, side: &Side, layer: Layer, drawn: &Drawn) -> Figure {
+fn picture(map: &SuccessMap, side: &Side, layer: Layer, drawn: &Drawn, room: Room) -> Figure {
     let tracks = tracks::tracks(drawn.events);
     let [heard, missed] = links(drawn);
     let arrows = |name, pairs, mark, color| Arrows {
@@ -60,7 +56,7 @@ fn picture(map: &SuccessMap, side: &Side, layer: Layer, drawn: &Drawn) -> Figure
         places: &places(map, side.seen),
         lines: drawn.lines,
     };
-    grid_map(&picture, SIDE)
+    grid_map(&picture, room)
 }
 
 /// Lines of a graticule, about so many each way.

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
+use crate::figure::Image;
 use crate::files::{make_folder, try_folder, write_file};
 use crate::output::{BadInput, Results, note, print};
 
@@ -39,6 +40,7 @@ impl Kind {
     });
     pub const PNG: Kind = Kind(|text| text.contains("PNG") && text.contains("kuva"));
     pub const SVG: Kind = Kind(|text| text.starts_with("<svg") && text.contains("kuva"));
+    pub const PDF: Kind = Kind(|text| text.starts_with("%PDF") && text.contains("kuva"));
     pub const GEO_JSON: Kind = Kind(|text| text.starts_with('{') && text.contains("\"seen_from\""));
     pub const KML: Kind = Kind(|text| text.contains("<kml") && text.contains("Written by pingmap"));
     pub const GEO_TIFF: Kind = Kind(|text| text.starts_with("II*") && text.contains("pingmap"));
@@ -47,10 +49,34 @@ impl Kind {
     pub const PAGE: Kind = Kind(|text| text.starts_with("<!DOCTYPE html>") && text.contains("<title>pingmap"));
     pub const REPRODUCTION: Kind = Kind(|text| text.contains("Written by `pingmap reproduce"));
 
+    pub fn of(image: Image) -> Self {
+        match image {
+            Image::Png => Kind::PNG,
+            Image::Svg => Kind::SVG,
+            Image::Pdf => Kind::PDF,
+        }
+    }
+
     fn is_of(self, path: &Path) -> anyhow::Result<bool> {
         let mut bytes = Vec::new();
         File::open(path)?.take(LOOKED_AT_BYTES).read_to_end(&mut bytes)?;
         Ok(bytes.is_empty() || self.0(&String::from_utf8_lossy(&bytes)))
+    }
+}
+
+/// The ending of a file's name, in small letters.
+pub fn ending(path: &Path) -> String {
+    path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase()
+}
+
+/// Which kind of picture a file is to be, if any.
+pub fn picture(path: &Path) -> Result<Option<Image>, BadInput> {
+    match Image::of(&ending(path)) {
+        Some(image) if !image.is_possible() => Err(BadInput(format!(
+            "{}: this pingmap was built without PDF; expected .svg or .png, or a build with --features pdf",
+            path.display()
+        ))),
+        image => Ok(image),
     }
 }
 

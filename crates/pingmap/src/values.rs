@@ -80,6 +80,12 @@ pub fn positive(text: &str) -> Result<f64, String> {
     number(text, bounds::POSITIVE)
 }
 
+/// Millimetres on paper: from half a column to a poster.
+pub fn print_width(text: &str) -> Result<f64, String> {
+    let width = text.parse().ok().filter(|width: &f64| (30.0..=1200.0).contains(width));
+    width.ok_or_else(|| "expected a number from 30 to 1200".to_owned())
+}
+
 pub fn not_negative(text: &str) -> Result<f64, String> {
     number(text, bounds::NOT_NEGATIVE)
 }

@@ -183,7 +183,11 @@ fn select_and_map_say_what_they_need() {
     }
     let map = ["map", "events.csv", "--at", "0,0"];
     let with = |more: &[&'static str]| [&map[..], more].concat();
-    refused_command(folder.path(), &with(&["-o", "map.pdf"]), &["map.pdf", ".png, .svg, .csv, .geojson, .kml or .tif"]);
+    refused_command(
+        folder.path(),
+        &with(&["-o", "map.bmp"]),
+        &["map.bmp", ".png, .svg, .pdf, .csv, .geojson, .kml or .tif"],
+    );
     refused_command(folder.path(), &with(&["-o", "map.geojson"]), &["--origin"]);
     refused_command(folder.path(), &with(&["-o", "map.geojson", "--origin", "91,0"]), &["latitude"]);
     refused_command(folder.path(), &with(&["--cell-m", "0.001"]), &["--cell-m", "cells"]);

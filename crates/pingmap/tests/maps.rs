@@ -169,6 +169,45 @@ fn pictures_say_what_is_known() {
     assert!(named.contains(&format!("{}…", "n".repeat(19))) && !named.contains(&"n".repeat(60)));
 }
 
+#[test]
+fn pictures_for_print_are_as_wide_as_was_said() {
+    let folder = folder();
+    let drawn = |name: &str, width_mm: &str| {
+        draw(folder.path(), &["--at", "500,200", "-o", name, "--width-mm", width_mm]);
+        read(folder.path(), name)
+    };
+    // As wide as the figure is in its own pixels, 96 an inch, letters are as large as on a screen.
+    let pixels = |width_mm: &str| -> f64 {
+        let svg = String::from_utf8(drawn("map.svg", width_mm)).unwrap();
+        let head = svg.split('>').next().unwrap();
+        assert!(head.contains(&format!(" width=\"{width_mm}.00mm\"")), "{head}");
+        head.split("viewBox=\"0 0 ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap()
+    };
+    for (width_mm, expected) in [("180", 180.0), ("250", 250.0)] {
+        let width = pixels(width_mm) * 25.4 / 96.0;
+        assert!((width - expected).abs() < 2.0, "{width} mm for {expected}");
+    }
+    // But not so that nothing is left for the map.
+    assert!(pixels("40") * 25.4 / 96.0 > 80.0);
+    let png = drawn("map.png", "180");
+    let reader = png::Decoder::new(Cursor::new(png)).read_info().unwrap();
+    assert_eq!(reader.info().pixel_dims.map(|dots| dots.xppu), Some(11811), "300 dots an inch");
+    assert!(reader.info().width.abs_diff(2126) <= 1, "{}", reader.info().width);
+    // Its own file again.
+    drawn("map.png", "90");
+    let arguments = ["map", "events.csv", "--at", "500,200", "-o", "map.pdf", "--width-mm", "180"];
+    let output = pingmap(folder.path(), &[&arguments[..], QUICK].concat());
+    if cfg!(feature = "pdf") {
+        assert!(output.status.success(), "{}", stderr(&output));
+        let pdf = String::from_utf8_lossy(&read(folder.path(), "map.pdf")).into_owned();
+        assert!(pdf.starts_with("%PDF") && pdf.contains("/MediaBox [0 0 510.2"), "{}", &pdf[..2000]);
+        drawn("map.pdf", "90");
+    } else {
+        assert_eq!(output.status.code(), Some(2));
+        assert!(stderr(&output).contains("built without PDF") && !folder.path().join("map.pdf").exists());
+    }
+}
+
 /// All positions within some coordinates, in metres.
 fn points(coordinates: &Value) -> Vec<(f64, f64)> {
     match (coordinates[0].as_f64(), coordinates[1].as_f64()) {

@@ -118,6 +118,7 @@ const MAP: &[Case] = &[
     ("--layers", "upper", ""),
     ("--with-events", "", ""),
     ("--title", "A_map", ""),
+    ("--width-mm", "90", ""),
     ("--cell-m", "77", ""),
     ("--json", "", ""),
 ];
@@ -126,7 +127,12 @@ const MAP: &[Case] = &[
 const DEEP: &[Case] = &[("--depth", "2", "")];
 
 /// What every plan has of its own.
-const PLAN: &[Case] = &[("--as", "tx", "--json"), ("--output", "plan.svg", ""), ("--json", "", "")];
+const PLAN: &[Case] = &[
+    ("--as", "tx", "--json"),
+    ("--output", "plan.svg", ""),
+    ("--json", "", ""),
+    ("--width-mm", "90", "--output plan.svg"),
+];
 
 const STANDOFF: &[Case] = &[
     ("--at", "300,300", ""),

@@ -156,7 +156,7 @@ fn what_cannot_be_planned_is_refused() {
         (track("degrees.csv", &[]), "--origin"),
         (track("nowhere.csv", &[]), "nowhere.csv"),
         (track("track.csv", &["--every-s", "0.0001"]), "--every-s"),
-        (track("track.csv", &["-o", "plan.pdf"]), ".geojson"),
+        (track("track.csv", &["-o", "plan.bmp"]), ".geojson"),
         (track("track.csv", &["-o", "plan.geojson"]), "--origin"),
         (track("track.csv", &["-o", "track.csv"]), "track.csv is read"),
         (track("track.csv", &["--depth", "4"]), "--depth"),

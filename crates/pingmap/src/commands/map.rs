@@ -9,16 +9,17 @@ use serde::Serialize;
 
 use crate::area::Area;
 use crate::exports::{self, Export};
+use crate::figure::{Figure, Image};
 use crate::map_figure::{Drawn, figure};
 use crate::model::{KernelJson, MadeOf};
 use crate::names::{Join, Layer, Seen, name_of};
 use crate::options::{Asked as Parties, Source};
 use crate::output::{BadInput, Results, note, print_json, spinner};
-use crate::outputs::{Kind, STANDARD_OUTPUT, Target};
+use crate::outputs::{Kind, STANDARD_OUTPUT, Target, ending, picture};
 use crate::reference::{PlaceJson, position, positions, reference};
 use crate::success_map::{Asked, LEVELS, LITTLE_KNOWN, Side, SuccessMap};
 use crate::survey::Survey;
-use crate::values::{corners, not_negative, open_share, place, positive};
+use crate::values::{corners, not_negative, open_share, place, positive, print_width};
 
 /// Draw the probability of success seen from a place, or from several
 #[derive(Args)]
@@ -34,7 +35,7 @@ pub struct Options {
     pub drawing: Drawing,
     #[command(flatten)]
     pub source: Source,
-    /// File for the map; its ending says what it is: .png, .svg, .csv (the grid), .geojson, .kml (areas, contours and tracks) or .tif
+    /// File for the map; its ending says what it is: .png, .svg, .pdf, .csv (the grid), .geojson, .kml (areas, contours and tracks) or .tif
     /// (GeoTIFF, a band for each number). The grid goes to standard output for -
     #[arg(long, short, value_name = "FILE", default_value = "map.png")]
     pub output: PathBuf,
@@ -83,6 +84,9 @@ pub struct Drawing {
     /// What stands above the picture
     #[arg(long, value_name = "TEXT")]
     pub title: Option<String>,
+    /// How wide the picture is to be in print, with letters of 9 points where there is room; PNG then have 300 dots an inch
+    #[arg(long, value_name = "MM", value_parser = print_width, allow_negative_numbers = true)]
+    pub width_mm: Option<f64>,
 }
 
 impl Options {
@@ -151,22 +155,13 @@ fn bytes(
     reference: &Reference,
     drawing: &Drawing,
 ) -> anyhow::Result<Vec<u8>> {
-    let Drawing { levels, layers, title, with_events } = drawing;
+    let &Drawing { ref levels, ref layers, ref title, with_events, width_mm } = drawing;
     let events = &survey.log.events;
     let known = Some(reference).filter(|reference| reference.system().is_known());
-    let drawn = Drawn {
-        events,
-        levels,
-        layers,
-        title: title.as_deref(),
-        reference: known,
-        with_events: *with_events,
-        lines: &[],
-    };
+    let drawn = Drawn { events, levels, layers, title: title.as_deref(), reference: known, with_events, lines: &[] };
     let export = Export { map, events, reference, levels };
     match format {
-        Format::Png => figure(map, &drawn).png(),
-        Format::Svg => Ok(figure(map, &drawn).svg(true).into_bytes()),
+        Format::Picture(image) => Figure::fitted(width_mm, |room| figure(map, &drawn, room)).file(image, width_mm),
         Format::Csv => exports::csv(&export),
         Format::GeoJson => exports::geojson(&export),
         Format::Kml => exports::kml(&export),
@@ -181,7 +176,7 @@ pub struct MapJson<'a> {
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
-    /// The picture, or the first of the files.
+    /// The file that was written.
     file: &'a Path,
     /// The first place it is seen from, in metres of the log.
     at: [f64; 2],
@@ -285,8 +280,7 @@ impl<'a> MapJson<'a> {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Format {
-    Png,
-    Svg,
+    Picture(Image),
     Csv,
     GeoJson,
     Kml,
@@ -297,8 +291,7 @@ impl Format {
     /// What such a file is known by.
     fn kind(self) -> Kind {
         match self {
-            Format::Png => Kind::PNG,
-            Format::Svg => Kind::SVG,
+            Format::Picture(image) => Kind::of(image),
             Format::Csv => Kind::GRID,
             Format::GeoJson => Kind::GEO_JSON,
             Format::Kml => Kind::KML,
@@ -315,16 +308,17 @@ impl Format {
         if path == Path::new(STANDARD_OUTPUT) {
             return Ok(Format::Csv);
         }
-        match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {
-            Some("png") => Ok(Format::Png),
-            Some("svg") => Ok(Format::Svg),
-            Some("csv") => Ok(Format::Csv),
-            Some("geojson") => Ok(Format::GeoJson),
-            Some("kml") => Ok(Format::Kml),
-            Some("tif" | "tiff") => Ok(Format::GeoTiff),
+        if let Some(image) = picture(path)? {
+            return Ok(Format::Picture(image));
+        }
+        match ending(path).as_str() {
+            "csv" => Ok(Format::Csv),
+            "geojson" => Ok(Format::GeoJson),
+            "kml" => Ok(Format::Kml),
+            "tif" | "tiff" => Ok(Format::GeoTiff),
             _ => {
                 let message = format!(
-                    "cannot tell the kind of map from {}; expected an ending .png, .svg, .csv, .geojson, .kml or .tif",
+                    "cannot tell the kind of map from {}; expected an ending .png, .svg, .pdf, .csv, .geojson, .kml or .tif",
                     path.display()
                 );
                 Err(BadInput(message).into())

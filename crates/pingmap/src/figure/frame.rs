@@ -5,8 +5,9 @@ use kuva::render::color::Color;
 use kuva::render::layout::ComputedLayout;
 use kuva::render::render::{Primitive, Scene, TextAnchor, render_multiple};
 
+use super::finished::Figure;
 use super::marks::{draw_arrow, draw_head, draw_line, draw_mark, shortened, text_at, text_width, ways_once};
-use super::style::{Arrows, Figure, Mark, Series, Style};
+use super::style::{Arrows, FONT_PX, LegendPlace, Mark, Series, Style};
 use crate::contour::{Grid, Point, contour_lines};
 
 const ROW_PX: f64 = 20.0;
@@ -42,17 +43,6 @@ pub(super) struct Frame {
     pub(super) legend_place: LegendPlace,
 }
 
-/// Where the legend stands.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum LegendPlace {
-    /// Right of the axes and of the colour bar, one entry below the other.
-    Right,
-    /// Below the axes, in two columns.
-    Below,
-    /// There is none.
-    Nowhere,
-}
-
 impl Frame {
     /// Makes map axes with one metre the same length both ways, the longer side `side` pixels.
     pub(super) fn map(layout: Layout, east: (f64, f64), north: (f64, f64), side: f64) -> Self {
@@ -72,6 +62,14 @@ impl Frame {
         // The margins do not depend on the size, so measure them first and add them.
         let margins = ComputedLayout::from_layout(&layout);
         layout.force_margin_top = Some(margins.margin_top.max(Y_LABEL_ROOM_PX));
+        let title = layout.title.as_deref().map_or(0.0, text_width) * f64::from(layout.title_size) / f64::from(FONT_PX);
+        let begins = margins.margin_left + (size.0 - title) / 2.0;
+        if title > size.0 || begins < 16.0 + text_width(y_label) {
+            // It stands above the names of axis and bar instead of between them, and begins on the page.
+            layout.force_margin_top = Some(margins.margin_top.max(Y_LABEL_ROOM_PX) + ROW_PX);
+            let room = size.0 + 2.0 * (margins.margin_left - 4.0);
+            layout.title_size = (f64::from(layout.title_size) * (room / title).min(1.0)) as u32;
+        }
         let margins = ComputedLayout::from_layout(&layout);
         let layout = layout
             .with_width(size.0 + margins.margin_left + margins.margin_right)

@@ -4,9 +4,9 @@ use kuva::prelude::ColorMap;
 use kuva::render::color::Color;
 use kuva::render::render::{Primitive, TextAnchor};
 
-use super::frame::{BAR_ROOM_PX, Frame, LegendPlace, round_step};
+use super::frame::{BAR_ROOM_PX, Frame, round_step};
 use super::marks::{draw_line, polygon, text_at, text_width};
-use super::style::{Mark, Style};
+use super::style::{LegendPlace, Mark, Style};
 use crate::contour::{Grid, Point};
 
 /// As many shades as the eye tells apart, and more: equal neighbours join.

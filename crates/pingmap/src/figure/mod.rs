@@ -5,6 +5,7 @@
 //! own plots have no fixed colour range, no dashed contours, no outlines and no long legend keys.
 
 mod style;
+mod finished;
 mod marks;
 mod frame;
 mod ground;
@@ -13,9 +14,13 @@ use kuva::prelude::Layout;
 use kuva::render::render::{Primitive, Scene};
 
 use crate::contour::{Grid, Point};
-use frame::{Frame, LegendPlace, round_step, thin};
+pub use finished::{Figure, Image};
+use frame::{Frame, round_step, thin};
 pub use ground::shade;
-pub use style::{Arrows, Figure, Mark, Panel, Series, Style};
+pub use style::{Arrows, LegendPlace, Mark, Panel, Room, Series, Style};
+
+/// Between the numbers along an axis.
+const TICK_PX_MIN: f64 = 55.0;
 
 const PANEL_TITLE_PX: u32 = 14;
 const PANEL_TITLE_ROOM_PX: f64 = 30.0;
@@ -40,10 +45,11 @@ pub struct GridMap<'a> {
     pub lines: &'a [Series<'a>],
 }
 
-/// Draws a map, `side` pixels along its longer side.
-pub fn grid_map(map: &GridMap, side: f64) -> Figure {
+/// Draws a map.
+pub fn grid_map(map: &GridMap, room: Room) -> Figure {
     let (east, north) = (map.grid.east, map.grid.north);
-    let mut frame = Frame::map(map_layout(map.title, east, north), east, north, side);
+    let mut frame = Frame::map(map_layout(map.title, east, north, room.side), east, north, room.side);
+    frame.legend_place = room.legend;
     frame.heat_map(&map.grid);
     frame.color_bar(map.bar);
     frame.hatch(&map.grid, map.hatched);
@@ -90,7 +96,7 @@ pub fn link_map(
     tracks: &[Series],
     side: f64,
 ) -> Figure {
-    let mut frame = Frame::map(map_layout(title, east, north), east, north, side);
+    let mut frame = Frame::map(map_layout(title, east, north, side), east, north, side);
     let faint = tracks.iter().map(|track| Series { style: Style { width: 0.8, ..track.style }, ..*track });
     frame.tracks(&faint.collect::<Vec<_>>());
     frame.links(links);
@@ -103,7 +109,7 @@ pub fn link_panels(panels: &[Panel], east: (f64, f64), north: (f64, f64), side: 
     let side = side * f64::max(1.0, (north.1 - north.0) / (east.1 - east.0));
     let figures = panels.iter().enumerate().map(|(n, panel)| {
         let is_last = n + 1 == panels.len();
-        let mut layout = map_layout(panel.title, east, north).with_title_size(PANEL_TITLE_PX);
+        let mut layout = map_layout(panel.title, east, north, side).with_title_size(PANEL_TITLE_PX);
         if !is_last {
             // The axis of the last panel is that of all.
             layout.suppress_x_ticks = true;
@@ -150,7 +156,7 @@ pub fn stacked(figures: Vec<Figure>) -> Figure {
 }
 
 /// Draws curves over a common axis, each with a marker here and there.
-pub fn curves(title: &str, x_label: &str, y_label: &str, series: &[Series], size: Point) -> Figure {
+pub fn curves(title: &str, [x_label, y_label]: [&str; 2], series: &[Series], room: Room, height: f64) -> Figure {
     let points = || series.iter().flat_map(|series| series.points);
     let range = |of: fn(&Point) -> f64| {
         let (low, high) = points().map(of).fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
@@ -162,7 +168,8 @@ pub fn curves(title: &str, x_label: &str, y_label: &str, series: &[Series], size
     let layout = Layout::new(x, y).with_title(title);
     let layout =
         layout.with_x_tick_step(round_step((x.1 - x.0) / 10.0)).with_y_tick_step(round_step((y.1 - y.0) / 8.0));
-    let mut frame = Frame::new(layout, (x, x_label), (y, y_label), size);
+    let mut frame = Frame::new(layout, (x, x_label), (y, y_label), (room.side, height));
+    frame.legend_place = room.legend;
     for series in series {
         let line: Vec<Point> = series.points.iter().map(|&point| frame.pixel(point)).collect();
         frame.line(&line, series.style, 0.0);
@@ -174,8 +181,8 @@ pub fn curves(title: &str, x_label: &str, y_label: &str, series: &[Series], size
     frame.finish()
 }
 
-/// Title, axes in metres and ticks of a map.
-fn map_layout(title: &str, east: (f64, f64), north: (f64, f64)) -> Layout {
-    let step = round_step((east.1 - east.0).max(north.1 - north.0) / 10.0);
+/// Title, axes in metres and ticks of a map, whose numbers leave room between them.
+fn map_layout(title: &str, east: Point, north: Point, side: f64) -> Layout {
+    let step = round_step((east.1 - east.0).max(north.1 - north.0) / side * TICK_PX_MIN);
     Layout::new(east, north).with_title(title).with_x_tick_step(step).with_y_tick_step(step)
 }

@@ -1,8 +1,4 @@
-//! What is drawn, how it looks, and the finished figure.
-
-use kuva::backend::raster::RasterBackend;
-use kuva::prelude::SvgBackend;
-use kuva::render::render::Scene;
+//! What is drawn, and how it looks.
 
 use crate::contour::Point;
 
@@ -54,31 +50,26 @@ pub struct Panel<'a> {
     pub links: &'a [Arrows<'a>],
 }
 
-/// A finished figure.
-pub struct Figure(pub(super) Scene);
+/// Where the legend stands.
+#[derive(Clone, Copy, PartialEq)]
+pub enum LegendPlace {
+    /// Right of the axes and of the colour bar, one entry below the other.
+    Right,
+    /// Below the axes, in two columns.
+    Below,
+    /// There is none.
+    Nowhere,
+}
 
-impl Figure {
-    /// The figure as SVG; `embed_font` makes it independent of installed fonts (and 3.2 MB larger).
-    pub fn svg(&self, embed_font: bool) -> String {
-        let backend = SvgBackend::new().with_embedded_font(embed_font);
-        let svg = backend.render_scene(&self.0);
-        // Without it a picture that is shown smaller is cut off instead of drawn smaller.
-        match svg.split_once("<svg ") {
-            Some((before, rest)) if !rest.split('>').next().is_some_and(|head| head.contains("viewBox")) => {
-                format!("{before}<svg viewBox=\"0 0 {} {}\" {rest}", self.0.width, self.0.height)
-            }
-            _ => svg,
-        }
-    }
+/// What a figure may take up.
+#[derive(Clone, Copy)]
+pub struct Room {
+    /// Pixels along the longer side of the axes.
+    pub side: f64,
+    pub legend: LegendPlace,
+}
 
-    /// The figure as PNG bytes, two pixels per SVG unit.
-    pub fn png(&self) -> anyhow::Result<Vec<u8>> {
-        self.png_scaled(2.0)
-    }
-
-    /// The figure as PNG bytes, so many pixels per SVG unit.
-    pub fn png_scaled(&self, scale: f32) -> anyhow::Result<Vec<u8>> {
-        let raster = RasterBackend::new().with_scale(scale);
-        raster.render_scene(&self.0).map_err(|error| anyhow::anyhow!("cannot draw: {error}"))
-    }
+impl Room {
+    /// Where nobody says how wide the figure is to be.
+    pub const PLENTY: Room = Room { side: 640.0, legend: LegendPlace::Right };
 }

@@ -11,16 +11,16 @@ use pingmap_trial::{EventLog, open};
 use crate::area::Area;
 use crate::contour::Point;
 use crate::exports::{Line, geojson_of_lines};
-use crate::figure::{Figure, Series};
+use crate::figure::{Figure, Image, Room, Series, stacked};
 use crate::map_figure::{Drawn, figure};
 use crate::names::{Join, Layer, Seen, SeenOnce};
 use crate::options::{Asked as Parties, Source};
 use crate::output::{BadInput, Results, csv_of_text, note, spinner};
-use crate::outputs::{Kind, Target};
+use crate::outputs::{Kind, Target, ending, picture};
 use crate::reference::reference;
 use crate::success_map::{Asked, SuccessMap};
 use crate::survey::Survey;
-use crate::values::not_negative;
+use crate::values::{not_negative, print_width};
 
 #[derive(Args)]
 pub struct Common {
@@ -34,9 +34,12 @@ pub struct Common {
     /// Depth of what is elsewhere, where the log has depths; their mean if not given
     #[arg(long, value_name = "METRES", value_parser = not_negative, allow_negative_numbers = true)]
     pub depth: Option<f64>,
-    /// File for the plan; its ending says what it is: .png, .svg, .csv, or .geojson
+    /// File for the plan; its ending says what it is: .png, .svg, .pdf, .csv, or .geojson
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// How wide the picture is to be in print, with letters of 9 points where there is room; PNG then have 300 dots an inch
+    #[arg(long, value_name = "MM", value_parser = print_width, allow_negative_numbers = true)]
+    pub width_mm: Option<f64>,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
@@ -45,30 +48,29 @@ pub struct Common {
 /// How a plan is written.
 #[derive(Clone, Copy, PartialEq)]
 enum Format {
-    Png,
-    Svg,
+    Picture(Image),
     Csv,
     GeoJson,
 }
 
 impl Format {
     fn of(path: &Path) -> Result<Self, BadInput> {
-        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
-        match ending.as_str() {
-            "png" => Ok(Format::Png),
-            "svg" => Ok(Format::Svg),
+        if let Some(image) = picture(path)? {
+            return Ok(Format::Picture(image));
+        }
+        match ending(path).as_str() {
             "csv" => Ok(Format::Csv),
             "geojson" => Ok(Format::GeoJson),
-            _ => {
-                Err(BadInput(format!("{}: expected a name that ends in .png, .svg, .csv or .geojson", path.display())))
-            }
+            _ => Err(BadInput(format!(
+                "{}: expected a name that ends in .png, .svg, .pdf, .csv or .geojson",
+                path.display()
+            ))),
         }
     }
 
     fn kind(self) -> Kind {
         match self {
-            Format::Png => Kind::PNG,
-            Format::Svg => Kind::SVG,
+            Format::Picture(image) => Kind::of(image),
             Format::Csv => Kind::PLAN,
             Format::GeoJson => Kind::GEO_JSON,
         }
@@ -137,6 +139,7 @@ pub struct Learned<'a> {
     pub reference: Reference,
     pub questions: Questions,
     path: Option<&'a Path>,
+    width_mm: Option<f64>,
     output: Option<(Format, Target<'a>)>,
 }
 
@@ -148,7 +151,15 @@ impl<'a> Ready<'a> {
         let questions = Questions { seen: common.seen.seen(), depth_m, attempt };
         let mut survey = Survey::learn(log, &common.source)?.rising(&common.parties);
         let wide = survey.agent.wide_posterior()?;
-        Ok(Learned { survey, wide, reference, questions, path: common.output.as_deref(), output })
+        Ok(Learned {
+            survey,
+            wide,
+            reference,
+            questions,
+            path: common.output.as_deref(),
+            width_mm: common.width_mm,
+            output,
+        })
     }
 }
 
@@ -161,8 +172,8 @@ pub struct Written<'a> {
     pub lines: &'a [Series<'a>],
     /// Lines and areas for other programs.
     pub shapes: Vec<Line>,
-    /// A picture below the map, if there is one.
-    pub below: Option<Figure>,
+    /// What draws a picture below the map, if there is one.
+    pub below: Option<&'a dyn Fn(Room) -> Figure>,
     pub header: &'a [&'a str],
     pub rows: Vec<Vec<String>>,
     /// Places that the picture should show, beside those of the log.
@@ -176,8 +187,7 @@ impl Learned<'_> {
         let bytes = match format {
             Format::Csv => csv_of_text(written.header, written.rows)?.into_bytes(),
             Format::GeoJson => geojson_of_lines(&self.reference, &written.shapes)?,
-            Format::Png => self.picture(written)?.png()?,
-            Format::Svg => self.picture(written)?.svg(true).into_bytes(),
+            Format::Picture(image) => self.picture(written)?.file(image, self.width_mm)?,
         };
         target.write(&bytes, results)?;
         if let Some(path) = self.path {
@@ -203,11 +213,13 @@ impl Learned<'_> {
             with_events: false,
             lines: written.lines,
         };
-        let picture = figure(&map, &drawn);
+        let below = written.below;
+        let whole = |room| {
+            let map = figure(&map, &drawn, room);
+            stacked(std::iter::once(map).chain(below.map(|draw| draw(room))).collect())
+        };
+        let picture = Figure::fitted(self.width_mm, whole);
         bar.finish_and_clear();
-        Ok(match written.below {
-            Some(below) => crate::figure::stacked(vec![picture, below]),
-            None => picture,
-        })
+        Ok(picture)
     }
 }

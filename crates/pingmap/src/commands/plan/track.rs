@@ -12,7 +12,7 @@ use serde_json::json;
 use super::common::{Common, Learned, Written, waypoints};
 use crate::contour::Point;
 use crate::exports::{Line, Shape};
-use crate::figure::{Figure, Mark, Series, Style, curves};
+use crate::figure::{Figure, Mark, Room, Series, Style, curves};
 use crate::model::{KernelJson, MadeOf};
 use crate::names::{Join, name_of};
 use crate::output::{Results, print, print_json, spinner, table};
@@ -140,7 +140,7 @@ impl Options {
             title: "What is heard along the track",
             lines: &series,
             shapes: expected.shapes(&at, &name_of(&self.common.seen)),
-            below: Some(expected.curve()),
+            below: Some(&|room| expected.curve(room)),
             header: &["leg", "time_s", "easting_m", "northing_m", "probability", "lower", "upper", "explained"],
             rows: expected.rows(),
             shown: &track,
@@ -260,7 +260,7 @@ impl Expected {
     }
 
     /// Probability and interval over time.
-    fn curve(&self) -> Figure {
+    fn curve(&self, room: Room) -> Figure {
         let line = |of: fn(&Cell) -> f64| -> Vec<Point> {
             self.of(None).map(|(sending, cell)| (sending.time_s, of(cell))).collect()
         };
@@ -270,7 +270,7 @@ impl Expected {
             Series { name: "nine in ten: from", points: &lower, style: BOUND },
             Series { name: "nine in ten: to", points: &upper, style: Style { dash: &[2.0, 3.0], ..BOUND } },
         ];
-        curves("Along the track", "time (s)", "probability of success", &series, (640.0, 240.0))
+        curves("Along the track", ["time (s)", "probability of success"], &series, room, 240.0)
     }
 
     fn shapes(&self, at: &[Position], seen: &str) -> Vec<Line> {

@@ -7,7 +7,7 @@ use pingmap_trial::{Agreed, EventLog, Online, Plan, Riding, Step};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::figure::{Figure, Mark, Series, Style, curves};
+use crate::figure::{Figure, Mark, Room, Series, Style, curves};
 use crate::files::write_file;
 use crate::model::{HAS_SEEN_LOG, MadeOf};
 use crate::output::{Results, count, note, print, print_json, progress, table};
@@ -205,5 +205,5 @@ fn figure(online: &Online) -> Figure {
     let series: Vec<Series> =
         WAYS.iter().zip(&points).map(|(&(name, style, _), points)| Series { name, points, style }).collect();
     let title = "How well coming events are predicted, so far";
-    curves(title, "time (s)", "mean NLL so far (nats)", &series, (620.0, 380.0))
+    curves(title, ["time (s)", "mean NLL so far (nats)"], &series, Room { side: 620.0, ..Room::PLENTY }, 380.0)
 }

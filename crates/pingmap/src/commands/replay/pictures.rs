@@ -9,8 +9,8 @@ use pingmap_trial::{Agreed, Bin, Calibrated, Calibration, Mission, Plan, RangeBi
 use super::replayed::Replayed;
 use crate::area::Area;
 use crate::contour::Point;
-use crate::figure::{Arrows, Figure, Mark, Series, Style, curves, link_map};
-use crate::map_figure::{Drawn, SIDE, figure};
+use crate::figure::{Arrows, Figure, Mark, Room, Series, Style, curves, link_map};
+use crate::map_figure::{Drawn, figure};
 use crate::names::{Join, Layer, Seen};
 use crate::reference::reference;
 use crate::success_map::{Asked, LEVELS, SuccessMap};
@@ -89,7 +89,7 @@ fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
         with_events: false,
         lines: &[],
     };
-    Ok(figure(&map, &drawn))
+    Ok(figure(&map, &drawn, Room::PLENTY))
 }
 
 /// Share heard over distance, and what one vehicle's map says of the same attempts.
@@ -110,7 +110,7 @@ fn over_range(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure>
         Series { name: "heard", points: &heard, style: Style { mark: Mark::Square, ..HEARD } },
         Series { name: "what the map says", points: &said, style: SAID },
     ];
-    Ok(curves("Share heard over range", "range (m)", "share heard", &series, (640.0, 320.0)))
+    Ok(curves("Share heard over range", ["range (m)", "share heard"], &series, Room::PLENTY, 320.0))
 }
 
 /// Share heard over predicted probability: on the diagonal probabilities mean what they say.
@@ -127,7 +127,13 @@ pub fn calibration(calibrated: &Calibrated) -> Figure {
         Series { name: "team", points: &team, style: Style { mark: Mark::Dot, ..SAID } },
         Series { name: "all events in one place", points: &centralised, style: Style { mark: Mark::Square, ..HEARD } },
     ];
-    curves("Predicted, and heard", "predicted probability", "share heard", &series, (420.0, 420.0))
+    curves(
+        "Predicted, and heard",
+        ["predicted probability", "share heard"],
+        &series,
+        Room { side: 420.0, ..Room::PLENTY },
+        420.0,
+    )
 }
 
 const HEARD: Style = Style { color: "#404040", width: 1.6, dash: &[7.0, 4.0], mark: Mark::Square };
@@ -165,6 +171,6 @@ fn packets_figure(replayed: &Replayed, sent: &Sent) -> Figure {
         north,
         &groups,
         &tracks::tracks_as_series(&tracks),
-        SIDE,
+        Room::PLENTY.side,
     )
 }
