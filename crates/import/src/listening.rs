@@ -57,6 +57,11 @@ pub(crate) fn unknown(
     if let Some(deaf) = recording.deaf.iter().find(|deaf| deaf.0 <= begin_s + rules.message_s && begin_s <= deaf.1) {
         return Some(deaf.2);
     }
+    let band = |vehicle: usize, time_s| fleet.vehicles[vehicle].recording.band(time_s);
+    let bands = band(sender, clocks.local_s(sent, sender)).zip(band(receiver, begin_s));
+    if bands.is_some_and(|(sent, heard)| sent != heard) {
+        return Some(Unknown::OtherMode);
+    }
     // The clock of a sender that only others tell of says where it was, and nothing of what was heard.
     let is_unsure = |clock: usize| !clocks.clocks[clock].known;
     if sent.doubtful_at.contains(&receiver) || is_unsure(sent.clock) || is_unsure(receiver) {

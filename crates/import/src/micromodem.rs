@@ -168,6 +168,9 @@ impl Micromodem {
                 into.recording.deaf.push((from_s, time_s, Unknown::Rebooting));
             }
             "CACFG" if sentence.field(0) == "SRC" => into.is_called(sentence.field(1)),
+            "CACFG" if sentence.field(0) == "BND" => {
+                into.recording.bands.push((time_s, sentence.field(1).to_owned()));
+            }
             "CAMPC" | "CAPDT" | "CAPNT" => {
                 into.recording.deaf.push((time_s, time_s + RANGING_S, Unknown::OtherMode));
             }

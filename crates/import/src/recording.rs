@@ -31,6 +31,8 @@ pub struct Recording {
     pub listening: Vec<(f64, f64)>,
     /// From when to when it could not hear, and why.
     pub deaf: Vec<(f64, f64, Unknown)>,
+    /// From when on its modem worked in which band, by its own word.
+    pub bands: Vec<(f64, String)>,
 }
 
 /// A place at a time.
@@ -105,7 +107,7 @@ pub enum Unknown {
 impl Recording {
     /// Takes in another record of the same vehicle.
     pub(crate) fn append(&mut self, other: Recording) {
-        let Recording { fixes, fixed, sent, arrivals, said, signs, modem_ids, listening, deaf } = other;
+        let Recording { fixes, fixed, sent, arrivals, said, signs, modem_ids, listening, deaf, bands } = other;
         self.fixes.extend(fixes);
         self.fixed = fixed.or(self.fixed);
         if let Some(sent) = sent {
@@ -119,6 +121,13 @@ impl Recording {
         self.modem_ids.extend(modem_ids);
         self.listening.extend(listening);
         self.deaf.extend(deaf);
+        self.bands.extend(bands);
+    }
+
+    /// In which band its modem worked, where it had said so by then.
+    pub(crate) fn band(&self, time_s: f64) -> Option<&str> {
+        let said = self.bands.iter().filter(|(from_s, _)| *from_s <= time_s);
+        said.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, band)| band.as_str())
     }
 
     /// Takes in that its modem was at work, as told by the record that begins at this number of `signs`.

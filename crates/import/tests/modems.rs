@@ -159,6 +159,8 @@ fn starting_ranging_and_answering_modems_hear_nothing() {
         (10.0, "CAMSC,1"),
         (17.0, "CAREV,120017,INIT,0.94.0.00"),
         (30.0, "CAREV,120030,AUV,0.94.0.00"),
+        (31.0, "CCCFG,BND,2"),
+        (31.1, "CACFG,BND,2"),
         (40.0, "CAMPC,1,2"),
         (50.0, "CATXP,2"),
         (50.7, "CATXF,2"),
@@ -171,6 +173,8 @@ fn starting_ranging_and_answering_modems_hear_nothing() {
         (57.0, 60.0, Unknown::Transmitting),
     ];
     assert_eq!(recording.deaf, expected);
+    // By the modem's own word.
+    assert_eq!(recording.bands, [(31.1, "2".to_owned())]);
     assert!(recording.sent.unwrap().is_empty());
 }
 

@@ -5,7 +5,9 @@
 use std::path::Path;
 
 use pingmap_agent::VehicleId;
-use pingmap_import::{ImportError, Imported, Reading, Recordings, Reference, Rules, Schedule, TableKind, join};
+use pingmap_import::{
+    ImportError, Imported, Reading, Recordings, Reference, Rules, Schedule, TableKind, Unknown, join,
+};
 
 /// Vehicles a, b and c 300 m from each other; what a sent, and what b and c heard.
 fn imported(sent: &str, heard: [&str; 2], rules: &Rules) -> Imported {
@@ -14,6 +16,10 @@ fn imported(sent: &str, heard: [&str; 2], rules: &Rules) -> Imported {
 
 /// The same where nobody says when b and c listened, or somebody does.
 fn recorded(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>, rules: &Rules) -> Imported {
+    join(&records(sent, heard, listening), None, &Reference::unknown(), rules).unwrap()
+}
+
+fn records(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>) -> Recordings {
     let mut recordings = Recordings::new();
     let mut take = |kind, vehicle: &str, text: &str| {
         let table = (text.as_bytes(), Path::new("table"));
@@ -30,7 +36,7 @@ fn recorded(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>, rules: 
     for vehicle in ["b", "c"] {
         recordings.get_mut(&VehicleId::new(vehicle)).unwrap().listening.extend(listening);
     }
-    join(&recordings, None, &Reference::unknown(), rules).unwrap()
+    recordings
 }
 
 /// One hundred messages, every ten seconds.
@@ -172,6 +178,25 @@ fn records_that_are_there_twice_count_once_and_lines_without_frames_are_whole() 
     assert_eq!(pair(&imported(&twice, [&both, &both], &Rules::default()), "b"), (67, 33, 0));
     let of_three = sent(",frames", |_| ",3".into());
     assert_eq!(pair(&imported(&of_three, [&both, &both], &Rules::default()), "b"), (67, 33, 0));
+}
+
+#[test]
+fn modems_in_different_bands_do_not_hear_each_other() {
+    let mut recordings =
+        records(&sent("", none), [&heard("", mostly, none), &heard("", mostly, none)], Some((0.0, 2000.0)));
+    let mut tune = |vehicle: &str, bands: &[(f64, &str)]| {
+        let said = bands.iter().map(|(from_s, band)| (*from_s, (*band).to_owned()));
+        recordings.get_mut(&VehicleId::new(vehicle)).unwrap().bands = said.collect();
+    };
+    // Receiver b says so late, in no order, and goes away once; of c nobody knows.
+    tune("a", &[(0.0, "1")]);
+    tune("b", &[(655.0, "1"), (155.0, "1"), (355.0, "2")]);
+    let imported = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
+    assert_eq!(pair(&imported, "c"), (67, 33, 0));
+    // From 36 to 65, heard or not: nobody asks for the outcome.
+    let to_b = &imported.pairs[&(VehicleId::new("a"), VehicleId::new("b"))];
+    assert_eq!((to_b.heard, to_b.missed), (47, 23));
+    assert_eq!(to_b.unknown.iter().collect::<Vec<_>>(), [(&Unknown::OtherMode, &30)]);
 }
 
 #[test]

@@ -100,6 +100,7 @@ pub fn link_map(
     let faint = tracks.iter().map(|track| Series { style: Style { width: 0.8, ..track.style }, ..*track });
     frame.tracks(&faint.collect::<Vec<_>>());
     frame.links(links);
+    frame.north_and_scale(east.1 - east.0);
     frame.finish()
 }
 
