@@ -129,8 +129,11 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if imported.log.events.is_empty() {
         let reasons: Vec<String> =
             imported.unknown().iter().map(|(why, count)| format!("{count} {}", why.words())).collect();
-        let message =
-            format!("no event is left ({}); expected some that were heard or missed for certain", reasons.join(", "));
+        let why = match reasons.join(", ") {
+            none if none.is_empty() => "nothing was sent by anybody known to a receiver that kept a record".to_owned(),
+            reasons => reasons,
+        };
+        let message = format!("no event is left ({why}); expected some that were heard or missed for certain");
         return Err(BadInput(message).into());
     }
     let written = target.write(imported.log.to_csv().as_bytes(), results);

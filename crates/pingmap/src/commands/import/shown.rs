@@ -82,7 +82,7 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
 fn left_out(imported: &Imported, taken: &Taken) -> impl Iterator<Item = String> {
     let skipped = &taken.skipped;
     let counts = [
-        (skipped.garbled, "line", "that are none of their kind, or garbled, left out"),
+        (skipped.garbled, "line", "garbled, or none of their kind, left out"),
         (
             skipped.of_no_type,
             "message",
