@@ -6,6 +6,7 @@
 //! exactly after few terms. All masses are compared in logarithms: nothing overflows or cancels at any finite c.
 
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::LazyLock;
 
 use rand::{Rng, RngExt};
 use rand_distr::{Exp1, StandardNormal};
@@ -16,7 +17,7 @@ use crate::special::normal_cdf;
 /// Where the two series of the Jacobi density change over; any value near 0.64 is valid and nearly optimal.
 const SPLIT: f64 = 0.64;
 
-/// Draws from PG(1, c), exactly. About 100 ns, at any finite c; the result is finite and positive.
+/// Draws from PG(1, c), exactly. About 50 ns, at any finite c; the result is finite and positive.
 ///
 /// ```
 /// use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
@@ -31,14 +32,13 @@ const SPLIT: f64 = 0.64;
 pub fn sample<R: Rng + ?Sized>(rng: &mut R, c: f64) -> Result<f64> {
     finite("tilt of a Pólya-Gamma variable", c)?;
     let z = 0.5 * c.abs();
-    let rate = PI * PI / 8.0 + 0.5 * z * z;
-    let left_share = left_share(z, rate);
+    let left = LeftShare::of(z);
     loop {
-        let x = if rng.random::<f64>() < left_share {
+        let x = if left.decides(rng.random::<f64>()) {
             inverse_gaussian_left(rng, z)
         } else {
             let exponential: f64 = rng.sample(Exp1);
-            SPLIT + exponential / rate
+            SPLIT + exponential / rate(z)
         };
         if accept(rng, x) {
             return Ok(0.25 * x);
@@ -46,8 +46,51 @@ pub fn sample<R: Rng + ?Sized>(rng: &mut R, c: f64) -> Result<f64> {
     }
 }
 
+/// Of the exponential right of the split.
+fn rate(z: f64) -> f64 {
+    PI * PI / 8.0 + 0.5 * z * z
+}
+
+/// The share of the proposal's mass that lies left of [`SPLIT`], known within an error that nearly always suffices: the exact one
+/// costs more than the rest of a draw.
+struct LeftShare {
+    z: f64,
+    near: f64,
+}
+
+impl LeftShare {
+    fn of(z: f64) -> Self {
+        let place = (z * TABLE_PER_UNIT).min(TABLE_END);
+        let first = place as usize;
+        let near = match TABLE.get(first..first + 2) {
+            Some(&[low, high]) => low + (place - first as f64) * (high - low),
+            _ => 1.0,
+        };
+        Self { z, near }
+    }
+
+    /// Whether a uniform number lies below the share: exactly so.
+    #[inline]
+    fn decides(&self, uniform: f64) -> bool {
+        let beyond = uniform - self.near;
+        if beyond.abs() > TABLE_ERROR { beyond < 0.0 } else { uniform < left_share(self.z) }
+    }
+}
+
+/// The share at every multiple of 1/[`TABLE_PER_UNIT`] up to z = 16, beyond which all but 1e-12 lies left.
+static TABLE: LazyLock<Vec<f64>> =
+    LazyLock::new(|| (0..=TABLE_END as u32).map(|n| left_share(f64::from(n) / TABLE_PER_UNIT)).collect());
+
+const TABLE_END: f64 = 16.0 * TABLE_PER_UNIT;
+
+const TABLE_PER_UNIT: f64 = 64.0;
+
+/// Between neighbours a straight line is off by at most h²/8 max |f″| with h = 1/64, and |f″| is nowhere above its 0.261 at 0.
+const TABLE_ERROR: f64 = 0.3 / (8.0 * TABLE_PER_UNIT * TABLE_PER_UNIT);
+
 /// Share of the proposal's mass that lies left of [`SPLIT`].
-fn left_share(z: f64, rate: f64) -> f64 {
+fn left_share(z: f64) -> f64 {
+    let rate = rate(z);
     // ln of ∫ right of the split of (π/2) exp(−rate x), and of 2 exp(−z) · P(IG(1/z, 1) < split) left of it.
     let ln_right = (FRAC_PI_2 / rate).ln() - rate * SPLIT;
     let root = SPLIT.sqrt();
@@ -86,10 +129,16 @@ fn inverse_gaussian_left<R: Rng + ?Sized>(rng: &mut R, z: f64) -> f64 {
     }
 }
 
+/// The first partial sum of the series is nowhere below this: it is least at the split, .99422 left and .99459 right of it.
+const KEPT: f64 = 0.994;
+
 /// Decides by the alternating series whether a proposal is kept.
 fn accept<R: Rng + ?Sized>(rng: &mut R, x: f64) -> bool {
-    let mut partial = 1.0;
     let uniform = rng.random::<f64>();
+    if uniform <= KEPT {
+        return true;
+    }
+    let mut partial = 1.0;
     let mut n = 0.0;
     loop {
         n += 1.0;
@@ -131,5 +180,37 @@ pub fn variance(b: f64, c: f64) -> f64 {
         // (sinh c − c)/cosh²(c/2) with both divided by e^c/4, so that neither overflows.
         let decay = (-c).exp();
         b / (4.0 * c * c * c) * 2.0 * (1.0 - decay * decay - 2.0 * c * decay) / ((1.0 + decay) * (1.0 + decay))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_straight_line_is_nowhere_off_by_more_than_is_said() {
+        let largest =
+            (0..20 * 6400).map(|n| f64::from(n) / 6400.0 + 1e-5).map(|z| (LeftShare::of(z).near - left_share(z)).abs());
+        let largest = largest.fold(0.0, f64::max);
+        assert!(largest < TABLE_ERROR, "{largest}");
+        // And it is not so wide that the table saves nothing.
+        assert!(largest > TABLE_ERROR / 2.0, "{largest}");
+    }
+
+    #[test]
+    fn close_calls_are_decided_by_the_share_itself() {
+        for z in [0.0, 0.007, 1.0, 3.3, 15.99, 16.0, 40.0, 1e9] {
+            let (share, exact) = (LeftShare::of(z), left_share(z));
+            for uniform in [exact.next_down(), exact, exact.next_up(), exact - 1e-7, exact + 1e-7, 0.0, 0.999] {
+                assert_eq!(share.decides(uniform), uniform < exact, "{uniform} of {exact} at {z}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_partial_sum_is_nowhere_below_what_is_kept_at_once() {
+        let first = |x| 1.0 - term_ratio(1.0, x);
+        let least = (1..10_000).map(|n| first(f64::from(n) * 1e-3)).fold(1.0, f64::min);
+        assert!(least > KEPT && first(SPLIT.next_up()) > KEPT, "{least}");
     }
 }
