@@ -1,0 +1,80 @@
+//! What a vehicle does under way, with a thousand events.
+
+use std::sync::Arc;
+
+use dgpc::Shape;
+use pingmap_agent::{Agent, Chart, Event, InputSpec, Link, Model, Position, Team, VehicleId};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+const EVENTS: usize = 1000;
+const SIDE_M: f64 = 4000.0;
+
+/// A member of a team of two with a thousand events, all of them fitted.
+fn agent() -> Agent {
+    let corner = SIDE_M / 2.0;
+    let reach = [Position::new(-corner, -corner), Position::new(corner, corner)];
+    let chart = Chart::about([]);
+    let model = Model::isotropic(chart, InputSpec::Positions, Shape::Matern32, true, 800.0, 6.0).expect("a model");
+    let team = Team::new(["alice", "bob"].map(VehicleId::new), model, reach).expect("a team");
+    let mut agent = Agent::new(VehicleId::new("alice"), Arc::new(team));
+    agent.observe_all(events(EVENTS, 1)).expect("sensible events");
+    agent.rebuild_posteriors().expect("posteriors");
+    agent
+}
+
+/// Range decides, and a ridge across the middle.
+fn events(count: usize, seed: u64) -> Vec<Event> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let event = |(n, link): (usize, Link)| {
+        let across = link.transmitter.east_m * link.receiver.east_m < 0.0;
+        let log_odds = 3.0 - link.range_m() / 500.0 - if across { 2.0 } else { 0.0 };
+        let success = rng.random::<f64>() < 1.0 / (1.0 + (-log_odds).exp());
+        let [transmitter_id, receiver_id] = ["bob", "alice"].map(VehicleId::new);
+        Event { time_s: 10.0 * n as f64, transmitter_id, receiver_id, success, link, kind: None }
+    };
+    links(count, 1000 + seed).into_iter().enumerate().map(event).collect()
+}
+
+fn links(count: usize, seed: u64) -> Vec<Link> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut place = || Position::new(SIDE_M * (rng.random::<f64>() - 0.5), SIDE_M * (rng.random::<f64>() - 0.5));
+    (0..count).map(|_| Link { transmitter: place(), receiver: place() }).collect()
+}
+
+/// What to tell in so many bytes: its length.
+pub fn next_frame(bytes: usize) -> Box<dyn FnMut() -> f64> {
+    let agent = agent();
+    Box::new(move || {
+        let frame = agent.clone().next_packet(1e4, bytes).expect("a frame").expect("something to tell");
+        frame.len() as f64
+    })
+}
+
+/// A new event, and one question after it.
+pub fn observe_and_query() -> Box<dyn FnMut() -> f64> {
+    let (agent, event, link) = (agent(), events(EVENTS + 1, 1).pop().expect("the last"), links(1, 5)[0]);
+    Box::new(move || {
+        let mut agent = agent.clone();
+        agent.observe(event.clone()).expect("a sensible event");
+        agent.probability(link).expect("a probability")
+    })
+}
+
+/// Everything fitted anew from where it was, and one question.
+pub fn refit_and_query() -> Box<dyn FnMut() -> f64> {
+    let (mut agent, link) = (agent(), links(1, 5)[0]);
+    agent.observe_all(events(EVENTS + 8, 1).split_off(EVENTS)).expect("sensible events");
+    Box::new(move || {
+        let mut agent = agent.clone();
+        agent.refit().expect("a fit");
+        agent.probability(link).expect("a probability")
+    })
+}
+
+/// 10 000 questions: their mean.
+pub fn queries() -> Box<dyn FnMut() -> f64> {
+    let (mut agent, links) = (agent(), links(10_000, 5));
+    Box::new(move || agent.probabilities(&links).expect("probabilities").iter().sum::<f64>() / links.len() as f64)
+}

@@ -1,0 +1,26 @@
+//! Learning kernels; what comes back is the loss over events that took no part.
+
+use dgpc::{LearnOptions, learn};
+
+use crate::data::{loss, synthetic, template};
+
+/// From 1000 events, dense.
+pub fn dense() -> Box<dyn FnMut() -> f64> {
+    learned_from(1000, LearnOptions::default())
+}
+
+/// From 100 000 events, on 100 inducing points.
+pub fn sparse() -> Box<dyn FnMut() -> f64> {
+    let mut options = LearnOptions::default();
+    options.inducing_points_max = 100;
+    learned_from(100_000, options)
+}
+
+fn learned_from(size: usize, options: LearnOptions<'static>) -> Box<dyn FnMut() -> f64> {
+    let (prior, events, test) = (template(), synthetic(size), synthetic(5000));
+    Box::new(move || {
+        let learned = learn(&prior, &events, &options).expect("a learned prior");
+        let posterior = learned.fit.posterior().expect("a posterior");
+        loss(&posterior.probability(test.inputs()).expect("places that fit"), &test)
+    })
+}

@@ -1,0 +1,116 @@
+//! What the machine can do at best: the yardsticks of all other works.
+
+use std::hint::black_box;
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::{Accum, Mat, Par};
+
+use crate::data::{synthetic, truth};
+
+/// Multiply-adds of doubles in one run: two floating-point operations each.
+pub const MULTIPLY_ADDS: usize = ROUNDS * CHAINS * LANES;
+
+const ROUNDS: usize = 200_000;
+const CHAINS: usize = 16;
+const LANES: usize = 8;
+
+/// The covariance of so many events, with 1 added to its diagonal.
+fn covariance(size: usize) -> Mat<f64> {
+    let gram = truth().kernel().gram(synthetic(size).inputs()).expect("finite places");
+    Mat::from_fn(size, size, |i, j| gram[(i, j)] + f64::from(u8::from(i == j)))
+}
+
+/// The bare factorisation of a symmetric matrix, in memory that is there already.
+pub fn factorisations(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64> {
+    let matrix = covariance(size);
+    let mut factor = matrix.clone();
+    let need = llt::factor::cholesky_in_place_scratch::<f64>(size, Par::Seq, Default::default());
+    let mut memory = MemBuffer::new(need);
+    Box::new(move || {
+        for _ in 0..repeats {
+            factor.copy_from(&matrix);
+            let stack = MemStack::new(&mut memory);
+            llt::factor::cholesky_in_place(factor.as_mut(), Default::default(), Par::Seq, stack, Default::default())
+                .expect("positive definite");
+        }
+        black_box(&factor);
+        f64::NAN
+    })
+}
+
+/// One triangle of A·Aᵀ.
+pub fn symmetric_products(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64> {
+    let matrix = covariance(size);
+    let mut out = Mat::zeros(size, size);
+    Box::new(move || {
+        let (lower, whole) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+        for _ in 0..repeats {
+            let (a, b) = (matrix.as_ref(), matrix.transpose());
+            triangular::matmul(out.as_mut(), lower, Accum::Replace, a, whole, b, whole, 1.0, Par::Seq);
+        }
+        black_box(&out);
+        f64::NAN
+    })
+}
+
+/// Fused multiply-adds in registers, as many at a time as the widest of the machine take.
+pub fn multiply_adds() -> Box<dyn FnMut() -> f64> {
+    Box::new(|| {
+        let start = black_box([[1.0; LANES]; CHAINS]);
+        let sums = machine::chains(start, black_box(0.999_999), black_box(1e-6));
+        black_box(sums)[0][0]
+    })
+}
+
+#[cfg(target_arch = "x86_64")]
+mod machine {
+    use super::{CHAINS, LANES, ROUNDS};
+
+    pub fn chains(start: [[f64; LANES]; CHAINS], factor: f64, term: f64) -> [[f64; LANES]; CHAINS] {
+        if is_x86_feature_detected!("avx512f") {
+            // SAFETY: the processor was asked.
+            unsafe { wide(start, factor, term) }
+        } else if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: the processor was asked.
+            unsafe { narrow(start, factor, term) }
+        } else {
+            plain(start, factor, term)
+        }
+    }
+
+    #[target_feature(enable = "avx512f")]
+    fn wide(start: [[f64; LANES]; CHAINS], factor: f64, term: f64) -> [[f64; LANES]; CHAINS] {
+        plain(start, factor, term)
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    fn narrow(start: [[f64; LANES]; CHAINS], factor: f64, term: f64) -> [[f64; LANES]; CHAINS] {
+        plain(start, factor, term)
+    }
+
+    #[inline(always)]
+    fn plain(mut sums: [[f64; LANES]; CHAINS], factor: f64, term: f64) -> [[f64; LANES]; CHAINS] {
+        for _ in 0..ROUNDS {
+            for sum in sums.as_flattened_mut() {
+                *sum = sum.mul_add(factor, term);
+            }
+        }
+        sums
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+mod machine {
+    use super::{CHAINS, LANES, ROUNDS};
+
+    pub fn chains(mut sums: [[f64; LANES]; CHAINS], factor: f64, term: f64) -> [[f64; LANES]; CHAINS] {
+        for _ in 0..ROUNDS {
+            for sum in sums.as_flattened_mut() {
+                *sum = sum.mul_add(factor, term);
+            }
+        }
+        sums
+    }
+}

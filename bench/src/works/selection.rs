@@ -1,0 +1,37 @@
+//! Choosing inducing points; what comes back is the trace that they leave.
+
+use dgpc::Candidates;
+
+use crate::data::{synthetic, truth};
+
+fn candidates(size: usize) -> Candidates {
+    Candidates::new(truth().kernel(), synthetic(size).inputs()).expect("finite places")
+}
+
+/// The best of all pairs, from the kernel on.
+pub fn best_pair(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64> {
+    let (prior, events) = (truth(), synthetic(size));
+    Box::new(move || {
+        let choose =
+            |_| Candidates::new(prior.kernel(), events.inputs()).expect("finite places").minimise_trace(2).trace;
+        (0..repeats).map(choose).sum::<f64>() / repeats as f64
+    })
+}
+
+/// Fifty points, one after the other.
+pub fn greedy() -> Box<dyn FnMut() -> f64> {
+    let candidates = candidates(446);
+    Box::new(move || candidates.greedy(50).trace)
+}
+
+/// Fifty points, exchanged until no swap helps.
+pub fn exchange() -> Box<dyn FnMut() -> f64> {
+    let candidates = candidates(446);
+    Box::new(move || candidates.minimise_trace(50).trace)
+}
+
+/// Fifty of ten thousand, from the kernel on.
+pub fn greedy_of_many() -> Box<dyn FnMut() -> f64> {
+    let (prior, events) = (truth(), synthetic(10_000));
+    Box::new(move || Candidates::new(prior.kernel(), events.inputs()).expect("finite places").greedy(50).trace)
+}
