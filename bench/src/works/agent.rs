@@ -1,4 +1,4 @@
-//! What a vehicle does under way, with a thousand events.
+//! What a vehicle does under way, with nearly a thousand events: as many as are fitted densely.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-const EVENTS: usize = 1000;
+const EVENTS: usize = 992;
 const SIDE_M: f64 = 4000.0;
 
 /// A member of a team of two with a thousand events, all of them fitted.

@@ -59,58 +59,49 @@ pub fn symmetric_products(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64
 pub fn multiply_adds() -> Box<dyn FnMut() -> f64> {
     Box::new(|| {
         let start = black_box([[1.0; LANES]; CHAINS]);
-        let sums = machine::chains(start, black_box(0.999_999), black_box(1e-6));
+        let sums = chains(start, black_box(0.999_999), black_box(1e-6));
         black_box(sums)[0][0]
     })
 }
 
+type Sums = [[f64; LANES]; CHAINS];
+
 #[cfg(target_arch = "x86_64")]
-mod machine {
-    use super::{CHAINS, LANES, ROUNDS};
-
-    pub fn chains(start: [[f64; LANES]; CHAINS], factor: f64, term: f64) -> [[f64; LANES]; CHAINS] {
-        if is_x86_feature_detected!("avx512f") {
-            // SAFETY: the processor was asked.
-            unsafe { wide(start, factor, term) }
-        } else if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            // SAFETY: the processor was asked.
-            unsafe { narrow(start, factor, term) }
-        } else {
-            plain(start, factor, term)
-        }
-    }
-
-    #[target_feature(enable = "avx512f")]
-    fn wide(start: [[f64; LANES]; CHAINS], factor: f64, term: f64) -> [[f64; LANES]; CHAINS] {
+fn chains(start: Sums, factor: f64, term: f64) -> Sums {
+    if is_x86_feature_detected!("avx512f") {
+        // SAFETY: the processor was asked.
+        unsafe { with_avx512(start, factor, term) }
+    } else if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        // SAFETY: the processor was asked.
+        unsafe { with_avx2(start, factor, term) }
+    } else {
         plain(start, factor, term)
-    }
-
-    #[target_feature(enable = "avx2,fma")]
-    fn narrow(start: [[f64; LANES]; CHAINS], factor: f64, term: f64) -> [[f64; LANES]; CHAINS] {
-        plain(start, factor, term)
-    }
-
-    #[inline(always)]
-    fn plain(mut sums: [[f64; LANES]; CHAINS], factor: f64, term: f64) -> [[f64; LANES]; CHAINS] {
-        for _ in 0..ROUNDS {
-            for sum in sums.as_flattened_mut() {
-                *sum = sum.mul_add(factor, term);
-            }
-        }
-        sums
     }
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-mod machine {
-    use super::{CHAINS, LANES, ROUNDS};
+fn chains(start: Sums, factor: f64, term: f64) -> Sums {
+    plain(start, factor, term)
+}
 
-    pub fn chains(mut sums: [[f64; LANES]; CHAINS], factor: f64, term: f64) -> [[f64; LANES]; CHAINS] {
-        for _ in 0..ROUNDS {
-            for sum in sums.as_flattened_mut() {
-                *sum = sum.mul_add(factor, term);
-            }
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+fn with_avx512(start: Sums, factor: f64, term: f64) -> Sums {
+    plain(start, factor, term)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn with_avx2(start: Sums, factor: f64, term: f64) -> Sums {
+    plain(start, factor, term)
+}
+
+#[inline(always)]
+fn plain(mut sums: Sums, factor: f64, term: f64) -> Sums {
+    for _ in 0..ROUNDS {
+        for sum in sums.as_flattened_mut() {
+            *sum = sum.mul_add(factor, term);
         }
-        sums
     }
+    sums
 }

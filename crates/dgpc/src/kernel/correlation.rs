@@ -1,9 +1,11 @@
 //! The correlation of points over some of their columns: what kernel terms are products of.
 
 use super::reflection::Reflection;
+use super::scaled::Scaled;
 use super::shape::Shape;
 use crate::error::{Error, Result, finite, in_range, positive, same_size};
 use crate::inputs::{Inputs, check_column};
+use crate::linalg::dot;
 use crate::parameter::Parameter;
 
 /// The correlation of two points over some columns: a shape of their distance, each column scaled by its length-scale.
@@ -193,61 +195,57 @@ impl Correlation {
         Ok(self)
     }
 
-    /// The columns of every point, reflected if asked, divided by their length-scales: N rows of as many as columns.
-    pub(super) fn scaled(&self, inputs: &Inputs, reflection: Option<&Reflection>) -> Vec<f64> {
+    /// The columns of every point, reflected if asked, divided by their length-scales.
+    pub(super) fn scaled(&self, inputs: &Inputs, reflection: Option<&Reflection>) -> Scaled {
         let pick = |(&column, &length_scale): (&usize, &f64)| match reflection.map(|r| r.image(column)) {
             Some((source, true)) => (source, -1.0 / length_scale),
             Some((source, false)) => (source, 1.0 / length_scale),
             None => (column, 1.0 / length_scale),
         };
-        let picks: Vec<(usize, f64)> = self.columns.iter().zip(&self.length_scales).map(pick).collect();
-        let scaled = inputs.rows().flat_map(|row| picks.iter().map(|&(column, factor)| row[column] * factor));
-        match self.shape.is_of_labels() {
+        let picks = self.columns.iter().zip(&self.length_scales).map(pick);
+        let scaled = picks.flat_map(|(column, factor)| inputs.rows().map(move |row| row[column] * factor));
+        let values = match self.shape.is_of_labels() {
             // No distance from anything, not even from itself, is a number.
             true => scaled.map(|label| if label < 0.0 { f64::NAN } else { label }).collect(),
             false => scaled.collect(),
-        }
+        };
+        Scaled::new(values, inputs.len())
     }
 
-    /// Adds `weight` · correlation between `point` and every one of `others` (rows of scaled coordinates) to `out`.
-    pub(super) fn add_to(&self, weight: f64, point: &[f64], others: &[f64], out: &mut [f64]) {
-        for (other, out) in others.chunks_exact(point.len()).zip(out) {
-            *out += weight * self.shape.correlation(squared_distance(point, other));
-        }
-    }
-
-    /// Multiplies every entry of `products` by the correlation between `point` and the same one of `others`.
-    pub(super) fn multiply_into(&self, point: &[f64], others: &[f64], products: &mut [f64]) {
-        for (other, product) in others.chunks_exact(point.len()).zip(products) {
-            *product *= self.shape.correlation(squared_distance(point, other));
-        }
+    /// The correlation between point `n` of `points` and every one of `others` from `first` on.
+    pub(super) fn write_to(&self, (points, n): (&Scaled, usize), others: (&Scaled, usize), out: &mut [f64]) {
+        points.squared_distances(n, others, out);
+        self.shape.correlations(out);
     }
 
     /// Adds Σ wᵢ · (correlation, its derivative by r² times each column's part of r², its derivatives by the shape's
-    /// parameters) over the pairs of `point` and `others` to `sums`.
-    pub(super) fn add_slopes(&self, point: &[f64], others: &[f64], weights: &[f64], sums: &mut Slopes) {
-        let Slopes { correlation: total, columns, shape, squares } = sums;
-        for (other, weight) in others.chunks_exact(point.len()).zip(weights) {
-            for ((square, a), b) in squares.iter_mut().zip(point).zip(other) {
-                *square = (a - b) * (a - b);
-            }
-            let squared_distance = squares.iter().sum();
-            let (correlation, slope) = self.shape.correlation_and_slope(squared_distance);
-            *total += weight * correlation;
-            let slope = weight * slope;
-            // Beyond the reach of numbers the slope is zero and the square may be infinite.
-            if slope != 0.0 {
-                columns.iter_mut().zip(&*squares).for_each(|(sum, square)| *sum += slope * square);
-            }
-            self.shape.add_parameter_slopes(*weight, squared_distance, shape);
+    /// parameters) over the pairs of point `n` of `points` and `others` from `first` on to `sums`.
+    pub(super) fn add_slopes(
+        &self,
+        (points, n): (&Scaled, usize),
+        others: (&Scaled, usize),
+        weights: &[f64],
+        sums: &mut Slopes,
+    ) {
+        let Slopes { correlation, columns, shape, values, slopes } = sums;
+        values.resize(weights.len(), 0.0);
+        slopes.resize(weights.len(), 0.0);
+        points.squared_distances(n, others, values);
+        if !shape.is_empty() {
+            let pairs = weights.iter().zip(&*values);
+            pairs.for_each(|(weight, squared)| self.shape.add_parameter_slopes(*weight, *squared, shape));
         }
+        self.shape.correlations_and_slopes(values, slopes);
+        *correlation += dot(weights, values);
+        slopes.iter_mut().zip(weights).for_each(|(slope, weight)| *slope *= weight);
+        points.add_weighted_squares(n, others, slopes, columns);
     }
 
     /// Sums for [`Correlation::add_slopes`], all zero.
     pub(super) fn slopes(&self) -> Slopes {
         let width = self.columns.len();
         let shape = vec![0.0; self.shape.parameters().len()];
-        Slopes { correlation: 0.0, columns: vec![0.0; width], shape, squares: vec![0.0; width] }
+        Slopes { correlation: 0.0, columns: vec![0.0; width], shape, values: Vec::new(), slopes: Vec::new() }
     }
 
     /// Adds `factor` · the sums to a gradient by the parameters: ∂r²/∂ln ℓ_c is −2 · (column c's part of r²).
@@ -267,16 +265,9 @@ pub(super) struct Slopes {
     pub(super) correlation: f64,
     columns: Vec<f64>,
     shape: Vec<f64>,
-    squares: Vec<f64>,
-}
-
-#[inline]
-fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
-    let mut sum = 0.0;
-    for (a, b) in a.iter().zip(b) {
-        sum += (a - b) * (a - b);
-    }
-    sum
+    /// Of the pairs at hand.
+    values: Vec<f64>,
+    slopes: Vec<f64>,
 }
 
 /// The same partition with groups numbered from 0 in the order of their first member.

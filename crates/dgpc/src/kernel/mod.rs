@@ -2,11 +2,13 @@
 //!
 //! A [`Kernel`] is a sum of [`Term`]s; a term is a variance times one or more [`Correlation`]s over columns of their
 //! own, reciprocal if it has a [`Reflection`]; a correlation is a [`Shape`] of the scaled distance. Whoever adds a
-//! shape needs nothing but `shape.rs`: its formulas, names and parameters are all there.
+//! shape needs nothing but `shape.rs`, where its names and parameters are, and `formula.rs`.
 
-mod correlation;
+mod formula;
 mod reflection;
+mod scaled;
 mod shape;
+mod correlation;
 mod term;
 
 pub use correlation::Correlation;

@@ -3,7 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
+use super::formula::{self, Correlations, CorrelationsAndSlopes};
 use crate::error::{Error, Result, in_range};
+use crate::linalg::widest;
 
 /// How correlation falls with the scaled distance r of two points.
 ///
@@ -118,47 +120,35 @@ impl Shape {
         }
     }
 
-    /// Correlation at squared scaled distance r².
-    #[inline]
-    pub(super) fn correlation(self, squared_distance: f64) -> f64 {
-        self.correlation_and_slope(squared_distance).0
+    /// Squared scaled distances become correlations.
+    pub(super) fn correlations(self, values: &mut [f64]) {
+        match self {
+            Shape::SquaredExponential => widest(Correlations(values, formula::SquaredExponential)),
+            Shape::Matern12 => widest(Correlations(values, formula::Matern12)),
+            Shape::Matern32 => widest(Correlations(values, formula::Matern32)),
+            Shape::Matern52 => widest(Correlations(values, formula::Matern52)),
+            Shape::RationalQuadratic { alpha } => {
+                values.iter_mut().for_each(|value| *value = rational_quadratic(alpha, *value).0);
+            }
+            Shape::Label => values.iter_mut().for_each(|value| *value = if *value == 0.0 { 1.0 } else { 0.0 }),
+        }
     }
 
-    /// Correlation at squared scaled distance r², and its derivative by r².
-    #[inline]
-    pub(super) fn correlation_and_slope(self, squared_distance: f64) -> (f64, f64) {
-        // Farther than numbers reach, where the products below would be 0 · ∞.
-        if !squared_distance.is_finite() {
-            return (0.0, 0.0);
-        }
+    /// Squared scaled distances become correlations, beside their derivatives by r².
+    pub(super) fn correlations_and_slopes(self, values: &mut [f64], slopes: &mut [f64]) {
         match self {
-            Shape::SquaredExponential => {
-                let correlation = (-0.5 * squared_distance).exp();
-                (correlation, -0.5 * correlation)
-            }
-            Shape::Matern12 => {
-                let r = squared_distance.sqrt();
-                let correlation = (-r).exp();
-                // At distance 0 the slope is infinite, but whatever it is multiplied by there is 0.
-                (correlation, if r > 0.0 { -0.5 * correlation / r } else { 0.0 })
-            }
-            Shape::Matern32 => {
-                let r = (3.0 * squared_distance).sqrt();
-                let decay = (-r).exp();
-                (decay + r * decay, -1.5 * decay)
-            }
-            Shape::Matern52 => {
-                let r = (5.0 * squared_distance).sqrt();
-                let decay = (-r).exp();
-                let linear = decay + r * decay;
-                (linear + r * (r * decay) / 3.0, -5.0 / 6.0 * linear)
-            }
+            Shape::SquaredExponential => widest(CorrelationsAndSlopes(values, slopes, formula::SquaredExponential)),
+            Shape::Matern12 => widest(CorrelationsAndSlopes(values, slopes, formula::Matern12)),
+            Shape::Matern32 => widest(CorrelationsAndSlopes(values, slopes, formula::Matern32)),
+            Shape::Matern52 => widest(CorrelationsAndSlopes(values, slopes, formula::Matern52)),
             Shape::RationalQuadratic { alpha } => {
-                let excess = squared_distance / (2.0 * alpha);
-                let correlation = (-alpha * excess.ln_1p()).exp();
-                (correlation, -0.5 * correlation / (1.0 + excess))
+                let pairs = values.iter_mut().zip(slopes);
+                pairs.for_each(|(value, slope)| (*value, *slope) = rational_quadratic(alpha, *value));
             }
-            Shape::Label => (if squared_distance == 0.0 { 1.0 } else { 0.0 }, 0.0),
+            Shape::Label => {
+                slopes.fill(0.0);
+                self.correlations(values);
+            }
         }
     }
 
@@ -171,6 +161,17 @@ impl Shape {
             *sum += weight * (-alpha * log_base).exp() * alpha * (excess / (1.0 + excess) - log_base);
         }
     }
+}
+
+/// (1 + r²/(2α))^−α, and its derivative by r².
+fn rational_quadratic(alpha: f64, squared_distance: f64) -> (f64, f64) {
+    // Farther than numbers reach, where the products below would be 0 · ∞.
+    if !squared_distance.is_finite() {
+        return (0.0, 0.0);
+    }
+    let excess = squared_distance / (2.0 * alpha);
+    let correlation = (-alpha * excess.ln_1p()).exp();
+    (correlation, -0.5 * correlation / (1.0 + excess))
 }
 
 impl fmt::Display for Shape {

@@ -2,10 +2,11 @@
 
 use super::correlation::{Correlation, Slopes};
 use super::reflection::Reflection;
+use super::scaled::Scaled;
 use super::shape::Shape;
 use crate::error::{Result, positive};
 use crate::inputs::Inputs;
-use crate::linalg::Matrix;
+use crate::linalg::{Matrix, add_scaled};
 use crate::parameter::Parameter;
 
 /// One term of a kernel: variance · correlation (or a product of several correlations, each over columns of its own),
@@ -19,8 +20,15 @@ pub struct Term {
     reflection: Option<Reflection>,
 }
 
-/// Points as a term sees them: for every correlation the rows of scaled coordinates.
-type Scaled = Vec<Vec<f64>>;
+/// Points as a term sees them: as each of its correlations does.
+type Seen = Vec<Scaled>;
+
+/// Room for numbers of many pairs of points.
+#[derive(Default)]
+struct Room {
+    products: Vec<f64>,
+    factors: Vec<f64>,
+}
 
 impl Term {
     /// A term over `columns` with one length-scale per column, each learned by itself.
@@ -164,14 +172,14 @@ impl Term {
             && pairs.all(|(own, other)| own.has_structure_of(other))
     }
 
-    fn scaled(&self, inputs: &Inputs, reflection: Option<&Reflection>) -> Scaled {
+    fn seen(&self, inputs: &Inputs, reflection: Option<&Reflection>) -> Seen {
         self.correlations.iter().map(|correlation| correlation.scaled(inputs, reflection)).collect()
     }
 
     /// The scaled points and, for a reciprocal term, their reflections.
-    fn images(&self, inputs: &Inputs) -> Vec<Scaled> {
-        let mut images = vec![self.scaled(inputs, None)];
-        images.extend(self.reflection.as_ref().map(|reflection| self.scaled(inputs, Some(reflection))));
+    fn images(&self, inputs: &Inputs) -> Vec<Seen> {
+        let mut images = vec![self.seen(inputs, None)];
+        images.extend(self.reflection.as_ref().map(|reflection| self.seen(inputs, Some(reflection))));
         images
     }
 
@@ -180,35 +188,36 @@ impl Term {
     fn add_products(
         &self,
         weight: f64,
-        (points, n): (&Scaled, usize),
-        (others, first): (&Scaled, usize),
+        (points, n): (&Seen, usize),
+        (others, first): (&Seen, usize),
         out: &mut [f64],
-        products: &mut Vec<f64>,
+        room: &mut Room,
     ) {
-        if let [correlation] = self.correlations.as_slice() {
-            let width = correlation.columns().len();
-            return correlation.add_to(weight, row(&points[0], width, n), &others[0][first * width..], out);
+        let Room { products, factors } = room;
+        products.resize(out.len(), 0.0);
+        let mut parts = self.correlations.iter().zip(points).zip(others);
+        if let Some(((correlation, points), others)) = parts.next() {
+            correlation.write_to((points, n), (others, first), products);
         }
-        products.clear();
-        products.resize(out.len(), weight);
-        for ((correlation, points), others) in self.correlations.iter().zip(points).zip(others) {
-            let width = correlation.columns().len();
-            correlation.multiply_into(row(points, width, n), &others[first * width..], products);
+        for ((correlation, points), others) in parts {
+            factors.resize(out.len(), 0.0);
+            correlation.write_to((points, n), (others, first), factors);
+            products.iter_mut().zip(&*factors).for_each(|(product, factor)| *product *= factor);
         }
-        out.iter_mut().zip(&*products).for_each(|(out, product)| *out += product);
+        add_scaled(weight, products, out);
     }
 
     /// Adds the term's Gram matrix of `a` against `b`, from row `first_row(column)` of each column on.
     pub(super) fn add_gram(&self, a: &Inputs, b: &Inputs, first_row: impl Fn(usize) -> usize, out: &mut Matrix) {
-        let left = self.scaled(a, None);
+        let left = self.seen(a, None);
         let images = self.images(b);
         let weight = self.variance / images.len() as f64;
-        let mut products = Vec::new();
+        let mut room = Room::default();
         for image in &images {
             for n in 0..b.len() {
                 let first = first_row(n);
                 let column = &mut out.column_mut(n)[first..];
-                self.add_products(weight, (image, n), (&left, first), column, &mut products);
+                self.add_products(weight, (image, n), (&left, first), column, &mut room);
             }
         }
     }
@@ -224,11 +233,11 @@ impl Term {
             out.iter_mut().for_each(|v| *v += self.variance);
             return;
         }
-        let (points, images) = (self.scaled(inputs, None), self.images(inputs));
-        let (weight, mut products) = (self.variance / images.len() as f64, Vec::new());
+        let (points, images) = (self.seen(inputs, None), self.images(inputs));
+        let (weight, mut room) = (self.variance / images.len() as f64, Room::default());
         for (n, out) in out.iter_mut().enumerate() {
             for image in &images {
-                self.add_products(weight, (&points, n), (image, n), std::slice::from_mut(out), &mut products);
+                self.add_products(weight, (&points, n), (image, n), std::slice::from_mut(out), &mut room);
             }
         }
     }
@@ -236,26 +245,26 @@ impl Term {
     /// Adds the slopes of every correlation, weighted also by all the others, to `sums`.
     fn add_slopes(
         &self,
-        (points, n): (&Scaled, usize),
-        (others, first): (&Scaled, usize),
+        (points, n): (&Seen, usize),
+        (others, first): (&Seen, usize),
         weights: &[f64],
         sums: &mut [Slopes],
-        products: &mut Vec<f64>,
+        room: &mut Room,
     ) {
-        let place = |which: usize| {
-            let width = self.correlations[which].columns().len();
-            (row(&points[which], width, n), &others[which][first * width..])
-        };
+        let Room { products, factors } = room;
         for (which, correlation) in self.correlations.iter().enumerate() {
+            let place = |which: usize| ((&points[which], n), (&others[which], first));
             let (point, rows) = place(which);
             if self.correlations.len() == 1 {
                 return correlation.add_slopes(point, rows, weights, &mut sums[which]);
             }
             products.clear();
             products.extend_from_slice(weights);
+            factors.resize(weights.len(), 0.0);
             for (other, correlation) in self.correlations.iter().enumerate().filter(|(other, _)| *other != which) {
                 let (point, rows) = place(other);
-                correlation.multiply_into(point, rows, products);
+                correlation.write_to(point, rows, factors);
+                products.iter_mut().zip(&*factors).for_each(|(product, factor)| *product *= factor);
             }
             correlation.add_slopes(point, rows, products, &mut sums[which]);
         }
@@ -278,15 +287,15 @@ impl Term {
         weights: &Matrix,
         gradient: &mut [f64],
     ) {
-        let left = self.scaled(a, None);
+        let left = self.seen(a, None);
         let images = self.images(b);
         let mut sums: Vec<Slopes> = self.correlations.iter().map(Correlation::slopes).collect();
-        let mut products = Vec::new();
+        let mut room = Room::default();
         for image in &images {
             for n in 0..b.len() {
                 let first = first_row(n);
                 let weights = &weights.column(n)[first..];
-                self.add_slopes((image, n), (&left, first), weights, &mut sums, &mut products);
+                self.add_slopes((image, n), (&left, first), weights, &mut sums, &mut room);
             }
         }
         self.add_sums(self.variance / images.len() as f64, &sums, gradient);
@@ -298,22 +307,16 @@ impl Term {
             gradient[0] += self.variance * weights.iter().sum::<f64>();
             return;
         }
-        let (points, images) = (self.scaled(inputs, None), self.images(inputs));
+        let (points, images) = (self.seen(inputs, None), self.images(inputs));
         let mut sums: Vec<Slopes> = self.correlations.iter().map(Correlation::slopes).collect();
-        let mut products = Vec::new();
+        let mut room = Room::default();
         for (n, weight) in weights.iter().enumerate() {
             for image in &images {
-                self.add_slopes((&points, n), (image, n), std::slice::from_ref(weight), &mut sums, &mut products);
+                self.add_slopes((&points, n), (image, n), std::slice::from_ref(weight), &mut sums, &mut room);
             }
         }
         self.add_sums(self.variance / images.len() as f64, &sums, gradient);
     }
-}
-
-/// Row `n` of rows of this width.
-#[inline]
-fn row(rows: &[f64], width: usize, n: usize) -> &[f64] {
-    &rows[n * width..(n + 1) * width]
 }
 
 /// The parts of a term as they are written down.

@@ -6,6 +6,7 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
+use super::wide::{AddScaled, Dot, widest};
 use crate::error::{Error, Place, Result};
 
 /// A dense matrix of `f64`, stored column by column.
@@ -107,9 +108,7 @@ impl Matrix {
     /// Adds `other`, entry by entry, `factor` times.
     pub(crate) fn add_scaled(&mut self, factor: f64, other: &Matrix) {
         for column in 0..self.columns() {
-            for (own, other) in self.column_mut(column).iter_mut().zip(other.column(column)) {
-                *own += factor * other;
-            }
+            add_scaled(factor, other.column(column), self.column_mut(column));
         }
     }
 
@@ -189,7 +188,12 @@ impl IndexMut<(usize, usize)> for Matrix {
 
 /// aᵀb.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+    widest(Dot(a, b))
+}
+
+/// y ← y + factor·x.
+pub(crate) fn add_scaled(factor: f64, x: &[f64], y: &mut [f64]) {
+    widest(AddScaled(factor, x, y));
 }
 
 /// ‖a‖².

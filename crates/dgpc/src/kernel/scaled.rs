@@ -1,0 +1,97 @@
+//! Points as a correlation sees them.
+
+use crate::linalg::{MultiplyAdd, Wide, widest};
+
+/// N points, every column divided by its length-scale: coordinate by coordinate, so that loops take several points at a
+/// time.
+pub(super) struct Scaled {
+    /// N of the first coordinate, N of the second …
+    values: Vec<f64>,
+    points: usize,
+}
+
+impl Scaled {
+    /// From N values of every coordinate.
+    pub(super) fn new(values: Vec<f64>, points: usize) -> Self {
+        Self { values, points }
+    }
+
+    fn coordinates(&self) -> impl Iterator<Item = &[f64]> {
+        // Without points there is no coordinate either.
+        self.values.chunks_exact(self.points.max(1))
+    }
+
+    /// r² between point `n` and every one of `others` from `first` on.
+    pub(super) fn squared_distances(&self, n: usize, (others, first): (&Scaled, usize), out: &mut [f64]) {
+        out.fill(0.0);
+        for (own, others) in self.coordinates().zip(others.coordinates()) {
+            widest(AddSquares { from: own[n], to: &others[first..], out });
+        }
+    }
+
+    /// For every coordinate Σ wᵢ · its part of r², over the same pairs, added to `sums`. Where a weight is zero the part may be
+    /// infinite, and does not count.
+    pub(super) fn add_weighted_squares(
+        &self,
+        n: usize,
+        (others, first): (&Scaled, usize),
+        weights: &[f64],
+        sums: &mut [f64],
+    ) {
+        for ((own, others), sum) in self.coordinates().zip(others.coordinates()).zip(sums) {
+            *sum += widest(WeightedSquares { from: own[n], to: &others[first..first + weights.len()], weights });
+        }
+    }
+}
+
+struct AddSquares<'a> {
+    from: f64,
+    to: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl Wide for AddSquares<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: MultiplyAdd>(self) {
+        for (out, to) in self.out.iter_mut().zip(self.to) {
+            let apart = to - self.from;
+            *out = M::multiply_add(apart, apart, *out);
+        }
+    }
+}
+
+struct WeightedSquares<'a> {
+    from: f64,
+    to: &'a [f64],
+    weights: &'a [f64],
+}
+
+impl Wide for WeightedSquares<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<M: MultiplyAdd>(self) -> f64 {
+        let ((to, to_rest), (weights, weights_rest)) = (self.to.as_chunks::<SUMS>(), self.weights.as_chunks::<SUMS>());
+        let mut sums = [0.0; SUMS];
+        for (to, weights) in to.iter().zip(weights) {
+            for place in 0..SUMS {
+                sums[place] = M::multiply_add(weights[place], square(to[place] - self.from), sums[place]);
+            }
+        }
+        for ((sum, weight), to) in sums.iter_mut().zip(weights_rest).zip(to_rest) {
+            *sum = M::multiply_add(*weight, square(to - self.from), *sum);
+        }
+        sums.iter().sum()
+    }
+}
+
+const SUMS: usize = 8;
+
+/// At most the largest number: zero times it is zero.
+#[inline(always)]
+fn square(x: f64) -> f64 {
+    let squared = x * x;
+    if squared < f64::MAX { squared } else { f64::MAX }
+}
