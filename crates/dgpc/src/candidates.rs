@@ -8,8 +8,9 @@ use rand::{Rng, RngExt};
 use crate::error::{Error, Result};
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
-use crate::linalg::{Cholesky, Matrix, add_symmetric_product, product, squared_norm};
+use crate::linalg::{Cholesky, Matrix, MultiplyAdd, Wide, add_scaled, add_symmetric_product, product, widest};
 use crate::posterior::Posterior;
+use crate::remainder::{Reductions, Remainder};
 
 /// A candidate whose variance given the points already chosen is below this share of its prior variance is one of them.
 pub const DISTINCT_SHARE: f64 = 1e-4;
@@ -91,13 +92,14 @@ impl Candidates {
     }
 
     /// The candidates that are points of their own, in order: those whose variance given the ones before is not below
-    /// this share of their prior variance, such as [`DISTINCT_SHARE`]. O(N³).
+    /// this share of their prior variance, such as [`DISTINCT_SHARE`]. O(N²) for each that is.
     pub fn distinct(&self, share_min: f64) -> Vec<usize> {
-        let mut left = self.clone();
+        let mut left = Remainder::new(&self.gram);
         let mut kept = Vec::new();
         for candidate in 0..self.len() {
-            if left.gram[(candidate, candidate)] >= share_min * self.variance[candidate] {
-                left.condition_on_those(&[candidate], share_min);
+            let variance = left.variance()[candidate];
+            if variance >= share_min * self.variance[candidate] {
+                left.take(candidate, self.share_gone(candidate, variance));
                 kept.push(candidate);
             }
         }
@@ -127,30 +129,24 @@ impl Candidates {
     /// Counts the candidates at `indices` as known from now on (or as certain as `own`, see
     /// [`Candidates::for_residual`]). O(N²) each.
     pub fn condition_on(&mut self, indices: &[usize]) {
-        self.condition_on_those(indices, DISTINCT_SHARE);
-    }
-
-    /// Conditions on those of `indices` that keep at least `share_min` of their prior variance when their turn comes.
-    fn condition_on_those(&mut self, indices: &[usize], share_min: f64) {
         let mut pivot_column = vec![0.0; self.len()];
         for &pivot in indices {
             let pivot_variance = self.gram[(pivot, pivot)];
-            if pivot_variance < share_min * self.variance[pivot] {
+            if !self.is_distinct(pivot, pivot_variance) {
                 continue;
             }
             pivot_column.copy_from_slice(self.gram.column(pivot));
-            let share = self.share_gone(pivot);
+            let share = self.share_gone(pivot, pivot_variance);
             for column in 0..self.len() {
                 let factor = share * (pivot_column[column] / pivot_variance);
-                let entries = self.gram.column_mut(column).iter_mut().zip(&pivot_column);
-                entries.for_each(|(entry, pivot)| *entry -= factor * pivot);
+                add_scaled(-factor, &pivot_column, self.gram.column_mut(column));
             }
         }
     }
 
     /// The `points` candidates with the smallest tr K̃ (the paper's *good* points): exact for one and two, beyond that
-    /// greedy, then exchanged until no single swap helps. O(N²) for one point, O(N³) for two, O(N²·points²) a round of
-    /// exchange beyond.
+    /// greedy, then exchanged until no single swap helps. O(N²) for one point, O(N³) for two; beyond, the same and
+    /// O(N·points²·log points) a round of exchange.
     pub fn minimise_trace(&self, points: usize) -> Selection {
         self.choose(points, Aim::Small)
     }
@@ -161,15 +157,16 @@ impl Candidates {
         self.choose(points, Aim::Large)
     }
 
-    /// `points` distinct candidates, uniformly. O(N²·points).
+    /// `points` distinct candidates, uniformly. O(N·points²).
     pub fn random<R: Rng + ?Sized>(&self, points: usize, rng: &mut R) -> Selection {
         let mut order: Vec<usize> = (0..self.len()).collect();
-        let mut left = self.clone();
+        let mut left = Remainder::new(&self.gram);
         let mut indices = Vec::with_capacity(points.min(self.len()));
         while indices.len() < points && !order.is_empty() {
             let candidate = order.swap_remove(rng.random_range(0..order.len()));
-            if left.is_distinct(candidate, left.gram[(candidate, candidate)]) {
-                left.condition_on(&[candidate]);
+            let variance = left.variance()[candidate];
+            if self.is_distinct(candidate, variance) {
+                left.take(candidate, self.share_gone(candidate, variance));
                 indices.push(candidate);
             }
         }
@@ -177,7 +174,7 @@ impl Candidates {
     }
 
     /// The `points` candidates that greedy choice takes, one after the other; their prefixes are the choices of fewer
-    /// points. O(N²·points): for hundreds of points, where [`Candidates::minimise_trace`] would take long.
+    /// points. O(N²·points), or O(N³ + N·points²) where that is less.
     pub fn greedy(&self, points: usize) -> Selection {
         self.greedy_towards(points, Aim::Small)
     }
@@ -187,94 +184,182 @@ impl Candidates {
             _ if self.floor.iter().any(|&floor| floor > 0.0) => self.greedy_towards(points, aim),
             2 => self.best_pair(aim).unwrap_or_else(|| self.greedy_towards(1, aim)),
             0 | 1 => self.greedy_towards(points, aim),
-            _ => self.exchange(self.greedy_towards(points, aim), aim),
+            _ => self.exchanged(points, aim),
         }
     }
 
     fn greedy_towards(&self, points: usize, aim: Aim) -> Selection {
-        let mut left = self.clone();
+        // K² is as dear as some N/16 products of K and a vector.
+        let squared = (points.saturating_mul(16) > self.len()).then(|| self.squared());
+        self.greedy_from(Reductions::new(&self.gram, squared.as_ref()), points, aim)
+    }
+
+    fn greedy_from(&self, mut left: Reductions<'_>, points: usize, aim: Aim) -> Selection {
         let mut indices = Vec::with_capacity(points.min(self.len()));
         while indices.len() < points {
-            let Some((candidate, _)) = left.best(aim) else { break };
-            left.condition_on(&[candidate]);
+            let Some((candidate, _)) = self.best(&left, aim) else { break };
+            self.take(&mut left, candidate, DISTINCT_SHARE);
             indices.push(candidate);
         }
         Selection { indices, trace: left.trace() }
     }
 
-    /// Replaces one chosen point at a time by the best for its place, until nothing changes.
-    fn exchange(&self, mut selection: Selection, aim: Aim) -> Selection {
-        let mut changed = true;
-        while changed {
-            changed = false;
-            for place in 0..selection.indices.len() {
-                let mut others = selection.indices.clone();
-                others.remove(place);
-                let mut left = self.clone();
-                // A swap may have brought two of them close; they are chosen all the same.
-                left.condition_on_those(&others, ROUNDING_SHARE);
-                let Some((candidate, reduction)) = left.best(aim) else { continue };
-                let trace = left.trace() - reduction;
-                let tolerance = 1e-12 * self.trace();
-                let better = match aim {
-                    Aim::Small => trace < selection.trace - tolerance,
-                    Aim::Large => trace > selection.trace + tolerance,
-                };
-                if better {
-                    selection.indices[place] = candidate;
-                    selection.trace = trace;
-                    changed = true;
-                }
-            }
-        }
+    /// Greedily, then exchanged one at a time by the best for its place, until nothing changes.
+    fn exchanged(&self, points: usize, aim: Aim) -> Selection {
+        let squared = self.squared();
+        let mut left = Reductions::new(&self.gram, Some(&squared));
+        let mut selection = self.greedy_from(left.clone(), points, aim);
+        let places = selection.indices.len();
+        while self.exchange(&mut left, &mut selection, 0..places, aim) {}
         selection
     }
 
+    /// One look at each of these places of a selection, in order, where `left` knows all points at the others; whether
+    /// anything changed. By halves, so that a round takes O(points · log points) points instead of their square.
+    fn exchange(
+        &self,
+        left: &mut Reductions<'_>,
+        selection: &mut Selection,
+        places: std::ops::Range<usize>,
+        aim: Aim,
+    ) -> bool {
+        match places.len() {
+            0 => return false,
+            1 => return self.exchange_one(left, selection, places.start, aim),
+            _ => {}
+        }
+        let middle = places.start.midpoint(places.end);
+        let (first, second, mark) = (places.start..middle, middle..places.end, left.mark());
+        // A swap may have brought two of them close; they are chosen all the same.
+        second.clone().for_each(|place| self.take(left, selection.indices[place], ROUNDING_SHARE));
+        let in_first = self.exchange(left, selection, first.clone(), aim);
+        left.back_to(&mark);
+        first.for_each(|place| self.take(left, selection.indices[place], ROUNDING_SHARE));
+        let in_second = self.exchange(left, selection, second, aim);
+        left.back_to(&mark);
+        in_first || in_second
+    }
+
+    /// The best point for one place, if it is better than what is there.
+    fn exchange_one(&self, left: &Reductions<'_>, selection: &mut Selection, place: usize, aim: Aim) -> bool {
+        let Some((candidate, reduction)) = self.best(left, aim) else { return false };
+        let trace = left.trace() - reduction;
+        let tolerance = 1e-12 * self.trace();
+        let better = match aim {
+            Aim::Small => trace < selection.trace - tolerance,
+            Aim::Large => trace > selection.trace + tolerance,
+        };
+        if better {
+            selection.indices[place] = candidate;
+            selection.trace = trace;
+        }
+        better
+    }
+
+    /// Takes a candidate that keeps at least `share_min` of its prior variance.
+    fn take(&self, left: &mut Reductions<'_>, candidate: usize, share_min: f64) {
+        let variance = left.variance()[candidate];
+        if variance >= share_min * self.variance[candidate] {
+            left.take(candidate, self.share_gone(candidate, variance));
+        }
+    }
+
     /// The best single candidate and by how much it reduces the trace: Σ_n k(x_n, z)²/k(z, z).
-    fn best(&self, aim: Aim) -> Option<(usize, f64)> {
-        let reductions = (0..self.len())
-            .map(|candidate| (candidate, self.gram[(candidate, candidate)]))
-            .filter(|&(candidate, variance)| self.is_distinct(candidate, variance))
-            .map(|(candidate, variance)| {
-                let explained = squared_norm(self.gram.column(candidate)) / variance;
-                (candidate, explained * self.share_gone(candidate))
+    fn best(&self, left: &Reductions<'_>, aim: Aim) -> Option<(usize, f64)> {
+        let reductions = left
+            .variance()
+            .iter()
+            .enumerate()
+            .filter(|&(candidate, &variance)| self.is_distinct(candidate, variance))
+            .map(|(candidate, &variance)| {
+                (candidate, left.reduction(candidate) * self.share_gone(candidate, variance))
             });
         best_of(reductions.filter(|&(_, reduction)| reduction > 0.0), aim)
     }
 
-    /// The best pair, over all of them, from one symmetric product C = K²: the reduction by {i, j} is
-    /// [C_ii k_jj + C_jj k_ii − 2 k_ij C_ij] / (k_ii k_jj − k_ij²).
-    fn best_pair(&self, aim: Aim) -> Option<Selection> {
+    /// C = K².
+    fn squared(&self) -> Matrix {
         let mut squared = Matrix::zeros(self.len(), self.len());
         add_symmetric_product(1.0, self.gram.view(), &mut squared);
-        let (k, c) = (&self.gram, &squared);
-        let mut best: Option<((usize, usize), f64)> = None;
-        for j in 1..self.len() {
-            let (kj, cj) = (k.column(j), c.column(j));
-            let (kjj, cjj) = (kj[j], cj[j]);
-            let reductions = (0..j).filter_map(|i| {
-                let (kii, cii) = (k[(i, i)], c[(i, i)]);
-                let determinant = kii * kjj - kj[i] * kj[i];
-                let distinct = self.is_distinct(i, kii)
-                    && self.is_distinct(j, kjj)
-                    && determinant >= DISTINCT_SHARE * self.variance[j] * kii
-                    && determinant >= DISTINCT_SHARE * self.variance[i] * kjj;
-                distinct.then(|| ((i, j), (cii * kjj + cjj * kii - 2.0 * kj[i] * cj[i]) / determinant))
-            });
-            best = best_of(best.into_iter().chain(reductions), aim);
-        }
-        best.map(|((i, j), reduction)| Selection { indices: vec![i, j], trace: self.trace() - reduction })
+        squared
     }
 
-    /// The share of a candidate's variance that goes once it is chosen.
-    fn share_gone(&self, candidate: usize) -> f64 {
-        let variance = self.gram[(candidate, candidate)];
-        (1.0 - self.floor[candidate] / variance).max(0.0)
+    /// The best pair, over all of them, from one symmetric product C = K².
+    fn best_pair(&self, aim: Aim) -> Option<Selection> {
+        let squared = self.squared();
+        let (variance, explained) = (self.gram.diagonal(), squared.diagonal());
+        let sign = if aim == Aim::Small { 1.0 } else { -1.0 };
+        let (mut merits, mut best) = (vec![0.0; self.len()], None);
+        for j in (1..self.len()).filter(|&j| self.is_distinct(j, variance[j])) {
+            let pairs = Pairs {
+                sign,
+                second: [variance[j], explained[j], DISTINCT_SHARE * self.variance[j]],
+                between: [self.gram.column(j), squared.column(j)],
+                first: [&variance, &explained, &self.variance],
+                merits: &mut merits[..j],
+            };
+            let most = widest(pairs);
+            if most > best.map_or(f64::NEG_INFINITY, |(_, most)| most)
+                && let Some(i) = merits.iter().position(|&merit| merit == most)
+            {
+                best = Some(((i, j), most));
+            }
+        }
+        best.map(|((i, j), most)| Selection { indices: vec![i, j], trace: self.trace() - sign * most })
+    }
+
+    /// The share of a candidate's conditional variance that goes once it is chosen.
+    fn share_gone(&self, candidate: usize, conditional_variance: f64) -> f64 {
+        (1.0 - self.floor[candidate] / conditional_variance).max(0.0)
     }
 
     /// Whether a candidate of this conditional variance is not one of the known points.
     fn is_distinct(&self, candidate: usize, conditional_variance: f64) -> bool {
         conditional_variance >= DISTINCT_SHARE * self.variance[candidate]
+    }
+}
+
+/// By how much each pair {i, j} with one j lowers the trace, times a sign:
+/// [C_ii k_jj + C_jj k_ii − 2 k_ij C_ij] / (k_ii k_jj − k_ij²); −∞ where one of them tells the other.
+struct Pairs<'a> {
+    sign: f64,
+    /// k_jj, C_jj, and the least variance that j must keep.
+    second: [f64; 3],
+    /// k_ij and C_ij for every i.
+    between: [&'a [f64]; 2],
+    /// k_ii, C_ii and the prior variance for every i.
+    first: [&'a [f64]; 3],
+    merits: &'a mut [f64],
+}
+
+impl Wide for Pairs<'_> {
+    /// The largest of them.
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<M: MultiplyAdd>(self) -> f64 {
+        let ([k_jj, c_jj, least], [k_j, c_j], [k, c, prior]) = (self.second, self.between, self.first);
+        let size = self.merits.len();
+        let (k_j, c_j, k, c, prior) = (&k_j[..size], &c_j[..size], &k[..size], &c[..size], &prior[..size]);
+        for i in 0..size {
+            let determinant = M::multiply_add(k[i], k_jj, -(k_j[i] * k_j[i]));
+            let of_first = DISTINCT_SHARE * prior[i];
+            let distinct = (k[i] >= of_first) & (determinant >= least * k[i]) & (determinant >= of_first * k_jj);
+            let gain = M::multiply_add(c[i], k_jj, M::multiply_add(c_jj, k[i], -2.0 * (k_j[i] * c_j[i])));
+            self.merits[i] = if distinct { self.sign * (gain / determinant) } else { f64::NEG_INFINITY };
+        }
+        let (chunks, rest) = self.merits.as_chunks::<8>();
+        let mut most = [f64::NEG_INFINITY; 8];
+        for chunk in chunks {
+            for (most, merit) in most.iter_mut().zip(chunk) {
+                *most = if *merit > *most { *merit } else { *most };
+            }
+        }
+        let mut largest = f64::NEG_INFINITY;
+        for merit in most.iter().chain(rest) {
+            largest = if *merit > largest { *merit } else { largest };
+        }
+        largest
     }
 }
 

@@ -112,6 +112,7 @@ mod evidence;
 mod gibbs;
 mod chain;
 mod region;
+mod remainder;
 mod candidates;
 mod certificate;
 #[cfg(feature = "learn")]

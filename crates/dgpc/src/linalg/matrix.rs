@@ -114,9 +114,15 @@ impl Matrix {
 
     /// Writes the lower triangle to the upper one.
     pub(crate) fn mirror_lower(&mut self) {
-        for column in 1..self.columns() {
-            for row in 0..column {
-                self[(row, column)] = self[(column, row)];
+        // Tile by tile, so that what is read across columns stays in the first-level cache.
+        const TILE: usize = 32;
+        for first_column in (0..self.columns()).step_by(TILE) {
+            for first_row in (0..=first_column).step_by(TILE) {
+                for column in first_column..(first_column + TILE).min(self.columns()) {
+                    for row in first_row..(first_row + TILE).min(column) {
+                        self[(row, column)] = self[(column, row)];
+                    }
+                }
             }
         }
     }
