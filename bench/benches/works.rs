@@ -21,5 +21,9 @@ fn works(criterion: &mut Criterion) {
     }
 }
 
+/// As the program `pingmap` has it.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 criterion_group!(all, works);
 criterion_main!(all);

@@ -8,6 +8,10 @@ use std::process::ExitCode;
 use pingmap_bench::{WORKS, Work, write_all};
 use rustix::time::{ClockId, clock_gettime};
 
+/// As the program `pingmap` has it.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let result = match arguments.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {

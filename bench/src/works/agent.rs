@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use dgpc::Shape;
-use pingmap_agent::{Agent, Chart, Event, InputSpec, Link, Model, Position, Team, VehicleId};
+use pingmap_agent::{Agent, Chart, Event, InputSpec, Link, Model, Position, Team, Telling, VehicleId};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -12,13 +12,14 @@ const EVENTS: usize = 992;
 const SIDE_M: f64 = 4000.0;
 
 /// A member of a team of two with a thousand events, all of them fitted.
-fn agent() -> Agent {
+fn agent(frame_bytes: usize) -> Agent {
     let corner = SIDE_M / 2.0;
     let reach = [Position::new(-corner, -corner), Position::new(corner, corner)];
     let chart = Chart::about([]);
     let model = Model::isotropic(chart, InputSpec::Positions, Shape::Matern32, true, 800.0, 6.0).expect("a model");
-    let team = Team::new(["alice", "bob"].map(VehicleId::new), model, reach).expect("a team");
-    let mut agent = Agent::new(VehicleId::new("alice"), Arc::new(team));
+    let team = Team::new(["alice", "bob"].map(VehicleId::new), model, reach).expect("a team").with_frames(frame_bytes);
+    let points_only = Telling { reports: false, ..Telling::default() };
+    let mut agent = Agent::new(VehicleId::new("alice"), Arc::new(team)).telling(points_only);
     agent.observe_all(events(EVENTS, 1)).expect("sensible events");
     agent.rebuild_posteriors().expect("posteriors");
     agent
@@ -45,26 +46,29 @@ fn links(count: usize, seed: u64) -> Vec<Link> {
 
 /// What to tell in so many bytes: its length.
 pub fn next_frame(bytes: usize) -> Box<dyn FnMut() -> f64> {
-    let agent = agent();
+    let agent = agent(bytes);
     Box::new(move || {
         let frame = agent.clone().next_packet(1e4, bytes).expect("a frame").expect("something to tell");
         frame.len() as f64
     })
 }
 
-/// A new event, and one question after it.
-pub fn observe_and_query() -> Box<dyn FnMut() -> f64> {
-    let (agent, event, link) = (agent(), events(EVENTS + 1, 1).pop().expect("the last"), links(1, 5)[0]);
+/// New events, and one question after each.
+pub fn observe_and_query(count: usize) -> Box<dyn FnMut() -> f64> {
+    let (agent, new, link) = (agent(32), events(EVENTS + count, 1).split_off(EVENTS), links(1, 5)[0]);
     Box::new(move || {
         let mut agent = agent.clone();
-        agent.observe(event.clone()).expect("a sensible event");
-        agent.probability(link).expect("a probability")
+        let answers = new.iter().map(|event| {
+            agent.observe(event.clone()).expect("a sensible event");
+            agent.probability(link).expect("a probability")
+        });
+        answers.fold(f64::NAN, |_, answer| answer)
     })
 }
 
 /// Everything fitted anew from where it was, and one question.
 pub fn refit_and_query() -> Box<dyn FnMut() -> f64> {
-    let (mut agent, link) = (agent(), links(1, 5)[0]);
+    let (mut agent, link) = (agent(32), links(1, 5)[0]);
     agent.observe_all(events(EVENTS + 8, 1).split_off(EVENTS)).expect("sensible events");
     Box::new(move || {
         let mut agent = agent.clone();
@@ -75,6 +79,6 @@ pub fn refit_and_query() -> Box<dyn FnMut() -> f64> {
 
 /// 10 000 questions: their mean.
 pub fn queries() -> Box<dyn FnMut() -> f64> {
-    let (mut agent, links) = (agent(), links(10_000, 5));
+    let (mut agent, links) = (agent(32), links(10_000, 5));
     Box::new(move || agent.probabilities(&links).expect("probabilities").iter().sum::<f64>() / links.len() as f64)
 }

@@ -202,9 +202,7 @@ impl Agent {
 
     /// What it knows, at the places where it could send something of it.
     fn planner<'a>(&'a self, layout: &'a Layout) -> Result<Planner<'a>, AgentError> {
-        let (team, attempts) = (self.team(), self.candidates());
-        let inputs = self.model().inputs(&attempts)?;
-        Ok(Planner { wire: self.wire(), layout, own: &self.beliefs.own, attempts, inputs, worth_nats: team.worth_nats })
+        Ok(Planner::new(self.wire(), layout, &self.beliefs.own, self.candidates(), self.team().worth_nats)?)
     }
 
     /// What the numbers of a packet of its own mean.

@@ -50,11 +50,34 @@ pub(crate) struct Planner<'a> {
     pub(crate) attempts: Vec<Attempt>,
     /// Their inputs.
     pub(crate) inputs: Inputs,
+    /// What it knows there.
+    known: Known,
     /// See [`crate::Team::worth_nats`].
     pub(crate) worth_nats: f64,
 }
 
-impl Planner<'_> {
+/// What the vehicle knows from its own events at the inputs of its attempts.
+#[derive(Debug)]
+struct Known {
+    probability: Vec<f64>,
+    variance: Vec<f64>,
+}
+
+impl<'a> Planner<'a> {
+    pub(crate) fn new(
+        wire: Wire<'a>,
+        layout: &'a Layout,
+        own: &'a Posterior,
+        attempts: Vec<Attempt>,
+        worth_nats: f64,
+    ) -> dgpc::Result<Self> {
+        let inputs = wire.model.inputs(&attempts)?;
+        // Asked once: it is as dear as all the rest of planning.
+        let latent = own.latent(&inputs)?;
+        let known = Known { probability: latent.probability(), variance: latent.variance };
+        Ok(Self { wire, layout, own, attempts, inputs, known, worth_nats })
+    }
+
     /// The packet that tells most to somebody who knows `public`, if it is worth a frame. Its points are those that
     /// lower the variance of `public` at the sender's events most, or that stand for where it is most wrong; of several
     /// such packets the one is taken that brings what `public` predicts closest to what the sender knows.
@@ -62,8 +85,7 @@ impl Planner<'_> {
         if self.attempts.is_empty() {
             return Ok(None);
         }
-        let known = self.own.probability(&self.inputs)?;
-        let divergences = self.divergences(&known, public)?;
+        let divergences = self.divergences(public)?;
         let mut order: Vec<usize> = (0..self.attempts.len()).collect();
         order.sort_by(|&a, &b| divergences[b].total_cmp(&divergences[a]).then(a.cmp(&b)));
         let untold = mean(&divergences);
@@ -73,7 +95,7 @@ impl Planner<'_> {
                 let mut best: Option<Planned> = None;
                 for pool in parts.iter().map(|part| self.worst(&order, *part)) {
                     let (planned, public) = self.form(public, &pool, choice, temper)?;
-                    let planned = Planned { left: mean(&self.divergences(&known, &public)?), ..planned };
+                    let planned = Planned { left: mean(&self.divergences(&public)?), ..planned };
                     if !planned.summaries.is_empty() && best.as_ref().is_none_or(|best| planned.left < best.left) {
                         best = Some(planned);
                     }
@@ -89,10 +111,7 @@ impl Planner<'_> {
     /// What somebody who knows `public` does not know: mean Kullback-Leibler divergence of what that predicts from what the
     /// vehicle knows, over its own events, in nats. 0 without any.
     pub(crate) fn left(&self, public: &Posterior) -> dgpc::Result<f64> {
-        if self.attempts.is_empty() {
-            return Ok(0.0);
-        }
-        Ok(mean(&self.divergences(&self.own.probability(&self.inputs)?, public)?))
+        Ok(mean(&self.divergences(public)?))
     }
 
     /// One in `part` of the candidates, the first in `order`, and as many as a block has points.
@@ -116,9 +135,10 @@ impl Planner<'_> {
         let time = self.wire.time_of(pool.iter().map(|&place| &self.attempts[place]));
         let links: Vec<Link> = pool.iter().map(|&place| self.attempts[place].link).collect();
         let inputs = self.wire.model.inputs(links.iter().map(|&link| self.wire.attempt(time, link)))?;
+        let variance = self.variance(pool, &inputs)?;
         while blocks.len() < self.layout.blocks {
             let candidates = match choice {
-                Choice::Unplanned => Candidates::for_residual(&public, self.own, &inputs)?,
+                Choice::Unplanned => Candidates::towards(&public, &variance, &inputs)?,
                 Choice::Spread => Candidates::given(self.own.prior().kernel(), &inputs, &points_of(&summaries)?)?,
             };
             let chosen = candidates.greedy(self.layout.points);
@@ -133,10 +153,18 @@ impl Planner<'_> {
         Ok((Planned { blocks, summaries, left: f64::NAN }, public))
     }
 
+    /// Variances of what it knows at the inputs of a pool: known already, where the model does not look at the time.
+    fn variance(&self, pool: &[usize], inputs: &Inputs) -> dgpc::Result<Vec<f64>> {
+        if self.own.prior().sees_alike(inputs, &self.inputs.select(pool)) {
+            return Ok(pool.iter().map(|&place| self.known.variance[place]).collect());
+        }
+        Ok(self.own.latent(inputs)?.variance)
+    }
+
     /// Kullback-Leibler divergence of what `public` predicts from what the vehicle knows, at every candidate.
-    fn divergences(&self, known: &[f64], public: &Posterior) -> dgpc::Result<Vec<f64>> {
+    fn divergences(&self, public: &Posterior) -> dgpc::Result<Vec<f64>> {
         let public = public.probability(&self.inputs)?;
-        Ok(known.iter().zip(&public).map(|(&p, &q)| part(p, q) + part(1.0 - p, 1.0 - q)).collect())
+        Ok(self.known.probability.iter().zip(&public).map(|(&p, &q)| part(p, q) + part(1.0 - p, 1.0 - q)).collect())
     }
 }
 

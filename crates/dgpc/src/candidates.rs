@@ -5,7 +5,7 @@
 
 use rand::{Rng, RngExt};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, same_size};
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
 use crate::linalg::{Cholesky, Matrix, MultiplyAdd, Wide, add_scaled, add_symmetric_product, product, widest};
@@ -86,9 +86,19 @@ impl Candidates {
         if public.prior() != own.prior() {
             return Err(Error::DifferentPriors { what: "two posteriors" });
         }
-        let variance = own.prior().kernel().diagonal(inputs)?;
+        Self::towards(public, &own.latent(inputs)?.variance, inputs)
+    }
+
+    /// The same for whoever knows already which `variance` its own posterior has at the candidates, N. O(n²N + N²n) for n
+    /// of `public`.
+    ///
+    /// # Errors
+    /// [`Error::SizeMismatch`] for another number of variances than candidates, and as [`Posterior::latent`].
+    pub fn towards(public: &Posterior, variance: &[f64], inputs: &Inputs) -> Result<Self> {
+        same_size("variances, one per candidate", inputs.len(), variance.len())?;
         let (_, gram) = public.joint(inputs)?;
-        Ok(Self { gram, variance, floor: own.latent(inputs)?.variance, jitter: public.jitter() })
+        let prior_variance = public.prior().kernel().diagonal(inputs)?;
+        Ok(Self { gram, variance: prior_variance, floor: variance.to_vec(), jitter: public.jitter() })
     }
 
     /// The candidates that are points of their own, in order: those whose variance given the ones before is not below

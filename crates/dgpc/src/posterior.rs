@@ -133,18 +133,19 @@ impl Posterior {
         let (between, among) = self.whitened_covariances(&new)?;
         let target = self.extended_target(&new, &between, &among);
         let (between, corner) = self.rotated(&new, between, among);
-        let cholesky = self.cholesky.extended("I + RᵀTR", between, corner)?;
+        let extension = self.cholesky.extension("I + RᵀTR", between, corner)?;
         // Nothing fails any more.
         self.support.append(&new.support)?;
         self.segments.extend(new.segments);
         self.shift.extend(new.shift);
+        self.cholesky.extend(extension);
         // weights = b̂ − R B⁻¹ RᵀTb̂.
         let mut correction = target.clone();
-        cholesky.solve(&mut correction);
+        self.cholesky.solve(&mut correction);
         apply(&self.segments, 0, &mut correction, Matrix::times);
         self.weights = self.shift.iter().zip(&correction).map(|(shift, correction)| shift - correction).collect();
         self.jitter = self.jitter.max(new.jitter);
-        (self.target, self.cholesky) = (target, cholesky);
+        self.target = target;
         Ok(())
     }
 

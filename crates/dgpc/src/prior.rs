@@ -43,6 +43,16 @@ impl Prior {
         self.mean.check_columns(inputs)
     }
 
+    /// Whether these are the same points in the same order, as far as kernel and mean look at them. O(N · columns).
+    pub fn sees_alike(&self, a: &Inputs, b: &Inputs) -> bool {
+        let mut columns: Vec<usize> = self.kernel.columns().chain(self.mean.columns()).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        let value = |row: &[f64], column: usize| row.get(column).copied();
+        a.len() == b.len()
+            && a.rows().zip(b.rows()).all(|(a, b)| columns.iter().all(|&column| value(a, column) == value(b, column)))
+    }
+
     /// The fewest columns that inputs can have.
     pub(crate) fn dimension_min(&self) -> usize {
         self.kernel.columns().chain(self.mean.columns()).max().map_or(1, |column| column + 1)

@@ -23,10 +23,7 @@ impl Scaled {
 
     /// r² between point `n` and every one of `others` from `first` on.
     pub(super) fn squared_distances(&self, n: usize, (others, first): (&Scaled, usize), out: &mut [f64]) {
-        out.fill(0.0);
-        for (own, others) in self.coordinates().zip(others.coordinates()) {
-            widest(AddSquares { from: own[n], to: &others[first..], out });
-        }
+        widest(SquaredDistances { from: self, n, to: others, first, out });
     }
 
     /// For every coordinate Σ wᵢ · its part of r², over the same pairs, added to `sums`. Where a weight is zero the part may be
@@ -44,20 +41,45 @@ impl Scaled {
     }
 }
 
-struct AddSquares<'a> {
-    from: f64,
-    to: &'a [f64],
+struct SquaredDistances<'a> {
+    from: &'a Scaled,
+    n: usize,
+    to: &'a Scaled,
+    first: usize,
     out: &'a mut [f64],
 }
 
-impl Wide for AddSquares<'_> {
+impl Wide for SquaredDistances<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<M: MultiplyAdd>(self) {
-        for (out, to) in self.out.iter_mut().zip(self.to) {
-            let apart = to - self.from;
-            *out = M::multiply_add(apart, apart, *out);
+        let Self { from, n, to, first, out } = self;
+        let (chunks, rest) = out.as_chunks_mut::<CHUNK>();
+        let mut place = first;
+        for chunk in chunks {
+            let mut sums = [0.0; CHUNK];
+            let mut own = n;
+            for other in to.values.chunks_exact(to.points.max(1)) {
+                let other = &other[place..place + CHUNK];
+                for lane in 0..CHUNK {
+                    let apart = other[lane] - from.values[own];
+                    sums[lane] = M::multiply_add(apart, apart, sums[lane]);
+                }
+                own += from.points;
+            }
+            *chunk = sums;
+            place += CHUNK;
+        }
+        for out in rest {
+            let (mut sum, mut own) = (0.0, n);
+            for other in to.values.chunks_exact(to.points.max(1)) {
+                let apart = other[place] - from.values[own];
+                sum = M::multiply_add(apart, apart, sum);
+                own += from.points;
+            }
+            *out = sum;
+            place += 1;
         }
     }
 }
@@ -86,6 +108,8 @@ impl Wide for WeightedSquares<'_> {
         sums.iter().sum()
     }
 }
+
+const CHUNK: usize = 16;
 
 const SUMS: usize = 8;
 

@@ -15,6 +15,14 @@ pub(crate) struct Cholesky {
     jitter: f64,
 }
 
+/// Rows that a factor gains.
+pub(crate) struct Extension {
+    /// L⁻¹X.
+    between: Matrix,
+    /// Of C − XᵀA⁻¹X.
+    corner: Cholesky,
+}
+
 impl Cholesky {
     /// Factorises `matrix` (its lower triangle is read) as it is. O(n³/3).
     ///
@@ -59,11 +67,12 @@ impl Cholesky {
         (Self { factor: Matrix::zeros(size, size), jitter: 0.0 }, CholeskyScratch::new(size))
     }
 
-    /// The factor of [A, X; Xᵀ, C] from that of A (n×n), X (n×m) and C (m×m): O(n²m + m³).
+    /// What [`Cholesky::extend`] needs to go from the factor of A (n×n) to that of [A, X; Xᵀ, C], X (n×m) and C (m×m):
+    /// O(n²m + m³).
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`] names `what` and the failing pivot.
-    pub(crate) fn extended(&self, what: &'static str, mut x: Matrix, mut c: Matrix) -> Result<Self> {
+    pub(crate) fn extension(&self, what: &'static str, mut x: Matrix, mut c: Matrix) -> Result<Extension> {
         let (old, size) = (self.size(), self.size() + c.rows());
         self.solve_lower_matrix(&mut x);
         add_symmetric_product(-1.0, x.t(), &mut c);
@@ -73,11 +82,17 @@ impl Cholesky {
             }
             other => other,
         })?;
-        let mut factor = Matrix::zeros(size, size);
-        factor.0.as_mut().submatrix_mut(0, 0, old, old).copy_from(self.factor.view());
-        factor.0.as_mut().submatrix_mut(old, 0, size - old, old).copy_from(x.t());
-        factor.0.as_mut().submatrix_mut(old, old, size - old, size - old).copy_from(corner.factor.view());
-        Ok(Self { factor, jitter: self.jitter })
+        Ok(Extension { between: x, corner })
+    }
+
+    /// Appends rows to the factor. O(nm), but for the times when there is no room left.
+    pub(crate) fn extend(&mut self, Extension { between, corner }: Extension) {
+        let old = self.size();
+        self.factor.grow(old + corner.size(), |row, column| match (row >= old, column >= old) {
+            (true, true) => corner.factor[(row - old, column - old)],
+            (true, false) => between[(column, row - old)],
+            (false, _) => 0.0,
+        });
     }
 
     /// Replaces the matrix by what `fill` writes to the lower triangle, and factorises it. O(n³/3), no allocation.

@@ -105,6 +105,16 @@ impl Matrix {
         out
     }
 
+    /// Makes a square matrix larger; `entry(row, column)` is asked for what it does not have yet. What was there moves only
+    /// when there is no room left, and then room is made for an eighth more.
+    pub(crate) fn grow(&mut self, size: usize, entry: impl FnMut(usize, usize) -> f64) {
+        // Columns are as far apart as there is room for rows; asking for what is there does nothing.
+        let rows = self.0.col_stride().unsigned_abs();
+        let room = if rows < size { (size + size / 8).next_multiple_of(16) } else { rows };
+        self.0.reserve(room, room);
+        self.0.resize_with(size, size, entry);
+    }
+
     /// Adds `other`, entry by entry, `factor` times.
     pub(crate) fn add_scaled(&mut self, factor: f64, other: &Matrix) {
         for column in 0..self.columns() {
