@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::inputs::Inputs;
-use crate::linalg::{Cholesky, Matrix, add_symmetric_product, squared_norm};
+use crate::linalg::{Cholesky, Matrix, View, add_symmetric_product_lower, multiply_lower, scale_into, squared_norm};
 use crate::prior::Prior;
 
 /// Events that one block takes: M × 256 doubles stay in the second-level cache.
@@ -36,34 +36,39 @@ impl Features {
         Ok(Self::from_cross(cholesky, prior.kernel().cross(points, inputs)?, &prior.kernel().diagonal(inputs)?))
     }
 
+    /// Φᵀ of the events `first..end`.
+    pub(crate) fn block(&self, first: usize, end: usize) -> View<'_> {
+        self.by_event.view().subcols(first, end - first)
+    }
+
     /// ΦᵀΩΦ, M×M, by blocks of events. O(NM²).
     pub(crate) fn precision(&self, omega: &[f64], out: &mut Matrix) {
         (0..out.columns()).for_each(|column| out.column_mut(column).fill(0.0));
-        let mut block = Matrix::zeros(out.rows(), BLOCK.min(omega.len()));
+        let mut scaled = Matrix::zeros(out.rows(), BLOCK.min(omega.len()));
         for first in (0..omega.len()).step_by(BLOCK) {
             let width = BLOCK.min(omega.len() - first);
             for column in 0..width {
-                let root = omega[first + column].sqrt();
-                let features = self.by_event.column(first + column);
-                block.column_mut(column).iter_mut().zip(features).for_each(|(out, phi)| *out = root * phi);
+                let event = first + column;
+                scale_into(omega[event].sqrt(), self.by_event.column(event), scaled.column_mut(column));
             }
-            add_symmetric_product(1.0, block.view().subcols(0, width), out);
+            add_symmetric_product_lower(1.0, scaled.view().subcols(0, width), out);
         }
+        out.mirror_lower();
     }
 
     /// residual_n + φ_nᵀS⁻¹φ_n for S = `cholesky`, by blocks of events. O(NM²).
     pub(crate) fn add_variance(&self, cholesky: &Cholesky, variance: &mut [f64]) {
         let points = self.by_event.rows();
-        let mut block = Matrix::zeros(points, BLOCK.min(variance.len()));
+        // A product with L⁻¹ is faster than a solve with L; S has no eigenvalue below 1, so that both are as exact.
+        let mut inverse = Matrix::zeros(points, points);
+        cholesky.invert_lower(&mut inverse);
+        let mut solved = Matrix::zeros(points, BLOCK.min(variance.len()));
         for first in (0..variance.len()).step_by(BLOCK) {
-            let width = BLOCK.min(variance.len() - first);
-            for column in 0..width {
-                block.column_mut(column).copy_from_slice(self.by_event.column(first + column));
-            }
-            cholesky.solve_lower_matrix(&mut block);
-            for column in 0..width {
-                let n = first + column;
-                variance[n] = self.residual[n] + squared_norm(block.column(column));
+            let end = variance.len().min(first + BLOCK);
+            multiply_lower(&inverse, self.block(first, end), &mut solved);
+            let events = variance[first..end].iter_mut().zip(&self.residual[first..end]);
+            for (column, (variance, residual)) in events.enumerate() {
+                *variance = residual + squared_norm(solved.column(column));
             }
         }
     }

@@ -6,7 +6,9 @@ use crate::error::Result;
 use crate::features::{BLOCK, Features};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
-use crate::linalg::{Cholesky, CholeskyScratch, Matrix, add_lower_gram, dot, multiply_vector, product, squared_norm};
+use crate::linalg::{
+    Cholesky, CholeskyScratch, Matrix, add_lower_gram, add_scaled, dot, multiply_vector, product, squared_norm,
+};
 use crate::prior::Prior;
 
 /// Features and the factor of I + Ĝ, Ĝ = ΦᵀΩΦ. Everything in the order of [`Likelihood`].
@@ -49,12 +51,11 @@ impl<'a> Sparse<'a> {
         let (kernel, inputs) = (prior.kernel(), likelihood.observations.inputs());
         let mut add = |part: Vec<f64>| gradient.iter_mut().zip(part).for_each(|(sum, entry)| *sum += entry);
         let weights = |first: usize, end: usize| {
-            let scaled = |m: usize, n: usize| omega[first + n] * self.features.by_event[(m, first + n)];
-            let scaled = Matrix::from_fn(gamma.len(), end - first, scaled);
-            let mut weights = product(explained.view(), scaled.view());
-            for column in 0..end - first {
-                let alpha = self.alpha[first + column];
-                weights.column_mut(column).iter_mut().zip(gamma).for_each(|(entry, gamma)| *entry += alpha * gamma);
+            let mut weights = product(explained.view(), self.features.block(first, end));
+            for (column, (omega, alpha)) in omega[first..end].iter().zip(&self.alpha[first..end]).enumerate() {
+                let column = weights.column_mut(column);
+                column.iter_mut().for_each(|entry| *entry *= omega);
+                add_scaled(*alpha, gamma, column);
             }
             weights
         };

@@ -15,6 +15,9 @@ const FACTORS: (f64, f64) = (0.25, 16.0);
 /// The logarithm of the factor is found to this precision.
 const TOLERANCE: f64 = 0.1;
 
+/// Of the fits on the way, at which the corrected evidence is off by far less than it changes over [`TOLERANCE`].
+const TILT_TOLERANCE: f64 = 1e-2;
+
 /// What became of the variances after E was maximised.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -77,7 +80,7 @@ impl CostFunction for &Problem<'_> {
         let prior = self.prior.with_variances_times(log_factor.exp())?;
         let penalty = 0.5 * (log_factor / self.spread).powi(2);
         let start = self.tilts.borrow().clone();
-        let fit = self.search.fit(&prior, &FitOptions::default().tolerance(1e-3).start(&start))?;
+        let fit = self.search.fit(&prior, &FitOptions::default().tolerance(TILT_TOLERANCE).start(&start))?;
         let cost = penalty - corrected_evidence(&fit);
         self.tilts.replace(fit.tilts);
         Ok(cost)

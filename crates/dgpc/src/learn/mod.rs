@@ -16,7 +16,7 @@ pub use search::Stop;
 
 use crate::candidates::Candidates;
 use crate::error::{Error, Result};
-use crate::fit::Fit;
+use crate::fit::{Fit, FitOptions, solve};
 use crate::inputs::{Inputs, spread_out};
 use crate::likelihood::Likelihood;
 use crate::observations::Observations;
@@ -59,14 +59,26 @@ pub struct Learned {
     pub stop: Stop,
 }
 
+/// Of the tilts, where more events are fitted than were searched: E is then off by 1e-11 nats an event.
+const ALL_TOLERANCE: f64 = 1e-4;
+
+/// A search on some of the events ends where a step gains less than this, in nats an event.
+const ROUGH: f64 = 1e-6;
+
+/// Who is so many nats behind at the end of a race has lost.
+const RACE_NATS: f64 = 5.0;
+
 /// Finds the parameters of `template` that maximise E plus the log density of [`LearnOptions::hyper_prior`], by L-BFGS
 /// in the logarithms of length-scales and variances, then calibrates the variances. Messages of others count as in
 /// [`crate::fit`].
 ///
-/// Several starts (the template, a third of all its length-scales, and a third of each alone) are compared on some
-/// events. On all events the search begins at the best of their ends and, because few events may point elsewhere, at
-/// the template and [`LearnOptions::further_starts`] too; of where these lead to, that is the best which has the greatest
-/// corrected evidence ([`Fit::corrected_evidence`]) after its variances are calibrated. With inducing points there is a second round, with points that suit what the first one found.
+/// Several starts (the template, a third of all its length-scales, and a third of each alone) are compared on few
+/// events. The best of their ends and, because few events may point elsewhere, the template and
+/// [`LearnOptions::further_starts`] then race on somewhat more: from every place that any of them leads to and that is not
+/// clearly worse than the best, there is a search on all events. Of where these lead to, that is the best which has the
+/// greatest corrected evidence ([`Fit::corrected_evidence`]) after its variances are calibrated. With inducing points there
+/// is a second round, with points that suit what the first one found. Of very many events the search looks at
+/// [`LearnOptions::search_events_max`]; all of them are in [`Learned::fit`].
 ///
 /// ```
 /// use dgpc::{Inputs, Kernel, LearnOptions, Observations, Prior, PriorMean, Shape, Term, learn};
@@ -90,10 +102,25 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
     if !options.warm_start.iter().copied().chain(options.further_starts).all(|start| start.has_structure_of(template)) {
         return Err(Error::DifferentStructures);
     }
+    let searched = spread_out(observations.len(), options.search_events_max);
+    if searched.len() == observations.len() {
+        return learn_from_all(template, observations, options);
+    }
+    let learned = learn_from_all(template, &observations.select(&searched), options)?;
+    let likelihood = Likelihood::new(observations, options.messages)?;
+    let points = inducing_points(&learned.prior, &likelihood, options)?;
+    let fit = solve(&learned.prior, &likelihood, points.as_ref(), &FitOptions::default().tolerance(ALL_TOLERANCE))?;
+    let fit = Fit::new(&learned.prior, fit, points.as_ref(), options.messages)?;
+    Ok(Learned { fit, ..learned })
+}
+
+/// The same, with the search looking at all events.
+fn learn_from_all(template: &Prior, observations: &Observations, options: &LearnOptions<'_>) -> Result<Learned> {
     let likelihood = Likelihood::new(observations, options.messages)?;
     if let Some(start) = options.warm_start {
         let points = inducing_points(start, &likelihood, options)?;
         let starts = [std::slice::from_ref(start), options.further_starts].concat();
+        let starts = race(template, starts, observations, options)?;
         return learn_from(template, &starts, &likelihood, points, options);
     }
     let some = spread_out(likelihood.events(), options.start_events_max);
@@ -104,6 +131,7 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
         again.push(template.clone());
     }
     again.extend_from_slice(options.further_starts);
+    let again = race(template, again, observations, options)?;
     // Points for shorter length-scales than the start's serve them too; the other way round they would hide what is
     // short.
     let points = inducing_points(&again[0].with_length_scales_times(1.0 / 3.0)?, &likelihood, options)?;
@@ -125,13 +153,57 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
 
 /// Searches from every start on a few events. The starts, and the best of their ends.
 fn compare_starts(template: &Prior, few: &Likelihood<'_>, options: &LearnOptions<'_>) -> Result<(Vec<Start>, Prior)> {
-    let search = Search::new(template, few, None, options);
+    let rough = rough(options);
+    let search = Search::new(template, few, None, &rough);
     let begin = starting_points(template, options)?;
     let ends: Vec<Result<Found>> = begin.iter().map(|prior| search.run(prior)).collect();
     let start =
         |(prior, end): (Prior, &Result<Found>)| Start { prior, objective: end.as_ref().ok().map(|end| end.objective) };
     let starts = begin.into_iter().zip(&ends).map(start).collect();
     Ok((starts, best(ends)?.prior))
+}
+
+/// The places from which all events are worth a search: where the starts lead to on fewer events, but for those that
+/// lead to one place or to one that is clearly worse than the best. A warm start stays what it is, because the result must
+/// not be worse than that.
+fn race(
+    template: &Prior,
+    starts: Vec<Prior>,
+    observations: &Observations,
+    options: &LearnOptions<'_>,
+) -> Result<Vec<Prior>> {
+    let is_warm = options.warm_start.is_some();
+    if observations.len() <= options.race_events_max || (is_warm && starts.len() == 1) {
+        return Ok(starts);
+    }
+    let some = observations.select(&spread_out(observations.len(), options.race_events_max));
+    let likelihood = Likelihood::new(&some, options.messages)?;
+    let rough = rough(options);
+    let search = Search::new(template, &likelihood, None, &rough);
+    let Ok(mut ends) = starts.iter().map(|start| search.run(start)).collect::<Result<Vec<Found>>>() else {
+        // Where one cannot be followed on few events, all events decide about it.
+        return Ok(starts);
+    };
+    if !is_warm {
+        ends.sort_by(|a, b| b.objective.total_cmp(&a.objective));
+    }
+    let most = ends.iter().map(|end| end.objective).fold(f64::NEG_INFINITY, f64::max);
+    let mut kept = vec![ends.remove(0)];
+    for end in ends {
+        if end.objective > most - RACE_NATS && kept.iter().all(|other| !search.is_one_place(other, &end)) {
+            kept.push(end);
+        }
+    }
+    let mut kept: Vec<Prior> = kept.into_iter().map(|end| end.prior).collect();
+    if let Some(start) = options.warm_start {
+        kept[0] = start.clone();
+    }
+    Ok(kept)
+}
+
+/// How to search where the end is only a place to go on from.
+fn rough<'a>(options: &LearnOptions<'a>) -> LearnOptions<'a> {
+    LearnOptions { tolerance: options.tolerance.max(ROUGH), ..*options }
 }
 
 /// The best of several ends; where all searches failed, why.

@@ -20,6 +20,11 @@ pub struct LearnOptions<'a> {
     pub further_starts: &'a [Prior],
     /// How many events the starts are compared on, at most: 150 if not said otherwise.
     pub start_events_max: usize,
+    /// How many events decide, at most, from which starts all of them are searched: 250 if not said otherwise.
+    pub race_events_max: usize,
+    /// The search looks at so many events at most, spread evenly, 4000 if not said otherwise; what it finds is then fitted to
+    /// all of them. What more events would still move in the parameters, predictions do not show.
+    pub search_events_max: usize,
     /// Up to so many events, 1000 if not said otherwise, E is that of the dense fit, O(N³) an evaluation; beyond, that
     /// of a sparse one, O(NM²).
     pub dense_events_max: usize,
@@ -28,7 +33,7 @@ pub struct LearnOptions<'a> {
     pub inducing_points_max: usize,
     /// How many steps a search takes at most: 60 if not said otherwise.
     pub iterations_max: usize,
-    /// A search ends where a step gains less than this, in nats an event: 1e-8 if not said otherwise.
+    /// A search ends where a step gains less than this, in nats an event: 1e-7 if not said otherwise.
     pub tolerance: f64,
     /// Whether all variances are multiplied by a common factor at the end, that which maximises the corrected evidence
     /// ([`crate::Fit::corrected_evidence`]): the slack of E grows with the variance, so that E alone leaves it too
@@ -44,10 +49,12 @@ impl Default for LearnOptions<'_> {
             warm_start: None,
             further_starts: &[],
             start_events_max: 150,
+            race_events_max: 250,
+            search_events_max: 4000,
             dense_events_max: 1000,
             inducing_points_max: 256,
             iterations_max: 60,
-            tolerance: 1e-8,
+            tolerance: 1e-7,
             calibrate: true,
         }
     }
@@ -84,6 +91,18 @@ impl<'a> LearnOptions<'a> {
         Self { start_events_max, ..self }
     }
 
+    /// Sets [`LearnOptions::race_events_max`].
+    #[must_use]
+    pub fn race_events_max(self, race_events_max: usize) -> Self {
+        Self { race_events_max, ..self }
+    }
+
+    /// Sets [`LearnOptions::search_events_max`].
+    #[must_use]
+    pub fn search_events_max(self, search_events_max: usize) -> Self {
+        Self { search_events_max, ..self }
+    }
+
     /// Sets [`LearnOptions::dense_events_max`] and [`LearnOptions::inducing_points_max`].
     #[must_use]
     pub fn sparse_beyond(self, dense_events_max: usize, inducing_points_max: usize) -> Self {
@@ -111,6 +130,7 @@ impl<'a> LearnOptions<'a> {
     /// Checks the numbers.
     pub(super) fn check(&self) -> Result<()> {
         positive("largest number of inducing points", self.inducing_points_max as f64)?;
+        positive("largest number of events that a search looks at", self.search_events_max as f64)?;
         not_negative("tolerance of a search", self.tolerance)?;
         self.hyper_prior.check()
     }

@@ -20,6 +20,9 @@ const COORDINATE_MAX: f64 = 8.0;
 const SAME_OBJECTIVE: f64 = 0.05;
 const SAME_COORDINATE: f64 = 0.1;
 
+/// Fits on the way are no more careful and no less than this.
+const TILT_TOLERANCES: (f64, f64) = (1e-4, 1e-2);
+
 /// Nats per event that no sensible place costs.
 const COST_BEYOND: f64 = 100.0;
 
@@ -46,6 +49,9 @@ pub(super) struct Search<'a> {
     moving: Vec<(usize, f64)>,
     iterations_max: u64,
     tolerance: f64,
+    /// Of the fits on the way: E does not change with the tilts to first order, so that its error in nats an event, a
+    /// thousandth of this squared, is a tenth of what a step must gain.
+    tilt_tolerance: f64,
 }
 
 /// Where a search ended.
@@ -70,7 +76,8 @@ impl<'a> Search<'a> {
         let moving = spread.into_iter().enumerate().filter(|&(_, spread)| spread > 0.0).collect();
         let iterations_max = options.iterations_max as u64;
         let (centre, tolerance) = (template.parameter_values(), options.tolerance);
-        Self { likelihood, points, template, centre, moving, iterations_max, tolerance }
+        let tilt_tolerance = (10.0 * tolerance.sqrt()).clamp(TILT_TOLERANCES.0, TILT_TOLERANCES.1);
+        Self { likelihood, points, template, centre, moving, iterations_max, tolerance, tilt_tolerance }
     }
 
     /// Coordinates of a prior: what moves, in units of its spread about the template.
@@ -117,9 +124,9 @@ impl<'a> Search<'a> {
         solve(prior, self.likelihood, self.points, options)
     }
 
-    /// A careful fit.
+    /// A careful fit: E is off by 1e-13 nats an event.
     pub(super) fn careful_fit(&self, prior: &Prior, tilts: &[f64]) -> Result<MeanField> {
-        self.fit(prior, &FitOptions::default().tolerance(1e-6).start(tilts))
+        self.fit(prior, &FitOptions::default().tolerance(1e-5).start(tilts))
     }
 
     /// From `start` to the nearest maximum.
@@ -188,11 +195,19 @@ impl Objective<'_> {
         {
             return Ok((*cost, gradient.clone()));
         }
-        // E does not change with the tilts to first order: at this tolerance its error is about 1e-9 an event.
-        let mut options = FitOptions::default().tolerance(1e-3).iterations_max(200);
+        let mut options = FitOptions::default().tolerance(self.search.tilt_tolerance).iterations_max(200);
         options.start = memory.best.as_ref().map(|best| best.tilts.as_slice());
         let (fit, by_parameter) = self.search.gradient(&self.search.prior(coordinates)?, &options)?;
         memory.evaluations += 1;
+        if std::env::var_os("DBG").is_some() {
+            eprintln!(
+                "eval n={} iters={} E={:.4} x={:.2?}",
+                self.search.likelihood.len(),
+                fit.iterations,
+                fit.evidence,
+                coordinates
+            );
+        }
         let objective = fit.evidence - 0.5 * coordinates.iter().map(|x| x * x).sum::<f64>();
         let per_event = self.search.per_event();
         let slope = |(&(place, spread), x): (&(usize, f64), &f64)| -per_event * (spread * by_parameter[place] - x);

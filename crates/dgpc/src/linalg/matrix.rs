@@ -6,7 +6,7 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
-use super::wide::{AddScaled, Dot, widest};
+use super::wide::{AddScaled, Dot, ScaleInto, widest};
 use crate::error::{Error, Place, Result};
 
 /// A dense matrix of `f64`, stored column by column.
@@ -212,6 +212,11 @@ pub(crate) fn add_scaled(factor: f64, x: &[f64], y: &mut [f64]) {
     widest(AddScaled(factor, x, y));
 }
 
+/// y ← factor·x.
+pub(crate) fn scale_into(factor: f64, x: &[f64], y: &mut [f64]) {
+    widest(ScaleInto(factor, x, y));
+}
+
 /// ‖a‖².
 pub(crate) fn squared_norm(a: &[f64]) -> f64 {
     dot(a, a)
@@ -231,6 +236,12 @@ pub(crate) fn product(a: View<'_>, b: View<'_>) -> Matrix {
 
 /// Adds `factor`·A·Aᵀ to `out`, both triangles; half the work of a general product.
 pub(crate) fn add_symmetric_product(factor: f64, a: View<'_>, out: &mut Matrix) {
+    add_symmetric_product_lower(factor, a, out);
+    out.mirror_lower();
+}
+
+/// Adds the lower triangle of `factor`·A·Aᵀ to that of `out`, and leaves the upper one as it is.
+pub(crate) fn add_symmetric_product_lower(factor: f64, a: View<'_>, out: &mut Matrix) {
     triangular::matmul(
         out.0.as_mut(),
         BlockStructure::TriangularLower,
@@ -242,7 +253,21 @@ pub(crate) fn add_symmetric_product(factor: f64, a: View<'_>, out: &mut Matrix) 
         factor,
         Par::Seq,
     );
-    out.mirror_lower();
+}
+
+/// The first columns of `out` become L·A for a lower triangular L; half the work of a general product.
+pub(crate) fn multiply_lower(lower: &Matrix, a: View<'_>, out: &mut Matrix) {
+    triangular::matmul(
+        out.0.as_mut().subcols_mut(0, a.ncols()),
+        BlockStructure::Rectangular,
+        Accum::Replace,
+        lower.view(),
+        BlockStructure::TriangularLower,
+        a,
+        BlockStructure::Rectangular,
+        1.0,
+        Par::Seq,
+    );
 }
 
 /// Adds `factor`·LᵀL to `out`, both triangles, for a lower triangular L. O(n³/3).

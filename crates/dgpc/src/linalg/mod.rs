@@ -11,6 +11,7 @@ pub(crate) use cholesky::{Cholesky, CholeskyScratch, fill_scaled};
 pub(crate) use eigen::{semidefinite_root, symmetric_eigen};
 pub use matrix::Matrix;
 pub(crate) use matrix::{
-    add_lower_gram, add_scaled, add_symmetric_product, dot, multiply_rows, multiply_vector, product, squared_norm,
+    View, add_lower_gram, add_scaled, add_symmetric_product, add_symmetric_product_lower, dot, multiply_lower,
+    multiply_rows, multiply_vector, product, scale_into, squared_norm,
 };
 pub(crate) use wide::{MultiplyAdd, Wide, exp_of_negative, widest};
