@@ -114,6 +114,7 @@ mod chain;
 mod region;
 mod remainder;
 mod candidates;
+mod many;
 mod certificate;
 #[cfg(feature = "learn")]
 mod learn;
@@ -136,6 +137,7 @@ pub use latent::{Latent, success_probability};
 #[cfg(feature = "learn")]
 pub use learn::{Calibration, HyperPrior, LearnOptions, Learned, Start, Stop, common_length_scales, learn};
 pub use linalg::Matrix;
+pub use many::{greedy_by_variance, greedy_judged};
 pub use observations::Observations;
 pub use parameter::Parameter;
 pub use posterior::Posterior;

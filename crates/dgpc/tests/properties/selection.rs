@@ -119,6 +119,31 @@ proptest! {
     }
 
     #[test]
+    fn choosing_among_many_is_choosing(problem in problems(3..=14), copies in copies()) {
+        let inputs = crowded(&problem, &copies);
+        let kernel = problem.prior.kernel();
+        let gram = rows(&kernel.gram(&inputs).unwrap());
+        let slack = 1e-8 * trace(&gram);
+        for points in 0..5 {
+            // Where everybody is a judge, it is the choice of those that fit into memory, but for ties that rounding breaks.
+            let whole = Candidates::new(kernel, &inputs).unwrap().greedy(points);
+            let judged = dgpc::greedy_judged(kernel, &inputs, points, inputs.len()).unwrap();
+            prop_assert!((judged.trace - whole.trace).abs() < 1e-6 * trace(&gram), "{judged:?}, {whole:?}");
+            let few = dgpc::greedy_judged(kernel, &inputs, points, 2).unwrap();
+            let cheap = dgpc::greedy_by_variance(kernel, &inputs, points).unwrap();
+            for selection in [&judged, &few, &cheap] {
+                let achieved = trace(&conditional(&gram, &selection.indices));
+                prop_assert!((selection.trace - achieved).abs() < slack, "{selection:?} is {achieved}");
+            }
+            // By the cheap rule nobody had more variance, given those before, than whoever was chosen.
+            for (place, &index) in cheap.indices.iter().enumerate() {
+                let left = conditional(&gram, &cheap.indices[..place]);
+                prop_assert!((0..inputs.len()).all(|other| left[other][other] <= left[index][index] + slack));
+            }
+        }
+    }
+
+    #[test]
     fn conditioning_is_knowing(problem in problems(2..=16), seed in any::<u64>(), count in 1..5usize) {
         let kernel = problem.prior.kernel();
         let fresh = Candidates::new(kernel, problem.inputs()).unwrap();
