@@ -233,7 +233,9 @@ impl Beliefs {
         let own =
             self.alone.as_ref().map_or_else(|| Ok(model.known_before()), |alone| alone.fit.posterior_with(&place))?;
         let packets = said(memory, &believed.packets, Worth::All);
+        let knows_only_itself = self.own_model.is_none() && self.together.is_none() && believed.packets.is_empty();
         let fused = match self.fitted() {
+            Some(_) if knows_only_itself => own.clone(),
             Some(fitted) => {
                 let is_in = |source: &Source| match source {
                     Source::Own(_) => true,
