@@ -32,7 +32,14 @@ pub(crate) fn time_before(front: &str) -> Option<f64> {
     let (first, rest) = front.split_at(front.find(is_end).unwrap_or(front.len()));
     let second = || {
         let rest = rest.strip_prefix(' ')?;
-        parse_time(&format!("{first}T{}", &rest[..rest.find(is_end).unwrap_or(rest.len())]))
+        let (time, rest) = rest.split_at(rest.find(is_end).unwrap_or(rest.len()));
+        // Parts of a second may stand behind a comma.
+        let part = rest
+            .strip_prefix(',')
+            .filter(|_| !time.contains('.'))
+            .map(|rest| &rest[..rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len())]);
+        let with_part = part.filter(|part| !part.is_empty()).map(|part| format!("{first}T{time}.{part}"));
+        with_part.and_then(|whole| parse_time(&whole)).or_else(|| parse_time(&format!("{first}T{time}")))
     };
     // A date alone is midnight, and no time of a sentence.
     second().or_else(|| parse_time(first)).or_else(|| parse_time(first.trim_end_matches(':')))
@@ -61,6 +68,7 @@ mod tests {
             "\"2026-05-03T12:00:00.25\",\"",
             "1777809600.25: ",
             "1777809600.25 < ",
+            "2026-05-03 12:00:00,250 INFO ",
         ] {
             assert_eq!(time_before(front), Some(1_777_809_600.25), "{front:?}");
         }

@@ -3,7 +3,7 @@
 use pingmap_agent::MessageKind;
 
 use crate::micromodem::{Into, Part};
-use crate::recording::Sent;
+use crate::recording::{Sent, Unknown};
 
 /// What is said of a transmission.
 #[derive(Debug, Default, PartialEq)]
@@ -15,6 +15,9 @@ pub(crate) struct Transmission {
     frames: u32,
     broken: u32,
 }
+
+/// So long a modem is deaf that pings or answers.
+const OTHER_S: f64 = 5.0;
 
 /// Everybody, for Goby.
 const BROADCAST: &str = "0";
@@ -38,8 +41,12 @@ impl Transmission {
     }
 
     fn is_message(&self) -> bool {
-        matches!(self.kind.as_deref(), None | Some("DATA" | "MICROMODEM_MINI_DATA" | "DRIVER_SPECIFIC"))
-            && self.frames > 0
+        !self.is_of_another_kind() && self.frames > 0
+    }
+
+    /// Whether it is something that modems send without data.
+    fn is_of_another_kind(&self) -> bool {
+        !matches!(self.kind.as_deref(), None | Some("DATA" | "MICROMODEM_MINI_DATA" | "DRIVER_SPECIFIC"))
     }
 
     fn message_kind(&self) -> Option<MessageKind> {
@@ -61,6 +68,11 @@ impl Transmission {
 
     /// This was sent.
     pub(crate) fn transmitted(&self, time_s: f64, into: &mut Into) {
+        if self.is_of_another_kind() {
+            // A ping or an answer: deaf meanwhile.
+            into.sign(time_s);
+            into.recording.deaf.push((time_s, time_s + OTHER_S, Unknown::OtherMode));
+        }
         let Some(source) = self.source.as_deref().filter(|_| self.is_message()) else { return };
         into.is_called(source);
         into.sign(time_s);

@@ -73,9 +73,11 @@ struct Outgoing {
 /// A message of several frames that arrives.
 #[derive(Debug)]
 struct Incoming {
-    /// When the first and the latest frame of it arrived.
+    /// When it was first heard of, and last.
     time_s: f64,
     latest_s: f64,
+    /// When the first frame was decoded.
+    decoded_s: Option<f64>,
     source: String,
     destination: String,
     kind: Option<MessageKind>,
@@ -143,8 +145,12 @@ impl Micromodem {
         match sentence.name {
             "CARXD" | "CAMSG" | "CACST" | "CAMUA" | "CARDP" => self.receive(time_s, sentence, &mut into),
             "CACYC" | "CCCYC" => self.announce(time_s, sentence, &mut into),
-            "CAREV" | "CACFG" | "CACLK" | "CATMS" | "CATMG" | "CAMSC" | "CCMSC" | "CAMPC" | "CAPDT" | "CAPNT" => {
-                self.work(time_s, sentence, &mut into);
+            "CAREV" | "CACFG" | "CACLK" | "CATMS" | "CATMG" | "CAMSC" | "CCMSC" => {
+                self.work(time_s, sentence, &mut into)
+            }
+            "CAMPC" | "CAMPA" | "CAPDT" | "CAPNT" | "CAPGT" => {
+                into.recording.deaf.push((time_s, time_s + RANGING_S, Unknown::OtherMode));
+                into.sign(time_s);
             }
             name if name.starts_with("CC") || name.starts_with("CA") => self.send(time_s, sentence, &mut into),
             _ => {}
@@ -162,17 +168,18 @@ impl Micromodem {
     fn work(&mut self, time_s: f64, sentence: &Sentence, into: &mut Into) {
         match sentence.name {
             "CCMSC" => return,
-            "CAMSC" => self.reset_s = Some(time_s),
+            "CAMSC" => {
+                self.reset_s = Some(time_s);
+                self.forget_outgoing();
+            }
             "CAREV" if sentence.field(1) == "INIT" => {
+                self.forget_outgoing();
                 let from_s = self.reset_s.take().unwrap_or(time_s - START_S);
                 into.recording.deaf.push((from_s, time_s, Unknown::Rebooting));
             }
             "CACFG" if sentence.field(0) == "SRC" => into.is_called(sentence.field(1)),
             "CACFG" if sentence.field(0) == "BND" => {
                 into.recording.bands.push((time_s, sentence.field(1).to_owned()));
-            }
-            "CAMPC" | "CAPDT" | "CAPNT" => {
-                into.recording.deaf.push((time_s, time_s + RANGING_S, Unknown::OtherMode));
             }
             _ => {}
         }
@@ -181,6 +188,9 @@ impl Micromodem {
 
     /// A cycle: who shall send, at what rate. Proves nothing.
     fn announce(&mut self, time_s: f64, sentence: &Sentence, into: &mut Into) {
+        // Whatever arrived before is all there is of it, and what broke before was none of what is announced.
+        self.arrived(into);
+        self.broken_s = None;
         let (source, rate) = (sentence.field(1).to_owned(), sentence.field(3).to_owned());
         if sentence.name == "CACYC" && into.recording.modem_ids.contains(&source) {
             into.sign(time_s);
@@ -204,6 +214,10 @@ impl Micromodem {
             _ => return,
         }
         into.sign(time_s);
+        let is_stale = |outgoing: &Outgoing| time_s - outgoing.begin_s.unwrap_or(outgoing.time_s) > MESSAGE_S_MAX;
+        if self.outgoing.as_ref().is_some_and(is_stale) {
+            self.forget_outgoing();
+        }
         match sentence.name {
             "CATXD" | "CAMUC" | "CATDP" => self.give(time_s, sentence),
             "CATXP" => match &mut self.outgoing {
@@ -218,10 +232,15 @@ impl Micromodem {
             }
             "CAXST" => self.transmitted(time_s, sentence, into),
             "CAERR" if sentence.fields.contains(&"DATA_TIMEOUT") => {
-                self.not_sent += usize::from(self.outgoing.take().is_some());
+                self.forget_outgoing();
             }
             _ => {}
         }
+    }
+
+    /// Data that were given to the modem are not sent any more.
+    fn forget_outgoing(&mut self) {
+        self.not_sent += usize::from(self.outgoing.take().is_some());
     }
 
     /// Data for the modem, by the host's word or by its echo.
@@ -268,6 +287,8 @@ impl Micromodem {
         let Some(mode) = sentence.number(3 + shift) else { return };
         if mode == 0 {
             self.sent(time_s, into);
+            // Nothing takes it back any more.
+            self.finished_s = None;
             return;
         }
         let sent = into.recording.sent.get_or_insert_default();
@@ -289,6 +310,7 @@ impl Micromodem {
                 }
                 let incoming = self.incoming(time_s, (source, destination), into);
                 incoming.decoded.insert(frame);
+                incoming.decoded_s.get_or_insert(time_s);
             }
             "CAMSG" => {
                 let is_broken = sentence.field(0).to_uppercase().replace(' ', "_") == "BAD_CRC";
@@ -329,6 +351,7 @@ impl Micromodem {
         let incoming = self.incoming.get_or_insert_with(|| Incoming {
             time_s: broken_s.unwrap_or(time_s),
             latest_s: time_s,
+            decoded_s: None,
             source: source.to_owned(),
             destination: destination.to_owned(),
             kind,
@@ -359,13 +382,15 @@ impl Micromodem {
 
     /// All of a message is there that will come.
     fn arrived(&mut self, into: &mut Into) {
-        let Some(Incoming { time_s, source, destination, kind, decoded, frames, is_broken, .. }) = self.incoming.take()
-        else {
-            return;
+        let Some(incoming) = self.incoming.take() else { return };
+        let Incoming { time_s, decoded_s, source, destination, kind, decoded, frames, is_broken, .. } = incoming;
+        let (last, count) = (decoded.last().copied().unwrap_or(0), decoded.len() as u32);
+        // Where as many frames were decoded as were announced, what broke before was none of them: an announcement, or an
+        // earlier try. Otherwise broken frames are some beside those that were decoded.
+        let (time_s, frames) = match decoded_s.filter(|_| frames > 0 && count >= frames) {
+            Some(decoded_s) => (decoded_s, frames.max(last)),
+            None => (time_s, frames.max(last).max(u32::from(is_broken) + count)),
         };
-        let last = decoded.last().copied().unwrap_or(0);
-        // Broken frames are some beside those that were decoded.
-        let frames = frames.max(last).max(u32::from(is_broken) + decoded.len() as u32);
         for frame in decoded.iter().copied().chain(decoded.is_empty().then_some(1)) {
             let part = Part { frame: Some(frame), frames: Some(frames), good: !decoded.is_empty(), kind: kind.clone() };
             into.arrive(time_s, (&source, &destination), part);

@@ -96,7 +96,8 @@ pub struct LeftOut {
     pub own: usize,
     /// Messages that were meant for others.
     pub overheard: usize,
-    /// Messages of senders that recorded no such transmission, or had no turn then; they are events, and odd.
+    /// Messages of senders that recorded no such transmission, which are no events, and of senders that had no turn then, which
+    /// are.
     pub unexpected: BTreeMap<VehicleId, usize>,
     /// Fixes that are no place in the log.
     pub unplaced: usize,

@@ -114,7 +114,8 @@ impl Reading {
             frame: named.whole("frame")?,
             frames: named.whole("frames")?,
             good,
-            kind: named.table.kind()?,
+            // A level that a receiver notes is that at which it arrived.
+            kind: named.table.kind_by(&["rate", "band", "length"])?,
         };
         recording.arrivals.get_or_insert_default().push(arrival);
         Ok(())

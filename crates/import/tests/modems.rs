@@ -179,6 +179,52 @@ fn starting_ranging_and_answering_modems_hear_nothing() {
 }
 
 #[test]
+fn what_broke_before_a_message_that_is_whole_was_none_of_its_frames() {
+    let named = "CACST,1,120000.0000,0,9000,60,200,150,0,0,0,0,0,1,1,63,0,3,1,1,120,15,-1,-1,-1,180";
+    // An announcement whose own packet broke, by either sign; and an earlier try, which the sender's record tells of.
+    let cases = [
+        [(0.0, "CACYC,0,1,63,0,0,1"), (0.6, "CAMSG,BAD_CRC,0"), (1.5, "CARXD,1,63,0,1,AA")],
+        [(0.0, "CACYC,0,1,63,0,0,1"), (0.6, named), (1.5, "CARXD,1,63,0,1,AA")],
+        [(0.0, "CAREV,120000,AUV,0.94.0.00"), (1.4, named), (5.4, "CARXD,1,63,0,1,AA")],
+    ];
+    for case in cases {
+        let (recording, _) = capture(&case);
+        assert_eq!(heard(&recording), [(case[2].0, "1", Some(1), Some(1), true)], "{case:?}");
+    }
+    // With another announcement between, both are told.
+    let (recording, _) =
+        capture(&[(0.0, "CACYC,0,1,63,0,0,1"), (1.4, named), (4.0, "CACYC,0,1,63,0,0,1"), (5.0, "CARXD,1,63,0,1,AA")]);
+    assert_eq!(heard(&recording), [(1.4, "1", Some(1), Some(1), false), (5.0, "1", Some(1), Some(1), true)]);
+}
+
+#[test]
+fn what_was_sent_is_not_taken_back_by_the_next_one_and_nothing_is_sent_late() {
+    let statistics = |mode: u32| format!("CAXST,6,20260503,120005.0000,0,{mode},200,5000,25000,0,1,2,0,1,1,2,32");
+    let (good, bad) = (statistics(0), statistics(2));
+    let (recording, _) = capture(&[
+        (0.0, "CATXD,1,2,0,1"),
+        (0.1, "CATXP,32"),
+        (2.0, "CATXF,32"),
+        (2.1, &good),
+        // Of the next cycle, for which no data came.
+        (6.0, &bad),
+        // Data that a modem forgot when it started anew, or that waited too long.
+        (20.0, "CATXD,1,2,0,1"),
+        (21.0, "CAMSC,1"),
+        (27.0, "CAREV,120027,INIT,0.94.0.00"),
+        (30.0, "CATXP,2"),
+        (30.7, "CATXF,2"),
+        (40.0, "CATXD,1,2,0,1"),
+        (240.0, "CATXP,2"),
+        (240.7, "CATXF,2"),
+        // Ranging.
+        (300.0, "CAPGT,1,25000"),
+    ]);
+    assert_eq!(sent(&recording).iter().map(|sent| sent.0).collect::<Vec<_>>(), [0.1]);
+    assert_eq!(recording.deaf.last(), Some(&(300.0, 305.0, Unknown::OtherMode)));
+}
+
+#[test]
 fn a_wrong_checksum_is_no_sentence_and_kinds_are_told_by_content() {
     let text = "2026-05-03 12:00:00Z,RX,$CACFG,SRC,7*35\r\n2026-05-03 12:00:01Z,RX,$CARXD,2,63,0,1,AA*00\r\n";
     let (recording, skipped) = taken(text);
@@ -215,6 +261,9 @@ fn transmissions_in_gobys_text_are_those_of_its_host() {
     // Where the modem's own words are there they are believed.
     let (recording, _) = taken(&rows("50 ACOMMS_NMEA_IN p $CARXD,3,1,0,1,AA\n"));
     assert_eq!((sent(&recording).len(), heard(&recording)), (0, vec![(at + 50.0, "3", Some(1), Some(1), true)]));
+    // Who answers or ranges is deaf meanwhile.
+    let (recording, _) = taken(&rows("50 ACOMMS_MODEM_TRANSMIT p src: 1 dest: 2 type: MICROMODEM_TWO_WAY_PING\n"));
+    assert_eq!((sent(&recording).len(), &recording.deaf[..]), (1, &[(at + 50.0, at + 55.0, Unknown::OtherMode)][..]));
     // Variables may be called otherwise.
     let reading = Reading { prefix: "MM_".into(), ..Reading::default() };
     let mut recordings = Recordings::new();

@@ -25,6 +25,7 @@ const DEGREES_TIMES: f64 = 8.0;
 /// A silence is odd that has this log-probability by range alone, and so many misses.
 const SILENCE_NATS: f64 = 15.0;
 const SILENCE_EVENTS_MIN: usize = 10;
+const UNWITNESSED_TIMES: f64 = 2.0;
 
 /// Links are nearly the same if their ends are apart by this share of the chart's scale; so many of them say what to expect, of so
 /// many misses at most.
@@ -195,7 +196,7 @@ fn names(log: &EventLog) -> Vec<Finding> {
             format!("{} differ in case only, and are taken for different vehicles", names.join(" and ")),
         ));
     }
-    for id in all.iter().filter(|id| is_everybody(id.as_str())) {
+    for id in all.iter().filter(|id| is_everybody(id.as_str()) || may_be_everybody(log, id)) {
         let text = format!("{id} is taken for a vehicle: a message to everybody is an event of each who could hear it");
         findings.push(odd("broadcast_vehicle", text));
     }
@@ -211,6 +212,11 @@ fn names(log: &EventLog) -> Vec<Finding> {
         findings.push(odd("one_receiver", text));
     }
     findings
+}
+
+/// Whether it is a number by which modems call everybody, and never sends.
+fn may_be_everybody(log: &EventLog, id: &VehicleId) -> bool {
+    matches!(id.as_str(), "0" | "63" | "127" | "255") && log.events.iter().all(|event| event.transmitter_id != *id)
 }
 
 /// Whether a name means everybody.
@@ -257,17 +263,23 @@ fn silences(log: &EventLog) -> Vec<Finding> {
     for id in log.vehicles() {
         let mut own: Vec<&Event> = log.events.iter().filter(|event| event.receiver_id == id).collect();
         own.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        // Only what another one heard says that the receiver, and not the water, was silent; with two vehicles nobody can say so.
-        own.retain(|event| heard.contains(&transmission(event)));
+        // What another one heard says that the receiver, and not the water, was silent. Where nobody else can have heard its
+        // senders, a silence must be much less likely still.
+        let senders: HashSet<&VehicleId> = own.iter().map(|event| &event.transmitter_id).collect();
+        let is_witness = |event: &Event| event.receiver_id != id && senders.contains(&event.transmitter_id);
+        let has_witnesses = log.events.iter().any(is_witness);
+        own.retain(|event| !has_witnesses || heard.contains(&transmission(event)));
+        let least_nats = if has_witnesses { SILENCE_NATS } else { UNWITNESSED_TIMES * SILENCE_NATS };
         let nats = |event: &&Event| -(1.0 - by_distance.probability(&event.link)).ln();
         let silences = own.split(|event| event.success).filter(|run| run.len() >= SILENCE_EVENTS_MIN);
-        let odd_by_range = silences.filter(|run| run.iter().map(nats).sum::<f64>() > SILENCE_NATS);
-        let mut odd_by_place = odd_by_range.filter(|run| nats_by_place(log, run, near_m) > SILENCE_NATS);
+        let odd_by_range = silences.filter(|run| run.iter().map(nats).sum::<f64>() > least_nats);
+        let mut odd_by_place = odd_by_range.filter(|run| nats_by_place(log, run, near_m) > least_nats);
         if let Some(run) = odd_by_place.next() {
             let (count, from_s, to_s) = (run.len(), run[0].time_s, run[run.len() - 1].time_s);
+            let others = if has_witnesses { " that others hear" } else { "" };
             let text = format!(
-                "{id} hears none of {count} messages from {from_s} to {to_s} s that others hear, though it is where messages arrive at \
-                 other times: was it recording? If not, these are no misses (pingmap import --listening)"
+                "{id} hears none of {count} messages from {from_s} to {to_s} s{others}, though it is where messages arrive at other \
+                 times: was it recording? If not, these are no misses (pingmap import --listening)"
             );
             findings.push(odd("silent_receiver", text));
         }

@@ -272,6 +272,14 @@ impl<'a> Table<'a> {
     /// # Errors
     /// [`Problem::BadValue`] for names with control characters.
     pub fn kind(&self) -> Result<Option<MessageKind>, FileError> {
+        self.kind_by(&["rate", "band", "level", "length"])
+    }
+
+    /// The same by `kind`, or by what there is of these columns.
+    ///
+    /// # Errors
+    /// As [`Table::kind`].
+    pub fn kind_by(&self, columns: &[&str]) -> Result<Option<MessageKind>, FileError> {
         let said = |column: &str| {
             let value = if self.has(column) { self.field(column) } else { "" };
             let is_name = !value.contains(char::is_control);
@@ -282,7 +290,7 @@ impl<'a> Table<'a> {
             return Ok(Some(MessageKind::new(kind)));
         }
         let mut parts = Vec::new();
-        for column in ["rate", "band", "level", "length"] {
+        for column in columns {
             let value = said(column)?;
             parts.extend((!value.is_empty()).then(|| format!("{column} {value}")));
         }

@@ -154,7 +154,8 @@ impl Files {
     pub fn paths(&self) -> anyhow::Result<Vec<PathBuf>> {
         let tables = [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| whose(file).1.to_owned());
         let others = [&self.schedule, &self.ids, &self.columns].into_iter().flatten().cloned();
-        Ok(records::all(&self.records)?.into_iter().map(|file| file.path).chain(tables).chain(others).collect())
+        let records = records::all(&self.records)?.into_iter().filter(records::is_read).map(|file| file.path);
+        Ok(records.chain(tables).chain(others).collect())
     }
 
     fn ids(&self) -> anyhow::Result<Ids> {
@@ -192,6 +193,15 @@ impl Files {
         records: &Records,
     ) -> anyhow::Result<(Reference, Option<(Geographic, OriginBy)>)> {
         let about = |origin| Reference::about(origin).map_err(ImportError::from);
+        let places = || recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.fixed));
+        let has_metres = places().any(|fix| matches!(fix.place, Place::Metres(..)));
+        if let (Some(crs), Some((path, _)), true) = (self.crs, records.datums.first(), has_metres) {
+            let message = format!(
+                "{}: its metres are about a place of its own, not of {crs}; expected --origin, or no --crs",
+                path.display()
+            );
+            return Err(BadInput(message).into());
+        }
         if let Some(told) = self.origin.or(self.crs) {
             let origin = match told {
                 ReferenceSystem::About(place) => Some((place, OriginBy::Option)),
@@ -202,14 +212,11 @@ impl Files {
         if let Some(datum) = records.datum()? {
             return Ok((about(datum)?, Some((datum, OriginBy::Files))));
         }
-        let places = recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.fixed));
-        let (mut degrees, mut has_metres) = (Vec::new(), false);
-        for fix in places {
-            match fix.place {
-                Place::Degrees(place) => degrees.push(place),
-                Place::Metres(..) => has_metres = true,
-            }
-        }
+        let in_degrees = |fix: &Fix| match fix.place {
+            Place::Degrees(place) => Some(place),
+            Place::Metres(..) => None,
+        };
+        let degrees: Vec<Geographic> = places().filter_map(in_degrees).collect();
         if degrees.is_empty() {
             return Ok((Reference::unknown(), None));
         }

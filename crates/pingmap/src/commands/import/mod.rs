@@ -126,6 +126,9 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     for warning in warnings(&imported, &taken, &rules) {
         warn(warning);
     }
+    for finding in imported.log.findings().into_iter().filter(|_| !imported.log.events.is_empty()) {
+        warn(finding.text);
+    }
     if imported.log.events.is_empty() {
         let reasons: Vec<String> =
             imported.unknown().iter().map(|(why, count)| format!("{count} {}", why.words())).collect();

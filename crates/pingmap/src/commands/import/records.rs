@@ -1,14 +1,18 @@
 //! Files of known kinds, and folders of such.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use pingmap_agent::{Geographic, VehicleId};
-use pingmap_import::{ImportError, Place, Reading, Recordings, Reference, Skipped, Source};
+use pingmap_import::{ImportError, Place, Reading, RecordKind, Recordings, Reference, Skipped, Source};
 use pingmap_trial::open;
 use tempfile::TempDir;
 
 use super::archives::unpacked;
 use crate::output::BadInput;
+
+/// So much of a file tells of what kind it is.
+const HEAD_BYTES: u64 = 1 << 16;
 
 /// Places of (0, 0) that lie no farther apart than this are the same, in metres.
 const DATUM_M_MAX: f64 = 20.0;
@@ -40,20 +44,36 @@ pub fn all(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
     Ok(files)
 }
 
-/// The same files with all that is in archives among them in their places; and the folders where that was unpacked.
+/// Archives lie within archives to this depth at most.
+const NESTED_MAX: usize = 4;
+
+/// The same files with all that is in archives among them, and in archives within those, in their places; and the folders
+/// where that was unpacked.
 pub fn with_archives(files: Vec<RecordFile>) -> anyhow::Result<(Vec<RecordFile>, Vec<TempDir>)> {
     let (mut all, mut folders) = (Vec::new(), Vec::new());
+    unpack(files, NESTED_MAX, &mut all, &mut folders)?;
+    Ok((all, folders))
+}
+
+fn unpack(
+    files: Vec<RecordFile>,
+    depth: usize,
+    all: &mut Vec<RecordFile>,
+    folders: &mut Vec<TempDir>,
+) -> anyhow::Result<()> {
     for file in files {
-        let Some(folder) = unpacked(&file.path)? else {
+        let folder = if depth > 0 { unpacked(&file.path)? } else { None };
+        let Some(folder) = folder else {
             all.push(file);
             continue;
         };
-        let before = all.len();
-        in_folder(folder.path(), &file.vehicle, &mut all)?;
-        all[before..].iter_mut().for_each(|inside| inside.topics.clone_from(&file.topics));
+        let mut inside = Vec::new();
+        in_folder(folder.path(), &file.vehicle, &mut inside)?;
+        inside.iter_mut().for_each(|inner| inner.topics.clone_from(&file.topics));
         folders.push(folder);
+        unpack(inside, depth - 1, all, folders)?;
     }
-    Ok((all, folders))
+    Ok(())
 }
 
 fn in_folder(folder: &Path, vehicle: &Option<VehicleId>, files: &mut Vec<RecordFile>) -> anyhow::Result<()> {
@@ -64,16 +84,23 @@ fn in_folder(folder: &Path, vehicle: &Option<VehicleId>, files: &mut Vec<RecordF
     }
     paths.sort_by_key(std::fs::DirEntry::file_name);
     for entry in paths {
-        // What a link points to may be the folder itself.
+        // A link to a file is one; what a link to a folder points to may be this folder itself.
         let kind = entry.file_type().map_err(unreadable)?;
         if kind.is_dir() {
             in_folder(&entry.path(), vehicle, files)?;
-        } else if kind.is_file() {
+        } else if entry.path().is_file() {
             let (path, vehicle) = (entry.path(), vehicle.clone());
             files.push(RecordFile { path, topics: String::new(), vehicle, is_given: false });
         }
     }
     Ok(())
+}
+
+/// Whether a file is read: in folders those of no known kind are left alone.
+pub fn is_read(file: &RecordFile) -> bool {
+    let mut head = Vec::new();
+    let looked = std::fs::File::open(&file.path).and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head));
+    file.is_given || looked.is_err() || RecordKind::of(&head).is_some()
 }
 
 /// The file, and what the names of its topics begin with, behind a `#` that is not part of its own name.

@@ -304,7 +304,7 @@ pub struct LeftOutJson {
     of_unknown_vehicles: BTreeMap<String, usize>,
     /// Messages to somebody of whom nothing was recorded, by name.
     to_unknown_vehicles: BTreeMap<String, usize>,
-    /// Messages of senders that recorded no such transmission, or had no turn then, by name; they are events, and odd.
+    /// Messages of senders that recorded no such transmission, by name, which are no events; and of senders that had no turn then, which are.
     unexpected: BTreeMap<String, usize>,
     /// Arrivals that were recorded twice.
     recorded_twice: usize,
