@@ -1,7 +1,7 @@
 //! Where results are to be written: tried before the work, so that nothing is destroyed and nothing is late.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 use anyhow::Context;
@@ -15,8 +15,9 @@ pub const STANDARD_OUTPUT: &str = "-";
 
 /// So much of a file tells who wrote it.
 const LOOKED_AT_BYTES: u64 = 1 << 20;
+const LAST_BYTES: u64 = 1 << 16;
 
-/// A kind of file that pingmap writes, known by its first megabyte.
+/// A kind of file that pingmap writes, known by its first megabyte and its end.
 #[derive(Clone, Copy)]
 pub struct Kind(fn(&str) -> bool);
 
@@ -41,7 +42,10 @@ impl Kind {
     pub const PNG: Kind = Kind(|text| text.contains("PNG") && text.contains("kuva"));
     pub const SVG: Kind = Kind(|text| text.starts_with("<svg") && text.contains("kuva"));
     pub const PDF: Kind = Kind(|text| text.starts_with("%PDF") && text.contains("kuva"));
-    pub const GEO_JSON: Kind = Kind(|text| text.starts_with('{') && text.contains("\"seen_from\""));
+    pub const GEO_JSON: Kind = Kind(|text| {
+        let is_ours = text.contains("\"generator\": \"pingmap\"") || text.contains("\"seen_from\"");
+        text.starts_with('{') && is_ours
+    });
     pub const KML: Kind = Kind(|text| text.contains("<kml") && text.contains("Written by pingmap"));
     pub const GEO_TIFF: Kind = Kind(|text| text.starts_with("II*") && text.contains("pingmap"));
     pub const MODEL: Kind = Kind(|text| text.starts_with("# A model of how links behave: what pingmap"));
@@ -58,8 +62,15 @@ impl Kind {
     }
 
     fn is_of(self, path: &Path) -> anyhow::Result<bool> {
-        let mut bytes = Vec::new();
-        File::open(path)?.take(LOOKED_AT_BYTES).read_to_end(&mut bytes)?;
+        let (mut bytes, mut file) = (Vec::new(), File::open(path)?);
+        file.by_ref().take(LOOKED_AT_BYTES).read_to_end(&mut bytes)?;
+        // What a large file ends with tells, too; a pipe has no end to go to.
+        if let Ok(end) = file.metadata().map(|known| known.len()).and_then(|length| {
+            file.seek(SeekFrom::Start(length.saturating_sub(LAST_BYTES).max(LOOKED_AT_BYTES.min(length))))
+        }) && end >= LOOKED_AT_BYTES
+        {
+            file.read_to_end(&mut bytes)?;
+        }
         Ok(bytes.is_empty() || self.0(&String::from_utf8_lossy(&bytes)))
     }
 }

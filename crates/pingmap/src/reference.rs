@@ -52,7 +52,15 @@ pub fn position(option: &str, place: Place, reference: &Reference) -> Result<Pos
         ReferenceSystem::Unknown => "nobody said where the log's metres are: expected metres, or --origin or --crs",
         _ => "that is not on the log's map",
     };
-    metres.ok_or_else(|| BadInput(format!("{option}: {said}")))
+    let metres = metres.ok_or_else(|| BadInput(format!("{option}: {said}")))?;
+    let distance_m = metres.east_m.hypot(metres.north_m);
+    if matches!(reference.system(), ReferenceSystem::About(_)) && distance_m > ORIGIN_DISTANCE_MAX_M {
+        let distance_km = distance_m / 1000.0;
+        let said =
+            format!("that is {distance_km:.0} km from the origin; expected at most 100 km (another hemisphere?)");
+        return Err(BadInput(format!("{option}: {said}")));
+    }
+    Ok(metres)
 }
 
 /// The same of several places; as deep as they say, or else as `depth_m`, which nobody has where the log has no depths.

@@ -172,9 +172,10 @@ pub fn from_one(
             let (from, to) = (attempts(&from)?, attempts(&to)?);
             let worst = |(a, b): ((Cell, Attempt), (Cell, Attempt))| {
                 let (less, more) = if a.0.probability <= b.0.probability { (a, b) } else { (b, a) };
-                let lower = less.0.lower.min(more.0.lower);
+                // The least of two is no more probable than either may be.
+                let (lower, upper) = (less.0.lower.min(more.0.lower), less.0.upper.min(more.0.upper));
                 let explained = less.0.explained.min(more.0.explained);
-                (Cell { lower, explained, ..less.0 }, less.1)
+                (Cell { lower, upper, explained, ..less.0 }, less.1)
             };
             from.into_iter().zip(to).map(worst).collect()
         }

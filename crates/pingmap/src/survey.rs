@@ -1,5 +1,6 @@
 //! A log, and what one vehicle that owned all of it would know.
 
+use std::ops::Deref;
 use std::sync::Arc;
 
 use pingmap_agent::{Agent, Event, FitQuality, Limits, Model, Team, VehicleId};
@@ -10,9 +11,25 @@ use crate::model::{Known, MadeOf, read_model};
 use crate::options::{Asked, Source};
 use crate::output::{note, spinner, warn};
 
+/// A log as a command reads it.
+pub struct Opened {
+    log: EventLog,
+    /// Of all of it, whatever part is used.
+    digest: String,
+}
+
+impl Deref for Opened {
+    type Target = EventLog;
+
+    fn deref(&self) -> &EventLog {
+        &self.log
+    }
+}
+
 /// A log and what was learned from all of it.
 pub struct Survey {
     pub log: EventLog,
+    digest: String,
     pub known: Known,
     /// One vehicle that owns all of it.
     pub agent: Agent,
@@ -20,13 +37,14 @@ pub struct Survey {
 
 impl Survey {
     /// Reads a log, and keeps one vehicle's events if asked to.
-    pub fn open(source: &Source) -> anyhow::Result<EventLog> {
+    pub fn open(source: &Source) -> anyhow::Result<Opened> {
         let Source { logs, vehicle, work, .. } = source;
         let mut log = logs.open()?;
         source.reference.tell(&mut log)?;
+        let digest = log.digest();
         if let Some(path) = &source.model.model {
             let file = read_model(path)?;
-            if file.place_log_digests.contains(&log.digest()) {
+            if file.place_log_digests.contains(&digest) {
                 warn(format_args!("{}: its place knows this very log, which counts twice now", path.display()));
             }
             if !log.reference.is_known() {
@@ -36,11 +54,11 @@ impl Survey {
         if let Some(vehicle) = vehicle {
             log = only(&log, vehicle)?;
         }
-        Ok(thinned(log, Vec::new(), work.events_max, work.seed).0)
+        Ok(Opened { log: thinned(log, Vec::new(), work.events_max, work.seed).0, digest })
     }
 
     /// Learns from a log that [`Survey::open`] read.
-    pub fn learn(log: EventLog, source: &Source) -> anyhow::Result<Self> {
+    pub fn learn(Opened { log, digest }: Opened, source: &Source) -> anyhow::Result<Self> {
         let Source { model, work, .. } = source;
         let known = Known::new(model, &log, work.limits())?;
         let bar = spinner("fitting");
@@ -49,7 +67,7 @@ impl Survey {
         bar.finish_and_clear();
         agent.fit_quality().iter().for_each(warn_of_quality);
         note(known.describe(log.events.len(), agent.learns_densely()));
-        Ok(Self { log, known, agent })
+        Ok(Self { log, digest, known, agent })
     }
 
     /// The same, allowed to rise beyond the longest link of the log if that is asked for.
@@ -59,7 +77,7 @@ impl Survey {
 
     /// What all that follows from it was made of.
     pub fn made_of(&self) -> MadeOf {
-        MadeOf { log_digest: self.log.digest(), model_digest: Some(self.model().digest()) }
+        MadeOf { log_digest: self.digest.clone(), model_digest: Some(self.model().digest()) }
     }
 
     /// The model.

@@ -142,6 +142,19 @@ fn predict_takes_degrees_where_the_log_knows_its_place() {
 }
 
 #[test]
+fn what_links_say_besides_is_kept_for_programs_too() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 100));
+    let links =
+        "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m,tx_id,time_s,note\n0,0,500,300,a,12.5,by the quay\n";
+    file(folder.path(), "links.csv", links);
+    let command = ["predict", "events.csv", "--links", "links.csv", "--additions", "none", "--json"];
+    let of = json(folder.path(), &command)["predictions"][0].clone();
+    let said = (of["tx_id"].as_str(), of["time_s"].as_f64(), of["note"].as_str(), of["rx_easting_m"].as_f64());
+    assert_eq!(said, (Some("a"), Some(12.5), Some("by the quay"), Some(500.0)));
+}
+
+#[test]
 fn predict_reciprocally_unless_told_otherwise() {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "events.csv", log(&["a", "b"], 100));

@@ -317,12 +317,40 @@ fn other_programs_open_them() {
         }
     }
     let kml = String::from_utf8(read(folder.path(), "map.kml")).unwrap();
+    // The order that the standard asks for.
+    for placemark in kml.split("<Placemark>").skip(1).filter(|placemark| placemark.contains("<styleUrl>")) {
+        assert!(placemark.find("<styleUrl>") < placemark.find("<MultiGeometry>"), "{placemark}");
+    }
+    assert!(kml.contains("<styleUrl>#"));
     let parsed: kml::Kml<f64> = kml.parse().unwrap();
     assert!(
         matches!(parsed, kml::Kml::KmlDocument(_))
             && kml.contains("<outerBoundaryIs>")
             && kml.contains("<name>a</name>")
     );
+}
+
+#[test]
+fn what_a_map_is_of_is_all_of_a_log_and_what_is_far_from_it_is_refused() {
+    let folder = folder();
+    let digest = |command: &[&str]| json(folder.path(), command)["log_digest"].as_str().unwrap().to_owned();
+    let whole = digest(&["check", "events.csv", "--json"]);
+    let of_part = [&["map", "events.csv", "--at", "0,0", "--events-max", "50"], QUICK, &["--json"]].concat();
+    assert_eq!(digest(&of_part), whole);
+    // Another hemisphere.
+    let (latitude, longitude) = ORIGIN;
+    let at = format!("{latitude}N,{}E", longitude.abs());
+    let output = pingmap(folder.path(), &["map", "events.csv", "--at", &at]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("--at") && said.contains("100 km"), "{said}");
+    // A large file is known again, whatever stands in its first megabyte.
+    let (learning, _) = QUICK.split_at(QUICK.len() - 2);
+    let geojson = ["-o", "map.geojson", "--at", "500,200", "--cell-m", "12", "--as", "both"];
+    let levels = ["--levels", ".05,.1,.15,.2,.25,.3,.35,.4,.45,.5,.55,.6,.65,.7,.75,.8,.85,.9,.95", "--json"];
+    for _ in 0..2 {
+        json(folder.path(), &[&["map", "events.csv"], &geojson[..], learning, &levels].concat());
+    }
+    assert!(read(folder.path(), "map.geojson").len() > 1 << 20);
 }
 
 #[test]

@@ -131,9 +131,11 @@ impl Predictions {
     }
 
     fn json(&self) -> PredictionsJson {
-        let of = |(attempt, numbers): (&Attempt, &[f64; 5])| {
+        let of = |((attempt, fields), numbers): ((&Attempt, &Vec<String>), &[f64; 5])| {
             let [_, lower, upper, mean, variance] = *numbers;
-            let mut object = link(&attempt.link);
+            let own = self.table.header.iter().zip(fields).filter(|(name, _)| !is_predicted(&name.as_str()));
+            let mut object: Map<String, Value> = own.map(|(name, field)| (name.clone(), said(name, field))).collect();
+            object.extend(link(&attempt.link));
             object.extend(COLUMNS.iter().zip(numbers).map(|(name, number)| ((*name).to_owned(), json!(number))));
             // As these were called before.
             let before =
@@ -148,7 +150,7 @@ impl Predictions {
             events_used: self.survey.log.events.len(),
             jitter: self.jitter,
             kernel: KernelJson::of(self.survey.model()),
-            predictions: self.table.attempts.iter().zip(&self.predicted).map(of).collect(),
+            predictions: self.table.attempts.iter().zip(&self.table.rows).zip(&self.predicted).map(of).collect(),
         }
     }
 }
@@ -156,6 +158,15 @@ impl Predictions {
 /// Whether a column of the input is called as one that is predicted.
 fn is_predicted(name: &&str) -> bool {
     COLUMNS.iter().any(|column| column.eq_ignore_ascii_case(name))
+}
+
+/// A field of the input: numbers as such, but for names.
+fn said(column: &str, field: &str) -> Value {
+    let is_name = ["tx_id", "rx_id", "kind"].iter().any(|name| name.eq_ignore_ascii_case(column));
+    match field.parse::<f64>() {
+        Ok(number) if number.is_finite() && !is_name => json!(number),
+        _ => json!(field),
+    }
 }
 
 /// Both ends of a link in metres of the log.

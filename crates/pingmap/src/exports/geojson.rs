@@ -50,8 +50,14 @@ pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
             GeometryValue::Point { coordinates },
         ));
     }
-    let collection = FeatureCollection { bbox: None, features, foreign_members: None };
+    let collection = collection(features);
     Ok(serde_json::to_vec_pretty(&collection)?)
+}
+
+/// All of it, with who wrote it.
+pub(super) fn collection(features: Vec<Feature>) -> FeatureCollection {
+    let foreign_members = Some([("generator".to_owned(), json!("pingmap"))].into_iter().collect());
+    FeatureCollection { bbox: None, features, foreign_members }
 }
 
 /// A shape with its kind and what is said of it.

@@ -1,8 +1,8 @@
 //! A map as KML, for Google Earth, chart plotters and geographic information systems.
 
 use kml::types::{
-    Coord, Folder, Geometry, LineString, LineStyle, LinearRing, MultiGeometry, Placemark, Point, PolyStyle, Polygon,
-    Style,
+    Coord, Element, Folder, Geometry, LineString, LineStyle, LinearRing, MultiGeometry, Placemark, Point, PolyStyle,
+    Polygon, Style,
 };
 use kml::{Kml, KmlDocument, KmlVersion, KmlWriter};
 
@@ -87,5 +87,7 @@ fn area(style: &str, band: &Band) -> Placemark {
     };
     let geometries = band.polygons.iter().map(polygon).collect();
     let geometry = Geometry::MultiGeometry(MultiGeometry { geometries, ..MultiGeometry::default() });
-    Placemark { style_url: Some(format!("#{style}")), ..placemark(format!("{} to {}", band.from, band.to), geometry) }
+    // KML wants the style before the shape; the crate's own field for it comes behind.
+    let style_url = Element { name: "styleUrl".into(), content: Some(format!("#{style}")), ..Element::default() };
+    Placemark { children: vec![style_url], ..placemark(format!("{} to {}", band.from, band.to), geometry) }
 }

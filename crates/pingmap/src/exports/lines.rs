@@ -1,10 +1,10 @@
 //! Lines, areas and places of a plan as GeoJSON.
 
-use geojson::{FeatureCollection, GeometryValue, Position};
+use geojson::{GeometryValue, Position};
 use pingmap_import::Reference;
 use serde_json::Value;
 
-use super::geojson::feature;
+use super::geojson::{collection, feature};
 use crate::contour::Point;
 use crate::output::BadInput;
 
@@ -51,7 +51,7 @@ pub fn geojson_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result
         Ok(feature(line.kind, line.said.iter().cloned(), geometry))
     };
     let features = lines.iter().map(one).collect::<anyhow::Result<Vec<_>>>()?;
-    Ok(serde_json::to_vec_pretty(&FeatureCollection { bbox: None, features, foreign_members: None })?)
+    Ok(serde_json::to_vec_pretty(&collection(features))?)
 }
 
 /// Positive for corners that run counter-clockwise.

@@ -6,7 +6,9 @@ use kuva::render::layout::ComputedLayout;
 use kuva::render::render::{Primitive, Scene, TextAnchor, render_multiple};
 
 use super::finished::Figure;
-use super::marks::{draw_arrow, draw_head, draw_line, draw_mark, shortened, text_at, text_width, ways_once};
+use super::marks::{
+    draw_arrow, draw_head, draw_line, draw_mark, shortened, shortened_to, text_at, text_width, ways_once,
+};
 use super::style::{Arrows, FONT_PX, LegendPlace, Mark, Series, Style};
 use crate::contour::{Grid, Point, contour_lines};
 
@@ -22,6 +24,9 @@ const HEADS_PX: f64 = 110.0;
 
 /// Right of the axes, for the bar of colours and its numbers.
 pub(super) const BAR_ROOM_PX: f64 = 64.0;
+
+/// A longer title would have to be too small to be read.
+const TITLE_LETTERS_MAX: usize = 160;
 
 /// Of more tracks than this the legend names none.
 const TRACKS_NAMED_MAX: usize = 24;
@@ -62,6 +67,7 @@ impl Frame {
         // The margins do not depend on the size, so measure them first and add them.
         let margins = ComputedLayout::from_layout(&layout);
         layout.force_margin_top = Some(margins.margin_top.max(Y_LABEL_ROOM_PX));
+        layout.title = layout.title.map(|title| shortened_to(&title, TITLE_LETTERS_MAX));
         let title = layout.title.as_deref().map_or(0.0, text_width) * f64::from(layout.title_size) / f64::from(FONT_PX);
         let begins = margins.margin_left + (size.0 - title) / 2.0;
         if title > size.0 || begins < 16.0 + text_width(y_label) {

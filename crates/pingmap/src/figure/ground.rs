@@ -25,6 +25,9 @@ pub fn shade(probability: f64) -> (u8, u8, u8) {
     ColorMap::Cividis.map_rgb(probability.clamp(0.0, 1.0)).unwrap_or((128, 128, 128))
 }
 
+/// Edges on whole pixels, not blended with what is behind them.
+const CRISP: &str = "shape-rendering=\"crispEdges\"";
+
 impl Frame {
     /// Fills the cells of a grid, joining equal neighbours in a row.
     pub(super) fn heat_map(&mut self, grid: &Grid) {
@@ -52,7 +55,7 @@ impl Frame {
                 column += run.len();
             }
         }
-        let extra_attrs = Some("shape-rendering=\"crispEdges\"".to_owned());
+        let extra_attrs = Some(CRISP.to_owned());
         self.inside.push(Primitive::GroupStart { transform: None, title: None, extra_attrs });
         self.inside.push(Primitive::RectBatch { x, y, w, h, fills });
         self.inside.push(Primitive::GroupEnd);
@@ -66,13 +69,17 @@ impl Frame {
         let steps = 128;
         let edges: Vec<f64> = (0..=steps).map(|n| y_of(f64::from(n) / f64::from(steps)).round()).collect();
         let fills = (0..steps).map(|n| shade((f64::from(n) + 0.5) / f64::from(steps)));
+        let extra_attrs = Some(CRISP.to_owned());
+        self.legend.push(Primitive::GroupStart { transform: None, title: None, extra_attrs });
         self.legend.push(Primitive::RectBatch {
             x: vec![left; steps as usize],
             y: edges[1..].to_vec(),
             w: vec![BAR_PX; steps as usize],
-            h: edges.windows(2).map(|pair| pair[0] - pair[1]).collect(),
+            // As in the map, half a pixel more hides seams.
+            h: edges.windows(2).map(|pair| pair[0] - pair[1] + 0.5).collect(),
             fills: fills.map(|(r, g, b)| Color::Rgb(r, g, b)).collect(),
         });
+        self.legend.push(Primitive::GroupEnd);
         self.legend.push(outline(Color::None, left, top, (BAR_PX, bottom - top)));
         for n in 0..=5 {
             let (share, y) = (f64::from(n) / 5.0, y_of(f64::from(n) / 5.0));

@@ -108,11 +108,16 @@ const NAME_LETTERS_MAX: usize = 40;
 
 /// A name, its middle left out where it is very long.
 pub(super) fn shortened(name: &str) -> String {
-    let letters: Vec<char> = name.chars().collect();
-    if letters.len() <= NAME_LETTERS_MAX {
-        return name.to_owned();
+    shortened_to(name, NAME_LETTERS_MAX)
+}
+
+/// The same for a text of at most so many letters.
+pub(super) fn shortened_to(text: &str, letters_max: usize) -> String {
+    let letters: Vec<char> = text.chars().collect();
+    if letters.len() <= letters_max {
+        return text.to_owned();
     }
-    let half = NAME_LETTERS_MAX / 2 - 1;
+    let half = letters_max / 2 - 1;
     letters[..half].iter().chain(&['…']).chain(&letters[letters.len() - half..]).collect()
 }
 

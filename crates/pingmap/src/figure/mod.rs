@@ -17,6 +17,7 @@ use crate::contour::{Grid, Point};
 pub use finished::{Figure, Image};
 use frame::{Frame, round_step, thin};
 pub use ground::shade;
+use marks::shortened;
 pub use style::{Arrows, LegendPlace, Mark, Panel, Room, Series, Style};
 
 /// Between the numbers along an axis.
@@ -78,7 +79,10 @@ pub fn grid_map(map: &GridMap, room: Room) -> Figure {
     for (name, place) in map.places {
         let (x, y) = frame.pixel(*place);
         frame.mark((x, y), 10.0, star);
-        frame.label((x, y - 20.0), name);
+        // A place that is not on the map has no name on it either.
+        if (east.0..=east.1).contains(&place.0) && (north.0..=north.1).contains(&place.1) {
+            frame.label((x, y - 20.0), &shortened(name));
+        }
     }
     frame.north_and_scale(east.1 - east.0);
     frame.finish()

@@ -6,7 +6,7 @@ use clap::Args;
 use dgpc::Posterior;
 use pingmap_agent::{Attempt, Link, Position};
 use pingmap_import::{Reference, Waypoint, read_waypoints};
-use pingmap_trial::{EventLog, open};
+use pingmap_trial::open;
 
 use crate::area::Area;
 use crate::contour::Point;
@@ -19,7 +19,7 @@ use crate::output::{BadInput, Results, csv_of_text, note, spinner};
 use crate::outputs::{Kind, Target, ending, picture};
 use crate::reference::reference;
 use crate::success_map::{Asked, SuccessMap};
-use crate::survey::Survey;
+use crate::survey::{Opened, Survey};
 use crate::values::{not_negative, print_width};
 
 #[derive(Args)]
@@ -80,7 +80,7 @@ impl Format {
 /// A log that is ready to be learned from, and what its metres mean.
 pub struct Ready<'a> {
     common: &'a Common,
-    pub log: EventLog,
+    pub log: Opened,
     pub reference: Reference,
     pub depth_m: Option<f64>,
     output: Option<(Format, Target<'a>)>,
