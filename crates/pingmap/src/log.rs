@@ -6,6 +6,7 @@ use clap::Args;
 use pingmap_agent::{Link, VehicleId};
 use pingmap_trial::{EventLog, Split, thin};
 
+use crate::options::LOG_AND_MODEL;
 use crate::output::{BadInput, warn};
 
 /// Standard input, where a file is named.
@@ -15,13 +16,13 @@ const STANDARD_INPUT: &str = "-";
 #[derive(Args)]
 pub struct Logs {
     /// Event logs, several as one; - is standard input
-    #[arg(value_name = "LOG", required_unless_present = "events")]
+    #[arg(help_heading = None::<&str>, value_name = "LOG", required_unless_present = "events")]
     logs: Vec<PathBuf>,
     /// As logs were named before
-    #[arg(long, hide = true, value_name = "LOG", conflicts_with = "logs")]
+    #[arg(help_heading = None::<&str>, long, hide = true, value_name = "LOG", conflicts_with = "logs")]
     events: Vec<PathBuf>,
     /// Go on though a log says nothing that a map could be made of, and replace files that pingmap did not write
-    #[arg(long)]
+    #[arg(help_heading = LOG_AND_MODEL, long)]
     pub force: bool,
 }
 

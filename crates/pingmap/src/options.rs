@@ -17,13 +17,17 @@ use crate::output::BadInput;
 use crate::reference::ReferenceOptions;
 use crate::values::*;
 
+/// What options are listed under, whatever stands around them.
+pub const LOG_AND_MODEL: &str = "Log and model";
+pub const RESULT: &str = "Result";
+
 /// What a map is learned from, and how.
 #[derive(Args)]
 pub struct Source {
     #[command(flatten)]
     pub logs: Logs,
     /// Learn from this vehicle's events only
-    #[arg(long)]
+    #[arg(help_heading = LOG_AND_MODEL, long)]
     pub vehicle: Option<String>,
     #[command(flatten)]
     pub reference: ReferenceOptions,
@@ -37,7 +41,7 @@ pub struct Source {
 #[derive(Args)]
 pub struct ModelSource {
     /// Model file, as `pingmap learn` writes it; learned from the events if not given
-    #[arg(long, value_name = "FILE", conflicts_with = "Kernel")]
+    #[arg(help_heading = LOG_AND_MODEL, long, value_name = "FILE", conflicts_with = "Kernel")]
     pub model: Option<PathBuf>,
     #[command(flatten)]
     pub kernel: Kernel,

@@ -189,7 +189,9 @@ fn help_is_grouped_and_ends_with_examples() {
     let help = |command: &str| {
         stdout(&pingmap(folder.path(), &[&command.split(' ').collect::<Vec<_>>()[..], &["--help"]].concat()))
     };
-    for command in ["import", "map", "predict", "learn", "replay", "plan standoff", "plan track", "plan gateway"] {
+    let commands =
+        ["import", "check", "map", "predict", "learn", "replay", "select", "team", "simulate", "reproduce", "demo"];
+    for command in commands.into_iter().chain(["plan standoff", "plan track", "plan gateway"]) {
         let text = help(command);
         let (before, examples) = text.rsplit_once("Example").unwrap_or_else(|| panic!("{command} has no example"));
         assert!(examples.contains(&format!("pingmap {command}")) && !before.is_empty(), "{command}: {examples}");
@@ -202,4 +204,17 @@ fn help_is_grouped_and_ends_with_examples() {
             && place("\nDrawing:") < place("\nWork:"),
         "{text}"
     );
+    // Each option stands in its own group, whatever group stands before.
+    let group = |option: &str| {
+        let headings = text[..place(option)].lines().filter(|line| line.ends_with(':') && !line.starts_with(' '));
+        headings.last().unwrap_or_default().to_owned()
+    };
+    for (option, heading) in [
+        ("\n      --model <FILE>", "Log and model:"),
+        ("\n  -o, --output <FILE>", "Result:"),
+        ("\n      --json", "Result:"),
+        ("\n  [LOG]...", "Arguments:"),
+    ] {
+        assert_eq!(group(option), heading);
+    }
 }

@@ -13,6 +13,7 @@ const BINS: usize = 8;
 
 /// Look at event logs: who was heard by whom, share heard over range, and all that is odd
 #[derive(Args)]
+#[command(after_help = "Example:\n  pingmap check log.csv --strict")]
 pub struct Options {
     #[command(flatten)]
     pub logs: Logs,

@@ -19,6 +19,7 @@ const SEED: u64 = 1;
 
 /// Replay a field trial that comes with pingmap, print the scores and write a report with maps
 #[derive(Args)]
+#[command(after_help = "Example:\n  pingmap demo --out report")]
 pub struct Options {
     /// Folder for the report
     #[arg(long, default_value = "pingmap-report", value_name = "DIR")]

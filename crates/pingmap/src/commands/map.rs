@@ -13,7 +13,7 @@ use crate::figure::{Figure, Image};
 use crate::map_figure::{Drawn, figure};
 use crate::model::{KernelJson, MadeOf};
 use crate::names::{Join, Layer, Seen, name_of};
-use crate::options::{Asked as Parties, Source};
+use crate::options::{Asked as Parties, RESULT, Source};
 use crate::output::{BadInput, Results, note, print_json, spinner};
 use crate::outputs::{Kind, STANDARD_OUTPUT, Target, ending, picture};
 use crate::reference::{PlaceJson, position, positions, reference};
@@ -37,10 +37,10 @@ pub struct Options {
     pub source: Source,
     /// File for the map; its ending says what it is: .png, .svg, .pdf, .csv (the grid), .geojson, .kml (areas, contours and tracks) or .tif
     /// (GeoTIFF, a band for each number). The grid goes to standard output for -
-    #[arg(long, short, value_name = "FILE", default_value = "map.png")]
+    #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "map.png")]
     pub output: PathBuf,
     /// Print what was drawn as one JSON object
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 

@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 
 use crate::log::fill_depths;
 use crate::model::{KernelJson, MadeOf};
-use crate::options::{Asked, Source};
+use crate::options::{Asked, RESULT, Source};
 use crate::output::{Results, csv_of_text, json_text, spinner, warn};
 use crate::outputs::{Kind, STANDARD_OUTPUT, Target};
 use crate::reference::reference;
@@ -31,10 +31,10 @@ pub struct Options {
     #[command(flatten)]
     pub source: Source,
     /// File for the result; standard output if not given
-    #[arg(long, short, value_name = "FILE")]
+    #[arg(help_heading = RESULT, long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Write one JSON object instead of CSV
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 

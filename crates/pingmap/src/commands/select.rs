@@ -9,12 +9,13 @@ use serde::Serialize;
 use crate::log::{self, Logs};
 use crate::model::{KernelJson, Known, MadeOf};
 use crate::names::{PolicyName, name_of};
-use crate::options::ModelSource;
+use crate::options::{ModelSource, RESULT};
 use crate::output::{BadInput, Results, count, note, print, print_json, spinner, table, warn};
 use crate::values::{dense_events, inducing_points, positive, quadruple, threads};
 
 /// Choose the inducing points that sum up a locality region, with the certificate of the choice
 #[derive(Args)]
+#[command(after_help = "Example:\n  pingmap select log.csv --vehicle auv1 --points 3")]
 pub struct Options {
     #[command(flatten)]
     pub logs: Logs,
@@ -36,16 +37,16 @@ pub struct Options {
     #[command(flatten)]
     pub model: ModelSource,
     /// Seed of everything random
-    #[arg(long, default_value_t = 1)]
+    #[arg(help_heading = "Work", long, default_value_t = 1)]
     pub seed: u64,
     /// Sum up at most so many events of the region, those nearest to its centre
-    #[arg(long, default_value_t = 1000, value_parser = dense_events)]
+    #[arg(help_heading = "Work", long, default_value_t = 1000, value_parser = dense_events)]
     pub events_max: usize,
     /// Worker threads; 0 takes one per core. Results do not depend on it
-    #[arg(long, default_value_t = 0, value_parser = threads)]
+    #[arg(help_heading = "Work", long, default_value_t = 0, value_parser = threads)]
     pub threads: usize,
     /// Print one JSON object instead of tables
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::log::Logs;
 use crate::model::{MadeOf, log_digest, open_model};
+use crate::options::RESULT;
 use crate::output::{BadInput, Results, count, note, print_json, warn};
 use crate::outputs::{Kind, Target};
 use crate::team::open_key;
@@ -19,6 +20,7 @@ use crate::values::{frame_bytes, mission_s, positive, time};
 /// Write what a team must agree on before the mission: members, grid, frames, and the model that packets are formed
 /// under
 #[derive(Args)]
+#[command(after_help = "Example:\n  pingmap team log.csv --model model.toml --frame-bytes 32 -o team.toml")]
 pub struct Options {
     #[command(flatten)]
     pub logs: Logs,
@@ -45,10 +47,10 @@ pub struct Options {
     #[arg(long, value_parser = mission_s, allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
     /// File for the team; it names the model file as seen from its own folder
-    #[arg(long, short, value_name = "FILE", default_value = "team.toml")]
+    #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "team.toml")]
     pub output: PathBuf,
     /// Print what was agreed on as one JSON object
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 

@@ -153,8 +153,9 @@ impl Frame {
         }
     }
 
-    /// Says where north is and how long a round number of metres.
-    pub(super) fn north_and_scale(&mut self, metres_wide: f64) {
+    /// Says where north is and how long a round number of metres, in the first corner of the lower ones and the upper right
+    /// one where the least of `shown` would be covered.
+    pub(super) fn north_and_scale(&mut self, metres_wide: f64, shown: &[Point]) {
         let (left, right) = (self.axes.margin_left, self.axes.width - self.axes.margin_right);
         let (top, bottom) = (self.axes.margin_top, self.axes.height - self.axes.margin_bottom);
         let px_per_m = (right - left) / metres_wide;
@@ -162,7 +163,15 @@ impl Frame {
         let width = length_m * px_per_m;
         let name = if length_m >= 1000.0 { format!("{} km", length_m / 1000.0) } else { format!("{length_m} m") };
         let room = width.max(text_width(&name)) + 16.0;
-        let (x, y) = (left + 8.0, bottom - 38.0);
+        let shown: Vec<Point> = shown.iter().map(|&point| self.pixel(point)).collect();
+        let covered = |&(x, y): &Point| {
+            let is_below =
+                |at: &&Point| (x - 8.0..x + room + 8.0).contains(&at.0) && (y - 8.0..y + 38.0).contains(&at.1);
+            shown.iter().filter(is_below).count()
+        };
+        let right_x = right - room - 8.0;
+        let corners = [(left + 8.0, bottom - 38.0), (right_x, bottom - 38.0), (right_x, top + 8.0)];
+        let (x, y) = corners.into_iter().min_by_key(covered).unwrap_or(corners[0]);
         let ground = Primitive::Rect {
             x,
             y,

@@ -84,7 +84,9 @@ pub fn grid_map(map: &GridMap, room: Room) -> Figure {
             frame.label((x, y - 20.0), &shortened(name));
         }
     }
-    frame.north_and_scale(east.1 - east.0);
+    let begins = map.tracks.iter().chain(map.lines).filter_map(|line| line.points.first().copied());
+    let shown: Vec<Point> = begins.chain(map.places.iter().map(|(_, place)| *place)).collect();
+    frame.north_and_scale(east.1 - east.0, &shown);
     frame.finish()
 }
 
@@ -104,7 +106,8 @@ pub fn link_map(
     let faint = tracks.iter().map(|track| Series { style: Style { width: 0.8, ..track.style }, ..*track });
     frame.tracks(&faint.collect::<Vec<_>>());
     frame.links(links);
-    frame.north_and_scale(east.1 - east.0);
+    let begins: Vec<Point> = tracks.iter().filter_map(|track| track.points.first().copied()).collect();
+    frame.north_and_scale(east.1 - east.0, &begins);
     frame.finish()
 }
 

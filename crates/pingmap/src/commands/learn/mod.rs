@@ -15,7 +15,7 @@ use self::json::{AddedJson, CandidateJson, LearnJson, ModelJson};
 use crate::log::{Logs, thinned};
 use crate::model::{MadeOf, counted, of_events, open_model, stop_words, warn_of_search};
 use crate::names::name_of;
-use crate::options::{Kernel, Work};
+use crate::options::{Kernel, RESULT, Work};
 use crate::output::{BadInput, Results, note, print_json, progress, spinner, table, warn};
 use crate::outputs::{Kind, Target};
 use crate::reference::ReferenceOptions;
@@ -31,7 +31,7 @@ pub struct Options {
     #[command(flatten)]
     pub logs: Logs,
     /// File for the model
-    #[arg(long, short, value_name = "FILE", default_value = "model.toml")]
+    #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "model.toml")]
     pub output: PathBuf,
     /// Also hold out this share of every vehicle's events, and print how well the rest predicts them
     #[arg(long, value_parser = open_share, allow_negative_numbers = true)]
@@ -50,7 +50,7 @@ pub struct Options {
     #[command(flatten)]
     pub work: Work,
     /// Print one JSON object instead of tables
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 

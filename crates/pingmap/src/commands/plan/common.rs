@@ -14,7 +14,7 @@ use crate::exports::{Line, geojson_of_lines};
 use crate::figure::{Figure, Image, Room, Series, stacked};
 use crate::map_figure::{Drawn, figure};
 use crate::names::{Join, Layer, Seen, SeenOnce};
-use crate::options::{Asked as Parties, Source};
+use crate::options::{Asked as Parties, RESULT, Source};
 use crate::output::{BadInput, Results, csv_of_text, note, spinner};
 use crate::outputs::{Kind, Target, ending, picture};
 use crate::reference::reference;
@@ -29,19 +29,19 @@ pub struct Common {
     #[command(flatten)]
     pub source: Source,
     /// What the place does that is asked about: a gateway that is to hear receives
-    #[arg(long = "as", value_enum, default_value_t = SeenOnce::Rx)]
+    #[arg(help_heading = None::<&str>, long = "as", value_enum, default_value_t = SeenOnce::Rx)]
     pub seen: SeenOnce,
     /// Depth of what is elsewhere, where the log has depths; their mean if not given
-    #[arg(long, value_name = "METRES", value_parser = not_negative, allow_negative_numbers = true)]
+    #[arg(help_heading = None::<&str>, long, value_name = "METRES", value_parser = not_negative, allow_negative_numbers = true)]
     pub depth: Option<f64>,
     /// File for the plan; its ending says what it is: .png, .svg, .pdf, .csv, or .geojson
-    #[arg(long, short, value_name = "FILE")]
+    #[arg(help_heading = RESULT, long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// How wide the picture is to be in print, with letters of 9 points where there is room; PNG then have 300 dots an inch
-    #[arg(long, value_name = "MM", value_parser = print_width, allow_negative_numbers = true)]
+    #[arg(help_heading = RESULT, long, value_name = "MM", value_parser = print_width, allow_negative_numbers = true)]
     pub width_mm: Option<f64>,
     /// Print one JSON object instead of tables
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 

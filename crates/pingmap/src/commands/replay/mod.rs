@@ -18,7 +18,7 @@ use pingmap_trial::{
 use crate::log::{Logs, thinned};
 use crate::model::{HAS_SEEN_LOG, log_digests, open_model};
 use crate::names::{DivideByName, LearnName};
-use crate::options::{ModelSource, Work};
+use crate::options::{ModelSource, RESULT, Work};
 use crate::output::{BadInput, Results, note, print, print_json, warn};
 use crate::outputs::{Kind, Target};
 use crate::team::{open_key, open_team};
@@ -66,7 +66,7 @@ pub struct Options {
     #[arg(long, value_name = "BYTES", value_parser = spare_bytes, requires = "online")]
     pub spare_bytes: Option<usize>,
     /// Also write a report with maps to this folder
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = RESULT, long, value_name = "DIR")]
     pub report: Option<PathBuf>,
     /// Who learns the model
     #[arg(long, value_enum, default_value_t = LearnName::Pooled)]
@@ -76,7 +76,7 @@ pub struct Options {
     #[command(flatten)]
     pub work: Work,
     /// Print one JSON object instead of tables
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 

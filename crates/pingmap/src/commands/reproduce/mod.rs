@@ -30,6 +30,9 @@ use table::Table;
 
 /// Run the experiment of the paper that pingmap comes from: its tables and figures, beside the published ones
 #[derive(Args)]
+#[command(
+    after_help = "Examples:\n  pingmap reproduce --out docs\n  pingmap reproduce team --data log.csv --permutations 10"
+)]
 pub struct Options {
     /// What to compute
     #[arg(value_enum, default_value_t = Exhibit::All)]

@@ -23,6 +23,9 @@ use crate::values::{sea_state, whole_number};
 
 /// Make up a field trial: vehicles on survey legs, a slot schedule, and an acoustic channel of published formulas
 #[derive(Args)]
+#[command(
+    after_help = "Examples:\n  pingmap simulate --vehicles 3 -o log.csv\n  pingmap simulate --as-files mission -o truth.csv"
+)]
 pub struct Options {
     /// Number of vehicles; they take turns to transmit, and all others listen
     #[arg(long, default_value_t = Simulation::default().vehicles, value_parser = whole_number, allow_negative_numbers = true)]
