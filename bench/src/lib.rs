@@ -4,9 +4,11 @@
 //! one of them line by line, as `compare` asks for it, beside the same work of other software.
 
 mod data;
+mod growth;
 mod works;
 
 pub use data::{SIZES, synthetic, write_all};
+pub use growth::{growth, growth_at};
 pub use works::WORKS;
 
 /// Something to time.

@@ -1,11 +1,12 @@
 //! Runs one work as often as lines come in, and answers each with the processor time that one of its repeats took, in
-//! seconds, and how well it went. `--list` names all works, `--data FOLDER` writes what peers read.
+//! seconds, and how well it went. `--list` names all works, `--data FOLDER` writes what peers read, `--growth` prints how time
+//! and memory grow with what there is.
 
 use std::io::{BufRead, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
-use pingmap_bench::{WORKS, Work, write_all};
+use pingmap_bench::{WORKS, Work, growth, growth_at, write_all};
 use rustix::time::{ClockId, clock_gettime};
 
 /// As the program `pingmap` has it.
@@ -17,6 +18,11 @@ fn main() -> ExitCode {
     let result = match arguments.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
         ["--list"] => list(),
         ["--data", folder] => write_all(Path::new(folder)),
+        ["--growth"] => growth(&mut std::io::stdout()),
+        ["--growth", number, size] => match (number.parse(), size.parse()) {
+            (Ok(number), Ok(size)) => growth_at(number, size, processor_s).map(|said| println!("{said}")),
+            _ => return usage("expected two numbers"),
+        },
         [name] => match WORKS.iter().find(|work| work.name == *name) {
             Some(work) => serve(work),
             None => return usage(&format!("there is no work `{name}`")),
@@ -33,7 +39,7 @@ fn main() -> ExitCode {
 }
 
 fn usage(wrong: &str) -> ExitCode {
-    eprintln!("error: {wrong}; usage: pingmap-bench --list | --data FOLDER | WORK");
+    eprintln!("error: {wrong}; usage: pingmap-bench --list | --data FOLDER | --growth | WORK");
     ExitCode::from(2)
 }
 

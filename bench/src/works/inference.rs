@@ -45,10 +45,10 @@ pub fn fits(size: usize) -> Box<dyn FnMut() -> f64> {
     Box::new(move || fit(&prior, &events, &FitOptions::default().tolerance(1e-6)).expect("a fit").evidence())
 }
 
-/// Ten iterations of a sparse fit under the true prior, on 100 inducing points; its evidence.
-pub fn sparse_iterations(size: usize) -> Box<dyn FnMut() -> f64> {
+/// Ten iterations of a sparse fit under the true prior, on so many inducing points; its evidence.
+pub fn sparse_iterations(size: usize, points: usize) -> Box<dyn FnMut() -> f64> {
     let (prior, events) = (truth(), synthetic(size));
-    let points = events.inputs().select(&spread_out(size, 100));
+    let points = events.inputs().select(&spread_out(size, points));
     Box::new(move || {
         let options = FitOptions::default().inducing_points(&points).tolerance(0.0).iterations_max(10);
         fit(&prior, &events, &options).expect("a fit").evidence()

@@ -6,6 +6,9 @@ mod learning;
 mod machine;
 mod selection;
 
+pub use inference::{fits as dense_fits, predictions, sparse_iterations as sparse_iterations_on};
+pub use selection::greedy_of_many as selections;
+
 use crate::Work;
 
 /// In the order of the table that `compare` prints.
@@ -31,11 +34,11 @@ pub const WORKS: &[Work] = &[
     Work::long("best pair 2000", || selection::best_pair(2000, 1)),
     Work::short("greedy 50 of 446", 1, selection::greedy),
     Work::short("exchange 50 of 446", 1, selection::exchange),
-    Work::long("greedy 50 of 10000", selection::greedy_of_many),
+    Work::long("greedy 50 of 10000", || selection::greedy_of_many(10_000)),
     Work::short("greedy 50 of 10000 by variance", 1, selection::greedy_by_variance_of_many),
     Work::short("fit 446", 1, || inference::fits(446)),
     Work::long("fit 1000", || inference::fits(1000)),
-    Work::long("fit 100000 on 100", || inference::sparse_iterations(100_000)),
+    Work::long("fit 100000 on 100", || inference::sparse_iterations(100_000, 100)),
     Work::long("learn 1000", learning::dense),
     Work::long("learn 100000", learning::sparse),
     Work::short("predict 10000 from 446", 1, || inference::predictions(446)),

@@ -30,9 +30,9 @@ pub fn exchange() -> Box<dyn FnMut() -> f64> {
     Box::new(move || candidates.minimise_trace(50).trace)
 }
 
-/// Fifty of ten thousand, judged by 1500 of them.
-pub fn greedy_of_many() -> Box<dyn FnMut() -> f64> {
-    let (prior, events) = (truth(), synthetic(10_000));
+/// Fifty of very many, judged by 1500 of them.
+pub fn greedy_of_many(size: usize) -> Box<dyn FnMut() -> f64> {
+    let (prior, events) = (truth(), synthetic(size));
     Box::new(move || greedy_judged(prior.kernel(), events.inputs(), 50, 1500).expect("finite places").trace)
 }
 

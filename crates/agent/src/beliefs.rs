@@ -51,8 +51,7 @@ pub(crate) struct Beliefs {
     pub(crate) own_model: Option<Arc<OwnModel>>,
     /// Of its own events, under the team's model.
     pub(crate) own: Posterior,
-    /// Of the packets that it sent, under the team's model. What it reported beside is put together when a frame is due
-    /// ([`Beliefs::public_of`]).
+    /// Of the packets that it sent, under the team's model, without what it reported beside ([`Beliefs::public_of`]).
     pub(crate) public: Posterior,
     /// Of its own events and what others sent, under its own model if it has one.
     pub(crate) fused: Posterior,
@@ -208,10 +207,8 @@ impl Beliefs {
 
     /// The packets that should be in: what was told, and what was heard of members that are believed.
     fn wanted(&self, memory: &Memory, believed: &Heard) -> Packets {
-        let own = memory.own.unwrap_or_default();
-        let mut wanted = counting(memory, memory.told().map(|(counter, _)| (own, counter)));
-        wanted.extend(&believed.packets);
-        wanted
+        let told = memory.told().map(|(counter, _)| (memory.own.unwrap_or_default(), counter));
+        counting(memory, told).into_iter().chain(believed.packets.clone()).collect()
     }
 
     /// What the own and the fused posterior would be with just this of others: in canonical order, so that they are the same to
@@ -233,9 +230,9 @@ impl Beliefs {
         let own =
             self.alone.as_ref().map_or_else(|| Ok(model.known_before()), |alone| alone.fit.posterior_with(&place))?;
         let packets = said(memory, &believed.packets, Worth::All);
-        let knows_only_itself = self.own_model.is_none() && self.together.is_none() && believed.packets.is_empty();
+        let is_alone = self.own_model.is_none() && self.together.is_none() && believed.packets.is_empty();
         let fused = match self.fitted() {
-            Some(_) if knows_only_itself => own.clone(),
+            Some(_) if is_alone => own.clone(),
             Some(fitted) => {
                 let is_in = |source: &Source| match source {
                     Source::Own(_) => true,

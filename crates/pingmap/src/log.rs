@@ -6,11 +6,13 @@ use clap::Args;
 use pingmap_agent::{Link, VehicleId};
 use pingmap_trial::{EventLog, Split, thin};
 
-use crate::options::LOG_AND_MODEL;
 use crate::output::{BadInput, warn};
 
 /// Standard input, where a file is named.
 const STANDARD_INPUT: &str = "-";
+
+/// What options are listed under that say what is read, whatever stands around them.
+pub const LOG_AND_MODEL: &str = "Log and model";
 
 /// The logs that a command reads.
 #[derive(Args)]

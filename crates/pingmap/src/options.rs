@@ -11,14 +11,13 @@ use pingmap_agent::{
 };
 use pingmap_trial::EventLog;
 
-use crate::log::Logs;
+use crate::log::{LOG_AND_MODEL, Logs};
 use crate::names::*;
 use crate::output::BadInput;
 use crate::reference::ReferenceOptions;
 use crate::values::*;
 
-/// What options are listed under, whatever stands around them.
-pub const LOG_AND_MODEL: &str = "Log and model";
+/// What options are listed under that say where results go, whatever stands around them.
 pub const RESULT: &str = "Result";
 
 /// What a map is learned from, and how.

@@ -143,9 +143,12 @@ impl<'a> Target<'a> {
         Ok(Self { path })
     }
 
-    /// The page of a report and its folder, which is made.
+    /// The page of a report with its pictures, and their folder, which is made.
     pub fn page(folder: &Path, force: bool) -> anyhow::Result<()> {
         make_folder(folder)?;
+        for picture in ["map.png", "packets.png", "online.png"] {
+            Target::new(&folder.join(picture), Kind::PNG, &[], force)?;
+        }
         Target::new(&folder.join("index.html"), Kind::PAGE, &[], force).map(drop)
     }
 

@@ -206,8 +206,8 @@ fn help_is_grouped_and_ends_with_examples() {
     );
     // Each option stands in its own group, whatever group stands before.
     let group = |option: &str| {
-        let headings = text[..place(option)].lines().filter(|line| line.ends_with(':') && !line.starts_with(' '));
-        headings.last().unwrap_or_default().to_owned()
+        let mut headings = text[..place(option)].lines().filter(|line| line.ends_with(':') && !line.starts_with(' '));
+        headings.next_back().unwrap_or_default().to_owned()
     };
     for (option, heading) in [
         ("\n      --model <FILE>", "Log and model:"),

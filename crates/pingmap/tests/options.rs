@@ -329,7 +329,7 @@ fn prepare(folder: &Path) {
 
 /// What three vehicles recorded, each kind of it in one table.
 fn prepare_mission(folder: &Path, read: &dyn Fn(&str) -> String) {
-    let simulate = "simulate --slots 90 --clock-off-s 2 --with-sent --as-files . -o recorded.csv";
+    let simulate = "simulate --slots 90 --clock-off-s 2 --with-sent --as-files . --force -o recorded.csv";
     let output = pingmap(folder, &simulate.split(' ').collect::<Vec<_>>());
     assert!(output.status.success(), "{}", stderr(&output));
     for (kind, header, more) in [

@@ -61,6 +61,18 @@ fn stop(text: &str) -> Result<(String, f64), String> {
 }
 
 impl Files {
+    /// Makes sure that nothing is replaced, unless that is wanted.
+    pub fn check(&self, force: bool) -> anyhow::Result<()> {
+        let Some(folder) = self.folder.as_ref().filter(|folder| folder.exists() && !force) else { return Ok(()) };
+        let name = folder.display();
+        let mut inside = std::fs::read_dir(folder).with_context(|| format!("cannot look into {name}"))?;
+        if inside.next().is_some() {
+            let message = "is not empty; expected another folder, or --force to replace what stands in the way";
+            return Err(BadInput(format!("{name} {message}")).into());
+        }
+        Ok(())
+    }
+
     /// Writes the files, if any are wanted, and gives the log their times.
     pub fn write(&self, simulation: &Simulation, trial: &mut Simulated) -> anyhow::Result<()> {
         let Some(folder) = &self.folder else { return Ok(()) };

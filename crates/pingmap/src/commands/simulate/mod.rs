@@ -203,6 +203,7 @@ const STAND_IN: &str =
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let simulation = options.simulation();
     let target = Target::new(&options.output, Kind::EVENT_LOG, &[], options.force)?;
+    options.files.check(options.force)?;
     let mut trial = simulation.run(&options.sound()).map_err(|error| BadInput(error.to_string()))?;
     trial.log.has_depths = options.depths;
     options.files.write(&simulation, &mut trial)?;
