@@ -7,9 +7,12 @@ use crate::inputs::{Inputs, spread_out};
 use crate::kernel::Kernel;
 use crate::linalg::{add_scaled, dot, multiply_vector, squared_norm};
 
+/// What would be explained below this share of a prior variance is rounding.
+const ROUNDING_SHARE: f64 = 1e-10;
+
 /// The `points` of all `inputs` that greedy choice takes where tr K̃ is summed over at most `judges_max` of them, spread
 /// evenly; with as many judges as inputs the choice of [`crate::Candidates::greedy`]. The trace that comes back is over all
-/// inputs. O(NJ·points) for N inputs and J judges, NJ memory.
+/// inputs. Once the judges know everything, the points of largest variance follow. O(NJ·points) for N inputs and J judges, NJ memory.
 ///
 /// ```
 /// use dgpc::{Inputs, Kernel, Shape, Term, greedy_judged};
@@ -64,12 +67,13 @@ fn choose(left: &mut Left<'_>, points: usize, mut worth: impl FnMut(&Left<'_>) -
     let mut indices = Vec::with_capacity(points.min(left.prior.len()));
     while indices.len() < points {
         let merits = worth(left);
-        let is_worth_it =
-            |&place: &usize| left.variance[place] >= DISTINCT_SHARE * left.prior[place] && merits[place] > 0.0;
-        let candidates = (0..merits.len()).filter(is_worth_it);
-        let Some(best) = candidates.reduce(|best, next| if merits[next] > merits[best] { next } else { best }) else {
-            break;
+        let is_distinct = |&place: &usize| left.variance[place] >= DISTINCT_SHARE * left.prior[place];
+        let most = |of: &[f64], least: f64| {
+            let candidates = (0..of.len()).filter(is_distinct).filter(|&place| of[place] > least * left.prior[place]);
+            candidates.reduce(|best, next| if of[next] > of[best] { next } else { best })
         };
+        // Where no judge is left to convince, what is unknown counts.
+        let Some(best) = most(&merits, ROUNDING_SHARE).or_else(|| most(&left.variance, 0.0)) else { break };
         left.take(best)?;
         indices.push(best);
     }

@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 
 use pingmap_agent::MessageKind;
 
+use crate::arriving::Into;
 use crate::cdr::Cdr;
 use crate::ids::Ids;
-use crate::micromodem::{Into, Micromodem};
+use crate::micromodem::Micromodem;
 use crate::navigation::Navigation;
 use crate::recording::{Arrival, Sent};
 use crate::sentence::Sentence;

@@ -2,9 +2,10 @@
 
 use std::io::{self, BufRead};
 
+use crate::arriving::Into;
 use crate::ids::Ids;
 use crate::lines::Lines;
-use crate::micromodem::{Into, Micromodem};
+use crate::micromodem::Micromodem;
 use crate::sentence::Sentence;
 use crate::time::parse_time;
 use crate::told::Told;
@@ -33,16 +34,20 @@ pub(crate) fn time_before(front: &str) -> Option<f64> {
     let second = || {
         let rest = rest.strip_prefix(' ')?;
         let (time, rest) = rest.split_at(rest.find(is_end).unwrap_or(rest.len()));
-        // Parts of a second may stand behind a comma.
-        let part = rest
-            .strip_prefix(',')
-            .filter(|_| !time.contains('.'))
-            .map(|rest| &rest[..rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len())]);
-        let with_part = part.filter(|part| !part.is_empty()).map(|part| format!("{first}T{time}.{part}"));
-        with_part.and_then(|whole| parse_time(&whole)).or_else(|| parse_time(&format!("{first}T{time}")))
+        with_part(&format!("{first}T{time}"), rest)
     };
     // A date alone is midnight, and no time of a sentence.
-    second().or_else(|| parse_time(first)).or_else(|| parse_time(first.trim_end_matches(':')))
+    second().or_else(|| with_part(first, rest)).or_else(|| parse_time(first.trim_end_matches(':')))
+}
+
+/// A time, and what of a second stands behind a comma: three or six digits that are no field of their own.
+fn with_part(time: &str, behind: &str) -> Option<f64> {
+    let part = behind.strip_prefix(',').unwrap_or("");
+    let (part, rest) = part.split_at(part.find(|c: char| !c.is_ascii_digit()).unwrap_or(part.len()));
+    let is_part =
+        matches!(part.len(), 3 | 6) && time.contains('T') && !time.contains('.') && !rest.starts_with([',', ';']);
+    let whole = is_part.then(|| parse_time(&format!("{time}.{part}"))).flatten();
+    whole.or_else(|| parse_time(time))
 }
 
 /// Whether the beginning of a file is one of a capture: a line of it holds a sentence of a modem after a time.
@@ -69,9 +74,11 @@ mod tests {
             "1777809600.25: ",
             "1777809600.25 < ",
             "2026-05-03 12:00:00,250 INFO ",
+            "2026-05-03T12:00:00,250 ",
         ] {
             assert_eq!(time_before(front), Some(1_777_809_600.25), "{front:?}");
         }
+        assert_eq!(time_before("2026-05-03 12:00:00,1,"), time_before("2026-05-03 12:00:00 "));
         for front in ["", "RX ", "12:00:00 ", "[", "\u{fffd}"] {
             assert_eq!(time_before(front), None, "{front:?}");
         }

@@ -2,7 +2,7 @@
 
 use pingmap_agent::MessageKind;
 
-use crate::micromodem::{Into, Part};
+use crate::arriving::{Into, Part};
 use crate::recording::{Sent, Unknown};
 
 /// What is said of a transmission.

@@ -44,6 +44,7 @@ mod lines;
 mod lcm_words;
 mod lcm_types;
 mod sentence;
+mod arriving;
 mod micromodem;
 mod navigation;
 mod goby;

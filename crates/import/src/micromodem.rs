@@ -9,8 +9,8 @@ use std::collections::BTreeSet;
 
 use pingmap_agent::MessageKind;
 
-use crate::ids::Ids;
-use crate::recording::{Arrival, Recording, Sent, Unknown};
+use crate::arriving::{Into, Part};
+use crate::recording::{Sent, Unknown};
 use crate::sentence::Sentence;
 use crate::told::Skipped;
 
@@ -86,42 +86,11 @@ struct Incoming {
     is_broken: bool,
 }
 
-/// Where what is told goes.
-pub(crate) struct Into<'a> {
-    pub(crate) recording: &'a mut Recording,
-    pub(crate) ids: &'a Ids,
-}
-
-impl Into<'_> {
-    pub(crate) fn sign(&mut self, time_s: f64) {
-        self.recording.sign(0, time_s);
+impl Incoming {
+    /// Whether as many frames are decoded as were announced.
+    fn is_whole(&self) -> bool {
+        self.frames > 0 && self.decoded.len() as u32 >= self.frames
     }
-
-    /// The id by which this modem is known to others.
-    pub(crate) fn is_called(&mut self, id: &str) {
-        if id.parse::<u32>().is_ok() {
-            self.recording.modem_ids.insert(id.to_owned());
-        }
-    }
-
-    /// A message that reached the modem, or a frame of one; nothing where its source is everybody.
-    pub(crate) fn arrive(&mut self, time_s: f64, (source, destination): (&str, &str), arrival: Part) {
-        let Some(source) = self.ids.whom(source) else { return };
-        let Part { frame, frames, good, kind } = arrival;
-        let destination = self.ids.whom(destination);
-        self.sign(time_s);
-        let arrival = Arrival { time_s, source, destination, frame, frames, good, kind };
-        self.recording.arrivals.get_or_insert_default().push(arrival);
-    }
-}
-
-/// A frame, or a whole message.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Part {
-    pub(crate) frame: Option<u32>,
-    pub(crate) frames: Option<u32>,
-    pub(crate) good: bool,
-    pub(crate) kind: Option<MessageKind>,
 }
 
 fn rate(rate: &str) -> Option<MessageKind> {
@@ -374,6 +343,10 @@ impl Micromodem {
         }
         let frames = at(17).parse().unwrap_or(0);
         let kind = rate(at(12));
+        // What breaks after a message that is whole is another one.
+        if self.incoming.as_ref().is_some_and(Incoming::is_whole) {
+            self.arrived(into);
+        }
         let incoming = self.incoming(time_s, (source, at(14)), into);
         incoming.frames = incoming.frames.max(frames);
         incoming.kind = incoming.kind.take().or(kind);
@@ -383,11 +356,12 @@ impl Micromodem {
     /// All of a message is there that will come.
     fn arrived(&mut self, into: &mut Into) {
         let Some(incoming) = self.incoming.take() else { return };
+        let is_whole = incoming.is_whole();
         let Incoming { time_s, decoded_s, source, destination, kind, decoded, frames, is_broken, .. } = incoming;
         let (last, count) = (decoded.last().copied().unwrap_or(0), decoded.len() as u32);
         // Where as many frames were decoded as were announced, what broke before was none of them: an announcement, or an
         // earlier try. Otherwise broken frames are some beside those that were decoded.
-        let (time_s, frames) = match decoded_s.filter(|_| frames > 0 && count >= frames) {
+        let (time_s, frames) = match decoded_s.filter(|_| is_whole) {
             Some(decoded_s) => (decoded_s, frames.max(last)),
             None => (time_s, frames.max(last).max(u32::from(is_broken) + count)),
         };

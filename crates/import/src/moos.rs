@@ -4,10 +4,11 @@ use std::io::{self, BufRead};
 
 use pingmap_agent::{Geographic, VehicleId};
 
+use crate::arriving::Into;
 use crate::goby::Transmission;
 use crate::ids::Ids;
 use crate::lines::Lines;
-use crate::micromodem::{Into, Micromodem};
+use crate::micromodem::Micromodem;
 use crate::navigation::Navigation;
 use crate::recording::Recording;
 use crate::sentence::Sentence;

@@ -191,6 +191,9 @@ fn what_broke_before_a_message_that_is_whole_was_none_of_its_frames() {
         let (recording, _) = capture(&case);
         assert_eq!(heard(&recording), [(case[2].0, "1", Some(1), Some(1), true)], "{case:?}");
     }
+    // What breaks afterwards is another message.
+    let (recording, _) = capture(&[(0.0, "CACYC,0,1,63,0,0,1"), (1.5, "CARXD,1,63,0,1,AA"), (5.0, named)]);
+    assert_eq!(heard(&recording), [(1.5, "1", Some(1), Some(1), true), (5.0, "1", Some(1), Some(1), false)]);
     // With another announcement between, both are told.
     let (recording, _) =
         capture(&[(0.0, "CACYC,0,1,63,0,0,1"), (1.4, named), (4.0, "CACYC,0,1,63,0,0,1"), (5.0, "CARXD,1,63,0,1,AA")]);

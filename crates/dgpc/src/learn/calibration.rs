@@ -15,8 +15,8 @@ const FACTORS: (f64, f64) = (0.25, 16.0);
 /// The logarithm of the factor is found to this precision.
 const TOLERANCE: f64 = 0.1;
 
-/// Of the fits on the way, at which the corrected evidence is off by far less than it changes over [`TOLERANCE`].
-const TILT_TOLERANCE: f64 = 1e-2;
+/// Of the fits on the way. What corrects E changes with the tilts in first order.
+const TILT_TOLERANCE: f64 = 1e-3;
 
 /// What became of the variances after E was maximised.
 #[derive(Debug, Clone, PartialEq)]

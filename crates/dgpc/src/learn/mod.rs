@@ -45,7 +45,7 @@ pub struct Learned {
     pub fit: Fit,
     /// The prior that maximises E within the hyperprior, before its variances were calibrated.
     pub optimum: Prior,
-    /// E of the optimum, in nats.
+    /// E of the optimum, in nats, over the events that the search looked at.
     pub optimum_evidence: f64,
     /// What the variances were multiplied by after that, and whether it went well.
     pub calibration: Calibration,
@@ -53,9 +53,11 @@ pub struct Learned {
     pub starts: Vec<Start>,
     /// How many events the starts were compared on.
     pub start_events: usize,
-    /// How often E was computed for all events.
+    /// How many events the search looked at: all, or [`LearnOptions::search_events_max`] of them.
+    pub searched_events: usize,
+    /// How often E was computed for these.
     pub evaluations: usize,
-    /// Why the search on all events ended.
+    /// Why the search on these ended.
     pub stop: Stop,
 }
 
@@ -74,8 +76,8 @@ const RACE_NATS: f64 = 5.0;
 ///
 /// Several starts (the template, a third of all its length-scales, and a third of each alone) are compared on few
 /// events. The best of their ends and, because few events may point elsewhere, the template and
-/// [`LearnOptions::further_starts`] then race on somewhat more: from every place that any of them leads to and that is not
-/// clearly worse than the best, there is a search on all events. Of where these lead to, that is the best which has the
+/// [`LearnOptions::further_starts`] then race on somewhat more: from each that leads to a place of its own there, not clearly
+/// worse than the best, there is a search on all events. Of where these lead to, that is the best which has the
 /// greatest corrected evidence ([`Fit::corrected_evidence`]) after its variances are calibrated. With inducing points there
 /// is a second round, with points that suit what the first one found. Of very many events the search looks at
 /// [`LearnOptions::search_events_max`]; all of them are in [`Learned::fit`].
@@ -111,7 +113,7 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
     let points = inducing_points(&learned.prior, &likelihood, options)?;
     let fit = solve(&learned.prior, &likelihood, points.as_ref(), &FitOptions::default().tolerance(ALL_TOLERANCE))?;
     let fit = Fit::new(&learned.prior, fit, points.as_ref(), options.messages)?;
-    Ok(Learned { fit, ..learned })
+    Ok(Learned { fit, searched_events: searched.len(), ..learned })
 }
 
 /// The same, with the search looking at all events.
@@ -120,7 +122,6 @@ fn learn_from_all(template: &Prior, observations: &Observations, options: &Learn
     if let Some(start) = options.warm_start {
         let points = inducing_points(start, &likelihood, options)?;
         let starts = [std::slice::from_ref(start), options.further_starts].concat();
-        let starts = race(template, starts, observations, options)?;
         return learn_from(template, &starts, &likelihood, points, options);
     }
     let some = spread_out(likelihood.events(), options.start_events_max);
@@ -163,41 +164,37 @@ fn compare_starts(template: &Prior, few: &Likelihood<'_>, options: &LearnOptions
     Ok((starts, best(ends)?.prior))
 }
 
-/// The places from which all events are worth a search: where the starts lead to on fewer events, but for those that
-/// lead to one place or to one that is clearly worse than the best. A warm start stays what it is, because the result must
-/// not be worse than that.
+/// The places from which all events are worth a search: the starts, but for those that on fewer events lead to one place
+/// with another or to one that is clearly worse than the best. The first of them is a place that few events led to, and goes
+/// on from where more lead; the others begin where they are, because fewer events may lead them elsewhere than all do.
 fn race(
     template: &Prior,
     starts: Vec<Prior>,
     observations: &Observations,
     options: &LearnOptions<'_>,
 ) -> Result<Vec<Prior>> {
-    let is_warm = options.warm_start.is_some();
-    if observations.len() <= options.race_events_max || (is_warm && starts.len() == 1) {
+    let racers = options.race_events_max.min(options.dense_events_max);
+    if racers == 0 || observations.len() < 2 * racers || starts.len() == 1 {
         return Ok(starts);
     }
-    let some = observations.select(&spread_out(observations.len(), options.race_events_max));
+    let some = observations.select(&spread_out(observations.len(), racers));
     let likelihood = Likelihood::new(&some, options.messages)?;
     let rough = rough(options);
     let search = Search::new(template, &likelihood, None, &rough);
-    let Ok(mut ends) = starts.iter().map(|start| search.run(start)).collect::<Result<Vec<Found>>>() else {
+    let Ok(ends) = starts.iter().map(|start| search.run(start)).collect::<Result<Vec<Found>>>() else {
         // Where one cannot be followed on few events, all events decide about it.
         return Ok(starts);
     };
-    if !is_warm {
-        ends.sort_by(|a, b| b.objective.total_cmp(&a.objective));
-    }
     let most = ends.iter().map(|end| end.objective).fold(f64::NEG_INFINITY, f64::max);
-    let mut kept = vec![ends.remove(0)];
-    for end in ends {
-        if end.objective > most - RACE_NATS && kept.iter().all(|other| !search.is_one_place(other, &end)) {
-            kept.push(end);
+    let mut kept: Vec<usize> = vec![0];
+    for (place, end) in ends.iter().enumerate().skip(1) {
+        let is_new = kept.iter().all(|&other| !search.is_one_place(&ends[other], end));
+        if is_new && end.objective > most - RACE_NATS {
+            kept.push(place);
         }
     }
-    let mut kept: Vec<Prior> = kept.into_iter().map(|end| end.prior).collect();
-    if let Some(start) = options.warm_start {
-        kept[0] = start.clone();
-    }
+    let mut kept: Vec<Prior> = kept.into_iter().map(|place| starts[place].clone()).collect();
+    kept[0].clone_from(&ends[0].prior);
     Ok(kept)
 }
 
@@ -308,6 +305,7 @@ fn finish(search: &Search<'_>, found: Found, points: Option<&Inputs>, options: &
         calibration,
         starts: Vec::new(),
         start_events: 0,
+        searched_events: search.events(),
         evaluations: 0,
         stop,
     };

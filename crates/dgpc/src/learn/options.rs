@@ -13,14 +13,16 @@ pub struct LearnOptions<'a> {
     pub messages: &'a [&'a Summary],
     /// How far parameters may go from the template's.
     pub hyper_prior: HyperPrior,
-    /// Start here and on all events at once: an earlier [`crate::Learned::optimum`], of the template's structure. The
-    /// new optimum is never worse in E. Without it there are several starts.
+    /// Start here, on all events that the search looks at: an earlier [`crate::Learned::optimum`], of the template's
+    /// structure. The new optimum is never worse in E of these. Without it there are several starts.
     pub warm_start: Option<&'a Prior>,
-    /// Start here on all events too, beside where the search starts anyway; of the template's structure.
+    /// Start here too, beside where the search starts anyway: beside a warm start always, else unless that leads to the same
+    /// place or loses the race ([`LearnOptions::race_events_max`]); of the template's structure.
     pub further_starts: &'a [Prior],
     /// How many events the starts are compared on, at most: 150 if not said otherwise.
     pub start_events_max: usize,
-    /// How many events decide, at most, from which starts all of them are searched: 250 if not said otherwise.
+    /// How many events decide from which starts all of them are searched, where there are at least twice as many: 500 if not
+    /// said otherwise; at 0 all starts are searched from. Half as many have been seen to hide the better of two optima.
     pub race_events_max: usize,
     /// The search looks at so many events at most, spread evenly, 4000 if not said otherwise; what it finds is then fitted to
     /// all of them. What more events would still move in the parameters, predictions do not show.
@@ -49,7 +51,7 @@ impl Default for LearnOptions<'_> {
             warm_start: None,
             further_starts: &[],
             start_events_max: 150,
-            race_events_max: 250,
+            race_events_max: 500,
             search_events_max: 4000,
             dense_events_max: 1000,
             inducing_points_max: 256,

@@ -80,6 +80,11 @@ impl<'a> Search<'a> {
         Self { likelihood, points, template, centre, moving, iterations_max, tolerance, tilt_tolerance }
     }
 
+    /// How many events it looks at.
+    pub(super) fn events(&self) -> usize {
+        self.likelihood.events()
+    }
+
     /// Coordinates of a prior: what moves, in units of its spread about the template.
     fn coordinates(&self, prior: &Prior) -> Vec<f64> {
         let parameters = prior.parameter_values();
@@ -199,15 +204,6 @@ impl Objective<'_> {
         options.start = memory.best.as_ref().map(|best| best.tilts.as_slice());
         let (fit, by_parameter) = self.search.gradient(&self.search.prior(coordinates)?, &options)?;
         memory.evaluations += 1;
-        if std::env::var_os("DBG").is_some() {
-            eprintln!(
-                "eval n={} iters={} E={:.4} x={:.2?}",
-                self.search.likelihood.len(),
-                fit.iterations,
-                fit.evidence,
-                coordinates
-            );
-        }
         let objective = fit.evidence - 0.5 * coordinates.iter().map(|x| x * x).sum::<f64>();
         let per_event = self.search.per_event();
         let slope = |(&(place, spread), x): (&(usize, f64), &f64)| -per_event * (spread * by_parameter[place] - x);

@@ -125,6 +125,9 @@ impl Files {
         for file in &record_files {
             records.take(file, bar.wrap_read(opened(&file.path)?), &reading, &mut recordings)?;
         }
+        // Metres in tables may be those of --crs; those of files that name their own (0, 0) are not.
+        let mut of_files = recordings.values().flat_map(|recording| &recording.fixes);
+        records.has_metres = of_files.any(|fix| matches!(fix.place, Place::Metres(..)));
         for (kind, file) in files.iter().flat_map(|(kind, files)| files.iter().map(move |file| (*kind, file))) {
             let (vehicle, path) = whose(file);
             let table = (bar.wrap_read(opened(path)?), path);
@@ -195,7 +198,7 @@ impl Files {
         let about = |origin| Reference::about(origin).map_err(ImportError::from);
         let places = || recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.fixed));
         let has_metres = places().any(|fix| matches!(fix.place, Place::Metres(..)));
-        if let (Some(crs), Some((path, _)), true) = (self.crs, records.datums.first(), has_metres) {
+        if let (Some(crs), Some((path, _)), true) = (self.crs, records.datums.first(), records.has_metres) {
             let message = format!(
                 "{}: its metres are about a place of its own, not of {crs}; expected --origin, or no --crs",
                 path.display()

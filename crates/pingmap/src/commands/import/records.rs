@@ -115,6 +115,8 @@ pub struct Records {
     pub skipped: Skipped,
     /// Where (0, 0) is, by which file.
     pub datums: Vec<(PathBuf, Geographic)>,
+    /// Whether any of them has places in metres.
+    pub has_metres: bool,
     /// Files in folders that are of no known kind.
     pub left_alone: Vec<PathBuf>,
 }
