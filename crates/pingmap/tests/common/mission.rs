@@ -27,7 +27,7 @@ pub fn read(folder: &Path, name: &str) -> EventLog {
 
 /// Simulates a mission with files, as the options say.
 pub fn simulate(folder: &Path, options: &str) {
-    let arguments = format!("simulate -o truth.csv --as-files mission --depths {options}");
+    let arguments = format!("simulate -o truth.csv --as-files mission --force --depths {options}");
     let output = pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>());
     assert!(output.status.success(), "{}", stderr(&output));
 }
