@@ -118,6 +118,7 @@ impl<'a> Bag<'a> {
         cdr.header()?;
         let (status, _) = (cdr.i8()?, cdr.u16()?);
         let (latitude_deg, longitude_deg) = (cdr.f64()?, cdr.f64()?);
+        self.told.recording.clock_set.push((time_s, status >= 0));
         if status < 0 {
             self.told.skipped.unplaced += 1;
             return Some(());
@@ -205,7 +206,7 @@ impl<'a> Bag<'a> {
         match (spoken.sent, &spoken.source, spoken.received_frame()) {
             (Some(true), ..) => {
                 Into { recording: &mut self.told.recording, ids: self.ids }.sign(time_s);
-                let sent = Sent { time_s, destination, frames, kind };
+                let sent = Sent { time_s, destination, frames, kind, band: None };
                 self.told.recording.sent.get_or_insert_default().push(sent);
             }
             (_, Some(_), Err(())) => self.garbled(true),

@@ -16,6 +16,9 @@ pub(crate) fn read(reader: impl BufRead, ids: &Ids) -> io::Result<Told> {
     while let Some(line) = lines.next()? {
         let Some((front, _)) = line.split_once('$') else { continue };
         match (time_before(front), Sentence::parse(line)) {
+            (Some(time_s), Some(sentence)) if sentence.name.starts_with("GP") || sentence.name.starts_with("GN") => {
+                told.recording.clock_set.extend(has_fix(&sentence).map(|has_fix| (time_s, has_fix)));
+            }
             (Some(time_s), Some(sentence)) => {
                 modem.take(time_s, &sentence, Into { recording: &mut told.recording, ids });
             }
@@ -24,6 +27,15 @@ pub(crate) fn read(reader: impl BufRead, ids: &Ids) -> io::Result<Told> {
     }
     modem.finish(Into { recording: &mut told.recording, ids }, &mut told.skipped);
     Ok(told)
+}
+
+/// Whether a receiver of satellites has a fix, where it says so: a host that listens to it has its clock set then.
+fn has_fix(sentence: &Sentence) -> Option<bool> {
+    match sentence.name.get(2..)? {
+        "RMC" => Some(sentence.field(1) == "A"),
+        "GGA" => Some(!matches!(sentence.field(5), "" | "0")),
+        _ => None,
+    }
 }
 
 /// The time in front of a sentence: `1777809600.25`, `[2026-05-03T12:00:00Z]`, `2026-05-03 12:00:00Z,RX,`, whatever stands behind it.

@@ -49,6 +49,7 @@ const NAVIGATION: &[Role] = &[
     ("northing", &["northing_m", "northing", "north_m", "north", "y_m", "y", "nav_y"]),
     ("depth", &["depth_m", "depth", "nav_depth"]),
     ("clock_set", &["clock_set", "gps", "gps_fix"]),
+    ("band", &["band", "modem_band"]),
 ];
 
 const HEARD: &[Role] = &[

@@ -10,6 +10,9 @@ use crate::reference::Reference;
 use crate::rules::Rules;
 use crate::track::Track;
 
+/// A receiver of satellites that says nothing for longer was under water, in seconds.
+const SATELLITES_S: f64 = 60.0;
+
 /// One vehicle among others.
 pub(crate) struct Vehicle<'a> {
     pub(crate) name: &'a VehicleId,
@@ -29,8 +32,8 @@ pub(crate) struct Fleet<'a> {
     pub(crate) strangers: BTreeMap<VehicleId, usize>,
     /// Messages to somebody of whom nothing was recorded.
     pub(crate) to_strangers: BTreeMap<VehicleId, usize>,
-    /// Arrivals that were recorded twice.
-    pub(crate) twice: usize,
+    /// Arrivals that were recorded twice, by receiver and sender.
+    pub(crate) twice: BTreeMap<(usize, usize), usize>,
     /// Messages that a vehicle heard of itself.
     pub(crate) own: usize,
 }
@@ -38,7 +41,7 @@ pub(crate) struct Fleet<'a> {
 impl<'a> Fleet<'a> {
     pub(crate) fn new(recordings: &'a Recordings, reference: &Reference, rules: &'a Rules) -> Self {
         let (strangers, to_strangers) = (BTreeMap::new(), BTreeMap::new());
-        let mut fleet = Self { vehicles: Vec::new(), rules, strangers, to_strangers, twice: 0, own: 0 };
+        let mut fleet = Self { vehicles: Vec::new(), rules, strangers, to_strangers, twice: BTreeMap::new(), own: 0 };
         let numbers: BTreeMap<&VehicleId, usize> = recordings.keys().zip(0..).collect();
         for (name, recording) in recordings {
             let received = recording.arrivals.iter().flatten().filter_map(|arrival| arrival.destination.as_ref());
@@ -57,7 +60,7 @@ impl<'a> Fleet<'a> {
             let mut gathered = BTreeMap::new();
             for (source, arrivals) in by_source {
                 let (messages, twice) = messages(arrivals, rules);
-                fleet.twice += twice;
+                fleet.twice.extend((twice > 0).then_some(((numbers[name], source), twice)));
                 gathered.insert(source, messages);
             }
             let track = Track::of(recording, reference);
@@ -81,11 +84,11 @@ impl<'a> Fleet<'a> {
 
     /// The times at which a clock was set, but for the first.
     pub(crate) fn set_s(&self, vehicle: usize) -> Vec<f64> {
-        let mut fixes: Vec<(f64, bool)> =
-            self.vehicles[vehicle].recording.fixes.iter().map(|fix| (fix.time_s, fix.clock_set)).collect();
-        fixes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut told = self.vehicles[vehicle].recording.clock_set.clone();
+        told.sort_by(|a, b| a.0.total_cmp(&b.0));
         // While it hears satellites it is set all the time.
-        fixes.windows(2).filter(|pair| pair[1].1 && !pair[0].1).map(|pair| pair[1].0).collect()
+        let is_anew = |pair: &&[(f64, bool)]| pair[1].1 && (!pair[0].1 || pair[1].0 - pair[0].0 > SATELLITES_S);
+        told.windows(2).filter(is_anew).map(|pair| pair[1].0).collect()
     }
 
     /// Whoever listened.

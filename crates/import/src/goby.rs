@@ -77,8 +77,13 @@ impl Transmission {
         into.is_called(source);
         into.sign(time_s);
         let to = self.destination.as_deref().filter(|to| *to != BROADCAST).unwrap_or("");
-        let sent =
-            Sent { time_s, destination: into.ids.whom(to), frames: Some(self.frames), kind: self.message_kind() };
+        let sent = Sent {
+            time_s,
+            destination: into.ids.whom(to),
+            frames: Some(self.frames),
+            kind: self.message_kind(),
+            band: None,
+        };
         into.recording.sent.get_or_insert_default().push(sent);
     }
 }

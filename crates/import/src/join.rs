@@ -49,20 +49,17 @@ pub fn join(
         matched.clone_from(&found);
         clocks.improve(&fleet, &receptions(&fleet, &sent, &found));
     }
-    let mut unexpected = BTreeMap::new();
-    for (sender, sent) in sent.iter_mut().enumerate() {
-        let added = match fleet.vehicles[sender].recording.sent {
-            // Its record tells all that it sent: what fits none of that is not another transmission, and puts the nearest in doubt.
-            Some(_) => doubt(&fleet, &clocks, sender, sent),
-            None => add_received(&fleet, &clocks, sender, sent),
-        };
-        if added > 0 && accounted.contains(&sender) {
-            unexpected.insert(fleet.vehicles[sender].name.clone(), added);
-        }
-    }
+    let Unmatched { unexpected, strays } = unmatched(&fleet, &clocks, &mut sent, &accounted);
     let matches = all_matches(&fleet, &clocks, &sent);
     let whom_by_reception = prove(&fleet, &mut sent, &matches);
-    let (mut log, pairs, overheard) = events(&fleet, &clocks, &sent, &matches);
+    let (mut log, mut pairs) = events(&fleet, &clocks, &sent, &matches);
+    for ((receiver, sender), pair) in &mut pairs {
+        pair.twice = fleet.twice.get(&(*receiver, *sender)).copied().unwrap_or(0);
+        pair.stray = strays.get(&(*receiver, *sender)).copied().unwrap_or(0);
+    }
+    pairs.retain(|_, pair| *pair != Pair::default());
+    let name = |vehicle: usize| fleet.vehicles[vehicle].name.clone();
+    let overheard = pairs.values().map(|pair| pair.overheard).sum();
     log.reference = reference.system();
     let found = ClockFound::all(&fleet, &clocks, &receptions(&fleet, &sent, &matches));
     Ok(Imported {
@@ -70,7 +67,7 @@ pub fn join(
         left_out: LeftOut {
             strangers: fleet.strangers.clone(),
             to_strangers: fleet.to_strangers.clone(),
-            twice: fleet.twice,
+            twice: fleet.twice.values().sum(),
             own: fleet.own,
             overheard,
             unexpected,
@@ -83,7 +80,7 @@ pub fn join(
         doubts: clocks.doubts.clone(),
         clocks: found,
         log,
-        pairs,
+        pairs: pairs.into_iter().map(|((receiver, sender), pair)| ((name(sender), name(receiver)), pair)).collect(),
     })
 }
 
@@ -174,6 +171,35 @@ fn guess(fleet: &Fleet, sent: &[Vec<Transmission>], accounted: &BTreeSet<usize>)
     clocks
 }
 
+/// What was received and fits nothing that was sent.
+struct Unmatched {
+    /// Of senders of whom it is recorded what they sent, or when it was their turn.
+    unexpected: BTreeMap<VehicleId, usize>,
+    /// Of senders that recorded all that they sent, by receiver and sender.
+    strays: BTreeMap<(usize, usize), usize>,
+}
+
+/// Adds what is known by a reception alone to what was sent, or puts what was sent in doubt.
+fn unmatched(fleet: &Fleet, clocks: &Clocks, sent: &mut [Vec<Transmission>], accounted: &BTreeSet<usize>) -> Unmatched {
+    let (mut unexpected, mut strays) = (BTreeMap::new(), BTreeMap::new());
+    for (sender, sent) in sent.iter_mut().enumerate() {
+        let added = match fleet.vehicles[sender].recording.sent {
+            // Its record tells all that it sent: what fits none of that is not another transmission, and puts the nearest in doubt.
+            Some(_) => {
+                let of_sender = doubt(fleet, clocks, sender, sent);
+                let all = of_sender.values().sum();
+                strays.extend(of_sender.into_iter().map(|(receiver, number)| ((receiver, sender), number)));
+                all
+            }
+            None => add_received(fleet, clocks, sender, sent),
+        };
+        if added > 0 && accounted.contains(&sender) {
+            unexpected.insert(fleet.vehicles[sender].name.clone(), added);
+        }
+    }
+    Unmatched { unexpected, strays }
+}
+
 /// Each message that has a transmission.
 fn receptions<'a>(
     fleet: &Fleet,
@@ -240,26 +266,25 @@ fn unused(sent: &[Vec<Transmission>]) -> BTreeSet<usize> {
     (0..sent.len()).filter(open).collect()
 }
 
-/// Every transmission, by everybody who could have heard it: events, what is known of each pair, and how much was meant for others.
+/// Every transmission, by everybody who could have heard it: events, and what is known of each receiver and sender.
 fn events(
     fleet: &Fleet,
     clocks: &Clocks,
     sent: &[Vec<Transmission>],
     matches: &BTreeMap<(usize, usize), Matches>,
-) -> (EventLog, BTreeMap<(VehicleId, VehicleId), Pair>, usize) {
+) -> (EventLog, BTreeMap<(usize, usize), Pair>) {
     let sending = Sending::of(fleet, clocks, sent);
     let mut events = Vec::new();
-    let mut pairs: BTreeMap<(VehicleId, VehicleId), Pair> = BTreeMap::new();
-    let mut overheard = 0;
+    let mut pairs: BTreeMap<(usize, usize), Pair> = BTreeMap::new();
     for (sender, all) in sent.iter().enumerate() {
         for receiver in fleet.receivers().filter(|&receiver| receiver != sender) {
             let [from, to] = [sender, receiver].map(|vehicle| fleet.vehicles[vehicle].name.clone());
-            let pair = pairs.entry((from.clone(), to.clone())).or_default();
+            let pair = pairs.entry((receiver, sender)).or_default();
             for (place, sent) in all.iter().enumerate() {
                 let message = matches.get(&(receiver, sender)).and_then(|matches| matches.get(&place));
                 let message = message.map(|&message| &fleet.vehicles[receiver].messages[&sender][message]);
                 if sent.destination.as_ref().is_some_and(|destination| *destination != to) && !fleet.rules.overhear {
-                    overheard += 1;
+                    pair.overheard += 1;
                     continue;
                 }
                 let (time_s, link) = time_and_place(fleet, clocks, (sender, sent), receiver);
@@ -276,12 +301,11 @@ fn events(
             }
         }
     }
-    pairs.retain(|_, pair| *pair != Pair::default());
     events.sort_by(|a, b| {
         let by_time = a.time_s.total_cmp(&b.time_s);
         by_time.then_with(|| (&a.transmitter_id, &a.receiver_id).cmp(&(&b.transmitter_id, &b.receiver_id)))
     });
-    (log_of(events), pairs, overheard)
+    (log_of(events), pairs)
 }
 
 /// Depths count where all places have one.

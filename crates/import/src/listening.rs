@@ -4,7 +4,7 @@ use pingmap_agent::Link;
 
 use crate::clocks::Clocks;
 use crate::fleet::Fleet;
-use crate::recording::Unknown;
+use crate::recording::{Unknown, bands_differ};
 use crate::transmission::{Proof, Transmission};
 
 /// When vehicles were sending themselves, each on its own clock, in the order of time.
@@ -57,9 +57,10 @@ pub(crate) fn unknown(
     if let Some(deaf) = recording.deaf.iter().find(|deaf| deaf.0 <= begin_s + rules.message_s && begin_s <= deaf.1) {
         return Some(deaf.2);
     }
-    let band = |vehicle: usize, time_s| fleet.vehicles[vehicle].recording.band(time_s);
-    let bands = band(sender, clocks.local_s(sent, sender)).zip(band(receiver, begin_s));
-    if bands.is_some_and(|(sent, heard)| sent != heard) {
+    let worked = |vehicle: usize, time_s| fleet.vehicles[vehicle].recording.band(time_s);
+    let sent_in = sent.band.as_deref().or_else(|| worked(sender, clocks.local_s(sent, sender)));
+    let bands = sent_in.zip(worked(receiver, begin_s));
+    if bands.is_some_and(|(sent, heard)| bands_differ(sent, heard)) {
         return Some(Unknown::OtherMode);
     }
     // The clock of a sender that only others tell of says where it was, and nothing of what was heard.

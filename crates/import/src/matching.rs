@@ -60,10 +60,15 @@ pub(crate) fn all_matches(
 /// A message that fits no transmission of its sender puts those in doubt that began within so many seconds.
 const DOUBT_S: f64 = 10.0;
 
-/// Messages that fit no transmission of a sender that recorded all of them, how many: of those without a message the nearest to each
-/// is neither heard nor missed for certain.
-pub(crate) fn doubt(fleet: &Fleet, clocks: &Clocks, sender: usize, sent: &mut [Transmission]) -> usize {
-    let mut strays = 0;
+/// Messages that fit no transmission of a sender that recorded all of them, how many, by receiver: of those without a message the
+/// nearest to each is neither heard nor missed for certain.
+pub(crate) fn doubt(
+    fleet: &Fleet,
+    clocks: &Clocks,
+    sender: usize,
+    sent: &mut [Transmission],
+) -> BTreeMap<usize, usize> {
+    let mut strays = BTreeMap::new();
     for receiver in fleet.receivers().filter(|&receiver| receiver != sender) {
         let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { continue };
         let known = matches(fleet, clocks, (sender, sent), receiver);
@@ -75,7 +80,7 @@ pub(crate) fn doubt(fleet: &Fleet, clocks: &Clocks, sender: usize, sent: &mut [T
         // What broke was missed whichever it belongs to (a cycle breaks before its data, and names the same sender).
         let stray = |(at, message): &(usize, &Message)| !matched.contains(at) && message.is_any_decoded();
         for (_, message) in messages.iter().enumerate().filter(stray) {
-            strays += 1;
+            *strays.entry(receiver).or_default() += 1;
             if let Some((_, place)) = nearest(&open, message.time_s).filter(|near| near.0 <= DOUBT_S) {
                 sent[place].doubtful_at.insert(receiver);
             }

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use pingmap_agent::MessageKind;
 
 use crate::arriving::{Into, Part};
-use crate::recording::{Sent, Unknown};
+use crate::recording::{BAND_PARTS, Sent, Unknown};
 use crate::sentence::Sentence;
 use crate::told::Skipped;
 
@@ -42,6 +42,8 @@ pub(crate) struct Micromodem {
     other_begin_s: Option<f64>,
     /// When a frame was broken whose sender may still be named.
     broken_s: Option<f64>,
+    /// Number, carrier and bandwidth of its band, as far as it said them.
+    band: [String; 3],
     /// When it was told to start anew.
     reset_s: Option<f64>,
     /// How many messages were broken whose sender nobody named, and how many were not sent in the end.
@@ -147,8 +149,12 @@ impl Micromodem {
                 into.recording.deaf.push((from_s, time_s, Unknown::Rebooting));
             }
             "CACFG" if sentence.field(0) == "SRC" => into.is_called(sentence.field(1)),
-            "CACFG" if sentence.field(0) == "BND" => {
-                into.recording.bands.push((time_s, sentence.field(1).to_owned()));
+            "CACFG" => {
+                // The band by its number; number 0 is what carrier and bandwidth make it.
+                if let Some(place) = ["BND", "FC0", "BW0"].iter().position(|name| *name == sentence.field(0)) {
+                    sentence.field(1).clone_into(&mut self.band[place]);
+                    into.recording.works_in(time_s, self.band.join(BAND_PARTS).trim_end_matches(BAND_PARTS).to_owned());
+                }
             }
             _ => {}
         }
@@ -246,6 +252,7 @@ impl Micromodem {
             destination: into.ids.whom(&outgoing.destination),
             frames: (frames > 0).then_some(frames),
             kind: outgoing.kind,
+            band: None,
         };
         into.recording.sent.get_or_insert_default().push(sent);
     }
@@ -300,9 +307,13 @@ impl Micromodem {
                 // Whether each frame is good, its length and its bytes, in turn.
                 let frames: Vec<&str> =
                     sentence.field(5).split(';').step_by(3).filter(|good| !good.is_empty()).collect();
-                let good = !frames.is_empty() && frames.iter().all(|good| *good == "1");
-                let part = Part { good, kind: rate(sentence.field(2)), ..Part::default() };
-                into.arrive(time_s, (sentence.field(0), sentence.field(1)), part);
+                let number = frames.len().max(1) as u32;
+                for frame in 1..=number {
+                    let good = frames.get(frame as usize - 1) == Some(&"1");
+                    let kind = rate(sentence.field(2));
+                    let part = Part { frame: Some(frame), frames: Some(number), good, kind };
+                    into.arrive(time_s, (sentence.field(0), sentence.field(1)), part);
+                }
             }
         }
     }

@@ -12,7 +12,7 @@ const TOGETHER_S: f64 = 0.5;
 const SAME_S: f64 = 0.05;
 
 /// Positions closer to each other than this in time say no more than one, in seconds.
-const FIX_S_MIN: f64 = 0.2;
+const FIX_S_MIN: f64 = 1.0;
 
 /// A depth holds for so long, in seconds.
 const DEPTH_S_MAX: f64 = 30.0;
@@ -102,7 +102,7 @@ impl Navigation {
         }
         let fixes = if matches!(place, Place::Degrees(_)) { &mut self.in_degrees } else { &mut self.in_metres };
         if fixes.last().is_none_or(|last| !(0.0..FIX_S_MIN).contains(&(time_s - last.time_s))) {
-            fixes.push(Fix { time_s, place, depth_m, clock_set: false });
+            fixes.push(Fix { time_s, place, depth_m });
         }
     }
 
@@ -160,7 +160,7 @@ mod tests {
         assert!(off_m.0.hypot(off_m.1) < 0.001, "{off_m:?}");
         assert!(!navigation.take(11.0, "X", "nan") && !navigation.take(11.0, "LAT", "here"));
         let fixes = navigation.into_fixes();
-        assert!((33..=51).contains(&fixes.len()) && fixes[1].depth_m == Some(12.0), "{}", fixes.len());
+        assert!((9..=11).contains(&fixes.len()) && fixes[1].depth_m == Some(12.0), "{}", fixes.len());
         // What is too far apart is no position.
         let mut navigation = Navigation::default();
         navigation.take(0.0, "X", "1");

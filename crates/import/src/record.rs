@@ -1,4 +1,4 @@
-//! Files of known kinds, recognised by what is in them.
+//! Files of known kinds taken in.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufReader, Read};
@@ -7,67 +7,24 @@ use std::path::Path;
 use pingmap_agent::{Geographic, VehicleId};
 use pingmap_trial::{FileError, Problem};
 
+use crate::columns::{Named, TableKind};
 use crate::error::ImportError;
-use crate::lcm_types::LcmTypes;
+use crate::recognise::{RecordKind, head};
 use crate::recording::{Arrival, Recording, Recordings};
 use crate::tables::Reading;
 use crate::told::{Skipped, Told};
 use crate::{capture, lcm, mcap_file, moos, sqlite};
 
-/// So much of a file tells what it is.
-const HEAD_BYTES: usize = 1 << 16;
-
 /// No definitions of types are longer.
 const TYPES_BYTES_MAX: u64 = 1 << 22;
 
-/// What a file of a known kind is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum RecordKind {
-    /// A log of MOOS.
-    MoosLog,
-    /// A mission file of MOOS, for its datum.
-    MoosMission,
-    /// What a host and its Micro-Modem said, with the host's times.
-    ModemCapture,
-    /// Topics in an MCAP file.
-    Mcap,
-    /// A bag of ROS 2 in SQLite.
-    Sqlite,
-    /// A log of LCM.
-    Lcm,
-    /// Types of the messages in such.
-    LcmTypes,
-}
-
-impl RecordKind {
-    /// What a file is that begins so; `None` for what is of no known kind.
-    pub fn of(head: &[u8]) -> Option<Self> {
-        if head.starts_with(mcap_file::MAGIC) {
-            return Some(Self::Mcap);
-        } else if head.starts_with(sqlite::MAGIC) {
-            return Some(Self::Sqlite);
-        } else if head.starts_with(lcm::MAGIC) {
-            return Some(Self::Lcm);
-        }
-        let head = String::from_utf8_lossy(head);
-        if moos::is_one(&head) {
-            Some(Self::MoosLog)
-        } else if capture::is_one(&head) {
-            Some(Self::ModemCapture)
-        } else if LcmTypes::are_in(&head) {
-            Some(Self::LcmTypes)
-        } else {
-            moos::datum_of_mission(&head).map(|_| Self::MoosMission)
-        }
-    }
-}
-
 /// What a file was, and what it told besides.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Taken {
     /// What it was.
     pub kind: RecordKind,
+    /// Whose it was taken for; `None` where it is of several, or of nobody.
+    pub vehicle: Option<VehicleId>,
     /// Where (0, 0) of its metres is, by its own word.
     pub datum: Option<Geographic>,
     /// What of it says nothing for the log.
@@ -79,6 +36,8 @@ pub struct Taken {
 pub struct Source<'a> {
     /// Where it lies.
     pub path: &'a Path,
+    /// What people know it by, and what stands for it in errors.
+    pub name: &'a Path,
     /// Whose it is; `None` where it says so itself.
     pub vehicle: Option<&'a VehicleId>,
     /// What the names of topics begin with that are read; all of them where it is empty.
@@ -88,7 +47,7 @@ pub struct Source<'a> {
 impl<'a> Source<'a> {
     /// A file of somebody, with all its topics.
     pub fn new(path: &'a Path, vehicle: Option<&'a VehicleId>) -> Self {
-        Self { path, vehicle, topics: "" }
+        Self { path, name: path, vehicle, topics: "" }
     }
 }
 
@@ -97,12 +56,11 @@ impl Reading {
     ///
     /// # Errors
     /// [`ImportError`] where it cannot be read, or says something that is no type.
-    pub fn take_types(&mut self, mut reader: impl Read, path: &Path) -> Result<(), ImportError> {
-        let fail = |problem: String| ImportError::Content { file: path.display().to_string(), problem };
-        let mut bytes = Vec::new();
-        let unreadable = |error| FileError { path: path.to_owned(), problem: Problem::Unreadable(error) };
-        reader.by_ref().take(HEAD_BYTES as u64).read_to_end(&mut bytes).map_err(unreadable)?;
-        if RecordKind::of(&bytes) == Some(RecordKind::LcmTypes) {
+    pub fn take_types(&mut self, mut reader: impl Read, name: &Path) -> Result<(), ImportError> {
+        let fail = |problem: String| ImportError::Content { file: name.display().to_string(), problem };
+        let unreadable = |error| FileError { path: name.to_owned(), problem: Problem::Unreadable(error) };
+        let mut bytes = head(&mut reader).map_err(unreadable)?;
+        if self.kind_of(&bytes, name) == Some(RecordKind::LcmTypes) {
             reader.take(TYPES_BYTES_MAX).read_to_end(&mut bytes).map_err(unreadable)?;
             self.lcm_types.read(&String::from_utf8_lossy(&bytes)).map_err(fail)?;
         }
@@ -110,31 +68,31 @@ impl Reading {
     }
 
     /// Takes in a file of a known kind, recognised by its content; `None` where it is of none. It is its source's vehicle's, or whose it says
-    /// itself: by `NODE_REPORT_LOCAL`, or by its modem's id where `ids` knows that. SQLite is read from the path, all others from `reader`. O(lines), one at a time.
+    /// itself: by `NODE_REPORT_LOCAL`, or by its modem's id where `ids` knows that; a table by its column, or by its name. SQLite is read from the path, all
+    /// others from `reader`. Ids, schedules and types are only recognised. O(lines), one at a time.
     ///
     /// # Errors
     /// [`ImportError`] where it cannot be read, does not say whose it is, or when it was.
     pub fn take_record(
         &self,
         reader: impl Read,
-        &Source { path, vehicle, topics }: &Source,
+        source: &Source,
         into: &mut Recordings,
     ) -> Result<Option<Taken>, ImportError> {
-        let unreadable = |error| FileError { path: path.to_owned(), problem: Problem::Unreadable(error) };
-        let fail = |problem: String| ImportError::Content { file: path.display().to_string(), problem };
+        let &Source { path, name, topics, .. } = source;
+        let unreadable = |error| FileError { path: name.to_owned(), problem: Problem::Unreadable(error) };
+        let fail = |problem: String| ImportError::Content { file: name.display().to_string(), problem };
         let mut reader = BufReader::new(reader);
-        let mut head = Vec::new();
-        reader.by_ref().take(HEAD_BYTES as u64).read_to_end(&mut head).map_err(unreadable)?;
-        let Some(kind) = RecordKind::of(&head) else { return Ok(None) };
+        let head = head(&mut reader).map_err(unreadable)?;
+        let Some(kind) = self.kind_of(&head, name) else { return Ok(None) };
+        let only = |datum| Taken { kind, vehicle: None, datum, skipped: Skipped::default() };
         let text = head.as_slice().chain(reader);
         let told = match kind {
-            RecordKind::MoosMission => {
-                let datum = moos::datum_of_mission(&String::from_utf8_lossy(&head));
-                return Ok(Some(Taken { kind, datum, skipped: Skipped::default() }));
-            }
+            RecordKind::MoosMission => return Ok(Some(only(moos::datum_of_mission(&String::from_utf8_lossy(&head))))),
+            RecordKind::LcmTypes | RecordKind::Ids | RecordKind::Schedule => return Ok(Some(only(None))),
+            RecordKind::Table(table) => return self.take_table((table, &head), text, source, into).map(Some),
             RecordKind::MoosLog => moos::read(text, &self.ids, &self.prefix).map_err(unreadable)?.map_err(fail)?,
             RecordKind::ModemCapture => capture::read(text, &self.ids).map_err(unreadable)?,
-            RecordKind::LcmTypes => return Ok(Some(Taken { kind, datum: None, skipped: Skipped::default() })),
             RecordKind::Lcm => lcm::read(text, &self.lcm_types, &self.ids, topics).map_err(fail)?,
             RecordKind::Mcap => mcap_file::read(text, &self.ids, topics).map_err(fail)?,
             // Other things are kept in databases, too.
@@ -143,20 +101,39 @@ impl Reading {
                 None => return Ok(None),
             },
         };
-        let Told { recording, name, datum, skipped } = told;
-        let taken = Taken { kind, datum, skipped };
+        let Told { recording, name: own_name, datum, skipped } = told;
         // A log that somebody kept on shore, who neither moved nor listened, is of nobody.
         if recording == Recording::default() {
-            return Ok(Some(taken));
+            return Ok(Some(Taken { kind, vehicle: None, datum, skipped }));
         }
         let by_modem = || recording.modem_ids.iter().find_map(|id| self.ids.listed(id));
-        let Some(name) = vehicle.cloned().or(name).or_else(by_modem) else {
+        let Some(vehicle) = source.vehicle.cloned().or(own_name).or_else(by_modem) else {
             return Err(fail(
                 "does not say whose it is; expected NAME= in front of it, or its modem's id in --ids".into(),
             ));
         };
-        into.entry(name).or_default().append(recording);
-        Ok(Some(taken))
+        into.entry(vehicle.clone()).or_default().append(recording);
+        Ok(Some(Taken { kind, vehicle: Some(vehicle), datum, skipped }))
+    }
+
+    /// A table that nobody said is one.
+    fn take_table(
+        &self,
+        (table, head): (TableKind, &[u8]),
+        text: impl Read,
+        &Source { name, vehicle, .. }: &Source,
+        into: &mut Recordings,
+    ) -> Result<Taken, ImportError> {
+        let names_all = Named::new(head, name, table, &self.columns)?.has("vehicle");
+        let vehicle = vehicle.cloned().or_else(|| if names_all { None } else { self.owner(name) });
+        if vehicle.is_none() && !names_all {
+            return Err(ImportError::Content {
+                file: name.display().to_string(),
+                problem: "does not say whose it is; expected NAME= in front of it, a name such as auv1.nav.csv, or a column vehicle".into(),
+            });
+        }
+        let skipped = self.take(table, (text, name), vehicle.as_ref(), into)?;
+        Ok(Taken { kind: RecordKind::Table(table), vehicle, datum: None, skipped })
     }
 }
 

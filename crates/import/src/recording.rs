@@ -33,6 +33,8 @@ pub struct Recording {
     pub deaf: Vec<(f64, f64, Unknown)>,
     /// From when on its modem worked in which band, by its own word.
     pub bands: Vec<(f64, String)>,
+    /// When its clock was set by satellites, and when it was not.
+    pub clock_set: Vec<(f64, bool)>,
 }
 
 /// A place at a time.
@@ -44,8 +46,6 @@ pub struct Fix {
     pub place: Place,
     /// How deep, where that was recorded.
     pub depth_m: Option<f64>,
-    /// Whether the clock was set by satellites then.
-    pub clock_set: bool,
 }
 
 /// A transmission that its sender knows to have been sent.
@@ -59,6 +59,8 @@ pub struct Sent {
     pub frames: Option<u32>,
     /// What kind of message, where that was recorded.
     pub kind: Option<MessageKind>,
+    /// In which band, where that was recorded; else in that in which its modem worked.
+    pub band: Option<String>,
 }
 
 /// A message, or a frame of one, that reached a modem.
@@ -78,6 +80,15 @@ pub struct Arrival {
     pub good: bool,
     /// What kind of message, where that was recorded.
     pub kind: Option<MessageKind>,
+}
+
+/// What stands between the parts of a band: number, carrier, bandwidth. A part that is not known is empty.
+pub(crate) const BAND_PARTS: &str = "\u{1f}";
+
+/// Whether two bands are known to differ.
+pub(crate) fn bands_differ(a: &str, b: &str) -> bool {
+    let mut parts = a.split(BAND_PARTS).zip(b.split(BAND_PARTS));
+    parts.any(|(a, b)| !a.is_empty() && !b.is_empty() && a != b)
 }
 
 /// Why nobody knows whether a transmission was missed.
@@ -107,7 +118,8 @@ pub enum Unknown {
 impl Recording {
     /// Takes in another record of the same vehicle.
     pub(crate) fn append(&mut self, other: Recording) {
-        let Recording { fixes, fixed, sent, arrivals, said, signs, modem_ids, listening, deaf, bands } = other;
+        let Recording { fixes, fixed, sent, arrivals, said, signs, modem_ids, listening, deaf, bands, clock_set } =
+            other;
         self.fixes.extend(fixes);
         self.fixed = fixed.or(self.fixed);
         if let Some(sent) = sent {
@@ -122,6 +134,14 @@ impl Recording {
         self.listening.extend(listening);
         self.deaf.extend(deaf);
         self.bands.extend(bands);
+        self.clock_set.extend(clock_set);
+    }
+
+    /// Takes in that its modem works in a band from now on.
+    pub(crate) fn works_in(&mut self, time_s: f64, band: String) {
+        if self.bands.last().is_none_or(|(_, latest)| *latest != band) {
+            self.bands.push((time_s, band));
+        }
     }
 
     /// In which band its modem worked, where it had said so by then.

@@ -56,6 +56,12 @@ pub struct Pair {
     pub missed: usize,
     /// What is no event, by reason.
     pub unknown: BTreeMap<Unknown, usize>,
+    /// Messages that were meant for others.
+    pub overheard: usize,
+    /// Arrivals that were recorded twice.
+    pub twice: usize,
+    /// Messages that fit nothing which their sender recorded.
+    pub stray: usize,
 }
 
 /// How transmissions are known, how many of each.

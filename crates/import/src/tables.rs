@@ -131,6 +131,7 @@ impl Reading {
             destination: self.ids.whom(named.text("destination")),
             frames: named.whole("frames")?,
             kind: named.table.kind()?,
+            band: Some(named.table.field("band").to_owned()).filter(|band| !band.is_empty()),
         };
         recording.sent.get_or_insert_default().push(sent);
         Ok(())
@@ -147,12 +148,17 @@ fn begin(kind: TableKind, recording: &mut Recording) {
 
 fn take_fix(named: &Named, recording: &mut Recording, skipped: &mut Skipped) -> Result<(), ImportError> {
     let time_s = named.time_s()?;
+    if named.has("clock_set") {
+        recording.clock_set.push((time_s, named.flag("clock_set")?.unwrap_or(false)));
+    }
+    if !named.text("band").is_empty() {
+        recording.works_in(time_s, named.text("band").to_owned());
+    }
     let Some((place, depth_m)) = place(named)? else {
         skipped.unplaced += 1;
         return Ok(());
     };
-    let clock_set = named.flag("clock_set")?.unwrap_or(false);
-    recording.fixes.push(Fix { time_s, place, depth_m, clock_set });
+    recording.fixes.push(Fix { time_s, place, depth_m });
     Ok(())
 }
 

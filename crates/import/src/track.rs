@@ -72,8 +72,7 @@ mod tests {
 
     #[test]
     fn positions_are_straight_between_fixes_and_nowhere_in_gaps() {
-        let fix =
-            |time_s, east_m, depth_m| Fix { time_s, place: Place::Metres(east_m, 0.0), depth_m, clock_set: false };
+        let fix = |time_s, east_m, depth_m| Fix { time_s, place: Place::Metres(east_m, 0.0), depth_m };
         let fixes =
             vec![fix(20.0, 40.0, Some(2.0)), fix(0.0, 0.0, Some(1.0)), fix(100.0, 200.0, None), fix(0.0, 7.0, None)];
         let track = Track::of(&Recording { fixes, ..Recording::default() }, &Reference::unknown());

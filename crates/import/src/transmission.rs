@@ -34,6 +34,8 @@ pub(crate) struct Transmission {
     pub(crate) destination: Option<VehicleId>,
     pub(crate) frames: Option<u32>,
     pub(crate) kind: Option<MessageKind>,
+    /// In which band, where its sender recorded that of itself.
+    pub(crate) band: Option<String>,
     /// Whether it may have been for one vehicle, and nobody says for whom.
     pub(crate) destination_unknown: bool,
     /// Receivers that recorded something of its sender at about that time which fits no transmission.
@@ -51,6 +53,7 @@ impl Transmission {
             destination: message.destination.clone(),
             frames: None,
             kind: message.kind.clone(),
+            band: None,
             destination_unknown: false,
             doubtful_at: BTreeSet::new(),
         }
@@ -80,6 +83,7 @@ pub(crate) fn known(fleet: &Fleet, schedule: Option<&Schedule>) -> Vec<Vec<Trans
             destination: None,
             frames: None,
             kind: None,
+            band: None,
             destination_unknown: false,
             doubtful_at: BTreeSet::new(),
         };
@@ -89,6 +93,7 @@ pub(crate) fn known(fleet: &Fleet, schedule: Option<&Schedule>) -> Vec<Vec<Trans
                     destination: sent.destination.clone(),
                     frames: sent.frames,
                     kind: sent.kind.clone(),
+                    band: sent.band.clone(),
                     ..of_sender(sent.time_s, Proof::Recorded)
                 };
                 sent.iter().map(recorded).collect()

@@ -141,8 +141,9 @@ fn what_a_modem_gives_its_host_was_heard_and_what_it_names_was_missed() {
         (66.0, "2", Some(1), Some(2), true),
         (66.5, "4", Some(1), Some(1), true),
         (70.0, "5", None, None, true),
-        (80.0, "5", None, None, false),
-        (90.0, "5", None, None, true),
+        (80.0, "5", Some(1), Some(2), true),
+        (80.0, "5", Some(2), Some(2), false),
+        (90.0, "5", Some(1), Some(1), true),
     ];
     let mut found = heard(&recording);
     // Statistics of a good message are not asked how many frames it had; its announcement is.
@@ -176,6 +177,20 @@ fn starting_ranging_and_answering_modems_hear_nothing() {
     // By the modem's own word.
     assert_eq!(recording.bands, [(31.1, "2".to_owned())]);
     assert!(recording.sent.unwrap().is_empty());
+}
+
+#[test]
+fn satellites_that_a_capture_hears_say_when_its_clock_was_set() {
+    let (recording, skipped) = capture(&[
+        (1.0, "CAREV,120000,AUV,0.94.0.00"),
+        (2.0, "GPRMC,120002,V,,,,,,,030526,,"),
+        (3.0, "GPGGA,120003,,,,,0,00,,,,,,,"),
+        (4.0, "GNGGA,120004,4130.0,N,07040.0,W,1,08,1.0,0,M,0,M,,"),
+        (5.0, "GPRMC,120005,A,4130.0,N,07040.0,W,0,0,030526,,"),
+        (6.0, "GPGSV,1,1,00"),
+    ]);
+    assert_eq!(recording.clock_set, [(2.0, false), (3.0, false), (4.0, true), (5.0, true)]);
+    assert_eq!((skipped, recording.signs), (Skipped::default(), vec![(1.0, 1.0)]));
 }
 
 #[test]
@@ -241,7 +256,7 @@ fn a_wrong_checksum_is_no_sentence_and_kinds_are_told_by_content() {
         ("1 $GPGGA,1,2,3\n", None),
         ("", None),
     ] {
-        assert_eq!(RecordKind::of(text.as_bytes()), kind, "{text}");
+        assert_eq!(Reading::default().kind_of(text.as_bytes(), Path::new("file")), kind, "{text}");
     }
 }
 

@@ -200,6 +200,65 @@ fn modems_in_different_bands_do_not_hear_each_other() {
 }
 
 #[test]
+fn bands_of_tables_and_carriers_of_a_band_tell_who_cannot_hear() {
+    // a says of each message in which band it was; b where it was tuned to, along with its places; c says nothing.
+    let band = |n: u32| format!(",{}", if n.is_multiple_of(2) { "low" } else { "high" });
+    let both = heard("", mostly, none);
+    let mut recordings = records(&sent(",band", band), [&both, &both], Some((0.0, 2000.0)));
+    let line = |n: u32| format!("{},300,0,{}\n", 20 * n, if n < 25 { "low" } else { "high" });
+    let tuned = format!("t,x,y,band\n{}", (0..80).map(line).collect::<String>());
+    let table = (tuned.as_bytes(), Path::new("table"));
+    Reading::default().take(TableKind::Navigation, table, Some(&VehicleId::new("b")), &mut recordings).unwrap();
+    let imported = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
+    assert_eq!((pair(&imported, "b").2, pair(&imported, "c").2), (25 + 26, 0));
+    // A band by its number alone may be that with any carrier; with another one it is another.
+    for (of_b, left_out) in [("0", 0), ("0\u{1f}25000", 0), ("0\u{1f}10000", 100), ("0\u{1f}\u{1f}4000", 0), ("1", 100)]
+    {
+        let mut recordings = records(&sent("", none), [&both, &both], Some((0.0, 2000.0)));
+        let mut tune = |vehicle: &str, band: &str| {
+            recordings.get_mut(&VehicleId::new(vehicle)).unwrap().bands = vec![(0.0, band.to_owned())];
+        };
+        tune("a", "0\u{1f}25000\u{1f}4000");
+        tune("b", of_b);
+        let imported = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
+        assert_eq!(pair(&imported, "b").2, left_out, "{of_b:?}");
+    }
+}
+
+#[test]
+fn a_clock_that_satellites_set_on_the_way_is_found_step_by_step() {
+    // b was 4 s ahead until it came up half-way, and has been right since. It says when it heard satellites, and when not any more.
+    let ahead_s = |n: u32| if n < 50 { 4.0 } else { 0.0 };
+    let both = heard("", mostly, none);
+    let of_b: String =
+        (1..=100).filter(|n| mostly(*n)).map(|n| format!("{},a\n", f64::from(10 * n) + 0.2 + ahead_s(n))).collect();
+    let mut recordings = records(&sent("", none), [&format!("t,source\n{of_b}"), &both], Some((0.0, 2000.0)));
+    let without = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
+    // Nothing says that there was a step: what came before it fits nothing.
+    assert!(pair(&without, "b").0 < 40, "{:?}", pair(&without, "b"));
+    let b = recordings.get_mut(&VehicleId::new("b")).unwrap();
+    b.clock_set = vec![(0.0, true), (3.0, true), (498.0, true), (499.0, true), (500.0, false)];
+    let found = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
+    assert_eq!(pair(&found, "b"), (67, 33, 0));
+    let clock = found.clocks.iter().find(|clock| clock.vehicle.as_str() == "b").unwrap();
+    let ahead: Vec<f64> = clock.pieces.iter().map(|piece| piece.ahead_s).collect();
+    assert!(ahead.len() == 2 && (ahead[0] - ahead[1] - 4.0).abs() < 0.05, "{ahead:?}");
+}
+
+#[test]
+fn what_is_no_event_is_counted_for_each_pair() {
+    // Every fourth is meant for c; one was recorded twice, and one fits nothing.
+    let to = |n: u32| format!(",{}", if n.is_multiple_of(4) { "c" } else { "" });
+    let both = heard("", mostly, none);
+    let of_b = format!("{both}100.3,a\n504,a\n");
+    let found = imported(&sent(",to", to), [&of_b, &both], &Rules::default());
+    let pair = |to: &str| &found.pairs[&(VehicleId::new("a"), VehicleId::new(to))];
+    assert_eq!((pair("b").overheard, pair("b").twice, pair("b").stray), (25, 1, 1));
+    assert_eq!((pair("c").overheard, pair("c").twice, pair("c").stray), (0, 0, 0));
+    assert_eq!((found.left_out.overheard, found.left_out.twice), (25, 1));
+}
+
+#[test]
 fn what_would_fill_the_memory_is_refused() {
     let schedule = |start_s: &str, duration_s: &str| -> Result<Schedule, ImportError> {
         let text = format!("[slots]\nstart_s = {start_s}\nduration_s = {duration_s}\norder = ['a']\n");

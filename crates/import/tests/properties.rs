@@ -65,7 +65,8 @@ impl Fleet {
         let (mut truth, mut time_s) = (Truth::new(), 20.0);
         for &(sender, gap_s, heard) in &self.messages {
             time_s += gap_s;
-            let sent = Sent { time_s: self.clock(sender, time_s), destination: None, frames: None, kind: None };
+            let sent =
+                Sent { time_s: self.clock(sender, time_s), destination: None, frames: None, kind: None, band: None };
             all[sender].sent.as_mut().unwrap().push(sent);
             for receiver in (0..vehicles).filter(|&receiver| receiver != sender) {
                 let is_heard = heard >> receiver & 1 == 1;
@@ -83,7 +84,7 @@ impl Fleet {
             for second in 0..(time_s + 30.0) as u32 {
                 let (east_m, north_m) = place(vehicle, f64::from(second));
                 let (time_s, place) = (self.clock(vehicle, f64::from(second)), Place::Metres(east_m, north_m));
-                recording.fixes.push(Fix { time_s, place, depth_m: None, clock_set: false });
+                recording.fixes.push(Fix { time_s, place, depth_m: None });
             }
         }
         ((0..vehicles).map(name).zip(all).collect(), truth)

@@ -9,7 +9,7 @@ use pingmap_trial::{EventLog, Split, thin};
 use crate::output::{BadInput, warn};
 
 /// Standard input, where a file is named.
-const STANDARD_INPUT: &str = "-";
+pub const STANDARD_INPUT: &str = "-";
 
 /// What options are listed under that say what is read, whatever stands around them.
 pub const LOG_AND_MODEL: &str = "Log and model";
@@ -90,9 +90,9 @@ fn read_log(path: &Path) -> anyhow::Result<EventLog> {
     Ok(EventLog::open(path)?)
 }
 
-/// Reads one log and warns about what is odd.
-pub fn open_log(path: &Path) -> anyhow::Result<EventLog> {
-    Logs { logs: vec![path.to_owned()], events: Vec::new(), force: true }.open()
+/// Reads one log, as [`Logs::open`] does.
+pub fn open_log(path: &Path, force: bool) -> anyhow::Result<EventLog> {
+    Logs { logs: vec![path.to_owned()], events: Vec::new(), force }.open()
 }
 
 /// Keeps at most `events_max` events, and says so.

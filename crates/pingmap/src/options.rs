@@ -1,7 +1,7 @@
 //! Options that several commands share.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use dgpc::Shape;
@@ -34,6 +34,13 @@ pub struct Source {
     pub model: ModelSource,
     #[command(flatten)]
     pub work: Work,
+}
+
+impl Source {
+    /// All files that are read.
+    pub fn inputs(&self) -> Vec<&Path> {
+        self.logs.paths().into_iter().chain(self.model.model.as_deref()).collect()
+    }
 }
 
 /// What links are read with: a model file, or what is learned.

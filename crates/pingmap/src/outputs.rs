@@ -1,6 +1,6 @@
 //! Where results are to be written: tried before the work, so that nothing is destroyed and nothing is late.
 
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -51,6 +51,7 @@ impl Kind {
     pub const MODEL: Kind = Kind(|text| text.starts_with("# A model of how links behave: what pingmap"));
     pub const TEAM: Kind = Kind(|text| text.starts_with("schema = ") && text.contains("model_file = "));
     pub const PAGE: Kind = Kind(|text| text.starts_with("<!DOCTYPE html>") && text.contains("<title>pingmap"));
+    pub const MANUAL: Kind = Kind(|text| text.contains("\n.TH pingmap"));
     pub const REPRODUCTION: Kind = Kind(|text| text.contains("Written by `pingmap reproduce"));
 
     pub fn of(image: Image) -> Self {
@@ -64,11 +65,10 @@ impl Kind {
     fn is_of(self, path: &Path) -> anyhow::Result<bool> {
         let (mut bytes, mut file) = (Vec::new(), File::open(path)?);
         file.by_ref().take(LOOKED_AT_BYTES).read_to_end(&mut bytes)?;
-        // What a large file ends with tells, too; a pipe has no end to go to.
-        if let Ok(end) = file.metadata().map(|known| known.len()).and_then(|length| {
-            file.seek(SeekFrom::Start(length.saturating_sub(LAST_BYTES).max(LOOKED_AT_BYTES.min(length))))
-        }) && end >= LOOKED_AT_BYTES
-        {
+        let length = file.metadata()?.len();
+        if length > LOOKED_AT_BYTES {
+            // What a large file ends with tells, too.
+            file.seek(SeekFrom::Start((length - LAST_BYTES).max(LOOKED_AT_BYTES)))?;
             file.read_to_end(&mut bytes)?;
         }
         Ok(bytes.is_empty() || self.0(&String::from_utf8_lossy(&bytes)))
@@ -152,6 +152,16 @@ impl<'a> Target<'a> {
         Target::new(&folder.join("index.html"), Kind::PAGE, &[], force).map(drop)
     }
 
+    /// Makes sure that one JSON object beside the result does not go where the result goes.
+    pub fn beside_json(self, json: bool) -> anyhow::Result<Self> {
+        if json && self.is_standard_output() {
+            let message =
+                "--json and -o - both write to standard output; expected one of them, or another name for the result";
+            return Err(BadInput(message.into()).into());
+        }
+        Ok(self)
+    }
+
     /// Whether results go to standard output.
     pub fn is_standard_output(&self) -> bool {
         self.path == Path::new(STANDARD_OUTPUT)
@@ -166,6 +176,16 @@ impl<'a> Target<'a> {
         write_file(self.path, bytes)
     }
 
+    /// Writes a result of text, or prints it where that fails: nothing that took an hour is lost.
+    pub fn write_or_print(&self, text: &str, results: Results) -> anyhow::Result<()> {
+        let written = self.write(text.as_bytes(), results);
+        if written.is_err() && !self.is_standard_output() {
+            results.write_all(text.as_bytes())?;
+            results.flush()?;
+        }
+        written
+    }
+
     /// What is said of the result: on standard output, unless that is where the result goes.
     pub fn tell(&self, text: &str, results: Results) -> anyhow::Result<()> {
         if self.is_standard_output() {
@@ -176,10 +196,25 @@ impl<'a> Target<'a> {
     }
 }
 
-/// Whether two names are of one file.
+/// Whether two names are of one file: by way of links of either kind, too.
 fn is_same(a: &Path, b: &Path) -> bool {
-    match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
+    match (a.metadata(), b.metadata()) {
+        (Ok(known_a), Ok(known_b)) => match (identity(&known_a), identity(&known_b)) {
+            (Some(a), Some(b)) => a == b,
+            _ => a.canonicalize().ok() == b.canonicalize().ok(),
+        },
         _ => false,
     }
+}
+
+/// By which a system that has such numbers knows a file.
+#[cfg(unix)]
+fn identity(file: &Metadata) -> Option<(u64, u64)> {
+    use std::os::unix::fs::MetadataExt;
+    Some((file.dev(), file.ino()))
+}
+
+#[cfg(not(unix))]
+fn identity(_: &Metadata) -> Option<(u64, u64)> {
+    None
 }

@@ -7,6 +7,7 @@ mod common;
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use common::mission::*;
 use common::*;
@@ -34,6 +35,7 @@ fn logs_of_known_kinds_hold_the_same_mission() {
     assert!(said.contains("--correct-clocks") && said.lines().count() == 1, "{said}");
     std::fs::remove_file(folder.join("mission/shore.alog")).unwrap();
     // Who broadcast is for is the other.
+    std::fs::rename(folder.join("mission/ids.csv"), folder.join("ids.csv")).unwrap();
     let arguments = ["import", "mission", "--correct-clocks", "auv1"];
     let output = pingmap(folder, &arguments);
     assert_eq!(output.status.code(), Some(2));
@@ -136,7 +138,11 @@ fn what_logs_do_not_say_is_asked_for() {
             assert!(stderr(&output).contains(word), "{options}: expected {word} in {}", stderr(&output));
         }
     };
-    refused("mission/ids.csv", &["mission/ids.csv", "no known kind", "--heard"]);
+    file(folder, "letter.txt", "Dear all, the vehicles are safe.\n");
+    refused("letter.txt", &["letter.txt", "no known kind", "--heard"]);
+    file(folder, "mission/more.csv", "id,name\n9,buoy\n");
+    refused("mission", &["mission/ids.csv", "mission/more.csv", "both say who is meant by ids", "--ids"]);
+    std::fs::remove_file(folder.join("mission/more.csv")).unwrap();
     refused("nowhere", &["nowhere", "cannot be read"]);
     file(folder, "late.alog", "%% LOG FILE: a\n1.5 NAV_X p 1\n");
     refused("late.alog", &["late.alog", "line 2", "LOGSTART"]);
@@ -158,4 +164,100 @@ fn what_logs_do_not_say_is_asked_for() {
     let (found, _) = import(folder, "auv1.alog auv2.alog auv3.alog other.moos --ids mission/ids.csv");
     assert_eq!(found["origin"][0], 41.53);
     compare(folder);
+}
+
+#[test]
+fn a_folder_of_tables_is_read_whole_and_what_was_made_of_it_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, "--clock-off-s 3 --with-sent --slots 300");
+    let options = "--origin 41.52,-70.67 --correct-clocks auv1";
+    let (by_options, _) = import(folder, &(files(&["nav", "heard", "sent"]) + " --correct-clocks auv1"));
+    // Beside the mission: what is none of it.
+    file(folder, "mission/places.csv", "name,latitude,longitude\nquay,41.5,-70.6\n");
+    std::fs::copy(folder.join("events.csv"), folder.join("mission/events.csv")).unwrap();
+    let whole = import(folder, &format!("mission {options}")).0;
+    assert_eq!((&whole["log_digest"], &whole["pairs"]), (&by_options["log_digest"], &by_options["pairs"]));
+    assert_eq!(whole["left_out"]["files"], 2);
+    let arguments = format!("import mission {options}");
+    let said = stderr(&pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>()));
+    for line in [
+        "auv2.sent.csv: transmissions of auv2",
+        "auv1.nav.csv: navigation of auv1",
+        "ids.csv: who is meant by ids",
+        "schedule.toml: who may send",
+    ] {
+        assert!(said.contains(line), "{line}: {said}");
+    }
+    // A folder of each vehicle; its modem's number for its name; an archive by way of standard input.
+    for (id, name) in [(1, "auv1"), (2, "auv2"), (3, "3")] {
+        std::fs::create_dir_all(folder.join("sorted").join(name)).unwrap();
+        for kind in ["nav", "heard", "sent"] {
+            let to = folder.join("sorted").join(name).join(format!("{kind}.csv"));
+            std::fs::rename(folder.join(format!("mission/auv{id}.{kind}.csv")), to).unwrap();
+        }
+    }
+    let sorted = import(folder, &format!("sorted --ids mission/ids.csv {options}")).0;
+    assert_eq!((&sorted["log_digest"], &sorted["pairs"]), (&by_options["log_digest"], &by_options["pairs"]));
+    let mut tar = tar::Builder::new(File::create(folder.join("sorted.tar")).unwrap());
+    tar.append_dir_all(".", folder.join("sorted")).unwrap();
+    tar.into_inner().unwrap();
+    let child = |arguments: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pingmap"));
+        command
+            .current_dir(folder)
+            .args(arguments.split_whitespace())
+            .stdin(File::open(folder.join("sorted.tar")).unwrap());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).output().unwrap()
+    };
+    let output = child(&format!("import - --ids mission/ids.csv {options} --json"));
+    let piped: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(piped["log_digest"], by_options["log_digest"], "{}", stderr(&output));
+    assert!(stderr(&output).contains("standard input/3/nav.csv: navigation of auv3"), "{}", stderr(&output));
+    // There is only one standard input, and one output.
+    for (arguments, words) in [("import - -", "named twice"), ("import sorted -o - --json", "--json and -o -")] {
+        let output = child(arguments);
+        assert!(output.status.code() == Some(2) && stderr(&output).contains(words), "{}", stderr(&output));
+    }
+    // Whose a table is must be said by somebody, and which of two kinds.
+    std::fs::copy(folder.join("sorted/auv1/nav.csv"), folder.join("nav.csv")).unwrap();
+    std::fs::copy(folder.join("sorted/auv1/heard.csv"), folder.join("auv1.csv")).unwrap();
+    for (arguments, words) in [("import nav.csv", "NAME="), ("import auv1.csv", "no known kind")] {
+        let output = pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>());
+        assert!(output.status.code() == Some(2) && stderr(&output).contains(words), "{}", stderr(&output));
+    }
+}
+
+/// Reads a gigabyte in an address space that holds a fifth of it.
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "writes a gigabyte to the temporary folder"]
+fn a_gigabyte_of_logs_is_read_in_bounded_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, "--vehicles 2 --slots 4000 --files alog");
+    for id in 1..=2 {
+        let path = folder.join(format!("mission/auv{id}.alog"));
+        let text = std::fs::read_to_string(&path).unwrap();
+        let mut all = std::io::BufWriter::new(File::create(&path).unwrap());
+        // As vehicles have it: a hundred variables that are none of ours beside each that is.
+        let times = (500 << 20) / 100 / text.lines().count() + 1;
+        for line in text.lines() {
+            writeln!(all, "{line}").unwrap();
+            if let Some(time) = line.split_whitespace().next().filter(|time| time.parse::<f64>().is_ok()) {
+                for n in 0..times {
+                    let row = format!("{time} DESIRED_{n} pHelmIvP {}", "0123456789".repeat(7));
+                    writeln!(all, "{row}").unwrap();
+                }
+            }
+        }
+    }
+    let size: u64 =
+        [1, 2].map(|id| folder.join(format!("mission/auv{id}.alog")).metadata().unwrap().len()).iter().sum();
+    assert!(size > 900 << 20, "{size}");
+    let command = "ulimit -v 220000; exec \"$0\" import mission -o events.csv";
+    let output =
+        Command::new("sh").current_dir(folder).args(["-c", command, env!("CARGO_BIN_EXE_pingmap")]).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(read(folder, "events.csv").events.len() > 3000);
 }

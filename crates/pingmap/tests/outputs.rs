@@ -120,3 +120,75 @@ fn a_team_file_names_its_model_as_seen_from_its_folder() {
     assert!(text.contains("model_file = \"../../model.toml\""), "{text}");
     assert_eq!(run(folder, "replay events.csv --team teams/first/team.toml --frames 1 --repeats 1").0, Some(0));
 }
+
+#[cfg(unix)]
+#[test]
+fn another_name_of_an_input_is_that_input() {
+    let folder = prepared();
+    let folder = folder.path();
+    std::fs::hard_link(folder.join("events.csv"), folder.join("same.csv")).unwrap();
+    std::fs::hard_link(folder.join("model.toml"), folder.join("same.png")).unwrap();
+    for arguments in [
+        "predict events.csv --model model.toml --links events.csv -o same.csv --force",
+        "map events.csv --model model.toml --at 0,0 -o same.png --force",
+        "plan standoff events.csv --model model.toml --at 0,0 -o same.png --force",
+    ] {
+        let (status, _, said) = run(folder, arguments);
+        assert!(status == Some(2) && said.contains("is read and would be written"), "{arguments}: {said}");
+    }
+}
+
+/// A device that takes nothing, as a disk that is full.
+#[cfg(unix)]
+#[test]
+fn what_cannot_be_written_in_the_end_is_printed() {
+    let folder = prepared();
+    let folder = folder.path();
+    for (arguments, printed_there) in [
+        ("predict events.csv --model model.toml --links events.csv -o /dev/full", "probability,lower,upper"),
+        ("team events.csv -o /dev/full", "schema = "),
+        ("team events.csv -o /dev/full --json", "team_digest"),
+        ("learn events.csv --kernel matern32 --additions none --place 8 --json -o /dev/full", "place"),
+        ("learn events.csv --place 8 --onto model.toml --json -o /dev/full", "place_points"),
+    ] {
+        let (status, printed, said) = run(folder, arguments);
+        assert!(status == Some(1) && said.contains("/dev/full"), "{arguments}: {said}");
+        assert!(printed.contains(printed_there), "{arguments}: {printed}");
+    }
+}
+
+#[test]
+fn manual_pages_and_figures_of_the_experiment_replace_nothing_of_others() {
+    let folder = prepared();
+    let folder = folder.path();
+    let listed = || {
+        let mut names: Vec<_> =
+            std::fs::read_dir(folder.join("man")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(run(folder, "man man").0, Some(0));
+    let all = listed();
+    for name in &all {
+        let path = folder.join("man").join(name);
+        let ours = std::fs::read(&path).unwrap();
+        std::fs::write(&path, "mine").unwrap();
+        let (status, _, said) = run(folder, "man man");
+        assert!(status == Some(2) && said.contains(name.to_str().unwrap()), "{name:?}: {said}");
+        std::fs::write(&path, ours).unwrap();
+    }
+    assert_eq!(run(folder, "man man --force").0, Some(0));
+    assert_eq!(listed(), all);
+    std::fs::create_dir_all(folder.join("out/reproduction")).unwrap();
+    file(folder, "out/reproduction/tracks.svg", "mine");
+    let (status, _, said) = run(folder, "reproduce tracks --permutations 1 --out out");
+    assert!(status == Some(2) && said.contains("tracks.svg") && said.contains("--force"), "{said}");
+    // A log without a miss says nothing that an experiment could be made of.
+    let heard_only = log(&["a", "b"], 60)
+        .lines()
+        .map(|line| line.strip_suffix(",0").map_or(line.to_owned(), |line| format!("{line},1")))
+        .collect::<Vec<_>>();
+    file(folder, "heard.csv", heard_only.join("\n") + "\n");
+    let (status, _, said) = run(folder, "reproduce events --data heard.csv --permutations 1 --out other");
+    assert!(status == Some(2) && said.contains("--force goes on"), "{said}");
+}

@@ -201,7 +201,7 @@ fn logs_that_leave_little_to_do() {
     let heard: String = (0..20).map(|n| line(n, "a", 10 * n, 1)).collect();
     for (name, lines) in [("one", line(0, "a", 0, 1)), ("same", same), ("heard", heard)] {
         let log = file(folder.path(), "log.csv", format!("{HEADER}\n{lines}"));
-        let arguments = ["reproduce", "--data", log.to_str().unwrap(), "--permutations", "2", "--out", name];
+        let arguments = ["reproduce", "--data", log.to_str().unwrap(), "--permutations", "2", "--out", name, "--force"];
         let output = pingmap(folder.path(), &arguments);
         assert!(output.status.success(), "{name}: {}", stderr(&output));
         for bad in ["NaN", "inf "] {

@@ -102,7 +102,8 @@ impl Options {
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let format = Format::of(&options.output)?;
     let logs = &options.source.logs;
-    let target = Target::new(&options.output, format.kind(), &logs.paths(), logs.force)?;
+    let target =
+        Target::new(&options.output, format.kind(), &options.source.inputs(), logs.force)?.beside_json(options.json)?;
     let log = Survey::open(&options.source)?;
     let reference = reference(log.reference)?;
     if format.is_on_earth() && !log.reference.is_known() {
@@ -142,7 +143,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if written.is_ok() {
         note(format_args!("wrote {}", options.output.display()));
     }
-    if options.json && !target.is_standard_output() {
+    if options.json {
         print_json(results, &MapJson::of(options, &survey, &map, &reference))?;
     }
     written

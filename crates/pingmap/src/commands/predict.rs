@@ -46,7 +46,7 @@ impl Options {
     pub fn run(&self, results: Results) -> anyhow::Result<()> {
         let logs = &self.source.logs;
         let kind = if self.json { Kind::PREDICTIONS_JSON } else { Kind::PREDICTIONS };
-        let inputs: Vec<&Path> = logs.paths().into_iter().chain([self.links.as_path()]).collect();
+        let inputs: Vec<&Path> = self.source.inputs().into_iter().chain([self.links.as_path()]).collect();
         let output = self.output.as_deref().unwrap_or(Path::new(STANDARD_OUTPUT));
         let target = Target::new(output, kind, &inputs, logs.force)?;
         let predictions = Predictions::compute(self)?;
@@ -54,7 +54,7 @@ impl Options {
             true => json_text(results, &predictions.json())?,
             false => predictions.csv()?,
         };
-        target.write((text.trim_end().to_owned() + "\n").as_bytes(), results)
+        target.write_or_print(&(text.trim_end().to_owned() + "\n"), results)
     }
 }
 
@@ -140,7 +140,9 @@ impl Predictions {
             // As these were called before.
             let before =
                 [("mean", mean), ("variance", variance), ("probability_low", lower), ("probability_high", upper)];
-            object.extend(before.map(|(name, number)| (name.to_owned(), json!(number))));
+            for (name, number) in before {
+                object.entry(name).or_insert_with(|| json!(number));
+            }
             object
         };
         PredictionsJson {
@@ -160,11 +162,11 @@ fn is_predicted(name: &&str) -> bool {
     COLUMNS.iter().any(|column| column.eq_ignore_ascii_case(name))
 }
 
-/// A field of the input: numbers as such, but for names.
+/// A field of the input: numbers as such, but for names; codes such as 007 are no numbers.
 fn said(column: &str, field: &str) -> Value {
     let is_name = ["tx_id", "rx_id", "kind"].iter().any(|name| name.eq_ignore_ascii_case(column));
-    match field.parse::<f64>() {
-        Ok(number) if number.is_finite() && !is_name => json!(number),
+    match serde_json::from_str::<serde_json::Number>(field) {
+        Ok(number) if !is_name => Value::Number(number),
         _ => json!(field),
     }
 }

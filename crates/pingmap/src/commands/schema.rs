@@ -23,7 +23,7 @@ type Printed = (&'static str, fn() -> Schema);
 
 const SCHEMAS: [Printed; 19] = [
     ("check", of::<check::CheckedJson>),
-    ("import", of::<import::shown::ImportedJson>),
+    ("import", of::<import::json::ImportedJson>),
     ("learn", of::<learn::json::LearnJson>),
     ("learn --onto", of::<learn::json::AddedJson>),
     ("map", of::<map::MapJson>),

@@ -7,6 +7,7 @@ use clap_complete::Shell;
 
 use crate::files::make_folder;
 use crate::output::{BadInput, Results, note};
+use crate::outputs::{Kind, Target};
 
 /// Print what a shell completes commands and options with
 #[derive(Args)]
@@ -36,6 +37,9 @@ impl Completions {
 pub struct Man {
     /// Folder for the pages
     folder: Option<PathBuf>,
+    /// Replace files that pingmap did not write
+    #[arg(long)]
+    force: bool,
 }
 
 impl Man {
@@ -55,8 +59,19 @@ impl Man {
             return Err(BadInput(format!("{} is no folder; expected one for the pages", folder.display())).into());
         }
         make_folder(folder)?;
+        for name in pages(&definition, String::new()) {
+            Target::new(&folder.join(name), Kind::MANUAL, &[], self.force)?;
+        }
         clap_mangen::generate_to(definition, folder)?;
         note(format_args!("wrote the pages to {}", folder.display()));
         Ok(())
     }
+}
+
+/// What the pages of a command and of those below it are called.
+fn pages(command: &clap::Command, above: String) -> Vec<String> {
+    let name = above + command.get_name();
+    let below = command.get_subcommands().filter(|command| !command.is_hide_set());
+    let below: Vec<String> = below.flat_map(|command| pages(command, format!("{name}-"))).collect();
+    [vec![format!("{name}.1")], below].concat()
 }

@@ -112,7 +112,7 @@ impl Options {
 fn write(options: &Options, results: Results) -> anyhow::Result<()> {
     let mut inputs = options.logs.paths();
     inputs.extend(options.key_file.as_deref().into_iter().chain([options.model.as_path()]));
-    let target = Target::new(&options.output, Kind::TEAM, &inputs, options.logs.force)?;
+    let target = Target::new(&options.output, Kind::TEAM, &inputs, options.logs.force)?.beside_json(options.json)?;
     let log = options.logs.open()?;
     let file = open_model(&options.model, &log)?;
     let key = options.key_file.as_deref().map(open_key).transpose()?;
@@ -137,9 +137,13 @@ fn write(options: &Options, results: Results) -> anyhow::Result<()> {
     let key_name = options.key_file.as_ref().map(|path| beside(path, &options.output)).transpose()?;
     let model_name = beside(&options.model, &options.output)?;
     let text = TeamFile::write(&team, &model_name, key_name.as_deref(), log_digest(&file));
-    target.write(text.map_err(bad_team)?.as_bytes(), results)?;
-    if options.json && !target.is_standard_output() {
+    let text = text.map_err(bad_team)?;
+    if options.json {
+        let written = target.write(text.as_bytes(), results);
         print_json(results, &TeamJson::of(options, &log, &team, is_kept))?;
+        written?;
+    } else {
+        target.write_or_print(&text, results)?;
     }
     let Grid { cell_m, start_s, time_cell_s, .. } = team.grid;
     let output = options.output.display();

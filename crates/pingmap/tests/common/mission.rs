@@ -41,9 +41,9 @@ pub fn files(kinds: &[&str]) -> String {
     kinds.iter().map(of).collect::<String>() + "--ids mission/ids.csv --origin 41.52,-70.67"
 }
 
-/// Imports with these options; what was printed, but for the command line, and said.
+/// Imports with these options; what was printed, but for the command line, and warned of.
 pub fn import(folder: &Path, options: &str) -> (serde_json::Value, String) {
-    let arguments = format!("import {options} --json");
+    let arguments = format!("import {options} --json --quiet");
     let output = pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>());
     assert!(output.status.success(), "{arguments}: {}", stderr(&output));
     (serde_json::from_str(&without_command(stdout(&output))).unwrap(), stderr(&output))

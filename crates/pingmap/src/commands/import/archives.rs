@@ -1,6 +1,5 @@
 //! Archives that were given as if they were folders.
 
-use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
@@ -12,36 +11,40 @@ use tempfile::TempDir;
 
 use crate::output::BadInput;
 
+const GZIP_MARK: &[u8] = &[0x1f, 0x8b];
+const ZIP_MARK: &[u8] = b"PK\x03\x04";
+
 /// Where a tar archive says that it is one.
 const TAR_MARK: (usize, &[u8]) = (257, b"ustar");
 
 /// Unpacks a ZIP or tar archive, compressed with gzip or not, or a single file that is compressed so, to a folder that goes with
-/// what is returned; `None` for a file that is none of these. Nothing is written outside of that folder.
-pub fn unpacked(path: &Path) -> anyhow::Result<Option<TempDir>> {
-    let fail = |error: io::Error| BadInput(format!("{}: cannot be unpacked: {error}", path.display()));
+/// what is returned; `None` for a file that is none of these. Nothing is written outside of that folder. `name` is what people know it by.
+pub fn unpacked(path: &Path, name: &Path) -> anyhow::Result<Option<TempDir>> {
+    let fail = |error: io::Error| BadInput(format!("{}: cannot be unpacked: {error}", name.display()));
     let file = open(path).map_err(ImportError::from)?;
-    unpack(path, file).map_err(|error| fail(error).into())
+    unpack(name, file).map_err(|error| fail(error).into())
 }
 
-fn unpack(path: &Path, mut file: File) -> io::Result<Option<TempDir>> {
+/// Whether a file that begins so is one of these.
+pub fn is_archive(head: &[u8]) -> bool {
+    head.starts_with(GZIP_MARK) || head.starts_with(ZIP_MARK) || is_tar(head)
+}
+
+fn unpack(name: &Path, mut file: File) -> io::Result<Option<TempDir>> {
     let head = head(&mut file)?;
     file.rewind()?;
-    let is_gzip = head.starts_with(&[0x1f, 0x8b]);
-    if !is_gzip && !head.starts_with(b"PK\x03\x04") && !is_tar(&head) {
+    if !is_archive(&head) {
         return Ok(None);
     }
-    // Its name stands in the names of the files in it, for errors to say where they are from.
-    let mut prefix = path.file_name().map_or_else(OsString::new, OsString::from);
-    prefix.push("-");
-    let folder = tempfile::Builder::new().prefix(&prefix).tempdir()?;
-    if is_gzip {
+    let folder = tempfile::tempdir()?;
+    if head.starts_with(GZIP_MARK) {
         let content = self::head(&mut MultiGzDecoder::new(BufReader::new(&mut file)))?;
         file.rewind()?;
         let mut plain = MultiGzDecoder::new(BufReader::new(file));
         if is_tar(&content) {
             tar::Archive::new(plain).unpack(folder.path())?;
         } else {
-            let name = path.file_stem().unwrap_or(path.as_os_str());
+            let name = name.file_stem().unwrap_or(name.as_os_str());
             io::copy(&mut plain, &mut File::create_new(folder.path().join(name))?)?;
         }
     } else if is_tar(&head) {
@@ -60,4 +63,80 @@ fn head(reader: &mut impl Read) -> io::Result<Vec<u8>> {
 
 fn is_tar(head: &[u8]) -> bool {
     head.get(TAR_MARK.0..).is_some_and(|rest| rest.starts_with(TAR_MARK.1))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    /// A file of `bytes`, unpacked: what lies in the folder, by name.
+    fn names(bytes: &[u8]) -> io::Result<Option<Vec<String>>> {
+        let mut file = tempfile::tempfile()?;
+        file.write_all(bytes)?;
+        file.rewind()?;
+        let Some(folder) = unpack(Path::new("logs/all.log.gz"), file)? else { return Ok(None) };
+        let entries =
+            std::fs::read_dir(folder.path())?.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
+        entries.collect::<io::Result<Vec<String>>>().map(Some)
+    }
+
+    fn tar_of(name: &str) -> Vec<u8> {
+        let mut header = tar::Header::new_ustar();
+        header.as_mut_bytes()[..name.len()].copy_from_slice(name.as_bytes());
+        header.set_size(2);
+        header.set_mode(0o644);
+        header.set_cksum();
+        [header.as_bytes().as_slice(), b"hi", &[0; 510], &[0; 1024]].concat()
+    }
+
+    fn zip_of(name: &str) -> Vec<u8> {
+        let mut zip = zip::ZipWriter::new(io::Cursor::new(Vec::new()));
+        zip.start_file(name, zip::write::SimpleFileOptions::default()).expect("a file");
+        zip.write_all(b"hi").expect("written");
+        zip.finish().expect("an archive").into_inner()
+    }
+
+    fn gzip_of(bytes: &[u8]) -> Vec<u8> {
+        let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        gzip.write_all(bytes).expect("written");
+        gzip.finish().expect("an archive")
+    }
+
+    #[test]
+    fn archives_of_every_kind_are_unpacked_and_nothing_else_is() {
+        for bytes in [tar_of("a.alog"), zip_of("a.alog"), gzip_of(&tar_of("a.alog"))] {
+            assert_eq!(names(&bytes).expect("an archive"), Some(vec!["a.alog".to_owned()]));
+        }
+        // A single file is called as its archive was, without the ending.
+        assert_eq!(names(&gzip_of(b"% a log")).expect("an archive"), Some(vec!["all.log".to_owned()]));
+        assert_eq!(names(b"% a log").expect("a file"), None);
+        assert_eq!(names(b"").expect("a file"), None);
+    }
+
+    #[test]
+    fn nothing_is_written_outside_of_the_folder() {
+        let outside = std::env::temp_dir().join("pingmap-outside.alog");
+        for name in ["../pingmap-outside.alog", "/tmp/pingmap-outside.alog", "a/../../pingmap-outside.alog"] {
+            for bytes in [tar_of(name), zip_of(name), gzip_of(&tar_of(name))] {
+                // It may be refused, or lie within.
+                let _ = names(&bytes);
+                assert!(!outside.exists(), "{name}");
+            }
+        }
+    }
+
+    /// Every archive with a byte changed or cut off somewhere is one, or an error.
+    #[test]
+    fn damaged_archives_are_errors() {
+        for whole in [tar_of("a.alog"), zip_of("a.alog"), gzip_of(&tar_of("a.alog")), gzip_of(b"% a log")] {
+            let step = whole.len() / 60 + 1;
+            for at in (0..whole.len()).step_by(step) {
+                let mut changed = whole.clone();
+                changed[at] ^= 0x55;
+                let _ = (names(&changed), names(&whole[..at]));
+            }
+        }
+    }
 }

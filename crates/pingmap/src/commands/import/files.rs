@@ -1,25 +1,26 @@
 //! The files that vehicles left, and what is said about them.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
 use pingmap_agent::{Geographic, ReferenceSystem, VehicleId};
 use pingmap_import::{
-    Columns, Fix, Ids, ImportError, PREFIX, Place, Reading, Recordings, Reference, Schedule, Skipped, TIME, TableKind,
-    parse_time, resolve,
+    Columns, Fix, Ids, ImportError, PREFIX, Place, Reading, RecordKind, Recordings, Reference, Schedule, Skipped, TIME,
+    TableKind, parse_time, resolve,
 };
 
-use super::records::{self, Records, opened, whose};
-use crate::output::{BadInput, progress_of_bytes, read_text};
+use super::records::{self, RecordFile, Records, opened, whose};
+use crate::log::STANDARD_INPUT;
+use crate::output::{BadInput, note, progress_of_bytes, read_text};
 use crate::values::{crs, origin, place};
 
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
 pub struct Files {
     /// Files of known kinds, or folders or archives (ZIP, tar, gzip) of such: logs of MOOS (.alog) and its mission files, sentences of a Micro-Modem with a time in front
-    /// of each, bags of ROS 2 (MCAP, SQLite), of which #TOPIC takes topics that begin so. Without NAME= they say themselves whose they are
+    /// of each, bags of ROS 2 (MCAP, SQLite), of which #TOPIC takes topics that begin so, logs of LCM, tables (auv1.nav.csv, auv1.heard.csv, auv1.sent.csv), ids and a schedule. Without NAME= they say themselves whose they are; - is standard input
     #[arg(value_name = "[NAME=]FILE[#TOPIC]")]
     records: Vec<String>,
     /// Where a vehicle was, as a table: time, and latitude and longitude or metres. Without NAME= it has a column that says who
@@ -101,39 +102,30 @@ fn span(text: &str) -> Result<(String, (f64, f64)), String> {
 fn fixed(text: &str) -> Result<(String, Fix), String> {
     let (name, value) = two(text)?;
     let (place, depth_m) = place(&value).map_err(|error| format!("NAME=PLACE: {error}"))?;
-    Ok((name, Fix { time_s: 0.0, place, depth_m, clock_set: false }))
+    Ok((name, Fix { time_s: 0.0, place, depth_m }))
 }
 
 impl Files {
     /// Reads them all.
     pub fn take(&self) -> anyhow::Result<Taken> {
-        let prefix = self.acomms_prefix.clone();
-        let mut reading = Reading { columns: self.columns()?, ids: self.ids()?, prefix, ..Reading::default() };
-        let mut recordings = Recordings::new();
-        let mut skipped = Skipped::default();
-        let mut records = Records::default();
+        let mut reading = self.reading()?;
         // Unpacked as long as it is read.
-        let (record_files, _unpacked) = records::with_archives(records::all(&self.records)?)?;
-        let files =
-            [(TableKind::Navigation, &self.nav), (TableKind::Heard, &self.heard), (TableKind::Sent, &self.sent)];
-        let tables = files.iter().flat_map(|(_, files)| files.iter().map(|file| whose(file).1));
-        let paths = record_files.iter().map(|file| file.path.as_path()).chain(tables);
-        let bar = progress_of_bytes(paths.filter_map(|path| Some(path.metadata().ok()?.len())).sum(), "reading");
-        for file in &record_files {
-            reading.take_types(opened(&file.path)?, &file.path)?;
+        let (mut files, _unpacked) = records::with_archives(records::all(&self.records)?)?;
+        records::recognise(&mut files, &reading)?;
+        let found = |given: &Option<PathBuf>, kind, option| match given {
+            Some(path) => Ok(Some(path.clone())),
+            None => records::only(&files, kind, option),
+        };
+        if let Some(path) = found(&self.ids, RecordKind::Ids, "--ids")? {
+            reading.ids = Ids::read(opened(&path)?, &path)?;
         }
-        for file in &record_files {
-            records.take(file, bar.wrap_read(opened(&file.path)?), &reading, &mut recordings)?;
+        let schedule = found(&self.schedule, RecordKind::Schedule, "--schedule")?;
+        let schedule = schedule.map(|path| Schedule::read(opened(&path)?, &path, &reading.ids)).transpose()?;
+        for file in files.iter().filter(|file| file.kind == Some(RecordKind::LcmTypes)) {
+            reading.take_types(opened(&file.path)?, &file.name)?;
         }
-        // Metres in tables may be those of --crs; those of files that name their own (0, 0) are not.
-        let mut of_files = recordings.values().flat_map(|recording| &recording.fixes);
-        records.has_metres = of_files.any(|fix| matches!(fix.place, Place::Metres(..)));
-        for (kind, file) in files.iter().flat_map(|(kind, files)| files.iter().map(move |file| (*kind, file))) {
-            let (vehicle, path) = whose(file);
-            let table = (bar.wrap_read(opened(path)?), path);
-            skipped = skipped.and(reading.take(kind, table, vehicle.as_ref(), &mut recordings)?);
-        }
-        bar.finish_and_clear();
+        let (mut recordings, mut records) = (Recordings::new(), Records::default());
+        self.read(&files, &reading, &mut records, &mut recordings)?;
         let unknown_sources = resolve(&mut recordings)?;
         for (name, fix) in &self.fixed {
             recordings.entry(VehicleId::new(name)).or_default().fixed = Some(*fix);
@@ -146,24 +138,63 @@ impl Files {
             };
             recording.listening.push(*span);
         }
-        let schedule =
-            self.schedule.as_ref().map(|path| Schedule::read(opened(path)?, path, &reading.ids)).transpose()?;
         let (reference, origin) = self.reference(&recordings, &records)?;
-        let skipped = skipped.and(records.skipped);
-        Ok(Taken { recordings, schedule, reference, origin, skipped, unknown_sources, left_alone: records.left_alone })
+        let Records { skipped, left_alone, .. } = records;
+        Ok(Taken { recordings, schedule, reference, origin, skipped, unknown_sources, left_alone })
+    }
+
+    /// Takes in all files, and tables beside them.
+    fn read(
+        &self,
+        files: &[RecordFile],
+        reading: &Reading,
+        records: &mut Records,
+        recordings: &mut Recordings,
+    ) -> anyhow::Result<()> {
+        let (tables, logs): (Vec<&RecordFile>, Vec<&RecordFile>) =
+            files.iter().partition(|file| matches!(file.kind, Some(RecordKind::Table(_))));
+        let named = || {
+            let kinds =
+                [(TableKind::Navigation, &self.nav), (TableKind::Heard, &self.heard), (TableKind::Sent, &self.sent)];
+            kinds.into_iter().flat_map(|(kind, files)| files.iter().map(move |file| (kind, whose(file))))
+        };
+        let paths = files.iter().map(|file| file.path.as_path()).chain(named().map(|(_, (_, path))| path));
+        let bar = progress_of_bytes(paths.filter_map(|path| Some(path.metadata().ok()?.len())).sum(), "reading");
+        for file in logs {
+            records.take(file, bar.wrap_read(opened(&file.path)?), reading, recordings)?;
+        }
+        // Metres in tables may be those of --crs; those of files that name their own (0, 0) are not.
+        let mut of_logs = recordings.values().flat_map(|recording| &recording.fixes);
+        records.has_metres = of_logs.any(|fix| matches!(fix.place, Place::Metres(..)));
+        for file in tables {
+            records.take(file, bar.wrap_read(opened(&file.path)?), reading, recordings)?;
+        }
+        for (kind, (vehicle, path)) in named() {
+            let table = (bar.wrap_read(opened(path)?), path);
+            records.skipped = records.skipped.and(reading.take(kind, table, vehicle.as_ref(), recordings)?);
+        }
+        bar.finish_and_clear();
+        records.recognised.iter().for_each(note);
+        Ok(())
     }
 
     /// All files that are read.
     pub fn paths(&self) -> anyhow::Result<Vec<PathBuf>> {
         let tables = [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| whose(file).1.to_owned());
         let others = [&self.schedule, &self.ids, &self.columns].into_iter().flatten().cloned();
-        let records = records::all(&self.records)?.into_iter().filter(records::is_read).map(|file| file.path);
-        Ok(records.chain(tables).chain(others).collect())
+        let (reading, records) = (self.reading()?, records::all(&self.records)?);
+        let records = records.into_iter().filter(|file| records::is_read(file, &reading)).map(|file| file.path);
+        let all: Vec<PathBuf> = records.chain(tables).chain(others).collect();
+        if all.iter().filter(|path| *path == Path::new(STANDARD_INPUT)).count() > 1 {
+            return Err(BadInput("standard input (-) is named twice; expected once".into()).into());
+        }
+        Ok(all)
     }
 
-    fn ids(&self) -> anyhow::Result<Ids> {
-        let Some(path) = &self.ids else { return Ok(Ids::default()) };
-        Ok(Ids::read(opened(path)?, path)?)
+    /// How files are read, before anybody says who is meant by ids.
+    fn reading(&self) -> anyhow::Result<Reading> {
+        let prefix = self.acomms_prefix.clone();
+        Ok(Reading { columns: self.columns()?, prefix, ..Reading::default() })
     }
 
     fn columns(&self) -> anyhow::Result<Columns> {

@@ -2,8 +2,9 @@
 
 mod archives;
 mod files;
+pub mod json;
 mod records;
-pub mod shown;
+mod shown;
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +13,8 @@ use pingmap_agent::VehicleId;
 use pingmap_import::{AlwaysSend, Imported, Rules, join};
 
 use self::files::Files;
-use self::shown::{ImportedJson, summary, warnings};
+use self::json::ImportedJson;
+use self::shown::{summary, warnings};
 use crate::output::{BadInput, Results, print_json, warn};
 use crate::outputs::{Kind, Target};
 use crate::values::{not_negative, positive};
@@ -120,7 +122,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let rules = options.decisions.rules();
     let inputs = options.files.paths()?;
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
-    let target = Target::new(&options.output, Kind::EVENT_LOG, &inputs, options.force)?;
+    let target = Target::new(&options.output, Kind::EVENT_LOG, &inputs, options.force)?.beside_json(options.json)?;
     let taken = options.files.take()?;
     let imported: Imported = join(&taken.recordings, taken.schedule.as_ref(), &taken.reference, &rules)?;
     for warning in warnings(&imported, &taken, &rules) {
@@ -140,7 +142,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         return Err(BadInput(message).into());
     }
     let written = target.write(imported.log.to_csv().as_bytes(), results);
-    if options.json && !target.is_standard_output() {
+    if options.json {
         print_json(results, &ImportedJson::of(&imported, &taken))?;
     } else {
         target.tell(&format!("{}: {}", options.output.display(), summary(&imported, &taken, &rules)), results)?;

@@ -1,18 +1,17 @@
 //! Files of known kinds, and folders of such.
 
+use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use pingmap_agent::{Geographic, VehicleId};
-use pingmap_import::{ImportError, Place, Reading, RecordKind, Recordings, Reference, Skipped, Source};
+use pingmap_import::{ImportError, Place, Reading, RecordKind, Recordings, Reference, Skipped, Source, head};
 use pingmap_trial::open;
 use tempfile::TempDir;
 
-use super::archives::unpacked;
-use crate::output::BadInput;
-
-/// So much of a file tells of what kind it is.
-const HEAD_BYTES: u64 = 1 << 16;
+use super::archives::{is_archive, unpacked};
+use crate::log::STANDARD_INPUT;
+use crate::output::{BadInput, note};
 
 /// Places of (0, 0) that lie no farther apart than this are the same, in metres.
 const DATUM_M_MAX: f64 = 20.0;
@@ -20,11 +19,22 @@ const DATUM_M_MAX: f64 = 20.0;
 /// A file that was given, or lies in a folder that was.
 pub struct RecordFile {
     pub path: PathBuf,
+    /// What people know it by: of what lies in an archive the archive's name and its own.
+    pub name: PathBuf,
     /// What the names of topics begin with that are read.
     pub topics: String,
     pub vehicle: Option<VehicleId>,
     /// Whether it was given itself: it should be of a known kind.
     pub is_given: bool,
+    /// What it is, once [`recognise`] has looked.
+    pub kind: Option<RecordKind>,
+}
+
+impl RecordFile {
+    /// Standard input, which is kept in a file while it is read.
+    pub fn is_standard_input(&self) -> bool {
+        self.is_given && self.path == Path::new(STANDARD_INPUT)
+    }
 }
 
 /// Every file of those that are given as `[NAME=]FILE[#TOPIC]`, and of the folders among them, in the order of their names.
@@ -33,13 +43,9 @@ pub fn all(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
     for given in given {
         let (vehicle, path) = whose(given);
         let (path, topics) = of_topics(path);
-        if path.is_dir() {
-            let before = files.len();
-            in_folder(path, &vehicle, &mut files)?;
-            files[before..].iter_mut().for_each(|inside| inside.topics.clone_from(&topics));
-        } else {
-            files.push(RecordFile { path: path.to_owned(), topics, vehicle, is_given: true });
-        }
+        let whole =
+            RecordFile { path: path.to_owned(), name: path.to_owned(), topics, vehicle, is_given: true, kind: None };
+        if path.is_dir() { in_folder(&whole, path, path, &mut files)? } else { files.push(whole) }
     }
     Ok(files)
 }
@@ -61,46 +67,73 @@ fn unpack(
     all: &mut Vec<RecordFile>,
     folders: &mut Vec<TempDir>,
 ) -> anyhow::Result<()> {
-    for file in files {
-        let folder = if depth > 0 { unpacked(&file.path)? } else { None };
+    for mut file in files {
+        if file.is_standard_input() {
+            let folder = tempfile::tempdir()?;
+            file.path = folder.path().join("input");
+            file.name = "standard input".into();
+            std::io::copy(&mut std::io::stdin().lock(), &mut File::create_new(&file.path)?)?;
+            folders.push(folder);
+        }
+        let folder = if depth > 0 { unpacked(&file.path, &file.name)? } else { None };
         let Some(folder) = folder else {
             all.push(file);
             continue;
         };
         let mut inside = Vec::new();
-        in_folder(folder.path(), &file.vehicle, &mut inside)?;
-        inside.iter_mut().for_each(|inner| inner.topics.clone_from(&file.topics));
+        in_folder(&file, folder.path(), &file.name, &mut inside)?;
         folders.push(folder);
         unpack(inside, depth - 1, all, folders)?;
     }
     Ok(())
 }
 
-fn in_folder(folder: &Path, vehicle: &Option<VehicleId>, files: &mut Vec<RecordFile>) -> anyhow::Result<()> {
-    let unreadable = |error: std::io::Error| BadInput(format!("{}: cannot be read: {error}", folder.display()));
-    let mut paths = Vec::new();
+/// The files in a folder that is known by a name, for whom and with which topics the whole was given.
+fn in_folder(whole: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<RecordFile>) -> anyhow::Result<()> {
+    let unreadable = |error: std::io::Error| BadInput(format!("{}: cannot be read: {error}", name.display()));
+    let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
-        paths.push(entry.map_err(unreadable)?);
+        entries.push(entry.map_err(unreadable)?);
     }
-    paths.sort_by_key(std::fs::DirEntry::file_name);
-    for entry in paths {
+    entries.sort_by_key(std::fs::DirEntry::file_name);
+    for entry in entries {
+        let (path, name) = (entry.path(), name.join(entry.file_name()));
         // A link to a file is one; what a link to a folder points to may be this folder itself.
-        let kind = entry.file_type().map_err(unreadable)?;
-        if kind.is_dir() {
-            in_folder(&entry.path(), vehicle, files)?;
-        } else if entry.path().is_file() {
-            let (path, vehicle) = (entry.path(), vehicle.clone());
-            files.push(RecordFile { path, topics: String::new(), vehicle, is_given: false });
+        if entry.file_type().map_err(unreadable)?.is_dir() {
+            in_folder(whole, &path, &name, files)?;
+        } else if path.is_file() {
+            let (topics, vehicle) = (whole.topics.clone(), whole.vehicle.clone());
+            files.push(RecordFile { path, name, topics, vehicle, is_given: false, kind: None });
         }
     }
     Ok(())
 }
 
+/// Looks what each file is.
+pub fn recognise(files: &mut [RecordFile], reading: &Reading) -> anyhow::Result<()> {
+    for file in files {
+        file.kind = reading.kind_of(&head(opened(&file.path)?)?, &file.name);
+    }
+    Ok(())
+}
+
+/// The only file of a kind of which there is at most one; said, because nobody else named it.
+pub fn only(files: &[RecordFile], kind: RecordKind, option: &str) -> anyhow::Result<Option<PathBuf>> {
+    let mut of_kind = files.iter().filter(|file| file.kind == Some(kind));
+    let Some(first) = of_kind.next() else { return Ok(None) };
+    if let Some(other) = of_kind.next() {
+        let (first, other, words) = (first.name.display(), other.name.display(), kind.words());
+        return Err(BadInput(format!("{first} and {other} both say {words}; expected one, or {option}")).into());
+    }
+    note(format_args!("{}: {}", first.name.display(), kind.words()));
+    Ok(Some(first.path.clone()))
+}
+
 /// Whether a file is read: in folders those of no known kind are left alone.
-pub fn is_read(file: &RecordFile) -> bool {
-    let mut head = Vec::new();
-    let looked = std::fs::File::open(&file.path).and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head));
-    file.is_given || looked.is_err() || RecordKind::of(&head).is_some()
+pub fn is_read(file: &RecordFile, reading: &Reading) -> bool {
+    let looked = File::open(&file.path).and_then(head);
+    let is_known = |head: Vec<u8>| is_archive(&head) || reading.kind_of(&head, &file.name).is_some();
+    file.is_given || looked.map_or(true, is_known)
 }
 
 /// The file, and what the names of its topics begin with, behind a `#` that is not part of its own name.
@@ -119,6 +152,8 @@ pub struct Records {
     pub has_metres: bool,
     /// Files in folders that are of no known kind.
     pub left_alone: Vec<PathBuf>,
+    /// Tables that nobody said are any, and what was made of them.
+    pub recognised: Vec<String>,
 }
 
 impl Records {
@@ -130,18 +165,24 @@ impl Records {
         reading: &Reading,
         recordings: &mut Recordings,
     ) -> anyhow::Result<()> {
-        let RecordFile { path, topics, vehicle, is_given } = file;
-        match reading.take_record(reader, &Source { path, vehicle: vehicle.as_ref(), topics }, recordings)? {
+        let RecordFile { path, name, topics, vehicle, is_given, .. } = file;
+        match reading.take_record(reader, &Source { path, name, vehicle: vehicle.as_ref(), topics }, recordings)? {
             Some(taken) => {
+                // A table is known by the names of its columns, and its owner by its own: whoever imports sees what was made of it.
+                let of = taken.vehicle.map_or(String::new(), |vehicle| format!(" of {vehicle}"));
+                if matches!(taken.kind, RecordKind::Table(_)) {
+                    self.recognised.push(format!("{}: {}{of}", name.display(), taken.kind.words()));
+                }
                 self.skipped = self.skipped.and(taken.skipped);
-                self.datums.extend(taken.datum.map(|datum| (path.clone(), datum)));
+                self.datums.extend(taken.datum.map(|datum| (name.clone(), datum)));
             }
             None if *is_given => {
                 let message = "of no known kind; expected a log (.alog) or mission file of MOOS, or sentences of a Micro-Modem with a time in front \
-                               of each, a bag of ROS 2 (MCAP or SQLite), a log of LCM with its types (.lcm); tables belong behind --nav, --heard and --sent";
-                return Err(BadInput(format!("{}: {message}", path.display())).into());
+                               of each, a bag of ROS 2 (MCAP or SQLite), a log of LCM with its types (.lcm), or a table of navigation, receptions (auv1.heard.csv) or \
+                               transmissions (auv1.sent.csv); --nav, --heard and --sent say which";
+                return Err(BadInput(format!("{}: {message}", name.display())).into());
             }
-            None => self.left_alone.push(path.clone()),
+            None => self.left_alone.push(name.clone()),
         }
         Ok(())
     }
@@ -171,8 +212,11 @@ impl Records {
 }
 
 /// Opened here, for every reader to say the same of files that are not there.
-pub fn opened(path: &Path) -> Result<std::fs::File, ImportError> {
-    Ok(open(path)?)
+pub fn opened(path: &Path) -> Result<Box<dyn Read + Send>, ImportError> {
+    if path == Path::new(STANDARD_INPUT) {
+        return Ok(Box::new(std::io::stdin()));
+    }
+    Ok(Box::new(open(path)?))
 }
 
 /// The vehicle before the first `=`, if there is one, and the file.

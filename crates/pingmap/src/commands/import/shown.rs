@@ -1,17 +1,18 @@
-//! What was imported, for people and programs.
+//! What was imported, for people.
 
 use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
 use pingmap_import::{ClockFound, Imported, Pair, Proofs, Rules, Unknown};
-use schemars::JsonSchema;
-use serde::Serialize;
 
 use super::files::{OriginBy, Taken};
 use crate::output::{count, table};
 
 /// Clocks that differ by more than this are worth a word.
 const CLOCK_OFF_S: f64 = 0.5;
+
+/// So many files that are of no known kind are named.
+const LEFT_ALONE_NAMED_MAX: usize = 5;
 
 /// So is a modem without a sign for this share of all messages.
 const SILENT_SHARE: f64 = 0.1;
@@ -156,14 +157,19 @@ pub fn summary(imported: &Imported, taken: &Taken, rules: &Rules) -> String {
     }
     let left_out = &imported.left_out;
     let more = [
-        (left_out.twice, "arrivals recorded twice"),
         (left_out.overheard, "messages meant for others (--overhear)"),
         (taken.skipped.unattributed, "broken messages of unknown senders"),
         (taken.skipped.not_sent, "transmissions that did not take place"),
-        (taken.left_alone.len(), "files of no known kind"),
     ];
-    let more: Vec<String> =
+    let mut more: Vec<String> =
         more.iter().filter(|more| more.0 > 0).map(|(number, what)| format!("{number} {what}")).collect();
+    if !taken.left_alone.is_empty() {
+        let named = taken.left_alone.iter().take(LEFT_ALONE_NAMED_MAX);
+        let mut names: Vec<String> = named.map(|path| path.display().to_string()).collect();
+        let others = taken.left_alone.len() - names.len();
+        names.extend((others > 0).then(|| format!("{others} more")));
+        more.push(format!("what is of no known kind ({})", names.join(", ")));
+    }
     if !more.is_empty() {
         text += &format!("\nLeft out: {}.", more.join(", "));
     }
@@ -186,6 +192,13 @@ fn chosen(taken: &Taken) -> String {
 
 type Pairs = BTreeMap<(VehicleId, VehicleId), Pair>;
 
+/// A number that is known of a pair.
+type Number = fn(&Pair) -> usize;
+
+/// What of a pair is no event and not unknown either.
+const BESIDE: [(&str, Number); 3] =
+    [("for others", |pair| pair.overheard), ("fits nothing", |pair| pair.stray), ("recorded twice", |pair| pair.twice)];
+
 fn pairs(pairs: &Pairs) -> String {
     let reasons: Vec<Unknown> = Unknown::ALL
         .into_iter()
@@ -193,9 +206,13 @@ fn pairs(pairs: &Pairs) -> String {
         .collect();
     let mut header = vec!["from → to", "heard", "missed"];
     header.extend(reasons.iter().map(|reason| reason.words()));
+    let more: Vec<_> = BESIDE.into_iter().filter(|(_, number)| pairs.values().any(|pair| number(pair) > 0)).collect();
+    header.extend(more.iter().map(|(words, _)| *words));
     let row = |((from, to), pair): (&(_, _), &Pair)| {
         let mut row = vec![format!("{from} → {to}"), pair.heard.to_string(), pair.missed.to_string()];
-        row.extend(reasons.iter().map(|reason| pair.unknown.get(reason).map_or("–".into(), ToString::to_string)));
+        let or_dash = |number: usize| if number > 0 { number.to_string() } else { "–".into() };
+        row.extend(reasons.iter().map(|reason| or_dash(pair.unknown.get(reason).copied().unwrap_or(0))));
+        row.extend(more.iter().map(|(_, number)| or_dash(number(pair))));
         row
     };
     table(&header, &pairs.iter().map(row).collect::<Vec<_>>())
@@ -217,178 +234,4 @@ fn clock(clock: &ClockFound) -> Vec<String> {
         (joined(&|piece| format!("{:+.2}", piece.ahead_s)), joined(&|piece| format!("{:+.1}", 1e6 * piece.drift)))
     };
     vec![clock.vehicle.to_string(), ahead, gains, clock.comparisons.to_string(), format!("{:.3}", clock.off_s)]
-}
-
-/// What was imported, for programs.
-#[derive(Serialize, JsonSchema)]
-pub struct ImportedJson {
-    /// Version of this object.
-    schema: u32,
-    /// Events that were written.
-    events: usize,
-    /// Those of them that were heard.
-    heard: usize,
-    /// By which the events are known again, whatever the file and the order of its lines.
-    log_digest: String,
-    /// How it is known that something was sent.
-    transmissions: ProofsJson,
-    /// From whom to whom, by name.
-    pairs: Vec<PairJson>,
-    /// What is no event since nobody knows whether it was missed, by reason.
-    unknown: BTreeMap<&'static str, usize>,
-    /// What is known of the vehicles' clocks.
-    clocks: Vec<ClockJson>,
-    /// From the beginning of a message to the record of its reception, beside the time that sound takes.
-    delay_s: f64,
-    /// What metres in the log mean.
-    reference: String,
-    /// Latitude and longitude of the place where both coordinates are 0, in degrees.
-    origin: Option<[f64; 2]>,
-    /// What was recorded and counts as nothing.
-    left_out: LeftOutJson,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct ProofsJson {
-    /// Transmissions that their sender recorded.
-    recorded: usize,
-    /// Turns of a schedule that were taken to be used.
-    by_turn: usize,
-    /// Transmissions that only receivers tell of.
-    by_reception: usize,
-    /// Turns of a schedule of which nobody heard: unknown unless every turn is said to be used.
-    turns_not_known_to_be_used: usize,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct PairJson {
-    /// Who sent.
-    transmitter: String,
-    /// Who was to hear it.
-    receiver: String,
-    /// Events that were heard.
-    heard: usize,
-    /// Events that were missed.
-    missed: usize,
-    /// What is no event, by reason.
-    unknown: BTreeMap<&'static str, usize>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct ClockJson {
-    /// Whose clock.
-    vehicle: String,
-    /// Whether the others are compared with it.
-    is_reference: bool,
-    /// How far ahead it is, a piece between times when it was set; empty where nothing is known.
-    pieces: Vec<PieceJson>,
-    /// Messages that speak of it.
-    messages: usize,
-    /// Half of them are off by less than this.
-    off_s_median: f64,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct PieceJson {
-    /// The time for which `ahead_s` holds.
-    time_s: f64,
-    /// How far ahead of the reference it is then.
-    ahead_s: f64,
-    /// How fast it gains, in microseconds a second.
-    drift_ppm: f64,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct LeftOutJson {
-    /// Messages from somebody of whom nothing was recorded, by name.
-    of_unknown_vehicles: BTreeMap<String, usize>,
-    /// Messages to somebody of whom nothing was recorded, by name.
-    to_unknown_vehicles: BTreeMap<String, usize>,
-    /// Messages of senders that recorded no such transmission, by name, which are no events; and of senders that had no turn then, which are.
-    unexpected: BTreeMap<String, usize>,
-    /// Arrivals that were recorded twice.
-    recorded_twice: usize,
-    /// Messages that were meant for others.
-    overheard: usize,
-    /// Messages that a vehicle heard of itself.
-    of_itself: usize,
-    /// Transmissions that failed by the modem's own word.
-    not_sent: usize,
-    /// Broken arrivals that do not say whose they were.
-    broken_of_unknown_senders: usize,
-    /// Rows and sentences that make no sense.
-    garbled: usize,
-    /// Messages in recordings whose type is not known.
-    of_no_type: usize,
-    /// Files that end within a record.
-    cut_off: usize,
-    /// Files in folders and archives that were left alone.
-    files: usize,
-    /// Positions that are no place.
-    positions: usize,
-}
-
-impl ImportedJson {
-    pub fn of(imported: &Imported, taken: &Taken) -> Self {
-        let Proofs { recorded, always_sends, received, nothing } = imported.proofs;
-        let pair = |((from, to), pair): (&(VehicleId, VehicleId), &Pair)| PairJson {
-            transmitter: from.to_string(),
-            receiver: to.to_string(),
-            heard: pair.heard,
-            missed: pair.missed,
-            unknown: keys(&pair.unknown),
-        };
-        let clock = |clock: &ClockFound| ClockJson {
-            vehicle: clock.vehicle.to_string(),
-            is_reference: clock.is_reference,
-            pieces: clock
-                .pieces
-                .iter()
-                .map(|piece| PieceJson { time_s: piece.middle_s, ahead_s: piece.ahead_s, drift_ppm: 1e6 * piece.drift })
-                .collect(),
-            messages: clock.comparisons,
-            off_s_median: clock.off_s,
-        };
-        let left_out = &imported.left_out;
-        let named = |names: &BTreeMap<VehicleId, usize>| {
-            names.iter().map(|(name, number)| (name.to_string(), *number)).collect()
-        };
-        Self {
-            schema: 1,
-            events: imported.log.events.len(),
-            heard: imported.log.events.iter().filter(|event| event.success).count(),
-            log_digest: imported.log.digest(),
-            transmissions: ProofsJson {
-                recorded,
-                by_turn: always_sends,
-                by_reception: received,
-                turns_not_known_to_be_used: nothing,
-            },
-            pairs: imported.pairs.iter().map(pair).collect(),
-            unknown: keys(&imported.unknown()),
-            clocks: imported.clocks.iter().map(clock).collect(),
-            delay_s: imported.delay_s,
-            reference: taken.reference.name(),
-            origin: taken.origin.map(|(origin, _)| [origin.latitude_deg, origin.longitude_deg]),
-            left_out: LeftOutJson {
-                of_unknown_vehicles: named(&left_out.strangers),
-                to_unknown_vehicles: named(&left_out.to_strangers),
-                unexpected: named(&left_out.unexpected),
-                recorded_twice: left_out.twice,
-                overheard: left_out.overheard,
-                of_itself: left_out.own,
-                not_sent: taken.skipped.not_sent,
-                broken_of_unknown_senders: taken.skipped.unattributed,
-                garbled: taken.skipped.garbled,
-                of_no_type: taken.skipped.of_no_type,
-                cut_off: taken.skipped.cut_off,
-                files: taken.left_alone.len(),
-                positions: taken.skipped.unplaced + left_out.unplaced,
-            },
-        }
-    }
-}
-
-fn keys(reasons: &BTreeMap<Unknown, usize>) -> BTreeMap<&'static str, usize> {
-    reasons.iter().map(|(reason, number)| (reason.key(), *number)).collect()
 }

@@ -65,7 +65,8 @@ impl Options {
 }
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
-    let target = Target::new(&options.output, Kind::MODEL, &options.logs.paths(), options.logs.force)?;
+    let target = Target::new(&options.output, Kind::MODEL, &options.logs.paths(), options.logs.force)?
+        .beside_json(options.json)?;
     let mut log = options.logs.open()?;
     options.reference.tell(&mut log)?;
     let log_digest = log.digest();
@@ -104,7 +105,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let file = file.write().map_err(|error| BadInput(error.to_string()))?;
     let written = target.write(file.as_bytes(), results);
 
-    if options.json && !target.is_standard_output() {
+    if options.json {
         print_json(
             results,
             &LearnJson {
@@ -158,14 +159,16 @@ fn add_to_place(
     let made_of = MadeOf { log_digest: log_digest.clone(), model_digest: Some(file.model.digest()) };
     file.place_log_digests.push(log_digest);
     let text = file.write().map_err(|error| BadInput(error.to_string()))?;
-    target.write(text.as_bytes(), results)?;
+    let written = target.write(text.as_bytes(), results);
     let place_points = file.model.place.as_ref().map_or(0, |place| place.links().len());
-    if options.json && !target.is_standard_output() {
+    if options.json {
         let added = AddedJson { schema: 1, made_of, file: &options.output, events: log.events.len(), place_points };
         print_json(results, &added)?;
     }
-    note(format_args!("wrote {}: the place at {place_points} points", options.output.display()));
-    Ok(())
+    if written.is_ok() {
+        note(format_args!("wrote {}: the place at {place_points} points", options.output.display()));
+    }
+    written
 }
 
 /// The structure that was chosen, learned from all events.

@@ -90,7 +90,7 @@ impl Common {
     /// Opens the log, and makes sure that the plan can be written; `files` are read beside it.
     pub fn open(&self, files: &[&Path]) -> anyhow::Result<Ready<'_>> {
         let logs = &self.source.logs;
-        let inputs: Vec<&Path> = logs.paths().into_iter().chain(files.iter().copied()).collect();
+        let inputs: Vec<&Path> = self.source.inputs().into_iter().chain(files.iter().copied()).collect();
         let output = match &self.output {
             None => None,
             Some(path) => {

@@ -26,8 +26,19 @@ pub enum Exhibit {
 }
 
 impl Exhibit {
+    /// The names of its figures' files.
+    pub fn pictures(self) -> &'static [&'static str] {
+        match self {
+            Exhibit::All => &["tracks", "points", "predictions"],
+            Exhibit::Tracks => &["tracks"],
+            Exhibit::Points => &["points"],
+            Exhibit::Predictions => &["predictions"],
+            _ => &[],
+        }
+    }
+
     /// Whether it is a figure, or holds some.
     pub fn has_pictures(self) -> bool {
-        matches!(self, Exhibit::All | Exhibit::Tracks | Exhibit::Points | Exhibit::Predictions)
+        !self.pictures().is_empty()
     }
 }

@@ -50,6 +50,9 @@ pub struct Options {
     /// Folder for the figures and, with `all`, the page reproduction.md
     #[arg(long, default_value = "pingmap-reproduction", value_name = "DIR")]
     pub out: PathBuf,
+    /// Go on though a log says nothing that a map could be made of, and replace files that pingmap did not write
+    #[arg(long)]
+    pub force: bool,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
@@ -69,13 +72,17 @@ impl Options {
 }
 
 fn run(options: &Options, out: Results) -> anyhow::Result<()> {
-    let sets = data_sets(&options.data)?;
+    let sets = data_sets(&options.data, options.force)?;
     let figures = options.out.join(page::FIGURES);
     if options.exhibit.has_pictures() {
         make_folder(&figures)?;
     }
     if options.exhibit == Exhibit::All {
-        Target::new(&options.out.join("reproduction.md"), Kind::REPRODUCTION, &[], false)?;
+        Target::new(&options.out.join("reproduction.md"), Kind::REPRODUCTION, &[], options.force)?;
+    }
+    for name in options.exhibit.pictures() {
+        Target::new(&figures.join(format!("{name}.svg")), Kind::SVG, &[], options.force)?;
+        Target::new(&figures.join(format!("{name}.png")), Kind::PNG, &[], options.force)?;
     }
     let bar = spinner("learning the length-scale");
     let experiment = Experiment::new(sets, options.permutations, options.seed)?;
@@ -136,7 +143,7 @@ fn tables(results: &Computed, exhibit: Exhibit) -> Vec<Table> {
 }
 
 /// The event logs in the places of the paper's data sets.
-fn data_sets(paths: &[PathBuf]) -> anyhow::Result<Vec<DataSet>> {
+fn data_sets(paths: &[PathBuf], force: bool) -> anyhow::Result<Vec<DataSet>> {
     if paths.is_empty() {
         let set = |name: &str| {
             let log = built_in(name).with_context(|| format!("{name} is built in"))??;
@@ -149,7 +156,7 @@ fn data_sets(paths: &[PathBuf]) -> anyhow::Result<Vec<DataSet>> {
         let files = if path.is_dir() { csv_files(path)? } else { vec![path.clone()] };
         for file in files {
             let name = file.file_stem().map_or_else(|| file.display().to_string(), |name| name.display().to_string());
-            sets.push(DataSet::new(name, open_log(&file)?)?);
+            sets.push(DataSet::new(name, open_log(&file, force)?)?);
         }
     }
     Ok(sets)

@@ -202,14 +202,14 @@ const STAND_IN: &str =
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let simulation = options.simulation();
-    let target = Target::new(&options.output, Kind::EVENT_LOG, &[], options.force)?;
+    let target = Target::new(&options.output, Kind::EVENT_LOG, &[], options.force)?.beside_json(options.json)?;
     options.files.check(options.force)?;
     let mut trial = simulation.run(&options.sound()).map_err(|error| BadInput(error.to_string()))?;
     trial.log.has_depths = options.depths;
     options.files.write(&simulation, &mut trial)?;
     let text = trial.log.to_csv();
     let written = target.write(text.as_bytes(), results);
-    if options.json && !target.is_standard_output() {
+    if options.json {
         // As whoever reads it will see it: numbers are rounded, and depths may not be there.
         let log = EventLog::read(text.as_bytes(), &options.output)?;
         print_json(results, &SimulatedJson::of(&simulation, &trial, &log))?;
