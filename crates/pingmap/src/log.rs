@@ -8,6 +8,19 @@ use pingmap_trial::{EventLog, Split, thin};
 
 use crate::output::{BadInput, warn};
 
+/// A log before any of its events were left out.
+pub struct WholeLog {
+    pub name: String,
+    pub events: usize,
+    pub digest: String,
+}
+
+impl WholeLog {
+    pub fn of(log: &EventLog, name: String) -> Self {
+        Self { name, events: log.events.len(), digest: log.digest() }
+    }
+}
+
 /// Standard input, where a file is named.
 pub const STANDARD_INPUT: &str = "-";
 

@@ -8,6 +8,7 @@ use pingmap_trial::{Agreed, EventLog, learn_best};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::log::WholeLog;
 use crate::options::ModelSource;
 use crate::output::{BadInput, count, read_text, spinner, warn};
 
@@ -21,14 +22,14 @@ pub struct MadeOf {
 }
 
 impl MadeOf {
-    /// A log, and what a team agreed on beforehand.
-    pub fn given(log: &EventLog, agreed: &Agreed) -> Self {
+    /// A whole log, and what a team agreed on beforehand.
+    pub fn given(log: &WholeLog, agreed: &Agreed) -> Self {
         let model = match agreed {
             Agreed::Nothing => None,
             Agreed::Model(model) => Some(model),
             Agreed::Team(team) => Some(&team.model),
         };
-        Self { log_digest: log.digest(), model_digest: model.map(Model::digest) }
+        Self { log_digest: log.digest.clone(), model_digest: model.map(Model::digest) }
     }
 }
 

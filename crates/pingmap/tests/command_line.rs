@@ -19,7 +19,7 @@ fn demo_prints_scores_and_writes_a_report_from_any_folder() {
     }
     let report = folder.path().join("pingmap-report");
     let page = std::fs::read_to_string(report.join("index.html")).unwrap();
-    assert_eq!(page.matches("<svg").count(), 4, "three maps, what was heard");
+    assert_eq!(page.matches("<svg").count(), 5, "three maps, what was heard, whether probabilities mean what they say");
     assert!(page.contains("event by event; no inducing points"));
     assert!(page.contains("</html>") && page.contains("probability of success"));
     assert!(!page.contains("src=\""), "the page needs nothing beside it");
@@ -137,6 +137,32 @@ fn predict_takes_degrees_where_the_log_knows_its_place() {
     };
     let there = probability(&predict("degrees.csv", &["--origin", "44,9"]));
     assert!((there - probability(&predict("metres.csv", &[]))).abs() < 1e-3);
+    // Places come out in both forms, each once; a name of the input that was a key before is the input's.
+    let command = ["predict", "events.csv", "--origin", "44,9", "--links"];
+    let table = |links: &str| stdout(&pingmap(folder.path(), &[&command[..], &[links]].concat()));
+    let field = |text: &str, name: &str| -> f64 {
+        let place = text.lines().next().unwrap().split(',').position(|column| column == name).unwrap();
+        text.lines().nth(1).unwrap().split(',').nth(place).unwrap().parse().unwrap()
+    };
+    for text in [table("degrees.csv"), table("metres.csv")] {
+        assert!(
+            (field(&text, "rx_easting_m") - 500.0).abs() < 0.5
+                && (field(&text, "rx_latitude_deg") - 44.0 - north_deg).abs() < 1e-5,
+            "{text}"
+        );
+        assert_eq!(text.lines().next().unwrap().matches("rx_easting_m").count(), 1);
+    }
+    file(
+        folder.path(),
+        "codes.csv",
+        "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m,mean,code\n0,0,500,300,mine,007\n",
+    );
+    let coded: Value = serde_json::from_str(&stdout(&predict("codes.csv", &["--origin", "44,9"]))).unwrap();
+    let coded = &coded["predictions"][0];
+    assert_eq!(
+        (&coded["mean"], &coded["code"], coded["rx_latitude_deg"].is_number()),
+        (&"mine".into(), &"007".into(), true)
+    );
     let refused = predict("degrees.csv", &[]);
     assert!(refused.status.code() == Some(2) && stderr(&refused).contains("--origin"), "{}", stderr(&refused));
 }

@@ -8,7 +8,7 @@ use std::io::{Cursor, Write as _};
 use std::path::Path;
 use std::process::Command;
 
-use common::{file, json, log, pingmap, stderr, stdout};
+use common::{file, json, log, opened_by_others, pingmap, stderr, stdout};
 use serde_json::Value;
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::tags::Tag;
@@ -314,6 +314,21 @@ fn other_programs_open_them() {
             let features: u32 =
                 said.lines().filter_map(|line| line.strip_prefix("Feature Count: ")?.trim().parse::<u32>().ok()).sum();
             assert!(features >= 6, "{said}");
+        }
+    }
+    if let Some(said) = opened_by_others(folder.path(), &["map.tif", "map.geojson", "map.kml"]) {
+        let grid = &said["map.tif"];
+        let first = ["degrees", "metres"].map(|key| [0, 1].map(|n: usize| grid[key][n].as_f64().unwrap()));
+        let [[longitude, latitude], [east_m, north_m]] = first;
+        // The middle of the cell in the north-west, by PROJ, and by the ellipsoid.
+        let (x_m, y_m) = metres((latitude, longitude));
+        assert!((x_m - east_m).hypot(y_m - north_m) < 1.0 && (east_m, north_m) == (25.0, 975.0), "{grid}");
+        assert_eq!(grid["bands"], serde_json::json!(["probability", "lower", "upper", "explained"]));
+        assert_eq!(said["map.kml"]["schema_errors"], serde_json::json!([]));
+        let shapes = |layer: &Value| layer["shapes"].as_u64().unwrap();
+        for name in ["map.geojson", "map.kml"] {
+            let layers = said[name]["layers"].as_object().unwrap();
+            assert!(layers.values().map(shapes).sum::<u64>() >= 6, "{name}: {layers:?}");
         }
     }
     let kml = String::from_utf8(read(folder.path(), "map.kml")).unwrap();

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{file, json, log, pingmap, stderr, stdout};
+use common::{file, json, log, opened_by_others, pingmap, stderr, stdout};
 use dgpc::rand::RngExt;
 use pingmap_agent::{Link, Position};
 use pingmap_trial::simulate::{Channel, Simulation, Sound};
@@ -55,7 +55,10 @@ fn within_the_line_it_is_as_probable_as_was_asked_for() {
         assert!(within > 0.69 && (!ends || beyond < 0.71), "{ray}: {within} {beyond}");
     }
     let table = std::fs::read_to_string(folder.path().join("line.csv")).unwrap();
-    assert_eq!((table.lines().next(), table.lines().count()), (Some("bearing_deg,range_m,range_lower_m"), 73));
+    assert_eq!(
+        (table.lines().next(), table.lines().count()),
+        (Some("bearing_deg,range_m,range_lower_m,easting_m,northing_m"), 73)
+    );
 }
 
 #[test]
@@ -92,6 +95,22 @@ fn a_track_is_looked_at_leg_by_leg() {
     assert_eq!(number(&plan(folder.path(), &track)["whole"]["end_s"]), 160.0);
 }
 
+/// Every row has its place in metres and, the same, in degrees.
+fn is_placed(table: &str) {
+    let header: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    let place = |row: &str, name: &str| {
+        let column = header.iter().position(|column| *column == name).unwrap_or_else(|| panic!("{name}: {header:?}"));
+        row.split(',').nth(column).unwrap().parse::<f64>().unwrap()
+    };
+    // A degree of latitude near there, and of longitude.
+    let (north_m, east_m) = (111_070.0, 83_500.0);
+    for row in table.lines().skip(1) {
+        let off_north_m = place(row, "northing_m") - north_m * (place(row, "latitude_deg") - 41.5);
+        let off_east_m = place(row, "easting_m") - east_m * (place(row, "longitude_deg") + 70.5);
+        assert!(off_north_m.abs() < 5.0 && off_east_m.abs() < 5.0, "{row}: {off_east_m} {off_north_m}");
+    }
+}
+
 #[test]
 fn plans_are_drawn_and_written_for_other_programs() {
     let folder = tempfile::tempdir().unwrap();
@@ -106,11 +125,22 @@ fn plans_are_drawn_and_written_for_other_programs() {
         ([&["track"][..], &at, &along].concat(), vec!["leg", "place"]),
         ([&["gateway", "--among", "places.csv"][..], &along].concat(), vec!["place", "place", "track"]),
     ] {
-        for output in ["plan.png", "plan.svg", "plan.geojson"] {
+        for output in ["plan.png", "plan.geojson", "plan.kml", "plan.csv"] {
             plan(folder.path(), &[&arguments[..], &["-o", output]].concat());
         }
+        plan(folder.path(), &[&arguments[..], &["-o", "plan.svg", "--title", "Of Monday", "--with-events"]].concat());
         let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
         assert!(read("plan.png").starts_with(b"\x89PNG") && read("plan.svg").starts_with(b"<svg"));
+        let svg = String::from_utf8(read("plan.svg")).unwrap();
+        assert!(svg.contains("Of Monday") && svg.contains("heard here") && svg.contains("missed here"));
+        is_placed(std::str::from_utf8(&read("plan.csv")).unwrap());
+        let kml = String::from_utf8(read("plan.kml")).unwrap();
+        assert!(kml.matches("<Placemark>").count() == kinds.len() && kml.contains("<ExtendedData>"), "{kml}");
+        if let Some(said) = opened_by_others(folder.path(), &["plan.kml", "plan.geojson"]) {
+            assert_eq!(said["plan.kml"]["schema_errors"], serde_json::json!([]));
+            assert_eq!(said["plan.kml"]["layers"]["Plan"]["shapes"], kinds.len());
+            assert_eq!(said["plan.geojson"]["layers"]["plan"]["shapes"], kinds.len());
+        }
         let shapes: Value = serde_json::from_slice(&read("plan.geojson")).unwrap();
         let features = shapes["features"].as_array().unwrap();
         let found: Vec<&str> = features.iter().map(|feature| feature["properties"]["kind"].as_str().unwrap()).collect();

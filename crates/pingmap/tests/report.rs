@@ -8,13 +8,14 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use common::{file, log, pingmap, stderr};
+use common::{file, json, log, pingmap, stderr, stdout};
 
 /// Writes a report of a small mission, and returns its page.
 fn report(folder: &Path) -> String {
     let name = "a-vehicle-with-a-rather-long-name";
     file(folder, "events.csv", log(&[name, "b", "<c>"], 150));
-    let command = "replay events.csv --frames 1,2,5 --repeats 2 --compare --calibration --terms path --additions none --report report";
+    let command =
+        "replay events.csv --frames 1,2,5 --repeats 2 --compare --terms path --additions none --report report";
     let output = pingmap(folder, &command.split(' ').collect::<Vec<_>>());
     assert!(output.status.success(), "{}", stderr(&output));
     std::fs::read_to_string(folder.join("report/index.html")).unwrap()
@@ -109,7 +110,7 @@ fn it_prints_on_pages() {
     };
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     for said in
-        ["distance alone is right", "What it was made of", "little known", "probability of success", "--calibration"]
+        ["distance alone is right", "What it was made of", "little known", "probability of success", "--compare"]
     {
         assert!(text.contains(said), "no {said:?} on paper: {text}");
     }
@@ -127,7 +128,7 @@ fn it_says_what_was_found_and_what_it_was_made_of() {
         "events.csv",
         "pingmap replay events.csv --frames 1,2,5",
         "as it should be",
-        "what the map says",
+        "said by the maps",
         "<th scope=\"col\">share heard</th>",
         "The map of b",
     ] {
@@ -143,4 +144,53 @@ fn it_says_what_was_found_and_what_it_was_made_of() {
     let ids: Vec<&str> = page.split(" id=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
     let unique: std::collections::BTreeSet<&&str> = ids.iter().collect();
     assert_eq!(ids.len(), unique.len());
+}
+
+#[test]
+fn a_mission_in_the_order_of_time_has_its_conclusion_and_what_it_was_made_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    file(folder, "events.csv", log(&["a", "b"], 150));
+    let command = "replay events.csv --online --spare-bytes 2 --terms path --report report";
+    assert!(pingmap(folder, &command.split(' ').collect::<Vec<_>>()).status.success());
+    let page = std::fs::read_to_string(folder.join("report/index.html")).unwrap();
+    let digest = json(folder, &["check", "events.csv", "--json"])["log_digest"].as_str().unwrap().to_owned();
+    for said in [
+        "Coming events were predicted with ",
+        "a → b",
+        "What it was made of",
+        &digest,
+        command,
+        "<th scope=\"col\">share heard</th>",
+    ] {
+        assert!(page.contains(said), "no {said:?}");
+    }
+}
+
+#[test]
+fn a_report_is_of_the_whole_log_and_lies_where_the_model_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    file(folder, "events.csv", log(&["a", "b"], 150));
+    let run = |command: &str| {
+        let output = pingmap(folder, &command.split(' ').collect::<Vec<_>>());
+        assert!(output.status.success(), "{command}: {}", stderr(&output));
+        stdout(&output)
+    };
+    run("learn events.csv --origin 41.5,-70.6 --terms path --additions none -o model.toml");
+    let replay = "replay events.csv --model model.toml --frames 1 --repeats 2 --events-max 100 --report report";
+    let printed: serde_json::Value = serde_json::from_str(&run(&format!("{replay} --json"))).unwrap();
+    let whole = json(folder, &["check", "events.csv", "--json"]);
+    assert_eq!(printed["log_digest"], whole["log_digest"]);
+    assert_eq!((printed["events"].as_u64(), printed["events_used"].as_u64()), (Some(150), Some(100)));
+    assert!(printed["calibration"].is_object(), "a report shows whether its maps can be believed");
+    let page = std::fs::read_to_string(folder.join("report/index.html")).unwrap();
+    for said in [whole["log_digest"].as_str().unwrap(), "100 of 150 events", "41.5", "70°"] {
+        assert!(page.contains(said), "no {said:?}");
+    }
+    // What is printed for people has it where it was asked for.
+    assert!(
+        !run(replay).contains("calibration error")
+            && run(&format!("{replay} --calibration")).contains("calibration error")
+    );
 }

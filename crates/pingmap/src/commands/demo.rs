@@ -8,6 +8,7 @@ use pingmap_agent::Learning;
 use pingmap_trial::{Division, Plan, built_in};
 
 use super::replay::Replayed;
+use crate::log::WholeLog;
 use crate::output::{Results, note};
 use crate::outputs::Target;
 use crate::values::threads;
@@ -44,10 +45,10 @@ impl Options {
             "Three underwater vehicles record which of each other's messages they hear. Each learns from the events it",
         );
         note("received, sends a few packets that sum them up, and predicts events that nobody learned from.\n");
-        let plan = Plan::new(Learning::default(), SEED);
+        let plan = Plan { calibration: true, ..Plan::new(Learning::default(), SEED) };
         let splits = Division::random(3, 0.35).splits(&log, SEED)?;
-        let events = log.events.len();
-        let mission = Replayed::new((log, events, format!("{TRIAL}, built in")), splits, &[1, 2, 5, 10, 20], plan)?;
+        let whole = WholeLog::of(&log, format!("{TRIAL}, built in"));
+        let mission = Replayed::new((log, whole), splits, &[1, 2, 5, 10, 20], plan)?;
         mission.show(results, self.json, Some(&self.out))
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_agent::{Attempt, Link, Position, Prediction};
-use pingmap_import::Place;
+use pingmap_import::{Place, Reference};
 use pingmap_trial::{AttemptTable, read_attempts};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -61,9 +61,22 @@ impl Options {
 /// What is predicted of a link: the probability, between which ends nine in ten lie, and what both were made from.
 const COLUMNS: [&str; 5] = ["probability", "lower", "upper", "log_odds_mean", "log_odds_variance"];
 
+/// Where both ends are: in metres of the log, and in degrees where these are known.
+const PLACES: [&str; 8] = [
+    "tx_easting_m",
+    "tx_northing_m",
+    "rx_easting_m",
+    "rx_northing_m",
+    "tx_latitude_deg",
+    "tx_longitude_deg",
+    "rx_latitude_deg",
+    "rx_longitude_deg",
+];
+
 /// Links and what is predicted of them.
 struct Predictions {
     survey: Survey,
+    reference: Reference,
     table: AttemptTable,
     jitter: f64,
     /// In the order of [`COLUMNS`].
@@ -115,18 +128,39 @@ impl Predictions {
         };
         let predicted = predicted.iter().zip(intervals).map(row).collect();
         let jitter = survey.agent.posterior()?.jitter();
-        Ok(Self { survey, table, jitter, predicted })
+        Ok(Self { survey, reference, table, jitter, predicted })
     }
 
-    /// The columns of the input, and behind them what is predicted.
+    /// In the order of [`PLACES`], as far as they are known.
+    fn places(&self, link: &Link) -> [Option<f64>; 8] {
+        let [tx, rx] = link.ends();
+        let in_degrees = |end: &Position| {
+            let place = self.reference.geographic(end.east_m, end.north_m);
+            [place.map(|place| place.latitude_deg), place.map(|place| place.longitude_deg)]
+        };
+        let ([tx_latitude, tx_longitude], [rx_latitude, rx_longitude]) = (in_degrees(&tx), in_degrees(&rx));
+        let [tx_east, tx_north, rx_east, rx_north] = [tx.east_m, tx.north_m, rx.east_m, rx.north_m].map(Some);
+        [tx_east, tx_north, rx_east, rx_north, tx_latitude, tx_longitude, rx_latitude, rx_longitude]
+    }
+
+    /// The columns of the input, places in the other form where both are known, and behind them what is predicted.
     fn csv(&self) -> anyhow::Result<String> {
+        let is_there = |name: &str| self.table.header.iter().any(|column| column.eq_ignore_ascii_case(name));
+        let is_known = |n: usize| n < 4 || self.reference.system().is_known();
+        let added: Vec<usize> = (0..PLACES.len()).filter(|&n| is_known(n) && !is_there(PLACES[n])).collect();
         let kept: Vec<usize> =
             (0..self.table.header.len()).filter(|&n| !is_predicted(&self.table.header[n].as_str())).collect();
         let of = |fields: &[String]| kept.iter().map(|&n| fields[n].clone()).collect::<Vec<_>>();
-        let header = [of(&self.table.header), COLUMNS.map(str::to_owned).to_vec()].concat();
-        let rows = self.table.rows.iter().zip(&self.predicted);
-        let rows =
-            rows.map(|(fields, numbers)| [of(fields), numbers.map(|number| number.to_string()).to_vec()].concat());
+        let places = added.iter().map(|&n| PLACES[n].to_owned()).collect();
+        let header = [of(&self.table.header), places, COLUMNS.map(str::to_owned).to_vec()].concat();
+        let rows = self.table.rows.iter().zip(&self.table.attempts).zip(&self.predicted);
+        let rows = rows.map(|((fields, attempt), numbers)| {
+            let places = self.places(&attempt.link);
+            // A place on no map of the Earth has no degrees.
+            let places =
+                added.iter().map(|&n| places[n].map_or_else(String::new, |number| number.to_string())).collect();
+            [of(fields), places, numbers.map(|number| number.to_string()).to_vec()].concat()
+        });
         csv_of_text(&header, rows)
     }
 
@@ -135,7 +169,9 @@ impl Predictions {
             let [_, lower, upper, mean, variance] = *numbers;
             let own = self.table.header.iter().zip(fields).filter(|(name, _)| !is_predicted(&name.as_str()));
             let mut object: Map<String, Value> = own.map(|(name, field)| (name.clone(), said(name, field))).collect();
-            object.extend(link(&attempt.link));
+            let places = PLACES.iter().zip(self.places(&attempt.link));
+            object.extend(places.filter_map(|(name, number)| Some(((*name).to_owned(), json!(number?)))));
+            object.extend(depths(&attempt.link));
             object.extend(COLUMNS.iter().zip(numbers).map(|(name, number)| ((*name).to_owned(), json!(number))));
             // As these were called before.
             let before =
@@ -171,13 +207,8 @@ fn said(column: &str, field: &str) -> Value {
     }
 }
 
-/// Both ends of a link in metres of the log.
-fn link(link: &Link) -> Map<String, Value> {
-    let mut object = Map::new();
-    for (end, place) in [("tx", link.transmitter), ("rx", link.receiver)] {
-        object.insert(format!("{end}_easting_m"), json!(place.east_m));
-        object.insert(format!("{end}_northing_m"), json!(place.north_m));
-        object.extend(place.depth_m.map(|depth_m| (format!("{end}_depth_m"), json!(depth_m))));
-    }
-    object
+/// How deep both ends of a link are, where depths count.
+fn depths(link: &Link) -> impl Iterator<Item = (String, Value)> {
+    let depths = [("tx_depth_m", link.transmitter.depth_m), ("rx_depth_m", link.receiver.depth_m)];
+    depths.into_iter().filter_map(|(name, depth_m)| Some((name.to_owned(), json!(depth_m?))))
 }

@@ -21,8 +21,9 @@ pub struct Options {
 /// An object by the command that prints it.
 type Printed = (&'static str, fn() -> Schema);
 
-const SCHEMAS: [Printed; 19] = [
+const SCHEMAS: [Printed; 20] = [
     ("check", of::<check::CheckedJson>),
+    ("demo", of::<replay::json::ReplayJson>),
     ("import", of::<import::json::ImportedJson>),
     ("learn", of::<learn::json::LearnJson>),
     ("learn --onto", of::<learn::json::AddedJson>),

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use pingmap_agent::{Event, Limits, Link, Position};
+use pingmap_import::Reference;
 use pingmap_trial::selection::{Query, RegionChoice, SelectionError, choose_points};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -11,6 +12,7 @@ use crate::model::{KernelJson, Known, MadeOf};
 use crate::names::{PolicyName, name_of};
 use crate::options::{ModelSource, RESULT};
 use crate::output::{BadInput, Results, count, note, print, print_json, spinner, table, warn};
+use crate::reference::{PlaceJson, ReferenceOptions, reference};
 use crate::values::{dense_events, inducing_points, positive, quadruple, threads};
 
 /// Choose the inducing points that sum up a locality region, with the certificate of the choice
@@ -34,6 +36,8 @@ pub struct Options {
     /// Which points to choose
     #[arg(long, value_enum, default_value_t = PolicyName::Good)]
     pub policy: PolicyName,
+    #[command(flatten)]
+    pub reference: ReferenceOptions,
     #[command(flatten)]
     pub model: ModelSource,
     /// Seed of everything random
@@ -67,6 +71,7 @@ impl Options {
 /// The points, and what they were chosen under.
 struct Selected {
     log_digest: String,
+    reference: Reference,
     known: Known,
     choice: RegionChoice,
 }
@@ -112,6 +117,14 @@ pub struct PointJson {
     rx_easting_m: f64,
     /// The receiver's place.
     rx_northing_m: f64,
+    /// The same place, where it is known what metres mean.
+    tx_latitude_deg: Option<f64>,
+    /// The same place, where it is known what metres mean.
+    tx_longitude_deg: Option<f64>,
+    /// The same place, where it is known what metres mean.
+    rx_latitude_deg: Option<f64>,
+    /// The same place, where it is known what metres mean.
+    rx_longitude_deg: Option<f64>,
     /// 1 heard, 0 missed.
     success: u8,
 }
@@ -132,7 +145,9 @@ pub struct CertificateJson {
 
 impl Selected {
     fn choose(options: &Options) -> anyhow::Result<Self> {
-        let log = options.logs.open()?;
+        let mut log = options.logs.open()?;
+        options.reference.tell(&mut log)?;
+        let reference = reference(log.reference)?;
         let own = log::only(&log, &options.vehicle)?;
         let log_digest = log.digest();
         let known = Known::new(&options.model, &log, Limits::default())?;
@@ -164,19 +179,24 @@ impl Selected {
             warn(format_args!("only {found} of {wanted} points are distinct in this region"));
         }
         note(known.describe(choice.events, true));
-        Ok(Self { log_digest, known, choice })
+        Ok(Self { log_digest, reference, known, choice })
     }
 
     fn json<'a>(&self, options: &'a Options) -> SelectedJson<'a> {
         let RegionChoice { radius_m, events, ref chosen, trace, trace_before, kl, certificate, .. } = self.choice;
         let point = |event: &Event| {
             let Link { transmitter: t, receiver: r } = event.link;
+            let [tx, rx] = [t, r].map(|end| PlaceJson::of(&end, &self.reference));
             PointJson {
                 time_s: event.time_s,
                 tx_easting_m: t.east_m,
                 tx_northing_m: t.north_m,
                 rx_easting_m: r.east_m,
                 rx_northing_m: r.north_m,
+                tx_latitude_deg: tx.latitude_deg,
+                tx_longitude_deg: tx.longitude_deg,
+                rx_latitude_deg: rx.latitude_deg,
+                rx_longitude_deg: rx.longitude_deg,
                 success: u8::from(event.success),
             }
         };

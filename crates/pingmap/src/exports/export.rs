@@ -3,6 +3,7 @@
 use pingmap_agent::{Event, Geographic, ReferenceSystem};
 use pingmap_import::Reference;
 
+use crate::contour::Point;
 use crate::names::name_of;
 use crate::output::BadInput;
 use crate::success_map::{Side, SuccessMap};
@@ -20,8 +21,7 @@ pub struct Export<'a> {
 impl Export<'_> {
     /// Latitude and longitude of metres of the log.
     pub(super) fn degrees(&self, east_m: f64, north_m: f64) -> anyhow::Result<Geographic> {
-        let place = self.reference.geographic(east_m, north_m);
-        place.ok_or_else(|| BadInput(format!("({east_m:.0}, {north_m:.0}) m is on no map of the Earth")).into())
+        degrees(self.reference, (east_m, north_m))
     }
 
     pub(super) fn has_degrees(&self) -> bool {
@@ -32,4 +32,10 @@ impl Export<'_> {
     pub(super) fn prefix(&self, side: &Side) -> String {
         if self.map.sides.len() == 1 { String::new() } else { format!("{}_", name_of(&side.seen)) }
     }
+}
+
+/// Latitude and longitude of metres of a log.
+pub(super) fn degrees(reference: &Reference, (east_m, north_m): Point) -> anyhow::Result<Geographic> {
+    let place = reference.geographic(east_m, north_m);
+    place.ok_or_else(|| BadInput(format!("({east_m:.0}, {north_m:.0}) m is on no map of the Earth")).into())
 }

@@ -21,15 +21,19 @@ pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
     for side in &map.sides {
         let seen = name_of(&side.seen);
         for band in bands(export, side)? {
-            let said =
-                [("probability_from", json!(band.from)), ("probability_to", json!(band.to)), ("seen_as", json!(seen))];
+            let said = [
+                ("probability_from", json!(band.from)),
+                ("probability_to", json!(band.to)),
+                ("seen_as", json!(seen)),
+                ("as", json!(seen)),
+            ];
             features.push(feature("area", said, GeometryValue::from(&band.polygons)));
         }
         let values = side.values(|cell| cell.probability);
         for &level in export.levels {
             let lines = contour_lines(&map.area.grid(&values), level);
             let coordinates = lines.iter().map(|points| line(points)).collect::<anyhow::Result<Vec<_>>>()?;
-            let said = [("probability", json!(level)), ("seen_as", json!(seen))];
+            let said = [("probability", json!(level)), ("seen_as", json!(seen)), ("as", json!(seen))];
             features.push(feature("contour", said, GeometryValue::MultiLineString { coordinates }));
         }
     }
@@ -46,7 +50,7 @@ pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
         let seen: Vec<String> = map.sides.iter().map(|side| name_of(&side.seen)).collect();
         features.push(feature(
             "place",
-            [("seen_from", json!(seen.join(" and ")))],
+            [("seen_from", json!(seen.join(" and "))), ("as", json!(seen.join(" and ")))],
             GeometryValue::Point { coordinates },
         ));
     }

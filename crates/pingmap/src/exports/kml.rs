@@ -1,13 +1,16 @@
-//! A map as KML, for Google Earth, chart plotters and geographic information systems.
+//! Maps and plans as KML, for Google Earth, chart plotters and geographic information systems.
 
 use kml::types::{
     Coord, Element, Folder, Geometry, LineString, LineStyle, LinearRing, MultiGeometry, Placemark, Point, PolyStyle,
     Polygon, Style,
 };
 use kml::{Kml, KmlDocument, KmlVersion, KmlWriter};
+use pingmap_import::Reference;
+use serde_json::Value;
 
 use super::bands::{Band, bands};
-use super::export::Export;
+use super::export::{Export, degrees};
+use super::lines::{Line, Shape};
 use crate::figure::shade;
 use crate::names::name_of;
 use crate::tracks::tracks;
@@ -47,7 +50,59 @@ pub fn kml(export: &Export) -> anyhow::Result<Vec<u8>> {
         elements.push(Kml::Placemark(placemark("seen from here".into(), geometry)));
     }
     folders.push(folder("Places".into(), elements));
-    let document = Kml::Document { attrs: Default::default(), elements: styles.into_iter().chain(folders).collect() };
+    document(styles.into_iter().chain(folders).collect())
+}
+
+/// Places, lines and areas of a plan, each with what is said of it.
+pub fn kml_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec<u8>> {
+    let coord = |point: &(f64, f64)| -> anyhow::Result<Coord> {
+        let place = degrees(reference, *point)?;
+        Ok(Coord::new(place.longitude_deg, place.latitude_deg, None))
+    };
+    let coords = |points: &[(f64, f64)]| points.iter().map(coord).collect::<anyhow::Result<Vec<_>>>();
+    let mut elements = Vec::new();
+    for line in lines {
+        let geometry = match &line.shape {
+            Shape::Place(place) => Geometry::Point(Point::from(coord(place)?)),
+            Shape::Line(points) => {
+                Geometry::LineString(LineString { tessellate: true, ..LineString::from(coords(points)?) })
+            }
+            Shape::Area(_) => {
+                let ring = LinearRing::from(coords(&line.shape.ring())?);
+                Geometry::Polygon(Polygon { tessellate: true, ..Polygon::new(ring, Vec::new()) })
+            }
+        };
+        let name = line.said.iter().find(|(name, _)| *name == "name").and_then(|(_, name)| name.as_str());
+        let style_url = Element { name: "styleUrl".into(), content: Some("#plan".into()), ..Element::default() };
+        let children = [style_url].into_iter().chain(data(&line.said)).collect();
+        elements
+            .push(Kml::Placemark(Placemark { children, ..placemark(name.unwrap_or(line.kind).to_owned(), geometry) }));
+    }
+    let red = |opacity: u8| format!("{opacity:02x}0000d0");
+    let style = Style {
+        id: Some("plan".to_owned()),
+        line: Some(LineStyle { color: red(255), width: 2.0, ..LineStyle::default() }),
+        poly: Some(PolyStyle { color: red(40), ..PolyStyle::default() }),
+        ..Style::default()
+    };
+    document(vec![Kml::Style(style), folder("Plan".into(), elements)])
+}
+
+/// What is said of a shape beside its name, for whoever clicks on it.
+fn data(said: &[(&'static str, Value)]) -> Option<Element> {
+    let one = |(name, value): &(&'static str, Value)| {
+        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let value = Element { name: "value".into(), content: Some(text), ..Element::default() };
+        let attrs = [("name".to_owned(), (*name).to_owned())].into();
+        Element { name: "Data".into(), attrs, children: vec![value], ..Element::default() }
+    };
+    let children: Vec<Element> = said.iter().filter(|(name, _)| *name != "name").map(one).collect();
+    (!children.is_empty()).then(|| Element { name: "ExtendedData".into(), children, ..Element::default() })
+}
+
+/// A whole document of these.
+fn document(elements: Vec<Kml>) -> anyhow::Result<Vec<u8>> {
+    let document = Kml::Document { attrs: Default::default(), elements };
     let attrs = [("xmlns".to_owned(), "http://www.opengis.net/kml/2.2".to_owned())].into();
     let document = KmlDocument { version: KmlVersion::V22, attrs, elements: vec![document] };
     let mut bytes = HEAD.as_bytes().to_vec();

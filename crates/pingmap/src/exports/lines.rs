@@ -4,9 +4,9 @@ use geojson::{GeometryValue, Position};
 use pingmap_import::Reference;
 use serde_json::Value;
 
+use super::export::degrees;
 use super::geojson::{collection, feature};
 use crate::contour::Point;
-use crate::output::BadInput;
 
 /// A place, a line, or the area within a line, with what is said of it.
 pub struct Line {
@@ -25,12 +25,28 @@ pub enum Shape {
     Area(Vec<Point>),
 }
 
+impl Shape {
+    /// Its points in a row; around an area, whose outer ring runs counter-clockwise and ends where it begins.
+    pub(super) fn ring(&self) -> Vec<Point> {
+        match self {
+            Shape::Place(place) => vec![*place],
+            Shape::Line(points) => points.clone(),
+            Shape::Area(corners) => {
+                let mut ring = corners.clone();
+                if twice_the_area(&ring) < 0.0 {
+                    ring.reverse();
+                }
+                ring.extend(ring.first().copied());
+                ring
+            }
+        }
+    }
+}
+
 /// All of them on WGS 84 (RFC 7946).
 pub fn geojson_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec<u8>> {
     let position = |&(east_m, north_m): &Point| -> anyhow::Result<Position> {
-        let place = reference.geographic(east_m, north_m);
-        let place =
-            place.ok_or_else(|| BadInput(format!("({east_m:.0}, {north_m:.0}) m is on no map of the Earth")))?;
+        let place = degrees(reference, (east_m, north_m))?;
         Ok([place.longitude_deg, place.latitude_deg].into())
     };
     let positions = |points: &[Point]| points.iter().map(position).collect::<anyhow::Result<Vec<_>>>();
@@ -38,15 +54,7 @@ pub fn geojson_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result
         let geometry = match &line.shape {
             Shape::Place(place) => GeometryValue::Point { coordinates: position(place)? },
             Shape::Line(points) => GeometryValue::LineString { coordinates: positions(points)? },
-            Shape::Area(corners) => {
-                let mut ring = corners.clone();
-                // Outer rings run counter-clockwise, and end where they begin.
-                if twice_the_area(&ring) < 0.0 {
-                    ring.reverse();
-                }
-                ring.extend(ring.first().copied());
-                GeometryValue::Polygon { coordinates: vec![positions(&ring)?] }
-            }
+            Shape::Area(_) => GeometryValue::Polygon { coordinates: vec![positions(&line.shape.ring())?] },
         };
         Ok(feature(line.kind, line.said.iter().cloned(), geometry))
     };

@@ -11,6 +11,6 @@ mod geotiff;
 pub use export::Export;
 pub use geojson::geojson;
 pub use geotiff::geotiff;
-pub use kml::kml;
+pub use kml::{kml, kml_of_lines};
 pub use lines::{Line, Shape, geojson_of_lines};
 pub use table::csv;

@@ -9,6 +9,8 @@ mod finished;
 mod marks;
 mod frame;
 mod ground;
+#[cfg(test)]
+mod tests;
 
 use kuva::prelude::Layout;
 use kuva::render::render::{Primitive, Scene};

@@ -79,6 +79,19 @@ pub fn shared_data(file: &str) -> Option<PathBuf> {
     Some(path)
 }
 
+/// What GDAL, PROJ and the schema of KML say of files, by `geo.py`; says so where there is no Python with these (`.ci/run` makes one).
+pub fn opened_by_others(folder: &Path, names: &[&str]) -> Option<serde_json::Value> {
+    let Some(python) = std::env::var_os("PINGMAP_GEO_PYTHON") else {
+        let message = format!("skipped: PINGMAP_GEO_PYTHON is not set, so nobody else opens {}\n", names.join(", "));
+        std::io::stderr().write_all(message.as_bytes()).expect("standard error can be written to");
+        return None;
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/geo.py");
+    let output = Command::new(python).arg(script).args(names).current_dir(folder).output().expect("Python runs");
+    assert!(output.status.success(), "{names:?}: {}", stderr(&output));
+    Some(serde_json::from_str(&stdout(&output)).expect("one JSON object"))
+}
+
 /// The log of a field trial, with two of its ten splits written to `splits.csv` of a folder: quicker than all.
 pub fn two_splits(folder: &Path, trial: &str) -> Option<String> {
     let events = shared_data(&format!("trials/{trial}.csv"))?;

@@ -18,6 +18,9 @@ use crate::team::read_team;
 
 /// Look at the bytes on the water: what a packet says, what fields it has, and the .proto of them all
 #[derive(Args)]
+#[command(
+    after_help = "Examples:\n  pingmap packet schema --proto > pingmap.proto\n  pingmap packet decode --team team.toml --json 7f01… > packet.json\n  pingmap packet encode --team team.toml packet.json"
+)]
 pub struct Options {
     #[command(subcommand)]
     action: Action,
@@ -34,6 +37,7 @@ pub enum Action {
 }
 
 #[derive(Args)]
+#[command(after_help = "Example:\n  pingmap packet decode --team team.toml --json 7f01… > packet.json")]
 pub struct Decode {
     /// The packet in hexadecimal
     pub hex: String,
@@ -46,6 +50,7 @@ pub struct Decode {
 }
 
 #[derive(Args)]
+#[command(after_help = "Example:\n  pingmap packet encode --team team.toml packet.json")]
 pub struct Encode {
     /// JSON file
     pub file: PathBuf,
@@ -91,6 +96,12 @@ pub struct PacketJson {
     #[serde(default, skip_serializing, rename = "command")]
     #[schemars(skip)]
     _command: IgnoredAny,
+    /// With a team, by which its agreement is known; not read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    team_digest: Option<String>,
+    /// With a team, by which its model is known; not read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    model_digest: Option<String>,
     /// Name of the message in the `.proto`.
     message: String,
     /// The number of its sender in the team.
@@ -154,6 +165,8 @@ fn decode(options: &Decode, results: Results) -> anyhow::Result<()> {
         schema: 1,
         _version: IgnoredAny,
         _command: IgnoredAny,
+        team_digest: listener.as_ref().map(team_digest),
+        model_digest: listener.as_ref().map(model_digest),
         message: layout.name.to_owned(),
         sender: message.sender,
         counter: message.counter,
@@ -206,7 +219,7 @@ fn encode(options: &Encode, results: Results) -> anyhow::Result<()> {
     }
     if named.message.starts_with("Report") {
         let (layout, bytes) = report::encode(&text, listener.as_ref()).map_err(|problem| bad(&problem))?;
-        return print_bytes(options, layout.name, &bytes, results);
+        return print_bytes(options, (layout.name, &bytes), listener.as_ref(), results);
     }
     let json: PacketJson = serde_json::from_str(&text).map_err(|error| bad(&error))?;
     let layout = pingmap_packet::LAYOUTS.iter().find(|layout| layout.name == json.message);
@@ -221,7 +234,7 @@ fn encode(options: &Encode, results: Results) -> anyhow::Result<()> {
         model: json.model,
         blocks: blocks.map_err(|problem: String| bad(&problem))?,
     };
-    let bytes = match listener {
+    let bytes = match &listener {
         Some(listener) => {
             let bytes = listener.write(layout, &message).map_err(|error| bad(&error))?;
             // What no member of the team would take is an error here already.
@@ -230,13 +243,19 @@ fn encode(options: &Encode, results: Results) -> anyhow::Result<()> {
         }
         None => message.encode(layout, None).map_err(|error| bad(&error))?,
     };
-    print_bytes(options, layout.name, &bytes, results)
+    print_bytes(options, (layout.name, &bytes), listener.as_ref(), results)
 }
 
-fn print_bytes(options: &Encode, message: &str, bytes: &[u8], results: Results) -> anyhow::Result<()> {
+fn print_bytes(
+    options: &Encode,
+    (message, bytes): (&str, &[u8]),
+    listener: Option<&Agent>,
+    results: Results,
+) -> anyhow::Result<()> {
     let hex = to_hex(bytes);
     if options.json {
-        let encoded = EncodedJson { schema: 1, message, bytes: bytes.len(), hex };
+        let (team_digest, model_digest) = (listener.map(team_digest), listener.map(model_digest));
+        let encoded = EncodedJson { schema: 1, message, bytes: bytes.len(), hex, team_digest, model_digest };
         return print_json(results, &encoded);
     }
     print(results, &hex)
@@ -253,6 +272,22 @@ pub struct EncodedJson<'a> {
     bytes: usize,
     /// Its bytes in hexadecimal.
     hex: String,
+    /// With a team, by which its agreement is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    team_digest: Option<String>,
+    /// With a team, by which its model is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    model_digest: Option<String>,
+}
+
+/// By which the agreement of a listener's team is known.
+fn team_digest(listener: &Agent) -> String {
+    to_hex(&listener.team().digest())
+}
+
+/// By which its model is known.
+fn model_digest(listener: &Agent) -> String {
+    listener.team().model.digest()
 }
 
 /// Somebody who can read the packets of a team.

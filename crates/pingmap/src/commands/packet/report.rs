@@ -21,6 +21,12 @@ pub struct ReportJson {
     #[serde(default, skip_serializing, rename = "command")]
     #[schemars(skip)]
     _command: IgnoredAny,
+    /// With a team, by which its agreement is known; not read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    team_digest: Option<String>,
+    /// With a team, by which its model is known; not read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    model_digest: Option<String>,
     /// Name of the message in the `.proto`.
     message: String,
     /// The number of its sender in the team.
@@ -181,6 +187,8 @@ fn json_of(layout: &ReportLayout, report: &Report, listener: Option<&Agent>) -> 
         schema: 1,
         _version: IgnoredAny,
         _command: IgnoredAny,
+        team_digest: listener.map(super::team_digest),
+        model_digest: listener.map(super::model_digest),
         message: layout.name.to_owned(),
         sender: report.sender,
         model: report.model,

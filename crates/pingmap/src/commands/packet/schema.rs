@@ -9,6 +9,7 @@ use crate::output::{BadInput, Results, count, print, print_json, table};
 use crate::values::frame_bytes;
 
 #[derive(Args)]
+#[command(after_help = "Example:\n  pingmap packet schema --proto > pingmap.proto")]
 pub struct Options {
     /// Bytes of a frame
     #[arg(long, default_value_t = 32, value_parser = frame_bytes)]

@@ -10,7 +10,7 @@ use pingmap_trial::open;
 
 use crate::area::Area;
 use crate::contour::Point;
-use crate::exports::{Line, geojson_of_lines};
+use crate::exports::{Line, geojson_of_lines, kml_of_lines};
 use crate::figure::{Figure, Image, Room, Series, stacked};
 use crate::map_figure::{Drawn, figure};
 use crate::names::{Join, Layer, Seen, SeenOnce};
@@ -34,7 +34,13 @@ pub struct Common {
     /// Depth of what is elsewhere, where the log has depths; their mean if not given
     #[arg(help_heading = None::<&str>, long, value_name = "METRES", value_parser = not_negative, allow_negative_numbers = true)]
     pub depth: Option<f64>,
-    /// File for the plan; its ending says what it is: .png, .svg, .pdf, .csv, or .geojson
+    /// Title of the picture
+    #[arg(help_heading = RESULT, long, value_name = "TEXT")]
+    pub title: Option<String>,
+    /// Tracks and events of the log on top of the picture
+    #[arg(help_heading = RESULT, long)]
+    pub with_events: bool,
+    /// File for the plan; its ending says what it is: .png, .svg, .pdf, .csv, .geojson, or .kml
     #[arg(help_heading = RESULT, long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// How wide the picture is to be in print, with letters of 9 points where there is room; PNG then have 300 dots an inch
@@ -51,6 +57,7 @@ enum Format {
     Picture(Image),
     Csv,
     GeoJson,
+    Kml,
 }
 
 impl Format {
@@ -61,8 +68,9 @@ impl Format {
         match ending(path).as_str() {
             "csv" => Ok(Format::Csv),
             "geojson" => Ok(Format::GeoJson),
+            "kml" => Ok(Format::Kml),
             _ => Err(BadInput(format!(
-                "{}: expected a name that ends in .png, .svg, .pdf, .csv or .geojson",
+                "{}: expected a name that ends in .png, .svg, .pdf, .csv, .geojson or .kml",
                 path.display()
             ))),
         }
@@ -73,6 +81,7 @@ impl Format {
             Format::Picture(image) => Kind::of(image),
             Format::Csv => Kind::PLAN,
             Format::GeoJson => Kind::GEO_JSON,
+            Format::Kml => Kind::KML,
         }
     }
 }
@@ -100,9 +109,12 @@ impl Common {
         };
         let log = Survey::open(&self.source)?;
         let reference = reference(log.reference)?;
-        if matches!(output, Some((Format::GeoJson, _))) && !log.reference.is_known() {
-            let message = "a .geojson plan needs the place of (0, 0): expected --origin LAT,LON or --crs EPSG:CODE";
-            return Err(BadInput(message.into()).into());
+        if let (Some((Format::GeoJson | Format::Kml, _)), Some(path)) = (&output, &self.output)
+            && !log.reference.is_known()
+        {
+            let message =
+                "a plan on a map of the Earth needs the place of (0, 0): expected --origin LAT,LON or --crs EPSG:CODE";
+            return Err(BadInput(format!("{}: {message}", path.display())).into());
         }
         if self.depth.is_some() && !log.has_depths {
             let message = "--depth: the log has no depths; expected columns tx_depth_m and rx_depth_m";
@@ -112,6 +124,9 @@ impl Common {
         Ok(Ready { common: self, log, reference, depth_m, output })
     }
 }
+
+/// Columns of places in degrees.
+const DEGREES: [&str; 2] = ["latitude_deg", "longitude_deg"];
 
 /// Reads a list of places.
 pub fn waypoints(path: &Path) -> anyhow::Result<Vec<Waypoint>> {
@@ -134,12 +149,11 @@ impl Questions {
 
 /// What was learned, and what is asked about.
 pub struct Learned<'a> {
+    common: &'a Common,
     pub survey: Survey,
     pub wide: Posterior,
     pub reference: Reference,
     pub questions: Questions,
-    path: Option<&'a Path>,
-    width_mm: Option<f64>,
     output: Option<(Format, Target<'a>)>,
 }
 
@@ -151,15 +165,7 @@ impl<'a> Ready<'a> {
         let questions = Questions { seen: common.seen.seen(), depth_m, attempt };
         let mut survey = Survey::learn(log, &common.source)?.rising(&common.parties);
         let wide = survey.agent.wide_posterior()?;
-        Ok(Learned {
-            survey,
-            wide,
-            reference,
-            questions,
-            path: common.output.as_deref(),
-            width_mm: common.width_mm,
-            output,
-        })
+        Ok(Learned { common, survey, wide, reference, questions, output })
     }
 }
 
@@ -175,7 +181,8 @@ pub struct Written<'a> {
     /// What draws a picture below the map, if there is one.
     pub below: Option<&'a dyn Fn(Room) -> Figure>,
     pub header: &'a [&'a str],
-    pub rows: Vec<Vec<String>>,
+    /// Each with the place that it is about.
+    pub rows: Vec<(Point, Vec<String>)>,
     /// Places that the picture should show, beside those of the log.
     pub shown: &'a [Point],
 }
@@ -185,15 +192,32 @@ impl Learned<'_> {
     pub fn write(mut self, written: Written, results: Results) -> anyhow::Result<()> {
         let Some((format, target)) = self.output.take() else { return Ok(()) };
         let bytes = match format {
-            Format::Csv => csv_of_text(written.header, written.rows)?.into_bytes(),
+            Format::Csv => self.table(written)?.into_bytes(),
             Format::GeoJson => geojson_of_lines(&self.reference, &written.shapes)?,
-            Format::Picture(image) => self.picture(written)?.file(image, self.width_mm)?,
+            Format::Kml => kml_of_lines(&self.reference, &written.shapes)?,
+            Format::Picture(image) => self.picture(written)?.file(image, self.common.width_mm)?,
         };
         target.write(&bytes, results)?;
-        if let Some(path) = self.path {
+        if let Some(path) = &self.common.output {
             note(format_args!("wrote {}", path.display()));
         }
         Ok(())
+    }
+
+    /// Rows, and behind them latitude and longitude of their places, where these are known.
+    fn table(&self, written: Written) -> anyhow::Result<String> {
+        let degrees: &[&str] = if self.reference.system().is_known() { &DEGREES } else { &[] };
+        let header = [written.header, degrees].concat();
+        let row = |((east_m, north_m), mut row): (Point, Vec<String>)| {
+            // A place on no map of the Earth has none.
+            let place = self.reference.geographic(east_m, north_m);
+            let degrees =
+                place.map(|place| [place.latitude_deg, place.longitude_deg].map(|degrees| degrees.to_string()));
+            row.extend(degrees.unwrap_or_default());
+            row.truncate(header.len());
+            row
+        };
+        csv_of_text(&header, written.rows.into_iter().map(row))
     }
 
     fn picture(&mut self, written: Written) -> anyhow::Result<Figure> {
@@ -204,13 +228,14 @@ impl Learned<'_> {
         let asked = self.questions.of(written.at, written.join);
         let map = SuccessMap::new(&mut self.survey.agent, area, &asked)?;
         let known = Some(&self.reference).filter(|reference| reference.system().is_known());
+        let &Common { ref title, with_events, width_mm, .. } = self.common;
         let drawn = Drawn {
-            events: &[],
+            events: if with_events { &self.survey.log.events } else { &[] },
             levels: &[],
             layers: &[Layer::Probability],
-            title: Some(written.title),
+            title: Some(title.as_deref().unwrap_or(written.title)),
             reference: known,
-            with_events: false,
+            with_events,
             lines: written.lines,
         };
         let below = written.below;
@@ -218,7 +243,7 @@ impl Learned<'_> {
             let map = figure(&map, &drawn, room);
             stacked(std::iter::once(map).chain(below.map(|draw| draw(room))).collect())
         };
-        let picture = Figure::fitted(self.width_mm, whole);
+        let picture = Figure::fitted(width_mm, whole);
         bar.finish_and_clear();
         Ok(picture)
     }

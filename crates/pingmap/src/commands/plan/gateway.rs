@@ -183,6 +183,7 @@ impl Options {
                 ("best_share", json!(one.best)),
                 ("silence_likely_s", json!(one.silence.likely_s)),
                 ("seen_from", json!(seen)),
+                ("as", json!(seen)),
             ],
         };
         let track = Line { kind: "track", shape: Shape::Line(track.to_vec()), said: Vec::new() };
@@ -256,12 +257,12 @@ const HEADER: [&str; 10] = [
     "best_share",
 ];
 
-fn row(one: &Candidate) -> Vec<String> {
+fn row(one: &Candidate) -> (Point, Vec<String>) {
     let Silence { median_s, likely_s } = one.silence;
     let Position { east_m, north_m, .. } = one.place;
     let numbers =
         [east_m, north_m, one.share, one.share_lower, one.share_upper, one.lowest, median_s, likely_s, one.best];
-    [vec![one.name.clone()], numbers.map(|number| number.to_string()).to_vec()].concat()
+    ((east_m, north_m), [vec![one.name.clone()], numbers.map(|number| number.to_string()).to_vec()].concat())
 }
 
 fn text(candidates: &[Candidate]) -> String {

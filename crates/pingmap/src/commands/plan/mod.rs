@@ -11,6 +11,9 @@ use crate::output::Results;
 
 /// Plan with what was learned: how far one may go, what a track hears, where a gateway stands best
 #[derive(Args)]
+#[command(
+    after_help = "Examples:\n  pingmap plan standoff log.csv --at 700,510\n  pingmap plan track log.csv --at 700,510 --along waypoints.csv\n  pingmap plan gateway log.csv --among places.csv --along waypoints.csv"
+)]
 pub struct Options {
     #[command(subcommand)]
     action: Action,

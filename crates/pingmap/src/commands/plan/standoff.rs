@@ -110,8 +110,11 @@ impl Options {
         let series: Vec<Series> =
             (0..2).map(|n| Series { name: &names[n], points: &closed[n], style: LINES[n] }).collect();
         let shapes = self.shapes(&lines, (at[0].east_m, at[0].north_m));
-        let row =
-            |ray: &Ray| [ray.bearing_deg, ray.range_m, ray.range_lower_m].map(|number| number.to_string()).to_vec();
+        let row = |ray: &Ray| {
+            let (east_m, north_m) = ray.place(at[0], ray.range_m);
+            let numbers = [ray.bearing_deg, ray.range_m, ray.range_lower_m, east_m, north_m];
+            ((east_m, north_m), numbers.map(|number| number.to_string()).to_vec())
+        };
         let written = Written {
             at: &at,
             join: Join::All,
@@ -119,7 +122,7 @@ impl Options {
             lines: &series,
             shapes,
             below: None,
-            header: &["bearing_deg", "range_m", "range_lower_m"],
+            header: &["bearing_deg", "range_m", "range_lower_m", "easting_m", "northing_m"],
             rows: rays.iter().map(row).collect(),
             shown: &lines.concat(),
         };
@@ -179,9 +182,18 @@ impl Options {
         let area = |n: usize, by: &str| Line {
             kind: "standoff",
             shape: Shape::Area(lines[n].clone()),
-            said: vec![("probability", json!(self.probability)), ("by", json!(by)), ("seen_as", json!(seen))],
+            said: vec![
+                ("probability", json!(self.probability)),
+                ("by", json!(by)),
+                ("seen_as", json!(seen)),
+                ("as", json!(seen)),
+            ],
         };
-        let place = Line { kind: "place", shape: Shape::Place(at), said: vec![("seen_from", json!(seen))] };
+        let place = Line {
+            kind: "place",
+            shape: Shape::Place(at),
+            said: vec![("seen_from", json!(seen)), ("as", json!(seen))],
+        };
         vec![area(0, "probability"), area(1, "lower"), place]
     }
 }

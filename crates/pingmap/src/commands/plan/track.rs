@@ -250,11 +250,12 @@ impl Expected {
         )
     }
 
-    fn rows(&self) -> Vec<Vec<String>> {
+    fn rows(&self) -> Vec<(Point, Vec<String>)> {
         let row = |(sending, cell): (&Sending, &Cell)| {
             let Position { east_m, north_m, .. } = sending.position;
             let numbers = [sending.time_s, east_m, north_m, cell.probability, cell.lower, cell.upper, cell.explained];
-            [vec![(sending.leg + 1).to_string()], numbers.map(|number| number.to_string()).to_vec()].concat()
+            let row = [vec![(sending.leg + 1).to_string()], numbers.map(|number| number.to_string()).to_vec()].concat();
+            ((east_m, north_m), row)
         };
         self.of(None).map(row).collect()
     }
@@ -290,7 +291,7 @@ impl Expected {
         let place = |at: &Position| Line {
             kind: "place",
             shape: Shape::Place((at.east_m, at.north_m)),
-            said: vec![("seen_from", json!(seen))],
+            said: vec![("seen_from", json!(seen)), ("as", json!(seen))],
         };
         (0..self.route.legs()).map(leg).chain(at.iter().map(place)).collect()
     }

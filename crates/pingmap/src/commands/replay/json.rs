@@ -138,12 +138,12 @@ pub struct SplitNllJson {
 
 impl ReplayJson {
     pub fn of(replayed: &Replayed) -> Self {
-        let Replayed { log, splits, plan, replay, own_learning, events, has_seen_log, .. } = replayed;
+        let Replayed { log, splits, plan, replay, own_learning, whole, has_seen_log, .. } = replayed;
         let points = replayed.layout().map(Layout::points_in_all);
         Self {
             schema: 1,
-            made_of: MadeOf::given(log, &plan.agreed),
-            events: *events,
+            made_of: MadeOf::given(whole, &plan.agreed),
+            events: whole.events,
             events_used: log.events.len(),
             vehicles: replay.vehicles.len(),
             vehicle_ids: replay.vehicles.iter().map(VehicleId::to_string).collect(),

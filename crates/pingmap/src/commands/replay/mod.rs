@@ -15,16 +15,22 @@ use pingmap_trial::{
     Agreed, DivideBy, Division, EventLog, Learners, Plan, Riding, Split, Water, read_splits, splits_to_csv,
 };
 
-use crate::log::{Logs, thinned};
+use crate::log::{Logs, WholeLog, thinned};
 use crate::model::{HAS_SEEN_LOG, log_digests, open_model};
 use crate::names::{DivideByName, LearnName};
 use crate::options::{ModelSource, RESULT, Work};
 use crate::output::{BadInput, Results, note, print, print_json, warn};
 use crate::outputs::{Kind, Target};
+use crate::reference::ReferenceOptions;
 use crate::team::{open_key, open_team};
 use crate::values::{frame_bytes, open_share, packets, repeats, share, spare_bytes};
 use online::OnlineMission;
 pub use replayed::Replayed;
+
+/// What options are listed under.
+const HELD_OUT: &str = "Held-out events";
+const ON_THE_WATER: &str = "What is sent, and what becomes of it";
+const IN_TIME: &str = "In the order of time";
 
 /// Replay a mission: what each vehicle knows alone, what the team knows after sharing packets, what it could know at
 /// best
@@ -36,15 +42,15 @@ pub struct Options {
     #[command(flatten)]
     pub logs: Logs,
     /// CSV of fixed splits: one column a split, one row an event, 1 = held out
-    #[arg(long, value_name = "FILE", conflicts_with = "Dividing")]
+    #[arg(help_heading = HELD_OUT, long, value_name = "FILE", conflicts_with = "Dividing")]
     pub splits: Option<PathBuf>,
     #[command(flatten)]
     pub dividing: Dividing,
     /// Also write the splits to this file, as --splits takes them
-    #[arg(long, value_name = "FILE", conflicts_with = "splits")]
+    #[arg(help_heading = HELD_OUT, long, value_name = "FILE", conflicts_with = "splits")]
     pub write_splits: Option<PathBuf>,
     /// Numbers of packets that every vehicle sends
-    #[arg(long, default_value = "1,2,5,10,20,40", value_delimiter = ',', value_parser = packets)]
+    #[arg(help_heading = ON_THE_WATER, long, default_value = "1,2,5,10,20,40", value_delimiter = ',', value_parser = packets)]
     pub frames: Vec<usize>,
     #[command(flatten)]
     pub sharing: Sharing,
@@ -56,14 +62,14 @@ pub struct Options {
     pub calibration: bool,
     /// Run the mission in the order of time instead: every event is predicted by its receiver before it is learned
     /// from, and packets ride on the transmissions of the log. Without --model or --team nothing is learned beforehand
-    #[arg(long, conflicts_with_all = ["splits", "Dividing", "write_splits", "frames", "compare", "calibration", "learn", "reorder"])]
+    #[arg(help_heading = IN_TIME, long, conflicts_with_all = ["splits", "Dividing", "write_splits", "frames", "compare", "calibration", "learn", "reorder"])]
     pub online: bool,
     /// With --online: every so many of its transmissions a vehicle may send a packet; 10 if not given, none with
     /// --spare-bytes alone
-    #[arg(long, value_name = "TRANSMISSIONS", value_parser = packets, requires = "online")]
+    #[arg(help_heading = IN_TIME, long, value_name = "TRANSMISSIONS", value_parser = packets, requires = "online")]
     pub slot_every: Option<usize>,
     /// With --online: spare bytes of every transmission, in which its sender says what it heard of late: two hold ten outcomes
-    #[arg(long, value_name = "BYTES", value_parser = spare_bytes, requires = "online")]
+    #[arg(help_heading = IN_TIME, long, value_name = "BYTES", value_parser = spare_bytes, requires = "online")]
     pub spare_bytes: Option<usize>,
     /// Also write a report with maps to this folder
     #[arg(help_heading = RESULT, long, value_name = "DIR")]
@@ -71,6 +77,8 @@ pub struct Options {
     /// Who learns the model
     #[arg(long, value_enum, default_value_t = LearnName::Pooled)]
     pub learn: LearnName,
+    #[command(flatten)]
+    pub reference: ReferenceOptions,
     #[command(flatten)]
     pub source: ModelSource,
     #[command(flatten)]
@@ -86,17 +94,17 @@ pub struct Options {
 pub struct Dividing {
     /// What decides which events are held out: chance, blocks of time, the range (the farthest), or the receiver (each
     /// vehicle in turn)
-    #[arg(long, value_enum)]
+    #[arg(help_heading = HELD_OUT, long, value_enum)]
     pub split_by: Option<DivideByName>,
     /// Number of splits, where chance decides; 3 if not given
-    #[arg(long, value_parser = repeats)]
+    #[arg(help_heading = HELD_OUT, long, value_parser = repeats)]
     pub repeats: Option<usize>,
     /// Share that is held out: of every vehicle's events, of blocks of time, of all ranges; 0.35 (of ranges 0.4) if not
     /// given
-    #[arg(long, value_parser = open_share, allow_negative_numbers = true)]
+    #[arg(help_heading = HELD_OUT, long, value_parser = open_share, allow_negative_numbers = true)]
     pub test_share: Option<f64>,
     /// Hold out all receivers of a transmission together, with random splits (blocks of time do so anyway)
-    #[arg(long)]
+    #[arg(help_heading = HELD_OUT, long)]
     pub whole_transmissions: bool,
 }
 
@@ -130,25 +138,25 @@ impl Dividing {
 #[derive(Args)]
 pub struct Sharing {
     /// Team file: members, model, grid, frames and key
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["Kernel", "model", "frame_bytes", "key_file", "repeat", "dense_events_max", "inducing_points_max"])]
+    #[arg(help_heading = ON_THE_WATER, long, value_name = "FILE", conflicts_with_all = ["Kernel", "model", "frame_bytes", "key_file", "repeat", "dense_events_max", "inducing_points_max"])]
     pub team: Option<PathBuf>,
     /// Bytes of a frame
-    #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
+    #[arg(help_heading = ON_THE_WATER, long, default_value_t = 32, value_parser = frame_bytes)]
     pub frame_bytes: usize,
     /// File with the team's key, 64 hexadecimal digits: packets are sealed with it, which takes 8 bytes of each
-    #[arg(long, value_name = "FILE")]
+    #[arg(help_heading = ON_THE_WATER, long, value_name = "FILE")]
     pub key_file: Option<PathBuf>,
     /// Share of packets that are lost on their way to a receiver
-    #[arg(long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    #[arg(help_heading = ON_THE_WATER, long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     pub loss: f64,
     /// Share of packets that arrive twice
-    #[arg(long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    #[arg(help_heading = ON_THE_WATER, long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     pub duplicate: f64,
     /// Share of packets that later ones overtake
-    #[arg(long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    #[arg(help_heading = ON_THE_WATER, long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     pub reorder: f64,
     /// Send every packet again up to so many times, once there is nothing new to tell
-    #[arg(long, default_value_t = 0)]
+    #[arg(help_heading = ON_THE_WATER, long, default_value_t = 0)]
     pub repeat: u8,
 }
 
@@ -180,15 +188,22 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         Target::new(path, Kind::SPLITS, &inputs, options.logs.force)
     });
     let written_splits = written_splits.transpose()?;
-    let log = options.logs.open()?;
+    let mut log = options.logs.open()?;
+    options.reference.tell(&mut log)?;
+    let whole = WholeLog::of(&log, options.logs.name());
     let (agreed, has_seen_log) = agreed(options, &log)?;
+    if let (Agreed::Model(model), false) = (&agreed, log.reference.is_known()) {
+        log.reference = model.chart.reference;
+    } else if let (Agreed::Team(team), false) = (&agreed, log.reference.is_known()) {
+        log.reference = team.model.chart.reference;
+    }
     let plan = plan(options, agreed)?;
     if has_seen_log {
         warn(HAS_SEEN_LOG);
     }
     if options.online {
         let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
-        let mission = OnlineMission { plan, has_seen_log, riding: riding(options), seed: options.work.seed };
+        let mission = OnlineMission { plan, has_seen_log, riding: riding(options), seed: options.work.seed, whole };
         return mission.run(&log, results, options.json, options.report.as_deref());
     }
     let splits = match &options.splits {
@@ -198,10 +213,10 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if let Some(target) = written_splits {
         target.write(splits_to_csv(&splits).as_bytes(), results)?;
     }
-    let events = log.events.len();
     let (log, splits) = thinned(log, splits, options.work.events_max, options.work.seed);
+    let shows_calibration = options.calibration;
     let mut mission =
-        Replayed { has_seen_log, ..Replayed::new((log, events, options.logs.name()), splits, &options.frames, plan)? };
+        Replayed { has_seen_log, shows_calibration, ..Replayed::new((log, whole), splits, &options.frames, plan)? };
     if options.learn == LearnName::Both {
         mission.learn_own(&options.frames)?;
     }
@@ -246,7 +261,8 @@ fn plan(options: &Options, agreed: Agreed) -> anyhow::Result<Plan> {
         repeats_max: sharing.repeat,
         water: sharing.water(),
         compare: options.compare,
-        calibration: options.calibration,
+        // A report without it would leave open whether its maps can be believed.
+        calibration: options.calibration || options.report.is_some() && !options.online,
         ..Plan::new(kernel.learning(kernel.given().few(), options.work.limits()), options.work.seed)
     })
 }

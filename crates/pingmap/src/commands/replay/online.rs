@@ -7,8 +7,10 @@ use pingmap_trial::{Agreed, EventLog, Online, Plan, Riding, Step};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::report::{of_log, of_run, pairs};
 use crate::figure::{Figure, Mark, Room, Series, Style, curves};
 use crate::files::write_file;
+use crate::log::WholeLog;
 use crate::model::{HAS_SEEN_LOG, MadeOf};
 use crate::output::{Results, count, note, print, print_json, progress, table};
 use crate::page::Page;
@@ -45,6 +47,8 @@ pub struct OnlineMission {
     /// What goes with transmissions.
     pub riding: Riding,
     pub seed: u64,
+    /// The log before thinning.
+    pub whole: WholeLog,
 }
 
 impl OnlineMission {
@@ -52,12 +56,13 @@ impl OnlineMission {
         let bar = progress(log.events.len() as u64, "replaying in the order of time");
         let online = pingmap_trial::online(log, &self.plan, self.riding, &|| bar.inc(1))?;
         bar.finish_and_clear();
+        let command = results.command().to_vec();
         match as_json {
-            true => print_json(results, &OnlineJson::of(&online, self, log))?,
+            true => print_json(results, &OnlineJson::of(&online, self))?,
             false => print(results, &self.text(&online))?,
         }
         if let Some(folder) = report {
-            note(format_args!("report: {}", self.write_report(&online, folder)?.display()));
+            note(format_args!("report: {}", self.write_report((&online, log), &command, folder)?.display()));
         }
         Ok(())
     }
@@ -100,11 +105,33 @@ impl OnlineMission {
         )
     }
 
-    fn write_report(&self, online: &Online, folder: &Path) -> anyhow::Result<PathBuf> {
+    /// What a hurried reader should take away.
+    fn conclusion(&self, online: &Online) -> String {
+        let Some(Step { own, team, centralised, .. }) = Step::mean(&online.steps) else {
+            return "Nothing was heard or missed.".to_owned();
+        };
+        let better = match own - centralised {
+            gap if gap <= 0.0 => "knowing what others heard brought nothing here".to_owned(),
+            gap if team >= own => format!("what was sent brought nothing, where {gap:.3} could be had"),
+            gap => format!("what was sent closed {:.0} % of what could be had", 100.0 * (own - team) / gap),
+        };
+        format!(
+            "Coming events were predicted with {own:.3} nats by vehicles alone, {team:.3} with what others sent, and {centralised:.3} had all \
+             of them known everything at once: {better}."
+        )
+    }
+
+    fn write_report(
+        &self,
+        (online, log): (&Online, &EventLog),
+        command: &[String],
+        folder: &Path,
+    ) -> anyhow::Result<PathBuf> {
         let figure = figure(online);
         write_file(&folder.join("online.png"), &figure.png()?)?;
         let page = folder.join("index.html");
         let mut html = Page::new("pingmap: a mission in the order of time");
+        html.conclusion(&self.conclusion(online));
         html.paragraph(&self.headline(online));
         html.heading("How well are coming events predicted?");
         html.figure(&figure, "NLL of coming events in the order of time: lower is better.");
@@ -112,6 +139,11 @@ impl OnlineMission {
         html.paragraph(
             "Every event is predicted by its receiver before it is learned from. NLL is the negative log-likelihood in nats: lower is better.",
         );
+        html.heading("What was heard");
+        pairs(&mut html, log);
+        html.heading("What it was made of");
+        let seed = vec![("seed", self.seed.to_string())];
+        html.facts(&[of_log(log, &self.whole, &self.plan.agreed), seed, of_run(command)].concat());
         write_file(&page, html.finish().as_bytes())?;
         Ok(page)
     }
@@ -177,11 +209,11 @@ pub struct StepJson {
 }
 
 impl OnlineJson {
-    fn of(online: &Online, mission: &OnlineMission, log: &EventLog) -> Self {
+    fn of(online: &Online, mission: &OnlineMission) -> Self {
         let step = |&Step { time_s, own, team, centralised }: &Step| StepJson { time_s, own, team, centralised };
         Self {
             schema: 1,
-            made_of: MadeOf::given(log, &mission.plan.agreed),
+            made_of: MadeOf::given(&mission.whole, &mission.plan.agreed),
             events: online.steps.len(),
             slot_every: mission.riding.slot_every,
             spare_bytes: mission.riding.spare_bytes,

@@ -57,8 +57,8 @@ impl Pictures {
         for agent in team.iter_mut().take(MAPS_MAX) {
             maps.push((agent.id().clone(), map(agent, replayed)?));
         }
-        let first = team.first_mut().context("every log has a receiver")?;
-        let over_range = over_range(first, replayed)?;
+        let over_range = over_range(&mut team, replayed)?;
+        let first = team.first().context("every log has a receiver")?;
         let mut sent = first.links_of_packets();
         sent.extend(mission.links_of_packets(0, frames));
         let is_sent = sent.iter().any(|(_, counter, _)| usize::from(*counter) < PACKETS_DRAWN);
@@ -92,11 +92,16 @@ fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
     Ok(figure(&map, &drawn, Room::PLENTY))
 }
 
-/// Share heard over distance, and what one vehicle's map says of the same attempts.
-fn over_range(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
+/// Share heard over distance, and what the maps of their receivers say of the same attempts.
+fn over_range(team: &mut [Agent], replayed: &Replayed) -> anyhow::Result<Figure> {
     let mut events: Vec<&Event> = replayed.log.events.iter().collect();
     events.sort_by(|a, b| a.link.range_m().total_cmp(&b.link.range_m()));
-    let predicted = viewer.probabilities(events.iter().map(|event| event.attempt()))?;
+    let mut predicted = vec![0.0; events.len()];
+    for viewer in team {
+        let own: Vec<usize> = (0..events.len()).filter(|&n| events[n].receiver_id == *viewer.id()).collect();
+        let probabilities = viewer.probabilities(own.iter().map(|&n| events[n].attempt()))?;
+        own.into_iter().zip(probabilities).for_each(|(n, probability)| predicted[n] = probability);
+    }
     let (mut heard, mut said) = (Vec::new(), Vec::new());
     let mut first = 0;
     for RangeBin { from_m, to_m, events, heard: hits } in replayed.log.over_range(RANGE_BINS) {
@@ -108,7 +113,7 @@ fn over_range(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure>
     }
     let series = [
         Series { name: "heard", points: &heard, style: Style { mark: Mark::Square, ..HEARD } },
-        Series { name: "what the map says", points: &said, style: SAID },
+        Series { name: "said by the maps", points: &said, style: SAID },
     ];
     Ok(curves("Share heard over range", ["range (m)", "share heard"], &series, Room::PLENTY, 320.0))
 }

@@ -4,6 +4,7 @@ use pingmap_agent::VehicleId;
 use pingmap_packet::Layout;
 use pingmap_trial::{EventLog, Learners, Plan, Replay, Split};
 
+use crate::log::WholeLog;
 use crate::model::warn_of_search;
 use crate::output::{progress, warn};
 
@@ -17,22 +18,22 @@ pub struct Replayed {
     pub own_learning: Option<Replay>,
     /// Whether its model was learned from this very log.
     pub has_seen_log: bool,
-    /// Events in the file, before thinning.
-    pub events: usize,
-    /// What the log is called.
-    pub log_name: String,
+    /// Whether it was asked how far probabilities mean what they say; a report shows that anyhow.
+    pub shows_calibration: bool,
+    /// The log before thinning.
+    pub whole: WholeLog,
 }
 
 impl Replayed {
     /// Replays the mission with a progress bar.
     pub fn new(
-        (log, events, log_name): (EventLog, usize, String),
+        (log, whole): (EventLog, WholeLog),
         splits: Vec<Split>,
         frames: &[usize],
         plan: Plan,
     ) -> anyhow::Result<Self> {
         let replay = with_progress(&log, &splits, frames, &plan)?;
-        Ok(Self { log, splits, plan, replay, own_learning: None, has_seen_log: false, events, log_name })
+        Ok(Self { log, splits, plan, replay, own_learning: None, has_seen_log: false, shows_calibration: false, whole })
     }
 
     /// Replays it once more with every vehicle learning by itself.

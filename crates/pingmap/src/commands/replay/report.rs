@@ -5,12 +5,13 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use pingmap_agent::VehicleId;
 use pingmap_import::time_in_words;
-use pingmap_trial::PairCount;
+use pingmap_trial::{Agreed, EventLog, PairCount};
 
 use super::pictures::{PACKETS_DRAWN, Pictures, calibration};
 use super::replayed::Replayed;
 use super::tables::{self, SHARING_HEADER};
 use crate::files::write_file;
+use crate::log::WholeLog;
 use crate::model::MadeOf;
 use crate::output::{count, spinner};
 use crate::page::Page;
@@ -126,41 +127,55 @@ fn the_log(page: &mut Page, replayed: &Replayed, pictures: &Pictures) {
     page.heading("What was heard");
     page.figure(
         &pictures.over_range,
-        "Share of all messages that were heard, by distance, and what the first vehicle's map says of the same messages: what is near the other \
-         line for every distance may still be wrong for every place.",
+        "Share of all messages that were heard, by distance, and what the maps of their receivers say of the same messages: what is near the \
+         other line for every distance may still be wrong for every place.",
     );
+    pairs(page, &replayed.log);
+}
+
+/// Who sent to whom, and what was heard of it.
+pub fn pairs(page: &mut Page, log: &EventLog) {
     let row = |((from, to), PairCount { heard, missed }): (&(VehicleId, VehicleId), &PairCount)| {
         let share = *heard as f64 / (heard + missed) as f64;
         vec![format!("{from} → {to}"), (heard + missed).to_string(), heard.to_string(), format!("{share:.3}")]
     };
-    let rows: Vec<Vec<String>> = replayed.log.pairs().iter().map(row).collect();
+    let rows: Vec<Vec<String>> = log.pairs().iter().map(row).collect();
     page.table(&["from → to", "sent", "heard", "share heard"], &rows);
 }
 
 fn provenance(replayed: &Replayed, command: &[String]) -> Vec<(&'static str, String)> {
-    let MadeOf { log_digest, model_digest } = MadeOf::given(&replayed.log, &replayed.plan.agreed);
-    let vehicles: Vec<&str> = replayed.replay.vehicles.iter().map(VehicleId::as_str).collect();
-    vec![
-        ("log", replayed.log_name.clone()),
-        ("digest of the log", log_digest),
-        ("reference system", replayed.log.reference.to_string()),
-        ("events", of_events(replayed)),
-        ("vehicles", vehicles.join(", ")),
+    let Replayed { log, whole, plan, .. } = replayed;
+    let of_replay = [
         ("model", tables::kernel_line(replayed)),
-        ("digest of the model", model_digest.unwrap_or_else(|| "none was given".into())),
         ("inference", tables::inference_line(replayed)),
-        ("splits", format!("{}, seed {}", replayed.splits.len(), replayed.plan.seed)),
+        ("splits", format!("{}, seed {}", replayed.splits.len(), plan.seed)),
+    ];
+    [of_log(log, whole, &plan.agreed), of_replay.to_vec(), of_run(command)].concat()
+}
+
+/// Of what log and model a page is.
+pub fn of_log(log: &EventLog, whole: &WholeLog, agreed: &Agreed) -> Vec<(&'static str, String)> {
+    let MadeOf { log_digest, model_digest } = MadeOf::given(whole, agreed);
+    let (used, all) = (log.events.len(), whole.events);
+    let events = if used == all { all.to_string() } else { format!("{used} of {}", count(all, "event")) };
+    let vehicles: Vec<String> = log.vehicles().iter().map(VehicleId::to_string).collect();
+    vec![
+        ("log", whole.name.clone()),
+        ("digest of the log", log_digest),
+        ("reference system", log.reference.to_string()),
+        ("events", events),
+        ("vehicles", vehicles.join(", ")),
+        ("digest of the model", model_digest.unwrap_or_else(|| "none was given".into())),
+    ]
+}
+
+/// By what it was made, and when.
+pub fn of_run(command: &[String]) -> Vec<(&'static str, String)> {
+    vec![
         ("version", format!("pingmap {}", env!("CARGO_PKG_VERSION"))),
         ("command", format!("pingmap {}", command.join(" "))),
         ("date", date()),
     ]
-}
-
-fn of_events(replayed: &Replayed) -> String {
-    match replayed.events == replayed.log.events.len() {
-        true => replayed.events.to_string(),
-        false => format!("{} of {}", replayed.log.events.len(), count(replayed.events, "event")),
-    }
 }
 
 /// Now, or what builds that must be reproducible say instead (`SOURCE_DATE_EPOCH`).

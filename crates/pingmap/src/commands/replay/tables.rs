@@ -34,7 +34,7 @@ pub fn text(replayed: &Replayed) -> String {
         text += &format!("\n\n{}", table_of(&comparison_header(replayed), &comparison_rows(replayed)));
         text += "\n\nA star marks the best of those that can be sent.";
     }
-    if let Some(calibrated) = &replayed.replay.calibration {
+    if let (Some(calibrated), true) = (&replayed.replay.calibration, replayed.shows_calibration) {
         text +=
             &format!("\n\n{}\n\n{}", table(&RELIABILITY_HEADER, &reliability_rows(calibrated)), coverage(calibrated));
     }

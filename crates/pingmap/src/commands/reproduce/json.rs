@@ -41,6 +41,8 @@ pub struct ReproductionJson {
 pub struct DataSetJson {
     /// Its name.
     data_set: String,
+    /// By which its events are known again, whatever the file and the order of its lines.
+    log_digest: String,
     /// Its vehicles.
     agents: Vec<AgentJson>,
 }
@@ -193,7 +195,7 @@ impl DataSetJson {
             events: events(set.failures_and_successes(agent)),
             published: published.map(|published| events(published.events(n))),
         });
-        Self { data_set: set.name.clone(), agents: agents.collect() }
+        Self { data_set: set.name.clone(), log_digest: set.log().digest(), agents: agents.collect() }
     }
 }
 
