@@ -21,7 +21,10 @@ const SAME_OBJECTIVE: f64 = 0.05;
 const SAME_COORDINATE: f64 = 0.1;
 
 /// Fits on the way are no more careful and no less than this.
-const TILT_TOLERANCES: (f64, f64) = (1e-4, 1e-2);
+const TILT_TOLERANCES: (f64, f64) = (1e-4, 3e-2);
+
+/// Fits need not tell steps apart that gain so small a share of what the last one did.
+const GAIN_SHARE: f64 = 0.02;
 
 /// Nats per event that no sensible place costs.
 const COST_BEYOND: f64 = 100.0;
@@ -49,9 +52,6 @@ pub(super) struct Search<'a> {
     moving: Vec<(usize, f64)>,
     iterations_max: u64,
     tolerance: f64,
-    /// Of the fits on the way: E does not change with the tilts to first order, so that its error in nats an event, a
-    /// thousandth of this squared, is a tenth of what a step must gain.
-    tilt_tolerance: f64,
 }
 
 /// Where a search ended.
@@ -76,8 +76,14 @@ impl<'a> Search<'a> {
         let moving = spread.into_iter().enumerate().filter(|&(_, spread)| spread > 0.0).collect();
         let iterations_max = options.iterations_max as u64;
         let (centre, tolerance) = (template.parameter_values(), options.tolerance);
-        let tilt_tolerance = (10.0 * tolerance.sqrt()).clamp(TILT_TOLERANCES.0, TILT_TOLERANCES.1);
-        Self { likelihood, points, template, centre, moving, iterations_max, tolerance, tilt_tolerance }
+        Self { likelihood, points, template, centre, moving, iterations_max, tolerance }
+    }
+
+    /// Of the fits on the way, where a step gained so much, in nats an event. E does not change with the tilts to first order, so
+    /// that its error, a thousandth of this squared, is a tenth of what the next step should gain.
+    fn tilt_tolerance(&self, gained: f64) -> f64 {
+        let gain = self.tolerance.max(GAIN_SHARE * gained);
+        (10.0 * gain.sqrt()).clamp(TILT_TOLERANCES.0, TILT_TOLERANCES.1)
     }
 
     /// How many events it looks at.
@@ -138,7 +144,11 @@ impl<'a> Search<'a> {
     pub(super) fn run(&self, start: &Prior) -> Result<Found> {
         let start = self.coordinates(start);
         let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
-        let objective = Objective { search: self, reach, memory: RefCell::new(Memory::default()) };
+        let objective = Objective {
+            search: self,
+            reach,
+            memory: RefCell::new(Memory { last: None, best: None, gained: f64::INFINITY, evaluations: 0 }),
+        };
         objective.at(&start)?;
         let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective, start) };
         let Memory { best, evaluations, .. } = objective.memory.into_inner();
@@ -174,11 +184,12 @@ struct Objective<'a> {
     memory: RefCell<Memory>,
 }
 
-#[derive(Default)]
 struct Memory {
     /// The last place, its cost and its gradient.
     last: Option<(Vec<f64>, f64, Vec<f64>)>,
     best: Option<Best>,
+    /// What the best place was better than the one before, in nats an event.
+    gained: f64,
     evaluations: usize,
 }
 
@@ -200,7 +211,8 @@ impl Objective<'_> {
         {
             return Ok((*cost, gradient.clone()));
         }
-        let mut options = FitOptions::default().tolerance(self.search.tilt_tolerance).iterations_max(200);
+        let tolerance = self.search.tilt_tolerance(memory.gained);
+        let mut options = FitOptions::default().tolerance(tolerance).iterations_max(200);
         options.start = memory.best.as_ref().map(|best| best.tilts.as_slice());
         let (fit, by_parameter) = self.search.gradient(&self.search.prior(coordinates)?, &options)?;
         memory.evaluations += 1;
@@ -208,7 +220,9 @@ impl Objective<'_> {
         let per_event = self.search.per_event();
         let slope = |(&(place, spread), x): (&(usize, f64), &f64)| -per_event * (spread * by_parameter[place] - x);
         let gradient: Vec<f64> = self.search.moving.iter().zip(coordinates).map(slope).collect();
-        if memory.best.as_ref().is_none_or(|best| objective > best.objective) {
+        let gained = memory.best.as_ref().map(|best| per_event * (objective - best.objective));
+        if gained.is_none_or(|gained| gained > 0.0) {
+            memory.gained = gained.unwrap_or(f64::INFINITY);
             memory.best = Some(Best { coordinates: coordinates.to_vec(), objective, tilts: fit.tilts });
         }
         let cost = -per_event * objective;
