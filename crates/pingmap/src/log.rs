@@ -1,10 +1,11 @@
 //! Reading logs for use: what is odd in them, thinning, and the part of one vehicle.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_agent::{Link, VehicleId};
-use pingmap_trial::{EventLog, Split, thin};
+use pingmap_trial::{EventLog, FileError, Split, open, thin};
 
 use crate::output::{BadInput, warn};
 
@@ -97,10 +98,16 @@ impl Logs {
 }
 
 fn read_log(path: &Path) -> anyhow::Result<EventLog> {
+    let (reader, name) = opened(path)?;
+    Ok(EventLog::read(reader, name)?)
+}
+
+/// A file, or standard input where that is named; and what people know it by.
+pub fn opened(path: &Path) -> Result<(Box<dyn Read + Send>, &Path), FileError> {
     if path == Path::new(STANDARD_INPUT) {
-        return Ok(EventLog::read(std::io::stdin().lock(), Path::new("standard input"))?);
+        return Ok((Box::new(std::io::stdin()), Path::new("standard input")));
     }
-    Ok(EventLog::open(path)?)
+    Ok((Box::new(open(path)?), path))
 }
 
 /// Reads one log, as [`Logs::open`] does.

@@ -168,6 +168,29 @@ fn predict_takes_degrees_where_the_log_knows_its_place() {
 }
 
 #[test]
+fn links_and_waypoints_come_from_standard_input_if_that_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 100));
+    file(folder.path(), "links.csv", "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n0,0,500,300\n");
+    file(folder.path(), "track.csv", "x,y\n500,200\n500,800\n");
+    for (command, name) in [
+        ("predict events.csv --additions none --links ", "links.csv"),
+        ("plan track events.csv --additions none --at 500,300 --along ", "track.csv"),
+    ] {
+        let arguments = |name| format!("{command}{name}");
+        let from_file = pingmap(folder.path(), &arguments(name).split(' ').collect::<Vec<_>>());
+        let piped = std::process::Command::new(env!("CARGO_BIN_EXE_pingmap"))
+            .current_dir(folder.path())
+            .args(arguments("-").split(' '))
+            .stdin(std::fs::File::open(folder.path().join(name)).unwrap())
+            .output()
+            .unwrap();
+        assert!(from_file.status.success() && !from_file.stdout.is_empty(), "{}", stderr(&from_file));
+        assert_eq!(stdout(&piped), stdout(&from_file), "{}", stderr(&piped));
+    }
+}
+
+#[test]
 fn what_links_say_besides_is_kept_for_programs_too() {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "events.csv", log(&["a", "b"], 100));

@@ -1,10 +1,11 @@
 //! Links that somebody asks about, as a table.
 
+use std::io::Read;
 use std::path::Path;
 
 use pingmap_agent::{Attempt, Geographic, Link, Position, When};
 
-use crate::table::{FileError, Problem, Table, open};
+use crate::table::{FileError, Problem, Table};
 
 /// What is asked, line by line, and what stands in the other columns.
 pub struct AttemptTable {
@@ -25,14 +26,18 @@ const DEGREES: [[&str; 2]; 2] = [["tx_latitude_deg", "tx_longitude_deg"], ["rx_l
 /// Where metres of a log are that are given in degrees; `None` where nobody knows.
 pub type ToMetres<'a> = &'a dyn Fn(Geographic) -> Option<(f64, f64)>;
 
-/// Reads attempts from CSV: the four position columns of an event log, in metres or as `tx_latitude_deg` and so on (and depths, where
+/// Reads attempts from CSV, of which `name` is said in errors: the four position columns of an event log, in metres or as `tx_latitude_deg` and so on (and depths, where
 /// both are present); nothing else is required. Who, when and what kind are read from `tx_id`, `rx_id`, `time_s` and `kind` where
 /// these are present, and are those of `asked` elsewhere. A vehicle that nobody met is [`pingmap_agent::Party::New`] by another name.
 ///
 /// # Errors
 /// As [`crate::EventLog::open`], and for degrees that `to_metres` has no place for.
-pub fn read_attempts(path: &Path, asked: &Attempt, to_metres: ToMetres) -> Result<AttemptTable, FileError> {
-    let mut table = Table::new(open(path)?, path, &[])?;
+pub fn read_attempts(
+    (reader, name): (impl Read, &Path),
+    asked: &Attempt,
+    to_metres: ToMetres,
+) -> Result<AttemptTable, FileError> {
+    let mut table = Table::new(reader, name, &[])?;
     let in_degrees = table.has(DEGREES[0][0]) && !table.has(METRES[0][0]);
     let columns = if in_degrees { DEGREES } else { METRES };
     table.require(&columns.concat())?;
@@ -89,15 +94,12 @@ mod tests {
     use pingmap_agent::{Kind, Party};
 
     fn read(text: &str) -> Result<AttemptTable, String> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("links.csv");
-        std::fs::write(&path, text).unwrap();
         let nowhere = Position::new(0.0, 0.0);
         let link = Link { transmitter: nowhere, receiver: nowhere };
         let (transmitter, receiver, when, kind) = (Party::Typical, Party::Typical, When::Typical, Kind::Typical);
         let asked = Attempt { link, transmitter, receiver, when, kind };
         let north = |place: Geographic| (place.latitude_deg > 0.0).then_some((place.longitude_deg, 1.0));
-        read_attempts(&path, &asked, &north).map_err(|error| error.to_string())
+        read_attempts((text.as_bytes(), Path::new("links.csv")), &asked, &north).map_err(|error| error.to_string())
     }
 
     #[test]

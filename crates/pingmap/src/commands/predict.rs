@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use crate::log::fill_depths;
+use crate::log::{fill_depths, opened};
 use crate::model::{KernelJson, MadeOf};
 use crate::options::{Asked, RESULT, Source};
 use crate::output::{Results, csv_of_text, json_text, spinner, warn};
@@ -23,7 +23,7 @@ use crate::survey::Survey;
 #[command(after_help = "Example:\n  pingmap predict log.csv --links links.csv --model model.toml -o predicted.csv")]
 pub struct Options {
     /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m, or tx_latitude_deg and so on; who and when in tx_id,
-    /// rx_id and time_s where it has these. Its columns stand before what is predicted
+    /// rx_id and time_s where it has these; - is standard input. Its columns stand before what is predicted
     #[arg(long)]
     pub links: PathBuf,
     #[command(flatten)]
@@ -109,7 +109,8 @@ impl Predictions {
         let reference = reference(log.reference)?;
         let nowhere = Position::new(0.0, 0.0);
         let asked = options.asked.attempt(&log)?(Link { transmitter: nowhere, receiver: nowhere });
-        let mut table = read_attempts(&options.links, &asked, &|place| reference.metres(Place::Degrees(place)))?;
+        let mut table =
+            read_attempts(opened(&options.links)?, &asked, &|place| reference.metres(Place::Degrees(place)))?;
         let replaced: Vec<&str> = table.header.iter().map(String::as_str).filter(is_predicted).collect();
         if !replaced.is_empty() {
             let (path, columns) = (options.links.display(), replaced.join(", "));

@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 
 use pingmap_agent::{Geographic, VehicleId};
 use pingmap_import::{ImportError, Place, Reading, RecordKind, Recordings, Reference, Skipped, Source, head};
-use pingmap_trial::open;
 use tempfile::TempDir;
 
 use super::archives::{is_archive, unpacked};
-use crate::log::STANDARD_INPUT;
+use crate::log::{self, STANDARD_INPUT};
 use crate::output::{BadInput, note};
 
 /// Places of (0, 0) that lie no farther apart than this are the same, in metres.
@@ -213,10 +212,7 @@ impl Records {
 
 /// Opened here, for every reader to say the same of files that are not there.
 pub fn opened(path: &Path) -> Result<Box<dyn Read + Send>, ImportError> {
-    if path == Path::new(STANDARD_INPUT) {
-        return Ok(Box::new(std::io::stdin()));
-    }
-    Ok(Box::new(open(path)?))
+    Ok(log::opened(path)?.0)
 }
 
 /// The vehicle before the first `=`, if there is one, and the file.

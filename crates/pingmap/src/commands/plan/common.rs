@@ -6,12 +6,12 @@ use clap::Args;
 use dgpc::Posterior;
 use pingmap_agent::{Attempt, Link, Position};
 use pingmap_import::{Reference, Waypoint, read_waypoints};
-use pingmap_trial::open;
 
 use crate::area::Area;
 use crate::contour::Point;
 use crate::exports::{Line, geojson_of_lines, kml_of_lines};
 use crate::figure::{Figure, Image, Room, Series, stacked};
+use crate::log::opened;
 use crate::map_figure::{Drawn, figure};
 use crate::names::{Join, Layer, Seen, SeenOnce};
 use crate::options::{Asked as Parties, RESULT, Source};
@@ -130,7 +130,8 @@ const DEGREES: [&str; 2] = ["latitude_deg", "longitude_deg"];
 
 /// Reads a list of places.
 pub fn waypoints(path: &Path) -> anyhow::Result<Vec<Waypoint>> {
-    Ok(read_waypoints(open(path)?, path)?)
+    let (reader, name) = opened(path)?;
+    Ok(read_waypoints(reader, name)?)
 }
 
 /// How attempts are asked about.
