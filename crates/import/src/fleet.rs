@@ -4,14 +4,16 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use pingmap_agent::VehicleId;
 
+use crate::clock::median;
 use crate::message::{Message, messages};
 use crate::recording::{Recording, Recordings};
 use crate::reference::Reference;
 use crate::rules::Rules;
 use crate::track::Track;
 
-/// A receiver of satellites that says nothing for longer was under water, in seconds.
+/// A receiver of satellites that says nothing for longer was under water: in seconds, and in times of what is usual for it.
 const SATELLITES_S: f64 = 60.0;
+const SATELLITES_TIMES: f64 = 5.0;
 
 /// One vehicle among others.
 pub(crate) struct Vehicle<'a> {
@@ -86,8 +88,10 @@ impl<'a> Fleet<'a> {
     pub(crate) fn set_s(&self, vehicle: usize) -> Vec<f64> {
         let mut told = self.vehicles[vehicle].recording.clock_set.clone();
         told.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let usual_s = median(told.windows(2).map(|pair| pair[1].0 - pair[0].0).collect());
+        let silence_s = SATELLITES_S.max(SATELLITES_TIMES * usual_s);
         // While it hears satellites it is set all the time.
-        let is_anew = |pair: &&[(f64, bool)]| pair[1].1 && (!pair[0].1 || pair[1].0 - pair[0].0 > SATELLITES_S);
+        let is_anew = |pair: &&[(f64, bool)]| pair[1].1 && (!pair[0].1 || pair[1].0 - pair[0].0 > silence_s);
         told.windows(2).filter(is_anew).map(|pair| pair[1].0).collect()
     }
 

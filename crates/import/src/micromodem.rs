@@ -153,7 +153,10 @@ impl Micromodem {
                 // The band by its number; number 0 is what carrier and bandwidth make it.
                 if let Some(place) = ["BND", "FC0", "BW0"].iter().position(|name| *name == sentence.field(0)) {
                     sentence.field(1).clone_into(&mut self.band[place]);
-                    into.recording.works_in(time_s, self.band.join(BAND_PARTS).trim_end_matches(BAND_PARTS).to_owned());
+                    let [number, ..] = &self.band;
+                    let is_made = matches!(number.as_str(), "" | "0");
+                    let band = if is_made { self.band.join(BAND_PARTS) } else { number.clone() };
+                    into.recording.works_in(time_s, band.trim_end_matches(BAND_PARTS).to_owned());
                 }
             }
             _ => {}

@@ -1,10 +1,10 @@
 //! What a file is, by what is in it; of tables whose they are, by their names.
 
 use std::io::{self, Read};
-use std::path::Path;
+use std::path::{Component, Path};
 
 use pingmap_agent::VehicleId;
-use pingmap_trial::{REQUIRED_COLUMNS, Table};
+use pingmap_trial::Table;
 
 use crate::columns::{Named, TableKind};
 use crate::lcm_types::LcmTypes;
@@ -38,6 +38,8 @@ pub enum RecordKind {
     Ids,
     /// Who may send when.
     Schedule,
+    /// The same among other things that a team agreed on.
+    TeamFile,
 }
 
 impl RecordKind {
@@ -56,6 +58,7 @@ impl RecordKind {
             Self::Table(TableKind::Sent) => "transmissions",
             Self::Ids => "who is meant by ids",
             Self::Schedule => "who may send when",
+            Self::TeamFile => "a team file, with who may send when",
         }
     }
 }
@@ -90,8 +93,10 @@ impl Reading {
             Some(RecordKind::LcmTypes)
         } else if moos::datum_of_mission(&text).is_some() {
             Some(RecordKind::MoosMission)
-        } else if text.lines().any(|line| line.trim() == "[slots]") {
-            Some(RecordKind::Schedule)
+        } else if let Some(agreed) = toml::from_str::<toml::Table>(&text).ok().filter(|file| file.contains_key("slots"))
+        {
+            let is_team = agreed.contains_key("model_file");
+            Some(if is_team { RecordKind::TeamFile } else { RecordKind::Schedule })
         } else {
             self.kind_of_table(head, name)
         }
@@ -102,9 +107,10 @@ impl Reading {
         if table.has("id") && table.has("name") && table.header().len() == 2 {
             return Some(RecordKind::Ids);
         }
-        // What pingmap makes of such tables is none of them.
-        let is_result = REQUIRED_COLUMNS.iter().all(|column| table.has(column)) || table.has("probability");
-        if is_result {
+        // What pingmap makes of such tables, or is asked about, is none of them; nor is what somebody put aside.
+        let is_of_links = LINK_COLUMNS.iter().any(|column| table.has(column));
+        let is_aside = name.to_str().is_some_and(|name| [".bak", ".orig", "~"].iter().any(|end| name.ends_with(end)));
+        if is_of_links || table.has("probability") || is_aside {
             return None;
         }
         let named = |kind| Named::new(head, name, kind, &self.columns).ok();
@@ -127,22 +133,29 @@ impl Reading {
         has(&sent, &["time", "destination"]).then_some(RecordKind::Table(TableKind::Sent))
     }
 
-    /// Whose a table is by its name, `auv1.nav.csv`, or by its folder's, `auv1/nav.csv`: what is left without the words for what it
-    /// tells and for its day, or who is meant by that.
+    /// Whose a table is by its name, `auv1.nav.csv`, or by that of the folder or archive it lies in, `auv1/logs/nav.csv`: what is left without
+    /// the words for what it tells and for its day, or who is meant by that.
     pub fn owner(&self, path: &Path) -> Option<VehicleId> {
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let folder = || path.parent().and_then(Path::file_name).and_then(|name| name.to_str()).unwrap_or_default();
-        let owner = Some(bare(name)).filter(|name| !name.is_empty()).unwrap_or_else(folder);
+        let names = path.components().rev().filter_map(|part| match part {
+            Component::Normal(name) => name.to_str(),
+            _ => None,
+        });
+        let owner = names.map(bare).find(|name| !name.is_empty()).unwrap_or_default();
         (!owner.is_empty()).then(|| self.ids.listed(owner).unwrap_or_else(|| VehicleId::new(owner)))
     }
 }
+
+/// Only logs of events and links have places of both ends.
+const LINK_COLUMNS: [&str; 4] = ["tx_easting_m", "rx_easting_m", "tx_latitude_deg", "rx_latitude_deg"];
 
 const HEARD_WORDS: &[&str] = &["heard", "rx", "receive", "received", "reception", "receptions", "arrivals"];
 const SENT_WORDS: &[&str] = &["sent", "tx", "transmit", "transmitted", "transmission", "transmissions"];
 const SCHEDULE_WORDS: &[&str] = &["schedule", "slots", "turns", "tdma"];
 const NAVIGATION_WORDS: &[&str] = &["nav", "navigation", "position", "positions", "track", "gps", "fixes"];
-const OTHER_WORDS: &[&str] =
-    &["csv", "tsv", "txt", "dat", "gz", "log", "logs", "modem", "acomms", "data", "table", "messages"];
+const OTHER_WORDS: &[&str] = &[
+    "csv", "tsv", "txt", "dat", "gz", "zip", "tar", "tgz", "log", "logs", "modem", "acomms", "data", "table",
+    "messages", "copy", "(copy)",
+];
 
 /// What stands between the words of a name.
 fn is_between(c: char) -> bool {
@@ -158,25 +171,21 @@ fn words_of(path: &Path) -> Vec<String> {
 /// A name without the words at both ends that tell what is in a file, and without its day.
 fn bare(name: &str) -> &str {
     let is_word = |word: &str| {
-        let all = [HEARD_WORDS, SENT_WORDS, SCHEDULE_WORDS, NAVIGATION_WORDS, OTHER_WORDS].concat();
-        all.contains(&word.to_lowercase().as_str())
+        let word = word.to_lowercase();
+        let all = [HEARD_WORDS, SENT_WORDS, SCHEDULE_WORDS, NAVIGATION_WORDS, OTHER_WORDS];
+        all.iter().any(|words| words.contains(&word.as_str()))
     };
-    let is_digits =
-        |word: &str| !word.is_empty() && word.trim_matches(['T', 'Z']).bytes().all(|c| c.is_ascii_digit() || c == b'T');
-    // A day or an hour begins with at least four digits; fewer may be a number of the vehicle.
-    let is_day = |word: &str| is_digits(word) && word.len() >= 4;
     let all: Vec<&str> = name.split(is_between).filter(|word| !word.is_empty()).collect();
     let mut words = all.as_slice();
     while let (Some(first), Some(last)) = (words.first(), words.last()) {
-        let digits_behind = words.iter().rev().take_while(|word| is_digits(word)).count();
         if is_word(first) {
             words = &words[1..];
         } else if is_word(last) {
             words = &words[..words.len() - 1];
-        } else if is_day(first) {
-            words = &words[words.iter().take_while(|word| is_digits(word)).count()..];
-        } else if let Some(day) = words[words.len() - digits_behind..].iter().position(|word| is_day(word)) {
-            words = &words[..words.len() - digits_behind + day];
+        } else if day(words) > 0 {
+            words = &words[day(words)..];
+        } else if let Some(at) = (0..words.len()).find(|&at| at + day(&words[at..]) == words.len()) {
+            words = &words[..at];
         } else {
             // Words are parts of the name: from the first to the end of the last.
             let at = |word: &str| word.as_ptr() as usize - name.as_ptr() as usize;
@@ -184,6 +193,27 @@ fn bare(name: &str) -> &str {
         }
     }
     ""
+}
+
+/// How many words at the beginning are a day, and the hour behind it: `20260503`, `20260503T120000Z`, `2026 05 03`, `2026 05 03T12 00 00`. Other
+/// numbers are those of vehicles.
+fn day(words: &[&str]) -> usize {
+    let digits = |word: &str, lengths: &[usize]| {
+        let plain: String = word.chars().filter(|letter| !matches!(letter, 'T' | 'Z')).collect();
+        lengths.contains(&plain.len()) && plain.bytes().all(|byte| byte.is_ascii_digit())
+    };
+    let is = |at: usize, lengths: &[usize]| words.get(at).is_some_and(|word| digits(word, lengths));
+    let is_year = words.first().is_some_and(|word| word.starts_with("19") || word.starts_with("20"));
+    let of_day = match () {
+        () if is_year && is(0, &[8, 12, 14]) => 1,
+        () if is_year && is(0, &[4]) && is(1, &[2]) && is(2, &[2, 4]) => 3,
+        () => return 0,
+    };
+    match () {
+        () if is(of_day, &[4, 6]) => of_day + 1,
+        () if is(of_day, &[2]) && is(of_day + 1, &[2]) => of_day + 2 + usize::from(is(of_day + 2, &[2])),
+        () => of_day,
+    }
 }
 
 #[cfg(test)]
@@ -217,6 +247,11 @@ mod tests {
             ("time,source,lat,lon\n", "heard.csv", None),
             ("time_s,tx_id,rx_id,tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m,success\n", "rx.csv", None),
             ("leg,time_s,easting_m,northing_m,probability\n", "nav.csv", None),
+            ("time_s,tx_id,rx_id,tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n", "heard.csv", None),
+            ("time_s,tx_id,rx_id,tx_latitude_deg,tx_longitude_deg\n", "links.csv", None),
+            ("time,source,good\n", "a.heard.csv~", None),
+            ("members = []\nmodel_file = 'm'\n[slots]\n", "team.toml", Some(RecordKind::TeamFile)),
+            ("    [slots]\nas in this text\n", "README.md", None),
             ("Dear all, this is no table\n", "heard.txt", None),
         ] {
             assert_eq!(kind(text, name), expected, "{name}: {text}");
@@ -239,6 +274,13 @@ mod tests {
             ("auv1_2026-05-03_nav.csv", "auv1"),
             ("auv_2_20260503T120000Z.sent.csv", "auv_2"),
             ("3.heard.csv", "carol"),
+            ("iver3-3011.nav.csv", "iver3-3011"),
+            ("20260503_1.nav.csv", "1"),
+            ("auv1_2026-05-03T12-00-00.nav.csv", "auv1"),
+            ("auv1_20260503_120000_rx.csv", "auv1"),
+            ("auv1/logs/nav.csv", "auv1"),
+            ("auv1/nav.csv.gz/nav.csv", "auv1"),
+            ("auv1.zip/2026-05-03/nav.csv", "auv1"),
         ] {
             assert_eq!(owner(path).as_deref(), Some(expected), "{path}");
         }

@@ -89,7 +89,9 @@ impl Reading {
         let text = head.as_slice().chain(reader);
         let told = match kind {
             RecordKind::MoosMission => return Ok(Some(only(moos::datum_of_mission(&String::from_utf8_lossy(&head))))),
-            RecordKind::LcmTypes | RecordKind::Ids | RecordKind::Schedule => return Ok(Some(only(None))),
+            RecordKind::LcmTypes | RecordKind::Ids | RecordKind::Schedule | RecordKind::TeamFile => {
+                return Ok(Some(only(None)));
+            }
             RecordKind::Table(table) => return self.take_table((table, &head), text, source, into).map(Some),
             RecordKind::MoosLog => moos::read(text, &self.ids, &self.prefix).map_err(unreadable)?.map_err(fail)?,
             RecordKind::ModemCapture => capture::read(text, &self.ids).map_err(unreadable)?,

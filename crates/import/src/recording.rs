@@ -139,7 +139,7 @@ impl Recording {
 
     /// Takes in that its modem works in a band from now on.
     pub(crate) fn works_in(&mut self, time_s: f64, band: String) {
-        if self.bands.last().is_none_or(|(_, latest)| *latest != band) {
+        if self.bands.last().is_none_or(|(latest_s, latest)| *latest != band || *latest_s > time_s) {
             self.bands.push((time_s, band));
         }
     }

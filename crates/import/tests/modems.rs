@@ -177,6 +177,16 @@ fn starting_ranging_and_answering_modems_hear_nothing() {
     // By the modem's own word.
     assert_eq!(recording.bands, [(31.1, "2".to_owned())]);
     assert!(recording.sent.unwrap().is_empty());
+    // Carrier and bandwidth make band 0, and are left over from it in others.
+    let (recording, _) = capture(&[
+        (1.0, "CACFG,BND,0"),
+        (2.0, "CACFG,FC0,25000"),
+        (3.0, "CACFG,BW0,4000"),
+        (4.0, "CACFG,BND,3"),
+        (5.0, "CACFG,FC0,10000"),
+    ]);
+    let bands: Vec<&str> = recording.bands.iter().map(|(_, band)| band.as_str()).collect();
+    assert_eq!(bands, ["0", "0\u{1f}25000", "0\u{1f}25000\u{1f}4000", "3"]);
 }
 
 #[test]

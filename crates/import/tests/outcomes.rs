@@ -211,6 +211,15 @@ fn bands_of_tables_and_carriers_of_a_band_tell_who_cannot_hear() {
     Reading::default().take(TableKind::Navigation, table, Some(&VehicleId::new("b")), &mut recordings).unwrap();
     let imported = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
     assert_eq!((pair(&imported, "b").2, pair(&imported, "c").2), (25 + 26, 0));
+    // Whatever the order of the lines.
+    let mut reversed = records(&sent(",band", band), [&both, &both], Some((0.0, 2000.0)));
+    let (header, lines) = tuned.split_once('\n').unwrap();
+    let lines: Vec<&str> = lines.lines().rev().collect();
+    let tuned = format!("{header}\n{}\n", lines.join("\n"));
+    let table = (tuned.as_bytes(), Path::new("table"));
+    Reading::default().take(TableKind::Navigation, table, Some(&VehicleId::new("b")), &mut reversed).unwrap();
+    let again = join(&reversed, None, &Reference::unknown(), &Rules::default()).unwrap();
+    assert_eq!(again.pairs, imported.pairs);
     // A band by its number alone may be that with any carrier; with another one it is another.
     for (of_b, left_out) in [("0", 0), ("0\u{1f}25000", 0), ("0\u{1f}10000", 100), ("0\u{1f}\u{1f}4000", 0), ("1", 100)]
     {
@@ -243,6 +252,11 @@ fn a_clock_that_satellites_set_on_the_way_is_found_step_by_step() {
     let clock = found.clocks.iter().find(|clock| clock.vehicle.as_str() == "b").unwrap();
     let ahead: Vec<f64> = clock.pieces.iter().map(|piece| piece.ahead_s).collect();
     assert!(ahead.len() == 2 && (ahead[0] - ahead[1] - 4.0).abs() < 0.05, "{ahead:?}");
+    // Who says it every two minutes heard them all the time.
+    let c = recordings.get_mut(&VehicleId::new("c")).unwrap();
+    c.clock_set = (0..9).map(|n| (120.0 * f64::from(n), true)).collect();
+    let found = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
+    assert_eq!(found.clocks.iter().find(|clock| clock.vehicle.as_str() == "c").unwrap().pieces.len(), 1);
 }
 
 #[test]

@@ -4,7 +4,8 @@ use std::fmt::Display;
 use std::path::Path;
 
 use dgpc::{Correlation, Term};
-use pingmap_agent::{Key, Team, TeamFile};
+use pingmap_agent::{Agent, Key, Team, TeamFile};
+use pingmap_packet::to_hex;
 use pingmap_trial::EventLog;
 
 use crate::model::{fitting, log_digests, read_model};
@@ -62,4 +63,14 @@ fn is_readable_by_others(path: &Path) -> bool {
 #[cfg(not(unix))]
 fn is_readable_by_others(_: &Path) -> bool {
     false
+}
+
+/// By which the agreement of a listener's team is known.
+pub fn team_digest(listener: &Agent) -> String {
+    to_hex(&listener.team().digest())
+}
+
+/// By which its model is known.
+pub fn model_digest(listener: &Agent) -> String {
+    listener.team().model.digest()
 }

@@ -155,13 +155,13 @@ fn predict_takes_degrees_where_the_log_knows_its_place() {
     file(
         folder.path(),
         "codes.csv",
-        "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m,mean,code\n0,0,500,300,mine,007\n",
+        "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m,mean,code\n0,0,500,300,.5,007\n",
     );
     let coded: Value = serde_json::from_str(&stdout(&predict("codes.csv", &["--origin", "44,9"]))).unwrap();
     let coded = &coded["predictions"][0];
     assert_eq!(
         (&coded["mean"], &coded["code"], coded["rx_latitude_deg"].is_number()),
-        (&"mine".into(), &"007".into(), true)
+        (&0.5.into(), &"007".into(), true)
     );
     let refused = predict("degrees.csv", &[]);
     assert!(refused.status.code() == Some(2) && stderr(&refused).contains("--origin"), "{}", stderr(&refused));

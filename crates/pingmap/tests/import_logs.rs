@@ -261,3 +261,26 @@ fn a_gigabyte_of_logs_is_read_in_bounded_memory() {
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(read(folder, "events.csv").events.len() > 3000);
 }
+
+#[test]
+fn what_lies_beside_a_mission_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, "--with-sent --slots 120");
+    let alone = import(folder, "mission").0;
+    // What is broken or set aside, which is said where it may be what is missing; and a team file beside a schedule.
+    std::fs::write(folder.join("mission/photos.zip"), b"PK\x03\x04nothing").unwrap();
+    std::fs::copy(folder.join("mission/auv1.heard.csv"), folder.join("mission/auv1.heard.csv~")).unwrap();
+    std::fs::write(
+        folder.join("mission/team.toml"),
+        "model_file = \"m.toml\"\n[slots]\nstart_s = 0\nduration_s = 1\norder = []\n",
+    )
+    .unwrap();
+    let (odd, said) = import(folder, "mission");
+    assert_eq!((&odd["log_digest"], &odd["left_out"]["files"]), (&alone["log_digest"], &2.into()));
+    assert!(said.contains("mission/photos.zip: cannot be unpacked"), "{said}");
+    std::fs::rename(folder.join("mission/auv1.nav.csv"), folder.join("mission/auv1.nav.xyz~")).unwrap();
+    let output = pingmap(folder, &["import", "mission", "--ids", "mission/ids.csv"]);
+    assert!(output.status.code() == Some(2) && stderr(&output).contains("nav.xyz~"), "{}", stderr(&output));
+    std::fs::rename(folder.join("mission/auv1.nav.xyz~"), folder.join("mission/auv1.nav.csv")).unwrap();
+}

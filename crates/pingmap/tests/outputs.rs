@@ -129,6 +129,7 @@ fn another_name_of_an_input_is_that_input() {
     std::fs::hard_link(folder.join("events.csv"), folder.join("same.csv")).unwrap();
     std::fs::hard_link(folder.join("model.toml"), folder.join("same.png")).unwrap();
     for arguments in [
+        "replay events.csv --model model.toml --frames 1 --write-splits model.toml --force",
         "predict events.csv --model model.toml --links events.csv -o same.csv --force",
         "map events.csv --model model.toml --at 0,0 -o same.png --force",
         "plan standoff events.csv --model model.toml --at 0,0 -o same.png --force",
@@ -150,6 +151,7 @@ fn what_cannot_be_written_in_the_end_is_printed() {
         ("team events.csv -o /dev/full --json", "team_digest"),
         ("learn events.csv --kernel matern32 --additions none --place 8 --json -o /dev/full", "place"),
         ("learn events.csv --place 8 --onto model.toml --json -o /dev/full", "place_points"),
+        ("learn events.csv --place 8 --onto model.toml -o /dev/full", "# A model of how links behave"),
     ] {
         let (status, printed, said) = run(folder, arguments);
         assert!(status == Some(1) && said.contains("/dev/full"), "{arguments}: {said}");

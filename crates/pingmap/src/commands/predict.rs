@@ -202,8 +202,10 @@ fn is_predicted(name: &&str) -> bool {
 /// A field of the input: numbers as such, but for names; codes such as 007 are no numbers.
 fn said(column: &str, field: &str) -> Value {
     let is_name = ["tx_id", "rx_id", "kind"].iter().any(|name| name.eq_ignore_ascii_case(column));
-    match serde_json::from_str::<serde_json::Number>(field) {
-        Ok(number) if !is_name => Value::Number(number),
+    let begins_as_code = |rest: &str| rest.starts_with(|letter: char| letter.is_ascii_digit());
+    let is_code = field.trim_start_matches('-').strip_prefix('0').is_some_and(begins_as_code);
+    match field.parse::<f64>() {
+        Ok(number) if number.is_finite() && !is_name && !is_code => json!(number),
         _ => json!(field),
     }
 }

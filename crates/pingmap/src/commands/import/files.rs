@@ -112,14 +112,18 @@ impl Files {
         // Unpacked as long as it is read.
         let (mut files, _unpacked) = records::with_archives(records::all(&self.records)?)?;
         records::recognise(&mut files, &reading)?;
-        let found = |given: &Option<PathBuf>, kind, option| match given {
-            Some(path) => Ok(Some(path.clone())),
-            None => records::only(&files, kind, option),
+        let found = |given: &Option<PathBuf>, kinds: &[RecordKind], option| {
+            let mut found = Ok(given.clone());
+            for kind in kinds {
+                found = found
+                    .and_then(|found| if found.is_some() { Ok(found) } else { records::only(&files, *kind, option) });
+            }
+            found
         };
-        if let Some(path) = found(&self.ids, RecordKind::Ids, "--ids")? {
+        if let Some(path) = found(&self.ids, &[RecordKind::Ids], "--ids")? {
             reading.ids = Ids::read(opened(&path)?, &path)?;
         }
-        let schedule = found(&self.schedule, RecordKind::Schedule, "--schedule")?;
+        let schedule = found(&self.schedule, &[RecordKind::Schedule, RecordKind::TeamFile], "--schedule")?;
         let schedule = schedule.map(|path| Schedule::read(opened(&path)?, &path, &reading.ids)).transpose()?;
         for file in files.iter().filter(|file| file.kind == Some(RecordKind::LcmTypes)) {
             reading.take_types(opened(&file.path)?, &file.name)?;

@@ -14,7 +14,7 @@ use pingmap_import::{AlwaysSend, Imported, Rules, join};
 
 use self::files::Files;
 use self::json::ImportedJson;
-use self::shown::{summary, warnings};
+use self::shown::{left_alone, summary, warnings};
 use crate::output::{BadInput, Results, print_json, warn};
 use crate::outputs::{Kind, Target};
 use crate::values::{not_negative, positive};
@@ -124,7 +124,11 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     let target = Target::new(&options.output, Kind::EVENT_LOG, &inputs, options.force)?.beside_json(options.json)?;
     let taken = options.files.take()?;
-    let imported: Imported = join(&taken.recordings, taken.schedule.as_ref(), &taken.reference, &rules)?;
+    let joined = join(&taken.recordings, taken.schedule.as_ref(), &taken.reference, &rules);
+    if let (Err(_), Some(left_alone)) = (&joined, left_alone(&taken)) {
+        warn(format_args!("left alone: {left_alone}"));
+    }
+    let imported: Imported = joined?;
     for warning in warnings(&imported, &taken, &rules) {
         warn(warning);
     }

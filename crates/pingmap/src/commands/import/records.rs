@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 
 use pingmap_agent::{Geographic, VehicleId};
 use pingmap_import::{ImportError, Place, Reading, RecordKind, Recordings, Reference, Skipped, Source, head};
+use pingmap_trial::{FileError, Problem};
 use tempfile::TempDir;
 
 use super::archives::{is_archive, unpacked};
 use crate::log::{self, STANDARD_INPUT};
-use crate::output::{BadInput, note};
+use crate::output::{BadInput, note, warn};
 
 /// Places of (0, 0) that lie no farther apart than this are the same, in metres.
 const DATUM_M_MAX: f64 = 20.0;
@@ -30,9 +31,10 @@ pub struct RecordFile {
 }
 
 impl RecordFile {
-    /// Standard input, which is kept in a file while it is read.
-    pub fn is_standard_input(&self) -> bool {
-        self.is_given && self.path == Path::new(STANDARD_INPUT)
+    /// Standard input or a pipe, which is kept in a file while it is read.
+    fn is_stream(&self) -> bool {
+        let is_pipe = || self.path.metadata().is_ok_and(|known| !known.is_file());
+        self.is_given && (self.path == Path::new(STANDARD_INPUT) || is_pipe())
     }
 }
 
@@ -67,14 +69,26 @@ fn unpack(
     folders: &mut Vec<TempDir>,
 ) -> anyhow::Result<()> {
     for mut file in files {
-        if file.is_standard_input() {
+        if file.is_stream() {
             let folder = tempfile::tempdir()?;
+            let mut stream = opened(&file.path)?;
+            if file.path == Path::new(STANDARD_INPUT) {
+                file.name = "standard input".into();
+            }
             file.path = folder.path().join("input");
-            file.name = "standard input".into();
-            std::io::copy(&mut std::io::stdin().lock(), &mut File::create_new(&file.path)?)?;
+            std::io::copy(&mut stream, &mut File::create_new(&file.path)?)?;
             folders.push(folder);
         }
-        let folder = if depth > 0 { unpacked(&file.path, &file.name)? } else { None };
+        let folder = match unpacked(&file.path, &file.name) {
+            _ if depth == 0 => None,
+            Ok(folder) => folder,
+            // In a folder what is none of the mission is left alone.
+            Err(error) if !file.is_given => {
+                warn(error);
+                None
+            }
+            Err(error) => return Err(error),
+        };
         let Some(folder) = folder else {
             all.push(file);
             continue;
@@ -111,7 +125,8 @@ fn in_folder(whole: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<Rec
 /// Looks what each file is.
 pub fn recognise(files: &mut [RecordFile], reading: &Reading) -> anyhow::Result<()> {
     for file in files {
-        file.kind = reading.kind_of(&head(opened(&file.path)?)?, &file.name);
+        let unreadable = |error| FileError { path: file.name.clone(), problem: Problem::Unreadable(error) };
+        file.kind = reading.kind_of(&head(opened(&file.path)?).map_err(unreadable)?, &file.name);
     }
     Ok(())
 }
@@ -130,9 +145,9 @@ pub fn only(files: &[RecordFile], kind: RecordKind, option: &str) -> anyhow::Res
 
 /// Whether a file is read: in folders those of no known kind are left alone.
 pub fn is_read(file: &RecordFile, reading: &Reading) -> bool {
-    let looked = File::open(&file.path).and_then(head);
     let is_known = |head: Vec<u8>| is_archive(&head) || reading.kind_of(&head, &file.name).is_some();
-    file.is_given || looked.map_or(true, is_known)
+    // What was given may be a pipe, which can be read once.
+    file.is_given || File::open(&file.path).and_then(head).map_or(true, is_known)
 }
 
 /// The file, and what the names of its topics begin with, behind a `#` that is not part of its own name.

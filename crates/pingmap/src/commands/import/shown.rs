@@ -163,17 +163,20 @@ pub fn summary(imported: &Imported, taken: &Taken, rules: &Rules) -> String {
     ];
     let mut more: Vec<String> =
         more.iter().filter(|more| more.0 > 0).map(|(number, what)| format!("{number} {what}")).collect();
-    if !taken.left_alone.is_empty() {
-        let named = taken.left_alone.iter().take(LEFT_ALONE_NAMED_MAX);
-        let mut names: Vec<String> = named.map(|path| path.display().to_string()).collect();
-        let others = taken.left_alone.len() - names.len();
-        names.extend((others > 0).then(|| format!("{others} more")));
-        more.push(format!("what is of no known kind ({})", names.join(", ")));
-    }
+    more.extend(left_alone(taken));
     if !more.is_empty() {
         text += &format!("\nLeft out: {}.", more.join(", "));
     }
     text
+}
+
+/// Files in folders that are of no known kind, by name.
+pub fn left_alone(taken: &Taken) -> Option<String> {
+    let named = taken.left_alone.iter().take(LEFT_ALONE_NAMED_MAX);
+    let mut names: Vec<String> = named.map(|path| path.display().to_string()).collect();
+    let others = taken.left_alone.len() - names.len();
+    names.extend((others > 0).then(|| format!("{others} more")));
+    (!names.is_empty()).then(|| format!("what is of no known kind ({})", names.join(", ")))
 }
 
 /// Whether the origin was not said by whoever imports, and who said it.

@@ -159,7 +159,10 @@ fn add_to_place(
     let made_of = MadeOf { log_digest: log_digest.clone(), model_digest: Some(file.model.digest()) };
     file.place_log_digests.push(log_digest);
     let text = file.write().map_err(|error| BadInput(error.to_string()))?;
-    let written = target.write(text.as_bytes(), results);
+    let written = match options.json {
+        true => target.write(text.as_bytes(), results),
+        false => target.write_or_print(&text, results),
+    };
     let place_points = file.model.place.as_ref().map_or(0, |place| place.links().len());
     if options.json {
         let added = AddedJson { schema: 1, made_of, file: &options.output, events: log.events.len(), place_points };

@@ -14,7 +14,7 @@ use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::output::{BadInput, Results, count, print, print_json, read_text, table};
-use crate::team::read_team;
+use crate::team::{model_digest, read_team, team_digest};
 
 /// Look at the bytes on the water: what a packet says, what fields it has, and the .proto of them all
 #[derive(Args)]
@@ -278,16 +278,6 @@ pub struct EncodedJson<'a> {
     /// With a team, by which its model is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     model_digest: Option<String>,
-}
-
-/// By which the agreement of a listener's team is known.
-fn team_digest(listener: &Agent) -> String {
-    to_hex(&listener.team().digest())
-}
-
-/// By which its model is known.
-fn model_digest(listener: &Agent) -> String {
-    listener.team().model.digest()
 }
 
 /// Somebody who can read the packets of a team.

@@ -7,6 +7,7 @@ use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::output::{BadInput, Results, print, print_json, table};
+use crate::team::{model_digest, team_digest};
 
 /// A report as JSON.
 #[derive(Serialize, JsonSchema, Deserialize)]
@@ -187,8 +188,8 @@ fn json_of(layout: &ReportLayout, report: &Report, listener: Option<&Agent>) -> 
         schema: 1,
         _version: IgnoredAny,
         _command: IgnoredAny,
-        team_digest: listener.map(super::team_digest),
-        model_digest: listener.map(super::model_digest),
+        team_digest: listener.map(team_digest),
+        model_digest: listener.map(model_digest),
         message: layout.name.to_owned(),
         sender: report.sender,
         model: report.model,

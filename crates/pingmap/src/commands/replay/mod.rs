@@ -184,7 +184,8 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     }
     let written_splits = options.write_splits.as_deref().map(|path| {
         let mut inputs = options.logs.paths();
-        inputs.extend(options.splits.as_deref());
+        let read = [&options.splits, &options.source.model, &options.sharing.team, &options.sharing.key_file];
+        inputs.extend(read.into_iter().flatten().map(PathBuf::as_path));
         Target::new(path, Kind::SPLITS, &inputs, options.logs.force)
     });
     let written_splits = written_splits.transpose()?;
