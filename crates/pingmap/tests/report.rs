@@ -30,6 +30,10 @@ fn chromium(folder: &Path, arguments: &[&str]) -> Option<String> {
         "--disable-gpu",
         "--hide-scrollbars",
         "--virtual-time-budget=8000",
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
         &profile,
     ];
     for program in ["chromium", "chromium-browser", "google-chrome"] {
