@@ -58,6 +58,8 @@ const REPLAY: &[Case] = &[
     ("--calibration", "", ""),
     ("--report", "report.html", ""),
     ("--learn", "own", ""),
+    ("--origin", "44,9", "--json"),
+    ("--crs", "EPSG:32619", "--json"),
     ("--json", "", ""),
 ];
 
@@ -132,6 +134,8 @@ const PLAN: &[Case] = &[
     ("--output", "plan.svg", ""),
     ("--json", "", ""),
     ("--width-mm", "90", "--output plan.svg"),
+    ("--title", "A_plan", "--output plan.svg"),
+    ("--with-events", "", "--output plan.svg"),
 ];
 
 const STANDOFF: &[Case] = &[
@@ -168,6 +172,8 @@ const SELECT: &[Case] = &[
     ("--points", "3", ""),
     ("--policy", "random", ""),
     ("--seed", "9", "--policy random"),
+    ("--origin", "44,9", "--json"),
+    ("--crs", "EPSG:32619", "--json"),
     ("--json", "", ""),
 ];
 

@@ -83,6 +83,8 @@ pub struct SelectedJson<'a> {
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// What metres mean; `unknown` where nobody said so.
+    reference_system: String,
     /// Whose region.
     vehicle: &'a str,
     /// How points were chosen.
@@ -203,6 +205,7 @@ impl Selected {
         SelectedJson {
             schema: 1,
             made_of: MadeOf { log_digest: self.log_digest.clone(), model_digest: Some(self.known.model.digest()) },
+            reference_system: self.reference.system().to_string(),
             vehicle: &options.vehicle,
             policy: name_of(&options.policy),
             radius_m,

@@ -17,6 +17,8 @@ pub struct ReplayJson {
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
+    /// What metres mean; `unknown` where nobody said so.
+    reference_system: String,
     /// Events of all logs together.
     events: usize,
     /// Those of them that were replayed.
@@ -143,6 +145,7 @@ impl ReplayJson {
         Self {
             schema: 1,
             made_of: MadeOf::given(whole, &plan.agreed),
+            reference_system: log.reference.to_string(),
             events: whole.events,
             events_used: log.events.len(),
             vehicles: replay.vehicles.len(),
