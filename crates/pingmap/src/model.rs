@@ -24,12 +24,16 @@ pub struct MadeOf {
 impl MadeOf {
     /// A whole log, and what a team agreed on beforehand.
     pub fn given(log: &WholeLog, agreed: &Agreed) -> Self {
-        let model = match agreed {
-            Agreed::Nothing => None,
-            Agreed::Model(model) => Some(model),
-            Agreed::Team(team) => Some(&team.model),
-        };
-        Self { log_digest: log.digest.clone(), model_digest: model.map(Model::digest) }
+        Self { log_digest: log.digest.clone(), model_digest: agreed_model(agreed).map(Model::digest) }
+    }
+}
+
+/// The model that a team agreed on beforehand.
+pub fn agreed_model(agreed: &Agreed) -> Option<&Model> {
+    match agreed {
+        Agreed::Nothing => None,
+        Agreed::Model(model) => Some(model),
+        Agreed::Team(team) => Some(&team.model),
     }
 }
 

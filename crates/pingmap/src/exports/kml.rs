@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::bands::{Band, bands};
 use super::export::{Export, degrees};
-use super::lines::{Line, Shape};
+use super::lines::{Line, Shape, ring};
 use crate::figure::shade;
 use crate::names::name_of;
 use crate::tracks::tracks;
@@ -67,8 +67,8 @@ pub fn kml_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec
             Shape::Line(points) => {
                 Geometry::LineString(LineString { tessellate: true, ..LineString::from(coords(points)?) })
             }
-            Shape::Area(_) => {
-                let ring = LinearRing::from(coords(&line.shape.ring())?);
+            Shape::Area(corners) => {
+                let ring = LinearRing::from(coords(&ring(corners))?);
                 Geometry::Polygon(Polygon { tessellate: true, ..Polygon::new(ring, Vec::new()) })
             }
         };

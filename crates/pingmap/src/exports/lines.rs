@@ -25,22 +25,14 @@ pub enum Shape {
     Area(Vec<Point>),
 }
 
-impl Shape {
-    /// Its points in a row; around an area, whose outer ring runs counter-clockwise and ends where it begins.
-    pub(super) fn ring(&self) -> Vec<Point> {
-        match self {
-            Shape::Place(place) => vec![*place],
-            Shape::Line(points) => points.clone(),
-            Shape::Area(corners) => {
-                let mut ring = corners.clone();
-                if twice_the_area(&ring) < 0.0 {
-                    ring.reverse();
-                }
-                ring.extend(ring.first().copied());
-                ring
-            }
-        }
+/// The ring around an area: counter-clockwise, ending where it begins.
+pub(super) fn ring(corners: &[Point]) -> Vec<Point> {
+    let mut ring = corners.to_vec();
+    if twice_the_area(&ring) < 0.0 {
+        ring.reverse();
     }
+    ring.extend(ring.first().copied());
+    ring
 }
 
 /// All of them on WGS 84 (RFC 7946).
@@ -54,7 +46,7 @@ pub fn geojson_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result
         let geometry = match &line.shape {
             Shape::Place(place) => GeometryValue::Point { coordinates: position(place)? },
             Shape::Line(points) => GeometryValue::LineString { coordinates: positions(points)? },
-            Shape::Area(_) => GeometryValue::Polygon { coordinates: vec![positions(&line.shape.ring())?] },
+            Shape::Area(corners) => GeometryValue::Polygon { coordinates: vec![positions(&ring(corners))?] },
         };
         Ok(feature(line.kind, line.said.iter().cloned(), geometry))
     };

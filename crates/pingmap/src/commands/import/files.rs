@@ -112,13 +112,9 @@ impl Files {
         // Unpacked as long as it is read.
         let (mut files, _unpacked) = records::with_archives(records::all(&self.records)?)?;
         records::recognise(&mut files, &reading)?;
-        let found = |given: &Option<PathBuf>, kinds: &[RecordKind], option| {
-            let mut found = Ok(given.clone());
-            for kind in kinds {
-                found = found
-                    .and_then(|found| if found.is_some() { Ok(found) } else { records::only(&files, *kind, option) });
-            }
-            found
+        let found = |given: &Option<PathBuf>, kinds: &[RecordKind], option| match given {
+            Some(path) => Ok(Some(path.clone())),
+            None => records::only(&files, kinds, option),
         };
         if let Some(path) = found(&self.ids, &[RecordKind::Ids], "--ids")? {
             reading.ids = Ids::read(opened(&path)?, &path)?;

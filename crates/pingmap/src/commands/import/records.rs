@@ -131,9 +131,11 @@ pub fn recognise(files: &mut [RecordFile], reading: &Reading) -> anyhow::Result<
     Ok(())
 }
 
-/// The only file of a kind of which there is at most one; said, because nobody else named it.
-pub fn only(files: &[RecordFile], kind: RecordKind, option: &str) -> anyhow::Result<Option<PathBuf>> {
-    let mut of_kind = files.iter().filter(|file| file.kind == Some(kind));
+/// The only file of the first of these kinds that is there; said, because nobody else named it.
+pub fn only(files: &[RecordFile], kinds: &[RecordKind], option: &str) -> anyhow::Result<Option<PathBuf>> {
+    let is_there = |kind: &&RecordKind| files.iter().any(|file| file.kind == Some(**kind));
+    let Some(kind) = kinds.iter().find(is_there) else { return Ok(None) };
+    let mut of_kind = files.iter().filter(|file| file.kind == Some(*kind));
     let Some(first) = of_kind.next() else { return Ok(None) };
     if let Some(other) = of_kind.next() {
         let (first, other, words) = (first.name.display(), other.name.display(), kind.words());

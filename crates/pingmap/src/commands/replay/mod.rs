@@ -16,7 +16,7 @@ use pingmap_trial::{
 };
 
 use crate::log::{Logs, WholeLog, thinned};
-use crate::model::{HAS_SEEN_LOG, log_digests, open_model};
+use crate::model::{HAS_SEEN_LOG, agreed_model, log_digests, open_model};
 use crate::names::{DivideByName, LearnName};
 use crate::options::{ModelSource, RESULT, Work};
 use crate::output::{BadInput, Results, note, print, print_json, warn};
@@ -193,10 +193,8 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     options.reference.tell(&mut log)?;
     let whole = WholeLog::of(&log, options.logs.name());
     let (agreed, has_seen_log) = agreed(options, &log)?;
-    if let (Agreed::Model(model), false) = (&agreed, log.reference.is_known()) {
+    if let (Some(model), false) = (agreed_model(&agreed), log.reference.is_known()) {
         log.reference = model.chart.reference;
-    } else if let (Agreed::Team(team), false) = (&agreed, log.reference.is_known()) {
-        log.reference = team.model.chart.reference;
     }
     let plan = plan(options, agreed)?;
     if has_seen_log {
