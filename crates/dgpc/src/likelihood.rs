@@ -121,14 +121,15 @@ impl<'a> Likelihood<'a> {
         mean.gradient(&self.support, &weights)
     }
 
-    /// Gradient by the kernel's parameters, from the symmetric derivative by [`Likelihood::gram`].
-    pub(crate) fn gram_gradient(&self, kernel: &Kernel, mut weights: Matrix) -> Vec<f64> {
+    /// Gradient by the kernel's parameters, from the symmetric derivative by [`Likelihood::gram`], which becomes that by the kernel
+    /// between events and points of messages.
+    pub(crate) fn gram_gradient(&self, kernel: &Kernel, weights: &mut Matrix) -> Vec<f64> {
         if self.has_messages() {
-            self.expand_rows(&mut weights, self.events());
-            weights = weights.transposed();
-            self.expand_rows(&mut weights, self.events());
+            self.expand_rows(weights, self.events());
+            *weights = weights.transposed();
+            self.expand_rows(weights, self.events());
         }
-        kernel.gram_gradient(&self.support, &weights)
+        kernel.gram_gradient(&self.support, weights)
     }
 
     /// Gradient by the kernel's parameters, from the derivative by the last columns of [`Likelihood::cross`], those of

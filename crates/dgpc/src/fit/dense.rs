@@ -1,12 +1,11 @@
 //! The full Gaussian posterior of a mean field, and how its evidence bound changes with the prior (sections 2 and 7 of
 //! [`crate::method`]).
 
-use super::fixed_point::Engine;
+use super::fixed_point::{Engine, Pass};
+use super::newton::Newton;
 use crate::error::Result;
 use crate::likelihood::Likelihood;
-use crate::linalg::{
-    Cholesky, CholeskyScratch, Matrix, add_lower_gram, dot, fill_scaled, multiply_vector, squared_norm,
-};
+use crate::linalg::{Cholesky, CholeskyScratch, Matrix, dot, fill_scaled, lower_gram, multiply_vector, squared_norm};
 use crate::prior::Prior;
 
 /// Below this product of ω and prior variance, a posterior variance is computed by a solve instead of from diag(B⁻¹),
@@ -19,6 +18,8 @@ pub(crate) struct Dense {
     cholesky: Cholesky,
     scratch: CholeskyScratch,
     /// L⁻¹ with B = LLᵀ.
+    factor_inverse: Matrix,
+    /// B⁻¹, which steps and gradients need and passes do not.
     inverse: Matrix,
     roots: Vec<f64>,
     /// α = κ̃ − Ωδ, δ the posterior mean about the prior mean: K⁻¹δ.
@@ -30,8 +31,9 @@ impl Dense {
         let gram = likelihood.gram(prior.kernel())?;
         let size = gram.rows();
         let (cholesky, scratch) = Cholesky::reserve(size);
-        let inverse = Matrix::zeros(size, size);
-        Ok(Self { gram, cholesky, scratch, inverse, roots: vec![0.0; size], alpha: vec![0.0; size] })
+        let (factor_inverse, inverse) = (Matrix::zeros(size, size), Matrix::zeros(size, size));
+        let (roots, alpha) = (vec![0.0; size], vec![0.0; size]);
+        Ok(Self { gram, cholesky, scratch, factor_inverse, inverse, roots, alpha })
     }
 
     /// s_n = (1 − (B⁻¹)_nn)/ω_n, where B⁻¹ = L⁻ᵀL⁻¹.
@@ -39,7 +41,7 @@ impl Dense {
         let (root, prior) = (self.roots[n], self.gram[(n, n)]);
         let omega = root * root;
         if omega * prior > INFORMATIVE {
-            return ((1.0 - squared_norm(&self.inverse.column(n)[n..])) / omega).max(0.0);
+            return ((1.0 - squared_norm(&self.factor_inverse.column(n)[n..])) / omega).max(0.0);
         }
         let mut column: Vec<f64> = self.gram.column(n).iter().zip(&self.roots).map(|(k, root)| k * root).collect();
         self.cholesky.solve_lower(&mut column);
@@ -52,7 +54,7 @@ impl Engine for Dense {
         self.roots.iter_mut().zip(omega).for_each(|(root, omega)| *root = omega.sqrt());
         let (gram, roots) = (&self.gram, &self.roots);
         self.cholesky.refactorise("I + Ω^½KΩ^½", &mut self.scratch, |b| fill_scaled(b, gram, roots))?;
-        self.cholesky.invert_lower(&mut self.inverse);
+        self.cholesky.invert_lower(&mut self.factor_inverse);
         // α = κ̃ − Ω^½B⁻¹Ω^½Kκ̃, δ = Kα.
         multiply_vector(gram.view(), shift, &mut self.alpha);
         self.alpha.iter_mut().zip(roots).for_each(|(entry, root)| *entry *= root);
@@ -65,16 +67,20 @@ impl Engine for Dense {
         Ok(0.5 * dot(mean, shift) - 0.5 * self.cholesky.log_determinant())
     }
 
-    fn kernel_gradient(&self, prior: &Prior, likelihood: &Likelihood<'_>, _: &[f64]) -> Vec<f64> {
-        // ∂E/∂K = ½(ααᵀ − Ω^½B⁻¹Ω^½).
-        let mut scaled = self.inverse.clone();
-        for (column, root) in self.roots.iter().enumerate() {
-            scaled.column_mut(column)[column..].iter_mut().for_each(|entry| *entry *= root);
+    fn newton(&mut self, pass: &Pass<'_>, log_tilts: &[f64]) -> Option<Vec<f64>> {
+        lower_gram(&self.factor_inverse, &mut self.inverse);
+        Newton { inverse: &self.inverse, roots: &self.roots, pass, log_tilts }.step()
+    }
+
+    fn kernel_gradient(&mut self, prior: &Prior, likelihood: &Likelihood<'_>, _: &[f64]) -> Vec<f64> {
+        // ∂E/∂K = ½(ααᵀ − Ω^½B⁻¹Ω^½), written over B⁻¹.
+        lower_gram(&self.factor_inverse, &mut self.inverse);
+        for column in 0..self.alpha.len() {
+            let (alpha, root) = (0.5 * self.alpha[column], -0.5 * self.roots[column]);
+            let rows = self.inverse.column_mut(column).iter_mut().zip(&self.alpha).zip(&self.roots);
+            rows.for_each(|((entry, row_alpha), row_root)| *entry = alpha * row_alpha + root * row_root * *entry);
         }
-        let mut weights =
-            Matrix::from_fn(self.alpha.len(), self.alpha.len(), |i, j| 0.5 * self.alpha[i] * self.alpha[j]);
-        add_lower_gram(-0.5, &scaled, &mut weights);
-        likelihood.gram_gradient(prior.kernel(), weights)
+        likelihood.gram_gradient(prior.kernel(), &mut self.inverse)
     }
 
     fn alpha(&self) -> &[f64] {

@@ -17,8 +17,13 @@ pub(crate) trait Engine {
     /// E that depend on the covariance.
     fn pass(&mut self, omega: &[f64], shift: &[f64], mean: &mut [f64], variance: &mut [f64]) -> Result<f64>;
 
+    /// Where Newton's method goes from the last pass, in ln c of the events; none where it is not worth its price.
+    fn newton(&mut self, _pass: &Pass<'_>, _log_tilts: &[f64]) -> Option<Vec<f64>> {
+        None
+    }
+
     /// ∂E/∂(log parameters of the kernel) at the ω and shift of the last pass.
-    fn kernel_gradient(&self, prior: &Prior, likelihood: &Likelihood<'_>, omega: &[f64]) -> Vec<f64>;
+    fn kernel_gradient(&mut self, prior: &Prior, likelihood: &Likelihood<'_>, omega: &[f64]) -> Vec<f64>;
 
     /// α = κ̃ − Ωδ of the last pass, which is ∂E/∂μ₀ of everything observed.
     fn alpha(&self) -> &[f64];
@@ -105,7 +110,13 @@ pub(crate) fn iterate(
         }
         best = best.max(finite("evidence bound", evidence)?);
         plain_step.copy_from_slice(&pass.images);
-        log_tilts = anderson.propose(&log_tilts, &pass.images);
+        if change <= options.tolerance {
+            break;
+        }
+        log_tilts = match engine.newton(&pass, &log_tilts) {
+            Some(step) => step,
+            None => anderson.propose(&log_tilts, &pass.images),
+        };
     }
     let (residual, jitter) = (engine.residual(likelihood.events()), engine.jitter());
     let converged = change <= options.tolerance;
@@ -135,17 +146,18 @@ pub(crate) fn iterate(
 
 /// What one pass of the iteration reads and writes: one entry per event in tilts and images, one for everything
 /// observed in the others.
-struct Pass<'a> {
-    weights: &'a [f64],
+pub(super) struct Pass<'a> {
+    pub(super) weights: &'a [f64],
     kappa: Vec<f64>,
     prior_mean: Vec<f64>,
-    tilts: Vec<f64>,
+    pub(super) tilts: Vec<f64>,
     omega: Vec<f64>,
     shift: Vec<f64>,
-    mean: Vec<f64>,
+    /// About zero.
+    pub(super) mean: Vec<f64>,
     variance: Vec<f64>,
     /// ln c after the pass.
-    images: Vec<f64>,
+    pub(super) images: Vec<f64>,
 }
 
 impl<'a> Pass<'a> {

@@ -5,6 +5,7 @@ mod anderson;
 mod cavity;
 mod dense;
 mod fixed_point;
+mod newton;
 mod options;
 mod propagation;
 mod single;
@@ -45,7 +46,7 @@ pub struct Fit {
 }
 
 /// Fits `observations` by mean field: the ω that make the evidence bound E largest, and the Gaussian posterior that
-/// goes with them. Dense, O(N³) an iteration and 3N² memory, or with [`FitOptions::inducing_points`] O(NM²) and NM
+/// goes with them. Dense, O(N³) an iteration and 4N² memory, or with [`FitOptions::inducing_points`] O(NM²) and NM
 /// memory, for N events and observations that messages stand for.
 ///
 /// ```

@@ -7,7 +7,7 @@ use crate::features::{BLOCK, Features};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
 use crate::linalg::{
-    Cholesky, CholeskyScratch, Matrix, add_lower_gram, add_scaled, dot, multiply_vector, product, squared_norm,
+    Cholesky, CholeskyScratch, Matrix, add_scaled, dot, lower_gram, multiply_vector, product, squared_norm,
 };
 use crate::prior::Prior;
 
@@ -99,14 +99,15 @@ impl Engine for Sparse<'_> {
         Ok(0.5 * explained - 0.5 * self.cholesky.log_determinant() - 0.5 * slack)
     }
 
-    fn kernel_gradient(&self, prior: &Prior, likelihood: &Likelihood<'_>, omega: &[f64]) -> Vec<f64> {
+    fn kernel_gradient(&mut self, prior: &Prior, likelihood: &Likelihood<'_>, omega: &[f64]) -> Vec<f64> {
         let points = self.points.len();
         // C = I − (I+Ĝ)⁻¹, and L⁻ᵀC.
         let mut inverse = Matrix::zeros(points, points);
         self.cholesky.invert_lower(&mut inverse);
         let mut explained = Matrix::zeros(points, points);
+        lower_gram(&inverse, &mut explained);
+        explained.negate();
         explained.add_to_diagonal(1.0);
-        add_lower_gram(-1.0, &inverse, &mut explained);
         // ∂E/∂K_MM = −½γγᵀ + ½L⁻ᵀ(C − Ĝ)L⁻¹.
         let mut gamma = self.weights.clone();
         self.features.cholesky.solve_upper(&mut gamma);

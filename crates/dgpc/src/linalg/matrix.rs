@@ -115,6 +115,11 @@ impl Matrix {
         self.0.resize_with(size, size, entry);
     }
 
+    /// Turns the sign of every entry.
+    pub(crate) fn negate(&mut self) {
+        (0..self.columns()).for_each(|column| self.column_mut(column).iter_mut().for_each(|entry| *entry = -*entry));
+    }
+
     /// Adds `other`, entry by entry, `factor` times.
     pub(crate) fn add_scaled(&mut self, factor: f64, other: &Matrix) {
         for column in 0..self.columns() {
@@ -270,17 +275,17 @@ pub(crate) fn multiply_lower(lower: &Matrix, a: View<'_>, out: &mut Matrix) {
     );
 }
 
-/// Adds `factor`·LᵀL to `out`, both triangles, for a lower triangular L. O(n³/3).
-pub(crate) fn add_lower_gram(factor: f64, lower: &Matrix, out: &mut Matrix) {
+/// LᵀL, written to `out`, for a lower triangular L. O(n³/3).
+pub(crate) fn lower_gram(lower: &Matrix, out: &mut Matrix) {
     triangular::matmul(
         out.0.as_mut(),
         BlockStructure::TriangularLower,
-        Accum::Add,
+        Accum::Replace,
         lower.t(),
         BlockStructure::TriangularUpper,
         lower.view(),
         BlockStructure::TriangularLower,
-        factor,
+        1.0,
         Par::Seq,
     );
     out.mirror_lower();

@@ -11,7 +11,7 @@ pub(crate) use cholesky::{Cholesky, CholeskyScratch, fill_scaled};
 pub(crate) use eigen::{semidefinite_root, symmetric_eigen};
 pub use matrix::Matrix;
 pub(crate) use matrix::{
-    View, add_lower_gram, add_scaled, add_symmetric_product, add_symmetric_product_lower, dot, multiply_lower,
+    View, add_scaled, add_symmetric_product, add_symmetric_product_lower, dot, lower_gram, multiply_lower,
     multiply_rows, multiply_vector, product, scale_into, squared_norm,
 };
 pub(crate) use wide::{MultiplyAdd, Wide, exp_of_negative, widest};

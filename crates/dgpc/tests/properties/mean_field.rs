@@ -1,5 +1,6 @@
 //! The mean-field fixed point and its evidence bound.
 
+use super::fits::message;
 use super::problems::*;
 use crate::common::*;
 use dgpc::*;
@@ -49,6 +50,40 @@ proptest! {
             let moved: Vec<f64> = fit.tilts().iter().zip(&changes).map(|(c, change)| c * (scale * change).exp()).collect();
             prop_assert!(evidence_bound(&problem, &moved) <= fit.evidence() + 1e-9 * (1.0 + fit.evidence().abs()));
         }
+    }
+
+    /// Newton's method is right only with the right derivatives: then what is wrong by a hundredth is wrong by less than 1e-9
+    /// three steps later. The pass after them says so.
+    #[test]
+    fn errors_go_down_with_their_squares(problem in problems(3..=16), signs in vec(any::<bool>(), 16), with_message in any::<bool>()) {
+        let message = message(&problem);
+        let messages: Vec<&Summary> = message.iter().filter(|_| with_message).collect();
+        let options = FitOptions::default().messages(&messages);
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &options).unwrap();
+        let off = |(tilt, sign): (&f64, &bool)| tilt * if *sign { 1.01 } else { 0.99 };
+        let start: Vec<f64> = fit.tilts().iter().zip(&signs).map(off).collect();
+        let again = dgpc::fit(&problem.prior, &problem.observations, &options.start(&start).tolerance(1e-9)).unwrap();
+        prop_assert!(again.iterations() <= 4, "{} passes, {} in the last", again.iterations(), again.change());
+    }
+
+    /// c ← √E[f²] again and again, which is all that the method says, leads where a fit goes.
+    #[test]
+    fn plain_passes_lead_to_the_same_place(problem in problems(1..=12)) {
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default()).unwrap();
+        let mut tilts = vec![1.0; problem.inputs().len()];
+        let mut change = f64::INFINITY;
+        for _ in 0..2000 {
+            let options = FitOptions::default().start(&tilts).iterations_max(1);
+            let pass = dgpc::fit(&problem.prior, &problem.observations, &options).unwrap();
+            prop_assert!(pass.evidence() <= fit.evidence() + 1e-9 * (1.0 + fit.evidence().abs()));
+            tilts = pass.mean().iter().zip(pass.variance()).map(|(mean, variance)| (mean * mean + variance).sqrt()).collect();
+            change = pass.change();
+            if change < 1e-10 {
+                break;
+            }
+        }
+        prop_assert!(change < 1e-6, "{change}");
+        assert_near("tilts", &tilts, fit.tilts(), 1e-4);
     }
 
     #[test]
