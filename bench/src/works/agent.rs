@@ -53,7 +53,7 @@ pub fn next_frame(bytes: usize) -> Box<dyn FnMut() -> f64> {
     })
 }
 
-/// New events, and one question after each.
+/// New events, and one question after each: so many that the copy of the vehicle that every run begins with counts for little.
 pub fn observe_and_query(count: usize) -> Box<dyn FnMut() -> f64> {
     let (agent, new, link) = (agent(32), events(EVENTS + count, 1).split_off(EVENTS), links(1, 5)[0]);
     Box::new(move || {

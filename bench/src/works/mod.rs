@@ -45,7 +45,7 @@ pub const WORKS: &[Work] = &[
     Work::long("predict 10000 from 1000", || inference::predictions(1000)),
     Work::short("agent: next frame of 32 bytes", 1, || agent::next_frame(32)),
     Work::short("agent: next frame of 256 bytes", 1, || agent::next_frame(256)),
-    Work::short("agent: observe and query", 8, || agent::observe_and_query(8)),
+    Work::short("agent: observe and query", 48, || agent::observe_and_query(48)),
     Work::short("agent: refit and query", 1, agent::refit_and_query),
     Work::long("agent: 10000 queries", agent::queries),
 ];

@@ -202,7 +202,7 @@ impl Agent {
 
     /// What it knows, at the places where it could send something of it.
     fn planner<'a>(&'a self, layout: &'a Layout) -> Result<Planner<'a>, AgentError> {
-        Ok(Planner::new(self.wire(), layout, &self.beliefs.own, self.candidates(), self.team().worth_nats)?)
+        Ok(Planner::new(self.wire(), layout, &self.beliefs, self.candidates(), self.team().worth_nats)?)
     }
 
     /// What the numbers of a packet of its own mean.

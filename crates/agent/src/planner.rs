@@ -4,6 +4,7 @@ use dgpc::{Candidates, Inputs, Posterior, Summary};
 use pingmap_packet::{Block, Layout};
 
 use crate::attempt::Attempt;
+use crate::beliefs::Beliefs;
 use crate::event::Link;
 use crate::wire::Wire;
 
@@ -50,13 +51,12 @@ pub(crate) struct Planner<'a> {
     pub(crate) attempts: Vec<Attempt>,
     /// Their inputs.
     pub(crate) inputs: Inputs,
-    /// What it knows there.
+    /// What it knows there from its own events.
     known: Known,
     /// See [`crate::Team::worth_nats`].
     pub(crate) worth_nats: f64,
 }
 
-/// What the vehicle knows from its own events at the inputs of its attempts.
 #[derive(Debug)]
 struct Known {
     probability: Vec<f64>,
@@ -64,18 +64,21 @@ struct Known {
 }
 
 impl<'a> Planner<'a> {
+    /// Of beliefs that hold all that they should.
     pub(crate) fn new(
         wire: Wire<'a>,
         layout: &'a Layout,
-        own: &'a Posterior,
+        beliefs: &'a Beliefs,
         attempts: Vec<Attempt>,
         worth_nats: f64,
     ) -> dgpc::Result<Self> {
         let inputs = wire.model.inputs(&attempts)?;
-        // Asked once: it is as dear as all the rest of planning.
-        let latent = own.latent(&inputs)?;
+        // Of its events a fit knows it, if nothing stands beside the fit; to ask the posterior is as dear as all the rest of planning.
+        let fitted = beliefs.alone.as_ref().filter(|_| beliefs.beside().is_empty());
+        let known = fitted.and_then(|alone| alone.fit.latent_at_events(&inputs));
+        let latent = known.map_or_else(|| beliefs.own.latent(&inputs), Ok)?;
         let known = Known { probability: latent.probability(), variance: latent.variance };
-        Ok(Self { wire, layout, own, attempts, inputs, known, worth_nats })
+        Ok(Self { wire, layout, own: &beliefs.own, attempts, inputs, known, worth_nats })
     }
 
     /// The packet that tells most to somebody who knows `public`, if it is worth a frame. Its points are those that
@@ -136,18 +139,26 @@ impl<'a> Planner<'a> {
         let links: Vec<Link> = pool.iter().map(|&place| self.attempts[place].link).collect();
         let inputs = self.wire.model.inputs(links.iter().map(|&link| self.wire.attempt(time, link)))?;
         let variance = self.variance(pool, &inputs)?;
+        let kernel = self.own.prior().kernel();
+        let mut candidates = match choice {
+            Choice::Unplanned => Candidates::towards(&public, &variance, &inputs)?,
+            Choice::Spread => Candidates::new(kernel, &inputs)?,
+        };
         while blocks.len() < self.layout.blocks {
-            let candidates = match choice {
-                Choice::Unplanned => Candidates::towards(&public, &variance, &inputs)?,
-                Choice::Spread => Candidates::given(self.own.prior().kernel(), &inputs, &points_of(&summaries)?)?,
-            };
             let chosen = candidates.greedy(self.layout.points);
             let links: Vec<Link> = chosen.indices.iter().map(|&place| links[place]).collect();
             let residual = |points: &Inputs| Ok(self.own.residual(&public, points)?.tempered(temper));
             let Some((block, summary)) = self.wire.encode(self.layout, time, &links, &residual)? else { break };
-            public.absorb_summaries(&[&summary])?;
+            let is_last = blocks.len() + 1 == self.layout.blocks;
+            match choice {
+                Choice::Unplanned if !is_last => candidates.tell(&mut public, &summary, &inputs)?,
+                _ => public.absorb_summaries(&[&summary])?,
+            }
             blocks.push(block);
             summaries.push(summary);
+            if matches!(choice, Choice::Spread) && !is_last {
+                candidates = Candidates::given(kernel, &inputs, &points_of(&summaries)?)?;
+            }
         }
         blocks.resize_with(self.layout.blocks, || Block::silent(self.layout));
         Ok((Planned { blocks, summaries, left: f64::NAN }, public))

@@ -8,9 +8,10 @@ use rand::{Rng, RngExt};
 use crate::error::{Error, Result, same_size};
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
-use crate::linalg::{Cholesky, Matrix, MultiplyAdd, Wide, add_scaled, add_symmetric_product, product, widest};
+use crate::linalg::{Cholesky, Matrix, MultiplyAdd, Wide, add_scaled, add_symmetric_product, widest};
 use crate::posterior::Posterior;
 use crate::remainder::{Reductions, Remainder};
+use crate::summary::Summary;
 
 /// A candidate whose variance given the points already chosen is below this share of its prior variance is one of them.
 pub const DISTINCT_SHARE: f64 = 1e-4;
@@ -71,7 +72,7 @@ impl Candidates {
             let mut features = kernel.cross(known, inputs)?;
             cholesky.solve_lower_matrix(&mut features);
             candidates.jitter = cholesky.jitter();
-            candidates.gram.add_scaled(-1.0, &product(features.t(), features.view()));
+            add_symmetric_product(-1.0, features.t(), &mut candidates.gram);
         }
         Ok(candidates)
     }
@@ -99,6 +100,20 @@ impl Candidates {
         let (_, gram) = public.joint(inputs)?;
         let prior_variance = public.prior().kernel().diagonal(inputs)?;
         Ok(Self { gram, variance: prior_variance, floor: variance.to_vec(), jitter: public.jitter() })
+    }
+
+    /// Tells `public` a summary, too, and the candidates what it now explains of their covariance. `public` and `inputs` are those
+    /// that the candidates were made for. O(n²N + N²M) for M points on top of n.
+    ///
+    /// # Errors
+    /// As [`Posterior::absorb_summaries`] and [`Posterior::latent`].
+    pub fn tell(&mut self, public: &mut Posterior, summary: &Summary, inputs: &Inputs) -> Result<()> {
+        same_size("inputs, one per candidate", self.len(), inputs.len())?;
+        let before = public.len();
+        public.absorb_summaries(&[summary])?;
+        public.take_explained(inputs, before, &mut self.gram)?;
+        self.jitter = self.jitter.max(public.jitter());
+        Ok(())
     }
 
     /// The candidates that are points of their own, in order: those whose variance given the ones before is not below

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result, same_size};
 use crate::inputs::Inputs;
 use crate::latent::Latent;
-use crate::linalg::{Cholesky, Matrix, dot, multiply_rows, product, squared_norm};
+use crate::linalg::{Cholesky, Matrix, add_symmetric_product, dot, multiply_rows, squared_norm};
 use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
@@ -155,9 +155,12 @@ impl Posterior {
         let mut between = self.features(&new.support)?.transposed();
         whiten(&new.segments, old, &mut between);
         let mut among = self.prior.kernel().gram(&new.support)?;
-        whiten(&new.segments, old, &mut among);
-        let mut among = among.transposed();
-        whiten(&new.segments, old, &mut among);
+        // Events have nothing to whiten, and there may be many of them.
+        if new.segments.iter().any(|segment| matches!(segment.part, Part::Block { .. })) {
+            whiten(&new.segments, old, &mut among);
+            among = among.transposed();
+            whiten(&new.segments, old, &mut among);
+        }
         Ok((between, among))
     }
 
@@ -267,9 +270,17 @@ impl Posterior {
         let mean = features.transposed_times(&self.weights);
         let mut covariance = self.prior.kernel().gram(inputs)?;
         self.explain(&mut features);
-        covariance.add_scaled(-1.0, &product(features.t(), features.view()));
-        covariance.symmetrise();
+        add_symmetric_product(-1.0, features.t(), &mut covariance);
         Ok((mean, covariance))
+    }
+
+    /// Takes from the covariance of f at `inputs` what the rows of the support from `first` on explain, given those before.
+    pub(crate) fn take_explained(&self, inputs: &Inputs, first: usize, covariance: &mut Matrix) -> Result<()> {
+        let mut features = self.features(inputs)?;
+        self.explain(&mut features);
+        let new = features.t().subcols(first, self.len() - first);
+        add_symmetric_product(-1.0, new, covariance);
+        Ok(())
     }
 
     /// What this posterior says about f at `inducing_points`: the message that takes the prior there to this

@@ -45,12 +45,18 @@ impl Prior {
 
     /// Whether these are the same points in the same order, as far as kernel and mean look at them. O(N · columns).
     pub fn sees_alike(&self, a: &Inputs, b: &Inputs) -> bool {
-        let mut columns: Vec<usize> = self.kernel.columns().chain(self.mean.columns()).collect();
-        columns.sort_unstable();
-        columns.dedup();
+        let columns = self.columns();
         let value = |row: &[f64], column: usize| row.get(column).copied();
         a.len() == b.len()
             && a.rows().zip(b.rows()).all(|(a, b)| columns.iter().all(|&column| value(a, column) == value(b, column)))
+    }
+
+    /// The columns that kernel and mean look at, in order.
+    pub(crate) fn columns(&self) -> Vec<usize> {
+        let mut columns: Vec<usize> = self.kernel.columns().chain(self.mean.columns()).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        columns
     }
 
     /// The fewest columns that inputs can have.

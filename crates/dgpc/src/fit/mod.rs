@@ -24,9 +24,11 @@ pub(crate) use solve::{solve, solve_with_gradient};
 use propagation::propagate;
 use together::put_together;
 
+use std::collections::HashMap;
+
 use crate::error::Result;
 use crate::inputs::Inputs;
-use crate::latent::success_probability;
+use crate::latent::{Latent, success_probability};
 use crate::likelihood::Likelihood;
 use crate::observations::Observations;
 use crate::posterior::Posterior;
@@ -181,6 +183,33 @@ impl Fit {
     /// Posterior variances of f at the events, N.
     pub fn variance(&self) -> &[f64] {
         &self.found.variance
+    }
+
+    /// What [`Fit::posterior`] says at points each of which is an event of this fit, as far as the prior looks: known
+    /// from the fit, so that nothing is solved. `None` where one is no event, and of a sparse fit, whose variances are others. O(N ·
+    /// columns).
+    ///
+    /// ```
+    /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
+    ///
+    /// let events = Observations::new(Inputs::from_rows(&[[0.0], [1.0], [2.0]])?, vec![true, true, false])?;
+    /// let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 4.0, 1.0, 1)?])?;
+    /// let fit = fit(&Prior::new(kernel, PriorMean::Zero)?, &events, &FitOptions::default())?;
+    /// let known = fit.latent_at_events(&Inputs::from_rows(&[[2.0], [0.0]])?).expect("two of its events");
+    /// assert_eq!(known.mean, [fit.mean()[2], fit.mean()[0]]);
+    /// assert_eq!(fit.latent_at_events(&Inputs::from_rows(&[[0.5]])?), None);
+    /// # Ok::<(), dgpc::Error>(())
+    /// ```
+    pub fn latent_at_events(&self, inputs: &Inputs) -> Option<Latent> {
+        if self.condensed.is_some() {
+            return None;
+        }
+        let columns = self.prior.columns();
+        let seen = |row: &[f64]| columns.iter().map(|&column| row.get(column).map(|x| x.to_bits())).collect::<Vec<_>>();
+        let events: HashMap<_, usize> = self.found.sites.inputs().rows().map(seen).zip(0..).collect();
+        let places = inputs.rows().map(|row| events.get(&seen(row)).copied()).collect::<Option<Vec<usize>>>()?;
+        let at = |values: &[f64]| places.iter().map(|&place| values[place]).collect();
+        Some(Latent { mean: at(&self.found.mean), variance: at(&self.found.variance) })
     }
 
     /// Probabilities of success at the events, N.

@@ -21,7 +21,7 @@ const SAME_OBJECTIVE: f64 = 0.05;
 const SAME_COORDINATE: f64 = 0.1;
 
 /// Fits on the way are no more careful and no less than this.
-const TILT_TOLERANCES: (f64, f64) = (1e-4, 3e-2);
+const TILT_TOLERANCES: (f64, f64) = (1e-4, 3e-3);
 
 /// Fits need not tell steps apart that gain so small a share of what the last one did.
 const GAIN_SHARE: f64 = 0.02;

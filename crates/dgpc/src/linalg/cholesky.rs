@@ -88,6 +88,10 @@ impl Cholesky {
     /// Appends rows to the factor. O(nm), but for the times when there is no room left.
     pub(crate) fn extend(&mut self, Extension { between, corner }: Extension) {
         let old = self.size();
+        if old == 0 {
+            self.factor = corner.factor;
+            return;
+        }
         self.factor.grow(old + corner.size(), |row, column| match (row >= old, column >= old) {
             (true, true) => corner.factor[(row - old, column - old)],
             (true, false) => between[(column, row - old)],

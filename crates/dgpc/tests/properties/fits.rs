@@ -71,6 +71,20 @@ proptest! {
         assert_same_latent(&latent, &latent_at_events(&fit), 1e-5);
     }
 
+    /// A fit knows what its posterior says at its own events, in any order and as often as one asks.
+    #[test]
+    fn a_fit_knows_its_events(problem in problems(2..=14), order in proptest::collection::vec(0..14usize, 1..20)) {
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default()).unwrap();
+        let order: Vec<usize> = order.into_iter().map(|place| place % problem.inputs().len()).collect();
+        let inputs = problem.inputs().select(&order);
+        let posterior = fit.posterior().unwrap();
+        assert_same_latent(&fit.latent_at_events(&inputs).unwrap(), &posterior.latent(&inputs).unwrap(), 1e-9);
+        prop_assert_eq!(fit.latent_at_events(&problem.elsewhere), None);
+        let sparse = FitOptions::default().inducing_points(problem.inputs());
+        let sparse = dgpc::fit(&problem.prior, &problem.observations, &sparse).unwrap();
+        prop_assert_eq!(sparse.latent_at_events(&inputs), None);
+    }
+
     #[test]
     fn summaries_take_the_place_of_a_fits_messages(problem in problems(3..=14), is_sparse in any::<bool>()) {
         let message = message(&problem);

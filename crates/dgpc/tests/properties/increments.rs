@@ -1,5 +1,6 @@
 //! Posteriors that grow, and what one posterior is missing of another.
 
+use crate::common::*;
 use crate::problems::*;
 use dgpc::*;
 use proptest::prelude::*;
@@ -158,6 +159,25 @@ proptest! {
                 prop_assert!(trace(&told) <= trace(&other) + 1e-8 * trace(&public));
             }
         }
+    }
+
+    /// Candidates that are told what their public is told are those of a public that was told it before.
+    #[test]
+    fn candidates_hear_what_their_public_hears(problem in problems(4..=20)) {
+        let (own, inputs) = (problem.full(), problem.inputs());
+        let mut public = Posterior::prior_alone(&problem.prior, inputs.dimension());
+        let variance = own.latent(inputs).unwrap().variance;
+        let mut candidates = Candidates::towards(&public, &variance, inputs).unwrap();
+        for place in problem.spread(3) {
+            let residual = own.residual(&public, &inputs.select(&[place])).unwrap();
+            candidates.tell(&mut public, &residual, inputs).unwrap();
+            let anew = Candidates::towards(&public, &variance, inputs).unwrap();
+            assert_near("trace", &[candidates.trace()], &[anew.trace()], 1e-9);
+            for points in 1..=3 {
+                assert_near("trace left", &[candidates.greedy(points).trace], &[anew.greedy(points).trace], 1e-7);
+            }
+        }
+        prop_assert!(candidates.tell(&mut public, &own.summarise(&inputs.select(&[0])).unwrap(), &problem.elsewhere.select(&[0])).is_err());
     }
 
     #[test]
