@@ -126,7 +126,7 @@ const MAP: &[Case] = &[
 ];
 
 /// Where depths are known.
-const DEEP: &[Case] = &[("--depth", "2", "")];
+const DEEP: &[Case] = &[("--depth", "100", "")];
 
 /// What every plan has of its own.
 const PLAN: &[Case] = &[
