@@ -181,7 +181,7 @@ impl<'a> Pass<'a> {
     /// ω̄ and κ̃ of the events at the given ln c.
     fn set_sites(&mut self, log_tilts: &[f64]) {
         for (n, log_tilt) in log_tilts.iter().enumerate() {
-            self.tilts[n] = log_tilt.exp();
+            self.tilts[n] = log_tilt.exp().max(TILT_MIN);
             self.omega[n] = polya_gamma::mean(self.weights[n], self.tilts[n]).max(f64::MIN_POSITIVE);
             self.shift[n] = self.kappa[n] - self.omega[n] * self.prior_mean[n];
         }
