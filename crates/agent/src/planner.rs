@@ -64,7 +64,7 @@ struct Known {
 }
 
 impl<'a> Planner<'a> {
-    /// Of beliefs that hold all that they should.
+    /// `beliefs` hold all that the memory does ([`Beliefs::update`]): their last fit and what they know of their own events agree.
     pub(crate) fn new(
         wire: Wire<'a>,
         layout: &'a Layout,
@@ -138,27 +138,25 @@ impl<'a> Planner<'a> {
         let time = self.wire.time_of(pool.iter().map(|&place| &self.attempts[place]));
         let links: Vec<Link> = pool.iter().map(|&place| self.attempts[place].link).collect();
         let inputs = self.wire.model.inputs(links.iter().map(|&link| self.wire.attempt(time, link)))?;
-        let variance = self.variance(pool, &inputs)?;
-        let kernel = self.own.prior().kernel();
-        let mut candidates = match choice {
-            Choice::Unplanned => Candidates::towards(&public, &variance, &inputs)?,
-            Choice::Spread => Candidates::new(kernel, &inputs)?,
+        let mut unplanned = match choice {
+            Choice::Unplanned => Some(Candidates::towards(&public, &self.variance(pool, &inputs)?, &inputs)?),
+            Choice::Spread => None,
         };
         while blocks.len() < self.layout.blocks {
-            let chosen = candidates.greedy(self.layout.points);
+            let chosen = match &mut unplanned {
+                Some(candidates) => {
+                    candidates.follow(&public, &inputs)?;
+                    candidates.greedy(self.layout.points)
+                }
+                None => Candidates::given(self.own.prior().kernel(), &inputs, &points_of(&summaries)?)?
+                    .greedy(self.layout.points),
+            };
             let links: Vec<Link> = chosen.indices.iter().map(|&place| links[place]).collect();
             let residual = |points: &Inputs| Ok(self.own.residual(&public, points)?.tempered(temper));
             let Some((block, summary)) = self.wire.encode(self.layout, time, &links, &residual)? else { break };
-            let is_last = blocks.len() + 1 == self.layout.blocks;
-            match choice {
-                Choice::Unplanned if !is_last => candidates.tell(&mut public, &summary, &inputs)?,
-                _ => public.absorb_summaries(&[&summary])?,
-            }
+            public.absorb_summaries(&[&summary])?;
             blocks.push(block);
             summaries.push(summary);
-            if matches!(choice, Choice::Spread) && !is_last {
-                candidates = Candidates::given(kernel, &inputs, &points_of(&summaries)?)?;
-            }
         }
         blocks.resize_with(self.layout.blocks, || Block::silent(self.layout));
         Ok((Planned { blocks, summaries, left: f64::NAN }, public))

@@ -11,7 +11,6 @@ use crate::kernel::Kernel;
 use crate::linalg::{Cholesky, Matrix, MultiplyAdd, Wide, add_scaled, add_symmetric_product, widest};
 use crate::posterior::Posterior;
 use crate::remainder::{Reductions, Remainder};
-use crate::summary::Summary;
 
 /// A candidate whose variance given the points already chosen is below this share of its prior variance is one of them.
 pub const DISTINCT_SHARE: f64 = 1e-4;
@@ -47,6 +46,8 @@ pub struct Candidates {
     variance: Vec<f64>,
     /// Variance that is left at a candidate once it is chosen, N: 0 where f is taken as known there.
     floor: Vec<f64>,
+    /// How many points of a posterior that was told something are in the covariance.
+    told: usize,
     jitter: f64,
 }
 
@@ -57,7 +58,7 @@ impl Candidates {
     /// [`crate::Error::BadColumn`] when the kernel looks at a column that the inputs do not have.
     pub fn new(kernel: &Kernel, inputs: &Inputs) -> Result<Self> {
         let variance = kernel.diagonal(inputs)?;
-        Ok(Self { gram: kernel.gram(inputs)?, floor: vec![0.0; variance.len()], variance, jitter: 0.0 })
+        Ok(Self { gram: kernel.gram(inputs)?, floor: vec![0.0; variance.len()], variance, told: 0, jitter: 0.0 })
     }
 
     /// Candidates given f at `known` points, so that no choice is spent on what those already tell. O(N²M).
@@ -99,20 +100,19 @@ impl Candidates {
         same_size("variances, one per candidate", inputs.len(), variance.len())?;
         let (_, gram) = public.joint(inputs)?;
         let prior_variance = public.prior().kernel().diagonal(inputs)?;
-        Ok(Self { gram, variance: prior_variance, floor: variance.to_vec(), jitter: public.jitter() })
+        let (floor, told) = (variance.to_vec(), public.len());
+        Ok(Self { gram, variance: prior_variance, floor, told, jitter: public.jitter() })
     }
 
-    /// Tells `public` a summary, too, and the candidates what it now explains of their covariance. `public` and `inputs` are those
-    /// that the candidates were made for. O(n²N + N²M) for M points on top of n.
+    /// Takes in what the `public` of [`Candidates::towards`] was told since. `inputs` are those of the candidates, none of which
+    /// was conditioned on. O(n²N + N²m) for m of its n points that are new.
     ///
     /// # Errors
-    /// As [`Posterior::absorb_summaries`] and [`Posterior::latent`].
-    pub fn tell(&mut self, public: &mut Posterior, summary: &Summary, inputs: &Inputs) -> Result<()> {
+    /// [`Error::SizeMismatch`] for another number of inputs, and as [`Posterior::latent`].
+    pub fn follow(&mut self, public: &Posterior, inputs: &Inputs) -> Result<()> {
         same_size("inputs, one per candidate", self.len(), inputs.len())?;
-        let before = public.len();
-        public.absorb_summaries(&[summary])?;
-        public.take_explained(inputs, before, &mut self.gram)?;
-        self.jitter = self.jitter.max(public.jitter());
+        public.take_explained(inputs, self.told, &mut self.gram)?;
+        (self.told, self.jitter) = (public.len(), public.jitter());
         Ok(())
     }
 

@@ -276,6 +276,9 @@ impl Posterior {
 
     /// Takes from the covariance of f at `inputs` what the rows of the support from `first` on explain, given those before.
     pub(crate) fn take_explained(&self, inputs: &Inputs, first: usize, covariance: &mut Matrix) -> Result<()> {
+        if first == self.len() {
+            return Ok(());
+        }
         let mut features = self.features(inputs)?;
         self.explain(&mut features);
         let new = features.t().subcols(first, self.len() - first);

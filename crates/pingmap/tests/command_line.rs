@@ -19,18 +19,32 @@ fn demo_prints_scores_and_writes_a_report_from_any_folder() {
     }
     let report = folder.path().join("pingmap-report");
     let page = std::fs::read_to_string(report.join("index.html")).unwrap();
-    // Whether points are still worth a frame when all events were told is a matter of the last digits.
+    // Three maps, what was heard, whether probabilities mean what they say; and points, if any are left when all events were told,
+    // which is a matter of the last digits.
     let has_points = page.contains("Every arrow is an inducing point");
     assert_eq!(has_points, !page.contains("event by event; no inducing points"));
-    let figures = 5 + usize::from(has_points);
-    assert_eq!(
-        page.matches("<svg").count(),
-        figures,
-        "three maps, what was heard, whether probabilities mean what they say"
-    );
+    assert_eq!(has_points, report.join("packets.png").exists());
+    assert_eq!(page.matches("<svg").count(), 5 + usize::from(has_points));
     assert!(page.contains("</html>") && page.contains("probability of success"));
     assert!(!page.contains("src=\""), "the page needs nothing beside it");
     assert!(std::fs::read(report.join("map.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn a_report_draws_the_points_that_were_sent() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 120));
+    let output = pingmap(folder.path(), &["replay", "events.csv", "--frames", "1", "--report", "report"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let report = folder.path().join("report");
+    let page = std::fs::read_to_string(report.join("index.html")).unwrap();
+    assert_eq!(
+        page.matches("<svg").count(),
+        5,
+        "two maps, what was heard, what was sent, whether probabilities mean what they say"
+    );
+    assert!(page.contains("Every arrow is an inducing point") && !page.contains("no inducing points"));
+    assert!(std::fs::read(report.join("packets.png")).unwrap().starts_with(b"\x89PNG"));
 }
 
 #[test]

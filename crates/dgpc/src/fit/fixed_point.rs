@@ -17,7 +17,8 @@ pub(crate) trait Engine {
     /// E that depend on the covariance.
     fn pass(&mut self, omega: &[f64], shift: &[f64], mean: &mut [f64], variance: &mut [f64]) -> Result<f64>;
 
-    /// Where Newton's method goes from the last pass, in ln c of the events; none where it is not worth its price.
+    /// Where Newton's method goes from the last pass, in ln c of the events; none where it is not worth its
+    /// price, or where rounding spoils it.
     fn newton(&mut self, _pass: &Pass<'_>, _log_tilts: &[f64]) -> Option<Vec<f64>> {
         None
     }
@@ -80,7 +81,7 @@ pub(crate) fn iterate(
 ) -> Result<(MeanField, Vec<f64>)> {
     options.check(likelihood.events())?;
     let mut pass = Pass::new(prior, likelihood, options)?;
-    // The iteration runs in ln c, where acceleration cannot leave the domain.
+    // The iteration runs in ln c, where no step leaves the domain.
     let mut log_tilts: Vec<f64> = pass.tilts.iter().map(|tilt| tilt.max(TILT_MIN).ln()).collect();
     let mut plain_step = log_tilts.clone();
     let mut anderson = Anderson::new();
@@ -88,21 +89,17 @@ pub(crate) fn iterate(
     let (mut change, mut iterations) = (f64::INFINITY, 0);
     while iterations < options.iterations_max && change > options.tolerance {
         iterations += 1;
-        // The last iteration takes the plain step: nothing could take an accelerated one back any more.
-        if iterations == options.iterations_max {
-            log_tilts.copy_from_slice(&plain_step);
-        }
-        let is_accelerated = log_tilts != plain_step;
+        let is_plain = log_tilts == plain_step;
         pass.set_sites(&log_tilts);
         let covariance_terms = engine.pass(&pass.omega, &pass.shift, &mut pass.mean, &mut pass.variance);
         evidence = match covariance_terms {
-            Err(_) if is_accelerated => f64::NAN,
+            Err(_) if !is_plain => f64::NAN,
             terms => terms? + pass.sum_terms(),
         };
         change = pass.set_images();
-        // Plain steps never lower E. An accelerated one that did, or that overflowed, is taken back for the plain one,
-        // and acceleration starts anew.
-        if is_accelerated && (evidence.is_nan() || evidence < best - 1e-10 * best.abs()) {
+        // Plain steps never lower E. Another one that did, or that overflowed, is taken back for the plain one, and
+        // acceleration starts anew.
+        if !is_plain && (evidence.is_nan() || evidence < best - 1e-10 * best.abs()) {
             log_tilts.copy_from_slice(&plain_step);
             anderson.restart();
             change = f64::INFINITY;
@@ -110,13 +107,10 @@ pub(crate) fn iterate(
         }
         best = best.max(finite("evidence bound", evidence)?);
         plain_step.copy_from_slice(&pass.images);
-        if change <= options.tolerance {
-            break;
-        }
-        log_tilts = match engine.newton(&pass, &log_tilts) {
-            Some(step) => step,
-            None => anderson.propose(&log_tilts, &pass.images),
-        };
+        // The last iteration takes the plain step: nothing could take another one back any more.
+        let goes_on = change > options.tolerance && iterations + 1 < options.iterations_max;
+        let step = if goes_on { engine.newton(&pass, &log_tilts) } else { Some(plain_step.clone()) };
+        log_tilts = step.unwrap_or_else(|| anderson.propose(&log_tilts, &pass.images));
     }
     let (residual, jitter) = (engine.residual(likelihood.events()), engine.jitter());
     let converged = change <= options.tolerance;

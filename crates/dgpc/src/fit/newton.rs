@@ -10,8 +10,8 @@ const OMEGA_MIN: f64 = 1e-8;
 /// Directions that conjugate gradients go, at most.
 const DIRECTIONS_MAX: usize = 30;
 
-/// What remains of the residual, as a share, when the system counts as solved: as much as the largest entry of the residual, so
-/// that errors go down with their squares, but no less and no more than this.
+/// What remains of the right-hand side, as a share, when the system counts as solved: as much as its largest entry, which for
+/// ordinary weights and tilts is about the residual in ln c, so that errors go down with their squares; but no less and no more than this.
 const SHARES: (f64, f64) = (1e-5, 1e-2);
 
 /// A pass, and how its images would change with its tilts.
@@ -29,8 +29,8 @@ pub(super) struct Newton<'a> {
 }
 
 impl Newton<'_> {
-    /// Where ln c and its image meet if the image is linear; none where it is so far from linear that they nowhere do. O(N²) a
-    /// direction, of which there are a handful.
+    /// Where ln c and its image meet if the image is linear; none where rounding spoils that. O(N²) a direction, of which there are a
+    /// handful.
     pub(super) fn step(&self) -> Option<Vec<f64>> {
         let (log_tilts, Pass { weights, tilts, images, .. }) = (self.log_tilts, self.pass);
         let of_events = |entry: &dyn Fn(usize) -> f64| (0..log_tilts.len()).map(entry).collect::<Vec<f64>>();
@@ -50,7 +50,8 @@ impl Newton<'_> {
     }
 }
 
-/// x with x − Ax = target for a symmetric A, or as far as conjugate gradients come before I − A is not positive definite.
+/// x with x − SASx = target, by conjugate gradients; none where rounding spoils it. I − SAS has no eigenvalue below the least
+/// c/sinh c, because Σ ⪯ Ω⁻¹.
 fn conjugate_gradients(times: impl Fn(&[f64]) -> Vec<f64>, target: &[f64]) -> Option<Vec<f64>> {
     let largest = target.iter().fold(0.0, |largest: f64, entry| largest.max(entry.abs()));
     let enough = largest.clamp(SHARES.0, SHARES.1).powi(2) * squared_norm(target);
@@ -64,7 +65,7 @@ fn conjugate_gradients(times: impl Fn(&[f64]) -> Vec<f64>, target: &[f64]) -> Op
         taken.iter_mut().zip(&direction).for_each(|(taken, direction)| *taken = direction - *taken);
         let curvature = dot(&direction, &taken);
         if curvature.is_nan() || curvature <= 0.0 {
-            break;
+            return None;
         }
         add_scaled(size / curvature, &direction, &mut x);
         add_scaled(-size / curvature, &taken, &mut left);

@@ -105,9 +105,10 @@ impl Engine for Sparse<'_> {
         let mut inverse = Matrix::zeros(points, points);
         self.cholesky.invert_lower(&mut inverse);
         let mut explained = Matrix::zeros(points, points);
-        lower_gram(&inverse, &mut explained);
-        explained.negate();
+        let mut left = Matrix::zeros(points, points);
+        lower_gram(&inverse, &mut left);
         explained.add_to_diagonal(1.0);
+        explained.add_scaled(-1.0, &left);
         // ∂E/∂K_MM = −½γγᵀ + ½L⁻ᵀ(C − Ĝ)L⁻¹.
         let mut gamma = self.weights.clone();
         self.features.cholesky.solve_upper(&mut gamma);

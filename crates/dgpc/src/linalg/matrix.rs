@@ -115,11 +115,6 @@ impl Matrix {
         self.0.resize_with(size, size, entry);
     }
 
-    /// Turns the sign of every entry.
-    pub(crate) fn negate(&mut self) {
-        (0..self.columns()).for_each(|column| self.column_mut(column).iter_mut().for_each(|entry| *entry = -*entry));
-    }
-
     /// Adds `other`, entry by entry, `factor` times.
     pub(crate) fn add_scaled(&mut self, factor: f64, other: &Matrix) {
         for column in 0..self.columns() {

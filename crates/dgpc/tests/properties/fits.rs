@@ -153,7 +153,7 @@ proptest! {
     }
 }
 
-/// Under a prior that is sure of nothing, acceleration goes astray every few steps. What comes back after any number of
+/// Under a prior that is sure of nothing, steps other than plain ones go astray every few passes. What comes back after any number of
 /// iterations is a step that was accepted.
 #[test]
 fn every_number_of_iterations_returns_an_accepted_step() {
