@@ -60,5 +60,5 @@ pub fn predictions(size: usize) -> Box<dyn FnMut() -> f64> {
     let (prior, test) = (truth(), synthetic(10_000));
     let fitted = fit(&prior, &synthetic(size), &FitOptions::default()).expect("a fit");
     let posterior = Posterior::of_sites(&prior, fitted.sites()).expect("a posterior");
-    Box::new(move || loss(&posterior.probability(test.inputs()).expect("places that fit"), &test))
+    Box::new(move || loss(&posterior.latent_in_bulk(test.inputs()).expect("places that fit").probability(), &test))
 }

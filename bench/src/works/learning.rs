@@ -9,11 +9,11 @@ pub fn dense() -> Box<dyn FnMut() -> f64> {
     learned_from(1000, LearnOptions::default())
 }
 
-/// From 100 000 events, on 150 inducing points, which stay where they are: others move 100. The search looks at 4000 of the
+/// From 100 000 events, on 175 inducing points, which stay where they are: others move 100. The search looks at 4000 of the
 /// events.
 pub fn sparse() -> Box<dyn FnMut() -> f64> {
     let mut options = LearnOptions::default();
-    options.inducing_points_max = 150;
+    options.inducing_points_max = 175;
     learned_from(100_000, options)
 }
 

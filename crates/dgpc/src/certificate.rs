@@ -1,8 +1,8 @@
 //! How far a sparse posterior is from the full one: bounds on the log evidence given ω, and the KL certificate (section
 //! 4 of [`crate::method`]).
 
+use crate::cross::{Cross, Sums, condense, residual};
 use crate::error::{Result, finite};
-use crate::features::Features;
 use crate::inputs::Inputs;
 use crate::linalg::{Cholesky, Matrix, fill_scaled, squared_norm};
 use crate::prior::Prior;
@@ -40,16 +40,18 @@ impl Certificate {
     /// [`crate::Error::BadColumn`] when the prior needs columns that inputs do not have, [`crate::Error::NotFinite`]
     /// when numbers near the end of the range overflow.
     pub fn new(prior: &Prior, sites: &Sites, inducing_points: &Inputs) -> Result<Self> {
-        let features = Features::new(prior, sites.inputs(), inducing_points)?;
+        let points = Cholesky::with_jitter("K_MM", &prior.kernel().gram(inducing_points)?)?;
+        let cross = Cross::new(prior.kernel(), inducing_points, sites.inputs())?.kept()?;
+        let residual = residual(&cross, &points)?;
         let shift = sites.shift(prior.mean())?;
-        let trace: f64 = features.residual.iter().sum();
+        let trace: f64 = residual.iter().sum();
         let omega = sites.omega();
         let largest = omega.iter().copied().fold(0.0, f64::max);
         let smallest = omega.iter().copied().fold(f64::INFINITY, f64::min);
 
-        let (half_log, fit) = gaussian_terms(&features, omega, &shift, 0.0)?;
-        let (_, slack_fit) = gaussian_terms(&features, omega, &shift, trace)?;
-        let weighted_trace: f64 = omega.iter().zip(&features.residual).map(|(omega, residual)| omega * residual).sum();
+        let (half_log, fit) = gaussian_terms((&cross, &points), omega, &shift, 0.0)?;
+        let (_, slack_fit) = gaussian_terms((&cross, &points), omega, &shift, trace)?;
+        let weighted_trace: f64 = omega.iter().zip(&residual).map(|(omega, residual)| omega * residual).sum();
         let lower = -half_log - 0.5 * fit - 0.5 * weighted_trace;
         let upper = -half_log - 0.5 * slack_fit;
 
@@ -58,7 +60,7 @@ impl Certificate {
         let closed_form = 0.5 * spread + 0.5 * spread * largest * target / (1.0 + spread);
         let paper_closed_form =
             if sites.is_empty() { 0.0 } else { 0.5 * spread + 0.5 * squared_norm(&shift) / smallest };
-        let jitter = features.cholesky.jitter();
+        let jitter = points.jitter();
         let bounds = [trace, lower, upper, closed_form, paper_closed_form];
         bounds.into_iter().try_for_each(|bound| finite("bound of a certificate", bound).map(drop))?;
         Ok(Self { trace, lower, upper, gap: (upper - lower).max(0.0), closed_form, paper_closed_form, jitter })
@@ -73,16 +75,18 @@ impl Certificate {
 }
 
 /// ½ ln|A| for A = Ω⁻¹ + Q, and cᵀ(A + pI)⁻¹c for p = `slack`, both by Woodbury in O(NM²).
-fn gaussian_terms(features: &Features, omega: &[f64], shift: &[f64], slack: f64) -> Result<(f64, f64)> {
+fn gaussian_terms(
+    (cross, points): (&Cross<'_>, &Cholesky),
+    omega: &[f64],
+    shift: &[f64],
+    slack: f64,
+) -> Result<(f64, f64)> {
     // Ω_p = (Ω⁻¹ + pI)⁻¹ and Ω_p c, written so that p = 0 changes nothing.
     let damped: Vec<f64> = omega.iter().map(|omega| omega / (1.0 + slack * omega)).collect();
     let target: Vec<f64> = shift.iter().zip(omega).map(|(shift, omega)| shift / (1.0 + slack * omega)).collect();
-    let points = features.by_event.rows();
-    let mut system = Matrix::zeros(points, points);
-    features.precision(&damped, &mut system);
-    system.add_to_diagonal(1.0);
-    let cholesky = Cholesky::new("I + ΦᵀΩΦ", system)?;
-    let mut explained = features.by_event.times(&target);
+    let Sums { mut precision, shift: mut explained } = condense(cross, points, &damped, &target)?;
+    precision.add_to_diagonal(1.0);
+    let cholesky = Cholesky::new("I + ΦᵀΩΦ", precision)?;
     cholesky.solve_lower(&mut explained);
     let whole: f64 = shift.iter().zip(omega).zip(&target).map(|((shift, omega), target)| shift / omega * target).sum();
     let log_omega: f64 = omega.iter().map(|omega| omega.ln()).sum();

@@ -1,12 +1,12 @@
 //! From latent mean and variance to the probability of success (section 6 of [`crate::method`]).
 
+use std::ops::Range;
+
 use crate::error::{Result, all_finite};
 use crate::inputs::Inputs;
+use crate::parts::{BLOCK, blocks, on_parts, parts};
 use crate::prior::Prior;
 use crate::special::{logistic, normal_cdf};
-
-/// Points that one block of predictions takes, so that memory stays bounded for any number of points.
-const BLOCK: usize = 512;
 
 /// The latent function at some points: mean and variance of each.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,19 +18,31 @@ pub struct Latent {
 }
 
 impl Latent {
-    /// The prior's moments at every point, to which `learned` adds what is known: it is given some points, their means
-    /// and their variances. Variances that rounding made negative become 0, and all numbers are checked to be finite.
+    /// The prior's moments at every point, to which `learned` adds what is known: it is given a block of points, their means
+    /// and their variances, and takes `work_each` multiply-adds a point. Variances that rounding made negative become 0, and all
+    /// numbers are checked to be finite.
     pub(crate) fn in_blocks(
         prior: &Prior,
         inputs: &Inputs,
-        mut learned: impl FnMut(&Inputs, &mut [f64], &mut [f64]) -> Result<()>,
+        work_each: usize,
+        learned: impl Fn(&Inputs, &mut [f64], &mut [f64]) -> Result<()> + Send + Sync,
     ) -> Result<Self> {
         let mut mean = prior.mean().values(inputs)?;
         let mut variance = prior.kernel().diagonal(inputs)?;
-        for first in (0..inputs.len()).step_by(BLOCK) {
-            let block = first..inputs.len().min(first + BLOCK);
-            learned(&inputs.slice(block.clone()), &mut mean[block.clone()], &mut variance[block])?;
+        let (mut means, mut variances, mut shares) = (mean.as_mut_slice(), variance.as_mut_slice(), Vec::new());
+        for part in parts(inputs.len(), work_each) {
+            let (own_means, other_means) = means.split_at_mut(part.len());
+            let (own_variances, other_variances) = variances.split_at_mut(part.len());
+            shares.push((part, own_means, own_variances));
+            (means, variances) = (other_means, other_variances);
         }
+        let on_part = |(part, means, variances): (Range<usize>, &mut [f64], &mut [f64])| -> Result<()> {
+            let moments = means.chunks_mut(BLOCK).zip(variances.chunks_mut(BLOCK));
+            blocks(part)
+                .zip(moments)
+                .try_for_each(|(block, (mean, variance))| learned(&inputs.slice(block), mean, variance))
+        };
+        on_parts(shares, on_part).into_iter().collect::<Result<()>>()?;
         variance.iter_mut().for_each(|variance| *variance = clipped(*variance));
         all_finite("latent mean", &mean)?;
         all_finite("latent variance", &variance)?;

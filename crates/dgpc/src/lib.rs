@@ -82,6 +82,7 @@
 //! # Features
 //!
 //! * `learn` (default): learning a prior. Without it the crate pulls no optimiser.
+//! * `parallel`: large sparse fits use all threads of `rayon`'s pool. Results are the same to the bit without it.
 //! * `serde`: priors, kernels, summaries and factors can be written down, and are checked when they are read back.
 
 #![forbid(unsafe_code)]
@@ -91,6 +92,7 @@ mod error;
 mod special;
 mod linalg;
 mod inputs;
+mod parts;
 mod parameter;
 mod kernel;
 mod prior_mean;
@@ -99,7 +101,7 @@ mod observations;
 mod sites;
 pub mod polya_gamma;
 mod latent;
-mod features;
+mod cross;
 mod factor;
 mod summary;
 mod unwhitened;

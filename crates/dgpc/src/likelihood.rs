@@ -1,5 +1,7 @@
 //! What a fit learns from: events of one's own, and the messages of others (section 7 of [`crate::method`]).
 
+use std::borrow::Cow;
+
 use crate::error::{Result, same_size};
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
@@ -24,7 +26,7 @@ pub(crate) struct Likelihood<'a> {
     /// R⁻¹η of all messages.
     shift: Vec<f64>,
     /// Events' inputs, then `points`.
-    support: Inputs,
+    support: Cow<'a, Inputs>,
 }
 
 impl<'a> Likelihood<'a> {
@@ -47,8 +49,10 @@ impl<'a> Likelihood<'a> {
             shift.extend(whitened.iter().zip(&offset).map(|(shift, offset)| shift + offset));
             roots.push(root);
         }
-        let mut support = observations.inputs().clone();
-        support.append(&points)?;
+        let mut support = Cow::Borrowed(observations.inputs());
+        if !points.is_empty() {
+            support.to_mut().append(&points)?;
+        }
         Ok(Self { observations, points, roots, shift, support })
     }
 
@@ -89,20 +93,16 @@ impl<'a> Likelihood<'a> {
         Ok(gram)
     }
 
-    /// Prior covariance of `points` against everything observed, M×n.
-    pub(crate) fn cross(&self, kernel: &Kernel, points: &Inputs) -> Result<Matrix> {
-        let mut cross = kernel.cross(points, &self.support)?;
-        if self.has_messages() {
-            let mut messages = cross.last_columns(self.points.len()).transposed();
-            self.compress_rows(&mut messages, 0);
-            cross.set_last_columns(&messages.transposed());
-        }
-        Ok(cross)
+    /// Prior covariance of `points` against what messages observed, M×m.
+    pub(crate) fn message_cross(&self, kernel: &Kernel, points: &Inputs) -> Result<Matrix> {
+        let mut cross = kernel.cross(&self.points, points)?;
+        self.compress_rows(&mut cross, 0);
+        Ok(cross.transposed())
     }
 
-    /// Prior variance of everything observed, n.
-    pub(crate) fn diagonal(&self, kernel: &Kernel) -> Result<Vec<f64>> {
-        let mut diagonal = kernel.diagonal(self.observations.inputs())?;
+    /// Prior variance of what messages observed, m.
+    pub(crate) fn message_diagonal(&self, kernel: &Kernel) -> Result<Vec<f64>> {
+        let mut diagonal = Vec::with_capacity(self.points.len());
         for (root, first) in self.blocks(0) {
             let gram = kernel.gram(&self.points.slice(first..first + root.rows()))?;
             let half = product(gram.view(), root.view());
@@ -132,15 +132,14 @@ impl<'a> Likelihood<'a> {
         kernel.gram_gradient(&self.support, weights)
     }
 
-    /// Gradient by the kernel's parameters, from the derivative by the last columns of [`Likelihood::cross`], those of
-    /// the messages.
+    /// Gradient by the kernel's parameters, from the derivative by [`Likelihood::message_cross`].
     pub(crate) fn message_cross_gradient(&self, kernel: &Kernel, points: &Inputs, weights: &Matrix) -> Vec<f64> {
         let mut weights = weights.transposed();
         self.expand_rows(&mut weights, 0);
         kernel.cross_gradient(points, &self.points, &weights.transposed())
     }
 
-    /// Gradient by the kernel's parameters of `factor` · Σ of [`Likelihood::diagonal`] over the messages.
+    /// Gradient by the kernel's parameters of `factor` · Σ of [`Likelihood::message_diagonal`].
     pub(crate) fn message_diagonal_gradient(&self, kernel: &Kernel, factor: f64) -> Vec<f64> {
         let mut gradient = vec![0.0; kernel.parameter_count()];
         for (root, first) in self.blocks(0) {

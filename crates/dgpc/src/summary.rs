@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
+use crate::cross::{Cross, condense};
 use crate::error::{Error, Result, all_finite, same_size};
 use crate::factor::Factor;
-use crate::features::Features;
 use crate::inputs::Inputs;
 use crate::linalg::{Cholesky, Matrix, fill_scaled, product, semidefinite_root, symmetric_eigen};
 use crate::prior::Prior;
@@ -76,15 +76,16 @@ impl Summary {
         if sites.is_empty() {
             return Ok(summary);
         }
-        let features = Features::of_inputs(prior, sites.inputs(), inducing_points, summary.cholesky.clone())?;
+        let mut features = prior.kernel().cross(inducing_points, sites.inputs())?;
+        summary.cholesky.solve_lower_matrix(&mut features);
         // K̃ = K_NN − ΦΦᵀ; B = I + Ω^½K̃Ω^½ = L_bL_bᵀ; V = L_b⁻¹Ω^½Φ.
         let mut residual = prior.kernel().gram(sites.inputs())?;
-        residual.add_scaled(-1.0, &product(features.by_event.t(), features.by_event.view()));
+        residual.add_scaled(-1.0, &product(features.t(), features.view()));
         let roots: Vec<f64> = sites.omega().iter().map(|omega| omega.sqrt()).collect();
         let mut b = Matrix::zeros(sites.len(), sites.len());
         fill_scaled(&mut b, &residual, &roots);
         let b = Cholesky::new("I + Ω^½K̃Ω^½", b)?;
-        let mut v = Matrix::from_fn(sites.len(), inducing_points.len(), |n, m| roots[n] * features.by_event[(m, n)]);
+        let mut v = Matrix::from_fn(sites.len(), inducing_points.len(), |n, m| roots[n] * features[(m, n)]);
         b.solve_lower_matrix(&mut v);
         let mut target: Vec<f64> =
             sites.shift(prior.mean())?.iter().zip(&roots).map(|(shift, root)| shift / root).collect();
@@ -144,12 +145,9 @@ impl Summary {
         if sites.is_empty() || self.is_empty() {
             return Ok(());
         }
-        let cholesky = self.cholesky.clone();
-        let features = Features::of_inputs(&self.prior, sites.inputs(), &self.inducing_points, cholesky)?;
-        let mut precision = Matrix::zeros(self.len(), self.len());
-        features.precision(sites.omega(), &mut precision);
-        let shift = features.by_event.times(&sites.shift(self.prior.mean())?);
-        self.add(factor, &precision, &shift);
+        let cross = Cross::new(self.prior.kernel(), &self.inducing_points, sites.inputs())?;
+        let said = condense(&cross, &self.cholesky, sites.omega(), &sites.shift(self.prior.mean())?)?;
+        self.add(factor, &said.precision, &said.shift);
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! What all events but one say about that one, without a second fit (section 7 of [`crate::method`]).
 
-use super::fixed_point::MeanField;
+use super::mean_field::MeanField;
 use crate::latent::success_probability;
 use crate::polya_gamma;
 use crate::special::ln_2_cosh;

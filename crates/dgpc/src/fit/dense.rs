@@ -1,7 +1,7 @@
 //! The full Gaussian posterior of a mean field, and how its evidence bound changes with the prior (sections 2 and 7 of
 //! [`crate::method`]).
 
-use super::fixed_point::{Engine, Pass};
+use super::fixed_point::Pass;
 use super::newton::Newton;
 use crate::error::Result;
 use crate::likelihood::Likelihood;
@@ -47,10 +47,10 @@ impl Dense {
         self.cholesky.solve_lower(&mut column);
         (prior - squared_norm(&column)).max(0.0)
     }
-}
 
-impl Engine for Dense {
-    fn pass(&mut self, omega: &[f64], shift: &[f64], mean: &mut [f64], variance: &mut [f64]) -> Result<f64> {
+    /// Writes the posterior mean about the prior mean and the variance of everything observed, and returns the terms of
+    /// E that depend on the covariance.
+    pub(super) fn pass(&mut self, omega: &[f64], shift: &[f64], mean: &mut [f64], variance: &mut [f64]) -> Result<f64> {
         self.roots.iter_mut().zip(omega).for_each(|(root, omega)| *root = omega.sqrt());
         let (gram, roots) = (&self.gram, &self.roots);
         self.cholesky.refactorise("I + Ω^½KΩ^½", &mut self.scratch, |b| fill_scaled(b, gram, roots))?;
@@ -67,32 +67,23 @@ impl Engine for Dense {
         Ok(0.5 * dot(mean, shift) - 0.5 * self.cholesky.log_determinant())
     }
 
-    fn newton(&mut self, pass: &Pass<'_>, log_tilts: &[f64]) -> Option<Vec<f64>> {
+    /// Where Newton's method goes from the last pass, in ln c of the events; none where rounding spoils it.
+    pub(super) fn newton(&mut self, pass: &Pass<'_>, log_tilts: &[f64]) -> Option<Vec<f64>> {
         lower_gram(&self.factor_inverse, &mut self.inverse);
         Newton { inverse: &self.inverse, roots: &self.roots, pass, log_tilts }.step()
     }
 
-    fn kernel_gradient(&mut self, prior: &Prior, likelihood: &Likelihood<'_>, _: &[f64]) -> Vec<f64> {
-        // ∂E/∂K = ½(ααᵀ − Ω^½B⁻¹Ω^½), written over B⁻¹.
+    /// ∂E/∂(log parameters of the kernel, parameters of the prior mean) at the ω and shift of the last pass.
+    pub(super) fn gradient(&mut self, prior: &Prior, likelihood: &Likelihood<'_>) -> Vec<f64> {
+        // ∂E/∂K = ½(ααᵀ − Ω^½B⁻¹Ω^½), written over B⁻¹; ∂E/∂μ₀ = α.
         lower_gram(&self.factor_inverse, &mut self.inverse);
         for column in 0..self.alpha.len() {
             let (alpha, root) = (0.5 * self.alpha[column], -0.5 * self.roots[column]);
             let rows = self.inverse.column_mut(column).iter_mut().zip(&self.alpha).zip(&self.roots);
             rows.for_each(|((entry, row_alpha), row_root)| *entry = alpha * row_alpha + root * row_root * *entry);
         }
-        likelihood.gram_gradient(prior.kernel(), &mut self.inverse)
-    }
-
-    fn alpha(&self) -> &[f64] {
-        &self.alpha
-    }
-
-    fn residual(&self, events: usize) -> Vec<f64> {
-        vec![0.0; events]
-    }
-
-    fn jitter(&self) -> f64 {
-        // Nothing but I + Ω^½KΩ^½ is factorised.
-        0.0
+        let mut gradient = likelihood.gram_gradient(prior.kernel(), &mut self.inverse);
+        gradient.extend(likelihood.mean_gradient(prior.mean(), &self.alpha));
+        gradient
     }
 }

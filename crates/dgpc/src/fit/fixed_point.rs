@@ -1,84 +1,23 @@
-//! The fixed point of the mean field: an iteration over ω that knows two kinds of Gaussian posterior by their trait
-//! alone (sections 2 and 7 of [`crate::method`]).
+//! The fixed point of a dense mean field: an iteration over its tilts (section 2 of [`crate::method`]).
 
 use super::anderson::Anderson;
+use super::dense::Dense;
+use super::mean_field::{MeanField, TILT_MIN};
 use super::options::FitOptions;
 use crate::error::{Result, finite};
 use crate::likelihood::Likelihood;
-use crate::linalg::Matrix;
 use crate::polya_gamma;
 use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::special::ln_2_cosh;
 
-/// A Gaussian posterior that can be updated for other ω.
-pub(crate) trait Engine {
-    /// Writes the posterior mean about the prior mean and the variance of everything observed, and returns the terms of
-    /// E that depend on the covariance.
-    fn pass(&mut self, omega: &[f64], shift: &[f64], mean: &mut [f64], variance: &mut [f64]) -> Result<f64>;
-
-    /// Where Newton's method goes from the last pass, in ln c of the events; none where it is not worth its
-    /// price, or where rounding spoils it.
-    fn newton(&mut self, _pass: &Pass<'_>, _log_tilts: &[f64]) -> Option<Vec<f64>> {
-        None
-    }
-
-    /// ∂E/∂(log parameters of the kernel) at the ω and shift of the last pass.
-    fn kernel_gradient(&mut self, prior: &Prior, likelihood: &Likelihood<'_>, omega: &[f64]) -> Vec<f64>;
-
-    /// α = κ̃ − Ωδ of the last pass, which is ∂E/∂μ₀ of everything observed.
-    fn alpha(&self) -> &[f64];
-
-    /// Prior variance of the first `events` that no pass can explain.
-    fn residual(&self, events: usize) -> Vec<f64>;
-
-    /// What was added to the diagonal of K_MM.
-    fn jitter(&self) -> f64;
-
-    /// Ĝ and b̂ of everything observed in the last pass, at inducing points.
-    fn condensed(&self) -> Option<(Matrix, Vec<f64>)> {
-        None
-    }
-}
-
-/// Where the iteration ended. One entry per event in every list.
-#[derive(Debug, Clone)]
-pub(crate) struct MeanField {
-    /// At the mean ω̄ = tanh(c/2)/(2c).
-    pub(crate) sites: Sites,
-    /// Posterior means of f at the events.
-    pub(crate) mean: Vec<f64>,
-    /// Posterior variances of f at the events.
-    pub(crate) variance: Vec<f64>,
-    /// The part of `variance` that inducing points leave unexplained; zeros without any.
-    pub(crate) residual: Vec<f64>,
-    /// c_n = √E\[f_n²\] that ω̄ was computed from.
-    pub(crate) tilts: Vec<f64>,
-    /// E, in nats.
-    pub(crate) evidence: f64,
-    pub(crate) iterations: usize,
-    /// Largest change of a tilt in the last iteration.
-    pub(crate) change: f64,
-    /// Whether `change` came below the tolerance.
-    pub(crate) converged: bool,
-    /// What was added to the diagonal of K_MM.
-    pub(crate) jitter: f64,
-    /// Weights of the events.
-    pub(crate) weights: Vec<f64>,
-    /// What a sparse fit without messages says of its events at its inducing points: Ĝ and b̂.
-    pub(crate) condensed: Option<(Matrix, Vec<f64>)>,
-}
-
-/// Tilts below this are this: ω̄ differs from its limit ¼ by less than rounding.
-const TILT_MIN: f64 = 1e-9;
-
-/// The fixed point c_n² = E_q\[f_n²\], and ω of everything observed. When it returns, the engine holds the same pass.
-pub(crate) fn iterate(
-    engine: &mut impl Engine,
+/// The fixed point c_n² = E_q\[f_n²\]. When it returns, the engine holds the same pass.
+pub(super) fn iterate(
+    engine: &mut Dense,
     prior: &Prior,
     likelihood: &Likelihood<'_>,
     options: &FitOptions<'_>,
-) -> Result<(MeanField, Vec<f64>)> {
+) -> Result<MeanField> {
     options.check(likelihood.events())?;
     let mut pass = Pass::new(prior, likelihood, options)?;
     // The iteration runs in ln c, where no step leaves the domain.
@@ -112,30 +51,27 @@ pub(crate) fn iterate(
         let step = if goes_on { engine.newton(&pass, &log_tilts) } else { Some(plain_step.clone()) };
         log_tilts = step.unwrap_or_else(|| anderson.propose(&log_tilts, &pass.images));
     }
-    let (residual, jitter) = (engine.residual(likelihood.events()), engine.jitter());
     let converged = change <= options.tolerance;
-    let Pass { omega, mut mean, mut variance, tilts, .. } = pass;
+    let Pass { mut omega, mut mean, mut variance, tilts, .. } = pass;
     let events = likelihood.events();
-    let sites = Sites::new(likelihood.observations, omega[..events].to_vec())?;
+    omega.truncate(events);
     mean.truncate(events);
     variance.truncate(events);
-    let weights = likelihood.observations.weights().to_vec();
-    let condensed = if likelihood.has_messages() { None } else { engine.condensed() };
-    let found = MeanField {
-        sites,
+    Ok(MeanField {
+        sites: Sites::new(likelihood.observations, omega)?,
         mean,
         variance,
-        residual,
+        residual: vec![0.0; events],
         tilts,
         evidence,
         iterations,
         change,
         converged,
-        jitter,
-        weights,
-        condensed,
-    };
-    Ok((found, omega))
+        // Nothing but I + Ω^½KΩ^½ is factorised.
+        jitter: 0.0,
+        weights: likelihood.observations.weights().to_vec(),
+        condensed: None,
+    })
 }
 
 /// What one pass of the iteration reads and writes: one entry per event in tilts and images, one for everything

@@ -5,17 +5,20 @@ mod anderson;
 mod cavity;
 mod dense;
 mod fixed_point;
+mod mean_field;
+mod natural;
 mod newton;
 mod options;
 mod propagation;
 mod single;
 mod solve;
 mod sparse;
+mod sparse_gradient;
 mod together;
 
 #[cfg(feature = "learn")]
 pub(crate) use cavity::corrected_evidence;
-pub(crate) use fixed_point::MeanField;
+pub(crate) use mean_field::MeanField;
 pub use options::FitOptions;
 pub use propagation::Propagated;
 pub use single::sites_given;
@@ -48,8 +51,8 @@ pub struct Fit {
 }
 
 /// Fits `observations` by mean field: the ω that make the evidence bound E largest, and the Gaussian posterior that
-/// goes with them. Dense, O(N³) an iteration and 4N² memory, or with [`FitOptions::inducing_points`] O(NM²) and NM
-/// memory, for N events and observations that messages stand for.
+/// goes with them. Dense, O(N³) an iteration and 4N² memory, or with [`FitOptions::inducing_points`] O(NM²) and O(N + M²)
+/// memory and 64 MB at most, for N events and observations that messages stand for.
 ///
 /// ```
 /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -93,8 +96,8 @@ impl Fit {
         Ok(Self { prior: prior.clone(), found, messages, condensed })
     }
 
-    /// The posterior that was fitted: of the events, and of the messages that the fit was given. At the events it has
-    /// [`Fit::mean`] and, of a dense fit, [`Fit::variance`]. O(n³) for n events of a dense fit or M inducing points of
+    /// The posterior that was fitted: of the events, and of the messages that the fit was given. At the events a dense one has
+    /// [`Fit::mean`] and [`Fit::variance`]; a sparse one has the means as nearly as the iteration came. O(n³) for n events of a dense fit or M inducing points of
     /// a sparse one, and the inducing points of the messages.
     ///
     /// # Errors

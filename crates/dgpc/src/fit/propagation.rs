@@ -1,7 +1,7 @@
 //! Expectation propagation: Gaussian sites as wide as the outcomes leave them (section 2 of [`crate::method`]).
 
 use super::dense::Dense;
-use super::fixed_point::{Engine, MeanField};
+use super::mean_field::MeanField;
 use super::sparse::Sparse;
 use super::together::put_together;
 use crate::error::Result;
@@ -83,8 +83,8 @@ pub(super) fn propagate(
     let outcomes = found.sites.kappa().iter().map(|&kappa| kappa > 0.0).collect();
     let observations = Observations::weighted(found.sites.inputs().clone(), outcomes, found.weights.clone())?;
     let likelihood = Likelihood::new(&observations, messages)?;
-    let mut run = Run::new(prior, found, &likelihood)?;
-    match inducing_points {
+    let mut run = Run::new();
+    let (omega, kappa) = match inducing_points {
         Some(points) => {
             let mut support = points.clone();
             // Those of messages that the fit was given are there.
@@ -93,82 +93,120 @@ pub(super) fn propagate(
                     support.append(&Inputs::new(point.to_vec(), point.len())?)?;
                 }
             }
-            run.iterate(&mut Sparse::new(prior, &likelihood, &support)?)?;
+            run.on_points(prior, found, &likelihood, &support)?
         }
-        None => run.iterate(&mut Dense::new(prior, &likelihood)?)?,
-    }
-    let Run { mut omega, mut kappa, iterations, change, .. } = run;
-    omega.truncate(observations.len());
-    kappa.truncate(observations.len());
+        None => run.on_events(prior, found, &likelihood)?,
+    };
     let sites = Sites::gaussian(observations.inputs().clone(), omega, kappa);
     let condensed = inducing_points.map(|points| Summary::variational(prior, &sites, points)).transpose()?;
     let messages = messages.iter().map(|&message| message.clone()).collect();
+    let Run { iterations, change, .. } = run;
     Ok(Propagated { prior: prior.clone(), sites, messages, condensed, iterations, change })
 }
 
-/// The sites under way: ω and κ of everything observed, of which those of messages stay as they are.
-struct Run<'a> {
-    observations: &'a Observations,
-    prior_mean: Vec<f64>,
-    omega: Vec<f64>,
-    kappa: Vec<f64>,
-    /// Moments of everything observed, about the prior mean.
-    mean: Vec<f64>,
-    variance: Vec<f64>,
+/// ω and κ of the events.
+type OmegaKappa = (Vec<f64>, Vec<f64>);
+
+/// The iteration under way.
+struct Run {
+    step: f64,
     iterations: usize,
     change: f64,
 }
 
-impl<'a> Run<'a> {
-    fn new(prior: &Prior, found: &MeanField, likelihood: &Likelihood<'a>) -> Result<Self> {
-        let size = likelihood.len();
-        let (mut omega, kappa) = (vec![1.0; size], likelihood.kappa());
-        omega[..likelihood.events()].copy_from_slice(found.sites.omega());
-        Ok(Self {
-            observations: likelihood.observations,
-            prior_mean: likelihood.prior_mean(prior.mean())?,
-            omega,
-            kappa,
-            mean: vec![0.0; size],
-            variance: vec![0.0; size],
-            iterations: 0,
-            change: f64::INFINITY,
-        })
+impl Run {
+    fn new() -> Self {
+        Self { step: STEP.0, iterations: 0, change: f64::INFINITY }
     }
 
-    fn iterate(&mut self, engine: &mut impl Engine) -> Result<()> {
-        let residual = engine.residual(self.observations.len());
-        let mut step = STEP.0;
-        while self.iterations < ITERATIONS_MAX && self.change > TOLERANCE {
-            self.iterations += 1;
-            let moved = self.kappa.iter().zip(&self.omega).zip(&self.prior_mean);
-            let shift: Vec<f64> = moved.map(|((kappa, omega), mean)| kappa - omega * mean).collect();
-            engine.pass(&self.omega, &shift, &mut self.mean, &mut self.variance)?;
-            let last = std::mem::take(&mut self.change);
-            residual.iter().enumerate().for_each(|(n, &residual)| self.move_site(n, residual, step));
-            // All sites move at once, and may move too far.
-            if self.change > last {
-                step = f64::max(0.5 * step, STEP.1);
-            }
+    fn goes_on(&self) -> bool {
+        self.iterations < ITERATIONS_MAX && self.change > TOLERANCE
+    }
+
+    /// Notes how far the sites moved. All move at once, and may move too far.
+    fn moved(&mut self, change: f64) {
+        self.iterations += 1;
+        if change > self.change {
+            self.step = f64::max(0.5 * self.step, STEP.1);
         }
-        Ok(())
+        self.change = change;
     }
 
-    /// Moves the site of one event to where the moments of its cavity times its likelihood are. Inducing points leave
-    /// `residual` of the variance unexplained, which no site can change.
-    fn move_site(&mut self, n: usize, residual: f64, step: f64) {
-        let explained = (self.variance[n] - residual).max(0.0);
-        let share = (1.0 - self.omega[n] * explained).max(f64::EPSILON);
-        let mean = (self.prior_mean[n] + self.mean[n] - explained * self.kappa[n]) / share;
-        let (outcome, weight) = (self.observations.outcomes()[n], self.observations.weights()[n]);
-        let (slope, curvature) = tilted(outcome, weight, mean, explained / share + residual);
-        let left = (1.0 + explained / share * curvature).max(f64::EPSILON);
+    fn on_events(&mut self, prior: &Prior, found: &MeanField, likelihood: &Likelihood<'_>) -> Result<OmegaKappa> {
+        let (events, size) = (likelihood.events(), likelihood.len());
+        let prior_mean = likelihood.prior_mean(prior.mean())?;
+        // The sites of messages stay as they are.
+        let (mut omega, mut kappa) = (vec![1.0; size], likelihood.kappa());
+        omega[..events].copy_from_slice(found.sites.omega());
+        let (mut mean, mut variance) = (vec![0.0; size], vec![0.0; size]);
+        let mut engine = Dense::new(prior, likelihood)?;
+        while self.goes_on() {
+            let moved = kappa.iter().zip(&omega).zip(&prior_mean);
+            let shift: Vec<f64> = moved.map(|((kappa, omega), mean)| kappa - omega * mean).collect();
+            engine.pass(&omega, &shift, &mut mean, &mut variance)?;
+            let mut change = 0.0;
+            for n in 0..events {
+                let cavity = Cavity::without((omega[n], kappa[n]), prior_mean[n] + mean[n], variance[n], 0.0);
+                let site = (&mut omega[n], &mut kappa[n]);
+                change = f64::max(change, cavity.move_site(site, likelihood.observations, n, self.step));
+            }
+            self.moved(change);
+        }
+        omega.truncate(events);
+        kappa.truncate(events);
+        Ok((omega, kappa))
+    }
+
+    fn on_points(
+        &mut self,
+        prior: &Prior,
+        found: &MeanField,
+        likelihood: &Likelihood<'_>,
+        points: &Inputs,
+    ) -> Result<OmegaKappa> {
+        let mut engine = Sparse::new(prior, likelihood, points)?;
+        let mut walk = engine.begin(prior, |n, site| site.omega = found.sites.omega()[n])?;
+        while self.goes_on() {
+            engine.take(&walk.said)?;
+            let step = self.step;
+            walk = engine.walk(|n, site, pull, explained| {
+                let mean = site.prior_mean + pull;
+                let cavity = Cavity::without((site.omega, site.kappa), mean, explained, site.residual);
+                let change = cavity.move_site((&mut site.omega, &mut site.kappa), likelihood.observations, n, step);
+                (0.0, change)
+            })?;
+            self.moved(walk.change);
+        }
+        Ok(engine.sites.iter().map(|site| (site.omega, site.kappa)).unzip())
+    }
+}
+
+/// The latent function at an event without the event's site.
+struct Cavity {
+    mean: f64,
+    explained: f64,
+    /// Variance that inducing points leave unexplained, which no site can change.
+    residual: f64,
+}
+
+impl Cavity {
+    /// Takes a site out of the posterior moments.
+    fn without((omega, kappa): (f64, f64), mean: f64, explained: f64, residual: f64) -> Self {
+        let share = (1.0 - omega * explained).max(f64::EPSILON);
+        Self { mean: (mean - explained * kappa) / share, explained: explained / share, residual }
+    }
+
+    /// Moves the site of event `n` to where the moments of its cavity times its likelihood are, and says how far that is.
+    fn move_site(&self, site: (&mut f64, &mut f64), events: &Observations, n: usize, step: f64) -> f64 {
+        let Cavity { mean, explained, residual } = *self;
+        let (slope, curvature) = tilted(events.outcomes()[n], events.weights()[n], mean, explained + residual);
+        let left = (1.0 + explained * curvature).max(f64::EPSILON);
         let omega = (-curvature / left).max(f64::MIN_POSITIVE);
         let kappa = (slope - mean * curvature) / left;
-        for (site, found) in [(&mut self.omega[n], omega), (&mut self.kappa[n], kappa)] {
-            self.change = f64::max(self.change, (found - *site).abs());
-            *site += step * (found - *site);
-        }
+        let change = f64::max((omega - *site.0).abs(), (kappa - *site.1).abs());
+        *site.0 += step * (omega - *site.0);
+        *site.1 += step * (kappa - *site.1);
+        change
     }
 }
 

@@ -1,9 +1,10 @@
 //! A mean field by whichever Gaussian posterior suits: over all events, or on inducing points.
 
 use super::dense::Dense;
-use super::fixed_point::{Engine, MeanField, iterate};
+use super::mean_field::MeanField;
 use super::options::FitOptions;
 use super::sparse::Sparse;
+use super::{fixed_point, natural, sparse_gradient};
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
@@ -16,35 +17,27 @@ pub(crate) fn solve(
     points: Option<&Inputs>,
     options: &FitOptions<'_>,
 ) -> Result<MeanField> {
-    let (found, _) = match points {
-        Some(points) => iterate(&mut Sparse::new(prior, likelihood, points)?, prior, likelihood, options)?,
-        None => iterate(&mut Dense::new(prior, likelihood)?, prior, likelihood, options)?,
-    };
-    Ok(found)
+    match points {
+        Some(points) => natural::iterate(&mut Sparse::new(prior, likelihood, points)?, prior, likelihood, options),
+        None => fixed_point::iterate(&mut Dense::new(prior, likelihood)?, prior, likelihood, options),
+    }
 }
 
-/// The fixed point, and the gradient of E there by everything that can be learned of the prior.
+/// The fixed point, and the gradient of E there by everything that can be learned of the prior. E does not change with the tilts
+/// there, so that it is the gradient at fixed ω.
 pub(crate) fn solve_with_gradient(
     prior: &Prior,
     likelihood: &Likelihood<'_>,
     points: Option<&Inputs>,
     options: &FitOptions<'_>,
 ) -> Result<(MeanField, Vec<f64>)> {
-    match points {
-        Some(points) => with_gradient(Sparse::new(prior, likelihood, points)?, prior, likelihood, options),
-        None => with_gradient(Dense::new(prior, likelihood)?, prior, likelihood, options),
-    }
-}
-
-/// At the fixed point E does not change with the tilts, so that its gradient is that at fixed ω.
-fn with_gradient(
-    mut engine: impl Engine,
-    prior: &Prior,
-    likelihood: &Likelihood<'_>,
-    options: &FitOptions<'_>,
-) -> Result<(MeanField, Vec<f64>)> {
-    let (found, omega) = iterate(&mut engine, prior, likelihood, options)?;
-    let mut gradient = engine.kernel_gradient(prior, likelihood, &omega);
-    gradient.extend(likelihood.mean_gradient(prior.mean(), engine.alpha()));
+    let Some(points) = points else {
+        let mut engine = Dense::new(prior, likelihood)?;
+        let found = fixed_point::iterate(&mut engine, prior, likelihood, options)?;
+        return Ok((found, engine.gradient(prior, likelihood)));
+    };
+    let mut engine = Sparse::new(prior, likelihood, points)?;
+    let found = natural::iterate(&mut engine, prior, likelihood, options)?;
+    let gradient = sparse_gradient::gradient(&engine, prior, likelihood)?;
     Ok((found, gradient))
 }

@@ -1,144 +1,192 @@
-//! The Gaussian posterior of a mean field on M inducing points, and how its evidence bound changes with the prior
-//! (sections 2, 3 and 7 of [`crate::method`]).
+//! The Gaussian posterior of sites on M inducing points: what a walk over the events makes of it, block by block
+//! (sections 2 and 3 of [`crate::method`]).
 
-use super::fixed_point::Engine;
+use std::ops::Range;
+
+use crate::cross::{Cross, Sums};
 use crate::error::Result;
-use crate::features::{BLOCK, Features};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
-use crate::linalg::{
-    Cholesky, CholeskyScratch, Matrix, add_scaled, dot, lower_gram, multiply_vector, product, squared_norm,
-};
+use crate::linalg::{Cholesky, Matrix, multiply_vector, squared_norm};
+use crate::parts::{BLOCK, blocks, on_parts};
 use crate::prior::Prior;
 
-/// Features and the factor of I + Ĝ, Ĝ = ΦᵀΩΦ. Everything in the order of [`Likelihood`].
-pub(crate) struct Sparse<'a> {
-    points: &'a Inputs,
-    pub(crate) features: Features,
-    cholesky: Cholesky,
-    scratch: CholeskyScratch,
-    precision: Matrix,
-    /// b̂.
-    shift: Vec<f64>,
-    /// (I+Ĝ)⁻¹b̂.
-    weights: Vec<f64>,
-    alpha: Vec<f64>,
+/// What is known and said of one event.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Site {
+    pub(super) prior_mean: f64,
+    /// Prior variance that inducing points leave unexplained.
+    pub(super) residual: f64,
+    /// Posterior moments of f.
+    pub(super) mean: f64,
+    pub(super) variance: f64,
+    /// The site exp(κf − ½ωf²).
+    pub(super) omega: f64,
+    pub(super) kappa: f64,
+}
+
+impl Site {
+    /// κ̃ = κ − ωμ₀.
+    pub(super) fn shift(&self) -> f64 {
+        self.kappa - self.omega * self.prior_mean
+    }
+}
+
+/// What a walk over the events found.
+pub(super) struct Walk {
+    /// Ĝ and b̂ of the events' new sites.
+    pub(super) said: Sums,
+    /// Sum of what the rule said, and the largest change.
+    pub(super) bound: f64,
+    pub(super) change: f64,
+}
+
+/// A posterior is S = I + Ĝ and b̂ in whitened form, Ĝ = ΦᵀΩΦ, b̂ = Φᵀκ̃, Φᵀ = L⁻¹K_MN.
+///
+/// With S = L_S·L_Sᵀ the features ψ = (L·L_S)⁻¹k of an event have all that is asked for: its posterior mean is (L_S⁻¹b̂)ᵀψ, its explained
+/// variance ‖ψ‖², and Σ ωψψᵀ is the next Ĝ seen from this posterior. So a walk that looks at every event once goes from one
+/// posterior to the next, and needs nothing of the walk before.
+pub(super) struct Sparse<'a> {
+    pub(super) points: &'a Inputs,
+    pub(super) cross: Cross<'a>,
+    /// K_MM = LLᵀ.
+    pub(super) cholesky: Cholesky,
+    pub(super) sites: Vec<Site>,
+    pub(super) messages: Messages,
+    /// Ĝ, of events and messages.
+    pub(super) precision: Matrix,
+    /// L_S.
+    pub(super) inner: Cholesky,
+    /// L_S⁻¹b̂.
+    pub(super) weights: Vec<f64>,
+}
+
+/// What others said, which stays as it is.
+pub(super) struct Messages {
+    /// Φᵀ of what they observed.
+    pub(super) features: Matrix,
+    /// κ̃ of it; ω is 1.
+    pub(super) shift: Vec<f64>,
+    /// Ĝ and b̂.
+    said: Sums,
+    /// Its terms of E.
+    pub(super) bound: f64,
+}
+
+impl Messages {
+    fn new(prior: &Prior, likelihood: &Likelihood<'_>, points: &Inputs, cholesky: &Cholesky) -> Result<Self> {
+        let mut features = likelihood.message_cross(prior.kernel(), points)?;
+        cholesky.solve_lower_matrix(&mut features);
+        let (kappa, mean) = (likelihood.kappa(), likelihood.prior_mean(prior.mean())?);
+        let (mut bound, mut shift) = (0.0, Vec::with_capacity(features.columns()));
+        for (column, diagonal) in likelihood.message_diagonal(prior.kernel())?.into_iter().enumerate() {
+            let (kappa, mean) = (kappa[likelihood.events() + column], mean[likelihood.events() + column]);
+            shift.push(kappa - mean);
+            let residual = (diagonal - squared_norm(features.column(column))).max(0.0);
+            bound += (kappa - 0.5 * mean) * mean - 0.5 * residual;
+        }
+        let mut said = Sums::zeros(points.len());
+        said.add(&mut features.clone(), shift.iter().map(|&shift| (1.0, shift)));
+        said.precision.mirror_lower();
+        Ok(Self { features, shift, said, bound })
+    }
 }
 
 impl<'a> Sparse<'a> {
-    pub(crate) fn new(prior: &Prior, likelihood: &Likelihood<'_>, points: &'a Inputs) -> Result<Self> {
+    /// Nothing said yet of the events, nothing heard.
+    pub(super) fn new(prior: &'a Prior, likelihood: &Likelihood<'a>, points: &'a Inputs) -> Result<Self> {
         let cholesky = Cholesky::with_jitter("K_MM", &prior.kernel().gram(points)?)?;
-        let cross = likelihood.cross(prior.kernel(), points)?;
-        let features = Features::from_cross(cholesky, cross, &likelihood.diagonal(prior.kernel())?);
-        let (cholesky, scratch) = Cholesky::reserve(points.len());
-        let precision = Matrix::zeros(points.len(), points.len());
-        let (shift, weights) = (vec![0.0; points.len()], vec![0.0; points.len()]);
-        let alpha = vec![0.0; likelihood.len()];
-        Ok(Self { points, features, cholesky, scratch, precision, shift, weights, alpha })
-    }
-
-    /// Adds Σ ∂E/∂K_MN : ∂K_MN and Σ ∂E/∂diag(K_NN) : ∂diag(K_NN) over the events and messages to the gradient, by
-    /// blocks: ∂E/∂K_MN = γαᵀ + L⁻ᵀ(I − (I+Ĝ)⁻¹)ΦᵀΩ, γ = L⁻ᵀ(I+Ĝ)⁻¹b̂. O(NM²).
-    fn add_event_gradient(
-        &self,
-        prior: &Prior,
-        likelihood: &Likelihood<'_>,
-        omega: &[f64],
-        gamma: &[f64],
-        explained: &Matrix,
-        gradient: &mut [f64],
-    ) {
-        let (kernel, inputs) = (prior.kernel(), likelihood.observations.inputs());
-        let mut add = |part: Vec<f64>| gradient.iter_mut().zip(part).for_each(|(sum, entry)| *sum += entry);
-        let weights = |first: usize, end: usize| {
-            let mut weights = product(explained.view(), self.features.block(first, end));
-            for (column, (omega, alpha)) in omega[first..end].iter().zip(&self.alpha[first..end]).enumerate() {
-                let column = weights.column_mut(column);
-                column.iter_mut().for_each(|entry| *entry *= omega);
-                add_scaled(*alpha, gamma, column);
-            }
-            weights
+        let cross = Cross::new(prior.kernel(), points, likelihood.observations.inputs())?.kept()?;
+        let messages = Messages::new(prior, likelihood, points, &cholesky)?;
+        let (kappa, prior_mean) = (likelihood.kappa(), likelihood.prior_mean(prior.mean())?);
+        let site = |n: usize| {
+            let (kappa, prior_mean) = (kappa[n], prior_mean[n]);
+            Site { prior_mean, residual: 0.0, mean: prior_mean, variance: 0.0, omega: 0.0, kappa }
         };
-        for first in (0..likelihood.events()).step_by(BLOCK) {
-            let end = likelihood.events().min(first + BLOCK);
-            let block = inputs.slice(first..end);
-            add(kernel.cross_gradient(self.points, &block, &weights(first, end)));
-            let halves: Vec<f64> = omega[first..end].iter().map(|omega| -0.5 * omega).collect();
-            add(kernel.diagonal_gradient(&block, &halves));
+        let sites = (0..likelihood.events()).map(site).collect();
+        let (precision, inner) = (Matrix::zeros(points.len(), points.len()), Cholesky::of_identity(points.len()));
+        let weights = vec![0.0; points.len()];
+        Ok(Self { points, cross, cholesky, sites, messages, precision, inner, weights })
+    }
+
+    /// The first walk, from the prior: every site is what `rule` makes of it. Says what inducing points leave unexplained.
+    pub(super) fn begin(&mut self, prior: &Prior, rule: impl Fn(usize, &mut Site) + Sync) -> Result<Walk> {
+        let inputs = self.cross.inputs();
+        let diagonals = on_parts(self.cross.parts(), |part| prior.kernel().diagonal(&inputs.slice(part)));
+        let diagonal = diagonals.into_iter().collect::<Result<Vec<_>>>()?.concat();
+        self.walk(|n, site, _, explained| {
+            site.residual = (diagonal[n] - explained).max(0.0);
+            rule(n, site);
+            (0.0, 0.0)
+        })
+    }
+
+    /// Looks at every event once: `rule` gets its number, its site, and its posterior mean about the prior mean and explained
+    /// variance, moves the site, and says a term of a sum and how large the change is. O(NM²), on several threads where there are.
+    pub(super) fn walk(&mut self, rule: impl Fn(usize, &mut Site, f64, f64) -> (f64, f64) + Sync) -> Result<Walk> {
+        let mut sites = std::mem::take(&mut self.sites);
+        let (mut left, mut shares) = (sites.as_mut_slice(), Vec::new());
+        for part in self.cross.parts() {
+            let (own, others) = left.split_at_mut(part.len());
+            shares.push((part, own));
+            left = others;
         }
-        if likelihood.has_messages() {
-            add(likelihood.message_cross_gradient(
-                kernel,
-                self.points,
-                &weights(likelihood.events(), likelihood.len()),
-            ));
-            add(likelihood.message_diagonal_gradient(kernel, -0.5));
+        let outer = self.cholesky.times(&self.inner);
+        let walks = on_parts(shares, |(part, sites)| self.walk_part(&outer, part, sites, &rule));
+        let mut total = Walk { said: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 };
+        for walk in walks {
+            let walk = walk?;
+            total.said.merge(&walk.said);
+            total.bound += walk.bound;
+            total.change = f64::max(total.change, walk.change);
         }
+        self.sites = sites;
+        // From this posterior's point of view to the prior's.
+        total.said.precision.mirror_lower();
+        total.said.precision = self.inner.unwhiten(&total.said.precision);
+        total.said.shift = self.inner.lower_times(&total.said.shift);
+        Ok(total)
     }
-}
 
-impl Engine for Sparse<'_> {
-    fn pass(&mut self, omega: &[f64], shift: &[f64], mean: &mut [f64], variance: &mut [f64]) -> Result<f64> {
-        self.features.precision(omega, &mut self.precision);
-        let precision = &self.precision;
-        self.cholesky.refactorise("I + ΦᵀΩΦ", &mut self.scratch, |b| {
-            b.copy_from(precision);
-            b.add_to_diagonal(1.0);
-        })?;
-        multiply_vector(self.features.by_event.view(), shift, &mut self.shift);
-        self.weights.copy_from_slice(&self.shift);
-        self.cholesky.solve_lower(&mut self.weights);
-        let explained = squared_norm(&self.weights);
-        self.cholesky.solve_upper(&mut self.weights);
-        multiply_vector(self.features.by_event.t(), &self.weights, mean);
-        self.features.add_variance(&self.cholesky, variance);
-        for n in 0..shift.len() {
-            self.alpha[n] = shift[n] - omega[n] * mean[n];
+    fn walk_part(
+        &self,
+        outer: &Cholesky,
+        part: Range<usize>,
+        sites: &mut [Site],
+        rule: &impl Fn(usize, &mut Site, f64, f64) -> (f64, f64),
+    ) -> Result<Walk> {
+        let mut walk = Walk { said: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 };
+        let (mut features, mut pulls) = (self.cross.room(), [0.0; BLOCK]);
+        for (block, sites) in blocks(part).zip(sites.chunks_mut(BLOCK)) {
+            self.cross.write_block(block.clone(), &mut features)?;
+            outer.solve_lower_matrix(&mut features);
+            let pulls = &mut pulls[..sites.len()];
+            multiply_vector(features.t(), &self.weights, pulls);
+            for (column, site) in sites.iter_mut().enumerate() {
+                let explained = squared_norm(features.column(column));
+                let (bound, change) = rule(block.start + column, site, pulls[column], explained);
+                walk.bound += bound;
+                walk.change = f64::max(walk.change, change);
+            }
+            walk.said.add(&mut features, sites.iter().map(|site| (site.omega, site.shift())));
         }
-        let slack = dot(omega, &self.features.residual);
-        Ok(0.5 * explained - 0.5 * self.cholesky.log_determinant() - 0.5 * slack)
+        Ok(walk)
     }
 
-    fn kernel_gradient(&mut self, prior: &Prior, likelihood: &Likelihood<'_>, omega: &[f64]) -> Vec<f64> {
-        let points = self.points.len();
-        // C = I − (I+Ĝ)⁻¹, and L⁻ᵀC.
-        let mut inverse = Matrix::zeros(points, points);
-        self.cholesky.invert_lower(&mut inverse);
-        let mut explained = Matrix::zeros(points, points);
-        let mut left = Matrix::zeros(points, points);
-        lower_gram(&inverse, &mut left);
-        explained.add_to_diagonal(1.0);
-        explained.add_scaled(-1.0, &left);
-        // ∂E/∂K_MM = −½γγᵀ + ½L⁻ᵀ(C − Ĝ)L⁻¹.
-        let mut gamma = self.weights.clone();
-        self.features.cholesky.solve_upper(&mut gamma);
-        let mut middle = explained.clone();
-        middle.add_scaled(-1.0, &self.precision);
-        self.features.cholesky.solve_upper_matrix(&mut middle);
-        let mut middle = middle.transposed();
-        self.features.cholesky.solve_upper_matrix(&mut middle);
-        middle.symmetrise();
-        let weights = Matrix::from_fn(points, points, |i, j| 0.5 * (middle[(i, j)] - gamma[i] * gamma[j]));
-        let mut gradient = prior.kernel().gram_gradient(self.points, &weights);
-
-        self.features.cholesky.solve_upper_matrix(&mut explained);
-        self.add_event_gradient(prior, likelihood, omega, &gamma, &explained, &mut gradient);
-        gradient
+    /// Takes the posterior of what events and messages say, `said` being the events' part. O(M³).
+    pub(super) fn take(&mut self, said: &Sums) -> Result<()> {
+        self.precision.copy_from(&said.precision);
+        self.precision.add_scaled(1.0, &self.messages.said.precision);
+        let mut s = self.precision.clone();
+        s.add_to_diagonal(1.0);
+        self.inner = Cholesky::new("I + ΦᵀΩΦ", s)?;
+        self.weights = said.shift.iter().zip(&self.messages.said.shift).map(|(own, others)| own + others).collect();
+        self.inner.solve_lower(&mut self.weights);
+        Ok(())
     }
 
-    fn alpha(&self) -> &[f64] {
-        &self.alpha
-    }
-
-    fn residual(&self, events: usize) -> Vec<f64> {
-        self.features.residual[..events].to_vec()
-    }
-
-    fn jitter(&self) -> f64 {
-        self.features.cholesky.jitter()
-    }
-
-    fn condensed(&self) -> Option<(Matrix, Vec<f64>)> {
-        Some((self.precision.clone(), self.shift.clone()))
+    /// E of the posterior and the sites that it is of, with `bound` the sum over these of what depends on each alone.
+    pub(super) fn evidence(&self, bound: f64) -> f64 {
+        0.5 * squared_norm(&self.weights) - 0.5 * self.inner.log_determinant() + bound + self.messages.bound
     }
 }

@@ -92,13 +92,20 @@ impl Kernel {
     /// # Errors
     /// As [`Kernel::gram`].
     pub fn cross(&self, a: &Inputs, b: &Inputs) -> Result<Matrix> {
+        let mut cross = Matrix::zeros(a.len(), b.len());
+        self.write_cross(a, b, &mut cross)?;
+        Ok(cross)
+    }
+
+    /// Writes [`Kernel::cross`] over a matrix of its size.
+    pub(crate) fn write_cross(&self, a: &Inputs, b: &Inputs, out: &mut Matrix) -> Result<()> {
         self.check(a)?;
         self.check(b)?;
-        let mut cross = Matrix::zeros(a.len(), b.len());
+        (0..out.columns()).for_each(|column| out.column_mut(column).fill(0.0));
         for term in &self.terms {
-            term.add_gram(a, b, |_| 0, &mut cross);
+            term.add_gram(a, b, |_| 0, out);
         }
-        Ok(cross)
+        Ok(())
     }
 
     /// k(x, x) of every point. O(Nd).

@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::fit::{FitOptions, solve};
 use crate::likelihood::Likelihood;
 use crate::observations::Observations;
+use crate::parts::on_parts;
 use crate::prior::Prior;
 
 /// The template with all its length-scales multiplied by the factor that maximises the sum of E over several sets of
@@ -52,11 +53,15 @@ struct CommonScale<'a> {
 impl CommonScale<'_> {
     fn cost_at(&self, log_factor: f64) -> Result<f64> {
         let prior = self.template.with_length_scales_times(log_factor.exp())?;
-        let mut cost = 0.0;
-        for (set, start) in self.sets.iter().zip(self.tilts.borrow_mut().iter_mut()) {
+        let mut tilts = self.tilts.borrow_mut();
+        let fits = on_parts(self.sets.iter().zip(tilts.iter()).collect(), |(set, start)| {
             let mut options = FitOptions::default().tolerance(1e-4).iterations_max(200);
             options.start = start.as_deref();
-            let fit = solve(&prior, set, None, &options)?;
+            solve(&prior, set, None, &options)
+        });
+        let mut cost = 0.0;
+        for (fit, start) in fits.into_iter().zip(tilts.iter_mut()) {
+            let fit = fit?;
             cost -= fit.evidence;
             *start = Some(fit.tilts);
         }

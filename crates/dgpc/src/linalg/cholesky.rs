@@ -3,9 +3,9 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::{triangular_inverse, triangular_solve};
-use faer::{MatMut, Par};
+use faer::{Mat, MatMut, Par};
 
-use super::matrix::{Matrix, add_symmetric_product};
+use super::matrix::{Matrix, add_symmetric_product, multiply_lower, multiply_lowers, multiply_to_lower};
 use crate::error::{Error, Result};
 
 /// L with A = LLᵀ, A symmetric and positive definite.
@@ -35,6 +35,13 @@ impl Cholesky {
             Ok(()) => Ok(cholesky),
             Err(pivot) => Err(Error::NotPositiveDefinite { what, pivot, size, jitter: 0.0 }),
         }
+    }
+
+    /// The factor of the identity.
+    pub(crate) fn of_identity(size: usize) -> Self {
+        let mut factor = Matrix::zeros(size, size);
+        factor.add_to_diagonal(1.0);
+        Self { factor, jitter: 0.0 }
     }
 
     /// Factorises `matrix`; where that fails by rounding, adds to its diagonal the smallest of 1e-14, 1e-13 … 1e-8 of
@@ -128,6 +135,15 @@ impl Cholesky {
         self.factor.rows()
     }
 
+    /// The factor in single precision; none where an entry leaves its range. O(n²).
+    pub(crate) fn single(&self) -> Option<Single> {
+        let single =
+            Mat::from_fn(self.size(), self.size(), |i, j| if i >= j { self.factor[(i, j)] as f32 } else { 0.0 });
+        (0..self.size())
+            .all(|i| single[(i, i)].is_normal() && single.col_as_slice(i).iter().all(|x| x.is_finite()))
+            .then_some(Single(single))
+    }
+
     /// What was added to the diagonal to make the factorisation succeed; 0 in the ordinary case.
     pub(crate) fn jitter(&self) -> f64 {
         self.jitter
@@ -174,6 +190,21 @@ impl Cholesky {
         x
     }
 
+    /// LXLᵀ for a symmetric X. O(n³).
+    pub(crate) fn unwhiten(&self, x: &Matrix) -> Matrix {
+        let (mut half, mut whole) = (Matrix::zeros(self.size(), self.size()), Matrix::zeros(self.size(), self.size()));
+        multiply_lower(&self.factor, x.view(), &mut half);
+        multiply_to_lower(&half, &self.factor, &mut whole);
+        whole
+    }
+
+    /// The factor of LALᵀ, from that of A. O(n³/3).
+    pub(crate) fn times(&self, of_a: &Cholesky) -> Self {
+        let mut factor = Matrix::zeros(self.size(), self.size());
+        multiply_lowers(&self.factor, &of_a.factor, &mut factor);
+        Self { factor, jitter: self.jitter }
+    }
+
     /// Rows `first..first + n` of X ← L⁻¹ of the same rows.
     pub(crate) fn solve_lower_rows(&self, x: &mut Matrix, first: usize) {
         let rows = x.0.as_mut().subrows_mut(first, self.size());
@@ -193,6 +224,20 @@ impl Cholesky {
     /// L, with zeros above its diagonal.
     pub(crate) fn lower(&self) -> Matrix {
         Matrix::from_fn(self.size(), self.size(), |i, j| if i >= j { self.factor[(i, j)] } else { 0.0 })
+    }
+}
+
+/// A factor in single precision, to solve twice as fast where half the digits are enough.
+pub(crate) struct Single(Mat<f32>);
+
+impl Single {
+    /// ‖L⁻¹x‖² of every column of X; none where a number leaves the range of single precision. O(n² columns).
+    pub(crate) fn squared_norms_of_solved(&self, x: &Matrix) -> Option<Vec<f64>> {
+        let mut x = x.0.map(|&entry| entry as f32);
+        triangular_solve::solve_lower_triangular_in_place(self.0.as_ref(), x.as_mut(), Par::Seq);
+        let square = |entry: &f32| f64::from(*entry) * f64::from(*entry);
+        let norms: Vec<f64> = (0..x.ncols()).map(|n| x.col_as_slice(n).iter().map(square).sum()).collect();
+        norms.iter().all(|norm| norm.is_finite()).then_some(norms)
     }
 }
 

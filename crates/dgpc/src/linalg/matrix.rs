@@ -6,7 +6,7 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
-use super::wide::{AddScaled, Dot, ScaleInto, widest};
+use super::wide::{AddScaled, Dot, widest};
 use crate::error::{Error, Place, Result};
 
 /// A dense matrix of `f64`, stored column by column.
@@ -88,7 +88,7 @@ impl Matrix {
     }
 
     pub(crate) fn copy_from(&mut self, other: &Matrix) {
-        self.0.copy_from(&other.0);
+        (0..self.columns()).for_each(|column| self.column_mut(column).copy_from_slice(other.column(column)));
     }
 
     /// Matrix × vector. O(rows × columns).
@@ -135,17 +135,6 @@ impl Matrix {
                 }
             }
         }
-    }
-
-    /// The last `count` columns, copied.
-    pub(crate) fn last_columns(&self, count: usize) -> Self {
-        Self(self.view().subcols(self.columns() - count, count).to_owned())
-    }
-
-    /// Replaces as many last columns as `other` has.
-    pub(crate) fn set_last_columns(&mut self, other: &Matrix) {
-        let first = self.columns() - other.columns();
-        (0..other.columns()).for_each(|column| self.column_mut(first + column).copy_from_slice(other.column(column)));
     }
 
     /// ½(A + Aᵀ), in place: takes rounding out of a matrix that is symmetric by its definition.
@@ -212,11 +201,6 @@ pub(crate) fn add_scaled(factor: f64, x: &[f64], y: &mut [f64]) {
     widest(AddScaled(factor, x, y));
 }
 
-/// y ← factor·x.
-pub(crate) fn scale_into(factor: f64, x: &[f64], y: &mut [f64]) {
-    widest(ScaleInto(factor, x, y));
-}
-
 /// ‖a‖².
 pub(crate) fn squared_norm(a: &[f64]) -> f64 {
     dot(a, a)
@@ -268,6 +252,37 @@ pub(crate) fn multiply_lower(lower: &Matrix, a: View<'_>, out: &mut Matrix) {
         1.0,
         Par::Seq,
     );
+}
+
+/// The product of two lower triangular matrices, written to the lower triangle of `out`. O(n³/3).
+pub(crate) fn multiply_lowers(a: &Matrix, b: &Matrix, out: &mut Matrix) {
+    triangular::matmul(
+        out.0.as_mut(),
+        BlockStructure::TriangularLower,
+        Accum::Replace,
+        a.view(),
+        BlockStructure::TriangularLower,
+        b.view(),
+        BlockStructure::TriangularLower,
+        1.0,
+        Par::Seq,
+    );
+}
+
+/// A·Lᵀ, written to `out`, for a lower triangular L where the product is symmetric: only its lower triangle is computed.
+pub(crate) fn multiply_to_lower(a: &Matrix, lower: &Matrix, out: &mut Matrix) {
+    triangular::matmul(
+        out.0.as_mut(),
+        BlockStructure::TriangularLower,
+        Accum::Replace,
+        a.view(),
+        BlockStructure::Rectangular,
+        lower.t(),
+        BlockStructure::TriangularUpper,
+        1.0,
+        Par::Seq,
+    );
+    out.mirror_lower();
 }
 
 /// LᵀL, written to `out`, for a lower triangular L. O(n³/3).

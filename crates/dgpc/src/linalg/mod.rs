@@ -1,17 +1,18 @@
 //! Dense linear algebra: the only folder that names the linear-algebra crate.
 //!
-//! Everything runs on the calling thread, so that results do not depend on how many threads a caller uses.
+//! Everything here runs on the calling thread, so that results do not depend on how many threads there are; work is shared
+//! out in `parts.rs`.
 
 mod wide;
 mod matrix;
 mod cholesky;
 mod eigen;
 
-pub(crate) use cholesky::{Cholesky, CholeskyScratch, fill_scaled};
+pub(crate) use cholesky::{Cholesky, CholeskyScratch, Single, fill_scaled};
 pub(crate) use eigen::{semidefinite_root, symmetric_eigen};
 pub use matrix::Matrix;
 pub(crate) use matrix::{
-    View, add_scaled, add_symmetric_product, add_symmetric_product_lower, dot, lower_gram, multiply_lower,
-    multiply_rows, multiply_vector, product, scale_into, squared_norm,
+    add_scaled, add_symmetric_product, add_symmetric_product_lower, dot, lower_gram, multiply_rows, multiply_vector,
+    product, squared_norm,
 };
 pub(crate) use wide::{MultiplyAdd, Wide, exp_of_negative, widest};

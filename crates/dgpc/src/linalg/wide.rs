@@ -143,21 +143,6 @@ impl Wide for AddScaled<'_> {
     }
 }
 
-/// y ← factor·x.
-pub(crate) struct ScaleInto<'a>(pub(crate) f64, pub(crate) &'a [f64], pub(crate) &'a mut [f64]);
-
-impl Wide for ScaleInto<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<M: MultiplyAdd>(self) {
-        let Self(factor, x, y) = self;
-        for (y, x) in y.iter_mut().zip(x) {
-            *y = factor * x;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -158,17 +158,19 @@ proptest! {
 #[test]
 fn every_number_of_iterations_returns_an_accepted_step() {
     let kernel = |variance| Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, variance, 1.0, 1).unwrap()]);
-    for (variance, seed) in [(2e5, 1), (2e5, 2), (7e7, 3), (2e3, 4)] {
+    let cases = [(2e5, 1), (2e5, 2), (7e7, 3), (2e3, 4)].into_iter();
+    for ((variance, seed), is_sparse) in cases.flat_map(|case| [(case, false), (case, true)]) {
         let prior = Prior::new(kernel(variance).unwrap(), PriorMean::Constant(0.2)).unwrap();
         let order = shuffled(8, seed);
         let inputs = line(&order.iter().map(|&n| n as f64 * 0.7 - 2.5).collect::<Vec<_>>());
-        let observations = Observations::new(inputs, (0..8).map(|n| n % 3 == 0).collect()).unwrap();
+        let observations = Observations::new(inputs.clone(), (0..8).map(|n| n % 3 == 0).collect()).unwrap();
         let evidence = |iterations_max| {
-            let options = FitOptions::default().tolerance(0.0).iterations_max(iterations_max);
+            let mut options = FitOptions::default().tolerance(0.0).iterations_max(iterations_max);
+            options.inducing_points = is_sparse.then_some(&inputs);
             let fit = dgpc::fit(&prior, &observations, &options).unwrap();
             assert!(
                 fit.change().is_finite(),
-                "variance {variance}: {iterations_max} iterations say nothing of the last"
+                "variance {variance}, sparse: {is_sparse}: {iterations_max} iterations say nothing of the last"
             );
             fit.evidence()
         };
@@ -178,7 +180,7 @@ fn every_number_of_iterations_returns_an_accepted_step() {
             // Plain steps from accepted places may differ by a little; rejected ones lost whole nats.
             assert!(
                 after >= before - 0.02 * (before - first).abs() - 1e-9,
-                "variance {variance}: {after} after {before}"
+                "variance {variance}, sparse: {is_sparse}: {after} after {before}"
             );
         }
     }

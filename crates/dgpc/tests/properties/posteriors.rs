@@ -220,3 +220,29 @@ proptest! {
         assert_same_latent(&fuse([1, 0, 2]), &fuse([0, 1, 2]), 1e-9);
     }
 }
+
+/// Many places at once take single precision; what is lost is far below what matters.
+#[test]
+fn places_in_bulk_are_those_one_by_one() {
+    let places: Vec<f64> = (0..400).map(|n| (f64::from(n) * 0.618_034).fract() * 20.0).collect();
+    let outcomes = places.iter().map(|x| x.sin() > 0.3 * (5.0 * x).cos()).collect();
+    let events = Observations::new(line(&places), outcomes).unwrap();
+    let wanted = line(&(0..200).map(|n| f64::from(n) * 0.13 - 2.0).collect::<Vec<_>>());
+    let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // From ordinary priors to one that is sure of nothing, and one beyond single precision.
+    for (variance, length_scale) in [(4.0, 1.0), (30.0, 0.2), (100.0, 5.0), (1e4, 3.0), (1e100, 1.0)] {
+        let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, variance, length_scale, 1).unwrap()]).unwrap();
+        let prior = Prior::new(kernel, PriorMean::Constant(0.4)).unwrap();
+        let sites = Sites::new(&events, (0..400).map(|n| 0.01 + 0.24 * f64::from(n % 9) / 8.0).collect()).unwrap();
+        let told = Summary::variational(&prior, &sites, &line(&[1.0, 5.0, 9.0, 13.0])).unwrap();
+        for posterior in [Posterior::of_sites(&prior, &sites), Posterior::fuse(&prior, &Sites::empty(1), &[&told])] {
+            let posterior = posterior.unwrap();
+            let (bulk, exact) = (posterior.latent_in_bulk(&wanted).unwrap(), posterior.latent(&wanted).unwrap());
+            assert_eq!(bulk.mean, exact.mean);
+            let far = apart(&bulk.variance, &exact.variance) / variance;
+            assert!(far < 1e-5, "{variance} {length_scale}: variances {far:e} of the prior's apart");
+            let far = apart(&bulk.probability(), &exact.probability());
+            assert!(far < 1e-5 || variance == 1e4, "{variance} {length_scale}: probabilities {far:e} apart");
+        }
+    }
+}

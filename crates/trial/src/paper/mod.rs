@@ -97,7 +97,7 @@ impl Experiment {
     /// # Errors
     /// As the samplers and fits of `dgpc`, on numbers near the end of the range.
     pub fn at_radius(&self, radius: f64, done: &(dyn Fn() + Sync)) -> Result<AtRadius, Error> {
-        let sets = (0..self.sets.len()).map(|set| {
+        let sets = (0..self.sets.len()).into_par_iter().map(|set| {
             let regions = self.regions(set, radius)?;
             let permutations =
                 self.every_permutation(set, &regions, Use::Tables, |permutation| permutation.run(), done)?;
@@ -118,8 +118,8 @@ impl Experiment {
             let steps = self.every_permutation(set, &regions, Use::Sweep, sweep::step, done)?;
             Ok(SweepRow::over(length_scales, steps))
         };
-        let rows = |set| SWEEP_LENGTH_SCALES.into_iter().map(|radius| row(set, radius)).collect();
-        (0..self.sets.len()).map(rows).collect()
+        let rows = |set| SWEEP_LENGTH_SCALES.into_par_iter().map(|radius| row(set, radius)).collect();
+        (0..self.sets.len()).into_par_iter().map(rows).collect()
     }
 
     /// The first permutation of a data set (by its place) that leaves no region without training or held-out events;

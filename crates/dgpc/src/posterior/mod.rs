@@ -1,9 +1,10 @@
 //! Own events and everybody's summaries put together (section 6 of [`crate::method`]).
 
+mod prediction;
+
 use crate::error::{Error, Result, same_size};
 use crate::inputs::Inputs;
-use crate::latent::Latent;
-use crate::linalg::{Cholesky, Matrix, add_symmetric_product, dot, multiply_rows, squared_norm};
+use crate::linalg::{Cholesky, Matrix, multiply_rows};
 use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
@@ -209,83 +210,6 @@ impl Posterior {
         self.jitter
     }
 
-    /// Latent mean and variance at every point. O(n²) a point, in blocks: memory does not grow with the number of
-    /// points.
-    ///
-    /// # Errors
-    /// [`Error::BadColumn`] when the inputs do not fit the prior, [`Error::NotFinite`] when numbers
-    /// near the end of the range overflow.
-    pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
-        Latent::in_blocks(&self.prior, inputs, |block, mean, variance| {
-            let mut features = self.features(block)?;
-            for (n, mean) in mean.iter_mut().enumerate() {
-                *mean += dot(features.column(n), &self.weights);
-            }
-            self.explain(&mut features);
-            for (n, variance) in variance.iter_mut().enumerate() {
-                *variance -= squared_norm(features.column(n));
-            }
-            Ok(())
-        })
-    }
-
-    /// Probability of success at every point. See [`Posterior::latent`].
-    ///
-    /// # Errors
-    /// As [`Posterior::latent`].
-    pub fn probability(&self, inputs: &Inputs) -> Result<Vec<f64>> {
-        Ok(self.latent(inputs)?.probability())
-    }
-
-    /// Joint mean (M) and covariance (M×M) of the latent function at `inputs`. O(Mn² + M²n).
-    ///
-    /// # Errors
-    /// As [`Posterior::latent`].
-    pub fn joint(&self, inputs: &Inputs) -> Result<(Vec<f64>, Matrix)> {
-        let (about_prior_mean, covariance) = self.joint_about_prior_mean(inputs)?;
-        let prior_mean = self.prior.mean().values(inputs)?;
-        Ok((about_prior_mean.iter().zip(&prior_mean).map(|(mean, prior)| mean + prior).collect(), covariance))
-    }
-
-    /// Functions drawn from this posterior, at `inputs`: of M×S standard normal numbers M×S values, a column for each function; and
-    /// the jitter that it took. O(Mn² + M²n + M³ + M²S).
-    ///
-    /// # Errors
-    /// As [`Posterior::latent`], and [`Error::SizeMismatch`] for normals of another number of rows.
-    pub fn draws(&self, inputs: &Inputs, normals: &Matrix) -> Result<(Matrix, f64)> {
-        same_size("rows of normals", inputs.len(), normals.rows())?;
-        let (mean, covariance) = self.joint(inputs)?;
-        let root = Cholesky::with_jitter("covariance of functions", &covariance)?;
-        let mut draws = Matrix::zeros(inputs.len(), normals.columns());
-        for draw in 0..normals.columns() {
-            let about_mean = root.lower_times(normals.column(draw));
-            let values = draws.column_mut(draw).iter_mut().zip(mean.iter().zip(about_mean));
-            values.for_each(|(value, (mean, about_mean))| *value = mean + about_mean);
-        }
-        Ok((draws, root.jitter()))
-    }
-
-    fn joint_about_prior_mean(&self, inputs: &Inputs) -> Result<(Vec<f64>, Matrix)> {
-        let mut features = self.features(inputs)?;
-        let mean = features.transposed_times(&self.weights);
-        let mut covariance = self.prior.kernel().gram(inputs)?;
-        self.explain(&mut features);
-        add_symmetric_product(-1.0, features.t(), &mut covariance);
-        Ok((mean, covariance))
-    }
-
-    /// Takes from the covariance of f at `inputs` what the rows of the support from `first` on explain, given those before.
-    pub(crate) fn take_explained(&self, inputs: &Inputs, first: usize, covariance: &mut Matrix) -> Result<()> {
-        if first == self.len() {
-            return Ok(());
-        }
-        let mut features = self.features(inputs)?;
-        self.explain(&mut features);
-        let new = features.t().subcols(first, self.len() - first);
-        add_symmetric_product(-1.0, new, covariance);
-        Ok(())
-    }
-
     /// What this posterior says about f at `inducing_points`: the message that takes the prior there to this
     /// posterior's joint mean and covariance. For a posterior of events alone this is [`Summary::marginal`]. O(Mn² +
     /// M²n + M³).
@@ -303,19 +227,6 @@ impl Posterior {
     /// [`Error::DifferentPriors`], and as [`Posterior::summarise`] of both.
     pub fn residual(&self, known: &Posterior, inducing_points: &Inputs) -> Result<Summary> {
         self.summarise(inducing_points)?.residual(&known.summarise(inducing_points)?)
-    }
-
-    /// Whitened k(support, x), one column per point.
-    fn features(&self, inputs: &Inputs) -> Result<Matrix> {
-        let mut features = self.prior.kernel().cross(&self.support, inputs)?;
-        whiten(&self.segments, 0, &mut features);
-        Ok(features)
-    }
-
-    /// Turns whitened features into those whose squared norm is the prior variance explained.
-    fn explain(&self, features: &mut Matrix) {
-        rotate(&self.segments, 0, features);
-        self.cholesky.solve_lower_matrix(features);
     }
 }
 

@@ -1,0 +1,167 @@
+//! Covariances of inducing points with events, and sums over them, block by block.
+
+use std::ops::Range;
+
+use crate::error::Result;
+use crate::inputs::Inputs;
+use crate::kernel::Kernel;
+use crate::linalg::{Cholesky, Matrix, add_scaled, add_symmetric_product_lower, squared_norm};
+use crate::parts::{BLOCK, blocks, on_parts, parts};
+
+/// So many covariances are kept, 64 MB of them; what is beyond is worked out anew whenever it is asked for.
+const KEPT_MAX: usize = 8 << 20;
+
+/// K_MN of N events against M inducing points.
+pub(crate) struct Cross<'a> {
+    kernel: &'a Kernel,
+    points: &'a Inputs,
+    inputs: &'a Inputs,
+    /// The first blocks.
+    kept: Vec<Matrix>,
+}
+
+impl<'a> Cross<'a> {
+    /// Nothing kept. What is asked for once is asked for here.
+    ///
+    /// # Errors
+    /// [`crate::Error::BadColumn`].
+    pub(crate) fn new(kernel: &'a Kernel, points: &'a Inputs, inputs: &'a Inputs) -> Result<Self> {
+        kernel.check(points)?;
+        kernel.check(inputs)?;
+        Ok(Self { kernel, points, inputs, kept: Vec::new() })
+    }
+
+    /// The same with as much kept as is worth it. O(NMd), 64 MB of memory at most.
+    pub(crate) fn kept(self) -> Result<Self> {
+        let blocks_max = KEPT_MAX / (BLOCK * self.points.len()).max(1);
+        let whole = blocks(0..self.inputs.len()).take(blocks_max).collect();
+        let compute = |block| -> Result<Matrix> { self.kernel.cross(self.points, &self.inputs.slice(block)) };
+        let kept = on_parts(whole, compute).into_iter().collect::<Result<_>>()?;
+        Ok(Self { kept, ..self })
+    }
+
+    /// Writes the columns of one block of events over those of another.
+    pub(crate) fn write_block(&self, block: Range<usize>, out: &mut Matrix) -> Result<()> {
+        if out.columns() != block.len() {
+            *out = Matrix::zeros(self.points.len(), block.len());
+        }
+        match self.kept.get(block.start / BLOCK) {
+            Some(kept) => out.copy_from(kept),
+            None => self.kernel.write_cross(self.points, &self.inputs.slice(block), out)?,
+        }
+        Ok(())
+    }
+
+    /// Room for a block.
+    pub(crate) fn room(&self) -> Matrix {
+        Matrix::zeros(self.points.len(), BLOCK.min(self.inputs.len()))
+    }
+
+    /// The events.
+    pub(crate) fn inputs(&self) -> &'a Inputs {
+        self.inputs
+    }
+
+    /// In how many parts a sum over the events is worth doing.
+    pub(crate) fn parts(&self) -> Vec<Range<usize>> {
+        parts(self.inputs.len(), self.points.len() * self.points.len())
+    }
+}
+
+/// ΦᵀΩΦ and Φᵀκ̃ over some of the events, for features Φ of M columns.
+#[derive(Clone)]
+pub(crate) struct Sums {
+    /// Its lower triangle, M×M.
+    pub(crate) precision: Matrix,
+    /// M.
+    pub(crate) shift: Vec<f64>,
+}
+
+impl Sums {
+    pub(crate) fn zeros(points: usize) -> Self {
+        Self { precision: Matrix::zeros(points, points), shift: vec![0.0; points] }
+    }
+
+    /// Adds a block of events: `features`, M × as many, which are scaled on the way, and an ω and a κ̃ for each. O(M²) an event.
+    pub(crate) fn add(&mut self, features: &mut Matrix, sites: impl Iterator<Item = (f64, f64)>) {
+        for (column, (omega, shift)) in sites.enumerate() {
+            add_scaled(shift, features.column(column), &mut self.shift);
+            let root = omega.sqrt();
+            features.column_mut(column).iter_mut().for_each(|entry| *entry *= root);
+        }
+        add_symmetric_product_lower(1.0, features.view(), &mut self.precision);
+    }
+
+    pub(crate) fn merge(&mut self, other: &Sums) {
+        self.precision.add_scaled(1.0, &other.precision);
+        add_scaled(1.0, &other.shift, &mut self.shift);
+    }
+}
+
+/// Ĝ = ΦᵀΩΦ and b̂ = Φᵀκ̃ of events with these ω and κ̃, Φᵀ = L⁻¹K_MN. O(NM²) time, O(M²) memory.
+pub(crate) fn condense(cross: &Cross<'_>, cholesky: &Cholesky, omega: &[f64], shift: &[f64]) -> Result<Sums> {
+    let of_part = |part| -> Result<Sums> {
+        let (mut sums, mut features) = (Sums::zeros(cholesky.size()), cross.room());
+        for block in blocks(part) {
+            cross.write_block(block.clone(), &mut features)?;
+            cholesky.solve_lower_matrix(&mut features);
+            sums.add(&mut features, omega[block.clone()].iter().copied().zip(shift[block].iter().copied()));
+        }
+        Ok(sums)
+    };
+    let mut total = Sums::zeros(cholesky.size());
+    for sums in on_parts(cross.parts(), of_part) {
+        total.merge(&sums?);
+    }
+    total.precision.mirror_lower();
+    Ok(total)
+}
+
+/// diag(K_NN − ΦΦᵀ), N, not negative: the prior variance of every event that the inducing points leave unexplained. O(NM²).
+pub(crate) fn residual(cross: &Cross<'_>, cholesky: &Cholesky) -> Result<Vec<f64>> {
+    let of_part = |part: Range<usize>| -> Result<Vec<f64>> {
+        let (mut residual, mut features) = (Vec::with_capacity(part.len()), cross.room());
+        for block in blocks(part) {
+            cross.write_block(block.clone(), &mut features)?;
+            cholesky.solve_lower_matrix(&mut features);
+            let diagonal = cross.kernel.diagonal(&cross.inputs.slice(block))?.into_iter().enumerate();
+            residual.extend(diagonal.map(|(column, k)| (k - squared_norm(features.column(column))).max(0.0)));
+        }
+        Ok(residual)
+    };
+    Ok(on_parts(cross.parts(), of_part).into_iter().collect::<Result<Vec<_>>>()?.concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::{Shape, Term};
+    use crate::linalg::{multiply_vector, product};
+
+    #[test]
+    fn what_is_kept_and_what_is_worked_out_anew_are_the_same_sums() {
+        let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, 2.0, 0.7, 1).unwrap()]).unwrap();
+        let inputs = Inputs::new((0..700).map(|n| f64::from(n) * 0.01).collect(), 1).unwrap();
+        let points = Inputs::new((0..9).map(f64::from).collect(), 1).unwrap();
+        let cholesky = Cholesky::new("K_MM", kernel.gram(&points).unwrap()).unwrap();
+        let omega: Vec<f64> = (0..700).map(|n| 0.05 + 0.2 * f64::from(n % 7) / 7.0).collect();
+        let shift: Vec<f64> = (0..700).map(|n| if n % 3 == 0 { 0.5 } else { -0.5 }).collect();
+        let anew = Cross::new(&kernel, &points, &inputs).unwrap();
+        let kept = Cross::new(&kernel, &points, &inputs).unwrap().kept().unwrap();
+        assert_eq!((anew.kept.len(), kept.kept.len()), (0, 3));
+        let [one, other] = [&anew, &kept].map(|cross| condense(cross, &cholesky, &omega, &shift).unwrap());
+        assert_eq!((&one.precision, &one.shift), (&other.precision, &other.shift));
+        assert_eq!(residual(&anew, &cholesky).unwrap(), residual(&kept, &cholesky).unwrap());
+
+        // By the definition.
+        let mut features = kernel.cross(&points, &inputs).unwrap();
+        cholesky.solve_lower_matrix(&mut features);
+        let mut expected = vec![0.0; 9];
+        multiply_vector(features.view(), &shift, &mut expected);
+        assert!(one.shift.iter().zip(&expected).all(|(found, expected)| (found - expected).abs() < 1e-10));
+        let scaled = Matrix::from_fn(9, 700, |row, column| features[(row, column)] * omega[column]);
+        let expected = product(scaled.view(), features.t());
+        let far = one.precision.entries().zip(expected.entries()).map(|(found, expected)| (found - expected).abs());
+        assert!(far.fold(0.0, f64::max) < 1e-10);
+    }
+}

@@ -1,0 +1,35 @@
+//! What a mean field is, by whichever Gaussian posterior it was found.
+
+use crate::linalg::Matrix;
+use crate::sites::Sites;
+
+/// Tilts below this are this: ω̄ differs from its limit ¼ by less than rounding.
+pub(super) const TILT_MIN: f64 = 1e-9;
+
+/// Where the iteration ended. One entry per event in every list.
+#[derive(Debug, Clone)]
+pub(crate) struct MeanField {
+    /// At the mean ω̄ = tanh(c/2)/(2c).
+    pub(crate) sites: Sites,
+    /// Posterior means of f at the events.
+    pub(crate) mean: Vec<f64>,
+    /// Posterior variances of f at the events.
+    pub(crate) variance: Vec<f64>,
+    /// The part of `variance` that inducing points leave unexplained; zeros without any.
+    pub(crate) residual: Vec<f64>,
+    /// c_n = √E\[f_n²\] that ω̄ was computed from.
+    pub(crate) tilts: Vec<f64>,
+    /// E, in nats.
+    pub(crate) evidence: f64,
+    pub(crate) iterations: usize,
+    /// Largest change of a tilt in the last iteration.
+    pub(crate) change: f64,
+    /// Whether `change` came below the tolerance.
+    pub(crate) converged: bool,
+    /// What was added to the diagonal of K_MM.
+    pub(crate) jitter: f64,
+    /// Weights of the events.
+    pub(crate) weights: Vec<f64>,
+    /// What a sparse fit says of its events at its inducing points: Ĝ and b̂.
+    pub(crate) condensed: Option<(Matrix, Vec<f64>)>,
+}

@@ -1,0 +1,113 @@
+//! How the evidence bound of a sparse mean field changes with the prior (section 7 of [`crate::method`]).
+
+use std::ops::Range;
+
+use super::sparse::Sparse;
+use crate::error::Result;
+use crate::likelihood::Likelihood;
+use crate::linalg::{Matrix, add_scaled, lower_gram, product};
+use crate::parts::{blocks, on_parts};
+use crate::prior::Prior;
+
+/// ∂E/∂(log parameters of the kernel, parameters of the prior mean) at the sites that the engine holds and their posterior. O(NM²).
+pub(super) fn gradient(engine: &Sparse<'_>, prior: &Prior, likelihood: &Likelihood<'_>) -> Result<Vec<f64>> {
+    let slope = Slope::new(engine, prior, likelihood);
+    let mut gradient = prior.kernel().gram_gradient(engine.points, &slope.by_points);
+    let mut alpha = Vec::with_capacity(likelihood.len());
+    for part in on_parts(engine.cross.parts(), |part| slope.of_part(part)) {
+        let (of_part, alpha_of_part) = part?;
+        add_scaled(1.0, &of_part, &mut gradient);
+        alpha.extend(alpha_of_part);
+    }
+    if likelihood.has_messages() {
+        let (of_messages, alpha_of_messages) = slope.of_messages();
+        add_scaled(1.0, &of_messages, &mut gradient);
+        alpha.extend(alpha_of_messages);
+    }
+    gradient.extend(likelihood.mean_gradient(prior.mean(), &alpha));
+    Ok(gradient)
+}
+
+/// ∂E/∂K, in its parts.
+struct Slope<'a> {
+    engine: &'a Sparse<'a>,
+    prior: &'a Prior,
+    likelihood: &'a Likelihood<'a>,
+    /// S⁻¹b̂.
+    weights: Vec<f64>,
+    /// L⁻ᵀS⁻¹b̂.
+    gamma: Vec<f64>,
+    /// L⁻ᵀ(I − S⁻¹).
+    explained: Matrix,
+    /// ∂E/∂K_MM = −½γγᵀ + ½L⁻ᵀ(I − S⁻¹ − Ĝ)L⁻¹.
+    by_points: Matrix,
+}
+
+impl<'a> Slope<'a> {
+    fn new(engine: &'a Sparse<'a>, prior: &'a Prior, likelihood: &'a Likelihood<'a>) -> Self {
+        let points = engine.points.len();
+        let mut weights = engine.weights.clone();
+        engine.inner.solve_upper(&mut weights);
+        let mut gamma = weights.clone();
+        engine.cholesky.solve_upper(&mut gamma);
+        let (mut factor_inverse, mut inverse) = (Matrix::zeros(points, points), Matrix::zeros(points, points));
+        engine.inner.invert_lower(&mut factor_inverse);
+        lower_gram(&factor_inverse, &mut inverse);
+        let mut explained = Matrix::zeros(points, points);
+        explained.add_to_diagonal(1.0);
+        explained.add_scaled(-1.0, &inverse);
+        let mut middle = explained.clone();
+        middle.add_scaled(-1.0, &engine.precision);
+        engine.cholesky.solve_upper_matrix(&mut middle);
+        let mut middle = middle.transposed();
+        engine.cholesky.solve_upper_matrix(&mut middle);
+        middle.symmetrise();
+        let by_points = Matrix::from_fn(points, points, |i, j| 0.5 * (middle[(i, j)] - gamma[i] * gamma[j]));
+        engine.cholesky.solve_upper_matrix(&mut explained);
+        Self { engine, prior, likelihood, weights, gamma, explained, by_points }
+    }
+
+    /// Of the covariances with some of the events, and α = κ̃ − Ωδ of these, δ the posterior mean about the prior mean.
+    fn of_part(&self, part: Range<usize>) -> Result<(Vec<f64>, Vec<f64>)> {
+        let (kernel, inputs) = (self.prior.kernel(), self.engine.cross.inputs());
+        let (mut gradient, mut alpha) = (vec![0.0; kernel.parameter_count()], Vec::with_capacity(part.len()));
+        let mut features = self.engine.cross.room();
+        for block in blocks(part) {
+            let sites = &self.engine.sites[block.clone()];
+            let omega: Vec<f64> = sites.iter().map(|site| site.omega).collect();
+            let shift: Vec<f64> = sites.iter().map(|site| site.shift()).collect();
+            self.engine.cross.write_block(block.clone(), &mut features)?;
+            self.engine.cholesky.solve_lower_matrix(&mut features);
+            let (weights, alpha_of_block) = self.by_cross(&features, &omega, &shift);
+            let inputs = inputs.slice(block);
+            add_scaled(1.0, &kernel.cross_gradient(self.engine.points, &inputs, &weights), &mut gradient);
+            let halves: Vec<f64> = omega.iter().map(|omega| -0.5 * omega).collect();
+            add_scaled(1.0, &kernel.diagonal_gradient(&inputs, &halves), &mut gradient);
+            alpha.extend(alpha_of_block);
+        }
+        Ok((gradient, alpha))
+    }
+
+    fn of_messages(&self) -> (Vec<f64>, Vec<f64>) {
+        let (kernel, messages) = (self.prior.kernel(), &self.engine.messages);
+        let (weights, alpha) = self.by_cross(&messages.features, &vec![1.0; messages.shift.len()], &messages.shift);
+        let mut gradient = self.likelihood.message_cross_gradient(kernel, self.engine.points, &weights);
+        add_scaled(1.0, &self.likelihood.message_diagonal_gradient(kernel, -0.5), &mut gradient);
+        (gradient, alpha)
+    }
+
+    /// ∂E/∂K_MN = γαᵀ + L⁻ᵀ(I − S⁻¹)ΦᵀΩ for some columns of Φᵀ, and α.
+    fn by_cross(&self, features: &Matrix, omega: &[f64], shift: &[f64]) -> (Matrix, Vec<f64>) {
+        let mut alpha = features.transposed_times(&self.weights);
+        for (entry, (omega, shift)) in alpha.iter_mut().zip(omega.iter().zip(shift)) {
+            *entry = shift - omega * *entry;
+        }
+        let mut weights = product(self.explained.view(), features.view());
+        for (column, (omega, alpha)) in omega.iter().zip(&alpha).enumerate() {
+            let column = weights.column_mut(column);
+            column.iter_mut().for_each(|entry| *entry *= omega);
+            add_scaled(*alpha, &self.gamma, column);
+        }
+        (weights, alpha)
+    }
+}

@@ -1,0 +1,34 @@
+//! Fits that are shared out to threads are the same to the bit.
+
+use dgpc::*;
+
+#[test]
+fn sparse_fits_do_not_depend_on_the_number_of_threads() {
+    // A wave over the square, heard and missed at random: enough for several parts of several blocks.
+    let number = |n: usize, factor: f64| (n as f64 * factor).fract();
+    let places: Vec<f64> = (0..4000).flat_map(|n| [number(n, 0.618_034), number(n, 0.754_878)]).collect();
+    let wave = |n: usize| (9.0 * places[2 * n]).sin() * (7.0 * places[2 * n + 1]).cos();
+    let outcomes = (0..4000).map(|n| number(n, 0.569_84) < 0.5 + 0.45 * wave(n)).collect();
+    let events = Observations::new(Inputs::new(places, 2).unwrap(), outcomes).unwrap();
+    let points = events.inputs().select(&spread_out(4000, 200));
+    let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern32, 2.0, 0.2, 2).unwrap()]).unwrap();
+    let prior = Prior::new(kernel, PriorMean::Constant(0.3)).unwrap();
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let options = FitOptions::default().inducing_points(&points);
+        pool.install(|| evidence(&prior, &events, &options).unwrap())
+    };
+    let (one, three) = (on(1), on(3));
+    assert!(one.fit.converged() && one.fit.iterations() > 3);
+    assert_eq!(one.fit.evidence().to_bits(), three.fit.evidence().to_bits());
+    assert_eq!(one.gradient, three.gradient);
+    assert_eq!((one.fit.mean(), one.fit.variance()), (three.fit.mean(), three.fit.variance()));
+
+    // What the fit says at its points is what its sites say there.
+    let said = Summary::variational(&prior, one.fit.sites(), &points).unwrap();
+    let posterior = Posterior::fuse(&prior, &Sites::empty(2), &[&said]).unwrap();
+    let places = events.inputs().select(&[7, 1234, 3999]);
+    let [fitted, fused] = [one.fit.posterior().unwrap(), posterior].map(|posterior| posterior.latent(&places).unwrap());
+    let far = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(far(&fitted.mean, &fused.mean) < 1e-9 && far(&fitted.variance, &fused.variance) < 1e-9);
+}
