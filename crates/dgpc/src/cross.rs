@@ -71,7 +71,7 @@ impl<'a> Cross<'a> {
 /// ΦᵀΩΦ and Φᵀκ̃ over some of the events, for features Φ of M columns.
 #[derive(Clone)]
 pub(crate) struct Sums {
-    /// Its lower triangle, M×M.
+    /// M×M; of what is added up as yet, the lower triangle alone.
     pub(crate) precision: Matrix,
     /// M.
     pub(crate) shift: Vec<f64>,

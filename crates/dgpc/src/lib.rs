@@ -11,7 +11,7 @@
 //!    what others know already, and take in what they say ([`Fit::posterior_with`], [`Posterior::absorb_summaries`]);
 //! 4. **learn** the prior itself from its events and from what others said: `learn`, with the feature of the same name.
 //!
-//! The crate is pure: no input or output, no clock, no threads, no global state; randomness is passed in. Inputs have
+//! The crate is pure: no input or output, no clock, no threads but with the feature `parallel`, no global state; randomness is passed in. Inputs have
 //! any dimension; nothing here knows what they mean. The mathematics is in [`method`], whose sections the documentation
 //! cites.
 //!
@@ -82,7 +82,8 @@
 //! # Features
 //!
 //! * `learn` (default): learning a prior. Without it the crate pulls no optimiser.
-//! * `parallel`: large sparse fits use all threads of `rayon`'s pool. Results are the same to the bit without it.
+//! * `parallel`: sums over many events (sparse fits, summaries, certificates) and predictions of many places use all threads of
+//!   `rayon`'s pool. Results are the same to the bit without it.
 //! * `serde`: priors, kernels, summaries and factors can be written down, and are checked when they are read back.
 
 #![forbid(unsafe_code)]

@@ -5,7 +5,8 @@ use std::ops::Range;
 /// Events that one block takes: M × 256 doubles stay in the second-level cache.
 pub(crate) const BLOCK: usize = 256;
 
-/// Parts of a whole, at most: enough to share out, few enough that what each sums up fits into memory beside the others.
+/// Parts of a whole, at most: enough to share out, few enough that the sums of all, 128M² bytes for M inducing points, fit into
+/// memory.
 const PARTS_MAX: usize = 16;
 
 /// Multiply-adds that a part is worth making for.

@@ -1,8 +1,8 @@
 //! The full Gaussian posterior of a mean field, and how its evidence bound changes with the prior (sections 2 and 7 of
 //! [`crate::method`]).
 
-use super::fixed_point::Pass;
 use super::newton::Newton;
+use super::pass::Pass;
 use crate::error::Result;
 use crate::likelihood::Likelihood;
 use crate::linalg::{Cholesky, CholeskyScratch, Matrix, dot, fill_scaled, lower_gram, multiply_vector, squared_norm};

@@ -9,6 +9,7 @@ mod mean_field;
 mod natural;
 mod newton;
 mod options;
+mod pass;
 mod propagation;
 mod single;
 mod solve;
@@ -52,7 +53,7 @@ pub struct Fit {
 
 /// Fits `observations` by mean field: the ω that make the evidence bound E largest, and the Gaussian posterior that
 /// goes with them. Dense, O(N³) an iteration and 4N² memory, or with [`FitOptions::inducing_points`] O(NM²) and O(N + M²)
-/// memory and 64 MB at most, for N events and observations that messages stand for.
+/// memory beside 64 MB of covariances at most, for N events and observations that messages stand for.
 ///
 /// ```
 /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -96,9 +97,9 @@ impl Fit {
         Ok(Self { prior: prior.clone(), found, messages, condensed })
     }
 
-    /// The posterior that was fitted: of the events, and of the messages that the fit was given. At the events a dense one has
-    /// [`Fit::mean`] and [`Fit::variance`]; a sparse one has the means as nearly as the iteration came. O(n³) for n events of a dense fit or M inducing points of
-    /// a sparse one, and the inducing points of the messages.
+    /// The posterior that was fitted: of the events, and of the messages that the fit was given. At the events a dense one
+    /// has [`Fit::mean`] and [`Fit::variance`], a sparse one the means as nearly as the iteration came. O(n³) for n events
+    /// of a dense fit or M inducing points of a sparse one, and the inducing points of the messages.
     ///
     /// # Errors
     /// As [`Posterior::fuse`].

@@ -21,18 +21,13 @@ pub(super) fn iterate(
     likelihood: &Likelihood<'_>,
     options: &FitOptions<'_>,
 ) -> Result<MeanField> {
-    options.check(likelihood.events())?;
     let weights = likelihood.observations.weights();
-    // A site remembers its tilt by its moments.
-    let begun = engine.begin(prior, |n, site| {
-        (site.mean, site.variance) = (options.start.map_or(1.0, |start| start[n]), 0.0);
-        site.omega = omega(weights[n], tilt(site));
-    })?;
-    engine.take(&begun.said)?;
-    let scale = Scale::of(&begun.said);
-    let (mut at, mut plain, mut is_plain) = (begun.said, None, true);
+    let begun = begin(engine, prior, likelihood, options)?;
+    let scale = Scale::of(&begun);
+    let (mut at, mut plain, mut is_plain) = (begun, None, true);
     let mut anderson = Anderson::new();
     let (mut best, mut iterations) = (f64::NEG_INFINITY, 0);
+    let mut was_taken_back = false;
     loop {
         iterations += 1;
         let walk = engine.walk(|n, site, pull, explained| move_site(site, weights[n], pull, explained))?;
@@ -42,31 +37,57 @@ pub(super) fn iterate(
         };
         // Plain steps never lower E. Another one that led to less is taken back for the plain one, and acceleration
         // starts anew.
-        if let Some(plain) = plain.take_if(|_| !is_plain && (evidence.is_nan() || evidence < best - 1e-10 * best.abs()))
-        {
+        let went_astray = !evidence.is_finite() || evidence < best - 1e-10 * best.abs();
+        if let Some(plain) = plain.take_if(|_| !is_plain && went_astray) {
             engine.take(&plain)?;
-            (at, is_plain) = (plain, true);
+            (at, is_plain, was_taken_back) = (plain, true, true);
             anderson.restart();
             continue;
         }
         best = best.max(finite("evidence bound", evidence)?);
-        let converged = walk.change <= options.tolerance;
+        // After a step that was taken back, tilts changed from where it led.
+        let converged = walk.change <= options.tolerance && !was_taken_back;
+        was_taken_back = false;
         if converged || iterations >= options.iterations_max {
             let found = Found { evidence, iterations, change: walk.change, converged, said: walk.said };
             return found.mean_field(engine, likelihood);
         }
         // The last step is plain: nothing could take another one back any more.
-        let image = scale.coordinates(&walk.said);
-        let next = anderson.propose(&scale.coordinates(&at), &image);
-        is_plain = next == image || iterations + 1 == options.iterations_max;
-        at = if is_plain { walk.said.clone() } else { scale.sums(&next) };
-        if !is_plain && engine.take(&at).is_err() {
-            engine.take(&walk.said)?;
-            (at, is_plain) = (walk.said.clone(), true);
-            anderson.restart();
+        let mut step = None;
+        if iterations + 1 < options.iterations_max {
+            let image = scale.coordinates(&walk.said);
+            let next = anderson.propose(&scale.coordinates(&at), &image);
+            step = Some(next).filter(|next| *next != image).map(|next| scale.sums(&next));
         }
+        if let Some(next) = &step
+            && engine.take(next).is_err()
+        {
+            engine.take(&walk.said)?;
+            anderson.restart();
+            step = None;
+        }
+        is_plain = step.is_none();
+        at = step.unwrap_or_else(|| walk.said.clone());
         plain = Some(walk.said);
     }
+}
+
+/// Takes the posterior of the sites at the tilts to start from, and says what they say.
+fn begin(
+    engine: &mut Sparse<'_>,
+    prior: &Prior,
+    likelihood: &Likelihood<'_>,
+    options: &FitOptions<'_>,
+) -> Result<Sums> {
+    options.check(likelihood.events())?;
+    let weights = likelihood.observations.weights();
+    // A site remembers its tilt by its moments.
+    let begun = engine.begin(prior, |n, site| {
+        (site.mean, site.variance) = (options.start.map_or(1.0, |start| start[n]), 0.0);
+        site.omega = omega(weights[n], tilt(site));
+    })?;
+    engine.take(&begun.said)?;
+    Ok(begun.said)
 }
 
 /// Where the iteration ended.
@@ -79,15 +100,23 @@ struct Found {
 }
 
 impl Found {
-    fn mean_field(self, engine: &Sparse<'_>, likelihood: &Likelihood<'_>) -> Result<MeanField> {
+    fn mean_field(self, engine: &mut Sparse<'_>, likelihood: &Likelihood<'_>) -> Result<MeanField> {
         let Found { evidence, iterations, change, converged, said } = self;
+        let tilts = engine.sites.iter().map(tilt).collect();
+        if !converged {
+            // The moments that the tilts are of are not yet those of the posterior.
+            engine.walk(|_, site, pull, explained| {
+                (site.mean, site.variance) = (site.prior_mean + pull, site.residual + explained);
+                (0.0, 0.0)
+            })?;
+        }
         let of_sites = |entry: fn(&Site) -> f64| engine.sites.iter().map(entry).collect::<Vec<f64>>();
         Ok(MeanField {
             sites: Sites::new(likelihood.observations, of_sites(|site| site.omega))?,
             mean: of_sites(|site| site.mean),
             variance: of_sites(|site| site.variance),
             residual: of_sites(|site| site.residual),
-            tilts: of_sites(tilt),
+            tilts,
             evidence,
             iterations,
             change,
@@ -101,7 +130,7 @@ impl Found {
 
 /// c = √E\[f²\].
 fn tilt(site: &Site) -> f64 {
-    (site.mean * site.mean + site.variance).sqrt().max(TILT_MIN)
+    site.mean.hypot(site.variance.sqrt()).max(TILT_MIN)
 }
 
 fn omega(weight: f64, tilt: f64) -> f64 {

@@ -1,6 +1,6 @@
 //! Newton's step towards the fixed point of the mean field (section 2 of [`crate::method`]).
 
-use super::fixed_point::Pass;
+use super::pass::Pass;
 use crate::linalg::{Matrix, MultiplyAdd, Wide, add_scaled, dot, squared_norm, widest};
 use crate::polya_gamma;
 

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use crate::cross::{Cross, Sums};
-use crate::error::Result;
+use crate::error::{Result, all_finite};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
 use crate::linalg::{Cholesky, Matrix, multiply_vector, squared_norm};
@@ -122,7 +122,7 @@ impl<'a> Sparse<'a> {
     }
 
     /// Looks at every event once: `rule` gets its number, its site, and its posterior mean about the prior mean and explained
-    /// variance, moves the site, and says a term of a sum and how large the change is. O(NM²), on several threads where there are.
+    /// variance, moves the site, and says a term of a sum and how large the change is. O(NM²).
     pub(super) fn walk(&mut self, rule: impl Fn(usize, &mut Site, f64, f64) -> (f64, f64) + Sync) -> Result<Walk> {
         let mut sites = std::mem::take(&mut self.sites);
         let (mut left, mut shares) = (sites.as_mut_slice(), Vec::new());
@@ -182,6 +182,7 @@ impl<'a> Sparse<'a> {
         self.inner = Cholesky::new("I + ΦᵀΩΦ", s)?;
         self.weights = said.shift.iter().zip(&self.messages.said.shift).map(|(own, others)| own + others).collect();
         self.inner.solve_lower(&mut self.weights);
+        all_finite("whitened posterior mean", &self.weights)?;
         Ok(())
     }
 

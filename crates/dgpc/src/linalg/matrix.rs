@@ -239,10 +239,10 @@ pub(crate) fn add_symmetric_product_lower(factor: f64, a: View<'_>, out: &mut Ma
     );
 }
 
-/// The first columns of `out` become L·A for a lower triangular L; half the work of a general product.
+/// L·A, written to `out`, for a lower triangular L; half the work of a general product.
 pub(crate) fn multiply_lower(lower: &Matrix, a: View<'_>, out: &mut Matrix) {
     triangular::matmul(
-        out.0.as_mut().subcols_mut(0, a.ncols()),
+        out.0.as_mut(),
         BlockStructure::Rectangular,
         Accum::Replace,
         lower.view(),

@@ -186,6 +186,26 @@ fn every_number_of_iterations_returns_an_accepted_step() {
     }
 }
 
+/// However early a sparse fit stops, its moments are those of its sites, and so are those without an event.
+#[test]
+fn a_fit_that_stopped_early_is_of_one_posterior() {
+    let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 100.0, 1.0, 1).unwrap()]).unwrap();
+    let prior = Prior::new(kernel, PriorMean::Zero).unwrap();
+    let observations = Observations::new(line(&[0.0, 0.0]), vec![true, false]).unwrap();
+    let points = line(&[0.0]);
+    for iterations_max in 1..4 {
+        let options = FitOptions::default().start(&[50.0, 50.0]).iterations_max(iterations_max);
+        let fit = dgpc::fit(&prior, &observations, &options.inducing_points(&points)).unwrap();
+        let latent = fit.posterior().unwrap().latent(observations.inputs()).unwrap();
+        assert_same_latent(&Latent { mean: fit.mean().to_vec(), variance: fit.variance().to_vec() }, &latent, 1e-9);
+        // By hand: what one of the two says of the other.
+        let omega = fit.sites().omega()[0];
+        let variance = 1.0 / (0.01 + omega);
+        let expected = success_probability(-0.5 * variance, variance).ln();
+        assert!(fit.leave_one_out().iter().all(|found| (found - expected).abs() < 1e-6), "{iterations_max}");
+    }
+}
+
 /// A prior mean that overflows is refused before any sampler meets it.
 #[test]
 fn a_prior_mean_that_overflows_is_refused() {

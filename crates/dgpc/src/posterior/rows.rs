@@ -1,0 +1,105 @@
+//! What the rows of a posterior's support are: events, and the inducing points of summaries.
+
+use crate::error::{Error, Result};
+use crate::inputs::Inputs;
+use crate::linalg::{Cholesky, Matrix, multiply_rows};
+use crate::prior::Prior;
+use crate::sites::Sites;
+use crate::summary::Summary;
+
+/// Some rows of the support: their part of W and of R. With t = W k(support, x) the variance at x is k(x, x) −
+/// ‖L_B⁻¹Rᵀt‖².
+#[derive(Debug, Clone)]
+pub(super) struct Segment {
+    pub(super) first: usize,
+    pub(super) part: Part,
+}
+
+#[derive(Debug, Clone)]
+pub(super) enum Part {
+    /// Events: W = I, R = Ω^½.
+    Events(Vec<f64>),
+    /// A summary's inducing points: W = L⁻¹, Ĝ = RRᵀ.
+    Block { whitening: Cholesky, root: Matrix },
+}
+
+/// What a posterior is about to take in.
+pub(super) struct NewRows {
+    pub(super) support: Inputs,
+    pub(super) segments: Vec<Segment>,
+    pub(super) shift: Vec<f64>,
+    pub(super) jitter: f64,
+}
+
+impl NewRows {
+    /// Events first, then every summary's inducing points, as rows from `first` on; `None` without any.
+    pub(super) fn lay_out(
+        prior: &Prior,
+        first: usize,
+        events: Option<&Sites>,
+        summaries: &[&Summary],
+    ) -> Result<Option<Self>> {
+        let of_events = events.map(|events| events.inputs().dimension());
+        let Some(dimension) = of_events.or(summaries.first().map(|summary| summary.inducing_points().dimension()))
+        else {
+            return Ok(None);
+        };
+        let mut new = Self { support: Inputs::empty(dimension), segments: Vec::new(), shift: Vec::new(), jitter: 0.0 };
+        if let Some(events) = events.filter(|events| !events.is_empty()) {
+            let roots = events.omega().iter().map(|omega| omega.sqrt()).collect();
+            new.segments.push(Segment { first, part: Part::Events(roots) });
+            new.support.append(events.inputs())?;
+            new.shift = events.shift(prior.mean())?;
+        }
+        for summary in summaries {
+            if summary.prior() != prior {
+                return Err(Error::DifferentPriors { what: "a posterior and a summary" });
+            }
+            let part = Part::Block { whitening: summary.cholesky().clone(), root: summary.root(0.0)? };
+            new.segments.push(Segment { first: first + new.support.len(), part });
+            new.support.append(summary.inducing_points())?;
+            new.shift.extend_from_slice(summary.whitened_shift());
+            new.jitter = new.jitter.max(summary.jitter());
+        }
+        Ok(Some(new).filter(|new| !new.support.is_empty()))
+    }
+}
+
+/// X ← WX, where the rows of X are those of the support from `offset` on.
+pub(super) fn whiten(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
+    for Segment { first, part } in segments {
+        if let Part::Block { whitening, .. } = part {
+            whitening.solve_lower_rows(matrix, first - offset);
+        }
+    }
+}
+
+/// X ← RᵀX, rows as in [`whiten`].
+pub(super) fn rotate(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
+    for Segment { first, part } in segments {
+        let first = first - offset;
+        match part {
+            Part::Block { root, .. } => multiply_rows(root.t(), matrix, first),
+            Part::Events(roots) => {
+                for column in 0..matrix.columns() {
+                    let entries = &mut matrix.column_mut(column)[first..first + roots.len()];
+                    entries.iter_mut().zip(roots).for_each(|(entry, root)| *entry *= root);
+                }
+            }
+        }
+    }
+}
+
+/// x ← Rx or Rᵀx, as `product` says, rows as in [`whiten`].
+pub(super) fn apply(segments: &[Segment], offset: usize, x: &mut [f64], product: impl Fn(&Matrix, &[f64]) -> Vec<f64>) {
+    for Segment { first, part } in segments {
+        let x = &mut x[first - offset..];
+        match part {
+            Part::Events(roots) => x.iter_mut().zip(roots).for_each(|(entry, root)| *entry *= root),
+            Part::Block { root, .. } => {
+                let rotated = product(root, &x[..root.rows()]);
+                x[..root.rows()].copy_from_slice(&rotated);
+            }
+        }
+    }
+}
