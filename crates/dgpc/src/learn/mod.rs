@@ -157,7 +157,7 @@ fn compare_starts(template: &Prior, few: &Likelihood<'_>, options: &LearnOptions
     let rough = rough(options);
     let search = Search::new(template, few, None, &rough);
     let begin = starting_points(template, options)?;
-    let ends: Vec<Result<Found>> = begin.iter().map(|prior| search.run(prior)).collect();
+    let ends = search.run(&begin);
     let start =
         |(prior, end): (Prior, &Result<Found>)| Start { prior, objective: end.as_ref().ok().map(|end| end.objective) };
     let starts = begin.into_iter().zip(&ends).map(start).collect();
@@ -181,7 +181,7 @@ fn race(
     let likelihood = Likelihood::new(&some, options.messages)?;
     let rough = rough(options);
     let search = Search::new(template, &likelihood, None, &rough);
-    let Ok(ends) = starts.iter().map(|start| search.run(start)).collect::<Result<Vec<Found>>>() else {
+    let Ok(ends) = search.run(&starts).into_iter().collect::<Result<Vec<Found>>>() else {
         // Where one cannot be followed on few events, all events decide about it.
         return Ok(starts);
     };
@@ -245,11 +245,10 @@ fn learn_from(
     let search = Search::new(template, likelihood, points.as_ref(), options);
     let (mut ends, mut failure) = (Vec::<Found>::new(), None);
     let mut evaluations = 0;
-    for start in starts {
-        match search.run(start) {
+    for end in search.run(starts) {
+        match end {
             Ok(end) => {
                 evaluations += end.evaluations;
-                // Most starts lead to the same place.
                 if ends.iter().all(|other| !search.is_one_place(other, &end)) {
                     ends.push(end);
                 }

@@ -109,8 +109,13 @@ impl<'a> Search<'a> {
 
     /// Whether two searches ended in one place, as far as it matters.
     pub(super) fn is_one_place(&self, a: &Found, b: &Found) -> bool {
-        let apart = self.coordinates(&a.prior).into_iter().zip(self.coordinates(&b.prior)).map(|(a, b)| (a - b).abs());
-        (a.objective - b.objective).abs() < SAME_OBJECTIVE && apart.fold(0.0, f64::max) < SAME_COORDINATE
+        self.is_at(a, &self.coordinates(&b.prior), b.objective)
+    }
+
+    /// Whether a search that came to `coordinates` is where `end` is, as far as it matters.
+    fn is_at(&self, end: &Found, coordinates: &[f64], objective: f64) -> bool {
+        let apart = self.coordinates(&end.prior).into_iter().zip(coordinates).map(|(a, b)| (a - b).abs());
+        (end.objective - objective).abs() < SAME_OBJECTIVE && apart.fold(0.0, f64::max) < SAME_COORDINATE
     }
 
     fn prior(&self, coordinates: &[f64]) -> Result<Prior> {
@@ -140,13 +145,23 @@ impl<'a> Search<'a> {
         self.fit(prior, &FitOptions::default().tolerance(1e-5).start(tilts))
     }
 
-    /// From `start` to the nearest maximum.
-    pub(super) fn run(&self, start: &Prior) -> Result<Found> {
+    /// From each start to the nearest maximum, or until it comes to where an earlier one ended: most starts lead to the same
+    /// place, and the last steps there would say nothing new.
+    pub(super) fn run(&self, starts: &[Prior]) -> Vec<Result<Found>> {
+        let mut ends = Vec::with_capacity(starts.len());
+        for start in starts {
+            ends.push(self.run_one(start, &ends));
+        }
+        ends
+    }
+
+    fn run_one(&self, start: &Prior, ends: &[Result<Found>]) -> Result<Found> {
         let start = self.coordinates(start);
         let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
         let objective = Objective {
             search: self,
             reach,
+            ends,
             memory: RefCell::new(Memory { last: None, best: None, gained: f64::INFINITY, evaluations: 0 }),
         };
         objective.at(&start)?;
@@ -181,6 +196,8 @@ struct Objective<'a> {
     search: &'a Search<'a>,
     /// No place is looked at whose largest coordinate lies beyond.
     reach: f64,
+    /// Where other searches ended.
+    ends: &'a [Result<Found>],
     memory: RefCell<Memory>,
 }
 
@@ -230,6 +247,14 @@ impl Objective<'_> {
         Ok((cost, gradient))
     }
 
+    /// The same while it may still lead to a place that is not known.
+    fn on_the_way(&self, coordinates: &[f64]) -> std::result::Result<(f64, Vec<f64>), argmin::core::Error> {
+        let value = self.at(coordinates)?;
+        let memory = self.memory.borrow();
+        let is_at = |end| memory.best.as_ref().is_some_and(|best| self.search.is_at(end, &best.coordinates, best.objective));
+        if self.ends.iter().flatten().any(is_at) { Err(argmin::core::Error::msg("an end that is known")) } else { Ok(value) }
+    }
+
     /// Where a step went much too far, only the hyperprior counts, on top of a cost that no sensible place has.
     fn beyond(&self, coordinates: &[f64]) -> (f64, Vec<f64>) {
         let per_event = self.search.per_event();
@@ -243,7 +268,7 @@ impl CostFunction for &Objective<'_> {
     type Output = f64;
 
     fn cost(&self, coordinates: &Vec<f64>) -> std::result::Result<f64, argmin::core::Error> {
-        Ok(self.at(coordinates)?.0)
+        Ok(self.on_the_way(coordinates)?.0)
     }
 }
 
@@ -252,6 +277,6 @@ impl Gradient for &Objective<'_> {
     type Gradient = Vec<f64>;
 
     fn gradient(&self, coordinates: &Vec<f64>) -> std::result::Result<Vec<f64>, argmin::core::Error> {
-        Ok(self.at(coordinates)?.1)
+        Ok(self.on_the_way(coordinates)?.1)
     }
 }
