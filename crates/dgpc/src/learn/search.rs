@@ -26,6 +26,9 @@ const TILT_TOLERANCES: (f64, f64) = (1e-4, 3e-3);
 /// Fits need not tell steps apart that gain so small a share of what the last one did.
 const GAIN_SHARE: f64 = 0.02;
 
+/// The first step of a search changes no coordinate by more than this.
+const FIRST_STEP: f64 = 0.5;
+
 /// Nats per event that no sensible place costs.
 const COST_BEYOND: f64 = 100.0;
 
@@ -158,13 +161,11 @@ impl<'a> Search<'a> {
     fn run_one(&self, start: &Prior, ends: &[Result<Found>]) -> Result<Found> {
         let start = self.coordinates(start);
         let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
-        let objective = Objective {
-            search: self,
-            reach,
-            ends,
-            memory: RefCell::new(Memory { last: None, best: None, gained: f64::INFINITY, evaluations: 0 }),
-        };
-        objective.at(&start)?;
+        let memory = RefCell::new(Memory { last: None, best: None, gained: f64::INFINITY, evaluations: 0 });
+        let mut objective = Objective { search: self, reach, ends, scale: 1.0, memory };
+        let (_, gradient) = objective.at(&start)?;
+        let steepest = gradient.iter().fold(0.0, |steepest: f64, x| steepest.max(x.abs()));
+        objective.scale = (FIRST_STEP / steepest).min(1.0 / self.per_event());
         let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective, start) };
         let Memory { best, evaluations, .. } = objective.memory.into_inner();
         let Some(Best { coordinates, objective, tilts }) = best else {
@@ -175,8 +176,8 @@ impl<'a> Search<'a> {
 
     /// L-BFGS. Whatever it returns, the best point it looked at is in the memory.
     fn maximise(&self, objective: &Objective<'_>, start: Vec<f64>) -> Stop {
-        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 8).with_tolerance_grad(3e-4);
-        let solver = solver.and_then(|solver| solver.with_tolerance_cost(self.tolerance));
+        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 8).with_tolerance_grad(3e-4 * objective.scale);
+        let solver = solver.and_then(|solver| solver.with_tolerance_cost(self.tolerance * objective.scale));
         let run = solver.and_then(|solver| {
             let executor = Executor::new(objective, solver).timer(false);
             executor.configure(|state| state.param(start).max_iters(self.iterations_max)).run()
@@ -198,6 +199,9 @@ struct Objective<'a> {
     reach: f64,
     /// Where other searches ended.
     ends: &'a [Result<Found>],
+    /// What the optimiser sees is so many times the cost: its first step is as long as the gradient there. One of a length that
+    /// suits most searches saves the evaluations that feel for it; at most the number of events, where only the hyperprior bends.
+    scale: f64,
     memory: RefCell<Memory>,
 }
 
@@ -251,8 +255,13 @@ impl Objective<'_> {
     fn on_the_way(&self, coordinates: &[f64]) -> std::result::Result<(f64, Vec<f64>), argmin::core::Error> {
         let value = self.at(coordinates)?;
         let memory = self.memory.borrow();
-        let is_at = |end| memory.best.as_ref().is_some_and(|best| self.search.is_at(end, &best.coordinates, best.objective));
-        if self.ends.iter().flatten().any(is_at) { Err(argmin::core::Error::msg("an end that is known")) } else { Ok(value) }
+        let is_at =
+            |end| memory.best.as_ref().is_some_and(|best| self.search.is_at(end, &best.coordinates, best.objective));
+        if self.ends.iter().flatten().any(is_at) {
+            Err(argmin::core::Error::msg("an end that is known"))
+        } else {
+            Ok(value)
+        }
     }
 
     /// Where a step went much too far, only the hyperprior counts, on top of a cost that no sensible place has.
@@ -268,7 +277,7 @@ impl CostFunction for &Objective<'_> {
     type Output = f64;
 
     fn cost(&self, coordinates: &Vec<f64>) -> std::result::Result<f64, argmin::core::Error> {
-        Ok(self.on_the_way(coordinates)?.0)
+        Ok(self.scale * self.on_the_way(coordinates)?.0)
     }
 }
 
@@ -277,6 +286,7 @@ impl Gradient for &Objective<'_> {
     type Gradient = Vec<f64>;
 
     fn gradient(&self, coordinates: &Vec<f64>) -> std::result::Result<Vec<f64>, argmin::core::Error> {
-        Ok(self.on_the_way(coordinates)?.1)
+        let (_, gradient) = self.on_the_way(coordinates)?;
+        Ok(gradient.into_iter().map(|slope| self.scale * slope).collect())
     }
 }

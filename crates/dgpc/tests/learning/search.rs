@@ -161,6 +161,41 @@ fn calibration_raises_the_corrected_evidence() {
 }
 
 #[test]
+fn a_start_where_another_search_ended_costs_one_evaluation() {
+    let events = waves(7, 90);
+    for template in templates() {
+        let options = LearnOptions::default();
+        let ended = learn(&template, &events, &options).unwrap().optimum;
+        let again = options.warm_start(&ended);
+        let alone = learn(&template, &events, &again).unwrap();
+        let further = [(); 2].map(|()| alone.optimum.clone());
+        let beside = learn(&template, &events, &again.further_starts(&further)).unwrap();
+        assert_eq!((beside.prior, beside.stop), (alone.prior, alone.stop));
+        assert_eq!(beside.evaluations, alone.evaluations + 2);
+    }
+}
+
+#[test]
+fn a_known_end_hides_no_better_one() {
+    // A smooth start takes short waves for noise; one at their length finds them.
+    let places = inputs(&mut seeded(8), 200, 1, 2.0);
+    let mut rng = seeded(9);
+    let outcomes = places.rows().map(|x| rng.random::<f64>() < logistic(4.0 * (10.0 * x[0]).sin())).collect();
+    let events = Observations::new(places, outcomes).unwrap();
+    let template = prior(vec![term(Shape::SquaredExponential, 4.0, &[1.0])], PriorMean::Zero);
+    let [far, near] = [3.0, 0.2].map(|factor| template.with_length_scales_times(factor).unwrap());
+    let options = LearnOptions::default().hyper_prior(HyperPrior::default().length_scale(3.0));
+    let merit = |start: &Prior, further: &[Prior]| {
+        let learned = learn(&template, &events, &options.warm_start(start).further_starts(further)).unwrap();
+        learned.fit.corrected_evidence()
+    };
+    let (from_far, from_near) = (merit(&far, &[]), merit(&near, &[]));
+    assert!(from_near > from_far + 10.0, "one place alone, {from_far} and {from_near}: nothing is tested");
+    assert_near("near last", &[merit(&far, std::slice::from_ref(&near))], &[from_near], 0.1);
+    assert_near("near first", &[merit(&near, std::slice::from_ref(&far))], &[from_near], 0.1);
+}
+
+#[test]
 fn learning_twice_is_learning_once() {
     let (events, said) = (waves(5, 120), message(6));
     for template in templates() {
