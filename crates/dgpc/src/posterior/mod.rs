@@ -88,9 +88,9 @@ impl Posterior {
     /// ```
     ///
     /// # Errors
-    /// [`Error::DifferentPriors`] when a summary was formed under another prior (see [`Summary::under`]),
-    /// [`Error::BadColumn`] or [`Error::SizeMismatch`] when inputs do not fit the prior or each other,
-    /// [`Error::NegativeEigenvalue`] for a summary that is no message, [`Error::NotPositiveDefinite`] when numbers near
+    /// [`crate::Error::DifferentPriors`] when a summary was formed under another prior (see [`Summary::under`]),
+    /// [`crate::Error::BadColumn`] or [`crate::Error::SizeMismatch`] when inputs do not fit the prior or each other,
+    /// [`crate::Error::NegativeEigenvalue`] for a summary that is no message, [`crate::Error::NotPositiveDefinite`] when numbers near
     /// the end of the range overflow.
     pub fn fuse(prior: &Prior, own: &Sites, summaries: &[&Summary]) -> Result<Self> {
         let mut posterior = Self::prior_alone(prior, own.inputs().dimension());
@@ -201,7 +201,7 @@ impl Posterior {
     /// grow with the number of points.
     ///
     /// # Errors
-    /// [`Error::BadColumn`] when the inputs do not fit the prior, [`Error::NotFinite`] when numbers
+    /// [`crate::Error::BadColumn`] when the inputs do not fit the prior, [`crate::Error::NotFinite`] when numbers
     /// near the end of the range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
         self.latent_by(None, inputs)
@@ -274,7 +274,7 @@ impl Posterior {
     /// the jitter that it took. O(Mn² + M²n + M³ + M²S).
     ///
     /// # Errors
-    /// As [`Posterior::latent`], and [`Error::SizeMismatch`] for normals of another number of rows.
+    /// As [`Posterior::latent`], and [`crate::Error::SizeMismatch`] for normals of another number of rows.
     pub fn draws(&self, inputs: &Inputs, normals: &Matrix) -> Result<(Matrix, f64)> {
         same_size("rows of normals", inputs.len(), normals.rows())?;
         let (mean, covariance) = self.joint(inputs)?;
@@ -323,7 +323,7 @@ impl Posterior {
     /// What somebody who knows `known` is missing of this posterior at `inducing_points`: see [`Summary::residual`].
     ///
     /// # Errors
-    /// [`Error::DifferentPriors`], and as [`Posterior::summarise`] of both.
+    /// [`crate::Error::DifferentPriors`], and as [`Posterior::summarise`] of both.
     pub fn residual(&self, known: &Posterior, inducing_points: &Inputs) -> Result<Summary> {
         self.summarise(inducing_points)?.residual(&known.summarise(inducing_points)?)
     }
