@@ -40,8 +40,8 @@ impl<'a> Cross<'a> {
         Ok(Self { kept, ..self })
     }
 
-    /// Writes the columns of one block of events over those of another.
-    pub(crate) fn write_block(&self, block: Range<usize>, out: &mut Matrix) -> Result<()> {
+    /// Writes L⁻¹K for the columns of one block of events over those of another. O(M²) an event.
+    pub(crate) fn write_solved(&self, block: Range<usize>, factor: &Cholesky, out: &mut Matrix) -> Result<()> {
         if out.columns() != block.len() {
             *out = Matrix::zeros(self.points.len(), block.len());
         }
@@ -49,6 +49,7 @@ impl<'a> Cross<'a> {
             Some(kept) => out.copy_from(kept),
             None => self.kernel.write_cross(self.points, &self.inputs.slice(block), out)?,
         }
+        factor.solve_lower_matrix(out);
         Ok(())
     }
 
@@ -103,8 +104,7 @@ pub(crate) fn condense(cross: &Cross<'_>, cholesky: &Cholesky, omega: &[f64], sh
     let of_part = |part| -> Result<Sums> {
         let (mut sums, mut features) = (Sums::zeros(cholesky.size()), cross.room());
         for block in blocks(part) {
-            cross.write_block(block.clone(), &mut features)?;
-            cholesky.solve_lower_matrix(&mut features);
+            cross.write_solved(block.clone(), cholesky, &mut features)?;
             sums.add(&mut features, omega[block.clone()].iter().copied().zip(shift[block].iter().copied()));
         }
         Ok(sums)
@@ -122,8 +122,7 @@ pub(crate) fn residual(cross: &Cross<'_>, cholesky: &Cholesky) -> Result<Vec<f64
     let of_part = |part: Range<usize>| -> Result<Vec<f64>> {
         let (mut residual, mut features) = (Vec::with_capacity(part.len()), cross.room());
         for block in blocks(part) {
-            cross.write_block(block.clone(), &mut features)?;
-            cholesky.solve_lower_matrix(&mut features);
+            cross.write_solved(block.clone(), cholesky, &mut features)?;
             let diagonal = cross.kernel.diagonal(&cross.inputs.slice(block))?.into_iter().enumerate();
             residual.extend(diagonal.map(|(column, k)| (k - squared_norm(features.column(column))).max(0.0)));
         }

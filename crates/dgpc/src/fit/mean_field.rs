@@ -1,10 +1,16 @@
 //! What a mean field is, by whichever Gaussian posterior it was found.
 
 use crate::linalg::Matrix;
+use crate::polya_gamma;
 use crate::sites::Sites;
 
 /// Tilts below this are this: ω̄ differs from its limit ¼ by less than rounding.
 pub(super) const TILT_MIN: f64 = 1e-9;
+
+/// ω̄ of an event at its tilt, never zero.
+pub(super) fn omega(weight: f64, tilt: f64) -> f64 {
+    polya_gamma::mean(weight, tilt).max(f64::MIN_POSITIVE)
+}
 
 /// Where the iteration ended. One entry per event in every list.
 #[derive(Debug, Clone)]

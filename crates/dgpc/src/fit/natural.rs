@@ -2,14 +2,13 @@
 //! [`crate::method`]).
 
 use super::anderson::Anderson;
-use super::mean_field::{MeanField, TILT_MIN};
+use super::mean_field::{MeanField, TILT_MIN, omega};
 use super::options::FitOptions;
 use super::sparse::{Site, Sparse};
 use crate::cross::Sums;
 use crate::error::{Result, finite};
 use crate::likelihood::Likelihood;
 use crate::linalg::Matrix;
-use crate::polya_gamma;
 use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::special::ln_2_cosh;
@@ -131,10 +130,6 @@ impl Found {
 /// c = √E\[f²\].
 fn tilt(site: &Site) -> f64 {
     site.mean.hypot(site.variance.sqrt()).max(TILT_MIN)
-}
-
-fn omega(weight: f64, tilt: f64) -> f64 {
-    polya_gamma::mean(weight, tilt).max(f64::MIN_POSITIVE)
 }
 
 /// The site of an event with these posterior moments, its terms of E, and how far its tilt went.

@@ -1,10 +1,9 @@
 //! One pass of the iteration of a dense mean field, from tilts to their images (section 2 of [`crate::method`]).
 
-use super::mean_field::TILT_MIN;
+use super::mean_field::{TILT_MIN, omega};
 use super::options::FitOptions;
 use crate::error::Result;
 use crate::likelihood::Likelihood;
-use crate::polya_gamma;
 use crate::prior::Prior;
 use crate::special::ln_2_cosh;
 
@@ -46,7 +45,7 @@ impl<'a> Pass<'a> {
     pub(super) fn set_sites(&mut self, log_tilts: &[f64]) {
         for (n, log_tilt) in log_tilts.iter().enumerate() {
             self.tilts[n] = log_tilt.exp().max(TILT_MIN);
-            self.omega[n] = polya_gamma::mean(self.weights[n], self.tilts[n]).max(f64::MIN_POSITIVE);
+            self.omega[n] = omega(self.weights[n], self.tilts[n]);
             self.shift[n] = self.kappa[n] - self.omega[n] * self.prior_mean[n];
         }
     }

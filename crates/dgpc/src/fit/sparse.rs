@@ -158,8 +158,7 @@ impl<'a> Sparse<'a> {
         let mut walk = Walk { said: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 };
         let (mut features, mut pulls) = (self.cross.room(), [0.0; BLOCK]);
         for (block, sites) in blocks(part).zip(sites.chunks_mut(BLOCK)) {
-            self.cross.write_block(block.clone(), &mut features)?;
-            outer.solve_lower_matrix(&mut features);
+            self.cross.write_solved(block.clone(), outer, &mut features)?;
             let pulls = &mut pulls[..sites.len()];
             multiply_vector(features.t(), &self.weights, pulls);
             for (column, site) in sites.iter_mut().enumerate() {

@@ -76,8 +76,7 @@ impl<'a> Slope<'a> {
             let sites = &self.engine.sites[block.clone()];
             let omega: Vec<f64> = sites.iter().map(|site| site.omega).collect();
             let shift: Vec<f64> = sites.iter().map(|site| site.shift()).collect();
-            self.engine.cross.write_block(block.clone(), &mut features)?;
-            self.engine.cholesky.solve_lower_matrix(&mut features);
+            self.engine.cross.write_solved(block.clone(), &self.engine.cholesky, &mut features)?;
             let (weights, alpha_of_block) = self.by_cross(&features, &omega, &shift);
             let inputs = inputs.slice(block);
             add_scaled(1.0, &kernel.cross_gradient(self.engine.points, &inputs, &weights), &mut gradient);
