@@ -1,11 +1,7 @@
 //! How much variance E leaves out, and gives back (section 7 of [`crate::method`]).
 
-use std::cell::RefCell;
-
-use argmin::core::{CostFunction, Executor, State};
-use argmin::solver::brent::BrentOpt;
-
 use super::search::Search;
+use crate::error::{Result, finite};
 use crate::fit::{FitOptions, MeanField, corrected_evidence};
 use crate::prior::Prior;
 
@@ -14,6 +10,15 @@ const FACTORS: (f64, f64) = (0.25, 16.0);
 
 /// The logarithm of the factor is found to this precision.
 const TOLERANCE: f64 = 0.1;
+
+/// Most factors lie between 1 and e, so that this is tried first.
+const FIRST: f64 = 0.5;
+
+/// No try is farther than this from the best so far.
+const STEP_MAX: f64 = 1.0;
+
+/// So many tries; mostly two or three are enough.
+const TRIES_MAX: usize = 10;
 
 /// Of the fits on the way. What corrects E changes with the tilts in first order.
 const TILT_TOLERANCE: f64 = 1e-3;
@@ -44,53 +49,59 @@ impl Calibration {
 }
 
 /// The factor of all variances that maximises the corrected evidence plus the log density of a normal distribution of
-/// the factor's logarithm about 0, given the fit at factor 1.
-pub(super) fn calibrate(search: &Search<'_>, prior: &Prior, fit: &MeanField, spread: f64) -> Calibration {
-    let problem = Problem { search, prior, tilts: RefCell::new(fit.tilts.clone()), spread };
-    let (low, high) = (FACTORS.0.ln(), FACTORS.1.ln());
-    let solver = BrentOpt::new(low, high).set_tolerance(0.0, TOLERANCE);
-    let run = Executor::new(&problem, solver).timer(false).configure(|state| state.max_iters(10)).run();
-    let result = match run {
-        Ok(result) => result,
-        Err(error) => return Calibration::Failed(error.to_string()),
-    };
-    match result.state().get_best_param().copied().filter(|_| result.state().get_best_cost().is_finite()) {
-        // The solver comes near its bounds, but never meets them.
-        Some(log) if log < low + 2.0 * TOLERANCE || log > high - 2.0 * TOLERANCE => Calibration::AtBound(log.exp()),
-        Some(log) => Calibration::Factor(log.exp()),
-        None => Calibration::Failed("the corrected evidence is not a number".to_owned()),
+/// the factor's logarithm about 0, given the fit at factor 1; and the tilts of a fit nearby.
+pub(super) fn calibrate(search: &Search<'_>, prior: &Prior, fit: &MeanField, spread: f64) -> (Calibration, Vec<f64>) {
+    let mut tried = vec![Try { log: 0.0, cost: -corrected_evidence(fit), tilts: fit.tilts.clone() }];
+    let mut next = FIRST;
+    while tried.len() <= TRIES_MAX {
+        match Try::at(next, search, prior, &tried[0].tilts, spread) {
+            Ok(new) => tried.push(new),
+            Err(error) => return (Calibration::Failed(error.to_string()), fit.tilts.clone()),
+        }
+        tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        next = lowest(&tried).clamp(FACTORS.0.ln(), FACTORS.1.ln());
+        if (next - tried[0].log).abs() < TOLERANCE {
+            break;
+        }
+    }
+    let at_bound = [FACTORS.0, FACTORS.1].into_iter().find(|bound| (next - bound.ln()).abs() < TOLERANCE);
+    let calibration = at_bound.map_or(Calibration::Factor(next.exp()), Calibration::AtBound);
+    (calibration, tried.swap_remove(0).tilts)
+}
+
+/// −(corrected evidence + log density of the hyperprior) at the logarithm of a common factor of all variances.
+struct Try {
+    log: f64,
+    cost: f64,
+    tilts: Vec<f64>,
+}
+
+impl Try {
+    fn at(log: f64, search: &Search<'_>, prior: &Prior, tilts: &[f64], spread: f64) -> Result<Self> {
+        let prior = prior.with_variances_times(log.exp())?;
+        let fit = search.fit(&prior, &FitOptions::default().tolerance(TILT_TOLERANCE).start(tilts))?;
+        let cost = finite("corrected evidence", 0.5 * (log / spread).powi(2) - corrected_evidence(&fit))?;
+        Ok(Self { log, cost, tilts: fit.tilts })
     }
 }
 
-/// −(corrected evidence + log density of the hyperprior) as a function of the logarithm of a common factor of all
-/// variances.
-struct Problem<'a> {
-    search: &'a Search<'a>,
-    prior: &'a Prior,
-    /// Of the last fit.
-    tilts: RefCell<Vec<f64>>,
-    spread: f64,
-}
-
-impl CostFunction for &Problem<'_> {
-    type Param = f64;
-    type Output = f64;
-
-    fn cost(&self, log_factor: &f64) -> std::result::Result<f64, argmin::core::Error> {
-        let prior = self.prior.with_variances_times(log_factor.exp())?;
-        let penalty = 0.5 * (log_factor / self.spread).powi(2);
-        let start = self.tilts.borrow().clone();
-        let fit = self.search.fit(&prior, &FitOptions::default().tolerance(TILT_TOLERANCE).start(&start))?;
-        let cost = penalty - corrected_evidence(&fit);
-        self.tilts.replace(fit.tilts);
-        Ok(cost)
-    }
+/// Where the cost is lowest, as tries say that come lowest first: of three, the bottom of the parabola through them; with two, or
+/// where they bend down, on from the second beyond the first.
+fn lowest(tried: &[Try]) -> f64 {
+    let [first, second, others @ ..] = tried else { return FIRST };
+    let bottom = others.first().and_then(|third| {
+        let slope = |a: &Try, b: &Try| (a.cost - b.cost) / (a.log - b.log);
+        let bend = (slope(first, second) - slope(first, third)) / (second.log - third.log);
+        let slope = slope(first, second) + bend * (first.log - second.log);
+        (bend > 0.0).then(|| first.log - 0.5 * slope / bend)
+    });
+    let next = bottom.unwrap_or(2.0 * first.log - second.log);
+    next.clamp(first.log - STEP_MAX, first.log + STEP_MAX)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Result;
     use crate::inputs::Inputs;
     use crate::kernel::{Kernel, Shape, Term};
     use crate::learn::LearnOptions;
@@ -111,7 +122,7 @@ mod tests {
         let (template, options) = (prior(fitted)?, LearnOptions::default());
         let search = Search::new(&template, &likelihood, None, &options);
         let fit = search.fit(&template, &FitOptions::default())?;
-        Ok(calibrate(&search, &prior(variance)?, &fit, options.hyper_prior.variance))
+        Ok(calibrate(&search, &prior(variance)?, &fit, options.hyper_prior.variance).0)
     }
 
     #[test]

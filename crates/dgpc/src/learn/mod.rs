@@ -4,6 +4,7 @@
 
 mod calibration;
 mod common;
+mod curvature;
 mod hyper_prior;
 mod options;
 mod search;
@@ -66,6 +67,9 @@ const ALL_TOLERANCE: f64 = 1e-4;
 
 /// A search on some of the events ends where a step gains less than this, in nats an event.
 const ROUGH: f64 = 1e-6;
+
+/// How the objective bends is learned from a third of the events, and from so many at most.
+const CURVATURE_EVENTS_MAX: usize = 150;
 
 /// Who is so many nats behind at the end of a race has lost.
 const RACE_NATS: f64 = 5.0;
@@ -179,8 +183,10 @@ fn race(
     }
     let some = observations.select(&spread_out(observations.len(), racers));
     let likelihood = Likelihood::new(&some, options.messages)?;
-    let rough = rough(options);
-    let search = Search::new(template, &likelihood, None, &rough);
+    let (rough, fewer) = (rough(options), few_of(&some));
+    let few = Likelihood::new(&fewer, options.messages)?;
+    let few = Search::new(template, &few, None, &rough);
+    let search = Search::new(template, &likelihood, None, &rough).bent_as(&few);
     let Ok(ends) = search.run(&starts).into_iter().collect::<Result<Vec<Found>>>() else {
         // Where one cannot be followed on few events, all events decide about it.
         return Ok(starts);
@@ -188,14 +194,18 @@ fn race(
     let most = ends.iter().map(|end| end.objective).fold(f64::NEG_INFINITY, f64::max);
     let mut kept: Vec<usize> = vec![0];
     for (place, end) in ends.iter().enumerate().skip(1) {
-        let is_new = kept.iter().all(|&other| !search.is_one_place(&ends[other], end));
-        if is_new && end.objective > most - RACE_NATS {
+        if !end.is_known && end.objective > most - RACE_NATS {
             kept.push(place);
         }
     }
     let mut kept: Vec<Prior> = kept.into_iter().map(|place| starts[place].clone()).collect();
     kept[0].clone_from(&ends[0].prior);
     Ok(kept)
+}
+
+/// So many of the events that they tell how a search on all of them should step, and cost little beside it.
+fn few_of(observations: &Observations) -> Observations {
+    observations.select(&spread_out(observations.len(), (observations.len() / 3).min(CURVATURE_EVENTS_MAX)))
 }
 
 /// How to search where the end is only a place to go on from.
@@ -242,16 +252,17 @@ fn learn_from(
     points: Option<Inputs>,
     options: &LearnOptions<'_>,
 ) -> Result<Learned> {
-    let search = Search::new(template, likelihood, points.as_ref(), options);
+    let few = few_of(likelihood.observations);
+    let few = Likelihood::new(&few, options.messages)?;
+    let few = Search::new(template, &few, None, options);
+    let search = Search::new(template, likelihood, points.as_ref(), options).bent_as(&few);
     let (mut ends, mut failure) = (Vec::<Found>::new(), None);
     let mut evaluations = 0;
     for end in search.run(starts) {
         match end {
             Ok(end) => {
                 evaluations += end.evaluations;
-                if ends.iter().all(|other| !search.is_one_place(other, &end)) {
-                    ends.push(end);
-                }
+                ends.extend((!end.is_known).then_some(end));
             }
             Err(error) => failure = Some(error),
         }
@@ -287,12 +298,14 @@ fn finish(search: &Search<'_>, found: Found, points: Option<&Inputs>, options: &
     };
     let optimum_evidence = fit.evidence;
     let calibrate = options.calibrate && options.hyper_prior.variance > 0.0;
-    let calibration = match options.hyper_prior.variance {
-        spread if calibrate => calibration::calibrate(search, &optimum, &fit, spread),
-        _ => Calibration::NotAsked,
+    let (prior, fit, calibration) = if calibrate {
+        let (calibration, tilts) = calibration::calibrate(search, &optimum, &fit, options.hyper_prior.variance);
+        let prior = optimum.with_variances_times(calibration.factor())?;
+        let fit = search.careful_fit(&prior, &tilts)?;
+        (prior, fit, calibration)
+    } else {
+        (optimum.clone(), fit, Calibration::NotAsked)
     };
-    let prior = optimum.with_variances_times(calibration.factor())?;
-    let fit = if calibrate { search.careful_fit(&prior, &fit.tilts)? } else { fit };
     let fit = Fit::new(&prior, fit, points, options.messages)?;
     let merit = fit.corrected_evidence() + search.log_density(&prior);
     let stop = found.stop;

@@ -6,11 +6,13 @@ use argmin::core::{CostFunction, Executor, Gradient, State, TerminationReason, T
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 
+use super::curvature::Curvature;
 use super::options::LearnOptions;
 use crate::error::{Error, Place, Result};
 use crate::fit::{FitOptions, MeanField, solve, solve_with_gradient};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
+use crate::linalg::Matrix;
 use crate::prior::Prior;
 
 /// No search goes farther from the template than its start by more than so many standard deviations of the hyperprior.
@@ -19,6 +21,18 @@ const COORDINATE_MAX: f64 = 8.0;
 /// Ends of searches that differ by less than this in nats and in every coordinate are one.
 const SAME_OBJECTIVE: f64 = 0.05;
 const SAME_COORDINATE: f64 = 0.1;
+
+/// A search that is so many nats below a known end, and no farther from it by what is known of how the objective bends, leads there.
+const NEAR: f64 = 0.5;
+
+/// Fewer events do not tell how an objective bends.
+const CURVATURE_EVENTS_MIN: usize = 50;
+
+/// Step of a coordinate from which differences of gradients tell how the objective bends.
+const DIFFERENCE: f64 = 0.1;
+
+/// A search ends where all that is left to gain is so many times what a step must gain.
+const LEFT: f64 = 10.0;
 
 /// Fits on the way are no more careful and no less than this.
 const TILT_TOLERANCES: (f64, f64) = (1e-4, 3e-3);
@@ -53,6 +67,8 @@ pub(super) struct Search<'a> {
     centre: Vec<f64>,
     /// Places of the parameters that may move, and how far each may.
     moving: Vec<(usize, f64)>,
+    /// The same on fewer events, which tell how the objective bends.
+    few: Option<&'a Search<'a>>,
     iterations_max: u64,
     tolerance: f64,
 }
@@ -66,6 +82,8 @@ pub(super) struct Found {
     pub(super) tilts: Vec<f64>,
     pub(super) evaluations: usize,
     pub(super) stop: Stop,
+    /// Whether an earlier search ended there, as far as it matters.
+    pub(super) is_known: bool,
 }
 
 impl<'a> Search<'a> {
@@ -79,7 +97,14 @@ impl<'a> Search<'a> {
         let moving = spread.into_iter().enumerate().filter(|&(_, spread)| spread > 0.0).collect();
         let iterations_max = options.iterations_max as u64;
         let (centre, tolerance) = (template.parameter_values(), options.tolerance);
-        Self { likelihood, points, template, centre, moving, iterations_max, tolerance }
+        Self { likelihood, points, template, centre, moving, few: None, iterations_max, tolerance }
+    }
+
+    /// With steps that suit how the objective of `few`, the same search on fewer events, bends where this one starts; where
+    /// that tells something, and costs little.
+    pub(super) fn bent_as(self, few: &'a Search<'a>) -> Self {
+        let pays = (CURVATURE_EVENTS_MIN..=self.likelihood.len() / 3).contains(&few.likelihood.len());
+        Self { few: pays.then_some(few), ..self }
     }
 
     /// Of the fits on the way, where a step gained so much, in nats an event. E does not change with the tilts to first order, so
@@ -110,17 +135,6 @@ impl<'a> Search<'a> {
         -0.5 * self.coordinates(prior).iter().map(|x| x * x).sum::<f64>()
     }
 
-    /// Whether two searches ended in one place, as far as it matters.
-    pub(super) fn is_one_place(&self, a: &Found, b: &Found) -> bool {
-        self.is_at(a, &self.coordinates(&b.prior), b.objective)
-    }
-
-    /// Whether a search that came to `coordinates` is where `end` is, as far as it matters.
-    fn is_at(&self, end: &Found, coordinates: &[f64], objective: f64) -> bool {
-        let apart = self.coordinates(&end.prior).into_iter().zip(coordinates).map(|(a, b)| (a - b).abs());
-        (end.objective - objective).abs() < SAME_OBJECTIVE && apart.fold(0.0, f64::max) < SAME_COORDINATE
-    }
-
     fn prior(&self, coordinates: &[f64]) -> Result<Prior> {
         let mut parameters = self.centre.clone();
         for (&(place, spread), coordinate) in self.moving.iter().zip(coordinates) {
@@ -136,6 +150,34 @@ impl<'a> Search<'a> {
     /// The fit, and the gradient of E.
     fn gradient(&self, prior: &Prior, options: &FitOptions<'_>) -> Result<(MeanField, Vec<f64>)> {
         solve_with_gradient(prior, self.likelihood, self.points, options)
+    }
+
+    /// How −E per event changes with the coordinates, and the tilts of its fit.
+    fn slope(&self, coordinates: &[f64], tilts: Option<&[f64]>) -> Result<(Vec<f64>, Vec<f64>)> {
+        let mut options = FitOptions::default().tolerance(TILT_TOLERANCES.0);
+        options.start = tilts;
+        let (fit, by_parameter) = self.gradient(&self.prior(coordinates)?, &options)?;
+        let slope = |&(place, spread): &(usize, f64)| -self.per_event() * spread * by_parameter[place];
+        Ok((self.moving.iter().map(slope).collect(), fit.tilts))
+    }
+
+    /// How −(E + log density of the hyperprior) per event bends, by differences of what fewer events say. As dear as a fit of
+    /// these for every coordinate.
+    fn curvature(&self, few: &Search<'_>, coordinates: &[f64]) -> Result<Curvature> {
+        let (size, per_event) = (coordinates.len(), self.per_event());
+        let (here, tilts) = few.slope(coordinates, None)?;
+        let mut hessian = Matrix::from_fn(size, size, |row, column| if row == column { per_event } else { 0.0 });
+        for along in 0..size {
+            let mut moved = coordinates.to_vec();
+            moved[along] += DIFFERENCE;
+            let (there, _) = few.slope(&moved, Some(&tilts))?;
+            for (place, (there, here)) in there.iter().zip(&here).enumerate() {
+                let half = 0.5 * (there - here) / DIFFERENCE;
+                hessian[(along, place)] += half;
+                hessian[(place, along)] += half;
+            }
+        }
+        Curvature::of(&hessian, per_event)
     }
 
     /// The fit alone.
@@ -161,22 +203,26 @@ impl<'a> Search<'a> {
     fn run_one(&self, start: &Prior, ends: &[Result<Found>]) -> Result<Found> {
         let start = self.coordinates(start);
         let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
+        let measured = self.few.and_then(|few| self.curvature(few, &start).ok());
+        let is_measured = measured.is_some();
+        let curvature = measured.unwrap_or_else(|| Curvature::alike(start.len(), self.per_event()));
         let memory = RefCell::new(Memory { last: None, best: None, gained: f64::INFINITY, evaluations: 0 });
-        let mut objective = Objective { search: self, reach, ends, scale: 1.0, memory };
-        let (_, gradient) = objective.at(&start)?;
-        let steepest = gradient.iter().fold(0.0, |steepest: f64, x| steepest.max(x.abs()));
-        objective.scale = (FIRST_STEP / steepest).min(1.0 / self.per_event());
-        let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective, start) };
+        let mut objective = Objective { search: self, start, reach, ends, curvature, is_measured, scale: 1.0, memory };
+        objective.scale = objective.share_of_first_step()?;
+        let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective) };
+        let is_known = objective.leads_to_known_end();
         let Memory { best, evaluations, .. } = objective.memory.into_inner();
         let Some(Best { coordinates, objective, tilts }) = best else {
             return Err(Error::NotFinite { what: "evidence bound", place: Place::Alone, value: f64::NAN });
         };
-        Ok(Found { prior: self.prior(&coordinates)?, objective, tilts, evaluations, stop })
+        Ok(Found { prior: self.prior(&coordinates)?, objective, tilts, evaluations, stop, is_known })
     }
 
     /// L-BFGS. Whatever it returns, the best point it looked at is in the memory.
-    fn maximise(&self, objective: &Objective<'_>, start: Vec<f64>) -> Stop {
-        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 8).with_tolerance_grad(3e-4 * objective.scale);
+    fn maximise(&self, objective: &Objective<'_>) -> Stop {
+        let start = vec![0.0; objective.start.len()];
+        let steepest = (2.0 * LEFT * self.tolerance).sqrt();
+        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 8).with_tolerance_grad(steepest * objective.scale);
         let solver = solver.and_then(|solver| solver.with_tolerance_cost(self.tolerance * objective.scale));
         let run = solver.and_then(|solver| {
             let executor = Executor::new(objective, solver).timer(false);
@@ -195,12 +241,17 @@ impl<'a> Search<'a> {
 /// place one after the other; the memory saves the second evaluation.
 struct Objective<'a> {
     search: &'a Search<'a>,
+    /// The optimiser's origin, in coordinates.
+    start: Vec<f64>,
     /// No place is looked at whose largest coordinate lies beyond.
     reach: f64,
     /// Where other searches ended.
     ends: &'a [Result<Found>],
-    /// What the optimiser sees is so many times the cost: its first step is as long as the gradient there. One of a length that
-    /// suits most searches saves the evaluations that feel for it; at most the number of events, where only the hyperprior bends.
+    /// The optimiser goes in steps of this: then its first one, as long as the gradient, is Newton's.
+    curvature: Curvature,
+    /// Whether events say so, and not the hyperprior alone.
+    is_measured: bool,
+    /// What the optimiser sees is so many times the cost: so much of its first step is taken.
     scale: f64,
     memory: RefCell<Memory>,
 }
@@ -221,6 +272,15 @@ struct Best {
 }
 
 impl Objective<'_> {
+    /// So much of Newton's step from the start that no coordinate changes by more than [`FIRST_STEP`].
+    fn share_of_first_step(&self) -> Result<f64> {
+        let (_, gradient) = self.at(&self.start)?;
+        let end = self.curvature.place(&self.start, &self.curvature.by_steps(&gradient));
+        let longest =
+            end.iter().zip(&self.start).fold(0.0, |longest: f64, (end, start)| longest.max((end - start).abs()));
+        Ok((FIRST_STEP / longest).min(1.0))
+    }
+
     /// Cost and gradient.
     fn at(&self, coordinates: &[f64]) -> Result<(f64, Vec<f64>)> {
         if coordinates.iter().any(|x| x.abs() > self.reach) {
@@ -251,17 +311,28 @@ impl Objective<'_> {
         Ok((cost, gradient))
     }
 
-    /// The same while it may still lead to a place that is not known.
-    fn on_the_way(&self, coordinates: &[f64]) -> std::result::Result<(f64, Vec<f64>), argmin::core::Error> {
-        let value = self.at(coordinates)?;
-        let memory = self.memory.borrow();
-        let is_at =
-            |end| memory.best.as_ref().is_some_and(|best| self.search.is_at(end, &best.coordinates, best.objective));
-        if self.ends.iter().flatten().any(is_at) {
-            Err(argmin::core::Error::msg("an end that is known"))
-        } else {
-            Ok(value)
+    /// Cost and gradient after so many steps, as long as they may still lead to a place that is not known.
+    fn on_the_way(&self, steps: &[f64]) -> std::result::Result<(f64, Vec<f64>), argmin::core::Error> {
+        let (cost, gradient) = self.at(&self.curvature.place(&self.start, steps))?;
+        if self.leads_to_known_end() {
+            return Err(argmin::core::Error::msg("an end that is known"));
         }
+        let gradient = self.curvature.by_steps(&gradient).into_iter().map(|slope| self.scale * slope).collect();
+        Ok((self.scale * cost, gradient))
+    }
+
+    /// Whether the best place so far is where another search ended, or so near that this one will end there, too.
+    fn leads_to_known_end(&self) -> bool {
+        let memory = self.memory.borrow();
+        let Some(best) = &memory.best else { return false };
+        let leads_to = |end: &Found| {
+            let (below, at) = (end.objective - best.objective, self.search.coordinates(&end.prior));
+            let apart = at.iter().zip(&best.coordinates).fold(0.0, |apart: f64, (a, b)| apart.max((a - b).abs()));
+            let rise = || self.curvature.rise(&at, &best.coordinates);
+            let is_near = self.is_measured && (0.0..NEAR).contains(&below) && rise() < NEAR * self.search.per_event();
+            is_near || below.abs() < SAME_OBJECTIVE && apart < SAME_COORDINATE
+        };
+        self.ends.iter().flatten().any(leads_to)
     }
 
     /// Where a step went much too far, only the hyperprior counts, on top of a cost that no sensible place has.
@@ -276,8 +347,8 @@ impl CostFunction for &Objective<'_> {
     type Param = Vec<f64>;
     type Output = f64;
 
-    fn cost(&self, coordinates: &Vec<f64>) -> std::result::Result<f64, argmin::core::Error> {
-        Ok(self.scale * self.on_the_way(coordinates)?.0)
+    fn cost(&self, steps: &Vec<f64>) -> std::result::Result<f64, argmin::core::Error> {
+        Ok(self.on_the_way(steps)?.0)
     }
 }
 
@@ -285,8 +356,7 @@ impl Gradient for &Objective<'_> {
     type Param = Vec<f64>;
     type Gradient = Vec<f64>;
 
-    fn gradient(&self, coordinates: &Vec<f64>) -> std::result::Result<Vec<f64>, argmin::core::Error> {
-        let (_, gradient) = self.on_the_way(coordinates)?;
-        Ok(gradient.into_iter().map(|slope| self.scale * slope).collect())
+    fn gradient(&self, steps: &Vec<f64>) -> std::result::Result<Vec<f64>, argmin::core::Error> {
+        Ok(self.on_the_way(steps)?.1)
     }
 }
