@@ -170,6 +170,8 @@ impl Learning {
         let further = structure.further_starts(&template.prior, begun)?;
         let mut options = self.options(structure).messages(messages).further_starts(&further);
         options.warm_start = start.as_ref();
+        let tilts = earlier.map(|earlier| earlier.learned.fit.tilts());
+        options.tilts = tilts.filter(|tilts| tilts.len() == observations.len());
         if begun.is_some_and(|(_, earlier)| earlier != structure) {
             options.tolerance = ADDITION_TOLERANCE;
         }

@@ -102,9 +102,10 @@ const RACE_NATS: f64 = 5.0;
 ///
 /// # Errors
 /// As [`crate::fit`] when E cannot be computed at any start; [`Error::OutOfRange`] for options that make no sense;
-/// [`Error::DifferentStructures`] for a warm start of another structure than the template.
+/// [`Error::DifferentStructures`] for a warm start of another structure than the template; [`Error::SizeMismatch`] for tilts that
+/// are not one per event.
 pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptions<'_>) -> Result<Learned> {
-    options.check()?;
+    options.check(observations.len())?;
     if !options.warm_start.iter().copied().chain(options.further_starts).all(|start| start.has_structure_of(template)) {
         return Err(Error::DifferentStructures);
     }
@@ -112,7 +113,9 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
     if searched.len() == observations.len() {
         return learn_from_all(template, observations, options);
     }
-    let learned = learn_from_all(template, &observations.select(&searched), options)?;
+    let tilts = options.tilts.map(|tilts| searched.iter().map(|&n| tilts[n]).collect::<Vec<f64>>());
+    let some = LearnOptions { tilts: tilts.as_deref(), ..*options };
+    let learned = learn_from_all(template, &observations.select(&searched), &some)?;
     let likelihood = Likelihood::new(observations, options.messages)?;
     let points = inducing_points(&learned.prior, &likelihood, options)?;
     let fit = solve(&learned.prior, &likelihood, points.as_ref(), &FitOptions::default().tolerance(ALL_TOLERANCE))?;
@@ -255,7 +258,7 @@ fn learn_from(
     let few = few_of(likelihood.observations);
     let few = Likelihood::new(&few, options.messages)?;
     let few = Search::new(template, &few, None, options);
-    let search = Search::new(template, likelihood, points.as_ref(), options).bent_as(&few);
+    let search = Search::new(template, likelihood, points.as_ref(), options).bent_as(&few).beginning_at(options.tilts);
     let (mut ends, mut failure) = (Vec::<Found>::new(), None);
     let mut evaluations = 0;
     for end in search.run(starts) {

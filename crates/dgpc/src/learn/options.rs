@@ -1,7 +1,7 @@
 //! How a prior is learned.
 
 use super::hyper_prior::HyperPrior;
-use crate::error::{Result, not_negative, positive};
+use crate::error::{Result, not_negative, positive, same_size};
 use crate::prior::Prior;
 use crate::summary::Summary;
 
@@ -16,6 +16,9 @@ pub struct LearnOptions<'a> {
     /// Start here, on all events that the search looks at: an earlier [`crate::Learned::optimum`], of the template's
     /// structure. The new optimum is never worse in E of these. Without it there are several starts.
     pub warm_start: Option<&'a Prior>,
+    /// Fits begin at these tilts, one per event: those of [`crate::Fit::tilts`] under a similar prior. They change nothing but
+    /// how long the first ones take.
+    pub tilts: Option<&'a [f64]>,
     /// Start here too, beside where the search starts anyway: beside a warm start always, else unless that leads to the same
     /// place or loses the race ([`LearnOptions::race_events_max`]); of the template's structure.
     pub further_starts: &'a [Prior],
@@ -49,6 +52,7 @@ impl Default for LearnOptions<'_> {
             messages: &[],
             hyper_prior: HyperPrior::default(),
             warm_start: None,
+            tilts: None,
             further_starts: &[],
             start_events_max: 150,
             race_events_max: 500,
@@ -79,6 +83,12 @@ impl<'a> LearnOptions<'a> {
     #[must_use]
     pub fn warm_start(self, optimum: &'a Prior) -> Self {
         Self { warm_start: Some(optimum), ..self }
+    }
+
+    /// Sets [`LearnOptions::tilts`].
+    #[must_use]
+    pub fn tilts(self, tilts: &'a [f64]) -> Self {
+        Self { tilts: Some(tilts), ..self }
     }
 
     /// Sets [`LearnOptions::further_starts`].
@@ -130,7 +140,10 @@ impl<'a> LearnOptions<'a> {
     }
 
     /// Checks the numbers.
-    pub(super) fn check(&self) -> Result<()> {
+    pub(super) fn check(&self, events: usize) -> Result<()> {
+        if let Some(tilts) = self.tilts {
+            same_size("tilts to begin at, one per event", events, tilts.len())?;
+        }
         positive("largest number of inducing points", self.inducing_points_max as f64)?;
         positive("largest number of events that a search looks at", self.search_events_max as f64)?;
         not_negative("tolerance of a search", self.tolerance)?;

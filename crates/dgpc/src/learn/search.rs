@@ -69,6 +69,8 @@ pub(super) struct Search<'a> {
     moving: Vec<(usize, f64)>,
     /// The same on fewer events, which tell how the objective bends.
     few: Option<&'a Search<'a>>,
+    /// Where the first fit begins.
+    tilts: Option<&'a [f64]>,
     iterations_max: u64,
     tolerance: f64,
 }
@@ -97,7 +99,7 @@ impl<'a> Search<'a> {
         let moving = spread.into_iter().enumerate().filter(|&(_, spread)| spread > 0.0).collect();
         let iterations_max = options.iterations_max as u64;
         let (centre, tolerance) = (template.parameter_values(), options.tolerance);
-        Self { likelihood, points, template, centre, moving, few: None, iterations_max, tolerance }
+        Self { likelihood, points, template, centre, moving, few: None, tilts: None, iterations_max, tolerance }
     }
 
     /// With steps that suit how the objective of `few`, the same search on fewer events, bends where this one starts; where
@@ -105,6 +107,11 @@ impl<'a> Search<'a> {
     pub(super) fn bent_as(self, few: &'a Search<'a>) -> Self {
         let pays = (CURVATURE_EVENTS_MIN..=self.likelihood.len() / 3).contains(&few.likelihood.len());
         Self { few: pays.then_some(few), ..self }
+    }
+
+    /// With the first fit beginning at the tilts of another one of the same events, if there are any.
+    pub(super) fn beginning_at(self, tilts: Option<&'a [f64]>) -> Self {
+        Self { tilts, ..self }
     }
 
     /// Of the fits on the way, where a step gained so much, in nats an event. E does not change with the tilts to first order, so
@@ -163,12 +170,13 @@ impl<'a> Search<'a> {
 
     /// How −(E + log density of the hyperprior) per event bends, by differences of what fewer events say. As dear as a fit of
     /// these for every coordinate.
-    fn curvature(&self, few: &Search<'_>, coordinates: &[f64]) -> Result<Curvature> {
+    fn curvature(&self, few: &Search<'_>, place: &Prior) -> Result<Curvature> {
+        let coordinates = self.coordinates(place);
         let (size, per_event) = (coordinates.len(), self.per_event());
-        let (here, tilts) = few.slope(coordinates, None)?;
+        let (here, tilts) = few.slope(&coordinates, None)?;
         let mut hessian = Matrix::from_fn(size, size, |row, column| if row == column { per_event } else { 0.0 });
         for along in 0..size {
-            let mut moved = coordinates.to_vec();
+            let mut moved = coordinates.clone();
             moved[along] += DIFFERENCE;
             let (there, _) = few.slope(&moved, Some(&tilts))?;
             for (place, (there, here)) in there.iter().zip(&here).enumerate() {
@@ -193,21 +201,25 @@ impl<'a> Search<'a> {
     /// From each start to the nearest maximum, or until it comes to where an earlier one ended: most starts lead to the same
     /// place, and the last steps there would say nothing new.
     pub(super) fn run(&self, starts: &[Prior]) -> Vec<Result<Found>> {
+        // How the objective bends at the first start, which is the best guess, serves all: at those far from any end, it may bend
+        // any way.
+        let measured = self.few.zip(starts.first()).and_then(|(few, start)| self.curvature(few, start).ok());
         let mut ends = Vec::with_capacity(starts.len());
         for start in starts {
-            ends.push(self.run_one(start, &ends));
+            ends.push(self.run_one(start, measured.as_ref(), &ends));
         }
         ends
     }
 
-    fn run_one(&self, start: &Prior, ends: &[Result<Found>]) -> Result<Found> {
+    fn run_one(&self, start: &Prior, measured: Option<&Curvature>, ends: &[Result<Found>]) -> Result<Found> {
         let start = self.coordinates(start);
         let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
-        let measured = self.few.and_then(|few| self.curvature(few, &start).ok());
-        let is_measured = measured.is_some();
-        let curvature = measured.unwrap_or_else(|| Curvature::alike(start.len(), self.per_event()));
+        let alike = Curvature::alike(start.len(), self.per_event());
+        let (curvature, is_measured) = measured.map_or((&alike, false), |measured| (measured, true));
         let memory = RefCell::new(Memory { last: None, best: None, gained: f64::INFINITY, evaluations: 0 });
-        let mut objective = Objective { search: self, start, reach, ends, curvature, is_measured, scale: 1.0, memory };
+        let tilts = ends.iter().flatten().last().map_or(self.tilts, |end| Some(&end.tilts));
+        let mut objective =
+            Objective { search: self, start, reach, ends, tilts, curvature, is_measured, scale: 1.0, memory };
         objective.scale = objective.share_of_first_step()?;
         let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective) };
         let is_known = objective.leads_to_known_end();
@@ -247,8 +259,10 @@ struct Objective<'a> {
     reach: f64,
     /// Where other searches ended.
     ends: &'a [Result<Found>],
+    /// Where the first fit begins: at the tilts of such an end, or at those that are given.
+    tilts: Option<&'a [f64]>,
     /// The optimiser goes in steps of this: then its first one, as long as the gradient, is Newton's.
-    curvature: Curvature,
+    curvature: &'a Curvature,
     /// Whether events say so, and not the hyperprior alone.
     is_measured: bool,
     /// What the optimiser sees is so many times the cost: so much of its first step is taken.
@@ -294,7 +308,7 @@ impl Objective<'_> {
         }
         let tolerance = self.search.tilt_tolerance(memory.gained);
         let mut options = FitOptions::default().tolerance(tolerance).iterations_max(200);
-        options.start = memory.best.as_ref().map(|best| best.tilts.as_slice());
+        options.start = memory.best.as_ref().map(|best| best.tilts.as_slice()).or(self.tilts);
         let (fit, by_parameter) = self.search.gradient(&self.search.prior(coordinates)?, &options)?;
         memory.evaluations += 1;
         let objective = fit.evidence - 0.5 * coordinates.iter().map(|x| x * x).sum::<f64>();
