@@ -49,12 +49,12 @@ impl Calibration {
 }
 
 /// The factor of all variances that maximises the corrected evidence plus the log density of a normal distribution of
-/// the factor's logarithm about 0, given the fit at factor 1; and the tilts of a fit nearby.
+/// the factor's logarithm about 0, given the fit at factor 1; and nearly the tilts of a fit at that factor.
 pub(super) fn calibrate(search: &Search<'_>, prior: &Prior, fit: &MeanField, spread: f64) -> (Calibration, Vec<f64>) {
     let mut tried = vec![Try { log: 0.0, cost: -corrected_evidence(fit), tilts: fit.tilts.clone() }];
     let mut next = FIRST;
     while tried.len() <= TRIES_MAX {
-        match Try::at(next, search, prior, &tried[0].tilts, spread) {
+        match Try::at(next, search, prior, &tilts_near(&tried, next), spread) {
             Ok(new) => tried.push(new),
             Err(error) => return (Calibration::Failed(error.to_string()), fit.tilts.clone()),
         }
@@ -66,7 +66,7 @@ pub(super) fn calibrate(search: &Search<'_>, prior: &Prior, fit: &MeanField, spr
     }
     let at_bound = [FACTORS.0, FACTORS.1].into_iter().find(|bound| (next - bound.ln()).abs() < TOLERANCE);
     let calibration = at_bound.map_or(Calibration::Factor(next.exp()), Calibration::AtBound);
-    (calibration, tried.swap_remove(0).tilts)
+    (calibration, tilts_near(&tried, next))
 }
 
 /// −(corrected evidence + log density of the hyperprior) at the logarithm of a common factor of all variances.
@@ -83,6 +83,13 @@ impl Try {
         let cost = finite("corrected evidence", 0.5 * (log / spread).powi(2) - corrected_evidence(&fit))?;
         Ok(Self { log, cost, tilts: fit.tilts })
     }
+}
+
+/// Nearly the tilts of a fit at this logarithm, on a line through the logarithms of those of the two lowest tries.
+fn tilts_near(tried: &[Try], log: f64) -> Vec<f64> {
+    let Some(second) = tried.get(1) else { return tried[0].tilts.clone() };
+    let share = (log - tried[0].log) / (second.log - tried[0].log);
+    tried[0].tilts.iter().zip(&second.tilts).map(|(first, second)| first * (second / first).powf(share)).collect()
 }
 
 /// Where the cost is lowest, as tries say that come lowest first: of three, the bottom of the parabola through them; with two, or
