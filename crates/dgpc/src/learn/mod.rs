@@ -350,3 +350,41 @@ fn inducing_points(prior: &Prior, likelihood: &Likelihood<'_>, options: &LearnOp
     options.messages.iter().try_for_each(|message| points.append(message.inducing_points()))?;
     Ok(Some(points))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::{Kernel, Shape, Term};
+    use crate::prior_mean::PriorMean;
+
+    #[test]
+    fn few_events_tell_steps_that_save_evaluations_and_lead_to_the_same_end() -> Result<()> {
+        // Waves that are shorter from axis to axis, the last of which says nothing: what is known very well, and not at all.
+        let along = |n: u32, step: f64| (f64::from(n) * step).fract() * 4.0;
+        let points: Vec<[f64; 4]> = (0..300).map(|n| [0.618, 0.414, 0.732, 0.236].map(|step| along(n, step))).collect();
+        let outcomes = points.iter().map(|x| (0.5 * x[0]).sin() + x[1].sin() + (2.0 * x[2]).sin() > 0.8).collect();
+        let events = Observations::new(Inputs::from_rows(&points)?, outcomes)?;
+        let kernel = Kernel::new(vec![
+            Term::new(Shape::Matern52, 4.0, &[0, 1, 2, 3], &[1.0; 4])?,
+            Term::isotropic(Shape::Matern32, 4.0, 1.0, 1)?,
+        ])?;
+        let template = Prior::new(kernel, PriorMean::Constant(0.0))?;
+        let fewer = events.select(&(0..300).step_by(3).collect::<Vec<_>>());
+        let [all, fewer] = [Likelihood::new(&events, &[])?, Likelihood::new(&fewer, &[])?];
+        let options = LearnOptions::default();
+        let search = || Search::new(&template, &all, None, &options);
+        let few = Search::new(&template, &fewer, None, &options);
+        let starts = [0.5, 1.0, 2.0].map(|factor| template.with_length_scales_times(factor));
+        let starts = starts.into_iter().collect::<Result<Vec<_>>>()?;
+        let (mut with, mut without) = (0, 0);
+        for start in &starts {
+            let start = std::slice::from_ref(start);
+            let (bent, plain) = (search().bent_as(&few).run(start).remove(0)?, search().run(start).remove(0)?);
+            assert!((bent.objective - plain.objective).abs() < 1e-2, "{} and {}", bent.objective, plain.objective);
+            with += bent.evaluations;
+            without += plain.evaluations;
+        }
+        assert!(10 * with <= 9 * without, "{with} evaluations instead of {without}");
+        Ok(())
+    }
+}

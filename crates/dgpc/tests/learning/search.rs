@@ -102,6 +102,31 @@ fn the_optimum_is_a_maximum_within_the_spread() {
     }
 }
 
+/// Of 150 events and more a third tells how the objective bends.
+#[test]
+fn where_few_events_tell_the_steps_the_optimum_is_a_maximum_too() {
+    let mut rng = seeded(15);
+    for seed in 0..9 {
+        let (events, said) = (waves(1600 + seed, rng.random_range(160..300)), message(1700 + seed));
+        let messages = if rng.random() { vec![&said] } else { vec![] };
+        let options = LearnOptions::default().hyper_prior(random_spread(&mut rng));
+        assert_maximum(&templates()[seed as usize % 3], &events, &messages, &options);
+    }
+}
+
+#[test]
+fn tilts_to_begin_at_change_nothing_but_the_way() {
+    let (template, events) = (&templates()[0], waves(17, 90));
+    let options = LearnOptions::default();
+    let learned = learn(template, &events, &options).unwrap();
+    let tilts = learned.fit.tilts();
+    let again = learn(template, &events, &options.tilts(tilts)).unwrap();
+    assert_near("parameters", &again.optimum.parameter_values(), &learned.optimum.parameter_values(), 1e-2);
+    assert_near("E", &[again.optimum_evidence], &[learned.optimum_evidence], 1e-3);
+    let few = learn(template, &events, &options.tilts(&tilts[1..]));
+    assert!(matches!(few, Err(Error::SizeMismatch { expected: 90, found: 89, .. })), "{few:?}");
+}
+
 /// That E must not end below where it began is for warm starts. Here the beginning is what a few events said, and that
 /// may have more E on all events while the spread speaks more against it.
 #[test]
