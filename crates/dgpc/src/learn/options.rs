@@ -38,7 +38,8 @@ pub struct LearnOptions<'a> {
     pub inducing_points_max: usize,
     /// How many steps a search takes at most: 60 if not said otherwise.
     pub iterations_max: usize,
-    /// A search ends where a step gains less than this, in nats an event: 1e-7 if not said otherwise.
+    /// A search ends where a step gains less than this, in nats an event, or where ten times as much is all that is left to
+    /// gain, by the gradient and how E bends: 1e-7 if not said otherwise.
     pub tolerance: f64,
     /// Whether all variances are multiplied by a common factor at the end, that which maximises the corrected evidence
     /// ([`crate::Fit::corrected_evidence`]): the slack of E grows with the variance, so that E alone leaves it too

@@ -50,7 +50,7 @@ const COST_BEYOND: f64 = 100.0;
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Stop {
-    /// The gradient vanished, or E did not change any more.
+    /// By its gradient, and how E bends, hardly anything is left to gain; or E did not change any more.
     Converged,
     /// It took as many steps as it was allowed.
     IterationsMax,
