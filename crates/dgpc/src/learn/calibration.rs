@@ -88,7 +88,8 @@ impl Try {
 /// Nearly the tilts of a fit at this logarithm, on a line through the logarithms of those of the two lowest tries.
 fn tilts_near(tried: &[Try], log: f64) -> Vec<f64> {
     let Some(second) = tried.get(1) else { return tried[0].tilts.clone() };
-    let share = (log - tried[0].log) / (second.log - tried[0].log);
+    // Not far beyond either, if they happen to be close together.
+    let share = ((log - tried[0].log) / (second.log - tried[0].log)).clamp(-2.0, 2.0);
     tried[0].tilts.iter().zip(&second.tilts).map(|(first, second)| first * (second / first).powf(share)).collect()
 }
 
