@@ -159,13 +159,18 @@ impl<'a> Search<'a> {
         solve_with_gradient(prior, self.likelihood, self.points, options)
     }
 
+    /// A gradient by coordinates, from that by all parameters.
+    fn by_coordinates(&self, by_parameter: &[f64]) -> Vec<f64> {
+        self.moving.iter().map(|&(place, spread)| spread * by_parameter[place]).collect()
+    }
+
     /// How −E per event changes with the coordinates, and the tilts of its fit.
     fn slope(&self, coordinates: &[f64], tilts: Option<&[f64]>) -> Result<(Vec<f64>, Vec<f64>)> {
         let mut options = FitOptions::default().tolerance(TILT_TOLERANCES.0);
         options.start = tilts;
         let (fit, by_parameter) = self.gradient(&self.prior(coordinates)?, &options)?;
-        let slope = |&(place, spread): &(usize, f64)| -self.per_event() * spread * by_parameter[place];
-        Ok((self.moving.iter().map(slope).collect(), fit.tilts))
+        let slope = self.by_coordinates(&by_parameter).into_iter().map(|by| -self.per_event() * by);
+        Ok((slope.collect(), fit.tilts))
     }
 
     /// How −(E + log density of the hyperprior) per event bends, by differences of what fewer events say. As dear as a fit of
@@ -217,9 +222,7 @@ impl<'a> Search<'a> {
         let alike = Curvature::alike(start.len(), self.per_event());
         let (curvature, is_measured) = measured.map_or((&alike, false), |measured| (measured, true));
         let memory = RefCell::new(Memory { last: None, best: None, gained: f64::INFINITY, evaluations: 0 });
-        let tilts = ends.iter().flatten().last().map_or(self.tilts, |end| Some(&end.tilts));
-        let mut objective =
-            Objective { search: self, start, reach, ends, tilts, curvature, is_measured, scale: 1.0, memory };
+        let mut objective = Objective { search: self, start, reach, ends, curvature, is_measured, scale: 1.0, memory };
         objective.scale = objective.share_of_first_step()?;
         let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective) };
         let is_known = objective.leads_to_known_end();
@@ -259,8 +262,6 @@ struct Objective<'a> {
     reach: f64,
     /// Where other searches ended.
     ends: &'a [Result<Found>],
-    /// Where the first fit begins: at the tilts of such an end, or at those that are given.
-    tilts: Option<&'a [f64]>,
     /// The optimiser goes in steps of this: then its first one, as long as the gradient, is Newton's.
     curvature: &'a Curvature,
     /// Whether events say so, and not the hyperprior alone.
@@ -290,9 +291,7 @@ impl Objective<'_> {
     fn share_of_first_step(&self) -> Result<f64> {
         let (_, gradient) = self.at(&self.start)?;
         let end = self.curvature.place(&self.start, &self.curvature.by_steps(&gradient));
-        let longest =
-            end.iter().zip(&self.start).fold(0.0, |longest: f64, (end, start)| longest.max((end - start).abs()));
-        Ok((FIRST_STEP / longest).min(1.0))
+        Ok((FIRST_STEP / farthest(&end, &self.start)).min(1.0))
     }
 
     /// Cost and gradient.
@@ -308,13 +307,14 @@ impl Objective<'_> {
         }
         let tolerance = self.search.tilt_tolerance(memory.gained);
         let mut options = FitOptions::default().tolerance(tolerance).iterations_max(200);
-        options.start = memory.best.as_ref().map(|best| best.tilts.as_slice()).or(self.tilts);
+        let of_end = || self.ends.iter().flatten().last().map(|end| end.tilts.as_slice());
+        options.start = memory.best.as_ref().map(|best| best.tilts.as_slice()).or_else(of_end).or(self.search.tilts);
         let (fit, by_parameter) = self.search.gradient(&self.search.prior(coordinates)?, &options)?;
         memory.evaluations += 1;
         let objective = fit.evidence - 0.5 * coordinates.iter().map(|x| x * x).sum::<f64>();
         let per_event = self.search.per_event();
-        let slope = |(&(place, spread), x): (&(usize, f64), &f64)| -per_event * (spread * by_parameter[place] - x);
-        let gradient: Vec<f64> = self.search.moving.iter().zip(coordinates).map(slope).collect();
+        let by_coordinates = self.search.by_coordinates(&by_parameter);
+        let gradient: Vec<f64> = by_coordinates.iter().zip(coordinates).map(|(by, x)| -per_event * (by - x)).collect();
         let gained = memory.best.as_ref().map(|best| per_event * (objective - best.objective));
         if gained.is_none_or(|gained| gained > 0.0) {
             memory.gained = gained.unwrap_or(f64::INFINITY);
@@ -341,10 +341,9 @@ impl Objective<'_> {
         let Some(best) = &memory.best else { return false };
         let leads_to = |end: &Found| {
             let (below, at) = (end.objective - best.objective, self.search.coordinates(&end.prior));
-            let apart = at.iter().zip(&best.coordinates).fold(0.0, |apart: f64, (a, b)| apart.max((a - b).abs()));
             let rise = || self.curvature.rise(&at, &best.coordinates);
             let is_near = self.is_measured && (0.0..NEAR).contains(&below) && rise() < NEAR * self.search.per_event();
-            is_near || below.abs() < SAME_OBJECTIVE && apart < SAME_COORDINATE
+            is_near || below.abs() < SAME_OBJECTIVE && farthest(&at, &best.coordinates) < SAME_COORDINATE
         };
         self.ends.iter().flatten().any(leads_to)
     }
@@ -355,6 +354,11 @@ impl Objective<'_> {
         let spread: f64 = coordinates.iter().map(|x| 0.5 * x * x).sum();
         (COST_BEYOND + per_event * spread, coordinates.iter().map(|x| per_event * x).collect())
     }
+}
+
+/// How far the coordinate changes that changes most.
+fn farthest(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(0.0, |farthest: f64, (a, b)| farthest.max((a - b).abs()))
 }
 
 impl CostFunction for &Objective<'_> {
