@@ -121,10 +121,11 @@ impl<'a> Likelihood<'a> {
         mean.gradient(&self.support, &weights)
     }
 
-    /// Gradient by the kernel's parameters, from the symmetric derivative by [`Likelihood::gram`], which becomes that by the kernel
-    /// between events and points of messages.
+    /// Gradient by the kernel's parameters, from the lower triangle of the derivative by [`Likelihood::gram`], which becomes that by
+    /// the kernel between events and points of messages.
     pub(crate) fn gram_gradient(&self, kernel: &Kernel, weights: &mut Matrix) -> Vec<f64> {
         if self.has_messages() {
+            weights.mirror_lower();
             self.expand_rows(weights, self.events());
             *weights = weights.transposed();
             self.expand_rows(weights, self.events());

@@ -29,7 +29,11 @@ pub(crate) fn blocks(part: Range<usize>) -> impl Iterator<Item = Range<usize>> {
 #[cfg(feature = "parallel")]
 pub(crate) fn on_parts<P: Send, R: Send>(parts: Vec<P>, work: impl Fn(P) -> R + Send + Sync) -> Vec<R> {
     use rayon::prelude::*;
-    if parts.len() < 2 { parts.into_iter().map(work).collect() } else { parts.into_par_iter().map(work).collect() }
+    if parts.len() < 2 {
+        parts.into_iter().map(work).collect()
+    } else {
+        parts.into_par_iter().with_max_len(1).map(work).collect()
+    }
 }
 
 /// What `work` makes of each part, in their order.

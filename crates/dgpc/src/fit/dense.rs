@@ -70,6 +70,7 @@ impl Dense {
     /// Where Newton's method goes from the last pass, in ln c of the events; none where rounding spoils it.
     pub(super) fn newton(&mut self, pass: &Pass<'_>, log_tilts: &[f64]) -> Option<Vec<f64>> {
         lower_gram(&self.factor_inverse, &mut self.inverse);
+        self.inverse.mirror_lower();
         Newton { inverse: &self.inverse, roots: &self.roots, pass, log_tilts }.step()
     }
 
@@ -79,7 +80,8 @@ impl Dense {
         lower_gram(&self.factor_inverse, &mut self.inverse);
         for column in 0..self.alpha.len() {
             let (alpha, root) = (0.5 * self.alpha[column], -0.5 * self.roots[column]);
-            let rows = self.inverse.column_mut(column).iter_mut().zip(&self.alpha).zip(&self.roots);
+            let rows = self.inverse.column_mut(column)[column..].iter_mut();
+            let rows = rows.zip(&self.alpha[column..]).zip(&self.roots[column..]);
             rows.for_each(|((entry, row_alpha), row_root)| *entry = alpha * row_alpha + root * row_root * *entry);
         }
         let mut gradient = likelihood.gram_gradient(prior.kernel(), &mut self.inverse);

@@ -53,6 +53,7 @@ impl<'a> Slope<'a> {
         let (mut factor_inverse, mut inverse) = (Matrix::zeros(points, points), Matrix::zeros(points, points));
         engine.inner.invert_lower(&mut factor_inverse);
         lower_gram(&factor_inverse, &mut inverse);
+        inverse.mirror_lower();
         let mut explained = Matrix::zeros(points, points);
         explained.add_to_diagonal(1.0);
         explained.add_scaled(-1.0, &inverse);

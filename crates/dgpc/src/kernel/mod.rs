@@ -16,10 +16,19 @@ pub use reflection::{Image, Reflection};
 pub use shape::Shape;
 pub use term::Term;
 
+use std::ops::Range;
+
+use correlation::Slopes;
+use term::{Pairs, Room};
+
 use crate::error::{Error, Result, positive, same_size};
 use crate::inputs::Inputs;
-use crate::linalg::Matrix;
+use crate::linalg::{Matrix, add_scaled};
 use crate::parameter::Parameter;
+use crate::parts::on_parts;
+
+/// Columns of a Gram matrix that one thread works out at a time.
+const PANEL: usize = 64;
 
 /// A covariance function: the sum of its terms.
 ///
@@ -80,9 +89,13 @@ impl Kernel {
     pub fn gram(&self, inputs: &Inputs) -> Result<Matrix> {
         self.check(inputs)?;
         let mut gram = Matrix::zeros(inputs.len(), inputs.len());
-        for term in &self.terms {
-            term.add_gram(inputs, inputs, |column| column, &mut gram);
-        }
+        let (pairs, mut columns) = (self.pairs(inputs, inputs), gram.split_columns());
+        on_parts(columns.chunks_mut(PANEL).enumerate().collect(), |(panel, columns)| {
+            let mut room = Room::default();
+            for (n, column) in (panel * PANEL..).zip(columns) {
+                pairs.iter().for_each(|(term, pairs)| term.add_column(pairs, (n, n), &mut column[n..], &mut room));
+            }
+        });
         gram.mirror_lower();
         Ok(gram)
     }
@@ -101,11 +114,18 @@ impl Kernel {
     pub(crate) fn write_cross(&self, a: &Inputs, b: &Inputs, out: &mut Matrix) -> Result<()> {
         self.check(a)?;
         self.check(b)?;
-        (0..out.columns()).for_each(|column| out.column_mut(column).fill(0.0));
-        for term in &self.terms {
-            term.add_gram(a, b, |_| 0, out);
+        let (pairs, mut room) = (self.pairs(a, b), Room::default());
+        for n in 0..out.columns() {
+            let column = out.column_mut(n);
+            column.fill(0.0);
+            pairs.iter().for_each(|(term, pairs)| term.add_column(pairs, (0, n), column, &mut room));
         }
         Ok(())
+    }
+
+    /// Every term, and how it sees `a` against `b`.
+    fn pairs(&self, a: &Inputs, b: &Inputs) -> Vec<(&Term, Pairs)> {
+        self.terms.iter().map(|term| (term, term.pairs(a, b))).collect()
     }
 
     /// k(x, x) of every point. O(Nd).
@@ -155,7 +175,7 @@ impl Kernel {
     }
 
     /// Every term, and which parameters are its own.
-    fn parts(&self) -> impl Iterator<Item = (&Term, std::ops::Range<usize>)> {
+    fn parts(&self) -> impl Iterator<Item = (&Term, Range<usize>)> {
         self.terms.iter().scan(0, |first, term| {
             let part = *first..*first + term.parameter_count();
             *first = part.end;
@@ -163,23 +183,42 @@ impl Kernel {
         })
     }
 
-    /// Σ_ij W_ij ∂k(x_i, x_j)/∂(log parameters) for a symmetric W, N×N. O(N²d).
+    /// Σ_ij W_ij ∂k(x_i, x_j)/∂(log parameters) for a symmetric W, N×N, of which the lower triangle is read. O(N²d).
     pub(crate) fn gram_gradient(&self, inputs: &Inputs, weights: &Matrix) -> Vec<f64> {
+        let pairs = self.pairs(inputs, inputs);
+        let panels = (0..inputs.len()).step_by(PANEL).map(|first| first..inputs.len().min(first + PANEL)).collect();
         let mut gradient = vec![0.0; self.parameter_count()];
-        for (term, part) in self.parts() {
-            term.add_cross_gradient((inputs, inputs), |column| column, weights, &mut gradient[part]);
+        for of_panel in on_parts(panels, |panel| self.columns_gradient(&pairs, panel, |n| n, weights)) {
+            add_scaled(2.0, &of_panel, &mut gradient);
         }
-        gradient.iter_mut().for_each(|entry| *entry *= 2.0);
-        let diagonal = self.diagonal_gradient(inputs, &weights.diagonal());
-        gradient.iter_mut().zip(&diagonal).for_each(|(entry, diagonal)| *entry -= diagonal);
+        add_scaled(-1.0, &self.diagonal_gradient(inputs, &weights.diagonal()), &mut gradient);
         gradient
     }
 
     /// Σ_ij W_ij ∂k(a_i, b_j)/∂(log parameters), W of size N_a×N_b. O(N_a N_b d).
     pub(crate) fn cross_gradient(&self, a: &Inputs, b: &Inputs, weights: &Matrix) -> Vec<f64> {
+        self.columns_gradient(&self.pairs(a, b), 0..b.len(), |_| 0, weights)
+    }
+
+    /// The part of some columns, of each from row `first_row(column)` on.
+    fn columns_gradient(
+        &self,
+        pairs: &[(&Term, Pairs)],
+        columns: Range<usize>,
+        first_row: impl Fn(usize) -> usize,
+        weights: &Matrix,
+    ) -> Vec<f64> {
+        let mut sums: Vec<Vec<Slopes>> = self.terms.iter().map(Term::slopes).collect();
+        let mut room = Room::default();
+        for n in columns {
+            let first = first_row(n);
+            for ((term, pairs), sums) in pairs.iter().zip(&mut sums) {
+                term.add_column_slopes(pairs, (first, n), &weights.column(n)[first..], sums, &mut room);
+            }
+        }
         let mut gradient = vec![0.0; self.parameter_count()];
-        for (term, part) in self.parts() {
-            term.add_cross_gradient((a, b), |_| 0, weights, &mut gradient[part]);
+        for (((term, part), (_, pairs)), sums) in self.parts().zip(pairs).zip(&sums) {
+            term.add_gradient(pairs, sums, &mut gradient[part]);
         }
         gradient
     }

@@ -6,7 +6,7 @@ use super::scaled::Scaled;
 use super::shape::Shape;
 use crate::error::{Result, positive};
 use crate::inputs::Inputs;
-use crate::linalg::{Matrix, add_scaled};
+use crate::linalg::add_scaled;
 use crate::parameter::Parameter;
 
 /// One term of a kernel: variance · correlation (or a product of several correlations, each over columns of its own),
@@ -23,9 +23,16 @@ pub struct Term {
 /// Points as a term sees them: as each of its correlations does.
 type Seen = Vec<Scaled>;
 
+/// Points of one side against those of another, as a term sees them.
+pub(super) struct Pairs {
+    left: Seen,
+    /// Of the right side, and of its reflection for a reciprocal term.
+    images: Vec<Seen>,
+}
+
 /// Room for numbers of many pairs of points.
 #[derive(Default)]
-struct Room {
+pub(super) struct Room {
     products: Vec<f64>,
     factors: Vec<f64>,
 }
@@ -207,18 +214,16 @@ impl Term {
         add_scaled(weight, products, out);
     }
 
-    /// Adds the term's Gram matrix of `a` against `b`, from row `first_row(column)` of each column on.
-    pub(super) fn add_gram(&self, a: &Inputs, b: &Inputs, first_row: impl Fn(usize) -> usize, out: &mut Matrix) {
-        let left = self.seen(a, None);
-        let images = self.images(b);
-        let weight = self.variance / images.len() as f64;
-        let mut room = Room::default();
-        for image in &images {
-            for n in 0..b.len() {
-                let first = first_row(n);
-                let column = &mut out.column_mut(n)[first..];
-                self.add_products(weight, (image, n), (&left, first), column, &mut room);
-            }
+    /// `a` against `b`, as the term sees them.
+    pub(super) fn pairs(&self, a: &Inputs, b: &Inputs) -> Pairs {
+        Pairs { left: self.seen(a, None), images: self.images(b) }
+    }
+
+    /// Adds the covariances of points `first..` of the left side with point `n` of the right one to `out`.
+    pub(super) fn add_column(&self, pairs: &Pairs, (first, n): (usize, usize), out: &mut [f64], room: &mut Room) {
+        let weight = self.variance / pairs.images.len() as f64;
+        for image in &pairs.images {
+            self.add_products(weight, (image, n), (&pairs.left, first), out, room);
         }
     }
 
@@ -279,26 +284,28 @@ impl Term {
         }
     }
 
-    /// Adds Σ W_ij ∂k(a_i, b_j)/∂(log parameters) to `gradient`, over rows from `first_row(column)` of each column on.
-    pub(super) fn add_cross_gradient(
+    /// Sums for [`Term::add_column_slopes`], all zero.
+    pub(super) fn slopes(&self) -> Vec<Slopes> {
+        self.correlations.iter().map(Correlation::slopes).collect()
+    }
+
+    /// Adds what [`Term::add_column`] adds, but for the variance, times `weights` to `sums`, with its slopes.
+    pub(super) fn add_column_slopes(
         &self,
-        (a, b): (&Inputs, &Inputs),
-        first_row: impl Fn(usize) -> usize,
-        weights: &Matrix,
-        gradient: &mut [f64],
+        pairs: &Pairs,
+        (first, n): (usize, usize),
+        weights: &[f64],
+        sums: &mut [Slopes],
+        room: &mut Room,
     ) {
-        let left = self.seen(a, None);
-        let images = self.images(b);
-        let mut sums: Vec<Slopes> = self.correlations.iter().map(Correlation::slopes).collect();
-        let mut room = Room::default();
-        for image in &images {
-            for n in 0..b.len() {
-                let first = first_row(n);
-                let weights = &weights.column(n)[first..];
-                self.add_slopes((image, n), (&left, first), weights, &mut sums, &mut room);
-            }
+        for image in &pairs.images {
+            self.add_slopes((image, n), (&pairs.left, first), weights, sums, room);
         }
-        self.add_sums(self.variance / images.len() as f64, &sums, gradient);
+    }
+
+    /// Adds Σ w ∂k/∂(log parameters) to `gradient`, from the sums of [`Term::add_column_slopes`].
+    pub(super) fn add_gradient(&self, pairs: &Pairs, sums: &[Slopes], gradient: &mut [f64]) {
+        self.add_sums(self.variance / pairs.images.len() as f64, sums, gradient);
     }
 
     /// Adds Σ w_n ∂k(x_n, x_n)/∂(log parameters) to `gradient`.
@@ -308,8 +315,7 @@ impl Term {
             return;
         }
         let (points, images) = (self.seen(inputs, None), self.images(inputs));
-        let mut sums: Vec<Slopes> = self.correlations.iter().map(Correlation::slopes).collect();
-        let mut room = Room::default();
+        let (mut sums, mut room) = (self.slopes(), Room::default());
         for (n, weight) in weights.iter().enumerate() {
             for image in &images {
                 self.add_slopes((&points, n), (image, n), std::slice::from_ref(weight), &mut sums, &mut room);

@@ -48,6 +48,12 @@ impl Matrix {
         self.0.col_as_slice_mut(column)
     }
 
+    /// All columns, to write to each by itself.
+    pub(crate) fn split_columns(&mut self) -> Vec<&mut [f64]> {
+        let columns = self.0.as_mut().col_iter_mut();
+        columns.map(|column| column.try_as_col_major_mut().expect("columns without gaps").as_slice_mut()).collect()
+    }
+
     /// The diagonal.
     pub fn diagonal(&self) -> Vec<f64> {
         (0..self.rows().min(self.columns())).map(|i| self[(i, i)]).collect()
@@ -285,7 +291,7 @@ pub(crate) fn multiply_to_lower(a: &Matrix, lower: &Matrix, out: &mut Matrix) {
     out.mirror_lower();
 }
 
-/// LᵀL, written to `out`, for a lower triangular L. O(n³/3).
+/// LᵀL, written to the lower triangle of `out`, for a lower triangular L. O(n³/3).
 pub(crate) fn lower_gram(lower: &Matrix, out: &mut Matrix) {
     triangular::matmul(
         out.0.as_mut(),
@@ -298,7 +304,6 @@ pub(crate) fn lower_gram(lower: &Matrix, out: &mut Matrix) {
         1.0,
         Par::Seq,
     );
-    out.mirror_lower();
 }
 
 /// A·x, written to `out`.
