@@ -32,3 +32,31 @@ fn sparse_fits_do_not_depend_on_the_number_of_threads() {
     let far = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(far(&fitted.mean, &fused.mean) < 1e-9 && far(&fitted.variance, &fused.variance) < 1e-9);
 }
+
+#[cfg(feature = "learn")]
+#[test]
+fn what_is_learned_does_not_depend_on_the_number_of_threads() {
+    // Waves of different lengths along two axes: several starts, some of which lead to the same end.
+    let number = |n: usize, factor: f64| 4.0 * (n as f64 * factor).fract();
+    let places: Vec<f64> = (0..200).flat_map(|n| [number(n, 0.618_034), number(n, 0.754_878)]).collect();
+    let outcomes = (0..200).map(|n| places[2 * n].sin() + (2.0 * places[2 * n + 1]).sin() > 0.3).collect();
+    let events = Observations::new(Inputs::new(places, 2).unwrap(), outcomes).unwrap();
+    let kernel = Kernel::new(vec![Term::new(Shape::Matern52, 4.0, &[0, 1], &[1.0; 2]).unwrap()]).unwrap();
+    let template = Prior::new(kernel, PriorMean::Constant(0.0)).unwrap();
+    let further = [0.3, 3.0].map(|factor| template.with_length_scales_times(factor).unwrap());
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut options = LearnOptions::default();
+        options.start_events_max = 80;
+        options.further_starts = &further;
+        pool.install(|| learn(&template, &events, &options).unwrap())
+    };
+    let one = on(1);
+    for threads in [2, 4] {
+        let more = on(threads);
+        assert_eq!(one.prior, more.prior, "{threads} threads");
+        assert_eq!(one.starts, more.starts, "{threads} threads");
+        assert_eq!(one.optimum_evidence.to_bits(), more.optimum_evidence.to_bits(), "{threads} threads");
+        assert_eq!((one.evaluations, one.stop.clone()), (more.evaluations, more.stop), "{threads} threads");
+    }
+}

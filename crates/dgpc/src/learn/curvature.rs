@@ -9,13 +9,14 @@ pub(super) struct Curvature {
     bends: Vec<f64>,
     /// Along each a step of 1 raises a cost that bends so by ½.
     steps: Vec<Vec<f64>>,
+    is_measured: bool,
 }
 
 impl Curvature {
     /// Along every coordinate alike.
     pub(super) fn alike(size: usize, bend: f64) -> Self {
         let step = |along| (0..size).map(|place| if place == along { bend.sqrt().recip() } else { 0.0 }).collect();
-        Self { bends: vec![bend; size], steps: (0..size).map(step).collect() }
+        Self { bends: vec![bend; size], steps: (0..size).map(step).collect(), is_measured: false }
     }
 
     /// Of a matrix of second derivatives. Where the cost bends down it counts as if it bent up as much, so that steps go down
@@ -27,7 +28,12 @@ impl Curvature {
             directions.column(along).iter().map(|entry| entry / bend.sqrt()).collect::<Vec<f64>>()
         };
         let steps = bends.iter().enumerate().map(step).collect();
-        Ok(Self { bends, steps })
+        Ok(Self { bends, steps, is_measured: true })
+    }
+
+    /// Whether somebody looked how the cost bends.
+    pub(super) fn is_measured(&self) -> bool {
+        self.is_measured
     }
 
     /// Where so many steps along each direction lead.

@@ -7,13 +7,14 @@ mod common;
 mod curvature;
 mod hyper_prior;
 mod options;
+mod paths;
 mod search;
 
 pub use calibration::Calibration;
 pub use common::common_length_scales;
 pub use hyper_prior::HyperPrior;
 pub use options::LearnOptions;
-pub use search::Stop;
+pub use paths::Stop;
 
 use crate::candidates::Candidates;
 use crate::error::{Error, Result};
@@ -22,6 +23,7 @@ use crate::inputs::{Inputs, spread_out};
 use crate::likelihood::Likelihood;
 use crate::observations::Observations;
 use crate::parameter::Parameter;
+use crate::parts::on_parts;
 use crate::prior::Prior;
 use search::{Found, Search};
 
@@ -270,8 +272,8 @@ fn learn_from(
             Err(error) => failure = Some(error),
         }
     }
-    let learned = ends.into_iter().map(|end| finish(&search, end, points.as_ref(), options));
-    let best = learned.reduce(|best, next| match (best, next) {
+    let learned = on_parts(ends, |end| finish(&search, end, points.as_ref(), options));
+    let best = learned.into_iter().reduce(|best, next| match (best, next) {
         (Ok(best), Ok(next)) => Ok(if next.merit > best.merit { next } else { best }),
         (best, next) => best.or(next),
     });

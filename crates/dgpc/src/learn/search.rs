@@ -8,11 +8,13 @@ use argmin::solver::quasinewton::LBFGS;
 
 use super::curvature::Curvature;
 use super::options::LearnOptions;
+use super::paths::{Path, Paths, Step, Stop};
 use crate::error::{Error, Place, Result};
 use crate::fit::{FitOptions, MeanField, solve, solve_with_gradient};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
 use crate::linalg::Matrix;
+use crate::parts::on_parts;
 use crate::prior::Prior;
 
 /// No search goes farther from the template than its start by more than so many standard deviations of the hyperprior.
@@ -46,19 +48,6 @@ const FIRST_STEP: f64 = 0.5;
 /// Nats per event that no sensible place costs.
 const COST_BEYOND: f64 = 100.0;
 
-/// Why a search ended.
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Stop {
-    /// By its gradient, and how E bends, hardly anything is left to gain; or E did not change any more.
-    Converged,
-    /// It took as many steps as it was allowed.
-    IterationsMax,
-    /// No step along the search direction helped, or E could not be computed there, in the optimiser's words. What was
-    /// best so far is kept.
-    NoProgress(String),
-}
-
 /// A maximisation of E plus the log density of the hyperprior.
 pub(super) struct Search<'a> {
     likelihood: &'a Likelihood<'a>,
@@ -75,16 +64,16 @@ pub(super) struct Search<'a> {
     tolerance: f64,
 }
 
-/// Where a search ended.
+/// Where a search ended, or came to where it leads to the end of one from an earlier start.
 pub(super) struct Found {
     pub(super) prior: Prior,
     /// E plus the log density of the hyperprior.
     pub(super) objective: f64,
-    /// Tilts of its fit.
+    /// Tilts of a fit at its end.
     pub(super) tilts: Vec<f64>,
     pub(super) evaluations: usize,
     pub(super) stop: Stop,
-    /// Whether an earlier search ended there, as far as it matters.
+    /// Whether it leads to where an earlier search ended, as far as it matters.
     pub(super) is_known: bool,
 }
 
@@ -179,11 +168,14 @@ impl<'a> Search<'a> {
         let coordinates = self.coordinates(place);
         let (size, per_event) = (coordinates.len(), self.per_event());
         let (here, tilts) = few.slope(&coordinates, None)?;
-        let mut hessian = Matrix::from_fn(size, size, |row, column| if row == column { per_event } else { 0.0 });
-        for along in 0..size {
+        let slopes = on_parts((0..size).collect(), |along| {
             let mut moved = coordinates.clone();
             moved[along] += DIFFERENCE;
-            let (there, _) = few.slope(&moved, Some(&tilts))?;
+            few.slope(&moved, Some(&tilts))
+        });
+        let mut hessian = Matrix::from_fn(size, size, |row, column| if row == column { per_event } else { 0.0 });
+        for (along, slope) in slopes.into_iter().enumerate() {
+            let (there, _) = slope?;
             for (place, (there, here)) in there.iter().zip(&here).enumerate() {
                 let half = 0.5 * (there - here) / DIFFERENCE;
                 hessian[(along, place)] += half;
@@ -209,28 +201,44 @@ impl<'a> Search<'a> {
         // How the objective bends at the first start, which is the best guess, serves all: at those far from any end, it may bend
         // any way.
         let measured = self.few.zip(starts.first()).and_then(|(few, start)| self.curvature(few, start).ok());
-        let mut ends = Vec::with_capacity(starts.len());
-        for start in starts {
-            ends.push(self.run_one(start, measured.as_ref(), &ends));
-        }
-        ends
+        let curvature = measured.unwrap_or_else(|| Curvature::alike(self.moving.len(), self.per_event()));
+        let paths = Paths::new(starts.len());
+        on_parts((0..starts.len()).collect(), |number| {
+            paths.set(number, self.path_from(&starts[number], &curvature, &(number, &paths)));
+        });
+        let found = |(path, known): (Path, Option<usize>)| self.found(path, known);
+        let settled = paths.settled(|step, end| self.leads_to(&curvature, step, end));
+        settled.into_iter().map(|path| path.and_then(found)).collect()
     }
 
-    fn run_one(&self, start: &Prior, measured: Option<&Curvature>, ends: &[Result<Found>]) -> Result<Found> {
+    fn path_from(&self, start: &Prior, curvature: &Curvature, others: &(usize, &Paths)) -> Result<Path> {
         let start = self.coordinates(start);
         let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
-        let alike = Curvature::alike(start.len(), self.per_event());
-        let (curvature, is_measured) = measured.map_or((&alike, false), |measured| (measured, true));
-        let memory = RefCell::new(Memory { last: None, best: None, gained: f64::INFINITY, evaluations: 0 });
-        let mut objective = Objective { search: self, start, reach, ends, curvature, is_measured, scale: 1.0, memory };
+        let mut objective =
+            Objective { search: self, start, reach, others, curvature, scale: 1.0, memory: RefCell::default() };
         objective.scale = objective.share_of_first_step()?;
         let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective) };
-        let is_known = objective.leads_to_known_end();
-        let Memory { best, evaluations, .. } = objective.memory.into_inner();
-        let Some(Best { coordinates, objective, tilts }) = best else {
+        let Memory { steps, tilts, evaluations, .. } = objective.memory.into_inner();
+        if steps.is_empty() {
             return Err(Error::NotFinite { what: "evidence bound", place: Place::Alone, value: f64::NAN });
-        };
+        }
+        Ok(Path { steps, tilts, evaluations, stop })
+    }
+
+    /// What a path comes to, of which a step may be known to lead to another's end.
+    fn found(&self, Path { mut steps, tilts, evaluations, stop }: Path, known: Option<usize>) -> Result<Found> {
+        let is_known = known.is_some();
+        let Step { coordinates, objective, evaluations: so_far } = steps.swap_remove(known.unwrap_or(steps.len() - 1));
+        let evaluations = if is_known { so_far } else { evaluations };
         Ok(Found { prior: self.prior(&coordinates)?, objective, tilts, evaluations, stop, is_known })
+    }
+
+    /// Whether a step is at an end, or so near that the search will end there, too.
+    fn leads_to(&self, curvature: &Curvature, step: &Step, end: &Step) -> bool {
+        let below = end.objective - step.objective;
+        let rise = || curvature.rise(&end.coordinates, &step.coordinates);
+        let is_near = curvature.is_measured() && (0.0..NEAR).contains(&below) && rise() < NEAR * self.per_event();
+        is_near || below.abs() < SAME_OBJECTIVE && farthest(&end.coordinates, &step.coordinates) < SAME_COORDINATE
     }
 
     /// L-BFGS. Whatever it returns, the best point it looked at is in the memory.
@@ -260,30 +268,26 @@ struct Objective<'a> {
     start: Vec<f64>,
     /// No place is looked at whose largest coordinate lies beyond.
     reach: f64,
-    /// Where other searches ended.
-    ends: &'a [Result<Found>],
+    /// Which path this is, and all of them.
+    others: &'a (usize, &'a Paths),
     /// The optimiser goes in steps of this: then its first one, as long as the gradient, is Newton's.
     curvature: &'a Curvature,
-    /// Whether events say so, and not the hyperprior alone.
-    is_measured: bool,
     /// What the optimiser sees is so many times the cost: so much of its first step is taken.
     scale: f64,
     memory: RefCell<Memory>,
 }
 
+#[derive(Default)]
 struct Memory {
     /// The last place, its cost and its gradient.
     last: Option<(Vec<f64>, f64, Vec<f64>)>,
-    best: Option<Best>,
-    /// What the best place was better than the one before, in nats an event.
-    gained: f64,
-    evaluations: usize,
-}
-
-struct Best {
-    coordinates: Vec<f64>,
-    objective: f64,
+    /// Places that were better than all before.
+    steps: Vec<Step>,
+    /// Tilts of the last of them.
     tilts: Vec<f64>,
+    /// What the best place was better than the one before, in nats an event, once there are two.
+    gained: Option<f64>,
+    evaluations: usize,
 }
 
 impl Objective<'_> {
@@ -305,20 +309,20 @@ impl Objective<'_> {
         {
             return Ok((*cost, gradient.clone()));
         }
-        let tolerance = self.search.tilt_tolerance(memory.gained);
+        let tolerance = self.search.tilt_tolerance(memory.gained.unwrap_or(f64::INFINITY));
         let mut options = FitOptions::default().tolerance(tolerance).iterations_max(200);
-        let of_end = || self.ends.iter().flatten().last().map(|end| end.tilts.as_slice());
-        options.start = memory.best.as_ref().map(|best| best.tilts.as_slice()).or_else(of_end).or(self.search.tilts);
+        options.start = if memory.steps.is_empty() { self.search.tilts } else { Some(&memory.tilts) };
         let (fit, by_parameter) = self.search.gradient(&self.search.prior(coordinates)?, &options)?;
         memory.evaluations += 1;
         let objective = fit.evidence - 0.5 * coordinates.iter().map(|x| x * x).sum::<f64>();
         let per_event = self.search.per_event();
         let by_coordinates = self.search.by_coordinates(&by_parameter);
         let gradient: Vec<f64> = by_coordinates.iter().zip(coordinates).map(|(by, x)| -per_event * (by - x)).collect();
-        let gained = memory.best.as_ref().map(|best| per_event * (objective - best.objective));
+        let gained = memory.steps.last().map(|best| per_event * (objective - best.objective));
         if gained.is_none_or(|gained| gained > 0.0) {
-            memory.gained = gained.unwrap_or(f64::INFINITY);
-            memory.best = Some(Best { coordinates: coordinates.to_vec(), objective, tilts: fit.tilts });
+            let step = Step { coordinates: coordinates.to_vec(), objective, evaluations: memory.evaluations };
+            memory.steps.push(step);
+            (memory.gained, memory.tilts) = (gained, fit.tilts);
         }
         let cost = -per_event * objective;
         memory.last = Some((coordinates.to_vec(), cost, gradient.clone()));
@@ -335,17 +339,12 @@ impl Objective<'_> {
         Ok((self.scale * cost, gradient))
     }
 
-    /// Whether the best place so far is where another search ended, or so near that this one will end there, too.
+    /// Whether the best place so far leads to the end of an earlier search.
     fn leads_to_known_end(&self) -> bool {
-        let memory = self.memory.borrow();
-        let Some(best) = &memory.best else { return false };
-        let leads_to = |end: &Found| {
-            let (below, at) = (end.objective - best.objective, self.search.coordinates(&end.prior));
-            let rise = || self.curvature.rise(&at, &best.coordinates);
-            let is_near = self.is_measured && (0.0..NEAR).contains(&below) && rise() < NEAR * self.search.per_event();
-            is_near || below.abs() < SAME_OBJECTIVE && farthest(&at, &best.coordinates) < SAME_COORDINATE
-        };
-        self.ends.iter().flatten().any(leads_to)
+        let (memory, (number, paths)) = (self.memory.borrow(), *self.others);
+        let leads_to = |step: &Step, end: &Step| self.search.leads_to(self.curvature, step, end);
+        let ends = || paths.ends_before(number, leads_to);
+        memory.steps.last().is_some_and(|best| ends().into_iter().any(|end| leads_to(best, end)))
     }
 
     /// Where a step went much too far, only the hyperprior counts, on top of a cost that no sensible place has.
