@@ -204,18 +204,18 @@ impl<'a> Search<'a> {
         let curvature = measured.unwrap_or_else(|| Curvature::alike(self.moving.len(), self.per_event()));
         let paths = Paths::new(starts.len());
         on_parts((0..starts.len()).collect(), |number| {
-            paths.set(number, self.path_from(&starts[number], &curvature, &(number, &paths)));
+            paths.set(number, self.path_from(number, &starts[number], &curvature, &paths));
         });
         let found = |(path, known): (Path, Option<usize>)| self.found(path, known);
         let settled = paths.settled(|step, end| self.leads_to(&curvature, step, end));
         settled.into_iter().map(|path| path.and_then(found)).collect()
     }
 
-    fn path_from(&self, start: &Prior, curvature: &Curvature, others: &(usize, &Paths)) -> Result<Path> {
+    fn path_from(&self, number: usize, start: &Prior, curvature: &Curvature, paths: &Paths) -> Result<Path> {
         let start = self.coordinates(start);
         let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
         let mut objective =
-            Objective { search: self, start, reach, others, curvature, scale: 1.0, memory: RefCell::default() };
+            Objective { search: self, start, reach, number, paths, curvature, scale: 1.0, memory: RefCell::default() };
         objective.scale = objective.share_of_first_step()?;
         let stop = if self.moving.is_empty() { Stop::Converged } else { self.maximise(&objective) };
         let Memory { steps, tilts, evaluations, .. } = objective.memory.into_inner();
@@ -268,8 +268,9 @@ struct Objective<'a> {
     start: Vec<f64>,
     /// No place is looked at whose largest coordinate lies beyond.
     reach: f64,
-    /// Which path this is, and all of them.
-    others: &'a (usize, &'a Paths),
+    /// Which path this is.
+    number: usize,
+    paths: &'a Paths,
     /// The optimiser goes in steps of this: then its first one, as long as the gradient, is Newton's.
     curvature: &'a Curvature,
     /// What the optimiser sees is so many times the cost: so much of its first step is taken.
@@ -341,9 +342,9 @@ impl Objective<'_> {
 
     /// Whether the best place so far leads to the end of an earlier search.
     fn leads_to_known_end(&self) -> bool {
-        let (memory, (number, paths)) = (self.memory.borrow(), *self.others);
+        let memory = self.memory.borrow();
         let leads_to = |step: &Step, end: &Step| self.search.leads_to(self.curvature, step, end);
-        let ends = || paths.ends_before(number, leads_to);
+        let ends = || self.paths.ends_before(self.number, leads_to);
         memory.steps.last().is_some_and(|best| ends().into_iter().any(|end| leads_to(best, end)))
     }
 
