@@ -17,12 +17,17 @@ const PART_WORK: usize = 1 << 25;
 pub(crate) fn parts(events: usize, work_each: usize) -> Vec<Range<usize>> {
     let count = (events.saturating_mul(work_each) / PART_WORK).clamp(1, PARTS_MAX);
     let length = events.div_ceil(count).next_multiple_of(BLOCK).max(BLOCK);
-    (0..events).step_by(length).map(|first| first..events.min(first + length)).collect()
+    stretches(0..events, length).collect()
 }
 
 /// Blocks of a part, in order.
 pub(crate) fn blocks(part: Range<usize>) -> impl Iterator<Item = Range<usize>> {
-    part.clone().step_by(BLOCK).map(move |first| first..part.end.min(first + BLOCK))
+    stretches(part, BLOCK)
+}
+
+/// Stretches of this length, in order, of which the last may be shorter.
+pub(crate) fn stretches(whole: Range<usize>, length: usize) -> impl Iterator<Item = Range<usize>> {
+    whole.clone().step_by(length).map(move |first| first..whole.end.min(first + length))
 }
 
 /// What `work` makes of each part, in their order.

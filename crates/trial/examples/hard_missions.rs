@@ -75,7 +75,11 @@ fn scores(log: &EventLog, split: &Split, vehicles: usize, packets: usize) -> Res
 
 fn mean_scores(log: &EventLog, splits: &[Split], vehicles: usize, packets: usize) -> Result<[f64; 3], Failure> {
     let all = splits.par_iter().map(|split| scores(log, split, vehicles, packets)).collect::<Result<Vec<_>, _>>()?;
-    Ok([0, 1, 2].map(|place| all.iter().map(|scores| scores[place]).sum::<f64>() / all.len() as f64))
+    Ok(mean(&all))
+}
+
+fn mean(all: &[[f64; 3]]) -> [f64; 3] {
+    [0, 1, 2].map(|place| all.iter().map(|three| three[place]).sum::<f64>() / all.len() as f64)
 }
 
 /// The log with outcomes drawn again, and the NLL of the true probabilities of each.
@@ -105,6 +109,15 @@ fn above(log: &EventLog, truth: &[f64], plan: &Plan) -> Result<[f64; 3], Failure
     Ok([own, team, centralised].map(|nll| nll - least))
 }
 
+/// The mean of [`above`] over draws of the outcomes.
+fn mean_above(log: &EventLog, noise: f64, plan: &Plan) -> Result<[f64; 3], Failure> {
+    let draw = |seed| {
+        let (log, truth) = noisy(log, noise, seed).ok_or("no true probabilities")?;
+        above(&log, &truth, plan)
+    };
+    Ok(mean(&(1..=DRAWS).into_par_iter().map(draw).collect::<Result<Vec<_>, Failure>>()?))
+}
+
 /// What the mission before, over the same water, was learned to be.
 fn model_of_mission_before(log: &EventLog, noise: f64) -> Result<Agreed, Failure> {
     let (before, _) = noisy(log, noise, DRAWS + 1).ok_or("no true probabilities")?;
@@ -127,13 +140,7 @@ fn main() -> Result<(), Failure> {
         let nothing = Plan::new(Learning::default(), 1);
         let learned = Plan { agreed: model_of_mission_before(&log, noise)?, ..nothing.clone() };
         for (name, plan) in names.into_iter().zip([nothing, learned]) {
-            let draws = (1..=DRAWS).into_par_iter().map(|seed| {
-                let (log, truth) = noisy(&log, noise, seed).ok_or("no true probabilities")?;
-                above(&log, &truth, &plan)
-            });
-            let draws = draws.collect::<Result<Vec<_>, Failure>>()?;
-            let [own, team, all] =
-                [0, 1, 2].map(|place| draws.iter().map(|draw| draw[place]).sum::<f64>() / draws.len() as f64);
+            let [own, team, all] = mean_above(&log, noise, &plan)?;
             println!("{name:18} {all:+.4} {own:+.4} {team:+.4}");
         }
     }

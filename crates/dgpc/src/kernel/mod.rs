@@ -25,7 +25,7 @@ use crate::error::{Error, Result, positive, same_size};
 use crate::inputs::Inputs;
 use crate::linalg::{Matrix, add_scaled};
 use crate::parameter::Parameter;
-use crate::parts::on_parts;
+use crate::parts::{on_parts, stretches};
 
 /// Columns of a Gram matrix that one thread works out at a time.
 const PANEL: usize = 64;
@@ -186,7 +186,7 @@ impl Kernel {
     /// Σ_ij W_ij ∂k(x_i, x_j)/∂(log parameters) for a symmetric W, N×N, of which the lower triangle is read. O(N²d).
     pub(crate) fn gram_gradient(&self, inputs: &Inputs, weights: &Matrix) -> Vec<f64> {
         let pairs = self.pairs(inputs, inputs);
-        let panels = (0..inputs.len()).step_by(PANEL).map(|first| first..inputs.len().min(first + PANEL)).collect();
+        let panels = stretches(0..inputs.len(), PANEL).collect();
         let mut gradient = vec![0.0; self.parameter_count()];
         for of_panel in on_parts(panels, |panel| self.columns_gradient(&pairs, panel, |n| n, weights)) {
             add_scaled(2.0, &of_panel, &mut gradient);

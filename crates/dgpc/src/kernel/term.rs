@@ -238,12 +238,9 @@ impl Term {
             out.iter_mut().for_each(|v| *v += self.variance);
             return;
         }
-        let (points, images) = (self.seen(inputs, None), self.images(inputs));
-        let (weight, mut room) = (self.variance / images.len() as f64, Room::default());
+        let (pairs, mut room) = (self.pairs(inputs, inputs), Room::default());
         for (n, out) in out.iter_mut().enumerate() {
-            for image in &images {
-                self.add_products(weight, (&points, n), (image, n), std::slice::from_mut(out), &mut room);
-            }
+            self.add_column(&pairs, (n, n), std::slice::from_mut(out), &mut room);
         }
     }
 
@@ -275,15 +272,6 @@ impl Term {
         }
     }
 
-    /// Adds `factor` · the sums of [`Term::add_slopes`] to a gradient by the parameters.
-    fn add_sums(&self, factor: f64, sums: &[Slopes], gradient: &mut [f64]) {
-        // The correlations' weighted sums are all that of their product.
-        gradient[0] += factor * sums[0].correlation;
-        for ((correlation, part), sums) in self.parts().zip(sums) {
-            correlation.add_gradient(factor, sums, &mut gradient[part]);
-        }
-    }
-
     /// Sums for [`Term::add_column_slopes`], all zero.
     pub(super) fn slopes(&self) -> Vec<Slopes> {
         self.correlations.iter().map(Correlation::slopes).collect()
@@ -305,7 +293,12 @@ impl Term {
 
     /// Adds Σ w ∂k/∂(log parameters) to `gradient`, from the sums of [`Term::add_column_slopes`].
     pub(super) fn add_gradient(&self, pairs: &Pairs, sums: &[Slopes], gradient: &mut [f64]) {
-        self.add_sums(self.variance / pairs.images.len() as f64, sums, gradient);
+        let factor = self.variance / pairs.images.len() as f64;
+        // The correlations' weighted sums are all that of their product.
+        gradient[0] += factor * sums[0].correlation;
+        for ((correlation, part), sums) in self.parts().zip(sums) {
+            correlation.add_gradient(factor, sums, &mut gradient[part]);
+        }
     }
 
     /// Adds Σ w_n ∂k(x_n, x_n)/∂(log parameters) to `gradient`.
@@ -314,14 +307,12 @@ impl Term {
             gradient[0] += self.variance * weights.iter().sum::<f64>();
             return;
         }
-        let (points, images) = (self.seen(inputs, None), self.images(inputs));
+        let pairs = self.pairs(inputs, inputs);
         let (mut sums, mut room) = (self.slopes(), Room::default());
         for (n, weight) in weights.iter().enumerate() {
-            for image in &images {
-                self.add_slopes((&points, n), (image, n), std::slice::from_ref(weight), &mut sums, &mut room);
-            }
+            self.add_column_slopes(&pairs, (n, n), std::slice::from_ref(weight), &mut sums, &mut room);
         }
-        self.add_sums(self.variance / images.len() as f64, &sums, gradient);
+        self.add_gradient(&pairs, &sums, gradient);
     }
 }
 
