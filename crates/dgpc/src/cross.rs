@@ -1,17 +1,17 @@
-//! Covariances of inducing points with events, and sums over them, block by block.
+//! Covariances of events with inducing points, and sums over them, block by block. Events lie in rows.
 
 use std::ops::Range;
 
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
-use crate::linalg::{Cholesky, Matrix, add_scaled, add_symmetric_product_lower, squared_norm};
+use crate::linalg::{Cholesky, Matrix, add_scaled, add_symmetric_product_lower, row_moments, write_scaled_columns};
 use crate::parts::{BLOCK, blocks, on_parts, parts};
 
 /// So many covariances are kept, 64 MB of them; what is beyond is worked out anew whenever it is asked for.
 const KEPT_MAX: usize = 8 << 20;
 
-/// K_MN of N events against M inducing points.
+/// K_NM of N events against M inducing points.
 pub(crate) struct Cross<'a> {
     kernel: &'a Kernel,
     points: &'a Inputs,
@@ -35,27 +35,24 @@ impl<'a> Cross<'a> {
     pub(crate) fn kept(self) -> Result<Self> {
         let blocks_max = KEPT_MAX / (BLOCK * self.points.len()).max(1);
         let whole = blocks(0..self.inputs.len()).take(blocks_max).collect();
-        let compute = |block| -> Result<Matrix> { self.kernel.cross(self.points, &self.inputs.slice(block)) };
+        let compute = |block| -> Result<Matrix> { self.kernel.cross(&self.inputs.slice(block), self.points) };
         let kept = on_parts(whole, compute).into_iter().collect::<Result<_>>()?;
         Ok(Self { kept, ..self })
     }
 
-    /// Writes L⁻¹K for the columns of one block of events over those of another. O(M²) an event.
-    pub(crate) fn write_solved(&self, block: Range<usize>, factor: &Cholesky, out: &mut Matrix) -> Result<()> {
-        if out.columns() != block.len() {
-            *out = Matrix::zeros(self.points.len(), block.len());
-        }
-        match self.kept.get(block.start / BLOCK) {
-            Some(kept) => out.copy_from(kept),
-            None => self.kernel.write_cross(self.points, &self.inputs.slice(block), out)?,
-        }
-        factor.solve_lower_matrix(out);
+    /// Solves for the features of one block of events, Φ = KL⁻ᵀ. O(M²) an event.
+    pub(crate) fn solve(&self, block: Range<usize>, factor: &Cholesky, out: &mut Block) -> Result<()> {
+        out.features.shape(block.len(), self.points.len());
+        let covariances = match self.kept.get(block.start / BLOCK) {
+            Some(kept) => kept,
+            None => {
+                out.covariances.shape(block.len(), self.points.len());
+                self.kernel.write_cross(&self.inputs.slice(block), self.points, &mut out.covariances)?;
+                &out.covariances
+            }
+        };
+        factor.solve_rows(covariances, &mut out.features);
         Ok(())
-    }
-
-    /// Room for a block.
-    pub(crate) fn room(&self) -> Matrix {
-        Matrix::zeros(self.points.len(), BLOCK.min(self.inputs.len()))
     }
 
     /// The events.
@@ -66,6 +63,22 @@ impl<'a> Cross<'a> {
     /// In how many parts a sum over the events is worth doing.
     pub(crate) fn parts(&self) -> Vec<Range<usize>> {
         parts(self.inputs.len(), self.points.len() * self.points.len())
+    }
+}
+
+/// One block of events after the other is worked on here.
+pub(crate) struct Block {
+    covariances: Matrix,
+    /// Φ of the block, an event a row.
+    pub(crate) features: Matrix,
+    /// For what is made of the features.
+    pub(crate) room: Matrix,
+}
+
+impl Block {
+    pub(crate) fn new() -> Self {
+        let none = || Matrix::zeros(0, 0);
+        Self { covariances: none(), features: none(), room: none() }
     }
 }
 
@@ -83,14 +96,13 @@ impl Sums {
         Self { precision: Matrix::zeros(points, points), shift: vec![0.0; points] }
     }
 
-    /// Adds a block of events: `features`, M × as many, which are scaled on the way, and an ω and a κ̃ for each. O(M²) an event.
-    pub(crate) fn add(&mut self, features: &mut Matrix, sites: impl Iterator<Item = (f64, f64)>) {
-        for (column, (omega, shift)) in sites.enumerate() {
-            add_scaled(shift, features.column(column), &mut self.shift);
-            let root = omega.sqrt();
-            features.column_mut(column).iter_mut().for_each(|entry| *entry *= root);
-        }
-        add_symmetric_product_lower(1.0, features.view(), &mut self.precision);
+    /// Adds a block of events by their features, an event a row, and the ω and κ̃ of each, with `room` for as many numbers as the
+    /// features. O(M²) an event.
+    pub(crate) fn add(&mut self, features: &Matrix, omega: &[f64], shift: &[f64], room: &mut Matrix) {
+        add_scaled(1.0, &features.transposed_times(shift), &mut self.shift);
+        let roots: Vec<f64> = omega.iter().map(|omega| omega.sqrt()).collect();
+        write_scaled_columns(features, &roots, room);
+        add_symmetric_product_lower(1.0, room.view(), &mut self.precision);
     }
 
     pub(crate) fn merge(&mut self, other: &Sums) {
@@ -99,13 +111,13 @@ impl Sums {
     }
 }
 
-/// Ĝ = ΦᵀΩΦ and b̂ = Φᵀκ̃ of events with these ω and κ̃, Φᵀ = L⁻¹K_MN. O(NM²) time, O(M²) memory.
+/// Ĝ = ΦᵀΩΦ and b̂ = Φᵀκ̃ of events with these ω and κ̃, Φ = K_NM L⁻ᵀ. O(NM²) time, O(M²) memory.
 pub(crate) fn condense(cross: &Cross<'_>, cholesky: &Cholesky, omega: &[f64], shift: &[f64]) -> Result<Sums> {
     let of_part = |part| -> Result<Sums> {
-        let (mut sums, mut features) = (Sums::zeros(cholesky.size()), cross.room());
+        let (mut sums, mut at) = (Sums::zeros(cholesky.size()), Block::new());
         for block in blocks(part) {
-            cross.write_solved(block.clone(), cholesky, &mut features)?;
-            sums.add(&mut features, omega[block.clone()].iter().copied().zip(shift[block].iter().copied()));
+            cross.solve(block.clone(), cholesky, &mut at)?;
+            sums.add(&at.features, &omega[block.clone()], &shift[block], &mut at.room);
         }
         Ok(sums)
     };
@@ -120,11 +132,12 @@ pub(crate) fn condense(cross: &Cross<'_>, cholesky: &Cholesky, omega: &[f64], sh
 /// diag(K_NN − ΦΦᵀ), N, not negative: the prior variance of every event that the inducing points leave unexplained. O(NM²).
 pub(crate) fn residual(cross: &Cross<'_>, cholesky: &Cholesky) -> Result<Vec<f64>> {
     let of_part = |part: Range<usize>| -> Result<Vec<f64>> {
-        let (mut residual, mut features) = (Vec::with_capacity(part.len()), cross.room());
+        let (mut residual, mut at, none) = (Vec::with_capacity(part.len()), Block::new(), vec![0.0; cholesky.size()]);
         for block in blocks(part) {
-            cross.write_solved(block.clone(), cholesky, &mut features)?;
-            let diagonal = cross.kernel.diagonal(&cross.inputs.slice(block))?.into_iter().enumerate();
-            residual.extend(diagonal.map(|(column, k)| (k - squared_norm(features.column(column))).max(0.0)));
+            cross.solve(block.clone(), cholesky, &mut at)?;
+            let diagonal = cross.kernel.diagonal(&cross.inputs.slice(block))?;
+            let explained = row_moments(&at.features, &none).1;
+            residual.extend(diagonal.iter().zip(explained).map(|(k, explained)| (k - explained).max(0.0)));
         }
         Ok(residual)
     };
@@ -135,7 +148,7 @@ pub(crate) fn residual(cross: &Cross<'_>, cholesky: &Cholesky) -> Result<Vec<f64
 mod tests {
     use super::*;
     use crate::kernel::{Shape, Term};
-    use crate::linalg::{multiply_vector, product};
+    use crate::linalg::product;
 
     #[test]
     fn what_is_kept_and_what_is_worked_out_anew_are_the_same_sums() {
@@ -155,8 +168,7 @@ mod tests {
         // By the definition.
         let mut features = kernel.cross(&points, &inputs).unwrap();
         cholesky.solve_lower_matrix(&mut features);
-        let mut expected = vec![0.0; 9];
-        multiply_vector(features.view(), &shift, &mut expected);
+        let expected = features.times(&shift);
         assert!(one.shift.iter().zip(&expected).all(|(found, expected)| (found - expected).abs() < 1e-10));
         let scaled = Matrix::from_fn(9, 700, |row, column| features[(row, column)] * omega[column]);
         let expected = product(scaled.view(), features.t());

@@ -93,11 +93,11 @@ impl<'a> Likelihood<'a> {
         Ok(gram)
     }
 
-    /// Prior covariance of `points` against what messages observed, M×m.
+    /// Prior covariance of what messages observed against `points`, m×M.
     pub(crate) fn message_cross(&self, kernel: &Kernel, points: &Inputs) -> Result<Matrix> {
         let mut cross = kernel.cross(&self.points, points)?;
         self.compress_rows(&mut cross, 0);
-        Ok(cross.transposed())
+        Ok(cross)
     }
 
     /// Prior variance of what messages observed, m.
@@ -134,10 +134,9 @@ impl<'a> Likelihood<'a> {
     }
 
     /// Gradient by the kernel's parameters, from the derivative by [`Likelihood::message_cross`].
-    pub(crate) fn message_cross_gradient(&self, kernel: &Kernel, points: &Inputs, weights: &Matrix) -> Vec<f64> {
-        let mut weights = weights.transposed();
+    pub(crate) fn message_cross_gradient(&self, kernel: &Kernel, points: &Inputs, mut weights: Matrix) -> Vec<f64> {
         self.expand_rows(&mut weights, 0);
-        kernel.cross_gradient(points, &self.points, &weights.transposed())
+        kernel.cross_gradient(&self.points, points, &weights)
     }
 
     /// Gradient by the kernel's parameters of `factor` · Σ of [`Likelihood::message_diagonal`].

@@ -12,6 +12,14 @@ pub(super) fn omega(weight: f64, tilt: f64) -> f64 {
     polya_gamma::mean(weight, tilt).max(f64::MIN_POSITIVE)
 }
 
+/// ω̄ of an event at its tilt, never zero, and ln 2 cosh(c/2), both from one exponential.
+pub(super) fn omega_and_ln_2_cosh(weight: f64, tilt: f64) -> (f64, f64) {
+    // e^−c − 1, of which tanh(c/2) has all digits.
+    let loss = (-tilt).exp_m1();
+    let tanh = -loss / (2.0 + loss);
+    ((0.5 * weight * tanh / tilt).max(f64::MIN_POSITIVE), 0.5 * tilt + (2.0 + loss).ln())
+}
+
 /// Where the iteration ended. One entry per event in every list.
 #[derive(Debug, Clone)]
 pub(crate) struct MeanField {

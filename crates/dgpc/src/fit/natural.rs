@@ -2,7 +2,7 @@
 //! [`crate::method`]).
 
 use super::anderson::Anderson;
-use super::mean_field::{MeanField, TILT_MIN, omega};
+use super::mean_field::{MeanField, TILT_MIN, omega, omega_and_ln_2_cosh};
 use super::options::FitOptions;
 use super::sparse::{Site, Sparse};
 use crate::cross::Sums;
@@ -11,7 +11,6 @@ use crate::likelihood::Likelihood;
 use crate::linalg::Matrix;
 use crate::prior::Prior;
 use crate::sites::Sites;
-use crate::special::ln_2_cosh;
 
 /// Walks from one posterior to the next until no tilt changes. When it returns, the engine holds the posterior of the sites it found.
 pub(super) fn iterate(
@@ -129,7 +128,7 @@ impl Found {
 
 /// c = √E\[f²\].
 fn tilt(site: &Site) -> f64 {
-    site.mean.hypot(site.variance.sqrt()).max(TILT_MIN)
+    (site.mean * site.mean + site.variance).sqrt().max(TILT_MIN)
 }
 
 /// The site of an event with these posterior moments, its terms of E, and how far its tilt went.
@@ -137,8 +136,9 @@ fn move_site(site: &mut Site, weight: f64, pull: f64, explained: f64) -> (f64, f
     let before = tilt(site);
     (site.mean, site.variance) = (site.prior_mean + pull, site.residual + explained);
     let after = tilt(site);
-    site.omega = omega(weight, after);
-    let tilted = 0.5 * site.omega * (after * after - site.residual) - weight * ln_2_cosh(0.5 * after);
+    let (omega, ln_2_cosh) = omega_and_ln_2_cosh(weight, after);
+    site.omega = omega;
+    let tilted = 0.5 * omega * (after * after - site.residual) - weight * ln_2_cosh;
     let about_mean = (site.kappa - 0.5 * site.omega * site.prior_mean) * site.prior_mean;
     (tilted + about_mean, (after - before).abs())
 }

@@ -3,11 +3,11 @@
 
 use std::ops::Range;
 
-use crate::cross::{Cross, Sums};
+use crate::cross::{Block, Cross, Sums};
 use crate::error::{Result, all_finite};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
-use crate::linalg::{Cholesky, Matrix, multiply_vector, squared_norm};
+use crate::linalg::{Cholesky, Matrix, row_moments, squared_norm};
 use crate::parts::{BLOCK, blocks, on_parts};
 use crate::prior::Prior;
 
@@ -41,7 +41,7 @@ pub(super) struct Walk {
     pub(super) change: f64,
 }
 
-/// A posterior is S = I + Ĝ and b̂ in whitened form, Ĝ = ΦᵀΩΦ, b̂ = Φᵀκ̃, Φᵀ = L⁻¹K_MN.
+/// A posterior is S = I + Ĝ and b̂ in whitened form, Ĝ = ΦᵀΩΦ, b̂ = Φᵀκ̃, Φ = K_NM L⁻ᵀ.
 ///
 /// With S = L_S·L_Sᵀ the features ψ = (L·L_S)⁻¹k of an event have all that is asked for: its posterior mean is (L_S⁻¹b̂)ᵀψ, its explained
 /// variance ‖ψ‖², and Σ ωψψᵀ is the next Ĝ seen from this posterior. So a walk that looks at every event once goes from one
@@ -63,7 +63,7 @@ pub(super) struct Sparse<'a> {
 
 /// What others said, which stays as it is.
 pub(super) struct Messages {
-    /// Φᵀ of what they observed.
+    /// Φ of what they observed.
     pub(super) features: Matrix,
     /// κ̃ of it; ω is 1.
     pub(super) shift: Vec<f64>,
@@ -75,18 +75,20 @@ pub(super) struct Messages {
 
 impl Messages {
     fn new(prior: &Prior, likelihood: &Likelihood<'_>, points: &Inputs, cholesky: &Cholesky) -> Result<Self> {
-        let mut features = likelihood.message_cross(prior.kernel(), points)?;
-        cholesky.solve_lower_matrix(&mut features);
+        let cross = likelihood.message_cross(prior.kernel(), points)?;
+        let mut features = Matrix::zeros(cross.rows(), points.len());
+        cholesky.solve_rows(&cross, &mut features);
         let (kappa, mean) = (likelihood.kappa(), likelihood.prior_mean(prior.mean())?);
-        let (mut bound, mut shift) = (0.0, Vec::with_capacity(features.columns()));
-        for (column, diagonal) in likelihood.message_diagonal(prior.kernel())?.into_iter().enumerate() {
-            let (kappa, mean) = (kappa[likelihood.events() + column], mean[likelihood.events() + column]);
+        let (mut bound, mut shift) = (0.0, Vec::with_capacity(features.rows()));
+        let diagonal = likelihood.message_diagonal(prior.kernel())?;
+        let (_, explained) = row_moments(&features, &vec![0.0; points.len()]);
+        for (row, (diagonal, explained)) in diagonal.into_iter().zip(explained).enumerate() {
+            let (kappa, mean) = (kappa[likelihood.events() + row], mean[likelihood.events() + row]);
             shift.push(kappa - mean);
-            let residual = (diagonal - squared_norm(features.column(column))).max(0.0);
-            bound += (kappa - 0.5 * mean) * mean - 0.5 * residual;
+            bound += (kappa - 0.5 * mean) * mean - 0.5 * (diagonal - explained).max(0.0);
         }
         let mut said = Sums::zeros(points.len());
-        said.add(&mut features.clone(), shift.iter().map(|&shift| (1.0, shift)));
+        said.add(&features, &vec![1.0; shift.len()], &shift, &mut Matrix::zeros(0, 0));
         said.precision.mirror_lower();
         Ok(Self { features, shift, said, bound })
     }
@@ -156,18 +158,17 @@ impl<'a> Sparse<'a> {
         rule: &impl Fn(usize, &mut Site, f64, f64) -> (f64, f64),
     ) -> Result<Walk> {
         let mut walk = Walk { said: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 };
-        let (mut features, mut pulls) = (self.cross.room(), [0.0; BLOCK]);
+        let mut at = Block::new();
         for (block, sites) in blocks(part).zip(sites.chunks_mut(BLOCK)) {
-            self.cross.write_solved(block.clone(), outer, &mut features)?;
-            let pulls = &mut pulls[..sites.len()];
-            multiply_vector(features.t(), &self.weights, pulls);
-            for (column, site) in sites.iter_mut().enumerate() {
-                let explained = squared_norm(features.column(column));
-                let (bound, change) = rule(block.start + column, site, pulls[column], explained);
+            self.cross.solve(block.clone(), outer, &mut at)?;
+            let (pulls, explained) = row_moments(&at.features, &self.weights);
+            for ((n, site), (pull, explained)) in block.zip(&mut *sites).zip(pulls.into_iter().zip(explained)) {
+                let (bound, change) = rule(n, site, pull, explained);
                 walk.bound += bound;
                 walk.change = f64::max(walk.change, change);
             }
-            walk.said.add(&mut features, sites.iter().map(|site| (site.omega, site.shift())));
+            let (omega, shift): (Vec<_>, Vec<_>) = sites.iter().map(|site| (site.omega, site.shift())).unzip();
+            walk.said.add(&at.features, &omega, &shift, &mut at.room);
         }
         Ok(walk)
     }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::sparse::Sparse;
+use crate::cross::Block;
 use crate::error::Result;
 use crate::likelihood::Likelihood;
 use crate::linalg::{Matrix, add_scaled, lower_gram, product};
@@ -72,15 +73,15 @@ impl<'a> Slope<'a> {
     fn of_part(&self, part: Range<usize>) -> Result<(Vec<f64>, Vec<f64>)> {
         let (kernel, inputs) = (self.prior.kernel(), self.engine.cross.inputs());
         let (mut gradient, mut alpha) = (vec![0.0; kernel.parameter_count()], Vec::with_capacity(part.len()));
-        let mut features = self.engine.cross.room();
+        let mut at = Block::new();
         for block in blocks(part) {
             let sites = &self.engine.sites[block.clone()];
             let omega: Vec<f64> = sites.iter().map(|site| site.omega).collect();
             let shift: Vec<f64> = sites.iter().map(|site| site.shift()).collect();
-            self.engine.cross.write_solved(block.clone(), &self.engine.cholesky, &mut features)?;
-            let (weights, alpha_of_block) = self.by_cross(&features, &omega, &shift);
+            self.engine.cross.solve(block.clone(), &self.engine.cholesky, &mut at)?;
+            let (weights, alpha_of_block) = self.by_cross(&at.features, &omega, &shift);
             let inputs = inputs.slice(block);
-            add_scaled(1.0, &kernel.cross_gradient(self.engine.points, &inputs, &weights), &mut gradient);
+            add_scaled(1.0, &kernel.cross_gradient(&inputs, self.engine.points, &weights), &mut gradient);
             let halves: Vec<f64> = omega.iter().map(|omega| -0.5 * omega).collect();
             add_scaled(1.0, &kernel.diagonal_gradient(&inputs, &halves), &mut gradient);
             alpha.extend(alpha_of_block);
@@ -91,22 +92,21 @@ impl<'a> Slope<'a> {
     fn of_messages(&self) -> (Vec<f64>, Vec<f64>) {
         let (kernel, messages) = (self.prior.kernel(), &self.engine.messages);
         let (weights, alpha) = self.by_cross(&messages.features, &vec![1.0; messages.shift.len()], &messages.shift);
-        let mut gradient = self.likelihood.message_cross_gradient(kernel, self.engine.points, &weights);
+        let mut gradient = self.likelihood.message_cross_gradient(kernel, self.engine.points, weights);
         add_scaled(1.0, &self.likelihood.message_diagonal_gradient(kernel, -0.5), &mut gradient);
         (gradient, alpha)
     }
 
-    /// ∂E/∂K_MN = γαᵀ + L⁻ᵀ(I − S⁻¹)ΦᵀΩ for some columns of Φᵀ, and α.
+    /// ∂E/∂K_NM = αγᵀ + ΩΦ(I − S⁻¹)L⁻¹ for some rows of Φ, and α.
     fn by_cross(&self, features: &Matrix, omega: &[f64], shift: &[f64]) -> (Matrix, Vec<f64>) {
-        let mut alpha = features.transposed_times(&self.weights);
+        let mut alpha = features.times(&self.weights);
         for (entry, (omega, shift)) in alpha.iter_mut().zip(omega.iter().zip(shift)) {
             *entry = shift - omega * *entry;
         }
-        let mut weights = product(self.explained.view(), features.view());
-        for (column, (omega, alpha)) in omega.iter().zip(&alpha).enumerate() {
-            let column = weights.column_mut(column);
-            column.iter_mut().for_each(|entry| *entry *= omega);
-            add_scaled(*alpha, &self.gamma, column);
+        let mut weights = product(features.view(), self.explained.t());
+        for (column, gamma) in self.gamma.iter().enumerate() {
+            let entries = weights.column_mut(column).iter_mut().zip(omega.iter().zip(&alpha));
+            entries.for_each(|(entry, (omega, alpha))| *entry = omega * *entry + gamma * alpha);
         }
         (weights, alpha)
     }

@@ -5,6 +5,7 @@ use faer::linalg::cholesky::llt;
 use faer::linalg::{triangular_inverse, triangular_solve};
 use faer::{Mat, MatMut, Par};
 
+use super::panels::solve_rows;
 use super::matrix::{Matrix, add_symmetric_product, multiply_lower, multiply_lowers, multiply_to_lower};
 use crate::error::{Error, Result};
 
@@ -175,6 +176,11 @@ impl Cholesky {
     /// X ← L⁻¹X. O(n² columns).
     pub(crate) fn solve_lower_matrix(&self, x: &mut Matrix) {
         triangular_solve::solve_lower_triangular_in_place(self.factor.view(), x.0.as_mut(), Par::Seq);
+    }
+
+    /// Writes KL⁻ᵀ: solves for every row of K, such as those of many events. O(n² rows).
+    pub(crate) fn solve_rows(&self, k: &Matrix, out: &mut Matrix) {
+        solve_rows(self.factor.view(), k.view(), out.0.as_mut());
     }
 
     /// X ← L⁻ᵀX. O(n² columns).

@@ -6,6 +6,7 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
+use super::panels::{PANELS_MAX, add_symmetric_product_by_panels};
 use super::wide::{AddScaled, Dot, widest};
 use crate::error::{Error, Place, Result};
 
@@ -109,6 +110,13 @@ impl Matrix {
         let mut out = vec![0.0; self.columns()];
         multiply_vector(self.t(), vector, &mut out);
         out
+    }
+
+    /// Makes room for rows × columns entries, which may be anything.
+    pub(crate) fn shape(&mut self, rows: usize, columns: usize) {
+        if (self.rows(), self.columns()) != (rows, columns) {
+            *self = Self::zeros(rows, columns);
+        }
     }
 
     /// Makes a square matrix larger; `entry(row, column)` is asked for what it does not have yet. What was there moves only
@@ -232,6 +240,9 @@ pub(crate) fn add_symmetric_product(factor: f64, a: View<'_>, out: &mut Matrix) 
 
 /// Adds the lower triangle of `factor`·A·Aᵀ to that of `out`, and leaves the upper one as it is.
 pub(crate) fn add_symmetric_product_lower(factor: f64, a: View<'_>, out: &mut Matrix) {
+    if a.nrows() <= PANELS_MAX && a.row_stride() == 1 {
+        return add_symmetric_product_by_panels(factor, a, out.0.as_mut());
+    }
     triangular::matmul(
         out.0.as_mut(),
         BlockStructure::TriangularLower,

@@ -4,7 +4,9 @@
 //! out in `parts.rs`.
 
 mod wide;
+mod panels;
 mod matrix;
+mod rows;
 mod cholesky;
 mod eigen;
 
@@ -15,4 +17,5 @@ pub(crate) use matrix::{
     add_scaled, add_symmetric_product, add_symmetric_product_lower, dot, lower_gram, multiply_rows, multiply_vector,
     product, squared_norm,
 };
+pub(crate) use rows::{row_moments, write_scaled_columns};
 pub(crate) use wide::{MultiplyAdd, Wide, exp_of_negative, widest};
