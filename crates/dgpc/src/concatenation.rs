@@ -73,7 +73,7 @@ impl Concatenation {
     /// [`Error::BadColumn`] when the inputs do not fit the prior, [`Error::NotFinite`] when numbers
     /// near the end of the range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
-        Latent::in_blocks(&self.prior, inputs, self.support.len().pow(2), |block, mean, variance| {
+        Latent::in_blocks(&self.prior, inputs, self.support.len().pow(2), |block, mean, variance, ()| {
             let mut features = self.prior.kernel().cross(&self.support, block)?;
             self.gram.solve_lower_matrix(&mut features);
             let stacked = product(self.covariance.view(), features.view());

@@ -5,7 +5,9 @@ use std::ops::Range;
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
-use crate::linalg::{Cholesky, Matrix, add_scaled, add_symmetric_product_lower, row_moments, write_scaled_columns};
+use crate::linalg::{
+    Cholesky, Matrix, add_scaled, add_symmetric_product_lower, squared_norms_of_rows, write_scaled_columns,
+};
 use crate::parts::{BLOCK, blocks, on_parts, parts};
 
 /// So many covariances are kept, 64 MB of them; what is beyond is worked out anew whenever it is asked for.
@@ -40,18 +42,14 @@ impl<'a> Cross<'a> {
         Ok(Self { kept, ..self })
     }
 
-    /// Solves for the features of one block of events, Φ = KL⁻ᵀ. O(M²) an event.
-    pub(crate) fn solve(&self, block: Range<usize>, factor: &Cholesky, out: &mut Block) -> Result<()> {
-        out.features.shape(block.len(), self.points.len());
-        let covariances = match self.kept.get(block.start / BLOCK) {
-            Some(kept) => kept,
-            None => {
-                out.covariances.shape(block.len(), self.points.len());
-                self.kernel.write_cross(&self.inputs.slice(block), self.points, &mut out.covariances)?;
-                &out.covariances
-            }
-        };
-        factor.solve_rows(covariances, &mut out.features);
+    /// Writes the features of one block of events, Φ = KL⁻ᵀ. O(M²) an event.
+    pub(crate) fn write_features(&self, block: Range<usize>, factor: &Cholesky, out: &mut Matrix) -> Result<()> {
+        out.shape(block.len(), self.points.len());
+        match self.kept.get(block.start / BLOCK) {
+            Some(kept) => out.copy_from(kept),
+            None => self.kernel.write_cross(&self.inputs.slice(block), self.points, out)?,
+        }
+        factor.solve_rows(out);
         Ok(())
     }
 
@@ -63,22 +61,6 @@ impl<'a> Cross<'a> {
     /// In how many parts a sum over the events is worth doing.
     pub(crate) fn parts(&self) -> Vec<Range<usize>> {
         parts(self.inputs.len(), self.points.len() * self.points.len())
-    }
-}
-
-/// One block of events after the other is worked on here.
-pub(crate) struct Block {
-    covariances: Matrix,
-    /// Φ of the block, an event a row.
-    pub(crate) features: Matrix,
-    /// For what is made of the features.
-    pub(crate) room: Matrix,
-}
-
-impl Block {
-    pub(crate) fn new() -> Self {
-        let none = || Matrix::zeros(0, 0);
-        Self { covariances: none(), features: none(), room: none() }
     }
 }
 
@@ -114,10 +96,10 @@ impl Sums {
 /// Ĝ = ΦᵀΩΦ and b̂ = Φᵀκ̃ of events with these ω and κ̃, Φ = K_NM L⁻ᵀ. O(NM²) time, O(M²) memory.
 pub(crate) fn condense(cross: &Cross<'_>, cholesky: &Cholesky, omega: &[f64], shift: &[f64]) -> Result<Sums> {
     let of_part = |part| -> Result<Sums> {
-        let (mut sums, mut at) = (Sums::zeros(cholesky.size()), Block::new());
+        let (mut sums, mut features, mut room) = (Sums::zeros(cholesky.size()), Matrix::default(), Matrix::default());
         for block in blocks(part) {
-            cross.solve(block.clone(), cholesky, &mut at)?;
-            sums.add(&at.features, &omega[block.clone()], &shift[block], &mut at.room);
+            cross.write_features(block.clone(), cholesky, &mut features)?;
+            sums.add(&features, &omega[block.clone()], &shift[block], &mut room);
         }
         Ok(sums)
     };
@@ -132,11 +114,11 @@ pub(crate) fn condense(cross: &Cross<'_>, cholesky: &Cholesky, omega: &[f64], sh
 /// diag(K_NN − ΦΦᵀ), N, not negative: the prior variance of every event that the inducing points leave unexplained. O(NM²).
 pub(crate) fn residual(cross: &Cross<'_>, cholesky: &Cholesky) -> Result<Vec<f64>> {
     let of_part = |part: Range<usize>| -> Result<Vec<f64>> {
-        let (mut residual, mut at, none) = (Vec::with_capacity(part.len()), Block::new(), vec![0.0; cholesky.size()]);
+        let (mut residual, mut features) = (Vec::with_capacity(part.len()), Matrix::default());
         for block in blocks(part) {
-            cross.solve(block.clone(), cholesky, &mut at)?;
+            cross.write_features(block.clone(), cholesky, &mut features)?;
             let diagonal = cross.kernel.diagonal(&cross.inputs.slice(block))?;
-            let explained = row_moments(&at.features, &none).1;
+            let explained = squared_norms_of_rows(&features);
             residual.extend(diagonal.iter().zip(explained).map(|(k, explained)| (k - explained).max(0.0)));
         }
         Ok(residual)

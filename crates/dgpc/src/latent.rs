@@ -4,9 +4,13 @@ use std::ops::Range;
 
 use crate::error::{Result, all_finite};
 use crate::inputs::Inputs;
-use crate::parts::{BLOCK, blocks, on_parts, parts};
+use crate::parts::{on_parts, parts, stretches};
 use crate::prior::Prior;
 use crate::special::{logistic, normal_cdf};
+
+/// Points of one block: covariances of as many with a thousand events, and what is solved of them, stay in the second-level
+/// cache.
+const BLOCK: usize = 128;
 
 /// The latent function at some points: mean and variance of each.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,13 +23,13 @@ pub struct Latent {
 
 impl Latent {
     /// The prior's moments at every point, to which `learned` adds what is known: it is given a block of points, their means
-    /// and their variances, and takes `work_each` multiply-adds a point. Variances that rounding made negative become 0, and all
-    /// numbers are checked to be finite.
-    pub(crate) fn in_blocks(
+    /// and their variances, and room that blocks use one after the other, and takes `work_each` multiply-adds a point. Variances
+    /// that rounding made negative become 0, and all numbers are checked to be finite.
+    pub(crate) fn in_blocks<R: Default>(
         prior: &Prior,
         inputs: &Inputs,
         work_each: usize,
-        learned: impl Fn(&Inputs, &mut [f64], &mut [f64]) -> Result<()> + Send + Sync,
+        learned: impl Fn(&Inputs, &mut [f64], &mut [f64], &mut R) -> Result<()> + Send + Sync,
     ) -> Result<Self> {
         let mut mean = prior.mean().values(inputs)?;
         let mut variance = prior.kernel().diagonal(inputs)?;
@@ -37,10 +41,11 @@ impl Latent {
             (means, variances) = (other_means, other_variances);
         }
         let on_part = |(part, means, variances): (Range<usize>, &mut [f64], &mut [f64])| -> Result<()> {
+            let mut room = R::default();
             let moments = means.chunks_mut(BLOCK).zip(variances.chunks_mut(BLOCK));
-            blocks(part)
+            stretches(part, BLOCK)
                 .zip(moments)
-                .try_for_each(|(block, (mean, variance))| learned(&inputs.slice(block), mean, variance))
+                .try_for_each(|(block, (mean, variance))| learned(&inputs.slice(block), mean, variance, &mut room))
         };
         on_parts(shares, on_part).into_iter().collect::<Result<()>>()?;
         variance.iter_mut().for_each(|variance| *variance = clipped(*variance));

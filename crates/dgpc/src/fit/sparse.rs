@@ -3,11 +3,11 @@
 
 use std::ops::Range;
 
-use crate::cross::{Block, Cross, Sums};
+use crate::cross::{Cross, Sums};
 use crate::error::{Result, all_finite};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
-use crate::linalg::{Cholesky, Matrix, row_moments, squared_norm};
+use crate::linalg::{Cholesky, Matrix, row_moments, squared_norm, squared_norms_of_rows};
 use crate::parts::{BLOCK, blocks, on_parts};
 use crate::prior::Prior;
 
@@ -75,20 +75,19 @@ pub(super) struct Messages {
 
 impl Messages {
     fn new(prior: &Prior, likelihood: &Likelihood<'_>, points: &Inputs, cholesky: &Cholesky) -> Result<Self> {
-        let cross = likelihood.message_cross(prior.kernel(), points)?;
-        let mut features = Matrix::zeros(cross.rows(), points.len());
-        cholesky.solve_rows(&cross, &mut features);
+        let mut features = likelihood.message_cross(prior.kernel(), points)?;
+        cholesky.solve_rows(&mut features);
         let (kappa, mean) = (likelihood.kappa(), likelihood.prior_mean(prior.mean())?);
         let (mut bound, mut shift) = (0.0, Vec::with_capacity(features.rows()));
         let diagonal = likelihood.message_diagonal(prior.kernel())?;
-        let (_, explained) = row_moments(&features, &vec![0.0; points.len()]);
+        let explained = squared_norms_of_rows(&features);
         for (row, (diagonal, explained)) in diagonal.into_iter().zip(explained).enumerate() {
             let (kappa, mean) = (kappa[likelihood.events() + row], mean[likelihood.events() + row]);
             shift.push(kappa - mean);
             bound += (kappa - 0.5 * mean) * mean - 0.5 * (diagonal - explained).max(0.0);
         }
         let mut said = Sums::zeros(points.len());
-        said.add(&features, &vec![1.0; shift.len()], &shift, &mut Matrix::zeros(0, 0));
+        said.add(&features, &vec![1.0; shift.len()], &shift, &mut Matrix::default());
         said.precision.mirror_lower();
         Ok(Self { features, shift, said, bound })
     }
@@ -158,17 +157,17 @@ impl<'a> Sparse<'a> {
         rule: &impl Fn(usize, &mut Site, f64, f64) -> (f64, f64),
     ) -> Result<Walk> {
         let mut walk = Walk { said: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 };
-        let mut at = Block::new();
+        let (mut features, mut room) = (Matrix::default(), Matrix::default());
         for (block, sites) in blocks(part).zip(sites.chunks_mut(BLOCK)) {
-            self.cross.solve(block.clone(), outer, &mut at)?;
-            let (pulls, explained) = row_moments(&at.features, &self.weights);
+            self.cross.write_features(block.clone(), outer, &mut features)?;
+            let (pulls, explained) = row_moments(&features, &self.weights);
             for ((n, site), (pull, explained)) in block.zip(&mut *sites).zip(pulls.into_iter().zip(explained)) {
                 let (bound, change) = rule(n, site, pull, explained);
                 walk.bound += bound;
                 walk.change = f64::max(walk.change, change);
             }
             let (omega, shift): (Vec<_>, Vec<_>) = sites.iter().map(|site| (site.omega, site.shift())).unzip();
-            walk.said.add(&at.features, &omega, &shift, &mut at.room);
+            walk.said.add(&features, &omega, &shift, &mut room);
         }
         Ok(walk)
     }

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use super::sparse::Sparse;
-use crate::cross::Block;
 use crate::error::Result;
 use crate::likelihood::Likelihood;
 use crate::linalg::{Matrix, add_scaled, lower_gram, product};
@@ -73,13 +72,13 @@ impl<'a> Slope<'a> {
     fn of_part(&self, part: Range<usize>) -> Result<(Vec<f64>, Vec<f64>)> {
         let (kernel, inputs) = (self.prior.kernel(), self.engine.cross.inputs());
         let (mut gradient, mut alpha) = (vec![0.0; kernel.parameter_count()], Vec::with_capacity(part.len()));
-        let mut at = Block::new();
+        let mut features = Matrix::default();
         for block in blocks(part) {
             let sites = &self.engine.sites[block.clone()];
             let omega: Vec<f64> = sites.iter().map(|site| site.omega).collect();
             let shift: Vec<f64> = sites.iter().map(|site| site.shift()).collect();
-            self.engine.cross.solve(block.clone(), &self.engine.cholesky, &mut at)?;
-            let (weights, alpha_of_block) = self.by_cross(&at.features, &omega, &shift);
+            self.engine.cross.write_features(block.clone(), &self.engine.cholesky, &mut features)?;
+            let (weights, alpha_of_block) = self.by_cross(&features, &omega, &shift);
             let inputs = inputs.slice(block);
             add_scaled(1.0, &kernel.cross_gradient(&inputs, self.engine.points, &weights), &mut gradient);
             let halves: Vec<f64> = omega.iter().map(|omega| -0.5 * omega).collect();

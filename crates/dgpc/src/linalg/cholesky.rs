@@ -3,25 +3,17 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::{triangular_inverse, triangular_solve};
-use faer::{Mat, MatMut, Par};
+use faer::{MatMut, Par};
 
+use super::matrix::{Matrix, multiply_lower, multiply_lowers, multiply_to_lower};
 use super::panels::solve_rows;
-use super::matrix::{Matrix, add_symmetric_product, multiply_lower, multiply_lowers, multiply_to_lower};
 use crate::error::{Error, Result};
 
 /// L with A = LLᵀ, A symmetric and positive definite.
 #[derive(Debug, Clone)]
 pub(crate) struct Cholesky {
-    factor: Matrix,
+    pub(super) factor: Matrix,
     jitter: f64,
-}
-
-/// Rows that a factor gains.
-pub(crate) struct Extension {
-    /// L⁻¹X.
-    between: Matrix,
-    /// Of C − XᵀA⁻¹X.
-    corner: Cholesky,
 }
 
 impl Cholesky {
@@ -75,38 +67,6 @@ impl Cholesky {
         (Self { factor: Matrix::zeros(size, size), jitter: 0.0 }, CholeskyScratch::new(size))
     }
 
-    /// What [`Cholesky::extend`] needs to go from the factor of A (n×n) to that of [A, X; Xᵀ, C], X (n×m) and C (m×m):
-    /// O(n²m + m³).
-    ///
-    /// # Errors
-    /// [`Error::NotPositiveDefinite`] names `what` and the failing pivot.
-    pub(crate) fn extension(&self, what: &'static str, mut x: Matrix, mut c: Matrix) -> Result<Extension> {
-        let (old, size) = (self.size(), self.size() + c.rows());
-        self.solve_lower_matrix(&mut x);
-        add_symmetric_product(-1.0, x.t(), &mut c);
-        let corner = Self::new(what, c).map_err(|error| match error {
-            Error::NotPositiveDefinite { pivot, jitter, .. } => {
-                Error::NotPositiveDefinite { what, pivot: pivot + old, size, jitter }
-            }
-            other => other,
-        })?;
-        Ok(Extension { between: x, corner })
-    }
-
-    /// Appends rows to the factor. O(nm), but for the times when there is no room left.
-    pub(crate) fn extend(&mut self, Extension { between, corner }: Extension) {
-        let old = self.size();
-        if old == 0 {
-            self.factor = corner.factor;
-            return;
-        }
-        self.factor.grow(old + corner.size(), |row, column| match (row >= old, column >= old) {
-            (true, true) => corner.factor[(row - old, column - old)],
-            (true, false) => between[(column, row - old)],
-            (false, _) => 0.0,
-        });
-    }
-
     /// Replaces the matrix by what `fill` writes to the lower triangle, and factorises it. O(n³/3), no allocation.
     pub(crate) fn refactorise(
         &mut self,
@@ -134,15 +94,6 @@ impl Cholesky {
     /// Order of the matrix.
     pub(crate) fn size(&self) -> usize {
         self.factor.rows()
-    }
-
-    /// The factor in single precision; none where an entry leaves its range. O(n²).
-    pub(crate) fn single(&self) -> Option<Single> {
-        let single =
-            Mat::from_fn(self.size(), self.size(), |i, j| if i >= j { self.factor[(i, j)] as f32 } else { 0.0 });
-        (0..self.size())
-            .all(|i| single[(i, i)].is_normal() && single.col_as_slice(i).iter().all(|x| x.is_finite()))
-            .then_some(Single(single))
     }
 
     /// What was added to the diagonal to make the factorisation succeed; 0 in the ordinary case.
@@ -178,9 +129,9 @@ impl Cholesky {
         triangular_solve::solve_lower_triangular_in_place(self.factor.view(), x.0.as_mut(), Par::Seq);
     }
 
-    /// Writes KL⁻ᵀ: solves for every row of K, such as those of many events. O(n² rows).
-    pub(crate) fn solve_rows(&self, k: &Matrix, out: &mut Matrix) {
-        solve_rows(self.factor.view(), k.view(), out.0.as_mut());
+    /// X ← XL⁻ᵀ: solves for every row of X, such as those of many events. O(n² rows).
+    pub(crate) fn solve_rows(&self, x: &mut Matrix) {
+        solve_rows(self.factor.view(), x.0.as_mut());
     }
 
     /// X ← L⁻ᵀX. O(n² columns).
@@ -211,6 +162,11 @@ impl Cholesky {
         Self { factor, jitter: self.jitter }
     }
 
+    /// Columns `first..first + n` of X ← the same columns times L⁻ᵀ.
+    pub(crate) fn solve_rows_of_columns(&self, x: &mut Matrix, first: usize) {
+        solve_rows(self.factor.view(), x.0.as_mut().subcols_mut(first, self.size()));
+    }
+
     /// Rows `first..first + n` of X ← L⁻¹ of the same rows.
     pub(crate) fn solve_lower_rows(&self, x: &mut Matrix, first: usize) {
         let rows = x.0.as_mut().subrows_mut(first, self.size());
@@ -230,20 +186,6 @@ impl Cholesky {
     /// L, with zeros above its diagonal.
     pub(crate) fn lower(&self) -> Matrix {
         Matrix::from_fn(self.size(), self.size(), |i, j| if i >= j { self.factor[(i, j)] } else { 0.0 })
-    }
-}
-
-/// A factor in single precision, to solve twice as fast where half the digits are enough.
-pub(crate) struct Single(Mat<f32>);
-
-impl Single {
-    /// ‖L⁻¹x‖² of every column of X; none where a number leaves the range of single precision. O(n² columns).
-    pub(crate) fn squared_norms_of_solved(&self, x: &Matrix) -> Option<Vec<f64>> {
-        let mut x = x.0.map(|&entry| entry as f32);
-        triangular_solve::solve_lower_triangular_in_place(self.0.as_ref(), x.as_mut(), Par::Seq);
-        let square = |entry: &f32| f64::from(*entry) * f64::from(*entry);
-        let norms: Vec<f64> = (0..x.ncols()).map(|n| x.col_as_slice(n).iter().map(square).sum()).collect();
-        norms.iter().all(|norm| norm.is_finite()).then_some(norms)
     }
 }
 

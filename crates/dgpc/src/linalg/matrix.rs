@@ -191,6 +191,13 @@ impl From<Matrix> for Parts {
     }
 }
 
+/// No entries.
+impl Default for Matrix {
+    fn default() -> Self {
+        Self(Mat::new())
+    }
+}
+
 impl Index<(usize, usize)> for Matrix {
     type Output = f64;
 
@@ -238,7 +245,7 @@ pub(crate) fn add_symmetric_product(factor: f64, a: View<'_>, out: &mut Matrix) 
     out.mirror_lower();
 }
 
-/// Adds the lower triangle of `factor`·A·Aᵀ to that of `out`, and leaves the upper one as it is.
+/// Adds the lower triangle of `factor`·A·Aᵀ to that of `out`; the upper one is anything afterwards.
 pub(crate) fn add_symmetric_product_lower(factor: f64, a: View<'_>, out: &mut Matrix) {
     if a.nrows() <= PANELS_MAX && a.row_stride() == 1 {
         return add_symmetric_product_by_panels(factor, a, out.0.as_mut());
@@ -328,4 +335,10 @@ pub(crate) fn multiply_vector(a: View<'_>, x: &[f64], out: &mut [f64]) {
 pub(crate) fn multiply_rows(a: View<'_>, x: &mut Matrix, first: usize) {
     let old = x.0.as_ref().subrows(first, a.nrows()).to_owned();
     matmul(x.0.as_mut().subrows_mut(first, a.nrows()), Accum::Replace, a, old.as_ref(), 1.0, Par::Seq);
+}
+
+/// Columns `first..` of X ← (those columns)·A, for a square A.
+pub(crate) fn multiply_columns(x: &mut Matrix, first: usize, a: View<'_>) {
+    let old = x.0.as_ref().subcols(first, a.nrows()).to_owned();
+    matmul(x.0.as_mut().subcols_mut(first, a.nrows()), Accum::Replace, old.as_ref(), a, 1.0, Par::Seq);
 }

@@ -8,14 +8,16 @@ mod panels;
 mod matrix;
 mod rows;
 mod cholesky;
+mod growing;
 mod eigen;
 
-pub(crate) use cholesky::{Cholesky, CholeskyScratch, Single, fill_scaled};
+pub(crate) use cholesky::{Cholesky, CholeskyScratch, fill_scaled};
 pub(crate) use eigen::{semidefinite_root, symmetric_eigen};
+pub(crate) use growing::{GrowingCholesky, Single};
 pub use matrix::Matrix;
 pub(crate) use matrix::{
-    add_scaled, add_symmetric_product, add_symmetric_product_lower, dot, lower_gram, multiply_rows, multiply_vector,
-    product, squared_norm,
+    add_scaled, add_symmetric_product, add_symmetric_product_lower, dot, lower_gram, multiply_columns, multiply_rows,
+    multiply_vector, product, squared_norm,
 };
-pub(crate) use rows::{row_moments, write_scaled_columns};
+pub(crate) use rows::{row_moments, squared_norms_of_rows, write_scaled_columns};
 pub(crate) use wide::{MultiplyAdd, Wide, exp_of_negative, widest};

@@ -3,8 +3,6 @@
 //! Products do the work. They are fastest where their right side has so few columns that nothing is rearranged first,
 //! which halving a triangle again and again never gives them.
 
-use std::ops::Range;
-
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
@@ -22,49 +20,39 @@ const STRETCH: usize = 256;
 /// Rows up to which a symmetric product goes panel by panel. Beyond, halves are large enough.
 pub(super) const PANELS_MAX: usize = 256;
 
-/// Writes KL⁻ᵀ: solves for every row of K. Where L has hundreds of rows it should be a transposed view, so that each of them
+/// X ← XL⁻ᵀ: solves for every row of X. Where L has hundreds of rows it should be a transposed view, so that each of them
 /// lies together in memory. O(n² rows).
-pub(super) fn solve_rows(lower: MatRef<'_, f64>, k: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
+pub(super) fn solve_rows(lower: MatRef<'_, f64>, mut x: MatMut<'_, f64>) {
     let size = lower.nrows();
     for first in (0..size).step_by(STRETCH) {
         let end = size.min(first + STRETCH);
-        let (solved, mut stretch) = out.as_mut().subcols_mut(0, end).split_at_col_mut(first);
-        // `out` holds what solved columns take off, until panel by panel it becomes what is left of K.
-        let mut accum = Accum::Replace;
-        if first > 0 {
-            matmul(stretch.as_mut(), accum, solved.as_ref(), rows(lower, first..end, 0..first), 1.0, Par::Seq);
-            accum = Accum::Add;
-        }
+        let (solved, mut stretch) = x.as_mut().subcols_mut(0, end).split_at_col_mut(first);
+        take_off(solved, lower.submatrix(first, 0, end - first, first), stretch.as_mut());
         for own in (first..end).step_by(PANEL) {
-            let panel = own..end.min(own + PANEL);
-            let (solved, mut taken) = stretch.as_mut().subcols_mut(0, panel.end - first).split_at_col_mut(own - first);
-            if own == 0 {
-                taken.fill(0.0);
-            } else if own > first {
-                matmul(taken.as_mut(), accum, solved.as_ref(), rows(lower, panel.clone(), first..own), 1.0, Par::Seq);
-            }
-            let lower = lower.submatrix(own, own, panel.len(), panel.len());
-            let columns = panel.zip(taken.col_iter_mut());
-            let columns = columns.map(|(column, x)| {
-                let x = x.try_as_col_major_mut().expect(GAPLESS).as_slice_mut();
-                (k.col(column).try_as_col_major().expect(GAPLESS).as_slice(), x)
-            });
-            widest(SolvePanel { lower, columns: columns.collect() });
+            let width = PANEL.min(end - own);
+            let before = own - first;
+            let (solved, mut panel) = stretch.as_mut().subcols_mut(0, before + width).split_at_col_mut(before);
+            take_off(solved, lower.submatrix(own, first, width, before), panel.as_mut());
+            let columns =
+                panel.col_iter_mut().map(|column| column.try_as_col_major_mut().expect(GAPLESS).as_slice_mut());
+            widest(SolvePanel { lower: lower.submatrix(own, own, width, width), columns: columns.collect() });
         }
     }
 }
 
 const GAPLESS: &str = "columns without gaps";
 
-/// Some rows of L, as the right side of a product.
-fn rows(lower: MatRef<'_, f64>, rows: Range<usize>, columns: Range<usize>) -> MatRef<'_, f64> {
-    lower.submatrix(rows.start, columns.start, rows.len(), columns.len()).transpose()
+/// What columns that are solved for leave of others: X ← X − YLᵀ.
+fn take_off(solved: MatMut<'_, f64>, lower: MatRef<'_, f64>, x: MatMut<'_, f64>) {
+    if solved.ncols() > 0 {
+        matmul(x, Accum::Add, solved.as_ref(), lower.transpose(), -1.0, Par::Seq);
+    }
 }
 
-/// X ← (K − X)L⁻ᵀ of a few columns.
+/// X ← XL⁻ᵀ of a few columns.
 struct SolvePanel<'a> {
     lower: MatRef<'a, f64>,
-    columns: Vec<(&'a [f64], &'a mut [f64])>,
+    columns: Vec<&'a mut [f64]>,
 }
 
 impl Wide for SolvePanel<'_> {
@@ -77,38 +65,36 @@ impl Wide for SolvePanel<'_> {
             (0..own).for_each(|other| factors[other] = -self.lower[(own, other)]);
             factors[own] = self.lower[(own, own)].recip();
         }
-        let mut wholes: [(&[[f64; LANES]], &mut [[f64; LANES]]); PANEL] = std::array::from_fn(|_| Default::default());
-        let mut rests = Vec::new();
-        for (whole, (k, x)) in wholes.iter_mut().zip(self.columns) {
-            let ((k, k_rest), (x, x_rest)) = (k.as_chunks::<LANES>(), x.as_chunks_mut::<LANES>());
-            *whole = (k, x);
-            rests.push((k_rest, x_rest));
+        let (mut wholes, mut rests): ([&mut [_]; PANEL], [&mut [_]; PANEL]) = Default::default();
+        for ((whole, rest), column) in wholes.iter_mut().zip(&mut rests).zip(self.columns) {
+            (*whole, *rest) = column.as_chunks_mut::<LANES>();
         }
-        for at in 0..wholes[0].0.len() {
+        for at in 0..wholes[0].len() {
             let mut x = [[0.0; LANES]; PANEL];
-            for (x, (k, taken)) in x.iter_mut().zip(&wholes) {
-                if let (Some(k), Some(taken)) = (k.get(at), taken.get(at)) {
-                    *x = std::array::from_fn(|lane| k[lane] - taken[lane]);
-                }
-            }
+            x.iter_mut().zip(&wholes).for_each(|(x, whole)| *x = whole.get(at).copied().unwrap_or_default());
             solve_few::<M, LANES>(&factors, &mut x);
-            for (x, (_, out)) in x.iter().zip(&mut wholes) {
-                if let Some(out) = out.get_mut(at) {
-                    *out = *x;
-                }
-            }
+            wholes
+                .iter_mut()
+                .zip(x)
+                .filter_map(|(whole, x)| Some((whole.get_mut(at)?, x)))
+                .for_each(|(out, x)| *out = x);
         }
-        for at in 0..rests[0].0.len() {
+        for at in 0..rests[0].len() {
             let mut x = [[0.0]; PANEL];
-            x.iter_mut().zip(&rests).for_each(|(x, (k, taken))| x[0] = k[at] - taken[at]);
+            x.iter_mut().zip(&rests).for_each(|(x, rest)| x[0] = rest.get(at).copied().unwrap_or_default());
             solve_few::<M, 1>(&factors, &mut x);
-            x.iter().zip(&mut rests).for_each(|(x, (_, out))| out[at] = x[0]);
+            rests
+                .iter_mut()
+                .zip(x)
+                .filter_map(|(rest, x)| Some((rest.get_mut(at)?, x)))
+                .for_each(|(out, x)| *out = x[0]);
         }
     }
 }
 
 /// x ← xL⁻ᵀ for a few rows, where `factors` are −L but for its diagonal, which is inverted.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "loops of known length are unrolled, and all of x stays in registers")]
 fn solve_few<M: MultiplyAdd, const ROWS: usize>(factors: &[[f64; PANEL]; PANEL], x: &mut [[f64; ROWS]; PANEL]) {
     for own in 0..PANEL {
         for other in 0..own {
@@ -122,7 +108,8 @@ fn solve_few<M: MultiplyAdd, const ROWS: usize>(factors: &[[f64; PANEL]; PANEL],
     }
 }
 
-/// Adds `factor`·XXᵀ to the lower triangle of `out`, panel by panel, for an X of [`PANELS_MAX`] rows at most.
+/// Adds `factor`·XXᵀ to the lower triangle of `out`, panel by panel, for an X of [`PANELS_MAX`] rows at most. Of the upper one
+/// something is written beside the diagonal.
 pub(super) fn add_symmetric_product_by_panels(factor: f64, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
     let rows = x.nrows();
     for first in (0..rows).step_by(PANEL) {
@@ -130,5 +117,63 @@ pub(super) fn add_symmetric_product_by_panels(factor: f64, x: MatRef<'_, f64>, m
         let panel = out.as_mut().submatrix_mut(first, first, rows - first, width);
         let (below, own) = (x.subrows(first, rows - first), x.subrows(first, width));
         matmul(panel, Accum::Add, below, own.transpose(), factor, Par::Seq);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use faer::Mat;
+    use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+
+    use super::*;
+
+    fn entry(row: usize, column: usize) -> f64 {
+        (row as f64 * 0.7 + column as f64 * 1.3).sin()
+    }
+
+    /// Well-conditioned at every size, with something above the diagonal that nobody may read.
+    fn lower(size: usize) -> Mat<f64> {
+        Mat::from_fn(size, size, |i, j| match i.cmp(&j) {
+            std::cmp::Ordering::Less => f64::NAN,
+            std::cmp::Ordering::Equal => 1.0 + 0.5 * entry(i, j).abs(),
+            std::cmp::Ordering::Greater => entry(i, j) / (size as f64).sqrt(),
+        })
+    }
+
+    #[test]
+    fn rows_are_solved_for_as_columns_are_at_every_size() {
+        for size in [0, 1, 7, 8, 9, 20, 255, 256, 257, 530] {
+            let lower = lower(size);
+            let by_rows = lower.transpose().to_owned();
+            for rows in [0, 1, 3, 4, 21] {
+                let x = Mat::from_fn(rows, size, entry);
+                let mut expected = x.transpose().to_owned();
+                solve_lower_triangular_in_place(lower.as_ref(), expected.as_mut(), Par::Seq);
+                for lower in [lower.as_ref(), by_rows.transpose()] {
+                    let mut solved = x.clone();
+                    solve_rows(lower, solved.as_mut());
+                    let far = |(i, j): (usize, usize)| (solved[(i, j)] - expected[(j, i)]).abs();
+                    let worst = (0..rows).flat_map(|i| (0..size).map(move |j| (i, j))).map(far).fold(0.0, f64::max);
+                    assert!(worst < 1e-11, "{rows} rows of {size}: {worst}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn symmetric_products_are_sums_of_products_below_the_diagonal_alone() {
+        for rows in [1, 7, 8, 9, 50, PANELS_MAX] {
+            let x = Mat::from_fn(rows, 30, entry);
+            let mut out = Mat::from_fn(rows, rows, |_, _| 2.0);
+            add_symmetric_product_by_panels(-3.0, x.as_ref(), out.as_mut());
+            for column in 0..rows {
+                // A panel's own corner is written as a whole.
+                for row in (0..rows).filter(|row| *row >= column || column / PANEL > row / PANEL) {
+                    let sum: f64 = (0..30).map(|k| x[(row, k)] * x[(column, k)]).sum();
+                    let expected = if row >= column { 2.0 - 3.0 * sum } else { 2.0 };
+                    assert!((out[(row, column)] - expected).abs() < 1e-12, "{rows}: {row}, {column}");
+                }
+            }
+        }
     }
 }

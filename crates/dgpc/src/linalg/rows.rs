@@ -11,6 +11,11 @@ pub(crate) fn row_moments(x: &Matrix, weights: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (along, squares)
 }
 
+/// The squared norm of every row of X. O(rows × columns).
+pub(crate) fn squared_norms_of_rows(x: &Matrix) -> Vec<f64> {
+    row_moments(x, &vec![0.0; x.columns()]).1
+}
+
 struct RowMoments<'a> {
     x: &'a Matrix,
     weights: &'a [f64],
@@ -53,5 +58,30 @@ pub(crate) fn write_scaled_columns(x: &Matrix, factors: &[f64], out: &mut Matrix
     let edges = (0..rows).map(|row| (row, if row < whole_rows { whole_columns } else { 0 }));
     for (row, first) in edges {
         (first..columns).for_each(|column| out[(column, row)] = factors[row] * x[(row, column)]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_along_rows_and_columns_of_rows_are_those_of_plain_loops() {
+        for (rows, columns) in [(0, 3), (1, 1), (4, 4), (7, 9), (64, 5), (30, 33)] {
+            let x = Matrix::from_fn(rows, columns, |row, column| (row as f64 * 0.7 + column as f64 * 1.3).sin());
+            let weights: Vec<f64> = (0..columns).map(|column| (column as f64).cos()).collect();
+            let factors: Vec<f64> = (0..rows).map(|row| 1.0 + row as f64).collect();
+            let (along, squares) = row_moments(&x, &weights);
+            let mut scaled = Matrix::default();
+            write_scaled_columns(&x, &factors, &mut scaled);
+            assert_eq!((scaled.rows(), scaled.columns()), (columns, rows));
+            for row in 0..rows {
+                let entries = || (0..columns).map(|column| x[(row, column)]);
+                let expected: f64 = entries().zip(&weights).map(|(x, weight)| x * weight).sum();
+                assert!((along[row] - expected).abs() < 1e-12);
+                assert!((squares[row] - entries().map(|x| x * x).sum::<f64>()).abs() < 1e-12);
+                assert!(entries().enumerate().all(|(column, x)| scaled[(column, row)] == factors[row] * x));
+            }
+        }
     }
 }

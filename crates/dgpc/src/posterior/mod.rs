@@ -2,15 +2,20 @@
 
 mod rows;
 
-use rows::{NewRows, Part, Segment, apply, rotate, whiten};
+use rows::{NewRows, Part, Segment, apply, rotate, rotate_columns, whiten, whiten_columns};
 
 use crate::error::{Result, same_size};
 use crate::inputs::Inputs;
 use crate::latent::Latent;
-use crate::linalg::{Cholesky, Matrix, Single, add_symmetric_product, dot, squared_norm};
+use crate::linalg::{
+    Cholesky, GrowingCholesky, Matrix, Single, add_symmetric_product, dot, squared_norm, squared_norms_of_rows,
+};
 use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
+
+/// Points that are worth laying out in rows.
+const ROWS_MIN: usize = 16;
 
 /// A Gaussian posterior over the latent function that predicts anywhere.
 ///
@@ -28,7 +33,7 @@ pub struct Posterior {
     /// RᵀTb̂, n.
     target: Vec<f64>,
     /// Of B = I + RᵀTR.
-    cholesky: Cholesky,
+    cholesky: GrowingCholesky,
     /// The mean about μ₀ at x is (whitened k(support, x))ᵀ · weights.
     weights: Vec<f64>,
     jitter: f64,
@@ -37,14 +42,13 @@ pub struct Posterior {
 impl Posterior {
     /// The prior, of which nothing is known yet, over inputs of this dimension.
     pub fn prior_alone(prior: &Prior, dimension: usize) -> Self {
-        let (cholesky, _) = Cholesky::reserve(0);
         Self {
             prior: prior.clone(),
             support: Inputs::empty(dimension),
             segments: Vec::new(),
             shift: Vec::new(),
             target: Vec::new(),
-            cholesky,
+            cholesky: GrowingCholesky::empty(),
             weights: Vec::new(),
             jitter: 0.0,
         }
@@ -239,25 +243,43 @@ impl Posterior {
     }
 
     fn latent_by(&self, single: Option<&Single>, inputs: &Inputs) -> Result<Latent> {
-        Latent::in_blocks(&self.prior, inputs, self.len() * self.len(), |block, mean, variance| {
-            let mut features = self.features(block)?;
-            for (n, mean) in mean.iter_mut().enumerate() {
-                *mean += dot(features.column(n), &self.weights);
-            }
-            let explained = self.explained(&mut features, single);
+        Latent::in_blocks(&self.prior, inputs, self.len() * self.len(), |block, mean, variance, features| {
+            let (learned, explained) = if block.len() < ROWS_MIN {
+                self.moments_of_few(block)?
+            } else {
+                self.moments_of_many(single, block, features)?
+            };
+            mean.iter_mut().zip(learned).for_each(|(mean, learned)| *mean += learned);
             variance.iter_mut().zip(explained).for_each(|(variance, explained)| *variance -= explained);
             Ok(())
         })
     }
 
-    /// How much of the prior variance is explained, from whitened features.
-    fn explained(&self, features: &mut Matrix, single: Option<&Single>) -> Vec<f64> {
-        rotate(&self.segments, 0, features);
+    /// The mean about the prior mean at every point, and how much of the prior variance is explained there.
+    fn moments_of_few(&self, inputs: &Inputs) -> Result<(Vec<f64>, Vec<f64>)> {
+        let mut features = self.features(inputs)?;
+        let mean = (0..features.columns()).map(|n| dot(features.column(n), &self.weights)).collect();
+        self.explain(&mut features);
+        Ok((mean, (0..features.columns()).map(|n| squared_norm(features.column(n))).collect()))
+    }
+
+    /// The same for points that lie in rows, which is faster where there are many.
+    fn moments_of_many(
+        &self,
+        single: Option<&Single>,
+        inputs: &Inputs,
+        features: &mut Matrix,
+    ) -> Result<(Vec<f64>, Vec<f64>)> {
+        features.shape(inputs.len(), self.len());
+        self.prior.kernel().write_cross(inputs, &self.support, features)?;
+        whiten_columns(&self.segments, features);
+        let mean = features.times(&self.weights);
+        rotate_columns(&self.segments, features);
         if let Some(explained) = single.and_then(|single| single.squared_norms_of_solved(features)) {
-            return explained;
+            return Ok((mean, explained));
         }
-        self.cholesky.solve_lower_matrix(features);
-        (0..features.columns()).map(|n| squared_norm(features.column(n))).collect()
+        self.cholesky.solve_rows(features);
+        Ok((mean, squared_norms_of_rows(features)))
     }
 
     /// Joint mean (M) and covariance (M×M) of the latent function at `inputs`. O(Mn² + M²n).

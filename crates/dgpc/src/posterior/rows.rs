@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::inputs::Inputs;
-use crate::linalg::{Cholesky, Matrix, multiply_rows};
+use crate::linalg::{Cholesky, Matrix, multiply_columns, multiply_rows};
 use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
@@ -84,6 +84,29 @@ pub(super) fn rotate(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
                 for column in 0..matrix.columns() {
                     let entries = &mut matrix.column_mut(column)[first..first + roots.len()];
                     entries.iter_mut().zip(roots).for_each(|(entry, root)| *entry *= root);
+                }
+            }
+        }
+    }
+}
+
+/// X ← XWᵀ, where the columns of X are those rows of the support.
+pub(super) fn whiten_columns(segments: &[Segment], matrix: &mut Matrix) {
+    for Segment { first, part } in segments {
+        if let Part::Block { whitening, .. } = part {
+            whitening.solve_rows_of_columns(matrix, *first);
+        }
+    }
+}
+
+/// X ← XR, columns as in [`whiten_columns`].
+pub(super) fn rotate_columns(segments: &[Segment], matrix: &mut Matrix) {
+    for Segment { first, part } in segments {
+        match part {
+            Part::Block { root, .. } => multiply_columns(matrix, *first, root.view()),
+            Part::Events(roots) => {
+                for (event, root) in roots.iter().enumerate() {
+                    matrix.column_mut(first + event).iter_mut().for_each(|entry| *entry *= root);
                 }
             }
         }

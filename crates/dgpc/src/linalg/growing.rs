@@ -1,0 +1,105 @@
+//! A Cholesky factor that gains rows, and is solved with for many vectors.
+
+use faer::linalg::triangular_solve;
+use faer::{Mat, Par};
+
+use super::cholesky::Cholesky;
+use super::matrix::{Matrix, add_symmetric_product};
+use super::panels::solve_rows;
+use crate::error::{Error, Result};
+
+/// L with A = LLᵀ, and Lᵀ above its diagonal, so that its rows can be read as fast as its columns.
+#[derive(Debug, Clone)]
+pub(crate) struct GrowingCholesky(Cholesky);
+
+/// Rows that a factor gains.
+pub(crate) struct Extension {
+    /// L⁻¹X.
+    between: Matrix,
+    /// Of C − XᵀA⁻¹X.
+    corner: Cholesky,
+}
+
+impl GrowingCholesky {
+    /// No rows yet.
+    pub(crate) fn empty() -> Self {
+        Self(Cholesky::of_identity(0))
+    }
+
+    /// What [`GrowingCholesky::extend`] needs to go from the factor of A (n×n) to that of [A, X; Xᵀ, C], X (n×m) and C
+    /// (m×m): O(n²m + m³).
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] names `what` and the failing pivot.
+    pub(crate) fn extension(&self, what: &'static str, mut x: Matrix, mut c: Matrix) -> Result<Extension> {
+        let (old, size) = (self.0.size(), self.0.size() + c.rows());
+        self.0.solve_lower_matrix(&mut x);
+        add_symmetric_product(-1.0, x.t(), &mut c);
+        let corner = Cholesky::new(what, c).map_err(|error| match error {
+            Error::NotPositiveDefinite { pivot, jitter, .. } => {
+                Error::NotPositiveDefinite { what, pivot: pivot + old, size, jitter }
+            }
+            other => other,
+        })?;
+        Ok(Extension { between: x, corner })
+    }
+
+    /// Appends rows to the factor. O(nm), but for the times when there is no room left.
+    pub(crate) fn extend(&mut self, Extension { between, mut corner }: Extension) {
+        let old = self.0.size();
+        corner.factor.mirror_lower();
+        if old == 0 {
+            self.0 = corner;
+            return;
+        }
+        self.0.factor.grow(old + corner.size(), |row, column| match (row >= old, column >= old) {
+            (true, true) => corner.factor[(row - old, column - old)],
+            (true, false) => between[(column, row - old)],
+            (false, _) => between[(row, column - old)],
+        });
+    }
+
+    /// x ← A⁻¹x. O(n²).
+    pub(crate) fn solve(&self, x: &mut [f64]) {
+        self.0.solve(x);
+    }
+
+    /// X ← L⁻¹X. O(n² columns).
+    pub(crate) fn solve_lower_matrix(&self, x: &mut Matrix) {
+        self.0.solve_lower_matrix(x);
+    }
+
+    /// X ← XL⁻ᵀ: solves for every row of X. O(n² rows).
+    pub(crate) fn solve_rows(&self, x: &mut Matrix) {
+        solve_rows(self.0.factor.t(), x.0.as_mut());
+    }
+
+    /// The factor in single precision; none where an entry leaves its range. O(n²).
+    pub(crate) fn single(&self) -> Option<Single> {
+        let (size, factor) = (self.0.size(), &self.0.factor);
+        let upper = Mat::from_fn(size, size, |i, j| if i <= j { factor[(i, j)] as f32 } else { 0.0 });
+        (0..size)
+            .all(|i| upper[(i, i)].is_normal() && upper.col_as_slice(i).iter().all(|x| x.is_finite()))
+            .then_some(Single { upper })
+    }
+}
+
+/// A factor in single precision, to solve twice as fast where half the digits are enough.
+pub(crate) struct Single {
+    /// Lᵀ.
+    upper: Mat<f32>,
+}
+
+impl Single {
+    /// ‖L⁻¹k‖² for every row k of K; none where a number leaves the range of single precision. O(n² rows).
+    pub(crate) fn squared_norms_of_solved(&self, k: &Matrix) -> Option<Vec<f64>> {
+        let mut x = k.0.map(|&entry| entry as f32);
+        triangular_solve::solve_lower_triangular_in_place(self.upper.transpose(), x.transpose_mut(), Par::Seq);
+        let mut norms = vec![0.0; k.rows()];
+        for column in 0..x.ncols() {
+            let entries = norms.iter_mut().zip(x.col_as_slice(column));
+            entries.for_each(|(norm, &entry)| *norm += f64::from(entry) * f64::from(entry));
+        }
+        norms.iter().all(|norm: &f64| norm.is_finite()).then_some(norms)
+    }
+}
