@@ -31,7 +31,7 @@ impl Work {
     }
 
     /// One that takes longer.
-    const fn long(name: &'static str, start: fn() -> Box<dyn FnMut() -> f64>) -> Self {
-        Self { name, repeats: 1, short: false, start }
+    const fn long(name: &'static str, repeats: usize, start: fn() -> Box<dyn FnMut() -> f64>) -> Self {
+        Self { name, repeats, short: false, start }
     }
 }

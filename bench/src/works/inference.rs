@@ -45,7 +45,8 @@ pub fn fits(size: usize) -> Box<dyn FnMut() -> f64> {
     Box::new(move || fit(&prior, &events, &FitOptions::default().tolerance(1e-6)).expect("a fit").evidence())
 }
 
-/// Ten iterations of a sparse fit under the true prior, on so many inducing points; its evidence.
+/// Ten iterations of a sparse fit under the true prior, on so many inducing points, which walks over its events twelve times; its
+/// evidence.
 pub fn sparse_iterations(size: usize, points: usize) -> Box<dyn FnMut() -> f64> {
     let (prior, events) = (truth(), synthetic(size));
     let points = events.inputs().select(&spread_out(size, points));
