@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::kernel::Kernel;
 use crate::linalg::{
-    Cholesky, Matrix, add_scaled, add_symmetric_product_lower, squared_norms_of_rows, write_scaled_columns,
+    Cholesky, Matrix, add_scaled, add_symmetric_product_lower, squared_norms_of_rows, write_scaled_transpose,
 };
 use crate::parts::{BLOCK, blocks, on_parts, parts};
 
@@ -44,7 +44,7 @@ impl<'a> Cross<'a> {
 
     /// Writes the features of one block of events, Φ = KL⁻ᵀ. O(M²) an event.
     pub(crate) fn write_features(&self, block: Range<usize>, factor: &Cholesky, out: &mut Matrix) -> Result<()> {
-        out.shape(block.len(), self.points.len());
+        out.resize(block.len(), self.points.len());
         match self.kept.get(block.start / BLOCK) {
             Some(kept) => out.copy_from(kept),
             None => self.kernel.write_cross(&self.inputs.slice(block), self.points, out)?,
@@ -83,7 +83,7 @@ impl Sums {
     pub(crate) fn add(&mut self, features: &Matrix, omega: &[f64], shift: &[f64], room: &mut Matrix) {
         add_scaled(1.0, &features.transposed_times(shift), &mut self.shift);
         let roots: Vec<f64> = omega.iter().map(|omega| omega.sqrt()).collect();
-        write_scaled_columns(features, &roots, room);
+        write_scaled_transpose(features, &roots, room);
         add_symmetric_product_lower(1.0, room.view(), &mut self.precision);
     }
 

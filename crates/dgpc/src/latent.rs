@@ -8,9 +8,8 @@ use crate::parts::{on_parts, parts, stretches};
 use crate::prior::Prior;
 use crate::special::{logistic, normal_cdf};
 
-/// Points of one block: covariances of as many with a thousand events, and what is solved of them, stay in the second-level
-/// cache.
-const BLOCK: usize = 128;
+/// Points of one block: their covariances with a thousand events, solved for in place, stay in the second-level cache.
+const POINTS: usize = 128;
 
 /// The latent function at some points: mean and variance of each.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,8 +41,8 @@ impl Latent {
         }
         let on_part = |(part, means, variances): (Range<usize>, &mut [f64], &mut [f64])| -> Result<()> {
             let mut room = R::default();
-            let moments = means.chunks_mut(BLOCK).zip(variances.chunks_mut(BLOCK));
-            stretches(part, BLOCK)
+            let moments = means.chunks_mut(POINTS).zip(variances.chunks_mut(POINTS));
+            stretches(part, POINTS)
                 .zip(moments)
                 .try_for_each(|(block, (mean, variance))| learned(&inputs.slice(block), mean, variance, &mut room))
         };

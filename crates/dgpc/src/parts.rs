@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// Events that one block takes: M × 256 doubles stay in the second-level cache.
+/// Events that one block takes: twice M × 256 doubles, features and what is made of them, stay in the second-level cache.
 pub(crate) const BLOCK: usize = 256;
 
 /// Parts of a whole, at most: enough to share out, few enough that the sums of all, 128M² bytes for M inducing points, fit into

@@ -7,7 +7,7 @@ use crate::cross::{Cross, Sums};
 use crate::error::{Result, all_finite};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
-use crate::linalg::{Cholesky, Matrix, row_moments, squared_norm, squared_norms_of_rows};
+use crate::linalg::{Cholesky, Matrix, products_and_squared_norms, squared_norm, squared_norms_of_rows};
 use crate::parts::{BLOCK, blocks, on_parts};
 use crate::prior::Prior;
 
@@ -160,7 +160,7 @@ impl<'a> Sparse<'a> {
         let (mut features, mut room) = (Matrix::default(), Matrix::default());
         for (block, sites) in blocks(part).zip(sites.chunks_mut(BLOCK)) {
             self.cross.write_features(block.clone(), outer, &mut features)?;
-            let (pulls, explained) = row_moments(&features, &self.weights);
+            let (pulls, explained) = products_and_squared_norms(&features, &self.weights);
             for ((n, site), (pull, explained)) in block.zip(&mut *sites).zip(pulls.into_iter().zip(explained)) {
                 let (bound, change) = rule(n, site, pull, explained);
                 walk.bound += bound;

@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 /// L with A = LLᵀ, A symmetric and positive definite.
 #[derive(Debug, Clone)]
 pub(crate) struct Cholesky {
+    /// What is above the diagonal may be anything.
     pub(super) factor: Matrix,
     jitter: f64,
 }
@@ -163,7 +164,7 @@ impl Cholesky {
     }
 
     /// Columns `first..first + n` of X ← the same columns times L⁻ᵀ.
-    pub(crate) fn solve_rows_of_columns(&self, x: &mut Matrix, first: usize) {
+    pub(crate) fn solve_rows_in_columns(&self, x: &mut Matrix, first: usize) {
         solve_rows(self.factor.view(), x.0.as_mut().subcols_mut(first, self.size()));
     }
 

@@ -44,7 +44,7 @@ impl GrowingCholesky {
         Ok(Extension { between: x, corner })
     }
 
-    /// Appends rows to the factor. O(nm), but for the times when there is no room left.
+    /// Appends m rows to the factor. O((n + m)m), but for the times when there is no room left.
     pub(crate) fn extend(&mut self, Extension { between, mut corner }: Extension) {
         let old = self.0.size();
         corner.factor.mirror_lower();
@@ -84,7 +84,7 @@ impl GrowingCholesky {
     }
 }
 
-/// A factor in single precision, to solve twice as fast where half the digits are enough.
+/// A factor in single precision, to solve faster where half the digits are enough.
 pub(crate) struct Single {
     /// Lᵀ.
     upper: Mat<f32>,

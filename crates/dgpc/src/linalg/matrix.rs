@@ -6,7 +6,7 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
-use super::panels::{PANELS_MAX, add_symmetric_product_by_panels};
+use super::panels::{PANELS_MAX, add_symmetric_product_by_panels, columns_mut};
 use super::wide::{AddScaled, Dot, widest};
 use crate::error::{Error, Place, Result};
 
@@ -51,8 +51,7 @@ impl Matrix {
 
     /// All columns, to write to each by itself.
     pub(crate) fn split_columns(&mut self) -> Vec<&mut [f64]> {
-        let columns = self.0.as_mut().col_iter_mut();
-        columns.map(|column| column.try_as_col_major_mut().expect("columns without gaps").as_slice_mut()).collect()
+        columns_mut(self.0.as_mut())
     }
 
     /// The diagonal.
@@ -112,8 +111,8 @@ impl Matrix {
         out
     }
 
-    /// Makes room for rows × columns entries, which may be anything.
-    pub(crate) fn shape(&mut self, rows: usize, columns: usize) {
+    /// Makes it rows × columns, with entries that may be anything.
+    pub(crate) fn resize(&mut self, rows: usize, columns: usize) {
         if (self.rows(), self.columns()) != (rows, columns) {
             *self = Self::zeros(rows, columns);
         }
@@ -247,6 +246,7 @@ pub(crate) fn add_symmetric_product(factor: f64, a: View<'_>, out: &mut Matrix) 
 
 /// Adds the lower triangle of `factor`·A·Aᵀ to that of `out`; the upper one is anything afterwards.
 pub(crate) fn add_symmetric_product_lower(factor: f64, a: View<'_>, out: &mut Matrix) {
+    // Panels of what lies the other way would have to be rearranged first.
     if a.nrows() <= PANELS_MAX && a.row_stride() == 1 {
         return add_symmetric_product_by_panels(factor, a, out.0.as_mut());
     }

@@ -19,5 +19,5 @@ pub(crate) use matrix::{
     add_scaled, add_symmetric_product, add_symmetric_product_lower, dot, lower_gram, multiply_columns, multiply_rows,
     multiply_vector, product, squared_norm,
 };
-pub(crate) use rows::{row_moments, squared_norms_of_rows, write_scaled_columns};
+pub(crate) use rows::{products_and_squared_norms, squared_norms_of_rows, write_scaled_transpose};
 pub(crate) use wide::{MultiplyAdd, Wide, exp_of_negative, widest};

@@ -20,8 +20,8 @@ const STRETCH: usize = 256;
 /// Rows up to which a symmetric product goes panel by panel. Beyond, halves are large enough.
 pub(super) const PANELS_MAX: usize = 256;
 
-/// X ← XL⁻ᵀ: solves for every row of X. Where L has hundreds of rows it should be a transposed view, so that each of them
-/// lies together in memory. O(n² rows).
+/// X ← XL⁻ᵀ: solves for every row of X, whose columns have no gaps. Where L has more than two hundred rows it had better be a
+/// transposed view, so that each of them lies together in memory. O(n² rows).
 pub(super) fn solve_rows(lower: MatRef<'_, f64>, mut x: MatMut<'_, f64>) {
     let size = lower.nrows();
     for first in (0..size).step_by(STRETCH) {
@@ -33,14 +33,16 @@ pub(super) fn solve_rows(lower: MatRef<'_, f64>, mut x: MatMut<'_, f64>) {
             let before = own - first;
             let (solved, mut panel) = stretch.as_mut().subcols_mut(0, before + width).split_at_col_mut(before);
             take_off(solved, lower.submatrix(own, first, width, before), panel.as_mut());
-            let columns =
-                panel.col_iter_mut().map(|column| column.try_as_col_major_mut().expect(GAPLESS).as_slice_mut());
-            widest(SolvePanel { lower: lower.submatrix(own, own, width, width), columns: columns.collect() });
+            widest(SolvePanel { lower: lower.submatrix(own, own, width, width), columns: columns_mut(panel) });
         }
     }
 }
 
-const GAPLESS: &str = "columns without gaps";
+/// All columns, none of which may have gaps, to write to each by itself.
+pub(super) fn columns_mut(x: MatMut<'_, f64>) -> Vec<&mut [f64]> {
+    let columns = x.col_iter_mut();
+    columns.map(|column| column.try_as_col_major_mut().expect("columns without gaps").as_slice_mut()).collect()
+}
 
 /// What columns that are solved for leave of others: X ← X − YLᵀ.
 fn take_off(solved: MatMut<'_, f64>, lower: MatRef<'_, f64>, x: MatMut<'_, f64>) {
@@ -67,28 +69,29 @@ impl Wide for SolvePanel<'_> {
         }
         let (mut wholes, mut rests): ([&mut [_]; PANEL], [&mut [_]; PANEL]) = Default::default();
         for ((whole, rest), column) in wholes.iter_mut().zip(&mut rests).zip(self.columns) {
-            (*whole, *rest) = column.as_chunks_mut::<LANES>();
+            let (chunks, left) = column.as_chunks_mut::<LANES>();
+            (*whole, *rest) = (chunks, left.as_chunks_mut::<1>().0);
         }
-        for at in 0..wholes[0].len() {
-            let mut x = [[0.0; LANES]; PANEL];
-            x.iter_mut().zip(&wholes).for_each(|(x, whole)| *x = whole.get(at).copied().unwrap_or_default());
-            solve_few::<M, LANES>(&factors, &mut x);
-            wholes
-                .iter_mut()
-                .zip(x)
-                .filter_map(|(whole, x)| Some((whole.get_mut(at)?, x)))
-                .for_each(|(out, x)| *out = x);
-        }
-        for at in 0..rests[0].len() {
-            let mut x = [[0.0]; PANEL];
-            x.iter_mut().zip(&rests).for_each(|(x, rest)| x[0] = rest.get(at).copied().unwrap_or_default());
-            solve_few::<M, 1>(&factors, &mut x);
-            rests
-                .iter_mut()
-                .zip(x)
-                .filter_map(|(rest, x)| Some((rest.get_mut(at)?, x)))
-                .for_each(|(out, x)| *out = x[0]);
-        }
+        solve_chunks::<M, LANES>(&factors, &mut wholes);
+        solve_chunks::<M, 1>(&factors, &mut rests);
+    }
+}
+
+/// The same for as many rows at a time as chunks hold. Columns that a panel lacks are empty.
+#[inline(always)]
+fn solve_chunks<M: MultiplyAdd, const ROWS: usize>(
+    factors: &[[f64; PANEL]; PANEL],
+    columns: &mut [&mut [[f64; ROWS]]; PANEL],
+) {
+    for at in 0..columns[0].len() {
+        let mut x = [[0.0; ROWS]; PANEL];
+        x.iter_mut().zip(&*columns).for_each(|(x, column)| *x = column.get(at).copied().unwrap_or([0.0; ROWS]));
+        solve_few::<M, ROWS>(factors, &mut x);
+        columns
+            .iter_mut()
+            .zip(x)
+            .filter_map(|(column, x)| Some((column.get_mut(at)?, x)))
+            .for_each(|(out, x)| *out = x);
     }
 }
 
@@ -162,7 +165,7 @@ mod tests {
 
     #[test]
     fn symmetric_products_are_sums_of_products_below_the_diagonal_alone() {
-        for rows in [1, 7, 8, 9, 50, PANELS_MAX] {
+        for rows in [0, 1, 7, 8, 9, 50, PANELS_MAX] {
             let x = Mat::from_fn(rows, 30, entry);
             let mut out = Mat::from_fn(rows, rows, |_, _| 2.0);
             add_symmetric_product_by_panels(-3.0, x.as_ref(), out.as_mut());

@@ -5,33 +5,33 @@ use super::matrix::Matrix;
 use super::wide::{MultiplyAdd, Wide, widest};
 
 /// Xw, and the squared norm of every row of X. O(rows × columns).
-pub(crate) fn row_moments(x: &Matrix, weights: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let (mut along, mut squares) = (vec![0.0; x.rows()], vec![0.0; x.rows()]);
-    widest(RowMoments { x, weights, along: &mut along, squares: &mut squares });
-    (along, squares)
+pub(crate) fn products_and_squared_norms(x: &Matrix, weights: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (mut products, mut squares) = (vec![0.0; x.rows()], vec![0.0; x.rows()]);
+    widest(ProductsAndSquares { x, weights, products: &mut products, squares: &mut squares });
+    (products, squares)
 }
 
 /// The squared norm of every row of X. O(rows × columns).
 pub(crate) fn squared_norms_of_rows(x: &Matrix) -> Vec<f64> {
-    row_moments(x, &vec![0.0; x.columns()]).1
+    products_and_squared_norms(x, &vec![0.0; x.columns()]).1
 }
 
-struct RowMoments<'a> {
+struct ProductsAndSquares<'a> {
     x: &'a Matrix,
     weights: &'a [f64],
-    along: &'a mut [f64],
+    products: &'a mut [f64],
     squares: &'a mut [f64],
 }
 
-impl Wide for RowMoments<'_> {
+impl Wide for ProductsAndSquares<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<M: MultiplyAdd>(self) {
         for (column, &weight) in self.weights.iter().enumerate() {
-            let sums = self.along.iter_mut().zip(self.squares.iter_mut());
-            for ((along, square), &x) in sums.zip(self.x.column(column)) {
-                *along = M::multiply_add(weight, x, *along);
+            let sums = self.products.iter_mut().zip(self.squares.iter_mut());
+            for ((product, square), &x) in sums.zip(self.x.column(column)) {
+                *product = M::multiply_add(weight, x, *product);
                 *square = M::multiply_add(x, x, *square);
             }
         }
@@ -42,9 +42,9 @@ impl Wide for RowMoments<'_> {
 const TILE: usize = 4;
 
 /// Writes the rows of X, each times its factor, to the columns of `out`, which becomes as large as it needs to be.
-pub(crate) fn write_scaled_columns(x: &Matrix, factors: &[f64], out: &mut Matrix) {
+pub(crate) fn write_scaled_transpose(x: &Matrix, factors: &[f64], out: &mut Matrix) {
     let (rows, columns) = (x.rows(), x.columns());
-    out.shape(columns, rows);
+    out.resize(columns, rows);
     let (whole_rows, whole_columns) = (rows / TILE * TILE, columns / TILE * TILE);
     for first in (0..whole_columns).step_by(TILE) {
         let sources: [_; TILE] = std::array::from_fn(|column| x.column(first + column).as_chunks::<TILE>().0);
@@ -55,8 +55,8 @@ pub(crate) fn write_scaled_columns(x: &Matrix, factors: &[f64], out: &mut Matrix
             }
         }
     }
-    let edges = (0..rows).map(|row| (row, if row < whole_rows { whole_columns } else { 0 }));
-    for (row, first) in edges {
+    for row in 0..rows {
+        let first = if row < whole_rows { whole_columns } else { 0 };
         (first..columns).for_each(|column| out[(column, row)] = factors[row] * x[(row, column)]);
     }
 }
@@ -67,18 +67,18 @@ mod tests {
 
     #[test]
     fn sums_along_rows_and_columns_of_rows_are_those_of_plain_loops() {
-        for (rows, columns) in [(0, 3), (1, 1), (4, 4), (7, 9), (64, 5), (30, 33)] {
+        for (rows, columns) in [(0, 3), (3, 0), (1, 1), (4, 4), (7, 9), (64, 5), (30, 33)] {
             let x = Matrix::from_fn(rows, columns, |row, column| (row as f64 * 0.7 + column as f64 * 1.3).sin());
             let weights: Vec<f64> = (0..columns).map(|column| (column as f64).cos()).collect();
             let factors: Vec<f64> = (0..rows).map(|row| 1.0 + row as f64).collect();
-            let (along, squares) = row_moments(&x, &weights);
+            let (products, squares) = products_and_squared_norms(&x, &weights);
             let mut scaled = Matrix::default();
-            write_scaled_columns(&x, &factors, &mut scaled);
+            write_scaled_transpose(&x, &factors, &mut scaled);
             assert_eq!((scaled.rows(), scaled.columns()), (columns, rows));
             for row in 0..rows {
                 let entries = || (0..columns).map(|column| x[(row, column)]);
                 let expected: f64 = entries().zip(&weights).map(|(x, weight)| x * weight).sum();
-                assert!((along[row] - expected).abs() < 1e-12);
+                assert!((products[row] - expected).abs() < 1e-12);
                 assert!((squares[row] - entries().map(|x| x * x).sum::<f64>()).abs() < 1e-12);
                 assert!(entries().enumerate().all(|(column, x)| scaled[(column, row)] == factors[row] * x));
             }

@@ -94,7 +94,7 @@ pub(super) fn rotate(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
 pub(super) fn whiten_columns(segments: &[Segment], matrix: &mut Matrix) {
     for Segment { first, part } in segments {
         if let Part::Block { whitening, .. } = part {
-            whitening.solve_rows_of_columns(matrix, *first);
+            whitening.solve_rows_in_columns(matrix, *first);
         }
     }
 }

@@ -221,6 +221,35 @@ proptest! {
     }
 }
 
+/// Many places lie in rows, few in columns; whatever a posterior was put together from, and in how many steps, that is no difference.
+#[test]
+fn many_places_are_those_asked_for_few_at_a_time() {
+    let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern32, 3.0, 1.5, 1).unwrap()]).unwrap();
+    let prior = Prior::new(kernel, PriorMean::Constant(-0.3)).unwrap();
+    let sites = |first: u32, count: u32| {
+        let places: Vec<f64> = (first..first + count).map(|n| (f64::from(n) * 0.618_034).fract() * 20.0).collect();
+        let outcomes = places.iter().map(|x| x.sin() > 0.2).collect();
+        let events = Observations::new(line(&places), outcomes).unwrap();
+        Sites::new(&events, (0..count).map(|n| 0.02 + 0.2 * f64::from(n % 7) / 6.0).collect()).unwrap()
+    };
+    let told = |first: u32, points: &[f64]| Summary::variational(&prior, &sites(first, 30), &line(points)).unwrap();
+    let (one, other) = (told(100, &[1.0, 4.0, 9.0]), told(200, &[2.5, 14.0, 15.0, 19.0]));
+    let mut posterior = Posterior::fuse(&prior, &sites(0, 40), &[&one]).unwrap();
+    posterior.absorb_events(&sites(50, 11)).unwrap();
+    posterior.absorb_summaries(&[&other]).unwrap();
+    posterior.absorb_events(&sites(70, 1)).unwrap();
+    let wanted = line(&(0..150).map(|n| f64::from(n) * 0.15 - 1.0).collect::<Vec<_>>());
+    let (many, bulk) = (posterior.latent(&wanted).unwrap(), posterior.latent_in_bulk(&wanted).unwrap());
+    for first in (0..150).step_by(10) {
+        let few = posterior.latent(&wanted.slice(first..first + 10)).unwrap();
+        for n in 0..10 {
+            assert!((few.mean[n] - many.mean[first + n]).abs() < 1e-10);
+            assert!((few.variance[n] - many.variance[first + n]).abs() < 1e-10);
+            assert!((few.variance[n] - bulk.variance[first + n]).abs() < 3e-5);
+        }
+    }
+}
+
 /// Many places at once take single precision; what is lost is far below what matters.
 #[test]
 fn places_in_bulk_are_those_one_by_one() {
