@@ -1,5 +1,6 @@
 //! Learning a model from pooled events, structures in parallel.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use pingmap_agent::{Addition, Chart, Event, InputSpec, LearnedModel, Learning};
@@ -41,6 +42,9 @@ pub fn learn_best(
     Ok(learn_additions(learning, chosen, chart, inputs, events)?.best)
 }
 
+/// A fit, and the seconds it took.
+type Timed = (LearnedModel, f64);
+
 /// What additions came to.
 pub struct Added {
     /// The chosen structure with the additions that are worth it.
@@ -50,8 +54,8 @@ pub struct Added {
 }
 
 /// Tries [`Learning::additions`] one after the other beside a chosen structure, each beginning at the optimum before, and
-/// takes those that are worth it ([`LearnedModel::is_worth_it`]). As many at a time as there are threads; what comes of it
-/// does not depend on that.
+/// takes those that are worth it ([`LearnedModel::is_worth_it`]). A thread that is free goes on to the next one before it is known what
+/// becomes of those that others are at; what comes of it does not depend on that.
 ///
 /// # Errors
 /// As [`learn_all`].
@@ -66,29 +70,47 @@ pub fn learn_additions(
     let mut left = learning.additions_to(events);
     loop {
         let structure = added.best.structure;
-        let out = left.iter().take_while(|&&addition| !structure.can_have(addition)).count();
-        left.drain(..out);
-        let together = left.iter().take_while(|&&addition| structure.can_have(addition));
-        let together: Vec<Addition> = together.take(rayon::current_num_threads()).copied().collect();
-        if together.is_empty() {
-            added.best = learning.with_fading(added.best, events.iter().copied(), &[])?;
-            return Ok(added);
-        }
-        let fit = |&addition: &Addition| {
+        let possible: Vec<Addition> = left.iter().copied().filter(|&addition| structure.can_have(addition)).collect();
+        let fit = |addition: Addition| {
             let begin = Instant::now();
             let structure = structure.with(addition);
             let fit = learning.fit(&structure, chart, inputs, events.iter().copied(), &[], Some(&added.best))?;
             Ok((fit, begin.elapsed().as_secs_f64()))
         };
-        let mut fits = together.par_iter().map(fit).collect::<dgpc::Result<Vec<(LearnedModel, f64)>>>()?;
-        let mut pairs = fits.iter().zip(&together);
-        let taken = pairs.position(|((fit, _), &addition)| fit.is_worth_it(addition, &added.best));
-        // Those behind one that is taken are tried again with it.
-        fits.truncate(taken.map_or(fits.len(), |place| place + 1));
-        left.drain(..fits.len());
-        if let (Some(_), Some((fit, _))) = (taken, fits.last()) {
-            added.best = fit.clone();
-        }
+        let (mut fits, taken) = until_one_is_taken(&possible, &added.best, fit)?;
+        let (Some(addition), Some((best, _))) = (taken, fits.last()) else {
+            added.best = learning.with_fading(added.best, events.iter().copied(), &[])?;
+            added.tried.append(&mut fits);
+            return Ok(added);
+        };
+        // Those behind it are tried with it.
+        let place = left.iter().position(|&other| other == addition);
+        left.drain(..=place.unwrap_or_default());
+        added.best = best.clone();
         added.tried.append(&mut fits);
     }
+}
+
+/// Fits of additions in their order, up to the first that is worth it beside `before`; and which that is.
+fn until_one_is_taken(
+    additions: &[Addition],
+    before: &LearnedModel,
+    fit: impl Fn(Addition) -> dgpc::Result<Timed> + Sync,
+) -> dgpc::Result<(Vec<Timed>, Option<Addition>)> {
+    // The first that is taken or fails: those behind it do not count.
+    let end = AtomicUsize::new(usize::MAX);
+    let ahead = additions.iter().copied().enumerate().take_while(|&(place, _)| place < end.load(Ordering::Relaxed));
+    let fitted = |(place, addition)| {
+        let fit = fit(addition);
+        if fit.as_ref().is_ok_and(|(fit, _)| fit.is_worth_it(addition, before)) || fit.is_err() {
+            end.fetch_min(place, Ordering::Relaxed);
+        }
+        (place, fit)
+    };
+    let mut fits: Vec<_> = ahead.par_bridge().map(fitted).collect();
+    fits.sort_by_key(|&(place, _)| place);
+    let end = end.into_inner();
+    fits.truncate(end.saturating_add(1));
+    let fits = fits.into_iter().map(|(_, fit)| fit).collect::<dgpc::Result<_>>()?;
+    Ok((fits, additions.get(end).copied()))
 }
