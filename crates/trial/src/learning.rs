@@ -70,7 +70,12 @@ pub fn learn_additions(
     let mut left = learning.additions_to(events);
     loop {
         let structure = added.best.structure;
-        let possible: Vec<Addition> = left.iter().copied().filter(|&addition| structure.can_have(addition)).collect();
+        let mut possible: Vec<Addition> =
+            left.iter().copied().filter(|&addition| structure.can_have(addition)).collect();
+        if possible.first() == Some(&Addition::Range) {
+            // It is mostly taken, so that whatever is tried beside it would be thrown away.
+            possible.truncate(1);
+        }
         let fit = |addition: Addition| {
             let begin = Instant::now();
             let structure = structure.with(addition);
@@ -78,25 +83,26 @@ pub fn learn_additions(
             Ok((fit, begin.elapsed().as_secs_f64()))
         };
         let (mut fits, taken) = until_one_is_taken(&possible, &added.best, fit)?;
-        let (Some(addition), Some((best, _))) = (taken, fits.last()) else {
+        let Some(last) = possible.get(fits.len().wrapping_sub(1)) else {
             added.best = learning.with_fading(added.best, events.iter().copied(), &[])?;
-            added.tried.append(&mut fits);
             return Ok(added);
         };
-        // Those behind it are tried with it.
-        let place = left.iter().position(|&other| other == addition);
+        // Those behind one that is taken are tried with it.
+        let place = left.iter().position(|addition| addition == last);
         left.drain(..=place.unwrap_or_default());
-        added.best = best.clone();
+        if let (true, Some((best, _))) = (taken, fits.last()) {
+            added.best = best.clone();
+        }
         added.tried.append(&mut fits);
     }
 }
 
-/// Fits of additions in their order, up to the first that is worth it beside `before`; and which that is.
+/// Fits of additions in their order, up to the first that is worth it beside `before`; and whether there is one.
 fn until_one_is_taken(
     additions: &[Addition],
     before: &LearnedModel,
     fit: impl Fn(Addition) -> dgpc::Result<Timed> + Sync,
-) -> dgpc::Result<(Vec<Timed>, Option<Addition>)> {
+) -> dgpc::Result<(Vec<Timed>, bool)> {
     // The first that is taken or fails: those behind it do not count.
     let end = AtomicUsize::new(usize::MAX);
     let ahead = additions.iter().copied().enumerate().take_while(|&(place, _)| place < end.load(Ordering::Relaxed));
@@ -112,5 +118,5 @@ fn until_one_is_taken(
     let end = end.into_inner();
     fits.truncate(end.saturating_add(1));
     let fits = fits.into_iter().map(|(_, fit)| fit).collect::<dgpc::Result<_>>()?;
-    Ok((fits, additions.get(end).copied()))
+    Ok((fits, end < additions.len()))
 }
