@@ -6,6 +6,9 @@ use std::time::Instant;
 use pingmap_agent::{Addition, Chart, Event, InputSpec, LearnedModel, Learning};
 use rayon::prelude::*;
 
+/// A fit, and the seconds it took.
+type Timed = (LearnedModel, f64);
+
 /// Learns every structure of `learning` on the current thread pool. Fits in the order of the structures, each with the
 /// seconds it took; `step` is called after each.
 ///
@@ -17,7 +20,7 @@ pub fn learn_all(
     inputs: InputSpec,
     events: &[&Event],
     step: &(dyn Fn() + Sync),
-) -> dgpc::Result<Vec<(LearnedModel, f64)>> {
+) -> dgpc::Result<Vec<Timed>> {
     let fit = |structure| {
         let begin = Instant::now();
         let fit = learning.fit(structure, chart, inputs, events.iter().copied(), &[], None)?;
@@ -42,15 +45,12 @@ pub fn learn_best(
     Ok(learn_additions(learning, chosen, chart, inputs, events)?.best)
 }
 
-/// A fit, and the seconds it took.
-type Timed = (LearnedModel, f64);
-
 /// What additions came to.
 pub struct Added {
     /// The chosen structure with the additions that are worth it.
     pub best: LearnedModel,
     /// Everything that was tried, in order, each with the seconds it took.
-    pub tried: Vec<(LearnedModel, f64)>,
+    pub tried: Vec<Timed>,
 }
 
 /// Tries [`Learning::additions`] one after the other beside a chosen structure, each beginning at the optimum before, and
@@ -72,6 +72,10 @@ pub fn learn_additions(
         let structure = added.best.structure;
         let mut possible: Vec<Addition> =
             left.iter().copied().filter(|&addition| structure.can_have(addition)).collect();
+        if possible.is_empty() {
+            added.best = learning.with_fading(added.best, events.iter().copied(), &[])?;
+            return Ok(added);
+        }
         if possible.first() == Some(&Addition::Range) {
             // It is mostly taken, so that whatever is tried beside it would be thrown away.
             possible.truncate(1);
@@ -83,13 +87,9 @@ pub fn learn_additions(
             Ok((fit, begin.elapsed().as_secs_f64()))
         };
         let (mut fits, taken) = until_one_is_taken(&possible, &added.best, fit)?;
-        let Some(last) = possible.get(fits.len().wrapping_sub(1)) else {
-            added.best = learning.with_fading(added.best, events.iter().copied(), &[])?;
-            return Ok(added);
-        };
         // Those behind one that is taken are tried with it.
-        let place = left.iter().position(|addition| addition == last);
-        left.drain(..=place.unwrap_or_default());
+        let last = possible[fits.len() - 1];
+        left = left.into_iter().skip_while(|&addition| addition != last).skip(1).collect();
         if let (true, Some((best, _))) = (taken, fits.last()) {
             added.best = best.clone();
         }
@@ -108,7 +108,7 @@ fn until_one_is_taken(
     let ahead = additions.iter().copied().enumerate().take_while(|&(place, _)| place < end.load(Ordering::Relaxed));
     let fitted = |(place, addition)| {
         let fit = fit(addition);
-        if fit.as_ref().is_ok_and(|(fit, _)| fit.is_worth_it(addition, before)) || fit.is_err() {
+        if fit.as_ref().map_or(true, |(fit, _)| fit.is_worth_it(addition, before)) {
             end.fetch_min(place, Ordering::Relaxed);
         }
         (place, fit)
