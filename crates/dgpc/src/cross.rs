@@ -11,7 +11,7 @@ use crate::linalg::{
 use crate::parts::{BLOCK, blocks, on_parts, parts};
 
 /// So many covariances are kept, 64 MB of them; what is beyond is worked out anew whenever it is asked for.
-const KEPT_MAX: usize = 8 << 20;
+const KEPT_MAX: usize = 7 << 20;
 
 /// K_NM of N events against M inducing points.
 pub(crate) struct Cross<'a> {

@@ -71,6 +71,11 @@ impl<'a> Likelihood<'a> {
         [self.observations.kappa(), self.shift.clone()].concat()
     }
 
+    /// R⁻¹η of the messages.
+    pub(crate) fn message_kappa(&self) -> &[f64] {
+        &self.shift
+    }
+
     /// Prior mean of everything observed.
     pub(crate) fn prior_mean(&self, mean: &PriorMean) -> Result<Vec<f64>> {
         let mut values = mean.values(&self.support)?;

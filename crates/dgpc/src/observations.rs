@@ -74,7 +74,12 @@ impl Observations {
 
     /// κ_n = weight · (y_n − ½).
     pub(crate) fn kappa(&self) -> Vec<f64> {
-        let signs = self.outcomes.iter().map(|&success| if success { 0.5 } else { -0.5 });
-        signs.zip(&self.weights).map(|(sign, weight)| sign * weight).collect()
+        (0..self.len()).map(|n| self.kappa_of(n)).collect()
+    }
+
+    /// κ of one of them.
+    pub(crate) fn kappa_of(&self, n: usize) -> f64 {
+        let sign = if self.outcomes[n] { 0.5 } else { -0.5 };
+        sign * self.weights[n]
     }
 }

@@ -6,6 +6,9 @@ use crate::sites::Sites;
 /// Tilts below this are this: ω̄ differs from its limit ¼ by less than rounding.
 pub(super) const TILT_MIN: f64 = 1e-9;
 
+/// Where tilts start from unless somebody knows better.
+pub(super) const TILT_START: f64 = 1.0;
+
 /// ω̄ of an event at its tilt, never zero.
 pub(super) fn omega(weight: f64, tilt: f64) -> f64 {
     omega_and_ln_2_cosh(weight, tilt).0

@@ -1,10 +1,12 @@
 //! The fixed point of a sparse mean field, in what its events say at the inducing points (section 2 of
 //! [`crate::method`]).
 
+use std::ops::Range;
+
 use super::anderson::Anderson;
-use super::mean_field::{MeanField, TILT_MIN, omega, omega_and_ln_2_cosh};
+use super::mean_field::{MeanField, TILT_MIN, TILT_START, omega, omega_and_ln_2_cosh};
 use super::options::FitOptions;
-use super::sparse::{Site, Sparse};
+use super::sparse::{Seen, Site, Sparse};
 use crate::cross::Sums;
 use crate::error::{Result, finite};
 use crate::likelihood::Likelihood;
@@ -18,9 +20,9 @@ pub(super) fn iterate(
     prior: &Prior,
     likelihood: &Likelihood<'_>,
     options: &FitOptions<'_>,
-) -> Result<MeanField> {
-    let weights = likelihood.observations.weights();
+) -> Result<Found> {
     let begun = begin(engine, prior, likelihood, options)?;
+    let mut moments = Moments::of_tilts(likelihood.events(), options.start);
     let scale = Scale::of(&begun);
     let (mut at, mut plain, mut is_plain) = (begun, None, true);
     let mut anderson = Anderson::new();
@@ -28,7 +30,7 @@ pub(super) fn iterate(
     let mut was_taken_back = false;
     loop {
         iterations += 1;
-        let walk = engine.walk(|n, site, pull, explained| move_site(site, weights[n], pull, explained))?;
+        let walk = engine.walk(moments.columns(), |n, seen, moments| move_site(likelihood, n, seen, moments))?;
         let evidence = match engine.take(&walk.said) {
             Err(_) if !is_plain => f64::NAN,
             taken => taken.map(|()| engine.evidence(walk.bound))?,
@@ -47,8 +49,15 @@ pub(super) fn iterate(
         let converged = walk.change <= options.tolerance && !was_taken_back;
         was_taken_back = false;
         if converged || iterations >= options.iterations_max {
-            let found = Found { evidence, iterations, change: walk.change, converged, said: walk.said };
-            return found.mean_field(engine, likelihood);
+            let tilts = moments.tilts();
+            if !converged {
+                // The moments that the tilts are of are not yet those of the posterior.
+                engine.walk(moments.columns(), |_, seen, moments| {
+                    seen.note_moments(moments);
+                    Site { omega: 0.0, kappa: 0.0, bound: 0.0, change: 0.0 }
+                })?;
+            }
+            return Ok(Found { tilts, moments, evidence, iterations, change: walk.change, converged, said: walk.said });
         }
         // The last step is plain: nothing could take another one back any more.
         let mut step = None;
@@ -78,18 +87,56 @@ fn begin(
     options: &FitOptions<'_>,
 ) -> Result<Sums> {
     options.check(likelihood.events())?;
-    let weights = likelihood.observations.weights();
-    // A site remembers its tilt by its moments.
-    let begun = engine.begin(prior, |n, site| {
-        (site.mean, site.variance) = (options.start.map_or(1.0, |start| start[n]), 0.0);
-        site.omega = omega(weights[n], tilt(site));
-    })?;
+    let (weights, tilt) = (likelihood.observations.weights(), |n| options.start.map_or(TILT_START, |start| start[n]));
+    let begun =
+        engine.begin(prior, |n| (omega(weights[n], tilt(n).max(TILT_MIN)), likelihood.observations.kappa_of(n)))?;
     engine.take(&begun.said)?;
     Ok(begun.said)
 }
 
+/// Posterior moments of f at the events.
+struct Moments {
+    mean: Vec<f64>,
+    variance: Vec<f64>,
+}
+
+impl Moments {
+    /// Some that have these tilts.
+    fn of_tilts(events: usize, tilts: Option<&[f64]>) -> Self {
+        let mean = tilts.map_or_else(|| vec![TILT_START; events], <[f64]>::to_vec);
+        Self { mean, variance: vec![0.0; events] }
+    }
+
+    fn columns(&mut self) -> [&mut [f64]; 2] {
+        [&mut self.mean, &mut self.variance]
+    }
+
+    fn tilts(&self) -> Vec<f64> {
+        self.mean.iter().zip(&self.variance).map(|(&mean, &variance)| tilt(mean, variance)).collect()
+    }
+}
+
+/// c = √E\[f²\].
+fn tilt(mean: f64, variance: f64) -> f64 {
+    (mean * mean + variance).sqrt().max(TILT_MIN)
+}
+
+/// The site of an event at its posterior moments, its terms of E, and how far its tilt went.
+fn move_site(likelihood: &Likelihood<'_>, n: usize, seen: &Seen, [mean, variance]: [&mut f64; 2]) -> Site {
+    let before = tilt(*mean, *variance);
+    seen.note_moments([&mut *mean, &mut *variance]);
+    let after = tilt(*mean, *variance);
+    let (weight, kappa) = (likelihood.observations.weights()[n], likelihood.observations.kappa_of(n));
+    let (omega, ln_2_cosh) = omega_and_ln_2_cosh(weight, after);
+    let tilted = 0.5 * omega * (after * after - seen.residual) - weight * ln_2_cosh;
+    let about_mean = (kappa - 0.5 * omega * seen.prior_mean) * seen.prior_mean;
+    Site { omega, kappa, bound: tilted + about_mean, change: (after - before).abs() }
+}
+
 /// Where the iteration ended.
-struct Found {
+pub(super) struct Found {
+    tilts: Vec<f64>,
+    moments: Moments,
     evidence: f64,
     iterations: usize,
     change: f64,
@@ -98,49 +145,32 @@ struct Found {
 }
 
 impl Found {
-    fn mean_field(self, engine: &mut Sparse<'_>, likelihood: &Likelihood<'_>) -> Result<MeanField> {
-        let Found { evidence, iterations, change, converged, said } = self;
-        let tilts = engine.sites.iter().map(tilt).collect();
-        if !converged {
-            // The moments that the tilts are of are not yet those of the posterior.
-            engine.walk(|_, site, pull, explained| {
-                (site.mean, site.variance) = (site.prior_mean + pull, site.residual + explained);
-                (0.0, 0.0)
-            })?;
-        }
-        let of_sites = |entry: fn(&Site) -> f64| engine.sites.iter().map(entry).collect::<Vec<f64>>();
+    /// ω̄ of some of the events.
+    pub(super) fn omega(&self, likelihood: &Likelihood<'_>, events: Range<usize>) -> Vec<f64> {
+        let weights = &likelihood.observations.weights()[events.clone()];
+        weights.iter().zip(&self.tilts[events]).map(|(&weight, &tilt)| omega(weight, tilt)).collect()
+    }
+
+    /// The same as every mean field is told. The engine goes first: what it keeps is larger than what is made here.
+    pub(super) fn mean_field(self, engine: Sparse<'_>, likelihood: &Likelihood<'_>) -> Result<MeanField> {
+        let (residual, jitter) = (engine.residual, engine.cholesky.jitter());
+        drop((engine.cross, engine.prior_mean));
+        let omega = self.omega(likelihood, 0..likelihood.events());
         Ok(MeanField {
-            sites: Sites::new(likelihood.observations, of_sites(|site| site.omega))?,
-            mean: of_sites(|site| site.mean),
-            variance: of_sites(|site| site.variance),
-            residual: of_sites(|site| site.residual),
-            tilts,
-            evidence,
-            iterations,
-            change,
-            converged,
-            jitter: engine.cholesky.jitter(),
+            sites: Sites::new(likelihood.observations, omega)?,
+            mean: self.moments.mean,
+            variance: self.moments.variance,
+            residual,
+            tilts: self.tilts,
+            evidence: self.evidence,
+            iterations: self.iterations,
+            change: self.change,
+            converged: self.converged,
+            jitter,
             weights: likelihood.observations.weights().to_vec(),
-            condensed: Some((said.precision, said.shift)),
+            condensed: Some((self.said.precision, self.said.shift)),
         })
     }
-}
-
-/// c = √E\[f²\].
-fn tilt(site: &Site) -> f64 {
-    (site.mean * site.mean + site.variance).sqrt().max(TILT_MIN)
-}
-
-/// The site of an event with these posterior moments, its terms of E, and how far its tilt went.
-fn move_site(site: &mut Site, weight: f64, pull: f64, explained: f64) -> (f64, f64) {
-    let before = tilt(site);
-    (site.mean, site.variance) = (site.prior_mean + pull, site.residual + explained);
-    let after = tilt(site);
-    let (omega, ln_2_cosh) = omega_and_ln_2_cosh(weight, after);
-    site.omega = omega;
-    let tilted = 0.5 * omega * (after * after - site.residual) - weight * ln_2_cosh;
-    let about_mean = (site.kappa - 0.5 * site.omega * site.prior_mean) * site.prior_mean;
-    (tilted + about_mean, (after - before).abs())
 }
 
 /// Ĝ and b̂ as coordinates in which steps of different directions can be compared: in units of the precision at the start.

@@ -1,6 +1,6 @@
 //! One pass of the iteration of a dense mean field, from tilts to their images (section 2 of [`crate::method`]).
 
-use super::mean_field::{TILT_MIN, omega};
+use super::mean_field::{TILT_MIN, TILT_START, omega};
 use super::options::FitOptions;
 use crate::error::Result;
 use crate::likelihood::Likelihood;
@@ -29,7 +29,7 @@ impl<'a> Pass<'a> {
         let (kappa, prior_mean) = (likelihood.kappa(), likelihood.prior_mean(prior.mean())?);
         Ok(Self {
             weights: likelihood.observations.weights(),
-            tilts: options.start.map_or_else(|| vec![1.0; events], <[f64]>::to_vec),
+            tilts: options.start.map_or_else(|| vec![TILT_START; events], <[f64]>::to_vec),
             // What messages stand for has unit noise throughout.
             omega: vec![1.0; size],
             shift: kappa.iter().zip(&prior_mean).map(|(kappa, mean)| kappa - mean).collect(),

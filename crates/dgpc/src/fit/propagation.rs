@@ -2,7 +2,7 @@
 
 use super::dense::Dense;
 use super::mean_field::MeanField;
-use super::sparse::Sparse;
+use super::sparse::{Site, Sparse};
 use super::together::put_together;
 use crate::error::Result;
 use crate::inputs::Inputs;
@@ -165,19 +165,19 @@ impl Run {
         points: &Inputs,
     ) -> Result<OmegaKappa> {
         let mut engine = Sparse::new(prior, likelihood, points)?;
-        let mut walk = engine.begin(prior, |n, site| site.omega = found.sites.omega()[n])?;
+        let (mut omega, mut kappa) = (found.sites.omega().to_vec(), found.sites.kappa().to_vec());
+        let mut walk = engine.begin(prior, |n| (omega[n], kappa[n]))?;
         while self.goes_on() {
             engine.take(&walk.said)?;
             let step = self.step;
-            walk = engine.walk(|n, site, pull, explained| {
-                let mean = site.prior_mean + pull;
-                let cavity = Cavity::without((site.omega, site.kappa), mean, explained, site.residual);
-                let change = cavity.move_site((&mut site.omega, &mut site.kappa), likelihood.observations, n, step);
-                (0.0, change)
+            walk = engine.walk([&mut omega, &mut kappa], |n, seen, [omega, kappa]| {
+                let cavity = Cavity::without((*omega, *kappa), seen.mean, seen.explained, seen.residual);
+                let change = cavity.move_site((&mut *omega, &mut *kappa), likelihood.observations, n, step);
+                Site { omega: *omega, kappa: *kappa, bound: 0.0, change }
             })?;
             self.moved(walk.change);
         }
-        Ok(engine.sites.iter().map(|site| (site.omega, site.kappa)).unzip())
+        Ok((omega, kappa))
     }
 }
 

@@ -17,10 +17,12 @@ pub(crate) fn solve(
     points: Option<&Inputs>,
     options: &FitOptions<'_>,
 ) -> Result<MeanField> {
-    match points {
-        Some(points) => natural::iterate(&mut Sparse::new(prior, likelihood, points)?, prior, likelihood, options),
-        None => fixed_point::iterate(&mut Dense::new(prior, likelihood)?, prior, likelihood, options),
-    }
+    let Some(points) = points else {
+        return fixed_point::iterate(&mut Dense::new(prior, likelihood)?, prior, likelihood, options);
+    };
+    let mut engine = Sparse::new(prior, likelihood, points)?;
+    let found = natural::iterate(&mut engine, prior, likelihood, options)?;
+    found.mean_field(engine, likelihood)
 }
 
 /// The fixed point, and the gradient of E there by everything that can be learned of the prior. E does not change with the tilts
@@ -38,6 +40,6 @@ pub(crate) fn solve_with_gradient(
     };
     let mut engine = Sparse::new(prior, likelihood, points)?;
     let found = natural::iterate(&mut engine, prior, likelihood, options)?;
-    let gradient = sparse_gradient::gradient(&engine, prior, likelihood)?;
-    Ok((found, gradient))
+    let gradient = sparse_gradient::gradient(&engine, &found, prior, likelihood)?;
+    Ok((found.mean_field(engine, likelihood)?, gradient))
 }

@@ -11,25 +11,32 @@ use crate::linalg::{Cholesky, Matrix, products_and_squared_norms, squared_norm, 
 use crate::parts::{BLOCK, blocks, on_parts};
 use crate::prior::Prior;
 
-/// What is known and said of one event.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Site {
+/// An event as a walk finds it.
+pub(super) struct Seen {
     pub(super) prior_mean: f64,
+    /// Posterior mean of f.
+    pub(super) mean: f64,
+    /// Posterior variance of what inducing points explain of f.
+    pub(super) explained: f64,
     /// Prior variance that inducing points leave unexplained.
     pub(super) residual: f64,
-    /// Posterior moments of f.
-    pub(super) mean: f64,
-    pub(super) variance: f64,
+}
+
+impl Seen {
+    /// Posterior mean and variance of f.
+    pub(super) fn note_moments(&self, [mean, variance]: [&mut f64; 2]) {
+        (*mean, *variance) = (self.mean, self.residual + self.explained);
+    }
+}
+
+/// What is made of it.
+pub(super) struct Site {
     /// The site exp(κf − ½ωf²).
     pub(super) omega: f64,
     pub(super) kappa: f64,
-}
-
-impl Site {
-    /// κ̃ = κ − ωμ₀.
-    pub(super) fn shift(&self) -> f64 {
-        self.kappa - self.omega * self.prior_mean
-    }
+    /// A term of a sum, and how large the change is.
+    pub(super) bound: f64,
+    pub(super) change: f64,
 }
 
 /// What a walk over the events found.
@@ -51,7 +58,10 @@ pub(super) struct Sparse<'a> {
     pub(super) cross: Cross<'a>,
     /// K_MM = LLᵀ.
     pub(super) cholesky: Cholesky,
-    pub(super) sites: Vec<Site>,
+    /// At the events.
+    pub(super) prior_mean: Vec<f64>,
+    /// Prior variance of each event that inducing points leave unexplained.
+    pub(super) residual: Vec<f64>,
     pub(super) messages: Messages,
     /// Ĝ, of events and messages.
     pub(super) precision: Matrix,
@@ -74,17 +84,23 @@ pub(super) struct Messages {
 }
 
 impl Messages {
-    fn new(prior: &Prior, likelihood: &Likelihood<'_>, points: &Inputs, cholesky: &Cholesky) -> Result<Self> {
+    /// `prior_mean` of what they observed.
+    fn new(
+        prior: &Prior,
+        likelihood: &Likelihood<'_>,
+        prior_mean: &[f64],
+        points: &Inputs,
+        cholesky: &Cholesky,
+    ) -> Result<Self> {
         let mut features = likelihood.message_cross(prior.kernel(), points)?;
         cholesky.solve_rows(&mut features);
-        let (kappa, mean) = (likelihood.kappa(), likelihood.prior_mean(prior.mean())?);
         let (mut bound, mut shift) = (0.0, Vec::with_capacity(features.rows()));
         let diagonal = likelihood.message_diagonal(prior.kernel())?;
-        let explained = squared_norms_of_rows(&features);
-        for (row, (diagonal, explained)) in diagonal.into_iter().zip(explained).enumerate() {
-            let (kappa, mean) = (kappa[likelihood.events() + row], mean[likelihood.events() + row]);
+        let unexplained =
+            diagonal.into_iter().zip(squared_norms_of_rows(&features)).map(|(k, explained)| k - explained);
+        for ((unexplained, kappa), mean) in unexplained.zip(likelihood.message_kappa()).zip(prior_mean) {
             shift.push(kappa - mean);
-            bound += (kappa - 0.5 * mean) * mean - 0.5 * (diagonal - explained).max(0.0);
+            bound += (kappa - 0.5 * mean) * mean - 0.5 * unexplained.max(0.0);
         }
         let mut said = Sums::zeros(points.len());
         said.add(&features, &vec![1.0; shift.len()], &shift, &mut Matrix::default());
@@ -98,42 +114,54 @@ impl<'a> Sparse<'a> {
     pub(super) fn new(prior: &'a Prior, likelihood: &Likelihood<'a>, points: &'a Inputs) -> Result<Self> {
         let cholesky = Cholesky::with_jitter("K_MM", &prior.kernel().gram(points)?)?;
         let cross = Cross::new(prior.kernel(), points, likelihood.observations.inputs())?.kept()?;
-        let messages = Messages::new(prior, likelihood, points, &cholesky)?;
-        let (kappa, prior_mean) = (likelihood.kappa(), likelihood.prior_mean(prior.mean())?);
-        let site = |n: usize| {
-            let (kappa, prior_mean) = (kappa[n], prior_mean[n]);
-            Site { prior_mean, residual: 0.0, mean: prior_mean, variance: 0.0, omega: 0.0, kappa }
-        };
-        let sites = (0..likelihood.events()).map(site).collect();
+        let mut prior_mean = likelihood.prior_mean(prior.mean())?;
+        let of_messages = prior_mean.split_off(likelihood.events());
+        let messages = Messages::new(prior, likelihood, &of_messages, points, &cholesky)?;
         let (precision, inner) = (Matrix::zeros(points.len(), points.len()), Cholesky::of_identity(points.len()));
-        let weights = vec![0.0; points.len()];
-        Ok(Self { points, cross, cholesky, sites, messages, precision, inner, weights })
+        let (residual, weights) = (Vec::new(), vec![0.0; points.len()]);
+        Ok(Self { points, cross, cholesky, prior_mean, residual, messages, precision, inner, weights })
     }
 
-    /// The first walk, from the prior: every site is what `rule` makes of it. Says what inducing points leave unexplained.
-    pub(super) fn begin(&mut self, prior: &Prior, rule: impl Fn(usize, &mut Site) + Sync) -> Result<Walk> {
+    /// The first walk, from the prior: every event has the ω and κ that `rule` says. Finds what inducing points leave unexplained.
+    pub(super) fn begin(&mut self, prior: &Prior, rule: impl Fn(usize) -> (f64, f64) + Sync) -> Result<Walk> {
         let inputs = self.cross.inputs();
         let diagonals = on_parts(self.cross.parts(), |part| prior.kernel().diagonal(&inputs.slice(part)));
-        let diagonal = diagonals.into_iter().collect::<Result<Vec<_>>>()?.concat();
-        self.walk(|n, site, _, explained| {
-            site.residual = (diagonal[n] - explained).max(0.0);
-            rule(n, site);
-            (0.0, 0.0)
+        let mut residual = diagonals.into_iter().collect::<Result<Vec<_>>>()?.concat();
+        let walk = self.visit([&mut residual], |n, _, explained, [residual]| {
+            *residual = (*residual - explained).max(0.0);
+            let (omega, kappa) = rule(n);
+            Site { omega, kappa, bound: 0.0, change: 0.0 }
+        })?;
+        self.residual = residual;
+        Ok(walk)
+    }
+
+    /// Looks at every event once: `rule` gets its number, what this posterior says of it, and its numbers of `state`, which it may
+    /// change, and says its site. O(NM²).
+    pub(super) fn walk<const K: usize>(
+        &self,
+        state: [&mut [f64]; K],
+        rule: impl Fn(usize, &Seen, [&mut f64; K]) -> Site + Sync,
+    ) -> Result<Walk> {
+        self.visit(state, |n, pull, explained, state| {
+            let (prior_mean, residual) = (self.prior_mean[n], self.residual[n]);
+            rule(n, &Seen { prior_mean, mean: prior_mean + pull, explained, residual }, state)
         })
     }
 
-    /// Looks at every event once: `rule` gets its number, its site, and its posterior mean about the prior mean and explained
-    /// variance, moves the site, and says a term of a sum and how large the change is. O(NM²).
-    pub(super) fn walk(&mut self, rule: impl Fn(usize, &mut Site, f64, f64) -> (f64, f64) + Sync) -> Result<Walk> {
-        let mut sites = std::mem::take(&mut self.sites);
-        let (mut left, mut shares) = (sites.as_mut_slice(), Vec::new());
+    /// The same by the posterior mean about the prior mean and the explained variance alone.
+    fn visit<const K: usize>(
+        &self,
+        mut state: [&mut [f64]; K],
+        rule: impl Fn(usize, f64, f64, [&mut f64; K]) -> Site + Sync,
+    ) -> Result<Walk> {
+        let mut shares = Vec::new();
         for part in self.cross.parts() {
-            let (own, others) = left.split_at_mut(part.len());
-            shares.push((part, own));
-            left = others;
+            let share = state.each_mut().map(|left| left.split_off_mut(..part.len()).unwrap_or_default());
+            shares.push((part, share));
         }
         let outer = self.cholesky.times(&self.inner);
-        let walks = on_parts(shares, |(part, sites)| self.walk_part(&outer, part, sites, &rule));
+        let walks = on_parts(shares, |(part, share)| self.visit_part(&outer, part, share, &rule));
         let mut total = Walk { said: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 };
         for walk in walks {
             let walk = walk?;
@@ -141,7 +169,6 @@ impl<'a> Sparse<'a> {
             total.bound += walk.bound;
             total.change = f64::max(total.change, walk.change);
         }
-        self.sites = sites;
         // From this posterior's point of view to the prior's.
         total.said.precision.mirror_lower();
         total.said.precision = self.inner.unwhiten(&total.said.precision);
@@ -149,24 +176,29 @@ impl<'a> Sparse<'a> {
         Ok(total)
     }
 
-    fn walk_part(
+    fn visit_part<const K: usize>(
         &self,
         outer: &Cholesky,
         part: Range<usize>,
-        sites: &mut [Site],
-        rule: &impl Fn(usize, &mut Site, f64, f64) -> (f64, f64),
+        mut state: [&mut [f64]; K],
+        rule: &impl Fn(usize, f64, f64, [&mut f64; K]) -> Site,
     ) -> Result<Walk> {
-        let mut walk = Walk { said: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 };
+        let (first, mut walk) = (part.start, Walk { said: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 });
         let (mut features, mut room) = (Matrix::default(), Matrix::default());
-        for (block, sites) in blocks(part).zip(sites.chunks_mut(BLOCK)) {
+        let (mut omega, mut shift) = (Vec::with_capacity(BLOCK), Vec::with_capacity(BLOCK));
+        for block in blocks(part) {
             self.cross.write_features(block.clone(), outer, &mut features)?;
             let (pulls, explained) = products_and_squared_norms(&features, &self.weights);
-            for ((n, site), (pull, explained)) in block.zip(&mut *sites).zip(pulls.into_iter().zip(explained)) {
-                let (bound, change) = rule(n, site, pull, explained);
-                walk.bound += bound;
-                walk.change = f64::max(walk.change, change);
+            omega.clear();
+            shift.clear();
+            for (n, (pull, explained)) in block.zip(pulls.into_iter().zip(explained)) {
+                let site = rule(n, pull, explained, state.each_mut().map(|column| &mut column[n - first]));
+                omega.push(site.omega);
+                // κ̃ = κ − ωμ₀.
+                shift.push(site.kappa - site.omega * self.prior_mean[n]);
+                walk.bound += site.bound;
+                walk.change = f64::max(walk.change, site.change);
             }
-            let (omega, shift): (Vec<_>, Vec<_>) = sites.iter().map(|site| (site.omega, site.shift())).unzip();
             walk.said.add(&features, &omega, &shift, &mut room);
         }
         Ok(walk)

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::natural::Found;
 use super::sparse::Sparse;
 use crate::error::Result;
 use crate::likelihood::Likelihood;
@@ -9,9 +10,14 @@ use crate::linalg::{Matrix, add_scaled, lower_gram, product};
 use crate::parts::{blocks, on_parts};
 use crate::prior::Prior;
 
-/// ∂E/∂(log parameters of the kernel, parameters of the prior mean) at the sites that the engine holds and their posterior. O(NM²).
-pub(super) fn gradient(engine: &Sparse<'_>, prior: &Prior, likelihood: &Likelihood<'_>) -> Result<Vec<f64>> {
-    let slope = Slope::new(engine, prior, likelihood);
+/// ∂E/∂(log parameters of the kernel, parameters of the prior mean) at the sites that were found and their posterior, which the engine holds. O(NM²).
+pub(super) fn gradient(
+    engine: &Sparse<'_>,
+    found: &Found,
+    prior: &Prior,
+    likelihood: &Likelihood<'_>,
+) -> Result<Vec<f64>> {
+    let slope = Slope::new(engine, found, prior, likelihood);
     let mut gradient = prior.kernel().gram_gradient(engine.points, &slope.by_points);
     let mut alpha = Vec::with_capacity(likelihood.len());
     for part in on_parts(engine.cross.parts(), |part| slope.of_part(part)) {
@@ -31,6 +37,7 @@ pub(super) fn gradient(engine: &Sparse<'_>, prior: &Prior, likelihood: &Likeliho
 /// ∂E/∂K, in its parts.
 struct Slope<'a> {
     engine: &'a Sparse<'a>,
+    found: &'a Found,
     prior: &'a Prior,
     likelihood: &'a Likelihood<'a>,
     /// S⁻¹b̂.
@@ -44,7 +51,7 @@ struct Slope<'a> {
 }
 
 impl<'a> Slope<'a> {
-    fn new(engine: &'a Sparse<'a>, prior: &'a Prior, likelihood: &'a Likelihood<'a>) -> Self {
+    fn new(engine: &'a Sparse<'a>, found: &'a Found, prior: &'a Prior, likelihood: &'a Likelihood<'a>) -> Self {
         let points = engine.points.len();
         let mut weights = engine.weights.clone();
         engine.inner.solve_upper(&mut weights);
@@ -65,7 +72,7 @@ impl<'a> Slope<'a> {
         middle.symmetrise();
         let by_points = Matrix::from_fn(points, points, |i, j| 0.5 * (middle[(i, j)] - gamma[i] * gamma[j]));
         engine.cholesky.solve_upper_matrix(&mut explained);
-        Self { engine, prior, likelihood, weights, gamma, explained, by_points }
+        Self { engine, found, prior, likelihood, weights, gamma, explained, by_points }
     }
 
     /// Of the covariances with some of the events, and α = κ̃ − Ωδ of these, δ the posterior mean about the prior mean.
@@ -74,9 +81,11 @@ impl<'a> Slope<'a> {
         let (mut gradient, mut alpha) = (vec![0.0; kernel.parameter_count()], Vec::with_capacity(part.len()));
         let mut features = Matrix::default();
         for block in blocks(part) {
-            let sites = &self.engine.sites[block.clone()];
-            let omega: Vec<f64> = sites.iter().map(|site| site.omega).collect();
-            let shift: Vec<f64> = sites.iter().map(|site| site.shift()).collect();
+            let omega = self.found.omega(self.likelihood, block.clone());
+            let about_mean = |(n, omega): (usize, &f64)| {
+                self.likelihood.observations.kappa_of(n) - omega * self.engine.prior_mean[n]
+            };
+            let shift: Vec<f64> = block.clone().zip(&omega).map(about_mean).collect();
             self.engine.cross.write_features(block.clone(), &self.engine.cholesky, &mut features)?;
             let (weights, alpha_of_block) = self.by_cross(&features, &omega, &shift);
             let inputs = inputs.slice(block);
