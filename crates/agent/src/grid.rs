@@ -125,6 +125,13 @@ impl Grid {
         self.cells_of_knots().cell(chart, position)
     }
 
+    /// Cells of knots about one, and it: five in a row and a column, the last of them about so far away, or next to one another.
+    pub(crate) fn knot_cells_about(&self, cell: Cell, away_m: f64) -> impl Iterator<Item = Cell> {
+        let stride = (away_m / self.cells_of_knots().side_m / 2.0).clamp(1.0, f64::from(u8::MAX)) as i32;
+        let about = move |place: u8| (-2..=2).filter_map(move |n| u8::try_from(i32::from(place) + n * stride).ok());
+        about(cell.east).flat_map(move |east| about(cell.north).map(move |north| Cell { east, north, ..cell }))
+    }
+
     /// The middle of a cell of knots.
     pub fn knot_position(&self, chart: &Chart, cell: Cell, has_depth: bool) -> Position {
         self.cells_of_knots().position(chart, cell, has_depth)

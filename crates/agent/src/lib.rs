@@ -19,6 +19,7 @@ mod limits;
 mod slots;
 mod told_track;
 mod track;
+mod knots;
 mod place;
 mod model;
 mod structure;

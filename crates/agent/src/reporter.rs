@@ -7,8 +7,8 @@ use pingmap_packet::{
     Cell, Earlier, KNOTS_MAX, Knot, OUTCOME_BYTES_MAX, Outcome, OutcomeCounts, Report as ReportMessage,
 };
 
+use crate::knots::Knots;
 use crate::memory::Memory;
-use crate::track::Knots;
 
 /// What a transmission that was reported once is still worth: reports get lost.
 const LOST: f64 = 0.3;
