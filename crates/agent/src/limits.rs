@@ -34,7 +34,7 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             events_max: 100_000,
-            dense_events_max: 1000,
+            dense_events_max: 1200,
             inducing_points_max: 256,
             candidates_max: 1000,
             events_beside_max: 256,

@@ -10,7 +10,7 @@ use crate::linalg::{
 };
 use crate::parts::{BLOCK, blocks, on_parts, parts};
 
-/// So many covariances are kept, 64 MB of them; what is beyond is worked out anew whenever it is asked for.
+/// So many covariances are kept, 59 MB of them; what is beyond is worked out anew whenever it is asked for.
 const KEPT_MAX: usize = 7 << 20;
 
 /// K_NM of N events against M inducing points.
@@ -33,7 +33,7 @@ impl<'a> Cross<'a> {
         Ok(Self { kernel, points, inputs, kept: Vec::new() })
     }
 
-    /// The same with as much kept as is worth it. O(NMd), 64 MB of memory at most.
+    /// The same with as much kept as is worth it. O(NMd), 59 MB of memory at most.
     pub(crate) fn kept(self) -> Result<Self> {
         let blocks_max = KEPT_MAX / (BLOCK * self.points.len()).max(1);
         let whole = blocks(0..self.inputs.len()).take(blocks_max).collect();

@@ -53,7 +53,7 @@ pub struct Fit {
 
 /// Fits `observations` by mean field: the ω that make the evidence bound E largest, and the Gaussian posterior that
 /// goes with them. Dense, O(N³) an iteration and 4N² memory, or with [`FitOptions::inducing_points`] O(NM²) and O(N + M²)
-/// memory beside 64 MB of covariances at most, for N events and observations that messages stand for.
+/// memory beside 59 MB of covariances at most, for N events and observations that messages stand for.
 ///
 /// ```
 /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};

@@ -30,7 +30,7 @@ pub struct LearnOptions<'a> {
     /// The search looks at so many events at most, spread evenly, 4000 if not said otherwise; what it finds is then fitted to
     /// all of them. What more events would still move in the parameters, predictions do not show.
     pub search_events_max: usize,
-    /// Up to so many events, 1000 if not said otherwise, E is that of the dense fit, O(N³) an evaluation; beyond, that
+    /// Up to so many events, 1200 if not said otherwise, E is that of the dense fit, O(N³) an evaluation; beyond, that
     /// of a sparse one, O(NM²).
     pub dense_events_max: usize,
     /// Inducing points M of a sparse fit, chosen greedily among the events, beside those of the messages: 256 if not
@@ -58,7 +58,7 @@ impl Default for LearnOptions<'_> {
             start_events_max: 150,
             race_events_max: 500,
             search_events_max: 4000,
-            dense_events_max: 1000,
+            dense_events_max: 1200,
             inducing_points_max: 256,
             iterations_max: 60,
             tolerance: 1e-7,
