@@ -30,10 +30,10 @@ pub fn exchange() -> Box<dyn FnMut() -> f64> {
     Box::new(move || candidates.minimise_trace(50).trace)
 }
 
-/// Fifty of very many, judged by 1500 of them.
+/// Fifty of very many, judged by 2000 of them.
 pub fn greedy_of_many(size: usize) -> Box<dyn FnMut() -> f64> {
     let (prior, events) = (truth(), synthetic(size));
-    Box::new(move || greedy_judged(prior.kernel(), events.inputs(), 50, 1500).expect("finite places").trace)
+    Box::new(move || greedy_judged(prior.kernel(), events.inputs(), 50, 2000).expect("finite places").trace)
 }
 
 /// Fifty of ten thousand by the cheap rule.
