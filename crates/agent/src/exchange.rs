@@ -1,7 +1,7 @@
 //! What a vehicle takes in from the water, and what it gives.
 
 use dgpc::spread_out;
-use pingmap_packet::{Earlier, Layout, MapMessage, Report as ReportMessage, ReportLayout};
+use pingmap_packet::{Block, Earlier, Layout, MapMessage, Report as ReportMessage, ReportLayout};
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
@@ -17,17 +17,10 @@ use crate::reports::Worth;
 use crate::wire::Wire;
 
 /// A vehicle begins to report when it is done within so many frames,
-const FRAMES_BEFORE: u64 = 1;
+const FRAMES_BEFORE: usize = 3;
 
 /// and so many for each that it has sent.
-const FRAMES_AGAIN: u64 = 3;
-
-/// A report that could be sent.
-struct PlannedReport {
-    report: ReportMessage,
-    /// How many frames it takes to tell all that was never told.
-    frames_needed: u64,
-}
+const FRAMES_AGAIN: usize = 2;
 
 impl Agent {
     /// Takes in a packet. What it says is in the next prediction. (A time that is not finite is not noted.)
@@ -81,7 +74,7 @@ impl Agent {
 
     /// The packet that tells most for a frame of so many bytes (at most the team's), of what is known by the last fit
     /// and the events beside it; `None` where nothing is worth a frame. It is a report, of single events and where it was, or a
-    /// map message, of what all its events say: reports begin once they are soon done (docs/method.md, section 8). Fits nothing:
+    /// map message, of what all its events say: reports go first where they are soon done (docs/method.md, section 8). Fits nothing:
     /// whoever has time to [`Agent::refit`] before does. Whoever may lose its memory writes an [`Agent::snapshot`] or an
     /// [`Entry::Sent`] before the packet leaves: a counter must not be used twice.
     ///
@@ -112,10 +105,10 @@ impl Agent {
         Ok(Some(bytes))
     }
 
-    /// A report or a map message. A few points soon tell much of what the vehicle knows by itself, and only when most of its
-    /// events are told one by one do these tell more; but then they tell what no points do, because everybody can fit them
-    /// together with all others. Nothing says how many frames will follow, but that some were sent: reports begin when they are
-    /// done within three times as many, and one more. After that a map message goes where one is worth a frame.
+    /// A report or a map message. Events that are told one by one tell more than points do, because everybody can fit them together
+    /// with all others; but a few points tell something of all that the vehicle knows, and most of a long mission is long untold.
+    /// Nothing says how many frames will follow, but that some were sent. So reports go first where all is told within twice as many
+    /// and three more; before and after that a map message does, where one is worth a frame.
     fn plan(
         &self,
         sender: u8,
@@ -124,69 +117,77 @@ impl Agent {
         frame_bytes: usize,
     ) -> Result<Option<Vec<u8>>, AgentError> {
         let planner = self.planner(layout)?;
-        let memory = &self.memory;
-        let reported = memory.reports.told_by(sender);
-        let reporter = self.telling.reports.then(|| Reporter::new(memory, sender));
-        let report = match &reporter {
-            Some(reporter) => self.plan_report(&planner, reporter, counter, frame_bytes)?,
-            None => None,
+        let reporter = self.telling.reports.then(|| Reporter::new(&self.memory, sender, frame_bytes, counter));
+        let frames_max = FRAMES_BEFORE + FRAMES_AGAIN * self.memory.sent_next() as usize;
+        let begins = |reporter: &&Reporter<'_>| (1..=frames_max).contains(&reporter.frames_needed());
+        let report = |reporter: &Reporter<'_>| -> Result<Option<Vec<u8>>, AgentError> {
+            let report = self.plan_report(&planner, reporter)?;
+            Ok(report.map(|report| self.write_report(&report)).transpose()?)
         };
-        let begins = |planned: &PlannedReport| {
-            (1..=FRAMES_BEFORE + FRAMES_AGAIN * memory.sent_next()).contains(&planned.frames_needed)
-        };
-        let map = match &report {
-            Some(planned) if begins(planned) => None,
-            _ if !self.telling.points => None,
-            _ => match reported {
-                None => planner.packet(&self.beliefs.public)?,
-                Some(reported) => {
-                    let told = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
-                    // What was not reported yet will be, if it is not too long ago: no event is to be told twice.
-                    let will_be = |slot: u32| reporter.as_ref().is_some_and(|reporter| reporter.begin() <= Some(slot));
-                    let is_told = |slot: u32| will_be(slot) || reported.outcomes.contains_key(&slot);
-                    planner.packet(&self.beliefs.public_of(memory, &told, &is_told)?)?
-                }
-            },
-        };
-        match (map, report) {
-            (Some(map), _) => {
-                Ok(Some(self.write(layout, &MapMessage { sender, counter, model: 0, blocks: map.blocks })?))
-            }
-            (None, Some(planned)) => Ok(Some(memory.frames.write_report(&planned.report)?)),
-            (None, None) => Ok(None),
+        if let Some(reporter) = reporter.as_ref().filter(begins)
+            && let Some(bytes) = report(reporter)?
+        {
+            return Ok(Some(bytes));
         }
+        if self.telling.points
+            && let Some(blocks) = self.plan_map(&planner, sender, reporter.as_ref())?
+        {
+            return Ok(Some(self.write(layout, &MapMessage { sender, counter, model: 0, blocks })?));
+        }
+        reporter.as_ref().map_or(Ok(None), report)
     }
 
-    /// The report that is worth most. Map messages that were sent before the first report speak of the same events: they count
-    /// for what they say beyond, or for nothing, whichever leaves less untold. Later ones are about other events.
-    fn plan_report(
+    /// The blocks that tell most of what no report did, or could tell yet: no event is to be told twice.
+    fn plan_map(
         &self,
         planner: &Planner<'_>,
-        reporter: &Reporter<'_>,
-        counter: u16,
-        frame_bytes: usize,
-    ) -> Result<Option<PlannedReport>, AgentError> {
+        sender: u8,
+        reporter: Option<&Reporter<'_>>,
+    ) -> Result<Option<Vec<Block>>, AgentError> {
+        let memory = &self.memory;
+        let planned = match memory.reports.told_by(sender) {
+            None => planner.packet(&self.beliefs.public)?,
+            Some(reported) => {
+                let told = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
+                // Reports will tell what is not too long ago.
+                let will_be = |slot: u32| reporter.is_some_and(|reporter| reporter.begin() <= Some(slot));
+                let is_told = |slot: u32| will_be(slot) || reported.outcomes.contains_key(&slot);
+                planner.packet(&self.beliefs.public_of(memory, &told, &is_told)?)?
+            }
+        };
+        Ok(planned.map(|planned| planned.blocks))
+    }
+
+    /// That of the reports which leaves least untold. Map messages that were sent before the first report speak of the same events:
+    /// they count for what they say beyond, or for nothing, whichever leaves less. Later ones are about other events.
+    fn plan_report(&self, planner: &Planner<'_>, reporter: &Reporter<'_>) -> Result<Option<ReportMessage>, AgentError> {
         let (memory, sender) = (&self.memory, reporter.sender());
+        let mut reports = reporter.reports();
+        let Some(mut report) = reports.pop() else { return Ok(None) };
         let packets = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
         let known = memory.reports.told_by(sender);
-        let before = match known {
-            Some(told) => told.before(),
-            None => (counter > 0).then_some(counter as u8),
-        };
-        let earlier = |counts| before.map(|before| Earlier { before, counts });
-        let Some(report) = reporter.report(frame_bytes, earlier(false)) else { return Ok(None) };
-        let new = reporter.slots_told(&report);
-        let is_told = |slot: u32| new.contains(&slot) || known.is_some_and(|told| told.outcomes.contains_key(&slot));
-        let left = |packets: &Packets| -> Result<f64, AgentError> {
+        let is_earlier = |worth: Worth| known.is_none() || worth < Worth::All;
+        let (earlier, others): (Packets, Packets) = packets.into_iter().partition(|(_, worth)| is_earlier(*worth));
+        let beyond: Packets = earlier.keys().map(|&key| (key, Worth::Beyond)).chain(others.clone()).collect();
+        let left = |report: &ReportMessage, packets: &Packets| -> Result<f64, AgentError> {
+            let new = reporter.slots_told(report);
+            let is_told =
+                |slot: u32| new.contains(&slot) || known.is_some_and(|told| told.outcomes.contains_key(&slot));
             Ok(planner.left(&self.beliefs.public_of(memory, packets, &is_told)?)?)
         };
-        let is_earlier = |worth: Worth| known.is_none() || worth < Worth::All;
-        let (earlier_ones, others): (Packets, Packets) = packets.into_iter().partition(|(_, worth)| is_earlier(*worth));
-        let beyond = earlier_ones.keys().map(|&key| (key, Worth::Beyond)).chain(others.clone()).collect();
-        let counts = !earlier_ones.is_empty() && left(&beyond)? < left(&others)?;
-        let report = ReportMessage { earlier: earlier(counts), ..report };
-        let frames_needed = reporter.frames_needed(frame_bytes, earlier(false)) as u64;
-        Ok(Some(PlannedReport { report, frames_needed }))
+        if reports.is_empty() && earlier.is_empty() {
+            return Ok(Some(report));
+        }
+        let mut least = left(&report, &beyond)?;
+        for other in reports {
+            let left = left(&other, &beyond)?;
+            if left < least {
+                (report, least) = (other, left);
+            }
+        }
+        let counts = !earlier.is_empty() && least < left(&report, &others)?;
+        report.earlier = report.earlier.map(|earlier| Earlier { counts, ..earlier });
+        Ok(Some(report))
     }
 
     /// A packet of its own that was sent again least often, the oldest of these, unless all were sent again often

@@ -30,6 +30,9 @@ struct Item {
 pub(crate) struct Reporter<'a> {
     memory: &'a Memory,
     sender: u8,
+    frame_bytes: usize,
+    /// What a report says of map messages that went before the first one; none did if it is `None`.
+    earlier: Option<Earlier>,
     items: Vec<Item>,
     knots: Vec<(u32, Cell)>,
     /// Of each knot the number of its run: between runs nobody says where it was.
@@ -87,8 +90,9 @@ struct Span {
 }
 
 impl<'a> Reporter<'a> {
-    /// O(slots since the vehicle was first anywhere, of a leg each).
-    pub(crate) fn new(memory: &'a Memory, sender: u8) -> Self {
+    /// What could be told in a frame of so many bytes that carries this counter. O(slots since the vehicle was first anywhere, of a
+    /// leg each).
+    pub(crate) fn new(memory: &'a Memory, sender: u8, frame_bytes: usize, counter: u16) -> Self {
         let team = &memory.frames.team;
         let knots = Knots {
             slots: &team.slots,
@@ -98,7 +102,8 @@ impl<'a> Reporter<'a> {
             off_max_m: team.track_off_max_m,
         };
         let nothing = BTreeMap::new();
-        let told = memory.reports.told_by(sender).map_or(&nothing, |told| told.track.knots());
+        let reported = memory.reports.told_by(sender);
+        let told = reported.map_or(&nothing, |told| told.track.knots());
         let runs = knots.of(&memory.track(), told).into_iter().enumerate();
         let (runs, knots): (Vec<usize>, Vec<(u32, Cell)>) =
             runs.flat_map(|(run, knots)| knots.into_iter().map(move |knot| (run, knot))).unzip();
@@ -109,50 +114,80 @@ impl<'a> Reporter<'a> {
             let before = sums.last().copied().unwrap_or_default();
             sums.push(before.and(item, always));
         }
-        Self { memory, sender, items, knots, runs, sums }
+        let before = match reported {
+            Some(reported) => reported.before(),
+            None => (counter > 0).then_some(counter as u8),
+        };
+        let earlier = before.map(|before| Earlier { before, counts: false });
+        Self { memory, sender, frame_bytes, earlier, items, knots, runs, sums }
     }
 
-    /// The report that is worth most of those that fit into so many bytes and begin or end where something does that is worth
-    /// more than what is before or after it: what is left shall be in one piece. The latest of several. None where nothing is
-    /// worth telling (again). Where another one has to go for it, it must say something new.
-    pub(crate) fn report(&self, frame_bytes: usize, earlier: Option<Earlier>) -> Option<ReportMessage> {
+    /// The reports of which one is worth the next frame, that which is worth most last. Where all that was never told takes several
+    /// frames, these are there, too, counted from its begin and from its end: much of a mission is like the rest of it, and it matters
+    /// what goes first. Empty where nothing is worth telling (again).
+    pub(crate) fn reports(&self) -> Vec<ReportMessage> {
+        let is_full = self.memory.reports.begin(self.sender) > 0;
+        // Where another one has to go for it, it must say something new.
+        let is_worth = |span: &Span| !is_full || self.sums[span.last + 1].new > self.sums[span.first].new;
+        // The latest of several.
+        let ends = self.at_ends().into_iter().filter(is_worth);
+        let Some(best) = ends.max_by(|a, b| a.value.total_cmp(&b.value)) else { return Vec::new() };
+        let is_long = self.frames_needed() > 1;
+        let mut spans = [self.in_frames(self.untold()), self.in_frames(self.untold().rev())].concat();
+        spans.retain(|span| is_long && self.fits(span.first, span.last));
+        spans.push(best);
+        spans.into_iter().map(|span| self.message(span)).collect()
+    }
+
+    /// Full frames that begin or end where something does that is worth more than what is before or after it: what is left is in
+    /// one piece.
+    fn at_ends(&self) -> Vec<Span> {
         let value = |place: usize| self.items[place].value;
-        let fits = |first, last| self.fits(first, last, frame_bytes, earlier.is_some());
         // Between two items of value there may be some that nothing can be said of.
         let worth: Vec<usize> = (0..self.items.len()).filter(|&place| value(place) > 0.0).collect();
-        let is_full = self.memory.reports.begin(self.sender) > 0;
-        let mut best: Option<Span> = None;
-        for (nth, &place) in worth.iter().enumerate().filter(|&(_, &place)| fits(place, place)) {
+        let mut spans = Vec::new();
+        for (nth, &place) in worth.iter().enumerate().filter(|&(_, &place)| self.fits(place, place)) {
             let is_more_than = |other: Option<&usize>| other.is_none_or(|&other| value(place) > value(other));
-            let begins = is_more_than(nth.checked_sub(1).and_then(|before| worth.get(before)));
-            let ends = is_more_than(worth.get(nth + 1));
-            let onward = worth[nth..].partition_point(|&last| fits(place, last));
-            let back = worth[..=nth].partition_point(|&first| !fits(first, place));
-            let spans =
-                [begins.then(|| (place, worth[nth + onward.max(1) - 1])), ends.then(|| (worth[back.min(nth)], place))];
-            for (first, last) in spans.into_iter().flatten() {
-                let value = self.sums[last + 1].value - self.sums[first].value;
-                let is_new = self.sums[last + 1].new > self.sums[first].new;
-                if (is_new || !is_full) && best.is_none_or(|best| value >= best.value) {
-                    best = Some(Span { first, last, value });
-                }
+            if is_more_than(nth.checked_sub(1).and_then(|before| worth.get(before))) {
+                let onward = worth[nth..].partition_point(|&last| self.fits(place, last));
+                spans.push(self.span(place, worth[nth + onward.max(1) - 1]));
+            }
+            if is_more_than(worth.get(nth + 1)) {
+                let back = worth[..=nth].partition_point(|&first| !self.fits(first, place));
+                spans.push(self.span(worth[back.min(nth)], place));
             }
         }
-        best.map(|span| self.message(span, earlier))
+        spans
     }
 
-    /// How many frames of so many bytes it takes to tell all that was never told.
-    pub(crate) fn frames_needed(&self, frame_bytes: usize, earlier: Option<Earlier>) -> usize {
-        let mut untold = (0..self.items.len()).filter(|&place| self.items[place].value == 1.0).peekable();
-        let mut frames = 0;
-        while let Some(first) = untold.next() {
-            frames += 1;
-            while untold.next_if(|&last| self.fits(first, last, frame_bytes, earlier.is_some())).is_some() {}
+    /// How many frames it takes to tell all that was never told.
+    pub(crate) fn frames_needed(&self) -> usize {
+        self.in_frames(self.untold()).len()
+    }
+
+    fn untold(&self) -> impl DoubleEndedIterator<Item = usize> {
+        (0..self.items.len()).filter(|&place| self.items[place].value == 1.0)
+    }
+
+    /// Items in as few frames as they fit into, in this order or the other way round.
+    fn in_frames(&self, places: impl Iterator<Item = usize>) -> Vec<Span> {
+        let mut places = places.peekable();
+        let mut spans = Vec::new();
+        while let Some(begin) = places.next() {
+            let mut end = begin;
+            while let Some(next) = places.next_if(|&next| self.fits(begin.min(next), begin.max(next))) {
+                end = next;
+            }
+            spans.push(self.span(begin.min(end), begin.max(end)));
         }
-        frames
+        spans
     }
 
-    fn fits(&self, first: usize, last: usize, frame_bytes: usize, has_earlier: bool) -> bool {
+    fn span(&self, first: usize, last: usize) -> Span {
+        Span { first, last, value: self.sums[last + 1].value - self.sums[first].value }
+    }
+
+    fn fits(&self, first: usize, last: usize) -> bool {
         let (before, end) = (self.sums[first], self.sums[last + 1]);
         let own = if self.tells_own(first, last) { end.own - before.own } else { 0 };
         let outcomes = OutcomeCounts {
@@ -161,9 +196,12 @@ impl<'a> Reporter<'a> {
             skips: end.skips - before.skips,
         };
         let (from, to) = self.knots_about(first, last);
-        let length = self.memory.frames.report_layout().length(outcomes, to + 1 - from, has_earlier);
+        let length = self.memory.frames.report_layout().length(outcomes, to + 1 - from, self.earlier.is_some());
         let is_one_run = self.runs[from] == self.runs[to];
-        is_one_run && length <= frame_bytes && to + 1 - from <= KNOTS_MAX && outcomes.bytes_max() <= OUTCOME_BYTES_MAX
+        is_one_run
+            && length <= self.frame_bytes
+            && to + 1 - from <= KNOTS_MAX
+            && outcomes.bytes_max() <= OUTCOME_BYTES_MAX
     }
 
     /// Whether it was silent in one of these slots, or may have been as far as others know.
@@ -178,7 +216,7 @@ impl<'a> Reporter<'a> {
         (from, self.knots.partition_point(|knot| knot.0 < last).min(self.knots.len() - 1))
     }
 
-    fn message(&self, span: Span, earlier: Option<Earlier>) -> ReportMessage {
+    fn message(&self, span: Span) -> ReportMessage {
         let items = &self.items[span.first..=span.last];
         let tells_own = self.tells_own(span.first, span.last);
         let first = items[0].slot;
@@ -195,7 +233,7 @@ impl<'a> Reporter<'a> {
             tells_own,
             outcomes: items.iter().filter(|item| tells_own || !item.is_own).map(|item| item.outcome).collect(),
             knots: self.knots[from..=to].iter().map(knot).collect(),
-            earlier,
+            earlier: self.earlier,
         }
     }
 
