@@ -1,4 +1,4 @@
-//! What one faulty member does to the others, and what leaving it out saves:
+//! What one faulty member does to the others, and what leaving it out saves, told by points and told by reports:
 //! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv`.
 //!
 //! In every split every vehicle in turn is the faulty one. The mean negative log-likelihood is that of all others over
@@ -10,41 +10,51 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, Event, Key, Learning, Team, VehicleId};
-use pingmap_packet::{Block, Cell, MapMessage, Point};
-use pingmap_trial::{EventLog, Mission, Plan, Score, read_splits};
+use pingmap_agent::{Agent, AgentError, Event, Key, Learning, Team, Telling, VehicleId};
+use pingmap_packet::{Block, Cell, MapMessage, Outcome as Heard, Point};
+use pingmap_trial::{Agreed, EventLog, Mission, Plan, Score, Split, read_splits};
 use rand::{Rng, RngExt, SeedableRng};
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 const PACKETS: usize = 10;
 
-/// What may be wrong with a member.
+/// What may be wrong with a member, the last two with its points alone.
 const FAULTS: [&str; 8] =
     ["honest", "silent", "deaf", "random", "one lie", "contrary", "biased by 1/6", "biased by 1/2"];
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().collect();
     let [_, events, splits] = arguments.as_slice() else { return Err("expected: events.csv splits.csv".into()) };
     let log = EventLog::open(Path::new(events))?;
+    let splits = read_splits(Path::new(splits), &log)?;
+    let points = Telling { points: true, reports: false };
+    table(&log, &splits, "points", points, &FAULTS)?;
+    table(&log, &splits, "reports", Telling { points: false, reports: true }, &FAULTS[..6])
+}
+
+fn table(log: &EventLog, splits: &[Split], title: &str, telling: Telling, faults: &[&str]) -> Result<(), Failure> {
     let mut plan = Plan::new(Learning::default(), 1);
     plan.key = Some(Key::new(*b"the secret of a team of vehicles")?);
-    let mut outcomes = FAULTS.map(|_| Vec::new());
-    for (number, split) in read_splits(Path::new(splits), &log)?.iter().enumerate() {
-        let mission = Mission::prepare(&log, split, &plan, PACKETS)?;
+    plan.telling = telling;
+    let mut outcomes: Vec<Vec<Outcome>> = faults.iter().map(|_| Vec::new()).collect();
+    for (number, split) in splits.iter().enumerate() {
+        let mission = Mission::prepare(log, split, &plan, PACKETS)?;
+        let believing = Team { surprise_max: 1e9, ..(*mission.team).clone() };
+        let believing = Plan { agreed: Agreed::Team(Box::new(believing)), ..plan.clone() };
+        let believing = Mission::prepare(log, split, &believing, 0)?.vehicles;
         for faulty in 0..mission.vehicles.len() {
             let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64((100 * number + faulty) as u64);
-            for (fault, outcomes) in FAULTS.iter().zip(&mut outcomes) {
-                let said = said(&mission, faulty, fault, &mut rng)?;
-                for listener in (0..mission.vehicles.len()).filter(|&listener| listener != faulty) {
-                    outcomes.push(listen(&mission, listener, faulty, &said)?);
+            for (fault, outcomes) in faults.iter().zip(&mut outcomes) {
+                let said = said(&mission, telling.points, faulty, fault, &mut rng)?;
+                for (listener, believing) in believing.iter().enumerate().filter(|&(listener, _)| listener != faulty) {
+                    outcomes.push(listen(&mission, listener, believing, faulty, &said)?);
                 }
             }
         }
     }
-    println!(
-        "{:15} {:>6} {:>8} {:>8} {:>5} {:>7}  surprise",
-        "member", "alone", "believed", "default", "out", "others"
-    );
-    for (fault, outcomes) in FAULTS.iter().zip(&outcomes) {
+    println!("{title:15} {:>6} {:>8} {:>8} {:>5} {:>7}  surprise", "alone", "believed", "default", "out", "others");
+    for (fault, outcomes) in faults.iter().zip(&outcomes) {
         println!("{}", row(fault, outcomes));
     }
     Ok(())
@@ -73,13 +83,14 @@ fn row(fault: &str, outcomes: &[Outcome]) -> String {
     )
 }
 
-fn listen(mission: &Mission, listener: usize, faulty: usize, said: &[Vec<u8>]) -> Result<Outcome, AgentError> {
-    let agent = &mission.vehicles[listener];
-    let trusting = Arc::new(Team { surprise_max: 1e9, ..(*mission.team).clone() });
-    let mut trusting = Agent::new(agent.id().clone(), trusting);
-    trusting.observe_all(agent.events().cloned())?;
-    trusting.rebuild_posteriors()?;
-    let mut doubting = agent.clone();
+fn listen(
+    mission: &Mission,
+    listener: usize,
+    believing: &Agent,
+    faulty: usize,
+    said: &[Vec<u8>],
+) -> Result<Outcome, AgentError> {
+    let (mut believing, mut doubting) = (believing.clone(), mission.vehicles[listener].clone());
     let nll = |agent: &mut Agent| {
         let score = Score::new(&agent.probabilities(&mission.held_out)?, &mission.outcomes);
         Ok::<f64, AgentError>(score.map_or(f64::NAN, |score| score.nll))
@@ -87,11 +98,13 @@ fn listen(mission: &Mission, listener: usize, faulty: usize, said: &[Vec<u8>]) -
     let alone = nll(&mut doubting)?;
     for (sender, packets) in mission.packets.iter().enumerate().filter(|&(sender, _)| sender != listener) {
         for bytes in if sender == faulty { said } else { packets } {
-            trusting.receive(bytes, 0.0);
+            believing.receive(bytes, 0.0);
             doubting.receive(bytes, 0.0);
         }
     }
-    let nll = [alone, nll(&mut trusting)?, nll(&mut doubting)?];
+    believing.rebuild_posteriors()?;
+    doubting.rebuild_posteriors()?;
+    let nll = [alone, nll(&mut believing)?, nll(&mut doubting)?];
     let id: &VehicleId = mission.vehicles[faulty].id();
     let surprise = doubting.surprise(id)?.unwrap_or(0.0);
     let is_out = doubting.left_out().contains(&id);
@@ -99,31 +112,40 @@ fn listen(mission: &Mission, listener: usize, faulty: usize, said: &[Vec<u8>]) -
 }
 
 /// What a member with this fault says.
-fn said(mission: &Mission, faulty: usize, fault: &str, rng: &mut impl Rng) -> Result<Vec<Vec<u8>>, AgentError> {
+fn said(
+    mission: &Mission,
+    told_by_points: bool,
+    faulty: usize,
+    fault: &str,
+    rng: &mut impl Rng,
+) -> Result<Vec<Vec<u8>>, AgentError> {
     let (member, honest) = (&mission.vehicles[faulty], &mission.packets[faulty]);
-    let bent = |bend: &dyn Fn(&mut Point)| {
-        honest.iter().map(|bytes| bent(member, bytes, bend)).collect::<Result<Vec<_>, AgentError>>()
+    let turned = |count: usize, turn: &dyn Fn(&mut Point), say: &mut dyn FnMut(bool) -> bool| {
+        let turned = honest.iter().take(count).map(|bytes| {
+            if told_by_points { turned_points(member, bytes, turn) } else { turned_report(member, bytes, say) }
+        });
+        turned.chain(honest.iter().skip(count).cloned().map(Ok)).collect::<Result<Vec<_>, AgentError>>()
     };
-    let lower = |levels: i8| bent(&move |point| point.mean = (point.mean - levels).max(-15));
+    let lower = |levels: i8| move |point: &mut Point| point.mean = (point.mean - levels).max(-15);
+    let lie = |point: &mut Point| (point.information, point.mean) = (31, if point.mean > 0 { -15 } else { 15 });
     match fault {
         "silent" => Ok(Vec::new()),
-        "deaf" => deaf(member),
-        "random" => (0..PACKETS).map(|counter| random(member, counter as u16, rng)).collect(),
-        "one lie" => {
-            let lie = |point: &mut Point| (point.information, point.mean) = (31, if point.mean > 0 { -15 } else { 15 });
-            let first = honest.iter().take(1).map(|bytes| self::bent(member, bytes, &lie));
-            first.chain(honest.iter().skip(1).cloned().map(Ok)).collect()
-        }
-        "contrary" => bent(&|point| point.mean = -point.mean),
-        "biased by 1/6" => lower(1),
-        "biased by 1/2" => lower(3),
+        "deaf" if told_by_points => deaf(member),
+        "deaf" => turned(PACKETS, &|_| (), &mut |_| false),
+        "random" if told_by_points => (0..PACKETS).map(|counter| random(member, counter as u16, rng)).collect(),
+        "random" => turned(PACKETS, &|_| (), &mut |_| rng.random()),
+        "one lie" => turned(1, &lie, &mut |heard| !heard),
+        "contrary" => turned(PACKETS, &|point| point.mean = -point.mean, &mut |heard| !heard),
+        "biased by 1/6" => turned(PACKETS, &lower(1), &mut |heard| heard),
+        "biased by 1/2" => turned(PACKETS, &lower(3), &mut |heard| heard),
         _ => Ok(honest.clone()),
     }
 }
 
-/// The packets of a member that hears nothing.
+/// The points of a member that hears nothing.
 fn deaf(member: &Agent) -> Result<Vec<Vec<u8>>, AgentError> {
-    let mut deaf = Agent::new(member.id().clone(), Arc::new(member.team().clone()));
+    let points = Telling { points: true, reports: false };
+    let mut deaf = Agent::new(member.id().clone(), Arc::new(member.team().clone())).telling(points);
     deaf.observe_all(member.events().map(|event| Event { success: false, ..event.clone() }))?;
     deaf.refit()?;
     let mut packets = Vec::new();
@@ -156,10 +178,19 @@ fn random(member: &Agent, counter: u16, rng: &mut impl Rng) -> Result<Vec<u8>, A
     Ok(member.write(layout, &MapMessage { sender, counter, model: 0, blocks: blocks.collect() })?)
 }
 
-/// A packet with other numbers at the points of which it says something.
-fn bent(member: &Agent, bytes: &[u8], bend: &dyn Fn(&mut Point)) -> Result<Vec<u8>, AgentError> {
+/// A map message with other numbers at the points of which it says something.
+fn turned_points(member: &Agent, bytes: &[u8], turn: &dyn Fn(&mut Point)) -> Result<Vec<u8>, AgentError> {
     let Ok((layout, mut message)) = member.read(bytes) else { return Ok(bytes.to_vec()) };
     let points = message.blocks.iter_mut().flat_map(|block| &mut block.points);
-    points.filter(|point| point.information > 0).for_each(bend);
+    points.filter(|point| point.information > 0).for_each(turn);
     Ok(member.write(layout, &message)?)
+}
+
+/// A report that says otherwise of what it heard and missed.
+fn turned_report(member: &Agent, bytes: &[u8], say: &mut dyn FnMut(bool) -> bool) -> Result<Vec<u8>, AgentError> {
+    let Ok((_, mut report, _)) = member.read_report(bytes) else { return Ok(bytes.to_vec()) };
+    for outcome in report.outcomes.iter_mut().filter(|outcome| **outcome != Heard::Untold) {
+        *outcome = if say(*outcome == Heard::Heard) { Heard::Heard } else { Heard::Missed };
+    }
+    Ok(member.write_report(&report)?)
 }
