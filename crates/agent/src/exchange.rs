@@ -148,7 +148,7 @@ impl Agent {
         let planned = match memory.reports.told_by(sender) {
             None => planner.packet(&self.beliefs.public)?,
             Some(reported) => {
-                let told = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
+                let told = self.own_packets(sender);
                 // Reports will tell what is not too long ago.
                 let will_be = |slot: u32| reporter.is_some_and(|reporter| reporter.begin() <= Some(slot));
                 let is_told = |slot: u32| will_be(slot) || reported.outcomes.contains_key(&slot);
@@ -164,10 +164,10 @@ impl Agent {
         let (memory, sender) = (&self.memory, reporter.sender());
         let mut reports = reporter.reports();
         let Some(mut report) = reports.pop() else { return Ok(None) };
-        let packets = counting(memory, memory.told().map(|(counter, _)| (sender, counter)));
         let known = memory.reports.told_by(sender);
         let is_earlier = |worth: Worth| known.is_none() || worth < Worth::All;
-        let (earlier, others): (Packets, Packets) = packets.into_iter().partition(|(_, worth)| is_earlier(*worth));
+        let (earlier, others): (Packets, Packets) =
+            self.own_packets(sender).into_iter().partition(|(_, worth)| is_earlier(*worth));
         let beyond: Packets = earlier.keys().map(|&key| (key, Worth::Beyond)).chain(others.clone()).collect();
         let left = |report: &ReportMessage, packets: &Packets| -> Result<f64, AgentError> {
             let new = reporter.slots_told(report);
@@ -188,6 +188,11 @@ impl Agent {
         let counts = !earlier.is_empty() && least < left(&report, &others)?;
         report.earlier = report.earlier.map(|earlier| Earlier { counts, ..earlier });
         Ok(Some(report))
+    }
+
+    /// What it sent as map messages, by what of them counts.
+    fn own_packets(&self, sender: u8) -> Packets {
+        counting(&self.memory, self.memory.told().map(|(counter, _)| (sender, counter)))
     }
 
     /// A packet of its own that was sent again least often, the oldest of these, unless all were sent again often

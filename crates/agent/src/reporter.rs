@@ -132,9 +132,13 @@ impl<'a> Reporter<'a> {
         // The latest of several.
         let ends = self.at_ends().into_iter().filter(is_worth);
         let Some(best) = ends.max_by(|a, b| a.value.total_cmp(&b.value)) else { return Vec::new() };
-        let is_long = self.frames_needed() > 1;
-        let mut spans = [self.in_frames(self.untold()), self.in_frames(self.untold().rev())].concat();
-        spans.retain(|span| is_long && self.fits(span.first, span.last));
+        let mut spans = self.in_frames(self.untold());
+        if spans.len() > 1 {
+            spans.extend(self.in_frames(self.untold().rev()));
+            spans.retain(|span| self.fits(span.first, span.last));
+        } else {
+            spans.clear();
+        }
         spans.push(best);
         spans.into_iter().map(|span| self.message(span)).collect()
     }
