@@ -14,7 +14,7 @@ use crate::model::Model;
 use crate::reports::Worth;
 
 impl Agent {
-    /// Learns a model of its own from its own events and from what others said, and from then on predicts under that.
+    /// Learns a model of its own from its own events and from what others said that it believes, and from then on predicts under that.
     /// What it sends stays under the team's model. The first time every structure is tried; later the chosen one goes
     /// on from its last optimum, at the cost of one search that never ends worse in E than it began.
     ///
@@ -22,7 +22,8 @@ impl Agent {
     /// As [`Learning::best`].
     pub fn adapt(&mut self, learning: &Learning) -> Result<&LearnedModel, AgentError> {
         self.refit()?;
-        let heard = self.heard();
+        self.update()?;
+        let heard = self.believed();
         let packets = said(&self.memory, &heard.packets, Worth::All);
         let place = self.model().place_summary().into_iter();
         let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();

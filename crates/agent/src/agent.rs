@@ -206,8 +206,9 @@ impl Agent {
 
     /// How far what a member says lies from what all others and the vehicle itself know: the largest shift of the latent
     /// function that its live packets together make at one of their points, in standard deviations of what is known there
-    /// without them, but for an offset that all its points share (0.5 logits, one standard deviation: ears differ).
-    /// `None` for who is no member, muted, or has said nothing. O(M n²) for the M points of its packets.
+    /// without them, but for an offset that all its points share (0.5 logits, one standard deviation: ears differ); or how far
+    /// the outcomes that it told contradict that ([`Posterior::contradiction`]), if that is more (section 8 of the method). `None` for
+    /// who is no member, muted, or has said nothing. O(M n²) for the M points of its packets, O(n³) where it told events.
     ///
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.
@@ -218,8 +219,8 @@ impl Agent {
         number.map(|number| self.beliefs.surprise_of(&self.memory, &heard, number)).transpose()
     }
 
-    /// Members whose packets do not count at present, because what they say surprises by more than
-    /// [`Team::surprise_max`]. They count again when they agree again. As of the last prediction.
+    /// Members whose packets and reports do not count at present, because what they say surprises by more than
+    /// [`Team::surprise_max`]. They count again when they agree again. As of the last prediction or fit.
     pub fn left_out(&self) -> Vec<&VehicleId> {
         self.beliefs.left_out.iter().filter_map(|number| self.team().members.get(number)).collect()
     }
@@ -323,11 +324,12 @@ impl Agent {
         self.beliefs.refit_due(&self.team().limits)
     }
 
-    /// Fits its own events again if any came or went since the last time, beginning at the last fit. O(N³) an iteration
+    /// Fits its own events and those that it was told again if any came or went since the last time, beginning at the last
+    /// fit, and judges by that whom to believe; once more, where that changed. O(N³) an iteration
     /// up to [`crate::Limits::dense_events_max`] events, O(NM²) with M = [`crate::Limits::inducing_points_max`] beyond.
     ///
     /// # Errors
-    /// [`AgentError::Method`] when the method refuses; then the last fit stays.
+    /// [`AgentError::Method`] when the method refuses.
     pub fn refit(&mut self) -> Result<(), AgentError> {
         self.beliefs.refit(&self.memory, &self.heard(), Start::Warm)
     }

@@ -120,11 +120,11 @@ impl Beliefs {
         self.taken.beside.len() + self.taken.forgotten + told + waiting > limits.beside_fit(fitted)
     }
 
-    /// Fits the events of the memory under the team's model, alone and with those that were told, and with all that was heard
+    /// Fits the events of the memory under the team's model, alone and with those that were told, and with all that is believed
     /// under its own if it has one. Does nothing where the last fit is what this one would be.
-    pub(crate) fn refit(&mut self, memory: &Memory, heard: &Heard, start: Start) -> Result<(), AgentError> {
+    pub(crate) fn fit_believed(&mut self, memory: &Memory, believed: &Heard, start: Start) -> Result<(), AgentError> {
         let is_fitted = self.alone.is_some() && self.taken.beside.is_empty() && self.taken.forgotten == 0;
-        if is_fitted && self.has_fitted(heard) && (start == Start::Warm || self.began_cold) {
+        if is_fitted && self.has_fitted(believed) && (start == Start::Warm || self.began_cold) {
             return Ok(());
         }
         let model = &memory.frames.team.model;
@@ -136,18 +136,18 @@ impl Beliefs {
         let alone = fit(&model.prior, &Heard::default(), &place, self.alone.as_deref(), &self.own)?;
         let own_model = match &self.own_model {
             Some(own) => {
-                let packets = said(memory, &heard.packets, Worth::All);
+                let packets = said(memory, &believed.packets, Worth::All);
                 let messages = [place, summaries(&packets)].concat();
-                let fitted = fit(own.fitted.fit.prior(), heard, &messages, Some(&own.fitted), &self.fused)?;
+                let fitted = fit(own.fitted.fit.prior(), believed, &messages, Some(&own.fitted), &self.fused)?;
                 Some(Arc::new(own.with(fitted)))
             }
-            None if heard.told.is_empty() => {
+            None if believed.told.is_empty() => {
                 self.together = None;
                 None
             }
             None => {
                 let last = self.together.as_deref().or(self.alone.as_deref());
-                self.together = Some(Arc::new(fit(&model.prior, heard, &place, last, &self.fused)?));
+                self.together = Some(Arc::new(fit(&model.prior, believed, &place, last, &self.fused)?));
                 None
             }
         };

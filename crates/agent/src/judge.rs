@@ -1,12 +1,11 @@
 //! Whom a vehicle believes.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 use dgpc::{Posterior, Shift, Summary, spread_out};
 
 use crate::agent_error::AgentError;
-use crate::beliefs::Beliefs;
+use crate::beliefs::{Beliefs, Start};
 use crate::heard::{Heard, said, summaries};
 use crate::memory::Memory;
 use crate::reports::Worth;
@@ -18,12 +17,27 @@ const NEAR: f64 = 0.6;
 const OFFSET_SD: f64 = 0.5;
 
 /// So many of the events that a member told are looked at.
-const LOOKED_AT_MAX: usize = 48;
+const LOOKED_AT_MAX: usize = 200;
 
 /// Who is left out, and the own and the fused posterior without them.
 type Verdict = (BTreeSet<u8>, [Posterior; 2]);
 
 impl Beliefs {
+    /// Fits what is believed, judges by that fit whom to believe, and fits once more where that is somebody else: how much an
+    /// event says follows from all events of a fit, and lies among them would stay felt.
+    pub(crate) fn refit(&mut self, memory: &Memory, heard: &Heard, start: Start) -> Result<(), AgentError> {
+        if start == Start::Cold {
+            self.left_out.clear();
+        }
+        let before = self.left_out.clone();
+        self.fit_believed(memory, &heard.without(&before), start)?;
+        self.update(memory, heard)?;
+        match self.left_out == before {
+            true => Ok(()),
+            false => self.fit_believed(memory, &heard.without(&self.left_out), start),
+        }
+    }
+
     /// Who is to be left out, given what was heard, and the fused posterior without them; none where it is as it was.
     /// Between fits only members that sent packets since the last time are looked at, and everybody as soon as one of
     /// them is surprising, or was: O(M n²) for each of their M points, and O(n³) where somebody goes or comes back. At a fit,
@@ -36,7 +50,7 @@ impl Beliefs {
         let threshold = memory.frames.team.surprise_max;
         for &speaker in &speakers {
             if self.left_out.contains(&speaker)
-                || surprise_of_packets(&self.fused, memory, heard, speaker, Posterior::shift_of)? > threshold
+                || surprise_of_packets(&self.fused, memory, &heard.of_member(speaker), Posterior::shift_of)? > threshold
             {
                 return self.surprising(memory, heard);
             }
@@ -79,8 +93,7 @@ impl Beliefs {
         suspects: impl Iterator<Item = u8>,
     ) -> Result<Option<u8>, AgentError> {
         let [_, alone] = self.own_and_fused(memory, &Heard::default())?;
-        let contradicted =
-            |member| Ok((self.surprise_beside(memory, &alone, &Heard::default(), heard, member)?, member));
+        let contradicted = |member| Ok((surprise_beside(memory, &alone, &heard.of_member(member))?, member));
         let contradicted = suspects.map(contradicted).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
         Ok(contradicted.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, member)| member))
     }
@@ -89,7 +102,7 @@ impl Beliefs {
     pub(crate) fn surprise_of(&self, memory: &Memory, heard: &Heard, member: u8) -> Result<f64, AgentError> {
         let believed = heard.without(&self.left_out);
         match self.left_out.contains(&member) {
-            true => self.surprise_beside(memory, &self.fused, &believed, heard, member),
+            true => surprise_beside(memory, &self.fused, &heard.of_member(member)),
             false => {
                 let others = believed.without(&BTreeSet::from([member]));
                 self.surprise_in(memory, &self.fused, &believed, &others, member)
@@ -97,7 +110,7 @@ impl Beliefs {
         }
     }
 
-    /// How far a member moved a posterior that holds what it says.
+    /// How far a member is from what others say, given a posterior that holds all of them.
     fn surprise_in(
         &self,
         memory: &Memory,
@@ -106,63 +119,33 @@ impl Beliefs {
         others: &Heard,
         member: u8,
     ) -> Result<f64, AgentError> {
-        if believed.of_member(member).told.is_empty() {
-            return surprise_of_packets(posterior, memory, believed, member, Posterior::shift_of);
-        }
-        // Told events beside the last fit are in neither.
-        let [_, with] = match self.taken.told_beside[0] > 0 {
-            true => self.own_and_fused(memory, believed)?,
-            false => [self.own.clone(), posterior.clone()],
-        };
-        let [_, without] = self.own_and_fused(memory, others)?;
-        moved(memory, &without, &with, &believed.of_member(member))
-    }
-
-    /// How far a member would move a posterior that holds what some others say.
-    fn surprise_beside(
-        &self,
-        memory: &Memory,
-        posterior: &Posterior,
-        others: &Heard,
-        heard: &Heard,
-        member: u8,
-    ) -> Result<f64, AgentError> {
-        let its = heard.of_member(member);
+        let its = believed.of_member(member);
         if its.told.is_empty() {
-            return surprise_of_packets(posterior, memory, heard, member, Posterior::shift_by);
+            return surprise_of_packets(posterior, memory, &its, Posterior::shift_of);
         }
-        let mut with = others.clone();
-        with.packets.extend(&its.packets);
-        Arc::make_mut(&mut with.told).extend(its.told.iter().map(|(&key, event)| (key, event.clone())));
-        let [_, with] = self.own_and_fused(memory, &with)?;
-        moved(memory, posterior, &with, &its)
+        let [_, without] = self.own_and_fused(memory, others)?;
+        surprise_beside(memory, &without, &its)
     }
 }
 
-/// By how much what a member says moved a posterior, where its events took place and its packets speak of.
-fn moved(memory: &Memory, without: &Posterior, with: &Posterior, its: &Heard) -> Result<f64, AgentError> {
-    let told: Vec<_> = its.told.values().collect();
-    let looked_at = spread_out(told.len(), LOOKED_AT_MAX).into_iter().map(|place| told[place].attempt());
-    let mut points = memory.frames.team.model.inputs(looked_at)?;
-    let packets = [Worth::All, Worth::Beyond].map(|worth| said(memory, &its.packets, worth)).concat();
-    summaries(&packets).into_iter().try_for_each(|summary: &Summary| points.append(summary.inducing_points()))?;
-    let (before, after) = (without.latent(&points)?, with.latent(&points)?);
-    let mean = after.mean.iter().zip(&before.mean).map(|(after, before)| after - before).collect();
-    let prior_variance = without.prior().kernel().diagonal(&points)?;
-    Ok(Shift { mean, variance: before.variance, prior_variance }.largest(OFFSET_SD))
+/// How far what a member says is from a posterior that does not hold it: how far its packets would move that, and how far the
+/// outcomes that it told contradict it.
+fn surprise_beside(memory: &Memory, posterior: &Posterior, its: &Heard) -> Result<f64, AgentError> {
+    let of_packets = surprise_of_packets(posterior, memory, its, Posterior::shift_by)?;
+    let told = memory.frames.team.model.observations(its.told.values().map(|event| &**event))?;
+    let told = told.select(&spread_out(told.len(), LOOKED_AT_MAX));
+    Ok(of_packets.max(posterior.contradiction(&told, OFFSET_SD)?))
 }
 
 /// How far the packets of a member move a posterior, in standard deviations of what is known without them.
 fn surprise_of_packets(
     posterior: &Posterior,
     memory: &Memory,
-    heard: &Heard,
-    member: u8,
+    its: &Heard,
     shift: impl Fn(&Posterior, &[&Summary]) -> dgpc::Result<Shift>,
 ) -> Result<f64, AgentError> {
     // Without told events what counts beyond them counts in full.
-    let its = heard.of_member(member).packets;
-    let packets = [Worth::All, Worth::Beyond].map(|worth| said(memory, &its, worth)).concat();
+    let packets = [Worth::All, Worth::Beyond].map(|worth| said(memory, &its.packets, worth)).concat();
     let prior = posterior.prior();
     let read = summaries(&packets).into_iter().map(|summary| summary.read_under(prior));
     let read: Vec<_> = read.collect::<Result<_, dgpc::Error>>()?;

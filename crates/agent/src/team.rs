@@ -54,7 +54,7 @@ pub struct Team {
     /// A packet is sent if it brings what others can know by it closer to what the sender knows by so many nats an
     /// event at least: mean Kullback-Leibler divergence at the sender's own events.
     pub worth_nats: f64,
-    /// A member whose packets surprise by more standard deviations than this is left out: see
+    /// A member whose packets or reports surprise by more standard deviations than this is left out: see
     /// [`crate::Agent::surprise`].
     pub surprise_max: f64,
     /// How often a packet is sent again at most, when there is nothing new to tell: what lossy water needs.
@@ -225,8 +225,8 @@ pub(crate) const FRAME_BYTES: usize = 32;
 /// Slot length that is assumed where none is given.
 pub(crate) const SLOT_S: f64 = 10.0;
 
-/// The default of [`Team::surprise_max`]. Over ten splits of five trials, 340 cases, no honest member came above 4.3; members
-/// whose every event was a miss came to 4.6 and more on the trial with equal ears.
+/// The default of [`Team::surprise_max`]. Over ten splits of five trials, 340 cases, no honest member came above 4.2; members
+/// whose reports turned every outcome into a miss came to 5.4 and more.
 pub(crate) const SURPRISE_MAX: f64 = 4.5;
 
 /// The default of [`Team::reports_per_sender_max`].

@@ -6,9 +6,10 @@ mod common;
 
 use std::sync::Arc;
 
+use common::trip::{LEG, SLOT_S, Trip};
 use common::*;
 use pingmap_agent::*;
-use pingmap_packet::Point;
+use pingmap_packet::{Cell, Point};
 use proptest::prelude::*;
 
 fn hear(agent: &mut Agent, packets: &[Vec<u8>]) {
@@ -114,6 +115,83 @@ fn a_prior_is_no_knowledge_and_nobody_who_contradicts_it_is_left_out() {
     assert_eq!(nobody.surprise(&names(1)[0]).unwrap(), Some(0.0));
     assert_eq!(nobody.surprise(&names(2)[1]).unwrap(), None);
     assert_eq!(nobody.surprise(&VehicleId::new("eve")).unwrap(), None);
+}
+
+/// Three vehicles that go to and fro for 40 legs, and hear what is sent nearby.
+fn mission() -> Trip {
+    let team = Team { track_off_max_m: 1e-6, ..team(3, model()) };
+    let corner = |vehicle: u32, leg: u32| {
+        let along = |step: u32| 16 + ((leg * step + 37 * vehicle) % 16 * 14) as u8;
+        Cell { east: along(5 + vehicle), north: along(3 + 2 * vehicle), depth: 0 }
+    };
+    let turns = (0..3).map(|vehicle| (0..=40).map(|leg| corner(vehicle, leg)).collect()).collect();
+    let mut trip = Trip { team: Arc::new(team), slots: 40 * LEG, turns, outcomes: Vec::new() };
+    let nearby = |slot: u32, receiver: usize| {
+        let link = Link { transmitter: trip.at(slot as usize % 3, slot), receiver: trip.at(receiver, slot) };
+        Some(link.range_m() < 450.0)
+    };
+    trip.outcomes = (0..trip.slots).map(|slot| (0..3).map(|receiver| nearby(slot, receiver)).collect()).collect();
+    trip
+}
+
+/// What becomes of what should be heard, or missed.
+type Ear = fn(bool) -> bool;
+
+/// What a vehicle reports that hears something else, from some slot on.
+fn reports(trip: &Trip, number: usize, hears: Ear, from: u32) -> Vec<Vec<u8>> {
+    let faulty = |event: Event| match event.time_s < SLOT_S * f64::from(from) {
+        true => event,
+        false => Event { success: hears(event.success), ..event },
+    };
+    let telling = Telling { points: false, reports: true };
+    let events = trip.events(number).into_iter().map(faulty);
+    let mut agent = vehicle(&trip.team, number, events).telling(telling);
+    agent.navigate((0..=trip.slots).map(|slot| (SLOT_S * f64::from(slot), trip.at(number, slot)))).unwrap();
+    sent(&mut agent, 100)
+}
+
+#[test]
+fn who_reports_what_contradicts_everybody_is_left_out_and_nothing_of_it_stays() {
+    let trip = mission();
+    let [one, two] = [1, 2].map(|number| reports(&trip, number, |heard| heard, 0));
+    let [name, honest] = [2, 1].map(|number| names(3).remove(number));
+    let heard = |reports: &[&[Vec<u8>]]| {
+        let mut agent = trip.vehicle(0);
+        reports.iter().for_each(|reports| hear(&mut agent, reports));
+        agent.rebuild_posteriors().unwrap();
+        let probabilities = agent.probabilities(somewhere()).unwrap();
+        (agent, probabilities)
+    };
+    let (mut agent, _) = heard(&[&one, &two]);
+    assert!(agent.left_out().is_empty());
+    assert!(agent.surprise(&name).unwrap().unwrap() < 3.0 && agent.surprise(&honest).unwrap().unwrap() < 3.0);
+    let faults: [(Ear, u32); 4] =
+        [(|_| false, 0), (|_| true, 0), (|heard| !heard, 0), (|heard| !heard, trip.slots / 4 * 3)];
+    for (number, (hears, from)) in faults.into_iter().enumerate() {
+        let lies = reports(&trip, 2, hears, from);
+        let (mut agent, probabilities) = heard(&[&one, &lies]);
+        assert_eq!(agent.left_out(), [&name], "fault {number}");
+        assert!(agent.surprise(&name).unwrap().unwrap() > agent.team().surprise_max);
+        assert!(agent.surprise(&honest).unwrap().unwrap() < 3.0, "fault {number}");
+        let (_, turned) = heard(&[&lies, &one]);
+        assert_eq!(bits(&probabilities), bits(&turned), "fault {number}");
+        // Where it was is not doubted. Otherwise it is as if it were muted, and had never been fitted.
+        let mut muted = trip.vehicle(0);
+        muted.mute(&name);
+        hear(&mut muted, &lies);
+        hear(&mut muted, &one);
+        muted.rebuild_posteriors().unwrap();
+        assert_eq!(bits(&muted.probabilities(somewhere()).unwrap()), bits(&probabilities), "fault {number}");
+        // Nor does it matter that it was believed before.
+        let mut agent = trip.vehicle(0);
+        for report in lies.iter().chain(&one) {
+            agent.receive(report, 0.0);
+            agent.refit().unwrap();
+        }
+        assert_eq!(agent.left_out(), [&name], "fault {number}");
+        assert!(largest_difference(&agent.probabilities(somewhere()).unwrap(), &probabilities) < 1e-3);
+        assert!(!agent.refit_due());
+    }
 }
 
 proptest! {

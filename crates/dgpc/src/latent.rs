@@ -6,7 +6,7 @@ use crate::error::{Result, all_finite};
 use crate::inputs::Inputs;
 use crate::parts::{on_parts, parts, stretches};
 use crate::prior::Prior;
-use crate::special::{logistic, normal_cdf};
+use crate::special::{logistic, normal_cdf, normal_density};
 
 /// Points of one block: their covariances with a thousand events, solved for in place, stay in the second-level cache.
 const POINTS: usize = 128;
@@ -99,4 +99,13 @@ pub fn success_probability(mean: f64, variance: f64) -> f64 {
         .sum();
     let tail = logistic(-mean.abs());
     if mean < 0.0 { mixture.clamp(tail, 0.5) } else { mixture.clamp(0.5, 1.0 - tail) }
+}
+
+/// How fast [`success_probability`] grows with the mean: ∫ σ(f)(1 − σ(f)) N(f; mean, variance) df.
+pub(crate) fn success_slope(mean: f64, variance: f64) -> f64 {
+    let term = |&(weight, scale): &(f64, f64)| {
+        let scale = scale / (1.0 + scale * scale * variance).sqrt();
+        weight * scale * normal_density(mean * scale)
+    };
+    MIXTURE.iter().map(term).sum()
 }

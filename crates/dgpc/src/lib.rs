@@ -108,6 +108,7 @@ mod summary;
 mod unwhitened;
 mod posterior;
 mod shift;
+mod contradiction;
 mod concatenation;
 mod likelihood;
 mod fit;

@@ -5,6 +5,11 @@ pub(crate) fn normal_cdf(x: f64) -> f64 {
     0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }
 
+/// The density of the standard normal distribution.
+pub(crate) fn normal_density(x: f64) -> f64 {
+    (-0.5 * x * x).exp() * (0.5 * std::f64::consts::FRAC_1_PI).sqrt()
+}
+
 /// σ(f), the logistic function.
 pub(crate) fn logistic(f: f64) -> f64 {
     if f >= 0.0 {

@@ -72,8 +72,11 @@ proptest! {
         let expected = Latent { mean, variance: before.variance };
         for found in [without.shift_by(&said).unwrap(), with.shift_of(&said).unwrap()] {
             let largest = found.largest(offset_sd);
-            assert_same_latent(&Latent { mean: found.mean, variance: found.variance }, &expected, 1e-6);
+            assert_same_latent(&Latent { mean: found.mean.clone(), variance: found.covariance.diagonal() }, &expected, 1e-6);
             prop_assert!(largest.is_finite() && largest >= 0.0);
+            // What the points share in full is an offset, of whatever size.
+            let apart = Shift { mean: vec![100.0; points.len()], ..found };
+            prop_assert!(apart.largest(1e6) < 1e-3);
         }
         prop_assert_eq!(without.shift_by(&[]).unwrap().largest(offset_sd), 0.0);
     }
@@ -218,12 +221,26 @@ proptest! {
 
 #[test]
 fn an_offset_that_all_points_share_is_no_surprise() {
-    let shift = |mean: [f64; 3]| Shift { mean: mean.to_vec(), variance: vec![0.25; 3], prior_variance: vec![1.0; 3] };
+    // Of each value by itself, and of what all share.
+    let covariance =
+        |each: f64, shared: f64| Matrix::from_fn(3, 3, |row, column| shared + if row == column { each } else { 0.0 });
+    let shift = |mean: [f64; 3]| Shift {
+        mean: mean.to_vec(),
+        covariance: covariance(0.25, 0.0),
+        prior_covariance: covariance(1.0, 0.0),
+    };
     let common = shift([3.0; 3]);
     assert!((common.largest(0.0) - 6.0).abs() < 1e-12);
     assert!(common.largest(1e3) < 1e-3 && common.largest(0.5) < 4.0);
-    // What differs from point to point stays; where only the prior speaks there is nothing to differ from.
-    let unknown = Shift { prior_variance: vec![0.49; 3], ..common.clone() };
+    // Where only the prior speaks there is nothing to differ from.
+    let unknown = Shift { prior_covariance: covariance(0.49, 0.0), ..common.clone() };
     assert_eq!(unknown.largest(0.0), 0.0);
-    assert!((shift([3.0, 0.0, -3.0]).largest(1e3) - 6.0).abs() < 1e-9);
+    // What differs from point to point stays, in standard deviations of the differences: two thirds of the variance.
+    let differing = shift([3.0, 0.0, -3.0]);
+    assert!((differing.largest(1e3) - 6.0 * 1.5f64.sqrt()).abs() < 1e-9);
+    // So it does where nothing is known of what they share.
+    let of_any_ear =
+        |shift: Shift| Shift { covariance: covariance(0.25, 9.0), prior_covariance: covariance(1.0, 9.0), ..shift };
+    assert_eq!(of_any_ear(common).largest(0.0), 0.0);
+    assert!((of_any_ear(differing).largest(0.0) - 6.0 * 1.5f64.sqrt()).abs() < 1e-9);
 }

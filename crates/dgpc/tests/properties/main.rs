@@ -7,6 +7,7 @@
 mod common;
 
 mod certificate;
+mod contradictions;
 mod evidence;
 mod fits;
 mod increments;
