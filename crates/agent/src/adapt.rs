@@ -22,7 +22,6 @@ impl Agent {
     /// As [`Learning::best`].
     pub fn adapt(&mut self, learning: &Learning) -> Result<&LearnedModel, AgentError> {
         self.refit()?;
-        self.update()?;
         let heard = self.believed();
         let packets = said(&self.memory, &heard.packets, Worth::All);
         let place = self.model().place_summary().into_iter();
@@ -40,7 +39,11 @@ impl Agent {
             None => learning.best(chart, inputs, events(), &messages)?,
         };
         let fitted = fit_events(&self.memory, &learned.model.prior, &heard, &messages, None)?;
-        let own = self.beliefs.own_model.insert(Arc::new(OwnModel { fitted, learned })).clone();
+        let own = self
+            .beliefs
+            .own_model
+            .insert(Arc::new(OwnModel { fitted, packets: heard.packets.clone(), learned }))
+            .clone();
         self.beliefs.invalidate();
         self.update()?;
         Ok(&self.beliefs.own_model.insert(own).learned)

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use dgpc::{Posterior, Sites};
 
 use crate::agent_error::AgentError;
-use crate::beliefs::{Beliefs, Start};
+use crate::beliefs::Beliefs;
 use crate::clock::out_of_turn;
 use crate::entry::Entry;
 use crate::event::{Event, Position, VehicleId};
@@ -17,6 +17,7 @@ use crate::heard::Heard;
 use crate::memory::{Applied, Arrived, Memory};
 use crate::model::Model;
 use crate::receipt::{Counts, Receipt};
+use crate::refit::Start;
 use crate::team::Team;
 
 /// One vehicle. Events may arrive late and in any order; packets may be lost, repeated and reordered. It does no input
@@ -335,15 +336,13 @@ impl Agent {
     }
 
     /// Fits its own events anew, and puts everything together in canonical order: what comes of it depends on nothing
-    /// but the events, the live packets and the model it learned, if it did (`Agent::adapt`; that fits its events with
-    /// what was heard until then). As dear as a first [`Agent::refit`], plus O(n³).
+    /// but the events, the live packets and the model it learned, if it did (`Agent::adapt`). As dear as a first
+    /// [`Agent::refit`], plus O(n³).
     ///
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.
     pub fn rebuild_posteriors(&mut self) -> Result<(), AgentError> {
-        self.beliefs.refit(&self.memory, &self.heard(), Start::Cold)?;
-        self.beliefs.invalidate();
-        self.update()
+        self.beliefs.refit(&self.memory, &self.heard(), Start::Cold)
     }
 
     /// Takes what arrived into the posteriors.

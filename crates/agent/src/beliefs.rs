@@ -3,16 +3,15 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use dgpc::{Posterior, Prior, Summary};
+use dgpc::{Posterior, Summary};
 
 use crate::agent_error::AgentError;
 use crate::event::Event;
 use crate::events::Change;
-use crate::fitted::{Fitted, Source, fit_events};
+use crate::fitted::{Fitted, Source};
 use crate::fitting::absorb_event;
 use crate::frames::ToldKey;
 use crate::heard::{Heard, Packets, counting, said, summaries};
-use crate::limits::Limits;
 use crate::memory::Memory;
 use crate::model::Model;
 use crate::placing::{ToldEvents, is_among};
@@ -25,17 +24,10 @@ const TOLD_AT_ONCE: usize = 8;
 #[derive(Debug)]
 pub(crate) struct OwnModel {
     pub(crate) fitted: Fitted,
+    /// The packets that this was fitted beside.
+    pub(crate) packets: Packets,
     #[cfg(feature = "learn")]
     pub(crate) learned: crate::learning::LearnedModel,
-}
-
-/// Where a fit begins.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Start {
-    /// At the last one: sooner done, and the same to the tolerance of a fit.
-    Warm,
-    /// Anew: the same to the bit whatever was before.
-    Cold,
 }
 
 /// What is believed.
@@ -44,9 +36,9 @@ pub(crate) struct Beliefs {
     /// The last fit of its own events under the team's model.
     pub(crate) alone: Option<Arc<Fitted>>,
     /// The last fit of its own events and of those that were told, under the team's model, if any were.
-    together: Option<Arc<Fitted>>,
+    pub(crate) together: Option<Arc<Fitted>>,
     /// Whether the last fit began anew.
-    began_cold: bool,
+    pub(crate) began_cold: bool,
     /// Its own model, if it learned one.
     pub(crate) own_model: Option<Arc<OwnModel>>,
     /// Of its own events, under the team's model.
@@ -72,7 +64,7 @@ pub(crate) struct Taken {
     /// How many of these are in, from the first on.
     pub(crate) absorbed: usize,
     /// Events of its own that went since the last fit, and are in all the same.
-    forgotten: usize,
+    pub(crate) forgotten: usize,
     /// Told events that are in, as they were placed.
     told: ToldEvents,
     /// How many of these stand beside the last fit, and how many wait for the next.
@@ -83,6 +75,13 @@ pub(crate) struct Taken {
     reported: Option<Arc<Told>>,
     /// Whether the posteriors must be put together anew, whatever is in them.
     is_stale: bool,
+}
+
+impl Taken {
+    /// Notes that all events were fitted anew, and that everything is to be put together by that.
+    pub(crate) fn begin_anew(&mut self) {
+        *self = Self { is_stale: true, packets: std::mem::take(&mut self.packets), ..Self::default() };
+    }
 }
 
 impl Beliefs {
@@ -111,56 +110,6 @@ impl Beliefs {
         }
         self.taken.beside.extend(change.new);
         self.taken.forgotten += change.forgotten;
-    }
-
-    /// Whether more events came or went since the last fit than should stand beside it, as of the last question.
-    pub(crate) fn refit_due(&self, limits: &Limits) -> bool {
-        let [told, waiting] = self.taken.told_beside;
-        let fitted = self.fitted().map_or(0, |fitted| fitted.sources.len());
-        self.taken.beside.len() + self.taken.forgotten + told + waiting > limits.beside_fit(fitted)
-    }
-
-    /// Fits the events of the memory under the team's model, alone and with those that were told, and with all that is believed
-    /// under its own if it has one. Does nothing where the last fit is what this one would be.
-    pub(crate) fn fit_believed(&mut self, memory: &Memory, believed: &Heard, start: Start) -> Result<(), AgentError> {
-        let is_fitted = self.alone.is_some() && self.taken.beside.is_empty() && self.taken.forgotten == 0;
-        if is_fitted && self.has_fitted(believed) && (start == Start::Warm || self.began_cold) {
-            return Ok(());
-        }
-        let model = &memory.frames.team.model;
-        let place: Vec<&Summary> = model.place_summary().into_iter().collect();
-        let fit = |prior: &Prior, told: &Heard, messages: &[&Summary], last: Option<&Fitted>, near: &Posterior| {
-            let last = last.filter(|_| start == Start::Warm);
-            fit_events(memory, prior, told, messages, last.map(|last| (last, near)))
-        };
-        let alone = fit(&model.prior, &Heard::default(), &place, self.alone.as_deref(), &self.own)?;
-        let own_model = match &self.own_model {
-            Some(own) => {
-                let packets = said(memory, &believed.packets, Worth::All);
-                let messages = [place, summaries(&packets)].concat();
-                let fitted = fit(own.fitted.fit.prior(), believed, &messages, Some(&own.fitted), &self.fused)?;
-                Some(Arc::new(own.with(fitted)))
-            }
-            None if believed.told.is_empty() => {
-                self.together = None;
-                None
-            }
-            None => {
-                let last = self.together.as_deref().or(self.alone.as_deref());
-                self.together = Some(Arc::new(fit(&model.prior, believed, &place, last, &self.fused)?));
-                None
-            }
-        };
-        self.began_cold = start == Start::Cold || self.alone.is_none();
-        (self.alone, self.own_model) = (Some(Arc::new(alone)), own_model);
-        self.taken = Taken { is_stale: true, packets: std::mem::take(&mut self.taken.packets), ..Taken::default() };
-        (self.judged, self.nothing_new_in) = (None, None);
-        Ok(())
-    }
-
-    /// Whether the last fit has the told events that were heard, where they are taken to have been, and no others.
-    fn has_fitted(&self, heard: &Heard) -> bool {
-        self.fitted().map_or(heard.told.is_empty(), |fitted| fitted.told == heard.told)
     }
 
     /// Takes in what arrived, O(n²) for every event and point. After a fit, or where something is in that counts no more,
@@ -385,15 +334,4 @@ impl Beliefs {
 /// Those of these packets that the vehicle sent itself.
 fn own_of(memory: &Memory, packets: &Packets) -> Packets {
     packets.iter().filter(|(key, _)| Some(key.0) == memory.own).map(|(&key, &worth)| (key, worth)).collect()
-}
-
-impl OwnModel {
-    /// The same model with another fit of the events.
-    fn with(&self, fitted: Fitted) -> Self {
-        Self {
-            fitted,
-            #[cfg(feature = "learn")]
-            learned: self.learned.clone(),
-        }
-    }
 }

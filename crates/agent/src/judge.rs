@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use dgpc::{Posterior, Shift, Summary, spread_out};
 
 use crate::agent_error::AgentError;
-use crate::beliefs::{Beliefs, Start};
+use crate::beliefs::Beliefs;
 use crate::heard::{Heard, said, summaries};
 use crate::memory::Memory;
 use crate::reports::Worth;
@@ -23,21 +23,6 @@ const LOOKED_AT_MAX: usize = 200;
 type Verdict = (BTreeSet<u8>, [Posterior; 2]);
 
 impl Beliefs {
-    /// Fits what is believed, judges by that fit whom to believe, and fits once more where that is somebody else: how much an
-    /// event says follows from all events of a fit, and lies among them would stay felt.
-    pub(crate) fn refit(&mut self, memory: &Memory, heard: &Heard, start: Start) -> Result<(), AgentError> {
-        if start == Start::Cold {
-            self.left_out.clear();
-        }
-        let before = self.left_out.clone();
-        self.fit_believed(memory, &heard.without(&before), start)?;
-        self.update(memory, heard)?;
-        match self.left_out == before {
-            true => Ok(()),
-            false => self.fit_believed(memory, &heard.without(&self.left_out), start),
-        }
-    }
-
     /// Who is to be left out, given what was heard, and the fused posterior without them; none where it is as it was.
     /// Between fits only members that sent packets since the last time are looked at, and everybody as soon as one of
     /// them is surprising, or was: O(M n²) for each of their M points, and O(n³) where somebody goes or comes back. At a fit,

@@ -52,6 +52,7 @@ mod heard;
 mod fitted;
 mod beliefs;
 mod judge;
+mod refit;
 mod reporter;
 mod agent;
 #[cfg(feature = "learn")]

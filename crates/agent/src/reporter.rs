@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use dgpc::spread_out;
 use pingmap_packet::{
     Cell, Earlier, KNOTS_MAX, Knot, OUTCOME_BYTES_MAX, Outcome, OutcomeCounts, Report as ReportMessage,
 };
@@ -12,6 +13,9 @@ use crate::memory::Memory;
 
 /// What a transmission that was reported once is still worth: reports get lost.
 const LOST: f64 = 0.3;
+
+/// Of the frames that all takes, so many are tried from the begin, and so many from the end: each costs as much as a part of a fit.
+const TRIED_MAX: usize = 4;
 
 /// What the vehicle could say of a slot.
 #[derive(Debug, Clone, Copy)]
@@ -123,8 +127,8 @@ impl<'a> Reporter<'a> {
     }
 
     /// The reports of which one is worth the next frame, that which is worth most last. Where all that was never told takes several
-    /// frames, these are there, too, counted from its begin and from its end: much of a mission is like the rest of it, and it matters
-    /// what goes first. Empty where nothing is worth telling (again).
+    /// frames, some of these are there, too, counted from its begin and from its end: much of a mission is like the rest of it, and
+    /// it matters what goes first. Empty where nothing is worth telling (again).
     pub(crate) fn reports(&self) -> Vec<ReportMessage> {
         let is_full = self.memory.reports.begin(self.sender) > 0;
         // Where another one has to go for it, it must say something new.
@@ -132,12 +136,13 @@ impl<'a> Reporter<'a> {
         // The latest of several.
         let ends = self.at_ends().into_iter().filter(is_worth);
         let Some(best) = ends.max_by(|a, b| a.value.total_cmp(&b.value)) else { return Vec::new() };
-        let mut spans = self.in_frames(self.untold());
-        if spans.len() > 1 {
-            spans.extend(self.in_frames(self.untold().rev()));
+        let mut spans = Vec::new();
+        let from_begin = self.in_frames(self.untold());
+        if from_begin.len() > 1 {
+            for frames in [from_begin, self.in_frames(self.untold().rev())] {
+                spans.extend(spread_out(frames.len(), TRIED_MAX).into_iter().map(|nth| frames[nth]));
+            }
             spans.retain(|span| self.fits(span.first, span.last));
-        } else {
-            spans.clear();
         }
         spans.push(best);
         spans.into_iter().map(|span| self.message(span)).collect()

@@ -209,18 +209,34 @@ fn given_parts_are_kept() {
 fn what_is_heard_after_learning_is_read_under_the_learned_model() {
     let team = team();
     let mut sender = vehicle(&team, "b", events("b", 100, 0.5));
-    let mut agent = vehicle(&team, "a", events("a", 60, 0.0));
-    agent.adapt(&Learning::default()).unwrap();
-    for n in 0..3 {
-        agent.receive(&sender.next_packet(f64::from(n), 32).unwrap().unwrap(), 0.0);
-        agent.posterior().unwrap();
-    }
+    let packets: Vec<Vec<u8>> = (0..3).map(|n| sender.next_packet(f64::from(n), 32).unwrap().unwrap()).collect();
     let links: Vec<Link> = events("b", 30, 0.61).into_iter().map(|event| event.link).collect();
-    let absorbed = agent.probabilities(&links).unwrap();
-    agent.rebuild_posteriors().unwrap();
-    for (absorbed, rebuilt) in absorbed.iter().zip(agent.probabilities(&links).unwrap()) {
-        assert!((absorbed - rebuilt).abs() < 1e-9, "{absorbed} {rebuilt}");
+    let mut heard = [1, 3].map(|at_once| {
+        let mut agent = vehicle(&team, "a", events("a", 60, 0.0));
+        agent.adapt(&Learning::default()).unwrap();
+        // Put together before anything was heard, or not.
+        if at_once == 3 {
+            agent.rebuild_posteriors().unwrap();
+        }
+        for some in packets.chunks(at_once) {
+            some.iter().for_each(|packet| assert_eq!(agent.receive(packet, 0.0), Receipt::Accepted));
+            agent.posterior().unwrap();
+        }
+        agent
+    });
+    let [absorbed, at_once] = heard.each_mut().map(|agent| agent.probabilities(&links).unwrap());
+    for (absorbed, at_once) in absorbed.iter().zip(at_once) {
+        assert!((absorbed - at_once).abs() < 1e-9, "{absorbed} {at_once}");
     }
+    // A fit under its own model is one beside what was heard.
+    let rebuilt = heard.each_mut().map(|agent| {
+        agent.rebuild_posteriors().unwrap();
+        agent.probabilities(&links).unwrap()
+    });
+    assert_eq!(rebuilt[0], rebuilt[1]);
+    let moved = rebuilt[0].iter().zip(&absorbed).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(moved > 0.0 && moved < 0.08, "{moved}");
+    let [mut agent, _] = heard;
     // What it sends stays under the team's model: others know nothing of its own.
     let mut plain = vehicle(&team, "a", events("a", 60, 0.0));
     assert_eq!(agent.next_packet(9.0, 32), plain.next_packet(9.0, 32));

@@ -21,8 +21,9 @@ impl Posterior {
     /// How far outcomes that this posterior does not hold contradict it, in standard deviations, as those of somebody would who
     /// tells failures alone, successes alone, or the opposite of what happened; the largest of the three, of all outcomes
     /// and of each half, quarter and eighth of them in their order that has 16, and 0 where they lie the other way. Looks only where
-    /// this posterior explains at least half of the prior variance, of f or of how it lies about its mean over all of them: that a prior was wrong is no contradiction. An offset
-    /// of f, common to all of them and normal with mean 0 and standard deviation `offset_sd`, is none either.
+    /// this posterior explains at least half of the prior variance, of f or of how it lies about its mean over all of them: that
+    /// a prior was wrong is no contradiction. An offset of f, common to all of them and normal with mean 0 and standard deviation
+    /// `offset_sd`, is none either.
     ///
     /// With p the expected outcomes and Σ the covariance that outcomes y have about them, this is aᵀΣ⁻¹(y − p)/√(aᵀΣ⁻¹a) for a = −p,
     /// 1 − p, and 1 − 2p, of mean 0 and variance 1 each where the outcomes follow this posterior. It grows with √N where they do not.
@@ -60,8 +61,9 @@ struct Told {
     scatter_sd: Vec<f64>,
     /// How an outcome grows with f, in these.
     slope: Vec<f64>,
-    /// Of f, with the offset.
+    /// Of f, without the offset.
     covariance: Matrix,
+    offset_sd: f64,
 }
 
 impl Told {
@@ -74,17 +76,15 @@ impl Told {
         let scatter = slope.iter().zip(told.weights()).map(|(slope, weight)| slope.max(OUTCOME_VARIANCE_MIN) / weight);
         let scatter_sd: Vec<f64> = scatter.map(f64::sqrt).collect();
         let slope = slope.iter().zip(&scatter_sd).map(|(slope, sd)| slope / sd).collect();
-        let covariance = Matrix::from_fn(told.len(), told.len(), |row, column| {
-            covariance.column(column)[row] + offset_sd * offset_sd
-        });
-        Self { expected, residual, scatter_sd, slope, covariance }
+        Self { expected, residual, scatter_sd, slope, covariance, offset_sd }
     }
 
     /// That of a part of them: with Σ = D½(I + WCW)D½, D the scatter and W = D^−½ times the slopes.
     fn contradiction(&self, part: Range<usize>) -> Result<f64> {
         let mut middle = Matrix::from_fn(part.len(), part.len(), |row, column| {
             let (row, column) = (part.start + row, part.start + column);
-            self.slope[row] * self.covariance.column(column)[row] * self.slope[column]
+            let covariance = self.covariance.column(column)[row] + self.offset_sd * self.offset_sd;
+            self.slope[row] * covariance * self.slope[column]
         });
         middle.add_to_diagonal(1.0);
         let middle = Cholesky::with_jitter("I + WCW", &middle)?;

@@ -1,4 +1,4 @@
-//! What one faulty member does to the others, and what leaving it out saves, told by points and told by reports:
+//! What one faulty member does to the others, and what leaving it out saves, told by points, by reports, and by both:
 //! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv`.
 //!
 //! In every split every vehicle in turn is the faulty one. The mean negative log-likelihood is that of all others over
@@ -19,9 +19,12 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 const PACKETS: usize = 10;
 
-/// What may be wrong with a member, the last two with its points alone.
+/// What may be wrong with a member that tells by points or by reports, the last two by points alone.
 const FAULTS: [&str; 8] =
     ["honest", "silent", "deaf", "random", "one lie", "contrary", "biased by 1/6", "biased by 1/2"];
+
+/// What may be wrong with the ear of a member that tells what it heard as it does by default.
+const FAULTY_EARS: [&str; 5] = ["honest", "silent", "deaf", "random", "contrary"];
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().collect();
@@ -30,7 +33,8 @@ fn main() -> Result<(), Failure> {
     let splits = read_splits(Path::new(splits), &log)?;
     let points = Telling { points: true, reports: false };
     table(&log, &splits, "points", points, &FAULTS)?;
-    table(&log, &splits, "reports", Telling { points: false, reports: true }, &FAULTS[..6])
+    table(&log, &splits, "reports", Telling { points: false, reports: true }, &FAULTS[..6])?;
+    table(&log, &splits, "both", Telling { points: true, reports: true }, &FAULTY_EARS)
 }
 
 fn table(log: &EventLog, splits: &[Split], title: &str, telling: Telling, faults: &[&str]) -> Result<(), Failure> {
@@ -46,7 +50,7 @@ fn table(log: &EventLog, splits: &[Split], title: &str, telling: Telling, faults
         for faulty in 0..mission.vehicles.len() {
             let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64((100 * number + faulty) as u64);
             for (fault, outcomes) in faults.iter().zip(&mut outcomes) {
-                let said = said(&mission, telling.points, faulty, fault, &mut rng)?;
+                let said = said(log, &mission, telling, faulty, fault, &mut rng)?;
                 for (listener, believing) in believing.iter().enumerate().filter(|&(listener, _)| listener != faulty) {
                     outcomes.push(listen(&mission, listener, believing, faulty, &said)?);
                 }
@@ -113,16 +117,19 @@ fn listen(
 
 /// What a member with this fault says.
 fn said(
+    log: &EventLog,
     mission: &Mission,
-    told_by_points: bool,
+    telling: Telling,
     faulty: usize,
     fault: &str,
     rng: &mut impl Rng,
 ) -> Result<Vec<Vec<u8>>, AgentError> {
     let (member, honest) = (&mission.vehicles[faulty], &mission.packets[faulty]);
+    let (by_points, by_both) = (!telling.reports, telling.points && telling.reports);
+    let ear = |hears: &mut dyn FnMut(bool) -> bool| with_ear(log, member, telling, hears);
     let turned = |count: usize, turn: &dyn Fn(&mut Point), say: &mut dyn FnMut(bool) -> bool| {
         let turned = honest.iter().take(count).map(|bytes| {
-            if told_by_points { turned_points(member, bytes, turn) } else { turned_report(member, bytes, say) }
+            if by_points { turned_points(member, bytes, turn) } else { turned_report(member, bytes, say) }
         });
         turned.chain(honest.iter().skip(count).cloned().map(Ok)).collect::<Result<Vec<_>, AgentError>>()
     };
@@ -130,9 +137,11 @@ fn said(
     let lie = |point: &mut Point| (point.information, point.mean) = (31, if point.mean > 0 { -15 } else { 15 });
     match fault {
         "silent" => Ok(Vec::new()),
-        "deaf" if told_by_points => deaf(member),
+        "deaf" if telling.points => ear(&mut |_| false),
+        "random" if by_both => ear(&mut |_| rng.random()),
+        "contrary" if by_both => ear(&mut |heard| !heard),
         "deaf" => turned(PACKETS, &|_| (), &mut |_| false),
-        "random" if told_by_points => (0..PACKETS).map(|counter| random(member, counter as u16, rng)).collect(),
+        "random" if by_points => (0..PACKETS).map(|counter| random(member, counter as u16, rng)).collect(),
         "random" => turned(PACKETS, &|_| (), &mut |_| rng.random()),
         "one lie" => turned(1, &lie, &mut |heard| !heard),
         "contrary" => turned(PACKETS, &|point| point.mean = -point.mean, &mut |heard| !heard),
@@ -142,15 +151,20 @@ fn said(
     }
 }
 
-/// The points of a member that hears nothing.
-fn deaf(member: &Agent) -> Result<Vec<Vec<u8>>, AgentError> {
-    let points = Telling { points: true, reports: false };
-    let mut deaf = Agent::new(member.id().clone(), Arc::new(member.team().clone())).telling(points);
-    deaf.observe_all(member.events().map(|event| Event { success: false, ..event.clone() }))?;
-    deaf.refit()?;
+/// What a member tells that hears something else than there was to hear.
+fn with_ear(
+    log: &EventLog,
+    member: &Agent,
+    telling: Telling,
+    hears: &mut dyn FnMut(bool) -> bool,
+) -> Result<Vec<Vec<u8>>, AgentError> {
+    let mut faulty = Agent::new(member.id().clone(), Arc::new(member.team().clone())).telling(telling);
+    faulty.navigate(log.track(member.id()))?;
+    faulty.observe_all(member.events().map(|event| Event { success: hears(event.success), ..event.clone() }))?;
+    faulty.refit()?;
     let mut packets = Vec::new();
     while packets.len() < PACKETS
-        && let Some(packet) = deaf.next_packet(0.0, member.team().frame_bytes)?
+        && let Some(packet) = faulty.next_packet(0.0, member.team().frame_bytes)?
     {
         packets.push(packet);
     }

@@ -37,6 +37,7 @@ struct Cost {
     all: Duration,
     longest: Duration,
     fits: Duration,
+    frames: Duration,
 }
 
 impl Cost {
@@ -75,9 +76,11 @@ fn transmit(
     if let Some((agent, cost)) = vehicles.get_mut(sender) {
         let begin = Instant::now();
         agent.navigate([(time_s, events[0].link.transmitter)])?;
+        let sending = Instant::now();
         if let Some(bytes) = frame_bytes {
             frame = agent.next_packet(time_s, bytes)?;
         }
+        cost.frames += sending.elapsed();
         cost.add(begin.elapsed());
     }
     for event in events {
@@ -133,7 +136,9 @@ fn main() -> Result<(), Failure> {
     let mut shore = Agent::new(VehicleId::new("shore"), team.clone()).owning_all_events();
     let listeners = vehicles.len() - 1;
     let per_block = slots.div_ceil(blocks) * listeners;
-    println!("events  an event, ms  of it fits  longest, ms  told  snapshot, kB    own    team     all   truth");
+    println!(
+        "events  an event, ms  of it fits  frames  longest, ms  told  snapshot, kB    own    team     all   truth"
+    );
     for (number, (block, truth)) in log.events.chunks(per_block).zip(truth.chunks(per_block)).enumerate() {
         let ahead = &block[..block.len().min(AHEAD * listeners)];
         let [own, together, all] = scores(&mut vehicles, &mut shore, ahead)?;
@@ -152,10 +157,11 @@ fn main() -> Result<(), Failure> {
         let told = vehicles.values().map(|(agent, _)| agent.told_events().0).sum::<usize>() / vehicles.len();
         let snapshot = vehicles.values().map(|(agent, _)| agent.snapshot().len()).max().unwrap_or_default();
         println!(
-            "{:6}  {:12.2}  {:10.2}  {:11.1}  {told:4}  {:12.1}  {own:.4}  {together:.4}  {all:.4}  {known:.4}",
+            "{:6}  {:12.2}  {:10.2}  {:6.2}  {:11.1}  {told:4}  {:12.1}  {own:.4}  {together:.4}  {all:.4}  {known:.4}",
             (number * per_block + block.len()) / vehicles.len(),
             ms(of_all(|cost| cost.all) / count),
             ms(of_all(|cost| cost.fits) / count),
+            ms(of_all(|cost| cost.frames) / count),
             ms(longest),
             snapshot as f64 / 1e3,
         );

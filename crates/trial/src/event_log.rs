@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::Path;
 
-use pingmap_agent::{Chart, Event, InputSpec, Link, ReferenceSystem, VehicleId};
+use pingmap_agent::{Chart, Event, InputSpec, Link, Position, ReferenceSystem, VehicleId};
 use pingmap_packet::to_hex;
 
 use crate::table::{FileError, Problem, Table, open};
@@ -113,6 +113,16 @@ impl EventLog {
     pub fn vehicles(&self) -> Vec<VehicleId> {
         let ids: BTreeSet<&VehicleId> = self.events.iter().map(|event| &event.receiver_id).collect();
         ids.into_iter().cloned().collect()
+    }
+
+    /// Where a vehicle was and when: at everything that it sent or should have heard.
+    pub fn track(&self, id: &VehicleId) -> impl Iterator<Item = (f64, Position)> {
+        let at = move |event: &Event| match () {
+            () if event.receiver_id == *id => Some((event.time_s, event.link.receiver)),
+            () if event.transmitter_id == *id => Some((event.time_s, event.link.transmitter)),
+            () => None,
+        };
+        self.events.iter().filter_map(at)
     }
 
     /// The events at `indices`, in that order.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use dgpc::Latent;
 use pingmap_agent::{
-    Addition, Agent, AgentError, Attempt, Event, Key, LearnedModel, Learning, Limits, Link, Model, Opportunity,
-    Position, Slots, Structure, Team, Telling, VehicleId,
+    Addition, Agent, AgentError, Attempt, Event, Key, LearnedModel, Learning, Limits, Link, Model, Opportunity, Slots,
+    Structure, Team, Telling, VehicleId,
 };
 use pingmap_packet::ReportLayout;
 use rayon::prelude::*;
@@ -202,7 +202,7 @@ impl Mission {
         let team = Arc::new(Team { slots: slots_of(training.iter().copied()), ..team });
         let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| -> Result<Agent, AgentError> {
             let mut agent = Agent::new(id.clone(), team.clone()).owning_all_events().telling(plan.telling);
-            agent.navigate(track_of(log, &id))?;
+            agent.navigate(log.track(&id))?;
             agent.observe_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()))?;
             agent.rebuild_posteriors()?;
             if plan.learners == Learners::Own {
@@ -361,16 +361,6 @@ pub(crate) fn slots_of<'a>(events: impl IntoIterator<Item = &'a Event>) -> Slots
     };
     let listed: Vec<Opportunity> = transmissions(events).iter().map(opportunity).collect();
     Slots { listed: Some(listed.into()), ..Slots::in_turn(1.0, Vec::new()) }
-}
-
-/// Where a vehicle was, by a log: at everything that it sent and should have heard.
-pub(crate) fn track_of<'a>(log: &'a EventLog, id: &'a VehicleId) -> impl Iterator<Item = (f64, Position)> + 'a {
-    let at = move |event: &'a Event| match () {
-        () if event.receiver_id == *id => Some((event.time_s, event.link.receiver)),
-        () if event.transmitter_id == *id => Some((event.time_s, event.link.transmitter)),
-        () => None,
-    };
-    log.events.iter().filter_map(at)
 }
 
 /// A name that no log has.

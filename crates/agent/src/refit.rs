@@ -1,0 +1,104 @@
+//! When a vehicle fits its events again, and what it fits.
+
+use std::sync::Arc;
+
+use dgpc::{Posterior, Prior, Summary};
+
+use crate::agent_error::AgentError;
+use crate::beliefs::{Beliefs, OwnModel};
+use crate::fitted::{Fitted, fit_events};
+use crate::heard::{Heard, said, summaries};
+use crate::limits::Limits;
+use crate::memory::Memory;
+use crate::reports::Worth;
+
+/// Where a fit begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Start {
+    /// At the last one: sooner done, and the same to the tolerance of a fit.
+    Warm,
+    /// Anew: the same to the bit whatever was before.
+    Cold,
+}
+
+impl Beliefs {
+    /// Whether more events came or went since the last fit than should stand beside it, as of the last question.
+    pub(crate) fn refit_due(&self, limits: &Limits) -> bool {
+        let [told, waiting] = self.taken.told_beside;
+        let fitted = self.fitted().map_or(0, |fitted| fitted.sources.len());
+        self.taken.beside.len() + self.taken.forgotten + told + waiting > limits.beside_fit(fitted)
+    }
+
+    /// Fits what is believed, judges by that fit whom to believe, and fits once more where that is somebody else: how much an
+    /// event says follows from all events of a fit, and lies among them would stay felt.
+    pub(crate) fn refit(&mut self, memory: &Memory, heard: &Heard, start: Start) -> Result<(), AgentError> {
+        if start == Start::Cold {
+            self.left_out.clear();
+            self.invalidate();
+        }
+        let before = self.left_out.clone();
+        self.fit_believed(memory, &heard.without(&before), start)?;
+        self.update(memory, heard)?;
+        match self.left_out == before {
+            true => Ok(()),
+            false => {
+                self.fit_believed(memory, &heard.without(&self.left_out), start)?;
+                self.update(memory, heard)
+            }
+        }
+    }
+
+    /// Fits its own events under the team's model, and all that is believed: under its own model if it has one, else under the
+    /// team's where events were told. Leaves a fit alone that this one would be the same as.
+    fn fit_believed(&mut self, memory: &Memory, believed: &Heard, start: Start) -> Result<(), AgentError> {
+        let is_as_good = start == Start::Warm || self.began_cold;
+        let has_own_events = self.alone.is_some() && self.taken.beside.is_empty() && self.taken.forgotten == 0;
+        if has_own_events && is_as_good && self.has_fitted(believed) {
+            return Ok(());
+        }
+        let model = &memory.frames.team.model;
+        let place: Vec<&Summary> = model.place_summary().into_iter().collect();
+        let fit = |prior: &Prior, told: &Heard, messages: &[&Summary], last: Option<&Fitted>, near: &Posterior| {
+            let last = last.filter(|_| start == Start::Warm);
+            fit_events(memory, prior, told, messages, last.map(|last| (last, near)))
+        };
+        let alone = match self.alone.clone().filter(|_| has_own_events && is_as_good) {
+            Some(alone) => alone,
+            None => Arc::new(fit(&model.prior, &Heard::default(), &place, self.alone.as_deref(), &self.own)?),
+        };
+        let (mut own_model, mut together) = (None, None);
+        if let Some(own) = &self.own_model {
+            let packets = said(memory, &believed.packets, Worth::All);
+            let messages = [place, summaries(&packets)].concat();
+            let fitted = fit(own.fitted.fit.prior(), believed, &messages, Some(&own.fitted), &self.fused)?;
+            own_model = Some(Arc::new(own.with(fitted, believed)));
+        } else if !believed.told.is_empty() {
+            let last = self.together.as_deref().or(self.alone.as_deref());
+            together = Some(Arc::new(fit(&model.prior, believed, &place, last, &self.fused)?));
+        }
+        self.began_cold = start == Start::Cold || self.alone.is_none();
+        (self.alone, self.own_model, self.together) = (Some(alone), own_model, together);
+        self.taken.begin_anew();
+        (self.judged, self.nothing_new_in) = (None, None);
+        Ok(())
+    }
+
+    /// Whether the last fit has the told events that are believed, where they are taken to have been, and no others; and, under
+    /// its own model, was made beside the packets that are.
+    fn has_fitted(&self, believed: &Heard) -> bool {
+        self.fitted().map_or(believed.told.is_empty(), |fitted| fitted.told == believed.told)
+            && self.own_model.as_ref().is_none_or(|own| own.packets == believed.packets)
+    }
+}
+
+impl OwnModel {
+    /// The same model with another fit, of what is believed.
+    fn with(&self, fitted: Fitted, believed: &Heard) -> Self {
+        Self {
+            fitted,
+            packets: believed.packets.clone(),
+            #[cfg(feature = "learn")]
+            learned: self.learned.clone(),
+        }
+    }
+}
