@@ -67,6 +67,8 @@ pub(crate) struct Taken {
     pub(crate) forgotten: usize,
     /// Told events that are in, as they were placed.
     told: ToldEvents,
+    /// All that were believed when these were taken in.
+    believed: Option<Arc<ToldEvents>>,
     /// How many of these stand beside the last fit, and how many wait for the next.
     pub(crate) told_beside: [usize; 2],
     /// The packets that are in, its own included.
@@ -123,6 +125,7 @@ impl Beliefs {
             self.taken.packets = self.wanted(memory, &believed);
             self.taken.told = self.fitted_of(&believed).map(|(&key, event)| (key, event.clone())).collect();
             self.taken.told_beside = [0, believed.told.len() - self.taken.told.len()];
+            self.taken.believed = Some(believed.told.clone());
             self.absorb_told(memory, &believed)?;
         }
         self.judged = Some(heard.packets.clone());
@@ -140,16 +143,24 @@ impl Beliefs {
         let is_in = |(key, worth): (&_, &Worth)| wanted.get(key) == Some(worth);
         let is_new = |(key, worth): (&_, &Worth)| *worth == Worth::Beyond && !self.taken.packets.contains_key(key);
         // What the last fit has is put together from its sites, also when it comes to count again.
+        let is_told_as_before = self.taken.believed.as_ref().is_some_and(|before| Arc::ptr_eq(before, &believed.told));
+        let is_told_otherwise = || {
+            !self.taken.told.iter().all(|told| is_among(&believed.told, told))
+                || !self.fitted_of(believed).all(|told| is_among(&self.taken.told, told))
+        };
         let has_changed = !self.taken.packets.iter().all(is_in)
             || wanted.iter().any(is_new)
-            || !self.taken.told.iter().all(|told| is_among(&believed.told, told))
-            || !self.fitted_of(believed).all(|told| is_among(&self.taken.told, told));
+            || !is_told_as_before && is_told_otherwise();
         self.taken.reported = reported;
-        if self.taken.is_stale || has_changed {
+        let is_put_together = self.taken.is_stale || has_changed;
+        if is_put_together {
             self.put_together(memory, believed, &wanted)?;
         }
-        let absorbed = self.absorb_events(memory).and_then(|()| self.absorb_packets(memory, &wanted));
-        let absorbed = absorbed.and_then(|()| self.absorb_told(memory, believed));
+        let mut absorbed = self.absorb_events(memory).and_then(|()| self.absorb_packets(memory, &wanted));
+        if is_put_together || !is_told_as_before {
+            absorbed = absorbed.and_then(|()| self.absorb_told(memory, believed));
+        }
+        self.taken.believed = Some(believed.told.clone());
         self.taken.is_stale = absorbed.is_err();
         absorbed
     }
@@ -242,13 +253,43 @@ impl Beliefs {
                 public
             }
         };
+        self.tell_beside(memory, &mut public, is_told)?;
+        Ok(public)
+    }
+
+    /// What others know once they were told of these slots, too, which they have not been: O(n²) for each event, whatever else was
+    /// told. Packets count for what they did before.
+    pub(crate) fn public_with(
+        &self,
+        memory: &Memory,
+        public: &Posterior,
+        is_told: &dyn Fn(u32) -> bool,
+    ) -> Result<Posterior, AgentError> {
+        let mut public = public.clone();
+        if let Some(alone) = &self.alone {
+            let told: BTreeSet<u64> = memory.numbers_of(is_told);
+            let is_in = |&place: &usize| matches!(&alone.sources[place], Source::Own(number) if told.contains(number));
+            let part: Vec<usize> = (0..alone.sources.len()).filter(is_in).collect();
+            public.absorb_events(&alone.fit.sites().select(&part))?;
+        }
+        self.tell_beside(memory, &mut public, is_told)?;
+        Ok(public)
+    }
+
+    /// Tells somebody who knows `public` of the events of these slots that stand beside the last fit.
+    fn tell_beside(
+        &self,
+        memory: &Memory,
+        public: &mut Posterior,
+        is_told: &dyn Fn(u32) -> bool,
+    ) -> Result<(), AgentError> {
         for event in &self.taken.beside {
             if memory.frames.slot_of(event).is_some_and(|(_, slot)| is_told(slot)) {
-                let site = dgpc::sites_given(&public, &memory.observation(event)?)?;
+                let site = dgpc::sites_given(public, &memory.observation(event)?)?;
                 public.absorb_events(&site)?;
             }
         }
-        Ok(public)
+        Ok(())
     }
 
     /// The last fit that it predicts by.

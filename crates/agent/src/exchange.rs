@@ -168,16 +168,23 @@ impl Agent {
         let is_earlier = |worth: Worth| known.is_none() || worth < Worth::All;
         let (earlier, others): (Packets, Packets) =
             self.own_packets(sender).into_iter().partition(|(_, worth)| is_earlier(*worth));
-        let beyond: Packets = earlier.keys().map(|&key| (key, Worth::Beyond)).chain(others.clone()).collect();
-        let left = |report: &ReportMessage, packets: &Packets| -> Result<f64, AgentError> {
-            let new = reporter.slots_told(report);
-            let is_told =
-                |slot: u32| new.contains(&slot) || known.is_some_and(|told| told.outcomes.contains_key(&slot));
-            Ok(planner.left(&self.beliefs.public_of(memory, packets, &is_told)?)?)
-        };
         if reports.is_empty() && earlier.is_empty() {
             return Ok(Some(report));
         }
+        let is_known = |slot: u32| known.is_some_and(|told| told.outcomes.contains_key(&slot));
+        let beyond: Packets = earlier.keys().map(|&key| (key, Worth::Beyond)).chain(others.clone()).collect();
+        // What earlier packets say beyond follows from all that is told; without them it is enough to add what is new.
+        let public = earlier.is_empty().then(|| self.beliefs.public_of(memory, &others, &is_known)).transpose()?;
+        let left = |report: &ReportMessage, packets: &Packets| -> Result<f64, AgentError> {
+            let new = reporter.slots_told(report);
+            let public = match &public {
+                Some(public) => {
+                    self.beliefs.public_with(memory, public, &|slot| new.contains(&slot) && !is_known(slot))?
+                }
+                None => self.beliefs.public_of(memory, packets, &|slot| new.contains(&slot) || is_known(slot))?,
+            };
+            Ok(planner.left(&public)?)
+        };
         let mut least = left(&report, &beyond)?;
         for other in reports {
             let left = left(&other, &beyond)?;

@@ -24,12 +24,15 @@ impl Heard {
     /// All that a vehicle heard of members that it listens to.
     pub(crate) fn of(memory: &Memory, muted: &BTreeSet<u8>) -> Self {
         let packets = memory.heard().filter(|(sender, _)| !muted.contains(sender));
-        let all = Self { packets: counting(memory, packets), told: memory.told_events().clone() };
+        let all = Self { packets: counting(memory, packets), told: memory.placed().events.clone() };
         all.without(muted)
     }
 
     /// The same but for what these members say.
     pub(crate) fn without(&self, members: &BTreeSet<u8>) -> Self {
+        if members.is_empty() {
+            return self.clone();
+        }
         self.part(|member| !members.contains(&member))
     }
 

@@ -39,6 +39,8 @@ pub(crate) struct Memory {
     pub(crate) reports: Reports,
     /// What of all this follows about the events of others, until something changes.
     placed: OnceLock<Placed>,
+    /// What was told and had a place when that was last known.
+    placed_before: Arc<ToldEvents>,
 }
 
 /// What an entry did.
@@ -79,6 +81,7 @@ impl Memory {
             packets,
             reports,
             placed: OnceLock::new(),
+            placed_before: Arc::default(),
         }
     }
 
@@ -124,7 +127,7 @@ impl Memory {
         let is_behind =
             |event: &Event| self.is_settled_before(event.time_s, self.frames.slot_of(event).map(|key| key.1));
         if change.forgotten > 0 || !change.new.iter().all(is_behind) {
-            self.placed = OnceLock::new();
+            self.place_anew();
         }
         Ok(self.settle(change, &numbers))
     }
@@ -179,7 +182,7 @@ impl Memory {
 
     /// What became of something that says more of what was sent.
     fn arrived(&mut self, sender: u8, receipt: Receipt) -> Arrived {
-        self.placed = OnceLock::new();
+        self.place_anew();
         let change = self.settle(Change::default(), &BTreeSet::new());
         Arrived { sender: Some(sender), receipt, change }
     }
@@ -200,7 +203,7 @@ impl Memory {
         let too_many = self.fixes.len().saturating_sub(max);
         self.fixes.drain(..too_many);
         if too_many > 0 || !new.iter().all(|&(time_s, _)| self.is_settled_before(time_s, None)) {
-            self.placed = OnceLock::new();
+            self.place_anew();
         }
         Ok(())
     }
@@ -226,24 +229,22 @@ impl Memory {
         self.sent_events().filter(is_in).map(|known| known.number).collect()
     }
 
-    /// Events of others that were told and have a place: their ends are known, of others by what they told themselves. What the
-    /// vehicle has recorded itself is not among them.
-    pub(crate) fn told_events(&self) -> &Arc<ToldEvents> {
-        &self.placed().events
-    }
-
-    /// How many told events wait until it is known where they took place.
-    pub(crate) fn waiting(&self) -> usize {
-        self.placed().waiting
-    }
-
     /// Whether something of its own of this time, in this slot if in any, changes nothing of the events of others.
     fn is_settled_before(&self, time_s: f64, slot: Option<u32>) -> bool {
         self.placed.get().is_none_or(|placed| placed.settled.is_some_and(|settled| settled.is_before(time_s, slot)))
     }
 
-    fn placed(&self) -> &Placed {
-        self.placed.get_or_init(|| place(&self.frames, self.own, &self.events, self.track(), &self.reports))
+    /// What others told, where it took place.
+    pub(crate) fn placed(&self) -> &Placed {
+        let place = || place(&self.frames, self.own, &self.events, self.track(), &self.reports, &self.placed_before);
+        self.placed.get_or_init(place)
+    }
+
+    /// Asks for told events to be placed anew.
+    fn place_anew(&mut self) {
+        if let Some(placed) = self.placed.take() {
+            self.placed_before = placed.events;
+        }
     }
 
     /// Remembers a frame that was heard, or sent under this number. One that is not the team's or, as a sent one, not

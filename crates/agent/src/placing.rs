@@ -25,10 +25,30 @@ pub(crate) fn is_among(told: &ToldEvents, (key, event): (&ToldKey, &Arc<Event>))
 pub(crate) struct Placed {
     /// Those whose ends are known. What the vehicle has recorded itself is not among them.
     pub(crate) events: Arc<ToldEvents>,
+    /// Length of the longest link that each member told of.
+    pub(crate) longest_m: BTreeMap<u8, f64>,
     /// How many wait until it is known where they took place.
     pub(crate) waiting: usize,
     /// What the vehicle records of its own behind this changes nothing of all this; none where it may.
     pub(crate) settled: Option<Settled>,
+}
+
+impl Placed {
+    /// What is as it was `before` is the same in memory, too, so that it is soon known to be.
+    fn new(mut events: ToldEvents, before: &Arc<ToldEvents>, waiting: usize, settled: Option<Settled>) -> Self {
+        let mut longest_m = BTreeMap::<u8, f64>::new();
+        for (key, event) in &mut events {
+            let longest_m = longest_m.entry(key.0).or_default();
+            *longest_m = longest_m.max(event.link.range_m());
+            if let Some(same) = before.get(key).filter(|before| **before == *event) {
+                *event = same.clone();
+            }
+        }
+        let is_same = |(now, before): (&Arc<Event>, &Arc<Event>)| Arc::ptr_eq(now, before);
+        let is_as_before = events.len() == before.len() && events.values().zip(before.values()).all(is_same);
+        let events = if is_as_before { before.clone() } else { Arc::new(events) };
+        Self { events, longest_m, waiting, settled }
+    }
 }
 
 /// The last slot that others told of, and when the vehicle knows for the first time after that began where it was itself.
@@ -58,8 +78,15 @@ struct Whereabouts<'a> {
 
 /// Places what others told. What a report says lies where reports say that both ends were, on a leg or for a
 /// while behind one. What spare bits say lies where the vehicle itself knows that others were. In neither case does it depend on
-/// what became of the transmission. O(events + told), each with a logarithm.
-pub(crate) fn place(frames: &Frames, own: Option<u8>, events: &Events, track: Track, reports: &Reports) -> Placed {
+/// what became of the transmission. `before` is what was placed the last time. O(events + told), each with a logarithm.
+pub(crate) fn place(
+    frames: &Frames,
+    own: Option<u8>,
+    events: &Events,
+    track: Track,
+    reports: &Reports,
+    before: &Arc<ToldEvents>,
+) -> Placed {
     let (mut placed, mut waiting) = (ToldEvents::new(), 0);
     let turns = Turns::new(frames, events, reports);
     let settled = settled(frames, own, &track, reports);
@@ -81,7 +108,7 @@ pub(crate) fn place(frames: &Frames, own: Option<u8>, events: &Events, track: Tr
             }
         }
     }
-    Placed { events: Arc::new(placed), waiting, settled }
+    Placed::new(placed, before, waiting, settled)
 }
 
 /// What members say that they sent and this one did not record, as missed, where both ends are known.

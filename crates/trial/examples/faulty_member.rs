@@ -1,5 +1,5 @@
 //! What one faulty member does to the others, and what leaving it out saves, told by points, by reports, and by both:
-//! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv`.
+//! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv [points|reports|both]`.
 //!
 //! In every split every vehicle in turn is the faulty one. The mean negative log-likelihood is that of all others over
 //! all held-out events: by their own events alone, with everybody's ten sealed packets believed, and as a vehicle decides by
@@ -28,13 +28,21 @@ const FAULTY_EARS: [&str; 5] = ["honest", "silent", "deaf", "random", "contrary"
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().collect();
-    let [_, events, splits] = arguments.as_slice() else { return Err("expected: events.csv splits.csv".into()) };
+    let ([_, events, splits] | [_, events, splits, _]) = arguments.as_slice() else {
+        return Err("expected: events.csv splits.csv [points|reports|both]".into());
+    };
     let log = EventLog::open(Path::new(events))?;
     let splits = read_splits(Path::new(splits), &log)?;
-    let points = Telling { points: true, reports: false };
-    table(&log, &splits, "points", points, &FAULTS)?;
-    table(&log, &splits, "reports", Telling { points: false, reports: true }, &FAULTS[..6])?;
-    table(&log, &splits, "both", Telling { points: true, reports: true }, &FAULTY_EARS)
+    let told: [(&str, Telling, &[&str]); 3] = [
+        ("points", Telling { points: true, reports: false }, &FAULTS),
+        ("reports", Telling { points: false, reports: true }, &FAULTS[..6]),
+        ("both", Telling { points: true, reports: true }, &FAULTY_EARS),
+    ];
+    let wanted = arguments.get(3);
+    for (title, telling, faults) in told.into_iter().filter(|(title, ..)| wanted.is_none_or(|wanted| wanted == title)) {
+        table(&log, &splits, title, telling, faults)?;
+    }
+    Ok(())
 }
 
 fn table(log: &EventLog, splits: &[Split], title: &str, telling: Telling, faults: &[&str]) -> Result<(), Failure> {
