@@ -1,19 +1,19 @@
 //! Fits of a vehicle's own events and of those that it was told.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-use dgpc::{Candidates, DISTINCT_SHARE, Fit, Inputs, Posterior, Prior, Summary};
+use dgpc::{Candidates, DISTINCT_SHARE, Fit, Inputs, Observations, Posterior, Prior, Summary};
 
 use crate::agent_error::AgentError;
 use crate::event::Event;
 use crate::fitting::{self, Begin};
 use crate::frames::ToldKey;
 use crate::heard::{Heard, summaries};
+use crate::limits::Limits;
 use crate::memory::Memory;
-use crate::model::Model;
 use crate::packets::Packet;
-use crate::placing::ToldEvents;
+use crate::placing::{ToldEvents, is_among};
 
 /// The smallest tilt that a warm fit begins at.
 const TILT_MIN: f64 = 1e-9;
@@ -32,6 +32,8 @@ pub(crate) enum Source {
 pub(crate) struct Fitted {
     pub(crate) fit: Fit,
     pub(crate) sources: Vec<Source>,
+    /// How many went and came since these were fitted together.
+    amended: usize,
     /// The told events among them, as they were placed.
     pub(crate) told: Arc<ToldEvents>,
 }
@@ -80,6 +82,37 @@ impl Fitted {
             false => self.fit.posterior_of_part(&part, summaries),
         }
     }
+
+    /// Which of these events it has, as they are, and where.
+    fn kept(&self, sources: &[Source], told: &Heard) -> HashMap<Source, usize> {
+        let mut kept: HashMap<Source, usize> = self.sources.iter().copied().zip(0..).collect();
+        let wanted: HashSet<&Source> = sources.iter().collect();
+        kept.retain(|source, _| match source {
+            Source::Own(_) => wanted.contains(source),
+            Source::Told(key) => self.told.get_key_value(key).is_some_and(|one| is_among(&told.told, one)),
+        });
+        kept
+    }
+
+    /// The same without what is not kept, and with new events; `None` where that would be too much for it, or it is dense.
+    fn with(
+        &self,
+        kept: &HashMap<Source, usize>,
+        sources: &[Source],
+        new: &[usize],
+        observations: &Observations,
+        told: &Heard,
+    ) -> dgpc::Result<Option<Self>> {
+        let gone: Vec<usize> = (0..self.sources.len()).filter(|&at| !kept.contains_key(&self.sources[at])).collect();
+        let amended = self.amended + gone.len() + new.len();
+        if !Limits::is_small(amended, self.sources.len()) {
+            return Ok(None);
+        }
+        let Some(fit) = self.fit.amended(&gone, &observations.select(new))? else { return Ok(None) };
+        let stays = self.sources.iter().filter(|source| kept.contains_key(source));
+        let sources = stays.copied().chain(new.iter().map(|&at| sources[at])).collect();
+        Ok(Some(Self { fit, sources, amended, told: told.told.clone() }))
+    }
 }
 
 /// The vehicle's own events and those that were told, in canonical order.
@@ -92,42 +125,44 @@ pub(crate) fn all_events<'a>(memory: &'a Memory, told: &'a Heard) -> (Vec<Source
     all.into_iter().unzip()
 }
 
-/// Fits the vehicle's own events and those that were told, given what packets say; begins at the last fit, if it is given, and
-/// at what the posterior near it says of events that were not in it.
+/// Where a fit begins: at the last one, and at what the posterior near it says of events that were not in it.
+pub(crate) struct Last<'a> {
+    pub(crate) fitted: &'a Fitted,
+    pub(crate) near: &'a Posterior,
+    /// Whether it was given the same messages.
+    pub(crate) has_messages: bool,
+}
+
+/// Fits the vehicle's own events and those that were told, given what packets say; begins at the last fit, if it is given. Where
+/// what went and came since events were fitted together is a small share of them, a sparse fit is amended: so an event costs the
+/// same however many there were.
 pub(crate) fn fit_events(
     memory: &Memory,
     prior: &Prior,
     told: &Heard,
     messages: &[&Summary],
-    last: Option<(&Fitted, &Posterior)>,
+    last: Option<Last<'_>>,
 ) -> Result<Fitted, AgentError> {
     let team = &memory.frames.team;
     let (sources, events) = all_events(memory, told);
     let observations = team.model.observations(events.iter().copied())?;
-    let begin = last.map(|(last, near)| tilts(&team.model, &sources, &events, last, near)).transpose()?;
-    let begin = last.zip(begin.as_ref()).map(|((last, _), (tilts, new))| Begin {
-        inducing_points: last.fit.inducing_points().filter(|_| messages.is_empty()),
-        tilts,
-        new,
-    });
-    let fit = fitting::fit(prior, &observations, messages, &team.limits, begin)?;
-    Ok(Fitted { fit, sources, told: told.told.clone() })
-}
-
-/// Tilts to begin with: those of the last fit and, of events that were not in it, what the posterior near it says; and which
-/// events these are.
-fn tilts(
-    model: &Model,
-    sources: &[Source],
-    events: &[&Event],
-    last: &Fitted,
-    near: &Posterior,
-) -> dgpc::Result<(Vec<f64>, Vec<usize>)> {
-    let known: HashMap<Source, f64> = last.sources.iter().copied().zip(last.fit.tilts().iter().copied()).collect();
-    let new: Vec<usize> = (0..events.len()).filter(|&place| !known.contains_key(&sources[place])).collect();
-    let latent = near.latent(&model.inputs(new.iter().map(|&place| events[place].attempt()))?)?;
-    let mut tilts = latent.mean.iter().zip(&latent.variance).map(|(mean, variance)| (mean * mean + variance).sqrt());
-    let tilt = |source: &Source| known.get(source).copied().or_else(|| tilts.next()).unwrap_or(1.0);
+    let Some(Last { fitted: last, near, has_messages }) = last else {
+        let fit = fitting::fit(prior, &observations, messages, &team.limits, None)?;
+        return Ok(Fitted { fit, sources, amended: 0, told: told.told.clone() });
+    };
+    let kept = last.kept(&sources, told);
+    let new: Vec<usize> = (0..events.len()).filter(|&place| !kept.contains_key(&sources[place])).collect();
+    if has_messages && let Some(amended) = last.with(&kept, &sources, &new, &observations, told)? {
+        return Ok(amended);
+    }
+    let near = near.latent(&team.model.inputs(new.iter().map(|&place| events[place].attempt()))?)?;
+    let mut near = near.mean.iter().zip(&near.variance).map(|(mean, variance)| (mean * mean + variance).sqrt());
+    let tilts = last.fit.tilts();
+    let tilt = |source: &Source| kept.get(source).map(|&place| tilts[place]).or_else(|| near.next()).unwrap_or(1.0);
     // Where f is known to be 0 the tilt is 0, but an iteration begins above.
-    Ok((sources.iter().map(tilt).map(|tilt| tilt.max(TILT_MIN)).collect(), new))
+    let tilts: Vec<f64> = sources.iter().map(tilt).map(|tilt| tilt.max(TILT_MIN)).collect();
+    let inducing_points = last.fit.inducing_points().filter(|_| messages.is_empty());
+    let begin = Begin { inducing_points, tilts: &tilts, new: &new };
+    let fit = fitting::fit(prior, &observations, messages, &team.limits, Some(begin))?;
+    Ok(Fitted { fit, sources, amended: 0, told: told.told.clone() })
 }

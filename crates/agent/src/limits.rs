@@ -56,6 +56,11 @@ impl Limits {
         ]
     }
 
+    /// Whether so many events are a small share of those that were fitted.
+    pub(crate) fn is_small(events: usize, fitted: usize) -> bool {
+        events * FITTED_PER_BESIDE <= fitted
+    }
+
     /// How many events may come or go before a fit of so many is due anew: a sixteenth as many, eight at least and
     /// [`Limits::events_beside_max`] at most. What stands beside a fit is known nearly as well as what is in it: predictions
     /// are by 0.001 to 0.003 nats better for it than with 64 always.

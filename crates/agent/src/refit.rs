@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use dgpc::{Posterior, Prior, Summary};
+use dgpc::{Prior, Summary};
 
 use crate::agent_error::AgentError;
 use crate::beliefs::{Beliefs, OwnModel};
-use crate::fitted::{Fitted, fit_events};
+use crate::fitted::{Fitted, Last, fit_events};
 use crate::heard::{Heard, said, summaries};
 use crate::limits::Limits;
 use crate::memory::Memory;
@@ -58,23 +58,28 @@ impl Beliefs {
         }
         let model = &memory.frames.team.model;
         let place: Vec<&Summary> = model.place_summary().into_iter().collect();
-        let fit = |prior: &Prior, told: &Heard, messages: &[&Summary], last: Option<&Fitted>, near: &Posterior| {
-            let last = last.filter(|_| start == Start::Warm);
-            fit_events(memory, prior, told, messages, last.map(|last| (last, near)))
+        let fit = |prior: &Prior, told: &Heard, messages: &[&Summary], last: Option<Last<'_>>| {
+            fit_events(memory, prior, told, messages, last.filter(|_| start == Start::Warm))
         };
+        let last = |fitted, near, has_messages| Last { fitted, near, has_messages };
         let alone = match self.alone.clone().filter(|_| has_own_events && is_as_good) {
             Some(alone) => alone,
-            None => Arc::new(fit(&model.prior, &Heard::default(), &place, self.alone.as_deref(), &self.own)?),
+            None => {
+                let before = self.alone.as_deref().map(|alone| last(alone, &self.own, true));
+                Arc::new(fit(&model.prior, &Heard::default(), &place, before)?)
+            }
         };
         let (mut own_model, mut together) = (None, None);
         if let Some(own) = &self.own_model {
             let packets = said(memory, &believed.packets, Worth::All);
             let messages = [place, summaries(&packets)].concat();
-            let fitted = fit(own.fitted.fit.prior(), believed, &messages, Some(&own.fitted), &self.fused)?;
+            let before = last(&own.fitted, &self.fused, own.packets == believed.packets);
+            let fitted = fit(own.fitted.fit.prior(), believed, &messages, Some(before))?;
             own_model = Some(Arc::new(own.with(fitted, believed)));
         } else if !believed.told.is_empty() {
-            let last = self.together.as_deref().or(self.alone.as_deref());
-            together = Some(Arc::new(fit(&model.prior, believed, &place, last, &self.fused)?));
+            let before = self.together.as_deref().or(self.alone.as_deref());
+            let before = before.map(|before| last(before, &self.fused, true));
+            together = Some(Arc::new(fit(&model.prior, believed, &place, before)?));
         }
         self.began_cold = start == Start::Cold || self.alone.is_none();
         (self.alone, self.own_model, self.together) = (Some(alone), own_model, together);

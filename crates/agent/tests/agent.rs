@@ -195,6 +195,32 @@ fn a_sparse_fit_knows_and_tells_nearly_what_a_dense_one_does() {
 }
 
 #[test]
+fn a_long_fit_grows_and_is_made_again_now_and_then() {
+    let mut long = team(2, model());
+    long.limits =
+        Limits { dense_events_max: 50, inducing_points_max: 120, events_beside_max: 4, events_max: 350, ..long.limits };
+    let all = walk(0, 400, 0.0);
+    let mut agent = vehicle(&Arc::new(long), 0, all[..300].iter().cloned());
+    agent.refit().unwrap();
+    let mut fits = 0;
+    for events in all[300..].chunks(5) {
+        let before = agent.fit_quality();
+        agent.observe_all(events.iter().cloned()).unwrap();
+        assert!(agent.refit_due());
+        agent.refit().unwrap();
+        assert!(!agent.refit_due());
+        fits += usize::from(agent.fit_quality() != before);
+        let grown = agent.probabilities(somewhere()).unwrap();
+        let mut anew = restored(&agent, &agent.snapshot());
+        anew.rebuild_posteriors().unwrap();
+        let off = largest_difference(&grown, &anew.probabilities(somewhere()).unwrap());
+        assert!(off < 0.02, "{off}");
+    }
+    // A sixteenth of 300 events comes four times in 100, and as many went.
+    assert!((4..=10).contains(&fits), "{fits}");
+}
+
+#[test]
 fn one_frame_tells_a_vehicle_of_a_region_that_it_has_not_seen() {
     let team = Arc::new(team(2, model()));
     // One saw the west, where only short links work; the other the east, where all do.

@@ -49,3 +49,20 @@ pub(crate) struct MeanField {
     /// What a sparse fit says of its events at its inducing points: Ĝ and b̂.
     pub(crate) condensed: Option<(Matrix, Vec<f64>)>,
 }
+
+impl MeanField {
+    /// The same of some of the events, by their places: what is known of each stays as it is.
+    pub(super) fn select(&self, events: &[usize]) -> Self {
+        let of = |values: &[f64]| events.iter().map(|&event| values[event]).collect();
+        Self {
+            sites: self.sites.select(events),
+            mean: of(&self.mean),
+            variance: of(&self.variance),
+            residual: of(&self.residual),
+            tilts: of(&self.tilts),
+            weights: of(&self.weights),
+            condensed: None,
+            ..*self
+        }
+    }
+}

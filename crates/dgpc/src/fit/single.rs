@@ -14,18 +14,24 @@ use crate::sites::Sites;
 /// As [`Posterior::latent`]; [`crate::Error::OutOfRange`] where the latent function is so far from zero that ω
 /// vanishes.
 pub fn sites_given(known: &Posterior, observations: &Observations) -> Result<Sites> {
+    Ok(sites_and_tilts_given(known, observations)?.0)
+}
+
+/// The same, and the tilts that their ω are of.
+pub(super) fn sites_and_tilts_given(known: &Posterior, observations: &Observations) -> Result<(Sites, Vec<f64>)> {
     let latent = known.latent(observations.inputs())?;
     let one = |(((&mean, &variance), kappa), &weight): (((&f64, &f64), f64), &f64)| {
         // A start at ω's largest value; every step contracts, so a fixed number is enough.
-        (0..ITERATIONS).fold(0.25, |omega, _| {
+        (0..ITERATIONS).fold((0.25, 0.0), |(omega, _), _| {
             let narrowed = variance / (1.0 + variance * omega);
             let moved = mean + narrowed * (kappa - omega * mean);
-            polya_gamma::mean(weight, (moved * moved + narrowed).sqrt())
+            let tilt = (moved * moved + narrowed).sqrt();
+            (polya_gamma::mean(weight, tilt), tilt)
         })
     };
     let moments = latent.mean.iter().zip(&latent.variance);
-    let omega = moments.zip(observations.kappa()).zip(observations.weights()).map(one).collect();
-    Sites::new(observations, omega)
+    let (omega, tilts) = moments.zip(observations.kappa()).zip(observations.weights()).map(one).unzip();
+    Ok((Sites::new(observations, omega)?, tilts))
 }
 
 /// Steps to the fixed point of a single site.

@@ -85,6 +85,52 @@ proptest! {
         prop_assert_eq!(sparse.latent_at_events(&inputs), None);
     }
 
+    /// However many of them are wanted, and whichever way they are summed up.
+    #[test]
+    fn a_part_of_a_sparse_fit_is_what_its_sites_say(problem in problems(3..=14), wanted in any::<[bool; 14]>()) {
+        let z = problem.inputs().select(&problem.spread(3));
+        let sparse = FitOptions::default().inducing_points(&z);
+        let fit = dgpc::fit(&problem.prior, &problem.observations, &sparse).unwrap();
+        let part: Vec<usize> = (0..problem.inputs().len()).filter(|&event| wanted[event]).collect();
+        let condensed = Summary::variational(&problem.prior, &fit.sites().select(&part), &z).unwrap();
+        let expected = Posterior::of_summaries(&problem.prior, &[&condensed]).unwrap();
+        let latent = |posterior: &Posterior| posterior.latent(&problem.elsewhere).unwrap();
+        assert_same_latent(&latent(&fit.posterior_of_part(&part, &[]).unwrap()), &latent(&expected), 1e-8);
+    }
+
+    #[test]
+    fn an_amended_fit_is_what_its_sites_say(problem in problems(4..=14), gone in any::<[bool; 14]>()) {
+        let message = message(&problem);
+        prop_assume!(message.is_some());
+        let message = message.unwrap();
+        let (messages, z) = ([&message], problem.inputs().select(&problem.spread(3)));
+        let (count, half) = (problem.inputs().len(), problem.inputs().len() / 2);
+        let [first, others] = [0..half, half..count].map(|range| problem.observations.select(&range.collect::<Vec<_>>()));
+        let sparse = FitOptions::default().inducing_points(&z).messages(&messages);
+        let before = dgpc::fit(&problem.prior, &first, &sparse).unwrap();
+        let gone: Vec<usize> = (0..half).filter(|&event| gone[event]).collect();
+        let after = before.amended(&gone, &others).unwrap().unwrap();
+
+        let stay: Vec<usize> = (0..half).filter(|event| !gone.contains(event)).collect();
+        let places: Vec<usize> = (0..stay.len()).collect();
+        prop_assert_eq!(&after.sites().select(&places), &before.sites().select(&stay));
+        prop_assert_eq!(after.sites().len(), stay.len() + others.len());
+        prop_assert_eq!([after.tilts(), after.weights(), after.mean(), after.variance()].map(<[f64]>::len), [after.sites().len(); 4]);
+        let latent = |posterior: &Posterior| posterior.latent(&problem.elsewhere).unwrap();
+        let points = after.inducing_points().unwrap();
+        let condensed = Summary::variational(&problem.prior, after.sites(), points).unwrap();
+        let read = message.under(&problem.prior).unwrap();
+        let expected = Posterior::of_summaries(&problem.prior, &[&condensed, &read]).unwrap();
+        assert_same_latent(&latent(&after.posterior().unwrap()), &latent(&expected), 1e-7);
+        // A new one has the site that it has beside all before it.
+        let one = before.amended(&gone, &others.select(&[0])).unwrap().unwrap();
+        let known = before.amended(&gone, &others.select(&[])).unwrap().unwrap().posterior().unwrap();
+        let expected = sites_given(&known, &others.select(&[0])).unwrap();
+        prop_assert!((one.sites().omega()[stay.len()] - expected.omega()[0]).abs() < 1e-12);
+        let dense = dgpc::fit(&problem.prior, &first, &FitOptions::default()).unwrap();
+        prop_assert!(dense.amended(&[], &others).unwrap().is_none());
+    }
+
     #[test]
     fn summaries_take_the_place_of_a_fits_messages(problem in problems(3..=14), is_sparse in any::<bool>()) {
         let message = message(&problem);
