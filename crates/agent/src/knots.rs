@@ -1,5 +1,6 @@
 //! The few knots that tell where a vehicle was.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 
 use pingmap_packet::Cell;
@@ -18,10 +19,12 @@ struct Stop {
     slot: u32,
     time_s: f64,
     at: Position,
-    /// Where a knot of it may lie, the nearest first.
-    vertices: Vec<Vertex>,
-    /// Whether others know it for a knot: it stays one.
-    is_told: bool,
+    /// The cell that holds it.
+    own: Cell,
+    /// Its place as others know it for a knot: it stays one.
+    told: Option<Cell>,
+    /// Where a knot of it may lie, the nearest first; found where somebody asks ([`Knots::vertices`]), which few of a long track do.
+    vertices: OnceCell<Vec<Vertex>>,
     /// Whether it was nowhere that could be told in the slot before, or that was too long ago.
     is_new_run: bool,
 }
@@ -70,7 +73,7 @@ impl Knots<'_> {
 
     fn knots_of_run(&self, stops: &[Stop]) -> Vec<(u32, Cell)> {
         let mut places = Vec::new();
-        let mut here = Leg { to: 0, vertices: stops[0].vertices.clone() };
+        let mut here = Leg { to: 0, vertices: self.vertices(&stops[0]).to_vec() };
         loop {
             let legs = here.vertices.iter().map(|vertex| self.leg(stops, here.to, vertex));
             let Some(leg) = legs.reduce(|best, leg| if leg.to > best.to { leg } else { best }) else {
@@ -85,7 +88,7 @@ impl Knots<'_> {
     /// square over all stops. O(stops · places of a knot²).
     fn nearest(&self, stops: &[Stop], places: &[usize]) -> Vec<(u32, Cell)> {
         let begin = |vertex: &Vertex| Way { off_m2: vertex.off_m.powi(2), from: 0 };
-        let mut ways: Vec<Vec<Way>> = vec![stops[places[0]].vertices.iter().map(begin).collect()];
+        let mut ways: Vec<Vec<Way>> = vec![self.vertices(&stops[places[0]]).iter().map(begin).collect()];
         for leg in places.windows(2) {
             let onward = self.onward(&stops[leg[0]..=leg[1]], &ways[ways.len() - 1]);
             ways.push(onward);
@@ -94,7 +97,7 @@ impl Knots<'_> {
         let mut at = last.min_by(|a, b| a.1.off_m2.total_cmp(&b.1.off_m2)).map_or(0, |(at, _)| at);
         let mut knots = Vec::new();
         for (&place, ways) in places.iter().zip(&ways).rev() {
-            knots.push((stops[place].slot, stops[place].vertices[at].cell));
+            knots.push((stops[place].slot, self.vertices(&stops[place])[at].cell));
             at = ways[at].from;
         }
         knots.reverse();
@@ -106,7 +109,7 @@ impl Knots<'_> {
         let [from, between @ .., to] = stops else { return ways.to_vec() };
         let best = |end: &Vertex| {
             let mut best = Way { off_m2: f64::INFINITY, from: 0 };
-            for (from_place, (begin, way)) in from.vertices.iter().zip(ways).enumerate() {
+            for (from_place, (begin, way)) in self.vertices(from).iter().zip(ways).enumerate() {
                 let ends = [(from.time_s, begin.middle), (to.time_s, end.middle)];
                 let off_m2 = self.off_m2(&ends, between).map_or(f64::INFINITY, |leg_m2| way.off_m2 + leg_m2);
                 if off_m2 < best.off_m2 {
@@ -115,7 +118,7 @@ impl Knots<'_> {
             }
             Way { off_m2: best.off_m2 + end.off_m.powi(2), ..best }
         };
-        to.vertices.iter().map(best).collect()
+        self.vertices(to).iter().map(best).collect()
     }
 
     /// The stops of a track: every slot that anybody may send in, of several at one time the first.
@@ -131,33 +134,34 @@ impl Knots<'_> {
         let mut is_away = false;
         for (slot, time_s) in slots.filter(|&(slot, _)| self.slots.sender(slot).is_some()) {
             let told = told.get(&slot).copied();
-            let found = track.at(time_s).and_then(|at| Some((at, self.vertices(&at, told)?)));
-            let Some((at, vertices)) = found else {
+            let found = track.at(time_s).and_then(|at| Some((at, self.grid.knot_cell(self.chart, &at)?)));
+            let Some((at, own)) = found else {
                 is_away = true;
                 continue;
             };
             let is_new_run = is_away || stops.last().is_some_and(|last| slot - last.slot > LEG_SLOTS_MAX);
-            stops.push(Stop { slot, time_s, at, vertices, is_told: told.is_some(), is_new_run });
+            stops.push(Stop { slot, time_s, at, own, told, vertices: OnceCell::new(), is_new_run });
             is_away = false;
         }
         stops
     }
 
-    /// Where a knot of somebody may lie who is here: in the cell that holds it, and in others that are near enough; where it was told.
-    fn vertices(&self, at: &Position, told: Option<Cell>) -> Option<Vec<Vertex>> {
+    /// Where a knot of a stop may lie: in the cell that holds it, and in others that are near enough; where it was told.
+    fn vertices<'s>(&self, stop: &'s Stop) -> &'s [Vertex] {
         let vertex = |cell| {
             let middle = self.grid.knot_position(self.chart, cell, self.has_depth);
-            Vertex { cell, middle, off_m: off_m(&middle, at) }
+            Vertex { cell, middle, off_m: off_m(&middle, &stop.at) }
         };
-        let own = self.grid.knot_cell(self.chart, at)?;
-        if let Some(told) = told {
-            return Some(vec![vertex(told)]);
-        }
-        let about = self.grid.knot_cells_about(own, self.off_max_m).map(vertex);
-        let mut vertices: Vec<Vertex> =
-            about.filter(|vertex| vertex.cell == own || vertex.off_m <= self.off_max_m).collect();
-        vertices.sort_by(|a, b| a.off_m.total_cmp(&b.off_m));
-        Some(vertices)
+        stop.vertices.get_or_init(|| {
+            if let Some(told) = stop.told {
+                return vec![vertex(told)];
+            }
+            let about = self.grid.knot_cells_about(stop.own, self.off_max_m).map(vertex);
+            let mut vertices: Vec<Vertex> =
+                about.filter(|vertex| vertex.cell == stop.own || vertex.off_m <= self.off_max_m).collect();
+            vertices.sort_by(|a, b| a.off_m.total_cmp(&b.off_m));
+            vertices
+        })
     }
 
     /// The leg that reaches farthest from a place of a stop.
@@ -169,12 +173,12 @@ impl Knots<'_> {
         for to in (next + 1..=self.in_reach(stops, from, &begin)).rev() {
             let is_straight =
                 |end: &&Vertex| self.off_m2(&[begin, (stops[to].time_s, end.middle)], &stops[next..to]).is_some();
-            let vertices: Vec<Vertex> = stops[to].vertices.iter().filter(is_straight).copied().collect();
+            let vertices: Vec<Vertex> = self.vertices(&stops[to]).iter().filter(is_straight).copied().collect();
             if !vertices.is_empty() {
                 return Leg { to, vertices };
             }
         }
-        Leg { to: next, vertices: after.vertices.clone() }
+        Leg { to: next, vertices: self.vertices(after).to_vec() }
     }
 
     /// The farthest stop that a leg from here could reach as far as its speed east, and north, goes: at every stop on the way
@@ -195,7 +199,7 @@ impl Knots<'_> {
             };
             let is_in_reach = narrow(&mut east, stop.at.east_m - begin.1.east_m)
                 & narrow(&mut north, stop.at.north_m - begin.1.north_m);
-            if stop.is_told || !is_in_reach {
+            if stop.told.is_some() || !is_in_reach {
                 break;
             }
         }
