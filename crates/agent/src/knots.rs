@@ -62,12 +62,12 @@ pub(crate) struct Knots<'a> {
 }
 
 impl Knots<'_> {
-    /// Knots of a track from its first slot to its last, in runs: as few as a search from the beginning on finds, in which every leg
+    /// Knots of a track from its first slot that is not before `begin` to its last, in runs: as few as a search from the beginning on finds, in which every leg
     /// reaches as far as any can from where it may begin, and then as near to the track as so many can be. What was a knot once
     /// stays one (`told`): what others made of it must not change. A run ends where the grid does not hold the next place: nobody
     /// says that it went straight on to where it came back. O(slots · slots of a leg).
-    pub(crate) fn of(&self, track: &Track, told: &BTreeMap<u32, Cell>) -> Vec<Vec<(u32, Cell)>> {
-        let stops = self.stops(track, told);
+    pub(crate) fn of(&self, track: &Track, told: &BTreeMap<u32, Cell>, begin: u32) -> Vec<Vec<(u32, Cell)>> {
+        let stops = self.stops(track, told, begin);
         stops.chunk_by(|_, next| !next.is_new_run).map(|run| self.knots_of_run(run)).collect()
     }
 
@@ -122,9 +122,9 @@ impl Knots<'_> {
     }
 
     /// The stops of a track: every slot that anybody may send in, of several at one time the first.
-    fn stops(&self, track: &Track, told: &BTreeMap<u32, Cell>) -> Vec<Stop> {
+    fn stops(&self, track: &Track, told: &BTreeMap<u32, Cell>, begin: u32) -> Vec<Stop> {
         let Some((first_s, last_s)) = track.span_s() else { return Vec::new() };
-        let begin = self.slots.number(first_s).unwrap_or(0);
+        let begin = self.slots.number(first_s).unwrap_or(0).max(begin - begin % self.slots.at_once() as u32);
         let slots = (begin..self.slots.end()).map_while(|slot| {
             let time_s = self.slots.begin_s(slot).filter(|&time_s| time_s <= last_s)?;
             Some((slot, time_s))
@@ -236,7 +236,7 @@ mod tests {
         let slots = Slots::in_turn(10.0, ["a", "b"].map(VehicleId::new).into());
         let track = Track::new(fixes);
         let knots = Knots { slots: &slots, grid: &grid, chart: &chart, has_depth: false, off_max_m };
-        let found = knots.of(&track, &BTreeMap::new()).into_iter().flatten().collect();
+        let found = knots.of(&track, &BTreeMap::new(), 0).into_iter().flatten().collect();
         (track, found, grid, chart, slots)
     }
 
@@ -281,7 +281,7 @@ mod tests {
             .into();
         assert!(!knots.contains_key(&17));
         let ways = Knots { slots: &slots, grid: &grid, chart: &chart, has_depth: false, off_max_m: 20.0 };
-        let again: BTreeMap<u32, Cell> = ways.of(&track, &told).into_iter().flatten().collect();
+        let again: BTreeMap<u32, Cell> = ways.of(&track, &told, 0).into_iter().flatten().collect();
         assert!(told.iter().all(|(slot, cell)| again.get(slot) == Some(cell)), "{again:?}");
     }
 
@@ -295,7 +295,7 @@ mod tests {
         let fix = |slot: u32| (10.0 * f64::from(slot), Position::new(east_m(slot), north_m(slot)));
         let track = Track::new((0..800).map(fix).collect());
         let knots = Knots { slots: &slots, grid: &grid, chart: &chart, has_depth: false, off_max_m: 15.0 };
-        let runs = knots.of(&track, &BTreeMap::new());
+        let runs = knots.of(&track, &BTreeMap::new(), 0);
         let ends = |run: &Vec<(u32, Cell)>| (run[0].0, run[run.len() - 1].0);
         assert_eq!(runs.iter().map(ends).collect::<Vec<_>>(), [(0, 99), (120, 299), (700, 799)]);
         assert!(runs.iter().all(|run| run.windows(2).all(|leg| leg[1].0 - leg[0].0 <= LEG_SLOTS_MAX)));
@@ -333,11 +333,16 @@ mod tests {
             // What is told of the first part stays.
             let told_fixes = fixes[..(told_share * fixes.len() as f64) as usize].to_vec();
             let told: BTreeMap<u32, Cell> =
-                knots.of(&Track::new(told_fixes), &BTreeMap::new()).into_iter().flatten().collect();
+                knots.of(&Track::new(told_fixes), &BTreeMap::new(), 0).into_iter().flatten().collect();
             let track = Track::new(fixes);
-            let runs = knots.of(&track, &told);
+            let runs = knots.of(&track, &told, 0);
             prop_assert_eq!(runs.len(), 1);
             prop_assert!(told.iter().all(|knot| runs[0].contains(&(*knot.0, *knot.1))));
+            // From what was told on it is the same, whatever was before.
+            if let Some((&begin, _)) = told.last_key_value() {
+                let onward: Vec<_> = runs[0].iter().copied().filter(|knot| knot.0 >= begin).collect();
+                prop_assert_eq!(&knots.of(&track, &told, begin), &[onward]);
+            }
             let mut told_track = ToldTrack::default();
             told_track.take(&runs[0]);
             for slot in runs[0][0].0..=runs[0][runs[0].len() - 1].0 {

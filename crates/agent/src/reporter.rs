@@ -94,8 +94,7 @@ struct Span {
 }
 
 impl<'a> Reporter<'a> {
-    /// What could be told in a frame of so many bytes that carries this counter. O(slots since the vehicle was first anywhere, of a
-    /// leg each).
+    /// What could be told in a frame of so many bytes that carries this counter. O(slots that it may report, of a leg each).
     pub(crate) fn new(memory: &'a Memory, sender: u8, frame_bytes: usize, counter: u16) -> Self {
         let team = &memory.frames.team;
         let knots = Knots {
@@ -108,7 +107,10 @@ impl<'a> Reporter<'a> {
         let nothing = BTreeMap::new();
         let reported = memory.reports.told_by(sender);
         let told = reported.map_or(&nothing, |told| told.track.knots());
-        let runs = knots.of(&memory.track(), told).into_iter().enumerate();
+        // From where on it may report: before that is what was forgotten, and where it was then.
+        let begin = memory.reports.begin(sender);
+        let begin = told.range(..=begin).next_back().map_or(begin, |(&slot, _)| slot);
+        let runs = knots.of(&memory.track(), told, begin).into_iter().enumerate();
         let (runs, knots): (Vec<usize>, Vec<(u32, Cell)>) =
             runs.flat_map(|(run, knots)| knots.into_iter().map(move |knot| (run, knot))).unzip();
         let items = items(memory, sender, &knots);
