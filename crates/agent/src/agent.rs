@@ -327,12 +327,13 @@ impl Agent {
 
     /// Fits its own events and those that it was told again if any came or went since the last time, beginning at the last
     /// fit, and judges by that whom to believe; once more, where that changed. O(N³) an iteration
-    /// up to [`crate::Limits::dense_events_max`] events, O(NM²) with M = [`crate::Limits::inducing_points_max`] beyond.
+    /// up to [`crate::Limits::dense_events_max`] events, O(NM²) with M = [`crate::Limits::inducing_points_max`] beyond, where O(M²) for
+    /// each event that came or went is enough as long as these are less than a sixteenth of those that were fitted together.
     ///
     /// # Errors
     /// [`AgentError::Method`] when the method refuses.
     pub fn refit(&mut self) -> Result<(), AgentError> {
-        self.beliefs.refit(&self.memory, &self.heard(), Start::Warm)
+        self.beliefs.refit(&self.memory, &self.heard(), Start::Near)
     }
 
     /// Fits its own events anew, and puts everything together in canonical order: what comes of it depends on nothing

@@ -129,8 +129,8 @@ pub(crate) fn all_events<'a>(memory: &'a Memory, told: &'a Heard) -> (Vec<Source
 pub(crate) struct Last<'a> {
     pub(crate) fitted: &'a Fitted,
     pub(crate) near: &'a Posterior,
-    /// Whether it was given the same messages.
-    pub(crate) has_messages: bool,
+    /// Whether it may be amended: it was given the same messages.
+    pub(crate) may_be_amended: bool,
 }
 
 /// Fits the vehicle's own events and those that were told, given what packets say; begins at the last fit, if it is given. Where
@@ -146,13 +146,13 @@ pub(crate) fn fit_events(
     let team = &memory.frames.team;
     let (sources, events) = all_events(memory, told);
     let observations = team.model.observations(events.iter().copied())?;
-    let Some(Last { fitted: last, near, has_messages }) = last else {
+    let Some(Last { fitted: last, near, may_be_amended }) = last else {
         let fit = fitting::fit(prior, &observations, messages, &team.limits, None)?;
         return Ok(Fitted { fit, sources, amended: 0, told: told.told.clone() });
     };
     let kept = last.kept(&sources, told);
     let new: Vec<usize> = (0..events.len()).filter(|&place| !kept.contains_key(&sources[place])).collect();
-    if has_messages && let Some(amended) = last.with(&kept, &sources, &new, &observations, told)? {
+    if may_be_amended && let Some(amended) = last.with(&kept, &sources, &new, &observations, told)? {
         return Ok(amended);
     }
     let near = near.latent(&team.model.inputs(new.iter().map(|&place| events[place].attempt()))?)?;

@@ -1,5 +1,6 @@
 //! When a vehicle fits its events again, and what it fits.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use dgpc::{Prior, Summary};
@@ -15,7 +16,9 @@ use crate::reports::Worth;
 /// Where a fit begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Start {
-    /// At the last one: sooner done, and the same to the tolerance of a fit.
+    /// At the last one, which is amended where that is enough.
+    Near,
+    /// At the last one, every event anew: sooner done than a cold one, and the same to the tolerance of a fit.
     Warm,
     /// Anew: the same to the bit whatever was before.
     Cold,
@@ -51,7 +54,8 @@ impl Beliefs {
     /// Fits its own events under the team's model, and all that is believed: under its own model if it has one, else under the
     /// team's where events were told. Leaves a fit alone that this one would be the same as.
     fn fit_believed(&mut self, memory: &Memory, believed: &Heard, start: Start) -> Result<(), AgentError> {
-        let is_as_good = start == Start::Warm || self.began_cold;
+        let start = if start == Start::Near && self.has_fitted_others(believed) { Start::Warm } else { start };
+        let is_as_good = start != Start::Cold || self.began_cold;
         let has_own_events = self.alone.is_some() && self.taken.beside.is_empty() && self.taken.forgotten == 0;
         if has_own_events && is_as_good && self.has_fitted(believed) {
             return Ok(());
@@ -59,9 +63,9 @@ impl Beliefs {
         let model = &memory.frames.team.model;
         let place: Vec<&Summary> = model.place_summary().into_iter().collect();
         let fit = |prior: &Prior, told: &Heard, messages: &[&Summary], last: Option<Last<'_>>| {
-            fit_events(memory, prior, told, messages, last.filter(|_| start == Start::Warm))
+            fit_events(memory, prior, told, messages, last.filter(|_| start != Start::Cold))
         };
-        let last = |fitted, near, has_messages| Last { fitted, near, has_messages };
+        let last = |fitted, near, is_alike| Last { fitted, near, may_be_amended: is_alike && start == Start::Near };
         let alone = match self.alone.clone().filter(|_| has_own_events && is_as_good) {
             Some(alone) => alone,
             None => {
@@ -86,6 +90,12 @@ impl Beliefs {
         self.taken.begin_anew();
         (self.judged, self.nothing_new_in) = (None, None);
         Ok(())
+    }
+
+    /// Whether the last fit has events of members who are not believed: what remains of it has to be known without them.
+    fn has_fitted_others(&self, believed: &Heard) -> bool {
+        let members: BTreeSet<u8> = believed.told.keys().map(|key| key.0).collect();
+        self.fitted().is_some_and(|fitted| fitted.told.keys().any(|key| !members.contains(&key.0)))
     }
 
     /// Whether the last fit has the told events that are believed, where they are taken to have been, and no others; and, under
