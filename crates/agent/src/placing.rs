@@ -91,7 +91,10 @@ pub(crate) fn place(
     let turns = Turns::new(frames, events, reports);
     let settled = settled(frames, own, &track, reports);
     if reports.senders().any(|sender| Some(sender) != own) {
-        let recorded: BTreeSet<ToldKey> = events.iter().filter_map(|event| frames.slot_of(event)).collect();
+        // Of itself it asks nobody.
+        let own_id = own.and_then(|own| frames.team.members.get(&own));
+        let of_others = events.iter().filter(|event| Some(&event.receiver_id) != own_id);
+        let recorded: BTreeSet<ToldKey> = of_others.filter_map(|event| frames.slot_of(event)).collect();
         let has_recent = reports.senders().any(|sender| reports.recent(sender).next().is_some());
         let seen = if has_recent { seen(frames, events) } else { BTreeMap::new() };
         let whereabouts = Whereabouts { frames, reports, own, track, seen };

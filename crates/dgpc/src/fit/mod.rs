@@ -26,11 +26,13 @@ pub use propagation::Propagated;
 pub use single::sites_given;
 pub(crate) use solve::{solve, solve_with_gradient};
 
+use amended::append;
 use propagation::propagate;
 use together::put_together;
 
 use std::collections::HashMap;
 
+use crate::cross::{Cross, residual};
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::latent::{Latent, success_probability};
@@ -154,6 +156,49 @@ impl Fit {
         let mut part = all.clone();
         part.forget(&self.found.sites.select(&others))?;
         Ok(part)
+    }
+
+    /// This sparse fit without some of its events, by their places, and with others behind those that stay: each at the site that it
+    /// has beside all before it, told at the inducing points that are there. O(mM²) for m events that come or go, however many
+    /// stay; `None` of a dense fit. What stays keeps its sites, so that this is not quite what a fit of all would find:
+    /// [`Fit::mean`] and [`Fit::variance`] of these, [`Fit::evidence`], [`Fit::iterations`], [`Fit::change`] and
+    /// [`Fit::converged`] are of the fit that they were found by.
+    ///
+    /// ```
+    /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
+    ///
+    /// let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 4.0, 1.0, 1)?])?;
+    /// let prior = Prior::new(kernel, PriorMean::Zero)?;
+    /// let points = Inputs::from_rows(&[[0.0], [1.0], [2.0]])?;
+    /// let events = |x: &[[f64; 1]], y| Observations::new(Inputs::from_rows(x)?, y);
+    /// let first = events(&[[0.0], [0.2], [0.4]], vec![true, true, true])?;
+    /// let before = fit(&prior, &first, &FitOptions::default().inducing_points(&points))?;
+    /// let after = before.amended(&[0], &events(&[[1.8], [2.0]], vec![false, false])?)?.expect("it is sparse");
+    /// assert_eq!(after.sites().len(), 4);
+    /// let far = Inputs::from_rows(&[[2.0]])?;
+    /// assert!(after.posterior()?.probability(&far)? < before.posterior()?.probability(&far)?);
+    /// # Ok::<(), dgpc::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`crate::sites_given`] and [`Fit::posterior`].
+    pub fn amended(&self, gone: &[usize], new: &Observations) -> Result<Option<Self>> {
+        let Some(mut condensed) = self.condensed.clone() else { return Ok(None) };
+        condensed.forget(&self.found.sites.select(gone))?;
+        let mut stays = vec![true; self.found.sites.len()];
+        gone.iter().for_each(|&event| stays[event] = false);
+        let staying: Vec<usize> = (0..stays.len()).filter(|&event| stays[event]).collect();
+        let found = self.found.select(&staying);
+        let (prior, messages) = (self.prior.clone(), self.messages.clone());
+        let mut amended = Self { prior, found, messages, condensed: Some(condensed) };
+        let known = amended.posterior()?;
+        let sites = append(&mut amended.found, known, new)?;
+        if let Some(condensed) = &mut amended.condensed {
+            condensed.observe(&sites)?;
+            let cross = Cross::new(amended.prior.kernel(), condensed.inducing_points(), new.inputs())?;
+            amended.found.residual.extend(residual(&cross, condensed.cholesky())?);
+        }
+        Ok(Some(amended))
     }
 
     /// Expectation propagation from the sites of this fit on, with `summaries` in place of the messages that the fit was
