@@ -10,7 +10,6 @@ use crate::beliefs::Beliefs;
 use crate::clock::out_of_turn;
 use crate::entry::Entry;
 use crate::event::{Event, Position, VehicleId};
-use crate::events::Numbered;
 use crate::fitting::FitQuality;
 use crate::frames::Frames;
 use crate::heard::Heard;
@@ -254,13 +253,13 @@ impl Agent {
         let mut numbered = Vec::new();
         for (number, event) in (self.memory.events.count()..).zip(new) {
             self.check_owner(&event)?;
-            numbered.push(Numbered { number, event });
+            numbered.push((number, event));
         }
         self.remember(numbered)
     }
 
-    /// Remembers events, or none of them.
-    pub(crate) fn remember(&mut self, events: Vec<Numbered>) -> Result<(), AgentError> {
+    /// Remembers events under their numbers, or none of them.
+    pub(crate) fn remember(&mut self, events: Vec<(u64, Event)>) -> Result<(), AgentError> {
         let change = self.memory.record(events)?;
         self.beliefs.note(change);
         Ok(())

@@ -7,7 +7,7 @@ use dgpc::{Posterior, Summary};
 
 use crate::agent_error::AgentError;
 use crate::event::Event;
-use crate::events::Change;
+use crate::events::{Change, Recorded};
 use crate::fitted::{Fitted, Source};
 use crate::fitting::absorb_event;
 use crate::frames::ToldKey;
@@ -16,9 +16,6 @@ use crate::memory::Memory;
 use crate::model::Model;
 use crate::placing::{ToldEvents, is_among};
 use crate::reports::{Told, Worth};
-
-/// So many told events are taken in at once: soon done, and each site is near what it is given the others.
-const TOLD_AT_ONCE: usize = 8;
 
 /// A prior of its own that a vehicle predicts under, and the fit of all events under it.
 #[derive(Debug)]
@@ -60,7 +57,7 @@ pub(crate) struct Beliefs {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Taken {
     /// Events of its own that came since the last fit.
-    pub(crate) beside: Vec<Event>,
+    pub(crate) beside: Vec<Recorded>,
     /// How many of these are in, from the first on.
     pub(crate) absorbed: usize,
     /// Events of its own that went since the last fit, and are in all the same.
@@ -121,7 +118,7 @@ impl Beliefs {
         if let Some((left_out, [own, fused])) = self.judge(memory, heard)? {
             (self.left_out, self.own, self.fused) = (left_out, own, fused);
             let believed = heard.without(&self.left_out);
-            self.taken.beside.sort_by(Event::canonical_order);
+            self.taken.beside.sort_by(Recorded::order);
             self.taken.packets = self.wanted(memory, &believed);
             self.taken.told = self.fitted_of(&believed).map(|(&key, event)| (key, event.clone())).collect();
             self.taken.told_beside = [0, believed.told.len() - self.taken.told.len()];
@@ -175,10 +172,10 @@ impl Beliefs {
     /// the bit as when everything is put together anew. Told events beside the last fit are not in.
     pub(crate) fn own_and_fused(&self, memory: &Memory, believed: &Heard) -> Result<[Posterior; 2], AgentError> {
         let (mut own, mut fused) = self.at_fit(memory, believed)?;
-        let mut beside: Vec<&Event> = self.taken.beside.iter().collect();
-        beside.sort_by(|a, b| a.canonical_order(b));
-        for event in &beside[..self.taken.absorbed] {
-            absorb_event(&memory.observation(event)?, &mut own, &mut fused, self.own_model.is_some())?;
+        let mut beside: Vec<&Recorded> = self.taken.beside.iter().collect();
+        beside.sort_by(|a, b| a.order(b));
+        for known in &beside[..self.taken.absorbed] {
+            absorb_event(&memory.observation(&known.event)?, &mut own, &mut fused, self.own_model.is_some())?;
         }
         Ok([own, fused])
     }
@@ -283,10 +280,9 @@ impl Beliefs {
         public: &mut Posterior,
         is_told: &dyn Fn(u32) -> bool,
     ) -> Result<(), AgentError> {
-        for event in &self.taken.beside {
-            if memory.frames.slot_of(event).is_some_and(|(_, slot)| is_told(slot)) {
-                let site = dgpc::sites_given(public, &memory.observation(event)?)?;
-                public.absorb_events(&site)?;
+        for known in &self.taken.beside {
+            if known.key.is_some_and(|(_, slot)| is_told(slot)) {
+                dgpc::absorb_observations(public, &memory.observation(&known.event)?)?;
             }
         }
         Ok(())
@@ -305,14 +301,14 @@ impl Beliefs {
     }
 
     /// Events of its own that the posteriors hold beside the last fit.
-    pub(crate) fn beside(&self) -> &[Event] {
+    pub(crate) fn beside(&self) -> &[Recorded] {
         &self.taken.beside[..self.taken.absorbed]
     }
 
     fn absorb_events(&mut self, memory: &Memory) -> Result<(), AgentError> {
         let end = self.taken.beside.len().min(memory.frames.team.limits.events_beside_max);
-        for event in &self.taken.beside[self.taken.absorbed..end] {
-            absorb_event(&memory.observation(event)?, &mut self.own, &mut self.fused, self.own_model.is_some())?;
+        for known in &self.taken.beside[self.taken.absorbed..end] {
+            absorb_event(&memory.observation(&known.event)?, &mut self.own, &mut self.fused, self.own_model.is_some())?;
         }
         self.taken.absorbed = end;
         Ok(())
@@ -326,13 +322,11 @@ impl Beliefs {
         new.sort_by(|a, b| a.1.canonical_order(&b.1));
         let [in_already, _] = self.taken.told_beside;
         let room = memory.frames.team.limits.events_beside_max.saturating_sub(in_already).min(new.len());
-        for some in new[..room].chunks(TOLD_AT_ONCE) {
-            let observations = memory.frames.team.model.observations(some.iter().map(|(_, event)| &**event))?;
-            let sites = dgpc::sites_given(&self.fused, &observations)?;
-            self.fused.absorb_events(&sites)?;
-            self.taken.told.extend(some.iter().cloned());
-        }
-        self.taken.told_beside = [in_already + room, new.len() - room];
+        let waiting = new.split_off(room);
+        let observations = memory.frames.team.model.observations(new.iter().map(|(_, event)| &**event))?;
+        dgpc::absorb_observations(&mut self.fused, &observations)?;
+        self.taken.told.extend(new);
+        self.taken.told_beside = [in_already + room, waiting.len()];
         Ok(())
     }
 
@@ -357,7 +351,7 @@ impl Beliefs {
         let public = self.public_of(memory, &own_of(memory, wanted), &|_| false)?;
         (self.own, self.fused) = self.at_fit(memory, believed)?;
         self.public = public;
-        self.taken.beside.sort_by(Event::canonical_order);
+        self.taken.beside.sort_by(Recorded::order);
         (self.taken.absorbed, self.taken.is_stale) = (0, false);
         self.taken.packets.clone_from(wanted);
         self.taken.told = self.fitted_of(believed).map(|(&key, event)| (key, event.clone())).collect();

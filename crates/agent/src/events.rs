@@ -5,16 +5,21 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use crate::event::Event;
+use crate::frames::ToldKey;
 
-/// An event, and how many the vehicle had observed before it.
+/// An event as the vehicle remembers it.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Numbered {
+pub(crate) struct Recorded {
+    /// How many it had observed before.
     pub(crate) number: u64,
+    /// Whose event it is in which slot, if members met in one: known once and for all, because a team's slots stay.
+    pub(crate) key: Option<ToldKey>,
     pub(crate) event: Event,
 }
 
-impl Numbered {
-    fn order(&self, other: &Self) -> Ordering {
+impl Recorded {
+    /// That of the events, and of their numbers where these are the same.
+    pub(crate) fn order(&self, other: &Self) -> Ordering {
         self.event.canonical_order(&other.event).then(self.number.cmp(&other.number))
     }
 }
@@ -23,7 +28,7 @@ impl Numbered {
 #[derive(Debug, Default)]
 pub(crate) struct Change {
     /// Those that were not there.
-    pub(crate) new: Vec<Event>,
+    pub(crate) new: Vec<Recorded>,
     /// How many others went for them.
     pub(crate) forgotten: usize,
 }
@@ -35,7 +40,7 @@ pub(crate) struct Change {
 pub(crate) struct Events {
     events_max: usize,
     /// In canonical order, so that fits do not depend on the order of arrival.
-    in_order: Arc<Vec<Numbered>>,
+    in_order: Arc<Vec<Recorded>>,
     numbers: Arc<BTreeSet<u64>>,
     /// Length of the longest link.
     longest_m: f64,
@@ -48,7 +53,7 @@ impl Events {
 
     /// Puts in events that have these numbers. Of two events under one number, which no vehicle makes, the first in
     /// canonical order stays. O(log N) for one, but for the others' moving aside; O(N log N) for many.
-    pub(crate) fn insert(&mut self, new: Vec<Numbered>) -> Change {
+    pub(crate) fn insert(&mut self, new: Vec<Recorded>) -> Change {
         let mut change = Change::default();
         let mut added = Vec::new();
         for entry in new {
@@ -57,20 +62,20 @@ impl Events {
                 continue;
             }
             if Arc::make_mut(&mut self.numbers).insert(entry.number) {
-                change.new.push(entry.event.clone());
+                change.new.push(entry.clone());
                 added.push(entry);
             } else {
                 // Rare, and so it may be slow.
                 self.merge(std::mem::take(&mut added));
-                if let Some(event) = self.settle(entry) {
-                    change.new.push(event);
+                if self.settle(&entry) {
+                    change.new.push(entry);
                     change.forgotten += 1;
                 }
             }
         }
         self.merge(added);
         change.forgotten += self.forget();
-        let new_m = change.new.iter().map(|event| event.link.range_m());
+        let new_m = change.new.iter().map(|known| known.event.link.range_m());
         self.longest_m = match change.forgotten {
             0 => new_m.fold(self.longest_m, f64::max),
             _ => self.iter().map(|event| event.link.range_m()).fold(0.0, f64::max),
@@ -78,7 +83,7 @@ impl Events {
         change
     }
 
-    fn merge(&mut self, mut added: Vec<Numbered>) {
+    fn merge(&mut self, mut added: Vec<Recorded>) {
         let in_order = Arc::make_mut(&mut self.in_order);
         if added.len() == 1 {
             let entry = added.remove(0);
@@ -86,21 +91,18 @@ impl Events {
             in_order.insert(place, entry);
         } else if !added.is_empty() {
             in_order.extend(added);
-            in_order.sort_by(Numbered::order);
+            in_order.sort_by(Recorded::order);
         }
     }
 
-    /// Puts an event in the place of the other one of its number, if it comes before that; the event, if it did.
-    fn settle(&mut self, entry: Numbered) -> Option<Event> {
+    /// Puts an event in the place of the other one of its number, if it comes before that; whether it did.
+    fn settle(&mut self, entry: &Recorded) -> bool {
         let in_order = Arc::make_mut(&mut self.in_order);
-        let place = in_order.iter().position(|known| known.number == entry.number)?;
-        if in_order[place].order(&entry).is_le() {
-            return None;
-        }
+        let place = in_order.iter().position(|known| known.number == entry.number);
+        let Some(place) = place.filter(|&place| in_order[place].order(entry).is_gt()) else { return false };
         in_order.remove(place);
-        let event = entry.event.clone();
-        self.merge(vec![entry]);
-        Some(event)
+        self.merge(vec![entry.clone()]);
+        true
     }
 
     /// Lets the oldest go, and says how many.
@@ -147,14 +149,13 @@ impl Events {
         self.in_order[..place].iter().rev().map(|known| &known.event)
     }
 
-    /// Those from a time on, in canonical order.
-    pub(crate) fn since(&self, time_s: f64) -> impl Iterator<Item = &Event> {
-        let place = self.in_order.partition_point(|known| known.event.time_s < time_s);
-        self.in_order[place..].iter().map(|known| &known.event)
+    /// In canonical order, with what else is known of them.
+    pub(crate) fn recorded(&self) -> &[Recorded] {
+        &self.in_order
     }
 
-    /// In canonical order, with their numbers.
-    pub(crate) fn numbered(&self) -> &[Numbered] {
-        &self.in_order
+    /// Those from a time on.
+    pub(crate) fn since(&self, time_s: f64) -> &[Recorded] {
+        &self.in_order[self.in_order.partition_point(|known| known.event.time_s < time_s)..]
     }
 }

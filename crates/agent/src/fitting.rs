@@ -83,8 +83,10 @@ pub(crate) fn absorb_event(
     fused: &mut Posterior,
     has_own_model: bool,
 ) -> Result<(), AgentError> {
-    let site = dgpc::sites_given(own, observation)?;
-    own.absorb_events(&site)?;
-    let site = if has_own_model { dgpc::sites_given(fused, observation)? } else { site };
-    Ok(fused.absorb_events(&site)?)
+    let site = dgpc::absorb_observations(own, observation)?;
+    match has_own_model {
+        true => drop(dgpc::absorb_observations(fused, observation)?),
+        false => fused.absorb_events(&site)?,
+    }
+    Ok(())
 }

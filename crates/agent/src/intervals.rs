@@ -30,9 +30,8 @@ impl Agent {
         let place = self.model().place_summary().into_iter();
         let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
         let mut wide = fitted.fit.propagated_with(&messages)?.posterior()?;
-        for event in self.beliefs.beside() {
-            let observation = self.memory.observation(event)?;
-            wide.absorb_events(&dgpc::sites_given(&wide, &observation)?)?;
+        for known in self.beliefs.beside() {
+            dgpc::absorb_observations(&mut wide, &self.memory.observation(&known.event)?)?;
         }
         Ok(wide)
     }

@@ -62,10 +62,10 @@ pub(crate) struct Knots<'a> {
 }
 
 impl Knots<'_> {
-    /// Knots of a track from its first slot that is not before `begin` to its last, in runs: as few as a search from the beginning on finds, in which every leg
-    /// reaches as far as any can from where it may begin, and then as near to the track as so many can be. What was a knot once
-    /// stays one (`told`): what others made of it must not change. A run ends where the grid does not hold the next place: nobody
-    /// says that it went straight on to where it came back. O(slots · slots of a leg).
+    /// Knots of a track from its first slot that is not before `begin` to its last, in runs: as few as a search from the beginning on
+    /// finds, in which every leg reaches as far as any can from where it may begin, and then as near to the track as so many can
+    /// be. What was a knot once stays one (`told`): what others made of it must not change. A run ends where the grid does not hold
+    /// the next place: nobody says that it went straight on to where it came back. O(slots · slots of a leg).
     pub(crate) fn of(&self, track: &Track, told: &BTreeMap<u32, Cell>, begin: u32) -> Vec<Vec<(u32, Cell)>> {
         let stops = self.stops(track, told, begin);
         stops.chunk_by(|_, next| !next.is_new_run).map(|run| self.knots_of_run(run)).collect()

@@ -11,7 +11,7 @@ use crate::bounds::COORDINATE_M;
 use crate::clock::out_of_turn;
 use crate::entry::Entry;
 use crate::event::{Event, Position, VehicleId};
-use crate::events::{Change, Events, Numbered};
+use crate::events::{Change, Events, Recorded};
 use crate::frames::Frames;
 use crate::packets::{Arrival, PacketKey, Packets, Version};
 use crate::placing::{Placed, ToldEvents, place};
@@ -91,7 +91,7 @@ impl Memory {
     /// [`AgentError`] for an event that no vehicle records, and a number that none comes to; then nothing changed.
     pub(crate) fn apply(&mut self, entry: Entry) -> Result<Applied, AgentError> {
         match entry {
-            Entry::Observed { number, event } => self.record(vec![Numbered { number, event }]).map(Applied::Event),
+            Entry::Observed { number, event } => self.record(vec![(number, event)]).map(Applied::Event),
             Entry::Navigated { time_s, position } => {
                 self.navigate(&[(time_s, position)])?;
                 Ok(Applied::Fix)
@@ -113,19 +113,19 @@ impl Memory {
         self.frames.team.model.observation_beside(event, self.events.before(event))
     }
 
-    /// Remembers many events, or none of them.
+    /// Remembers many events under their numbers, or none of them.
     ///
     /// # Errors
     /// As [`Memory::apply`].
-    pub(crate) fn record(&mut self, new: Vec<Numbered>) -> Result<Change, AgentError> {
-        for entry in &new {
-            check_number(entry.number)?;
-            check(&entry.event)?;
+    pub(crate) fn record(&mut self, new: Vec<(u64, Event)>) -> Result<Change, AgentError> {
+        for (number, event) in &new {
+            check_number(*number)?;
+            check(event)?;
         }
-        let numbers: BTreeSet<u64> = new.iter().map(|known| known.number).collect();
-        let change = self.events.insert(new);
-        let is_behind =
-            |event: &Event| self.is_settled_before(event.time_s, self.frames.slot_of(event).map(|key| key.1));
+        let numbers: BTreeSet<u64> = new.iter().map(|(number, _)| *number).collect();
+        let new = new.into_iter().map(|(number, event)| Recorded { number, key: self.frames.slot_of(&event), event });
+        let change = self.events.insert(new.collect());
+        let is_behind = |known: &Recorded| self.is_settled_before(known.event.time_s, known.key.map(|key| key.1));
         if change.forgotten > 0 || !change.new.iter().all(is_behind) {
             self.place_anew();
         }
@@ -139,11 +139,11 @@ impl Memory {
             return change;
         }
         let turns = Turns::new(&self.frames, &self.events, &self.reports);
-        let is_unsent = |known: &&Numbered| !turns.is_event(&known.event);
-        let unsent: BTreeSet<u64> = self.events.numbered().iter().filter(is_unsent).map(|known| known.number).collect();
-        let back = |known: &&Numbered| self.unsent.contains(&known.number) && !unsent.contains(&known.number);
-        let back = self.events.numbered().iter().filter(back).map(|known| known.event.clone());
-        let new = change.new.into_iter().filter(|event| turns.is_event(event)).chain(back).collect();
+        let is_unsent = |known: &&Recorded| !turns.is_event(known);
+        let unsent: BTreeSet<u64> = self.events.recorded().iter().filter(is_unsent).map(|known| known.number).collect();
+        let back = |known: &&Recorded| self.unsent.contains(&known.number) && !unsent.contains(&known.number);
+        let back = self.events.recorded().iter().filter(back).cloned();
+        let new = change.new.into_iter().filter(|known| turns.is_event(known)).chain(back).collect();
         let gone = unsent.iter().filter(|number| !self.unsent.contains(number) && !numbers.contains(number)).count();
         self.unsent = Arc::new(unsent);
         Change { new, forgotten: change.forgotten + gone }
@@ -153,14 +153,14 @@ impl Memory {
     /// keep to the schedule says as little as what it missed.
     pub(crate) fn outcomes_since(&self, own: u8, time_s: f64) -> BTreeMap<u32, bool> {
         let strange = out_of_turn(&self.frames, &self.events);
-        let known = self.events.since(time_s).filter(|event| !strange.contains(&event.transmitter_id));
-        let known = known.filter_map(|event| Some((self.frames.slot_of(event)?, event.success)));
+        let known = self.events.since(time_s).iter().filter(|known| !strange.contains(&known.event.transmitter_id));
+        let known = known.filter_map(|known| Some((known.key?, known.event.success)));
         known.filter(|((receiver, _), _)| *receiver == own).map(|((_, slot), success)| (slot, success)).collect()
     }
 
     /// Its own events, with their numbers, but for those of which nobody says that they were sent.
-    pub(crate) fn sent_events(&self) -> impl Iterator<Item = &Numbered> {
-        self.events.numbered().iter().filter(|known| !self.unsent.contains(&known.number))
+    pub(crate) fn sent_events(&self) -> impl Iterator<Item = &Recorded> {
+        self.events.recorded().iter().filter(|known| !self.unsent.contains(&known.number))
     }
 
     /// Length of the longest of its links; `None` without events. O(1) where none of them is in doubt.
@@ -222,10 +222,8 @@ impl Memory {
 
     /// The vehicle's own events in these slots, by number.
     pub(crate) fn numbers_of(&self, is_wanted: &dyn Fn(u32) -> bool) -> BTreeSet<u64> {
-        let is_in = |known: &&Numbered| {
-            let key = self.frames.slot_of(&known.event).filter(|(receiver, _)| Some(*receiver) == self.own);
-            key.is_some_and(|(_, slot)| is_wanted(slot))
-        };
+        let is_own = |known: &&Recorded| known.key.is_some_and(|key| Some(key.0) == self.own);
+        let is_in = |known: &&Recorded| is_own(known) && known.key.is_some_and(|key| is_wanted(key.1));
         self.sent_events().filter(is_in).map(|known| known.number).collect()
     }
 
@@ -336,7 +334,7 @@ impl Memory {
     /// Everything in it, as entries: applied to an empty memory they make this one, but for how far senders have come
     /// ([`Packets::reach`]).
     pub(crate) fn entries(&self) -> impl Iterator<Item = Entry> {
-        let events = self.events.numbered().iter();
+        let events = self.events.recorded().iter();
         let observed = events.map(|known| Entry::Observed { number: known.number, event: known.event.clone() });
         let versions = self.packets.senders().flat_map(|sender| self.packets.all(sender));
         let frames = versions.flat_map(|version| {

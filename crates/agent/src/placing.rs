@@ -93,8 +93,8 @@ pub(crate) fn place(
     if reports.senders().any(|sender| Some(sender) != own) {
         // Of itself it asks nobody.
         let own_id = own.and_then(|own| frames.team.members.get(&own));
-        let of_others = events.iter().filter(|event| Some(&event.receiver_id) != own_id);
-        let recorded: BTreeSet<ToldKey> = of_others.filter_map(|event| frames.slot_of(event)).collect();
+        let of_others = events.recorded().iter().filter(|known| Some(&known.event.receiver_id) != own_id);
+        let recorded: BTreeSet<ToldKey> = of_others.filter_map(|known| known.key).collect();
         let has_recent = reports.senders().any(|sender| reports.recent(sender).next().is_some());
         let seen = if has_recent { seen(frames, events) } else { BTreeMap::new() };
         let whereabouts = Whereabouts { frames, reports, own, track, seen };
@@ -117,7 +117,7 @@ pub(crate) fn place(
 /// What members say that they sent and this one did not record, as missed, where both ends are known.
 pub(crate) fn unheard(frames: &Frames, own: u8, events: &Events, track: Track, reports: &Reports) -> Vec<Event> {
     let apart = frames.team.slots.at_once() as u32;
-    let recorded = events.iter().filter_map(|event| Some((frames.slot_of(event)?, event)));
+    let recorded = events.recorded().iter().filter_map(|known| Some((known.key?, &known.event)));
     let recorded = recorded.filter(|((receiver, _), _)| *receiver == own);
     // What was heard is of a slot in which its sender says that it sent, wherever it seemed to be.
     let known: BTreeSet<u32> = recorded

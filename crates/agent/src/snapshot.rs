@@ -9,7 +9,6 @@ use crate::agent_error::AgentError;
 use crate::canonical::{Reader, Writer, check_of};
 use crate::entry::Entry;
 use crate::event::{Event, Link, MessageKind, Position, VehicleId};
-use crate::events::Numbered;
 use crate::team::Team;
 
 /// What every snapshot begins with.
@@ -97,7 +96,7 @@ struct Contents<'a> {
     vehicle: &'a str,
     digest: &'a [u8],
     latest: Vec<(u8, u16)>,
-    events: Vec<Numbered>,
+    events: Vec<(u64, Event)>,
     fixes: Vec<(f64, Position)>,
     frames: Vec<Entry>,
 }
@@ -133,7 +132,7 @@ fn contents(bytes: &[u8]) -> Option<Contents<'_>> {
     let (mut events, mut fixes, mut frames) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..reader.u64()? {
         match read_entry(&mut reader)? {
-            Entry::Observed { number, event } => events.push(Numbered { number, event }),
+            Entry::Observed { number, event } => events.push((number, event)),
             Entry::Navigated { time_s, position } => fixes.push((time_s, position)),
             frame => frames.push(frame),
         }

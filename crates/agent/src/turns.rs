@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::clock::out_of_turn;
-use crate::event::{Event, VehicleId};
-use crate::events::Events;
+use crate::event::VehicleId;
+use crate::events::{Events, Recorded};
 use crate::frames::{Frames, ToldKey};
 use crate::reports::{Reports, Said};
 
@@ -23,7 +23,7 @@ impl<'a> Turns<'a> {
     pub(crate) fn new(frames: &'a Frames, events: &Events, reports: &'a Reports) -> Self {
         let mut heard = BTreeMap::<u32, BTreeSet<u8>>::new();
         if may_be_silent(frames, reports) {
-            let own = events.iter().filter(|event| event.success).filter_map(|event| frames.slot_of(event));
+            let own = events.recorded().iter().filter(|known| known.event.success).filter_map(|known| known.key);
             let told = reports.senders().flat_map(|sender| {
                 let heard = reports.outcomes(sender).filter(|(_, said, _)| *said == Said::Heard);
                 heard.map(move |(slot, ..)| (sender, slot))
@@ -70,12 +70,12 @@ impl<'a> Turns<'a> {
 
     /// The same of something that the vehicle recorded itself. Of those who do not keep to its schedule it does not know what it
     /// missed, and so what it heard does not count either.
-    pub(crate) fn is_event(&self, event: &Event) -> bool {
-        let turn = || Some((self.frames.team.number(&event.transmitter_id)?, self.frames.slot_of(event)?));
+    pub(crate) fn is_event(&self, Recorded { key, event, .. }: &Recorded) -> bool {
+        let sender = self.frames.team.number(&event.transmitter_id);
         // Of what members send at will nobody says anything once slots have no numbers left.
-        let at_will = self.frames.team.slots.at_will && self.frames.team.number(&event.transmitter_id).is_some();
+        let is_at_will = self.frames.team.slots.at_will && sender.is_some();
         !self.out_of_turn.contains(&event.transmitter_id)
-            && turn().map_or(!at_will, |(sender, key)| self.was_sent(sender, key, event.success))
+            && sender.zip(*key).map_or(!is_at_will, |(sender, key)| self.was_sent(sender, key, event.success))
     }
 }
 

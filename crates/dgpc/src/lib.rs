@@ -133,7 +133,7 @@ pub use concatenation::Concatenation;
 pub use error::{Error, Place, Result};
 pub use evidence::{Evidence, evidence};
 pub use factor::Factor;
-pub use fit::{Fit, FitOptions, Propagated, fit, sites_given};
+pub use fit::{Fit, FitOptions, Propagated, absorb_observations, fit, sites_given};
 pub use gibbs::Gibbs;
 pub use inputs::{COLUMN_MAX, Inputs, spread_out};
 pub use kernel::{Correlation, Image, Kernel, Reflection, Shape, Term};

@@ -23,7 +23,7 @@ pub(crate) use cavity::corrected_evidence;
 pub(crate) use mean_field::MeanField;
 pub use options::FitOptions;
 pub use propagation::Propagated;
-pub use single::sites_given;
+pub use single::{absorb_observations, sites_given};
 pub(crate) use solve::{solve, solve_with_gradient};
 
 use amended::append;
@@ -146,16 +146,21 @@ impl Fit {
 
     /// What some of the events of a sparse fit say: summed up, or all but the others, whichever are fewer.
     fn condensed_part(&self, all: &Summary, events: &[usize], sites: &Sites) -> Result<Summary> {
-        let mut is_in = vec![false; self.found.sites.len()];
-        events.iter().for_each(|&event| is_in[event] = true);
-        let others: Vec<usize> = (0..is_in.len()).filter(|&event| !is_in[event]).collect();
+        let others = self.others_than(events);
         // An event that is named twice counts twice.
-        if others.len() >= events.len() || events.len() + others.len() > is_in.len() {
+        if others.len() >= events.len() || events.len() + others.len() > self.found.sites.len() {
             return Summary::variational(&self.prior, sites, all.inducing_points());
         }
         let mut part = all.clone();
         part.forget(&self.found.sites.select(&others))?;
         Ok(part)
+    }
+
+    /// The events that are not named.
+    fn others_than(&self, events: &[usize]) -> Vec<usize> {
+        let mut is_named = vec![false; self.found.sites.len()];
+        events.iter().for_each(|&event| is_named[event] = true);
+        (0..is_named.len()).filter(|&event| !is_named[event]).collect()
     }
 
     /// This sparse fit without some of its events, by their places, and with others behind those that stay: each at the site that it
@@ -184,10 +189,9 @@ impl Fit {
     /// As [`crate::sites_given`] and [`Fit::posterior`].
     pub fn amended(&self, gone: &[usize], new: &Observations) -> Result<Option<Self>> {
         let Some(mut condensed) = self.condensed.clone() else { return Ok(None) };
-        condensed.forget(&self.found.sites.select(gone))?;
-        let mut stays = vec![true; self.found.sites.len()];
-        gone.iter().for_each(|&event| stays[event] = false);
-        let staying: Vec<usize> = (0..stays.len()).filter(|&event| stays[event]).collect();
+        let staying = self.others_than(gone);
+        // An event that is named twice goes once.
+        condensed.forget(&self.found.sites.select(&self.others_than(&staying)))?;
         let found = self.found.select(&staying);
         let (prior, messages) = (self.prior.clone(), self.messages.clone());
         let mut amended = Self { prior, found, messages, condensed: Some(condensed) };

@@ -17,8 +17,29 @@ pub fn sites_given(known: &Posterior, observations: &Observations) -> Result<Sit
     Ok(sites_and_tilts_given(known, observations)?.0)
 }
 
+/// Takes more events into what is known, a few at a time in their order, each of these with the site that it has beside what was
+/// known before; the sites. O(n²) an event.
+///
+/// # Errors
+/// As [`sites_given`] and [`Posterior::absorb_events`]; then those before are in.
+pub fn absorb_observations(known: &mut Posterior, observations: &Observations) -> Result<Sites> {
+    Ok(absorb_with_tilts(known, observations)?.0)
+}
+
 /// The same, and the tilts that their ω are of.
-pub(super) fn sites_and_tilts_given(known: &Posterior, observations: &Observations) -> Result<(Sites, Vec<f64>)> {
+pub(super) fn absorb_with_tilts(known: &mut Posterior, observations: &Observations) -> Result<(Sites, Vec<f64>)> {
+    let (mut sites, mut tilts) = (Sites::empty(observations.inputs().dimension()), Vec::new());
+    let places: Vec<usize> = (0..observations.len()).collect();
+    for some in places.chunks(AT_ONCE) {
+        let (some, of_some) = sites_and_tilts_given(known, &observations.select(some))?;
+        known.absorb_events(&some)?;
+        sites.append(&some)?;
+        tilts.extend(of_some);
+    }
+    Ok((sites, tilts))
+}
+
+fn sites_and_tilts_given(known: &Posterior, observations: &Observations) -> Result<(Sites, Vec<f64>)> {
     let latent = known.latent(observations.inputs())?;
     let one = |(((&mean, &variance), kappa), &weight): (((&f64, &f64), f64), &f64)| {
         // A start at ω's largest value; every step contracts, so a fixed number is enough.
@@ -33,6 +54,9 @@ pub(super) fn sites_and_tilts_given(known: &Posterior, observations: &Observatio
     let (omega, tilts) = moments.zip(observations.kappa()).zip(observations.weights()).map(one).unzip();
     Ok((Sites::new(observations, omega)?, tilts))
 }
+
+/// So many events are taken in at once: soon done, and each site is near what it is beside the others, too.
+const AT_ONCE: usize = 8;
 
 /// Steps to the fixed point of a single site.
 const ITERATIONS: usize = 50;
