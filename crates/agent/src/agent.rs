@@ -168,7 +168,7 @@ impl Agent {
     /// How many events of others it knows by what they reported, and how many more were told and wait until it is known where
     /// they took place.
     pub fn told_events(&self) -> (usize, usize) {
-        (self.memory.placed().events.len(), self.memory.placed().waiting)
+        (self.memory.placed().events.len(), self.memory.placed().waiting.len())
     }
 
     /// Members whom it hears out of their turn, though it misses in turn, of the latest 64 transmissions that it listened to: their clock or

@@ -1,7 +1,8 @@
 //! What a vehicle remembers. All else that it knows follows from this, and from what its team agreed on.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, OnceLock};
+use std::ops::Range;
+use std::sync::Arc;
 
 use dgpc::Observations;
 use pingmap_packet::ReportLayout;
@@ -14,7 +15,7 @@ use crate::event::{Event, Position, VehicleId};
 use crate::events::{Change, Events, Recorded};
 use crate::frames::Frames;
 use crate::packets::{Arrival, PacketKey, Packets, Version};
-use crate::placing::{Placed, ToldEvents, place};
+use crate::placing::{EVERY_SLOT, Placed, Placement, place};
 use crate::receipt::{Receipt, Refusal};
 use crate::reports::{Filed, Reports, Said};
 use crate::track::Track;
@@ -37,10 +38,8 @@ pub(crate) struct Memory {
     fixes: Vec<(f64, Position)>,
     pub(crate) packets: Packets,
     pub(crate) reports: Reports,
-    /// What of all this follows about the events of others, until something changes.
-    placed: OnceLock<Placed>,
-    /// What was told and had a place when that was last known.
-    placed_before: Arc<ToldEvents>,
+    /// What of all this follows about the events of others.
+    placement: Placement,
 }
 
 /// What an entry did.
@@ -80,8 +79,7 @@ impl Memory {
             fixes: Vec::new(),
             packets,
             reports,
-            placed: OnceLock::new(),
-            placed_before: Arc::default(),
+            placement: Placement::default(),
         }
     }
 
@@ -125,9 +123,10 @@ impl Memory {
         let numbers: BTreeSet<u64> = new.iter().map(|(number, _)| *number).collect();
         let new = new.into_iter().map(|(number, event)| Recorded { number, key: self.frames.slot_of(&event), event });
         let change = self.events.insert(new.collect());
-        let is_behind = |known: &Recorded| self.is_settled_before(known.event.time_s, known.key.map(|key| key.1));
+        let is_behind =
+            |known: &Recorded| self.placement.is_settled_before(known.event.time_s, known.key.map(|key| key.1));
         if change.forgotten > 0 || !change.new.iter().all(is_behind) {
-            self.place_anew();
+            self.placement.change(EVERY_SLOT);
         }
         Ok(self.settle(change, &numbers))
     }
@@ -177,12 +176,12 @@ impl Memory {
             return Arrived::refused(None, Refusal::NoMember { id: sender.clone() });
         };
         slots.iter().for_each(|&slot| self.reports.insert_turn(number, slot, sent));
-        self.arrived(number, Receipt::Accepted)
+        self.arrived(number, Receipt::Accepted, [EVERY_SLOT])
     }
 
-    /// What became of something that says more of what was sent.
-    fn arrived(&mut self, sender: u8, receipt: Receipt) -> Arrived {
-        self.place_anew();
+    /// What became of something that says more of what was sent, of which something may follow in these slots.
+    fn arrived(&mut self, sender: u8, receipt: Receipt, slots: impl IntoIterator<Item = Range<u32>>) -> Arrived {
+        slots.into_iter().for_each(|slots| self.placement.change(slots));
         let change = self.settle(Change::default(), &BTreeSet::new());
         Arrived { sender: Some(sender), receipt, change }
     }
@@ -202,8 +201,8 @@ impl Memory {
         let max = self.frames.team.limits.events_max;
         let too_many = self.fixes.len().saturating_sub(max);
         self.fixes.drain(..too_many);
-        if too_many > 0 || !new.iter().all(|&(time_s, _)| self.is_settled_before(time_s, None)) {
-            self.place_anew();
+        if too_many > 0 || !new.iter().all(|&(time_s, _)| self.placement.is_settled_before(time_s, None)) {
+            self.placement.change(EVERY_SLOT);
         }
         Ok(())
     }
@@ -227,22 +226,10 @@ impl Memory {
         self.sent_events().filter(is_in).map(|known| known.number).collect()
     }
 
-    /// Whether something of its own of this time, in this slot if in any, changes nothing of the events of others.
-    fn is_settled_before(&self, time_s: f64, slot: Option<u32>) -> bool {
-        self.placed.get().is_none_or(|placed| placed.settled.is_some_and(|settled| settled.is_before(time_s, slot)))
-    }
-
     /// What others told, where it took place.
     pub(crate) fn placed(&self) -> &Placed {
-        let place = || place(&self.frames, self.own, &self.events, self.track(), &self.reports, &self.placed_before);
-        self.placed.get_or_init(place)
-    }
-
-    /// Asks for told events to be placed anew.
-    fn place_anew(&mut self) {
-        if let Some(placed) = self.placed.take() {
-            self.placed_before = placed.events;
-        }
+        let (frames, reports) = (&self.frames, &self.reports);
+        self.placement.get_or_place(|before| place(frames, self.own, &self.events, self.track(), reports, before))
     }
 
     /// Remembers a frame that was heard, or sent under this number. One that is not the team's or, as a sent one, not
@@ -272,14 +259,15 @@ impl Memory {
         if sent.is_some() && Some(sender) != self.own {
             return Arrived::refused(Some(sender), Refusal::NotSentByMe { number: sender });
         }
-        let filed = self.reports.insert(sender, report, sent);
-        let receipt = match filed {
-            Filed::New if Some(sender) == self.own && sent.is_none() => refused(Refusal::OwnReport),
-            Filed::New => Receipt::Accepted,
-            Filed::Known => refused(Refusal::Duplicate),
-            Filed::TooOld => refused(Refusal::TooOld),
+        // Whether it sent counts, however old the report is.
+        let turns = (!report.turns.is_empty()).then_some(EVERY_SLOT);
+        let (receipt, slots) = match self.reports.insert(sender, report, sent) {
+            Filed::New(slots) if Some(sender) == self.own && sent.is_none() => (refused(Refusal::OwnReport), slots),
+            Filed::New(slots) => (Receipt::Accepted, slots),
+            Filed::Known => (refused(Refusal::Duplicate), Vec::new()),
+            Filed::TooOld => (refused(Refusal::TooOld), Vec::new()),
         };
-        self.arrived(sender, receipt)
+        self.arrived(sender, receipt, slots.into_iter().chain(turns))
     }
 
     /// Remembers what a member says of the slots from the newest back in which it could hear somebody.
@@ -295,7 +283,8 @@ impl Memory {
         }
         let slots = self.frames.slots_back(number, newest).zip(outcomes.iter().copied());
         let is_new = self.reports.insert_recent(number, slots);
-        self.arrived(number, if is_new { Receipt::Accepted } else { Receipt::Refused(Refusal::Duplicate) })
+        let receipt = if is_new { Receipt::Accepted } else { Receipt::Refused(Refusal::Duplicate) };
+        self.arrived(number, receipt, [EVERY_SLOT])
     }
 
     /// What an arrival means to a receiver.

@@ -1,7 +1,8 @@
 //! Events of others: what they told of single transmissions, and where that was.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
 use pingmap_packet::Cell;
 
@@ -21,46 +22,94 @@ pub(crate) fn is_among(told: &ToldEvents, (key, event): (&ToldKey, &Arc<Event>))
 }
 
 /// Events of others by what they told.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Placed {
     /// Those whose ends are known. What the vehicle has recorded itself is not among them.
     pub(crate) events: Arc<ToldEvents>,
     /// Length of the longest link that each member told of.
     pub(crate) longest_m: BTreeMap<u8, f64>,
-    /// How many wait until it is known where they took place.
-    pub(crate) waiting: usize,
+    /// Those that wait until it is known where they took place.
+    pub(crate) waiting: BTreeSet<ToldKey>,
     /// What the vehicle records of its own behind this changes nothing of all this; none where it may.
-    pub(crate) settled: Option<Settled>,
+    settled: Option<Settled>,
 }
 
 impl Placed {
-    /// What is as it was `before` is the same in memory, too, so that it is soon known to be.
-    fn new(mut events: ToldEvents, before: &Arc<ToldEvents>, waiting: usize, settled: Option<Settled>) -> Self {
+    /// Where all is as it was `before` it is the same in memory, too, so that it is soon known to be.
+    fn new(events: ToldEvents, before: &Self, waiting: BTreeSet<ToldKey>, settled: Option<Settled>) -> Self {
         let mut longest_m = BTreeMap::<u8, f64>::new();
-        for (key, event) in &mut events {
+        for (key, event) in &events {
             let longest_m = longest_m.entry(key.0).or_default();
             *longest_m = longest_m.max(event.link.range_m());
-            if let Some(same) = before.get(key).filter(|before| **before == *event) {
-                *event = same.clone();
-            }
         }
         let is_same = |(now, before): (&Arc<Event>, &Arc<Event>)| Arc::ptr_eq(now, before);
-        let is_as_before = events.len() == before.len() && events.values().zip(before.values()).all(is_same);
-        let events = if is_as_before { before.clone() } else { Arc::new(events) };
+        let is_as_before =
+            events.len() == before.events.len() && events.values().zip(before.events.values()).all(is_same);
+        let events = if is_as_before { before.events.clone() } else { Arc::new(events) };
         Self { events, longest_m, waiting, settled }
+    }
+
+    /// An event, the same in memory as it was if it is the same.
+    fn as_it_was(&self, key: &ToldKey, event: Event) -> Arc<Event> {
+        let same = self.events.get(key).filter(|before| ***before == event);
+        same.map_or_else(|| Arc::new(event), Arc::clone)
+    }
+}
+
+/// Slots in which anything may have changed.
+pub(crate) const EVERY_SLOT: Range<u32> = 0..u32::MAX;
+
+/// So many changes are told apart: beyond, everything is looked at.
+const CHANGES_MAX: usize = 16;
+
+/// What followed about the events of others the last time, and the slots in which something else may follow since.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Before {
+    placed: Placed,
+    changed: Vec<Range<u32>>,
+}
+
+/// What follows about the events of others, found when it is asked for after something changed.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Placement {
+    now: OnceLock<Placed>,
+    before: Before,
+}
+
+impl Placement {
+    pub(crate) fn get_or_place(&self, place: impl FnOnce(&Before) -> Placed) -> &Placed {
+        self.now.get_or_init(|| place(&self.before))
+    }
+
+    /// Notes that of these slots something else may follow.
+    pub(crate) fn change(&mut self, slots: Range<u32>) {
+        if let Some(placed) = self.now.take() {
+            self.before = Before { placed, changed: Vec::new() };
+        }
+        let changed = &mut self.before.changed;
+        changed.push(slots);
+        if changed.len() > CHANGES_MAX {
+            *changed = vec![EVERY_SLOT];
+        }
+    }
+
+    /// Whether something of its own of this time, in this slot if in any, changes nothing but what is to be looked at anyway.
+    pub(crate) fn is_settled_before(&self, time_s: f64, slot: Option<u32>) -> bool {
+        let settled = self.now.get().unwrap_or(&self.before.placed).settled;
+        settled.is_some_and(|settled| settled.is_before(time_s, slot))
     }
 }
 
 /// The last slot that others told of, and when the vehicle knows for the first time after that began where it was itself.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Settled {
+struct Settled {
     slot: Option<u32>,
     time_s: f64,
 }
 
 impl Settled {
     /// Whether something of its own of this time, in this slot if in any, is behind it.
-    pub(crate) fn is_before(&self, time_s: f64, slot: Option<u32>) -> bool {
+    fn is_before(&self, time_s: f64, slot: Option<u32>) -> bool {
         time_s > self.time_s && slot.is_none_or(|slot| Some(slot) > self.slot)
     }
 }
@@ -78,40 +127,50 @@ struct Whereabouts<'a> {
 
 /// Places what others told. What a report says lies where reports say that both ends were, on a leg or for a
 /// while behind one. What spare bits say lies where the vehicle itself knows that others were. In neither case does it depend on
-/// what became of the transmission. `before` is what was placed the last time. O(events + told), each with a logarithm.
+/// what became of the transmission. What was placed before stays where nothing changed and nobody may have been silent.
+/// O(own events + told), and with a logarithm what changed.
 pub(crate) fn place(
     frames: &Frames,
     own: Option<u8>,
     events: &Events,
     track: Track,
     reports: &Reports,
-    before: &Arc<ToldEvents>,
+    before: &Before,
 ) -> Placed {
-    let (mut placed, mut waiting) = (ToldEvents::new(), 0);
     let turns = Turns::new(frames, events, reports);
-    let settled = settled(frames, own, &track, reports);
-    if reports.senders().any(|sender| Some(sender) != own) {
+    let has_recent = others(own, reports).any(|sender| reports.recent(sender).next().is_some());
+    // Else it depends on the vehicle's own events who was where, or who sent.
+    let is_by_reports = !has_recent && !may_be_silent(frames, reports);
+    let settled = if is_by_reports { settled(frames, own, &track, reports) } else { None };
+    let stays = |key: &&ToldKey| is_by_reports && !before.changed.iter().any(|slots| slots.contains(&key.1));
+    let told = before.placed.events.iter().filter(|(key, _)| stays(key));
+    let mut told: ToldEvents = told.map(|(&key, event)| (key, event.clone())).collect();
+    let mut waiting: BTreeSet<ToldKey> = before.placed.waiting.iter().filter(stays).copied().collect();
+    if others(own, reports).next().is_some() {
         // Of itself it asks nobody.
         let own_id = own.and_then(|own| frames.team.members.get(&own));
         let of_others = events.recorded().iter().filter(|known| Some(&known.event.receiver_id) != own_id);
         let recorded: BTreeSet<ToldKey> = of_others.filter_map(|known| known.key).collect();
-        let has_recent = reports.senders().any(|sender| reports.recent(sender).next().is_some());
         let seen = if has_recent { seen(frames, events) } else { BTreeMap::new() };
         let whereabouts = Whereabouts { frames, reports, own, track, seen };
-        for receiver in reports.senders().filter(|&sender| Some(sender) != own) {
-            let outcomes = reports.outcomes(receiver);
-            for (slot, said, is_recent) in outcomes.filter(|(slot, ..)| !recorded.contains(&(receiver, *slot))) {
-                let Some((transmitter, success)) = opportunity(frames, &turns, (receiver, slot), said) else {
-                    continue;
-                };
-                match whereabouts.event(transmitter, receiver, slot, success, is_recent) {
-                    Some(event) => drop(placed.insert((receiver, slot), Arc::new(event))),
-                    None => waiting += 1,
+        for receiver in others(own, reports) {
+            let outcomes =
+                reports.outcomes(receiver).map(|(slot, said, is_recent)| ((receiver, slot), said, is_recent));
+            for (key, said, is_recent) in outcomes.filter(|(key, ..)| !stays(&key) && !recorded.contains(key)) {
+                let Some((transmitter, success)) = opportunity(frames, &turns, key, said) else { continue };
+                match whereabouts.event(transmitter, key, success, is_recent) {
+                    Some(event) => drop(told.insert(key, before.placed.as_it_was(&key, event))),
+                    None => drop(waiting.insert(key)),
                 }
             }
         }
     }
-    Placed::new(placed, before, waiting, settled)
+    Placed::new(told, &before.placed, waiting, settled)
+}
+
+/// Everybody else who said something.
+fn others(own: Option<u8>, reports: &Reports) -> impl Iterator<Item = u8> {
+    reports.senders().filter(move |&sender| Some(sender) != own)
 }
 
 /// What members say that they sent and this one did not record, as missed, where both ends are known.
@@ -127,22 +186,17 @@ pub(crate) fn unheard(frames: &Frames, own: u8, events: &Events, track: Track, r
         })
         .collect();
     let whereabouts = Whereabouts { frames, reports, own: Some(own), track, seen: BTreeMap::new() };
-    let others = reports.senders().filter(|&sender| sender != own);
-    let sent = others.flat_map(|sender| {
+    let sent = others(Some(own), reports).flat_map(|sender| {
         let sent = reports.turns(sender).filter(|&(slot, sent)| sent && !known.contains(&slot));
         sent.map(move |(slot, _)| (sender, slot))
     });
-    sent.filter_map(|(sender, slot)| whereabouts.event(sender, own, slot, false, false)).collect()
+    sent.filter_map(|(sender, slot)| whereabouts.event(sender, (own, slot), false, false)).collect()
 }
 
-/// Nothing is settled where it depends on the vehicle's own events who was where, or who sent.
+/// From when on the vehicle's own events change nothing, where places follow from reports and its own track.
 fn settled(frames: &Frames, own: Option<u8>, track: &Track, reports: &Reports) -> Option<Settled> {
-    let others = || reports.senders().filter(|&sender| Some(sender) != own);
-    if may_be_silent(frames, reports) || others().any(|sender| reports.recent(sender).next().is_some()) {
-        return None;
-    }
-    let slot =
-        others().filter_map(|sender| reports.told_by(sender)?.outcomes.last_key_value().map(|(&slot, _)| slot)).max();
+    let last = |sender| reports.told_by(sender)?.outcomes.last_key_value().map(|(&slot, _)| slot);
+    let slot = others(own, reports).filter_map(last).max();
     let begin_s = slot.map_or(Some(f64::NEG_INFINITY), |slot| frames.team.slots.begin_s(slot))?;
     // Where it was then follows from where it was next.
     let time_s = if slot.is_none() || own.is_none() { begin_s } else { track.next_s(begin_s)? };
@@ -171,7 +225,7 @@ fn seen(frames: &Frames, events: &Events) -> BTreeMap<u8, Track> {
 }
 
 impl Whereabouts<'_> {
-    fn event(&self, transmitter: u8, receiver: u8, slot: u32, success: bool, is_recent: bool) -> Option<Event> {
+    fn event(&self, transmitter: u8, (receiver, slot): ToldKey, success: bool, is_recent: bool) -> Option<Event> {
         let team = &self.frames.team;
         let time_s = team.slots.begin_s(slot)?;
         let at = |member: u8| {

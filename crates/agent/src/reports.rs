@@ -2,6 +2,7 @@
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::sync::Arc;
 
 use pingmap_packet::{Cell, Earlier};
@@ -73,6 +74,13 @@ impl Told {
         self.earlier.extend(report.earlier.map(|earlier| (earlier.before, earlier.counts)));
     }
 
+    /// The slots of which nothing else may follow only outside: what this report says or does not say beside all others.
+    fn touched_by(&self, report: &Report) -> [Range<u32>; 2] {
+        let (first, last) = (report.outcomes.first(), report.outcomes.last());
+        let told = first.zip(last).map_or(0..0, |(first, last)| first.0..last.0 + 1);
+        [told, self.track.moved_by(&report.knots)]
+    }
+
     /// The end of the counter below which packets speak of the same events, if there are any.
     pub(crate) fn before(&self) -> Option<u8> {
         self.earlier.first().map(|&(before, _)| before)
@@ -107,9 +115,10 @@ struct Sender {
 }
 
 /// What became of a report that was put in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Filed {
-    New,
+    /// It says something: of these slots something else may follow now.
+    New(Vec<Range<u32>>),
     Known,
     /// Its sender has reported on so many later slots that it is forgotten.
     TooOld,
@@ -150,18 +159,20 @@ impl Reports {
                 place.insert(Kept { report: report.clone(), sent: sent.into_iter().collect() });
             }
         }
+        let mut touched = Vec::from(sender.told.touched_by(&report));
         if sender.reports.len() <= max {
             Arc::make_mut(&mut sender.told).take(&report);
-            return Filed::New;
+            return Filed::New(touched);
         }
-        let gone = sender.reports.pop_first().map(|(gone, _)| gone);
-        if gone == Some(key) {
+        let gone = sender.reports.pop_first();
+        if gone.as_ref().is_some_and(|(gone, _)| *gone == key) {
             return Filed::TooOld;
         }
         let mut told = Told::default();
         sender.reports.values().for_each(|kept| told.take(&kept.report));
+        touched.extend(gone.into_iter().flat_map(|(_, gone)| told.touched_by(&gone.report)));
         sender.told = Arc::new(told);
-        Filed::New
+        Filed::New(touched)
     }
 
     /// The slot from which on a report of this sender must begin to be kept.

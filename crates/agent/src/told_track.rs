@@ -1,6 +1,7 @@
 //! Where somebody was, by the knots that it told.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use pingmap_packet::Cell;
 
@@ -67,6 +68,15 @@ impl ToldTrack {
         })
     }
 
+    /// Outside of these slots it is known to have been where it was whether or not it told these knots of one report beside the others: from
+    /// the knot before them to the second behind them, because behind a leg it goes on along it.
+    pub(crate) fn moved_by(&self, knots: &[(u32, Cell)]) -> Range<u32> {
+        let (Some(&(first, _)), Some(&(last, _))) = (knots.first(), knots.last()) else { return 0..0 };
+        let before = self.knots.range(..first).next_back();
+        let behind = self.knots.range(last.saturating_add(1)..).nth(1);
+        before.map_or(first, |(&slot, _)| slot)..behind.map_or(u32::MAX, |(&slot, _)| slot)
+    }
+
     /// Whether it went straight from one slot to a later one. No leg is longer than the number of slots from knot to knot can say.
     fn is_leg(&self, from: u32, to: u32) -> bool {
         let first = to.saturating_sub(u8::MAX.into());
@@ -78,6 +88,7 @@ impl ToldTrack {
 mod tests {
     use super::*;
     use crate::event::VehicleId;
+    use proptest::prelude::*;
 
     /// Ten metres a cell eastwards.
     fn place(cell: Cell) -> Position {
@@ -129,6 +140,26 @@ mod tests {
         assert_eq!(east_m(&heard, 24), Some(160.0));
         let heard = track(&[&[(0, 0), (20, 20)], &[(29, 12), (40, 0)]]);
         assert_eq!(east_m(&heard, 24), Some(240.0));
+    }
+
+    proptest! {
+        /// A report that comes or goes moves nobody outside of the slots that it says it does.
+        #[test]
+        fn a_report_moves_its_sender_for_a_while(
+            steps in prop::collection::vec(prop::collection::vec((1..9u32, 0..50u8), 1..4), 1..6), begins in prop::collection::vec(0..40u32, 6),
+        ) {
+            let report = |(steps, begin): (&Vec<(u32, u8)>, &u32)| {
+                let slots = steps.iter().scan(*begin, |slot, step| { *slot += step.0; Some(*slot) });
+                slots.zip(steps).map(|(slot, step)| (slot, step.1)).collect::<Vec<_>>()
+            };
+            let reports: Vec<Vec<(u32, u8)>> = steps.iter().zip(&begins).map(report).collect();
+            let all: Vec<&[(u32, u8)]> = reports.iter().map(Vec::as_slice).collect();
+            let (with, without) = (track(&all), track(&all[1..]));
+            let knots: Vec<(u32, Cell)> = all[0].iter().map(|&(slot, east)| (slot, Cell { east, north: 0, depth: 0 })).collect();
+            prop_assert_eq!(with.moved_by(&knots), without.moved_by(&knots));
+            let moved = with.moved_by(&knots);
+            prop_assert!((0..80).filter(|slot| !moved.contains(slot)).all(|slot| east_m(&with, slot) == east_m(&without, slot)));
+        }
     }
 
     #[test]

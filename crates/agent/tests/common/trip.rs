@@ -60,6 +60,17 @@ impl Trip {
         agent
     }
 
+    /// What a vehicle reports in every fifth slot of what it knows so far.
+    pub fn reports_under_way(&self, number: usize) -> Vec<Vec<u8>> {
+        let mut agent = vehicle(&self.team, number, Vec::new()).telling(Telling { points: false, reports: true });
+        let reports = (0..self.slots).filter_map(|slot| {
+            agent.navigate([(SLOT_S * f64::from(slot), self.at(number, slot))]).unwrap();
+            agent.observe_all(self.event(slot, number)).unwrap();
+            if slot % 5 == 4 { agent.next_packet(f64::from(slot), agent.team().frame_bytes).unwrap() } else { None }
+        });
+        reports.collect()
+    }
+
     pub fn reports(&self) -> Vec<Vec<u8>> {
         (0..self.members()).flat_map(|number| sent(&mut self.vehicle(number), 100)).collect()
     }
