@@ -14,7 +14,7 @@ use crate::frames::ToldKey;
 use crate::heard::{Heard, Packets, counting, said, summaries};
 use crate::memory::Memory;
 use crate::model::Model;
-use crate::placing::{ToldEvents, is_among};
+use crate::placing::{ToldEvents, among, is_among};
 use crate::reports::{Told, Worth};
 
 /// A prior of its own that a vehicle predicts under, and the fit of all events under it.
@@ -81,6 +81,12 @@ impl Taken {
     pub(crate) fn begin_anew(&mut self) {
         *self = Self { is_stale: true, packets: std::mem::take(&mut self.packets), ..Self::default() };
     }
+
+    /// Those of what was told that are not in.
+    fn not_in(&self, told: &ToldEvents) -> Vec<(ToldKey, Arc<Event>)> {
+        let mut is_in = among(&self.told);
+        told.iter().filter(|told| !is_in(*told)).map(|(&key, event)| (key, event.clone())).collect()
+    }
 }
 
 impl Beliefs {
@@ -142,8 +148,7 @@ impl Beliefs {
         // What the last fit has is put together from its sites, also when it comes to count again.
         let is_told_as_before = self.taken.believed.as_ref().is_some_and(|before| Arc::ptr_eq(before, &believed.told));
         let is_told_otherwise = || {
-            !self.taken.told.iter().all(|told| is_among(&believed.told, told))
-                || !self.fitted_of(believed).all(|told| is_among(&self.taken.told, told))
+            !self.taken.told.iter().all(among(&believed.told)) || !self.fitted_of(believed).all(among(&self.taken.told))
         };
         let has_changed = !self.taken.packets.iter().all(is_in)
             || wanted.iter().any(is_new)
@@ -297,7 +302,8 @@ impl Beliefs {
     /// Told events that the last fit has, as they are told.
     fn fitted_of<'a>(&'a self, believed: &'a Heard) -> impl Iterator<Item = (&'a ToldKey, &'a Arc<Event>)> {
         let told = self.fitted().into_iter().flat_map(|fitted| &*fitted.told);
-        told.filter(|told| is_among(&believed.told, *told))
+        let mut is_believed = among(&believed.told);
+        told.filter(move |told| is_believed(*told))
     }
 
     /// Events of its own that the posteriors hold beside the last fit.
@@ -316,9 +322,7 @@ impl Beliefs {
 
     /// Takes in told events that the last fit does not have, up to a number.
     fn absorb_told(&mut self, memory: &Memory, believed: &Heard) -> Result<(), AgentError> {
-        let is_new = |(key, _): &(&ToldKey, &Arc<Event>)| !self.taken.told.contains_key(key);
-        let mut new: Vec<(ToldKey, Arc<Event>)> =
-            believed.told.iter().filter(is_new).map(|(&key, event)| (key, event.clone())).collect();
+        let mut new = self.taken.not_in(&believed.told);
         new.sort_by(|a, b| a.1.canonical_order(&b.1));
         let [in_already, _] = self.taken.told_beside;
         let room = memory.frames.team.limits.events_beside_max.saturating_sub(in_already).min(new.len());

@@ -22,6 +22,10 @@ impl Recorded {
     pub(crate) fn order(&self, other: &Self) -> Ordering {
         self.event.canonical_order(&other.event).then(self.number.cmp(&other.number))
     }
+
+    fn numbered_key(&self) -> Option<(ToldKey, u64)> {
+        Some((self.key?, self.number))
+    }
 }
 
 /// What became of the events that were put in.
@@ -42,13 +46,21 @@ pub(crate) struct Events {
     /// In canonical order, so that fits do not depend on the order of arrival.
     in_order: Arc<Vec<Recorded>>,
     numbers: Arc<BTreeSet<u64>>,
+    /// Numbers of those of a slot, by whose they are and the slot.
+    keys: Arc<BTreeSet<(ToldKey, u64)>>,
     /// Length of the longest link.
     longest_m: f64,
 }
 
 impl Events {
     pub(crate) fn new(events_max: usize) -> Self {
-        Self { events_max: events_max.max(1), in_order: Arc::default(), numbers: Arc::default(), longest_m: 0.0 }
+        Self {
+            events_max: events_max.max(1),
+            in_order: Arc::default(),
+            numbers: Arc::default(),
+            keys: Arc::default(),
+            longest_m: 0.0,
+        }
     }
 
     /// Puts in events that have these numbers. Of two events under one number, which no vehicle makes, the first in
@@ -84,6 +96,7 @@ impl Events {
     }
 
     fn merge(&mut self, mut added: Vec<Recorded>) {
+        Arc::make_mut(&mut self.keys).extend(added.iter().filter_map(Recorded::numbered_key));
         let in_order = Arc::make_mut(&mut self.in_order);
         if added.len() == 1 {
             let entry = added.remove(0);
@@ -100,7 +113,8 @@ impl Events {
         let in_order = Arc::make_mut(&mut self.in_order);
         let place = in_order.iter().position(|known| known.number == entry.number);
         let Some(place) = place.filter(|&place| in_order[place].order(entry).is_gt()) else { return false };
-        in_order.remove(place);
+        let gone = in_order.remove(place).numbered_key();
+        gone.map(|gone| Arc::make_mut(&mut self.keys).remove(&gone));
         self.merge(vec![entry.clone()]);
         true
     }
@@ -115,6 +129,7 @@ impl Events {
         Arc::make_mut(&mut self.in_order).retain(|known| known.number >= first_kept);
         let kept = Arc::make_mut(&mut self.numbers).split_off(&first_kept);
         self.numbers = Arc::new(kept);
+        Arc::make_mut(&mut self.keys).retain(|&(_, number)| number >= first_kept);
         before - self.in_order.len()
     }
 
@@ -152,6 +167,17 @@ impl Events {
     /// In canonical order, with what else is known of them.
     pub(crate) fn recorded(&self) -> &[Recorded] {
         &self.in_order
+    }
+
+    /// Whether there is an event of a vehicle in a slot.
+    pub(crate) fn has(&self, key: ToldKey) -> bool {
+        self.keys.range((key, 0)..=(key, u64::MAX)).next().is_some()
+    }
+
+    /// Slots of a vehicle's events, with their numbers.
+    pub(crate) fn slots_of(&self, receiver: u8) -> impl Iterator<Item = (u32, u64)> {
+        let all = ((receiver, 0), 0)..=((receiver, u32::MAX), u64::MAX);
+        self.keys.range(all).map(|&((_, slot), number)| (slot, number))
     }
 
     /// Those from a time on.

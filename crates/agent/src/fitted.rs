@@ -94,23 +94,24 @@ impl Fitted {
         kept
     }
 
-    /// The same without what is not kept, and with new events; `None` where that would be too much for it, or it is dense.
+    /// How many would have gone and come since these were fitted together, without what is not kept and with new events.
+    fn amended_by(&self, kept: &HashMap<Source, usize>, new: usize) -> usize {
+        self.amended + self.sources.len() - kept.len() + new
+    }
+
+    /// The same without what is not kept, and with new events; `None` where it is dense.
     fn with(
         &self,
         kept: &HashMap<Source, usize>,
-        sources: &[Source],
-        new: &[usize],
+        new: impl Iterator<Item = Source>,
         observations: &Observations,
         told: &Heard,
     ) -> dgpc::Result<Option<Self>> {
-        let gone: Vec<usize> = (0..self.sources.len()).filter(|&at| !kept.contains_key(&self.sources[at])).collect();
-        let amended = self.amended + gone.len() + new.len();
-        if !Limits::is_small(amended, self.sources.len()) {
-            return Ok(None);
-        }
-        let Some(fit) = self.fit.amended(&gone, &observations.select(new))? else { return Ok(None) };
-        let stays = self.sources.iter().filter(|source| kept.contains_key(source));
-        let sources = stays.copied().chain(new.iter().map(|&at| sources[at])).collect();
+        let (stay, gone): (Vec<usize>, Vec<usize>) =
+            (0..self.sources.len()).partition(|&at| kept.contains_key(&self.sources[at]));
+        let Some(fit) = self.fit.amended(&gone, observations)? else { return Ok(None) };
+        let sources = stay.into_iter().map(|at| self.sources[at]).chain(new).collect();
+        let amended = self.amended_by(kept, observations.len());
         Ok(Some(Self { fit, sources, amended, told: told.told.clone() }))
     }
 }
@@ -145,15 +146,18 @@ pub(crate) fn fit_events(
 ) -> Result<Fitted, AgentError> {
     let team = &memory.frames.team;
     let (sources, events) = all_events(memory, told);
-    let observations = team.model.observations(events.iter().copied())?;
+    let all = || team.model.observations(events.iter().copied());
     let Some(Last { fitted: last, near, may_be_amended }) = last else {
-        let fit = fitting::fit(prior, &observations, messages, &team.limits, None)?;
+        let fit = fitting::fit(prior, &all()?, messages, &team.limits, None)?;
         return Ok(Fitted { fit, sources, amended: 0, told: told.told.clone() });
     };
     let kept = last.kept(&sources, told);
     let new: Vec<usize> = (0..events.len()).filter(|&place| !kept.contains_key(&sources[place])).collect();
-    if may_be_amended && let Some(amended) = last.with(&kept, &sources, &new, &observations, told)? {
-        return Ok(amended);
+    if may_be_amended && Limits::is_small(last.amended_by(&kept, new.len()), last.sources.len()) {
+        let observations = team.model.observations_among(&events, &new)?;
+        if let Some(amended) = last.with(&kept, new.iter().map(|&place| sources[place]), &observations, told)? {
+            return Ok(amended);
+        }
     }
     let near = near.latent(&team.model.inputs(new.iter().map(|&place| events[place].attempt()))?)?;
     let mut near = near.mean.iter().zip(&near.variance).map(|(mean, variance)| (mean * mean + variance).sqrt());
@@ -163,6 +167,6 @@ pub(crate) fn fit_events(
     let tilts: Vec<f64> = sources.iter().map(tilt).map(|tilt| tilt.max(TILT_MIN)).collect();
     let inducing_points = last.fit.inducing_points().filter(|_| messages.is_empty());
     let begin = Begin { inducing_points, tilts: &tilts, new: &new };
-    let fit = fitting::fit(prior, &observations, messages, &team.limits, Some(begin))?;
+    let fit = fitting::fit(prior, &all()?, messages, &team.limits, Some(begin))?;
     Ok(Fitted { fit, sources, amended: 0, told: told.told.clone() })
 }

@@ -6,6 +6,7 @@ use dgpc::{Posterior, Shift, Summary, spread_out};
 
 use crate::agent_error::AgentError;
 use crate::beliefs::Beliefs;
+use crate::event::Event;
 use crate::heard::{Heard, said, summaries};
 use crate::memory::Memory;
 use crate::reports::Worth;
@@ -117,8 +118,9 @@ impl Beliefs {
 /// outcomes that it told contradict it.
 fn surprise_beside(memory: &Memory, posterior: &Posterior, its: &Heard) -> Result<f64, AgentError> {
     let of_packets = surprise_of_packets(posterior, memory, its, Posterior::shift_by)?;
-    let told = memory.frames.team.model.observations(its.told.values().map(|event| &**event))?;
-    let told = told.select(&spread_out(told.len(), LOOKED_AT_MAX));
+    let told: Vec<&Event> = its.told.values().map(|event| &**event).collect();
+    let looked_at = spread_out(told.len(), LOOKED_AT_MAX);
+    let told = memory.frames.team.model.observations_among(&told, &looked_at)?;
     Ok(of_packets.max(posterior.contradiction(&told, OFFSET_SD)?))
 }
 

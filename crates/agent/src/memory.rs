@@ -15,9 +15,9 @@ use crate::event::{Event, Position, VehicleId};
 use crate::events::{Change, Events, Recorded};
 use crate::frames::Frames;
 use crate::packets::{Arrival, PacketKey, Packets, Version};
-use crate::placing::{EVERY_SLOT, Placed, Placement, place};
+use crate::placing::{Placed, Placement, place};
 use crate::receipt::{Receipt, Refusal};
-use crate::reports::{Filed, Reports, Said};
+use crate::reports::{EVERY_SLOT, Filed, Reports, Said};
 use crate::track::Track;
 use crate::turns::Turns;
 
@@ -221,9 +221,9 @@ impl Memory {
 
     /// The vehicle's own events in these slots, by number.
     pub(crate) fn numbers_of(&self, is_wanted: &dyn Fn(u32) -> bool) -> BTreeSet<u64> {
-        let is_own = |known: &&Recorded| known.key.is_some_and(|key| Some(key.0) == self.own);
-        let is_in = |known: &&Recorded| is_own(known) && known.key.is_some_and(|key| is_wanted(key.1));
-        self.sent_events().filter(is_in).map(|known| known.number).collect()
+        let slots = self.own.into_iter().flat_map(|own| self.events.slots_of(own));
+        let is_in = |&(slot, number): &(u32, u64)| is_wanted(slot) && !self.unsent.contains(&number);
+        slots.filter(is_in).map(|(_, number)| number).collect()
     }
 
     /// What others told, where it took place.

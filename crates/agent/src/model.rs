@@ -236,6 +236,17 @@ impl Model {
         Observations::weighted(inputs, outcomes, self.fading.weights(&events))
     }
 
+    /// Some of these events, by their places, each with its weight among all of them, which come in the order of time.
+    ///
+    /// # Errors
+    /// As [`Model::observations`].
+    pub(crate) fn observations_among(&self, events: &[&Event], places: &[usize]) -> dgpc::Result<Observations> {
+        let inputs = self.inputs(places.iter().map(|&place| events[place].attempt()))?;
+        let outcomes = places.iter().map(|&place| events[place].success).collect();
+        let weight = |&place: &usize| self.fading.weight(events[place], events[..place].iter().rev().copied());
+        Observations::weighted(inputs, outcomes, places.iter().map(weight).collect())
+    }
+
     /// One event, with its weight beside earlier ones of the same receiver, the latest first.
     ///
     /// # Errors

@@ -9,7 +9,7 @@ use pingmap_packet::Cell;
 use crate::event::{Event, Link, Position};
 use crate::events::Events;
 use crate::frames::{Frames, ToldKey};
-use crate::reports::{Reports, Said};
+use crate::reports::{EVERY_SLOT, Reports, Said};
 use crate::track::Track;
 use crate::turns::{Turns, may_be_silent};
 
@@ -18,7 +18,20 @@ pub(crate) type ToldEvents = BTreeMap<ToldKey, Arc<Event>>;
 
 /// Whether an event was told, and just so.
 pub(crate) fn is_among(told: &ToldEvents, (key, event): (&ToldKey, &Arc<Event>)) -> bool {
-    told.get(key).is_some_and(|other| Arc::ptr_eq(other, event) || other == event)
+    told.get(key).is_some_and(|other| is_same(other, event))
+}
+
+/// The same, asked of events in the order of their keys, one after the other: O(told) for all of them.
+pub(crate) fn among(told: &ToldEvents) -> impl FnMut((&ToldKey, &Arc<Event>)) -> bool {
+    let mut told = told.iter().peekable();
+    move |(key, event)| {
+        while told.next_if(|(other, _)| *other < key).is_some() {}
+        told.peek().is_some_and(|(other, same)| *other == key && is_same(same, event))
+    }
+}
+
+fn is_same(a: &Arc<Event>, b: &Arc<Event>) -> bool {
+    Arc::ptr_eq(a, b) || a == b
 }
 
 /// Events of others by what they told.
@@ -49,15 +62,24 @@ impl Placed {
         Self { events, longest_m, waiting, settled }
     }
 
+    /// What was placed, and what waited, in other slots than these.
+    fn outside(&self, changed: &[Range<u32>]) -> (ToldEvents, BTreeSet<ToldKey>) {
+        if changed.contains(&EVERY_SLOT) {
+            return Default::default();
+        }
+        let is_outside = |key: &ToldKey| !changed.iter().any(|slots| slots.contains(&key.1));
+        let (mut events, mut waiting) = (ToldEvents::clone(&self.events), self.waiting.clone());
+        events.retain(|key, _| is_outside(key));
+        waiting.retain(is_outside);
+        (events, waiting)
+    }
+
     /// An event, the same in memory as it was if it is the same.
     fn as_it_was(&self, key: &ToldKey, event: Event) -> Arc<Event> {
         let same = self.events.get(key).filter(|before| ***before == event);
         same.map_or_else(|| Arc::new(event), Arc::clone)
     }
 }
-
-/// Slots in which anything may have changed.
-pub(crate) const EVERY_SLOT: Range<u32> = 0..u32::MAX;
 
 /// So many changes are told apart: beyond, everything is looked at.
 const CHANGES_MAX: usize = 16;
@@ -142,26 +164,18 @@ pub(crate) fn place(
     // Else it depends on the vehicle's own events who was where, or who sent.
     let is_by_reports = !has_recent && !may_be_silent(frames, reports);
     let settled = if is_by_reports { settled(frames, own, &track, reports) } else { None };
-    let stays = |key: &&ToldKey| is_by_reports && !before.changed.iter().any(|slots| slots.contains(&key.1));
-    let told = before.placed.events.iter().filter(|(key, _)| stays(key));
-    let mut told: ToldEvents = told.map(|(&key, event)| (key, event.clone())).collect();
-    let mut waiting: BTreeSet<ToldKey> = before.placed.waiting.iter().filter(stays).copied().collect();
-    if others(own, reports).next().is_some() {
-        // Of itself it asks nobody.
-        let own_id = own.and_then(|own| frames.team.members.get(&own));
-        let of_others = events.recorded().iter().filter(|known| Some(&known.event.receiver_id) != own_id);
-        let recorded: BTreeSet<ToldKey> = of_others.filter_map(|known| known.key).collect();
-        let seen = if has_recent { seen(frames, events) } else { BTreeMap::new() };
-        let whereabouts = Whereabouts { frames, reports, own, track, seen };
-        for receiver in others(own, reports) {
-            let outcomes =
-                reports.outcomes(receiver).map(|(slot, said, is_recent)| ((receiver, slot), said, is_recent));
-            for (key, said, is_recent) in outcomes.filter(|(key, ..)| !stays(&key) && !recorded.contains(key)) {
-                let Some((transmitter, success)) = opportunity(frames, &turns, key, said) else { continue };
-                match whereabouts.event(transmitter, key, success, is_recent) {
-                    Some(event) => drop(told.insert(key, before.placed.as_it_was(&key, event))),
-                    None => drop(waiting.insert(key)),
-                }
+    let changed: &[Range<u32>] = if is_by_reports { &before.changed } else { &[EVERY_SLOT] };
+    let (mut told, mut waiting) = before.placed.outside(changed);
+    let seen = if has_recent { seen(frames, events) } else { BTreeMap::new() };
+    let whereabouts = Whereabouts { frames, reports, own, track, seen };
+    for receiver in others(own, reports) {
+        let outcomes = changed.iter().flat_map(|slots| reports.outcomes(receiver, slots.clone()));
+        let outcomes = outcomes.map(|(slot, said, is_recent)| ((receiver, slot), said, is_recent));
+        for (key, said, is_recent) in outcomes.filter(|&(key, ..)| !events.has(key)) {
+            let Some((transmitter, success)) = opportunity(frames, &turns, key, said) else { continue };
+            match whereabouts.event(transmitter, key, success, is_recent) {
+                Some(event) => drop(told.insert(key, before.placed.as_it_was(&key, event))),
+                None => drop(waiting.insert(key)),
             }
         }
     }

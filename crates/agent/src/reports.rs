@@ -10,6 +10,9 @@ use pingmap_packet::{Cell, Earlier};
 use crate::packets::PacketKey;
 use crate::told_track::ToldTrack;
 
+/// All slots there are.
+pub(crate) const EVERY_SLOT: Range<u32> = 0..u32::MAX;
+
 /// A report as it came, and what it says.
 #[derive(Debug)]
 pub(crate) struct Report {
@@ -75,10 +78,11 @@ impl Told {
     }
 
     /// The slots of which nothing else may follow only outside: what this report says or does not say beside all others.
-    fn touched_by(&self, report: &Report) -> [Range<u32>; 2] {
-        let (first, last) = (report.outcomes.first(), report.outcomes.last());
-        let told = first.zip(last).map_or(0..0, |(first, last)| first.0..last.0 + 1);
-        [told, self.track.moved_by(&report.knots)]
+    fn touched_by(&self, report: &Report) -> Range<u32> {
+        let moved = self.track.moved_by(&report.knots);
+        let (Some(first), Some(last)) = (report.outcomes.first(), report.outcomes.last()) else { return moved };
+        let told = first.0..last.0 + 1;
+        if moved.is_empty() { told } else { told.start.min(moved.start)..told.end.max(moved.end) }
     }
 
     /// The end of the counter below which packets speak of the same events, if there are any.
@@ -159,7 +163,7 @@ impl Reports {
                 place.insert(Kept { report: report.clone(), sent: sent.into_iter().collect() });
             }
         }
-        let mut touched = Vec::from(sender.told.touched_by(&report));
+        let mut touched = vec![sender.told.touched_by(&report)];
         if sender.reports.len() <= max {
             Arc::make_mut(&mut sender.told).take(&report);
             return Filed::New(touched);
@@ -170,7 +174,7 @@ impl Reports {
         }
         let mut told = Told::default();
         sender.reports.values().for_each(|kept| told.take(&kept.report));
-        touched.extend(gone.into_iter().flat_map(|(_, gone)| told.touched_by(&gone.report)));
+        touched.extend(gone.map(|(_, gone)| told.touched_by(&gone.report)));
         sender.told = Arc::new(told);
         Filed::New(touched)
     }
@@ -234,12 +238,13 @@ impl Reports {
         self.senders.get(&sender).into_iter().flat_map(|sender| sender.recent.iter().map(|(&slot, &said)| (slot, said)))
     }
 
-    /// What a sender says of slots, and whether spare bits did.
-    pub(crate) fn outcomes(&self, sender: u8) -> impl Iterator<Item = (u32, Said, bool)> {
-        self.senders.get(&sender).into_iter().flat_map(|sender| {
+    /// What a sender says of these slots, and whether spare bits did.
+    pub(crate) fn outcomes(&self, sender: u8, slots: Range<u32>) -> impl Iterator<Item = (u32, Said, bool)> {
+        self.senders.get(&sender).into_iter().flat_map(move |sender| {
             let (told, recent) = (&sender.told.outcomes, &sender.recent);
-            let by_report = told.iter().map(|(&slot, &said)| (slot, said, recent.contains_key(&slot)));
-            let others = recent.iter().filter(|(slot, _)| !told.contains_key(slot));
+            let by_report = told.range(slots.clone());
+            let by_report = by_report.map(|(&slot, &said)| (slot, said, recent.contains_key(&slot)));
+            let others = recent.range(slots.clone()).filter(|(slot, _)| !told.contains_key(slot));
             by_report.chain(others.map(|(&slot, &said)| (slot, said, true)))
         })
     }

@@ -6,7 +6,7 @@ use crate::clock::out_of_turn;
 use crate::event::VehicleId;
 use crate::events::{Events, Recorded};
 use crate::frames::{Frames, ToldKey};
-use crate::reports::{Reports, Said};
+use crate::reports::{EVERY_SLOT, Reports, Said};
 
 /// What is known of who sent in which slot.
 pub(crate) struct Turns<'a> {
@@ -25,7 +25,7 @@ impl<'a> Turns<'a> {
         if may_be_silent(frames, reports) {
             let own = events.recorded().iter().filter(|known| known.event.success).filter_map(|known| known.key);
             let told = reports.senders().flat_map(|sender| {
-                let heard = reports.outcomes(sender).filter(|(_, said, _)| *said == Said::Heard);
+                let heard = reports.outcomes(sender, EVERY_SLOT).filter(|(_, said, _)| *said == Said::Heard);
                 heard.map(move |(slot, ..)| (sender, slot))
             });
             for (receiver, slot) in own.chain(told) {
