@@ -1,6 +1,6 @@
 //! What reports are worth where things are not as they should be: NLL of held-out events by own events, by the team after ten
-//! packets each, and by all events in one place, mean over vehicles and splits; and by how much the mean probability that the team
-//! gives is off the share that was heard.
+//! packets each, and by all events in one place, mean over vehicles and splits; and by how much the mean probability that the team,
+//! and all in one place, give is off the share that was heard. What was not sent is neither learned nor asked.
 //!
 //! Vehicles send in turn, in slots of ten seconds from second 10 on, as in the shipped trials. A position error turns around the
 //! true place once in half an hour, another way for each vehicle, and is in all that the vehicle says of itself. A clock that is off, or a
@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use common::{Failure, log_splits_and_packets};
-use pingmap_agent::{Agent, Event, Learning, Position, Slots, Team, Telling, VehicleId};
+use pingmap_agent::{Agent, Attempt, Event, Learning, Position, Slots, Team, Telling, VehicleId};
 use pingmap_trial::{EventLog, Mission, Plan, Score, Split};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -85,6 +85,16 @@ fn places(log: &EventLog) -> Places {
         }
     }
     places
+}
+
+/// What comes out, mean over vehicles: NLL, and mean probability less the share heard.
+#[derive(Debug, Clone, Copy, Default)]
+struct Scores {
+    own: f64,
+    team: f64,
+    all: f64,
+    team_off: f64,
+    all_off: f64,
 }
 
 /// A mission of this log in which something is amiss.
@@ -208,8 +218,7 @@ impl Amiss<'_> {
         Ok(agent)
     }
 
-    /// NLL by own events, by the team, by all; and the team's mean probability less the share heard.
-    fn scores(&self, mission: &Mission, packets: usize) -> Result<[f64; 4], Failure> {
+    fn scores(&self, mission: &Mission, packets: usize) -> Result<Scores, Failure> {
         let mut agents = self.ids.iter().map(|id| self.vehicle(&mission.team, id)).collect::<Result<Vec<_>, _>>()?;
         let mut sent: Vec<Vec<Vec<u8>>> = Vec::new();
         for agent in &agents {
@@ -226,22 +235,34 @@ impl Amiss<'_> {
         let mut all = Agent::new(VehicleId::new("shore"), mission.team.clone()).owning_all_events();
         all.observe_all(self.training().filter(is_there))?;
         all.rebuild_posteriors()?;
-        let heard = mission.outcomes.iter().filter(|heard| **heard).count() as f64 / mission.outcomes.len() as f64;
-        let nll = |predicted: &[f64]| Score::new(predicted, &mission.outcomes).map_or(f64::NAN, |score| score.nll);
-        let mut sums = [0.0; 4];
-        let count = agents.len() as f64;
+        let (held_out, outcomes) = self.asked(mission);
+        let nll = |predicted: &[f64]| Score::new(predicted, &outcomes).map_or(f64::NAN, |score| score.nll);
+        let off = |predicted: &[f64]| {
+            let heard = outcomes.iter().filter(|heard| **heard).count() as f64;
+            (predicted.iter().sum::<f64>() - heard) / outcomes.len() as f64
+        };
+        let (mut scores, count) = (Scores::default(), agents.len() as f64);
         for (number, agent) in agents.iter_mut().enumerate() {
-            sums[0] += nll(&agent.probabilities(&mission.held_out)?) / count;
+            scores.own += nll(&agent.probabilities(&held_out)?) / count;
             for frame in &came[number] {
                 agent.receive(frame, 0.0);
             }
             agent.rebuild_posteriors()?;
-            let predicted = agent.probabilities(&mission.held_out)?;
-            sums[1] += nll(&predicted) / count;
-            sums[3] += (predicted.iter().sum::<f64>() / predicted.len() as f64 - heard) / count;
+            let predicted = agent.probabilities(&held_out)?;
+            scores.team += nll(&predicted) / count;
+            scores.team_off += off(&predicted) / count;
         }
-        sums[2] = nll(&all.probabilities(&mission.held_out)?);
-        Ok(sums)
+        let predicted = all.probabilities(&held_out)?;
+        (scores.all, scores.all_off) = (nll(&predicted), off(&predicted));
+        Ok(scores)
+    }
+
+    /// Held-out attempts that were made, and what became of them.
+    fn asked(&self, mission: &Mission) -> (Vec<Attempt>, Vec<bool>) {
+        let made =
+            self.split.indices(true).into_iter().map(|n| !self.silent.contains(&slot(self.log.events[n].time_s)));
+        let asked = mission.held_out.iter().copied().zip(mission.outcomes.iter().copied());
+        asked.zip(made).filter_map(|(asked, made)| made.then_some(asked)).unzip()
     }
 }
 
@@ -291,7 +312,9 @@ fn main() -> Result<(), Failure> {
     let plan = Plan::new(Learning::default(), 1);
     let prepare = |split: &Split| Ok(Mission::prepare(&log, split, &plan, 0)?);
     let missions = splits.par_iter().map(prepare).collect::<Result<Vec<_>, Failure>>()?;
-    println!("                                        own    team     all  mean probability less share heard");
+    println!(
+        "                                        own    team     all  mean probability less share heard: team, all"
+    );
     for (name, need) in NEEDS {
         let of_split = |(number, (split, mission)): (usize, (&Split, &Mission))| {
             let mut rng = ChaCha8Rng::seed_from_u64(number as u64);
@@ -305,9 +328,10 @@ fn main() -> Result<(), Failure> {
         };
         let pairs: Vec<_> = splits.iter().zip(&missions).enumerate().collect();
         let all = pairs.into_par_iter().map(of_split).collect::<Result<Vec<_>, Failure>>()?;
-        let [own, team, centralised, off] =
-            [0, 1, 2, 3].map(|place| all.iter().map(|scores| scores[place]).sum::<f64>() / all.len() as f64);
-        println!("{name:36} {own:.4}  {team:.4}  {centralised:.4}  {off:+.3}");
+        let mean = |of: fn(&Scores) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
+        let [own, team, centralised] = [mean(|all| all.own), mean(|all| all.team), mean(|all| all.all)];
+        let [team_off, all_off] = [mean(|all| all.team_off), mean(|all| all.all_off)];
+        println!("{name:36} {own:.4}  {team:.4}  {centralised:.4}  {team_off:+.3}  {all_off:+.3}");
     }
     Ok(())
 }
