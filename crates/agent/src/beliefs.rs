@@ -129,7 +129,9 @@ impl Beliefs {
             self.taken.told = self.fitted_of(&believed).map(|(&key, event)| (key, event.clone())).collect();
             self.taken.told_beside = [0, believed.told.len() - self.taken.told.len()];
             self.taken.believed = Some(believed.told.clone());
-            self.absorb_told(memory, &believed)?;
+            let absorbed = self.absorb_told(memory, &believed);
+            self.taken.is_stale = absorbed.is_err();
+            absorbed?;
         }
         self.judged = Some(heard.packets.clone());
         Ok(())

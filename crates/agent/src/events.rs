@@ -12,7 +12,7 @@ use crate::frames::ToldKey;
 pub(crate) struct Recorded {
     /// How many it had observed before.
     pub(crate) number: u64,
-    /// Whose event it is in which slot, if members met in one: known once and for all, because a team's slots stay.
+    /// Whose event it is in which slot, if it is between members and in one: known once and for all, because a team's slots stay.
     pub(crate) key: Option<ToldKey>,
     pub(crate) event: Event,
 }
@@ -46,7 +46,7 @@ pub(crate) struct Events {
     /// In canonical order, so that fits do not depend on the order of arrival.
     in_order: Arc<Vec<Recorded>>,
     numbers: Arc<BTreeSet<u64>>,
-    /// Numbers of those of a slot, by whose they are and the slot.
+    /// Numbers of the events that have a key, behind their keys.
     keys: Arc<BTreeSet<(ToldKey, u64)>>,
     /// Length of the longest link.
     longest_m: f64,
@@ -96,7 +96,10 @@ impl Events {
     }
 
     fn merge(&mut self, mut added: Vec<Recorded>) {
-        Arc::make_mut(&mut self.keys).extend(added.iter().filter_map(Recorded::numbered_key));
+        let keys: Vec<(ToldKey, u64)> = added.iter().filter_map(Recorded::numbered_key).collect();
+        if !keys.is_empty() {
+            Arc::make_mut(&mut self.keys).extend(keys);
+        }
         let in_order = Arc::make_mut(&mut self.in_order);
         if added.len() == 1 {
             let entry = added.remove(0);
@@ -113,8 +116,9 @@ impl Events {
         let in_order = Arc::make_mut(&mut self.in_order);
         let place = in_order.iter().position(|known| known.number == entry.number);
         let Some(place) = place.filter(|&place| in_order[place].order(entry).is_gt()) else { return false };
-        let gone = in_order.remove(place).numbered_key();
-        gone.map(|gone| Arc::make_mut(&mut self.keys).remove(&gone));
+        if let Some(gone) = in_order.remove(place).numbered_key() {
+            Arc::make_mut(&mut self.keys).remove(&gone);
+        }
         self.merge(vec![entry.clone()]);
         true
     }

@@ -153,6 +153,7 @@ pub(crate) fn fit_events(
     };
     let kept = last.kept(&sources, told);
     let new: Vec<usize> = (0..events.len()).filter(|&place| !kept.contains_key(&sources[place])).collect();
+    let may_be_amended = may_be_amended && last.fit.inducing_points().is_some();
     if may_be_amended && Limits::is_small(last.amended_by(&kept, new.len()), last.sources.len()) {
         let observations = team.model.observations_among(&events, &new)?;
         if let Some(amended) = last.with(&kept, new.iter().map(|&place| sources[place]), &observations, told)? {

@@ -236,7 +236,8 @@ impl Model {
         Observations::weighted(inputs, outcomes, self.fading.weights(&events))
     }
 
-    /// Some of these events, by their places, each with its weight among all of them, which come in the order of time.
+    /// Some of these events, by their places, each with its weight among all of them: those of each pair of vehicles come in canonical
+    /// order.
     ///
     /// # Errors
     /// As [`Model::observations`].

@@ -81,13 +81,11 @@ impl Placed {
     }
 }
 
-/// So many changes are told apart: beyond, everything is looked at.
-const CHANGES_MAX: usize = 16;
-
 /// What followed about the events of others the last time, and the slots in which something else may follow since.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Before {
     placed: Placed,
+    /// Apart from each other.
     changed: Vec<Range<u32>>,
 }
 
@@ -108,11 +106,11 @@ impl Placement {
         if let Some(placed) = self.now.take() {
             self.before = Before { placed, changed: Vec::new() };
         }
-        let changed = &mut self.before.changed;
-        changed.push(slots);
-        if changed.len() > CHANGES_MAX {
-            *changed = vec![EVERY_SLOT];
-        }
+        let is_apart = |other: &Range<u32>| other.end < slots.start || slots.end < other.start;
+        let (mut changed, near): (Vec<_>, Vec<_>) = self.before.changed.drain(..).partition(is_apart);
+        let all = near.into_iter().fold(slots, |all, near| all.start.min(near.start)..all.end.max(near.end));
+        changed.push(all);
+        self.before.changed = changed;
     }
 
     /// Whether something of its own of this time, in this slot if in any, changes nothing but what is to be looked at anyway.
@@ -149,8 +147,8 @@ struct Whereabouts<'a> {
 
 /// Places what others told. What a report says lies where reports say that both ends were, on a leg or for a
 /// while behind one. What spare bits say lies where the vehicle itself knows that others were. In neither case does it depend on
-/// what became of the transmission. What was placed before stays where nothing changed and nobody may have been silent.
-/// O(own events + told), and with a logarithm what changed.
+/// what became of the transmission. What was placed before stays where nothing changed, unless spare bits came or somebody may have
+/// been silent. O(own places + told), and with a logarithm what changed.
 pub(crate) fn place(
     frames: &Frames,
     own: Option<u8>,
@@ -161,7 +159,7 @@ pub(crate) fn place(
 ) -> Placed {
     let turns = Turns::new(frames, events, reports);
     let has_recent = others(own, reports).any(|sender| reports.recent(sender).next().is_some());
-    // Else it depends on the vehicle's own events who was where, or who sent.
+    // By spare bits, or where somebody may have been silent, it depends on all of its own events who was where, or who sent.
     let is_by_reports = !has_recent && !may_be_silent(frames, reports);
     let settled = if is_by_reports { settled(frames, own, &track, reports) } else { None };
     let changed: &[Range<u32>] = if is_by_reports { &before.changed } else { &[EVERY_SLOT] };

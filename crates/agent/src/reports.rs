@@ -77,7 +77,8 @@ impl Told {
         self.earlier.extend(report.earlier.map(|earlier| (earlier.before, earlier.counts)));
     }
 
-    /// The slots of which nothing else may follow only outside: what this report says or does not say beside all others.
+    /// Outside of these slots the same follows with this report beside all others as without it, whichever is the case now: it speaks
+    /// of these, and in these it moves its sender.
     fn touched_by(&self, report: &Report) -> Range<u32> {
         let moved = self.track.moved_by(&report.knots);
         let (Some(first), Some(last)) = (report.outcomes.first(), report.outcomes.last()) else { return moved };

@@ -68,8 +68,8 @@ impl ToldTrack {
         })
     }
 
-    /// Outside of these slots it is known to have been where it was whether or not it told these knots of one report beside the others: from
-    /// the knot before them to the second behind them, because behind a leg it goes on along it.
+    /// Outside of these slots it was at the same places with these knots of one report beside all others as without them, whichever
+    /// is the case now: from the knot before them to the second behind them, because behind a leg it goes on along it.
     pub(crate) fn moved_by(&self, knots: &[(u32, Cell)]) -> Range<u32> {
         let (Some(&(first, _)), Some(&(last, _))) = (knots.first(), knots.last()) else { return 0..0 };
         let before = self.knots.range(..first).next_back();

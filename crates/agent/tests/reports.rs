@@ -64,30 +64,34 @@ proptest! {
     #[test]
     fn what_is_recorded_before_and_after_reports_is_the_same(
         trip in trips(), order in Just((0..400usize).collect::<Vec<_>>()).prop_shuffle(), is_in_order in any::<bool>(),
-        max in prop_oneof![Just(256), 1..6u16], asks in prop::collection::vec(any::<bool>(), 20),
+        max in prop_oneof![Just(256), 1..6u16], owns_all in any::<bool>(), asks in prop::collection::vec(any::<bool>(), 20),
     ) {
         // Where few reports are kept, some go for others.
         let team = Team { reports_per_sender_max: max, ..(*trip.team).clone() };
         let trip = Trip { team: Arc::new(team), ..trip };
-        let (slots, id) = (0..trip.slots, names(1).remove(0));
+        let agent = || {
+            let agent = Agent::new(names(1).remove(0), trip.team.clone());
+            if owns_all { agent.owning_all_events() } else { agent }
+        };
         // Where it was and what it heard slot by slot, and after some slots a report of somebody.
         let others: Vec<Vec<u8>> = (1..trip.members()).flat_map(|number| trip.reports_under_way(number)).collect();
         let count = others.len();
-        let mut entries: Vec<Entry> = slots.flat_map(|slot| {
+        let mut entries: Vec<Entry> = (0..trip.slots).flat_map(|slot| {
             let (time_s, number) = (SLOT_S * f64::from(slot), u64::from(slot));
             let navigated = Entry::Navigated { time_s, position: trip.at(0, slot) };
-            let observed = trip.event(slot, 0).map(|event| Entry::Observed { number, event });
+            let receiver = if owns_all { slot as usize / 3 % trip.members() } else { 0 };
+            let observed = trip.event(slot, receiver).map(|event| Entry::Observed { number, event });
             let heard = (slot % 2 == 1).then(|| others.get(slot as usize / 2 % count.max(1))).flatten();
             let heard = heard.map(|bytes| Entry::Heard { bytes: bytes.clone() });
             [Some(navigated), observed, heard].into_iter().flatten().collect::<Vec<_>>()
         }).collect();
-        let mut at_once = Agent::new(id.clone(), trip.team.clone());
+        let mut at_once = agent();
         entries.iter().for_each(|entry| { at_once.apply(entry.clone()).unwrap(); });
         if !is_in_order {
             let mut places = order.into_iter().filter(|&place| place < entries.len());
             entries = std::iter::from_fn(|| places.next().map(|place| entries[place].clone())).collect();
         }
-        let mut asked = Agent::new(id, trip.team.clone());
+        let mut asked = agent();
         for (entry, &is_asked) in entries.into_iter().zip(asks.iter().cycle()) {
             asked.apply(entry).unwrap();
             if is_asked {

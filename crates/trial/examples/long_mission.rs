@@ -3,7 +3,8 @@
 //!
 //! Every vehicle sends in turn, and each tenth of its transmissions carries a frame of 32 bytes to whoever hears it. An event is
 //! recorded, the link of it predicted before, and a fit made when it is due. The first 100 transmissions of a block are predicted
-//! by what is known before it: mean NLL, and how much above that of the true probabilities.
+//! by what is known before it: mean NLL, and how much above that of the true probabilities. Beside it the time that one and the same
+//! fit of 750 events takes: machines are not always equally fast.
 //!
 //! `cargo run --release -p pingmap-trial --example long_mission -- [slots] [blocks]`
 
@@ -29,6 +30,10 @@ const FRAME_EVERY: usize = 10;
 
 /// Transmissions of a block that are predicted before it begins.
 const AHEAD: usize = 100;
+
+/// Events of the fit that is timed beside, and transmissions from one time to the next.
+const REFERENCE_EVENTS: usize = 750;
+const REFERENCE_EVERY: usize = 20;
 
 /// What a vehicle's events cost it.
 #[derive(Default)]
@@ -135,19 +140,28 @@ fn main() -> Result<(), Failure> {
     let mut vehicles: BTreeMap<VehicleId, (Agent, Cost)> = log.vehicles().into_iter().map(agent).collect();
     let mut shore = Agent::new(VehicleId::new("shore"), team.clone()).owning_all_events();
     let listeners = vehicles.len() - 1;
+    let mut reference = shore.clone();
+    reference.observe_all(log.events.iter().take(REFERENCE_EVENTS).cloned())?;
     let per_block = slots.div_ceil(blocks) * listeners;
     println!(
-        "events  an event, ms  of it fits  frames  longest, ms  told  snapshot, kB    own    team     all   truth"
+        "events  an event, ms  of it fits  frames  longest, ms  a fit, ms  told  snapshot, kB    own    team     all   truth"
     );
     for (number, (block, truth)) in log.events.chunks(per_block).zip(truth.chunks(per_block)).enumerate() {
         let ahead = &block[..block.len().min(AHEAD * listeners)];
         let [own, together, all] = scores(&mut vehicles, &mut shore, ahead)?;
         let known = nll(&truth[..ahead.len()], ahead);
         vehicles.values_mut().for_each(|(_, cost)| *cost = Cost::default());
+        let mut fit = Cost::default();
         for (slot, transmission) in block.chunks(listeners).enumerate() {
             let turn = (number * per_block / listeners + slot) / vehicles.len();
             let frame_bytes = turn.is_multiple_of(FRAME_EVERY).then_some(32);
             transmit(&mut vehicles, transmission, frame_bytes)?;
+            if slot.is_multiple_of(REFERENCE_EVERY) {
+                let begin = Instant::now();
+                reference.rebuild_posteriors()?;
+                fit.add(begin.elapsed());
+                fit.events += 1;
+            }
         }
         shore.observe_all(block.iter().cloned())?;
         let of_all = |of: fn(&Cost) -> Duration| vehicles.values().map(|(_, cost)| of(cost)).sum::<Duration>();
@@ -157,12 +171,13 @@ fn main() -> Result<(), Failure> {
         let told = vehicles.values().map(|(agent, _)| agent.told_events().0).sum::<usize>() / vehicles.len();
         let snapshot = vehicles.values().map(|(agent, _)| agent.snapshot().len()).max().unwrap_or_default();
         println!(
-            "{:6}  {:12.2}  {:10.2}  {:6.2}  {:11.1}  {told:4}  {:12.1}  {own:.4}  {together:.4}  {all:.4}  {known:.4}",
+            "{:6}  {:12.2}  {:10.2}  {:6.2}  {:11.1}  {:9.1}  {told:4}  {:12.1}  {own:.4}  {together:.4}  {all:.4}  {known:.4}",
             (number * per_block + block.len()) / vehicles.len(),
             ms(of_all(|cost| cost.all) / count),
             ms(of_all(|cost| cost.fits) / count),
             ms(of_all(|cost| cost.frames) / count),
             ms(longest),
+            ms(fit.all / fit.events.max(1)),
             snapshot as f64 / 1e3,
         );
     }

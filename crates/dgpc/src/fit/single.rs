@@ -17,8 +17,8 @@ pub fn sites_given(known: &Posterior, observations: &Observations) -> Result<Sit
     Ok(sites_and_tilts_given(known, observations)?.0)
 }
 
-/// Takes more events into what is known, a few at a time in their order, each of these with the site that it has beside what was
-/// known before; the sites. O(n²) an event.
+/// Takes more events into what is known, eight at a time in their order, each of these with the site that it has beside what was
+/// known before these eight; the sites, which so depend a little on the order. O(n²) an event.
 ///
 /// # Errors
 /// As [`sites_given`] and [`Posterior::absorb_events`]; then those before are in.
