@@ -223,8 +223,9 @@ impl Beliefs {
     fn beyond(&self, memory: &Memory, fitted: &Fitted, believed: &Heard) -> Result<Vec<Summary>, AgentError> {
         let place: Vec<&Summary> = memory.frames.team.model.place_summary().into_iter().collect();
         let mut all = Vec::new();
-        let is_beside = |told: &(&ToldKey, &Arc<Event>)| !is_among(&fitted.told, *told);
-        let beside: BTreeSet<u8> = believed.told.iter().filter(is_beside).map(|(key, _)| key.0).collect();
+        let mut is_fitted = among(&fitted.told);
+        let beside = believed.told.iter().filter(|told| !is_fitted(*told));
+        let beside: BTreeSet<u8> = beside.map(|(key, _)| key.0).collect();
         for member in believed.members().difference(&beside).copied() {
             let packets = said(memory, &believed.of_member(member).packets, Worth::Beyond);
             let is_told = |source: &Source| matches!(source, Source::Told(key) if key.0 == member && believed.told.contains_key(key));
@@ -267,16 +268,16 @@ impl Beliefs {
         &self,
         memory: &Memory,
         public: &Posterior,
-        is_told: &dyn Fn(u32) -> bool,
+        slots: &BTreeSet<u32>,
     ) -> Result<Posterior, AgentError> {
         let mut public = public.clone();
         if let Some(alone) = &self.alone {
-            let told: BTreeSet<u64> = memory.numbers_of(is_told);
+            let told = memory.numbers_in(slots);
             let is_in = |&place: &usize| matches!(&alone.sources[place], Source::Own(number) if told.contains(number));
             let part: Vec<usize> = (0..alone.sources.len()).filter(is_in).collect();
             public.absorb_events(&alone.fit.sites().select(&part))?;
         }
-        self.tell_beside(memory, &mut public, is_told)?;
+        self.tell_beside(memory, &mut public, &|slot| slots.contains(&slot))?;
         Ok(public)
     }
 

@@ -173,9 +173,9 @@ impl Events {
         &self.in_order
     }
 
-    /// Whether there is an event of a vehicle in a slot.
-    pub(crate) fn has(&self, key: ToldKey) -> bool {
-        self.keys.range((key, 0)..=(key, u64::MAX)).next().is_some()
+    /// Numbers of a vehicle's events in a slot. O(log N).
+    pub(crate) fn in_slot(&self, key: ToldKey) -> impl Iterator<Item = u64> {
+        self.keys.range((key, 0)..=(key, u64::MAX)).map(|&(_, number)| number)
     }
 
     /// Slots of a vehicle's events, with their numbers.

@@ -176,10 +176,11 @@ impl Agent {
         // What earlier packets say beyond follows from all that is told; without them it is enough to add what is new.
         let public = earlier.is_empty().then(|| self.beliefs.public_of(memory, &others, &is_known)).transpose()?;
         let left = |report: &ReportMessage, packets: &Packets| -> Result<f64, AgentError> {
-            let new = reporter.slots_told(report);
+            let mut new = reporter.slots_told(report);
             let public = match &public {
                 Some(public) => {
-                    self.beliefs.public_with(memory, public, &|slot| new.contains(&slot) && !is_known(slot))?
+                    new.retain(|&slot| !is_known(slot));
+                    self.beliefs.public_with(memory, public, &new)?
                 }
                 None => self.beliefs.public_of(memory, packets, &|slot| new.contains(&slot) || is_known(slot))?,
             };

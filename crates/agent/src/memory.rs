@@ -219,11 +219,17 @@ impl Memory {
         self.own.and_then(|own| self.frames.team.members.get(&own))
     }
 
-    /// The vehicle's own events in these slots, by number.
+    /// The vehicle's own events in slots that are wanted, by number.
     pub(crate) fn numbers_of(&self, is_wanted: &dyn Fn(u32) -> bool) -> BTreeSet<u64> {
         let slots = self.own.into_iter().flat_map(|own| self.events.slots_of(own));
         let is_in = |&(slot, number): &(u32, u64)| is_wanted(slot) && !self.unsent.contains(&number);
         slots.filter(is_in).map(|(_, number)| number).collect()
+    }
+
+    /// The same of a few slots.
+    pub(crate) fn numbers_in(&self, slots: &BTreeSet<u32>) -> BTreeSet<u64> {
+        let keys = self.own.into_iter().flat_map(|own| slots.iter().map(move |&slot| (own, slot)));
+        keys.flat_map(|key| self.events.in_slot(key)).filter(|number| !self.unsent.contains(number)).collect()
     }
 
     /// What others told, where it took place.

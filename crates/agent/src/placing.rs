@@ -169,7 +169,7 @@ pub(crate) fn place(
     for receiver in others(own, reports) {
         let outcomes = changed.iter().flat_map(|slots| reports.outcomes(receiver, slots.clone()));
         let outcomes = outcomes.map(|(slot, said, is_recent)| ((receiver, slot), said, is_recent));
-        for (key, said, is_recent) in outcomes.filter(|&(key, ..)| !events.has(key)) {
+        for (key, said, is_recent) in outcomes.filter(|&(key, ..)| events.in_slot(key).next().is_none()) {
             let Some((transmitter, success)) = opportunity(frames, &turns, key, said) else { continue };
             match whereabouts.event(transmitter, key, success, is_recent) {
                 Some(event) => drop(told.insert(key, before.placed.as_it_was(&key, event))),

@@ -2,6 +2,7 @@
 //! with them.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 use dgpc::spread_out;
 use pingmap_packet::{
@@ -10,6 +11,7 @@ use pingmap_packet::{
 
 use crate::knots::Knots;
 use crate::memory::Memory;
+use crate::reports::Kept;
 
 /// What a transmission that was reported once is still worth: reports get lost.
 const LOST: f64 = 0.3;
@@ -270,11 +272,12 @@ impl<'a> Reporter<'a> {
 /// Slots between the first and the last knot in which the vehicle could hear somebody or send.
 fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)]) -> Vec<Item> {
     let (Some(&(begin, _)), Some(&(end, _))) = (knots.first(), knots.last()) else { return Vec::new() };
+    let end = end + memory.frames.team.slots.at_once() as u32;
     let own = memory.outcomes_since(sender, f64::NEG_INFINITY);
-    let tellings = tellings(memory, sender);
+    let tellings = tellings(memory, sender, begin..end);
     let begin_min = memory.reports.begin(sender);
-    let worth = |slot: u32| match tellings.get(&slot).copied().unwrap_or(0) {
-        told if slot >= begin_min && told < u32::from(memory.frames.team.tellings_max) => LOST.powi(told as i32),
+    let worth = |slot: u32, is_own: bool| match tellings[usize::from(is_own)][(slot - begin) as usize] {
+        told if slot >= begin_min && told < i32::from(memory.frames.team.tellings_max) => LOST.powi(told),
         _ => 0.0,
     };
     // Where nobody is heard in slots, a schedule says nothing of who sends.
@@ -288,36 +291,45 @@ fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)]) -> Vec<Item> {
                 None => (Outcome::Heard, is_in_force),
                 Some(false) => (Outcome::Missed, is_in_force),
             };
-            return Item { slot, is_own: true, outcome, value: if is_worth { worth(slot) } else { 0.0 } };
+            return Item { slot, is_own: true, outcome, value: if is_worth { worth(slot, true) } else { 0.0 } };
         }
         match own.get(&slot) {
-            Some(true) => Item { slot, is_own: false, outcome: Outcome::Heard, value: worth(slot) },
-            Some(false) => Item { slot, is_own: false, outcome: Outcome::Missed, value: worth(slot) },
+            Some(true) => Item { slot, is_own: false, outcome: Outcome::Heard, value: worth(slot, false) },
+            Some(false) => Item { slot, is_own: false, outcome: Outcome::Missed, value: worth(slot, false) },
             None => Item { slot, is_own: false, outcome: Outcome::Untold, value: 0.0 },
         }
     };
-    let end = end + memory.frames.team.slots.at_once() as u32;
     let slots = memory.frames.slots_of(sender, begin, true).take_while(|&slot| slot < end);
     let items: Vec<Item> = slots.map(item).collect();
     items[items.len().saturating_sub(memory.frames.team.limits.slots_back_max)..].to_vec()
 }
 
-/// How often each slot was reported: what became of it, or where the vehicle was when it sent.
-fn tellings(memory: &Memory, sender: u8) -> BTreeMap<u32, u32> {
-    let mut tellings = BTreeMap::new();
-    for kept in memory.reports.all(sender).filter(|kept| !kept.sent.is_empty()) {
-        let (report, times) = (&kept.report, kept.sent.len() as u32);
-        let outcomes = report.outcomes.iter().map(|&(slot, _)| slot);
+/// How often each of these slots was reported: what became of it, and where the vehicle was when it sent.
+fn tellings(memory: &Memory, sender: u8, slots: Range<u32>) -> [Vec<i32>; 2] {
+    let place = |slot: u32| (slot.clamp(slots.start, slots.end) - slots.start) as usize;
+    // First by how much more often than the one before.
+    let mut tellings = [vec![0; slots.len() + 1], vec![0; slots.len() + 1]];
+    let mut tell = |is_own: bool, first: u32, last: u32, times: i32| {
+        let tellings = &mut tellings[usize::from(is_own)];
+        tellings[place(first)] += times;
+        tellings[place(last + 1)] -= times;
+    };
+    for Kept { report, sent } in memory.reports.all(sender) {
+        let times = sent.len() as i32;
+        report.outcomes.iter().for_each(|&(slot, _)| tell(false, slot, slot, times));
         if memory.frames.team.slots.at_will {
-            let turns = report.turns.iter().map(|&(slot, _)| slot);
-            outcomes.chain(turns).for_each(|slot| *tellings.entry(slot).or_default() += times);
-            continue;
+            report.turns.iter().for_each(|&(slot, _)| tell(true, slot, slot, times));
+        } else {
+            // All slots of its own from its first slot to its last knot.
+            let last = report.knots.last().map_or(report.first, |knot| knot.0);
+            tell(true, report.first, last.max(report.first), times);
         }
-        let begin = report.first;
-        let end = report.knots.last().map_or(begin, |knot| knot.0);
-        let is_own = |slot: &u32| !memory.frames.is_heard_by(*slot, sender);
-        let own = memory.frames.slots_of(sender, begin, true).take_while(move |&slot| slot <= end).filter(is_own);
-        outcomes.chain(own).for_each(|slot| *tellings.entry(slot).or_default() += times);
     }
-    tellings
+    tellings.map(|steps| {
+        let sums = steps.into_iter().scan(0, |sum, step| {
+            *sum += step;
+            Some(*sum)
+        });
+        sums.collect()
+    })
 }
