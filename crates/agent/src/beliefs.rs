@@ -8,7 +8,7 @@ use dgpc::{Posterior, Summary};
 use crate::agent_error::AgentError;
 use crate::event::Event;
 use crate::events::{Change, Recorded};
-use crate::fitted::{Fitted, Source};
+use crate::fitted::{Fitted, Part, Source};
 use crate::fitting::absorb_event;
 use crate::frames::ToldKey;
 use crate::heard::{Heard, Packets, counting, said, summaries};
@@ -44,6 +44,8 @@ pub(crate) struct Beliefs {
     pub(crate) public: Posterior,
     /// Of its own events and what others sent, under its own model if it has one.
     pub(crate) fused: Posterior,
+    /// What it told in reports, as far as its last sparse fit knows it.
+    told: Option<Part>,
     pub(crate) taken: Taken,
     /// Members who do not count, because they say what all others and the vehicle itself know to be wrong.
     pub(crate) left_out: BTreeSet<u8>,
@@ -101,6 +103,7 @@ impl Beliefs {
             own: nothing.clone(),
             public: nothing.clone(),
             fused: nothing,
+            told: None,
             taken: Taken::default(),
             left_out: BTreeSet::new(),
             judged: None,
@@ -234,6 +237,15 @@ impl Beliefs {
         Ok(all)
     }
 
+    /// Sums up what it told in reports, in a long mission from frame to frame and not anew for each.
+    pub(crate) fn recall_told(&mut self, memory: &Memory) -> Result<(), AgentError> {
+        let reported = memory.own.and_then(|own| memory.reports.told_by(own));
+        let Some((alone, reported)) = self.alone.as_ref().zip(reported) else { return Ok(()) };
+        let numbers = memory.numbers_of(&|slot| reported.outcomes.contains_key(&slot));
+        self.told = alone.part(&numbers, self.told.as_ref())?;
+        Ok(())
+    }
+
     /// What others know by these of its packets and by what it told of these slots.
     pub(crate) fn public_of(
         &self,
@@ -250,7 +262,10 @@ impl Beliefs {
                 let is_in = |source: &Source| matches!(source, Source::Own(number) if told.contains(number));
                 let beyond = alone.beyond(is_in, &place, &part)?;
                 let messages: Vec<&Summary> = place.into_iter().chain(summaries(&all)).chain(&beyond).collect();
-                alone.posterior_of(is_in, &messages)?
+                match alone.part(&told, self.told.as_ref())? {
+                    Some(part) => part.posterior_with(&messages)?,
+                    None => alone.posterior_of(is_in, &messages)?,
+                }
             }
             _ => {
                 let mut public = model.known_before();

@@ -90,6 +90,7 @@ impl Agent {
         let planned = if self.beliefs.nothing_new_in == Some(layout.frame_bytes) {
             None
         } else {
+            self.beliefs.recall_told(&self.memory)?;
             self.plan(sender, counter, layout, frame_bytes)?
         };
         let bytes = match planned {

@@ -1,6 +1,6 @@
 //! Fits of a vehicle's own events and of those that it was told.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
 use dgpc::{Candidates, DISTINCT_SHARE, Fit, Inputs, Observations, Posterior, Prior, Summary};
@@ -36,6 +36,17 @@ pub(crate) struct Fitted {
     amended: usize,
     /// The told events among them, as they were placed.
     pub(crate) told: Arc<ToldEvents>,
+    /// The same thing for all fits in which its own events that are in both have the same sites.
+    origin: Arc<()>,
+}
+
+/// What some of the vehicle's own events of a sparse fit say together.
+#[derive(Debug, Clone)]
+pub(crate) struct Part {
+    numbers: BTreeSet<u64>,
+    said: Summary,
+    /// Of the fit.
+    origin: Arc<()>,
 }
 
 /// The least that packets must say beyond reports, as a share of what they say: less is rounding, by which information may be off
@@ -83,6 +94,32 @@ impl Fitted {
         }
     }
 
+    /// What those of its own events say that have these numbers, found from what nearly the same ones said `before`: from frame to frame
+    /// a few more were told. `None` of a dense fit. O(M²) for each that is in one of both alone, or as [`Fit::summary_of_part`].
+    pub(crate) fn part(&self, numbers: &BTreeSet<u64>, before: Option<&Part>) -> dgpc::Result<Option<Part>> {
+        let own = |at: &usize| match self.sources[*at] {
+            Source::Own(number) => Some(number),
+            Source::Told(_) => None,
+        };
+        let places = |is_wanted: &dyn Fn(u64) -> bool| -> Vec<usize> {
+            (0..self.sources.len()).filter(|at| own(at).is_some_and(is_wanted)).collect()
+        };
+        let wanted = places(&|number| numbers.contains(&number));
+        let numbers: BTreeSet<u64> = wanted.iter().filter_map(own).collect();
+        let origin = self.origin.clone();
+        if let Some(before) = before.filter(|before| Arc::ptr_eq(&before.origin, &origin)) {
+            let new = places(&|number| numbers.contains(&number) && !before.numbers.contains(&number));
+            let gone = places(&|number| before.numbers.contains(&number) && !numbers.contains(&number));
+            if new.len() + gone.len() < wanted.len() {
+                let mut said = before.said.clone();
+                said.forget(&self.fit.sites().select(&gone))?;
+                said.observe(&self.fit.sites().select(&new))?;
+                return Ok(Some(Part { numbers, said, origin }));
+            }
+        }
+        Ok(self.fit.summary_of_part(&wanted)?.map(|said| Part { numbers, said, origin }))
+    }
+
     /// Which of these events it has, as they are, and where.
     fn kept(&self, sources: &[Source], told: &Heard) -> HashMap<Source, usize> {
         let mut kept: HashMap<Source, usize> = self.sources.iter().copied().zip(0..).collect();
@@ -112,7 +149,20 @@ impl Fitted {
         let Some(fit) = self.fit.amended(&gone, observations)? else { return Ok(None) };
         let sources = stay.into_iter().map(|at| self.sources[at]).chain(new).collect();
         let amended = self.amended_by(kept, observations.len());
-        Ok(Some(Self { fit, sources, amended, told: told.told.clone() }))
+        // Of an event that went nobody could take out what it said.
+        let has_lost_own = gone.iter().any(|&at| matches!(self.sources[at], Source::Own(_)));
+        let origin = if has_lost_own { Arc::default() } else { self.origin.clone() };
+        Ok(Some(Self { fit, sources, amended, told: told.told.clone(), origin }))
+    }
+}
+
+impl Part {
+    /// The posterior of these events and of these summaries.
+    pub(crate) fn posterior_with(&self, summaries: &[&Summary]) -> dgpc::Result<Posterior> {
+        let prior = self.said.prior();
+        let read = summaries.iter().map(|summary| summary.read_under(prior));
+        let read: Vec<_> = read.collect::<dgpc::Result<_>>()?;
+        Posterior::of_summaries(prior, &read.iter().map(AsRef::as_ref).chain([&self.said]).collect::<Vec<_>>())
     }
 }
 
@@ -149,7 +199,7 @@ pub(crate) fn fit_events(
     let all = || team.model.observations(events.iter().copied());
     let Some(Last { fitted: last, near, may_be_amended }) = last else {
         let fit = fitting::fit(prior, &all()?, messages, &team.limits, None)?;
-        return Ok(Fitted { fit, sources, amended: 0, told: told.told.clone() });
+        return Ok(Fitted { fit, sources, amended: 0, told: told.told.clone(), origin: Arc::default() });
     };
     let kept = last.kept(&sources, told);
     let new: Vec<usize> = (0..events.len()).filter(|&place| !kept.contains_key(&sources[place])).collect();
@@ -169,5 +219,59 @@ pub(crate) fn fit_events(
     let inducing_points = last.fit.inducing_points().filter(|_| messages.is_empty());
     let begin = Begin { inducing_points, tilts: &tilts, new: &new };
     let fit = fitting::fit(prior, &all()?, messages, &team.limits, Some(begin))?;
-    Ok(Fitted { fit, sources, amended: 0, told: told.told.clone() })
+    Ok(Fitted { fit, sources, amended: 0, told: told.told.clone(), origin: Arc::default() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dgpc::{FitOptions, Kernel, PriorMean, Shape, Term};
+
+    fn observations(x: impl Iterator<Item = f64>) -> Observations {
+        let rows: Vec<[f64; 1]> = x.map(|x| [x]).collect();
+        let outcomes = rows.iter().map(|[x]| x.sin() > 0.3).collect();
+        Observations::new(Inputs::from_rows(&rows).unwrap(), outcomes).unwrap()
+    }
+
+    /// A sparse fit of forty events, of which every other one is its own.
+    fn fitted() -> Fitted {
+        let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 4.0, 1.0, 1).unwrap()]).unwrap();
+        let prior = Prior::new(kernel, PriorMean::Zero).unwrap();
+        let points = observations((0..8).map(f64::from)).inputs().clone();
+        let options = FitOptions::default().inducing_points(&points);
+        let fit = dgpc::fit(&prior, &observations((0..40).map(|n| 0.2 * f64::from(n))), &options).unwrap();
+        let source = |n: u32| if n.is_multiple_of(2) { Source::Own(n.into()) } else { Source::Told((1, n)) };
+        let (sources, origin) = ((0..40).map(source).collect(), Arc::default());
+        Fitted { fit, sources, amended: 0, told: Arc::default(), origin }
+    }
+
+    #[test]
+    fn a_part_is_the_same_whatever_it_is_found_from() {
+        let numbers = |range: std::ops::Range<u64>| range.collect::<BTreeSet<u64>>();
+        let latent = |part: &Part| {
+            let somewhere = observations((0..9).map(f64::from)).inputs().clone();
+            part.posterior_with(&[]).unwrap().latent(&somewhere).unwrap()
+        };
+        let is_as_anew = |fitted: &Fitted, wanted: std::ops::Range<u64>, before: &Part| {
+            let wanted = numbers(wanted);
+            let found = [Some(before), None].map(|before| latent(&fitted.part(&wanted, before).unwrap().unwrap()));
+            let pairs =
+                |of: fn(&dgpc::Latent) -> &[f64]| of(&found[0]).iter().zip(of(&found[1])).map(|(a, b)| (a - b).abs());
+            pairs(|latent| &latent.mean).chain(pairs(|latent| &latent.variance)).all(|off| off < 1e-8)
+        };
+        let fitted = fitted();
+        // Two of these numbers are of no event of the fit yet.
+        let before = fitted.part(&numbers(4..44), None).unwrap().unwrap();
+        assert!(is_as_anew(&fitted, 10..38, &before));
+        for gone in [Source::Told((1, 7)), Source::Own(8)] {
+            let mut kept: HashMap<Source, usize> = fitted.sources.iter().copied().zip(0..).collect();
+            kept.remove(&gone);
+            let new = [40, 42].map(Source::Own);
+            let more = observations([3.3, 5.1].into_iter());
+            let after = fitted.with(&kept, new.into_iter(), &more, &Heard::default()).unwrap().unwrap();
+            assert_eq!(after.sources.len(), 41);
+            assert!(is_as_anew(&after, 4..44, &before), "{gone:?}");
+            assert!(is_as_anew(&after, 0..41, &before), "{gone:?}");
+        }
+    }
 }

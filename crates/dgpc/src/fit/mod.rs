@@ -140,20 +140,25 @@ impl Fit {
     /// As [`Posterior::fuse`].
     pub fn posterior_of_part(&self, events: &[usize], summaries: &[&Summary]) -> Result<Posterior> {
         let sites = self.found.sites.select(events);
-        let condensed = self.condensed.as_ref().map(|all| self.condensed_part(all, events, &sites)).transpose()?;
-        put_together(&self.prior, &sites, condensed.as_ref(), summaries)
+        put_together(&self.prior, &sites, self.summary_of_part(events)?.as_ref(), summaries)
     }
 
-    /// What some of the events of a sparse fit say: summed up, or all but the others, whichever are fewer.
-    fn condensed_part(&self, all: &Summary, events: &[usize], sites: &Sites) -> Result<Summary> {
+    /// What some of the events of a sparse fit say at its inducing points: summed up, or all but the others, whichever are fewer. With
+    /// [`Summary::observe`] and [`Summary::forget`] of [`Fit::sites`] it goes from one part to another. `None` of a dense fit. O(mM²).
+    ///
+    /// # Errors
+    /// As [`Summary::variational`].
+    pub fn summary_of_part(&self, events: &[usize]) -> Result<Option<Summary>> {
+        let Some(all) = &self.condensed else { return Ok(None) };
         let others = self.others_than(events);
         // An event that is named twice counts twice.
         if others.len() >= events.len() || events.len() + others.len() > self.found.sites.len() {
-            return Summary::variational(&self.prior, sites, all.inducing_points());
+            return Summary::variational(&self.prior, &self.found.sites.select(events), all.inducing_points())
+                .map(Some);
         }
         let mut part = all.clone();
         part.forget(&self.found.sites.select(&others))?;
-        Ok(part)
+        Ok(Some(part))
     }
 
     /// The events that are not named.

@@ -87,7 +87,7 @@ proptest! {
 
     /// However many of them are wanted, and whichever way they are summed up.
     #[test]
-    fn a_part_of_a_sparse_fit_is_what_its_sites_say(problem in problems(3..=14), wanted in any::<[bool; 14]>()) {
+    fn a_part_of_a_sparse_fit_is_what_its_sites_say(problem in problems(3..=14), wanted in any::<[bool; 14]>(), before in any::<[bool; 14]>()) {
         let z = problem.inputs().select(&problem.spread(3));
         let sparse = FitOptions::default().inducing_points(&z);
         let fit = dgpc::fit(&problem.prior, &problem.observations, &sparse).unwrap();
@@ -96,6 +96,12 @@ proptest! {
         let expected = Posterior::of_summaries(&problem.prior, &[&condensed]).unwrap();
         let latent = |posterior: &Posterior| posterior.latent(&problem.elsewhere).unwrap();
         assert_same_latent(&latent(&fit.posterior_of_part(&part, &[]).unwrap()), &latent(&expected), 1e-8);
+        // And from another part on.
+        let places = |is_in: &dyn Fn(usize) -> bool| (0..problem.inputs().len()).filter(|&event| is_in(event)).collect::<Vec<_>>();
+        let mut moved = fit.summary_of_part(&places(&|event| before[event])).unwrap().unwrap();
+        moved.forget(&fit.sites().select(&places(&|event| before[event] && !wanted[event]))).unwrap();
+        moved.observe(&fit.sites().select(&places(&|event| wanted[event] && !before[event]))).unwrap();
+        assert_same_latent(&latent(&Posterior::of_summaries(&problem.prior, &[&moved]).unwrap()), &latent(&expected), 1e-7);
     }
 
     #[test]
