@@ -16,6 +16,7 @@ use crate::memory::Memory;
 use crate::model::Model;
 use crate::placing::{ToldEvents, among, is_among};
 use crate::reports::{Told, Worth};
+use crate::tellings::Tellings;
 
 /// A prior of its own that a vehicle predicts under, and the fit of all events under it.
 #[derive(Debug)]
@@ -237,11 +238,11 @@ impl Beliefs {
         Ok(all)
     }
 
-    /// Sums up what it told in reports, in a long mission from frame to frame and not anew for each.
-    pub(crate) fn recall_told(&mut self, memory: &Memory) -> Result<(), AgentError> {
+    /// Sums up what it told in reports, as far as others may know it: in a long mission from frame to frame and not anew for each.
+    pub(crate) fn recall_told(&mut self, memory: &Memory, tellings: &Tellings) -> Result<(), AgentError> {
         let reported = memory.own.and_then(|own| memory.reports.told_by(own));
-        let Some((alone, reported)) = self.alone.as_ref().zip(reported) else { return Ok(()) };
-        let numbers = memory.numbers_of(&|slot| reported.outcomes.contains_key(&slot));
+        let Some(alone) = self.alone.as_ref().filter(|_| reported.is_some()) else { return Ok(()) };
+        let numbers = memory.numbers_of(&|slot| tellings.is_known(slot));
         self.told = alone.part(&numbers, self.told.as_ref())?;
         Ok(())
     }
@@ -288,8 +289,7 @@ impl Beliefs {
         let mut public = public.clone();
         if let Some(alone) = &self.alone {
             let told = memory.numbers_in(slots);
-            let is_in = |&place: &usize| matches!(&alone.sources[place], Source::Own(number) if told.contains(number));
-            let part: Vec<usize> = (0..alone.sources.len()).filter(is_in).collect();
+            let part = alone.own_places(|number| told.contains(&number));
             public.absorb_events(&alone.fit.sites().select(&part))?;
         }
         self.tell_beside(memory, &mut public, &|slot| slots.contains(&slot))?;

@@ -48,6 +48,10 @@ pub enum Entry {
     Sent {
         /// How many it had sent before.
         number: u64,
+        /// The slot in which it went ([`Slots::next_turn`](crate::Slots::next_turn) of the time that
+        /// [`Agent::next_packet`](crate::Agent::next_packet) was given), if it was one of its own: who reports what it heard
+        /// then says whether it has this frame.
+        slot: Option<u32>,
         /// As they left.
         bytes: Vec<u8>,
     },

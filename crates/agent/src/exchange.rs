@@ -14,6 +14,7 @@ use crate::planner::Planner;
 use crate::receipt::{Receipt, Refusal};
 use crate::reporter::Reporter;
 use crate::reports::Worth;
+use crate::tellings::Tellings;
 use crate::wire::Wire;
 
 /// A vehicle begins to report when it is done within so many frames,
@@ -86,12 +87,14 @@ impl Agent {
         let layout = self.team().layout(frame_bytes)?;
         let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team().epoch };
         let counter = u16::try_from(self.memory.packets.counter_next(sender)).map_err(|_| used_up())?;
+        let slot = self.team().slots.next_turn(time_s, &self.id);
         self.update()?;
         let planned = if self.beliefs.nothing_new_in == Some(layout.frame_bytes) {
             None
         } else {
-            self.beliefs.recall_told(&self.memory)?;
-            self.plan(sender, counter, layout, frame_bytes)?
+            let tellings = Tellings::new(&self.memory, sender, slot);
+            self.beliefs.recall_told(&self.memory, &tellings)?;
+            self.plan(sender, counter, layout, frame_bytes, &tellings)?
         };
         let bytes = match planned {
             Some(bytes) => bytes,
@@ -101,7 +104,8 @@ impl Agent {
                 again
             }
         };
-        self.memory.apply(Entry::Sent { number: self.memory.sent_next(), bytes: bytes.clone() })?;
+        let number = self.memory.sent_next();
+        self.memory.apply(Entry::Sent { number, slot, bytes: bytes.clone() })?;
         self.note_time(sender, time_s);
         Ok(Some(bytes))
     }
@@ -116,13 +120,15 @@ impl Agent {
         counter: u16,
         layout: &Layout,
         frame_bytes: usize,
+        tellings: &Tellings,
     ) -> Result<Option<Vec<u8>>, AgentError> {
         let planner = self.planner(layout)?;
-        let reporter = self.telling.reports.then(|| Reporter::new(&self.memory, sender, frame_bytes, counter));
+        let reporter =
+            self.telling.reports.then(|| Reporter::new(&self.memory, sender, frame_bytes, counter, tellings));
         let frames_max = FRAMES_BEFORE + FRAMES_AGAIN * self.memory.sent_next() as usize;
         let begins = |reporter: &&Reporter<'_>| (1..=frames_max).contains(&reporter.frames_needed());
         let report = |reporter: &Reporter<'_>| -> Result<Option<Vec<u8>>, AgentError> {
-            let report = self.plan_report(&planner, reporter)?;
+            let report = self.plan_report(&planner, reporter, tellings)?;
             Ok(report.map(|report| self.write_report(&report)).transpose()?)
         };
         if let Some(reporter) = reporter.as_ref().filter(begins)
@@ -161,7 +167,12 @@ impl Agent {
 
     /// That of the reports which leaves least untold. Map messages that were sent before the first report speak of the same events:
     /// they count for what they say beyond, or for nothing, whichever leaves less. Later ones are about other events.
-    fn plan_report(&self, planner: &Planner<'_>, reporter: &Reporter<'_>) -> Result<Option<ReportMessage>, AgentError> {
+    fn plan_report(
+        &self,
+        planner: &Planner<'_>,
+        reporter: &Reporter<'_>,
+        tellings: &Tellings,
+    ) -> Result<Option<ReportMessage>, AgentError> {
         let (memory, sender) = (&self.memory, reporter.sender());
         let mut reports = reporter.reports();
         let Some(mut report) = reports.pop() else { return Ok(None) };
@@ -172,7 +183,7 @@ impl Agent {
         if reports.is_empty() && earlier.is_empty() {
             return Ok(Some(report));
         }
-        let is_known = |slot: u32| known.is_some_and(|told| told.outcomes.contains_key(&slot));
+        let is_known = |slot: u32| tellings.is_known(slot);
         let beyond: Packets = earlier.keys().map(|&key| (key, Worth::Beyond)).chain(others.clone()).collect();
         // What earlier packets say beyond follows from all that is told; without them it is enough to add what is new.
         let public = earlier.is_empty().then(|| self.beliefs.public_of(memory, &others, &is_known)).transpose()?;

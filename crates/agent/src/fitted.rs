@@ -97,19 +97,12 @@ impl Fitted {
     /// What those of its own events say that have these numbers, found from what nearly the same ones said `before`: from frame to frame
     /// a few more were told. `None` of a dense fit. O(M²) for each that is in one of both alone, or as [`Fit::summary_of_part`].
     pub(crate) fn part(&self, numbers: &BTreeSet<u64>, before: Option<&Part>) -> dgpc::Result<Option<Part>> {
-        let own = |at: &usize| match self.sources[*at] {
-            Source::Own(number) => Some(number),
-            Source::Told(_) => None,
-        };
-        let places = |is_wanted: &dyn Fn(u64) -> bool| -> Vec<usize> {
-            (0..self.sources.len()).filter(|at| own(at).is_some_and(is_wanted)).collect()
-        };
-        let wanted = places(&|number| numbers.contains(&number));
-        let numbers: BTreeSet<u64> = wanted.iter().filter_map(own).collect();
+        let wanted = self.own_places(|number| numbers.contains(&number));
+        let numbers: BTreeSet<u64> = wanted.iter().filter_map(|&place| self.own_number(place)).collect();
         let origin = self.origin.clone();
         if let Some(before) = before.filter(|before| Arc::ptr_eq(&before.origin, &origin)) {
-            let new = places(&|number| numbers.contains(&number) && !before.numbers.contains(&number));
-            let gone = places(&|number| before.numbers.contains(&number) && !numbers.contains(&number));
+            let new = self.own_places(|number| numbers.contains(&number) && !before.numbers.contains(&number));
+            let gone = self.own_places(|number| before.numbers.contains(&number) && !numbers.contains(&number));
             if new.len() + gone.len() < wanted.len() {
                 let mut said = before.said.clone();
                 said.forget(&self.fit.sites().select(&gone))?;
@@ -118,6 +111,18 @@ impl Fitted {
             }
         }
         Ok(self.fit.summary_of_part(&wanted)?.map(|said| Part { numbers, said, origin }))
+    }
+
+    /// Where those of its own events stand whose numbers are wanted.
+    pub(crate) fn own_places(&self, is_wanted: impl Fn(u64) -> bool) -> Vec<usize> {
+        (0..self.sources.len()).filter(|&place| self.own_number(place).is_some_and(&is_wanted)).collect()
+    }
+
+    fn own_number(&self, place: usize) -> Option<u64> {
+        match self.sources[place] {
+            Source::Own(number) => Some(number),
+            Source::Told(_) => None,
+        }
     }
 
     /// Which of these events it has, as they are, and where.

@@ -48,6 +48,7 @@ mod clock;
 mod turns;
 mod placing;
 mod memory;
+mod tellings;
 mod heard;
 mod fitted;
 mod beliefs;

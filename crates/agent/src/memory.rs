@@ -14,7 +14,7 @@ use crate::entry::Entry;
 use crate::event::{Event, Position, VehicleId};
 use crate::events::{Change, Events, Recorded};
 use crate::frames::Frames;
-use crate::packets::{Arrival, PacketKey, Packets, Version};
+use crate::packets::{Arrival, PacketKey, Packets, Sent, Version};
 use crate::placing::{Placed, Placement, place};
 use crate::receipt::{Receipt, Refusal};
 use crate::reports::{EVERY_SLOT, Filed, Reports, Said};
@@ -99,9 +99,9 @@ impl Memory {
                 Ok(Applied::Frame(self.put_in_recent(&sender, newest, &outcomes)))
             }
             Entry::Heard { bytes } => Ok(Applied::Frame(self.put_in(&bytes, None))),
-            Entry::Sent { number, bytes } => {
+            Entry::Sent { number, slot, bytes } => {
                 check_number(number)?;
-                Ok(Applied::Frame(self.put_in(&bytes, Some(number))))
+                Ok(Applied::Frame(self.put_in(&bytes, Some(Sent { number, slot }))))
             }
         }
     }
@@ -159,7 +159,12 @@ impl Memory {
 
     /// Its own events, with their numbers, but for those of which nobody says that they were sent.
     pub(crate) fn sent_events(&self) -> impl Iterator<Item = &Recorded> {
-        self.events.recorded().iter().filter(|known| !self.unsent.contains(&known.number))
+        self.sent_since(f64::NEG_INFINITY)
+    }
+
+    /// The same from a time on.
+    pub(crate) fn sent_since(&self, time_s: f64) -> impl Iterator<Item = &Recorded> {
+        self.events.since(time_s).iter().filter(|known| !self.unsent.contains(&known.number))
     }
 
     /// Length of the longest of its links; `None` without events. O(1) where none of them is in doubt.
@@ -219,17 +224,21 @@ impl Memory {
         self.own.and_then(|own| self.frames.team.members.get(&own))
     }
 
-    /// The vehicle's own events in slots that are wanted, by number.
+    /// The vehicle's own events in slots that are wanted, by number. O(own events).
     pub(crate) fn numbers_of(&self, is_wanted: &dyn Fn(u32) -> bool) -> BTreeSet<u64> {
         let slots = self.own.into_iter().flat_map(|own| self.events.slots_of(own));
-        let is_in = |&(slot, number): &(u32, u64)| is_wanted(slot) && !self.unsent.contains(&number);
-        slots.filter(is_in).map(|(_, number)| number).collect()
+        self.sent(slots.filter(|&(slot, _)| is_wanted(slot)).map(|(_, number)| number)).collect()
     }
 
-    /// The same of a few slots.
+    /// The same of a few slots. O(log N) each.
     pub(crate) fn numbers_in(&self, slots: &BTreeSet<u32>) -> BTreeSet<u64> {
         let keys = self.own.into_iter().flat_map(|own| slots.iter().map(move |&slot| (own, slot)));
-        keys.flat_map(|key| self.events.in_slot(key)).filter(|number| !self.unsent.contains(number)).collect()
+        self.sent(keys.flat_map(|key| self.events.in_slot(key))).collect()
+    }
+
+    /// Those numbers of events that are some: nobody doubts that these were sent.
+    fn sent(&self, numbers: impl Iterator<Item = u64>) -> impl Iterator<Item = u64> {
+        numbers.filter(|number| !self.unsent.contains(number))
     }
 
     /// What others told, where it took place.
@@ -238,9 +247,9 @@ impl Memory {
         self.placement.get_or_place(|before| place(frames, self.own, &self.events, self.track(), reports, before))
     }
 
-    /// Remembers a frame that was heard, or sent under this number. One that is not the team's or, as a sent one, not
+    /// Remembers a frame that was heard, or sent. One that is not the team's or, as a sent one, not
     /// this vehicle's changes nothing.
-    pub(crate) fn put_in(&mut self, bytes: &[u8], sent: Option<u64>) -> Arrived {
+    pub(crate) fn put_in(&mut self, bytes: &[u8], sent: Option<Sent>) -> Arrived {
         if ReportLayout::of(bytes).is_some() {
             return self.put_in_report(bytes, sent);
         }
@@ -256,7 +265,7 @@ impl Memory {
         Arrived { sender, receipt: self.receipt(key, arrival, sent.is_some()), change: Change::default() }
     }
 
-    fn put_in_report(&mut self, bytes: &[u8], sent: Option<u64>) -> Arrived {
+    fn put_in_report(&mut self, bytes: &[u8], sent: Option<Sent>) -> Arrived {
         let (sender, report) = match self.frames.report(bytes) {
             Ok(read) => read,
             Err(refusal) => return Arrived::refused(None, refusal),
@@ -310,7 +319,7 @@ impl Memory {
         let versions = self.own.into_iter().flat_map(|own| self.packets.all(own));
         let reports = self.own.into_iter().flat_map(|own| self.reports.all(own));
         let last = versions.filter_map(|version| version.sent.last()).max();
-        last.max(reports.filter_map(|kept| kept.sent.last()).max()).map_or(0, |last| last + 1)
+        last.max(reports.filter_map(|kept| kept.sent.last()).max()).map_or(0, |last| last.number + 1)
     }
 
     /// The packets of the vehicle's own that others may hold, and will when it has sent another one.
@@ -332,17 +341,9 @@ impl Memory {
         let events = self.events.recorded().iter();
         let observed = events.map(|known| Entry::Observed { number: known.number, event: known.event.clone() });
         let versions = self.packets.senders().flat_map(|sender| self.packets.all(sender));
-        let frames = versions.flat_map(|version| {
-            let bytes = || version.packet.bytes.clone();
-            let heard = version.sent.is_empty().then(|| Entry::Heard { bytes: bytes() });
-            heard.into_iter().chain(version.sent.iter().map(move |&number| Entry::Sent { number, bytes: bytes() }))
-        });
+        let frames = versions.flat_map(|version| frame_entries(&version.packet.bytes, &version.sent));
         let navigated = self.fixes.iter().map(|&(time_s, position)| Entry::Navigated { time_s, position });
-        let reports = self.reports.everything().flat_map(|kept| {
-            let bytes = || kept.report.bytes.clone();
-            let heard = kept.sent.is_empty().then(|| Entry::Heard { bytes: bytes() });
-            heard.into_iter().chain(kept.sent.iter().map(move |&number| Entry::Sent { number, bytes: bytes() }))
-        });
+        let reports = self.reports.everything().flat_map(|kept| frame_entries(&kept.report.bytes, &kept.sent));
         observed.chain(navigated).chain(frames).chain(reports).chain(self.recent_entries()).chain(self.turn_entries())
     }
 
@@ -367,6 +368,13 @@ impl Memory {
             })
         })
     }
+}
+
+/// A frame that was heard, or sent so often.
+fn frame_entries(bytes: &[u8], sent: &BTreeSet<Sent>) -> impl Iterator<Item = Entry> {
+    let heard = sent.is_empty().then(|| Entry::Heard { bytes: bytes.to_vec() });
+    let entry = |&Sent { number, slot }: &Sent| Entry::Sent { number, slot, bytes: bytes.to_vec() };
+    heard.into_iter().chain(sent.iter().map(entry))
 }
 
 fn check_number(number: u64) -> Result<(), AgentError> {

@@ -36,11 +36,18 @@ pub(crate) enum Arrival {
     TooOld,
 }
 
-/// One packet under some counter, and by which numbers the vehicle sent it, if it did.
+/// That the vehicle sent a frame: as which of its frames and, where that is known, in which slot of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Sent {
+    pub(crate) number: u64,
+    pub(crate) slot: Option<u32>,
+}
+
+/// One packet under some counter, and when the vehicle sent it, if it did.
 #[derive(Debug, Clone)]
 pub(crate) struct Version {
     pub(crate) packet: Arc<Packet>,
-    pub(crate) sent: BTreeSet<u64>,
+    pub(crate) sent: BTreeSet<Sent>,
 }
 
 /// What is remembered of one sender.
@@ -68,8 +75,8 @@ impl Packets {
         Self { window: window.max(1), senders: BTreeMap::new() }
     }
 
-    /// Puts in a packet, heard or sent under this number.
-    pub(crate) fn insert(&mut self, (sender, counter): PacketKey, packet: Packet, sent: Option<u64>) -> Arrival {
+    /// Puts in a packet, heard or sent by the vehicle.
+    pub(crate) fn insert(&mut self, (sender, counter): PacketKey, packet: Packet, sent: Option<Sent>) -> Arrival {
         let window = self.window;
         self.senders.entry(sender).or_default().insert(counter, packet, sent, window)
     }
@@ -138,7 +145,7 @@ impl Packets {
 }
 
 impl Sender {
-    fn insert(&mut self, counter: u16, packet: Packet, sent: Option<u64>, window: u16) -> Arrival {
+    fn insert(&mut self, counter: u16, packet: Packet, sent: Option<Sent>, window: u16) -> Arrival {
         if self.is_too_old(counter, window) {
             return Arrival::TooOld;
         }

@@ -2,7 +2,6 @@
 //! with them.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::Range;
 
 use dgpc::spread_out;
 use pingmap_packet::{
@@ -11,10 +10,10 @@ use pingmap_packet::{
 
 use crate::knots::Knots;
 use crate::memory::Memory;
-use crate::reports::Kept;
+use crate::tellings::{Of, Tellings};
 
-/// What a transmission that was reported once is still worth: reports get lost.
-const LOST: f64 = 0.3;
+/// Which report leaves least untold is asked of those that are worth this share of the best one at least.
+const ALIKE: f64 = 0.5;
 
 /// Of the frames that all takes, so many are tried from the begin, and so many from the end: each costs as much as a part of a fit.
 const TRIED_MAX: usize = 4;
@@ -27,8 +26,10 @@ struct Item {
     is_own: bool,
     /// What became of another's transmission, or whether it sent itself.
     outcome: Outcome,
-    /// What telling it is worth.
+    /// What telling it is worth: how many others may be expected to learn it.
     value: f64,
+    /// Whether probably nobody knows it.
+    is_new: bool,
 }
 
 /// What a vehicle could report: slots in the order of time, and where it was.
@@ -82,7 +83,7 @@ impl Sums {
             skips: self.skips + usize::from(is_untold && gap % OutcomeCounts::SKIP == 0),
             turns: self.turns + usize::from(is_turn),
             value: self.value + item.value,
-            new: self.new + usize::from(item.value == 1.0),
+            new: self.new + usize::from(item.is_new),
         }
     }
 }
@@ -97,7 +98,7 @@ struct Span {
 
 impl<'a> Reporter<'a> {
     /// What could be told in a frame of so many bytes that carries this counter. O(slots that it may report, of a leg each).
-    pub(crate) fn new(memory: &'a Memory, sender: u8, frame_bytes: usize, counter: u16) -> Self {
+    pub(crate) fn new(memory: &'a Memory, sender: u8, frame_bytes: usize, counter: u16, tellings: &Tellings) -> Self {
         let team = &memory.frames.team;
         let knots = Knots {
             slots: &team.slots,
@@ -115,7 +116,7 @@ impl<'a> Reporter<'a> {
         let runs = knots.of(&memory.track(), told, begin).into_iter().enumerate();
         let (runs, knots): (Vec<usize>, Vec<(u32, Cell)>) =
             runs.flat_map(|(run, knots)| knots.into_iter().map(move |knot| (run, knot))).unzip();
-        let items = items(memory, sender, &knots);
+        let items = items(memory, sender, &knots, tellings);
         let mut sums = vec![Sums::default()];
         let always = memory.own_id().is_none_or(|own| team.slots.always_sends(own));
         for item in &items {
@@ -147,6 +148,7 @@ impl<'a> Reporter<'a> {
                 spans.extend(spread_out(frames.len(), TRIED_MAX).into_iter().map(|nth| frames[nth]));
             }
             spans.retain(|span| self.fits(span.first, span.last));
+            spans.retain(|span| span.value >= ALIKE * best.value);
         }
         spans.push(best);
         spans.into_iter().map(|span| self.message(span)).collect()
@@ -179,7 +181,7 @@ impl<'a> Reporter<'a> {
     }
 
     fn untold(&self) -> impl DoubleEndedIterator<Item = usize> {
-        (0..self.items.len()).filter(|&place| self.items[place].value == 1.0)
+        (0..self.items.len()).filter(|&place| self.items[place].is_new)
     }
 
     /// Items in as few frames as they fit into, in this order or the other way round.
@@ -270,66 +272,38 @@ impl<'a> Reporter<'a> {
 }
 
 /// Slots between the first and the last knot in which the vehicle could hear somebody or send.
-fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)]) -> Vec<Item> {
+fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)], tellings: &Tellings) -> Vec<Item> {
     let (Some(&(begin, _)), Some(&(end, _))) = (knots.first(), knots.last()) else { return Vec::new() };
     let end = end + memory.frames.team.slots.at_once() as u32;
-    let own = memory.outcomes_since(sender, f64::NEG_INFINITY);
-    let tellings = tellings(memory, sender, begin..end);
-    let begin_min = memory.reports.begin(sender);
-    let worth = |slot: u32, is_own: bool| match tellings[usize::from(is_own)][(slot - begin) as usize] {
-        told if slot >= begin_min && told < i32::from(memory.frames.team.tellings_max) => LOST.powi(told),
-        _ => 0.0,
+    let own = memory.outcomes_since(sender, memory.frames.team.slots.begin_s(begin).unwrap_or(f64::NEG_INFINITY));
+    let (begin_min, tellings_max) = (memory.reports.begin(sender), f64::from(memory.frames.team.tellings_max));
+    let item = |slot: u32, of: Of, outcome: Outcome, says_something: bool| {
+        let told = tellings.get(of, slot);
+        let is_worth = says_something && slot >= begin_min && told.times < tellings_max;
+        let value = if is_worth { told.learning } else { 0.0 };
+        Item { slot, is_own: matches!(of, Of::Itself), outcome, value, is_new: is_worth && told.is_new }
     };
     // Where nobody is heard in slots, a schedule says nothing of who sends.
     let is_in_force = memory.frames.team.slots.listed.is_some() || !own.is_empty();
     let at_will = memory.frames.team.slots.at_will;
-    let item = |slot: u32| {
+    let of_slot = |slot: u32| {
         if !memory.frames.is_heard_by(slot, sender) {
-            let (outcome, is_worth) = match memory.reports.turn(sender, slot) {
+            let (outcome, says_something) = match memory.reports.turn(sender, slot) {
                 Some(true) => (Outcome::Heard, true),
                 _ if at_will => (Outcome::Untold, false),
                 None => (Outcome::Heard, is_in_force),
                 Some(false) => (Outcome::Missed, is_in_force),
             };
-            return Item { slot, is_own: true, outcome, value: if is_worth { worth(slot, true) } else { 0.0 } };
+            return item(slot, Of::Itself, outcome, says_something);
         }
-        match own.get(&slot) {
-            Some(true) => Item { slot, is_own: false, outcome: Outcome::Heard, value: worth(slot, false) },
-            Some(false) => Item { slot, is_own: false, outcome: Outcome::Missed, value: worth(slot, false) },
-            None => Item { slot, is_own: false, outcome: Outcome::Untold, value: 0.0 },
-        }
+        let outcome = match own.get(&slot) {
+            Some(true) => Outcome::Heard,
+            Some(false) => Outcome::Missed,
+            None => Outcome::Untold,
+        };
+        item(slot, Of::Other, outcome, outcome != Outcome::Untold)
     };
     let slots = memory.frames.slots_of(sender, begin, true).take_while(|&slot| slot < end);
-    let items: Vec<Item> = slots.map(item).collect();
+    let items: Vec<Item> = slots.map(of_slot).collect();
     items[items.len().saturating_sub(memory.frames.team.limits.slots_back_max)..].to_vec()
-}
-
-/// How often each of these slots was reported: what became of it, and where the vehicle was when it sent.
-fn tellings(memory: &Memory, sender: u8, slots: Range<u32>) -> [Vec<i32>; 2] {
-    let place = |slot: u32| (slot.clamp(slots.start, slots.end) - slots.start) as usize;
-    // First by how much more often than the one before.
-    let mut tellings = [vec![0; slots.len() + 1], vec![0; slots.len() + 1]];
-    let mut tell = |is_own: bool, first: u32, last: u32, times: i32| {
-        let tellings = &mut tellings[usize::from(is_own)];
-        tellings[place(first)] += times;
-        tellings[place(last + 1)] -= times;
-    };
-    for Kept { report, sent } in memory.reports.all(sender) {
-        let times = sent.len() as i32;
-        report.outcomes.iter().for_each(|&(slot, _)| tell(false, slot, slot, times));
-        if memory.frames.team.slots.at_will {
-            report.turns.iter().for_each(|&(slot, _)| tell(true, slot, slot, times));
-        } else {
-            // All slots of its own from its first slot to its last knot.
-            let last = report.knots.last().map_or(report.first, |knot| knot.0);
-            tell(true, report.first, last.max(report.first), times);
-        }
-    }
-    tellings.map(|steps| {
-        let sums = steps.into_iter().scan(0, |sum, step| {
-            *sum += step;
-            Some(*sum)
-        });
-        sums.collect()
-    })
 }

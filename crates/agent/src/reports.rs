@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use pingmap_packet::{Cell, Earlier};
 
-use crate::packets::PacketKey;
+use crate::packets::{PacketKey, Sent};
 use crate::told_track::ToldTrack;
 
 /// All slots there are.
@@ -101,11 +101,11 @@ impl Told {
     }
 }
 
-/// A report, and by which numbers the vehicle sent it, if it did.
+/// A report, and when the vehicle sent it, if it did.
 #[derive(Debug, Clone)]
 pub(crate) struct Kept {
     pub(crate) report: Arc<Report>,
-    pub(crate) sent: BTreeSet<u64>,
+    pub(crate) sent: BTreeSet<Sent>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -147,9 +147,9 @@ impl Reports {
         }
     }
 
-    /// Puts in a report, heard or sent under this number. O(log) and its length; where an old one goes for it, O(all of its
+    /// Puts in a report, heard or sent by the vehicle. O(log) and its length; where an old one goes for it, O(all of its
     /// sender).
-    pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<u64>) -> Filed {
+    pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<Sent>) -> Filed {
         let max = self.per_sender_max;
         report.turns.iter().for_each(|&(slot, sent)| self.insert_turn(sender, slot, sent));
         let sender = self.senders.entry(sender).or_default();

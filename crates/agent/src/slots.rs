@@ -170,6 +170,15 @@ impl Slots {
         (self.sender(begin) == Some(id)).then_some(begin)
     }
 
+    /// The slot of what this vehicle sends at this time or, where it is not its turn, in its next one; `None` if nothing tells.
+    pub fn next_turn(&self, time_s: f64, id: &VehicleId) -> Option<u32> {
+        let next = || {
+            let ahead = (self.number(time_s)?..self.end()).skip(1).take(self.order_max());
+            ahead.into_iter().find(|&slot| self.sender(slot) == Some(id))
+        };
+        self.sent_in(time_s, id).or_else(next)
+    }
+
     /// How many slots a turn may go on at most.
     fn order_max(&self) -> usize {
         self.changes.iter().map(|change| change.order.len()).fold(self.order.len(), usize::max).max(1)

@@ -15,7 +15,7 @@ use crate::team::Team;
 const MAGIC: &[u8; 8] = b"pingmapS";
 
 /// Version of a snapshot. A newer one is refused.
-const SNAPSHOT_VERSION: u16 = 2;
+const SNAPSHOT_VERSION: u16 = 3;
 
 /// Bytes of the check at the end.
 const CHECK_BYTES: usize = 32;
@@ -168,9 +168,11 @@ fn write_entry(out: &mut Writer, entry: &Entry) {
             out.u8(1);
             out.bytes(bytes);
         }
-        Entry::Sent { number, bytes } => {
+        Entry::Sent { number, slot, bytes } => {
             out.u8(2);
             out.u64(*number);
+            out.u8(slot.is_some().into());
+            slot.iter().for_each(|&slot| out.u32(slot));
             out.bytes(bytes);
         }
     }
@@ -187,7 +189,11 @@ fn read_entry(reader: &mut Reader<'_>) -> Option<Entry> {
             outcomes: reader.bytes()?.iter().map(|&heard| (heard <= 1).then_some(heard == 1)).collect::<Option<_>>()?,
         }),
         1 => Some(Entry::Heard { bytes: reader.bytes()?.to_vec() }),
-        2 => Some(Entry::Sent { number: reader.u64()?, bytes: reader.bytes()?.to_vec() }),
+        2 => Some(Entry::Sent {
+            number: reader.u64()?,
+            slot: if reader.bool()? { Some(reader.u32()?) } else { None },
+            bytes: reader.bytes()?.to_vec(),
+        }),
         _ => None,
     }
 }

@@ -41,7 +41,8 @@ pub struct Team {
     pub packets_per_sender_max: u16,
     /// Reports of every sender that count, those about its latest slots: bounds everybody's memory.
     pub reports_per_sender_max: u16,
-    /// How often a vehicle reports the same transmission at most, as long as there are frames for it: reports get lost.
+    /// How often a vehicle reports the same transmission at most, as long as there are frames for it: reports get lost. One that
+    /// nobody can have heard does not count.
     pub tellings_max: u8,
     /// Whether to read what others say in spare bits of their hosts' messages; if nothing is said, where the team has no key:
     /// nothing shows who wrote them.
@@ -232,7 +233,7 @@ pub(crate) const SURPRISE_MAX: f64 = 4.5;
 /// The default of [`Team::reports_per_sender_max`].
 pub(crate) const REPORTS_PER_SENDER_MAX: u16 = 256;
 
-/// The default of [`Team::tellings_max`]: reports are lost in a row, where nobody is near.
+/// The default of [`Team::tellings_max`].
 pub(crate) const TELLINGS_MAX: u8 = 8;
 
 /// The default of [`Team::onward_s_max`].

@@ -107,8 +107,9 @@ fn snapshot(team: Team) -> Vec<u8> {
     for bytes in heard {
         agent.apply(Entry::Heard { bytes }).unwrap();
     }
-    for (number, bytes) in (0..).zip(sent.into_iter().chain(report)) {
-        agent.apply(Entry::Sent { number, bytes }).unwrap();
+    for (number, bytes) in (0_u32..).zip(sent.into_iter().chain(report)) {
+        let slot = number.is_multiple_of(2).then_some(40 + number);
+        agent.apply(Entry::Sent { number: number.into(), slot, bytes }).unwrap();
     }
     assert_eq!((agent.live_packets(), agent.conflicts(&names()[1])), (3, 1));
     agent.snapshot()

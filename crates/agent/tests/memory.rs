@@ -77,7 +77,11 @@ fn live(fleet: &Fleet, window: u16, happenings: &[Happening]) -> (Agent, Vec<Ent
                 journal.push(Entry::Heard { bytes });
             }
             Happening::Sends => match agent.next_packet(0.0, 32) {
-                Ok(Some(bytes)) => journal.push(Entry::Sent { number: sent_number, bytes }),
+                Ok(Some(bytes)) => journal.push(Entry::Sent {
+                    number: sent_number,
+                    slot: agent.team().slots.next_turn(0.0, agent.id()),
+                    bytes,
+                }),
                 Ok(None) | Err(AgentError::CountersUsedUp { .. }) => {}
                 Err(error) => panic!("{error}"),
             },

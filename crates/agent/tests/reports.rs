@@ -280,6 +280,10 @@ fn slots_are_numbered_by_time_through_changes_and_long_turns() {
         (slots.sent_in(136.0, &c), slots.sent_in(142.0, &c), slots.sent_in(142.0, &a)),
         (Some(7), Some(7), None)
     );
+    let next = [(101.0, &a), (106.0, &a), (142.0, &a), (142.0, &c)].map(|(time_s, id)| slots.next_turn(time_s, id));
+    assert_eq!(next, [Some(0), Some(2), Some(9), Some(7)]);
+    let never = [(99.0, &a), (f64::INFINITY, &a), (200.0, &a)].map(|(time_s, id)| slots.next_turn(time_s, id));
+    assert_eq!(never, [None; 3]);
     assert!(slots.is_heard_by(7, &a) && !slots.is_heard_by(7, &c) && !slots.is_heard_by(8, &a));
     assert_eq!(slots.begin_s(7), Some(135.0));
     let later = slots.clone().beginning_by(1000.0);

@@ -349,7 +349,7 @@ fn what_is_no_snapshot_of_this_vehicle_is_refused() {
         (b"garbage".to_vec(), "too few"),
         (good[..good.len() / 2].to_vec(), "its check does not fit"),
         (b"garbage that is long enough to have a check of its own".to_vec(), "does not begin"),
-        (with(8, 9), "version 9, but this software reads version 2"),
+        (with(8, 9), "version 9, but this software reads version 3"),
         (with(10, 200), "makes no sense"),
         (checked([good.as_slice(), &[0]].concat()), "makes no sense"),
         (with(22, b'1'), "it is of vehicle 1"),

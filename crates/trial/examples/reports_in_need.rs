@@ -1,6 +1,6 @@
 //! What reports are worth where things are not as they should be: NLL of held-out events by own events, by the team after ten
-//! packets each, and by all events in one place, mean over vehicles and splits; and by how much the mean probability that the team,
-//! and all in one place, give is off the share that was heard. What was not sent is neither learned nor asked.
+//! packets each, and by all events in one place, mean over vehicles and splits; and by how much the mean probability that each of
+//! these, and the truth where it is known, gives is off the share that was heard. What was not sent is neither learned nor asked.
 //!
 //! Vehicles send in turn, in slots of ten seconds from second 10 on, as in the shipped trials. A position error turns around the
 //! true place once in half an hour, another way for each vehicle, and is in all that the vehicle says of itself. A clock that is off, or a
@@ -38,6 +38,8 @@ enum Need {
     Clock,
     /// From half time on the last vehicle takes the order to be reversed.
     Order,
+    /// The last vehicle records nothing: what its ear heard or missed is not there for anybody, in one place neither.
+    NoEar,
     /// Nobody knows who sends when, and nobody says so.
     NoSchedule,
     /// All send at will and say when they did.
@@ -53,13 +55,14 @@ enum Need {
     },
 }
 
-const NEEDS: [(&str, Need); 13] = [
+const NEEDS: [(&str, Need); 14] = [
     ("as it should be", Need::Nothing),
     ("positions off by 10 m", Need::Positions(10.0)),
     ("30 m", Need::Positions(30.0)),
     ("100 m", Need::Positions(100.0)),
     ("one clock off by a slot", Need::Clock),
     ("one missed a change of order", Need::Order),
+    ("one records nothing", Need::NoEar),
     ("no schedule: points alone", Need::NoSchedule),
     ("no schedule: what was sent is told", Need::AtWill),
     ("polled vehicles", Need::Polled),
@@ -93,8 +96,10 @@ struct Scores {
     own: f64,
     team: f64,
     all: f64,
+    own_off: f64,
     team_off: f64,
     all_off: f64,
+    true_off: f64,
 }
 
 /// A mission of this log in which something is amiss.
@@ -132,7 +137,8 @@ impl Amiss<'_> {
 
     /// What can be learned from.
     fn training(&self) -> impl Iterator<Item = Event> {
-        self.split.indices(false).into_iter().map(|n| self.said(&self.log.events[n]))
+        let there = self.split.indices(false).into_iter().map(|n| self.said(&self.log.events[n]));
+        there.filter(|event| self.need != Need::NoEar || self.ids.last() != Some(&event.receiver_id))
     }
 
     fn sender(&self, slot: u64) -> VehicleId {
@@ -243,7 +249,9 @@ impl Amiss<'_> {
         };
         let (mut scores, count) = (Scores::default(), agents.len() as f64);
         for (number, agent) in agents.iter_mut().enumerate() {
-            scores.own += nll(&agent.probabilities(&held_out)?) / count;
+            let predicted = agent.probabilities(&held_out)?;
+            scores.own += nll(&predicted) / count;
+            scores.own_off += off(&predicted) / count;
             for frame in &came[number] {
                 agent.receive(frame, 0.0);
             }
@@ -254,15 +262,25 @@ impl Amiss<'_> {
         }
         let predicted = all.probabilities(&held_out)?;
         (scores.all, scores.all_off) = (nll(&predicted), off(&predicted));
+        scores.true_off = self.log.true_probability.as_ref().map_or(f64::NAN, |truth| {
+            let truth: Vec<f64> = self.held_out_made().map(|n| truth[n]).collect();
+            off(&truth)
+        });
         Ok(scores)
     }
 
-    /// Held-out attempts that were made, and what became of them.
+    /// Held-out events that were made: their places in the log.
+    fn held_out_made(&self) -> impl Iterator<Item = usize> {
+        let held_out = self.split.indices(true).into_iter();
+        held_out.filter(|&n| !self.silent.contains(&slot(self.log.events[n].time_s)))
+    }
+
+    /// What is asked of these, and what became of them.
     fn asked(&self, mission: &Mission) -> (Vec<Attempt>, Vec<bool>) {
-        let made =
-            self.split.indices(true).into_iter().map(|n| !self.silent.contains(&slot(self.log.events[n].time_s)));
+        let made: BTreeSet<usize> = self.held_out_made().collect();
         let asked = mission.held_out.iter().copied().zip(mission.outcomes.iter().copied());
-        asked.zip(made).filter_map(|(asked, made)| made.then_some(asked)).unzip()
+        let asked = self.split.indices(true).into_iter().zip(asked);
+        asked.filter_map(|(n, asked)| made.contains(&n).then_some(asked)).unzip()
     }
 }
 
@@ -313,7 +331,7 @@ fn main() -> Result<(), Failure> {
     let prepare = |split: &Split| Ok(Mission::prepare(&log, split, &plan, 0)?);
     let missions = splits.par_iter().map(prepare).collect::<Result<Vec<_>, Failure>>()?;
     println!(
-        "                                        own    team     all  mean probability less share heard: team, all"
+        "                                        own    team     all  mean probability less share heard: own, team, all, truth"
     );
     for (name, need) in NEEDS {
         let of_split = |(number, (split, mission)): (usize, (&Split, &Mission))| {
@@ -330,8 +348,12 @@ fn main() -> Result<(), Failure> {
         let all = pairs.into_par_iter().map(of_split).collect::<Result<Vec<_>, Failure>>()?;
         let mean = |of: fn(&Scores) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
         let [own, team, centralised] = [mean(|all| all.own), mean(|all| all.team), mean(|all| all.all)];
-        let [team_off, all_off] = [mean(|all| all.team_off), mean(|all| all.all_off)];
-        println!("{name:36} {own:.4}  {team:.4}  {centralised:.4}  {team_off:+.3}  {all_off:+.3}");
+        let off =
+            [mean(|all| all.own_off), mean(|all| all.team_off), mean(|all| all.all_off), mean(|all| all.true_off)];
+        let [own_off, team_off, all_off, true_off] = off;
+        println!(
+            "{name:36} {own:.4}  {team:.4}  {centralised:.4}  {own_off:+.3}  {team_off:+.3}  {all_off:+.3}  {true_off:+.3}"
+        );
     }
     Ok(())
 }

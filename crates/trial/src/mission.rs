@@ -371,7 +371,7 @@ pub(crate) fn send(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, Age
     let mut packets = Vec::new();
     if agent.is_member() {
         while packets.len() < frames
-            && let Some(packet) = agent.next_packet(packets.len() as f64, agent.team().frame_bytes)?
+            && let Some(packet) = agent.next_packet(f64::INFINITY, agent.team().frame_bytes)?
         {
             packets.push(packet);
         }

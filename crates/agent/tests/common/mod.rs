@@ -92,7 +92,7 @@ pub fn after_counter(mut agent: Agent, counter: u16) -> Agent {
     let layout = agent.team().layout(agent.team().frame_bytes).unwrap();
     let message = MapMessage { sender, counter, model: 0, blocks: vec![Block::silent(layout); layout.blocks] };
     let bytes = agent.write(layout, &message).unwrap();
-    assert_eq!(agent.apply(Entry::Sent { number: 0, bytes }).unwrap(), Receipt::Accepted);
+    assert_eq!(agent.apply(Entry::Sent { number: 0, slot: None, bytes }).unwrap(), Receipt::Accepted);
     agent
 }
 
