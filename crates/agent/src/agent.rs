@@ -278,8 +278,17 @@ impl Agent {
     /// Notes what became of something that came.
     pub(crate) fn arrived(&mut self, Arrived { receipt, change, .. }: Arrived) -> Receipt {
         self.beliefs.note(change);
+        if receipt == Receipt::Accepted {
+            // It may say what others have of this vehicle's.
+            self.beliefs.nothing_new_in = None;
+        }
         self.counts.count(&receipt);
         receipt
+    }
+
+    /// Members of whom nothing counts.
+    pub(crate) fn doubted(&self) -> BTreeSet<u8> {
+        self.muted.union(&self.beliefs.left_out).copied().collect()
     }
 
     fn check_owner(&self, event: &Event) -> Result<(), AgentError> {

@@ -92,7 +92,7 @@ impl Agent {
         let planned = if self.beliefs.nothing_new_in == Some(layout.frame_bytes) {
             None
         } else {
-            let tellings = Tellings::new(&self.memory, sender, slot);
+            let tellings = Tellings::new(&self.memory, sender, slot, &self.doubted());
             self.beliefs.recall_told(&self.memory, &tellings)?;
             self.plan(sender, counter, layout, frame_bytes, &tellings)?
         };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use dgpc::Summary;
 use pingmap_packet::{Block, Cell, Layout, MapMessage, Outcome, Report as ReportMessage, ReportLayout, Seal, digest};
 
-use crate::event::Event;
+use crate::event::{Event, VehicleId};
 use crate::packets::{Packet, PacketKey};
 use crate::receipt::Refusal;
 use crate::reports::Report;
@@ -136,6 +136,11 @@ impl Frames {
         let id = self.team.members.get(&member);
         let slots = first..id.map_or(first, |_| self.team.slots.end());
         slots.filter(move |&slot| self.is_heard_by(slot, member) || tells_own && self.team.slots.sender(slot) == id)
+    }
+
+    /// Whether a slot is one of this member's own.
+    pub(crate) fn is_turn_of(&self, slot: u32, id: Option<&VehicleId>) -> bool {
+        slot < self.team.slots.end() && id.is_some() && self.team.slots.sender(slot) == id
     }
 
     /// The slots from `newest` back in which a member could hear somebody.

@@ -101,7 +101,8 @@ impl Memory {
             Entry::Heard { bytes } => Ok(Applied::Frame(self.put_in(&bytes, None))),
             Entry::Sent { number, slot, bytes } => {
                 check_number(number)?;
-                Ok(Applied::Frame(self.put_in(&bytes, Some(Sent { number, slot }))))
+                let slot = slot.filter(|&slot| self.frames.is_turn_of(slot, self.own_id()));
+                Ok(Applied::Frame(self.put_in(&bytes, Some((number, slot)))))
             }
         }
     }
@@ -249,7 +250,7 @@ impl Memory {
 
     /// Remembers a frame that was heard, or sent. One that is not the team's or, as a sent one, not
     /// this vehicle's changes nothing.
-    pub(crate) fn put_in(&mut self, bytes: &[u8], sent: Option<Sent>) -> Arrived {
+    pub(crate) fn put_in(&mut self, bytes: &[u8], sent: Option<(u64, Option<u32>)>) -> Arrived {
         if ReportLayout::of(bytes).is_some() {
             return self.put_in_report(bytes, sent);
         }
@@ -265,7 +266,7 @@ impl Memory {
         Arrived { sender, receipt: self.receipt(key, arrival, sent.is_some()), change: Change::default() }
     }
 
-    fn put_in_report(&mut self, bytes: &[u8], sent: Option<Sent>) -> Arrived {
+    fn put_in_report(&mut self, bytes: &[u8], sent: Option<(u64, Option<u32>)>) -> Arrived {
         let (sender, report) = match self.frames.report(bytes) {
             Ok(read) => read,
             Err(refusal) => return Arrived::refused(None, refusal),
@@ -318,8 +319,8 @@ impl Memory {
     pub(crate) fn sent_next(&self) -> u64 {
         let versions = self.own.into_iter().flat_map(|own| self.packets.all(own));
         let reports = self.own.into_iter().flat_map(|own| self.reports.all(own));
-        let last = versions.filter_map(|version| version.sent.last()).max();
-        last.max(reports.filter_map(|kept| kept.sent.last()).max()).map_or(0, |last| last.number + 1)
+        let last = versions.filter_map(|version| version.sent.last_number()).max();
+        last.max(reports.filter_map(|kept| kept.sent.last_number()).max()).map_or(0, |last| last + 1)
     }
 
     /// The packets of the vehicle's own that others may hold, and will when it has sent another one.
@@ -371,10 +372,9 @@ impl Memory {
 }
 
 /// A frame that was heard, or sent so often.
-fn frame_entries(bytes: &[u8], sent: &BTreeSet<Sent>) -> impl Iterator<Item = Entry> {
+fn frame_entries(bytes: &[u8], sent: &Sent) -> impl Iterator<Item = Entry> {
     let heard = sent.is_empty().then(|| Entry::Heard { bytes: bytes.to_vec() });
-    let entry = |&Sent { number, slot }: &Sent| Entry::Sent { number, slot, bytes: bytes.to_vec() };
-    heard.into_iter().chain(sent.iter().map(entry))
+    heard.into_iter().chain(sent.iter().map(|(number, slot)| Entry::Sent { number, slot, bytes: bytes.to_vec() }))
 }
 
 fn check_number(number: u64) -> Result<(), AgentError> {

@@ -1,6 +1,6 @@
 //! The packets that a vehicle remembers, and which of them count.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use dgpc::Summary;
@@ -36,18 +36,47 @@ pub(crate) enum Arrival {
     TooOld,
 }
 
-/// That the vehicle sent a frame: as which of its frames and, where that is known, in which slot of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Sent {
-    pub(crate) number: u64,
-    pub(crate) slot: Option<u32>,
+/// When the vehicle sent a frame: by its numbers among all that it sent, in which slot of its own, where that is known.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Sent(BTreeMap<u64, Option<u32>>);
+
+impl Sent {
+    /// Notes that it was sent. Of two slots under one number the later one, of whatever is said in any order.
+    pub(crate) fn note(&mut self, sent: Option<(u64, Option<u32>)>) {
+        if let Some((number, slot)) = sent {
+            let known = self.0.entry(number).or_insert(slot);
+            *known = slot.max(*known);
+        }
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (u64, Option<u32>)> {
+        self.0.iter().map(|(&number, &slot)| (number, slot))
+    }
+
+    pub(crate) fn last_number(&self) -> Option<u64> {
+        self.0.last_key_value().map(|(&number, _)| number)
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.0.len()
+    }
+}
+
+impl From<Option<(u64, Option<u32>)>> for Sent {
+    fn from(sent: Option<(u64, Option<u32>)>) -> Self {
+        Self(sent.into_iter().collect())
+    }
 }
 
 /// One packet under some counter, and when the vehicle sent it, if it did.
 #[derive(Debug, Clone)]
 pub(crate) struct Version {
     pub(crate) packet: Arc<Packet>,
-    pub(crate) sent: BTreeSet<Sent>,
+    pub(crate) sent: Sent,
 }
 
 /// What is remembered of one sender.
@@ -76,7 +105,12 @@ impl Packets {
     }
 
     /// Puts in a packet, heard or sent by the vehicle.
-    pub(crate) fn insert(&mut self, (sender, counter): PacketKey, packet: Packet, sent: Option<Sent>) -> Arrival {
+    pub(crate) fn insert(
+        &mut self,
+        (sender, counter): PacketKey,
+        packet: Packet,
+        sent: Option<(u64, Option<u32>)>,
+    ) -> Arrival {
         let window = self.window;
         self.senders.entry(sender).or_default().insert(counter, packet, sent, window)
     }
@@ -145,7 +179,7 @@ impl Packets {
 }
 
 impl Sender {
-    fn insert(&mut self, counter: u16, packet: Packet, sent: Option<Sent>, window: u16) -> Arrival {
+    fn insert(&mut self, counter: u16, packet: Packet, sent: Option<(u64, Option<u32>)>, window: u16) -> Arrival {
         if self.is_too_old(counter, window) {
             return Arrival::TooOld;
         }
@@ -153,9 +187,9 @@ impl Sender {
         let known = versions.iter_mut().find(|version| version.packet.bytes == packet.bytes);
         let is_known = known.is_some();
         match known {
-            Some(version) => version.sent.extend(sent),
+            Some(version) => version.sent.note(sent),
             None => {
-                versions.push(Version { packet: Arc::new(packet), sent: sent.into_iter().collect() });
+                versions.push(Version { packet: Arc::new(packet), sent: sent.into() });
                 versions.sort_by(|a, b| a.packet.bytes.cmp(&b.packet.bytes));
                 versions.truncate(2);
             }

@@ -145,7 +145,8 @@ impl Agent {
     pub fn longest_m(&self) -> Option<f64> {
         let believed = self.believed();
         let packets = believed.packets.keys().filter_map(|&key| self.memory.packets.get(key));
-        let is_believed = |member: &u8| !self.muted.contains(member) && !self.beliefs.left_out.contains(member);
+        let doubted = self.doubted();
+        let is_believed = |member: &u8| !doubted.contains(member);
         let told_m = self.memory.placed().longest_m.iter().filter(|(member, _)| is_believed(member)).map(|(_, &m)| m);
         packets.map(|packet| packet.longest_m).chain(told_m).chain(self.own_longest_m()).reduce(f64::max)
     }

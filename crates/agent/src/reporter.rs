@@ -28,7 +28,7 @@ struct Item {
     outcome: Outcome,
     /// What telling it is worth: how many others may be expected to learn it.
     value: f64,
-    /// Whether probably nobody knows it.
+    /// Whether it is probably known to nobody else.
     is_new: bool,
 }
 
@@ -281,7 +281,7 @@ fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)], tellings: &Tellings
         let told = tellings.get(of, slot);
         let is_worth = says_something && slot >= begin_min && told.times < tellings_max;
         let value = if is_worth { told.learning } else { 0.0 };
-        Item { slot, is_own: matches!(of, Of::Itself), outcome, value, is_new: is_worth && told.is_new }
+        Item { slot, is_own: matches!(of, Of::Itself), outcome, value, is_new: is_worth && told.is_new() }
     };
     // Where nobody is heard in slots, a schedule says nothing of who sends.
     let is_in_force = memory.frames.team.slots.listed.is_some() || !own.is_empty();

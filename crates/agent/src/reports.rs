@@ -105,7 +105,7 @@ impl Told {
 #[derive(Debug, Clone)]
 pub(crate) struct Kept {
     pub(crate) report: Arc<Report>,
-    pub(crate) sent: BTreeSet<Sent>,
+    pub(crate) sent: Sent,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -149,7 +149,7 @@ impl Reports {
 
     /// Puts in a report, heard or sent by the vehicle. O(log) and its length; where an old one goes for it, O(all of its
     /// sender).
-    pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<Sent>) -> Filed {
+    pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<(u64, Option<u32>)>) -> Filed {
         let max = self.per_sender_max;
         report.turns.iter().for_each(|&(slot, sent)| self.insert_turn(sender, slot, sent));
         let sender = self.senders.entry(sender).or_default();
@@ -157,11 +157,11 @@ impl Reports {
         let report = Arc::new(report);
         match sender.reports.entry(key.clone()) {
             Entry::Occupied(known) => {
-                known.into_mut().sent.extend(sent);
+                known.into_mut().sent.note(sent);
                 return Filed::Known;
             }
             Entry::Vacant(place) => {
-                place.insert(Kept { report: report.clone(), sent: sent.into_iter().collect() });
+                place.insert(Kept { report: report.clone(), sent: sent.into() });
             }
         }
         let mut touched = vec![sender.told.touched_by(&report)];

@@ -88,7 +88,7 @@ impl Slots {
     /// The slot of this time, of several at one time the first; `None` before the first, behind the last that has a number, and at a time that is not finite.
     pub fn number(&self, time_s: f64) -> Option<u32> {
         let number = self.place(time_s);
-        (0.0..f64::from(SLOTS)).contains(&number).then_some(number as u32)
+        (time_s.is_finite() && (0.0..f64::from(SLOTS)).contains(&number)).then_some(number as u32)
     }
 
     /// The slot of any time, numbered or not.
@@ -170,17 +170,20 @@ impl Slots {
         (self.sender(begin) == Some(id)).then_some(begin)
     }
 
-    /// The slot of what this vehicle sends at this time or, where it is not its turn, in its next one; `None` if nothing tells.
+    /// The slot of what this vehicle sends at this time or, where it is not its turn, in its next one; `None` before the first slot,
+    /// and for who has no turn any more.
     pub fn next_turn(&self, time_s: f64, id: &VehicleId) -> Option<u32> {
         let next = || {
-            let ahead = (self.number(time_s)?..self.end()).skip(1).take(self.order_max());
-            ahead.into_iter().find(|&slot| self.sender(slot) == Some(id))
+            // Behind a change of order all of the new one may come before its turn.
+            let near = if self.listed.is_some() { usize::MAX } else { 2 * self.order_max() };
+            let mut ahead = (self.number(time_s)?..self.end()).skip(1).take(near);
+            ahead.find(|&slot| self.sender(slot) == Some(id))
         };
         self.sent_in(time_s, id).or_else(next)
     }
 
-    /// How many slots a turn may go on at most.
-    fn order_max(&self) -> usize {
+    /// How many slots an order has at most, and so how many a turn may go on.
+    pub(crate) fn order_max(&self) -> usize {
         self.changes.iter().map(|change| change.order.len()).fold(self.order.len(), usize::max).max(1)
     }
 

@@ -1,20 +1,25 @@
 //! What of a vehicle's reports others may have, and so what is worth telling again.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
-use crate::event::VehicleId;
+use crate::event::{Event, VehicleId};
 use crate::memory::Memory;
 use crate::reports::{Kept, Said};
 
 /// How probable it is that a frame was lost of which nothing is known.
 const LOST: f64 = 0.3;
 
-/// The same where somebody heard the vehicle in the slot of the frame: its host may have sent something else then.
+/// How probable it is that what somebody says of the slot of a frame is not what became of the frame: the host may have sent something
+/// else when it was heard, and somebody may have passed it on when it was not.
 const MISTAKEN: f64 = 0.03;
 
-/// Links are much alike both ways: what the vehicle heard and missed of another one so many slots before and after tells, too, what of
-/// its own that one heard.
-const NEAR_SLOTS: u32 = 12;
+/// Links are much alike both ways: what the vehicle heard and missed of another one so many rounds of turns before and after tells,
+/// too, what of its own that one heard.
+const NEAR_ROUNDS: u32 = 6;
+
+/// The least that a telling counts, however probable it is that nobody heard it: not even then is it repeated forever.
+const COUNTS_MIN: f64 = 0.125;
 
 /// What is told of a slot.
 #[derive(Debug, Clone, Copy)]
@@ -40,46 +45,60 @@ pub(crate) struct Tellings {
 /// What was told of one slot.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Telling {
-    /// How often it was, where a frame of which nothing is known counts as one, and one that reached nobody not at all.
+    /// How often it was, where a frame counts as one that somebody heard as probably as one of which nothing is known.
     pub(crate) times: f64,
     /// How many others may be expected to learn it by the next frame.
     pub(crate) learning: f64,
-    /// Whether no other one knows it, more probably than not.
-    pub(crate) is_new: bool,
+    /// How probable it is that no other one knows it.
+    nobody: f64,
 }
 
+impl Telling {
+    /// Whether nobody else knows it, more probably than not.
+    pub(crate) fn is_new(&self) -> bool {
+        self.nobody > 0.5
+    }
+}
+
+/// Another member, and its number if it says what it heard and is believed.
+type Other<'a> = Option<(u8, &'a VehicleId)>;
+
 impl Tellings {
-    /// For a frame that goes in this slot, if that is known. O(slots that its reports speak of), for each other member.
-    pub(crate) fn new(memory: &Memory, sender: u8, slot: Option<u32>) -> Self {
-        let spans: Vec<Vec<(Of, Range<u32>)>> = memory.reports.all(sender).map(|kept| spans(memory, kept)).collect();
-        let all = || spans.iter().flatten().map(|(_, span)| span);
-        let begin = all().map(|span| span.start).min().unwrap_or(0);
-        let length = all().map(|span| span.end).max().map_or(0, |end| (end - begin) as usize);
+    /// For a frame that goes in this slot, if that is known. Of those who are doubted nothing is known. O(slots that its reports speak
+    /// of), for each other member.
+    pub(crate) fn new(memory: &Memory, sender: u8, slot: Option<u32>, doubted: &BTreeSet<u8>) -> Self {
         let members = memory.frames.team.members.iter().filter(|(number, _)| **number != sender);
-        let mut others: Vec<Option<(u8, &VehicleId)>> = members.map(|(&number, id)| Some((number, id))).collect();
+        let mut others: Vec<Other<'_>> =
+            members.map(|(&number, id)| (!doubted.contains(&number)).then_some((number, id))).collect();
         if others.is_empty() {
             // Whoever listens is no member.
             others.push(None);
         }
-        let mut never = Telling { times: 0.0, learning: 0.0, is_new: true };
-        let mut told = [(); 2].map(|()| vec![never; length]);
-        for other in &others {
-            let reached = 1.0 - lost(memory, *other, slot);
-            never.learning += reached;
+        let reports: Vec<Sending> = memory.reports.all(sender).map(|kept| Sending::of(memory, &others, kept)).collect();
+        let all = || reports.iter().flat_map(|report| &report.spans).map(|(_, span)| span);
+        let begin = all().map(|span| span.start).min().unwrap_or(0);
+        let length = all().map(|span| span.end).max().map_or(0, |end| (end - begin) as usize);
+        let reached: Vec<f64> = others.iter().map(|other| 1.0 - lost_by_near(memory, *other, slot)).collect();
+        let never = Telling { times: 0.0, learning: reached.iter().sum(), nobody: 1.0 };
+        let mut told = [(); 2].map(|()| vec![Telling { learning: 0.0, ..never }; length]);
+        let place = |slot: u32| (slot - begin) as usize;
+        for (nth, reached) in reached.iter().enumerate() {
             let mut unknown = [(); 2].map(|()| vec![1.0; length]);
-            for (kept, spans) in memory.reports.all(sender).zip(&spans) {
-                let lost: Vec<f64> = kept.sent.iter().map(|sent| lost(memory, *other, sent.slot)).collect();
-                let times = lost.iter().map(|lost| (1.0 - lost) / (1.0 - LOST)).sum::<f64>() / others.len() as f64;
-                let lost: f64 = lost.iter().product();
+            for Sending { spans, lost, .. } in &reports {
                 for (of, span) in spans {
-                    let slots = (span.start - begin) as usize..(span.end - begin) as usize;
-                    unknown[*of as usize][slots.clone()].iter_mut().for_each(|unknown| *unknown *= lost);
-                    told[*of as usize][slots].iter_mut().for_each(|told| told.times += times);
+                    let slots = place(span.start)..place(span.end);
+                    unknown[*of as usize][slots].iter_mut().for_each(|unknown| *unknown *= lost[nth]);
                 }
             }
             for (told, unknown) in told.iter_mut().flatten().zip(unknown.iter().flatten()) {
                 told.learning += reached * unknown;
-                told.is_new &= *unknown > 0.5;
+                told.nobody *= unknown;
+            }
+        }
+        for Sending { spans, times, .. } in &reports {
+            for (of, span) in spans {
+                let slots = place(span.start)..place(span.end);
+                told[*of as usize][slots].iter_mut().for_each(|told| told.times += times);
             }
         }
         Self { never, begin, told }
@@ -92,7 +111,30 @@ impl Tellings {
 
     /// Whether somebody knows what became of another's transmission, more probably than not.
     pub(crate) fn is_known(&self, slot: u32) -> bool {
-        !self.get(Of::Other, slot).is_new
+        !self.get(Of::Other, slot).is_new()
+    }
+}
+
+/// What became of a report.
+struct Sending {
+    /// The slots that it tells.
+    spans: Vec<(Of, Range<u32>)>,
+    /// How probable it is, for each other one, that it does not have it.
+    lost: Vec<f64>,
+    /// How often it was sent: each time counts as much as the one whom it reached most probably.
+    times: f64,
+}
+
+impl Sending {
+    fn of(memory: &Memory, others: &[Other<'_>], kept: &Kept) -> Self {
+        let mut sending = Self { spans: spans(memory, kept), lost: vec![1.0; others.len()], times: 0.0 };
+        for (_, slot) in kept.sent.iter() {
+            let lost: Vec<f64> = others.iter().map(|other| lost(memory, *other, slot)).collect();
+            sending.lost.iter_mut().zip(&lost).for_each(|(all, lost)| *all *= lost);
+            let reached = 1.0 - lost.into_iter().fold(1.0, f64::min);
+            sending.times += (reached / (1.0 - LOST)).clamp(COUNTS_MIN, 1.0);
+        }
+        sending
     }
 }
 
@@ -107,19 +149,29 @@ fn spans(memory: &Memory, Kept { report, .. }: &Kept) -> Vec<(Of, Range<u32>)> {
     others.chain([(Of::Itself, report.first..last.max(report.first) + 1)]).collect()
 }
 
-/// How probable it is that a frame of this slot did not reach another one, or will not: by what that one said, or what the vehicle itself heard of it about then.
-fn lost(memory: &Memory, other: Option<(u8, &VehicleId)>, slot: Option<u32>) -> f64 {
-    let Some(((number, id), slot)) = other.zip(slot) else { return LOST };
-    match memory.reports.outcomes(number, slot..slot + 1).next() {
-        Some((_, Said::Heard, _)) => return MISTAKEN,
-        Some((_, Said::Missed, _)) => return 1.0,
-        Some((_, Said::Contradicted, _)) | None => {}
+/// How probable it is that a frame of this slot did not reach another one: by what that one reports or, where it says nothing, by what
+/// the vehicle itself heard of it about then.
+fn lost(memory: &Memory, other: Other<'_>, slot: Option<u32>) -> f64 {
+    let said = other.zip(slot).and_then(|((number, _), slot)| memory.reports.told_by(number)?.outcomes.get(&slot));
+    match said {
+        Some(Said::Heard) => MISTAKEN,
+        Some(Said::Missed) => 1.0 - MISTAKEN,
+        Some(Said::Contradicted) | None => lost_by_near(memory, other, slot),
     }
-    let begin_s = |slot: u32| memory.frames.team.slots.begin_s(slot).unwrap_or(f64::INFINITY);
-    let end_s = begin_s(slot.saturating_add(NEAR_SLOTS + 1));
-    let near = memory.sent_since(begin_s(slot.saturating_sub(NEAR_SLOTS)));
-    let near = near.take_while(|known| known.event.time_s < end_s).filter(|known| known.event.transmitter_id == *id);
-    let [heard, missed] = near.fold([0.0, 0.0], |[heard, missed], known| match known.event.success {
+}
+
+/// The same by what the vehicle itself heard of the other one about then.
+fn lost_by_near(memory: &Memory, other: Other<'_>, slot: Option<u32>) -> f64 {
+    let Some(((_, id), slot)) = other.zip(slot) else { return LOST };
+    let team = &memory.frames.team;
+    let near = NEAR_ROUNDS * team.slots.order_max().max(team.members.len()) as u32;
+    let begin_s = |slot: u32| team.slots.begin_s(slot).unwrap_or(f64::INFINITY);
+    let end_s = begin_s(slot.saturating_add(near + 1));
+    let known = memory.sent_since(begin_s(slot.saturating_sub(near)));
+    let known = known.take_while(|known| known.event.time_s < end_s);
+    let is_between = |event: &Event| event.transmitter_id == *id && Some(&event.receiver_id) == memory.own_id();
+    let known = known.map(|known| &known.event).filter(|event| is_between(event));
+    let [heard, missed] = known.fold([0.0, 0.0], |[heard, missed], event| match event.success {
         true => [heard + 1.0, missed],
         false => [heard, missed + 1.0],
     });

@@ -284,6 +284,18 @@ fn slots_are_numbered_by_time_through_changes_and_long_turns() {
     assert_eq!(next, [Some(0), Some(2), Some(9), Some(7)]);
     let never = [(99.0, &a), (f64::INFINITY, &a), (200.0, &a)].map(|(time_s, id)| slots.next_turn(time_s, id));
     assert_eq!(never, [None; 3]);
+    // Behind a change of order its turn is late.
+    let late =
+        Slots { changes: vec![change(2, &[&b, &c, &a])], ..Slots::in_turn(5.0, vec![a.clone(), b.clone(), c.clone()]) };
+    assert_eq!(late.next_turn(5.0, &a), Some(4));
+    let opportunity =
+        |(time_s, sender): (f64, &VehicleId)| Opportunity { time_s, sender: sender.clone(), listeners: Vec::new() };
+    let listed = [(1.0, &a), (4.0, &b), (6.0, &b), (9.0, &a)].map(opportunity);
+    let listed = Slots { listed: Some(listed.into()), ..Slots::in_turn(1.0, Vec::new()) };
+    // What is listed goes on until the next one.
+    let next = [(0.0, &a), (2.0, &a), (2.0, &b), (5.0, &a), (9.5, &b), (f64::INFINITY, &a)];
+    let next = next.map(|(time_s, id)| listed.next_turn(time_s, id));
+    assert_eq!(next, [None, Some(0), Some(1), Some(3), None, None]);
     assert!(slots.is_heard_by(7, &a) && !slots.is_heard_by(7, &c) && !slots.is_heard_by(8, &a));
     assert_eq!(slots.begin_s(7), Some(135.0));
     let later = slots.clone().beginning_by(1000.0);

@@ -24,6 +24,10 @@ impl Turns {
         Self { team: Arc::new(team(members, model())) }
     }
 
+    fn telling_once() -> Self {
+        Self { team: Arc::new(Team { tellings_max: 1, ..team(2, model()) }) }
+    }
+
     fn time_s(slot: u32) -> f64 {
         SLOT_S * f64::from(slot)
     }
@@ -77,9 +81,66 @@ fn what_another_one_says_it_missed_is_told_again() {
         assert!(first > 1 && last == 2 * PART - 1, "{first} to {last}");
         let mut other = turns.vehicle(1, 0..2 * PART + 8, |slot| slot != lost);
         sent(&mut other, 8).iter().for_each(|frame| drop(agent.receive(frame, 0.0)));
+        let mut again = restored(&agent, &agent.snapshot()).telling(Telling { points: false, reports: true });
         let [first, last] = turns.next_told(&mut agent, 2 * PART + 2);
         assert!(first <= part.start + 1 && last >= part.end - 1, "{first} to {last}, lost in {lost}");
+        assert_eq!(turns.next_told(&mut again, 2 * PART + 2), [first, last]);
     }
+}
+
+#[test]
+fn who_has_told_everything_tells_again_what_others_say_they_missed() {
+    for is_heard in [true, false] {
+        let turns = Turns::telling_once();
+        let mut agent = turns.vehicle(0, 0..PART, |_| true);
+        turns.next_told(&mut agent, PART);
+        assert_eq!(agent.next_packet(Turns::time_s(PART + 2), 32).unwrap(), None);
+        let mut other = turns.vehicle(1, 0..PART + 8, |slot| is_heard || slot != PART);
+        sent(&mut other, 8).iter().for_each(|frame| drop(agent.receive(frame, 0.0)));
+        let again = agent.next_packet(Turns::time_s(PART + 4), 32).unwrap();
+        assert_eq!(again.is_some(), !is_heard);
+        // Not forever, though.
+        let more = (0..40).map_while(|_| agent.next_packet(f64::INFINITY, 32).unwrap()).count();
+        assert!(more < 20, "{more}");
+    }
+}
+
+#[test]
+fn who_is_muted_says_nothing_of_what_it_has() {
+    let turns = Turns::telling_once();
+    let mut agent = turns.vehicle(0, 0..PART, |_| true);
+    turns.next_told(&mut agent, PART);
+    let mut other = turns.vehicle(1, 0..PART + 8, |slot| slot != PART);
+    sent(&mut other, 8).iter().for_each(|frame| drop(agent.receive(frame, 0.0)));
+    agent.mute(&names(2)[1]);
+    assert_eq!(agent.next_packet(Turns::time_s(PART + 2), 32).unwrap(), None);
+}
+
+#[test]
+fn a_frame_of_a_slot_that_is_not_its_own_went_in_none() {
+    let turns = Turns::new(2);
+    let frame = turns.vehicle(0, 0..PART, |_| true).next_packet(Turns::time_s(PART), 32).unwrap().unwrap();
+    let after = |slot: Option<u32>| {
+        let mut agent = turns.vehicle(0, 0..PART, |_| true);
+        agent.apply(Entry::Sent { number: 0, slot, bytes: frame.clone() }).unwrap();
+        let mut other = turns.vehicle(1, 0..PART + 8, |_| true);
+        sent(&mut other, 8).iter().for_each(|frame| drop(agent.receive(frame, 0.0)));
+        agent.next_packet(Turns::time_s(PART), 32).unwrap();
+        agent.snapshot()
+    };
+    let nowhere = after(None);
+    assert!([1, 1 << 18, u32::MAX - 1, u32::MAX].iter().all(|&slot| after(Some(slot)) == nowhere));
+    assert_ne!(after(Some(PART)), nowhere);
+    // Of two words the one that says something holds, whichever came first.
+    let twice = |slots: [Option<u32>; 2]| {
+        let mut agent = turns.vehicle(0, 0..PART, |_| true);
+        slots.into_iter().for_each(|slot| {
+            agent.apply(Entry::Sent { number: 0, slot, bytes: frame.clone() }).unwrap();
+        });
+        agent.snapshot()
+    };
+    assert_eq!(twice([None, Some(PART)]), twice([Some(PART), Some(PART)]));
+    assert_eq!(twice([None, Some(PART)]), twice([Some(PART), None]));
 }
 
 #[test]
