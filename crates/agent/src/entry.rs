@@ -50,7 +50,7 @@ pub enum Entry {
         number: u64,
         /// The slot in which it went ([`Slots::next_turn`](crate::Slots::next_turn) of the time that
         /// [`Agent::next_packet`](crate::Agent::next_packet) was given), if it was one of its own: who reports what it heard
-        /// then says whether it has this frame.
+        /// then says whether it has this report. Other slots count as none.
         slot: Option<u32>,
         /// As they left.
         bytes: Vec<u8>,

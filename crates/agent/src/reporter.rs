@@ -60,7 +60,7 @@ struct Sums {
     skips: usize,
     /// Slots of its own in which it must be told whether it sent.
     turns: usize,
-    /// What all is worth, and how many of them were never told.
+    /// What all is worth, and how many of them are new.
     value: f64,
     new: usize,
 }
@@ -131,7 +131,7 @@ impl<'a> Reporter<'a> {
         Self { memory, sender, frame_bytes, earlier, items, knots, runs, sums }
     }
 
-    /// The reports of which one is worth the next frame, that which is worth most last. Where all that was never told takes several
+    /// The reports of which one is worth the next frame, that which is worth most last. Where all that is new takes several
     /// frames, some of these are there, too, counted from its begin and from its end: much of a mission is like the rest of it, and
     /// it matters what goes first. Empty where nothing is worth telling (again).
     pub(crate) fn reports(&self) -> Vec<ReportMessage> {
@@ -175,7 +175,7 @@ impl<'a> Reporter<'a> {
         spans
     }
 
-    /// How many frames it takes to tell all that was never told.
+    /// How many frames it takes to tell all that is new.
     pub(crate) fn frames_needed(&self) -> usize {
         self.in_frames(self.untold()).len()
     }

@@ -14,7 +14,7 @@ use crate::team::Team;
 /// What every snapshot begins with.
 const MAGIC: &[u8; 8] = b"pingmapS";
 
-/// Version of a snapshot. A newer one is refused.
+/// Version of a snapshot. Others are refused.
 const SNAPSHOT_VERSION: u16 = 3;
 
 /// Bytes of the check at the end.
@@ -52,7 +52,7 @@ impl Agent {
     /// nothing: see [`Agent::refit_due`].
     ///
     /// # Errors
-    /// [`AgentError::Snapshot`] for bytes that are no snapshot, damaged, of another vehicle, of a newer version, or
+    /// [`AgentError::Snapshot`] for bytes that are no snapshot, damaged, of another vehicle, of another version, or
     /// checked with another key than the team's.
     pub fn restore(id: VehicleId, team: Arc<Team>, bytes: &[u8]) -> Result<Self, AgentError> {
         let key = team.key.clone();
