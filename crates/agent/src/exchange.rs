@@ -76,8 +76,9 @@ impl Agent {
     /// The packet that tells most for a frame of so many bytes (at most the team's), of what is known by the last fit
     /// and the events beside it; `None` where nothing is worth a frame. It is a report, of single events and where it was, or a
     /// map message, of what all its events say: reports go first where they are soon done (docs/method.md, section 8). Fits nothing:
-    /// whoever has time to [`Agent::refit`] before does. `time_s` is when the frame leaves: who heard the vehicle in that slot has it. Whoever may lose its memory writes an [`Agent::snapshot`] or an
-    /// [`Entry::Sent`] before the packet leaves: a counter must not be used twice.
+    /// whoever has time to [`Agent::refit`] before does. `time_s` is when the frame leaves: who heard the vehicle in that slot has
+    /// it. Whoever may lose its memory writes an [`Agent::snapshot`] or an [`Entry::Sent`] before the packet leaves: a counter
+    /// must not be used twice.
     ///
     /// # Errors
     /// [`AgentError::NotAMember`], [`AgentError::CountersUsedUp`], and [`AgentError::Team`] for a frame below 32 bytes.
