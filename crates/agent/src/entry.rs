@@ -1,6 +1,11 @@
 //! What can happen to a memory.
 
+use crate::agent_error::AgentError;
+use crate::bounds::COORDINATE_M;
 use crate::event::{Event, Position, VehicleId};
+
+/// Numbers of entries from here on are no vehicle's.
+const NUMBER_MAX: u64 = 1 << 48;
 
 /// Something that a vehicle remembers from then on. All that it knows follows from the set of its entries, whatever
 /// their order and however often each of them came: a journal of them can be applied again, in parts and twice over.
@@ -55,4 +60,27 @@ pub enum Entry {
         /// As they left.
         bytes: Vec<u8>,
     },
+}
+
+/// Refuses a number that no entry comes to.
+pub(crate) fn check_number(number: u64) -> Result<(), AgentError> {
+    if number < NUMBER_MAX { Ok(()) } else { Err(AgentError::NumberTooLarge { number }) }
+}
+
+/// Refuses an event at no time, and one that is nowhere.
+pub(crate) fn check_event(event: &Event) -> Result<(), AgentError> {
+    check_time(event.time_s)?;
+    event.link.ends().iter().try_for_each(check_position)
+}
+
+pub(crate) fn check_time(time_s: f64) -> Result<(), AgentError> {
+    if time_s.is_finite() { Ok(()) } else { Err(AgentError::NoTime { time_s }) }
+}
+
+pub(crate) fn check_position(at: &Position) -> Result<(), AgentError> {
+    let mut places = [Some(at.east_m), Some(at.north_m), at.depth_m].into_iter().flatten();
+    match places.find(|&value_m| COORDINATE_M.check(value_m).is_none()) {
+        Some(value_m) => Err(AgentError::Nowhere { value_m }),
+        None => Ok(()),
+    }
 }

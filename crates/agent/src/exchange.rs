@@ -95,7 +95,7 @@ impl Agent {
         } else {
             let tellings = Tellings::new(&self.memory, sender, slot, &self.doubted());
             self.beliefs.recall_told(&self.memory, &tellings)?;
-            self.plan(sender, counter, layout, frame_bytes, &tellings)?
+            self.plan(sender, counter, layout, frame_bytes, tellings)?
         };
         let bytes = match planned {
             Some(bytes) => bytes,
@@ -121,7 +121,7 @@ impl Agent {
         counter: u16,
         layout: &Layout,
         frame_bytes: usize,
-        tellings: &Tellings,
+        tellings: Tellings,
     ) -> Result<Option<Vec<u8>>, AgentError> {
         let planner = self.planner(layout)?;
         let reporter =
@@ -129,7 +129,7 @@ impl Agent {
         let frames_max = FRAMES_BEFORE + FRAMES_AGAIN * self.memory.sent_next() as usize;
         let begins = |reporter: &&Reporter<'_>| (1..=frames_max).contains(&reporter.frames_needed());
         let report = |reporter: &Reporter<'_>| -> Result<Option<Vec<u8>>, AgentError> {
-            let report = self.plan_report(&planner, reporter, tellings)?;
+            let report = self.plan_report(&planner, reporter)?;
             Ok(report.map(|report| self.write_report(&report)).transpose()?)
         };
         if let Some(reporter) = reporter.as_ref().filter(begins)
@@ -168,12 +168,7 @@ impl Agent {
 
     /// That of the reports which leaves least untold. Map messages that were sent before the first report speak of the same events:
     /// they count for what they say beyond, or for nothing, whichever leaves less. Later ones are about other events.
-    fn plan_report(
-        &self,
-        planner: &Planner<'_>,
-        reporter: &Reporter<'_>,
-        tellings: &Tellings,
-    ) -> Result<Option<ReportMessage>, AgentError> {
+    fn plan_report(&self, planner: &Planner<'_>, reporter: &Reporter<'_>) -> Result<Option<ReportMessage>, AgentError> {
         let (memory, sender) = (&self.memory, reporter.sender());
         let mut reports = reporter.reports();
         let Some(mut report) = reports.pop() else { return Ok(None) };
@@ -184,7 +179,7 @@ impl Agent {
         if reports.is_empty() && earlier.is_empty() {
             return Ok(Some(report));
         }
-        let is_known = |slot: u32| tellings.is_known(slot);
+        let is_known = |slot: u32| reporter.is_known(slot);
         let beyond: Packets = earlier.keys().map(|&key| (key, Worth::Beyond)).chain(others.clone()).collect();
         // What earlier packets say beyond follows from all that is told; without them it is enough to add what is new.
         let public = earlier.is_empty().then(|| self.beliefs.public_of(memory, &others, &is_known)).transpose()?;

@@ -8,21 +8,17 @@ use dgpc::Observations;
 use pingmap_packet::ReportLayout;
 
 use crate::agent_error::AgentError;
-use crate::bounds::COORDINATE_M;
 use crate::clock::out_of_turn;
-use crate::entry::Entry;
+use crate::entry::{Entry, check_event, check_number, check_position, check_time};
 use crate::event::{Event, Position, VehicleId};
 use crate::events::{Change, Events, Recorded};
 use crate::frames::Frames;
-use crate::packets::{Arrival, PacketKey, Packets, Sent, Version};
+use crate::packets::{Arrival, Departure, PacketKey, Packets, Sent, Version};
 use crate::placing::{Placed, Placement, place};
 use crate::receipt::{Receipt, Refusal};
 use crate::reports::{EVERY_SLOT, Filed, Reports, Said};
 use crate::track::Track;
 use crate::turns::Turns;
-
-/// Numbers of entries from here on are no vehicle's.
-const NUMBER_MAX: u64 = 1 << 48;
 
 /// Events, where it was, packets and reports. It changes only by [`Memory::apply`], and depends on nothing but the set of
 /// entries.
@@ -102,7 +98,7 @@ impl Memory {
             Entry::Sent { number, slot, bytes } => {
                 check_number(number)?;
                 let slot = slot.filter(|&slot| self.frames.is_turn_of(slot, self.own_id()));
-                Ok(Applied::Frame(self.put_in(&bytes, Some((number, slot)))))
+                Ok(Applied::Frame(self.put_in(&bytes, Some(Departure { number, slot }))))
             }
         }
     }
@@ -119,7 +115,7 @@ impl Memory {
     pub(crate) fn record(&mut self, new: Vec<(u64, Event)>) -> Result<Change, AgentError> {
         for (number, event) in &new {
             check_number(*number)?;
-            check(event)?;
+            check_event(event)?;
         }
         let numbers: BTreeSet<u64> = new.iter().map(|(number, _)| *number).collect();
         let new = new.into_iter().map(|(number, event)| Recorded { number, key: self.frames.slot_of(&event), event });
@@ -250,7 +246,7 @@ impl Memory {
 
     /// Remembers a frame that was heard, or sent. One that is not the team's or, as a sent one, not
     /// this vehicle's changes nothing.
-    pub(crate) fn put_in(&mut self, bytes: &[u8], sent: Option<(u64, Option<u32>)>) -> Arrived {
+    pub(crate) fn put_in(&mut self, bytes: &[u8], sent: Option<Departure>) -> Arrived {
         if ReportLayout::of(bytes).is_some() {
             return self.put_in_report(bytes, sent);
         }
@@ -266,7 +262,7 @@ impl Memory {
         Arrived { sender, receipt: self.receipt(key, arrival, sent.is_some()), change: Change::default() }
     }
 
-    fn put_in_report(&mut self, bytes: &[u8], sent: Option<(u64, Option<u32>)>) -> Arrived {
+    fn put_in_report(&mut self, bytes: &[u8], sent: Option<Departure>) -> Arrived {
         let (sender, report) = match self.frames.report(bytes) {
             Ok(read) => read,
             Err(refusal) => return Arrived::refused(None, refusal),
@@ -349,8 +345,10 @@ impl Memory {
     }
 
     fn turn_entries(&self) -> impl Iterator<Item = Entry> {
-        let turns =
-            self.reports.senders().flat_map(|number| self.reports.turns(number).map(move |turn| (number, turn)));
+        let turns = self
+            .reports
+            .senders()
+            .flat_map(|number| self.reports.turns(number, EVERY_SLOT).map(move |turn| (number, turn)));
         turns.filter_map(|(number, (slot, sent))| {
             Some(Entry::Turn { sender: self.frames.team.members.get(&number)?.clone(), slot, sent })
         })
@@ -374,27 +372,6 @@ impl Memory {
 /// A frame that was heard, or sent so often.
 fn frame_entries(bytes: &[u8], sent: &Sent) -> impl Iterator<Item = Entry> {
     let heard = sent.is_empty().then(|| Entry::Heard { bytes: bytes.to_vec() });
-    heard.into_iter().chain(sent.iter().map(|(number, slot)| Entry::Sent { number, slot, bytes: bytes.to_vec() }))
-}
-
-fn check_number(number: u64) -> Result<(), AgentError> {
-    if number < NUMBER_MAX { Ok(()) } else { Err(AgentError::NumberTooLarge { number }) }
-}
-
-/// Refuses what is no time, and places that are nowhere.
-fn check(event: &Event) -> Result<(), AgentError> {
-    check_time(event.time_s)?;
-    event.link.ends().iter().try_for_each(check_position)
-}
-
-fn check_time(time_s: f64) -> Result<(), AgentError> {
-    if time_s.is_finite() { Ok(()) } else { Err(AgentError::NoTime { time_s }) }
-}
-
-fn check_position(at: &Position) -> Result<(), AgentError> {
-    let mut places = [Some(at.east_m), Some(at.north_m), at.depth_m].into_iter().flatten();
-    match places.find(|&value_m| COORDINATE_M.check(value_m).is_none()) {
-        Some(value_m) => Err(AgentError::Nowhere { value_m }),
-        None => Ok(()),
-    }
+    let as_sent = |Departure { number, slot }| Entry::Sent { number, slot, bytes: bytes.to_vec() };
+    heard.into_iter().chain(sent.iter().map(as_sent))
 }

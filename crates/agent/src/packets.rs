@@ -36,21 +36,30 @@ pub(crate) enum Arrival {
     TooOld,
 }
 
-/// When the vehicle sent a frame: by its numbers among all that it sent, in which slot of its own, where that is known.
+/// That the vehicle sent a frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Departure {
+    /// Its number among all that it sent.
+    pub(crate) number: u64,
+    /// In which slot of its own, where that is known.
+    pub(crate) slot: Option<u32>,
+}
+
+/// When the vehicle sent a frame: slots by numbers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sent(BTreeMap<u64, Option<u32>>);
 
 impl Sent {
     /// Notes that it was sent. Of two slots under one number the later one, of whatever is said in any order.
-    pub(crate) fn note(&mut self, sent: Option<(u64, Option<u32>)>) {
-        if let Some((number, slot)) = sent {
+    pub(crate) fn note(&mut self, sent: Option<Departure>) {
+        if let Some(Departure { number, slot }) = sent {
             let known = self.0.entry(number).or_insert(slot);
             *known = slot.max(*known);
         }
     }
 
-    pub(crate) fn iter(&self) -> impl Iterator<Item = (u64, Option<u32>)> {
-        self.0.iter().map(|(&number, &slot)| (number, slot))
+    pub(crate) fn iter(&self) -> impl Iterator<Item = Departure> {
+        self.0.iter().map(|(&number, &slot)| Departure { number, slot })
     }
 
     pub(crate) fn last_number(&self) -> Option<u64> {
@@ -66,9 +75,9 @@ impl Sent {
     }
 }
 
-impl From<Option<(u64, Option<u32>)>> for Sent {
-    fn from(sent: Option<(u64, Option<u32>)>) -> Self {
-        Self(sent.into_iter().collect())
+impl From<Option<Departure>> for Sent {
+    fn from(sent: Option<Departure>) -> Self {
+        Self(sent.map(|Departure { number, slot }| (number, slot)).into_iter().collect())
     }
 }
 
@@ -105,12 +114,7 @@ impl Packets {
     }
 
     /// Puts in a packet, heard or sent by the vehicle.
-    pub(crate) fn insert(
-        &mut self,
-        (sender, counter): PacketKey,
-        packet: Packet,
-        sent: Option<(u64, Option<u32>)>,
-    ) -> Arrival {
+    pub(crate) fn insert(&mut self, (sender, counter): PacketKey, packet: Packet, sent: Option<Departure>) -> Arrival {
         let window = self.window;
         self.senders.entry(sender).or_default().insert(counter, packet, sent, window)
     }
@@ -179,7 +183,7 @@ impl Packets {
 }
 
 impl Sender {
-    fn insert(&mut self, counter: u16, packet: Packet, sent: Option<(u64, Option<u32>)>, window: u16) -> Arrival {
+    fn insert(&mut self, counter: u16, packet: Packet, sent: Option<Departure>, window: u16) -> Arrival {
         if self.is_too_old(counter, window) {
             return Arrival::TooOld;
         }

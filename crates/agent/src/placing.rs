@@ -199,7 +199,7 @@ pub(crate) fn unheard(frames: &Frames, own: u8, events: &Events, track: Track, r
         .collect();
     let whereabouts = Whereabouts { frames, reports, own: Some(own), track, seen: BTreeMap::new() };
     let sent = others(Some(own), reports).flat_map(|sender| {
-        let sent = reports.turns(sender).filter(|&(slot, sent)| sent && !known.contains(&slot));
+        let sent = reports.turns(sender, EVERY_SLOT).filter(|&(slot, sent)| sent && !known.contains(&slot));
         sent.map(move |(slot, _)| (sender, slot))
     });
     sent.filter_map(|(sender, slot)| whereabouts.event(sender, (own, slot), false, false)).collect()

@@ -38,6 +38,7 @@ pub(crate) struct Reporter<'a> {
     memory: &'a Memory,
     sender: u8,
     frame_bytes: usize,
+    tellings: Tellings,
     /// What a report says of map messages that went before the first one; none did if it is `None`.
     earlier: Option<Earlier>,
     items: Vec<Item>,
@@ -98,7 +99,7 @@ struct Span {
 
 impl<'a> Reporter<'a> {
     /// What could be told in a frame of so many bytes that carries this counter. O(slots that it may report, of a leg each).
-    pub(crate) fn new(memory: &'a Memory, sender: u8, frame_bytes: usize, counter: u16, tellings: &Tellings) -> Self {
+    pub(crate) fn new(memory: &'a Memory, sender: u8, frame_bytes: usize, counter: u16, tellings: Tellings) -> Self {
         let team = &memory.frames.team;
         let knots = Knots {
             slots: &team.slots,
@@ -116,7 +117,7 @@ impl<'a> Reporter<'a> {
         let runs = knots.of(&memory.track(), told, begin).into_iter().enumerate();
         let (runs, knots): (Vec<usize>, Vec<(u32, Cell)>) =
             runs.flat_map(|(run, knots)| knots.into_iter().map(move |knot| (run, knot))).unzip();
-        let items = items(memory, sender, &knots, tellings);
+        let items = items(memory, sender, &knots, &tellings);
         let mut sums = vec![Sums::default()];
         let always = memory.own_id().is_none_or(|own| team.slots.always_sends(own));
         for item in &items {
@@ -128,7 +129,7 @@ impl<'a> Reporter<'a> {
             None => (counter > 0).then_some(counter as u8),
         };
         let earlier = before.map(|before| Earlier { before, counts: false });
-        Self { memory, sender, frame_bytes, earlier, items, knots, runs, sums }
+        Self { memory, sender, frame_bytes, tellings, earlier, items, knots, runs, sums }
     }
 
     /// The reports of which one is worth the next frame, that which is worth most last. Where all that is new takes several
@@ -255,6 +256,11 @@ impl<'a> Reporter<'a> {
     /// Whose reports these are.
     pub(crate) fn sender(&self) -> u8 {
         self.sender
+    }
+
+    /// Whether somebody else knows what became of another's transmission, more probably than not.
+    pub(crate) fn is_known(&self, slot: u32) -> bool {
+        self.tellings.is_known(slot)
     }
 
     /// The first slot that reports may begin at.

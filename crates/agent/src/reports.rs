@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use pingmap_packet::{Cell, Earlier};
 
-use crate::packets::{PacketKey, Sent};
+use crate::packets::{Departure, PacketKey, Sent};
 use crate::told_track::ToldTrack;
 
 /// All slots there are.
@@ -68,6 +68,11 @@ fn say(outcomes: &mut BTreeMap<u32, Said>, slot: u32, heard: bool) -> bool {
     true
 }
 
+/// A slot, the one so many before it, and the one so many after it.
+fn near(slot: u32, apart: u32) -> impl Iterator<Item = u32> {
+    [Some(slot), slot.checked_sub(apart), slot.checked_add(apart)].into_iter().flatten()
+}
+
 impl Told {
     fn take(&mut self, report: &Report) {
         for &(slot, heard) in &report.outcomes {
@@ -84,6 +89,14 @@ impl Told {
         let (Some(first), Some(last)) = (report.outcomes.first(), report.outcomes.last()) else { return moved };
         let told = first.0..last.0 + 1;
         if moved.is_empty() { told } else { told.start.min(moved.start)..told.end.max(moved.end) }
+    }
+
+    /// What it says of the transmission of a slot; if it heard that of the slot before or after, so many apart, it may be that one.
+    pub(crate) fn said_about(&self, slot: u32, apart: Option<u32>) -> Option<Said> {
+        let said = self.outcomes.get(&slot).copied();
+        let heard =
+            || apart.and_then(|apart| near(slot, apart).find(|slot| self.outcomes.get(slot) == Some(&Said::Heard)));
+        if said != Some(Said::Heard) && heard().is_some() { Some(Said::Heard) } else { said }
     }
 
     /// The end of the counter below which packets speak of the same events, if there are any.
@@ -149,7 +162,7 @@ impl Reports {
 
     /// Puts in a report, heard or sent by the vehicle. O(log) and its length; where an old one goes for it, O(all of its
     /// sender).
-    pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<(u64, Option<u32>)>) -> Filed {
+    pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<Departure>) -> Filed {
         let max = self.per_sender_max;
         report.turns.iter().for_each(|&(slot, sent)| self.insert_turn(sender, slot, sent));
         let sender = self.senders.entry(sender).or_default();
@@ -203,13 +216,13 @@ impl Reports {
 
     /// The slot in which a member says that it sent: this one, or else the last one of its own before it or the next one, so many further.
     pub(crate) fn sent_about(&self, sender: u8, slot: u32, apart: u32) -> Option<u32> {
-        let near = [Some(slot), slot.checked_sub(apart), slot.checked_add(apart)];
-        near.into_iter().flatten().find(|&slot| self.turn(sender, slot) == Some(true))
+        near(slot, apart).find(|&slot| self.turn(sender, slot) == Some(true))
     }
 
-    /// All that a member said of slots of its own.
-    pub(crate) fn turns(&self, sender: u8) -> impl Iterator<Item = (u32, bool)> {
-        self.senders.get(&sender).into_iter().flat_map(|sender| sender.turns.iter().map(|(&slot, &sent)| (slot, sent)))
+    /// What a member said of those of these slots that are its own.
+    pub(crate) fn turns(&self, sender: u8, slots: Range<u32>) -> impl Iterator<Item = (u32, bool)> {
+        let turns = self.senders.get(&sender).into_iter().flat_map(move |sender| sender.turns.range(slots.clone()));
+        turns.map(|(&slot, &sent)| (slot, sent))
     }
 
     /// Whether anybody said anything of slots of its own.
@@ -283,5 +296,22 @@ impl Reports {
             true => Worth::Beyond,
             false => sender.told.worth(counter, latest),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_heard_by_another_clock_may_be_of_the_slot_before_or_after() {
+        let mut told = Told::default();
+        for (slot, heard) in [(3, true), (9, false), (12, true), (15, false)] {
+            say(&mut told.outcomes, slot, heard);
+        }
+        let said = |apart| [0, 3, 6, 9, 15, 18, 21].map(|slot| told.said_about(slot, apart));
+        let (heard, missed) = (Some(Said::Heard), Some(Said::Missed));
+        assert_eq!(said(None), [None, heard, None, missed, missed, None, None]);
+        assert_eq!(said(Some(3)), [heard, heard, heard, heard, heard, None, None]);
     }
 }

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use crate::event::{Event, VehicleId};
 use crate::memory::Memory;
+use crate::packets::Departure;
 use crate::reports::{Kept, Said};
 
 /// How probable it is that a frame was lost of which nothing is known.
@@ -78,30 +79,29 @@ impl Tellings {
         let all = || reports.iter().flat_map(|report| &report.spans).map(|(_, span)| span);
         let begin = all().map(|span| span.start).min().unwrap_or(0);
         let length = all().map(|span| span.end).max().map_or(0, |end| (end - begin) as usize);
-        let reached: Vec<f64> = others.iter().map(|other| 1.0 - lost_by_near(memory, *other, slot)).collect();
-        let never = Telling { times: 0.0, learning: reached.iter().sum(), nobody: 1.0 };
-        let mut told = [(); 2].map(|()| vec![Telling { learning: 0.0, ..never }; length]);
-        let place = |slot: u32| (slot - begin) as usize;
-        for (nth, reached) in reached.iter().enumerate() {
-            let mut unknown = [(); 2].map(|()| vec![1.0; length]);
-            for Sending { spans, lost, .. } in &reports {
-                for (of, span) in spans {
-                    let slots = place(span.start)..place(span.end);
-                    unknown[*of as usize][slots].iter_mut().for_each(|unknown| *unknown *= lost[nth]);
+        let count = others.len();
+        let mut times = [(); 2].map(|()| vec![0.0; length]);
+        let mut unknown = [(); 2].map(|()| vec![1.0; length * count]);
+        for report in &reports {
+            for (of, span) in &report.spans {
+                let (first, end) = ((span.start - begin) as usize, (span.end - begin) as usize);
+                times[*of as usize][first..end].iter_mut().for_each(|times| *times += report.times);
+                for unknown in unknown[*of as usize][first * count..end * count].chunks_mut(count) {
+                    unknown.iter_mut().zip(&report.lost).for_each(|(unknown, lost)| *unknown *= lost);
                 }
             }
-            for (told, unknown) in told.iter_mut().flatten().zip(unknown.iter().flatten()) {
-                told.learning += reached * unknown;
-                told.nobody *= unknown;
-            }
         }
-        for Sending { spans, times, .. } in &reports {
-            for (of, span) in spans {
-                let slots = place(span.start)..place(span.end);
-                told[*of as usize][slots].iter_mut().for_each(|told| told.times += times);
-            }
-        }
-        Self { never, begin, told }
+        let reached: Vec<f64> = others.iter().map(|other| 1.0 - lost_by_near(memory, *other, slot)).collect();
+        let telling = |(times, unknown): (f64, &[f64])| Telling {
+            times,
+            learning: reached.iter().zip(unknown).map(|(reached, unknown)| reached * unknown).sum(),
+            nobody: unknown.iter().product(),
+        };
+        let told = [Of::Other, Of::Itself].map(|of| {
+            let (times, unknown) = (&times[of as usize], &unknown[of as usize]);
+            times.iter().copied().zip(unknown.chunks(count)).map(telling).collect()
+        });
+        Self { never: telling((0.0, &vec![1.0; count])), begin, told }
     }
 
     pub(crate) fn get(&self, of: Of, slot: u32) -> Telling {
@@ -128,7 +128,7 @@ struct Sending {
 impl Sending {
     fn of(memory: &Memory, others: &[Other<'_>], kept: &Kept) -> Self {
         let mut sending = Self { spans: spans(memory, kept), lost: vec![1.0; others.len()], times: 0.0 };
-        for (_, slot) in kept.sent.iter() {
+        for Departure { slot, .. } in kept.sent.iter() {
             let lost: Vec<f64> = others.iter().map(|other| lost(memory, *other, slot)).collect();
             sending.lost.iter_mut().zip(&lost).for_each(|(all, lost)| *all *= lost);
             let reached = 1.0 - lost.into_iter().fold(1.0, f64::min);
@@ -140,19 +140,32 @@ impl Sending {
 
 /// The slots that a report of the vehicle's own tells.
 fn spans(memory: &Memory, Kept { report, .. }: &Kept) -> Vec<(Of, Range<u32>)> {
-    let others = report.outcomes.iter().map(|&(slot, _)| (Of::Other, slot..slot + 1));
-    if memory.frames.team.slots.at_will {
-        return others.chain(report.turns.iter().map(|&(slot, _)| (Of::Itself, slot..slot + 1))).collect();
+    let mut spans: Vec<(Of, Range<u32>)> =
+        report.outcomes.iter().map(|&(slot, _)| (Of::Other, slot..slot + 1)).collect();
+    if !memory.own_id().is_some_and(|own| memory.frames.team.slots.always_sends(own)) {
+        spans.extend(report.turns.iter().map(|&(slot, _)| (Of::Itself, slot..slot + 1)));
+        return spans;
     }
-    // All slots of its own from its first slot to its last knot.
-    let last = report.knots.last().map_or(report.first, |knot| knot.0);
-    others.chain([(Of::Itself, report.first..last.max(report.first) + 1)]).collect()
+    // All slots of its own from its first slot to its last knot, but for those in which it was silent and does not say so.
+    let last = report.knots.last().map_or(report.first, |knot| knot.0.max(report.first));
+    let turns = memory.own.into_iter().flat_map(|own| memory.reports.turns(own, report.first..last + 1));
+    let is_unsaid = |turn: &(u32, bool)| !turn.1 && !report.turns.contains(turn);
+    let mut begin = report.first;
+    for (slot, _) in turns.filter(is_unsaid) {
+        spans.push((Of::Itself, begin..slot));
+        begin = slot + 1;
+    }
+    spans.push((Of::Itself, begin..last + 1));
+    spans
 }
 
 /// How probable it is that a frame of this slot did not reach another one: by what that one reports or, where it says nothing, by what
 /// the vehicle itself heard of it about then.
 fn lost(memory: &Memory, other: Other<'_>, slot: Option<u32>) -> f64 {
-    let said = other.zip(slot).and_then(|((number, _), slot)| memory.reports.told_by(number)?.outcomes.get(&slot));
+    let slots = &memory.frames.team.slots;
+    // By another clock what was sent at will may have been heard in the stretch before or after.
+    let apart = slots.at_will.then(|| slots.at_once() as u32);
+    let said = other.zip(slot).and_then(|((number, _), slot)| memory.reports.told_by(number)?.said_about(slot, apart));
     match said {
         Some(Said::Heard) => MISTAKEN,
         Some(Said::Missed) => 1.0 - MISTAKEN,

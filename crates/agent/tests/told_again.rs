@@ -171,3 +171,22 @@ fn who_is_never_in_reach_does_not_keep_others_from_news() {
     let [_, last] = turns.next_told(&mut agent, PART + 30);
     assert_eq!(last, PART + 28);
 }
+
+#[test]
+fn a_slot_in_which_it_was_silent_is_not_told_before_it_says_so() {
+    let turns = Turns::telling_once();
+    let mut agent = turns.vehicle(0, 0..PART, |_| true);
+    turns.next_told(&mut agent, PART);
+    assert_eq!(agent.next_packet(Turns::time_s(PART + 2), 32).unwrap(), None);
+    // Its host finds out late, also of the last slot that the report reached.
+    for slot in [PART / 2, PART - 2] {
+        agent.stay_silent([Turns::time_s(slot)]).unwrap();
+        let frame = agent.next_packet(Turns::time_s(PART + 4), 32).unwrap().unwrap();
+        let (_, report, _) = agent.read_report(&frame).unwrap();
+        assert_eq!(
+            (report.first, report.tells_own, report.outcomes),
+            (slot, true, vec![pingmap_packet::Outcome::Missed])
+        );
+        assert_eq!(agent.next_packet(Turns::time_s(PART + 6), 32).unwrap(), None);
+    }
+}
