@@ -15,9 +15,10 @@ use proptest::prelude::*;
 /// Half a side of the square where everything happens, in metres.
 pub const REACH_M: f64 = 600.0;
 
-/// So many random cases; failing ones are printed and not kept in files.
+/// So many random cases, times `CASES_TIMES` where that is set; failing ones are printed and not kept in files.
 pub fn cases(count: u32) -> ProptestConfig {
-    ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(count) }
+    let times = std::env::var("CASES_TIMES").map_or(1, |times| times.parse().expect("CASES_TIMES is a number"));
+    ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(count * times) }
 }
 
 pub fn names(count: usize) -> Vec<VehicleId> {
