@@ -1,11 +1,13 @@
-//! What frames bring under way, beside what they would if each brought all earlier events of its sender, exactly placed: mean NLL of
-//! coming events by own events, by the team, by such frames, and by all earlier events of all without delay; and the share of what
-//! such frames bring that is known, event by event, when a frame is heard.
+//! What frames and spare bytes bring under way: mean NLL of coming events by own events, and by all earlier events of all without
+//! delay; and the share of what lies between them that is closed by frames, by frames that each bring all earlier events of their
+//! sender, exactly placed, and by two spare bytes of every transmission. Last, the shares of what such frames bring that are known, event
+//! by event, when a frame is heard, and that wait until it is known where they took place.
 //!
 //! Every so many of its transmissions a vehicle sends a frame of 32 bytes to whoever hears that, by the log. All that a transmission
-//! can tell is predicted before anybody learns from it. Vehicles send in turn.
+//! can tell is predicted before anybody learns from it. Vehicles send in turn. Of several missions shares are those of their sums,
+//! with the jackknife's standard error between missions.
 //!
-//! `cargo run --release -p pingmap-trial --example under_way -- events.csv every [model.toml]`
+//! `cargo run --release -p pingmap-trial --example under_way -- every model.toml events.csv...` (`-` for no model)
 
 #![allow(clippy::print_stdout, reason = "what it measures is its output")]
 
@@ -21,10 +23,13 @@ type Failure = Box<dyn Error + Send + Sync>;
 
 const FRAME_BYTES: usize = 32;
 
-/// A vehicle, and the same one if frames brought everything.
+const SPARE_BITS: usize = 16;
+
+/// A vehicle that hears frames, the same one if they brought everything, and the same one with spare bytes alone.
 struct Vehicle {
     agent: Agent,
     given: Agent,
+    spare: Agent,
     /// Its own events so far.
     events: Vec<Event>,
     /// How many events of each other one it was given.
@@ -32,14 +37,35 @@ struct Vehicle {
     transmissions: usize,
 }
 
-/// Mean NLL of events as they come.
-#[derive(Default)]
+/// Sums of the NLL of events as they come.
+#[derive(Default, Clone, Copy)]
 struct Scores {
     own: f64,
     team: f64,
     given: f64,
+    spare: f64,
     all: f64,
     count: f64,
+}
+
+impl Scores {
+    /// Which percentages of the gap between own events and all are closed by frames, by such that bring everything, by spare bytes.
+    fn closed(&self) -> [f64; 3] {
+        [self.team, self.given, self.spare].map(|nll| 100.0 * (self.own - nll) / (self.own - self.all))
+    }
+
+    /// Those of all missions but one, if one is named.
+    fn sum(missions: &[Self], but: Option<usize>) -> Self {
+        let counted = missions.iter().enumerate().filter(|(nth, _)| Some(*nth) != but);
+        counted.fold(Self::default(), |sum, (_, one)| Self {
+            own: sum.own + one.own,
+            team: sum.team + one.team,
+            given: sum.given + one.given,
+            spare: sum.spare + one.spare,
+            all: sum.all + one.all,
+            count: sum.count + one.count,
+        })
+    }
 }
 
 struct Run {
@@ -47,8 +73,8 @@ struct Run {
     vehicles: BTreeMap<VehicleId, Vehicle>,
     all: Agent,
     scores: Scores,
-    /// Of each frame that was heard, the share of what it might bring that is known.
-    shares: Vec<f64>,
+    /// Of each frame that was heard, the shares of what it might bring that are known and that wait.
+    shares: Vec<[f64; 2]>,
 }
 
 impl Run {
@@ -57,8 +83,9 @@ impl Run {
         let team = Arc::new(Team { slots, ..plan.team(log, None)?.0 });
         let who_is_given = |id: &str| Agent::new(VehicleId::new(id), team.clone()).owning_all_events();
         let vehicle = |id: VehicleId| {
-            let (agent, given) = (Agent::new(id.clone(), team.clone()), who_is_given(id.as_str()));
-            (id, Vehicle { agent, given, events: Vec::new(), known: BTreeMap::new(), transmissions: 0 })
+            let [agent, spare] = [(); 2].map(|()| Agent::new(id.clone(), team.clone()));
+            let given = who_is_given(id.as_str());
+            (id, Vehicle { agent, given, spare, events: Vec::new(), known: BTreeMap::new(), transmissions: 0 })
         };
         let vehicles = log.vehicles().into_iter().map(vehicle).collect();
         Ok(Self { every, vehicles, all: who_is_given("all"), scores: Scores::default(), shares: Vec::new() })
@@ -67,10 +94,13 @@ impl Run {
     /// One transmission: whoever listens predicts, learns, and reads what came with it.
     fn transmit(&mut self, events: &[Event]) -> Result<(), Failure> {
         let (sender, time_s) = (&events[0].transmitter_id, events[0].time_s);
-        let mut frame = None;
+        let (mut frame, mut bits) = (None, None);
         if let Some(vehicle) = self.vehicles.get_mut(sender) {
-            vehicle.agent.navigate([(time_s, events[0].link.transmitter)])?;
+            for agent in [&mut vehicle.agent, &mut vehicle.spare] {
+                agent.navigate([(time_s, events[0].link.transmitter)])?;
+            }
             vehicle.transmissions += 1;
+            bits = vehicle.spare.recent(time_s, SPARE_BITS);
             if vehicle.transmissions.is_multiple_of(self.every) {
                 vehicle.agent.refit()?;
                 frame = vehicle.agent.next_packet(time_s, FRAME_BYTES)?;
@@ -82,11 +112,17 @@ impl Run {
         for event in events {
             learn(&mut self.all, [event.clone()])?;
             let Some(vehicle) = self.vehicles.get_mut(&event.receiver_id) else { continue };
-            learn(&mut vehicle.agent, [event.clone()])?;
-            learn(&mut vehicle.given, [event.clone()])?;
+            for agent in [&mut vehicle.agent, &mut vehicle.given, &mut vehicle.spare] {
+                learn(agent, [event.clone()])?;
+            }
             vehicle.events.push(event.clone());
         }
         for event in events.iter().filter(|event| event.success) {
+            if let Some(vehicle) = self.vehicles.get_mut(&event.receiver_id)
+                && let Some(bits) = bits
+            {
+                vehicle.spare.receive_recent(sender, time_s, bits, SPARE_BITS);
+            }
             if let Some(frame) = &frame {
                 self.deliver(event, frame)?;
             }
@@ -101,6 +137,7 @@ impl Run {
         self.scores.own += nll(vehicle.agent.own_probabilities([attempt])?[0]);
         self.scores.team += nll(vehicle.agent.probability(attempt)?);
         self.scores.given += nll(vehicle.given.probability(attempt)?);
+        self.scores.spare += nll(vehicle.spare.probability(attempt)?);
         self.scores.all += nll(self.all.probability(attempt)?);
         self.scores.count += 1.0;
         Ok(())
@@ -115,7 +152,8 @@ impl Run {
         let known = vehicle.known.insert(sender.clone(), its.len()).unwrap_or_default();
         learn(&mut vehicle.given, its[known..].iter().cloned())?;
         let might_be = vehicle.known.values().sum::<usize>().max(1);
-        self.shares.push(vehicle.agent.told_events().0 as f64 / might_be as f64);
+        let (told, waiting) = vehicle.agent.told_events();
+        self.shares.push([told, waiting].map(|count| count as f64 / might_be as f64));
         Ok(())
     }
 }
@@ -130,30 +168,50 @@ fn learn(agent: &mut Agent, events: impl IntoIterator<Item = Event>) -> Result<(
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [events, every, model @ ..] = arguments.as_slice() else {
-        return Err("expected: events.csv every [model.toml]".into());
+    let [every, model, logs @ ..] = arguments.as_slice() else {
+        return Err("expected: every model.toml events.csv... (- for no model)".into());
     };
-    let log = EventLog::open(Path::new(events))?;
     let mut plan = Plan::new(Learning::default(), 1);
-    if let Some(model) = model.first() {
+    if model != "-" {
         plan.agreed = Agreed::Model(ModelFile::parse(&std::fs::read_to_string(model)?)?.model);
     }
-    let mut run = Run::new(&log, &plan, every.parse::<usize>()?.max(1))?;
+    println!("   own     all  closed, %:  frames  if all came  spare bytes   known of that  waiting");
+    let mut missions = Vec::new();
+    for path in logs {
+        let run = mission(&EventLog::open(Path::new(path))?, &plan, every.parse::<usize>()?.max(1))?;
+        let [known, waiting] =
+            [0, 1].map(|nth| run.shares.iter().map(|share| share[nth]).sum::<f64>() / run.shares.len().max(1) as f64);
+        let Scores { own, all, count, .. } = run.scores;
+        let [frames, given, spare] = run.scores.closed();
+        let [own, all] = [own, all].map(|sum| sum / count);
+        println!("{own:.4}  {all:.4}  {frames:18.0}  {given:11.0}  {spare:11.0}  {known:14.3}  {waiting:7.3}  {path}");
+        missions.push(run.scores);
+    }
+    if missions.len() > 1 {
+        let sum = Scores::sum(&missions, None);
+        let [own, all] = [sum.own, sum.all].map(|nll| nll / sum.count);
+        let [frames, given, spare] = [0, 1, 2].map(|nth| with_error(&missions, nth));
+        println!("{own:.4}  {all:.4}  {frames:>18}  {given:>11}  {spare:>11}  all together");
+    }
+    Ok(())
+}
+
+fn mission(log: &EventLog, plan: &Plan, every: usize) -> Result<Run, Failure> {
+    let mut run = Run::new(log, plan, every)?;
     let mut events = log.events.clone();
     events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s).then_with(|| a.transmitter_id.cmp(&b.transmitter_id)));
     let is_same = |a: &Event, b: &Event| a.time_s == b.time_s && a.transmitter_id == b.transmitter_id;
     for transmission in events.chunk_by(is_same) {
         run.transmit(transmission)?;
     }
-    let Scores { own, team, given, all, count } = run.scores;
-    let [own, team, given, all] = [own, team, given, all].map(|sum| sum / count);
-    let closed = |nll: f64| 100.0 * (own - nll) / (own - all);
-    println!("   own    team   closed, %  if all came  closed, %     all  known of that");
-    println!(
-        "{own:.4}  {team:.4}  {:10.0}  {given:11.4}  {:9.0}  {all:.4}  {:.3}",
-        closed(team),
-        closed(given),
-        run.shares.iter().sum::<f64>() / run.shares.len().max(1) as f64
-    );
-    Ok(())
+    Ok(run)
+}
+
+/// A share of all missions, and its standard error: how much it changes where one of them is left out.
+fn with_error(missions: &[Scores], nth: usize) -> String {
+    let count = missions.len() as f64;
+    let without: Vec<f64> = (0..missions.len()).map(|one| Scores::sum(missions, Some(one)).closed()[nth]).collect();
+    let mean = without.iter().sum::<f64>() / count;
+    let squares = without.iter().map(|one| (one - mean).powi(2)).sum::<f64>();
+    format!("{:.0} ± {:.0}", Scores::sum(missions, None).closed()[nth], (squares * (count - 1.0) / count).sqrt())
 }
