@@ -177,7 +177,9 @@ impl Memory {
         let Some(number) = self.frames.team.number(sender) else {
             return Arrived::refused(None, Refusal::NoMember { id: sender.clone() });
         };
-        slots.iter().for_each(|&slot| self.reports.insert_turn(number, slot, sent));
+        for &slot in slots.iter().filter(|&&slot| self.frames.is_turn_of(slot, Some(sender))) {
+            self.reports.insert_turn(number, slot, sent);
+        }
         self.arrived(number, Receipt::Accepted, [EVERY_SLOT])
     }
 

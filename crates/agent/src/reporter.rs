@@ -296,9 +296,9 @@ fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)], tellings: &Tellings
         if !memory.frames.is_heard_by(slot, sender) {
             let (outcome, says_something) = match memory.reports.turn(sender, slot) {
                 Some(true) => (Outcome::Heard, true),
-                _ if at_will => (Outcome::Untold, false),
+                Some(false) => (Outcome::Missed, at_will || is_in_force),
+                None if at_will => (Outcome::Untold, false),
                 None => (Outcome::Heard, is_in_force),
-                Some(false) => (Outcome::Missed, is_in_force),
             };
             return item(slot, Of::Itself, outcome, says_something);
         }

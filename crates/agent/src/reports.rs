@@ -91,12 +91,12 @@ impl Told {
         if moved.is_empty() { told } else { told.start.min(moved.start)..told.end.max(moved.end) }
     }
 
-    /// What it says of the transmission of a slot; if it heard that of the slot before or after, so many apart, it may be that one.
+    /// What it says of the transmission of a slot; where it says nothing of that, but heard that of the slot before or after, so many
+    /// apart, it is taken for that one.
     pub(crate) fn said_about(&self, slot: u32, apart: Option<u32>) -> Option<Said> {
-        let said = self.outcomes.get(&slot).copied();
-        let heard =
-            || apart.and_then(|apart| near(slot, apart).find(|slot| self.outcomes.get(slot) == Some(&Said::Heard)));
-        if said != Some(Said::Heard) && heard().is_some() { Some(Said::Heard) } else { said }
+        let is_heard = |slot: &u32| self.outcomes.get(slot) == Some(&Said::Heard);
+        let heard_near = || near(slot, apart?).find(is_heard).map(|_| Said::Heard);
+        self.outcomes.get(&slot).copied().or_else(heard_near)
     }
 
     /// The end of the counter below which packets speak of the same events, if there are any.
@@ -312,6 +312,6 @@ mod tests {
         let said = |apart| [0, 3, 6, 9, 15, 18, 21].map(|slot| told.said_about(slot, apart));
         let (heard, missed) = (Some(Said::Heard), Some(Said::Missed));
         assert_eq!(said(None), [None, heard, None, missed, missed, None, None]);
-        assert_eq!(said(Some(3)), [heard, heard, heard, heard, heard, None, None]);
+        assert_eq!(said(Some(3)), [heard, heard, heard, missed, missed, None, None]);
     }
 }

@@ -36,16 +36,16 @@ pub(crate) enum Of {
 #[derive(Debug)]
 pub(crate) struct Tellings {
     /// What was never told.
-    never: Telling,
+    never: Spread,
     /// From here on,
     begin: u32,
     /// by what is told.
-    told: [Vec<Telling>; 2],
+    told: [Vec<Spread>; 2],
 }
 
-/// What was told of one slot.
+/// How far it has spread what was told of one slot.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Telling {
+pub(crate) struct Spread {
     /// How often it was, where a frame counts as one that somebody heard as probably as one of which nothing is known.
     pub(crate) times: f64,
     /// How many others may be expected to learn it by the next frame.
@@ -54,7 +54,7 @@ pub(crate) struct Telling {
     nobody: f64,
 }
 
-impl Telling {
+impl Spread {
     /// Whether nobody else knows it, more probably than not.
     pub(crate) fn is_new(&self) -> bool {
         self.nobody > 0.5
@@ -75,36 +75,37 @@ impl Tellings {
             // Whoever listens is no member.
             others.push(None);
         }
-        let reports: Vec<Sending> = memory.reports.all(sender).map(|kept| Sending::of(memory, &others, kept)).collect();
+        let sent = memory.reports.all(sender).filter(|kept| !kept.sent.is_empty());
+        let reports: Vec<Sending> = sent.map(|kept| Sending::of(memory, sender, &others, kept)).collect();
         let all = || reports.iter().flat_map(|report| &report.spans).map(|(_, span)| span);
         let begin = all().map(|span| span.start).min().unwrap_or(0);
         let length = all().map(|span| span.end).max().map_or(0, |end| (end - begin) as usize);
-        let count = others.len();
-        let mut times = [(); 2].map(|()| vec![0.0; length]);
-        let mut unknown = [(); 2].map(|()| vec![1.0; length * count]);
-        for report in &reports {
-            for (of, span) in &report.spans {
-                let (first, end) = ((span.start - begin) as usize, (span.end - begin) as usize);
-                times[*of as usize][first..end].iter_mut().for_each(|times| *times += report.times);
-                for unknown in unknown[*of as usize][first * count..end * count].chunks_mut(count) {
-                    unknown.iter_mut().zip(&report.lost).for_each(|(unknown, lost)| *unknown *= lost);
-                }
+        let reached: Vec<f64> = others.iter().map(|other| 1.0 - lost_by_near(memory, *other, slot)).collect();
+        let never = Spread { times: 0.0, learning: reached.iter().sum(), nobody: 1.0 };
+        let mut told = [(); 2].map(|()| vec![Spread { learning: 0.0, ..never }; length]);
+        let place = |span: &Range<u32>| (span.start - begin) as usize..(span.end - begin) as usize;
+        for Sending { spans, times, .. } in &reports {
+            for (of, span) in spans {
+                told[*of as usize][place(span)].iter_mut().for_each(|told| told.times += times);
             }
         }
-        let reached: Vec<f64> = others.iter().map(|other| 1.0 - lost_by_near(memory, *other, slot)).collect();
-        let telling = |(times, unknown): (f64, &[f64])| Telling {
-            times,
-            learning: reached.iter().zip(unknown).map(|(reached, unknown)| reached * unknown).sum(),
-            nobody: unknown.iter().product(),
-        };
-        let told = [Of::Other, Of::Itself].map(|of| {
-            let (times, unknown) = (&times[of as usize], &unknown[of as usize]);
-            times.iter().copied().zip(unknown.chunks(count)).map(telling).collect()
-        });
-        Self { never: telling((0.0, &vec![1.0; count])), begin, told }
+        // One after the other: all of them at once would be slots × members.
+        for (nth, reached) in reached.iter().enumerate() {
+            let mut unknown = [(); 2].map(|()| vec![1.0; length]);
+            for Sending { spans, lost, .. } in &reports {
+                for (of, span) in spans {
+                    unknown[*of as usize][place(span)].iter_mut().for_each(|unknown| *unknown *= lost[nth]);
+                }
+            }
+            for (told, unknown) in told.iter_mut().flatten().zip(unknown.iter().flatten()) {
+                told.learning += reached * unknown;
+                told.nobody *= unknown;
+            }
+        }
+        Self { never, begin, told }
     }
 
-    pub(crate) fn get(&self, of: Of, slot: u32) -> Telling {
+    pub(crate) fn get(&self, of: Of, slot: u32) -> Spread {
         let place = slot.checked_sub(self.begin).map(|place| place as usize);
         place.and_then(|place| self.told[of as usize].get(place)).copied().unwrap_or(self.never)
     }
@@ -126,10 +127,13 @@ struct Sending {
 }
 
 impl Sending {
-    fn of(memory: &Memory, others: &[Other<'_>], kept: &Kept) -> Self {
-        let mut sending = Self { spans: spans(memory, kept), lost: vec![1.0; others.len()], times: 0.0 };
+    fn of(memory: &Memory, sender: u8, others: &[Other<'_>], kept: &Kept) -> Self {
+        let mut sending = Self { spans: spans(memory, sender, kept), lost: vec![1.0; others.len()], times: 0.0 };
         for Departure { slot, .. } in kept.sent.iter() {
-            let lost: Vec<f64> = others.iter().map(|other| lost(memory, *other, slot)).collect();
+            // It may have been silent after all.
+            let never_left = slot.is_some_and(|slot| memory.reports.turn(sender, slot) == Some(false));
+            let lost = |other: &Other<'_>| if never_left { 1.0 } else { lost(memory, *other, slot) };
+            let lost: Vec<f64> = others.iter().map(lost).collect();
             sending.lost.iter_mut().zip(&lost).for_each(|(all, lost)| *all *= lost);
             let reached = 1.0 - lost.into_iter().fold(1.0, f64::min);
             sending.times += (reached / (1.0 - LOST)).clamp(COUNTS_MIN, 1.0);
@@ -138,20 +142,20 @@ impl Sending {
     }
 }
 
-/// The slots that a report of the vehicle's own tells.
-fn spans(memory: &Memory, Kept { report, .. }: &Kept) -> Vec<(Of, Range<u32>)> {
+/// The slots that a report of the vehicle's own tells. What it says of slots of its own that turned out to be otherwise tells nothing.
+fn spans(memory: &Memory, sender: u8, Kept { report, .. }: &Kept) -> Vec<(Of, Range<u32>)> {
     let mut spans: Vec<(Of, Range<u32>)> =
         report.outcomes.iter().map(|&(slot, _)| (Of::Other, slot..slot + 1)).collect();
     if !memory.own_id().is_some_and(|own| memory.frames.team.slots.always_sends(own)) {
-        spans.extend(report.turns.iter().map(|&(slot, _)| (Of::Itself, slot..slot + 1)));
+        let holds = |&&(slot, sent): &&(u32, bool)| memory.reports.turn(sender, slot).is_none_or(|turn| turn == sent);
+        spans.extend(report.turns.iter().filter(holds).map(|&(slot, _)| (Of::Itself, slot..slot + 1)));
         return spans;
     }
-    // All slots of its own from its first slot to its last knot, but for those in which it was silent and does not say so.
+    // All from its first slot to its last knot, but for those in which it was silent and does not say so.
     let last = report.knots.last().map_or(report.first, |knot| knot.0.max(report.first));
-    let turns = memory.own.into_iter().flat_map(|own| memory.reports.turns(own, report.first..last + 1));
     let is_unsaid = |turn: &(u32, bool)| !turn.1 && !report.turns.contains(turn);
     let mut begin = report.first;
-    for (slot, _) in turns.filter(is_unsaid) {
+    for (slot, _) in memory.reports.turns(sender, report.first..last + 1).filter(is_unsaid) {
         spans.push((Of::Itself, begin..slot));
         begin = slot + 1;
     }

@@ -14,7 +14,7 @@ use proptest::prelude::*;
 /// The trip of a team without turns.
 fn at_will(trip: &Trip) -> Trip {
     let slots = Slots { start_s: -SLOT_S, ..Slots::at_will(SLOT_S / 2.0, names(trip.members())) };
-    Trip { team: Arc::new(Team { slots, ..(*trip.team).clone() }), ..trip.clone() }
+    Trip { team: Arc::new(Team { slots, ..(*trip.team).clone() }), ..trip.clone() }.trusting()
 }
 
 /// A vehicle that knows what it sent and heard, and nothing of what it missed. What it hears seems to come so much later.
@@ -138,4 +138,24 @@ fn a_ledger_takes_a_byte_for_each_transmission() {
     assert_eq!(times_s, [120.0, 160.0, 200.0, 240.0, 280.0, 320.0, 360.0]);
     assert!(other.recent(400.0, 16).is_none());
     assert!(matches!(agent.sent(&VehicleId::new("a ship"), [0.0]), Err(AgentError::NotMyTurn { .. })));
+}
+
+#[test]
+fn who_said_that_it_sent_can_take_it_back() {
+    let team = Arc::new(Team { slots: Slots::at_will(2.0, names(2)), ..team(2, model()) });
+    let [mut agent, mut other] = [0, 1].map(|number| {
+        let mut agent = vehicle(&team, number, []);
+        agent.navigate([0.0, 400.0].map(|time_s| (time_s, Position::new(500.0 * number as f64, 0.0)))).unwrap();
+        agent
+    });
+    let id = agent.id().clone();
+    agent.sent(&id, (0..4).map(|n| 40.0 * f64::from(n))).unwrap();
+    let mut unheard = |agent: &mut Agent| {
+        let frame = agent.next_packet(200.0, 64).unwrap().unwrap();
+        assert_eq!(other.receive(&frame, 200.0), Receipt::Accepted);
+        other.unheard(f64::NEG_INFINITY).iter().map(|event| event.time_s).collect::<Vec<_>>()
+    };
+    assert_eq!(unheard(&mut agent), [0.0, 40.0, 80.0, 120.0]);
+    agent.stay_silent([80.0]).unwrap();
+    assert_eq!(unheard(&mut agent), [0.0, 40.0, 120.0]);
 }

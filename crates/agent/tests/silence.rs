@@ -21,7 +21,7 @@ fn with_silence() -> impl Strategy<Value = (Trip, BTreeSet<u32>)> {
                 *outcome = outcome.map(|_| false);
             }
         }
-        (trip, silent)
+        (trip.trusting(), silent)
     })
 }
 

@@ -174,19 +174,63 @@ fn who_is_never_in_reach_does_not_keep_others_from_news() {
 
 #[test]
 fn a_slot_in_which_it_was_silent_is_not_told_before_it_says_so() {
+    // Slots of its own cost a bit each where it may be silent.
+    for (may_be_silent, part) in [(false, PART), (true, PART / 2)] {
+        let mut turns = Turns::telling_once();
+        if may_be_silent {
+            let slots = Slots { may_be_silent: names(1).into_iter().collect(), ..turns.team.slots.clone() };
+            turns.team = Arc::new(Team { slots, ..(*turns.team).clone() });
+        }
+        let mut agent = turns.vehicle(0, 0..part, |_| true);
+        turns.next_told(&mut agent, part);
+        assert_eq!(agent.next_packet(Turns::time_s(part + 2), 32).unwrap(), None);
+        // Its host finds out late, also of the last slot that the report reached.
+        for slot in [part / 2, part - 2] {
+            agent.stay_silent([Turns::time_s(slot)]).unwrap();
+            let frame = agent.next_packet(Turns::time_s(part + 4), 32).unwrap().unwrap();
+            let (_, report, _) = agent.read_report(&frame).unwrap();
+            assert_eq!((report.first, report.tells_own), (slot, true));
+            assert_eq!(report.outcomes, [pingmap_packet::Outcome::Missed]);
+            assert_eq!(agent.next_packet(Turns::time_s(part + 6), 32).unwrap(), None);
+        }
+    }
+}
+
+#[test]
+fn a_frame_of_a_slot_in_which_it_was_silent_never_left() {
     let turns = Turns::telling_once();
     let mut agent = turns.vehicle(0, 0..PART, |_| true);
     turns.next_told(&mut agent, PART);
     assert_eq!(agent.next_packet(Turns::time_s(PART + 2), 32).unwrap(), None);
-    // Its host finds out late, also of the last slot that the report reached.
-    for slot in [PART / 2, PART - 2] {
-        agent.stay_silent([Turns::time_s(slot)]).unwrap();
-        let frame = agent.next_packet(Turns::time_s(PART + 4), 32).unwrap().unwrap();
+    agent.stay_silent([Turns::time_s(PART)]).unwrap();
+    let [first, last] = turns.next_told(&mut agent, PART + 4);
+    assert!(first <= 1 && last >= PART - 1, "{first} to {last}");
+}
+
+#[test]
+fn what_was_heard_at_will_a_stretch_late_was_heard() {
+    let slots = Slots::at_will(SLOT_S / 2.0, names(2));
+    let turns = Turns { team: Arc::new(Team { slots, ..team(2, model()) }) };
+    let reports = Telling { points: false, reports: true };
+    let after = |heard: Range<u32>| {
+        // It says what it sent in two frames, one after each half.
+        let mut agent = vehicle(&turns.team, 0, []).telling(reports);
+        for half in [0..17, 17..34] {
+            agent.navigate(half.clone().map(|n| (Turns::time_s(n), turns.place(0)))).unwrap();
+            agent.sent(&names(1)[0], half.clone().map(Turns::time_s)).unwrap();
+            agent.next_packet(Turns::time_s(half.end - 1), 32).unwrap().unwrap();
+        }
+        let mut other = vehicle(&turns.team, 1, []).telling(reports);
+        other.navigate((0..34).map(|n| (Turns::time_s(n), turns.place(1)))).unwrap();
+        let link = Link { transmitter: turns.place(0), receiver: turns.place(1) };
+        for n in heard {
+            let late = event_at(1, Turns::time_s(n) + SLOT_S / 2.0, link, true);
+            other.observe(Event { transmitter_id: names(1).remove(0), ..late }).unwrap();
+        }
+        sent(&mut other, 8).iter().for_each(|frame| drop(agent.receive(frame, 0.0)));
+        let frame = agent.next_packet(Turns::time_s(40), 32).unwrap().unwrap();
         let (_, report, _) = agent.read_report(&frame).unwrap();
-        assert_eq!(
-            (report.first, report.tells_own, report.outcomes),
-            (slot, true, vec![pingmap_packet::Outcome::Missed])
-        );
-        assert_eq!(agent.next_packet(Turns::time_s(PART + 6), 32).unwrap(), None);
-    }
+        report.first == 0
+    };
+    assert!(after(33..34) && !after(16..17));
 }

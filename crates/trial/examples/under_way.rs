@@ -1,6 +1,6 @@
 //! What frames and spare bytes bring under way: mean NLL of coming events by own events, and by all earlier events of all without
 //! delay; and the share of what lies between them that is closed by frames, by frames that each bring all earlier events of their
-//! sender, exactly placed, and by two spare bytes of every transmission. Last, the shares of what such frames bring that are known, event
+//! sender, exactly placed, and by two spare bytes of every transmission (of which ten slots in a row are known). Last, the shares of what such frames bring that are known, event
 //! by event, when a frame is heard, and that wait until it is known where they took place.
 //!
 //! Every so many of its transmissions a vehicle sends a frame of 32 bytes to whoever hears that, by the log. All that a transmission
@@ -102,7 +102,10 @@ impl Run {
             vehicle.transmissions += 1;
             bits = vehicle.spare.recent(time_s, SPARE_BITS);
             if vehicle.transmissions.is_multiple_of(self.every) {
-                vehicle.agent.refit()?;
+                // All three of it are as fresh.
+                for agent in [&mut vehicle.agent, &mut vehicle.given, &mut vehicle.spare] {
+                    agent.refit()?;
+                }
                 frame = vehicle.agent.next_packet(time_s, FRAME_BYTES)?;
             }
         }

@@ -17,7 +17,8 @@ pub const REACH_M: f64 = 600.0;
 
 /// So many random cases, times `CASES_TIMES` where that is set; failing ones are printed and not kept in files.
 pub fn cases(count: u32) -> ProptestConfig {
-    let times = std::env::var("CASES_TIMES").map_or(1, |times| times.parse().expect("CASES_TIMES is a number"));
+    let times =
+        std::env::var("CASES_TIMES").map_or(1, |times| times.parse::<u32>().expect("CASES_TIMES is a number").max(1));
     ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(count * times) }
 }
 

@@ -35,6 +35,11 @@ impl Trip {
         Position::new(along(from.east_m, to.east_m), along(from.north_m, to.north_m))
     }
 
+    /// The same where everybody is believed: outcomes are any, so that somebody may well contradict all others.
+    pub fn trusting(self) -> Trip {
+        Trip { team: Arc::new(Team { surprise_max: 1e9, ..(*self.team).clone() }), ..self }
+    }
+
     pub fn members(&self) -> usize {
         self.turns.len()
     }
@@ -66,7 +71,11 @@ impl Trip {
         let reports = (0..self.slots).filter_map(|slot| {
             agent.navigate([(SLOT_S * f64::from(slot), self.at(number, slot))]).unwrap();
             agent.observe_all(self.event(slot, number)).unwrap();
-            if slot % 5 == 4 { agent.next_packet(f64::from(slot), agent.team().frame_bytes).unwrap() } else { None }
+            if slot % 5 == 4 {
+                agent.next_packet(SLOT_S * f64::from(slot), agent.team().frame_bytes).unwrap()
+            } else {
+                None
+            }
         });
         reports.collect()
     }
@@ -106,9 +115,8 @@ pub fn trips() -> impl Strategy<Value = Trip> {
         let outcomes = prop::collection::vec(prop::collection::vec(outcome, members), slots as usize);
         (turns, outcomes).prop_map(move |(turns, outcomes)| {
             let team = team(members, model());
-            // Every turn is told, and in the middle of its cell: tracks are exact. Outcomes are any, so that somebody may well
-            // contradict all others.
-            let team = Team { track_off_max_m: 1e-6, tellings_max: 2, surprise_max: 1e9, ..team };
+            // Every turn is told, and in the middle of its cell: tracks are exact.
+            let team = Team { track_off_max_m: 1e-6, tellings_max: 2, ..team };
             Trip { team: Arc::new(team), slots, turns, outcomes }
         })
     })
