@@ -1,7 +1,8 @@
 //! What frames and spare bytes bring under way: mean NLL of coming events by own events, and by all earlier events of all without
 //! delay; and the share of what lies between them that is closed by frames, by frames that each bring all earlier events of their
-//! sender, exactly placed, and by two spare bytes of every transmission (of which ten slots in a row are known). Last, the shares of what such frames bring that are known, event
-//! by event, when a frame is heard, and that wait until it is known where they took place.
+//! sender, exactly placed, and by two spare bytes of every transmission (of which ten slots in a row are known). Last, the shares of
+//! what such frames bring that are known, event by event, when a frame is heard, and that wait until it is known where they took
+//! place.
 //!
 //! Every so many of its transmissions a vehicle sends a frame of 32 bytes to whoever hears that, by the log. All that a transmission
 //! can tell is predicted before anybody learns from it. Vehicles send in turn. Of several missions shares are those of their sums,
