@@ -17,6 +17,7 @@ use crate::memory::{Applied, Arrived, Memory};
 use crate::model::Model;
 use crate::receipt::{Counts, Receipt};
 use crate::refit::Start;
+use crate::spare::Aside;
 use crate::team::Team;
 
 /// One vehicle. Events may arrive late and in any order; packets may be lost, repeated and reordered. It does no input
@@ -75,6 +76,8 @@ pub struct Agent {
     pub(crate) muted: BTreeSet<u8>,
     pub(crate) counts: Counts,
     pub(crate) heard_s: BTreeMap<u8, f64>,
+    /// What it told in spare bits of late. No part of a snapshot: who lost it tells the same again.
+    pub(crate) asides: Vec<Aside>,
     /// Whether a link longer than any that was tried may be called better than its part of that length.
     pub(crate) may_rise: bool,
 }
@@ -107,6 +110,7 @@ impl Agent {
             muted: BTreeSet::new(),
             counts: Counts::default(),
             heard_s: BTreeMap::new(),
+            asides: Vec::new(),
             may_rise: false,
         }
     }

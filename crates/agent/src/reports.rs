@@ -263,6 +263,11 @@ impl Reports {
         })
     }
 
+    /// What a sender says of one slot, by reports or, where these do not speak of it, by spare bits.
+    pub(crate) fn said(&self, sender: u8, slot: u32) -> Option<Said> {
+        self.outcomes(sender, slot..slot + 1).next().map(|(_, said, _)| said)
+    }
+
     /// Everybody who said something.
     pub(crate) fn senders(&self) -> impl Iterator<Item = u8> {
         self.senders.keys().copied()

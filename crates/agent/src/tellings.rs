@@ -7,6 +7,7 @@ use crate::event::{Event, VehicleId};
 use crate::memory::Memory;
 use crate::packets::Departure;
 use crate::reports::{Kept, Said};
+use crate::spare::Aside;
 
 /// How probable it is that a frame was lost of which nothing is known.
 const LOST: f64 = 0.3;
@@ -68,6 +69,17 @@ impl Tellings {
     /// For a frame that goes in this slot, if that is known. Of those who are doubted nothing is known. O(slots that its reports speak
     /// of), for each other member.
     pub(crate) fn new(memory: &Memory, sender: u8, slot: Option<u32>, doubted: &BTreeSet<u8>) -> Self {
+        Self::with_asides(memory, sender, slot, doubted, &[])
+    }
+
+    /// The same, where it was told in spare bits, too.
+    pub(crate) fn with_asides(
+        memory: &Memory,
+        sender: u8,
+        slot: Option<u32>,
+        doubted: &BTreeSet<u8>,
+        asides: &[Aside],
+    ) -> Self {
         let members = memory.frames.team.members.iter().filter(|(number, _)| **number != sender);
         let mut others: Vec<Other<'_>> =
             members.map(|(&number, id)| (!doubted.contains(&number)).then_some((number, id))).collect();
@@ -76,7 +88,9 @@ impl Tellings {
             others.push(None);
         }
         let sent = memory.reports.all(sender).filter(|kept| !kept.sent.is_empty());
-        let reports: Vec<Sending> = sent.map(|kept| Sending::of(memory, sender, &others, kept)).collect();
+        let reports = sent.map(|kept| Sending::of(memory, sender, &others, kept));
+        let asides = asides.iter().map(|aside| Sending::of_aside(memory, &others, aside));
+        let reports: Vec<Sending> = reports.chain(asides).collect();
         let all = || reports.iter().flat_map(|report| &report.spans).map(|(_, span)| span);
         let begin = all().map(|span| span.start).min().unwrap_or(0);
         let length = all().map(|span| span.end).max().map_or(0, |end| (end - begin) as usize);
@@ -140,6 +154,15 @@ impl Sending {
         }
         sending
     }
+
+    /// What became of spare bits. Who says in such ones what it heard says as well which of them it has: neither are sealed.
+    fn of_aside(memory: &Memory, others: &[Other<'_>], Aside { sent_in, slots }: &Aside) -> Self {
+        let lost = |other: &Other<'_>| {
+            let said = other.zip(*sent_in).and_then(|((number, _), slot)| memory.reports.said(number, slot));
+            lost_by(said).unwrap_or_else(|| lost_by_near(memory, *other, *sent_in))
+        };
+        Self { spans: vec![(Of::Other, slots.clone())], lost: others.iter().map(lost).collect(), times: 1.0 }
+    }
 }
 
 /// The slots that a report of the vehicle's own tells. What it says of slots of its own that turned out to be otherwise tells nothing.
@@ -170,10 +193,15 @@ fn lost(memory: &Memory, other: Other<'_>, slot: Option<u32>) -> f64 {
     // By another clock what was sent at will may have been heard in the stretch before or after.
     let apart = slots.at_will.then(|| slots.at_once() as u32);
     let said = other.zip(slot).and_then(|((number, _), slot)| memory.reports.told_by(number)?.said_about(slot, apart));
-    match said {
-        Some(Said::Heard) => MISTAKEN,
-        Some(Said::Missed) => 1.0 - MISTAKEN,
-        Some(Said::Contradicted) | None => lost_by_near(memory, other, slot),
+    lost_by(said).unwrap_or_else(|| lost_by_near(memory, other, slot))
+}
+
+/// The same by what that one says.
+fn lost_by(said: Option<Said>) -> Option<f64> {
+    match said? {
+        Said::Heard => Some(MISTAKEN),
+        Said::Missed => Some(1.0 - MISTAKEN),
+        Said::Contradicted => None,
     }
 }
 

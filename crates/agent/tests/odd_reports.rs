@@ -76,7 +76,8 @@ fn what_a_report_says_otherwise_counts_at_once() {
     // Vehicle 0 sends in even slots, and saw the other one between.
     let seen = (0..9).map(|n| event_at(0, 20.0 * f64::from(n) - 1.0, trip.event(1, 0).unwrap().link, true));
     agent.observe_all(seen.map(|event| Event { transmitter_id: names(2).remove(1), ..event })).unwrap();
-    let wrong = Recent { newest: 14, outcomes: (0..8).map(|n| (14 - 2 * n) % 4 >= 2).collect() };
+    // Of slots 14 and 15, number 7.
+    let wrong = Recent { newest: 7, outcomes: (0..8).map(|n| (14 - 2 * n) % 4 >= 2).collect() };
     let report = sent(&mut trip.vehicle(1), 1).remove(0);
     let link = trip.event(0, 1).unwrap().link;
     let mut never = agent.clone();

@@ -4,6 +4,7 @@
 
 mod common;
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use common::trip::*;
@@ -117,41 +118,109 @@ fn vec_of_lost() -> impl Strategy<Value = Vec<bool>> {
     prop::collection::vec(prop::bool::weighted(0.3), 7)
 }
 
+/// What a vehicle says in its spare bits in a slot: of which slots, and whether it heard what was sent in them, the newest first.
+fn said(agent: &mut Agent, number: usize, slot: u32) -> Option<Vec<(u32, bool)>> {
+    let bits = agent.recent(SLOT_S * f64::from(slot), N_BITS)?;
+    assert_eq!(agent.recent(SLOT_S * f64::from(slot), N_BITS), Some(bits), "asked again in slot {slot}");
+    let Recent { newest, outcomes } = Recent::decode(bits, N_BITS).unwrap();
+    let number_of = |slot: &u32| (slot / Recent::SLOTS_PER_NUMBER) % Recent::NUMBERS == u32::from(newest);
+    let newest = (0..=slot).rev().find(number_of).unwrap() / Recent::SLOTS_PER_NUMBER;
+    let slots = (0..=Recent::last_slot(newest)).rev().filter(|slot| *slot as usize % 3 != number);
+    Some(slots.zip(outcomes).collect())
+}
+
+/// What spare bits say that speak of ten slots back from this one.
+fn about(number: usize, newest: u32, is_heard: impl Fn(u32) -> bool) -> u64 {
+    let number_of = (newest / Recent::SLOTS_PER_NUMBER) % Recent::NUMBERS;
+    let slots = (0..=newest).rev().filter(|slot| *slot as usize % 3 != number);
+    Recent { newest: number_of as u8, outcomes: slots.take(10).map(is_heard).collect() }.encode()
+}
+
 #[test]
 fn what_was_not_listened_to_is_never_told() {
     // Vehicle 1 slept through slots 40 to 44, of which it could hear 41, 42 and 44.
-    let trip = still(60, |slot, receiver| (receiver != 1 || !(40..45).contains(&slot)).then_some(slot % 2 == 0));
+    let was_heard = |slot: u32| slot.is_multiple_of(2);
+    let trip = still(60, |slot, receiver| (receiver != 1 || !(40..45).contains(&slot)).then_some(was_heard(slot)));
     let mut agent = trip.vehicle(1);
-    let recent = |agent: &Agent, slot: u32| {
-        let bits = agent.recent(SLOT_S * f64::from(slot), N_BITS)?;
-        Some(Recent::decode(bits, N_BITS).unwrap())
-    };
-    assert_eq!(recent(&agent, 39).unwrap().newest, 39);
-    // The ten before its sleep, until there are ten behind it.
-    for slot in [43, 52, 57] {
-        assert_eq!(recent(&agent, slot).unwrap().newest, 39, "{slot}");
+    let mut told = BTreeSet::new();
+    for slot in (61..156).step_by(3) {
+        let said = said(&mut agent, 1, slot).unwrap();
+        assert!(said.len() == 10 || said.last().unwrap().0 == 0, "nothing was before slot 0: {said:?}");
+        for (about, heard) in said {
+            assert!(!(40..45).contains(&about) && about < 60, "{about}");
+            assert_eq!(heard, was_heard(about), "{about}");
+            told.insert(about);
+        }
     }
-    let newest = recent(&agent, 59).unwrap();
-    assert_eq!((newest.newest, newest.outcomes.len()), (59, 10));
-    assert_eq!(&newest.outcomes[..3], [false, false, true], "slots 59, 57, 56: {newest:?}");
-    // After half the numbers it says nothing of these any more.
-    assert_eq!(recent(&agent, 59 + 31).map(|recent| recent.newest), Some(59));
-    assert_eq!(recent(&agent, 59 + 33), None);
-    let mut listener = trip.vehicle(0);
-    for spare in messages(&trip, 1) {
-        read(&mut listener, &spare);
-    }
-    let told = listener.told_events().0 + listener.told_events().1;
-    assert!(told > 20 && told <= trip.events(1).len(), "{told}");
-    // A message that waits for long still speaks of the same slots.
-    let bits = agent.recent(SLOT_S * 39.0, N_BITS).unwrap();
-    let mut late = trip.vehicle(0);
-    late.receive_recent(&names(2)[1], SLOT_S * 39.0, bits, N_BITS);
-    let at_once = late.snapshot();
-    let mut later = trip.vehicle(0);
-    later.receive_recent(&names(2)[1], SLOT_S * 100.0, bits, N_BITS);
-    assert_eq!(later.snapshot(), at_once);
+    // All that there is but for what is in no run of ten, from 45 to 59 and up to 39.
+    let first = told.first().copied().unwrap();
+    assert_eq!(told.len(), trip.events(1).iter().filter(|event| event.time_s >= SLOT_S * f64::from(first)).count());
+    assert!(first <= 3, "{first}");
+    // Slots 58 and 59 have number 29: 48 numbers later it says nothing of them any more.
+    assert_eq!(agent.recent(SLOT_S * 156.0, N_BITS), None);
     agent.refit().unwrap();
+}
+
+#[test]
+fn a_message_that_waits_speaks_of_the_same_slots() {
+    let trip = still(200, |slot, receiver| Some(!(slot as usize * 7 + receiver).is_multiple_of(3)));
+    for (number, time_s, bits) in (1..3).flat_map(|number| messages(&trip, number)) {
+        let after = |slots: u32| {
+            let mut listener = trip.vehicle(0);
+            read(&mut listener, &(number, time_s + SLOT_S * f64::from(slots), bits));
+            listener.snapshot()
+        };
+        let at_once = after(0);
+        assert!([1, 2, 3, 29, 30].into_iter().all(|slots| after(slots) == at_once), "{number} {time_s}");
+    }
+}
+
+#[test]
+fn what_was_lost_is_told_again_when_others_hear_again() {
+    // Nobody hears anybody for longer than ten outcomes reach back.
+    let heard = |slot: u32| !(20..80).contains(&slot);
+    let trip = still(120, |slot, _| Some(heard(slot)));
+    let mut agents: Vec<Agent> = (0..3).map(|number| Agent::new(names(3).remove(number), trip.team.clone())).collect();
+    for slot in 0..trip.slots {
+        let (sender, time_s) = (slot as usize % 3, SLOT_S * f64::from(slot));
+        let bits = agents[sender].recent(time_s, N_BITS);
+        for receiver in (0..3).filter(|&receiver| receiver != sender) {
+            agents[receiver].observe_all(trip.event(slot, receiver)).unwrap();
+            if let Some(bits) = bits.filter(|_| heard(slot)) {
+                read(&mut agents[receiver], &(sender, time_s, bits));
+            }
+        }
+    }
+    for (number, agent) in agents.iter().enumerate() {
+        let (told, waiting) = agent.told_events();
+        let all: usize = (0..3).filter(|&other| other != number).map(|other| trip.events(other).len()).sum();
+        // What they heard last they have not said. Ten outcomes of each would leave sixty untold.
+        assert!((all - 8..=all).contains(&(told + waiting)), "{number}: {told} and {waiting} of {all}");
+    }
+}
+
+#[test]
+fn what_nobody_says_that_it_heard_is_told_first() {
+    let trip = still(60, |_, _| Some(true));
+    let slots = [61, 64, 67, 70];
+    for lost in slots {
+        let mut agent = trip.vehicle(1);
+        let mut windows = Vec::new();
+        for slot in slots {
+            windows.push(said(&mut agent, 1, slot).unwrap());
+            for other in [0, 2] {
+                let bits = about(other, slot + 1, |slot| slot != lost);
+                agent.receive_recent(&names(other + 1)[other], SLOT_S * f64::from(slot + 2), bits, N_BITS);
+            }
+        }
+        // Each of them says what none before it did. One slot is between two of them, because two have one number.
+        let all: BTreeSet<u32> = windows.iter().flatten().map(|&(slot, _)| slot).collect();
+        assert!(all.len() >= 38, "{windows:?}");
+        let place = slots.iter().position(|slot| *slot == lost).unwrap();
+        let again = said(&mut agent, 1, 73).unwrap();
+        let of_lost = again.iter().filter(|said| windows[place].contains(said)).count();
+        assert!(of_lost >= 8, "{lost}: {again:?} {windows:?}");
+    }
 }
 
 #[test]

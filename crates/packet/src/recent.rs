@@ -4,9 +4,10 @@ use alloc::vec::Vec;
 
 use crate::error::Error;
 
-/// What a vehicle heard and missed of late, in 7 to 64 bits: from the lowest on, six for the number of the newest slot that is
-/// spoken of, modulo [`Recent::NUMBERS`], then one for every slot back from it in which the vehicle could hear somebody: 1 for
-/// heard, 0 for missed. The number is what keeps bits in step that had to wait in a queue.
+/// What a vehicle heard and missed of late, in 7 to 64 bits: from the lowest on, six for the number of the newest two slots that
+/// are spoken of, modulo [`Recent::NUMBERS`], then one for every slot back from the later one in which the vehicle could hear
+/// somebody: 1 for heard, 0 for missed. The number is what keeps bits in step that had to wait in a queue, and says which are told
+/// again. Two slots share one, which reaches twice as far back: where members take turns, one of them is often the vehicle's own.
 ///
 /// ```
 /// use pingmap_packet::Recent;
@@ -18,9 +19,9 @@ use crate::error::Error;
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Recent {
-    /// Number of the newest slot, modulo [`Recent::NUMBERS`].
+    /// Number of the newest slots, modulo [`Recent::NUMBERS`]: that of a slot over [`Recent::SLOTS_PER_NUMBER`], rounded down.
     pub newest: u8,
-    /// Whether the vehicle heard what was sent in it, and in those before: the newest first. 58 at most.
+    /// Whether the vehicle heard what was sent in these, and in those before: the newest first. 58 at most.
     pub outcomes: Vec<bool>,
 }
 
@@ -28,8 +29,16 @@ pub struct Recent {
 const NUMBER_BITS: usize = 6;
 
 impl Recent {
-    /// Slots whose numbers can be told apart.
+    /// Numbers that can be told apart.
     pub const NUMBERS: u32 = 1 << NUMBER_BITS;
+
+    /// Slots in a row that have one number.
+    pub const SLOTS_PER_NUMBER: u32 = 2;
+
+    /// The later of the slots that have this number: the first of which a vehicle speaks, if it could hear somebody in it.
+    pub fn last_slot(number: u32) -> u32 {
+        number.saturating_mul(Self::SLOTS_PER_NUMBER).saturating_add(Self::SLOTS_PER_NUMBER - 1)
+    }
 
     /// How many outcomes there are in so many bits.
     ///

@@ -1,12 +1,12 @@
 //! What frames and spare bytes bring under way: mean NLL of coming events by own events, and by all earlier events of all without
 //! delay; and the share of what lies between them that is closed by frames, by frames that each bring all earlier events of their
-//! sender, exactly placed, and by two spare bytes of every transmission (of which ten slots in a row are known). Last, the shares of
-//! what such frames bring that are known, event by event, when a frame is heard, and that wait until it is known where they took
-//! place.
+//! sender, exactly placed, and by two spare bytes of every transmission. Last, the shares of what such frames bring that are known,
+//! event by event, when a frame is heard, and that wait until it is known where they took place; and the share of their sender's
+//! earlier events that is known when spare bytes are heard.
 //!
 //! Every so many of its transmissions a vehicle sends a frame of 32 bytes to whoever hears that, by the log. All that a transmission
-//! can tell is predicted before anybody learns from it. Vehicles send in turn. Of several missions shares are those of their sums,
-//! with the jackknife's standard error between missions.
+//! can tell is predicted before anybody learns from it. Vehicles send in turn. Shares have the jackknife's standard error, between
+//! tenths of a mission or, where they are those of several missions together, between missions.
 //!
 //! `cargo run --release -p pingmap-trial --example under_way -- every model.toml events.csv...` (`-` for no model)
 
@@ -26,6 +26,9 @@ const FRAME_BYTES: usize = 32;
 
 const SPARE_BITS: usize = 16;
 
+/// Parts of a mission that errors go by.
+const TENTHS: usize = 10;
+
 /// A vehicle that hears frames, the same one if they brought everything, and the same one with spare bytes alone.
 struct Vehicle {
     agent: Agent,
@@ -35,6 +38,8 @@ struct Vehicle {
     events: Vec<Event>,
     /// How many events of each other one it was given.
     known: BTreeMap<VehicleId, usize>,
+    /// How many each other one had when it was heard last.
+    had: BTreeMap<VehicleId, usize>,
     transmissions: usize,
 }
 
@@ -55,9 +60,9 @@ impl Scores {
         [self.team, self.given, self.spare].map(|nll| 100.0 * (self.own - nll) / (self.own - self.all))
     }
 
-    /// Those of all missions but one, if one is named.
-    fn sum(missions: &[Self], but: Option<usize>) -> Self {
-        let counted = missions.iter().enumerate().filter(|(nth, _)| Some(*nth) != but);
+    /// Those of all parts but one, if one is named.
+    fn sum(parts: &[Self], but: Option<usize>) -> Self {
+        let counted = parts.iter().enumerate().filter(|(nth, _)| Some(*nth) != but);
         counted.fold(Self::default(), |sum, (_, one)| Self {
             own: sum.own + one.own,
             team: sum.team + one.team,
@@ -73,9 +78,12 @@ struct Run {
     every: usize,
     vehicles: BTreeMap<VehicleId, Vehicle>,
     all: Agent,
-    scores: Scores,
+    /// By tenths of the mission.
+    scores: Vec<Scores>,
     /// Of each frame that was heard, the shares of what it might bring that are known and that wait.
     shares: Vec<[f64; 2]>,
+    /// Of all spare bytes that were heard, the shares of their senders' events that are known.
+    spare_shares: Vec<f64>,
 }
 
 impl Run {
@@ -86,10 +94,28 @@ impl Run {
         let vehicle = |id: VehicleId| {
             let [agent, spare] = [(); 2].map(|()| Agent::new(id.clone(), team.clone()));
             let given = who_is_given(id.as_str());
-            (id, Vehicle { agent, given, spare, events: Vec::new(), known: BTreeMap::new(), transmissions: 0 })
+            (
+                id,
+                Vehicle {
+                    agent,
+                    given,
+                    spare,
+                    events: Vec::new(),
+                    known: BTreeMap::new(),
+                    had: BTreeMap::new(),
+                    transmissions: 0,
+                },
+            )
         };
         let vehicles = log.vehicles().into_iter().map(vehicle).collect();
-        Ok(Self { every, vehicles, all: who_is_given("all"), scores: Scores::default(), shares: Vec::new() })
+        Ok(Self {
+            every,
+            vehicles,
+            all: who_is_given("all"),
+            scores: Vec::new(),
+            shares: Vec::new(),
+            spare_shares: Vec::new(),
+        })
     }
 
     /// One transmission: whoever listens predicts, learns, and reads what came with it.
@@ -122,10 +148,8 @@ impl Run {
             vehicle.events.push(event.clone());
         }
         for event in events.iter().filter(|event| event.success) {
-            if let Some(vehicle) = self.vehicles.get_mut(&event.receiver_id)
-                && let Some(bits) = bits
-            {
-                vehicle.spare.receive_recent(sender, time_s, bits, SPARE_BITS);
+            if let Some(bits) = bits {
+                self.deliver_spare(event, bits);
             }
             if let Some(frame) = &frame {
                 self.deliver(event, frame)?;
@@ -138,13 +162,24 @@ impl Run {
         let Some(vehicle) = self.vehicles.get_mut(&event.receiver_id) else { return Ok(()) };
         let nll = |p: f64| Score::new(&[p], &[event.success]).map_or(f64::NAN, |score| score.nll);
         let attempt = event.attempt();
-        self.scores.own += nll(vehicle.agent.own_probabilities([attempt])?[0]);
-        self.scores.team += nll(vehicle.agent.probability(attempt)?);
-        self.scores.given += nll(vehicle.given.probability(attempt)?);
-        self.scores.spare += nll(vehicle.spare.probability(attempt)?);
-        self.scores.all += nll(self.all.probability(attempt)?);
-        self.scores.count += 1.0;
+        let Some(scores) = self.scores.last_mut() else { return Ok(()) };
+        scores.own += nll(vehicle.agent.own_probabilities([attempt])?[0]);
+        scores.team += nll(vehicle.agent.probability(attempt)?);
+        scores.given += nll(vehicle.given.probability(attempt)?);
+        scores.spare += nll(vehicle.spare.probability(attempt)?);
+        scores.all += nll(self.all.probability(attempt)?);
+        scores.count += 1.0;
         Ok(())
+    }
+
+    fn deliver_spare(&mut self, event: &Event, bits: u64) {
+        let sender = &event.transmitter_id;
+        let had = self.vehicles.get(sender).map_or(0, |vehicle| vehicle.events.len());
+        let Some(vehicle) = self.vehicles.get_mut(&event.receiver_id) else { return };
+        vehicle.spare.receive_recent(sender, event.time_s, bits, SPARE_BITS);
+        vehicle.had.insert(sender.clone(), had);
+        let might_be = vehicle.had.values().sum::<usize>().max(1);
+        self.spare_shares.push(vehicle.spare.told_events().0 as f64 / might_be as f64);
     }
 
     /// A frame comes to who heard it, and with it, in the other case, all earlier events of its sender.
@@ -179,25 +214,34 @@ fn main() -> Result<(), Failure> {
     if model != "-" {
         plan.agreed = Agreed::Model(ModelFile::parse(&std::fs::read_to_string(model)?)?.model);
     }
-    println!("   own     all  closed, %:  frames  if all came  spare bytes   known of that  waiting");
+    println!(
+        "   own     all  closed, %:  frames  if all came  spare bytes   known of that  waiting  known by spare bytes"
+    );
     let mut missions = Vec::new();
     for path in logs {
         let run = mission(&EventLog::open(Path::new(path))?, &plan, every.parse::<usize>()?.max(1))?;
-        let [known, waiting] =
-            [0, 1].map(|nth| run.shares.iter().map(|share| share[nth]).sum::<f64>() / run.shares.len().max(1) as f64);
-        let Scores { own, all, count, .. } = run.scores;
-        let [frames, given, spare] = run.scores.closed();
-        let [own, all] = [own, all].map(|sum| sum / count);
-        println!("{own:.4}  {all:.4}  {frames:18.0}  {given:11.0}  {spare:11.0}  {known:14.3}  {waiting:7.3}  {path}");
-        missions.push(run.scores);
+        let [known, waiting] = [0, 1].map(|nth| mean(run.shares.iter().map(|share| share[nth])));
+        let known_by_spare = mean(run.spare_shares.iter().copied());
+        println!("{}  {known:14.3}  {waiting:7.3}  {known_by_spare:20.3}  {path}", row(&run.scores));
+        missions.push(Scores::sum(&run.scores, None));
     }
     if missions.len() > 1 {
-        let sum = Scores::sum(&missions, None);
-        let [own, all] = [sum.own, sum.all].map(|nll| nll / sum.count);
-        let [frames, given, spare] = [0, 1, 2].map(|nth| with_error(&missions, nth));
-        println!("{own:.4}  {all:.4}  {frames:>18}  {given:>11}  {spare:>11}  all together");
+        println!("{}  all together", row(&missions));
     }
     Ok(())
+}
+
+fn mean(shares: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = shares.len().max(1) as f64;
+    shares.sum::<f64>() / count
+}
+
+/// What parts come to together, and the shares that are closed of the gap.
+fn row(parts: &[Scores]) -> String {
+    let sum = Scores::sum(parts, None);
+    let [own, all] = [sum.own, sum.all].map(|nll| nll / sum.count);
+    let [frames, given, spare] = [0, 1, 2].map(|nth| with_error(parts, nth));
+    format!("{own:.4}  {all:.4}  {frames:>18}  {given:>11}  {spare:>11}")
 }
 
 fn mission(log: &EventLog, plan: &Plan, every: usize) -> Result<Run, Failure> {
@@ -205,17 +249,21 @@ fn mission(log: &EventLog, plan: &Plan, every: usize) -> Result<Run, Failure> {
     let mut events = log.events.clone();
     events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s).then_with(|| a.transmitter_id.cmp(&b.transmitter_id)));
     let is_same = |a: &Event, b: &Event| a.time_s == b.time_s && a.transmitter_id == b.transmitter_id;
-    for transmission in events.chunk_by(is_same) {
-        run.transmit(transmission)?;
+    let transmissions: Vec<&[Event]> = events.chunk_by(is_same).collect();
+    for tenth in transmissions.chunks(transmissions.len().div_ceil(TENTHS)) {
+        run.scores.push(Scores::default());
+        for transmission in tenth {
+            run.transmit(transmission)?;
+        }
     }
     Ok(run)
 }
 
-/// A share of all missions, and its standard error: how much it changes where one of them is left out.
-fn with_error(missions: &[Scores], nth: usize) -> String {
-    let count = missions.len() as f64;
-    let without: Vec<f64> = (0..missions.len()).map(|one| Scores::sum(missions, Some(one)).closed()[nth]).collect();
+/// A share of all parts, and its standard error: by how much it changes where one of them is left out.
+fn with_error(parts: &[Scores], nth: usize) -> String {
+    let count = parts.len() as f64;
+    let without: Vec<f64> = (0..parts.len()).map(|one| Scores::sum(parts, Some(one)).closed()[nth]).collect();
     let mean = without.iter().sum::<f64>() / count;
     let squares = without.iter().map(|one| (one - mean).powi(2)).sum::<f64>();
-    format!("{:.0} ± {:.0}", Scores::sum(missions, None).closed()[nth], (squares * (count - 1.0) / count).sqrt())
+    format!("{:.0} ± {:.0}", Scores::sum(parts, None).closed()[nth], (squares * (count - 1.0) / count).sqrt())
 }

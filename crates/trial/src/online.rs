@@ -126,7 +126,7 @@ impl<'a> Run<'a> {
         let (slot, frame_bytes) = (*slot, self.online.team.frame_bytes);
         let is_due = self.riding.slot_every.is_some_and(|every| slot.is_multiple_of(every));
         let n_bits = 8 * self.riding.spare_bytes;
-        let recent = self.vehicles.get(sender).and_then(|agent| agent.recent(time_s, n_bits));
+        let recent = self.vehicles.get_mut(sender).and_then(|agent| agent.recent(time_s, n_bits));
         self.online.spare_bytes += recent.map_or(0, |_| self.riding.spare_bytes);
         let packet = match self.vehicles.get_mut(sender) {
             Some(agent) if is_due && agent.is_member() => {
