@@ -17,8 +17,8 @@ use crate::memory::{Applied, Arrived, Memory};
 use crate::model::Model;
 use crate::receipt::{Counts, Receipt};
 use crate::refit::Start;
-use crate::spare::Aside;
 use crate::team::Team;
+use crate::tellings::Aside;
 
 /// One vehicle. Events may arrive late and in any order; packets may be lost, repeated and reordered. It does no input
 /// or output and knows no clock.

@@ -8,19 +8,10 @@ use crate::agent::Agent;
 use crate::event::VehicleId;
 use crate::memory::Arrived;
 use crate::receipt::{Receipt, Refusal};
-use crate::tellings::{Of, Tellings};
+use crate::tellings::{Aside, Of, Tellings};
 
 /// Of how many numbers the newest may be: those that are left say how long a message may wait until its number means other slots.
 const NUMBERS_BACK: u32 = Recent::NUMBERS * 3 / 4;
-
-/// What a vehicle said in the spare bits of a message.
-#[derive(Debug, Clone)]
-pub(crate) struct Aside {
-    /// The slot of its own in which the message went, as far as is known.
-    pub(crate) sent_in: Option<u32>,
-    /// The slots that it speaks of.
-    pub(crate) slots: Range<u32>,
-}
 
 /// Slots in a row in all of which a vehicle could hear somebody and listened, and whether it heard: the newest first.
 #[derive(Debug)]

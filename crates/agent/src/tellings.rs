@@ -7,7 +7,6 @@ use crate::event::{Event, VehicleId};
 use crate::memory::Memory;
 use crate::packets::Departure;
 use crate::reports::{Kept, Said};
-use crate::spare::Aside;
 
 /// How probable it is that a frame was lost of which nothing is known.
 const LOST: f64 = 0.3;
@@ -30,6 +29,15 @@ pub(crate) enum Of {
     Other,
     /// Where the vehicle itself was, and whether it sent.
     Itself,
+}
+
+/// What a vehicle said in the spare bits of a message.
+#[derive(Debug, Clone)]
+pub(crate) struct Aside {
+    /// The slot of its own in which the message went, as far as is known.
+    pub(crate) sent_in: Option<u32>,
+    /// The slots that it speaks of.
+    pub(crate) slots: Range<u32>,
 }
 
 /// How often slots were told in reports, and how probable it is that others do not know it all the same. Who reports what it heard
