@@ -15,6 +15,7 @@ use crate::frames::Frames;
 use crate::heard::Heard;
 use crate::memory::{Applied, Arrived, Memory};
 use crate::model::Model;
+use crate::passing::Passing;
 use crate::receipt::{Counts, Receipt};
 use crate::refit::Start;
 use crate::team::Team;
@@ -78,6 +79,8 @@ pub struct Agent {
     pub(crate) heard_s: BTreeMap<u8, f64>,
     /// What it told in spare bits of late. No part of a snapshot: who lost it tells the same again.
     pub(crate) asides: Vec<Aside>,
+    /// What it might pass on.
+    pub(crate) passing: Passing,
     /// Whether a link longer than any that was tried may be called better than its part of that length.
     pub(crate) may_rise: bool,
 }
@@ -111,6 +114,7 @@ impl Agent {
             counts: Counts::default(),
             heard_s: BTreeMap::new(),
             asides: Vec::new(),
+            passing: Passing::default(),
             may_rise: false,
         }
     }
@@ -288,11 +292,6 @@ impl Agent {
         }
         self.counts.count(&receipt);
         receipt
-    }
-
-    /// Members of whom nothing counts.
-    pub(crate) fn doubted(&self) -> BTreeSet<u8> {
-        self.muted.union(&self.beliefs.left_out).copied().collect()
     }
 
     fn check_owner(&self, event: &Event) -> Result<(), AgentError> {

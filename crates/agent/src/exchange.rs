@@ -1,5 +1,8 @@
 //! What a vehicle takes in from the water, and what it gives.
 
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
 use dgpc::spread_out;
 use pingmap_packet::{Block, Earlier, Layout, MapMessage, Report as ReportMessage, ReportLayout};
 
@@ -10,6 +13,7 @@ use crate::entry::Entry;
 use crate::event::{Event, Link, VehicleId};
 use crate::heard::{Packets, counting};
 use crate::packets::PacketKey;
+use crate::passing::Worthy;
 use crate::planner::Planner;
 use crate::receipt::{Receipt, Refusal};
 use crate::reporter::Reporter;
@@ -23,9 +27,22 @@ const FRAMES_BEFORE: usize = 3;
 /// and so many for each that it has sent.
 const FRAMES_AGAIN: usize = 2;
 
+/// What may go next.
+enum Next {
+    Own(Vec<u8>),
+    Passed(Worthy),
+}
+
 impl Agent {
-    /// Takes in a packet. What it says is in the next prediction. (A time that is not finite is not noted.)
+    /// Takes in a packet. What it says is in the next prediction. `time_s` is when it was heard, whoever sent it then: others who
+    /// heard the vehicle whose turn it was have it, too. One that came by another link, or nobody knows when, has a time that is not
+    /// finite.
     pub fn receive(&mut self, bytes: &[u8], time_s: f64) -> Receipt {
+        if let Some(slot) = self.team().slots.turn_at(time_s)
+            && let Ok((sender, report)) = self.memory.frames.report(bytes)
+        {
+            self.passing.note(sender, Arc::new(report), slot);
+        }
         let arrived = self.memory.put_in(bytes, None);
         if arrived.receipt == Receipt::Accepted {
             arrived.sender.into_iter().for_each(|sender| self.note_time(sender, time_s));
@@ -75,7 +92,8 @@ impl Agent {
 
     /// The packet that tells most for a frame of so many bytes (at most the team's), of what is known by the last fit
     /// and the events beside it; `None` where nothing is worth a frame. It is a report, of single events and where it was, or a
-    /// map message, of what all its events say: reports go first where they are soon done (docs/method.md, section 8). Fits nothing:
+    /// map message, of what all its events say: reports go first where they are soon done (docs/method.md, section 8); or another's
+    /// report as it was heard, where others say that they missed it and may be expected to learn more of that. Fits nothing:
     /// whoever has time to [`Agent::refit`] before does. `time_s` is when the frame leaves: who heard the vehicle in that slot has
     /// it. Whoever may lose its memory writes an [`Agent::snapshot`] or an [`Entry::Sent`] before the packet leaves: a counter
     /// must not be used twice.
@@ -90,15 +108,13 @@ impl Agent {
         let counter = u16::try_from(self.memory.packets.counter_next(sender)).map_err(|_| used_up())?;
         let slot = self.team().slots.next_turn(time_s, &self.id);
         self.update()?;
-        let planned = if self.beliefs.nothing_new_in == Some(layout.frame_bytes) {
-            None
-        } else {
-            let tellings = Tellings::new(&self.memory, sender, slot, &self.doubted());
-            self.beliefs.recall_told(&self.memory, &tellings)?;
-            self.plan(sender, counter, layout, frame_bytes, tellings)?
+        let next = match self.beliefs.nothing_new_in == Some(layout.frame_bytes) {
+            true => None,
+            false => self.next(sender, counter, layout, frame_bytes, slot)?,
         };
-        let bytes = match planned {
-            Some(bytes) => bytes,
+        let bytes = match next {
+            Some(Next::Own(bytes)) => bytes,
+            Some(Next::Passed(worthy)) => return Ok(Some(self.passing.pass_on(worthy, slot))),
             None => {
                 self.beliefs.nothing_new_in = Some(layout.frame_bytes);
                 let Some(again) = self.repeat() else { return Ok(None) };
@@ -111,6 +127,34 @@ impl Agent {
         Ok(Some(bytes))
     }
 
+    /// What goes next: another's report if others may be expected to learn more of it than of any of its own.
+    fn next(
+        &mut self,
+        sender: u8,
+        counter: u16,
+        layout: &Layout,
+        frame_bytes: usize,
+        slot: Option<u32>,
+    ) -> Result<Option<Next>, AgentError> {
+        let doubted = self.doubted();
+        let tellings = Tellings::new(&self.memory, sender, slot, &doubted);
+        self.beliefs.recall_told(&self.memory, &tellings)?;
+        let reporter =
+            self.telling.reports.then(|| Reporter::new(&self.memory, sender, frame_bytes, counter, tellings));
+        if let Some(reporter) = &reporter
+            && let Some(worthy) = self.passing.best(&self.memory, slot, &doubted, frame_bytes)
+            && worthy.value > reporter.value()
+        {
+            return Ok(Some(Next::Passed(worthy)));
+        }
+        Ok(self.plan(sender, counter, layout, reporter)?.map(Next::Own))
+    }
+
+    /// Members of whom nothing counts.
+    pub(crate) fn doubted(&self) -> BTreeSet<u8> {
+        self.muted.union(&self.beliefs.left_out).copied().collect()
+    }
+
     /// A report or a map message. Events that are told one by one tell more than points do, because everybody can fit them together
     /// with all others; but a few points tell something of all that the vehicle knows, and most of a long mission is long untold.
     /// Nothing says how many frames will follow, but that some were sent. So reports go first where all is told within twice as many
@@ -120,12 +164,9 @@ impl Agent {
         sender: u8,
         counter: u16,
         layout: &Layout,
-        frame_bytes: usize,
-        tellings: Tellings,
+        reporter: Option<Reporter<'_>>,
     ) -> Result<Option<Vec<u8>>, AgentError> {
         let planner = self.planner(layout)?;
-        let reporter =
-            self.telling.reports.then(|| Reporter::new(&self.memory, sender, frame_bytes, counter, tellings));
         let frames_max = FRAMES_BEFORE + FRAMES_AGAIN * self.memory.sent_next() as usize;
         let begins = |reporter: &&Reporter<'_>| (1..=frames_max).contains(&reporter.frames_needed());
         let report = |reporter: &Reporter<'_>| -> Result<Option<Vec<u8>>, AgentError> {

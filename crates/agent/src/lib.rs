@@ -42,6 +42,7 @@ mod agent_error;
 mod entry;
 mod events;
 mod packets;
+mod passing;
 mod reports;
 mod frames;
 mod clock;

@@ -136,12 +136,7 @@ impl<'a> Reporter<'a> {
     /// frames, some of these are there, too, counted from its begin and from its end: much of a mission is like the rest of it, and
     /// it matters what goes first. Empty where nothing is worth telling (again).
     pub(crate) fn reports(&self) -> Vec<ReportMessage> {
-        let is_full = self.memory.reports.begin(self.sender) > 0;
-        // Where another one has to go for it, it must say something new.
-        let is_worth = |span: &Span| !is_full || self.sums[span.last + 1].new > self.sums[span.first].new;
-        // The latest of several.
-        let ends = self.at_ends().into_iter().filter(is_worth);
-        let Some(best) = ends.max_by(|a, b| a.value.total_cmp(&b.value)) else { return Vec::new() };
+        let Some(best) = self.best() else { return Vec::new() };
         let mut spans = Vec::new();
         let from_begin = self.in_frames(self.untold());
         if from_begin.len() > 1 {
@@ -153,6 +148,20 @@ impl<'a> Reporter<'a> {
         }
         spans.push(best);
         spans.into_iter().map(|span| self.message(span)).collect()
+    }
+
+    /// What that one is worth which is worth most: how much others may be expected to learn of it.
+    pub(crate) fn value(&self) -> f64 {
+        self.best().map_or(0.0, |best| best.value)
+    }
+
+    fn best(&self) -> Option<Span> {
+        let is_full = self.memory.reports.begin(self.sender) > 0;
+        // Where another one has to go for it, it must say something new.
+        let is_worth = |span: &Span| !is_full || self.sums[span.last + 1].new > self.sums[span.first].new;
+        // The latest of several.
+        let ends = self.at_ends().into_iter().filter(is_worth);
+        ends.max_by(|a, b| a.value.total_cmp(&b.value))
     }
 
     /// Full frames that begin or end where something does that is worth more than what is before or after it: what is left is in

@@ -121,6 +121,14 @@ pub(crate) struct Kept {
     pub(crate) sent: Sent,
 }
 
+/// A report of another member that went over the water.
+#[derive(Debug, Clone)]
+pub(crate) struct Passed {
+    pub(crate) report: Arc<Report>,
+    /// The slots in which it did, whoever sent it then.
+    pub(crate) slots: BTreeSet<u32>,
+}
+
 #[derive(Debug, Clone, Default)]
 struct Sender {
     /// By the slot that they begin at, and their bytes.

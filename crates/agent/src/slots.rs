@@ -165,9 +165,14 @@ impl Slots {
             let place = self.order.iter().position(|member| member == id)? as u32;
             return Some(number + place).filter(|&number| number < SLOTS);
         }
+        self.turn_at(time_s).filter(|&begin| self.sender(begin) == Some(id))
+    }
+
+    /// The slot of what is sent at this time, by whomever, of several at one time the first; `None` where all send at will.
+    pub(crate) fn turn_at(&self, time_s: f64) -> Option<u32> {
+        let number = self.number(time_s).filter(|_| !self.at_will)?;
         // A turn may go on over several slots.
-        let begin = (0..=number).rev().take(self.order_max()).find(|&number| self.sender(number).is_some())?;
-        (self.sender(begin) == Some(id)).then_some(begin)
+        (0..=number).rev().take(self.order_max()).find(|&number| self.sender(number).is_some())
     }
 
     /// The slot of what this vehicle sends at this time or, where it is not its turn, in its next one; `None` before the first slot,

@@ -6,7 +6,7 @@ use std::ops::Range;
 use crate::event::{Event, VehicleId};
 use crate::memory::Memory;
 use crate::packets::Departure;
-use crate::reports::{Kept, Said};
+use crate::reports::{Kept, Passed, Report, Said};
 
 /// How probable it is that a frame was lost of which nothing is known.
 const LOST: f64 = 0.3;
@@ -68,6 +68,11 @@ impl Spread {
     pub(crate) fn is_new(&self) -> bool {
         self.nobody > 0.5
     }
+
+    /// What telling it once more is worth, if it is told so many times at most.
+    pub(crate) fn value(&self, tellings_max: u8) -> f64 {
+        if self.times < f64::from(tellings_max) { self.learning } else { 0.0 }
+    }
 }
 
 /// Another member, and its number if it says what it heard and is believed.
@@ -98,7 +103,22 @@ impl Tellings {
         let sent = memory.reports.all(sender).filter(|kept| !kept.sent.is_empty());
         let reports = sent.map(|kept| Sending::of(memory, sender, &others, kept));
         let asides = asides.iter().map(|aside| Sending::of_aside(memory, &others, aside));
-        let reports: Vec<Sending> = reports.chain(asides).collect();
+        Self::of(memory, &others, slot, &reports.chain(asides).collect::<Vec<_>>())
+    }
+
+    /// Of reports of another member, which go once more in this slot of the vehicle's own: what third ones do not know. Of those who are
+    /// doubted nobody knows what they have.
+    pub(crate) fn of_passed(memory: &Memory, sender: u8, slot: u32, doubted: &BTreeSet<u8>, passed: &[Passed]) -> Self {
+        let members = memory.frames.team.members.iter();
+        let is_third = |number: &u8| *number != sender && Some(*number) != memory.own && !doubted.contains(number);
+        let others: Vec<Other<'_>> =
+            members.filter(|(number, _)| is_third(number)).map(|(&number, id)| Some((number, id))).collect();
+        let reports: Vec<Sending> =
+            passed.iter().map(|passed| Sending::of_passed(memory, sender, &others, passed)).collect();
+        Self::of(memory, &others, Some(slot), &reports)
+    }
+
+    fn of(memory: &Memory, others: &[Other<'_>], slot: Option<u32>, reports: &[Sending]) -> Self {
         let all = || reports.iter().flat_map(|report| &report.spans).map(|(_, span)| span);
         let begin = all().map(|span| span.start).min().unwrap_or(0);
         let length = all().map(|span| span.end).max().map_or(0, |end| (end - begin) as usize);
@@ -106,7 +126,7 @@ impl Tellings {
         let never = Spread { times: 0.0, learning: reached.iter().sum(), nobody: 1.0 };
         let mut told = [(); 2].map(|()| vec![Spread { learning: 0.0, ..never }; length]);
         let place = |span: &Range<u32>| (span.start - begin) as usize..(span.end - begin) as usize;
-        for Sending { spans, times, .. } in &reports {
+        for Sending { spans, times, .. } in reports {
             for (of, span) in spans {
                 told[*of as usize][place(span)].iter_mut().for_each(|told| told.times += times);
             }
@@ -114,7 +134,7 @@ impl Tellings {
         // One after the other: all of them at once would be slots × members.
         for (nth, reached) in reached.iter().enumerate() {
             let mut unknown = [(); 2].map(|()| vec![1.0; length]);
-            for Sending { spans, lost, .. } in &reports {
+            for Sending { spans, lost, .. } in reports {
                 for (of, span) in spans {
                     unknown[*of as usize][place(span)].iter_mut().for_each(|unknown| *unknown *= lost[nth]);
                 }
@@ -150,7 +170,8 @@ struct Sending {
 
 impl Sending {
     fn of(memory: &Memory, sender: u8, others: &[Other<'_>], kept: &Kept) -> Self {
-        let mut sending = Self { spans: spans(memory, sender, kept), lost: vec![1.0; others.len()], times: 0.0 };
+        let mut sending =
+            Self { spans: spans(memory, sender, &kept.report), lost: vec![1.0; others.len()], times: 0.0 };
         for Departure { slot, .. } in kept.sent.iter() {
             // It may have been silent after all.
             let never_left = slot.is_some_and(|slot| memory.reports.turn(sender, slot) == Some(false));
@@ -171,13 +192,28 @@ impl Sending {
         };
         Self { spans: vec![(Of::Other, slots.clone())], lost: others.iter().map(lost).collect(), times: 1.0 }
     }
+
+    /// What became of another's report, whoever passed it on.
+    fn of_passed(memory: &Memory, sender: u8, others: &[Other<'_>], Passed { report, slots }: &Passed) -> Self {
+        let mut sending = Self { spans: spans(memory, sender, report), lost: vec![1.0; others.len()], times: 0.0 };
+        for &slot in slots {
+            let lost: Vec<f64> = others.iter().map(|other| lost_of_another(memory, *other, slot)).collect();
+            sending.lost.iter_mut().zip(&lost).for_each(|(all, lost)| *all *= lost);
+            if memory.frames.is_turn_of(slot, memory.own_id()) {
+                let reached = 1.0 - lost.into_iter().fold(1.0, f64::min);
+                sending.times += (reached / (1.0 - LOST)).clamp(COUNTS_MIN, 1.0);
+            }
+        }
+        sending
+    }
 }
 
-/// The slots that a report of the vehicle's own tells. What it says of slots of its own that turned out to be otherwise tells nothing.
-fn spans(memory: &Memory, sender: u8, Kept { report, .. }: &Kept) -> Vec<(Of, Range<u32>)> {
+/// The slots that a report tells. What it says of slots of its sender's own that turned out to be otherwise tells nothing.
+pub(crate) fn spans(memory: &Memory, sender: u8, report: &Report) -> Vec<(Of, Range<u32>)> {
     let mut spans: Vec<(Of, Range<u32>)> =
         report.outcomes.iter().map(|&(slot, _)| (Of::Other, slot..slot + 1)).collect();
-    if !memory.own_id().is_some_and(|own| memory.frames.team.slots.always_sends(own)) {
+    let id = memory.frames.team.members.get(&sender);
+    if !id.is_some_and(|id| memory.frames.team.slots.always_sends(id)) {
         let holds = |&&(slot, sent): &&(u32, bool)| memory.reports.turn(sender, slot).is_none_or(|turn| turn == sent);
         spans.extend(report.turns.iter().filter(holds).map(|&(slot, _)| (Of::Itself, slot..slot + 1)));
         return spans;
@@ -204,7 +240,25 @@ fn lost(memory: &Memory, other: Other<'_>, slot: Option<u32>) -> f64 {
     lost_by(said).unwrap_or_else(|| lost_by_near(memory, other, slot))
 }
 
-/// The same by what that one says.
+/// How probable it is that what somebody else sent in this slot did not reach another one: by what that one reports of it or, where it
+/// says nothing, of what the same one sent about then. Who reports nothing of it is taken to have everything.
+fn lost_of_another(memory: &Memory, other: Other<'_>, slot: u32) -> f64 {
+    let slots = &memory.frames.team.slots;
+    let Some(((number, id), from)) = other.zip(slots.sender(slot)) else { return 0.0 };
+    let Some(told) = memory.reports.told_by(number).filter(|_| from != id) else { return 0.0 };
+    let by_near = || {
+        let near = near_slots(memory);
+        let said = told.outcomes.range(slot.saturating_sub(near)..=slot.saturating_add(near));
+        let said = said.filter(|(slot, _)| slots.sender(**slot) == Some(from));
+        let [count, missed] = said.fold([0.0, 0.0], |[count, missed], (_, said)| {
+            [count + 1.0, missed + f64::from(u8::from(*said == Said::Missed))]
+        });
+        missed / (1.0 + count)
+    };
+    lost_by(told.said_about(slot, None)).unwrap_or_else(by_near)
+}
+
+/// How probable that is by what that one says of the slot.
 fn lost_by(said: Option<Said>) -> Option<f64> {
     match said? {
         Said::Heard => Some(MISTAKEN),
@@ -217,7 +271,7 @@ fn lost_by(said: Option<Said>) -> Option<f64> {
 fn lost_by_near(memory: &Memory, other: Other<'_>, slot: Option<u32>) -> f64 {
     let Some(((_, id), slot)) = other.zip(slot) else { return LOST };
     let team = &memory.frames.team;
-    let near = NEAR_ROUNDS * team.slots.order_max().max(team.members.len()) as u32;
+    let near = near_slots(memory);
     let begin_s = |slot: u32| team.slots.begin_s(slot).unwrap_or(f64::INFINITY);
     let end_s = begin_s(slot.saturating_add(near + 1));
     let known = memory.sent_since(begin_s(slot.saturating_sub(near)));
@@ -229,4 +283,10 @@ fn lost_by_near(memory: &Memory, other: Other<'_>, slot: Option<u32>) -> f64 {
         false => [heard, missed + 1.0],
     });
     (LOST + missed) / (1.0 + heard + missed)
+}
+
+/// So many slots before and after are about then.
+fn near_slots(memory: &Memory) -> u32 {
+    let team = &memory.frames.team;
+    NEAR_ROUNDS * team.slots.order_max().max(team.members.len()) as u32
 }

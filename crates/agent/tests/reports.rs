@@ -108,7 +108,8 @@ proptest! {
     #[test]
     fn a_snapshot_holds_reports_and_where_it_was(trip in trips()) {
         let mut agent = trip.vehicle(0);
-        trip.reports().iter().for_each(|report| { agent.receive(report, 0.0); });
+        // When they were heard, which says who else has them, is no part of it.
+        trip.reports().iter().for_each(|report| { agent.receive(report, f64::NAN); });
         agent.refit().unwrap();
         agent.next_packet(0.0, 32).unwrap();
         let snapshot = agent.snapshot();
