@@ -6,7 +6,7 @@ use std::ops::Range;
 use crate::event::{Event, VehicleId};
 use crate::memory::Memory;
 use crate::packets::Departure;
-use crate::reports::{Kept, Passed, Report, Said};
+use crate::reports::{Kept, Passed, Report, Said, Told};
 
 /// How probable it is that a frame was lost of which nothing is known.
 const LOST: f64 = 0.3;
@@ -103,7 +103,8 @@ impl Tellings {
         let sent = memory.reports.all(sender).filter(|kept| !kept.sent.is_empty());
         let reports = sent.map(|kept| Sending::of(memory, sender, &others, kept));
         let asides = asides.iter().map(|aside| Sending::of_aside(memory, &others, aside));
-        Self::of(memory, &others, slot, &reports.chain(asides).collect::<Vec<_>>())
+        let reached = others.iter().map(|other| 1.0 - lost_by_near(memory, *other, slot));
+        Self::of(&reached.collect::<Vec<_>>(), &reports.chain(asides).collect::<Vec<_>>())
     }
 
     /// Of reports of another member, which go once more in this slot of the vehicle's own: what third ones do not know. Of those who are
@@ -115,14 +116,18 @@ impl Tellings {
             members.filter(|(number, _)| is_third(number)).map(|(&number, id)| Some((number, id))).collect();
         let reports: Vec<Sending> =
             passed.iter().map(|passed| Sending::of_passed(memory, sender, &others, passed)).collect();
-        Self::of(memory, &others, Some(slot), &reports)
+        // What its sender's own next frame brings need not be passed on.
+        let reached = others
+            .iter()
+            .map(|other| (1.0 - lost_by_near(memory, *other, Some(slot))) * missed_next(memory, *other, sender));
+        Self::of(&reached.collect::<Vec<_>>(), &reports)
     }
 
-    fn of(memory: &Memory, others: &[Other<'_>], slot: Option<u32>, reports: &[Sending]) -> Self {
+    /// For a frame that reaches others as probably as this.
+    fn of(reached: &[f64], reports: &[Sending]) -> Self {
         let all = || reports.iter().flat_map(|report| &report.spans).map(|(_, span)| span);
         let begin = all().map(|span| span.start).min().unwrap_or(0);
         let length = all().map(|span| span.end).max().map_or(0, |end| (end - begin) as usize);
-        let reached: Vec<f64> = others.iter().map(|other| 1.0 - lost_by_near(memory, *other, slot)).collect();
         let never = Spread { times: 0.0, learning: reached.iter().sum(), nobody: 1.0 };
         let mut told = [(); 2].map(|()| vec![Spread { learning: 0.0, ..never }; length]);
         let place = |span: &Range<u32>| (span.start - begin) as usize..(span.end - begin) as usize;
@@ -246,16 +251,26 @@ fn lost_of_another(memory: &Memory, other: Other<'_>, slot: u32) -> f64 {
     let slots = &memory.frames.team.slots;
     let Some(((number, id), from)) = other.zip(slots.sender(slot)) else { return 0.0 };
     let Some(told) = memory.reports.told_by(number).filter(|_| from != id) else { return 0.0 };
-    let by_near = || {
-        let near = near_slots(memory);
-        let said = told.outcomes.range(slot.saturating_sub(near)..=slot.saturating_add(near));
-        let said = said.filter(|(slot, _)| slots.sender(**slot) == Some(from));
-        let [count, missed] = said.fold([0.0, 0.0], |[count, missed], (_, said)| {
-            [count + 1.0, missed + f64::from(u8::from(*said == Said::Missed))]
-        });
-        missed / (1.0 + count)
-    };
-    lost_by(told.said_about(slot, None)).unwrap_or_else(by_near)
+    let near = near_slots(memory);
+    let about = slot.saturating_sub(near)..slot.saturating_add(near + 1);
+    lost_by(told.said_about(slot, None)).unwrap_or_else(|| missed(memory, told, from, about))
+}
+
+/// How probable it is that the next frame of a member does not reach another one, by what that one reports of it last.
+fn missed_next(memory: &Memory, other: Other<'_>, sender: u8) -> f64 {
+    let told = other.and_then(|(number, _)| memory.reports.told_by(number));
+    let (Some(told), Some(id)) = (told, memory.frames.team.members.get(&sender)) else { return 0.0 };
+    let last = told.outcomes.last_key_value().map_or(0, |(&last, _)| last);
+    missed(memory, told, id, last.saturating_sub(2 * near_slots(memory))..last + 1)
+}
+
+/// What share of a member's transmissions in these slots another one says it missed, beside one that it heard.
+fn missed(memory: &Memory, told: &Told, sender: &VehicleId, slots: Range<u32>) -> f64 {
+    let said = told.outcomes.range(slots).filter(|(slot, _)| memory.frames.team.slots.sender(**slot) == Some(sender));
+    let [count, missed] = said.fold([0.0, 0.0], |[count, missed], (_, said)| {
+        [count + 1.0, missed + f64::from(u8::from(*said == Said::Missed))]
+    });
+    missed / (1.0 + count)
 }
 
 /// How probable that is by what that one says of the slot.
