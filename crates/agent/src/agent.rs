@@ -187,7 +187,7 @@ impl Agent {
         out_of_turn(&self.memory.frames, &self.memory.events)
     }
 
-    /// When a member was last heard by a packet that counted.
+    /// When a member was last heard by a packet that counted, itself or by who passed it on.
     pub fn heard_s(&self, member: &VehicleId) -> Option<f64> {
         self.team().number(member).and_then(|number| self.heard_s.get(&number)).copied()
     }

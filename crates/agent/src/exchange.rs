@@ -34,20 +34,28 @@ enum Next {
 }
 
 impl Agent {
-    /// Takes in a packet. What it says is in the next prediction. `time_s` is when it was heard, whoever sent it then: others who
-    /// heard the vehicle whose turn it was have it, too. One that came by another link, or nobody knows when, has a time that is not
-    /// finite.
+    /// Takes in a packet. What it says is in the next prediction. `time_s` is when it was heard, in the turn of whoever sent it:
+    /// others who heard that one then have it, too. One that came by another link, or nobody knows when, has a time that is not finite.
     pub fn receive(&mut self, bytes: &[u8], time_s: f64) -> Receipt {
-        if let Some(slot) = self.team().slots.turn_at(time_s)
-            && let Ok((sender, report)) = self.memory.frames.report(bytes)
-        {
-            self.passing.note(sender, Arc::new(report), slot);
-        }
+        self.note_report(bytes, time_s);
         let arrived = self.memory.put_in(bytes, None);
         if arrived.receipt == Receipt::Accepted {
             arrived.sender.into_iter().for_each(|sender| self.note_time(sender, time_s));
         }
         self.arrived(arrived)
+    }
+
+    /// Notes in which slot a report went over the water, if the vehicle could hear somebody in it: it may be worth passing on.
+    fn note_report(&mut self, bytes: &[u8], time_s: f64) {
+        let could_hear = |slot: &u32| self.memory.own.is_some_and(|own| self.memory.frames.is_heard_by(*slot, own));
+        let Some(slot) = self.team().slots.turn_at(time_s).filter(could_hear) else { return };
+        let Ok((sender, report)) = self.memory.frames.report(bytes) else { return };
+        // What it speaks of must not be so long ago, or to come, that nobody keeps it.
+        let is_kept = |about: u32| (about.abs_diff(slot) as usize) < self.team().limits.slots_back_max;
+        let told = report.outcomes.iter().chain(&report.turns).map(|said| said.0);
+        if told.chain(report.knots.iter().map(|knot| knot.0)).chain([report.first]).all(is_kept) {
+            self.passing.note(sender, Arc::new(report), slot);
+        }
     }
 
     fn note_time(&mut self, sender: u8, time_s: f64) {
@@ -96,7 +104,7 @@ impl Agent {
     /// report as it was heard, where others say that they missed it and may be expected to learn more of that. Fits nothing:
     /// whoever has time to [`Agent::refit`] before does. `time_s` is when the frame leaves: who heard the vehicle in that slot has
     /// it. Whoever may lose its memory writes an [`Agent::snapshot`] or an [`Entry::Sent`] before the packet leaves: a counter
-    /// must not be used twice.
+    /// must not be used twice. Reports of others need no entry.
     ///
     /// # Errors
     /// [`AgentError::NotAMember`], [`AgentError::CountersUsedUp`], and [`AgentError::Team`] for a frame below 32 bytes.

@@ -10,6 +10,9 @@ use crate::tellings::{Of, Tellings, spans};
 /// So many reports of each other member may be passed on: those that went over the water last.
 const REPORTS_MAX: usize = 64;
 
+/// So many slots in which a report went are kept: the latest.
+const SLOTS_MAX: usize = 16;
+
 /// What must be learned of a report by all others together, as far as one may expect, that it is passed on.
 const LEARNED_MIN: f64 = 1.0;
 
@@ -34,7 +37,12 @@ impl Passing {
     pub(crate) fn note(&mut self, sender: u8, report: Arc<Report>, slot: u32) {
         let all = self.by_sender.entry(sender).or_default();
         match all.iter_mut().find(|passed| passed.report.bytes == report.bytes) {
-            Some(passed) => drop(passed.slots.insert(slot)),
+            Some(passed) => {
+                passed.slots.insert(slot);
+                while passed.slots.len() > SLOTS_MAX {
+                    passed.slots.pop_first();
+                }
+            }
             None => all.push(Passed { report, slots: BTreeSet::from([slot]) }),
         }
         if all.len() > REPORTS_MAX
@@ -45,7 +53,8 @@ impl Passing {
     }
 
     /// What of this others may be expected to learn most, if it goes in this slot of the vehicle's own, in a frame of so many bytes.
-    /// Nothing is passed on of members of whom nothing counts, nor to these. O(slots of the reports), for each other member.
+    /// Nothing is passed on of members of whom nothing counts, nor to these. O(slots from the first to the last that the reports speak
+    /// of), for each two other members of whom one misses the other.
     pub(crate) fn best(
         &self,
         memory: &Memory,

@@ -168,7 +168,7 @@ impl Slots {
         self.turn_at(time_s).filter(|&begin| self.sender(begin) == Some(id))
     }
 
-    /// The slot of what is sent at this time, by whomever, of several at one time the first; `None` where all send at will.
+    /// The slot of what is sent at this time, by whomever, of several at one time the last; `None` where all send at will.
     pub(crate) fn turn_at(&self, time_s: f64) -> Option<u32> {
         let number = self.number(time_s).filter(|_| !self.at_will)?;
         // A turn may go on over several slots.

@@ -10,13 +10,13 @@ use crate::memory::Arrived;
 use crate::receipt::{Receipt, Refusal};
 use crate::tellings::{Aside, Of, Tellings};
 
-/// Of how many numbers the newest may be: those that are left say how long a message may wait until its number means other slots.
-const NUMBERS_BACK: u32 = Recent::NUMBERS * 3 / 4;
+/// How many numbers back the newest may be: those that are left say how long a message may wait until its number means other slots,
+/// with a slot for clocks that differ.
+const NUMBERS_BACK: u32 = Recent::NUMBERS * 3 / 4 - 1;
 
-/// Slots in a row in all of which a vehicle could hear somebody and listened, and whether it heard: the newest first.
+/// Slots in a row in all of which a vehicle could hear somebody and listened, and whether it heard: the newest first. There is one.
 #[derive(Debug)]
 struct Run {
-    number: u32,
     outcomes: Vec<(u32, bool)>,
 }
 
@@ -25,15 +25,19 @@ impl Run {
         let slot = |end: Option<&(u32, bool)>| end.map_or(0, |&(slot, _)| slot);
         slot(self.outcomes.last())..slot(self.outcomes.first()) + 1
     }
+
+    fn number(&self) -> u32 {
+        (self.slots().end - 1) / Recent::SLOTS_PER_NUMBER
+    }
 }
 
 impl Agent {
     /// What to put into 7 to 64 spare bits of the next message of the host, which leaves at `time_s`: what became of some of the
     /// latest transmissions of others, one bit each, and which these are ([`Recent`]); in two bytes, ten of them. They are ten in a
-    /// row to all of which the vehicle listened, the newest of them in the last 96 slots: those of which others may be expected to
+    /// row to all of which the vehicle listened, the newest of them in the last 94 slots: those of which others may be expected to
     /// learn most, by what it told in spare bits and reports before, and by what they say that they heard; of several, the
-    /// latest. `None` where there are not so many in a row. Whoever asks twice in one slot is told the same. Who reads it places these events
-    /// where it knows itself that the others were: spare bits tell no positions. O(64 log N), and O(slots) that were reported.
+    /// latest. `None` where there are not so many in a row. Whoever asks twice in one slot is told the same if nothing came in between. Who reads it places these events
+    /// where it knows itself that the others were: spare bits tell no positions. O(64 log N), and O(slots) that were reported, for each other member.
     ///
     /// `None`, too, for who is no member, and in a team that takes no spare bits ([`Team::spare_bits`](crate::Team::spare_bits)).
     pub fn recent(&mut self, time_s: f64, n_bits: usize) -> Option<u64> {
@@ -48,22 +52,28 @@ impl Agent {
             |run: &Run| run.outcomes.iter().map(|&(slot, _)| tellings.get(Of::Other, slot).learning).sum::<f64>();
         let best = runs.into_iter().max_by(|one, other| value(one).total_cmp(&value(other)))?;
         self.asides.push(Aside { sent_in, slots: best.slots() });
+        let newest = (best.number() % Recent::NUMBERS) as u8;
         let outcomes = best.outcomes.into_iter().map(|(_, heard)| heard).collect();
-        Some(Recent { newest: (best.number % Recent::NUMBERS) as u8, outcomes }.encode())
+        Some(Recent { newest, outcomes }.encode())
     }
 
-    /// The runs that it can speak of in this slot, the latest last. Those that begin before the first slot of all are shorter.
+    /// The runs that it can speak of in this slot, the latest last. Those that begin before the first slot of all are shorter. The
+    /// newest slot of each is of its number: none is told before its own time, by whatever clock.
     fn runs(&self, sender: u8, now: u32, count: usize) -> Vec<Run> {
-        let back = |number: u32| self.memory.frames.slots_back(sender, Recent::last_slot(number)).take(count);
-        let newest = now / Recent::SLOTS_PER_NUMBER;
-        let numbers = newest.saturating_sub(NUMBERS_BACK)..=newest;
-        let begin_s = back(*numbers.start()).last().and_then(|first| self.team().slots.begin_s(first));
+        let number = |slot: u32| slot / Recent::SLOTS_PER_NUMBER;
+        let oldest = number(now).saturating_sub(NUMBERS_BACK);
+        let slots = self.memory.frames.slots_back(sender, Recent::last_slot(number(now)));
+        let slots: Vec<u32> = slots.take(((NUMBERS_BACK + 1) * Recent::SLOTS_PER_NUMBER) as usize + count).collect();
+        let begin_s = slots.last().and_then(|&first| self.team().slots.begin_s(first));
         let known = self.memory.outcomes_since(sender, begin_s.unwrap_or(f64::NEG_INFINITY));
-        let run = |number: u32| {
-            let outcomes = back(number).map(|slot| Some((slot, *known.get(&slot)?)));
-            Some(Run { number, outcomes: outcomes.collect::<Option<_>>()? }).filter(|run| !run.outcomes.is_empty())
+        let is_newest = |place: usize| place == 0 || number(slots[place - 1]) != number(slots[place]);
+        let run = |place: usize| {
+            let slots = &slots[place..slots.len().min(place + count)];
+            let outcomes = slots.iter().map(|&slot| Some((slot, *known.get(&slot)?)));
+            Some(Run { outcomes: outcomes.collect::<Option<_>>()? })
         };
-        numbers.filter_map(run).collect()
+        let places = (0..slots.len()).rev().filter(|&place| number(slots[place]) >= oldest && is_newest(place));
+        places.filter_map(run).collect()
     }
 
     /// Takes in what a member said in so many spare bits of a message that came at this time: of the slots with its number

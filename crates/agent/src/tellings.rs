@@ -120,7 +120,9 @@ impl Tellings {
         let reached = others
             .iter()
             .map(|other| (1.0 - lost_by_near(memory, *other, Some(slot))) * missed_next(memory, *other, sender));
-        Self::of(&reached.collect::<Vec<_>>(), &reports)
+        let reached: Vec<f64> = reached.collect();
+        let is_worth = reached.iter().any(|reached| *reached > 0.0);
+        Self::of(&reached, if is_worth { &reports } else { &[] })
     }
 
     /// For a frame that reaches others as probably as this.
@@ -201,7 +203,9 @@ impl Sending {
     /// What became of another's report, whoever passed it on.
     fn of_passed(memory: &Memory, sender: u8, others: &[Other<'_>], Passed { report, slots }: &Passed) -> Self {
         let mut sending = Self { spans: spans(memory, sender, report), lost: vec![1.0; others.len()], times: 0.0 };
-        for &slot in slots {
+        // It may have been silent after all.
+        let never_left = |slot: u32| memory.own.is_some_and(|own| memory.reports.turn(own, slot) == Some(false));
+        for slot in slots.iter().copied().filter(|&slot| !never_left(slot)) {
             let lost: Vec<f64> = others.iter().map(|other| lost_of_another(memory, *other, slot)).collect();
             sending.lost.iter_mut().zip(&lost).for_each(|(all, lost)| *all *= lost);
             if memory.frames.is_turn_of(slot, memory.own_id()) {
