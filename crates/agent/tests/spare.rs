@@ -176,6 +176,29 @@ fn a_message_that_waits_speaks_of_the_same_slots() {
 }
 
 #[test]
+fn a_clock_that_is_a_moment_behind_reads_the_same() {
+    // Turns of two slots each: vehicle 1 begins in even ones, behind which nobody else does.
+    let order = [&names(2)[1], &VehicleId::new(""), &names(2)[0], &VehicleId::new("")].map(VehicleId::clone).to_vec();
+    let team = Arc::new(Team { slots: Slots::in_turn(SLOT_S, order), ..team(2, model()) });
+    let mut agent = vehicle(&team, 1, []);
+    let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(300.0, 0.0) };
+    for slot in (2..120).step_by(4) {
+        let event = event_at(1, SLOT_S * f64::from(slot), link, slot % 3 == 0);
+        agent.observe(Event { transmitter_id: names(1).remove(0), ..event }).unwrap();
+    }
+    for slot in (48..120).step_by(4) {
+        let time_s = SLOT_S * f64::from(slot);
+        let bits = agent.recent(time_s, N_BITS).unwrap();
+        let after = |time_s: f64| {
+            let mut listener = vehicle(&team, 0, []);
+            read(&mut listener, &(1, time_s, bits));
+            listener.snapshot()
+        };
+        assert_eq!(after(time_s - 1e-3), after(time_s), "{slot}");
+    }
+}
+
+#[test]
 fn what_was_lost_is_told_again_when_others_hear_again() {
     // Nobody hears anybody for longer than ten outcomes reach back.
     let heard = |slot: u32| !(20..80).contains(&slot);
