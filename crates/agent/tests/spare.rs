@@ -97,13 +97,18 @@ proptest! {
         for spare in (1..3).flat_map(|number| messages(&trip, number)) {
             read(&mut agent, &spare);
         }
-        // Before vehicle 1 sent in slot 1 and vehicle 2 in slot 2 nobody knows where they were, and what they heard after slots
-        // 58 and 59 they have not told.
-        let told = |number: usize, between: std::ops::Range<u32>| {
-            let between = SLOT_S * f64::from(between.start)..SLOT_S * f64::from(between.end);
-            trip.events(number).into_iter().filter(move |event| between.contains(&event.time_s))
-        };
-        let others: Vec<Event> = told(1, 1..58).chain(told(2, 2..59)).collect();
+        // What it said, and nothing else: of late it may have told something else first. Before vehicle 1 sent in slot 1 and vehicle 2
+        // in slot 2 nobody knows where they were.
+        let mut others: Vec<Event> = Vec::new();
+        for number in 1..3 {
+            let spoken = messages(&trip, number);
+            let spoken = spoken.iter().flat_map(|&(_, time_s, bits)| spoken_of(number, (time_s / SLOT_S) as u32, bits));
+            let told: BTreeSet<u32> = spoken.map(|(slot, _)| slot).collect();
+            let could_hear = |slot: &u32| *slot as usize % 3 != number;
+            prop_assert!((0..30).filter(could_hear).all(|slot| told.contains(&slot)), "{number}: {told:?}");
+            let with_place = told.into_iter().filter(|&slot| slot as usize >= number);
+            others.extend(with_place.filter_map(|slot| trip.event(slot, number)));
+        }
         prop_assert_eq!(agent.told_events(), (others.len(), 3));
         agent.rebuild_posteriors().unwrap();
         let mut all = Agent::new(VehicleId::new("shore"), trip.team.clone()).owning_all_events();
@@ -122,11 +127,16 @@ fn vec_of_lost() -> impl Strategy<Value = Vec<bool>> {
 fn said(agent: &mut Agent, number: usize, slot: u32) -> Option<Vec<(u32, bool)>> {
     let bits = agent.recent(SLOT_S * f64::from(slot), N_BITS)?;
     assert_eq!(agent.recent(SLOT_S * f64::from(slot), N_BITS), Some(bits), "asked again in slot {slot}");
+    Some(spoken_of(number, slot, bits))
+}
+
+/// What such bits of one of three vehicles mean in a slot.
+fn spoken_of(number: usize, slot: u32, bits: u64) -> Vec<(u32, bool)> {
     let Recent { newest, outcomes } = Recent::decode(bits, N_BITS).unwrap();
     let number_of = |slot: &u32| (slot / Recent::SLOTS_PER_NUMBER) % Recent::NUMBERS == u32::from(newest);
     let newest = (0..=slot).rev().find(number_of).unwrap() / Recent::SLOTS_PER_NUMBER;
     let slots = (0..=Recent::last_slot(newest)).rev().filter(|slot| *slot as usize % 3 != number);
-    Some(slots.zip(outcomes).collect())
+    slots.zip(outcomes).collect()
 }
 
 /// What spare bits say that speak of ten slots back from this one.
