@@ -89,5 +89,6 @@ fn value(memory: &Memory, sender: u8, report: &Report, tellings: &Tellings) -> f
     let id = frames.team.members.get(&sender);
     let told = spans(memory, sender, report).into_iter().flat_map(|(of, span)| span.map(move |slot| (of, slot)));
     let told = told.filter(|&(of, slot)| matches!(of, Of::Other) || frames.is_turn_of(slot, id));
-    told.map(|(of, slot)| tellings.get(of, slot).value(frames.team.tellings_max)).sum()
+    let spreads = told.map(|(of, slot)| tellings.get(of, slot));
+    spreads.filter(|spread| spread.may_be_told(frames.team.tellings_max)).map(|spread| spread.learning).sum()
 }

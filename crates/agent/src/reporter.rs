@@ -291,10 +291,10 @@ fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)], tellings: &Tellings
     let (Some(&(begin, _)), Some(&(end, _))) = (knots.first(), knots.last()) else { return Vec::new() };
     let end = end + memory.frames.team.slots.at_once() as u32;
     let own = memory.outcomes_since(sender, memory.frames.team.slots.begin_s(begin).unwrap_or(f64::NEG_INFINITY));
-    let (begin_min, tellings_max) = (memory.reports.begin(sender), f64::from(memory.frames.team.tellings_max));
+    let (begin_min, tellings_max) = (memory.reports.begin(sender), memory.frames.team.tellings_max);
     let item = |slot: u32, of: Of, outcome: Outcome, says_something: bool| {
         let told = tellings.get(of, slot);
-        let is_worth = says_something && slot >= begin_min && told.times < tellings_max;
+        let is_worth = says_something && slot >= begin_min && told.may_be_told(tellings_max);
         let value = if is_worth { told.learning } else { 0.0 };
         Item { slot, is_own: matches!(of, Of::Itself), outcome, value, is_new: is_worth && told.is_new() }
     };

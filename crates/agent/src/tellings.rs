@@ -69,9 +69,9 @@ impl Spread {
         self.nobody > 0.5
     }
 
-    /// What telling it once more is worth, if it is told so many times at most.
-    pub(crate) fn value(&self, tellings_max: u8) -> f64 {
-        if self.times < f64::from(tellings_max) { self.learning } else { 0.0 }
+    /// Whether it may be told once more, if it is told so many times at most.
+    pub(crate) fn may_be_told(&self, tellings_max: u8) -> bool {
+        self.times < f64::from(tellings_max)
     }
 }
 
@@ -114,15 +114,16 @@ impl Tellings {
         let is_third = |number: &u8| *number != sender && Some(*number) != memory.own && !doubted.contains(number);
         let others: Vec<Other<'_>> =
             members.filter(|(number, _)| is_third(number)).map(|(&number, id)| Some((number, id))).collect();
-        let reports: Vec<Sending> =
-            passed.iter().map(|passed| Sending::of_passed(memory, sender, &others, passed)).collect();
         // What its sender's own next frame brings need not be passed on.
         let reached = others
             .iter()
             .map(|other| (1.0 - lost_by_near(memory, *other, Some(slot))) * missed_next(memory, *other, sender));
         let reached: Vec<f64> = reached.collect();
-        let is_worth = reached.iter().any(|reached| *reached > 0.0);
-        Self::of(&reached, if is_worth { &reports } else { &[] })
+        // Most often nobody misses anything.
+        let passed = if reached.iter().any(|reached| *reached > 0.0) { passed } else { &[] };
+        let reports: Vec<Sending> =
+            passed.iter().map(|passed| Sending::of_passed(memory, sender, &others, passed)).collect();
+        Self::of(&reached, &reports)
     }
 
     /// For a frame that reaches others as probably as this.
@@ -177,18 +178,28 @@ struct Sending {
 
 impl Sending {
     fn of(memory: &Memory, sender: u8, others: &[Other<'_>], kept: &Kept) -> Self {
-        let mut sending =
-            Self { spans: spans(memory, sender, &kept.report), lost: vec![1.0; others.len()], times: 0.0 };
+        let mut sending = Self::unsent(spans(memory, sender, &kept.report), others);
         for Departure { slot, .. } in kept.sent.iter() {
             // It may have been silent after all.
             let never_left = slot.is_some_and(|slot| memory.reports.turn(sender, slot) == Some(false));
             let lost = |other: &Other<'_>| if never_left { 1.0 } else { lost(memory, *other, slot) };
-            let lost: Vec<f64> = others.iter().map(lost).collect();
-            sending.lost.iter_mut().zip(&lost).for_each(|(all, lost)| *all *= lost);
-            let reached = 1.0 - lost.into_iter().fold(1.0, f64::min);
-            sending.times += (reached / (1.0 - LOST)).clamp(COUNTS_MIN, 1.0);
+            sending.times += sending.go(others.iter().map(lost));
         }
         sending
+    }
+
+    fn unsent(spans: Vec<(Of, Range<u32>)>, others: &[Other<'_>]) -> Self {
+        Self { spans, lost: vec![1.0; others.len()], times: 0.0 }
+    }
+
+    /// Takes it that it went, and was lost to each other one as probably as this; how much that counts.
+    fn go(&mut self, lost: impl Iterator<Item = f64>) -> f64 {
+        let mut least: f64 = 1.0;
+        for (all, lost) in self.lost.iter_mut().zip(lost) {
+            *all *= lost;
+            least = least.min(lost);
+        }
+        ((1.0 - least) / (1.0 - LOST)).clamp(COUNTS_MIN, 1.0)
     }
 
     /// What became of spare bits. Who says in such ones what it heard says as well which of them it has: neither are sealed.
@@ -202,15 +213,13 @@ impl Sending {
 
     /// What became of another's report, whoever passed it on.
     fn of_passed(memory: &Memory, sender: u8, others: &[Other<'_>], Passed { report, slots }: &Passed) -> Self {
-        let mut sending = Self { spans: spans(memory, sender, report), lost: vec![1.0; others.len()], times: 0.0 };
+        let mut sending = Self::unsent(spans(memory, sender, report), others);
         // It may have been silent after all.
         let never_left = |slot: u32| memory.own.is_some_and(|own| memory.reports.turn(own, slot) == Some(false));
         for slot in slots.iter().copied().filter(|&slot| !never_left(slot)) {
-            let lost: Vec<f64> = others.iter().map(|other| lost_of_another(memory, *other, slot)).collect();
-            sending.lost.iter_mut().zip(&lost).for_each(|(all, lost)| *all *= lost);
+            let counts = sending.go(others.iter().map(|other| lost_of_another(memory, *other, slot)));
             if memory.frames.is_turn_of(slot, memory.own_id()) {
-                let reached = 1.0 - lost.into_iter().fold(1.0, f64::min);
-                sending.times += (reached / (1.0 - LOST)).clamp(COUNTS_MIN, 1.0);
+                sending.times += counts;
             }
         }
         sending
