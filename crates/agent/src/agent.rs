@@ -7,7 +7,6 @@ use dgpc::{Posterior, Sites};
 
 use crate::agent_error::AgentError;
 use crate::beliefs::Beliefs;
-use crate::clock::out_of_turn;
 use crate::entry::Entry;
 use crate::event::{Event, Position, VehicleId};
 use crate::fitting::FitQuality;
@@ -174,17 +173,9 @@ impl Agent {
     }
 
     /// How many events of others it knows by what they reported, and how many more were told and wait until it is known where
-    /// they took place.
+    /// they took place. What it recorded while its clock was wrong ([`Agent::clock_ahead_slots`]) is among them.
     pub fn told_events(&self) -> (usize, usize) {
         (self.memory.placed().events.len(), self.memory.placed().waiting.len())
-    }
-
-    /// Members whom it hears out of their turn, though it misses in turn, of the latest 64 transmissions that it listened to: their clock or
-    /// their schedule differs from its own. If these are all whom it hears, its own clock is wrong. What it heard and missed of
-    /// them counts as no event, and what it missed is not told, until they are in turn again. None where the team's slots are
-    /// listed one by one.
-    pub fn out_of_turn(&self) -> BTreeSet<VehicleId> {
-        out_of_turn(&self.memory.frames, &self.memory.events)
     }
 
     /// When a member was last heard by a packet that counted, itself or by who passed it on.

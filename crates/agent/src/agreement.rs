@@ -27,6 +27,14 @@ impl Team {
         digest(&self.canonical_bytes())
     }
 
+    /// The same of what decides about slots before this one alone: without changes of order from it on. A report is formed under the
+    /// agreement about its latest slot, and a map message, which speaks of places and of no slots, under that without changes: so
+    /// whoever missed a change still shares what was before it.
+    pub(crate) fn digest_before(&self, slot: u32) -> [u8; 32] {
+        let changes = self.slots.changes.iter().filter(|change| change.from < slot).cloned().collect();
+        Self { slots: Slots { changes, ..self.slots.clone() }, ..self.clone() }.digest()
+    }
+
     /// What [`Team::digest`] is the digest of.
     pub fn canonical_bytes(&self) -> Vec<u8> {
         let mut out = Writer::default();

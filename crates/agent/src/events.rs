@@ -50,6 +50,8 @@ pub(crate) struct Events {
     keys: Arc<BTreeSet<(ToldKey, u64)>>,
     /// Length of the longest link.
     longest_m: f64,
+    /// How many messages were heard in no slot of their sender's.
+    strange: usize,
 }
 
 impl Events {
@@ -60,6 +62,7 @@ impl Events {
             numbers: Arc::default(),
             keys: Arc::default(),
             longest_m: 0.0,
+            strange: 0,
         }
     }
 
@@ -91,6 +94,11 @@ impl Events {
         self.longest_m = match change.forgotten {
             0 => new_m.fold(self.longest_m, f64::max),
             _ => self.iter().map(|event| event.link.range_m()).fold(0.0, f64::max),
+        };
+        let is_strange = |known: &&Recorded| known.key.is_none() && known.event.success;
+        self.strange = match change.forgotten {
+            0 => self.strange + change.new.iter().filter(is_strange).count(),
+            _ => self.in_order.iter().filter(is_strange).count(),
         };
         change
     }
@@ -151,6 +159,11 @@ impl Events {
     /// Length of the longest link; 0 without events.
     pub(crate) fn longest_m(&self) -> f64 {
         self.longest_m
+    }
+
+    /// Whether anything was heard in no slot of its sender's.
+    pub(crate) fn has_strange(&self) -> bool {
+        self.strange > 0
     }
 
     pub(crate) fn len(&self) -> usize {

@@ -48,7 +48,9 @@ impl Agent {
     /// Notes in which slot a report went over the water, if the vehicle could hear somebody in it: it may be worth passing on.
     fn note_report(&mut self, bytes: &[u8], time_s: f64) {
         let could_hear = |slot: &u32| self.memory.own.is_some_and(|own| self.memory.frames.is_heard_by(*slot, own));
-        let Some(slot) = self.team().slots.turn_at(time_s).filter(could_hear) else { return };
+        let Some(slot) = self.team().slots.turn_at(self.memory.reckoning.team_s(time_s)).filter(could_hear) else {
+            return;
+        };
         let Ok((sender, report)) = self.memory.frames.report(bytes) else { return };
         // What it speaks of must not be so long ago, or to come, that nobody keeps it.
         let is_kept = |about: u32| (about.abs_diff(slot) as usize) < self.team().limits.slots_back_max;
@@ -114,7 +116,7 @@ impl Agent {
         let layout = self.team().layout(frame_bytes)?;
         let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team().epoch };
         let counter = u16::try_from(self.memory.packets.counter_next(sender)).map_err(|_| used_up())?;
-        let slot = self.team().slots.next_turn(time_s, &self.id);
+        let slot = self.team().slots.next_turn(self.memory.reckoning.team_s(time_s), &self.id);
         self.update()?;
         let next = match self.beliefs.nothing_new_in == Some(layout.frame_bytes) {
             true => None,

@@ -1,5 +1,6 @@
 //! The bytes of a team's packets: who may read them, and what makes them the team's own.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use dgpc::Summary;
@@ -18,12 +19,33 @@ pub(crate) type ToldKey = (u8, u32);
 #[derive(Debug, Clone)]
 pub(crate) struct Frames {
     pub(crate) team: Arc<Team>,
-    pub(crate) digest: [u8; 32],
+    /// What was agreed on about slots before each change of order, and about all slots last.
+    agreements: Arc<[Agreement]>,
+}
+
+/// What was agreed on about slots before some slot.
+#[derive(Debug, Clone, Copy)]
+struct Agreement {
+    digest: [u8; 32],
+    end: u32,
 }
 
 impl Frames {
     pub(crate) fn new(team: Arc<Team>) -> Self {
-        Self { digest: team.digest(), team }
+        let ends: BTreeSet<u32> = team.slots.changes.iter().map(|change| change.from).chain([u32::MAX]).collect();
+        let about = |end: u32| Agreement { digest: team.digest_before(end), end };
+        Self { agreements: ends.into_iter().map(about).collect(), team }
+    }
+
+    /// The digest of all that was agreed on.
+    pub(crate) fn digest(&self) -> &[u8; 32] {
+        &self.agreement_about(u32::MAX).digest
+    }
+
+    /// What slots up to this one follow from: whoever does not know of a later change of order agrees on it.
+    fn agreement_about(&self, slot: u32) -> &Agreement {
+        let place = self.agreements.partition_point(|agreement| agreement.end <= slot);
+        &self.agreements[place.min(self.agreements.len() - 1)]
     }
 
     /// A packet of the team: its form, and the numbers in it.
@@ -33,9 +55,10 @@ impl Frames {
         {
             return Err(Refusal::OtherForm { name: layout.name });
         }
-        let (layout, message) = MapMessage::decode(bytes, self.seal()).map_err(|error| self.refusal(error))?;
+        let agreement = self.about_no_slot();
+        let (layout, message) = MapMessage::decode(bytes, self.seal(agreement)).map_err(|error| self.refusal(error))?;
         if !layout.is_sealed {
-            self.check_number(message.model, &layout.with_model_zeroed(bytes))?;
+            self.check_number(message.model, &layout.with_model_zeroed(bytes), agreement)?;
         }
         self.check_sender(message.sender)?;
         Ok((layout, message))
@@ -43,23 +66,36 @@ impl Frames {
 
     /// A report of the team in the first so many bytes: its form, and what it says.
     pub(crate) fn read_report(&self, bytes: &[u8]) -> Result<(&'static ReportLayout, ReportMessage, usize), Refusal> {
+        self.read_report_about(bytes).map(|(layout, message, length, _)| (layout, message, length))
+    }
+
+    /// The same, and the slot from which on its sender may have had another order in mind.
+    fn read_report_about(&self, bytes: &[u8]) -> Result<(&'static ReportLayout, ReportMessage, usize, u32), Refusal> {
         if let Some(layout) = ReportLayout::of(bytes)
             && (layout.has_depth != self.team.model.inputs.has_depths() || layout.is_sealed != self.team.key.is_some())
         {
             return Err(Refusal::OtherForm { name: layout.name });
         }
-        let (layout, message, length) =
-            ReportMessage::decode(bytes, self.seal()).map_err(|error| self.refusal(error))?;
-        if !layout.is_sealed {
-            self.check_number(message.model, &layout.with_model_zeroed(&bytes[..length]))?;
+        let read = |agreement: &Agreement| {
+            let decoded = ReportMessage::decode(bytes, self.seal(agreement));
+            let (layout, message, length) = decoded.map_err(|error| self.refusal(error))?;
+            if !layout.is_sealed {
+                self.check_number(message.model, &layout.with_model_zeroed(&bytes[..length]), agreement)?;
+            }
+            self.check_sender(message.sender)?;
+            Ok((layout, message, length, agreement.end))
+        };
+        let is_of_another = |read: &Result<_, Refusal>| matches!(read, Err(Refusal::OtherTeam { .. }));
+        let latest = read(self.agreement_about(u32::MAX));
+        if !is_of_another(&latest) {
+            return latest;
         }
-        self.check_sender(message.sender)?;
-        Ok((layout, message, length))
+        self.agreements.iter().rev().skip(1).map(read).find(|found| !is_of_another(found)).unwrap_or(latest)
     }
 
     /// Whether an open message was formed under this agreement, and is whole.
-    fn check_number(&self, model: u16, unnumbered: &[u8]) -> Result<(), Refusal> {
-        let (found, expected) = (model ^ check_number(unnumbered), self.number());
+    fn check_number(&self, model: u16, unnumbered: &[u8], agreement: &Agreement) -> Result<(), Refusal> {
+        let (found, expected) = (model ^ check_number(unnumbered), agreement.number());
         if found == expected { Ok(()) } else { Err(Refusal::OtherTeam { found: Some(found), expected }) }
     }
 
@@ -80,7 +116,9 @@ impl Frames {
     /// What a decoder's error means to a receiver.
     fn refusal(&self, error: pingmap_packet::Error) -> Refusal {
         match error {
-            pingmap_packet::Error::OtherContext => Refusal::OtherTeam { found: None, expected: self.number() },
+            pingmap_packet::Error::OtherContext => {
+                Refusal::OtherTeam { found: None, expected: self.about_no_slot().number() }
+            }
             pingmap_packet::Error::Forged | pingmap_packet::Error::Seal(_) => Refusal::Forged(error),
             other => Refusal::Malformed(other),
         }
@@ -99,12 +137,13 @@ impl Frames {
         Ok(((message.sender, message.counter), Packet { bytes, summaries, longest_m }))
     }
 
-    /// A report of the team: who sent it, and what it says of which slots. What it says of slots that there are not is left out.
+    /// A report of the team: who sent it, and what it says of which slots. What it says of slots that there are not is left out, and of
+    /// those that stand in another order than its sender knew.
     pub(crate) fn report(&self, bytes: &[u8]) -> Result<(u8, Report), Refusal> {
-        let (_, message, length) = self.read_report(bytes)?;
+        let (_, message, length, end) = self.read_report_about(bytes)?;
         let (mut outcomes, mut turns) = (Vec::new(), Vec::new());
         let mut said = message.outcomes.iter();
-        for slot in self.slots_of(message.sender, message.first, message.tells_own) {
+        for slot in self.slots_of(message.sender, message.first, message.tells_own).take_while(|&slot| slot < end) {
             let Some(outcome) = said.next() else { break };
             match (self.is_heard_by(slot, message.sender), outcome) {
                 (_, Outcome::Untold) => {}
@@ -165,12 +204,14 @@ impl Frames {
     /// The bytes of a report: see [`Frames::write`].
     pub(crate) fn write_report(&self, message: &ReportMessage) -> Result<Vec<u8>, pingmap_packet::Error> {
         let layout = self.report_layout();
+        let slots = self.slots_of(message.sender, message.first, message.tells_own);
+        let agreement = self.agreement_about(slots.take(message.outcomes.len()).last().unwrap_or(message.first));
         let unnumbered = ReportMessage { model: 0, ..message.clone() };
-        let bytes = unnumbered.encode(layout, self.seal())?;
+        let bytes = unnumbered.encode(layout, self.seal(agreement))?;
         if layout.is_sealed {
             return Ok(bytes);
         }
-        ReportMessage { model: check_number(&bytes) ^ self.number(), ..unnumbered }.encode(layout, None)
+        ReportMessage { model: check_number(&bytes) ^ agreement.number(), ..unnumbered }.encode(layout, None)
     }
 
     /// The form of the team's reports.
@@ -180,23 +221,33 @@ impl Frames {
 
     /// The bytes of a message: sealed if the team has a key, else with the number of what it agreed on.
     pub(crate) fn write(&self, layout: &Layout, message: &MapMessage) -> Result<Vec<u8>, pingmap_packet::Error> {
+        let agreement = self.about_no_slot();
         if layout.is_sealed {
-            return message.encode(layout, self.seal());
+            return message.encode(layout, self.seal(agreement));
         }
         let unnumbered = MapMessage { model: 0, ..message.clone() };
-        let model = check_number(&unnumbered.encode(layout, None)?) ^ self.number();
-        MapMessage { model, ..unnumbered }.encode(layout, self.seal())
+        let model = check_number(&unnumbered.encode(layout, None)?) ^ agreement.number();
+        MapMessage { model, ..unnumbered }.encode(layout, None)
     }
 
     /// The blocks of a packet that was read before.
     pub(crate) fn blocks(&self, bytes: &[u8]) -> Vec<Block> {
-        MapMessage::decode(bytes, self.seal()).map(|(_, message)| message.blocks).unwrap_or_default()
+        MapMessage::decode(bytes, self.seal(self.about_no_slot()))
+            .map(|(_, message)| message.blocks)
+            .unwrap_or_default()
     }
 
-    fn seal(&self) -> Option<Seal<'_>> {
-        self.team.key.as_ref().map(|key| Seal { key, context: &self.digest })
+    /// What messages follow from that speak of places and not of slots: no change of order.
+    fn about_no_slot(&self) -> &Agreement {
+        self.agreement_about(0)
     }
 
+    fn seal<'a>(&'a self, agreement: &'a Agreement) -> Option<Seal<'a>> {
+        self.team.key.as_ref().map(|key| Seal { key, context: &agreement.digest })
+    }
+}
+
+impl Agreement {
     /// The number of the agreement in open packets: 14 bits of its digest.
     fn number(&self) -> u16 {
         u16::from_le_bytes([self.digest[0], self.digest[1]]) & NUMBER_MASK

@@ -8,13 +8,13 @@ use dgpc::Observations;
 use pingmap_packet::ReportLayout;
 
 use crate::agent_error::AgentError;
-use crate::clock::out_of_turn;
+use crate::clock::Reckoning;
 use crate::entry::{Entry, check_event, check_number, check_position, check_time};
 use crate::event::{Event, Position, VehicleId};
 use crate::events::{Change, Events, Recorded};
 use crate::frames::Frames;
 use crate::packets::{Arrival, Departure, PacketKey, Packets, Sent, Version};
-use crate::placing::{Placed, Placement, place};
+use crate::placing::{Placed, Placement, Told, place};
 use crate::receipt::{Receipt, Refusal};
 use crate::reports::{EVERY_SLOT, Filed, Reports, Said};
 use crate::track::Track;
@@ -30,6 +30,8 @@ pub(crate) struct Memory {
     pub(crate) events: Events,
     /// Numbers of those that are none: nobody says that it was sent.
     unsent: Arc<BTreeSet<u64>>,
+    /// By how much its clock was wrong, as its events show.
+    pub(crate) reckoning: Arc<Reckoning>,
     /// Where it was, in the order of time.
     fixes: Vec<(f64, Position)>,
     pub(crate) packets: Packets,
@@ -72,6 +74,7 @@ impl Memory {
             own,
             events,
             unsent: Arc::default(),
+            reckoning: Arc::default(),
             fixes: Vec::new(),
             packets,
             reports,
@@ -122,19 +125,22 @@ impl Memory {
         let change = self.events.insert(new.collect());
         let is_behind =
             |known: &Recorded| self.placement.is_settled_before(known.event.time_s, known.key.map(|key| key.1));
-        if change.forgotten > 0 || !change.new.iter().all(is_behind) {
+        let reckoning = Reckoning::new(&self.frames, self.own, &self.events);
+        if change.forgotten > 0 || !change.new.iter().all(is_behind) || reckoning != *self.reckoning {
             self.placement.change(EVERY_SLOT);
         }
+        self.reckoning = Arc::new(reckoning);
         Ok(self.settle(change, &numbers))
     }
 
     /// Decides anew which of its events are none, after some were put in: those that are, and those that are none any more, are new;
     /// those that are none now are gone. O(events + told) where anybody may have been silent.
     fn settle(&mut self, change: Change, numbers: &BTreeSet<u64>) -> Change {
-        if self.unsent.is_empty() && !Turns::are_in_doubt(&self.frames, &self.events, &self.reports) {
+        let (frames, events, reports, reckoning) = (&self.frames, &self.events, &self.reports, &self.reckoning);
+        if self.unsent.is_empty() && !Turns::are_in_doubt(frames, reports, reckoning) {
             return change;
         }
-        let turns = Turns::new(&self.frames, &self.events, &self.reports);
+        let turns = Turns::new(frames, self.own, events, reports, reckoning);
         let is_unsent = |known: &&Recorded| !turns.is_event(known);
         let unsent: BTreeSet<u64> = self.events.recorded().iter().filter(is_unsent).map(|known| known.number).collect();
         let back = |known: &&Recorded| self.unsent.contains(&known.number) && !unsent.contains(&known.number);
@@ -146,12 +152,14 @@ impl Memory {
     }
 
     /// What became of transmissions that the vehicle listened to, by slot, from a time on. What it heard of those who do not
-    /// keep to the schedule says as little as what it missed.
+    /// keep to the schedule says as little as what it missed. What its clock was ahead of is of the slots that it was in.
     pub(crate) fn outcomes_since(&self, own: u8, time_s: f64) -> BTreeMap<u32, bool> {
-        let strange = out_of_turn(&self.frames, &self.events);
-        let known = self.events.since(time_s).iter().filter(|known| !strange.contains(&known.event.transmitter_id));
+        let known = self.events.since(time_s).iter().filter(|known| self.reckoning.counts(&known.event));
         let known = known.filter_map(|known| Some((known.key?, known.event.success)));
-        known.filter(|((receiver, _), _)| *receiver == own).map(|((_, slot), success)| (slot, success)).collect()
+        let known = known.filter(|((receiver, _), _)| *receiver == own).map(|((_, slot), success)| (slot, success));
+        let first = self.frames.team.slots.number(time_s).unwrap_or_default();
+        let ahead = self.reckoning.outcomes.range(first..).map(|(&slot, &success)| (slot, success));
+        known.chain(ahead).collect()
     }
 
     /// Its own events, with their numbers, but for those of which nobody says that they were sent.
@@ -211,12 +219,13 @@ impl Memory {
         Ok(())
     }
 
-    /// Where it was, by its navigation and by its events.
+    /// Where it was, by its navigation and by its events, at the times of the others.
     pub(crate) fn track(&self) -> Track {
         let own = self.own_id();
         let heard = self.events.iter().filter(|event| Some(&event.receiver_id) == own);
         let heard = heard.map(|event| (event.time_s, event.link.receiver));
-        Track::new(self.fixes.iter().copied().chain(heard).collect())
+        let fixes = self.fixes.iter().copied().chain(heard);
+        Track::new(fixes.map(|(time_s, at)| (self.reckoning.team_s(time_s), at)).collect())
     }
 
     pub(crate) fn own_id(&self) -> Option<&VehicleId> {
@@ -242,8 +251,8 @@ impl Memory {
 
     /// What others told, where it took place.
     pub(crate) fn placed(&self) -> &Placed {
-        let (frames, reports) = (&self.frames, &self.reports);
-        self.placement.get_or_place(|before| place(frames, self.own, &self.events, self.track(), reports, before))
+        let told = || Told { own: self.own, events: &self.events, reports: &self.reports, reckoning: &self.reckoning };
+        self.placement.get_or_place(|before| place(&self.frames, &told(), self.track(), before))
     }
 
     /// Remembers a frame that was heard, or sent. One that is not the team's or, as a sent one, not

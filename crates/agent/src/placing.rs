@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use pingmap_packet::Cell;
 
+use crate::clock::Reckoning;
 use crate::event::{Event, Link, Position};
 use crate::events::Events;
 use crate::frames::{Frames, ToldKey};
@@ -145,36 +146,45 @@ struct Whereabouts<'a> {
     seen: BTreeMap<u8, Track>,
 }
 
-/// Places what others told. What a report says lies where reports say that both ends were, on a leg or for a
-/// while behind one. What spare bits say lies where the vehicle itself knows that others were. In neither case does it depend on
-/// what became of the transmission. What was placed before stays where nothing changed, unless spare bits came or somebody may have
-/// been silent. O(own places + told), and with a logarithm what changed.
-pub(crate) fn place(
-    frames: &Frames,
-    own: Option<u8>,
-    events: &Events,
-    track: Track,
-    reports: &Reports,
-    before: &Before,
-) -> Placed {
-    let turns = Turns::new(frames, events, reports);
+/// What is known of single transmissions.
+pub(crate) struct Told<'a> {
+    pub(crate) own: Option<u8>,
+    pub(crate) events: &'a Events,
+    pub(crate) reports: &'a Reports,
+    pub(crate) reckoning: &'a Reckoning,
+}
+
+/// Places what others told, and what the vehicle itself heard and missed while its clock was wrong: whom it missed then it could not
+/// say, and not where. What a report says lies where reports say that both ends were, on a leg or for a while behind one. What spare
+/// bits say lies where the vehicle itself knows that others were. In neither case does it depend on what became of the transmission.
+/// What was placed before stays where nothing changed, unless spare bits came, somebody may have been silent, or its clock was wrong.
+/// O(own places + told), and with a logarithm what changed.
+pub(crate) fn place(frames: &Frames, told: &Told<'_>, track: Track, before: &Before) -> Placed {
+    let &Told { own, events, reports, reckoning } = told;
+    let turns = Turns::new(frames, own, events, reports, reckoning);
     let has_recent = others(own, reports).any(|sender| reports.recent(sender).next().is_some());
-    // By spare bits, or where somebody may have been silent, it depends on all of its own events who was where, or who sent.
-    let is_by_reports = !has_recent && !may_be_silent(frames, reports);
+    // By spare bits, where somebody may have been silent, or its clock was wrong, it depends on all of its own events who was where,
+    // or who sent.
+    let is_by_reports = !has_recent && !may_be_silent(frames, reports) && reckoning.is_right();
     let settled = if is_by_reports { settled(frames, own, &track, reports) } else { None };
     let changed: &[Range<u32>] = if is_by_reports { &before.changed } else { &[EVERY_SLOT] };
     let (mut told, mut waiting) = before.placed.outside(changed);
-    let seen = if has_recent { seen(frames, events) } else { BTreeMap::new() };
+    let seen = if has_recent { seen(frames, events, reckoning) } else { BTreeMap::new() };
     let whereabouts = Whereabouts { frames, reports, own, track, seen };
-    for receiver in others(own, reports) {
-        let outcomes = changed.iter().flat_map(|slots| reports.outcomes(receiver, slots.clone()));
-        let outcomes = outcomes.map(|(slot, said, is_recent)| ((receiver, slot), said, is_recent));
-        for (key, said, is_recent) in outcomes.filter(|&(key, ..)| events.in_slot(key).next().is_none()) {
-            let Some((transmitter, success)) = opportunity(frames, &turns, key, said) else { continue };
-            match whereabouts.event(transmitter, key, success, is_recent) {
-                Some(event) => drop(told.insert(key, before.placed.as_it_was(&key, event))),
-                None => drop(waiting.insert(key)),
-            }
+    let of_others = others(own, reports).flat_map(|receiver| {
+        let outcomes = changed.iter().flat_map(move |slots| reports.outcomes(receiver, slots.clone()));
+        outcomes.map(move |(slot, said, is_recent)| ((receiver, slot), said, is_recent))
+    });
+    let of_others = of_others.filter(|&(key, ..)| events.in_slot(key).next().is_none());
+    let of_own = own.into_iter().flat_map(|own| {
+        let outcomes = reckoning.outcomes.iter();
+        outcomes.map(move |(&slot, &heard)| ((own, slot), if heard { Said::Heard } else { Said::Missed }, false))
+    });
+    for (key, said, is_recent) in of_others.chain(of_own) {
+        let Some((transmitter, success)) = opportunity(frames, &turns, key, said) else { continue };
+        match whereabouts.event(transmitter, key, success, is_recent) {
+            Some(event) => drop(told.insert(key, before.placed.as_it_was(&key, event))),
+            None => drop(waiting.insert(key)),
         }
     }
     Placed::new(told, &before.placed, waiting, settled)
@@ -226,11 +236,11 @@ fn opportunity(frames: &Frames, turns: &Turns<'_>, key: ToldKey, said: Said) -> 
     turns.was_sent(transmitter, key, success).then_some((transmitter, success))
 }
 
-fn seen(frames: &Frames, events: &Events) -> BTreeMap<u8, Track> {
+fn seen(frames: &Frames, events: &Events, reckoning: &Reckoning) -> BTreeMap<u8, Track> {
     let mut seen = BTreeMap::<u8, Vec<(f64, Position)>>::new();
     for event in events.iter() {
         if let Some(member) = frames.team.number(&event.transmitter_id) {
-            seen.entry(member).or_default().push((event.time_s, event.link.transmitter));
+            seen.entry(member).or_default().push((reckoning.team_s(event.time_s), event.link.transmitter));
         }
     }
     seen.into_iter().map(|(member, fixes)| (member, Track::new(fixes))).collect()

@@ -1,4 +1,6 @@
-//! Who sent when, as far as the host of a vehicle knows it, and what the vehicle missed for all it knows.
+//! Who sent when, as far as the host of a vehicle knows it, what the vehicle missed for all it knows, and who keeps to the schedule.
+
+use std::collections::BTreeSet;
 
 use crate::agent::Agent;
 use crate::agent_error::AgentError;
@@ -34,7 +36,10 @@ impl Agent {
     ) -> Result<(), AgentError> {
         let mut slots = Vec::new();
         for time_s in times_s {
-            let slot = self.team().number(member).and_then(|_| self.team().slots.sent_in(time_s, member));
+            // Whether it sends by the clock that is wrong its host knows.
+            let by_either = [self.memory.reckoning.team_s(time_s), time_s].into_iter();
+            let slot = self.team().number(member);
+            let slot = slot.and_then(|_| by_either.filter_map(|at_s| self.team().slots.sent_in(at_s, member)).next());
             slots.push(slot.ok_or_else(|| AgentError::NotMyTurn { id: member.clone(), time_s })?);
         }
         let arrived = self.memory.put_in_turns(member, &slots, sent);
@@ -50,5 +55,22 @@ impl Agent {
         let Some(own) = self.memory.own else { return Vec::new() };
         let events = unheard(&self.memory.frames, own, &self.memory.events, self.memory.track(), &self.memory.reports);
         events.into_iter().filter(|event| event.time_s >= from_s).collect()
+    }
+
+    /// Members whom it hears out of their turn, though it misses in turn: their clock or their schedule differs from its own. As soon as
+    /// four messages of theirs came so, all in a row, what it heard and missed of them counts as no event and is not told, until they
+    /// are in turn again; unless it is its own clock that is wrong, and shows by how much ([`Agent::clock_ahead_slots`]).
+    /// None where the team's slots are listed one by one, or members send at will, and for who is no member.
+    pub fn out_of_turn(&self) -> BTreeSet<VehicleId> {
+        self.memory.reckoning.strange_now().cloned().collect()
+    }
+
+    /// By how many slots its clock is ahead of everybody else's; negative where it is behind, 0 where nothing shows that it is either.
+    /// Four messages in a row, of two members at least, show it, if all came so many slots after their senders' turns. It allows for it:
+    /// who was heard and who was missed follows from the slots that it really was, and where they were from what they told.
+    /// Its host should set its clock, but need not mend what it recorded by the wrong one. A clock may be off by less than half a turn of
+    /// the order, so never with fewer than three members; more would not show, nor where members send at will.
+    pub fn clock_ahead_slots(&self) -> i32 {
+        self.memory.reckoning.ahead_now()
     }
 }

@@ -30,7 +30,7 @@ impl Agent {
         MAGIC.iter().for_each(|&byte| out.u8(byte));
         out.u16(SNAPSHOT_VERSION);
         out.text(self.id().as_str());
-        out.bytes(&self.memory.frames.digest);
+        out.bytes(self.memory.frames.digest());
         let packets = &self.memory.packets;
         let latest: Vec<(u8, u16)> =
             packets.senders().filter_map(|sender| Some((sender, packets.latest(sender)?))).collect();
@@ -79,7 +79,7 @@ impl Agent {
         let mut agent = Agent::new(id.clone(), team);
         agent.remember(events)?;
         agent.navigate(fixes)?;
-        if digest == agent.memory.frames.digest {
+        if digest == agent.memory.frames.digest() {
             for (sender, latest) in latest {
                 agent.memory.packets.reach(sender, latest);
             }

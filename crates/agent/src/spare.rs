@@ -43,6 +43,7 @@ impl Agent {
     pub fn recent(&mut self, time_s: f64, n_bits: usize) -> Option<u64> {
         let sender = self.memory.own.filter(|_| self.team().has_spare_bits())?;
         let count = Recent::outcomes_in(n_bits).ok()?;
+        let time_s = self.memory.reckoning.team_s(time_s);
         let runs = self.runs(sender, self.team().slots.number(time_s)?, count);
         let first = runs.iter().map(|run| run.slots().start).min()?;
         let sent_in = self.team().slots.next_turn(time_s, &self.id);
@@ -89,7 +90,8 @@ impl Agent {
 
     fn read_recent(&self, time_s: f64, bits: u64, n_bits: usize) -> Result<(u32, Vec<bool>), Refusal> {
         let Recent { newest, outcomes } = Recent::decode(bits, n_bits).map_err(Refusal::Malformed)?;
-        let now = self.team().slots.number(time_s).ok_or(Refusal::NoSlot { time_s })? / Recent::SLOTS_PER_NUMBER;
+        let now = self.team().slots.number(self.memory.reckoning.team_s(time_s));
+        let now = now.ok_or(Refusal::NoSlot { time_s })? / Recent::SLOTS_PER_NUMBER;
         let age = (now % Recent::NUMBERS + Recent::NUMBERS - u32::from(newest)) % Recent::NUMBERS;
         let number = now.checked_sub(age).ok_or(Refusal::NoSlot { time_s })?;
         Ok((Recent::last_slot(number), outcomes))

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::clock::out_of_turn;
+use crate::clock::Reckoning;
 use crate::event::VehicleId;
 use crate::events::{Events, Recorded};
 use crate::frames::{Frames, ToldKey};
@@ -14,30 +14,40 @@ pub(crate) struct Turns<'a> {
     reports: &'a Reports,
     /// Who heard something in which slot.
     heard: BTreeMap<u32, BTreeSet<u8>>,
-    /// Who does not keep to the schedule, or keeps another one.
-    out_of_turn: BTreeSet<VehicleId>,
+    /// What of the vehicle's own events counts as it stands, and who it is.
+    reckoning: &'a Reckoning,
+    own: Option<&'a VehicleId>,
 }
 
 impl<'a> Turns<'a> {
     /// Of what everybody said. O(events + told), each with a logarithm; O(1) where all send in all their slots.
-    pub(crate) fn new(frames: &'a Frames, events: &Events, reports: &'a Reports) -> Self {
+    pub(crate) fn new(
+        frames: &'a Frames,
+        own: Option<u8>,
+        events: &Events,
+        reports: &'a Reports,
+        reckoning: &'a Reckoning,
+    ) -> Self {
         let mut heard = BTreeMap::<u32, BTreeSet<u8>>::new();
         if may_be_silent(frames, reports) {
-            let own = events.recorded().iter().filter(|known| known.event.success).filter_map(|known| known.key);
+            let recorded = events.recorded().iter().filter(|known| known.event.success).filter_map(|known| known.key);
+            let ahead = reckoning.outcomes.iter().filter(|(_, heard)| **heard).map(|(&slot, _)| slot);
+            let ahead = own.into_iter().flat_map(|own| ahead.clone().map(move |slot| (own, slot)));
             let told = reports.senders().flat_map(|sender| {
                 let heard = reports.outcomes(sender, EVERY_SLOT).filter(|(_, said, _)| *said == Said::Heard);
                 heard.map(move |(slot, ..)| (sender, slot))
             });
-            for (receiver, slot) in own.chain(told) {
+            for (receiver, slot) in recorded.chain(ahead).chain(told) {
                 heard.entry(slot).or_default().insert(receiver);
             }
         }
-        Self { frames, reports, heard, out_of_turn: out_of_turn(frames, events) }
+        let own = own.and_then(|own| frames.team.members.get(&own));
+        Self { frames, reports, heard, reckoning, own }
     }
 
     /// Whether any event may be none.
-    pub(crate) fn are_in_doubt(frames: &Frames, events: &Events, reports: &Reports) -> bool {
-        may_be_silent(frames, reports) || !out_of_turn(frames, events).is_empty()
+    pub(crate) fn are_in_doubt(frames: &Frames, reports: &Reports, reckoning: &Reckoning) -> bool {
+        may_be_silent(frames, reports) || !reckoning.is_right()
     }
 
     /// Whether what became of this transmission at somebody is an event: its sender says that it sent, or always does, or yet another
@@ -69,12 +79,13 @@ impl<'a> Turns<'a> {
     }
 
     /// The same of something that the vehicle recorded itself. Of those who do not keep to its schedule it does not know what it
-    /// missed, and so what it heard does not count either.
+    /// missed, and so what it heard does not count either. What it recorded while its clock was wrong counts as of the slots that it
+    /// was in ([`Reckoning::outcomes`]), and not as it stands.
     pub(crate) fn is_event(&self, Recorded { key, event, .. }: &Recorded) -> bool {
         let sender = self.frames.team.number(&event.transmitter_id);
         // Of what members send at will nobody says anything once slots have no numbers left.
         let is_at_will = self.frames.team.slots.at_will && sender.is_some();
-        !self.out_of_turn.contains(&event.transmitter_id)
+        (Some(&event.receiver_id) != self.own || self.reckoning.counts(event))
             && sender.zip(*key).map_or(!is_at_will, |(sender, key)| self.was_sent(sender, key, event.success))
     }
 }

@@ -5,7 +5,7 @@
 //! Vehicles send in turn, in slots of ten seconds from second 10 on, as in the shipped trials. A position error turns around the
 //! true place once in half an hour, another way for each vehicle, and is in all that the vehicle says of itself. A clock that is off, or a
 //! schedule that changed unnoticed, makes the last vehicle take others' slots for others': it notes as missed whoever should have
-//! sent by its own reckoning. Silent slots are one in ten: nobody sent, and whoever listened took it for a miss.
+//! sent by its own reckoning, and itself never. Silent slots are one in ten: nobody sent, and whoever listened took it for a miss.
 //!
 //! `cargo run --release -p pingmap-trial --example reports_in_need -- events.csv splits.csv [packets]`
 
@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use common::{Failure, log_splits_and_packets};
-use pingmap_agent::{Agent, Attempt, Event, Learning, Position, Slots, Team, Telling, VehicleId};
+use pingmap_agent::{Agent, Attempt, Event, Learning, Position, SlotChange, Slots, Team, Telling, VehicleId};
 use pingmap_trial::{EventLog, Mission, Plan, Score, Split};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -36,7 +36,7 @@ enum Need {
     Positions(f64),
     /// The clock of the last vehicle is a slot ahead.
     Clock,
-    /// From half time on the last vehicle takes the order to be reversed.
+    /// At half time the order was to be reversed, and was not: all but the last vehicle know that this was taken back.
     Order,
     /// The last vehicle records nothing: what its ear heard or missed is not there for anybody, in one place neither.
     NoEar,
@@ -149,13 +149,23 @@ impl Amiss<'_> {
         matches!(self.need, Need::Clock | Need::Order) && self.ids.last() == Some(id)
     }
 
+    /// The first slot of the second half.
+    fn half(&self) -> u64 {
+        self.log.events.iter().map(|event| slot(event.time_s)).max().unwrap_or_default() / 2
+    }
+
+    /// Whose turn it would be where the order is reversed from half time on.
+    fn reversed(&self, number: u64) -> usize {
+        let members = self.ids.len() as u64;
+        ((2 * (self.half() % members) + members - number % members) % members) as usize
+    }
+
     /// Who should send in a slot, and when it is, as the last vehicle reckons.
     fn reckoned(&self, event: &Event) -> (VehicleId, f64) {
         let (members, number) = (self.ids.len() as u64, slot(event.time_s) - 1);
-        let half = self.log.events.iter().map(|event| slot(event.time_s)).max().unwrap_or_default() / 2;
         let (turn, time_s) = match self.need {
             Need::Clock => ((number + 1) % members, event.time_s + SLOT_S),
-            Need::Order if number > half => (members - 1 - number % members, event.time_s),
+            Need::Order if number > self.half() => (self.reversed(number) as u64, event.time_s),
             _ => (number % members, event.time_s),
         };
         (self.ids[turn as usize].clone(), time_s)
@@ -195,9 +205,18 @@ impl Amiss<'_> {
             Need::Polled => self.ids[1..].iter().cloned().collect(),
             _ => BTreeSet::new(),
         };
-        // Who missed the change has another team file.
-        let epoch = u32::from(self.need == Need::Order && self.is_lost(id));
-        Arc::new(Team { slots: Slots { may_be_silent, ..slots }, epoch, ..team.clone() })
+        let from = |from: u64, turn: &dyn Fn(u64) -> usize| SlotChange {
+            from: from as u32,
+            order: (from..).take(self.ids.len()).map(|number| self.ids[turn(number)].clone()).collect(),
+        };
+        let there = from(self.half(), &|number| self.reversed(number));
+        let back = from(self.half() + 1, &|number| number as usize % self.ids.len());
+        let changes = match self.need {
+            Need::Order if self.is_lost(id) => vec![there],
+            Need::Order => vec![there, back],
+            _ => Vec::new(),
+        };
+        Arc::new(Team { slots: Slots { may_be_silent, changes, ..slots }, ..team.clone() })
     }
 
     fn vehicle(&self, team: &Team, id: &VehicleId) -> Result<Agent, Failure> {
