@@ -34,7 +34,7 @@ pub struct Slots {
     pub listed: Option<Arc<[Opportunity]>>,
 }
 
-/// An order of senders that holds from some slot on.
+/// An order of senders that holds from some slot on. Members that do not know of it share what was before it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SlotChange {
     /// The first slot of it, and of its first sender.

@@ -32,8 +32,10 @@ const STRETCH_S: f64 = 2.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Need {
     Nothing,
-    /// Positions are off by so many metres.
+    /// Vehicles are off where they take themselves to be by so many metres. It is asked of where they were,
     Positions(f64),
+    /// or of where they take themselves to be, as they would ask.
+    OwnPositions(f64),
     /// The clock of the last vehicle is a slot ahead.
     Clock,
     /// At half time the order was to be reversed, and was not: all but the last vehicle know that this was taken back.
@@ -55,11 +57,14 @@ enum Need {
     },
 }
 
-const NEEDS: [(&str, Need); 14] = [
+const NEEDS: [(&str, Need); 17] = [
     ("as it should be", Need::Nothing),
     ("positions off by 10 m", Need::Positions(10.0)),
     ("30 m", Need::Positions(30.0)),
     ("100 m", Need::Positions(100.0)),
+    ("10 m, asked of these", Need::OwnPositions(10.0)),
+    ("30 m", Need::OwnPositions(30.0)),
+    ("100 m", Need::OwnPositions(100.0)),
     ("one clock off by a slot", Need::Clock),
     ("one missed a change of order", Need::Order),
     ("one records nothing", Need::NoEar),
@@ -115,7 +120,7 @@ struct Amiss<'a> {
 impl Amiss<'_> {
     /// How far a vehicle takes itself to be from where it is.
     fn off(&self, id: &VehicleId, time_s: f64) -> [f64; 2] {
-        let Need::Positions(off_m) = self.need else { return [0.0; 2] };
+        let (Need::Positions(off_m) | Need::OwnPositions(off_m)) = self.need else { return [0.0; 2] };
         let number = self.ids.iter().position(|other| other == id).unwrap_or_default() as f64;
         let turn =
             std::f64::consts::TAU * (time_s / 1800.0 * if number % 2.0 == 0.0 { 1.0 } else { -1.0 } + number / 3.0);
@@ -297,9 +302,13 @@ impl Amiss<'_> {
     /// What is asked of these, and what became of them.
     fn asked(&self, mission: &Mission) -> (Vec<Attempt>, Vec<bool>) {
         let made: BTreeSet<usize> = self.held_out_made().collect();
-        let asked = mission.held_out.iter().copied().zip(mission.outcomes.iter().copied());
-        let asked = self.split.indices(true).into_iter().zip(asked);
-        asked.filter_map(|(n, asked)| made.contains(&n).then_some(asked)).unzip()
+        let held_out = self.split.indices(true).into_iter().zip(&mission.held_out).zip(&mission.outcomes);
+        let made = held_out.filter(|((n, _), _)| made.contains(n));
+        let asked = made.map(|((n, attempt), outcome)| match self.need {
+            Need::OwnPositions(_) => (Attempt { link: self.said(&self.log.events[n]).link, ..*attempt }, *outcome),
+            _ => (*attempt, *outcome),
+        });
+        asked.unzip()
     }
 }
 
