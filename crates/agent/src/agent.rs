@@ -193,7 +193,7 @@ impl Agent {
     /// unmuting choose from what is there, and may come before it or after. No part of a snapshot. Names that are no
     /// member's, and the vehicle's own, change nothing.
     pub fn mute(&mut self, member: &VehicleId) {
-        self.muted.extend(self.team().number(member));
+        self.muted.extend(self.team().number(member).filter(|&number| Some(number) != self.memory.own));
     }
 
     /// Listens to a member again.
@@ -214,7 +214,10 @@ impl Agent {
     pub fn surprise(&mut self, member: &VehicleId) -> Result<Option<f64>, AgentError> {
         self.update()?;
         let heard = self.heard();
-        let number = self.team().number(member).filter(|number| heard.members().contains(number));
+        let number = self
+            .team()
+            .number(member)
+            .filter(|number| Some(*number) != self.memory.own && heard.members().contains(number));
         number.map(|number| self.beliefs.surprise_of(&self.memory, &heard, number)).transpose()
     }
 

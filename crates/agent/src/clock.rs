@@ -25,6 +25,8 @@ const ABOUT: usize = 32;
 pub(crate) struct Reckoning {
     /// From when on by its clock, and by how many slots. Before the first as by that.
     steps: Steps<i32>,
+    /// From the last message by one reckoning to the first by another nothing counts, but these two.
+    gaps: Vec<(f64, f64)>,
     /// Whether others were out of turn.
     strange: BTreeMap<VehicleId, Steps<bool>>,
     duration_s: f64,
@@ -47,32 +49,46 @@ struct Arrival<'a> {
     shifts: BTreeSet<i32>,
 }
 
+impl Arrival<'_> {
+    fn fits(&self, shift: i32) -> bool {
+        self.shifts.contains(&shift)
+    }
+}
+
 impl Reckoning {
-    /// Of what a member recorded. O(events) where something was heard out of turn, else O(1).
+    /// Of what a member recorded. O(events) where several messages were heard out of turn, else O(1).
     pub(crate) fn new(frames: &Frames, own: Option<u8>, events: &Events) -> Self {
         let slots = &frames.team.slots;
         let id = own.and_then(|own| frames.team.members.get(&own));
-        let Some((own, id)) = own.zip(id).filter(|_| events.has_strange() && !slots.at_will && slots.listed.is_none())
-        else {
-            return Self::default();
-        };
-        let recorded = events.iter().filter(|event| event.receiver_id == *id);
+        let is_in_slots = events.strange >= IN_A_ROW && !slots.at_will && slots.listed.is_none();
+        let Some((own, id)) = own.zip(id).filter(|_| is_in_slots) else { return Self::default() };
+        let of_member =
+            |event: &&Event| event.receiver_id == *id && frames.team.number(&event.transmitter_id).is_some();
+        let recorded = events.iter().filter(of_member);
         let (missed, heard): (Vec<&Event>, Vec<&Event>) = recorded.clone().partition(|event| !event.success);
-        let within = missed.iter().filter(|event| is_in_turn(slots, event, 0)).count();
-        if within < IN_A_ROW || FITTING * (missed.len() - within) > within {
+        let missed = missed.into_iter().filter(|event| slots.number(event.time_s).is_some());
+        let (within, out): (Vec<&Event>, Vec<&Event>) = missed.partition(|event| is_in_turn(slots, event, 0));
+        if within.len() < IN_A_ROW || FITTING * out.len() > within.len() {
             return Self::default();
         }
         let shift_max = (slots.order_max() as i32 - 1) / 2;
-        let heard = heard.into_iter().filter(|event| frames.team.number(&event.transmitter_id).is_some());
-        let arrivals = heard.map(|event| Arrival {
+        let arrivals = heard.into_iter().map(|event| Arrival {
             time_s: event.time_s,
             sender: &event.transmitter_id,
             shifts: (-shift_max..=shift_max).filter(|&shift| is_in_turn(slots, event, shift)).collect(),
         });
         let arrivals: Vec<Arrival<'_>> = arrivals.collect();
-        let (steps, strange) = (steps(&arrivals, shift_max), strange(&arrivals));
-        let reckoning = Self { steps, strange, duration_s: slots.duration_s, outcomes: BTreeMap::new() };
-        Self { outcomes: reckoning.outcomes_of(frames, own, recorded), ..reckoning }
+        let (steps, gaps) = steps(&arrivals, shift_max);
+        let strange = strange(&arrivals);
+        let reckoning = Self { steps, gaps, strange, duration_s: slots.duration_s, outcomes: BTreeMap::new() };
+        let mut outcomes = reckoning.outcomes_of(frames, own, recorded);
+        if !outcomes.is_empty() {
+            let counting = events.recorded().iter().filter(|known| reckoning.counts(&known.event));
+            let keys = counting.filter_map(|known| known.key).filter(|(receiver, _)| *receiver == own);
+            let known: BTreeSet<u32> = keys.map(|(_, slot)| slot).collect();
+            outcomes.retain(|slot, _| !known.contains(slot));
+        }
+        Self { outcomes, ..reckoning }
     }
 
     /// What became of transmissions while the clock was wrong, in the slots that they were sent in.
@@ -84,7 +100,7 @@ impl Reckoning {
     ) -> BTreeMap<u32, bool> {
         let slots = &frames.team.slots;
         let mut outcomes = BTreeMap::new();
-        for event in recorded.filter(|event| self.is_ahead(event.time_s)) {
+        for event in recorded.filter(|event| self.ahead(event.time_s) != 0 && !self.is_in_gap(event.time_s)) {
             // In what it took for its own turn it listened, but noted nothing as missed.
             if slots.sent_in(event.time_s, &event.receiver_id).is_some() {
                 continue;
@@ -113,20 +129,41 @@ impl Reckoning {
         self.strange.iter().filter(|(_, steps)| steps.last().is_some_and(|step| step.1)).map(|(id, _)| id)
     }
 
-    /// Whether its clock was ahead, or behind, at this time by it.
-    fn is_ahead(&self, time_s: f64) -> bool {
-        at(&self.steps, time_s) != 0
+    /// By how many slots its clock was ahead at this time by it.
+    pub(crate) fn ahead(&self, time_s: f64) -> i32 {
+        at(&self.steps, time_s)
+    }
+
+    fn is_in_gap(&self, time_s: f64) -> bool {
+        let place = self.gaps.partition_point(|gap| gap.1 <= time_s);
+        self.gaps.get(place).is_some_and(|gap| gap.0 < time_s)
     }
 
     /// Whether an event of the vehicle's own counts as it stands: its clock was right, and whom it heard or missed in turn.
     pub(crate) fn counts(&self, event: &Event) -> bool {
         let is_strange = self.strange.get(&event.transmitter_id).is_some_and(|steps| at(steps, event.time_s));
-        !is_strange && !self.is_ahead(event.time_s)
+        !is_strange && self.ahead(event.time_s) == 0 && !self.is_in_gap(event.time_s)
     }
 
     /// The time of the others when its own clock shows this.
     pub(crate) fn team_s(&self, time_s: f64) -> f64 {
-        time_s - f64::from(at(&self.steps, time_s)) * self.duration_s
+        time_s - f64::from(self.ahead(time_s)) * self.duration_s
+    }
+
+    /// The slot in which the vehicle sends what leaves at this time by its clock: one of its own, or its next. Where the clock is
+    /// wrong that may be none of its own.
+    pub(crate) fn departs_in(&self, slots: &Slots, own: &VehicleId, time_s: f64) -> Option<u32> {
+        match self.ahead(time_s) {
+            0 => slots.next_turn(time_s, own),
+            _ => slots.sent_in(self.team_s(time_s), own),
+        }
+    }
+
+    /// What its own clock shows at this time of the others.
+    pub(crate) fn local_s(&self, team_s: f64) -> f64 {
+        let shown = |&(_, ahead): &(f64, i32)| team_s + f64::from(ahead) * self.duration_s;
+        let is_then = |&time_s: &f64| (self.team_s(time_s) - team_s).abs() < 0.5 * self.duration_s;
+        self.steps.iter().map(shown).find(is_then).unwrap_or(team_s)
     }
 }
 
@@ -135,48 +172,67 @@ fn is_in_turn(slots: &Slots, event: &Event, shift: i32) -> bool {
     slots.sent_in(event.time_s - f64::from(shift) * slots.duration_s, &event.transmitter_id).is_some()
 }
 
-/// The messages in a row that end with one, and those that begin with it: where a clock was set, either those before tell or those behind.
+/// The rows of messages that have this one in them.
 fn rows<T>(arrivals: &[T], place: usize) -> impl Iterator<Item = &[T]> {
-    let before = (place + 1).checked_sub(IN_A_ROW).map(|begin| begin..place + 1);
-    let behind = place..place + IN_A_ROW;
-    before.into_iter().chain([behind]).filter_map(|row| arrivals.get(row))
+    let begins = (0..IN_A_ROW).filter_map(move |before| place.checked_sub(before));
+    begins.filter_map(|begin| arrivals.get(begin..begin + IN_A_ROW))
 }
 
-/// From when on the clock was ahead by how many slots.
-fn steps(arrivals: &[Arrival<'_>], shift_max: i32) -> Steps<i32> {
+/// From when on the clock was ahead by how many slots, and where one cannot say.
+fn steps(arrivals: &[Arrival<'_>], shift_max: i32) -> (Steps<i32>, Vec<(f64, f64)>) {
     let by_size: Vec<i32> = (0..=shift_max).flat_map(|size| [size, -size]).collect();
-    let fits = |row: &[Arrival<'_>], shift: i32| {
-        let senders: BTreeSet<&VehicleId> = row.iter().map(|arrival| arrival.sender).collect();
-        (shift == 0 || senders.len() >= MEMBERS_MIN) && row.iter().all(|arrival| arrival.shifts.contains(&shift))
-    };
-    let is_contradicted = |place: usize, shift: i32| {
-        let about = &arrivals[place.saturating_sub(ABOUT)..arrivals.len().min(place + ABOUT)];
-        let (fitting, not): (Vec<_>, Vec<_>) =
-            about.iter().filter(|one| !one.shifts.contains(&0)).partition(|one| one.shifts.contains(&shift));
-        FITTING * not.len() > fitting.len()
-    };
-    let is_it = |place: usize, shift: i32| {
-        let is_alone = |row: &[Arrival<'_>]| shift == 0 || !fits(row, -shift) && !is_contradicted(place, shift);
-        rows(arrivals, place).any(|row| fits(row, shift) && is_alone(row))
-    };
-    let found = |place: usize| by_size.iter().copied().find(|&shift| is_it(place, shift));
+    let found = |place: usize| by_size.iter().copied().find(|&shift| shows(arrivals, place, shift));
     let found: Vec<Option<i32>> = (0..arrivals.len()).map(found).collect();
     // Until something else shows it is as it was, and as it was first.
     let mut ahead = found.iter().flatten().next().copied().unwrap_or_default();
-    let mut steps = Steps::new();
-    for (arrival, found) in arrivals.iter().zip(found) {
+    let (mut steps, mut gaps) = (Steps::<i32>::new(), Vec::new());
+    let mut last_s = f64::NEG_INFINITY;
+    for (place, (arrival, found)) in arrivals.iter().zip(found).enumerate() {
+        let is_as_before = found.is_none_or(|found| found == ahead) && (ahead == 0 || arrival.fits(ahead));
+        // A message that does not fit a clock that is off may be the first one since it was set.
+        if found.is_none() && !is_as_before {
+            continue;
+        }
+        if !is_as_before || place > 0 && last_s < arrivals[place - 1].time_s {
+            gaps.push((last_s, arrival.time_s));
+        }
         ahead = found.unwrap_or(ahead);
         steps.push((arrival.time_s, ahead));
+        last_s = arrival.time_s;
+    }
+    if arrivals.last().is_some_and(|last| last_s < last.time_s) {
+        gaps.push((last_s, f64::INFINITY));
     }
     steps.dedup_by_key(|step| step.1);
-    steps
+    (steps, gaps)
+}
+
+/// Whether a row about a message shows that the clock was so many slots ahead.
+fn shows(arrivals: &[Arrival<'_>], place: usize, shift: i32) -> bool {
+    let fits = |row: &[Arrival<'_>], shift: i32| row.iter().all(|arrival| arrival.fits(shift));
+    rows(arrivals, place).any(|row| {
+        let senders: BTreeSet<&VehicleId> = row.iter().map(|arrival| arrival.sender).collect();
+        let is_alone =
+            || senders.len() >= MEMBERS_MIN && !fits(row, -shift) && !is_contradicted(arrivals, place, shift);
+        fits(row, shift) && (shift == 0 || is_alone())
+    })
+}
+
+/// Whether too many of the messages about one say otherwise: out of turn in another way, or in turn between others that are out of it.
+fn is_contradicted(arrivals: &[Arrival<'_>], place: usize, shift: i32) -> bool {
+    let about = &arrivals[place.saturating_sub(ABOUT)..arrivals.len().min(place + ABOUT)];
+    let is_out_so = |one: &Arrival<'_>| !one.fits(0) && one.fits(shift);
+    let (first, last) = (about.iter().position(is_out_so), about.iter().rposition(is_out_so));
+    let is_between = |nth: usize| first <= Some(nth) && Some(nth) <= last;
+    let against = about.iter().enumerate().filter(|(nth, one)| !one.fits(shift) && (!one.fits(0) || is_between(*nth)));
+    FITTING * against.count() > about.iter().filter(|one| is_out_so(one)).count()
 }
 
 /// From when on members were out of turn, and in turn again; none for who always was in turn.
 fn strange(arrivals: &[Arrival<'_>]) -> BTreeMap<VehicleId, Steps<bool>> {
     let mut by_sender = BTreeMap::<&VehicleId, Vec<(f64, bool)>>::new();
     for arrival in arrivals {
-        by_sender.entry(arrival.sender).or_default().push((arrival.time_s, !arrival.shifts.contains(&0)));
+        by_sender.entry(arrival.sender).or_default().push((arrival.time_s, !arrival.fits(0)));
     }
     let steps = by_sender.into_iter().map(|(id, messages)| {
         let is_strange = |place: usize| rows(&messages, place).any(|row| row.iter().all(|message| message.1));

@@ -14,6 +14,8 @@ pub(crate) struct Recorded {
     pub(crate) number: u64,
     /// Whose event it is in which slot, if it is between members and in one: known once and for all, because a team's slots stay.
     pub(crate) key: Option<ToldKey>,
+    /// Whether the vehicle heard a member in none of that one's slots.
+    pub(crate) is_strange: bool,
     pub(crate) event: Event,
 }
 
@@ -51,7 +53,7 @@ pub(crate) struct Events {
     /// Length of the longest link.
     longest_m: f64,
     /// How many messages were heard in no slot of their sender's.
-    strange: usize,
+    pub(crate) strange: usize,
 }
 
 impl Events {
@@ -95,7 +97,7 @@ impl Events {
             0 => new_m.fold(self.longest_m, f64::max),
             _ => self.iter().map(|event| event.link.range_m()).fold(0.0, f64::max),
         };
-        let is_strange = |known: &&Recorded| known.key.is_none() && known.event.success;
+        let is_strange = |known: &&Recorded| known.is_strange;
         self.strange = match change.forgotten {
             0 => self.strange + change.new.iter().filter(is_strange).count(),
             _ => self.in_order.iter().filter(is_strange).count(),
@@ -159,11 +161,6 @@ impl Events {
     /// Length of the longest link; 0 without events.
     pub(crate) fn longest_m(&self) -> f64 {
         self.longest_m
-    }
-
-    /// Whether anything was heard in no slot of its sender's.
-    pub(crate) fn has_strange(&self) -> bool {
-        self.strange > 0
     }
 
     pub(crate) fn len(&self) -> usize {

@@ -116,7 +116,7 @@ impl Agent {
         let layout = self.team().layout(frame_bytes)?;
         let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team().epoch };
         let counter = u16::try_from(self.memory.packets.counter_next(sender)).map_err(|_| used_up())?;
-        let slot = self.team().slots.next_turn(self.memory.reckoning.team_s(time_s), &self.id);
+        let slot = self.memory.reckoning.departs_in(&self.team().slots, &self.id, time_s);
         self.update()?;
         let next = match self.beliefs.nothing_new_in == Some(layout.frame_bytes) {
             true => None,

@@ -23,6 +23,8 @@ pub(crate) struct Frames {
     agreements: Arc<[Agreement]>,
 }
 
+const DIGEST_BYTES: usize = 32;
+
 /// What was agreed on about slots before some slot.
 #[derive(Debug, Clone, Copy)]
 struct Agreement {
@@ -37,9 +39,28 @@ impl Frames {
         Self { agreements: ends.into_iter().map(about).collect(), team }
     }
 
-    /// The digest of all that was agreed on.
-    pub(crate) fn digest(&self) -> &[u8; 32] {
-        &self.agreement_about(u32::MAX).digest
+    /// Whether one order holds in all slots from one to another: who does not know the next one reads a report of these.
+    pub(crate) fn is_one_order(&self, first: u32, last: u32) -> bool {
+        self.agreement_about(first).end == self.agreement_about(last).end
+    }
+
+    /// The agreements as bytes: the digest of that about the first slots, and for each change its first slot and the digest of the
+    /// next one.
+    pub(crate) fn agreements(&self) -> Vec<u8> {
+        let [first, changes @ ..] = &*self.agreements else { return Vec::new() };
+        let ends = self.agreements.iter().map(|agreement| agreement.end.to_le_bytes());
+        let next = ends.zip(changes).flat_map(|(end, next)| [&end[..], &next.digest].concat());
+        first.digest.into_iter().chain(next).collect()
+    }
+
+    /// The slot up to which the same was agreed on as these bytes say; `None` where more than the order of slots is another.
+    pub(crate) fn agree_until(&self, bytes: &[u8]) -> Option<u32> {
+        let own = self.agreements();
+        let alike = own.iter().zip(bytes).take_while(|(own, other)| own == other).count();
+        let changes = alike.checked_sub(DIGEST_BYTES)? / (DIGEST_BYTES + 4);
+        let begin = DIGEST_BYTES + changes * (DIGEST_BYTES + 4);
+        let end = |bytes: &[u8]| bytes.get(begin..begin + 4)?.try_into().ok().map(u32::from_le_bytes);
+        Some([end(&own), end(bytes)].into_iter().flatten().min().unwrap_or(u32::MAX))
     }
 
     /// What slots up to this one follow from: whoever does not know of a later change of order agrees on it.

@@ -121,7 +121,12 @@ impl Memory {
             check_event(event)?;
         }
         let numbers: BTreeSet<u64> = new.iter().map(|(number, _)| *number).collect();
-        let new = new.into_iter().map(|(number, event)| Recorded { number, key: self.frames.slot_of(&event), event });
+        let new = new.into_iter().map(|(number, event)| {
+            let key = self.frames.slot_of(&event);
+            let is_strange = key.is_none() && event.success && self.own_id() == Some(&event.receiver_id);
+            let is_strange = is_strange && self.frames.team.number(&event.transmitter_id).is_some();
+            Recorded { number, key, is_strange, event }
+        });
         let change = self.events.insert(new.collect());
         let is_behind =
             |known: &Recorded| self.placement.is_settled_before(known.event.time_s, known.key.map(|key| key.1));
@@ -251,8 +256,12 @@ impl Memory {
 
     /// What others told, where it took place.
     pub(crate) fn placed(&self) -> &Placed {
-        let told = || Told { own: self.own, events: &self.events, reports: &self.reports, reckoning: &self.reckoning };
-        self.placement.get_or_place(|before| place(&self.frames, &told(), self.track(), before))
+        self.placement.get_or_place(|before| place(&self.frames, &self.known(), self.track(), before))
+    }
+
+    /// What is known of single transmissions.
+    pub(crate) fn known(&self) -> Told<'_> {
+        Told { own: self.own, events: &self.events, reports: &self.reports, reckoning: &self.reckoning }
     }
 
     /// Remembers a frame that was heard, or sent. One that is not the team's or, as a sent one, not

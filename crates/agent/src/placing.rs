@@ -196,9 +196,11 @@ fn others(own: Option<u8>, reports: &Reports) -> impl Iterator<Item = u8> {
 }
 
 /// What members say that they sent and this one did not record, as missed, where both ends are known.
-pub(crate) fn unheard(frames: &Frames, own: u8, events: &Events, track: Track, reports: &Reports) -> Vec<Event> {
+pub(crate) fn unheard(frames: &Frames, own: u8, told: &Told<'_>, track: Track) -> Vec<Event> {
+    let &Told { events, reports, reckoning, .. } = told;
     let apart = frames.team.slots.at_once() as u32;
-    let recorded = events.recorded().iter().filter_map(|known| Some((known.key?, &known.event)));
+    let recorded = events.recorded().iter().filter(|known| reckoning.counts(&known.event));
+    let recorded = recorded.filter_map(|known| Some((known.key?, &known.event)));
     let recorded = recorded.filter(|((receiver, _), _)| *receiver == own);
     // What was heard is of a slot in which its sender says that it sent, wherever it seemed to be.
     let known: BTreeSet<u32> = recorded
@@ -206,6 +208,7 @@ pub(crate) fn unheard(frames: &Frames, own: u8, events: &Events, track: Track, r
             let sender = frames.team.number(&event.transmitter_id).filter(|_| event.success);
             sender.and_then(|sender| reports.sent_about(sender, slot, apart)).unwrap_or(slot)
         })
+        .chain(reckoning.outcomes.keys().copied())
         .collect();
     let whereabouts = Whereabouts { frames, reports, own: Some(own), track, seen: BTreeMap::new() };
     let sent = others(Some(own), reports).flat_map(|sender| {

@@ -224,6 +224,7 @@ impl<'a> Reporter<'a> {
         let length = self.memory.frames.report_layout().length(outcomes, to + 1 - from, self.earlier.is_some());
         let is_one_run = self.runs[from] == self.runs[to];
         is_one_run
+            && self.memory.frames.is_one_order(self.items[first].slot, self.items[last].slot)
             && length <= self.frame_bytes
             && to + 1 - from <= KNOTS_MAX
             && outcomes.bytes_max() <= OUTCOME_BYTES_MAX
@@ -301,12 +302,18 @@ fn items(memory: &Memory, sender: u8, knots: &[(u32, Cell)], tellings: &Tellings
     // Where nobody is heard in slots, a schedule says nothing of who sends.
     let is_in_force = memory.frames.team.slots.listed.is_some() || !own.is_empty();
     let at_will = memory.frames.team.slots.at_will;
+    // Whose clock is off may have sent in others' slots, and who does not always send cannot say that it did in its own.
+    let always_sends = memory.own_id().is_none_or(|own| memory.frames.team.slots.always_sends(own));
+    let may_have_sent_elsewhere = |slot: u32| {
+        let begin_s = memory.frames.team.slots.begin_s(slot).unwrap_or(f64::NEG_INFINITY);
+        !always_sends && memory.reckoning.ahead(memory.reckoning.local_s(begin_s)) != 0
+    };
     let of_slot = |slot: u32| {
         if !memory.frames.is_heard_by(slot, sender) {
             let (outcome, says_something) = match memory.reports.turn(sender, slot) {
                 Some(true) => (Outcome::Heard, true),
                 Some(false) => (Outcome::Missed, at_will || is_in_force),
-                None if at_will => (Outcome::Untold, false),
+                None if at_will || may_have_sent_elsewhere(slot) => (Outcome::Untold, false),
                 None => (Outcome::Heard, is_in_force),
             };
             return item(slot, Of::Itself, outcome, says_something);

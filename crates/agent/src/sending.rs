@@ -52,9 +52,11 @@ impl Agent {
     /// missed these if it listened, which its host knows. Whoever [`Agent::observe`]s those, whenever reports came, has recorded what
     /// it missed of members that send at will. Empty for who is no member. O(events + told), each with a logarithm.
     pub fn unheard(&self, from_s: f64) -> Vec<Event> {
-        let Some(own) = self.memory.own else { return Vec::new() };
-        let events = unheard(&self.memory.frames, own, &self.memory.events, self.memory.track(), &self.memory.reports);
-        events.into_iter().filter(|event| event.time_s >= from_s).collect()
+        let memory = &self.memory;
+        let Some(own) = memory.own else { return Vec::new() };
+        let events = unheard(&memory.frames, own, &memory.known(), memory.track()).into_iter();
+        let by_its_clock = events.map(|event| Event { time_s: memory.reckoning.local_s(event.time_s), ..event });
+        by_its_clock.filter(|event| event.time_s >= from_s).collect()
     }
 
     /// Members whom it hears out of their turn, though it misses in turn: their clock or their schedule differs from its own. As soon as

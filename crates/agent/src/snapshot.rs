@@ -30,7 +30,7 @@ impl Agent {
         MAGIC.iter().for_each(|&byte| out.u8(byte));
         out.u16(SNAPSHOT_VERSION);
         out.text(self.id().as_str());
-        out.bytes(self.memory.frames.digest());
+        out.bytes(&self.memory.frames.agreements());
         let packets = &self.memory.packets;
         let latest: Vec<(u8, u16)> =
             packets.senders().filter_map(|sender| Some((sender, packets.latest(sender)?))).collect();
@@ -48,7 +48,8 @@ impl Agent {
     }
 
     /// The vehicle that a snapshot was taken of. Under another agreement (a new epoch, say) it keeps its events, and
-    /// begins to share afresh. Packets in it that cannot be read are left out, and counted in [`Agent::counts`]. Fits
+    /// begins to share afresh; where that has other changes of order alone ([`SlotChange`](crate::SlotChange)), of which it learned under way, it
+    /// forgets nothing but what was said of single slots from these on. Packets in it that cannot be read are left out, and counted in [`Agent::counts`]. Fits
     /// nothing: see [`Agent::refit_due`].
     ///
     /// # Errors
@@ -71,7 +72,7 @@ impl Agent {
     ) -> Result<Self, AgentError> {
         let wrong = |problem: String| AgentError::Snapshot { id: id.clone(), problem };
         let content = checked(bytes, key).map_err(wrong)?;
-        let Contents { vehicle, digest, latest, events, fixes, frames } =
+        let Contents { vehicle, agreements, latest, events, fixes, frames } =
             contents(content).ok_or_else(|| wrong("what it says makes no sense".into()))?;
         if vehicle != id.as_str() {
             return Err(wrong(format!("it is of {vehicle}")));
@@ -79,11 +80,11 @@ impl Agent {
         let mut agent = Agent::new(id.clone(), team);
         agent.remember(events)?;
         agent.navigate(fixes)?;
-        if digest == agent.memory.frames.digest() {
+        if let Some(end) = agent.memory.frames.agree_until(agreements) {
             for (sender, latest) in latest {
                 agent.memory.packets.reach(sender, latest);
             }
-            for entry in frames {
+            for entry in frames.into_iter().filter_map(|entry| before(entry, end)) {
                 agent.apply(entry)?;
             }
         }
@@ -94,11 +95,22 @@ impl Agent {
 /// What a snapshot says.
 struct Contents<'a> {
     vehicle: &'a str,
-    digest: &'a [u8],
+    agreements: &'a [u8],
     latest: Vec<(u8, u16)>,
     events: Vec<(u64, Event)>,
     fixes: Vec<(f64, Position)>,
     frames: Vec<Entry>,
+}
+
+/// What an entry says of slots before one: another order holds from that on.
+fn before(entry: Entry, end: u32) -> Option<Entry> {
+    match entry {
+        Entry::Turn { slot, .. } | Entry::Recent { newest: slot, .. } if slot >= end => None,
+        Entry::Sent { number, slot, bytes } => {
+            Some(Entry::Sent { number, slot: slot.filter(|&slot| slot < end), bytes })
+        }
+        entry => Some(entry),
+    }
 }
 
 /// The bytes between the version and the check, if the check is that of all before it.
@@ -125,7 +137,7 @@ fn checked<'a>(bytes: &'a [u8], key: Option<&Key>) -> Result<&'a [u8], String> {
 
 fn contents(bytes: &[u8]) -> Option<Contents<'_>> {
     let mut reader = Reader::new(bytes);
-    let (vehicle, digest) = (reader.text()?, reader.bytes()?);
+    let (vehicle, agreements) = (reader.text()?, reader.bytes()?);
     let senders = reader.u16()?;
     let latest = (0..senders).map(|_| Some((reader.u8()?, reader.u16()?))).collect::<Option<_>>()?;
     // No list is made longer than the bytes that are there.
@@ -137,7 +149,7 @@ fn contents(bytes: &[u8]) -> Option<Contents<'_>> {
             frame => frames.push(frame),
         }
     }
-    reader.is_at_end().then_some(Contents { vehicle, digest, latest, events, fixes, frames })
+    reader.is_at_end().then_some(Contents { vehicle, agreements, latest, events, fixes, frames })
 }
 
 fn write_entry(out: &mut Writer, entry: &Entry) {

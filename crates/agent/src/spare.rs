@@ -43,10 +43,9 @@ impl Agent {
     pub fn recent(&mut self, time_s: f64, n_bits: usize) -> Option<u64> {
         let sender = self.memory.own.filter(|_| self.team().has_spare_bits())?;
         let count = Recent::outcomes_in(n_bits).ok()?;
-        let time_s = self.memory.reckoning.team_s(time_s);
-        let runs = self.runs(sender, self.team().slots.number(time_s)?, count);
+        let runs = self.runs(sender, self.team().slots.number(self.memory.reckoning.team_s(time_s))?, count);
         let first = runs.iter().map(|run| run.slots().start).min()?;
-        let sent_in = self.team().slots.next_turn(time_s, &self.id);
+        let sent_in = self.memory.reckoning.departs_in(&self.team().slots, &self.id, time_s);
         self.asides.retain(|aside| aside.sent_in != sent_in && aside.slots.end > first);
         let tellings = Tellings::with_asides(&self.memory, sender, sent_in, &self.doubted(), &self.asides);
         let value =

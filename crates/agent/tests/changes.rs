@@ -128,3 +128,37 @@ fn map_messages_speak_of_places_and_cross_any_change() {
         assert!(matches!(stranger.receive(&from_lost[0], 0.0), Receipt::Refused(Refusal::OtherTeam { .. })));
     }
 }
+
+#[test]
+fn who_learns_of_a_change_goes_on_with_all_that_it_knew() {
+    let outcomes = (0..48).map(|slot| vec![Some(slot % 4 < 3); 3]).collect();
+    let turns = [60, 128, 200].map(|east| vec![pingmap_packet::Cell { east, north: 128, depth: 0 }; 7]).to_vec();
+    let trip = Trip { team: Arc::new(team(3, model())), slots: 48, turns, outcomes };
+    for is_sealed in [false, true] {
+        let missed = Missed::of(trip.clone(), is_sealed);
+        let mut lost = missed.vehicle_0().telling(Telling::default());
+        let mut other = missed.trip.vehicle(1);
+        let of_other = sent(&mut missed.trip.vehicle(1), 20);
+        of_other.iter().for_each(|frame| drop(lost.receive(frame, f64::INFINITY)));
+        let first = sent(&mut lost.clone().telling(Telling { points: true, reports: false }), 1).remove(0);
+        lost.apply(Entry::Sent { number: 0, slot: Some(HALF + 3), bytes: first.clone() }).unwrap();
+        let known = lost.told_events().0;
+        assert!(known > 0 && lost.out_of_turn().len() == 2);
+        // Under what it learns of it has these, and what the others told since it reads when it comes again.
+        let mut found = Agent::restore(lost.id().clone(), missed.trip.team.clone(), &lost.snapshot()).unwrap();
+        assert_eq!((found.told_events().0, found.out_of_turn().len()), (known, 0));
+        of_other.iter().for_each(|frame| drop(found.receive(frame, f64::INFINITY)));
+        assert!(found.told_events().0 > known);
+        assert_eq!(found.numbers_next().1, 1);
+        // No counter is used twice.
+        found.observe_all(walk(0, 40, 2.0)).unwrap();
+        let next = sent(&mut found.telling(Telling { points: true, reports: false }), 1).remove(0);
+        for frame in [&first, &next] {
+            assert_eq!(other.receive(frame, 0.0), Receipt::Accepted);
+        }
+        assert_eq!(other.conflicts(&names(1)[0]), 0);
+        // And back: what it knows of slots since is of another order.
+        let back = Agent::restore(lost.id().clone(), missed.old.clone(), &missed.trip.vehicle(0).snapshot()).unwrap();
+        assert_eq!(back.events().len(), missed.trip.events(0).len());
+    }
+}

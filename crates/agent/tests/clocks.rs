@@ -4,11 +4,13 @@
 
 mod common;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use common::trip::*;
 use common::*;
 use pingmap_agent::*;
+use pingmap_packet::{Cell, Outcome};
 use proptest::prelude::*;
 
 /// Who may send in a slot, before the first one too.
@@ -99,7 +101,7 @@ proptest! {
 /// A long way on which vehicle 0 of three hears every other message.
 fn every_other() -> Trip {
     let outcomes = (0..48).map(|slot| vec![Some(slot % 2 == 0); 3]).collect();
-    let turns = [60, 128, 200].map(|east| vec![pingmap_packet::Cell { east, north: 128, depth: 0 }; 7]).to_vec();
+    let turns = [60, 128, 200].map(|east| vec![Cell { east, north: 128, depth: 0 }; 7]).to_vec();
     let team = Team { track_off_max_m: 1e-6, ..team(3, model()) };
     Trip { team: Arc::new(team), slots: 48, turns, outcomes }
 }
@@ -116,6 +118,18 @@ fn a_clock_that_is_off_is_noticed() {
     }
 }
 
+/// What vehicle 0 of so many reports of others' slots.
+fn told(agent: &mut Agent, members: u32) -> BTreeMap<u32, bool> {
+    let mut told = BTreeMap::new();
+    for frame in sent(agent, 60) {
+        let (_, report, _) = agent.read_report(&frame).unwrap();
+        let slots = (report.first..).filter(|slot| report.tells_own || slot % members != 0);
+        let said = slots.zip(report.outcomes).filter(|(_, said)| *said != Outcome::Untold);
+        told.extend(said.filter(|(slot, _)| slot % members != 0).map(|(slot, said)| (slot, said == Outcome::Heard)));
+    }
+    told
+}
+
 #[test]
 fn what_came_before_a_clock_was_set_is_as_good_as_what_came_after() {
     let trip = every_other();
@@ -129,21 +143,17 @@ fn what_came_before_a_clock_was_set_is_as_good_as_what_came_after() {
     assert_eq!(agent.clock_ahead_slots(), 0);
     assert!(agent.out_of_turn().is_empty());
     assert_eq!(agent.told_events(), before);
+    // It is no member of itself.
+    let own = names(1).remove(0);
+    agent.mute(&own);
+    assert_eq!((agent.told_events(), agent.surprise(&own).unwrap()), (before, None));
     // What it reports of either is what became of these slots.
     agent.navigate((0..=48).map(|slot| (480.0 + SLOT_S * f64::from(slot), trip.at(0, slot)))).unwrap();
-    let mut told = std::collections::BTreeMap::new();
-    for frame in sent(&mut agent, 40) {
-        let (_, report, _) = agent.read_report(&frame).unwrap();
-        let slots = (report.first..).filter(|slot| report.tells_own || slot % 3 != 0);
-        let said = slots.zip(report.outcomes).filter(|(_, said)| *said != pingmap_packet::Outcome::Untold);
-        told.extend(
-            said.filter(|(slot, _)| slot % 3 != 0).map(|(slot, said)| (slot, said == pingmap_packet::Outcome::Heard)),
-        );
-    }
+    let told = told(&mut agent, 3);
     assert!(told.iter().all(|(slot, heard)| *heard == (slot % 2 == 0)), "{told:?}");
     let is_told = |slot: &u32| told.contains_key(slot);
     assert!((0..48).filter(|slot| slot % 3 == 1).all(|slot| is_told(&slot)), "{told:?}");
-    // But for what was missed before the first message by the right clock.
+    // But for what was missed between the last message by the wrong clock and the first by the right one.
     assert!((50..95).filter(|slot| slot % 3 != 0).all(|slot| is_told(&slot)), "{told:?}");
 }
 
@@ -154,4 +164,65 @@ fn of_two_nobody_can_say_whose_clock_it_is() {
     let heard_one = by_a_clock_ahead(&trip, 1).into_iter().filter(|event| !is_of_two(event));
     let agent = vehicle(&trip.team, 0, heard_one);
     assert_eq!((agent.clock_ahead_slots(), agent.out_of_turn()), (0, names(2)[1..].iter().cloned().collect()));
+}
+
+/// A trip of five on which 3 and 4 are as seldom heard as this, of ten messages.
+fn of_five(heard: usize) -> Trip {
+    let is_heard = |slot: usize| match slot % 5 {
+        1 | 2 => slot * 7 % 10 < 8,
+        _ => slot * 7 % 10 < heard,
+    };
+    let outcomes = (0..200).map(|slot| vec![Some(is_heard(slot)); 5]).collect();
+    let turns = vec![vec![Cell { east: 128, north: 128, depth: 0 }; 26]; 5];
+    Trip { team: Arc::new(team(5, model())), slots: 200, turns, outcomes }
+}
+
+#[test]
+fn two_clocks_that_are_off_alike_convince_nobody_that_it_is_his_own() {
+    for heard in [3, 5, 7] {
+        let trip = of_five(heard);
+        let mut agent = vehicle(&trip.team, 0, []);
+        // 1 and 2 send a slot late: they are heard then, and missed in their turn.
+        for event in trip.events(0) {
+            let is_late = names(5)[1..3].contains(&event.transmitter_id);
+            if is_late {
+                agent.observe(Event { success: false, ..event.clone() }).unwrap();
+            }
+            if !is_late || event.success {
+                agent.observe(Event { time_s: event.time_s + if is_late { SLOT_S } else { 0.0 }, ..event }).unwrap();
+            }
+        }
+        assert_eq!(agent.clock_ahead_slots(), 0, "{heard}");
+        assert_eq!(agent.out_of_turn(), names(5)[1..3].iter().cloned().collect(), "{heard}");
+    }
+}
+
+#[test]
+fn nothing_is_told_wrongly_about_when_a_clock_was_set_or_jumped() {
+    for (heard, set_at) in (1..10).flat_map(|heard| [(heard, 83), (heard, 90)]) {
+        let trip = of_five(heard);
+        for [before, after] in [[-1, 0], [1, 0], [-2, 0], [2, 0], [2, -1]] {
+            let recorded = |ahead: i64| {
+                by_a_clock_ahead(&trip, ahead)
+                    .into_iter()
+                    .map(move |event| (event.time_s - SLOT_S * ahead as f64, event))
+            };
+            let set_s = SLOT_S * f64::from(set_at);
+            let mut all: Vec<_> = recorded(before).filter(|(time_s, _)| *time_s < set_s).collect();
+            all.extend(recorded(after).filter(|(time_s, _)| *time_s >= set_s));
+            all.sort_by(|one, other| one.0.total_cmp(&other.0));
+            let mut agent = vehicle(&trip.team, 0, []).telling(Telling { points: false, reports: true });
+            agent.navigate((0..=200).map(|slot| (SLOT_S * f64::from(slot), trip.at(0, slot)))).unwrap();
+            agent.observe_all(all.into_iter().map(|(_, event)| event)).unwrap();
+            let told = told(&mut agent, 5);
+            // By the time when it is told.
+            let wrong: Vec<u32> = told
+                .iter()
+                .filter(|&(&slot, &heard)| trip.event(slot, 0).unwrap().success != heard)
+                .map(|(&slot, _)| slot)
+                .collect();
+            assert!(wrong.is_empty(), "{heard} {set_at} {before} {after}: {wrong:?}");
+            assert!(told.len() > 60, "{heard} {set_at} {before} {after}: {}", told.len());
+        }
+    }
 }
