@@ -11,13 +11,14 @@ use crate::agent_error::AgentError;
 use crate::attempt::{Attempt, Kind, Party};
 use crate::entry::Entry;
 use crate::event::{Event, Link, VehicleId};
+use crate::frames::ToldKey;
 use crate::heard::{Packets, counting};
 use crate::packets::PacketKey;
 use crate::passing::Worthy;
 use crate::planner::Planner;
 use crate::receipt::{Receipt, Refusal};
 use crate::reporter::Reporter;
-use crate::reports::Worth;
+use crate::reports::{Said, Worth};
 use crate::tellings::Tellings;
 use crate::wire::Wire;
 
@@ -58,6 +59,23 @@ impl Agent {
         if told.chain(report.knots.iter().map(|knot| knot.0)).chain([report.first]).all(is_kept) {
             self.passing.note(sender, Arc::new(report), slot);
         }
+    }
+
+    /// The share that was heard of the events of others that it knows, and of those that wait until it is known where they took place;
+    /// `None` of none. Whether an event waits does not depend on what became of it; but whose tracks are lost may well be who is
+    /// seldom heard. O(told).
+    pub fn told_shares_heard(&self) -> [Option<f64>; 2] {
+        let placed = self.memory.placed();
+        let is_heard = |&(receiver, slot): &ToldKey| match Some(receiver) == self.memory.own {
+            true => self.memory.reckoning.outcomes.get(&slot) == Some(&true),
+            false => self.memory.reports.outcomes(receiver, slot..slot + 1).any(|(_, said, _)| said == Said::Heard),
+        };
+        let heard = [
+            placed.events.values().filter(|event| event.success).count(),
+            placed.waiting.iter().filter(|key| is_heard(key)).count(),
+        ];
+        let all = [placed.events.len(), placed.waiting.len()];
+        std::array::from_fn(|nth| (all[nth] > 0).then(|| heard[nth] as f64 / all[nth] as f64))
     }
 
     fn note_time(&mut self, sender: u8, time_s: f64) {

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use common::trip::*;
 use common::*;
 use pingmap_agent::*;
+use pingmap_packet::Outcome;
 use proptest::prelude::*;
 
 proptest! {
@@ -120,6 +121,36 @@ proptest! {
         again.rebuild_posteriors().unwrap();
         prop_assert_eq!(latent(&mut agent), latent(&mut again));
         prop_assert_eq!(agent.next_packet(0.0, 32).unwrap(), again.next_packet(0.0, 32).unwrap());
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(32))]
+
+    /// Where everything heard was missed, and the other way round, the same is known and the same waits.
+    #[test]
+    fn what_waits_for_a_place_does_not_depend_on_what_became_of_it(trip in trips(), lost in prop::collection::vec(any::<bool>(), 40)) {
+        let trip = trip.trusting();
+        let mut listener = trip.vehicle(0);
+        let mut opposite = listener.clone();
+        let reports = (1..trip.members()).flat_map(|number| trip.reports_under_way(number));
+        for report in reports.zip(lost.iter().cycle()).filter(|(_, lost)| !**lost).map(|(report, _)| report) {
+            let (_, mut message, _) = listener.read_report(&report).unwrap();
+            prop_assert!(!message.tells_own);
+            for outcome in &mut message.outcomes {
+                *outcome = match outcome {
+                    Outcome::Heard => Outcome::Missed,
+                    Outcome::Missed => Outcome::Heard,
+                    Outcome::Untold => Outcome::Untold,
+                };
+            }
+            listener.receive(&report, f64::INFINITY);
+            opposite.receive(&opposite.write_report(&message).unwrap(), f64::INFINITY);
+        }
+        prop_assert_eq!(listener.told_events(), opposite.told_events());
+        for (heard, missed) in listener.told_shares_heard().into_iter().zip(opposite.told_shares_heard()) {
+            prop_assert!(heard.is_none() == missed.is_none() && heard.zip(missed).is_none_or(|(a, b)| (a + b - 1.0).abs() < 1e-12));
+        }
     }
 }
 

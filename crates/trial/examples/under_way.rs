@@ -1,8 +1,8 @@
 //! What frames and spare bytes bring under way: mean NLL of coming events by own events, and by all earlier events of all without
 //! delay; and the share of what lies between them that is closed by frames, by frames that each bring all earlier events of their
 //! sender, exactly placed, and by two spare bytes of every transmission. Last, the shares of what such frames bring that are known,
-//! event by event, when a frame is heard, and that wait until it is known where they took place; and the share of their sender's
-//! earlier events that is known when spare bytes are heard.
+//! event by event, when a frame is heard, and that wait until it is known where they took place; what share of those was heard, and of
+//! these; and the share of their sender's earlier events that is known when spare bytes are heard.
 //!
 //! Every so many of its transmissions a vehicle sends a frame of 32 bytes to whoever hears that, by the log. All that a transmission
 //! can tell is predicted before anybody learns from it. Vehicles send in turn. Shares have the jackknife's standard error, between
@@ -82,6 +82,8 @@ struct Run {
     scores: Vec<Scores>,
     /// Of each frame that was heard, the shares of what it might bring that are known and that wait.
     shares: Vec<[f64; 2]>,
+    /// And what share was heard of those that are known, and of those that wait.
+    shares_heard: [Vec<f64>; 2],
     /// Of all spare bytes that were heard, the shares of their senders' events that are known.
     spare_shares: Vec<f64>,
 }
@@ -114,6 +116,7 @@ impl Run {
             all: who_is_given("all"),
             scores: Vec::new(),
             shares: Vec::new(),
+            shares_heard: Default::default(),
             spare_shares: Vec::new(),
         })
     }
@@ -193,6 +196,8 @@ impl Run {
         let might_be = vehicle.known.values().sum::<usize>().max(1);
         let (told, waiting) = vehicle.agent.told_events();
         self.shares.push([told, waiting].map(|count| count as f64 / might_be as f64));
+        let heard = vehicle.agent.told_shares_heard();
+        self.shares_heard.iter_mut().zip(heard).for_each(|(all, heard)| all.extend(heard));
         Ok(())
     }
 }
@@ -215,14 +220,19 @@ fn main() -> Result<(), Failure> {
         plan.agreed = Agreed::Model(ModelFile::parse(&std::fs::read_to_string(model)?)?.model);
     }
     println!(
-        "   own     all  closed, %:  frames  if all came  spare bytes   known of that  waiting  known by spare bytes"
+        "   own     all  closed, %:  frames  if all came  spare bytes   known of that  waiting  heard of these  known by spare bytes"
     );
     let mut missions = Vec::new();
     for path in logs {
         let run = mission(&EventLog::open(Path::new(path))?, &plan, every.parse::<usize>()?.max(1))?;
         let [known, waiting] = [0, 1].map(|nth| mean(run.shares.iter().map(|share| share[nth])));
         let known_by_spare = mean(run.spare_shares.iter().copied());
-        println!("{}  {known:14.3}  {waiting:7.3}  {known_by_spare:20.3}  {path}", row(&run.scores));
+        let heard = run.shares_heard.each_ref().map(|shares| match shares.is_empty() {
+            true => "none".into(),
+            false => format!("{:.3}", mean(shares.iter().copied())),
+        });
+        let heard = heard.join(", ");
+        println!("{}  {known:14.3}  {waiting:7.3}  {heard:>14}  {known_by_spare:20.3}  {path}", row(&run.scores));
         missions.push(Scores::sum(&run.scores, None));
     }
     if missions.len() > 1 {
