@@ -71,7 +71,7 @@ fn long_trips() -> impl Strategy<Value = Trip> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { max_local_rejects: 100_000, ..cases(8) })]
+    #![proptest_config(ProptestConfig { max_local_rejects: 1_000_000, max_global_rejects: 100_000, ..cases(8) })]
 
     #[test]
     fn who_missed_a_change_shares_what_was_before_it(trip in long_trips(), is_sealed in any::<bool>()) {
