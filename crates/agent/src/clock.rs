@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::event::{Event, VehicleId};
 use crate::events::Events;
 use crate::frames::Frames;
+use crate::shifts::Shifts;
 use crate::slots::Slots;
 
 /// So many messages in a row show something, where all of them do.
@@ -46,60 +47,45 @@ fn at<T: Copy + Default>(steps: &Steps<T>, time_s: f64) -> T {
 struct Arrival<'a> {
     time_s: f64,
     sender: &'a VehicleId,
-    shifts: BTreeSet<i32>,
+    shifts: Shifts,
 }
 
 impl Arrival<'_> {
     fn fits(&self, shift: i32) -> bool {
-        self.shifts.contains(&shift)
+        self.shifts.has(shift)
     }
 }
 
 impl Reckoning {
     /// Of what a member recorded. O(events) where several messages were heard out of turn, else O(1).
     pub(crate) fn new(frames: &Frames, own: Option<u8>, events: &Events) -> Self {
-        let slots = &frames.team.slots;
-        let id = own.and_then(|own| frames.team.members.get(&own));
-        let is_in_slots = events.strange >= IN_A_ROW && !slots.at_will && slots.listed.is_none();
-        let Some((own, id)) = own.zip(id).filter(|_| is_in_slots) else { return Self::default() };
-        let of_member =
-            |event: &&Event| event.receiver_id == *id && frames.team.number(&event.transmitter_id).is_some();
-        let recorded = events.iter().filter(of_member);
-        let (missed, heard): (Vec<&Event>, Vec<&Event>) = recorded.clone().partition(|event| !event.success);
-        let missed = missed.into_iter().filter(|event| slots.number(event.time_s).is_some());
-        let (within, out): (Vec<&Event>, Vec<&Event>) = missed.partition(|event| is_in_turn(slots, event, 0));
-        if within.len() < IN_A_ROW || FITTING * out.len() > within.len() {
+        let Some(own) = own.filter(|_| events.strange >= IN_A_ROW) else { return Self::default() };
+        let in_slots = events.recorded().iter().filter_map(|known| Some((&known.event, known.shifts?)));
+        let (heard, missed): (Vec<_>, Vec<_>) = in_slots.partition(|(event, _)| event.success);
+        let within = missed.iter().filter(|(_, shifts)| shifts.has(0)).count();
+        if within < IN_A_ROW || FITTING * (missed.len() - within) > within {
             return Self::default();
         }
-        let shift_max = (slots.order_max() as i32 - 1) / 2;
-        let arrivals = heard.into_iter().map(|event| Arrival {
-            time_s: event.time_s,
-            sender: &event.transmitter_id,
-            shifts: (-shift_max..=shift_max).filter(|&shift| is_in_turn(slots, event, shift)).collect(),
+        let arrivals = heard.into_iter().map(|(event, shifts)| {
+            let Event { time_s, transmitter_id: sender, .. } = event;
+            Arrival { time_s: *time_s, sender, shifts }
         });
         let arrivals: Vec<Arrival<'_>> = arrivals.collect();
-        let (steps, gaps) = steps(&arrivals, shift_max);
-        let strange = strange(&arrivals);
-        let reckoning = Self { steps, gaps, strange, duration_s: slots.duration_s, outcomes: BTreeMap::new() };
-        let mut outcomes = reckoning.outcomes_of(frames, own, recorded);
-        if !outcomes.is_empty() {
-            let counting = events.recorded().iter().filter(|known| reckoning.counts(&known.event));
-            let keys = counting.filter_map(|known| known.key).filter(|(receiver, _)| *receiver == own);
-            let known: BTreeSet<u32> = keys.map(|(_, slot)| slot).collect();
-            outcomes.retain(|slot, _| !known.contains(slot));
-        }
-        Self { outcomes, ..reckoning }
+        let (steps, gaps) = steps(&arrivals);
+        let duration_s = frames.team.slots.duration_s;
+        let reckoning = Self { steps, gaps, strange: strange(&arrivals), duration_s, outcomes: BTreeMap::new() };
+        Self { outcomes: reckoning.outcomes_of(frames, own, events), ..reckoning }
     }
 
-    /// What became of transmissions while the clock was wrong, in the slots that they were sent in.
-    fn outcomes_of<'a>(
-        &self,
-        frames: &Frames,
-        own: u8,
-        recorded: impl Iterator<Item = &'a Event>,
-    ) -> BTreeMap<u32, bool> {
-        let slots = &frames.team.slots;
+    /// What became of transmissions while the clock was wrong, in the slots that they were sent in; what counts as it stands is not
+    /// among them.
+    fn outcomes_of(&self, frames: &Frames, own: u8, events: &Events) -> BTreeMap<u32, bool> {
         let mut outcomes = BTreeMap::new();
+        if self.steps.iter().all(|&(_, ahead)| ahead == 0) {
+            return outcomes;
+        }
+        let (slots, id) = (&frames.team.slots, frames.team.members.get(&own));
+        let recorded = events.iter().filter(|event| Some(&event.receiver_id) == id);
         for event in recorded.filter(|event| self.ahead(event.time_s) != 0 && !self.is_in_gap(event.time_s)) {
             // In what it took for its own turn it listened, but noted nothing as missed.
             if slots.sent_in(event.time_s, &event.receiver_id).is_some() {
@@ -111,6 +97,10 @@ impl Reckoning {
                 *outcomes.entry(slot).or_insert(false) |= event.success;
             }
         }
+        let counting = events.recorded().iter().filter(|known| self.counts(&known.event));
+        let known: BTreeSet<u32> =
+            counting.filter_map(|known| known.key).filter(|key| key.0 == own).map(|key| key.1).collect();
+        outcomes.retain(|slot, _| !known.contains(slot));
         outcomes
     }
 
@@ -167,11 +157,6 @@ impl Reckoning {
     }
 }
 
-/// Whether it was the transmitter's turn so many slots before.
-fn is_in_turn(slots: &Slots, event: &Event, shift: i32) -> bool {
-    slots.sent_in(event.time_s - f64::from(shift) * slots.duration_s, &event.transmitter_id).is_some()
-}
-
 /// The rows of messages that have this one in them.
 fn rows<T>(arrivals: &[T], place: usize) -> impl Iterator<Item = &[T]> {
     let begins = (0..IN_A_ROW).filter_map(move |before| place.checked_sub(before));
@@ -179,10 +164,8 @@ fn rows<T>(arrivals: &[T], place: usize) -> impl Iterator<Item = &[T]> {
 }
 
 /// From when on the clock was ahead by how many slots, and where one cannot say.
-fn steps(arrivals: &[Arrival<'_>], shift_max: i32) -> (Steps<i32>, Vec<(f64, f64)>) {
-    let by_size: Vec<i32> = (0..=shift_max).flat_map(|size| [size, -size]).collect();
-    let found = |place: usize| by_size.iter().copied().find(|&shift| shows(arrivals, place, shift));
-    let found: Vec<Option<i32>> = (0..arrivals.len()).map(found).collect();
+fn steps(arrivals: &[Arrival<'_>]) -> (Steps<i32>, Vec<(f64, f64)>) {
+    let found: Vec<Option<i32>> = (0..arrivals.len()).map(|place| shown(arrivals, place)).collect();
     // Until something else shows it is as it was, and as it was first.
     let mut ahead = found.iter().flatten().next().copied().unwrap_or_default();
     let (mut steps, mut gaps) = (Steps::<i32>::new(), Vec::new());
@@ -207,15 +190,14 @@ fn steps(arrivals: &[Arrival<'_>], shift_max: i32) -> (Steps<i32>, Vec<(f64, f64
     (steps, gaps)
 }
 
-/// Whether a row about a message shows that the clock was so many slots ahead.
-fn shows(arrivals: &[Arrival<'_>], place: usize, shift: i32) -> bool {
-    let fits = |row: &[Arrival<'_>], shift: i32| row.iter().all(|arrival| arrival.fits(shift));
-    rows(arrivals, place).any(|row| {
-        let senders: BTreeSet<&VehicleId> = row.iter().map(|arrival| arrival.sender).collect();
-        let is_alone =
-            || senders.len() >= MEMBERS_MIN && !fits(row, -shift) && !is_contradicted(arrivals, place, shift);
-        fits(row, shift) && (shift == 0 || is_alone())
-    })
+/// By how many slots the clock was ahead when a message was heard, if a row about it shows that: no other shift would do.
+fn shown(arrivals: &[Arrival<'_>], place: usize) -> Option<i32> {
+    let of_row = |row: &[Arrival<'_>]| {
+        let shift = Shifts::only_one_of(row.iter().map(|arrival| arrival.shifts))?;
+        let out: BTreeSet<&VehicleId> = row.iter().filter(|one| !one.fits(0)).map(|one| one.sender).collect();
+        (shift == 0 || out.len() >= MEMBERS_MIN && !is_contradicted(arrivals, place, shift)).then_some(shift)
+    };
+    rows(arrivals, place).filter_map(of_row).min_by_key(|shift| shift.abs())
 }
 
 /// Whether too many of the messages about one say otherwise: out of turn in another way, or in turn between others that are out of it.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::event::Event;
 use crate::frames::ToldKey;
+use crate::shifts::Shifts;
 
 /// An event as the vehicle remembers it.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,8 +15,8 @@ pub(crate) struct Recorded {
     pub(crate) number: u64,
     /// Whose event it is in which slot, if it is between members and in one: known once and for all, because a team's slots stay.
     pub(crate) key: Option<ToldKey>,
-    /// Whether the vehicle heard a member in none of that one's slots.
-    pub(crate) is_strange: bool,
+    /// By which shifts of the vehicle's clock it would be in turn, if it is the vehicle's own, of a member, in a slot.
+    pub(crate) shifts: Option<Shifts>,
     pub(crate) event: Event,
 }
 
@@ -97,7 +98,7 @@ impl Events {
             0 => new_m.fold(self.longest_m, f64::max),
             _ => self.iter().map(|event| event.link.range_m()).fold(0.0, f64::max),
         };
-        let is_strange = |known: &&Recorded| known.is_strange;
+        let is_strange = |known: &&Recorded| known.event.success && known.shifts.is_some_and(|shifts| !shifts.has(0));
         self.strange = match change.forgotten {
             0 => self.strange + change.new.iter().filter(is_strange).count(),
             _ => self.in_order.iter().filter(is_strange).count(),

@@ -135,10 +135,11 @@ impl Agent {
         let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team().epoch };
         let counter = u16::try_from(self.memory.packets.counter_next(sender)).map_err(|_| used_up())?;
         let slot = self.memory.reckoning.departs_in(&self.team().slots, &self.id, time_s);
+        let about = slot.or_else(|| self.team().slots.next_turn(self.memory.reckoning.team_s(time_s), &self.id));
         self.update()?;
         let next = match self.beliefs.nothing_new_in == Some(layout.frame_bytes) {
             true => None,
-            false => self.next(sender, counter, layout, frame_bytes, slot)?,
+            false => self.next(sender, counter, layout, frame_bytes, about)?,
         };
         let bytes = match next {
             Some(Next::Own(bytes)) => bytes,

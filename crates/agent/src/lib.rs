@@ -16,6 +16,7 @@ mod chart;
 mod fading;
 mod grid;
 mod limits;
+mod shifts;
 mod slots;
 mod told_track;
 mod track;

@@ -17,6 +17,7 @@ use crate::packets::{Arrival, Departure, PacketKey, Packets, Sent, Version};
 use crate::placing::{Placed, Placement, Told, place};
 use crate::receipt::{Receipt, Refusal};
 use crate::reports::{EVERY_SLOT, Filed, Reports, Said};
+use crate::shifts::Shifts;
 use crate::track::Track;
 use crate::turns::Turns;
 
@@ -122,10 +123,9 @@ impl Memory {
         }
         let numbers: BTreeSet<u64> = new.iter().map(|(number, _)| *number).collect();
         let new = new.into_iter().map(|(number, event)| {
-            let key = self.frames.slot_of(&event);
-            let is_strange = key.is_none() && event.success && self.own_id() == Some(&event.receiver_id);
-            let is_strange = is_strange && self.frames.team.number(&event.transmitter_id).is_some();
-            Recorded { number, key, is_strange, event }
+            let (key, is_own) = (self.frames.slot_of(&event), self.own_id() == Some(&event.receiver_id));
+            let shifts = if is_own { Shifts::of(&self.frames.team, &event) } else { None };
+            Recorded { number, key, shifts, event }
         });
         let change = self.events.insert(new.collect());
         let is_behind =

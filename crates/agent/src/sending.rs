@@ -71,7 +71,7 @@ impl Agent {
     /// Four messages in a row, of two members at least, show it, if all came so many slots after their senders' turns. It allows for it:
     /// who was heard and who was missed follows from the slots that it really was, and where they were from what they told.
     /// Its host should set its clock, but need not mend what it recorded by the wrong one. A clock may be off by less than half a turn of
-    /// the order, so never with fewer than three members; more would not show, nor where members send at will.
+    /// the order and by 31 slots, so never with fewer than three members; more would not show, nor where members send at will.
     pub fn clock_ahead_slots(&self) -> i32 {
         self.memory.reckoning.ahead_now()
     }

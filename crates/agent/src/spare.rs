@@ -46,11 +46,13 @@ impl Agent {
         let runs = self.runs(sender, self.team().slots.number(self.memory.reckoning.team_s(time_s))?, count);
         let first = runs.iter().map(|run| run.slots().start).min()?;
         let sent_in = self.memory.reckoning.departs_in(&self.team().slots, &self.id, time_s);
-        self.asides.retain(|aside| aside.sent_in != sent_in && aside.slots.end > first);
+        // Nobody knows in which slot it sends where its clock is wrong.
+        self.asides.retain(|aside| (sent_in.is_none() || aside.sent_in != sent_in) && aside.slots.end > first);
         let tellings = Tellings::with_asides(&self.memory, sender, sent_in, &self.doubted(), &self.asides);
         let value =
             |run: &Run| run.outcomes.iter().map(|&(slot, _)| tellings.get(Of::Other, slot).learning).sum::<f64>();
         let best = runs.into_iter().max_by(|one, other| value(one).total_cmp(&value(other)))?;
+        self.asides.retain(|aside| aside.sent_in.is_some() || aside.slots != best.slots());
         self.asides.push(Aside { sent_in, slots: best.slots() });
         let newest = (best.number() % Recent::NUMBERS) as u8;
         let outcomes = best.outcomes.into_iter().map(|(_, heard)| heard).collect();

@@ -226,3 +226,61 @@ fn nothing_is_told_wrongly_about_when_a_clock_was_set_or_jumped() {
         }
     }
 }
+
+/// Events that are heard or missed in these slots of an order, by what is heard of whom.
+fn in_blocks(late: Option<&str>, ahead: i64, heard: impl Fn(&str, usize) -> bool) -> Agent {
+    let order = ["a", "b", "b", "b", "c", "c", "c"];
+    let base = Team::new(["a", "b", "c"].map(VehicleId::new), model(), [Position::new(-REACH_M, -REACH_M)]).unwrap();
+    let slots = Slots::in_turn(SLOT_S, order.map(VehicleId::new).to_vec());
+    let mut agent = Agent::new(VehicleId::new("a"), Arc::new(Team { slots, ..base }));
+    let event = |slot: i64, sender: &str, success| Event {
+        time_s: SLOT_S * slot as f64,
+        transmitter_id: VehicleId::new(sender),
+        receiver_id: VehicleId::new("a"),
+        link: link([0.0, 0.0, 100.0, 100.0]),
+        kind: None,
+        success,
+    };
+    let turn = |slot: i64| order[slot.rem_euclid(7) as usize];
+    let mut events = Vec::new();
+    for slot in 7..700 {
+        let sender = turn(slot);
+        let comes = slot + ahead + i64::from(late == Some(sender));
+        let is_heard = sender != "a" && heard(sender, slot as usize);
+        if is_heard {
+            events.push(event(comes, sender, true));
+        }
+        let expected = turn(comes);
+        if sender != "a" && expected != "a" && (expected != sender || !is_heard) {
+            events.push(event(comes, expected, false));
+        }
+    }
+    agent.observe_all(events).unwrap();
+    agent
+}
+
+#[test]
+fn whoever_sends_in_several_slots_in_a_row_shows_a_clock_too() {
+    // Whether something is heard is by chance, the same each time.
+    let by_chance = |tenths: usize, slot: usize| (slot * 7919 + slot / 7 * 104_729) % 97 % 10 < tenths;
+    for (ahead, tenths) in [-1, 1].into_iter().flat_map(|ahead| [3, 5, 7].map(|tenths| (ahead, tenths))) {
+        let agent = in_blocks(None, ahead, |_, slot| by_chance(tenths, slot));
+        assert_eq!(i64::from(agent.clock_ahead_slots()), ahead, "{tenths}");
+        let right = in_blocks(None, 0, |_, slot| by_chance(tenths, slot));
+        assert_eq!((right.clock_ahead_slots(), right.out_of_turn().len()), (0, 0));
+    }
+    // One who is late, beside one who is seldom heard: it is his clock.
+    let agent = in_blocks(Some("c"), 0, |sender, slot| by_chance(if sender == "c" { 8 } else { 1 }, slot));
+    assert_eq!(agent.clock_ahead_slots(), 0);
+}
+
+#[test]
+fn what_has_no_slot_is_not_out_of_turn() {
+    let mut agent = vehicle(
+        &Arc::new(Team { slots: Slots { start_s: 240.0, ..Slots::in_turn(SLOT_S, names(3)) }, ..team(3, model()) }),
+        0,
+        [],
+    );
+    agent.observe_all(every_other().events(0)).unwrap();
+    assert_eq!((agent.out_of_turn().len(), agent.clock_ahead_slots()), (0, 0));
+}
