@@ -214,10 +214,8 @@ impl Agent {
     pub fn surprise(&mut self, member: &VehicleId) -> Result<Option<f64>, AgentError> {
         self.update()?;
         let heard = self.heard();
-        let number = self
-            .team()
-            .number(member)
-            .filter(|number| Some(*number) != self.memory.own && heard.members().contains(number));
+        let others = heard.others(self.memory.own);
+        let number = self.team().number(member).filter(|number| others.contains(number));
         number.map(|number| self.beliefs.surprise_of(&self.memory, &heard, number)).transpose()
     }
 

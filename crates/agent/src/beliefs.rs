@@ -230,7 +230,7 @@ impl Beliefs {
         let mut is_fitted = among(&fitted.told);
         let beside = believed.told.iter().filter(|told| !is_fitted(*told));
         let beside: BTreeSet<u8> = beside.map(|(key, _)| key.0).collect();
-        for member in believed.members().difference(&beside).copied() {
+        for member in believed.others(memory.own).difference(&beside).copied() {
             let packets = said(memory, &believed.of_member(member).packets, Worth::Beyond);
             let is_told = |source: &Source| matches!(source, Source::Told(key) if key.0 == member && believed.told.contains_key(key));
             all.extend(fitted.beyond(is_told, &place, &packets)?);

@@ -45,8 +45,7 @@ fn at<T: Copy + Default>(steps: &Steps<T>, time_s: f64) -> T {
 
 /// A message that was heard, and by which shifts of the clock it would be in turn.
 struct Arrival<'a> {
-    time_s: f64,
-    sender: &'a VehicleId,
+    event: &'a Event,
     shifts: Shifts,
 }
 
@@ -66,11 +65,7 @@ impl Reckoning {
         if within < IN_A_ROW || FITTING * (missed.len() - within) > within {
             return Self::default();
         }
-        let arrivals = heard.into_iter().map(|(event, shifts)| {
-            let Event { time_s, transmitter_id: sender, .. } = event;
-            Arrival { time_s: *time_s, sender, shifts }
-        });
-        let arrivals: Vec<Arrival<'_>> = arrivals.collect();
+        let arrivals: Vec<_> = heard.into_iter().map(|(event, shifts)| Arrival { event, shifts }).collect();
         let (steps, gaps) = steps(&arrivals);
         let duration_s = frames.team.slots.duration_s;
         let reckoning = Self { steps, gaps, strange: strange(&arrivals), duration_s, outcomes: BTreeMap::new() };
@@ -81,7 +76,7 @@ impl Reckoning {
     /// among them.
     fn outcomes_of(&self, frames: &Frames, own: u8, events: &Events) -> BTreeMap<u32, bool> {
         let mut outcomes = BTreeMap::new();
-        if self.steps.iter().all(|&(_, ahead)| ahead == 0) {
+        if self.was_never_ahead() {
             return outcomes;
         }
         let (slots, id) = (&frames.team.slots, frames.team.members.get(&own));
@@ -106,7 +101,11 @@ impl Reckoning {
 
     /// Whether all that the vehicle recorded counts as it stands.
     pub(crate) fn is_right(&self) -> bool {
-        self.strange.is_empty() && self.steps.iter().all(|&(_, ahead)| ahead == 0)
+        self.strange.is_empty() && self.was_never_ahead()
+    }
+
+    fn was_never_ahead(&self) -> bool {
+        self.steps.iter().all(|&(_, ahead)| ahead == 0)
     }
 
     /// By how many slots its clock was ahead when it heard something last.
@@ -176,14 +175,14 @@ fn steps(arrivals: &[Arrival<'_>]) -> (Steps<i32>, Vec<(f64, f64)>) {
         if found.is_none() && !is_as_before {
             continue;
         }
-        if !is_as_before || place > 0 && last_s < arrivals[place - 1].time_s {
-            gaps.push((last_s, arrival.time_s));
+        if !is_as_before || place > 0 && last_s < arrivals[place - 1].event.time_s {
+            gaps.push((last_s, arrival.event.time_s));
         }
         ahead = found.unwrap_or(ahead);
-        steps.push((arrival.time_s, ahead));
-        last_s = arrival.time_s;
+        steps.push((arrival.event.time_s, ahead));
+        last_s = arrival.event.time_s;
     }
-    if arrivals.last().is_some_and(|last| last_s < last.time_s) {
+    if arrivals.last().is_some_and(|last| last_s < last.event.time_s) {
         gaps.push((last_s, f64::INFINITY));
     }
     steps.dedup_by_key(|step| step.1);
@@ -194,7 +193,8 @@ fn steps(arrivals: &[Arrival<'_>]) -> (Steps<i32>, Vec<(f64, f64)>) {
 fn shown(arrivals: &[Arrival<'_>], place: usize) -> Option<i32> {
     let of_row = |row: &[Arrival<'_>]| {
         let shift = Shifts::only_one_of(row.iter().map(|arrival| arrival.shifts))?;
-        let out: BTreeSet<&VehicleId> = row.iter().filter(|one| !one.fits(0)).map(|one| one.sender).collect();
+        let out: BTreeSet<&VehicleId> =
+            row.iter().filter(|one| !one.fits(0)).map(|one| &one.event.transmitter_id).collect();
         (shift == 0 || out.len() >= MEMBERS_MIN && !is_contradicted(arrivals, place, shift)).then_some(shift)
     };
     rows(arrivals, place).filter_map(of_row).min_by_key(|shift| shift.abs())
@@ -214,7 +214,7 @@ fn is_contradicted(arrivals: &[Arrival<'_>], place: usize, shift: i32) -> bool {
 fn strange(arrivals: &[Arrival<'_>]) -> BTreeMap<VehicleId, Steps<bool>> {
     let mut by_sender = BTreeMap::<&VehicleId, Vec<(f64, bool)>>::new();
     for arrival in arrivals {
-        by_sender.entry(arrival.sender).or_default().push((arrival.time_s, !arrival.fits(0)));
+        by_sender.entry(&arrival.event.transmitter_id).or_default().push((arrival.event.time_s, !arrival.fits(0)));
     }
     let steps = by_sender.into_iter().map(|(id, messages)| {
         let is_strange = |place: usize| rows(&messages, place).any(|row| row.iter().all(|message| message.1));

@@ -53,9 +53,10 @@ impl Heard {
         Self { packets: packets.map(|(&key, &worth)| (key, worth)).collect(), told }
     }
 
-    /// Who says something.
-    pub(crate) fn members(&self) -> BTreeSet<u8> {
-        self.packets.keys().map(|key| key.0).chain(self.told.keys().map(|key| key.0)).collect()
+    /// Who says something, but for the vehicle itself.
+    pub(crate) fn others(&self, own: Option<u8>) -> BTreeSet<u8> {
+        let all = self.packets.keys().map(|key| key.0).chain(self.told.keys().map(|key| key.0));
+        all.filter(|&member| Some(member) != own).collect()
     }
 }
 

@@ -58,12 +58,12 @@ impl Beliefs {
                 true => [self.own.clone(), self.fused.clone()],
                 false => self.own_and_fused(memory, &believed)?,
             };
-            let moved = |member: u8| {
+            let moved = |&member: &u8| {
                 let others = believed.without(&BTreeSet::from([member]));
                 Ok((self.surprise_in(memory, &posterior, &believed, &others, member)?, member))
             };
-            let others = believed.members().into_iter().filter(|&member| Some(member) != memory.own);
-            let surprises = others.map(moved).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
+            let others = believed.others(memory.own);
+            let surprises = others.iter().map(moved).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
             if surprises.iter().all(|&(surprise, _)| surprise <= threshold) {
                 return Ok((!is_as_it_was).then_some((left_out, [own, posterior])));
             }

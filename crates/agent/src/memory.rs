@@ -14,12 +14,12 @@ use crate::event::{Event, Position, VehicleId};
 use crate::events::{Change, Events, Recorded};
 use crate::frames::Frames;
 use crate::packets::{Arrival, Departure, PacketKey, Packets, Sent, Version};
-use crate::placing::{Placed, Placement, Told, place};
+use crate::placing::{Placed, Placement, place};
 use crate::receipt::{Receipt, Refusal};
 use crate::reports::{EVERY_SLOT, Filed, Reports, Said};
 use crate::shifts::Shifts;
 use crate::track::Track;
-use crate::turns::Turns;
+use crate::turns::{Known, Turns};
 
 /// Events, where it was, packets and reports. It changes only by [`Memory::apply`], and depends on nothing but the set of
 /// entries.
@@ -131,21 +131,23 @@ impl Memory {
         let is_behind =
             |known: &Recorded| self.placement.is_settled_before(known.event.time_s, known.key.map(|key| key.1));
         let reckoning = Reckoning::new(&self.frames, self.own, &self.events);
-        if change.forgotten > 0 || !change.new.iter().all(is_behind) || reckoning != *self.reckoning {
+        let is_reckoned_anew = reckoning != *self.reckoning;
+        if change.forgotten > 0 || !change.new.iter().all(is_behind) || is_reckoned_anew {
             self.placement.change(EVERY_SLOT);
         }
-        self.reckoning = Arc::new(reckoning);
+        if is_reckoned_anew {
+            self.reckoning = Arc::new(reckoning);
+        }
         Ok(self.settle(change, &numbers))
     }
 
     /// Decides anew which of its events are none, after some were put in: those that are, and those that are none any more, are new;
     /// those that are none now are gone. O(events + told) where anybody may have been silent.
     fn settle(&mut self, change: Change, numbers: &BTreeSet<u64>) -> Change {
-        let (frames, events, reports, reckoning) = (&self.frames, &self.events, &self.reports, &self.reckoning);
-        if self.unsent.is_empty() && !Turns::are_in_doubt(frames, reports, reckoning) {
+        if self.unsent.is_empty() && !self.known().is_in_doubt() {
             return change;
         }
-        let turns = Turns::new(frames, self.own, events, reports, reckoning);
+        let turns = Turns::new(self.known());
         let is_unsent = |known: &&Recorded| !turns.is_event(known);
         let unsent: BTreeSet<u64> = self.events.recorded().iter().filter(is_unsent).map(|known| known.number).collect();
         let back = |known: &&Recorded| self.unsent.contains(&known.number) && !unsent.contains(&known.number);
@@ -256,12 +258,13 @@ impl Memory {
 
     /// What others told, where it took place.
     pub(crate) fn placed(&self) -> &Placed {
-        self.placement.get_or_place(|before| place(&self.frames, &self.known(), self.track(), before))
+        self.placement.get_or_place(|before| place(self.known(), self.track(), before))
     }
 
     /// What is known of single transmissions.
-    pub(crate) fn known(&self) -> Told<'_> {
-        Told { own: self.own, events: &self.events, reports: &self.reports, reckoning: &self.reckoning }
+    pub(crate) fn known(&self) -> Known<'_> {
+        let Self { frames, own, events, reports, reckoning, .. } = self;
+        Known { frames, own: *own, events, reports, reckoning }
     }
 
     /// Remembers a frame that was heard, or sent. One that is not the team's or, as a sent one, not

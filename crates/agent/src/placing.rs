@@ -12,7 +12,7 @@ use crate::events::Events;
 use crate::frames::{Frames, ToldKey};
 use crate::reports::{EVERY_SLOT, Reports, Said};
 use crate::track::Track;
-use crate::turns::{Turns, may_be_silent};
+use crate::turns::{Known, Turns};
 
 /// Events that were told and have a place.
 pub(crate) type ToldEvents = BTreeMap<ToldKey, Arc<Event>>;
@@ -146,26 +146,18 @@ struct Whereabouts<'a> {
     seen: BTreeMap<u8, Track>,
 }
 
-/// What is known of single transmissions.
-pub(crate) struct Told<'a> {
-    pub(crate) own: Option<u8>,
-    pub(crate) events: &'a Events,
-    pub(crate) reports: &'a Reports,
-    pub(crate) reckoning: &'a Reckoning,
-}
-
 /// Places what others told, and what the vehicle itself heard and missed while its clock was wrong: whom it missed then it could not
 /// say, and not where. What a report says lies where reports say that both ends were, on a leg or for a while behind one. What spare
 /// bits say lies where the vehicle itself knows that others were. In neither case does it depend on what became of the transmission.
 /// What was placed before stays where nothing changed, unless spare bits came, somebody may have been silent, or its clock was wrong.
 /// O(own places + told), and with a logarithm what changed.
-pub(crate) fn place(frames: &Frames, told: &Told<'_>, track: Track, before: &Before) -> Placed {
-    let &Told { own, events, reports, reckoning } = told;
-    let turns = Turns::new(frames, own, events, reports, reckoning);
+pub(crate) fn place(known: Known<'_>, track: Track, before: &Before) -> Placed {
+    let Known { frames, own, events, reports, reckoning } = known;
+    let turns = Turns::new(known);
     let has_recent = others(own, reports).any(|sender| reports.recent(sender).next().is_some());
     // By spare bits, where somebody may have been silent, or its clock was wrong, it depends on all of its own events who was where,
     // or who sent.
-    let is_by_reports = !has_recent && !may_be_silent(frames, reports) && reckoning.is_right();
+    let is_by_reports = !has_recent && !known.is_in_doubt();
     let settled = if is_by_reports { settled(frames, own, &track, reports) } else { None };
     let changed: &[Range<u32>] = if is_by_reports { &before.changed } else { &[EVERY_SLOT] };
     let (mut told, mut waiting) = before.placed.outside(changed);
@@ -178,7 +170,7 @@ pub(crate) fn place(frames: &Frames, told: &Told<'_>, track: Track, before: &Bef
     let of_others = of_others.filter(|&(key, ..)| events.in_slot(key).next().is_none());
     let of_own = own.into_iter().flat_map(|own| {
         let outcomes = reckoning.outcomes.iter();
-        outcomes.map(move |(&slot, &heard)| ((own, slot), if heard { Said::Heard } else { Said::Missed }, false))
+        outcomes.map(move |(&slot, &heard)| ((own, slot), Said::from(heard), false))
     });
     for (key, said, is_recent) in of_others.chain(of_own) {
         let Some((transmitter, success)) = opportunity(frames, &turns, key, said) else { continue };
@@ -196,8 +188,8 @@ fn others(own: Option<u8>, reports: &Reports) -> impl Iterator<Item = u8> {
 }
 
 /// What members say that they sent and this one did not record, as missed, where both ends are known.
-pub(crate) fn unheard(frames: &Frames, own: u8, told: &Told<'_>, track: Track) -> Vec<Event> {
-    let &Told { events, reports, reckoning, .. } = told;
+pub(crate) fn unheard(known: Known<'_>, own: u8, track: Track) -> Vec<Event> {
+    let Known { frames, events, reports, reckoning, .. } = known;
     let apart = frames.team.slots.at_once() as u32;
     let recorded = events.recorded().iter().filter(|known| reckoning.counts(&known.event));
     let recorded = recorded.filter_map(|known| Some((known.key?, &known.event)));

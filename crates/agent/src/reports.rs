@@ -38,6 +38,12 @@ pub(crate) enum Said {
     Contradicted,
 }
 
+impl From<bool> for Said {
+    fn from(heard: bool) -> Self {
+        if heard { Self::Heard } else { Self::Missed }
+    }
+}
+
 /// What a packet counts for beside the reports of its sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Worth {
@@ -59,7 +65,7 @@ pub(crate) struct Told {
 
 /// Notes what is said of a slot; whether that is new.
 fn say(outcomes: &mut BTreeMap<u32, Said>, slot: u32, heard: bool) -> bool {
-    let said = if heard { Said::Heard } else { Said::Missed };
+    let said = Said::from(heard);
     match outcomes.entry(slot) {
         Entry::Vacant(place) => drop(place.insert(said)),
         Entry::Occupied(known) if *known.get() == said || *known.get() == Said::Contradicted => return false,

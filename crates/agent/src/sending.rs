@@ -37,9 +37,9 @@ impl Agent {
         let mut slots = Vec::new();
         for time_s in times_s {
             // Whether it sends by the clock that is wrong its host knows.
-            let by_either = [self.memory.reckoning.team_s(time_s), time_s].into_iter();
+            let mut by_either = [self.memory.reckoning.team_s(time_s), time_s].into_iter();
             let slot = self.team().number(member);
-            let slot = slot.and_then(|_| by_either.filter_map(|at_s| self.team().slots.sent_in(at_s, member)).next());
+            let slot = slot.and_then(|_| by_either.find_map(|at_s| self.team().slots.sent_in(at_s, member)));
             slots.push(slot.ok_or_else(|| AgentError::NotMyTurn { id: member.clone(), time_s })?);
         }
         let arrived = self.memory.put_in_turns(member, &slots, sent);
@@ -54,7 +54,7 @@ impl Agent {
     pub fn unheard(&self, from_s: f64) -> Vec<Event> {
         let memory = &self.memory;
         let Some(own) = memory.own else { return Vec::new() };
-        let events = unheard(&memory.frames, own, &memory.known(), memory.track()).into_iter();
+        let events = unheard(memory.known(), own, memory.track()).into_iter();
         let by_its_clock = events.map(|event| Event { time_s: memory.reckoning.local_s(event.time_s), ..event });
         by_its_clock.filter(|event| event.time_s >= from_s).collect()
     }

@@ -48,9 +48,9 @@ impl Agent {
     }
 
     /// The vehicle that a snapshot was taken of. Under another agreement (a new epoch, say) it keeps its events, and
-    /// begins to share afresh; where that has other changes of order alone ([`SlotChange`](crate::SlotChange)), of which it learned under way, it
-    /// forgets nothing but what was said of single slots from these on. Packets in it that cannot be read are left out, and counted in [`Agent::counts`]. Fits
-    /// nothing: see [`Agent::refit_due`].
+    /// begins to share afresh; where that has other changes of order alone ([`SlotChange`](crate::SlotChange)), of which it learned
+    /// under way, it forgets nothing but what was said of single slots from these on. Packets in it that cannot be read are left out,
+    /// and counted in [`Agent::counts`]. Fits nothing: see [`Agent::refit_due`].
     ///
     /// # Errors
     /// [`AgentError::Snapshot`] for bytes that are no snapshot, damaged, of another vehicle, of another version, or

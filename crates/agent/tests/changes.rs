@@ -41,25 +41,10 @@ impl Missed {
         Self { trip: Trip { team: new, ..trip }, old }
     }
 
-    /// What vehicle 0 records: it misses whose turn it takes it to be.
-    fn recorded(&self) -> Vec<Event> {
-        let mut recorded = Vec::new();
-        for event in self.trip.events(0) {
-            let slot = (event.time_s / SLOT_S).round() as u32;
-            let expected = if slot < HALF { slot as usize % 3 } else { reversed(slot) };
-            let expected = names(3).remove(expected);
-            if !event.success || expected != event.transmitter_id {
-                recorded.push(Event { transmitter_id: expected, success: false, ..event.clone() });
-            }
-            if event.success {
-                recorded.push(event);
-            }
-        }
-        recorded
-    }
-
     fn vehicle_0(&self) -> Agent {
-        let mut agent = vehicle(&self.old, 0, self.recorded()).telling(Telling { points: false, reports: true });
+        let expected = |slot: u32| if slot < HALF { slot as usize % 3 } else { reversed(slot) };
+        let recorded = self.trip.misread(|slot| (slot.into(), expected(slot)));
+        let mut agent = vehicle(&self.old, 0, recorded).telling(Telling { points: false, reports: true });
         agent.navigate((0..=self.trip.slots).map(|slot| (SLOT_S * f64::from(slot), self.trip.at(0, slot)))).unwrap();
         agent
     }
@@ -112,9 +97,7 @@ proptest! {
 
 #[test]
 fn map_messages_speak_of_places_and_cross_any_change() {
-    let outcomes = vec![vec![Some(true); 3]; 48];
-    let turns = [60, 128, 200].map(|east| vec![pingmap_packet::Cell { east, north: 128, depth: 0 }; 7]).to_vec();
-    let trip = Trip { team: Arc::new(team(3, model())), slots: 48, turns, outcomes };
+    let trip = Trip::of_three(|_| true);
     for is_sealed in [false, true] {
         let missed = Missed::of(trip.clone(), is_sealed);
         let points = Telling { points: true, reports: false };
@@ -131,9 +114,7 @@ fn map_messages_speak_of_places_and_cross_any_change() {
 
 #[test]
 fn who_learns_of_a_change_goes_on_with_all_that_it_knew() {
-    let outcomes = (0..48).map(|slot| vec![Some(slot % 4 < 3); 3]).collect();
-    let turns = [60, 128, 200].map(|east| vec![pingmap_packet::Cell { east, north: 128, depth: 0 }; 7]).to_vec();
-    let trip = Trip { team: Arc::new(team(3, model())), slots: 48, turns, outcomes };
+    let trip = Trip::of_three(|slot| slot % 4 < 3);
     for is_sealed in [false, true] {
         let missed = Missed::of(trip.clone(), is_sealed);
         let mut lost = missed.vehicle_0().telling(Telling::default());

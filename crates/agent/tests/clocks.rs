@@ -18,26 +18,10 @@ fn turn(trip: &Trip, slot: i64) -> usize {
     slot.rem_euclid(trip.members() as i64) as usize
 }
 
-/// What the host of vehicle 0 records of these events by a clock so many slots ahead: what it hears comes in the turn of another one,
-/// and whose turn it takes it to be it misses, but for itself. Where that one was it knows as little as who it was.
+/// What the host of vehicle 0 records by a clock so many slots ahead.
 fn by_a_clock_ahead(trip: &Trip, ahead: i64) -> Vec<Event> {
-    let mut recorded = Vec::new();
-    for event in trip.events(0) {
-        let slot = (event.time_s / SLOT_S).round() as i64 + ahead;
-        let time_s = SLOT_S * slot as f64;
-        let expected = turn(trip, slot);
-        let is_expected = names(trip.members())[expected] == event.transmitter_id;
-        if expected != 0 && (!is_expected || !event.success) {
-            let mut missed =
-                Event { transmitter_id: names(trip.members()).remove(expected), success: false, ..event.clone() };
-            missed.link.transmitter = Position::new(-77.0, 33.0);
-            recorded.push(Event { time_s, ..missed });
-        }
-        if event.success {
-            recorded.push(Event { time_s, ..event });
-        }
-    }
-    recorded
+    let shown = |slot: u32| i64::from(slot) + ahead;
+    trip.misread(|slot| (shown(slot), turn(trip, shown(slot))))
 }
 
 /// Vehicle 0 with such a clock.
@@ -98,12 +82,8 @@ proptest! {
     }
 }
 
-/// A long way on which vehicle 0 of three hears every other message.
 fn every_other() -> Trip {
-    let outcomes = (0..48).map(|slot| vec![Some(slot % 2 == 0); 3]).collect();
-    let turns = [60, 128, 200].map(|east| vec![Cell { east, north: 128, depth: 0 }; 7]).to_vec();
-    let team = Team { track_off_max_m: 1e-6, ..team(3, model()) };
-    Trip { team: Arc::new(team), slots: 48, turns, outcomes }
+    Trip::of_three(|slot| slot % 2 == 0)
 }
 
 #[test]

@@ -25,6 +25,35 @@ pub struct Trip {
 pub const LEG: u32 = 8;
 
 impl Trip {
+    /// Three that lie still for 48 slots, in which everybody hears or misses alike.
+    pub fn of_three(is_heard: impl Fn(u32) -> bool) -> Trip {
+        let outcomes = (0..48).map(|slot| vec![Some(is_heard(slot)); 3]).collect();
+        let turns = [60, 128, 200].map(|east| vec![Cell { east, north: 128, depth: 0 }; 7]).to_vec();
+        let team = Team { track_off_max_m: 1e-6, ..team(3, model()) };
+        Trip { team: Arc::new(team), slots: 48, turns, outcomes }
+    }
+
+    /// What the host of vehicle 0 records of its events if it takes a slot for this one, of this vehicle: what it hears comes in the
+    /// turn of another one, and whose turn it takes it to be it misses, but for itself. Where that one was it knows as little as who it
+    /// was.
+    pub fn misread(&self, reckon: impl Fn(u32) -> (i64, usize)) -> Vec<Event> {
+        let mut recorded = Vec::new();
+        for event in self.events(0) {
+            let (slot, expected) = reckon((event.time_s / SLOT_S).round() as u32);
+            let time_s = SLOT_S * slot as f64;
+            let expected_id = names(self.members()).remove(expected);
+            if expected != 0 && (expected_id != event.transmitter_id || !event.success) {
+                let link = Link { transmitter: Position::new(-77.0, 33.0), ..event.link };
+                let missed = Event { transmitter_id: expected_id, link, success: false, ..event.clone() };
+                recorded.push(Event { time_s, ..missed });
+            }
+            if event.success {
+                recorded.push(Event { time_s, ..event });
+            }
+        }
+        recorded
+    }
+
     pub fn at(&self, vehicle: usize, slot: u32) -> Position {
         let place =
             |leg: u32| self.team.grid.knot_position(&self.team.model.chart, self.turns[vehicle][leg as usize], false);
