@@ -32,7 +32,7 @@ fn prior(variance: f64, length_scales: &[f64; 4]) -> Prior {
     Prior::new(Kernel::new(vec![term]).expect("a term"), PriorMean::Zero).expect("no mean to refuse")
 }
 
-/// So many events; every number has a stream of its own, all of them one function.
+/// Returns `count` events of one random function. Each `count` has its own random stream.
 pub fn synthetic(count: usize) -> Observations {
     let mut of_function = ChaCha8Rng::seed_from_u64(0);
     let mut normal = || -> f64 { of_function.sample(StandardNormal) };
@@ -54,16 +54,16 @@ pub fn synthetic(count: usize) -> Observations {
     Observations::new(Inputs::new(places, 4).expect("whole rows"), outcomes).expect("one outcome each")
 }
 
-/// Mean negative log probability of what happened.
+/// Returns the mean negative log probability of the outcomes.
 pub fn loss(probabilities: &[f64], events: &Observations) -> f64 {
     let of_one = |(p, &heard): (&f64, &bool)| -if heard { p.ln() } else { (1.0 - p).ln() };
     probabilities.iter().zip(events.outcomes()).map(of_one).sum::<f64>() / events.len() as f64
 }
 
-/// Writes all data sets to a folder, as peers read them: `N.csv` with four columns of places and the outcome.
+/// Writes all data sets to a folder, for `peers`: `N.csv` with four columns of places and the outcome.
 ///
 /// # Errors
-/// What the system says.
+/// Errors of the file system.
 pub fn write_all(folder: &Path) -> std::io::Result<()> {
     std::fs::create_dir_all(folder)?;
     for count in SIZES {

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use crate::works::{dense_fits, predictions, selections, sparse_iterations_on};
 
-/// What grows, over which sizes, and what is promised: the power of the size that time grows with at most.
+/// An operation, its sizes, and the promised exponent of time as a function of the size.
 struct Growth {
     what: &'static str,
     sizes: &'static [usize],
@@ -35,11 +35,11 @@ const GROWTHS: &[Growth] = &[
     },
 ];
 
-/// Prints a table of times, the most memory at each size, and the exponents. Each size is measured in a process of its own,
-/// `pingmap-bench --growth WHAT SIZE`, so that memory is its own.
+/// Prints a table of times, peak memory at each size, and the exponents. Each size is measured in a separate process,
+/// `pingmap-bench --growth WHAT SIZE`, so that its memory is measured alone.
 ///
 /// # Errors
-/// What the system says.
+/// Errors of the operating system.
 pub fn growth(out: &mut impl Write) -> std::io::Result<()> {
     let program = std::env::current_exe()?;
     writeln!(out, "| what grows | sizes | time, ms | most memory, MB | exponent of time, promised | of memory |")?;
@@ -72,10 +72,10 @@ pub fn growth(out: &mut impl Write) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Runs one of them at one size: seconds of the processor at best, and the most memory of the process in megabytes.
+/// Runs one operation at one size. Returns the shortest processor time in seconds, and the peak memory of the process in megabytes.
 ///
 /// # Errors
-/// What the system says.
+/// Errors of the operating system.
 pub fn growth_at(number: usize, size: usize, processor_s: fn() -> f64) -> std::io::Result<String> {
     let Some(growth) = GROWTHS.get(number) else { return Ok(String::new()) };
     let mut run = (growth.work)(size);

@@ -1,7 +1,7 @@
-//! The works that are timed: each is made ready once, and run as often as it takes.
+//! The benchmarks. Each is prepared once and run repeatedly.
 //!
-//! `benches/works.rs` gives them to criterion, which compares them with an earlier run of themselves; `src/main.rs` runs
-//! one of them line by line, as `compare` asks for it, beside the same work of other software.
+//! `benches/works.rs` passes them to criterion, which compares them with an earlier run. `src/main.rs` runs one benchmark line by line
+//! for `compare`, which compares it with other software.
 
 mod data;
 mod growth;
@@ -11,26 +11,26 @@ pub use data::{SIZES, synthetic, write_all};
 pub use growth::{growth, growth_at};
 pub use works::WORKS;
 
-/// Something to time.
+/// A benchmark.
 pub struct Work {
-    /// What it is called, here and in `peers`.
+    /// The name, here and in `peers`.
     pub name: &'static str,
-    /// How often one run does it.
+    /// Number of repetitions in one run.
     pub repeats: usize,
     /// Whether it belongs to the short list, which takes a minute.
     pub short: bool,
-    /// Makes it ready. What comes back does it once for every call, and says how well: a score, a trace, a mean; NaN
-    /// where there is nothing to say.
+    /// Prepares the benchmark. Each call of the returned function runs it once, and returns a measure of the result: a score, a trace or
+    /// a mean. Without such a measure it returns NaN.
     pub start: fn() -> Box<dyn FnMut() -> f64>,
 }
 
 impl Work {
-    /// One that belongs to the short list.
+    /// Returns a benchmark of the short list.
     const fn short(name: &'static str, repeats: usize, start: fn() -> Box<dyn FnMut() -> f64>) -> Self {
         Self { name, repeats, short: true, start }
     }
 
-    /// One that takes longer.
+    /// Returns a benchmark that takes longer.
     const fn long(name: &'static str, repeats: usize, start: fn() -> Box<dyn FnMut() -> f64>) -> Self {
         Self { name, repeats, short: false, start }
     }

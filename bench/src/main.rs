@@ -1,6 +1,6 @@
-//! Runs one work as often as lines come in, and answers each with the processor time that one of its repeats took, in
-//! seconds, and how well it went. `--list` names all works, `--data FOLDER` writes what peers read, `--growth` prints how time
-//! and memory grow with what there is.
+//! Runs one benchmark for each line of its input. Each line of the output contains the processor time of one repetition in seconds, and
+//! the measure of the result. `--list` lists all benchmarks, `--data FOLDER` writes the data for `peers`, and `--growth` prints time and
+//! memory as a function of the size.
 
 use std::io::{BufRead, Write};
 use std::path::Path;
@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use pingmap_bench::{WORKS, Work, growth, growth_at, write_all};
 use rustix::time::{ClockId, clock_gettime};
 
-/// As the program `pingmap` has it.
+/// The allocator of the program `pingmap`.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
@@ -64,7 +64,7 @@ fn serve(work: &Work) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Of this process, all threads together.
+/// Returns the processor time of all threads of this process.
 fn processor_s() -> f64 {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64

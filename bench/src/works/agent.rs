@@ -1,9 +1,11 @@
-//! What a vehicle does under way, with nearly a thousand events: as many as are fitted densely.
+//! Operations of a vehicle with 992 events, nearly the largest number that is fitted densely.
 
 use std::sync::Arc;
 
 use dgpc::Shape;
-use pingmap_agent::{Agent, Chart, Event, InputSpec, Link, Model, Position, Team, Telling, VehicleId};
+use pingmap_agent::{
+    Agent, AgentOptions, Chart, Event, InputSpec, Link, Model, Position, PredictOptions, Sharing, Team, VehicleId,
+};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -11,21 +13,22 @@ use rand_chacha::rand_core::SeedableRng;
 const EVENTS: usize = 992;
 const SIDE_M: f64 = 4000.0;
 
-/// A member of a team of two with a thousand events, all of them fitted.
+/// Returns a member of a team of two with fitted events. It sends summaries alone.
 fn agent(frame_bytes: usize) -> Agent {
     let corner = SIDE_M / 2.0;
-    let reach = [Position::new(-corner, -corner), Position::new(corner, corner)];
+    let corners = [Position::new(-corner, -corner), Position::new(corner, corner)];
     let chart = Chart::about([]);
     let model = Model::isotropic(chart, InputSpec::Positions, Shape::Matern32, true, 800.0, 6.0).expect("a model");
-    let team = Team::new(["alice", "bob"].map(VehicleId::new), model, reach).expect("a team").with_frames(frame_bytes);
-    let points_only = Telling { reports: false, ..Telling::default() };
-    let mut agent = Agent::new(VehicleId::new("alice"), Arc::new(team)).telling(points_only);
-    agent.observe_all(events(EVENTS, 1)).expect("sensible events");
-    agent.rebuild_posteriors().expect("posteriors");
+    let members = ["alice", "bob"].map(VehicleId::new);
+    let team = Team::new(members, model, corners).expect("a team").with_frames(frame_bytes);
+    let options = AgentOptions { sharing: Sharing::summaries(), ..AgentOptions::default() };
+    let mut agent = Agent::new(VehicleId::new("alice"), Arc::new(team), options);
+    agent.record_all(events(EVENTS, 1)).expect("valid events");
+    agent.rebuild().expect("posteriors");
     agent
 }
 
-/// Range decides, and a ridge across the middle.
+/// Returns events whose probability falls with range and across a ridge in the middle.
 fn events(count: usize, seed: u64) -> Vec<Event> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let event = |(n, link): (usize, Link)| {
@@ -44,32 +47,32 @@ fn links(count: usize, seed: u64) -> Vec<Link> {
     (0..count).map(|_| Link { transmitter: place(), receiver: place() }).collect()
 }
 
-/// What to tell in so many bytes: its length.
+/// Forms the next frame; returns its length.
 pub fn next_frame(bytes: usize) -> Box<dyn FnMut() -> f64> {
     let agent = agent(bytes);
     Box::new(move || {
-        let frame = agent.clone().next_packet(1e4, bytes).expect("a frame").expect("something to tell");
+        let frame = agent.clone().next_frame(Some(1e4), bytes).expect("a frame").expect("data to send");
         frame.len() as f64
     })
 }
 
-/// New events, and one question after each: so many that the copy of the vehicle that every run begins with counts for little.
-pub fn observe_and_query(count: usize) -> Box<dyn FnMut() -> f64> {
+/// Records new events, with one query after each. The copy of the vehicle at the start of each run takes little time in comparison.
+pub fn record_and_query(count: usize) -> Box<dyn FnMut() -> f64> {
     let (agent, new, link) = (agent(32), events(EVENTS + count, 1).split_off(EVENTS), links(1, 5)[0]);
     Box::new(move || {
         let mut agent = agent.clone();
         let answers = new.iter().map(|event| {
-            agent.observe(event.clone()).expect("a sensible event");
+            agent.record(event.clone()).expect("a valid event");
             agent.probability(link).expect("a probability")
         });
         answers.fold(f64::NAN, |_, answer| answer)
     })
 }
 
-/// Everything fitted anew from where it was, and one question.
+/// Refits all events from the last fit, and answers one query.
 pub fn refit_and_query() -> Box<dyn FnMut() -> f64> {
     let (mut agent, link) = (agent(32), links(1, 5)[0]);
-    agent.observe_all(events(EVENTS + 8, 1).split_off(EVENTS)).expect("sensible events");
+    agent.record_all(events(EVENTS + 8, 1).split_off(EVENTS)).expect("valid events");
     Box::new(move || {
         let mut agent = agent.clone();
         agent.refit().expect("a fit");
@@ -77,8 +80,11 @@ pub fn refit_and_query() -> Box<dyn FnMut() -> f64> {
     })
 }
 
-/// 10 000 questions: their mean.
+/// Answers 10 000 queries; returns the mean probability.
 pub fn queries() -> Box<dyn FnMut() -> f64> {
     let (mut agent, links) = (agent(32), links(10_000, 5));
-    Box::new(move || agent.probabilities(&links).expect("probabilities").iter().sum::<f64>() / links.len() as f64)
+    Box::new(move || {
+        let predictions = agent.predict(&links, PredictOptions::default()).expect("predictions");
+        predictions.iter().map(|prediction| prediction.probability).sum::<f64>() / links.len() as f64
+    })
 }

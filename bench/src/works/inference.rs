@@ -10,12 +10,12 @@ use crate::data::{loss, synthetic, truth};
 
 const DRAWS: usize = 200_000;
 
-/// Pólya-Gamma draws at one tilt; their mean.
+/// Draws Pólya-Gamma variables at one tilt; returns their mean.
 pub fn draws(tilt: f64) -> Box<dyn FnMut() -> f64> {
     draws_at(vec![tilt; DRAWS])
 }
 
-/// Pólya-Gamma draws at tilts as a sampler meets them.
+/// Draws Pólya-Gamma variables at the tilts of a typical sampler; returns their mean.
 pub fn mixed_draws() -> Box<dyn FnMut() -> f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     draws_at((0..DRAWS).map(|_| 2.0 * rng.sample::<f64, _>(StandardNormal)).collect())
@@ -29,7 +29,7 @@ fn draws_at(tilts: Vec<f64>) -> Box<dyn FnMut() -> f64> {
     })
 }
 
-/// Sweeps of the Gibbs sampler.
+/// Runs sweeps of the Gibbs sampler.
 pub fn sweeps(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64> {
     let mut chain = Gibbs::new(&truth(), synthetic(size)).expect("events that fit the prior");
     let mut rng = ChaCha8Rng::seed_from_u64(0);
@@ -39,14 +39,14 @@ pub fn sweeps(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64> {
     })
 }
 
-/// A dense fit under the true prior; its evidence.
+/// Runs a dense fit under the true prior; returns its evidence.
 pub fn fits(size: usize) -> Box<dyn FnMut() -> f64> {
     let (prior, events) = (truth(), synthetic(size));
     Box::new(move || fit(&prior, &events, &FitOptions::default().tolerance(1e-6)).expect("a fit").evidence())
 }
 
-/// Ten iterations of a sparse fit under the true prior, on so many inducing points, which walks over its events twelve times; its
-/// evidence.
+/// Runs ten iterations of a sparse fit under the true prior with this number of inducing points; returns its evidence. The fit reads its
+/// events twelve times.
 pub fn sparse_iterations(size: usize, points: usize) -> Box<dyn FnMut() -> f64> {
     let (prior, events) = (truth(), synthetic(size));
     let points = events.inputs().select(&spread_out(size, points));
@@ -56,12 +56,12 @@ pub fn sparse_iterations(size: usize, points: usize) -> Box<dyn FnMut() -> f64> 
     })
 }
 
-/// 10 000 predictions from a fit of so many events; the loss over them.
+/// Makes 10 000 predictions from a fit of `size` events; returns their loss.
 pub fn predictions(size: usize) -> Box<dyn FnMut() -> f64> {
     predictions_by(size, Posterior::latent)
 }
 
-/// The same in bulk.
+/// Makes the same predictions in bulk.
 pub fn predictions_in_bulk(size: usize) -> Box<dyn FnMut() -> f64> {
     predictions_by(size, Posterior::latent_in_bulk)
 }

@@ -1,16 +1,15 @@
-//! Learning kernels; what comes back is the loss over events that took no part.
+//! Learning of kernels. The measure of the result is the loss over other events.
 
 use dgpc::{LearnOptions, learn};
 
 use crate::data::{loss, synthetic, template};
 
-/// From 1000 events, dense.
+/// Learns from 1000 events with dense fits.
 pub fn dense() -> Box<dyn FnMut() -> f64> {
     learned_from(1000, LearnOptions::default())
 }
 
-/// From 100 000 events, on 175 inducing points, which stay where they are: others move 100. The search looks at 4000 of the
-/// events.
+/// Learns from 100 000 events with 175 fixed inducing points. Other software moves 100 points. The search uses 4000 of the events.
 pub fn sparse() -> Box<dyn FnMut() -> f64> {
     let mut options = LearnOptions::default();
     options.inducing_points_max = 175;

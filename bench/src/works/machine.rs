@@ -1,4 +1,4 @@
-//! What the machine can do at best: the yardsticks of all other works.
+//! Reference operations of the machine, for comparison with all other benchmarks.
 
 use std::hint::black_box;
 
@@ -17,13 +17,13 @@ const ROUNDS: usize = 200_000;
 const CHAINS: usize = 16;
 const LANES: usize = 8;
 
-/// The covariance of so many events, with 1 added to its diagonal.
+/// Returns the covariance of `size` events, with 1 added to its diagonal.
 fn covariance(size: usize) -> Mat<f64> {
     let gram = truth().kernel().gram(synthetic(size).inputs()).expect("finite places");
     Mat::from_fn(size, size, |i, j| gram[(i, j)] + f64::from(u8::from(i == j)))
 }
 
-/// The bare factorisation of a symmetric matrix, in memory that is there already.
+/// Factorises a symmetric matrix in allocated memory.
 pub fn factorisations(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64> {
     let matrix = covariance(size);
     let mut factor = matrix.clone();
@@ -41,7 +41,7 @@ pub fn factorisations(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64> {
     })
 }
 
-/// One triangle of A·Aᵀ.
+/// Computes one triangle of A·Aᵀ.
 pub fn symmetric_products(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64> {
     let matrix = covariance(size);
     let mut out = Mat::zeros(size, size);
@@ -56,7 +56,7 @@ pub fn symmetric_products(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64
     })
 }
 
-/// So many products of two matrices of 500 × 500, an eighth of a billion multiply-adds each.
+/// Computes products of two matrices of 500 × 500, an eighth of a billion multiply-adds each.
 pub fn products(count: usize) -> Box<dyn FnMut() -> f64> {
     let matrix = covariance(500);
     let mut out = Mat::zeros(500, 500);
@@ -69,7 +69,7 @@ pub fn products(count: usize) -> Box<dyn FnMut() -> f64> {
     })
 }
 
-/// Fused multiply-adds in registers, as many at a time as the widest of the machine take.
+/// Computes fused multiply-adds in the widest registers of the machine.
 pub fn multiply_adds() -> Box<dyn FnMut() -> f64> {
     Box::new(|| {
         let start = black_box([[1.0; LANES]; CHAINS]);

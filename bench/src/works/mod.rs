@@ -1,4 +1,4 @@
-//! All works.
+//! All benchmarks.
 
 mod agent;
 mod inference;
@@ -11,7 +11,7 @@ pub use selection::greedy_of_many as selections;
 
 use crate::Work;
 
-/// In the order of the table that `compare` prints.
+/// The benchmarks, in the order of the table that `compare` prints.
 pub const WORKS: &[Work] = &[
     Work::short("draw 0", 200_000, || inference::draws(0.0)),
     Work::short("draw 0.5", 200_000, || inference::draws(0.5)),
@@ -48,7 +48,7 @@ pub const WORKS: &[Work] = &[
     Work::long("predict 10000 in bulk from 1000", 1, || inference::predictions_in_bulk(1000)),
     Work::short("agent: next frame of 32 bytes", 1, || agent::next_frame(32)),
     Work::short("agent: next frame of 256 bytes", 1, || agent::next_frame(256)),
-    Work::short("agent: observe and query", 48, || agent::observe_and_query(48)),
+    Work::short("agent: record and query", 48, || agent::record_and_query(48)),
     Work::short("agent: refit and query", 1, agent::refit_and_query),
     Work::long("agent: 10000 queries", 1, agent::queries),
 ];

@@ -1,4 +1,4 @@
-//! Choosing inducing points; what comes back is the trace that they leave.
+//! Choice of inducing points. The measure of the result is the remaining trace.
 
 use dgpc::{Candidates, greedy_by_variance, greedy_judged};
 
@@ -8,7 +8,7 @@ fn candidates(size: usize) -> Candidates {
     Candidates::new(truth().kernel(), synthetic(size).inputs()).expect("finite places")
 }
 
-/// The best of all pairs, from the kernel on.
+/// Chooses the best of all pairs, starting from the kernel.
 pub fn best_pair(size: usize, repeats: usize) -> Box<dyn FnMut() -> f64> {
     let (prior, events) = (truth(), synthetic(size));
     Box::new(move || {

@@ -1,14 +1,15 @@
-//! How long a vehicle with many events takes: `cargo run --release -p pingmap-agent --example many_events [events]`.
+//! Measures the time that a vehicle with many events takes: `cargo run --release -p pingmap-agent --example many_events [events]`.
 
-#![allow(clippy::print_stdout, reason = "what it measures is its output")]
+#![allow(clippy::print_stdout, reason = "the measurements are its output")]
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use pingmap_agent::{Agent, Event, Learning, Link, Model, Position, Team, VehicleId};
-use pingmap_agent::{Chart, InputSpec};
+use pingmap_agent::{
+    Agent, AgentOptions, Chart, Event, InputSpec, Learning, Link, Model, Position, PredictOptions, Team, VehicleId,
+};
 
-/// Numbers from 0 to 1 that look random and are always the same.
+/// Pseudo-random numbers from 0 to 1 with a fixed seed.
 struct Numbers(u64);
 
 impl Numbers {
@@ -35,7 +36,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let reach = [Position::new(-1000.0, -1000.0), Position::new(1000.0, 1000.0)];
     let team = Arc::new(Team::new(names.clone(), model, reach)?);
 
-    // Heard within 700 m, missed beyond.
+    // Every link is heard within 700 m and missed beyond.
     let mut numbers = Numbers(1);
     let mut place = || Position::new(2000.0 * numbers.next() - 1000.0, 2000.0 * numbers.next() - 1000.0);
     let mut event = |n: usize| {
@@ -43,28 +44,28 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let [receiver_id, transmitter_id] = names.clone();
         Event { time_s: n as f64, transmitter_id, receiver_id, link, kind: None, success: link.range_m() < 700.0 }
     };
-    let mut agent = Agent::new(names[0].clone(), team.clone());
+    let mut agent = Agent::new(names[0].clone(), team.clone(), AgentOptions::default());
     let mut slowest_s = 0.0f64;
     timed("recording all", || {
         (0..count).try_for_each(|n| {
             let event = event(n);
             let begin = Instant::now();
-            agent.observe(event)?;
+            agent.record(event)?;
             slowest_s = slowest_s.max(begin.elapsed().as_secs_f64());
             Ok::<(), Box<dyn std::error::Error>>(())
         })
     })?;
-    println!("slowest observe: {:.6} s", slowest_s);
+    println!("slowest record: {slowest_s:.6} s");
     timed("first refit", || agent.refit())?;
     let links: Vec<Link> = (0..1000).map(|n| event(n).link).collect();
-    timed("1000 questions", || agent.probabilities(&links))?;
-    (0..65).try_for_each(|n| agent.observe(event(count + n)))?;
+    timed("1000 queries", || agent.predict(&links, PredictOptions::default()))?;
+    (0..65).try_for_each(|n| agent.record(event(count + n)))?;
     timed("refit after 65 more", || agent.refit())?;
-    timed("1000 questions", || agent.probabilities(&links))?;
-    let packet = timed("next packet", || agent.next_packet(0.0, 32))?;
-    println!("packet: {:?} bytes", packet.map(|bytes| bytes.len()));
+    timed("1000 queries", || agent.predict(&links, PredictOptions::default()))?;
+    let frame = timed("next frame", || agent.next_frame(None, 32))?;
+    println!("frame: {:?} bytes", frame.map(|bytes| bytes.len()));
     let snapshot = timed("snapshot", || agent.snapshot());
     println!("{} bytes", snapshot.len());
-    timed("restore", || Agent::restore(names[0].clone(), team, &snapshot))?;
+    timed("restore", || Agent::restore(names[0].clone(), team, AgentOptions::default(), &snapshot))?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! A stream of bits: bit i is bit i mod 8, least significant first, of byte i div 8.
+//! A stream of bits. Bit i of the stream is bit i mod 8, counted from the least significant, of byte i div 8.
 
 use alloc::vec::Vec;
 
@@ -23,13 +23,13 @@ impl BitWriter {
         }
     }
 
-    /// The bytes so far, the last one filled up with zeros.
+    /// Returns the bytes written so far. The last byte is padded with zeros.
     pub(crate) fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }
 }
 
-/// Reads what [`BitWriter`] wrote.
+/// Reads the bits that [`BitWriter`] wrote.
 #[derive(Debug)]
 pub(crate) struct BitReader<'a> {
     bytes: &'a [u8],
@@ -41,7 +41,7 @@ impl<'a> BitReader<'a> {
         Self { bytes, position: 0 }
     }
 
-    /// The next `width` bits (at most 64), or `None` when fewer are left.
+    /// Returns the next `width` bits (at most 64), or `None` if fewer are left.
     pub(crate) fn read(&mut self, width: u32) -> Option<u64> {
         let end = self.position.checked_add(width as usize)?;
         if end > 8 * self.bytes.len() {
@@ -53,19 +53,19 @@ impl<'a> BitReader<'a> {
         Some(value)
     }
 
-    /// Skips to the next whole byte; false when a skipped bit is set.
+    /// Skips to the next whole byte. Returns false if a skipped bit is set.
     pub(crate) fn align(&mut self) -> bool {
         let padding = (8 - self.position % 8) % 8;
         self.read(padding as u32) == Some(0)
     }
 
-    /// Number of whole bytes that were not touched.
+    /// Returns the number of whole bytes that were not read.
     pub(crate) fn bytes_left(&self) -> usize {
         self.bytes.len() - self.position.div_ceil(8)
     }
 }
 
-/// Overwrites `width` bits (at most 64) from bit `start` on; bits behind the end of `bytes` are left out.
+/// Overwrites `width` bits (at most 64) from bit `start` on. Bits behind the end of `bytes` are ignored.
 pub(crate) fn overwrite(bytes: &mut [u8], start: usize, width: u32, value: u64) {
     for place in 0..width {
         let bit = start.saturating_add(place as usize);

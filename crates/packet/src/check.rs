@@ -1,4 +1,4 @@
-//! Whether a schema describes messages at all: what DCCL refuses when it loads a message is refused here too.
+//! Validity of schemas. This module refuses the schemas that DCCL refuses when it loads a message.
 
 use crate::error::Error;
 use crate::schema::{Field, Kind, Number, Rule, Schema};
@@ -7,10 +7,10 @@ use crate::widths::path;
 /// Largest id that 15 bits hold.
 const ID_MAX: u16 = 32767;
 
-/// Most elements of a repeated field, and most bytes of a text.
+/// Largest number of elements of a repeated field, and of bytes of a text.
 const LENGTH_MAX: usize = 1 << 16;
 
-/// Codes beyond this are not whole numbers of f64 any more.
+/// Largest code that f64 represents as a whole number, plus one.
 const CODES_MAX: f64 = 9_007_199_254_740_992.0;
 
 /// The two parts of a message.
@@ -21,12 +21,15 @@ enum Part {
 }
 
 impl Schema {
-    /// Checks what encoding and decoding rely on, and what DCCL (codec versions 3 and 4) asks of a message: in the head
-    /// only fields that always take equally many bits, bounds that are multiples of the resolution, and a longest form
-    /// of at most [`Schema::bytes_max`].
+    /// Checks the requirements of encoding and decoding, and those of DCCL (codec versions 3 and 4).
+    ///
+    /// * Fields in the head have a fixed number of bits.
+    /// * Bounds are multiples of the resolution.
+    /// * The longest form has at most [`Schema::bytes_max`] bytes.
     ///
     /// # Errors
-    /// [`Error::Schema`] with the field and what it should have, [`Error::TooLong`] for a message that might not fit.
+    /// [`Error::Schema`] with the field and the requirement that it violates. [`Error::TooLong`] if the longest form does
+    /// not fit.
     pub fn check(&self) -> Result<(), Error> {
         if self.id.is_some_and(|id| id > ID_MAX) {
             return Err(Error::Schema { field: self.name.clone(), expected: "an id of at most 32767" });
@@ -40,7 +43,7 @@ impl Schema {
     }
 }
 
-/// Checks a field of this part of the message, and the fields inside it.
+/// Checks a field of this part of the message, and the fields inside the field.
 fn check_field(field: &Field, around: &str, part: Part) -> Result<(), Error> {
     let name = path(around, &field.name);
     if let Some(expected) = problem(field).or_else(|| misplacement(field, part)) {
@@ -49,14 +52,14 @@ fn check_field(field: &Field, around: &str, part: Part) -> Result<(), Error> {
     if let Kind::Message(inside) = &field.kind {
         inside.iter().try_for_each(|field| check_field(field, &name, part))?;
     }
-    // After the fields inside: the error should name the one that varies, not the message around it.
+    // The fields inside are checked first: the error names the innermost field of varying size.
     if part == Part::Head && field.bits_min() != field.bits_max() {
         return Err(Error::Schema { field: name, expected: "a fixed size in bits, as a part of the head" });
     }
     Ok(())
 }
 
-/// What a field should have and has not, wherever it stands.
+/// Returns the requirement that a field violates independently of its position.
 fn problem(field: &Field) -> Option<&'static str> {
     if field.oneof.is_some() && matches!(field.rule, Rule::Repeated { .. }) {
         return Some("no repetition, as a member of a oneof");
@@ -82,8 +85,7 @@ fn number_problem(number: &Number) -> Option<&'static str> {
     if !is_ordered || !resolution.is_finite() || resolution <= 0.0 {
         return Some("finite bounds in order and a positive resolution");
     }
-    // DCCL compares logarithms. Beside them the quotient itself: what rounds to the limit in logarithms may lie beyond
-    // it.
+    // DCCL compares logarithms. The quotient itself is compared as well: its logarithm may be rounded down to the limit.
     let is_countable = libm::log2(max - min) - libm::log2(resolution) <= f64::from(f64::MANTISSA_DIGITS);
     if !is_countable || (max - min) / resolution >= CODES_MAX {
         return Some("at most 2^53 values between its bounds");
@@ -91,17 +93,17 @@ fn number_problem(number: &Number) -> Option<&'static str> {
     if !number.has_bounds_on_steps() {
         return Some("bounds that are multiples of its resolution");
     }
-    // Other steps would round whole values to fractions, which a field of whole numbers does not take back.
+    // Other steps would round whole values to fractions, which an integer field does not accept.
     let steps = if resolution >= 1.0 { resolution } else { 1.0 / resolution };
     (integer && steps != libm::floor(steps)).then_some("a resolution that is whole or divides 1")
 }
 
-/// What a field should have and has not in this part of the message.
+/// Returns the requirement that a field violates in this part of the message.
 fn misplacement(field: &Field, part: Part) -> Option<&'static str> {
     match part {
-        Part::Head if field.oneof.is_some() => Some("no place in the head, as a member of a oneof"),
-        // DCCL does not encode it in the head either, and its versions do not agree where they do.
-        Part::Body if field.in_head => Some("no place in the head, as the message around it is in the body"),
+        Part::Head if field.oneof.is_some() => Some("a position in the body, as a member of a oneof"),
+        // DCCL does not encode such a field in the head either, and its versions disagree on the position.
+        Part::Body if field.in_head => Some("a position in the body, as part of a message in the body"),
         _ => None,
     }
 }

@@ -1,4 +1,4 @@
-//! Bits to messages. Every rule here is one of DCCL's; what differs is that bounds and padding are checked.
+//! Decoding of bits to messages. The rules are those of DCCL, but bounds and padding are checked in addition.
 
 use alloc::format;
 use alloc::string::String;
@@ -11,17 +11,17 @@ use crate::value::{Fields, Value};
 use crate::widths::{enum_range, has_presence_bit, oneofs, optional_width, path, width};
 
 impl Schema {
-    /// The message in `bytes`, which must hold it and nothing else.
+    /// Decodes `bytes`, which must contain one message and nothing else.
     ///
     /// # Errors
-    /// As [`Schema::check`], and [`Error`] for another id, for bytes that end too early or go on, and for a field whose
-    /// bits say a value outside its bounds.
+    /// The errors of [`Schema::check`], and [`Error`] for another id, for too few or too many bytes, and for a field with a
+    /// value outside its bounds.
     pub fn decode(&self, bytes: &[u8]) -> Result<Fields, Error> {
         self.check()?;
         self.read(bytes)
     }
 
-    /// The same without checking the schema: it must have passed [`Schema::check`].
+    /// Decodes `bytes` without checking the schema, which must have passed [`Schema::check`].
     pub(crate) fn read(&self, bytes: &[u8]) -> Result<Fields, Error> {
         let (message, length) = self.read_first(bytes)?;
         match bytes.len() - length {
@@ -30,7 +30,8 @@ impl Schema {
         }
     }
 
-    /// The message that `bytes` begin with, and how many of them it has; like [`Schema::read`], it checks no schema.
+    /// Decodes the message at the start of `bytes`, and returns it with its length in bytes. Like [`Schema::read`], it does
+    /// not check the schema.
     pub(crate) fn read_first(&self, bytes: &[u8]) -> Result<(Fields, usize), Error> {
         let mut reader = Reader { bits: BitReader::new(bytes), length: bytes.len() };
         if let Some(expected) = self.id {
@@ -56,7 +57,7 @@ impl Schema {
 
 struct Reader<'a> {
     bits: BitReader<'a>,
-    /// Bytes in all, for errors.
+    /// Total number of bytes, for errors.
     length: usize,
 }
 
@@ -69,7 +70,7 @@ impl Reader<'_> {
         if self.bits.align() { Ok(()) } else { Err(Error::Padding) }
     }
 
-    /// The names of the chosen members.
+    /// Reads the names of the chosen members.
     fn oneofs(&mut self, fields: &[Field]) -> Result<Vec<String>, Error> {
         let mut chosen = Vec::new();
         for (name, members) in oneofs(fields) {
@@ -81,7 +82,7 @@ impl Reader<'_> {
         Ok(chosen)
     }
 
-    /// One of so many codes; a larger one is an error that counts from `min`.
+    /// Reads a code below `codes`. The error for a larger code counts from `min`.
     fn code(&mut self, codes: u64, name: &str, min: f64) -> Result<u64, Error> {
         let code = self.read(width(codes), name)?;
         if code >= codes {
@@ -91,7 +92,7 @@ impl Reader<'_> {
         Ok(code)
     }
 
-    /// Reads a field; members of a oneof only if they are among the `chosen`.
+    /// Reads a field. A member of a oneof is read only if it is among the `chosen`.
     fn field(
         &mut self,
         field: &Field,
@@ -125,7 +126,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A value in required form.
+    /// Reads a value in its required form.
     fn value(&mut self, kind: &Kind, name: &str) -> Result<Value, Error> {
         match kind {
             Kind::Bytes { length_max } => Ok(Value::Bytes(self.some_bytes(*length_max, name)?)),
@@ -154,7 +155,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A value whose code 0 means "not set".
+    /// Reads a value whose code 0 means "not set".
     fn shifted(&mut self, kind: &Kind, name: &str) -> Result<Option<Value>, Error> {
         let code = self.read(optional_width(kind), name)?;
         let Some(code) = code.checked_sub(1) else { return Ok(None) };
@@ -176,7 +177,7 @@ impl Reader<'_> {
 }
 
 fn number_value(number: &Number, code: u64, name: &str) -> Result<Value, Error> {
-    // What would not be encoded like this is not taken either: a message has one form only.
+    // A code that the encoder would not write is refused, so each message has exactly one encoding.
     let value = number.value(code);
     if number.code(value) != Some(code) {
         let value = number.min + code as f64 * number.resolution;

@@ -1,4 +1,4 @@
-//! Messages to bits. Every rule here is one of DCCL's; what differs is that bounds are checked.
+//! Encoding of messages to bits. The rules are those of DCCL, but bounds are checked in addition.
 
 use alloc::vec::Vec;
 
@@ -9,17 +9,17 @@ use crate::value::{Fields, Value};
 use crate::widths::{enum_range, has_presence_bit, oneofs, optional_width, path, width};
 
 impl Schema {
-    /// The message as bytes: id and head, then body, each filled up to a whole byte.
+    /// Encodes the message: id and head, then body, each padded to a whole byte.
     ///
     /// # Errors
-    /// As [`Schema::check`], and [`Error`] with the field's name, its bounds and the value, where a value does not fit;
-    /// nothing is ever cut off silently.
+    /// The errors of [`Schema::check`], and [`Error`] with the field's name, its bounds and a value that does not fit. The
+    /// encoder never truncates a value.
     pub fn encode(&self, message: &Fields) -> Result<Vec<u8>, Error> {
         self.check()?;
         self.write(message)
     }
 
-    /// The same without checking the schema: it must have passed [`Schema::check`].
+    /// Encodes the message without checking the schema, which must have passed [`Schema::check`].
     pub(crate) fn write(&self, message: &Fields) -> Result<Vec<u8>, Error> {
         check_names(&self.fields, message, "")?;
         let mut head = BitWriter::default();
@@ -40,7 +40,7 @@ impl Schema {
     }
 }
 
-/// Refuses values that no field asks for.
+/// Refuses values without a field in the schema.
 fn check_names(fields: &[Field], message: &Fields, around: &str) -> Result<(), Error> {
     match message.iter().find(|(name, _)| fields.iter().all(|field| field.name != *name)) {
         Some((name, _)) => Err(Error::Unknown { field: path(around, name) }),
@@ -48,7 +48,7 @@ fn check_names(fields: &[Field], message: &Fields, around: &str) -> Result<(), E
     }
 }
 
-/// Which member of every oneof is set.
+/// Writes which member of each oneof is set.
 fn write_oneofs(fields: &[Field], message: &Fields, out: &mut BitWriter) -> Result<(), Error> {
     for (_, members) in oneofs(fields) {
         let mut set = members.iter().enumerate().filter(|(_, member)| message.get(&member.name).is_some());
@@ -93,7 +93,7 @@ fn write_field(field: &Field, message: &Fields, around: &str, out: &mut BitWrite
     }
 }
 
-/// Writes one value; `shifted` by one where code 0 means "not set".
+/// Writes one value. Its code is `shifted` by one if code 0 means "not set".
 fn write_value(kind: &Kind, value: &Value, shifted: bool, name: &str, out: &mut BitWriter) -> Result<(), Error> {
     let wrong = |expected| Err(Error::Kind { field: name.into(), expected });
     let shift = u64::from(shifted);

@@ -1,4 +1,4 @@
-//! What can be wrong with a message, with the offending values.
+//! Errors of encoding and decoding, with the values that caused them.
 
 use alloc::format;
 use alloc::string::String;
@@ -7,7 +7,7 @@ use alloc::string::String;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A number is outside its bounds, or not a number.
+    /// A number is outside its bounds or not finite.
     #[error("{field} must lie between {min} and {max}, found {value}")]
     OutOfBounds {
         /// The field, with the names of the messages around it.
@@ -19,16 +19,16 @@ pub enum Error {
         /// The value.
         value: f64,
     },
-    /// A repeated field, a text or bytes of the wrong length.
+    /// A repeated field, a text or a byte string has the wrong length.
     #[error("{field} must have {} elements, found {found}", range(*min, *max))]
     Count {
         /// The field.
         field: String,
-        /// Fewest elements.
+        /// Smallest number of elements.
         min: usize,
-        /// Most elements.
+        /// Largest number of elements.
         max: usize,
-        /// How many there are.
+        /// Number of elements found.
         found: usize,
     },
     /// A required field is not set.
@@ -37,32 +37,32 @@ pub enum Error {
         /// The field.
         field: String,
     },
-    /// A value is set that the schema does not know.
+    /// A value has no field in the schema.
     #[error("{field} is not a field of this message")]
     Unknown {
         /// The field.
         field: String,
     },
     /// More than one member of a `oneof` is set.
-    #[error("{field}: another member of its oneof is set already")]
+    #[error("{field}: another member of the same oneof is set")]
     TwoOfOne {
-        /// The second one.
+        /// The second member that is set.
         field: String,
     },
-    /// A schema that describes no message.
+    /// A schema violates a requirement of DCCL.
     #[error("schema: {field} must have {expected}")]
     Schema {
         /// The field, or the message itself.
         field: String,
-        /// What it should have and has not.
+        /// The requirement that the field violates.
         expected: &'static str,
     },
-    /// A value of the wrong kind, or a name that the enum does not have.
+    /// A value has the wrong kind, or a name does not belong to the enum.
     #[error("{field} must be {expected}")]
     Kind {
         /// The field.
         field: String,
-        /// What it should be.
+        /// The expected kind of value.
         expected: &'static str,
     },
     /// The bytes end before the message does.
@@ -70,27 +70,27 @@ pub enum Error {
     Short {
         /// The field being read.
         field: String,
-        /// How many bytes there are.
+        /// Number of bytes found.
         length: usize,
     },
-    /// There are more bytes than the message has.
+    /// Bytes follow after the end of the message.
     #[error("{extra} bytes are left over after the message")]
     Long {
-        /// How many.
+        /// Number of bytes after the message.
         extra: usize,
     },
-    /// Bits that fill up a byte must be zero.
-    #[error("a padding bit is set")]
+    /// A padding bit is set, or outcomes are not in their shortest form.
+    #[error("the bytes are not the canonical encoding of a message")]
     Padding,
-    /// Another message than the one expected.
+    /// The bytes contain a message of another type.
     #[error("{}, expected {expected}", id(*found))]
     Id {
-        /// What the bytes begin with, if they are long enough.
+        /// The id at the start of the bytes, if they are long enough.
         found: Option<u16>,
-        /// What the schema says, or "that of a map message".
+        /// The id of the schema, or "that of a map message".
         expected: String,
     },
-    /// A message longer than allowed, or a schema whose longest form is.
+    /// A message, or the longest form of a schema, exceeds the allowed length.
     #[error("the message takes {length} bytes, at most {max} are allowed")]
     TooLong {
         /// Its length.
@@ -98,18 +98,18 @@ pub enum Error {
         /// The schema's `max_bytes`.
         max: usize,
     },
-    /// The tag is not that of these bytes under this key.
-    #[error("the authentication tag does not fit")]
+    /// The authentication tag does not match these bytes and this key.
+    #[error("the authentication tag does not match")]
     Forged,
-    /// A tag made with this key for another context: one in 65 536 forgeries looks like this, too.
-    #[error("sealed with this key under another agreement")]
+    /// The tag was made with this key for another context. One in 65 536 forgeries gives this error as well.
+    #[error("authenticated with this key for a team with other settings")]
     OtherContext,
-    /// A key that anybody would try first.
-    #[error("all bytes of the key are equal: that is no secret")]
+    /// All bytes of the key are equal.
+    #[error("all bytes of the key are equal, so it is not secret")]
     WeakKey,
-    /// A sealed message and no key, or a key and an open message.
+    /// An authenticated message without a key, or a plain message with a key.
     #[error("{0}")]
-    Seal(&'static str),
+    Authentication(&'static str),
 }
 
 fn range(min: usize, max: usize) -> String {

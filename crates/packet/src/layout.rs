@@ -1,73 +1,74 @@
-//! The forms of the map message: where each of its bits stands.
+//! The forms of the map message, and the position of each of their bits.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
+use crate::authenticator::TAG_BITS;
 use crate::bits::overwrite;
 use crate::error::Error;
 use crate::point::Point;
 use crate::schema::{Field, Kind, Schema};
-use crate::seal::TAG_BITS;
 use crate::value::{Fields, numbers};
 use crate::widths::id_bits;
 
-/// The map messages as a Goby user loads them.
+/// The `.proto` file with all messages of this crate, for users of DCCL and Goby.
 pub const PROTO: &str = include_str!("../proto/pingmap.proto");
 
-/// Cells of the chart east and north.
+/// Number of cells of the chart, east and north.
 pub const HORIZONTAL_CELLS: u8 = 64;
 
-/// Cells of the chart in depth.
+/// Number of cells of the chart in depth.
 pub const DEPTH_CELLS: u8 = 32;
 
-/// Cells of time, of which 0 is no certain time.
+/// Number of time cells. Cell 0 means no particular time.
 pub const TIME_CELLS: u8 = 64;
 
-/// Levels of information: 0 is a point of which nothing is said.
+/// Number of information levels. Level 0 marks an unused point.
 pub const INFORMATION_LEVELS: u8 = 32;
 
-/// Partial correlations go from minus to plus this level.
+/// Largest level of a partial correlation. Levels range from minus to plus this value.
 pub const CORRELATION_LEVELS: i8 = 3;
 
-/// Means go from minus to plus this level.
+/// Largest level of a mean. Levels range from minus to plus this value.
 pub const MEAN_LEVELS: i8 = 15;
 
-/// Models are told apart by a number below this in open messages.
+/// Number of distinct check numbers in plain messages.
 const MODELS: u16 = 1 << 14;
 
-/// A form of the map message: one for each frame size, with or without depth, open or sealed.
+/// A form of the map message: one for each frame size, with or without depth, plain or authenticated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Layout {
     /// Name of the message in the `.proto`.
     pub name: &'static str,
     /// DCCL id, from the range for private use.
     pub id: u16,
-    /// Frame that it fits into, in bytes.
+    /// Size in bytes of the frame that the message fits into.
     pub frame_bytes: usize,
     /// Whether links have depths.
     pub has_depth: bool,
-    /// Whether the message carries an authentication tag of 8 bytes. The model's digest then goes into the tag instead.
-    pub is_sealed: bool,
-    /// How many blocks it carries.
+    /// Whether the message has an authentication tag of 8 bytes. The tag then covers the digest of the team's settings, and
+    /// there is no check number.
+    pub is_authenticated: bool,
+    /// Number of blocks.
     pub blocks: usize,
-    /// Inducing points of a block.
+    /// Number of inducing points in each block.
     pub points: usize,
 }
 
-/// All forms.
+/// All forms of the map message.
 pub const LAYOUTS: [Layout; 12] = [
     layout("Map32", 124, 32, false, false, 1, 5),
-    layout("MapSealed32", 125, 32, false, true, 1, 4),
+    layout("MapAuthenticated32", 125, 32, false, true, 1, 4),
     layout("MapDepth32", 126, 32, true, false, 1, 4),
-    layout("MapDepthSealed32", 127, 32, true, true, 1, 3),
+    layout("MapDepthAuthenticated32", 127, 32, true, true, 1, 3),
     layout("Map64", 128, 64, false, false, 2, 5),
-    layout("MapSealed64", 129, 64, false, true, 2, 4),
+    layout("MapAuthenticated64", 129, 64, false, true, 2, 4),
     layout("MapDepth64", 130, 64, true, false, 2, 4),
-    layout("MapDepthSealed64", 131, 64, true, true, 2, 4),
+    layout("MapDepthAuthenticated64", 131, 64, true, true, 2, 4),
     layout("Map256", 132, 256, false, false, 9, 5),
-    layout("MapSealed256", 133, 256, false, true, 9, 5),
+    layout("MapAuthenticated256", 133, 256, false, true, 9, 5),
     layout("MapDepth256", 134, 256, true, false, 9, 4),
-    layout("MapDepthSealed256", 135, 256, true, true, 9, 4),
+    layout("MapDepthAuthenticated256", 135, 256, true, true, 9, 4),
 ];
 
 const fn layout(
@@ -75,14 +76,14 @@ const fn layout(
     id: u16,
     frame_bytes: usize,
     has_depth: bool,
-    is_sealed: bool,
+    is_authenticated: bool,
     blocks: usize,
     points: usize,
 ) -> Layout {
-    Layout { name, id, frame_bytes, has_depth, is_sealed, blocks, points }
+    Layout { name, id, frame_bytes, has_depth, is_authenticated, blocks, points }
 }
 
-/// A field of every point: its name, its kind, how it is read and how it is set.
+/// A field of every point, with its name, its kind, a getter and a setter.
 pub(crate) struct PointField {
     pub(crate) name: &'static str,
     pub(crate) kind: fn() -> Kind,
@@ -156,78 +157,82 @@ const STATISTICS: [PointField; 2] = [
     point_field("mean", mean, |p| p.mean.into(), |p, v| p.mean = v as i8),
 ];
 
-/// Name of the field that holds the cells of time.
+/// Name of the field with the time cells.
 pub(crate) const TIME: &str = "time";
 
-/// Name of the field that holds the partial correlations.
+/// Name of the field with the partial correlations.
 pub(crate) const CORRELATION: &str = "correlation";
 
-/// Names of the fields that hold the tag: its lower and its upper half.
+/// Names of the fields with the lower and the upper half of the tag.
 pub(crate) const TAG: [&str; 2] = ["tag_low", "tag_high"];
 
-/// The tag of a sealed message.
+/// Returns the tag of an authenticated message.
 pub(crate) fn tag_of(fields: &Fields) -> u64 {
     let [low, high] = TAG.map(|name| numbers(fields, name).next().unwrap_or(0.0) as u64);
     low | high << 32
 }
 
-/// Bits of these fields of one point.
+/// Returns the number of bits of these fields of one point.
 fn bits_of<'a>(fields: impl Iterator<Item = &'a PointField>) -> u64 {
     fields.map(|field| (field.kind)().bits_max()).sum()
 }
 
 impl Layout {
-    /// The largest form that fits into a frame.
-    pub fn for_frame(frame_bytes: usize, has_depth: bool, is_sealed: bool) -> Option<&'static Layout> {
+    /// Returns the largest form that fits into a frame.
+    pub fn for_frame(frame_bytes: usize, has_depth: bool, is_authenticated: bool) -> Option<&'static Layout> {
         let fits = |layout: &&Layout| {
-            layout.has_depth == has_depth && layout.is_sealed == is_sealed && layout.frame_bytes <= frame_bytes
+            layout.has_depth == has_depth
+                && layout.is_authenticated == is_authenticated
+                && layout.frame_bytes <= frame_bytes
         };
         LAYOUTS.iter().filter(fits).max_by_key(|layout| layout.frame_bytes)
     }
 
-    /// The form that these bytes say they have.
+    /// Returns the form with the id at the start of these bytes.
     pub fn of(bytes: &[u8]) -> Option<&'static Layout> {
         let id = Schema::id_of(bytes)?;
         LAYOUTS.iter().find(|layout| layout.id == id)
     }
 
-    /// Partial correlations of a block.
+    /// Returns the number of partial correlations of a block.
     pub fn correlations(&self) -> usize {
         self.points.saturating_mul(self.points.saturating_sub(1)) / 2
     }
 
-    /// Inducing points of all blocks.
+    /// Returns the number of inducing points of all blocks.
     pub fn points_in_all(&self) -> usize {
         self.blocks.saturating_mul(self.points)
     }
 
-    /// Bits of a point's two cells.
+    /// Returns the number of bits of a point's two cells.
     pub fn location_bits(&self) -> u64 {
         bits_of(LOCATION.iter().chain(DEPTHS.iter().filter(|_| self.has_depth)))
     }
 
-    /// Bits of all that does not speak of points: id, sender, counter, and check number or tag.
+    /// Returns the number of bits of id, sender, counter, and check number or tag.
     pub fn overhead_bits(&self) -> u64 {
         self.head_bits() + self.proof_bits()
     }
 
-    /// Bytes of the message, all of one length: those of [`Layout::schema`], without building it.
+    /// Returns the length of the message in bytes, without building [`Layout::schema`]. All messages of a form have equal
+    /// length.
     pub fn length(&self) -> usize {
         self.body_start().saturating_add(self.body_bits()).div_ceil(8)
     }
 
-    /// The bytes of a message with zeros in place of its check number `model`: what that number is computed from,
-    /// without decoding and encoding. What follows the message, such as the zeros that a modem adds, is cut off. A
-    /// sealed message has no such field and stays as it is. Any bytes will do; they are not looked at.
+    /// Returns the bytes of a message with zeros in place of the check number `model`, without decoding and encoding.
+    ///
+    /// The check number is computed from these bytes. Bytes after the message, for example zeros added by a modem, are cut
+    /// off. An authenticated message has no check number and is returned unchanged. The function accepts any bytes.
     pub fn with_model_zeroed(&self, bytes: &[u8]) -> Vec<u8> {
         let mut message = bytes[..bytes.len().min(self.length())].to_vec();
-        if !self.is_sealed {
+        if !self.is_authenticated {
             overwrite(&mut message, self.body_start(), model().bits_max() as u32, 0);
         }
         message
     }
 
-    /// The bytes of these values. The schemas of [`LAYOUTS`] are known to be sound; only another one is checked.
+    /// Encodes these values. The schemas of [`LAYOUTS`] are known to be valid; only the schema of another layout is checked.
     pub(crate) fn encode(&self, values: &Fields) -> Result<Vec<u8>, Error> {
         let schema = self.schema();
         if !LAYOUTS.contains(self) {
@@ -236,23 +241,23 @@ impl Layout {
         schema.write(values)
     }
 
-    /// The first bit of the tag of a sealed message: it ends the body.
+    /// Returns the first bit of the tag of an authenticated message. The tag ends the body.
     pub(crate) fn tag_place(&self) -> Option<usize> {
         let end = self.body_start().saturating_add(self.body_bits());
-        self.is_sealed.then(|| end.saturating_sub(TAG_BITS as usize))
+        self.is_authenticated.then(|| end.saturating_sub(TAG_BITS as usize))
     }
 
-    /// Bits of id, sender and counter.
+    /// Returns the number of bits of id, sender and counter.
     fn head_bits(&self) -> u64 {
         id_bits(self.id) + sender().bits_max() + counter().bits_max()
     }
 
-    /// Bits of what shows that the message is whole, and of the team: check number or tag.
+    /// Returns the number of bits of the check number or the tag.
     fn proof_bits(&self) -> u64 {
-        if self.is_sealed { TAG_BITS.into() } else { model().bits_max() }
+        if self.is_authenticated { TAG_BITS.into() } else { model().bits_max() }
     }
 
-    /// The first bit of the body, which begins with a whole byte.
+    /// Returns the first bit of the body, which starts at a whole byte.
     fn body_start(&self) -> usize {
         self.head_bits().next_multiple_of(8) as usize
     }
@@ -265,24 +270,24 @@ impl Layout {
         of_blocks.saturating_add(self.proof_bits() as usize)
     }
 
-    /// Fields of every point: locations first.
+    /// Iterates over the fields of every point, locations first.
     pub(crate) fn point_fields(&self) -> impl Iterator<Item = PointField> {
         let depths = if self.has_depth { Some(DEPTHS) } else { None };
         LOCATION.into_iter().chain(depths.into_iter().flatten()).chain(STATISTICS)
     }
 
-    /// The message as DCCL describes it. Every number is whole; what it means is the team's affair.
+    /// Returns the DCCL schema of the message. All numbers are integers; the team's chart and quantizer define their meaning.
     pub fn schema(&self) -> Schema {
         let all = |name, kind, count| Field::repeated(name, kind, count, count);
         let mut fields =
             vec![Field::required("sender", sender()).in_head(), Field::required("counter", counter()).in_head()];
-        if !self.is_sealed {
+        if !self.is_authenticated {
             fields.push(Field::required("model", model()));
         }
         fields.push(all(TIME, time(), self.blocks));
         fields.extend(self.point_fields().map(|field| all(field.name, (field.kind)(), self.points_in_all())));
         fields.push(all(CORRELATION, correlation(), self.blocks.saturating_mul(self.correlations())));
-        if self.is_sealed {
+        if self.is_authenticated {
             fields.extend(TAG.map(|name| Field::required(name, word())));
         }
         Schema { name: self.name.into(), id: Some(self.id), bytes_max: self.frame_bytes, fields }

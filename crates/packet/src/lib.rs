@@ -1,22 +1,22 @@
-//! Bits on the water.
+//! Messages of pingmap as bits, for acoustic modems.
 //!
-//! * [`Schema`], [`Fields`], [`Value`]: the part of DCCL (codec version 4, and 3 where it is the same) that our
-//!   messages and most of a fleet's own need. Unlike the reference implementation, values out of bounds are refused
-//!   both ways, by name.
-//! * [`MapMessage`]: what a vehicle tells of its map, in frames of 32, 64 or 256 bytes. Its `.proto` ships beside this
-//!   crate (`proto/pingmap.proto`) and says the same as [`Layout::schema`].
-//! * [`Report`]: what a vehicle heard and missed, slot by slot, and where it was meanwhile; in frames of any size.
-//! * [`Recent`]: the latest of that in a few spare bits of a message that a host sends anyway.
+//! * [`Schema`], [`Fields`], [`Value`]: a subset of DCCL (codec version 4, and 3 where it is identical). It suffices for
+//!   the messages of pingmap and most messages of a fleet. Values out of bounds are refused in both directions, with the
+//!   name of the field; the reference implementation does not refuse them.
+//! * [`MapMessage`]: a summary of a vehicle's map, in frames of 32, 64 or 256 bytes. The file `proto/pingmap.proto` of
+//!   this crate describes the same message as [`Layout::schema`].
+//! * [`Report`]: the outcomes of a vehicle, slot by slot, and its waypoints. Reports have any length.
+//! * [`OutcomeBitmap`]: the newest outcomes in a few unused bits of a message that a host sends anyway.
 //! * [`Key`]: authentication of whole frames.
 //!
-//! The crate knows integers only: what a cell or a level means is the team's chart and packet model. No I/O, no panics,
-//! no `std`.
+//! The crate handles integers only. The team's chart and quantizer define the meaning of a cell or a level. The crate does
+//! no I/O, does not panic and does not need `std`.
 //!
 //! ```
 //! use pingmap_packet::{Block, Layout, MapMessage};
 //!
 //! let layout = Layout::for_frame(32, false, false).expect("there is one for frames of 32 bytes");
-//! let message = MapMessage { sender: 3, counter: 17, model: 0x2a5, blocks: vec![Block::silent(layout)] };
+//! let message = MapMessage { sender: 3, counter: 17, model: 0x2a5, blocks: vec![Block::empty(layout)] };
 //! let bytes = message.encode(layout, None)?;
 //! assert_eq!(bytes.len(), 32);
 //! let (found, again) = MapMessage::decode(&bytes, None)?;
@@ -42,14 +42,15 @@ mod widths;
 mod check;
 mod encode;
 mod decode;
-mod seal;
+mod authenticator;
 mod point;
 mod layout;
 mod map_message;
 mod outcomes;
 mod report;
-mod recent;
+mod outcome_bitmap;
 
+pub use authenticator::{Authenticator, Key, digest};
 pub use error::Error;
 pub use hex::{from_hex, to_hex};
 pub use layout::{
@@ -57,13 +58,12 @@ pub use layout::{
     TIME_CELLS,
 };
 pub use map_message::{Block, MapMessage};
+pub use outcome_bitmap::OutcomeBitmap;
 pub use outcomes::{Outcome, OutcomeCounts};
 pub use point::{Cell, Point};
-pub use recent::Recent;
 pub use report::{
-    Earlier, KNOT_CELLS, KNOT_DEPTH_CELLS, KNOTS_MAX, Knot, OUTCOME_BYTES_MAX, REPORT_LAYOUTS, Report, ReportLayout,
-    SLOTS,
+    OUTCOME_BYTES_MAX, REPORT_LAYOUTS, Report, ReportLayout, SLOTS, WAYPOINT_CELLS, WAYPOINT_DEPTH_CELLS,
+    WAYPOINTS_MAX, Waypoint,
 };
 pub use schema::{Field, Kind, Number, Rule, Schema};
-pub use seal::{Key, Seal, digest};
 pub use value::{Fields, Value};

@@ -1,71 +1,74 @@
-//! What a vehicle tells of its map: inducing points as cells of the team's chart, and what its events say about them.
+//! Summaries of a vehicle's map: inducing points as cells of the team's chart, with quantized Gaussian messages.
 
 use alloc::string::String;
 use alloc::vec::Vec;
 use alloc::{format, vec};
 
+use crate::authenticator::{Authenticator, authenticate, check_tag};
 use crate::error::Error;
 use crate::layout::{CORRELATION, Layout, TAG, TIME, tag_of};
 use crate::point::Point;
 use crate::schema::Schema;
-use crate::seal::{Seal, check_seal, sealed};
 use crate::value::{Fields, Value, number, numbers};
 
-/// One Gaussian message about f at a few points, in whole numbers.
+/// One Gaussian message about f at a few points, as integers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Block {
-    /// The cell of the time at which its points were true; 0 for no certain time.
+    /// Time cell of its points; 0 for no particular time.
     pub time: u8,
-    /// As many as the layout says.
+    /// Inducing points, [`Layout::points`] of them.
     pub points: Vec<Point>,
-    /// Levels of the partial correlations: of points (2, 1), (3, 1), (3, 2), (4, 1) and so on, counted from 1.
+    /// Levels of the partial correlations of points (2, 1), (3, 1), (3, 2), (4, 1) and so on, counted from 1.
     pub correlations: Vec<i8>,
 }
 
 impl Block {
-    /// A block that says nothing.
-    pub fn silent(layout: &Layout) -> Self {
+    /// Returns a block without information.
+    pub fn empty(layout: &Layout) -> Self {
         Self { time: 0, points: vec![Point::default(); layout.points], correlations: vec![0; layout.correlations()] }
     }
 
-    /// Whether there is a point of which it says something.
-    pub fn says_something(&self) -> bool {
+    /// Returns whether at least one point has information.
+    pub fn has_content(&self) -> bool {
         self.points.iter().any(|point| point.information > 0)
     }
 }
 
-/// What a vehicle tells of its map in one frame.
+/// One frame with a summary of a vehicle's map.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MapMessage {
     /// The sender's number in its team.
     pub sender: u8,
-    /// Counts the sender's messages; never repeats under one key.
+    /// Counter of the sender's messages. A value never repeats under one key.
     pub counter: u16,
-    /// Check number of the team's model and of this message, at most 14 bits. Not sent in a sealed message, where it
-    /// decodes as 0.
+    /// Check number of the team's settings and of this message, at most 14 bits. An authenticated message does not contain
+    /// it; the decoder then sets it to 0.
     pub model: u16,
-    /// As many as the layout says.
+    /// Blocks of inducing points, [`Layout::blocks`] of them.
     pub blocks: Vec<Block>,
 }
 
 impl MapMessage {
-    /// The message as bytes: at most [`Layout::frame_bytes`].
+    /// Encodes the message in at most [`Layout::frame_bytes`] bytes.
     ///
     /// # Errors
-    /// [`Error::OutOfBounds`] for a number that its field does not hold, [`Error::Count`] for another number of blocks
-    /// or points than the layout has, [`Error::Seal`] for a sealed layout without a seal or the other way round, and as
-    /// [`Schema::check`] for a layout that is none of [`LAYOUTS`](crate::LAYOUTS).
-    pub fn encode(&self, layout: &Layout, seal: Option<Seal<'_>>) -> Result<Vec<u8>, Error> {
-        sealed(layout.encode(&self.fields(layout)?)?, layout.tag_place(), seal)
+    /// * [`Error::OutOfBounds`] for a number outside the bounds of its field.
+    /// * [`Error::Count`] if the number of blocks or points differs from that of the layout.
+    /// * [`Error::Authentication`] for an authenticated layout without a key, or a plain layout with a key.
+    /// * The errors of [`Schema::check`] for a layout outside [`LAYOUTS`](crate::LAYOUTS).
+    pub fn encode(&self, layout: &Layout, auth: Option<Authenticator<'_>>) -> Result<Vec<u8>, Error> {
+        authenticate(layout.encode(&self.fields(layout)?)?, layout.tag_place(), auth)
     }
 
-    /// The message in `bytes` and its form. Zeros after the message, as modems add to fill a frame, are ignored.
+    /// Decodes `bytes`, and returns the message and its form. Modems may fill a frame with zeros; zeros after the message are
+    /// ignored.
     ///
     /// # Errors
-    /// [`Error::Id`] for another kind of message, [`Error::Seal`] for a sealed message without a key or an open one
-    /// with a key, [`Error::Forged`] when the tag does not fit, [`Error::OtherContext`] when it fits another context, and as
-    /// [`Schema::decode`].
-    pub fn decode(bytes: &[u8], seal: Option<Seal<'_>>) -> Result<(&'static Layout, Self), Error> {
+    /// * [`Error::Id`] for another type of message.
+    /// * [`Error::Authentication`] for an authenticated message without a key, or a plain message with a key.
+    /// * [`Error::Forged`] if the tag does not match, and [`Error::OtherContext`] if it matches another context.
+    /// * The errors of [`Schema::decode`].
+    pub fn decode(bytes: &[u8], auth: Option<Authenticator<'_>>) -> Result<(&'static Layout, Self), Error> {
         let layout = Layout::of(bytes)
             .ok_or_else(|| Error::Id { found: Schema::id_of(bytes), expected: "that of a map message".into() })?;
         let message = match bytes.split_at_checked(layout.length()) {
@@ -73,11 +76,11 @@ impl MapMessage {
             _ => bytes,
         };
         let fields = layout.schema().read(message)?;
-        check_seal(message, layout.tag_place(), tag_of(&fields), seal)?;
+        check_tag(message, layout.tag_place(), tag_of(&fields), auth)?;
         Ok((layout, Self::from_fields(layout, &fields)))
     }
 
-    /// The values by field name, a tag of zeros included.
+    /// Returns the values by field name, including a tag of zeros.
     fn fields(&self, layout: &Layout) -> Result<Fields, Error> {
         let count = |field: String, expected: usize, found: usize| {
             if expected == found { Ok(()) } else { Err(Error::Count { field, min: expected, max: expected, found }) }
@@ -90,7 +93,7 @@ impl MapMessage {
         let mut fields = Fields::new();
         fields.set("sender", number(self.sender));
         fields.set("counter", number(self.counter));
-        if layout.is_sealed {
+        if layout.is_authenticated {
             TAG.iter().for_each(|name| fields.set(name, number(0_u8)));
         } else {
             fields.set("model", number(self.model));
@@ -112,9 +115,9 @@ impl MapMessage {
         Ok(fields)
     }
 
-    /// The message of values that the schema has checked.
+    /// Builds the message from values that the schema has checked.
     fn from_fields(layout: &Layout, fields: &Fields) -> Self {
-        let mut blocks = vec![Block::silent(layout); layout.blocks];
+        let mut blocks = vec![Block::empty(layout); layout.blocks];
         blocks.iter_mut().zip(numbers(fields, TIME)).for_each(|(block, cell)| block.time = cell as u8);
         for field in layout.point_fields() {
             let points = blocks.iter_mut().flat_map(|block| &mut block.points);

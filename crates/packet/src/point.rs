@@ -1,24 +1,24 @@
-//! Inducing points on the water: cells of the chart, and levels.
+//! Inducing points as cells of the chart and levels.
 
-/// Where one end of a link lies, in cells of the chart.
+/// Position of one end of a link, in cells of the chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct Cell {
-    /// From west to east.
+    /// Cell from west to east.
     pub east: u8,
-    /// From south to north.
+    /// Cell from south to north.
     pub north: u8,
-    /// From the surface down; 0 where the message has no depths.
+    /// Cell from the surface down; 0 if the message has no depths.
     pub depth: u8,
 }
 
-/// An inducing point, and what is said about it by itself.
+/// An inducing point with its own information and mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Point {
-    /// Transmitter.
+    /// Cell of the transmitter.
     pub transmitter: Cell,
-    /// Receiver.
+    /// Cell of the receiver.
     pub receiver: Cell,
-    /// Level of the whitened precision's diagonal; 0 for a point of which nothing is said.
+    /// Level of the whitened precision's diagonal; 0 for an unused point.
     pub information: u8,
     /// Level of the whitened mean.
     pub mean: i8,

@@ -1,84 +1,84 @@
-//! What a message looks like: its fields, their bounds and their order.
+//! Schemas of messages: the fields, their bounds and their order.
 
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// A message: what a `.proto` says about it.
+/// The description of a message, as in a `.proto` file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Schema {
     /// The message's name.
     pub name: String,
-    /// Its DCCL id, up to 32767; `None` for a message with `omit_id`.
+    /// The DCCL id, up to 32767; `None` for a message with `omit_id`.
     pub id: Option<u16>,
-    /// Bytes that its longest form may take at most.
+    /// Largest allowed length in bytes.
     pub bytes_max: usize,
-    /// Its fields, in the order of declaration.
+    /// The fields, in the order of declaration.
     pub fields: Vec<Field>,
 }
 
-/// One field.
+/// One field of a message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
-    /// Its name.
+    /// The name of the field.
     pub name: String,
-    /// What its values are.
+    /// The kind of its values.
     pub kind: Kind,
-    /// How often it occurs.
+    /// The allowed number of occurrences.
     pub rule: Rule,
-    /// Whether it stands in the head of the message. Fields inside a message stand where the message does.
+    /// Whether the field is in the head of the message. Fields of an inner message are in the same part as the inner message.
     pub in_head: bool,
     /// Whether an optional number has a presence bit of its own (`codec: "dccl.presence"`).
     pub presence: bool,
-    /// The `oneof` it is a member of, if any.
+    /// The `oneof` that the field belongs to, if any.
     pub oneof: Option<String>,
 }
 
-/// How often a field occurs.
+/// The allowed number of occurrences of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {
     /// Exactly once.
     Required,
-    /// Once or not at all.
+    /// At most once.
     Optional,
-    /// So many times.
+    /// Between `min` and `max` times.
     Repeated {
-        /// Fewest.
+        /// Smallest number of elements.
         min: usize,
-        /// Most.
+        /// Largest number of elements.
         max: usize,
     },
 }
 
-/// What the values of a field are.
+/// The kind of a field's values.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
     /// True or false.
     Bool,
     /// A bounded number.
     Number(Number),
-    /// One of some names, each with its number in the `.proto`.
+    /// A name from a list, each with its number in the `.proto`.
     Enum {
         /// Names and numbers, in the order of declaration.
         values: Vec<(String, i32)>,
-        /// Whether the place in the declaration is sent (the default of DCCL) instead of the number.
+        /// Whether the position in the declaration is sent (the default of DCCL) instead of the number.
         packed: bool,
     },
-    /// At most so many bytes.
+    /// Bytes, at most `length_max`.
     Bytes {
-        /// Most bytes.
+        /// Largest number of bytes.
         length_max: usize,
     },
-    /// A text of at most so many bytes.
+    /// A text of at most `length_max` bytes.
     Text {
-        /// Most bytes.
+        /// Largest number of bytes.
         length_max: usize,
     },
-    /// A message inside.
+    /// An inner message.
     Message(Vec<Field>),
 }
 
-/// Bounds and resolution of a number. Every multiple of the resolution between the bounds has a code; the bounds are
-/// multiples, too.
+/// Bounds and resolution of a number. Every multiple of the resolution between the bounds has a code. The bounds are multiples
+/// of the resolution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Number {
     /// Smallest value.
@@ -87,49 +87,50 @@ pub struct Number {
     pub max: f64,
     /// Distance between neighbouring values.
     pub resolution: f64,
-    /// Whether the values are whole numbers (an integer field of the `.proto`).
+    /// Whether the values are integers (an integer field of the `.proto`).
     pub integer: bool,
 }
 
 impl Field {
-    /// A required field of the body.
+    /// Returns a required field of the body.
     pub fn required(name: &str, kind: Kind) -> Self {
         Self { name: name.into(), kind, rule: Rule::Required, in_head: false, presence: false, oneof: None }
     }
 
-    /// The same, optional.
+    /// Returns an optional field of the body.
     pub fn optional(name: &str, kind: Kind) -> Self {
         Self { rule: Rule::Optional, ..Self::required(name, kind) }
     }
 
-    /// The same, `min` to `max` times.
+    /// Returns a field of the body that is repeated `min` to `max` times.
     pub fn repeated(name: &str, kind: Kind, min: usize, max: usize) -> Self {
         Self { rule: Rule::Repeated { min, max }, ..Self::required(name, kind) }
     }
 
-    /// The same field in the head.
+    /// Moves the field to the head.
     pub fn in_head(self) -> Self {
         Self { in_head: true, ..self }
     }
 
-    /// The same field with a presence bit.
+    /// Adds a presence bit to the field.
     pub fn with_presence_bit(self) -> Self {
         Self { presence: true, ..self }
     }
 
-    /// The same field as a member of a `oneof`.
+    /// Makes the field a member of a `oneof`.
     pub fn member_of(self, oneof: &str) -> Self {
         Self { oneof: Some(oneof.into()), ..self }
     }
 }
 
 impl Kind {
-    /// A whole number with resolution 1.
+    /// Returns the kind of an integer with resolution 1.
     pub fn integer(min: f64, max: f64) -> Self {
         Kind::Number(Number { min, max, resolution: 1.0, integer: true })
     }
 
-    /// A number with this distance between neighbouring values (10^−precision, or the `resolution` of the `.proto`).
+    /// Returns the kind of a number with this distance between neighbouring values (10^−precision, or the `resolution` of the
+    /// `.proto`).
     pub fn decimal(min: f64, max: f64, resolution: f64) -> Self {
         Kind::Number(Number { min, max, resolution, integer: false })
     }

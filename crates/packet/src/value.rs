@@ -1,4 +1,4 @@
-//! What a message says.
+//! The values of a message.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -8,31 +8,31 @@ use alloc::vec::Vec;
 pub enum Value {
     /// True or false.
     Bool(bool),
-    /// A number, whole or not.
+    /// A number, integer or decimal.
     Number(f64),
     /// The name of an enum's value.
     Enum(String),
-    /// Bytes.
+    /// A byte string.
     Bytes(Vec<u8>),
     /// A text.
     Text(String),
-    /// A message inside a message.
+    /// An inner message.
     Message(Fields),
     /// The elements of a repeated field.
     List(Vec<Value>),
 }
 
-/// The values of a message by field name. Fields that are not set are absent.
+/// The values of a message by field name. Unset fields are absent.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Fields(Vec<(String, Value)>);
 
 impl Fields {
-    /// Nothing set.
+    /// Returns a message without values.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Sets a field; a second value replaces the first.
+    /// Sets a field. A second value replaces the first.
     pub fn set(&mut self, name: &str, value: Value) {
         match self.0.iter_mut().find(|(known, _)| known == name) {
             Some((_, known)) => *known = value,
@@ -40,23 +40,23 @@ impl Fields {
         }
     }
 
-    /// The value of a field, if it is set.
+    /// Returns the value of a field, if it is set.
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.0.iter().find(|(known, _)| known == name).map(|(_, value)| value)
     }
 
-    /// All values that are set, in the order of setting.
+    /// Iterates over the values that are set, in the order of setting.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Value)> {
         self.0.iter().map(|(name, value)| (name.as_str(), value))
     }
 }
 
-/// A number as a value.
+/// Returns a number as a value.
 pub(crate) fn number(value: impl Into<f64>) -> Value {
     Value::Number(value.into())
 }
 
-/// The numbers of a field, repeated or not.
+/// Iterates over the numbers of a field, repeated or not.
 pub(crate) fn numbers<'a>(fields: &'a Fields, name: &str) -> impl Iterator<Item = f64> + use<'a> {
     let elements = match fields.get(name) {
         Some(Value::List(elements)) => elements.as_slice(),

@@ -1,4 +1,4 @@
-//! How many bits things take.
+//! Widths of ids, fields and values in bits.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -7,7 +7,8 @@ use alloc::{format, vec};
 use crate::schema::{Field, Kind, Rule, Schema};
 
 impl Schema {
-    /// The id that these bytes begin with. An id below 128 in two bytes is none: every message has one form only.
+    /// Returns the id at the start of these bytes. An id below 128 in two bytes is not valid, so each message has exactly one
+    /// encoding.
     pub fn id_of(bytes: &[u8]) -> Option<u16> {
         let (&first, rest) = bytes.split_first()?;
         if first & 1 == 0 {
@@ -17,12 +18,12 @@ impl Schema {
         (id >= 128).then_some(id)
     }
 
-    /// Bits of the message id.
+    /// Returns the number of bits of the message id.
     pub fn id_bits(&self) -> u64 {
         self.id.map_or(0, id_bits)
     }
 
-    /// Bytes of the longest form of the message.
+    /// Returns the length of the message's longest form in bytes.
     pub fn length(&self) -> usize {
         let bits = |head: bool| {
             let fields = self.fields.iter().filter(|field| field.in_head == head && field.oneof.is_none());
@@ -34,15 +35,15 @@ impl Schema {
             .unwrap_or(usize::MAX)
     }
 
-    /// Bits of every field where all have their greatest length, in the order of declaration. Head and body are each
-    /// filled up to a whole byte.
+    /// Returns the largest number of bits of every field, in the order of declaration. Head and body are each padded to a
+    /// whole byte in addition.
     pub fn bits(&self) -> Vec<(&str, u64)> {
         self.fields.iter().map(|field| (field.name.as_str(), field.bits_max())).collect()
     }
 }
 
 impl Field {
-    /// Bits of its longest form.
+    /// Returns the number of bits of the longest form.
     pub(crate) fn bits_max(&self) -> u64 {
         if self.oneof.is_some() {
             return self.kind.bits_max();
@@ -56,7 +57,7 @@ impl Field {
         }
     }
 
-    /// Bits of its shortest form: unset where it may be.
+    /// Returns the number of bits of the shortest form, in which an optional field is unset.
     pub(crate) fn bits_min(&self) -> u64 {
         if self.oneof.is_some() {
             return 0;
@@ -71,7 +72,7 @@ impl Field {
         }
     }
 
-    /// Bits that being optional adds.
+    /// Returns the number of bits that an optional field takes in addition to a required field.
     fn optional_bits(&self) -> u64 {
         match &self.kind {
             Kind::Number(number) if !self.presence => grown(number.codes()),
@@ -82,7 +83,7 @@ impl Field {
 }
 
 impl Kind {
-    /// Bits of the longest value in required form.
+    /// Returns the number of bits of the longest value in required form.
     pub(crate) fn bits_max(&self) -> u64 {
         match self {
             Kind::Bytes { length_max } | Kind::Text { length_max } => {
@@ -96,7 +97,7 @@ impl Kind {
         }
     }
 
-    /// Bits of the shortest value in required form.
+    /// Returns the number of bits of the shortest value in required form.
     pub(crate) fn bits_min(&self) -> u64 {
         match self {
             Kind::Bool => 1,
@@ -113,37 +114,37 @@ impl Kind {
     }
 }
 
-/// Bits of a message id.
+/// Returns the number of bits of a message id.
 pub(crate) fn id_bits(id: u16) -> u64 {
     if id < 128 { 8 } else { 16 }
 }
 
-/// Bits of the number of elements.
+/// Returns the number of bits of an element count.
 fn count_bits(min: usize, max: usize) -> u64 {
     width((max.saturating_sub(min) as u64).saturating_add(1)).into()
 }
 
-/// Bits that say which of so many members of a oneof is set, if any.
+/// Returns the number of bits for the choice of a oneof with this number of members.
 fn choice_bits(members: usize) -> u64 {
     width(members as u64 + 1).into()
 }
 
-/// Bits that one more code takes.
+/// Returns the number of bits that an additional code takes.
 fn grown(codes: u64) -> u64 {
     u64::from(width(codes.saturating_add(1)) - width(codes))
 }
 
-/// A sum that stops at the largest number.
+/// Returns the saturating sum.
 fn sum(bits: impl Iterator<Item = u64>) -> u64 {
     bits.fold(0, u64::saturating_add)
 }
 
-/// Bits for so many codes.
+/// Returns the number of bits for this number of codes.
 pub(crate) fn width(codes: u64) -> u32 {
     u64::BITS - codes.saturating_sub(1).leading_zeros()
 }
 
-/// The smallest code value and how many there are: places in the declaration, or the span of the numbers.
+/// Returns the smallest code value and the number of codes: positions in the declaration, or the span of the numbers.
 pub(crate) fn enum_range(values: &[(String, i32)], packed: bool) -> (i64, u64) {
     if packed {
         return (0, values.len() as u64);
@@ -153,12 +154,12 @@ pub(crate) fn enum_range(values: &[(String, i32)], packed: bool) -> (i64, u64) {
     (min, (max - min) as u64 + 1)
 }
 
-/// Whether an optional field says by a bit of its own that it is set; otherwise by code 0.
+/// Returns whether an optional field has a presence bit. Otherwise code 0 means "not set".
 pub(crate) fn has_presence_bit(field: &Field) -> bool {
     field.presence || matches!(field.kind, Kind::Bytes { .. } | Kind::Text { .. } | Kind::Message(_))
 }
 
-/// Bits of an optional field whose code 0 means "not set".
+/// Returns the number of bits of an optional field whose code 0 means "not set".
 pub(crate) fn optional_width(kind: &Kind) -> u32 {
     match kind {
         Kind::Bool => 2,
@@ -168,7 +169,7 @@ pub(crate) fn optional_width(kind: &Kind) -> u32 {
     }
 }
 
-/// Names of the oneofs and of their members, in the order of declaration.
+/// Returns the names of the oneofs with their members, in the order of declaration.
 pub(crate) fn oneofs(fields: &[Field]) -> Vec<(&str, Vec<&Field>)> {
     let mut all: Vec<(&str, Vec<&Field>)> = Vec::new();
     for field in fields {
@@ -182,14 +183,14 @@ pub(crate) fn oneofs(fields: &[Field]) -> Vec<(&str, Vec<&Field>)> {
     all
 }
 
-/// Bits that the oneofs take at most: which of the members are set, and the longest of each.
+/// Returns the largest number of bits of the oneofs: the choices and the longest member of each.
 fn oneof_bits(fields: &[Field]) -> u64 {
     let longest = |members: &[&Field]| members.iter().map(|member| member.kind.bits_max()).max().unwrap_or(0);
     let bits = |members: &Vec<&Field>| longest(members).saturating_add(choice_bits(members.len()));
     sum(oneofs(fields).iter().map(|(_, members)| bits(members)))
 }
 
-/// The name of a field inside what is around it.
+/// Returns the path of a field, including the names of the messages around it.
 pub(crate) fn path(around: &str, name: &str) -> String {
     if around.is_empty() { name.into() } else { format!("{around}.{name}") }
 }

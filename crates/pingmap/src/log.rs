@@ -37,9 +37,12 @@ pub struct Logs {
     /// As logs were named before
     #[arg(help_heading = None::<&str>, long, hide = true, value_name = "LOG", conflicts_with = "logs")]
     events: Vec<PathBuf>,
-    /// Go on though a log says nothing that a map could be made of, and replace files that pingmap did not write
+    /// Continue even if the log contains only one outcome, or coordinates that look like degrees
     #[arg(help_heading = LOG_AND_MODEL, long)]
-    pub force: bool,
+    pub accept_bad_log: bool,
+    /// Replace files that pingmap did not write
+    #[arg(help_heading = LOG_AND_MODEL, long)]
+    pub overwrite: bool,
 }
 
 impl Logs {
@@ -47,8 +50,15 @@ impl Logs {
     pub fn open(&self) -> anyhow::Result<EventLog> {
         let log = self.read()?;
         for finding in log.findings() {
-            match finding.is_nonsense && !self.force {
-                true => return Err(BadInput(format!("{}: {}; --force goes on", self.name(), finding.text)).into()),
+            match finding.is_nonsense && !self.accept_bad_log {
+                true => {
+                    return Err(BadInput(format!(
+                        "{}: {}; --accept-bad-log uses the log all the same",
+                        self.name(),
+                        finding.text
+                    ))
+                    .into());
+                }
                 false => warn(format_args!("{}: {}", self.name(), finding.text)),
             }
         }
@@ -111,8 +121,8 @@ pub fn opened(path: &Path) -> Result<(Box<dyn Read + Send>, &Path), FileError> {
 }
 
 /// Reads one log, as [`Logs::open`] does.
-pub fn open_log(path: &Path, force: bool) -> anyhow::Result<EventLog> {
-    Logs { logs: vec![path.to_owned()], events: Vec::new(), force }.open()
+pub fn open_log(path: &Path, accept_bad_log: bool) -> anyhow::Result<EventLog> {
+    Logs { logs: vec![path.to_owned()], events: Vec::new(), accept_bad_log, overwrite: false }.open()
 }
 
 /// Keeps at most `events_max` events, and says so.

@@ -50,7 +50,7 @@ impl Known {
             return Ok(Self { model: open_model(path, log)?.model, fit: None });
         }
         let bar = spinner("learning");
-        let learning = source.kernel.learning(source.kernel.given().few(), limits);
+        let learning = source.kernel.learning(source.kernel.given().default_candidates(), limits);
         let fit = learn_best(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?;
         bar.finish_and_clear();
         warn_of_search(&fit);

@@ -6,7 +6,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Arg, Command, ValueEnum};
 use dgpc::Shape;
-use pingmap_agent::{Addition, Criterion, MeanStructure, PathInputs, Terms};
+use pingmap_agent::{Criterion, MeanStructure, OptionalTerm, PathInputs, Sharing, Terms};
 use pingmap_trial::DivideBy;
 use pingmap_trial::paper::Policy;
 
@@ -126,17 +126,17 @@ pub enum AdditionName {
 }
 
 impl AdditionName {
-    pub fn addition(self) -> Option<Addition> {
+    pub fn addition(self) -> Option<OptionalTerm> {
         match self {
             AdditionName::None => None,
-            AdditionName::Range => Some(Addition::Range),
-            AdditionName::ReceiverPlace => Some(Addition::ReceiverPlace),
-            AdditionName::Receivers => Some(Addition::Receivers),
-            AdditionName::Transmitters => Some(Addition::Transmitters),
-            AdditionName::Time => Some(Addition::Time),
-            AdditionName::Kinds => Some(Addition::Kinds),
-            AdditionName::RoughRange => Some(Addition::RoughRange),
-            AdditionName::Walls => Some(Addition::Walls),
+            AdditionName::Range => Some(OptionalTerm::Range),
+            AdditionName::ReceiverPlace => Some(OptionalTerm::ReceiverPlace),
+            AdditionName::Receivers => Some(OptionalTerm::Receivers),
+            AdditionName::Transmitters => Some(OptionalTerm::Transmitters),
+            AdditionName::Time => Some(OptionalTerm::Time),
+            AdditionName::Kinds => Some(OptionalTerm::Kinds),
+            AdditionName::RoughRange => Some(OptionalTerm::RoughRange),
+            AdditionName::Walls => Some(OptionalTerm::Walls),
         }
     }
 }
@@ -186,6 +186,27 @@ pub enum LearnName {
     Own,
     /// Both, side by side
     Both,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ShareName {
+    /// Summaries of all events, at inducing points
+    Summaries,
+    /// Reports of single outcomes
+    Reports,
+    /// Reports, and summaries of events that no report can carry
+    Both,
+}
+
+impl ShareName {
+    /// The options of every vehicle.
+    pub fn sharing(self) -> Sharing {
+        match self {
+            ShareName::Summaries => Sharing::summaries(),
+            ShareName::Reports => Sharing::reports(),
+            ShareName::Both => Sharing::default(),
+        }
+    }
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dgpc::Shape;
 use pingmap_agent::{
-    Addition, Attempt, Fading, Given, Kind, Learning, Limits, Link, MeanStructure, MessageKind, Party, Structure,
-    VehicleId, When,
+    Fading, Kind, Learning, Limits, Link, LinkQuery, MeanStructure, MessageKind, OptionalTerm, Structure,
+    StructureConstraints, Time, Vehicle, VehicleId,
 };
 use pingmap_trial::EventLog;
 
@@ -102,11 +102,11 @@ pub struct Kernel {
 
 impl Kernel {
     /// The parts that are given.
-    pub fn given(&self) -> Given {
+    pub fn given(&self) -> StructureConstraints {
         let conservative = self.conservative_range_m.map(|range_m| {
             MeanStructure::conservative(range_m, self.conservative_slope_per_km.map(|slope| slope / 1000.0))
         });
-        Given {
+        StructureConstraints {
             shape: self.shape,
             path_inputs: self.inputs.map(InputsName::inputs),
             reciprocal: self.reciprocal.map(|reciprocal| reciprocal == YesNo::Yes),
@@ -116,12 +116,12 @@ impl Kernel {
     }
 
     /// What may be added. Who says what the terms over places are has said so of all of them.
-    fn additions(&self) -> Vec<Addition> {
+    fn additions(&self) -> Vec<OptionalTerm> {
         match &self.additions {
             Some(names) => names.iter().filter_map(|name| name.addition()).collect(),
             None => {
-                let all = Addition::ALL.into_iter();
-                all.filter(|addition| self.terms.is_none() || !addition.is_ordinary()).collect()
+                let all = OptionalTerm::ALL.into_iter();
+                all.filter(|addition| self.terms.is_none() || !addition.is_common()).collect()
             }
         }
     }
@@ -180,10 +180,9 @@ pub struct Asked {
     /// What kind of message: one of the log, or a typical one
     #[arg(long, value_name = "NAME|typical", default_value = TYPICAL)]
     pub kind: String,
-    /// Let the probability rise again over links longer than any of the log, where nothing is known. If not given it stays at or
-    /// below that of their part of that length
+    /// Do not cap predictions beyond the longest observed range (by default they never exceed the prediction at that range)
     #[arg(long)]
-    pub rising_beyond: bool,
+    pub no_range_cap: bool,
 }
 
 /// The name of nobody in particular.
@@ -191,18 +190,18 @@ const TYPICAL: &str = "typical";
 
 impl Asked {
     /// The attempt over this link that is asked about.
-    pub fn attempt(&self, log: &EventLog) -> Result<impl Fn(Link) -> Attempt + use<>, BadInput> {
+    pub fn attempt(&self, log: &EventLog) -> Result<impl Fn(Link) -> LinkQuery + use<>, BadInput> {
         let (transmitter, receiver) =
             (party("--transmitter", &self.transmitter, log)?, party("--receiver", &self.receiver, log)?);
         let end_s = log.events.iter().map(|event| event.time_s).fold(f64::NEG_INFINITY, f64::max);
         let when = match self.time {
-            Moment::End => When::At(end_s),
-            Moment::Typical => When::Typical,
-            Moment::AnotherDay => When::AnotherDay,
-            Moment::At(time_s) => When::At(time_s),
+            Moment::End => Time::At(end_s),
+            Moment::Typical => Time::Typical,
+            Moment::AnotherDay => Time::AnotherDay,
+            Moment::At(time_s) => Time::At(time_s),
         };
         let kind = kind(&self.kind, log)?;
-        Ok(move |link| Attempt { link, transmitter, receiver, when, kind })
+        Ok(move |link| LinkQuery { link, transmitter, receiver, when, kind })
     }
 }
 
@@ -222,15 +221,15 @@ fn kind(name: &str, log: &EventLog) -> Result<Kind, BadInput> {
 }
 
 /// The party that an option names.
-fn party(option: &str, name: &str, log: &EventLog) -> Result<Party, BadInput> {
+fn party(option: &str, name: &str, log: &EventLog) -> Result<Vehicle, BadInput> {
     let mut known: Vec<&VehicleId> =
         log.events.iter().flat_map(|event| [&event.transmitter_id, &event.receiver_id]).collect();
     known.sort();
     known.dedup();
     match known.iter().find(|known| known.as_str() == name) {
         Some(known) => Ok((*known).into()),
-        None if name == TYPICAL => Ok(Party::Typical),
-        None if name == "new" => Ok(Party::New),
+        None if name == TYPICAL => Ok(Vehicle::Typical),
+        None if name == "new" => Ok(Vehicle::New),
         None => {
             let known: Vec<&str> = known.iter().map(|known| known.as_str()).collect();
             Err(BadInput(format!("{option} {name}: expected {}, typical or new", known.join(", "))))

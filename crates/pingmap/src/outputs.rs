@@ -111,7 +111,7 @@ pub struct Target<'a> {
 impl<'a> Target<'a> {
     /// Makes sure that a file can be written, is none of those that are read, and replaces none that somebody else wrote, unless
     /// that is wanted.
-    pub fn new(path: &'a Path, kind: Kind, inputs: &[&Path], force: bool) -> anyhow::Result<Self> {
+    pub fn new(path: &'a Path, kind: Kind, inputs: &[&Path], overwrite: bool) -> anyhow::Result<Self> {
         if path == Path::new(STANDARD_OUTPUT) {
             return Ok(Self { path });
         }
@@ -124,11 +124,11 @@ impl<'a> Target<'a> {
         match path.metadata() {
             Ok(known) if known.is_dir() => return Err(BadInput(format!("{name} is a folder; expected a file")).into()),
             Ok(known) if known.is_file() => {
-                let is_ours = force
+                let is_ours = overwrite
                     || kind.is_of(path).with_context(|| format!("cannot look at {name}, which would be replaced"))?;
                 if !is_ours {
                     let message =
-                        "is there and was not written by pingmap; expected another name, or --force to replace it";
+                        "is there and was not written by pingmap; expected another name, or --overwrite to replace it";
                     return Err(BadInput(format!("{name} {message}")).into());
                 }
             }
@@ -144,12 +144,12 @@ impl<'a> Target<'a> {
     }
 
     /// The page of a report with its pictures, and their folder, which is made.
-    pub fn page(folder: &Path, force: bool) -> anyhow::Result<()> {
+    pub fn page(folder: &Path, overwrite: bool) -> anyhow::Result<()> {
         make_folder(folder)?;
         for picture in ["map.png", "packets.png", "online.png"] {
-            Target::new(&folder.join(picture), Kind::PNG, &[], force)?;
+            Target::new(&folder.join(picture), Kind::PNG, &[], overwrite)?;
         }
-        Target::new(&folder.join("index.html"), Kind::PAGE, &[], force).map(drop)
+        Target::new(&folder.join("index.html"), Kind::PAGE, &[], overwrite).map(drop)
     }
 
     /// Makes sure that one JSON object beside the result does not go where the result goes.

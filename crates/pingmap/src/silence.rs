@@ -1,8 +1,8 @@
 //! How long nothing gets through on a planned track.
 
 use dgpc::rand::RngExt;
-use dgpc::{Matrix, Posterior, success_probability};
-use pingmap_agent::{Agent, Attempt};
+use dgpc::{Matrix, success_probability};
+use pingmap_agent::{Agent, LinkQuery};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -42,7 +42,7 @@ pub struct Drawn {
 
 impl Drawn {
     /// Draws for these attempts, a list of equal length for each place. O(n²) for each node, O(M³) for M nodes of all places together.
-    pub fn new(agent: &mut Agent, wide: &Posterior, attempts: &[Vec<Attempt>]) -> anyhow::Result<Self> {
+    pub fn new(agent: &mut Agent, attempts: &[Vec<LinkQuery>]) -> anyhow::Result<Self> {
         let length = attempts[0].len();
         let wanted = (NODES_MAX / attempts.len()).clamp(2, length.max(2));
         let nodes: Vec<usize> = match length {
@@ -52,8 +52,8 @@ impl Drawn {
                 (0..wanted.min(length)).map(|n| (n as f64 * step).round() as usize).collect()
             }
         };
-        let asked: Vec<Attempt> = attempts.iter().flat_map(|place| nodes.iter().map(|&node| place[node])).collect();
-        let drawn = agent.wide_draws(wide, asked.iter().copied(), &normals(asked.len()))?;
+        let asked: Vec<LinkQuery> = attempts.iter().flat_map(|place| nodes.iter().map(|&node| place[node])).collect();
+        let drawn = agent.interval_draws(asked.iter().copied(), &normals(asked.len()))?;
         let of = |place: usize| {
             Matrix::from_fn(nodes.len(), drawn.columns(), |node, draw| drawn.column(draw)[place * nodes.len() + node])
         };
@@ -164,7 +164,7 @@ mod tests {
         let sendings = route.sendings(10.0).unwrap();
         let p = 0.3_f64;
         let at = [Position::new(0.0, 0.0)];
-        let attempt = |link| Attempt::from(link);
+        let attempt = |link| LinkQuery::from(link);
         let asked = Asked { at: &at, seen: crate::names::Seen::Rx, join: Join::All, depth_m: None, attempt: &attempt };
         let log_odds = (p / (1.0 - p)).ln();
         let nodes: Vec<usize> = (0..messages).collect();

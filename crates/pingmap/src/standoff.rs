@@ -1,6 +1,5 @@
 //! How far one may go in each direction.
 
-use dgpc::Posterior;
 use pingmap_agent::{Agent, Position};
 
 use crate::success_map::{Asked, Cell, predicted};
@@ -31,12 +30,7 @@ impl Ray {
 }
 
 /// Rays from the first of the places that are asked about: all that lies nearer on them is as probable as wanted. O(bearings · n²).
-pub fn standoff(
-    agent: &mut Agent,
-    wide: &Posterior,
-    asked: &Asked,
-    (probability, range_max_m): (f64, f64),
-) -> anyhow::Result<Vec<Ray>> {
+pub fn standoff(agent: &mut Agent, asked: &Asked, (probability, range_max_m): (f64, f64)) -> anyhow::Result<Vec<Ray>> {
     let step_m = range_max_m / STEPS as f64;
     let from = asked.at[0];
     let mut rays = Vec::with_capacity(BEARINGS);
@@ -48,7 +42,7 @@ pub fn standoff(
             Position { depth_m: asked.depth_m, ..Position::new(east_m, north_m) }
         };
         let places: Vec<Position> = (0..=STEPS).map(place).collect();
-        let cells = predicted(agent, wide, asked, asked.seen, &places)?;
+        let cells = predicted(agent, asked, asked.seen, &places)?;
         let up_to = |of: fn(&Cell) -> f64| {
             let values: Vec<f64> = cells.iter().map(of).collect();
             first_below(&values, probability) * step_m

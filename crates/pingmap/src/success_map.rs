@@ -1,7 +1,7 @@
 //! Maps of success probability, seen from one place or from several together.
 
-use dgpc::{Matrix, Posterior, success_probability};
-use pingmap_agent::{Agent, Attempt, Link, Position};
+use dgpc::{Matrix, success_probability};
+use pingmap_agent::{Agent, Link, LinkQuery, Position, PredictOptions, Prediction};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -32,7 +32,7 @@ pub struct Asked<'a> {
     /// Depth of the cells.
     pub depth_m: Option<f64>,
     /// The attempt over a link that is asked about.
-    pub attempt: &'a dyn Fn(Link) -> Attempt,
+    pub attempt: &'a dyn Fn(Link) -> LinkQuery,
 }
 
 /// What is predicted of a cell.
@@ -93,7 +93,6 @@ impl SuccessMap {
         if asked.at.is_empty() {
             return Err(BadInput("expected a place that the map is seen from".into()).into());
         }
-        let wide = agent.wide_posterior()?;
         let directions = match asked.seen {
             Seen::Both => vec![Seen::Tx, Seen::Rx],
             one => vec![one],
@@ -106,7 +105,7 @@ impl SuccessMap {
                 let middles: Vec<Position> = middles
                     .map(|(east_m, north_m)| Position { depth_m: asked.depth_m, ..Position::new(east_m, north_m) })
                     .collect();
-                cells.extend(predicted(agent, &wide, asked, seen, &middles)?);
+                cells.extend(predicted(agent, asked, seen, &middles)?);
             }
             sides.push(Side { seen, cells });
         }
@@ -115,32 +114,21 @@ impl SuccessMap {
 }
 
 /// What is predicted of some places.
-pub fn predicted(
-    agent: &mut Agent,
-    wide: &Posterior,
-    asked: &Asked,
-    seen: Seen,
-    middles: &[Position],
-) -> anyhow::Result<Vec<Cell>> {
-    let of_places = asked.at.iter().map(|&at| from_one(agent, wide, asked, (seen, at), middles));
+pub fn predicted(agent: &mut Agent, asked: &Asked, seen: Seen, middles: &[Position]) -> anyhow::Result<Vec<Cell>> {
+    let of_places = asked.at.iter().map(|&at| from_one(agent, asked, (seen, at), middles));
     let of_places = of_places.collect::<anyhow::Result<Vec<_>>>()?;
-    all_joined(agent, wide, asked.join, &of_places)
+    all_joined(agent, asked.join, &of_places)
 }
 
 /// What is predicted of several places together, from what is predicted of each of them.
-pub fn all_joined(
-    agent: &mut Agent,
-    wide: &Posterior,
-    join: Join,
-    of_places: &[Vec<(Cell, Attempt)>],
-) -> anyhow::Result<Vec<Cell>> {
+pub fn all_joined(agent: &mut Agent, join: Join, of_places: &[Vec<(Cell, LinkQuery)>]) -> anyhow::Result<Vec<Cell>> {
     if let [one] = of_places {
         return Ok(one.iter().map(|(cell, _)| *cell).collect());
     }
     let normals = normals(of_places.len());
     let cell = |n: usize| -> anyhow::Result<Cell> {
-        let (cells, attempts): (Vec<Cell>, Vec<Attempt>) = of_places.iter().map(|place| place[n]).unzip();
-        let draws = agent.draws(wide, attempts, &normals)?;
+        let (cells, attempts): (Vec<Cell>, Vec<LinkQuery>) = of_places.iter().map(|place| place[n]).unzip();
+        let draws = agent.draws(attempts, &normals)?;
         Ok(joined(join, &cells, &draws))
     };
     (0..of_places[0].len()).map(cell).collect()
@@ -149,19 +137,18 @@ pub fn all_joined(
 /// The same from one place, and of which attempt it is.
 pub fn from_one(
     agent: &mut Agent,
-    wide: &Posterior,
     asked: &Asked,
     (seen, at): (Seen, Position),
     middles: &[Position],
-) -> anyhow::Result<Vec<(Cell, Attempt)>> {
-    let mut attempts = |link: &dyn Fn(Position) -> Link| -> anyhow::Result<Vec<(Cell, Attempt)>> {
-        let attempts: Vec<Attempt> = middles.iter().map(|&middle| (asked.attempt)(link(middle))).collect();
-        let probabilities = agent.probabilities(attempts.iter().copied())?;
-        let intervals = agent.intervals(wide, attempts.iter().copied())?;
-        let explained = agent.explained_shares(attempts.iter().copied())?;
-        let cell = |((probability, (lower, upper)), explained)| Cell { probability, lower, upper, explained };
-        let cells = probabilities.into_iter().zip(intervals).zip(explained).map(cell);
-        Ok(cells.zip(attempts).collect())
+) -> anyhow::Result<Vec<(Cell, LinkQuery)>> {
+    let mut attempts = |link: &dyn Fn(Position) -> Link| -> anyhow::Result<Vec<(Cell, LinkQuery)>> {
+        let attempts: Vec<LinkQuery> = middles.iter().map(|&middle| (asked.attempt)(link(middle))).collect();
+        let predictions = agent.predict(attempts.iter().copied(), PredictOptions::with_intervals())?;
+        let cell = |Prediction { probability, explained, interval, .. }| {
+            let (lower, upper) = interval.unwrap_or((probability, probability));
+            Cell { probability, lower, upper, explained }
+        };
+        Ok(predictions.into_iter().map(cell).zip(attempts).collect())
     };
     let from = |middle| Link { transmitter: at, receiver: middle };
     let to = |middle| Link { transmitter: middle, receiver: at };
@@ -170,7 +157,7 @@ pub fn from_one(
         Seen::Rx => attempts(&to)?,
         Seen::Worst | Seen::Both => {
             let (from, to) = (attempts(&from)?, attempts(&to)?);
-            let worst = |(a, b): ((Cell, Attempt), (Cell, Attempt))| {
+            let worst = |(a, b): ((Cell, LinkQuery), (Cell, LinkQuery))| {
                 let (less, more) = if a.0.probability <= b.0.probability { (a, b) } else { (b, a) };
                 // The least of two is no more probable than either may be.
                 let (lower, upper) = (less.0.lower.min(more.0.lower), less.0.upper.min(more.0.upper));

@@ -3,7 +3,7 @@
 use std::ops::Deref;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, Event, FitQuality, Limits, Model, Team, VehicleId};
+use pingmap_agent::{Agent, AgentOptions, Event, FitQuality, Limits, Model, Team, VehicleId, Which};
 use pingmap_trial::EventLog;
 
 use crate::log::{only, thinned};
@@ -63,16 +63,19 @@ impl Survey {
         let known = Known::new(model, &log, work.limits())?;
         let bar = spinner("fitting");
         let mut agent = all_in_one(&known.model, log.events.iter().cloned(), work.limits())?;
-        agent.posterior()?;
+        agent.posterior(Which::Fused)?;
         bar.finish_and_clear();
-        agent.fit_quality().iter().for_each(warn_of_quality);
-        note(known.describe(log.events.len(), agent.learns_densely()));
+        let status = agent.status();
+        status.fit.iter().for_each(warn_of_quality);
+        note(known.describe(log.events.len(), status.is_dense));
         Ok(Self { log, digest, known, agent })
     }
 
-    /// The same, allowed to rise beyond the longest link of the log if that is asked for.
-    pub fn rising(self, asked: &Asked) -> Self {
-        if asked.rising_beyond { Self { agent: self.agent.rising_beyond(), ..self } } else { self }
+    /// The same, without a cap beyond the longest link of the log if that is requested.
+    pub fn capped(mut self, asked: &Asked) -> Self {
+        let allow_extrapolated_increase = asked.no_range_cap;
+        self.agent.set_options(AgentOptions { allow_extrapolated_increase, ..*self.agent.options() });
+        self
     }
 
     /// What all that follows from it was made of.
@@ -94,9 +97,10 @@ pub fn all_in_one(
 ) -> Result<Agent, pingmap_agent::AgentError> {
     let id = VehicleId::new("survey");
     let team = Team { limits, ..Team::new([id.clone()], model.clone(), [])? };
-    let mut agent = Agent::new(id, Arc::new(team)).owning_all_events();
-    agent.observe_all(events)?;
-    agent.rebuild_posteriors().map(|()| agent)
+    let mut agent =
+        Agent::new(id, Arc::new(team), AgentOptions { record_all_receivers: true, ..AgentOptions::default() });
+    agent.record_all(events)?;
+    agent.rebuild().map(|()| agent)
 }
 
 /// Warns of a fit that is not what it should be.

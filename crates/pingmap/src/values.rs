@@ -58,8 +58,8 @@ pub fn frame_bytes(text: &str) -> Result<usize, String> {
 }
 
 /// Bytes that a message of a host's has left over.
-pub fn spare_bytes(text: &str) -> Result<usize, String> {
-    count(text, bounds::SPARE_BYTES)
+pub fn piggyback_bytes(text: &str) -> Result<usize, String> {
+    count(text, bounds::PIGGYBACK_BYTES)
 }
 
 /// What bounds it has is for others to say.

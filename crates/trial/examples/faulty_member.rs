@@ -1,17 +1,19 @@
-//! What one faulty member does to the others, and what leaving it out saves, told by points, by reports, and by both:
-//! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv [points|reports|both]`.
+//! Measures the damage by one faulty member, and the benefit of excluding it, with summaries, with reports, and with both.
 //!
-//! In every split every vehicle in turn is the faulty one. The mean negative log-likelihood is that of all others over
-//! all held-out events: by their own events alone, with everybody's ten sealed packets believed, and as a vehicle decides by
-//! default; then how often the faulty one was left out and another one beside it, and the range of its surprise.
+//! In every split each vehicle in turn is the faulty member. The program prints the mean NLL of all other vehicles over all held-out
+//! events: from own events alone, from the ten authenticated packets of every member, and with exclusion by default. Three more columns
+//! follow: how often the faulty member was excluded, how many other members were excluded, and the range of the faulty member's
+//! discrepancy.
+//!
+//! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv [summaries|reports|both]`
 
 #![allow(clippy::print_stdout, reason = "what it measures is its output")]
 
 use std::path::Path;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, Event, Key, Learning, Team, Telling, VehicleId};
-use pingmap_packet::{Block, Cell, MapMessage, Outcome as Heard, Point};
+use pingmap_agent::{Agent, AgentError, AgentOptions, Event, Key, Learning, PredictOptions, Sharing, Team, VehicleId};
+use pingmap_packet::{Block, Cell, MapMessage, Outcome as Reported, Point};
 use pingmap_trial::{Agreed, EventLog, Mission, Plan, Score, Split, read_splits};
 use rand::{Rng, RngExt, SeedableRng};
 
@@ -19,79 +21,84 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 const PACKETS: usize = 10;
 
-/// What may be wrong with a member that tells by points or by reports, the last two by points alone.
+/// Faults of a member that sends summaries or reports. The last two apply to summaries alone.
 const FAULTS: [&str; 8] =
-    ["honest", "silent", "deaf", "random", "one lie", "contrary", "biased by 1/6", "biased by 1/2"];
+    ["honest", "silent", "deaf", "random", "one lie", "reversed", "biased by 1/6", "biased by 1/2"];
 
-/// What may be wrong with the ear of a member that tells what it heard as it does by default.
-const FAULTY_EARS: [&str; 5] = ["honest", "silent", "deaf", "random", "contrary"];
+/// Faults of a receiver, with both kinds of packets.
+const FAULTY_RECEIVERS: [&str; 5] = ["honest", "silent", "deaf", "random", "reversed"];
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().collect();
     let ([_, events, splits] | [_, events, splits, _]) = arguments.as_slice() else {
-        return Err("expected: events.csv splits.csv [points|reports|both]".into());
+        return Err("expected: events.csv splits.csv [summaries|reports|both]".into());
     };
     let log = EventLog::open(Path::new(events))?;
     let splits = read_splits(Path::new(splits), &log)?;
-    let told: [(&str, Telling, &[&str]); 3] = [
-        ("points", Telling { points: true, reports: false }, &FAULTS),
-        ("reports", Telling { points: false, reports: true }, &FAULTS[..6]),
-        ("both", Telling { points: true, reports: true }, &FAULTY_EARS),
+    let tables: [(&str, Sharing, &[&str]); 3] = [
+        ("summaries", Sharing::summaries(), &FAULTS),
+        ("reports", Sharing::reports(), &FAULTS[..6]),
+        ("both", Sharing::default(), &FAULTY_RECEIVERS),
     ];
     let wanted = arguments.get(3);
-    for (title, telling, faults) in told.into_iter().filter(|(title, ..)| wanted.is_none_or(|wanted| wanted == title)) {
-        table(&log, &splits, title, telling, faults)?;
+    for (title, sharing, faults) in tables.into_iter().filter(|(title, ..)| wanted.is_none_or(|wanted| wanted == title))
+    {
+        table(&log, &splits, title, sharing, faults)?;
     }
     Ok(())
 }
 
-fn table(log: &EventLog, splits: &[Split], title: &str, telling: Telling, faults: &[&str]) -> Result<(), Failure> {
+fn table(log: &EventLog, splits: &[Split], title: &str, sharing: Sharing, faults: &[&str]) -> Result<(), Failure> {
     let mut plan = Plan::new(Learning::default(), 1);
     plan.key = Some(Key::new(*b"the secret of a team of vehicles")?);
-    plan.telling = telling;
+    plan.sharing = sharing;
     let mut outcomes: Vec<Vec<Outcome>> = faults.iter().map(|_| Vec::new()).collect();
     for (number, split) in splits.iter().enumerate() {
         let mission = Mission::prepare(log, split, &plan, PACKETS)?;
-        let believing = Team { surprise_max: 1e9, ..(*mission.team).clone() };
+        let believing = Team { exclusion_threshold_sd: 1e9, ..(*mission.team).clone() };
         let believing = Plan { agreed: Agreed::Team(Box::new(believing)), ..plan.clone() };
         let believing = Mission::prepare(log, split, &believing, 0)?.vehicles;
         for faulty in 0..mission.vehicles.len() {
             let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64((100 * number + faulty) as u64);
             for (fault, outcomes) in faults.iter().zip(&mut outcomes) {
-                let said = said(log, &mission, telling, faulty, fault, &mut rng)?;
+                let packets = packets(log, &mission, sharing, faulty, fault, &mut rng)?;
                 for (listener, believing) in believing.iter().enumerate().filter(|&(listener, _)| listener != faulty) {
-                    outcomes.push(listen(&mission, listener, believing, faulty, &said)?);
+                    outcomes.push(listen(&mission, listener, believing, faulty, &packets)?);
                 }
             }
         }
     }
-    println!("{title:15} {:>6} {:>8} {:>8} {:>5} {:>7}  surprise", "alone", "believed", "default", "out", "others");
+    println!(
+        "{title:15} {:>6} {:>8} {:>8} {:>8} {:>7}  discrepancy",
+        "alone", "believed", "default", "excluded", "others"
+    );
     for (fault, outcomes) in faults.iter().zip(&outcomes) {
         println!("{}", row(fault, outcomes));
     }
     Ok(())
 }
 
-/// What became of a listener: NLL alone, believing all, and by default; members left out; the faulty one's surprise.
+/// Results of a listener.
 struct Outcome {
+    /// NLL from own events, without exclusion, and by default.
     nll: [f64; 3],
-    is_out: bool,
-    others_out: usize,
-    surprise: f64,
+    is_excluded: bool,
+    others_excluded: usize,
+    discrepancy: f64,
 }
 
 fn row(fault: &str, outcomes: &[Outcome]) -> String {
-    let mean = |of: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(of).sum::<f64>() / outcomes.len() as f64;
-    let surprises = || outcomes.iter().map(|outcome| outcome.surprise);
+    let mean = |value: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(value).sum::<f64>() / outcomes.len() as f64;
+    let discrepancies = || outcomes.iter().map(|outcome| outcome.discrepancy);
     format!(
-        "{fault:15} {:>6.4} {:>8.4} {:>8.4} {:>5.2} {:>7.3}  {:.1} to {:.1}",
+        "{fault:15} {:>6.4} {:>8.4} {:>8.4} {:>8.2} {:>7.3}  {:.1} to {:.1}",
         mean(&|outcome| outcome.nll[0]),
         mean(&|outcome| outcome.nll[1]),
         mean(&|outcome| outcome.nll[2]),
-        mean(&|outcome| f64::from(u8::from(outcome.is_out))),
-        mean(&|outcome| outcome.others_out as f64),
-        surprises().fold(f64::INFINITY, f64::min),
-        surprises().fold(0.0, f64::max)
+        mean(&|outcome| f64::from(u8::from(outcome.is_excluded))),
+        mean(&|outcome| outcome.others_excluded as f64),
+        discrepancies().fold(f64::INFINITY, f64::min),
+        discrepancies().fold(0.0, f64::max)
     )
 }
 
@@ -100,86 +107,90 @@ fn listen(
     listener: usize,
     believing: &Agent,
     faulty: usize,
-    said: &[Vec<u8>],
+    faulty_packets: &[Vec<u8>],
 ) -> Result<Outcome, AgentError> {
     let (mut believing, mut doubting) = (believing.clone(), mission.vehicles[listener].clone());
     let nll = |agent: &mut Agent| {
-        let score = Score::new(&agent.probabilities(&mission.held_out)?, &mission.outcomes);
-        Ok::<f64, AgentError>(score.map_or(f64::NAN, |score| score.nll))
+        let predictions = agent.predict(&mission.held_out, PredictOptions::default())?;
+        let predicted: Vec<f64> = predictions.iter().map(|prediction| prediction.probability).collect();
+        Ok::<f64, AgentError>(Score::new(&predicted, &mission.outcomes).map_or(f64::NAN, |score| score.nll))
     };
     let alone = nll(&mut doubting)?;
     for (sender, packets) in mission.packets.iter().enumerate().filter(|&(sender, _)| sender != listener) {
-        for bytes in if sender == faulty { said } else { packets } {
-            believing.receive(bytes, 0.0);
-            doubting.receive(bytes, 0.0);
+        for bytes in if sender == faulty { faulty_packets } else { packets } {
+            believing.receive(bytes, None);
+            doubting.receive(bytes, None);
         }
     }
-    believing.rebuild_posteriors()?;
-    doubting.rebuild_posteriors()?;
+    believing.rebuild()?;
+    doubting.rebuild()?;
     let nll = [alone, nll(&mut believing)?, nll(&mut doubting)?];
     let id: &VehicleId = mission.vehicles[faulty].id();
-    let surprise = doubting.surprise(id)?.unwrap_or(0.0);
-    let is_out = doubting.left_out().contains(&id);
-    Ok(Outcome { nll, is_out, others_out: doubting.left_out().len() - usize::from(is_out), surprise })
+    let discrepancy = doubting.discrepancy(id)?.unwrap_or(0.0);
+    let members = doubting.status().members;
+    let is_excluded = members.get(id).is_some_and(|member| member.is_excluded);
+    let excluded = members.values().filter(|member| member.is_excluded).count();
+    Ok(Outcome { nll, is_excluded, others_excluded: excluded - usize::from(is_excluded), discrepancy })
 }
 
-/// What a member with this fault says.
-fn said(
+/// Returns the packets of a member with this fault.
+fn packets(
     log: &EventLog,
     mission: &Mission,
-    telling: Telling,
+    sharing: Sharing,
     faulty: usize,
     fault: &str,
     rng: &mut impl Rng,
 ) -> Result<Vec<Vec<u8>>, AgentError> {
     let (member, honest) = (&mission.vehicles[faulty], &mission.packets[faulty]);
-    let (by_points, by_both) = (!telling.reports, telling.points && telling.reports);
-    let ear = |hears: &mut dyn FnMut(bool) -> bool| with_ear(log, member, telling, hears);
-    let turned = |count: usize, turn: &dyn Fn(&mut Point), say: &mut dyn FnMut(bool) -> bool| {
-        let turned = honest.iter().take(count).map(|bytes| {
-            if by_points { turned_points(member, bytes, turn) } else { turned_report(member, bytes, say) }
+    let (summaries_alone, both) = (!sharing.reports, sharing.summaries && sharing.reports);
+    let record = |hear: &mut dyn FnMut(bool) -> bool| with_receiver(log, member, sharing, hear);
+    let changed = |count: usize, change: &dyn Fn(&mut Point), report: &mut dyn FnMut(bool) -> bool| {
+        let changed = honest.iter().take(count).map(|bytes| {
+            if summaries_alone { changed_summary(member, bytes, change) } else { changed_report(member, bytes, report) }
         });
-        turned.chain(honest.iter().skip(count).cloned().map(Ok)).collect::<Result<Vec<_>, AgentError>>()
+        changed.chain(honest.iter().skip(count).cloned().map(Ok)).collect::<Result<Vec<_>, AgentError>>()
     };
     let lower = |levels: i8| move |point: &mut Point| point.mean = (point.mean - levels).max(-15);
     let lie = |point: &mut Point| (point.information, point.mean) = (31, if point.mean > 0 { -15 } else { 15 });
     match fault {
         "silent" => Ok(Vec::new()),
-        "deaf" if telling.points => ear(&mut |_| false),
-        "random" if by_both => ear(&mut |_| rng.random()),
-        "contrary" if by_both => ear(&mut |heard| !heard),
-        "deaf" => turned(PACKETS, &|_| (), &mut |_| false),
-        "random" if by_points => (0..PACKETS).map(|counter| random(member, counter as u16, rng)).collect(),
-        "random" => turned(PACKETS, &|_| (), &mut |_| rng.random()),
-        "one lie" => turned(1, &lie, &mut |heard| !heard),
-        "contrary" => turned(PACKETS, &|point| point.mean = -point.mean, &mut |heard| !heard),
-        "biased by 1/6" => turned(PACKETS, &lower(1), &mut |heard| heard),
-        "biased by 1/2" => turned(PACKETS, &lower(3), &mut |heard| heard),
+        "deaf" if sharing.summaries => record(&mut |_| false),
+        "random" if both => record(&mut |_| rng.random()),
+        "reversed" if both => record(&mut |heard| !heard),
+        "deaf" => changed(PACKETS, &|_| (), &mut |_| false),
+        "random" if summaries_alone => (0..PACKETS).map(|counter| random(member, counter as u16, rng)).collect(),
+        "random" => changed(PACKETS, &|_| (), &mut |_| rng.random()),
+        "one lie" => changed(1, &lie, &mut |heard| !heard),
+        "reversed" => changed(PACKETS, &|point| point.mean = -point.mean, &mut |heard| !heard),
+        "biased by 1/6" => changed(PACKETS, &lower(1), &mut |heard| heard),
+        "biased by 1/2" => changed(PACKETS, &lower(3), &mut |heard| heard),
         _ => Ok(honest.clone()),
     }
 }
 
-/// What a member tells that hears something else than there was to hear.
-fn with_ear(
+/// Returns the packets of a member with a faulty receiver: `hear` maps each true outcome to the recorded one.
+fn with_receiver(
     log: &EventLog,
     member: &Agent,
-    telling: Telling,
-    hears: &mut dyn FnMut(bool) -> bool,
+    sharing: Sharing,
+    hear: &mut dyn FnMut(bool) -> bool,
 ) -> Result<Vec<Vec<u8>>, AgentError> {
-    let mut faulty = Agent::new(member.id().clone(), Arc::new(member.team().clone())).telling(telling);
-    faulty.navigate(log.track(member.id()))?;
-    faulty.observe_all(member.events().map(|event| Event { success: hears(event.success), ..event.clone() }))?;
+    let options = AgentOptions { sharing, ..AgentOptions::default() };
+    let mut faulty = Agent::new(member.id().clone(), Arc::new(member.team().clone()), options);
+    faulty.record_positions(log.track(member.id()))?;
+    faulty.record_all(member.events().map(|event| Event { success: hear(event.success), ..event.clone() }))?;
     faulty.refit()?;
     let mut packets = Vec::new();
     while packets.len() < PACKETS
-        && let Some(packet) = faulty.next_packet(0.0, member.team().frame_bytes)?
+        && let Some(packet) = faulty.next_frame(None, member.team().frame_bytes)?
     {
         packets.push(packet);
     }
     Ok(packets)
 }
 
-/// A valid packet whose every number is random.
+/// Returns a valid packet with random numbers.
 fn random(member: &Agent, counter: u16, rng: &mut impl Rng) -> Result<Vec<u8>, AgentError> {
     let layout = member.team().layout(member.team().frame_bytes)?;
     let mut cell = || Cell { east: rng.random_range(0..64), north: rng.random_range(0..64), depth: 0 };
@@ -197,22 +208,22 @@ fn random(member: &Agent, counter: u16, rng: &mut impl Rng) -> Result<Vec<u8>, A
         correlations: (0..layout.correlations()).map(|_| rng.random_range(-3..=3)).collect(),
     });
     let sender = member.team().number(member.id()).unwrap_or_default();
-    Ok(member.write(layout, &MapMessage { sender, counter, model: 0, blocks: blocks.collect() })?)
+    Ok(member.codec().write(layout, &MapMessage { sender, counter, model: 0, blocks: blocks.collect() })?)
 }
 
-/// A map message with other numbers at the points of which it says something.
-fn turned_points(member: &Agent, bytes: &[u8], turn: &dyn Fn(&mut Point)) -> Result<Vec<u8>, AgentError> {
-    let Ok((layout, mut message)) = member.read(bytes) else { return Ok(bytes.to_vec()) };
+/// Returns a summary with changed points.
+fn changed_summary(member: &Agent, bytes: &[u8], change: &dyn Fn(&mut Point)) -> Result<Vec<u8>, AgentError> {
+    let Ok((layout, mut message)) = member.codec().read(bytes) else { return Ok(bytes.to_vec()) };
     let points = message.blocks.iter_mut().flat_map(|block| &mut block.points);
-    points.filter(|point| point.information > 0).for_each(turn);
-    Ok(member.write(layout, &message)?)
+    points.filter(|point| point.information > 0).for_each(change);
+    Ok(member.codec().write(layout, &message)?)
 }
 
-/// A report that says otherwise of what it heard and missed.
-fn turned_report(member: &Agent, bytes: &[u8], say: &mut dyn FnMut(bool) -> bool) -> Result<Vec<u8>, AgentError> {
-    let Ok((_, mut report, _)) = member.read_report(bytes) else { return Ok(bytes.to_vec()) };
-    for outcome in report.outcomes.iter_mut().filter(|outcome| **outcome != Heard::Untold) {
-        *outcome = if say(*outcome == Heard::Heard) { Heard::Heard } else { Heard::Missed };
+/// Returns a report with changed outcomes.
+fn changed_report(member: &Agent, bytes: &[u8], change: &mut dyn FnMut(bool) -> bool) -> Result<Vec<u8>, AgentError> {
+    let Ok((_, mut report, _)) = member.codec().read_report(bytes) else { return Ok(bytes.to_vec()) };
+    for outcome in report.outcomes.iter_mut().filter(|outcome| **outcome != Reported::Unreported) {
+        *outcome = if change(*outcome == Reported::Heard) { Reported::Heard } else { Reported::Missed };
     }
-    Ok(member.write_report(&report)?)
+    Ok(member.codec().write_report(&report)?)
 }

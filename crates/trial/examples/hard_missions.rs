@@ -1,11 +1,11 @@
-//! What becomes of a team when one of its members is deaf, and when noise rises under way.
+//! Measures a team in two hard missions: with a deaf member, and with noise that rises during the mission.
 //!
-//! * A deaf vehicle travels 50 m beside the last receiver of the log and misses everything; the NLL of the others, with it and
-//!   without it, over the splits.
-//! * The outcomes of the log are drawn again from its true probabilities, with log-odds that are 2.5 lower from half time
-//!   on; how far the NLL of the next 35 events is above that of the true probabilities, under way, mean over ten draws. The team
-//!   has agreed on nothing, or on the model of a mission before over the same water, in which noise rose likewise. The same
-//!   where noise does not rise tells what these events cost anyway.
+//! * A deaf vehicle travels 50 m from the last receiver of the log and misses everything. The program prints the NLL of the others
+//!   with and without it, over the splits.
+//! * The outcomes of the log are drawn again from its true probabilities. From half time on the log-odds are 2.5 lower. The program
+//!   prints the excess NLL of the next 35 events over the true probabilities, predicted during the mission, mean over ten draws. The
+//!   team has no model, or that of an earlier mission in the same area, in which noise rose as well. Two more rows are without
+//!   rising noise, for comparison.
 //!
 //! `cargo run --release -p pingmap-trial --example hard_missions -- events.csv splits.csv [packets]`
 
@@ -20,35 +20,35 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-/// How far from the vehicle that it travels with.
-const ASIDE_M: f64 = 50.0;
+/// Distance of the deaf vehicle from its neighbour.
+const DISTANCE_M: f64 = 50.0;
 
-/// By how much log-odds fall at half time.
+/// Decrease of the log-odds at half time.
 const NOISE: f64 = 2.5;
 
-/// Events after half time.
+/// Number of events after half time.
 const NEXT: usize = 35;
 
-/// Draws of the outcomes.
+/// Number of draws of the outcomes.
 const DRAWS: u64 = 10;
 
-/// The log with a deaf vehicle, whose events are learned from, and the splits of it.
+/// Returns the log and its splits with a deaf vehicle. The events of the deaf vehicle are training events.
 fn with_a_deaf_vehicle(log: &EventLog, splits: &[Split]) -> (EventLog, Vec<Split>) {
-    let Some(beside) = log.vehicles().pop() else { return (log.clone(), splits.to_vec()) };
+    let Some(neighbour) = log.vehicles().pop() else { return (log.clone(), splits.to_vec()) };
     let mut events: Vec<(Event, Vec<bool>)> = Vec::new();
     let held_out = |n: usize| splits.iter().map(|split| split.held_out[n]).collect();
     let mut missed_s = Vec::new();
     for (n, event) in log.events.iter().enumerate() {
         events.push((event.clone(), held_out(n)));
         let Event { time_s, ref transmitter_id, .. } = *event;
-        let is_there = [transmitter_id, &event.receiver_id].contains(&&beside);
+        let is_there = [transmitter_id, &event.receiver_id].contains(&&neighbour);
         if is_there && !missed_s.contains(&time_s) {
             missed_s.push(time_s);
             let mut missed = Event { receiver_id: VehicleId::new("deaf"), success: false, ..event.clone() };
-            if *transmitter_id == beside {
+            if *transmitter_id == neighbour {
                 missed.link.receiver = event.link.transmitter;
             }
-            missed.link.receiver.east_m += ASIDE_M;
+            missed.link.receiver.east_m += DISTANCE_M;
             events.push((missed, vec![false; splits.len()]));
         }
     }
@@ -61,7 +61,7 @@ fn with_a_deaf_vehicle(log: &EventLog, splits: &[Split]) -> (EventLog, Vec<Split
     (EventLog { events, true_probability: None, ..log.clone() }, splits)
 }
 
-/// NLL of all events in one place, and the mean over the vehicles of the log of own events and of the team.
+/// Returns the NLL of all events in one place, of own events and of the team. The last two are means over the vehicles of the log.
 fn scores(log: &EventLog, split: &Split, vehicles: usize, packets: usize) -> Result<[f64; 3], Failure> {
     let mission = Mission::prepare(log, split, &Plan::new(Learning::default(), 1), packets)?;
     let nll = |predicted: &Vec<f64>| Score::new(predicted, &mission.outcomes).map_or(f64::NAN, |score| score.nll);
@@ -82,7 +82,7 @@ fn mean(all: &[[f64; 3]]) -> [f64; 3] {
     [0, 1, 2].map(|place| all.iter().map(|three| three[place]).sum::<f64>() / all.len() as f64)
 }
 
-/// The log with outcomes drawn again, and the NLL of the true probabilities of each.
+/// Returns the log with outcomes drawn again, and the NLL of each event under its true probability.
 fn noisy(log: &EventLog, noise: f64, seed: u64) -> Option<(EventLog, Vec<f64>)> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let half_s = log.events.iter().map(|event| event.time_s).fold(0.0, f64::max) / 2.0;
@@ -98,9 +98,9 @@ fn noisy(log: &EventLog, noise: f64, seed: u64) -> Option<(EventLog, Vec<f64>)> 
     Some((log, nll))
 }
 
-/// How far own, team and all events are above the truth in the events after half time.
-fn above(log: &EventLog, truth: &[f64], plan: &Plan) -> Result<[f64; 3], Failure> {
-    let mission = online(log, plan, Riding { slot_every: Some(10), spare_bytes: 0 }, &|| ())?;
+/// Returns the excess NLL of own, team and all events over the truth, for the events after half time.
+fn excess(log: &EventLog, truth: &[f64], plan: &Plan) -> Result<[f64; 3], Failure> {
+    let mission = online(log, plan, Riding { slot_every: Some(10), piggyback_bytes: 0 }, &|| ())?;
     let half_s = log.events.iter().map(|event| event.time_s).fold(0.0, f64::max) / 2.0;
     let first = mission.steps.iter().take_while(|step| step.time_s <= half_s).count();
     let after = first..(first + NEXT).min(truth.len());
@@ -109,39 +109,37 @@ fn above(log: &EventLog, truth: &[f64], plan: &Plan) -> Result<[f64; 3], Failure
     Ok([own, team, centralised].map(|nll| nll - least))
 }
 
-/// The mean of [`above`] over draws of the outcomes.
-fn mean_above(log: &EventLog, noise: f64, plan: &Plan) -> Result<[f64; 3], Failure> {
+/// Returns the mean of [`excess`] over draws of the outcomes.
+fn mean_excess(log: &EventLog, noise: f64, plan: &Plan) -> Result<[f64; 3], Failure> {
     let draw = |seed| {
         let (log, truth) = noisy(log, noise, seed).ok_or("no true probabilities")?;
-        above(&log, &truth, plan)
+        excess(&log, &truth, plan)
     };
     Ok(mean(&(1..=DRAWS).into_par_iter().map(draw).collect::<Result<Vec<_>, Failure>>()?))
 }
 
-/// What the mission before, over the same water, was learned to be.
-fn model_of_mission_before(log: &EventLog, noise: f64) -> Result<Agreed, Failure> {
-    let (before, _) = noisy(log, noise, DRAWS + 1).ok_or("no true probabilities")?;
-    let events: Vec<&Event> = before.events.iter().collect();
+/// Returns the model learned from an earlier mission in the same area.
+fn model_of_earlier_mission(log: &EventLog, noise: f64) -> Result<Agreed, Failure> {
+    let (earlier, _) = noisy(log, noise, DRAWS + 1).ok_or("no true probabilities")?;
+    let events: Vec<&Event> = earlier.events.iter().collect();
     Ok(Agreed::Model(learn_best(&Learning::default(), log.chart(), log.inputs(), &events)?.model))
 }
 
 fn main() -> Result<(), Failure> {
     let (log, splits, packets) = log_splits_and_packets()?;
     let vehicles = log.vehicles().len();
-    println!("                      all     own     team");
+    println!("                              all     own     team");
     let [all, own, team] = mean_scores(&log, &splits, vehicles, packets)?;
-    println!("as it is           {all:.4}  {own:.4}  {team:.4}");
+    println!("original log               {all:.4}  {own:.4}  {team:.4}");
     let (deaf, splits) = with_a_deaf_vehicle(&log, &splits);
     let [all, own, team] = mean_scores(&deaf, &splits, vehicles, packets)?;
-    println!("and a deaf one     {all:.4}  {own:.4}  {team:.4}");
-    for (noise, names) in
-        [(NOISE, ["noise rises", "as it did before"]), (0.0, ["it does not rise", "nor did it before"])]
-    {
-        let nothing = Plan::new(Learning::default(), 1);
-        let learned = Plan { agreed: model_of_mission_before(&log, noise)?, ..nothing.clone() };
-        for (name, plan) in names.into_iter().zip([nothing, learned]) {
-            let [own, team, all] = mean_above(&log, noise, &plan)?;
-            println!("{name:18} {all:+.4} {own:+.4} {team:+.4}");
+    println!("with a deaf vehicle        {all:.4}  {own:.4}  {team:.4}");
+    for (noise, name) in [(NOISE, "rising noise"), (0.0, "constant noise")] {
+        let without = Plan::new(Learning::default(), 1);
+        let with = Plan { agreed: model_of_earlier_mission(&log, noise)?, ..without.clone() };
+        for (model, plan) in [("no model", without), ("with model", with)] {
+            let [own, team, all] = mean_excess(&log, noise, &plan)?;
+            println!("{:26} {all:+.4} {own:+.4} {team:+.4}", format!("{name}, {model}"));
         }
     }
     Ok(())

@@ -1,10 +1,10 @@
-//! A long mission, simulated: what an event costs a vehicle, how large its memory is, and what the team knows beside everything in one
-//! place, block by block.
+//! Simulates a long mission, and measures block by block the cost of an event for a vehicle, the size of its snapshot, and the NLL of
+//! the team.
 //!
-//! Every vehicle sends in turn, and each tenth of its transmissions carries a frame of 32 bytes to whoever hears it. An event is
-//! recorded, the link of it predicted before, and a fit made when it is due. The first 100 transmissions of a block are predicted
-//! by what is known before it: mean NLL, and how much above that of the true probabilities. Beside it the time that one and the same
-//! fit of 750 events takes: machines are not always equally fast.
+//! Vehicles send in turn. Every tenth transmission of a vehicle carries a frame of 32 bytes to each vehicle that hears it. For every event
+//! the receiver predicts the link, records the event, and refits if a refit is due. The first 100 transmissions of a block are predicted
+//! from the data before the block. The program prints their mean NLL: by own events, by the team, by all events in one place, and by the
+//! true probabilities. The column "a fit" is the time of one fixed fit of 750 events, because the speed of a machine varies.
 //!
 //! `cargo run --release -p pingmap-trial --example long_mission -- [slots] [blocks]`
 
@@ -15,7 +15,7 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use pingmap_agent::{Agent, Event, Learning, Position, Team, VehicleId};
+use pingmap_agent::{Agent, AgentOptions, Event, Learning, Position, PredictOptions, Team, VehicleId};
 use pingmap_trial::simulate::{Simulation, Sound};
 use pingmap_trial::{EventLog, Score, learn_best, schedule};
 
@@ -25,17 +25,19 @@ const SLOTS: usize = 20_000;
 
 const BLOCKS: usize = 10;
 
-/// Transmissions of a vehicle of which one carries a frame.
+/// Every such transmission of a vehicle carries a frame.
 const FRAME_EVERY: usize = 10;
 
-/// Transmissions of a block that are predicted before it begins.
+/// Number of transmissions of a block that are predicted before the block.
 const AHEAD: usize = 100;
 
-/// Events of the fit that is timed beside, and transmissions from one time to the next.
+/// Number of events of the reference fit.
 const REFERENCE_EVENTS: usize = 750;
+
+/// Number of transmissions between two reference fits.
 const REFERENCE_EVERY: usize = 20;
 
-/// What a vehicle's events cost it.
+/// Cost of a vehicle's events.
 #[derive(Default)]
 struct Cost {
     events: u32,
@@ -46,9 +48,9 @@ struct Cost {
 }
 
 impl Cost {
-    fn add(&mut self, of: Duration) {
-        self.all += of;
-        self.longest = self.longest.max(of);
+    fn add(&mut self, time: Duration) {
+        self.all += time;
+        self.longest = self.longest.max(time);
     }
 }
 
@@ -56,21 +58,21 @@ fn mission(slots: usize, seed: u64) -> Result<EventLog, Failure> {
     Ok(Simulation { vehicles: 4, slots, area_m: 2000.0, seed, ..Simulation::default() }.run(&Sound::default())?.log)
 }
 
-/// What the team agreed on: the model of a shorter mission, elsewhere.
+/// Returns a team with the model of a shorter mission in another area.
 fn team(log: &EventLog) -> Result<Team, Failure> {
     let before = mission(300, 2)?;
     let events: Vec<&Event> = before.events.iter().collect();
     let learned = learn_best(&Learning::default(), before.chart(), before.inputs(), &events)?;
-    let mut reach = [Position::new(f64::MAX, f64::MAX), Position::new(f64::MIN, f64::MIN)];
+    let mut corners = [Position::new(f64::MAX, f64::MAX), Position::new(f64::MIN, f64::MIN)];
     for at in log.events.iter().flat_map(|event| event.link.ends()) {
-        reach[0] = Position::new(reach[0].east_m.min(at.east_m), reach[0].north_m.min(at.north_m));
-        reach[1] = Position::new(reach[1].east_m.max(at.east_m), reach[1].north_m.max(at.north_m));
+        corners[0] = Position::new(corners[0].east_m.min(at.east_m), corners[0].north_m.min(at.north_m));
+        corners[1] = Position::new(corners[1].east_m.max(at.east_m), corners[1].north_m.max(at.north_m));
     }
-    let slots = schedule(log).ok_or("vehicles do not keep to a schedule")?;
-    Ok(Team { slots, ..Team::new(log.vehicles(), learned.model, reach)? })
+    let slots = schedule(log).ok_or("the log has no schedule")?;
+    Ok(Team { slots, ..Team::new(log.vehicles(), learned.model, corners)? })
 }
 
-/// One transmission: whoever listens predicts, learns, and reads what came with it.
+/// Runs one transmission: each listener predicts and records the event, and receives the frame.
 fn transmit(
     vehicles: &mut BTreeMap<VehicleId, (Agent, Cost)>,
     events: &[Event],
@@ -80,10 +82,10 @@ fn transmit(
     let mut frame = None;
     if let Some((agent, cost)) = vehicles.get_mut(sender) {
         let begin = Instant::now();
-        agent.navigate([(time_s, events[0].link.transmitter)])?;
+        agent.record_positions([(time_s, events[0].link.transmitter)])?;
         let sending = Instant::now();
         if let Some(bytes) = frame_bytes {
-            frame = agent.next_packet(time_s, bytes)?;
+            frame = agent.next_frame(Some(time_s), bytes)?;
         }
         cost.frames += sending.elapsed();
         cost.add(begin.elapsed());
@@ -92,9 +94,9 @@ fn transmit(
         let Some((agent, cost)) = vehicles.get_mut(&event.receiver_id) else { continue };
         let begin = Instant::now();
         agent.probability(event.link)?;
-        agent.observe(event.clone())?;
+        agent.record(event.clone())?;
         if let Some(frame) = frame.as_ref().filter(|_| event.success) {
-            agent.receive(frame, time_s);
+            agent.receive(frame, Some(time_s));
         }
         let fitting = Instant::now();
         if agent.refit_due() {
@@ -112,7 +114,7 @@ fn nll(predicted: &[f64], events: &[Event]) -> f64 {
     Score::new(predicted, &outcomes).map_or(f64::NAN, |score| score.nll)
 }
 
-/// NLL of these events by their receivers alone, by the team, and by all that happened before.
+/// Returns the NLL of these events by their receivers alone, by the team, and by all earlier events.
 fn scores(
     vehicles: &mut BTreeMap<VehicleId, (Agent, Cost)>,
     shore: &mut Agent,
@@ -121,11 +123,12 @@ fn scores(
     let (mut own, mut team) = (Vec::new(), Vec::new());
     for event in events {
         let Some((agent, _)) = vehicles.get_mut(&event.receiver_id) else { continue };
-        own.extend(agent.own_probabilities([event.attempt()])?);
+        own.push(agent.predict([event.query()], PredictOptions::own())?[0].probability);
         team.push(agent.probability(event.link)?);
     }
-    shore.rebuild_posteriors()?;
-    let all = shore.probabilities(events.iter().map(|event| event.attempt()))?;
+    shore.rebuild()?;
+    let all = shore.predict(events.iter().map(|event| event.query()), PredictOptions::default())?;
+    let all: Vec<f64> = all.iter().map(|prediction| prediction.probability).collect();
     Ok([&own, &team, &all].map(|predicted| nll(predicted, events)))
 }
 
@@ -136,20 +139,22 @@ fn main() -> Result<(), Failure> {
     let log = mission(slots, 1)?;
     let truth = log.true_probability.as_deref().unwrap_or_default();
     let team = Arc::new(team(&log)?);
-    let agent = |id: VehicleId| (id.clone(), (Agent::new(id, team.clone()), Cost::default()));
+    let options = AgentOptions::default();
+    let agent = |id: VehicleId| (id.clone(), (Agent::new(id, team.clone(), options), Cost::default()));
     let mut vehicles: BTreeMap<VehicleId, (Agent, Cost)> = log.vehicles().into_iter().map(agent).collect();
-    let mut shore = Agent::new(VehicleId::new("shore"), team.clone()).owning_all_events();
+    let options = AgentOptions { record_all_receivers: true, ..options };
+    let mut shore = Agent::new(VehicleId::new("shore"), team.clone(), options);
     let listeners = vehicles.len() - 1;
     let mut reference = shore.clone();
-    reference.observe_all(log.events.iter().take(REFERENCE_EVENTS).cloned())?;
+    reference.record_all(log.events.iter().take(REFERENCE_EVENTS).cloned())?;
     let per_block = slots.div_ceil(blocks) * listeners;
     println!(
-        "events  an event, ms  of it fits  frames  longest, ms  a fit, ms  told  snapshot, kB    own    team     all   truth"
+        "events  an event, ms  fits, ms  frames, ms  longest, ms  a fit, ms  remote  snapshot, kB     own    team     all   truth"
     );
     for (number, (block, truth)) in log.events.chunks(per_block).zip(truth.chunks(per_block)).enumerate() {
         let ahead = &block[..block.len().min(AHEAD * listeners)];
         let [own, together, all] = scores(&mut vehicles, &mut shore, ahead)?;
-        let known = nll(&truth[..ahead.len()], ahead);
+        let truth = nll(&truth[..ahead.len()], ahead);
         vehicles.values_mut().for_each(|(_, cost)| *cost = Cost::default());
         let mut fit = Cost::default();
         for (slot, transmission) in block.chunks(listeners).enumerate() {
@@ -158,24 +163,24 @@ fn main() -> Result<(), Failure> {
             transmit(&mut vehicles, transmission, frame_bytes)?;
             if slot.is_multiple_of(REFERENCE_EVERY) {
                 let begin = Instant::now();
-                reference.rebuild_posteriors()?;
+                reference.rebuild()?;
                 fit.add(begin.elapsed());
                 fit.events += 1;
             }
         }
-        shore.observe_all(block.iter().cloned())?;
-        let of_all = |of: fn(&Cost) -> Duration| vehicles.values().map(|(_, cost)| of(cost)).sum::<Duration>();
+        shore.record_all(block.iter().cloned())?;
+        let total = |part: fn(&Cost) -> Duration| vehicles.values().map(|(_, cost)| part(cost)).sum::<Duration>();
         let count = vehicles.values().map(|(_, cost)| cost.events).sum::<u32>().max(1);
         let ms = |time: Duration| 1e3 * time.as_secs_f64();
         let longest = vehicles.values().map(|(_, cost)| cost.longest).max().unwrap_or_default();
-        let told = vehicles.values().map(|(agent, _)| agent.told_events().0).sum::<usize>() / vehicles.len();
+        let remote = vehicles.values().map(|(agent, _)| agent.status().located_events).sum::<usize>() / vehicles.len();
         let snapshot = vehicles.values().map(|(agent, _)| agent.snapshot().len()).max().unwrap_or_default();
         println!(
-            "{:6}  {:12.2}  {:10.2}  {:6.2}  {:11.1}  {:9.1}  {told:4}  {:12.1}  {own:.4}  {together:.4}  {all:.4}  {known:.4}",
+            "{:6}  {:12.2}  {:8.2}  {:10.2}  {:11.1}  {:9.1}  {remote:6}  {:12.1}  {own:.4}  {together:.4}  {all:.4}  {truth:.4}",
             (number * per_block + block.len()) / vehicles.len(),
-            ms(of_all(|cost| cost.all) / count),
-            ms(of_all(|cost| cost.fits) / count),
-            ms(of_all(|cost| cost.frames) / count),
+            ms(total(|cost| cost.all) / count),
+            ms(total(|cost| cost.fits) / count),
+            ms(total(|cost| cost.frames) / count),
             ms(longest),
             ms(fit.all / fit.events.max(1)),
             snapshot as f64 / 1e3,

@@ -3,12 +3,12 @@
 use std::borrow::Cow;
 
 use dgpc::{Candidates, Concatenation, Inputs, Posterior, Sites, Summary};
-use pingmap_agent::{Agent, AgentError, Attempt, Event, Link, Telling};
+use pingmap_agent::{Agent, AgentError, AgentOptions, Event, Link, LinkQuery, Sharing, Which};
 use pingmap_packet::{Block, Layout};
 use rand::seq::index::sample;
 use rayon::prelude::*;
 
-use crate::mission::{Mission, send};
+use crate::mission::{Mission, probabilities, send};
 use crate::streams::{self, stream};
 
 /// Another way to use the bytes of a frame. All of them take the same cells and levels to the water as our packets do.
@@ -81,21 +81,24 @@ impl Alternative {
         if !agent.is_member() || agent.events().len() == 0 {
             return Ok(Said::Summaries(Vec::new()));
         }
-        let sent = |telling: Telling| send(&mut agent.clone().telling(telling), frames);
-        let (points, reports) = (Telling { points: true, reports: false }, Telling { points: false, reports: true });
+        let sent = |sharing: Sharing| {
+            let mut agent = agent.clone();
+            agent.set_options(AgentOptions { sharing, ..*agent.options() });
+            send(&mut agent, frames)
+        };
         let speaker = Speaker::new(mission, agent)?;
-        if speaker.attempts.is_empty() {
+        if speaker.queries.is_empty() {
             // Nothing happened within the grid.
             return Ok(Said::Summaries(Vec::new()));
         }
         Ok(match self {
-            Alternative::PointsOnly => Said::Frames(sent(points)?),
-            Alternative::ReportsOnly => Said::Frames(sent(reports)?),
-            Alternative::Unrounded => Said::Summaries(speaker.unrounded(&sent(points)?)?),
+            Alternative::PointsOnly => Said::Frames(sent(Sharing::summaries())?),
+            Alternative::ReportsOnly => Said::Frames(sent(Sharing::reports())?),
+            Alternative::Unrounded => Said::Summaries(speaker.unrounded(&sent(Sharing::summaries())?)?),
             Alternative::RawEvents => Said::Events(speaker.raw_events(frames)?),
             Alternative::RandomPoints => {
                 let mut rng = stream(mission.seed(), streams::ALTERNATIVES + place as u64);
-                let all = speaker.attempts.len();
+                let all = speaker.queries.len();
                 let mut choose = |_: &Candidates| sample(&mut rng, all, speaker.points().min(all)).into_vec();
                 Said::Summaries(speaker.residuals(frames, &mut choose)?)
             }
@@ -109,29 +112,31 @@ impl Alternative {
 
     /// What a vehicle predicts given what all said.
     fn hear(self, mission: &Mission, place: usize, agent: &Agent, said: &[Said]) -> Result<Vec<f64>, AgentError> {
-        let mut agent = agent.clone().owning_all_events();
+        let mut agent = agent.clone();
+        agent.set_options(AgentOptions { record_all_receivers: true, ..*agent.options() });
         let others = || said.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, said)| said);
         if matches!(self, Alternative::PointsOnly | Alternative::ReportsOnly) {
-            others().flat_map(Said::frames).for_each(|frame| drop(agent.receive(frame, 0.0)));
-            agent.rebuild_posteriors()?;
-            return agent.probabilities(&mission.held_out);
+            others().flat_map(Said::frames).for_each(|frame| drop(agent.receive(frame, None)));
+            agent.rebuild()?;
+            return probabilities(&mut agent, &mission.held_out);
         }
         if self == Alternative::RawEvents {
-            agent.observe_all(others().flat_map(Said::events).cloned())?;
-            agent.rebuild_posteriors()?;
-            return agent.probabilities(&mission.held_out);
+            agent.record_all(others().flat_map(Said::events).cloned())?;
+            agent.rebuild()?;
+            return probabilities(&mut agent, &mission.held_out);
         }
         if self == Alternative::Concatenation {
             let all: Vec<&Summary> = said.iter().flat_map(Said::summaries).collect();
             let inputs = agent.model().inputs(&mission.held_out)?;
             return Ok(Concatenation::new(&agent.model().prior, &all)?.probability(&inputs)?);
         }
-        let mut posterior = agent.posterior()?.clone();
+        let mut posterior = agent.posterior(Which::Fused)?.clone();
         // A vehicle may predict under a model of its own.
         let read = others().flat_map(Said::summaries).map(|summary| summary.read_under(posterior.prior()));
         let read: Vec<Cow<'_, Summary>> = read.collect::<Result<_, dgpc::Error>>()?;
         posterior.absorb_summaries(&read.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
-        agent.probabilities_under(&posterior, &mission.held_out)
+        let predictions = agent.predict_from(&posterior, &mission.held_out)?;
+        Ok(predictions.into_iter().map(|prediction| prediction.probability).collect())
     }
 }
 
@@ -161,18 +166,18 @@ struct Speaker<'a> {
     own: Posterior,
     layout: &'static Layout,
     /// Candidates: what its own events tried, and the inputs of that.
-    attempts: Vec<Attempt>,
+    queries: Vec<LinkQuery>,
     inputs: Inputs,
 }
 
 impl<'a> Speaker<'a> {
     fn new(mission: &Mission, agent: &'a Agent) -> Result<Self, AgentError> {
-        let attempts = agent.candidates();
+        let queries = agent.candidates();
         Ok(Self {
-            own: agent.clone().own_posterior()?.clone(),
+            own: agent.clone().posterior(Which::Own)?.clone(),
             layout: mission.team.layout(mission.team.frame_bytes)?,
-            inputs: agent.model().inputs(&attempts)?,
-            attempts,
+            inputs: agent.model().inputs(&queries)?,
+            queries,
             agent,
         })
     }
@@ -183,7 +188,7 @@ impl<'a> Speaker<'a> {
     }
 
     fn nobody_knows(&self) -> Posterior {
-        self.agent.model().known_before()
+        self.agent.model().prior_posterior()
     }
 
     /// Residual packets about points that `choose` takes from the candidates given those taken before.
@@ -198,9 +203,9 @@ impl<'a> Speaker<'a> {
         for _ in 0..frames.saturating_mul(self.layout.blocks) {
             let chosen = choose(&candidates);
             candidates.condition_on(&chosen);
-            let attempts: Vec<Attempt> = chosen.iter().map(|&place| self.attempts[place]).collect();
+            let queries: Vec<LinkQuery> = chosen.iter().map(|&place| self.queries[place]).collect();
             let residual = |points: &Inputs| self.own.residual(&public, points);
-            if let Some((_, summary)) = self.encode(&attempts, &residual)? {
+            if let Some((_, summary)) = self.encode(&queries, &residual)? {
                 public.absorb_summaries(&[&summary])?;
                 said.push(summary);
             }
@@ -212,9 +217,10 @@ impl<'a> Speaker<'a> {
     fn unrounded(&self, packets: &[Vec<u8>]) -> Result<Vec<Summary>, AgentError> {
         let mut public = self.nobody_knows();
         let mut said = Vec::new();
-        let blocks = packets.iter().filter_map(|packet| self.agent.read(packet).ok()).flat_map(|(_, told)| told.blocks);
-        for block in blocks.filter(Block::says_something) {
-            let points = self.agent.model().inputs(self.agent.wire().attempts(&block))?;
+        let blocks =
+            packets.iter().filter_map(|packet| self.agent.codec().read(packet).ok()).flat_map(|(_, told)| told.blocks);
+        for block in blocks.filter(Block::has_content) {
+            let points = self.agent.model().inputs(self.agent.quantizer().queries(&block))?;
             let summary = self.own.residual(&public, &points)?;
             public.absorb_summaries(&[&summary])?;
             said.push(summary);
@@ -225,12 +231,12 @@ impl<'a> Speaker<'a> {
     /// A block about these, as it is decoded.
     fn encode(
         &self,
-        attempts: &[Attempt],
+        queries: &[LinkQuery],
         say: &dyn Fn(&Inputs) -> dgpc::Result<Summary>,
     ) -> dgpc::Result<Option<(Block, Summary)>> {
-        let links: Vec<Link> = attempts.iter().map(|attempt| attempt.link).collect();
-        let wire = self.agent.wire();
-        wire.encode(self.layout, wire.time_of(attempts), &links, say)
+        let links: Vec<Link> = queries.iter().map(|query| query.link).collect();
+        let quantizer = self.agent.quantizer();
+        quantizer.encode(self.layout, quantizer.time_of(queries), &links, say)
     }
 
     /// Events by their cells, as many as fit into the frames.
@@ -241,17 +247,17 @@ impl<'a> Speaker<'a> {
         let events_max = frames.saturating_mul(events as usize);
         let chosen = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?.greedy(events_max);
         let rounded = |event: &Event| {
-            let link = self.agent.wire().rounded(&event.link)?;
+            let link = self.agent.quantizer().rounded(&event.link)?;
             Some(Event { link, ..event.clone() })
         };
         // What happened over a link again comes after what happened over the others for the first time.
         let mut again: Vec<(usize, Event)> = Vec::new();
         for &place in &chosen.indices {
-            let there = self.agent.events().filter(|event| event.link == self.attempts[place].link);
+            let there = self.agent.events().filter(|event| event.link == self.queries[place].link);
             again.extend(there.filter_map(rounded).enumerate());
         }
         // What is so near to these that nothing of its own is left fills what room there is.
-        let is_told = |event: &&Event| chosen.indices.iter().any(|&place| self.attempts[place].link == event.link);
+        let is_told = |event: &&Event| chosen.indices.iter().any(|&place| self.queries[place].link == event.link);
         let rest = self.agent.events().filter(|event| !is_told(event));
         again.extend(rest.filter_map(rounded).map(|event| (usize::MAX, event)));
         again.sort_by_key(|&(times, _)| times);
@@ -263,32 +269,32 @@ impl<'a> Speaker<'a> {
     fn variational(&self, frames: usize) -> Result<Vec<Summary>, AgentError> {
         let kernel = self.agent.model().prior.kernel();
         let mut candidates = Candidates::new(kernel, &self.inputs)?;
-        let mut packets: Vec<Vec<Attempt>> = Vec::new();
+        let mut packets: Vec<Vec<LinkQuery>> = Vec::new();
         while packets.len() < frames.saturating_mul(self.layout.blocks) {
             let chosen = candidates.minimise_trace(self.points());
             if chosen.indices.is_empty() {
                 break;
             }
             candidates.condition_on(&chosen.indices);
-            packets.push(chosen.indices.iter().map(|&place| self.attempts[place]).collect());
+            packets.push(chosen.indices.iter().map(|&place| self.queries[place]).collect());
         }
         let Some(sites) = self.agent.sites() else { return Ok(Vec::new()) };
         let regions = self.regions(sites, &packets)?;
         let mut said = Vec::new();
-        for (attempts, members) in packets.iter().zip(regions) {
+        for (queries, members) in packets.iter().zip(regions) {
             let sites = sites.select(&members);
             let say = |points: &Inputs| Summary::variational(&self.agent.model().prior, &sites, points);
-            said.extend(self.encode(attempts, &say)?.map(|(_, summary)| summary));
+            said.extend(self.encode(queries, &say)?.map(|(_, summary)| summary));
         }
         Ok(said)
     }
 
     /// For every packet the events that it speaks for.
-    fn regions(&self, sites: &Sites, packets: &[Vec<Attempt>]) -> Result<Vec<Vec<usize>>, AgentError> {
+    fn regions(&self, sites: &Sites, packets: &[Vec<LinkQuery>]) -> Result<Vec<Vec<usize>>, AgentError> {
         let model = self.agent.model();
         let mut best = vec![(0, f64::NEG_INFINITY); sites.len()];
-        for (packet, attempts) in packets.iter().enumerate() {
-            let points = model.inputs(attempts)?;
+        for (packet, queries) in packets.iter().enumerate() {
+            let points = model.inputs(queries)?;
             let covariance = model.prior.kernel().cross(sites.inputs(), &points)?;
             for (column, variance) in model.prior.kernel().diagonal(&points)?.iter().enumerate() {
                 for (best, k) in best.iter_mut().zip(covariance.column(column)) {

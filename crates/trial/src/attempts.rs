@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use pingmap_agent::{Attempt, Geographic, Link, Position, When};
+use pingmap_agent::{Geographic, Link, LinkQuery, Position, Time};
 
 use crate::table::{FileError, Problem, Table};
 
@@ -14,7 +14,7 @@ pub struct AttemptTable {
     /// The fields of every line.
     pub rows: Vec<Vec<String>>,
     /// What each line asks about.
-    pub attempts: Vec<Attempt>,
+    pub attempts: Vec<LinkQuery>,
 }
 
 /// Columns of positions in metres: of the transmitter, then of the receiver.
@@ -28,13 +28,13 @@ pub type ToMetres<'a> = &'a dyn Fn(Geographic) -> Option<(f64, f64)>;
 
 /// Reads attempts from CSV, of which `name` is said in errors: the four position columns of an event log, in metres or as `tx_latitude_deg` and so on (and depths, where
 /// both are present); nothing else is required. Who, when and what kind are read from `tx_id`, `rx_id`, `time_s` and `kind` where
-/// these are present, and are those of `asked` elsewhere. A vehicle that nobody met is [`pingmap_agent::Party::New`] by another name.
+/// these are present, and are those of `asked` elsewhere. A vehicle that nobody met is [`pingmap_agent::Vehicle::New`] by another name.
 ///
 /// # Errors
 /// As [`crate::EventLog::open`], and for degrees that `to_metres` has no place for.
 pub fn read_attempts(
     (reader, name): (impl Read, &Path),
-    asked: &Attempt,
+    asked: &LinkQuery,
     to_metres: ToMetres,
 ) -> Result<AttemptTable, FileError> {
     let mut table = Table::new(reader, name, &[])?;
@@ -71,8 +71,8 @@ pub fn read_attempts(
 const DEGREES_KNOWN: &str = "degrees on the map of a log that knows where its metres are (--origin, --crs)";
 
 /// Who, when and what kind, as far as the line says.
-fn attempt(table: &Table, link: Link, asked: &Attempt) -> Result<Attempt, FileError> {
-    let mut attempt = Attempt { link, ..*asked };
+fn attempt(table: &Table, link: Link, asked: &LinkQuery) -> Result<LinkQuery, FileError> {
+    let mut attempt = LinkQuery { link, ..*asked };
     if table.has("tx_id") {
         attempt.transmitter = (&table.vehicle("tx_id")?).into();
     }
@@ -80,7 +80,7 @@ fn attempt(table: &Table, link: Link, asked: &Attempt) -> Result<Attempt, FileEr
         attempt.receiver = (&table.vehicle("rx_id")?).into();
     }
     if table.has("time_s") {
-        attempt.when = When::At(table.number("time_s")?);
+        attempt.when = Time::At(table.number("time_s")?);
     }
     if let Some(kind) = table.kind()? {
         attempt.kind = (&kind).into();
@@ -91,13 +91,13 @@ fn attempt(table: &Table, link: Link, asked: &Attempt) -> Result<Attempt, FileEr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pingmap_agent::{Kind, Party};
+    use pingmap_agent::{Kind, Vehicle};
 
     fn read(text: &str) -> Result<AttemptTable, String> {
         let nowhere = Position::new(0.0, 0.0);
         let link = Link { transmitter: nowhere, receiver: nowhere };
-        let (transmitter, receiver, when, kind) = (Party::Typical, Party::Typical, When::Typical, Kind::Typical);
-        let asked = Attempt { link, transmitter, receiver, when, kind };
+        let (transmitter, receiver, when, kind) = (Vehicle::Typical, Vehicle::Typical, Time::Typical, Kind::Typical);
+        let asked = LinkQuery { link, transmitter, receiver, when, kind };
         let north = |place: Geographic| (place.latitude_deg > 0.0).then_some((place.longitude_deg, 1.0));
         read_attempts((text.as_bytes(), Path::new("links.csv")), &asked, &north).map_err(|error| error.to_string())
     }
@@ -109,7 +109,7 @@ mod tests {
         assert_eq!((table.header[0].as_str(), table.rows[0][0].as_str()), ("Note", "a, b"));
         assert_eq!(table.rows[0][4], "3.50");
         let asked = table.attempts[0];
-        assert_eq!((asked.link.receiver.north_m, asked.when), (3.5, When::At(7.0)));
+        assert_eq!((asked.link.receiver.north_m, asked.when), (3.5, Time::At(7.0)));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use pingmap_agent::{Addition, Chart, Event, InputSpec, LearnedModel, Learning};
+use pingmap_agent::{Chart, Event, InputSpec, LearnedModel, Learning, OptionalTerm};
 use rayon::prelude::*;
 
 /// A fit, and the seconds it took.
@@ -54,7 +54,7 @@ pub struct Added {
 }
 
 /// Tries [`Learning::additions`] one after the other beside a chosen structure, each beginning at the optimum before, and
-/// takes those that are worth it ([`LearnedModel::is_worth_it`]). A thread that is free goes on to the next one before it is known what
+/// takes those that are worth it ([`LearnedModel::improves_on`]). A thread that is free goes on to the next one before it is known what
 /// becomes of those that others are at; what comes of it does not depend on that.
 ///
 /// # Errors
@@ -70,17 +70,17 @@ pub fn learn_additions(
     let mut left = learning.additions_to(events);
     loop {
         let structure = added.best.structure;
-        let mut possible: Vec<Addition> =
+        let mut possible: Vec<OptionalTerm> =
             left.iter().copied().filter(|&addition| structure.can_have(addition)).collect();
         if possible.is_empty() {
             added.best = learning.with_fading(added.best, events.iter().copied(), &[])?;
             return Ok(added);
         }
-        if possible.first() == Some(&Addition::Range) {
+        if possible.first() == Some(&OptionalTerm::Range) {
             // It is mostly taken, so that whatever is tried beside it would be thrown away.
             possible.truncate(1);
         }
-        let fit = |addition: Addition| {
+        let fit = |addition: OptionalTerm| {
             let begin = Instant::now();
             let structure = structure.with(addition);
             let fit = learning.fit(&structure, chart, inputs, events.iter().copied(), &[], Some(&added.best))?;
@@ -99,16 +99,16 @@ pub fn learn_additions(
 
 /// Fits of additions in their order, up to the first that is worth it beside `before`; and whether there is one.
 fn until_one_is_taken(
-    additions: &[Addition],
+    additions: &[OptionalTerm],
     before: &LearnedModel,
-    fit: impl Fn(Addition) -> dgpc::Result<Timed> + Sync,
+    fit: impl Fn(OptionalTerm) -> dgpc::Result<Timed> + Sync,
 ) -> dgpc::Result<(Vec<Timed>, bool)> {
     // The first that is taken or fails: those behind it do not count.
     let end = AtomicUsize::new(usize::MAX);
     let ahead = additions.iter().copied().enumerate().take_while(|&(place, _)| place < end.load(Ordering::Relaxed));
     let fitted = |(place, addition)| {
         let fit = fit(addition);
-        if fit.as_ref().map_or(true, |(fit, _)| fit.is_worth_it(addition, before)) {
+        if fit.as_ref().map_or(true, |(fit, _)| fit.improves_on(addition, before)) {
             end.fetch_min(place, Ordering::Relaxed);
         }
         (place, fit)

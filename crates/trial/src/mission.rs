@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use dgpc::Latent;
 use pingmap_agent::{
-    Addition, Agent, AgentError, Attempt, Event, Key, LearnedModel, Learning, Limits, Link, Model, Opportunity, Slots,
-    Structure, Team, Telling, VehicleId,
+    Agent, AgentError, AgentOptions, Event, Key, LearnedModel, Learning, Limits, Link, LinkQuery, Model, OptionalTerm,
+    PredictOptions, ScheduledTransmission, Sharing, Slots, Structure, Team, VehicleId, Which,
 };
 use pingmap_packet::ReportLayout;
 use rayon::prelude::*;
@@ -54,10 +54,8 @@ pub struct Plan {
     pub frame_bytes: usize,
     /// The secret that packets are sealed with, if any.
     pub key: Option<Key>,
-    /// How often a packet is sent again at most, and a transmission reported beyond what is usual.
-    pub repeats_max: u8,
-    /// In which ways vehicles tell what they know.
-    pub telling: Telling,
+    /// How vehicles share their data.
+    pub sharing: Sharing,
     /// What happens to packets.
     pub water: Water,
     /// Whether other ways to use the same bytes are tried too.
@@ -78,8 +76,7 @@ impl Plan {
             learners: Learners::Pooled,
             frame_bytes: 32,
             key: None,
-            repeats_max: 0,
-            telling: Telling::default(),
+            sharing: Sharing::default(),
             water: Water::default(),
             compare: false,
             calibration: false,
@@ -107,8 +104,6 @@ impl Plan {
         let team = Team {
             grid: team.grid.spanning(log.events.iter().map(|event| event.time_s)),
             key: self.key.clone(),
-            repeats_max: self.repeats_max,
-            tellings_max: team.tellings_max.saturating_add(self.repeats_max),
             limits: self.limits,
             ..team
         };
@@ -132,7 +127,7 @@ impl Plan {
     }
 
     fn with_what_may_differ(&self, structure: &Structure) -> Structure {
-        let may_differ = [Addition::Receivers, Addition::Time].into_iter();
+        let may_differ = [OptionalTerm::Receivers, OptionalTerm::Time].into_iter();
         let tried = may_differ.filter(|addition| self.learning.additions.contains(addition));
         tried.fold(*structure, |structure, addition| structure.with(addition))
     }
@@ -153,7 +148,7 @@ pub struct Mission {
     /// frame.
     pub packets: Vec<Vec<Vec<u8>>>,
     /// What is predicted.
-    pub held_out: Vec<Attempt>,
+    pub held_out: Vec<LinkQuery>,
     /// What happened there.
     pub outcomes: Vec<bool>,
     /// The links learned from, pooled, in log order.
@@ -200,11 +195,12 @@ impl Mission {
         let (training, held_out) = (events(false), events(true));
         let (team, fit) = plan.team(log, Some(&training))?;
         let team = Arc::new(Team { slots: slots_of(training.iter().copied()), ..team });
+        let options = AgentOptions { sharing: plan.sharing, record_all_receivers: true, ..AgentOptions::default() };
         let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| -> Result<Agent, AgentError> {
-            let mut agent = Agent::new(id.clone(), team.clone()).owning_all_events().telling(plan.telling);
-            agent.navigate(log.track(&id))?;
-            agent.observe_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()))?;
-            agent.rebuild_posteriors()?;
+            let mut agent = Agent::new(id.clone(), team.clone(), options);
+            agent.record_positions(log.track(&id))?;
+            agent.record_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()))?;
+            agent.rebuild()?;
             if plan.learners == Learners::Own {
                 agent.adapt(&plan.learning)?;
             }
@@ -221,7 +217,7 @@ impl Mission {
         );
         let (vehicles, packets) = vehicles?.into_iter().unzip();
         let links = |events: &[&Event]| events.iter().map(|event| event.link).collect();
-        let attempts = held_out.iter().map(|event| event.attempt()).collect();
+        let attempts = held_out.iter().map(|event| event.query()).collect();
         let outcomes = |events: &[&Event]| events.iter().map(|event| event.success).collect();
         Ok(Self {
             team,
@@ -249,9 +245,9 @@ impl Mission {
 
     /// What the first `frames` packets of the vehicle at `place` speak of, as everybody reads them.
     pub fn links_of_packets(&self, place: usize, frames: usize) -> Vec<(VehicleId, u16, Vec<Link>)> {
-        let mut listener = Agent::new(VehicleId::new(CENTRALISED), self.team.clone());
+        let mut listener = Agent::new(VehicleId::new(CENTRALISED), self.team.clone(), AgentOptions::default());
         for packet in self.sent(frames).nth(place).unwrap_or_default() {
-            listener.receive(packet, 0.0);
+            listener.receive(packet, None);
         }
         listener.links_of_packets()
     }
@@ -261,7 +257,7 @@ impl Mission {
         let vehicles = self.packets.len().max(1) as f64;
         let reports = self.sent(frames).flatten().filter(|packet| ReportLayout::of(packet).is_some()).count();
         let others = team.iter().map(|agent| self.training.len() - agent.events().len()).sum::<usize>().max(1);
-        let told = team.iter().map(|agent| agent.told_events().0).sum::<usize>();
+        let told = team.iter().map(|agent| agent.status().located_events).sum::<usize>();
         Traffic {
             packets: self.sent(frames).map(<[_]>::len).sum::<usize>() as f64 / vehicles,
             reports: reports as f64 / vehicles,
@@ -280,12 +276,12 @@ impl Mission {
             let mut agent = agent.clone();
             for (sender, packets) in self.sent(frames).enumerate().filter(|&(sender, _)| sender != receiver) {
                 for place in self.plan.water.arrivals(packets.len(), self.plan.seed, sender, receiver) {
-                    agent.receive(&packets[place], place as f64);
+                    agent.receive(&packets[place], None);
                 }
             }
-            if agent.told_events().0 > 0 {
+            if agent.status().located_events > 0 {
                 // As the one who has all events does.
-                agent.rebuild_posteriors()?;
+                agent.rebuild()?;
             }
             if self.plan.learners == Learners::Own {
                 agent.adapt(&self.plan.learning)?;
@@ -300,7 +296,7 @@ impl Mission {
     /// # Errors
     /// [`AgentError`] when the method refuses.
     pub fn predict_centralised(&self) -> Result<Vec<f64>, AgentError> {
-        self.centralised.clone().probabilities(&self.held_out)
+        probabilities(&mut self.centralised.clone(), &self.held_out)
     }
 
     /// Probability of success of every held-out event, as every vehicle sees it by itself.
@@ -326,22 +322,26 @@ impl Mission {
     /// [`AgentError`] when the method refuses.
     pub fn latent(&self, agent: &Agent) -> Result<Latent, AgentError> {
         let inputs = agent.model().inputs(&self.held_out)?;
-        Ok(agent.clone().posterior()?.latent(&inputs)?)
+        Ok(agent.clone().posterior(Which::Fused)?.latent(&inputs)?)
     }
 
-    /// The same as widely as intervals take it: [`Agent::wide_latent`].
+    /// The same as widely as intervals take it: [`Agent::interval_latent`].
     ///
     /// # Errors
     /// [`AgentError`] when the method refuses.
-    pub fn wide_latent(&self, agent: &Agent) -> Result<Latent, AgentError> {
-        let mut agent = agent.clone();
-        let wide = agent.wide_posterior()?;
-        agent.wide_latent(&wide, &self.held_out)
+    pub fn interval_latent(&self, agent: &Agent) -> Result<Latent, AgentError> {
+        agent.clone().interval_latent(&self.held_out)
     }
 
     pub(crate) fn predict(&self, mut team: Vec<Agent>) -> Result<Vec<Vec<f64>>, AgentError> {
-        team.par_iter_mut().map(|agent| agent.probabilities(&self.held_out)).collect()
+        team.par_iter_mut().map(|agent| probabilities(agent, &self.held_out)).collect()
     }
+}
+
+/// The probability of each query.
+pub(crate) fn probabilities(agent: &mut Agent, queries: &[LinkQuery]) -> Result<Vec<f64>, AgentError> {
+    let predictions = agent.predict(queries, PredictOptions::default())?;
+    Ok(predictions.into_iter().map(|prediction| prediction.probability).collect())
 }
 
 /// The events of each transmission, in the order of time.
@@ -354,13 +354,13 @@ pub(crate) fn transmissions<'a>(events: impl IntoIterator<Item = &'a Event>) -> 
 
 /// The transmissions of these events in the order of time, and who could hear each: the schedule of a log that has none.
 pub(crate) fn slots_of<'a>(events: impl IntoIterator<Item = &'a Event>) -> Slots {
-    let opportunity = |events: &Vec<&Event>| Opportunity {
+    let opportunity = |events: &Vec<&Event>| ScheduledTransmission {
         time_s: events[0].time_s,
         sender: events[0].transmitter_id.clone(),
         listeners: events.iter().map(|event| event.receiver_id.clone()).collect(),
     };
-    let listed: Vec<Opportunity> = transmissions(events).iter().map(opportunity).collect();
-    Slots { listed: Some(listed.into()), ..Slots::in_turn(1.0, Vec::new()) }
+    let listed: Vec<ScheduledTransmission> = transmissions(events).iter().map(opportunity).collect();
+    Slots { explicit: Some(listed.into()), ..Slots::cycle(1.0, Vec::new()) }
 }
 
 /// A name that no log has.
@@ -371,7 +371,7 @@ pub(crate) fn send(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, Age
     let mut packets = Vec::new();
     if agent.is_member() {
         while packets.len() < frames
-            && let Some(packet) = agent.next_packet(f64::INFINITY, agent.team().frame_bytes)?
+            && let Some(packet) = agent.next_frame(None, agent.team().frame_bytes)?
         {
             packets.push(packet);
         }

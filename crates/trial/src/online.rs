@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, Event, Receipt, Team, VehicleId};
+use pingmap_agent::{Agent, AgentError, AgentOptions, Event, PredictOptions, Receipt, Team, VehicleId};
 
 use crate::event_log::EventLog;
-use crate::mission::{CENTRALISED, Plan, slots_of, transmissions};
+use crate::mission::{CENTRALISED, Plan, probabilities, slots_of, transmissions};
 use crate::score::Score;
 
 /// How events were predicted before they happened.
@@ -24,7 +24,7 @@ pub struct Online {
     /// Packets that counted at a receiver.
     pub received: usize,
     /// Spare bytes that went with transmissions.
-    pub spare_bytes: usize,
+    pub piggyback_bytes: usize,
 }
 
 /// What goes with the transmissions of a log.
@@ -33,7 +33,7 @@ pub struct Riding {
     /// Every so many transmissions of a vehicle one carries a packet, if there is one worth sending; `None`: none does.
     pub slot_every: Option<usize>,
     /// Spare bytes of every transmission, which say what was heard of late; eight at most.
-    pub spare_bytes: usize,
+    pub piggyback_bytes: usize,
 }
 
 /// One event.
@@ -80,8 +80,8 @@ impl Step {
 pub fn online(log: &EventLog, plan: &Plan, riding: Riding, step: &dyn Fn()) -> Result<Online, AgentError> {
     let (team, _) = plan.team(log, None)?;
     // Whoever asks for spare bytes has them read, key or not.
-    let spare_bits = if riding.spare_bytes > 0 { Some(true) } else { team.spare_bits };
-    let team = Team { slots: slots_of(&log.events), spare_bits, ..team };
+    let piggyback = if riding.piggyback_bytes > 0 { Some(true) } else { team.piggyback };
+    let team = Team { slots: slots_of(&log.events), piggyback, ..team };
     let mut mission = Run::new(log, Arc::new(team), plan, riding);
     for transmission in &transmissions(&log.events) {
         mission.transmit(transmission)?;
@@ -103,14 +103,23 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn new(log: &EventLog, team: Arc<Team>, plan: &'a Plan, riding: Riding) -> Self {
-        let agent = |id: VehicleId| (id.clone(), Agent::new(id, team.clone()).telling(plan.telling));
+        let options = AgentOptions { sharing: plan.sharing, ..AgentOptions::default() };
+        let agent = |id: VehicleId| (id.clone(), Agent::new(id, team.clone(), options));
+        let shore = AgentOptions { record_all_receivers: true, ..options };
         Self {
             plan,
             riding,
             vehicles: log.vehicles().into_iter().map(agent).collect(),
-            centralised: Agent::new(VehicleId::new(CENTRALISED), team.clone()).owning_all_events(),
+            centralised: Agent::new(VehicleId::new(CENTRALISED), team.clone(), shore),
             slots: BTreeMap::new(),
-            online: Online { team, steps: Vec::new(), packets: BTreeMap::new(), bytes: 0, received: 0, spare_bytes: 0 },
+            online: Online {
+                team,
+                steps: Vec::new(),
+                packets: BTreeMap::new(),
+                bytes: 0,
+                received: 0,
+                piggyback_bytes: 0,
+            },
         }
     }
 
@@ -119,20 +128,20 @@ impl<'a> Run<'a> {
         let Some(first) = events.first() else { return Ok(()) };
         let (sender, time_s) = (&first.transmitter_id, first.time_s);
         if let Some(agent) = self.vehicles.get_mut(sender) {
-            agent.navigate([(time_s, first.link.transmitter)])?;
+            agent.record_positions([(time_s, first.link.transmitter)])?;
         }
         let slot = self.slots.entry(sender.clone()).or_default();
         *slot += 1;
         let (slot, frame_bytes) = (*slot, self.online.team.frame_bytes);
         let is_due = self.riding.slot_every.is_some_and(|every| slot.is_multiple_of(every));
-        let n_bits = 8 * self.riding.spare_bytes;
-        let recent = self.vehicles.get_mut(sender).and_then(|agent| agent.recent(time_s, n_bits));
-        self.online.spare_bytes += recent.map_or(0, |_| self.riding.spare_bytes);
+        let n_bits = 8 * self.riding.piggyback_bytes;
+        let recent = self.vehicles.get_mut(sender).and_then(|agent| agent.piggyback(time_s, n_bits));
+        self.online.piggyback_bytes += recent.map_or(0, |_| self.riding.piggyback_bytes);
         let packet = match self.vehicles.get_mut(sender) {
             Some(agent) if is_due && agent.is_member() => {
                 // A slot comes with notice: there is time to tell all that is known.
                 agent.refit()?;
-                agent.next_packet(time_s, frame_bytes)?
+                agent.next_frame(Some(time_s), frame_bytes)?
             }
             _ => None,
         };
@@ -144,9 +153,9 @@ impl<'a> Run<'a> {
         for event in events.iter().filter(|event| event.success) {
             self.deliver(event, slot, |agent| {
                 if let Some(bits) = recent {
-                    agent.receive_recent(sender, time_s, bits, n_bits);
+                    agent.receive_piggyback(sender, time_s, bits, n_bits);
                 }
-                packet.as_ref().map(|packet| agent.receive(packet, time_s))
+                packet.as_ref().map(|packet| agent.receive(packet, Some(time_s)))
             });
         }
         Ok(())
@@ -162,15 +171,15 @@ impl<'a> Run<'a> {
                     let Some(agent) = vehicles.get_mut(&event.receiver_id) else { continue };
                     predicted.push((
                         event,
-                        agent.own_probabilities([event.attempt()])?[0],
-                        agent.probability(event.attempt())?,
+                        agent.predict([event.query()], PredictOptions::own())?[0].probability,
+                        agent.probability(event.query())?,
                     ));
                     learn(agent, event)?;
                 }
                 Ok(predicted)
             },
             || -> Result<Vec<f64>, AgentError> {
-                let all = centralised.probabilities(events.iter().map(|event| event.attempt()))?;
+                let all = probabilities(centralised, &events.iter().map(|event| event.query()).collect::<Vec<_>>())?;
                 events.iter().try_for_each(|event| learn(centralised, event))?;
                 Ok(all)
             },
@@ -197,6 +206,6 @@ impl<'a> Run<'a> {
 
 /// Records an event, and fits again when it is time.
 fn learn(agent: &mut Agent, event: &Event) -> Result<(), AgentError> {
-    agent.observe(event.clone())?;
+    agent.record(event.clone())?;
     if agent.refit_due() { agent.refit() } else { Ok(()) }
 }

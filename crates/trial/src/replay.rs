@@ -12,7 +12,7 @@ use crate::baseline::{DistanceOnly, base_rate};
 use crate::calibration::Calibration;
 use crate::decision::Decisions;
 use crate::event_log::EventLog;
-use crate::mission::{Mission, Plan, Traffic};
+use crate::mission::{Mission, Plan, Traffic, probabilities};
 use crate::score::{Estimate, MeanScore, Score};
 use crate::split::Split;
 
@@ -95,8 +95,8 @@ impl Calibrated {
         let mut calibrated = Self::default();
         let count = |calibration: &mut Calibration, agent: &Agent| -> Result<Latent, AgentError> {
             let latent = mission.latent(agent)?;
-            let predicted = agent.clone().probabilities(&mission.held_out)?;
-            calibration.count(&predicted, &mission.wide_latent(agent)?, &mission.outcomes, truth);
+            let predicted = probabilities(&mut agent.clone(), &mission.held_out)?;
+            calibration.count(&predicted, &mission.interval_latent(agent)?, &mission.outcomes, truth);
             Ok(latent)
         };
         let all = count(&mut calibrated.centralised, &mission.centralised)?;
@@ -373,7 +373,7 @@ fn replay_split(
 fn summarise(split: &Split, mission: &Mission, nll: SplitNll) -> SplitSummary {
     let empty = mission.vehicles.iter().filter(|agent| agent.events().len() == 0);
     let everybody = mission.vehicles.iter().chain([&mission.centralised]);
-    let quality: Vec<FitQuality> = everybody.filter_map(Agent::fit_quality).collect();
+    let quality: Vec<FitQuality> = everybody.filter_map(|agent| agent.status().fit).collect();
     SplitSummary {
         converged: quality.iter().all(|quality| quality.converged),
         jitter_max: quality.iter().map(|quality| quality.jitter).fold(0.0, f64::max),
@@ -384,6 +384,6 @@ fn summarise(split: &Split, mission: &Mission, nll: SplitNll) -> SplitSummary {
         nll,
         team: mission.team.clone(),
         fit: mission.fit.clone(),
-        dense: (mission.vehicles.iter().all(Agent::learns_densely), mission.centralised.learns_densely()),
+        dense: (mission.vehicles.iter().all(|agent| agent.status().is_dense), mission.centralised.status().is_dense),
     }
 }

@@ -36,7 +36,7 @@ pub fn schedule(log: &EventLog) -> Option<Slots> {
         let owner = owners.get(&place).filter(|owner| members.contains(owner));
         owner.map_or_else(|| VehicleId::new(""), |&owner| owner.clone())
     };
-    Some(Slots { start_s, ..Slots::in_turn(duration_s, (0..length).map(owner).collect()) })
+    Some(Slots { start_s, ..Slots::cycle(duration_s, (0..length).map(owner).collect()) })
 }
 
 /// Where slots begin and how long they are that these times are all at the beginning of, one each, and the numbers of these.

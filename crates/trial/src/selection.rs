@@ -65,7 +65,7 @@ pub enum SelectionError {
 /// # Errors
 /// [`SelectionError`] when the region is empty or the method refuses.
 pub fn choose_points(own: &EventLog, model: &Model, query: &Query) -> Result<RegionChoice, SelectionError> {
-    let inputs = model.inputs(own.events.iter().map(Event::attempt))?;
+    let inputs = model.inputs(own.events.iter().map(Event::query))?;
     let (region, events_within) = region(&inputs, model, query)?;
     let (inputs, events) = (inputs.select(&region.members), region.members.iter().map(|&n| &own.events[n]));
     let events: Vec<&Event> = events.collect();

@@ -1,4 +1,4 @@
-//! Any text as a model file and as a team file: refused, or something that is written as a text that says the same.
+//! Reads any text as a model file and as a team file. It is refused, or it is written and read back to the same model or team.
 
 #![no_main]
 
@@ -14,12 +14,12 @@ static MODEL: LazyLock<Model> = LazyLock::new(|| {
 
 fuzz_target!(|text: &str| {
     if let Ok(file) = ModelFile::parse(text) {
-        let written = file.write().expect("what was read can be written");
+        let written = file.write().expect("a file that was read can be written");
         assert_eq!(ModelFile::parse(&written).expect("its own text"), file);
     }
     let Ok(file) = TeamFile::parse(text) else { return };
     let Ok(team) = file.team(MODEL.clone(), None) else { return };
-    let written = TeamFile::write(&team, "model.toml", None, None).expect("what was read can be written");
+    let written = TeamFile::write(&team, "model.toml", None, None).expect("a file that was read can be written");
     let again = TeamFile::parse(&written).and_then(|file| file.team(MODEL.clone(), None)).expect("its own text");
     assert_eq!(again.digest(), team.digest());
 });

@@ -1,4 +1,4 @@
-//! Any bytes as what a vehicle hears, in frames and in spare bits: whatever they are, a probability stays a probability.
+//! Receives any bytes as frames and as piggybacked outcomes. Every prediction stays a probability, and refused bytes change nothing.
 
 #![no_main]
 
@@ -6,12 +6,15 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 use libfuzzer_sys::fuzz_target;
-use pingmap_agent::{Agent, Chart, InputSpec, Key, Link, Model, Position, Receipt, Refusal, Team, VehicleId};
+use pingmap_agent::{
+    Agent, AgentOptions, Chart, InputSpec, Key, Link, Model, Position, PredictOptions, Receipt, Refusal, Team,
+    VehicleId,
+};
 
-/// What spare bits begin with here.
-const SPARE: u8 = 0xff;
+/// First byte of piggybacked outcomes in the input of this target.
+const PIGGYBACK: u8 = 0xff;
 
-/// Frames that one vehicle hears at most.
+/// Largest number of frames that one vehicle receives.
 const FRAMES_MAX: usize = 16;
 
 fn listener(inputs: InputSpec, length_scale_m: f64, key: Option<Key>) -> Agent {
@@ -20,7 +23,7 @@ fn listener(inputs: InputSpec, length_scale_m: f64, key: Option<Key>) -> Agent {
     let reach = [-500.0, 500.0].map(|east_m| Position { depth_m: Some(50.0), ..Position::new(east_m, 0.0) });
     let names = (0..4).map(|n| VehicleId::new(format!("vehicle {n}")));
     let team = Team { key, ..Team::new(names, model, reach).expect("four members") };
-    Agent::new(VehicleId::new("vehicle 0"), Arc::new(team))
+    Agent::new(VehicleId::new("vehicle 0"), Arc::new(team), AgentOptions::default())
 }
 
 thread_local! {
@@ -33,25 +36,25 @@ thread_local! {
 }
 
 fuzz_target!(|bytes: &[u8]| {
-    LISTENERS.with_borrow(|listeners| listeners.iter().for_each(|listener| hear(listener.clone(), bytes)));
+    LISTENERS.with_borrow(|listeners| listeners.iter().for_each(|listener| receive(listener.clone(), bytes)));
 });
 
-/// Frames of 32 bytes, one after the other, and a last shorter one.
-fn hear(mut agent: Agent, bytes: &[u8]) {
-    // When others were seen decides where spare bits lie.
-    let seen = [0.0, 60.0, 120.0].map(|time_s| (time_s, Position { depth_m: Some(5.0), ..Position::new(9.0, time_s) }));
-    agent.navigate(seen).expect("times and places");
+/// Receives frames of 32 bytes, and a shorter last one.
+fn receive(mut agent: Agent, bytes: &[u8]) {
+    let fixes =
+        [0.0, 60.0, 120.0].map(|time_s| (time_s, Position { depth_m: Some(5.0), ..Position::new(9.0, time_s) }));
+    agent.record_positions(fixes).expect("times and places");
     for frame in bytes.chunks(32).take(FRAMES_MAX) {
         let before = agent.snapshot();
         let receipt = match *frame {
-            [SPARE, sender, n_bits, a, b, c, d, e, f, g, h, ref time @ ..] if time.len() >= 8 => {
+            [PIGGYBACK, sender, n_bits, a, b, c, d, e, f, g, h, ref time @ ..] if time.len() >= 8 => {
                 let sender = VehicleId::new(format!("vehicle {}", sender % 5));
                 let time_s = f64::from_le_bytes(std::array::from_fn(|place| time[place]));
-                agent.receive_recent(&sender, time_s, u64::from_le_bytes([a, b, c, d, e, f, g, h]), n_bits.into())
+                agent.receive_piggyback(&sender, time_s, u64::from_le_bytes([a, b, c, d, e, f, g, h]), n_bits.into())
             }
-            _ => hear_frame(&mut agent, frame),
+            _ => receive_frame(&mut agent, frame),
         };
-        let is_kept = matches!(
+        let is_stored = matches!(
             receipt,
             Receipt::Accepted
                 | Receipt::Refused(
@@ -61,28 +64,34 @@ fn hear(mut agent: Agent, bytes: &[u8]) {
                         | Refusal::Unconfirmed { .. }
                 )
         );
-        assert!(is_kept || agent.snapshot() == before, "{receipt:?}");
+        assert!(is_stored || agent.snapshot() == before, "{receipt:?}");
     }
-    let known = agent.told_events();
-    let restored = Agent::restore(agent.id().clone(), Arc::new(agent.team().clone()), &agent.snapshot());
-    assert_eq!(restored.expect("its own snapshot").told_events(), known);
+    let team = Arc::new(agent.team().clone());
+    let restored = Agent::restore(agent.id().clone(), team, *agent.options(), &agent.snapshot());
+    assert_eq!(remote_events(&restored.expect("its own snapshot")), remote_events(&agent));
     let place = |east_m| Position::new(east_m, 10.0);
     let sent = agent.links_of_packets().into_iter().flat_map(|(_, _, links)| links);
     let links: Vec<Link> = sent.chain([Link { transmitter: place(-40.0), receiver: place(200.0) }]).collect();
-    let probabilities = agent.probabilities(&links).expect("packets that count leave a posterior");
-    assert!(probabilities.iter().all(|p| (0.0..=1.0).contains(p)), "{probabilities:?}");
+    let predictions = agent.predict(&links, PredictOptions::default()).expect("accepted packets leave a posterior");
+    assert!(predictions.iter().all(|prediction| (0.0..=1.0).contains(&prediction.probability)), "{predictions:?}");
 }
 
-fn hear_frame(agent: &mut Agent, frame: &[u8]) -> Receipt {
+fn receive_frame(agent: &mut Agent, frame: &[u8]) -> Receipt {
     let mut frame = frame.to_vec();
-    match agent.receive(&frame, 0.0) {
-        // The bits of the check number are not for a fuzzer to guess: they begin in byte 3 of reports and 4 of others.
+    match agent.receive(&frame, None) {
+        // A fuzzer cannot guess the check number. Its bits begin in byte 3 of a report and in byte 4 of a summary.
         Receipt::Refused(Refusal::OtherTeam { found: Some(found), expected }) => {
             let first = if pingmap_packet::ReportLayout::of(&frame).is_some() { 3 } else { 4 };
             let [low, high] = (found ^ expected).to_le_bytes();
             (frame[first], frame[first + 1]) = (frame[first] ^ low, frame[first + 1] ^ high);
-            agent.receive(&frame, 0.0)
+            agent.receive(&frame, None)
         }
         receipt => receipt,
     }
+}
+
+/// Numbers of located and of unlocated events of other members.
+fn remote_events(agent: &Agent) -> (usize, usize) {
+    let status = agent.status();
+    (status.located_events, status.unlocated_events)
 }

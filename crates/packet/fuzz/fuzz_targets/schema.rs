@@ -1,14 +1,14 @@
-//! Any bytes as a schema and a message of it: refused, or values that are encoded to those bytes again.
+//! Decodes any bytes as a schema and a message of it. Decoded values must survive encoding and decoding.
 
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use pingmap_packet::{Field, Kind, Number, Rule, Schema};
 
-/// Fields that a schema has at most, messages within messages included.
+/// Largest number of fields of a schema, including those of inner messages.
 const FIELDS_MAX: usize = 24;
 
-/// Reads a schema from the front of some bytes.
+/// Reads a schema from the start of some bytes.
 struct Source<'a> {
     bytes: &'a [u8],
     fields: usize,
@@ -77,6 +77,6 @@ fuzz_target!(|bytes: &[u8]| {
     let schema = Schema { name: "Test".into(), id, bytes_max: 0, fields };
     let schema = Schema { bytes_max: schema.length(), ..schema };
     let Ok(values) = schema.decode(source.bytes) else { return };
-    let again = schema.encode(&values).expect("what was decoded is within bounds");
-    assert_eq!(schema.decode(&again).expect("its own bytes"), values);
+    let again = schema.encode(&values).expect("decoded values are within bounds");
+    assert_eq!(schema.decode(&again).expect("encoded bytes are valid"), values);
 });

@@ -102,8 +102,8 @@ impl Options {
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let format = Format::of(&options.output)?;
     let logs = &options.source.logs;
-    let target =
-        Target::new(&options.output, format.kind(), &options.source.inputs(), logs.force)?.beside_json(options.json)?;
+    let target = Target::new(&options.output, format.kind(), &options.source.inputs(), logs.overwrite)?
+        .beside_json(options.json)?;
     let log = Survey::open(&options.source)?;
     let reference = reference(log.reference)?;
     if format.is_on_earth() && !log.reference.is_known() {
@@ -133,7 +133,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         }
     };
     let attempt = options.asked.attempt(&log)?;
-    let mut survey = Survey::learn(log, &options.source)?.rising(&options.asked);
+    let mut survey = Survey::learn(log, &options.source)?.capped(&options.asked);
     let bar = spinner("drawing");
     let asked = Asked { at: &at, seen: view.seen, join: view.join, depth_m, attempt: &attempt };
     let map = SuccessMap::new(&mut survey.agent, area, &asked)?;

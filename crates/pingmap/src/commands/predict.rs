@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pingmap_agent::{Attempt, Link, Position, Prediction};
+use pingmap_agent::{Link, LinkQuery, Position, PredictOptions, Prediction, Which};
 use pingmap_import::{Place, Reference};
 use pingmap_trial::{AttemptTable, read_attempts};
 use schemars::JsonSchema;
@@ -48,7 +48,7 @@ impl Options {
         let kind = if self.json { Kind::PREDICTIONS_JSON } else { Kind::PREDICTIONS };
         let inputs: Vec<&Path> = self.source.inputs().into_iter().chain([self.links.as_path()]).collect();
         let output = self.output.as_deref().unwrap_or(Path::new(STANDARD_OUTPUT));
-        let target = Target::new(output, kind, &inputs, logs.force)?;
+        let target = Target::new(output, kind, &inputs, logs.overwrite)?;
         let predictions = Predictions::compute(self)?;
         let text = match self.json {
             true => json_text(results, &predictions.json())?,
@@ -116,19 +116,17 @@ impl Predictions {
             let (path, columns) = (options.links.display(), replaced.join(", "));
             warn(format_args!("{path}: what stood in {columns} is replaced by what is predicted now"));
         }
-        let mut survey = Survey::learn(log, &options.source)?.rising(&options.asked);
+        let mut survey = Survey::learn(log, &options.source)?.capped(&options.asked);
         fill_depths(table.attempts.iter_mut().map(|attempt| &mut attempt.link), &survey.log);
         let bar = spinner("predicting");
-        let predicted = survey.agent.predictions(&table.attempts)?;
-        let wide = survey.agent.wide_posterior()?;
-        let intervals = survey.agent.intervals(&wide, &table.attempts)?;
+        let predicted = survey.agent.predict(&table.attempts, PredictOptions::with_intervals())?;
         bar.finish_and_clear();
-        let row = |(predicted, (lower, upper)): (&Prediction, (f64, f64))| {
-            let Prediction { mean, variance, probability } = *predicted;
+        let row = |Prediction { mean, variance, probability, interval, .. }| {
+            let (lower, upper) = interval.unwrap_or((probability, probability));
             [probability, lower, upper, mean, variance]
         };
-        let predicted = predicted.iter().zip(intervals).map(row).collect();
-        let jitter = survey.agent.posterior()?.jitter();
+        let predicted = predicted.into_iter().map(row).collect();
+        let jitter = survey.agent.posterior(Which::Fused)?.jitter();
         Ok(Self { survey, reference, table, jitter, predicted })
     }
 
@@ -166,7 +164,7 @@ impl Predictions {
     }
 
     fn json(&self) -> PredictionsJson {
-        let of = |((attempt, fields), numbers): ((&Attempt, &Vec<String>), &[f64; 5])| {
+        let of = |((attempt, fields), numbers): ((&LinkQuery, &Vec<String>), &[f64; 5])| {
             let [_, lower, upper, mean, variance] = *numbers;
             let own = self.table.header.iter().zip(fields).filter(|(name, _)| !is_predicted(&name.as_str()));
             let mut object: Map<String, Value> = own.map(|(name, field)| (name.clone(), said(name, field))).collect();

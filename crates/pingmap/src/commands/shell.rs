@@ -39,7 +39,7 @@ pub struct Man {
     folder: Option<PathBuf>,
     /// Replace files that pingmap did not write
     #[arg(long)]
-    force: bool,
+    overwrite: bool,
 }
 
 impl Man {
@@ -60,7 +60,7 @@ impl Man {
         }
         make_folder(folder)?;
         for name in pages(&definition, String::new()) {
-            Target::new(&folder.join(name), Kind::MANUAL, &[], self.force)?;
+            Target::new(&folder.join(name), Kind::MANUAL, &[], self.overwrite)?;
         }
         clap_mangen::generate_to(definition, folder)?;
         note(format_args!("wrote the pages to {}", folder.display()));

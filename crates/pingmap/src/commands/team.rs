@@ -72,7 +72,7 @@ pub struct TeamJson<'a> {
     /// Number of the key epoch: packets of another one are foreign.
     epoch: u32,
     /// Whether packets are sealed with a secret.
-    is_sealed: bool,
+    is_authenticated: bool,
     /// Side of a cell east and north.
     cell_m: f64,
     /// Height of a cell.
@@ -112,7 +112,8 @@ impl Options {
 fn write(options: &Options, results: Results) -> anyhow::Result<()> {
     let mut inputs = options.logs.paths();
     inputs.extend(options.key_file.as_deref().into_iter().chain([options.model.as_path()]));
-    let target = Target::new(&options.output, Kind::TEAM, &inputs, options.logs.force)?.beside_json(options.json)?;
+    let target =
+        Target::new(&options.output, Kind::TEAM, &inputs, options.logs.overwrite)?.beside_json(options.json)?;
     let log = options.logs.open()?;
     let file = open_model(&options.model, &log)?;
     let key = options.key_file.as_deref().map(open_key).transpose()?;
@@ -121,7 +122,7 @@ fn write(options: &Options, results: Results) -> anyhow::Result<()> {
     let mut team = Team { key, epoch: options.epoch, ..team.with_frames(options.frame_bytes) };
     if let Some(cell_m) = options.cell_m {
         team.grid.cell_m = cell_m;
-        let outside = log.events.iter().filter(|event| !team.wire().holds(&event.link)).count();
+        let outside = log.events.iter().filter(|event| !team.quantizer().holds(&event.link)).count();
         if outside > 0 {
             warn(format_args!("{} beyond the grid: nothing can be told of them", count(outside, "event")));
         }
@@ -133,7 +134,7 @@ fn write(options: &Options, results: Results) -> anyhow::Result<()> {
     }
     let schedule = schedule(&log);
     let is_kept = schedule.is_some();
-    team.slots = schedule.unwrap_or(team.slots).beginning_by(team.grid.start_s);
+    team.slots = schedule.unwrap_or(team.slots).aligned_before(team.grid.start_s);
     let key_name = options.key_file.as_ref().map(|path| beside(path, &options.output)).transpose()?;
     let model_name = beside(&options.model, &options.output)?;
     let text = TeamFile::write(&team, &model_name, key_name.as_deref(), log_digest(&file));
@@ -153,7 +154,7 @@ fn write(options: &Options, results: Results) -> anyhow::Result<()> {
         note(format_args!("slots: as the log keeps them, {duration_s} s each, from {start_s} s on"));
     } else {
         warn(format_args!(
-            "the log keeps to no order of sending: write [slots] by hand, an order or at_will = true, or what is missed tells others nothing"
+            "no TDMA schedule found in the log. Add one under [slots]; without it missed receptions cannot be shared as reports"
         ));
     }
     Ok(())
@@ -171,7 +172,7 @@ impl<'a> TeamJson<'a> {
             members: team.members.iter().map(member).collect(),
             frame_bytes: team.frame_bytes,
             epoch: team.epoch,
-            is_sealed: team.key.is_some(),
+            is_authenticated: team.key.is_some(),
             cell_m,
             depth_cell_m,
             start_s,

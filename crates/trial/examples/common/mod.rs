@@ -1,14 +1,15 @@
-//! What examples are given.
+//! Arguments of the examples.
 
 use std::error::Error;
 use std::path::Path;
 
 use pingmap_trial::{EventLog, Split, read_splits};
 
-/// What goes from one thread to another when it fails.
+/// An error that can move between threads.
 pub(crate) type Failure = Box<dyn Error + Send + Sync>;
 
-/// `events.csv splits.csv [packets]` on the command line; ten packets if not given.
+/// Reads `events.csv splits.csv [packets]` from the command line. The default is ten packets.
+#[allow(dead_code, reason = "not every program takes splits")]
 pub(crate) fn log_splits_and_packets() -> Result<(EventLog, Vec<Split>, usize), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [events, splits, rest @ ..] = arguments.as_slice() else {
@@ -18,4 +19,22 @@ pub(crate) fn log_splits_and_packets() -> Result<(EventLog, Vec<Split>, usize), 
     let log = EventLog::open(Path::new(events))?;
     let splits = read_splits(Path::new(splits), &log)?;
     Ok((log, splits, packets))
+}
+
+/// Returns the sharing options with these features turned off: fields of [`Sharing`](pingmap_agent::Sharing), separated by commas.
+#[allow(dead_code, reason = "not every program has switches")]
+pub fn sharing_without(features: &str) -> Result<pingmap_agent::Sharing, String> {
+    let mut sharing = pingmap_agent::Sharing::default();
+    for feature in features.split(',').filter(|feature| !feature.is_empty()) {
+        let switch = match feature {
+            "summaries" => &mut sharing.summaries,
+            "reports" => &mut sharing.reports,
+            "acknowledgements" => &mut sharing.acknowledgements,
+            "report_candidates" => &mut sharing.report_candidates,
+            "summary_candidates" => &mut sharing.summary_candidates,
+            other => return Err(format!("found {other}; expected a field of Sharing")),
+        };
+        *switch = false;
+    }
+    Ok(sharing)
 }

@@ -37,7 +37,7 @@ pub struct Options {
     pub output: PathBuf,
     /// Replace a file that pingmap did not write
     #[arg(long)]
-    pub force: bool,
+    pub overwrite: bool,
     /// Print one JSON object instead of a summary
     #[arg(long)]
     pub json: bool,
@@ -122,7 +122,8 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let rules = options.decisions.rules();
     let inputs = options.files.paths()?;
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
-    let target = Target::new(&options.output, Kind::EVENT_LOG, &inputs, options.force)?.beside_json(options.json)?;
+    let target =
+        Target::new(&options.output, Kind::EVENT_LOG, &inputs, options.overwrite)?.beside_json(options.json)?;
     let taken = options.files.take()?;
     let joined = join(&taken.recordings, taken.schedule.as_ref(), &taken.reference, &rules);
     if let (Err(_), Some(left_alone)) = (&joined, left_alone(&taken)) {

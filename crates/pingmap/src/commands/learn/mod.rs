@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dgpc::{PriorMean, Term, spread_out};
 use pingmap_agent::{
-    Criterion, Event, Fading, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, Provenance,
+    Criterion, Event, Fading, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, PredictOptions,
+    Provenance, Which,
 };
 use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
 
@@ -65,7 +66,7 @@ impl Options {
 }
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
-    let target = Target::new(&options.output, Kind::MODEL, &options.logs.paths(), options.logs.force)?
+    let target = Target::new(&options.output, Kind::MODEL, &options.logs.paths(), options.logs.overwrite)?
         .beside_json(options.json)?;
     let mut log = options.logs.open()?;
     options.reference.tell(&mut log)?;
@@ -75,7 +76,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if let Some((onto, points)) = options.onto.as_deref().zip(options.place) {
         return add_to_place(options, &target, (&log, log_digest), (onto, points), results);
     }
-    let learning = options.kernel.learning(options.kernel.given().many(), limits);
+    let learning = options.kernel.learning(options.kernel.given().all_candidates(), limits);
     let (training, held_out) = divided(&log, options)?;
 
     let bar = progress(learning.structures.len() as u64, "learning");
@@ -97,7 +98,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     // What is kept knows all events, those that were held out too.
     let best = if held_out.is_empty() { added.best } else { learn_again(&learning, &added.best, &log)? };
     let from = options.logs.file_names();
-    let model = options.place.map(|points| with_place(&best.model, &log, points, limits)).transpose()?;
+    let model = options.place.map(|points| with_site_prior(&best.model, &log, points, limits)).transpose()?;
     let model = model.unwrap_or_else(|| best.model.clone());
     let made_of = MadeOf { log_digest: log_digest.clone(), model_digest: Some(model.digest()) };
     let place_log_digests = options.place.map(|_| log_digest.clone()).into_iter().collect();
@@ -131,14 +132,14 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
 }
 
 /// The model with what the log says of its place.
-fn with_place(model: &Model, log: &EventLog, points: usize, limits: Limits) -> anyhow::Result<Model> {
+fn with_site_prior(model: &Model, log: &EventLog, points: usize, limits: Limits) -> anyhow::Result<Model> {
     let bar = spinner("summing up the place");
     let mut agent = all_in_one(model, log.events.iter().cloned(), limits)?;
-    let known = model.place.iter().flat_map(|place| place.links()).copied();
+    let known = model.site.iter().flat_map(|place| place.links()).copied();
     // Choosing takes a matrix of as many rows as there are links to choose from.
     let spread = spread_out(log.events.len(), limits.candidates_max).into_iter().map(|n| log.events[n].link);
     let links: Vec<Link> = known.chain(spread).collect();
-    let model = model.with_place(agent.posterior()?, &links, points)?;
+    let model = model.with_site_prior(agent.posterior(Which::Fused)?, &links, points)?;
     bar.finish_and_clear();
     Ok(model)
 }
@@ -155,7 +156,7 @@ fn add_to_place(
     if file.place_log_digests.contains(&log_digest) {
         warn(format_args!("{}: already knows this very log, which counts twice now", onto.display()));
     }
-    file.model = with_place(&file.model, log, points, options.work.limits())?;
+    file.model = with_site_prior(&file.model, log, points, options.work.limits())?;
     let made_of = MadeOf { log_digest: log_digest.clone(), model_digest: Some(file.model.digest()) };
     file.place_log_digests.push(log_digest);
     let text = file.write().map_err(|error| BadInput(error.to_string()))?;
@@ -163,7 +164,7 @@ fn add_to_place(
         true => target.write(text.as_bytes(), results),
         false => target.write_or_print(&text, results),
     };
-    let place_points = file.model.place.as_ref().map_or(0, |place| place.links().len());
+    let place_points = file.model.site.as_ref().map_or(0, |place| place.links().len());
     if options.json {
         let added = AddedJson { schema: 1, made_of, file: &options.output, events: log.events.len(), place_points };
         print_json(results, &added)?;
@@ -234,8 +235,9 @@ fn held_out_nll(
         return Ok(None);
     }
     let mut agent = all_in_one(model, training.iter().map(|event| (*event).clone()), limits)?;
-    let attempts = held_out.iter().map(|event| event.attempt());
-    let probabilities = agent.probabilities(attempts)?;
+    let attempts = held_out.iter().map(|event| event.query());
+    let predictions = agent.predict(attempts, PredictOptions::default())?;
+    let probabilities: Vec<f64> = predictions.iter().map(|prediction| prediction.probability).collect();
     let outcomes: Vec<bool> = held_out.iter().map(|event| event.success).collect();
     Ok(Score::new(&probabilities, &outcomes).map(|score| score.nll))
 }

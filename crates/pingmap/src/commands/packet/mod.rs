@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, Subcommand};
-use pingmap_agent::{Agent, Link, VehicleId, When};
+use pingmap_agent::{Agent, AgentOptions, Link, Time, VehicleId};
 use pingmap_packet::{Block, Cell, Layout, MapMessage, Point, ReportLayout, from_hex, to_hex};
 use schemars::JsonSchema;
 use serde::de::IgnoredAny;
@@ -158,7 +158,7 @@ fn decode(options: &Decode, results: Results) -> anyhow::Result<()> {
         return report::decode(&bytes, listener.as_ref(), options.json, results);
     }
     let (layout, message) = match &listener {
-        Some(listener) => listener.read(&bytes).map_err(|refusal| BadInput(refusal.to_string()))?,
+        Some(listener) => listener.codec().read(&bytes).map_err(|refusal| BadInput(refusal.to_string()))?,
         None => read_alone(&bytes)?,
     };
     let json = PacketJson {
@@ -202,7 +202,7 @@ fn decode(options: &Decode, results: Results) -> anyhow::Result<()> {
 fn read_alone(bytes: &[u8]) -> anyhow::Result<(&'static Layout, MapMessage)> {
     MapMessage::decode(bytes, None).map_err(|error| {
         let hint = match error {
-            pingmap_packet::Error::Seal(_) => "; expected --team with the team that sealed it",
+            pingmap_packet::Error::Authentication(_) => "; expected --team with the team that sealed it",
             _ => "",
         };
         BadInput(format!("{error}{hint}")).into()
@@ -236,9 +236,9 @@ fn encode(options: &Encode, results: Results) -> anyhow::Result<()> {
     };
     let bytes = match &listener {
         Some(listener) => {
-            let bytes = listener.write(layout, &message).map_err(|error| bad(&error))?;
+            let bytes = listener.codec().write(layout, &message).map_err(|error| bad(&error))?;
             // What no member of the team would take is an error here already.
-            listener.read(&bytes).map_err(|refusal| bad(&refusal))?;
+            listener.codec().read(&bytes).map_err(|refusal| bad(&refusal))?;
             bytes
         }
         None => message.encode(layout, None).map_err(|error| bad(&error))?,
@@ -282,7 +282,7 @@ pub struct EncodedJson<'a> {
 
 /// Somebody who can read the packets of a team.
 fn listener(path: &Path) -> anyhow::Result<Agent> {
-    Ok(Agent::new(VehicleId::new("listener"), Arc::new(read_team(path)?)))
+    Ok(Agent::new(VehicleId::new("listener"), Arc::new(read_team(path)?), AgentOptions::default()))
 }
 
 fn block_json(block: &Block, layout: &Layout, listener: Option<&Agent>) -> BlockJson {
@@ -290,7 +290,7 @@ fn block_json(block: &Block, layout: &Layout, listener: Option<&Agent>) -> Block
         if layout.has_depth { vec![cell.east, cell.north, cell.depth] } else { vec![cell.east, cell.north] }
     };
     let links: Vec<Option<Link>> = match listener {
-        Some(listener) => listener.team().wire().links(&block.points).into_iter().map(Some).collect(),
+        Some(listener) => listener.team().quantizer().links(&block.points).into_iter().map(Some).collect(),
         None => vec![None; block.points.len()],
     };
     let metres = |end: pingmap_agent::Position| {
@@ -307,7 +307,7 @@ fn block_json(block: &Block, layout: &Layout, listener: Option<&Agent>) -> Block
     let when = listener.map(|listener| listener.team().grid.when(block.time));
     BlockJson {
         time: block.time,
-        time_s: when.and_then(|when| if let When::At(time_s) = when { Some(time_s) } else { None }),
+        time_s: when.and_then(|when| if let Time::At(time_s) = when { Some(time_s) } else { None }),
         points: block.points.iter().zip(links).map(point).collect(),
         correlations: block.correlations.clone(),
     }

@@ -1,7 +1,7 @@
-//! Reports for people: outcomes as letters, knots by the numbers of their slots.
+//! Prints reports: outcomes as letters, waypoints by the numbers of their slots.
 
 use pingmap_agent::Agent;
-use pingmap_packet::{Cell, Earlier, Knot, Outcome, REPORT_LAYOUTS, Report, ReportLayout};
+use pingmap_packet::{Cell, Outcome, REPORT_LAYOUTS, Report, ReportLayout, Waypoint};
 use schemars::JsonSchema;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
@@ -37,38 +37,25 @@ pub struct ReportJson {
     model: u16,
     /// The slot that it begins at.
     first: u32,
-    /// Whether it tells of its sender's own transmissions, too.
+    /// Whether the slots of the sender are included.
     #[serde(default)]
-    tells_own: bool,
-    /// For every slot that it stands for a letter: h heard (or sent), m missed (or silent), - untold.
+    includes_own_slots: bool,
+    /// One letter for each slot: h heard (own slot: used), m missed (own slot: unused), - not reported.
     outcomes: String,
-    /// Its sender's track, to be joined by straight lines.
-    knots: Vec<KnotJson>,
-    /// Which map messages tell of the same events.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    earlier: Option<EarlierJson>,
+    /// Track of the sender: straight lines between these waypoints.
+    waypoints: Vec<WaypointJson>,
 }
 
 #[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct KnotJson {
-    /// The slot at whose beginning it was there.
+pub struct WaypointJson {
+    /// Slot at whose beginning the sender was there.
     slot: u32,
-    /// East, north and, in messages with depths, depth in cells of knots.
+    /// Cell: east, north and, in messages with depths, depth.
     cell: Vec<u8>,
     /// With a team, the same in metres, which is not read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     at_m: Option<Vec<f64>>,
-}
-
-/// Which map messages speak of the same events.
-#[derive(Serialize, JsonSchema, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct EarlierJson {
-    /// It is about map messages with counters below this one, of which these are the lowest 8 bits.
-    before: u8,
-    /// Whether what they say beyond reports still counts.
-    counts: bool,
 }
 
 impl ReportJson {
@@ -80,16 +67,16 @@ impl ReportJson {
             format!("unknown message {:?}; expected one of {}", self.message, names.join(", "))
         })?;
         let outcomes = self.outcomes.chars().map(outcome).collect::<Result<_, _>>()?;
-        let mut knots = Vec::with_capacity(self.knots.len());
+        let mut waypoints = Vec::with_capacity(self.waypoints.len());
         let mut before = None;
-        for knot in &self.knots {
-            let slots = match before.replace(knot.slot) {
-                None => self.first.checked_sub(knot.slot),
-                Some(before) => knot.slot.checked_sub(before),
+        for waypoint in &self.waypoints {
+            let slots = match before.replace(waypoint.slot) {
+                None => self.first.checked_sub(waypoint.slot),
+                Some(before) => waypoint.slot.checked_sub(before),
             };
-            let rising = "slots of knots must rise, the first at or before \"first\", each at most 255 apart";
+            let rising = "slots of waypoints must rise, the first at or before \"first\", each at most 255 apart";
             let slots = slots.and_then(|slots| u8::try_from(slots).ok()).ok_or(rising)?;
-            let (east, north, depth) = match (knot.cell.as_slice(), layout.has_depth) {
+            let (east, north, depth) = match (waypoint.cell.as_slice(), layout.has_depth) {
                 (&[east, north], false) => (east, north, 0),
                 (&[east, north, depth], true) => (east, north, depth),
                 (other, has_depth) => {
@@ -97,11 +84,10 @@ impl ReportJson {
                     return Err(format!("cell: expected {expected} cells in {}, found {}", layout.name, other.len()));
                 }
             };
-            knots.push(Knot { slots, east, north, depth });
+            waypoints.push(Waypoint { slots, east, north, depth });
         }
-        let Self { sender, model, first, tells_own, .. } = *self;
-        let earlier = self.earlier.as_ref().map(|earlier| Earlier { before: earlier.before, counts: earlier.counts });
-        Ok((layout, Report { sender, model, first, tells_own, outcomes, knots, earlier }))
+        let Self { sender, model, first, includes_own_slots, .. } = *self;
+        Ok((layout, Report { sender, model, first, includes_own_slots, outcomes, waypoints }))
     }
 }
 
@@ -109,7 +95,7 @@ fn outcome(letter: char) -> Result<Outcome, String> {
     match letter {
         'h' => Ok(Outcome::Heard),
         'm' => Ok(Outcome::Missed),
-        '-' => Ok(Outcome::Untold),
+        '-' => Ok(Outcome::Unreported),
         other => Err(format!("outcomes: expected h, m or -, found {other:?}")),
     }
 }
@@ -121,9 +107,9 @@ pub fn encode(text: &str, listener: Option<&Agent>) -> Result<(&'static ReportLa
     let Some(listener) = listener else {
         return report.encode(layout, None).map(|bytes| (layout, bytes)).map_err(|error| error.to_string());
     };
-    let bytes = listener.write_report(&report).map_err(|error| error.to_string())?;
+    let bytes = listener.codec().write_report(&report).map_err(|error| error.to_string())?;
     // What no member of the team would take is an error here already.
-    let (written, ..) = listener.read_report(&bytes).map_err(|refusal| refusal.to_string())?;
+    let (written, ..) = listener.codec().read_report(&bytes).map_err(|refusal| refusal.to_string())?;
     match written == layout {
         true => Ok((layout, bytes)),
         false => Err(format!("the team sends {}, not {}", written.name, layout.name)),
@@ -133,7 +119,7 @@ pub fn encode(text: &str, listener: Option<&Agent>) -> Result<(&'static ReportLa
 /// Says what a report holds.
 pub fn decode(bytes: &[u8], listener: Option<&Agent>, as_json: bool, results: Results) -> anyhow::Result<()> {
     let (layout, report, _) = match listener {
-        Some(listener) => listener.read_report(bytes).map_err(|refusal| BadInput(refusal.to_string()))?,
+        Some(listener) => listener.codec().read_report(bytes).map_err(|refusal| BadInput(refusal.to_string()))?,
         None => Report::decode(bytes, None).map_err(|error| BadInput(error.to_string()))?,
     };
     let json = json_of(layout, &report, listener);
@@ -145,16 +131,15 @@ pub fn decode(bytes: &[u8], listener: Option<&Agent>, as_json: bool, results: Re
     let count = |wanted| report.outcomes.iter().filter(|&&outcome| outcome == wanted).count();
     let cells = |cells: &[u8]| cells.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
     let metres = |at_m: &[f64]| at_m.iter().map(|metres| format!("{metres:.0}")).collect::<Vec<_>>().join(", ");
-    let rows = json
-        .knots
-        .iter()
-        .map(|knot| vec![knot.slot.to_string(), knot.at_m.as_deref().map_or_else(|| cells(&knot.cell), metres)]);
+    let rows = json.waypoints.iter().map(|waypoint| {
+        vec![waypoint.slot.to_string(), waypoint.at_m.as_deref().map_or_else(|| cells(&waypoint.cell), metres)]
+    });
     let place = if listener.is_some() { "where it was, m" } else { "where it was, cell" };
-    let [heard, missed, untold] = [Outcome::Heard, Outcome::Missed, Outcome::Untold].map(count);
+    let [heard, missed, unreported] = [Outcome::Heard, Outcome::Missed, Outcome::Unreported].map(count);
     print(
         results,
         &format!(
-            "{} of {sender}, slots from {} on: heard {heard}, missed {missed}, untold {untold}\n{}\n\n{}",
+            "{} of {sender}, slots from {} on: heard {heard}, missed {missed}, not reported {unreported}\n{}\n\n{}",
             layout.name,
             report.first,
             json.outcomes,
@@ -167,22 +152,23 @@ fn json_of(layout: &ReportLayout, report: &Report, listener: Option<&Agent>) -> 
     let letter = |outcome: &Outcome| match outcome {
         Outcome::Heard => 'h',
         Outcome::Missed => 'm',
-        Outcome::Untold => '-',
+        Outcome::Unreported => '-',
     };
     let mut slot = None;
-    let knot = |knot: &Knot| {
-        let slots = u32::from(knot.slots);
+    let waypoint = |waypoint: &Waypoint| {
+        let slots = u32::from(waypoint.slots);
         let slot = *slot.insert(slot.map_or(report.first.saturating_sub(slots), |before| before + slots));
-        let mut cell = vec![knot.east, knot.north];
+        let mut cell = vec![waypoint.east, waypoint.north];
         if layout.has_depth {
-            cell.push(knot.depth);
+            cell.push(waypoint.depth);
         }
         let at_m = listener.map(|listener| {
-            let (team, at) = (listener.team(), Cell { east: knot.east, north: knot.north, depth: knot.depth });
-            let at = team.grid.knot_position(&team.model.chart, at, layout.has_depth);
+            let (team, at) =
+                (listener.team(), Cell { east: waypoint.east, north: waypoint.north, depth: waypoint.depth });
+            let at = team.grid.waypoint_position(&team.model.chart, at, layout.has_depth);
             [Some(at.east_m), Some(at.north_m), at.depth_m].into_iter().flatten().collect()
         });
-        KnotJson { slot, cell, at_m }
+        WaypointJson { slot, cell, at_m }
     };
     ReportJson {
         schema: 1,
@@ -194,9 +180,8 @@ fn json_of(layout: &ReportLayout, report: &Report, listener: Option<&Agent>) -> 
         sender: report.sender,
         model: report.model,
         first: report.first,
-        tells_own: report.tells_own,
+        includes_own_slots: report.includes_own_slots,
         outcomes: report.outcomes.iter().map(letter).collect(),
-        knots: report.knots.iter().map(knot).collect(),
-        earlier: report.earlier.map(|earlier| EarlierJson { before: earlier.before, counts: earlier.counts }),
+        waypoints: report.waypoints.iter().map(waypoint).collect(),
     }
 }

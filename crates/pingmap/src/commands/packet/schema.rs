@@ -105,7 +105,7 @@ impl Options {
 
     fn report(&self) -> SchemaJson {
         let layout = ReportLayout::new(self.depth, self.sealed);
-        let bytes_min = layout.length(OutcomeCounts::default(), 0, false);
+        let bytes_min = layout.length(OutcomeCounts::default(), 0);
         SchemaJson { bytes_min: Some(bytes_min), ..self.of(layout.name, layout.id, &layout.schema()) }
     }
 

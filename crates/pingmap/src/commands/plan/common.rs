@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use dgpc::Posterior;
-use pingmap_agent::{Attempt, Link, Position};
+use pingmap_agent::{Link, LinkQuery, Position};
 use pingmap_import::{Reference, Waypoint, read_waypoints};
 
 use crate::area::Area;
@@ -104,7 +103,7 @@ impl Common {
             None => None,
             Some(path) => {
                 let format = Format::of(path)?;
-                Some((format, Target::new(path, format.kind(), &inputs, logs.force)?))
+                Some((format, Target::new(path, format.kind(), &inputs, logs.overwrite)?))
             }
         };
         let log = Survey::open(&self.source)?;
@@ -138,7 +137,7 @@ pub fn waypoints(path: &Path) -> anyhow::Result<Vec<Waypoint>> {
 pub struct Questions {
     seen: Seen,
     depth_m: Option<f64>,
-    attempt: Box<dyn Fn(Link) -> Attempt>,
+    attempt: Box<dyn Fn(Link) -> LinkQuery>,
 }
 
 impl Questions {
@@ -152,7 +151,6 @@ impl Questions {
 pub struct Learned<'a> {
     common: &'a Common,
     pub survey: Survey,
-    pub wide: Posterior,
     pub reference: Reference,
     pub questions: Questions,
     output: Option<(Format, Target<'a>)>,
@@ -164,9 +162,8 @@ impl<'a> Ready<'a> {
         let Ready { common, log, reference, depth_m, output } = self;
         let attempt = Box::new(common.parties.attempt(&log)?);
         let questions = Questions { seen: common.seen.seen(), depth_m, attempt };
-        let mut survey = Survey::learn(log, &common.source)?.rising(&common.parties);
-        let wide = survey.agent.wide_posterior()?;
-        Ok(Learned { common, survey, wide, reference, questions, output })
+        let survey = Survey::learn(log, &common.source)?.capped(&common.parties);
+        Ok(Learned { common, survey, reference, questions, output })
     }
 }
 

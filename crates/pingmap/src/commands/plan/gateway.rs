@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use pingmap_agent::{Attempt, Position};
+use pingmap_agent::{LinkQuery, Position};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::json;
@@ -199,17 +199,17 @@ fn ranked(
     seed: u64,
 ) -> anyhow::Result<Vec<Candidate>> {
     let on_track: Vec<Position> = sendings.iter().map(|sending| sending.position).collect();
-    let (mut cells, mut attempts): (Vec<Vec<Cell>>, Vec<Vec<Attempt>>) = (Vec::new(), Vec::new());
+    let (mut cells, mut attempts): (Vec<Vec<Cell>>, Vec<Vec<LinkQuery>>) = (Vec::new(), Vec::new());
     for (_, place) in named {
         let at = [*place];
         let asked = learned.questions.of(&at, Join::All);
-        let found = from_one(&mut learned.survey.agent, &learned.wide, &asked, (asked.seen, *place), &on_track)?;
+        let found = from_one(&mut learned.survey.agent, &asked, (asked.seen, *place), &on_track)?;
         let (of_place, asked_about) = found.into_iter().unzip();
         cells.push(of_place);
         attempts.push(asked_about);
     }
     // All places under the same function: what is not known of the water is the same for all of them.
-    let together = Drawn::new(&mut learned.survey.agent, &learned.wide, &attempts)?;
+    let together = Drawn::new(&mut learned.survey.agent, &attempts)?;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let shares: Vec<Vec<f64>> = (0..together.functions())
         .map(|function| (0..named.len()).map(|place| mean(&together.probabilities(place, function))).collect())
@@ -223,7 +223,7 @@ fn ranked(
     for (n, (name, place)) in named.iter().enumerate() {
         let at = [*place];
         let asked = learned.questions.of(&at, Join::All);
-        let alone = Drawn::new(&mut learned.survey.agent, &learned.wide, &attempts[n..=n])?;
+        let alone = Drawn::new(&mut learned.survey.agent, &attempts[n..=n])?;
         let probabilities: Vec<f64> = cells[n].iter().map(|cell| cell.probability).collect();
         let mut drawn: Vec<f64> = shares.iter().map(|shares| shares[n]).collect();
         drawn.sort_by(f64::total_cmp);

@@ -90,7 +90,6 @@ impl Options {
         let bar = spinner("looking around");
         let rays = standoff(
             &mut learned.survey.agent,
-            &learned.wide,
             &learned.questions.of(&at, Join::All),
             (self.probability, range_max_m),
         )?;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use pingmap_agent::{Attempt, Position};
+use pingmap_agent::{LinkQuery, Position};
 use pingmap_import::{Place, Reference};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -79,7 +79,7 @@ pub struct LegJson {
 
 #[derive(Serialize, JsonSchema)]
 pub struct LowestJson {
-    /// When, since the first waypoint.
+    /// Time, since the first waypoint.
     time_s: f64,
     /// Where.
     at: PlaceJson,
@@ -174,13 +174,12 @@ impl Expected {
     ) -> anyhow::Result<Self> {
         let asked: Asked = learned.questions.of(at, join);
         let places: Vec<Position> = sendings.iter().map(|sending| sending.position).collect();
-        let of_places =
-            at.iter().map(|&at| from_one(&mut learned.survey.agent, &learned.wide, &asked, (asked.seen, at), &places));
+        let of_places = at.iter().map(|&at| from_one(&mut learned.survey.agent, &asked, (asked.seen, at), &places));
         let of_places = of_places.collect::<anyhow::Result<Vec<_>>>()?;
-        let cells = all_joined(&mut learned.survey.agent, &learned.wide, join, &of_places)?;
-        let attempts: Vec<Vec<Attempt>> =
+        let cells = all_joined(&mut learned.survey.agent, join, &of_places)?;
+        let attempts: Vec<Vec<LinkQuery>> =
             of_places.iter().map(|place| place.iter().map(|(_, attempt)| *attempt).collect()).collect();
-        let drawn = Drawn::new(&mut learned.survey.agent, &learned.wide, &attempts)?;
+        let drawn = Drawn::new(&mut learned.survey.agent, &attempts)?;
         let silences = Silences::new(&drawn, &asked, &route, &sendings, seed);
         Ok(Self { route, sendings, cells, silences })
     }

@@ -88,8 +88,6 @@ pub struct PacketsJson {
     duplicate: f64,
     /// Share that are overtaken.
     reorder: f64,
-    /// How often a packet is sent again at most.
-    repeats_max: Option<u8>,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -202,12 +200,11 @@ impl PacketsJson {
         Self {
             message: layout.map(|layout| layout.name),
             bytes: layout.map(|layout| layout.schema().length()),
-            sealed: layout.map(|layout| layout.is_sealed),
+            sealed: layout.map(|layout| layout.is_authenticated),
             cell_m: team.map(|team| team.grid.cell_m),
             loss,
             duplicate,
             reorder,
-            repeats_max: team.map(|team| team.repeats_max),
         }
     }
 }

@@ -17,13 +17,13 @@ use pingmap_trial::{
 
 use crate::log::{Logs, WholeLog, thinned};
 use crate::model::{HAS_SEEN_LOG, agreed_model, log_digests, open_model};
-use crate::names::{DivideByName, LearnName};
+use crate::names::{DivideByName, LearnName, ShareName};
 use crate::options::{ModelSource, RESULT, Work};
 use crate::output::{BadInput, Results, note, print, print_json, warn};
 use crate::outputs::{Kind, Target};
 use crate::reference::ReferenceOptions;
 use crate::team::{open_key, open_team};
-use crate::values::{frame_bytes, open_share, packets, repeats, share, spare_bytes};
+use crate::values::{frame_bytes, open_share, packets, piggyback_bytes, repeats, share};
 use online::OnlineMission;
 pub use replayed::Replayed;
 
@@ -65,12 +65,12 @@ pub struct Options {
     #[arg(help_heading = IN_TIME, long, conflicts_with_all = ["splits", "Dividing", "write_splits", "frames", "compare", "calibration", "learn", "reorder"])]
     pub online: bool,
     /// With --online: every so many of its transmissions a vehicle may send a packet; 10 if not given, none with
-    /// --spare-bytes alone
+    /// --piggyback-bytes alone
     #[arg(help_heading = IN_TIME, long, value_name = "TRANSMISSIONS", value_parser = packets, requires = "online")]
     pub slot_every: Option<usize>,
-    /// With --online: spare bytes of every transmission, in which its sender says what it heard of late: two hold ten outcomes
-    #[arg(help_heading = IN_TIME, long, value_name = "BYTES", value_parser = spare_bytes, requires = "online")]
-    pub spare_bytes: Option<usize>,
+    /// With --online: bytes of every transmission with the newest outcomes of its sender; two hold ten outcomes
+    #[arg(help_heading = IN_TIME, long, value_name = "BYTES", value_parser = piggyback_bytes, requires = "online")]
+    pub piggyback_bytes: Option<usize>,
     /// Also write a report with maps to this folder
     #[arg(help_heading = RESULT, long, value_name = "DIR")]
     pub report: Option<PathBuf>,
@@ -138,7 +138,7 @@ impl Dividing {
 #[derive(Args)]
 pub struct Sharing {
     /// Team file: members, model, grid, frames and key
-    #[arg(help_heading = ON_THE_WATER, long, value_name = "FILE", conflicts_with_all = ["Kernel", "model", "frame_bytes", "key_file", "repeat", "dense_events_max", "inducing_points_max"])]
+    #[arg(help_heading = ON_THE_WATER, long, value_name = "FILE", conflicts_with_all = ["Kernel", "model", "frame_bytes", "key_file", "dense_events_max", "inducing_points_max"])]
     pub team: Option<PathBuf>,
     /// Bytes of a frame
     #[arg(help_heading = ON_THE_WATER, long, default_value_t = 32, value_parser = frame_bytes)]
@@ -155,9 +155,10 @@ pub struct Sharing {
     /// Share of packets that later ones overtake
     #[arg(help_heading = ON_THE_WATER, long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     pub reorder: f64,
-    /// Send every packet again up to so many times, once there is nothing new to tell
-    #[arg(help_heading = ON_THE_WATER, long, default_value_t = 0)]
-    pub repeat: u8,
+    /// What vehicles send: summaries of all their events, reports of single outcomes, or reports with summaries of events that no
+    /// report can carry
+    #[arg(help_heading = ON_THE_WATER, long, value_enum, default_value_t = ShareName::Both)]
+    pub share: ShareName,
 }
 
 impl Sharing {
@@ -180,13 +181,13 @@ impl Options {
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if let Some(folder) = &options.report {
-        Target::page(folder, options.logs.force)?;
+        Target::page(folder, options.logs.overwrite)?;
     }
     let written_splits = options.write_splits.as_deref().map(|path| {
         let mut inputs = options.logs.paths();
         let read = [&options.splits, &options.source.model, &options.sharing.team, &options.sharing.key_file];
         inputs.extend(read.into_iter().flatten().map(PathBuf::as_path));
-        Target::new(path, Kind::SPLITS, &inputs, options.logs.force)
+        Target::new(path, Kind::SPLITS, &inputs, options.logs.overwrite)
     });
     let written_splits = written_splits.transpose()?;
     let mut log = options.logs.open()?;
@@ -195,6 +196,9 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let (agreed, has_seen_log) = agreed(options, &log)?;
     if let (Some(model), false) = (agreed_model(&agreed), log.reference.is_known()) {
         log.reference = model.chart.reference;
+    }
+    if options.sharing.team.is_some() {
+        note("the [slots] of the team file are not used: a replay numbers the transmissions of the log");
     }
     let plan = plan(options, agreed)?;
     if has_seen_log {
@@ -241,11 +245,11 @@ fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Agreed, bool)> {
 
 /// What goes with the transmissions of a log.
 fn riding(options: &Options) -> Riding {
-    let slot_every = match (options.slot_every, options.spare_bytes) {
+    let slot_every = match (options.slot_every, options.piggyback_bytes) {
         (None, None) => Some(online::SLOT_EVERY),
         (slot_every, _) => slot_every,
     };
-    Riding { slot_every, spare_bytes: options.spare_bytes.unwrap_or(0) }
+    Riding { slot_every, piggyback_bytes: options.piggyback_bytes.unwrap_or(0) }
 }
 
 /// What the options say of the team and of what it sends.
@@ -257,12 +261,12 @@ fn plan(options: &Options, agreed: Agreed) -> anyhow::Result<Plan> {
         learners: if options.learn == LearnName::Own { Learners::Own } else { Learners::Pooled },
         frame_bytes: sharing.frame_bytes,
         key: sharing.key_file.as_ref().map(|path| open_key(path)).transpose()?,
-        repeats_max: sharing.repeat,
+        sharing: sharing.share.sharing(),
         water: sharing.water(),
         compare: options.compare,
         // A report without it would leave open whether its maps can be believed.
         calibration: options.calibration || options.report.is_some() && !options.online,
-        ..Plan::new(kernel.learning(kernel.given().few(), options.work.limits()), options.work.seed)
+        ..Plan::new(kernel.learning(kernel.given().default_candidates(), options.work.limits()), options.work.seed)
     })
 }
 

@@ -83,9 +83,9 @@ impl OnlineMission {
             let (packets, bytes) = (count(packets, "packet"), count(online.bytes, "byte"));
             format!("{packets}, {bytes}, heard {}", count(online.received, "time"))
         });
-        let is_spare = self.riding.spare_bytes > 0;
-        let spare = is_spare.then(|| format!("{} on each", count(self.riding.spare_bytes, "spare byte")));
-        let spared = is_spare.then(|| format!("{} in all", count(online.spare_bytes, "spare byte")));
+        let is_spare = self.riding.piggyback_bytes > 0;
+        let spare = is_spare.then(|| format!("{} on each", count(self.riding.piggyback_bytes, "spare byte")));
+        let spared = is_spare.then(|| format!("{} in all", count(online.piggyback_bytes, "spare byte")));
         let both =
             |one: Option<String>, other: Option<String>| one.into_iter().chain(other).collect::<Vec<_>>().join(", ");
         format!(
@@ -177,7 +177,7 @@ pub struct OnlineJson {
     /// Every so many of its transmissions a vehicle sends a packet, if there is one worth it.
     slot_every: Option<usize>,
     /// Spare bytes of every transmission, which say what was heard of late.
-    spare_bytes: usize,
+    piggyback_bytes: usize,
     /// Seed of everything random.
     seed: u64,
     /// Whether the model was learned from these events: scores are too good then.
@@ -216,13 +216,13 @@ impl OnlineJson {
             made_of: MadeOf::given(&mission.whole, &mission.plan.agreed),
             events: online.steps.len(),
             slot_every: mission.riding.slot_every,
-            spare_bytes: mission.riding.spare_bytes,
+            piggyback_bytes: mission.riding.piggyback_bytes,
             seed: mission.seed,
             model_has_seen_log: mission.has_seen_log,
             packets: online.packets.iter().map(|(id, &count)| (id.to_string(), count)).collect(),
             bytes: online.bytes,
             received: online.received,
-            spare_bytes_sent: online.spare_bytes,
+            spare_bytes_sent: online.piggyback_bytes,
             nll: Step::mean(&online.steps).as_ref().map(step),
             running_nll: online.running(CURVE_POINTS).iter().map(step).collect(),
         }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::Context;
-use pingmap_agent::{Agent, Attempt, Event, Link, Position, VehicleId, When};
+use pingmap_agent::{Agent, Event, Link, LinkQuery, Position, PredictOptions, Time, VehicleId};
 use pingmap_trial::{Agreed, Bin, Calibrated, Calibration, Mission, Plan, RangeBin};
 
 use super::replayed::Replayed;
@@ -73,8 +73,8 @@ fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
     let last: Option<&Event> = viewer.events().last();
     let at = last.map_or(events[0].link.receiver, |event| event.link.receiver);
     let end_s = last.map(|event| event.time_s);
-    let (transmitter, when) = (viewer.id().into(), end_s.map_or(When::Typical, When::At));
-    let asked = |link| Attempt { transmitter, when, ..Attempt::from(link) };
+    let (transmitter, when) = (viewer.id().into(), end_s.map_or(Time::Typical, Time::At));
+    let asked = |link| LinkQuery { transmitter, when, ..LinkQuery::from(link) };
     let ends = events.iter().flat_map(|event| event.link.ends());
     let area = Area::around(ends.chain([at]), None)?;
     let seen = Asked { at: &[at], seen: Seen::Tx, join: Join::All, depth_m: at.depth_m, attempt: &asked };
@@ -99,8 +99,8 @@ fn over_range(team: &mut [Agent], replayed: &Replayed) -> anyhow::Result<Figure>
     let mut predicted = vec![0.0; events.len()];
     for viewer in team {
         let own: Vec<usize> = (0..events.len()).filter(|&n| events[n].receiver_id == *viewer.id()).collect();
-        let probabilities = viewer.probabilities(own.iter().map(|&n| events[n].attempt()))?;
-        own.into_iter().zip(probabilities).for_each(|(n, probability)| predicted[n] = probability);
+        let predictions = viewer.predict(own.iter().map(|&n| events[n].query()), PredictOptions::default())?;
+        own.into_iter().zip(predictions).for_each(|(n, prediction)| predicted[n] = prediction.probability);
     }
     let (mut heard, mut said) = (Vec::new(), Vec::new());
     let mut first = 0;

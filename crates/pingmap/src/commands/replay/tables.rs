@@ -219,7 +219,7 @@ pub fn packets_line(replayed: &Replayed) -> String {
     let Water { loss, duplicate, reorder } = replayed.plan.water;
     let mut line = replayed.layout().map_or_else(String::new, |layout| {
         let points = layout.points_in_all();
-        let sealed = if layout.is_sealed { ", sealed" } else { "" };
+        let sealed = if layout.is_authenticated { ", sealed" } else { "" };
         format!("packets of {} with up to {points} points{sealed}", count(layout.schema().length(), "byte"))
     });
     for (share, what) in [(loss, "lost"), (duplicate, "doubled"), (reorder, "overtaken")] {

@@ -50,9 +50,12 @@ pub struct Options {
     /// Folder for the figures and, with `all`, the page reproduction.md
     #[arg(long, default_value = "pingmap-reproduction", value_name = "DIR")]
     pub out: PathBuf,
-    /// Go on though a log says nothing that a map could be made of, and replace files that pingmap did not write
+    /// Continue even if a log contains only one outcome, or coordinates that look like degrees
     #[arg(long)]
-    pub force: bool,
+    pub accept_bad_log: bool,
+    /// Replace files that pingmap did not write
+    #[arg(long)]
+    pub overwrite: bool,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
@@ -72,17 +75,17 @@ impl Options {
 }
 
 fn run(options: &Options, out: Results) -> anyhow::Result<()> {
-    let sets = data_sets(&options.data, options.force)?;
+    let sets = data_sets(&options.data, options.accept_bad_log)?;
     let figures = options.out.join(page::FIGURES);
     if options.exhibit.has_pictures() {
         make_folder(&figures)?;
     }
     if options.exhibit == Exhibit::All {
-        Target::new(&options.out.join("reproduction.md"), Kind::REPRODUCTION, &[], options.force)?;
+        Target::new(&options.out.join("reproduction.md"), Kind::REPRODUCTION, &[], options.overwrite)?;
     }
     for name in options.exhibit.pictures() {
-        Target::new(&figures.join(format!("{name}.svg")), Kind::SVG, &[], options.force)?;
-        Target::new(&figures.join(format!("{name}.png")), Kind::PNG, &[], options.force)?;
+        Target::new(&figures.join(format!("{name}.svg")), Kind::SVG, &[], options.overwrite)?;
+        Target::new(&figures.join(format!("{name}.png")), Kind::PNG, &[], options.overwrite)?;
     }
     let bar = spinner("learning the length-scale");
     let experiment = Experiment::new(sets, options.permutations, options.seed)?;
@@ -143,7 +146,7 @@ fn tables(results: &Computed, exhibit: Exhibit) -> Vec<Table> {
 }
 
 /// The event logs in the places of the paper's data sets.
-fn data_sets(paths: &[PathBuf], force: bool) -> anyhow::Result<Vec<DataSet>> {
+fn data_sets(paths: &[PathBuf], accept_bad_log: bool) -> anyhow::Result<Vec<DataSet>> {
     if paths.is_empty() {
         let set = |name: &str| {
             let log = built_in(name).with_context(|| format!("{name} is built in"))??;
@@ -156,7 +159,7 @@ fn data_sets(paths: &[PathBuf], force: bool) -> anyhow::Result<Vec<DataSet>> {
         let files = if path.is_dir() { csv_files(path)? } else { vec![path.clone()] };
         for file in files {
             let name = file.file_stem().map_or_else(|| file.display().to_string(), |name| name.display().to_string());
-            sets.push(DataSet::new(name, open_log(&file, force)?)?);
+            sets.push(DataSet::new(name, open_log(&file, accept_bad_log)?)?);
         }
     }
     Ok(sets)

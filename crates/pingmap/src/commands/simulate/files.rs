@@ -62,12 +62,12 @@ fn stop(text: &str) -> Result<(String, f64), String> {
 
 impl Files {
     /// Makes sure that nothing is replaced, unless that is wanted.
-    pub fn check(&self, force: bool) -> anyhow::Result<()> {
-        let Some(folder) = self.folder.as_ref().filter(|folder| folder.exists() && !force) else { return Ok(()) };
+    pub fn check(&self, overwrite: bool) -> anyhow::Result<()> {
+        let Some(folder) = self.folder.as_ref().filter(|folder| folder.exists() && !overwrite) else { return Ok(()) };
         let name = folder.display();
         let mut inside = std::fs::read_dir(folder).with_context(|| format!("cannot look into {name}"))?;
         if inside.next().is_some() {
-            let message = "is not empty; expected another folder, or --force to replace what stands in the way";
+            let message = "is not empty; expected another folder, or --overwrite to replace what stands in the way";
             return Err(BadInput(format!("{name} {message}")).into());
         }
         Ok(())

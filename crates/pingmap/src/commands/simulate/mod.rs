@@ -62,7 +62,7 @@ pub struct Options {
     pub files: Files,
     /// Replace a file that pingmap did not write
     #[arg(long)]
-    pub force: bool,
+    pub overwrite: bool,
     /// Print one JSON object instead of a summary
     #[arg(long)]
     pub json: bool,
@@ -202,8 +202,8 @@ const STAND_IN: &str =
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let simulation = options.simulation();
-    let target = Target::new(&options.output, Kind::EVENT_LOG, &[], options.force)?.beside_json(options.json)?;
-    options.files.check(options.force)?;
+    let target = Target::new(&options.output, Kind::EVENT_LOG, &[], options.overwrite)?.beside_json(options.json)?;
+    options.files.check(options.overwrite)?;
     let mut trial = simulation.run(&options.sound()).map_err(|error| BadInput(error.to_string()))?;
     trial.log.has_depths = options.depths;
     options.files.write(&simulation, &mut trial)?;

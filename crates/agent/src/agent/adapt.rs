@@ -1,0 +1,56 @@
+//! A vehicle that learns a model of its own under way.
+
+use std::sync::Arc;
+
+use dgpc::Summary;
+
+use crate::agent::state::Agent;
+use crate::error::AgentError;
+use crate::inference::accepted::{packets_with, summaries};
+use crate::inference::event_fit::{all_events, fit_events};
+use crate::inference::posteriors::OwnModel;
+use crate::model::learning::{LearnedModel, Learning};
+use crate::model::link_model::Model;
+
+impl Agent {
+    /// Learns a model of its own from its own events and from what others said that it believes, and from then on predicts under that.
+    /// What it sends stays under the team's model. The first time every structure is tried; later the chosen one goes
+    /// on from its last optimum, at the cost of one search that never ends worse in E than it began.
+    ///
+    /// # Errors
+    /// As [`Learning::best`].
+    pub fn adapt(&mut self, learning: &Learning) -> Result<&LearnedModel, AgentError> {
+        self.refit()?;
+        let trusted = self.trusted();
+        let packets = packets_with(&self.memory, &*trusted.packets);
+        let place = self.model().site_summary().into_iter();
+        let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
+        let &Model { chart, inputs, .. } = self.model();
+        let (_, events) = all_events(&self.memory, &trusted);
+        let events = || events.iter().copied();
+        // How much its own events count is for all that it tells of them, under the team's model.
+        let learning = &Learning { fading: Some(self.model().fading), ..learning.clone() };
+        let learned = match &self.posteriors.own_model {
+            Some(own) => {
+                let earlier = &own.learned;
+                learning.fit(&earlier.structure, chart, inputs, events(), &messages, Some(earlier))?
+            }
+            None => learning.best(chart, inputs, events(), &messages)?,
+        };
+        let fitted = fit_events(&self.memory, &learned.model.prior, &trusted, &messages, None)?;
+        let own = self
+            .posteriors
+            .own_model
+            .insert(Arc::new(OwnModel { fit: fitted, packets: trusted.packets.clone(), learned }))
+            .clone();
+        self.posteriors.invalidate();
+        self.data_changed();
+        self.update()?;
+        Ok(&self.posteriors.own_model.insert(own).learned)
+    }
+
+    /// The model it learned by itself, if it did.
+    pub fn own_model(&self) -> Option<&LearnedModel> {
+        self.posteriors.own_model.as_ref().map(|own| &own.learned)
+    }
+}

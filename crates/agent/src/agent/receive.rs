@@ -1,0 +1,40 @@
+//! Receives frames of other members.
+
+use crate::agent::state::Agent;
+use crate::codec::decoded::PacketKey;
+use crate::codec::receipt::Receipt;
+use crate::types::event::{Link, VehicleId};
+
+impl Agent {
+    /// Receives a frame. The next prediction uses its content. `time_s` is the time of reception; pass `None` if it is unknown, or if the
+    /// frame came over another link. O(log N + length).
+    pub fn receive(&mut self, bytes: &[u8], time_s: Option<f64>) -> Receipt {
+        let effect = self.memory.insert_frame(bytes, None);
+        self.counts.count(&effect.receipt);
+        if effect.receipt == Receipt::Accepted {
+            effect.sender.into_iter().for_each(|sender| self.note_time(sender, time_s));
+        }
+        self.note_effect(effect)
+    }
+
+    pub(crate) fn note_time(&mut self, sender: u8, time_s: Option<f64>) {
+        if let Some(time_s) = time_s.filter(|time_s| time_s.is_finite()) {
+            let last_s = self.last_heard_s.entry(sender).or_insert(time_s);
+            *last_s = last_s.max(time_s);
+        }
+    }
+
+    /// Returns the links of the inducing points in each summary packet that counts, by sender and counter.
+    pub fn links_of_packets(&self) -> Vec<(VehicleId, u16, Vec<Link>)> {
+        let own = self.memory.own_packets().filter_map(|(counter, _)| Some((self.memory.own?, counter)));
+        let mut keys: Vec<PacketKey> = own.chain(self.accepted().packets.iter().copied()).collect();
+        keys.sort_unstable();
+        let links = |key: PacketKey| {
+            let name = self.team().members.get(&key.0)?.clone();
+            let blocks = self.memory.codec.blocks(&self.memory.packets.get(key)?.bytes);
+            let queries = blocks.iter().flat_map(|block| self.team().quantizer().queries(block));
+            Some((name, key.1, queries.map(|query| query.link).collect()))
+        };
+        keys.into_iter().filter_map(links).collect()
+    }
+}

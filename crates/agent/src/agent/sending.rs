@@ -1,0 +1,127 @@
+//! Chooses and forms the next frame.
+
+use dgpc::spread_out;
+use pingmap_packet::{Layout, MapMessage, Report as ReportMessage};
+
+use crate::agent::state::Agent;
+use crate::codec::quantizer::SummaryQuantizer;
+use crate::error::AgentError;
+use crate::send::delivery::DeliveryEstimate;
+use crate::send::report_planner::ReportPlanner;
+use crate::send::summary_planner::SummaryPlanner;
+use crate::store::entry::Entry;
+use crate::types::event::Event;
+use crate::types::query::{Kind, LinkQuery, Vehicle};
+
+impl Agent {
+    /// Returns the next frame of at most `frame_bytes` bytes, and of at most the team's; `None` if nothing is worth a frame. `time_s` is
+    /// the time at which it will leave, or `None` if that is unknown.
+    ///
+    /// The frame is a report as long as one is worth sending: single outcomes by slot, and the vehicle's track. Otherwise it is a summary
+    /// of the events that no report can carry: those without a slot, and those before the report window. The method fits nothing; a host
+    /// with time for [`Agent::refit`] calls it before. A host that can lose its memory stores an [`Agent::snapshot`] or an [`Entry::Sent`]
+    /// before the frame leaves, because a counter must not be used twice.
+    ///
+    /// # Errors
+    /// [`AgentError::NotAMember`], [`AgentError::CountersUsedUp`], and [`AgentError::Team`] for a frame below 32 bytes.
+    pub fn next_frame(&mut self, time_s: Option<f64>, frame_bytes: usize) -> Result<Option<Vec<u8>>, AgentError> {
+        let sender = self.memory.own.ok_or_else(|| AgentError::NotAMember { id: self.id.clone() })?;
+        let frame_bytes = frame_bytes.min(self.team().frame_bytes);
+        let layout = self.team().layout(frame_bytes)?;
+        let slot = time_s.and_then(|time_s| self.team().slots.next_slot(time_s, &self.id));
+        self.update()?;
+        if self.posteriors.nothing_to_send == Some(frame_bytes) {
+            return Ok(None);
+        }
+        let Some(bytes) = self.plan(sender, layout, frame_bytes)? else {
+            self.posteriors.nothing_to_send = Some(frame_bytes);
+            return Ok(None);
+        };
+        let number = self.memory.next_transmission_number();
+        self.memory.apply(Entry::Sent { number, slot, bytes: bytes.clone() })?;
+        self.data_changed();
+        self.note_time(sender, time_s);
+        Ok(Some(bytes))
+    }
+
+    fn plan(&mut self, sender: u8, layout: &Layout, frame_bytes: usize) -> Result<Option<Vec<u8>>, AgentError> {
+        let sharing = self.options.sharing;
+        let everyone = || self.team().members.keys().copied().collect();
+        let ignored = if sharing.acknowledgements { self.ignored_members() } else { everyone() };
+        let delivery = DeliveryEstimate::new(&self.memory, sender, &ignored);
+        self.posteriors.update_shared_summary(&self.memory, &|slot| delivery.is_delivered(slot))?;
+        let reports = sharing.reports.then(|| ReportPlanner::new(&self.memory, sender, frame_bytes, delivery));
+        if let Some(reports) = &reports
+            && let Some(report) = self.plan_report(layout, reports)?
+        {
+            return Ok(Some(self.memory.codec.write_report(&report)?));
+        }
+        if !sharing.summaries {
+            return Ok(None);
+        }
+        let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team().epoch };
+        let counter = u16::try_from(self.memory.packets.next_counter(sender)).map_err(|_| used_up())?;
+        let planner = self.summary_planner(layout)?;
+        let planned = match &reports {
+            None => planner.plan(&self.posteriors.shared, sharing)?,
+            Some(reports) => {
+                // Reports carry what is in the window, and carried what was.
+                let reported = self.memory.reports.reports_of(sender);
+                let begin = reports.begin();
+                let is_reported = |slot: u32| {
+                    begin.is_some_and(|begin| slot >= begin)
+                        || reported.is_some_and(|reported| reported.outcomes.contains_key(&slot))
+                };
+                planner.plan(&self.posteriors.shared_of(&self.memory, &is_reported)?, sharing)?
+            }
+        };
+        let Some(planned) = planned else { return Ok(None) };
+        let message = MapMessage { sender, counter, model: 0, blocks: planned.blocks };
+        Ok(Some(self.memory.codec.write(layout, &message)?))
+    }
+
+    /// Returns the candidate report after which the mean divergence is smallest: see [`SummaryPlanner::mean_divergence`].
+    fn plan_report(&self, layout: &Layout, reports: &ReportPlanner<'_>) -> Result<Option<ReportMessage>, AgentError> {
+        let mut candidates = reports.reports();
+        let Some(mut best) = candidates.pop() else { return Ok(None) };
+        if candidates.is_empty() || !self.options.sharing.report_candidates {
+            return Ok(Some(best));
+        }
+        let planner = self.summary_planner(layout)?;
+        let is_delivered = |slot: u32| reports.is_delivered(slot);
+        let shared = self.posteriors.shared_of(&self.memory, &is_delivered)?;
+        let divergence_after = |report: &ReportMessage| -> Result<f64, AgentError> {
+            let mut new = reports.slots_in(report);
+            new.retain(|&slot| !is_delivered(slot));
+            Ok(planner.mean_divergence(&self.posteriors.shared_with(&self.memory, &shared, &new)?)?)
+        };
+        let mut least = divergence_after(&best)?;
+        for candidate in candidates {
+            let divergence = divergence_after(&candidate)?;
+            if divergence < least {
+                (best, least) = (candidate, divergence);
+            }
+        }
+        Ok(Some(best))
+    }
+
+    fn summary_planner<'a>(&'a self, layout: &'a Layout) -> Result<SummaryPlanner<'a>, AgentError> {
+        let min_gain_nats = self.team().min_gain_nats;
+        Ok(SummaryPlanner::new(self.quantizer(), layout, &self.posteriors, self.candidates(), min_gain_nats)?)
+    }
+
+    /// Returns the quantizer of the vehicle's own summaries.
+    pub fn quantizer(&self) -> SummaryQuantizer<'_> {
+        self.memory.own.map_or_else(|| self.team().quantizer(), |number| self.team().quantizer_of(number))
+    }
+
+    /// Returns the candidates for inducing points: the links of own events within the grid, for a typical transmitter and kind of message,
+    /// spread over time if they exceed [`Limits::candidates_max`](crate::Limits::candidates_max).
+    pub fn candidates(&self) -> Vec<LinkQuery> {
+        let quantizer = self.team().quantizer();
+        let held: Vec<&Event> = self.events().filter(|event| quantizer.holds(&event.link)).collect();
+        let spread = spread_out(held.len(), self.team().limits.candidates_max).into_iter();
+        let typical = |query| LinkQuery { transmitter: Vehicle::Typical, kind: Kind::Typical, ..query };
+        spread.map(|place| typical(held[place].query())).collect()
+    }
+}

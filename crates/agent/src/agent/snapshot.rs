@@ -1,0 +1,235 @@
+//! A vehicle's memory as bytes: equal memories are equal bytes (docs/protocol.md, "Snapshots").
+
+use std::sync::Arc;
+
+use pingmap_packet::Key;
+
+use crate::agent::options::AgentOptions;
+use crate::agent::state::Agent;
+use crate::error::AgentError;
+use crate::store::entry::Entry;
+use crate::team::canonical::{Reader, Writer, checksum};
+use crate::team::config::Team;
+use crate::types::event::{Event, Link, MessageKind, Position, VehicleId};
+
+/// What every snapshot begins with.
+const MAGIC: &[u8; 8] = b"pingmapS";
+
+/// Version of a snapshot. Others are refused.
+const SNAPSHOT_VERSION: u16 = 4;
+
+/// Bytes of the check at the end.
+const CHECK_BYTES: usize = 32;
+
+impl Agent {
+    /// Returns everything that the vehicle must not lose: events, positions, packets and reports that it received and sent, piggybacked
+    /// outcomes, unused slots, muted members, and the latest counter of each sender. A learned model and the counts are not part of it. The
+    /// snapshot ends with a checksum, which is keyed where the team has a key. It depends on the set of entries, not on their order.
+    pub fn snapshot(&self) -> Vec<u8> {
+        let mut out = Writer::default();
+        MAGIC.iter().for_each(|&byte| out.u8(byte));
+        out.u16(SNAPSHOT_VERSION);
+        out.text(self.id().as_str());
+        out.bytes(self.memory.codec.digest());
+        let packets = &self.memory.packets;
+        let latest: Vec<(u8, u16)> =
+            packets.senders().filter_map(|sender| Some((sender, packets.latest(sender)?))).collect();
+        out.u16(latest.len() as u16);
+        for (sender, latest) in latest {
+            out.u8(sender);
+            out.u16(latest);
+        }
+        let muted: Vec<&VehicleId> = self.muted.iter().filter_map(|number| self.team().members.get(number)).collect();
+        out.u16(muted.len() as u16);
+        muted.iter().for_each(|member| out.text(member.as_str()));
+        let entries: Vec<Entry> = self.memory.entries().collect();
+        out.u64(entries.len() as u64);
+        entries.iter().for_each(|entry| write_entry(&mut out, entry));
+        let mut bytes = out.finish();
+        bytes.extend(checksum(self.team().key.as_ref(), &bytes));
+        bytes
+    }
+
+    /// Restores the vehicle of a snapshot. Under another team configuration, a new epoch for example, it keeps its events and positions
+    /// and begins to share again from nothing. Packets that cannot be decoded are left out and counted in [`Status`](crate::Status). Fits
+    /// nothing: see [`Agent::refit_due`].
+    ///
+    /// # Errors
+    /// [`AgentError::Snapshot`] for bytes that are no snapshot, damaged, of another vehicle, of another version, or
+    /// checked with another key than the team's.
+    pub fn restore(id: VehicleId, team: Arc<Team>, options: AgentOptions, bytes: &[u8]) -> Result<Self, AgentError> {
+        let key = team.key.clone();
+        Self::restore_checked_with(id, team, options, key.as_ref(), bytes)
+    }
+
+    /// The same for a snapshot that was taken when the team had another key, or none.
+    ///
+    /// # Errors
+    /// As [`Agent::restore`].
+    pub fn restore_checked_with(
+        id: VehicleId,
+        team: Arc<Team>,
+        options: AgentOptions,
+        key: Option<&Key>,
+        bytes: &[u8],
+    ) -> Result<Self, AgentError> {
+        let wrong = |problem: String| AgentError::Snapshot { id: id.clone(), problem };
+        let content = checked(bytes, key).map_err(wrong)?;
+        let Contents { vehicle, digest, latest, muted, events, fixes, frames } =
+            contents(content).ok_or_else(|| wrong("what it says makes no sense".into()))?;
+        if vehicle != id.as_str() {
+            return Err(wrong(format!("it is of {vehicle}")));
+        }
+        let mut agent = Agent::new(id.clone(), team, options);
+        agent.record_numbered(events)?;
+        agent.record_positions(fixes)?;
+        muted.iter().for_each(|member| agent.mute(member));
+        if digest == agent.memory.codec.digest() {
+            for (sender, latest) in latest {
+                agent.memory.packets.advance_to(sender, latest);
+            }
+            for entry in frames {
+                agent.apply(entry)?;
+            }
+        }
+        Ok(agent)
+    }
+}
+
+/// What a snapshot says.
+struct Contents<'a> {
+    vehicle: &'a str,
+    digest: &'a [u8],
+    latest: Vec<(u8, u16)>,
+    muted: Vec<VehicleId>,
+    events: Vec<(u64, Event)>,
+    fixes: Vec<(f64, Position)>,
+    frames: Vec<Entry>,
+}
+
+/// The bytes between the version and the check, if the check is that of all before it.
+fn checked<'a>(bytes: &'a [u8], key: Option<&Key>) -> Result<&'a [u8], String> {
+    let Some((content, check)) = bytes.len().checked_sub(CHECK_BYTES).map(|end| bytes.split_at(end)) else {
+        return Err(format!("{} bytes are too few", bytes.len()));
+    };
+    let mut reader = Reader::new(content);
+    let (magic, version) = (reader.take(MAGIC.len()), reader.u16());
+    let (Some(magic), Some(version)) = (magic, version) else {
+        return Err(format!("{} bytes are too few", bytes.len()));
+    };
+    if magic != MAGIC {
+        return Err("it does not begin as snapshots do".into());
+    }
+    if version != SNAPSHOT_VERSION {
+        return Err(format!("version {version}, but this software reads version {SNAPSHOT_VERSION}"));
+    }
+    if check != checksum(key, content) {
+        return Err("its check does not fit: damaged, or taken under another key".into());
+    }
+    Ok(&content[MAGIC.len() + 2..])
+}
+
+fn contents(bytes: &[u8]) -> Option<Contents<'_>> {
+    let mut reader = Reader::new(bytes);
+    let (vehicle, digest) = (reader.text()?, reader.bytes()?);
+    let senders = reader.u16()?;
+    let latest = (0..senders).map(|_| Some((reader.u8()?, reader.u16()?))).collect::<Option<_>>()?;
+    let muted = (0..reader.u16()?).map(|_| Some(VehicleId::new(reader.text()?))).collect::<Option<_>>()?;
+    // No list is made longer than the bytes that are there.
+    let (mut events, mut fixes, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+    for _ in 0..reader.u64()? {
+        match read_entry(&mut reader)? {
+            Entry::Observed { number, event } => events.push((number, event)),
+            Entry::Navigated { time_s, position } => fixes.push((time_s, position)),
+            frame => frames.push(frame),
+        }
+    }
+    reader.is_at_end().then_some(Contents { vehicle, digest, latest, muted, events, fixes, frames })
+}
+
+fn write_entry(out: &mut Writer, entry: &Entry) {
+    match entry {
+        Entry::Observed { number, event } => {
+            out.u8(if event.kind.is_some() { 3 } else { 0 });
+            out.u64(*number);
+            write_event(out, event);
+        }
+        Entry::Navigated { time_s, position } => {
+            out.u8(4);
+            out.f64(*time_s);
+            write_position(out, position);
+        }
+        Entry::UnusedSlot { sender, slot } => {
+            out.u8(6);
+            out.text(sender.as_str());
+            out.u32(*slot);
+        }
+        Entry::Piggyback { sender, newest, outcomes } => {
+            out.u8(5);
+            out.text(sender.as_str());
+            out.u32(*newest);
+            out.bytes(&outcomes.iter().map(|&heard| heard.into()).collect::<Vec<u8>>());
+        }
+        Entry::Received { bytes } => {
+            out.u8(1);
+            out.bytes(bytes);
+        }
+        Entry::Sent { number, slot, bytes } => {
+            out.u8(2);
+            out.u64(*number);
+            out.u8(slot.is_some().into());
+            slot.iter().for_each(|&slot| out.u32(slot));
+            out.bytes(bytes);
+        }
+    }
+}
+
+fn read_entry(reader: &mut Reader<'_>) -> Option<Entry> {
+    match reader.u8()? {
+        tag @ (0 | 3) => Some(Entry::Observed { number: reader.u64()?, event: read_event(reader, tag == 3)? }),
+        4 => Some(Entry::Navigated { time_s: reader.f64()?, position: read_position(reader)? }),
+        6 => Some(Entry::UnusedSlot { sender: VehicleId::new(reader.text()?), slot: reader.u32()? }),
+        5 => Some(Entry::Piggyback {
+            sender: VehicleId::new(reader.text()?),
+            newest: reader.u32()?,
+            outcomes: reader.bytes()?.iter().map(|&heard| (heard <= 1).then_some(heard == 1)).collect::<Option<_>>()?,
+        }),
+        1 => Some(Entry::Received { bytes: reader.bytes()?.to_vec() }),
+        2 => Some(Entry::Sent {
+            number: reader.u64()?,
+            slot: if reader.bool()? { Some(reader.u32()?) } else { None },
+            bytes: reader.bytes()?.to_vec(),
+        }),
+        _ => None,
+    }
+}
+
+/// Time, who sent, who should have heard it, whether it did, both ends, and the kind of message if it has one.
+fn write_event(out: &mut Writer, event: &Event) {
+    out.f64(event.time_s);
+    out.text(event.transmitter_id.as_str());
+    out.text(event.receiver_id.as_str());
+    out.u8(event.success.into());
+    event.link.ends().iter().for_each(|end| write_position(out, end));
+    event.kind.iter().for_each(|kind| out.text(kind.as_str()));
+}
+
+fn write_position(out: &mut Writer, position: &Position) {
+    out.f64(position.east_m);
+    out.f64(position.north_m);
+    out.option(position.depth_m);
+}
+
+fn read_position(reader: &mut Reader<'_>) -> Option<Position> {
+    Some(Position { east_m: reader.f64()?, north_m: reader.f64()?, depth_m: reader.option()? })
+}
+
+fn read_event(reader: &mut Reader<'_>, has_kind: bool) -> Option<Event> {
+    let time_s = reader.f64()?;
+    let mut id = || Some(VehicleId::new(reader.text()?));
+    let (transmitter_id, receiver_id) = (id()?, id()?);
+    let success = reader.bool()?;
+    let link = Link { transmitter: read_position(reader)?, receiver: read_position(reader)? };
+    let kind = if has_kind { Some(MessageKind::new(reader.text()?)) } else { None };
+    Some(Event { time_s, transmitter_id, receiver_id, link, kind, success })
+}

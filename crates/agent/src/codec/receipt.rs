@@ -1,0 +1,192 @@
+//! Receipts: the result of receiving a packet.
+
+use crate::types::event::VehicleId;
+
+/// The result of receiving a packet, report or piggybacked outcomes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Receipt {
+    /// The content counts from now on.
+    Accepted,
+    /// The content does not count.
+    Refused(Refusal),
+}
+
+impl Receipt {
+    /// Returns whether the memory may have changed. Damaged, foreign and repeated frames leave it as it was.
+    pub(crate) fn changes_memory(&self) -> bool {
+        !matches!(
+            self,
+            Receipt::Refused(
+                Refusal::Malformed(_)
+                    | Refusal::Forged(_)
+                    | Refusal::OtherForm { .. }
+                    | Refusal::OtherTeam { .. }
+                    | Refusal::UnknownSender { .. }
+                    | Refusal::Unusable(_)
+                    | Refusal::PiggybackDisabled
+                    | Refusal::NoMember { .. }
+                    | Refusal::NoSlot { .. }
+                    | Refusal::Duplicate
+            )
+        )
+    }
+}
+
+/// The reason why received content does not count.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// The bytes are neither a summary packet nor a report, or a field is out of bounds.
+    #[error("neither a summary packet nor a report: {0}")]
+    Malformed(pingmap_packet::Error),
+    /// The tag is wrong. The packet is damaged, or authenticated with another key.
+    #[error("not of this team: {0}")]
+    Forged(pingmap_packet::Error),
+    /// The packet is intact but has a form that this team does not send. Its sender uses another team file.
+    #[error("not of this team: the team sends no packets of the form {name}")]
+    OtherForm {
+        /// Name of the form in the `.proto`.
+        name: &'static str,
+    },
+    /// The packet was formed under another team configuration, for example with another model, grid or epoch. Its sender uses another team
+    /// file. A plain packet may also be damaged; its number is then arbitrary.
+    #[error("formed under another team configuration{}", difference_in_words(*found, *expected))]
+    OtherTeam {
+        /// Number of the team configuration in an intact plain packet. `None` for an authenticated packet, which shows that the sender has
+        /// the team's key but not which configuration it uses.
+        found: Option<u16>,
+        /// Number of this team's configuration.
+        expected: u16,
+    },
+    /// No member has the sender's number.
+    #[error("no member has number {number}")]
+    UnknownSender {
+        /// The number.
+        number: u8,
+    },
+    /// The team does not use piggybacked outcomes: see [`crate::Team::piggyback`].
+    #[error(
+        "this team does not piggyback outcomes: they are not authenticated (piggyback = true in the team file allows them)"
+    )]
+    PiggybackDisabled,
+    /// The vehicle is not a member: the sender of piggybacked outcomes, or the vehicle of an unused slot.
+    #[error("{id} is not a member of the team")]
+    NoMember {
+        /// Name of the vehicle.
+        id: VehicleId,
+    },
+    /// Piggybacked outcomes arrived at a time without a numbered slot.
+    #[error("there is no numbered slot at {time_s} s")]
+    NoSlot {
+        /// Time of arrival, in seconds.
+        time_s: f64,
+    },
+    /// The content was received before.
+    #[error("already received")]
+    Duplicate,
+    /// The sender has sent a full window of later packets or reports.
+    #[error("older than the window of its sender")]
+    TooOld,
+    /// Another packet has the same sender and counter. Two vehicles use one number, or the sender restarted without its memory. Neither
+    /// packet counts.
+    #[error("another packet of the same sender has counter {counter}")]
+    Conflict {
+        /// The counter.
+        counter: u16,
+    },
+    /// The counter is more than [`COUNTER_LEAP_MAX`](crate::COUNTER_LEAP_MAX) ahead of the sender's latest accepted one. The packet counts
+    /// as soon as another packet confirms it.
+    #[error("counter {counter} is far ahead of {}: it waits for a second packet to confirm it", latest_in_words(*latest))]
+    Unconfirmed {
+        /// The counter.
+        counter: u16,
+        /// Largest accepted counter of the sender, if any.
+        latest: Option<u16>,
+    },
+    /// The packet has this vehicle's own number, but the vehicle did not send it. Another vehicle uses the number, or this vehicle sent it
+    /// before it lost its memory. The next own packet gets a counter that is a full window larger.
+    #[error("duplicate vehicle number: received a packet under this vehicle's own number, counter {counter}")]
+    OwnNumber {
+        /// The counter.
+        counter: u16,
+    },
+    /// A report or piggybacked outcomes have this vehicle's own number, but the vehicle did not send them. Another vehicle uses the number,
+    /// or this vehicle sent them before it lost its memory. The report is stored as an own report.
+    #[error("duplicate vehicle number: received a report or outcomes under this vehicle's own number")]
+    OwnReport,
+    /// The frame was recorded as transmitted by this vehicle, but it has another number.
+    #[error("sent under number {number}, which is not this vehicle's number")]
+    NotSentByMe {
+        /// The number in the packet.
+        number: u8,
+    },
+    /// The packet does not decode to a summary, because its points coincide.
+    #[error("contains no usable summary: {0}")]
+    Unusable(dgpc::Error),
+}
+
+/// Describes the difference between two team configurations.
+fn difference_in_words(found: Option<u16>, expected: u16) -> String {
+    found.map_or_else(
+        || ", with this team's key".into(),
+        |found| format!(", or damaged: its configuration has number {found}, expected {expected}"),
+    )
+}
+
+/// Describes the largest accepted counter of a sender.
+fn latest_in_words(latest: Option<u16>) -> String {
+    latest.map_or_else(|| "the first counter of a new sender".into(), |latest| format!("its sender's latest, {latest}"))
+}
+
+/// Numbers of received packets, by receipt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Number of packets with [`Receipt::Accepted`].
+    pub accepted: u64,
+    /// Number of packets with [`Refusal::Malformed`] or [`Refusal::NoSlot`].
+    pub malformed: u64,
+    /// Number of packets with [`Refusal::Forged`] or [`Refusal::PiggybackDisabled`].
+    pub forged: u64,
+    /// Number of packets with [`Refusal::OtherTeam`] or [`Refusal::OtherForm`].
+    pub other_team: u64,
+    /// Number of packets with [`Refusal::UnknownSender`] or [`Refusal::NoMember`].
+    pub unknown_sender: u64,
+    /// Number of packets with [`Refusal::Duplicate`].
+    pub duplicate: u64,
+    /// Number of packets with [`Refusal::TooOld`].
+    pub too_old: u64,
+    /// Number of packets with [`Refusal::Conflict`].
+    pub conflict: u64,
+    /// Number of packets with [`Refusal::Unconfirmed`].
+    pub unconfirmed: u64,
+    /// Number of packets with [`Refusal::OwnNumber`], [`Refusal::OwnReport`] or [`Refusal::NotSentByMe`].
+    pub own_number: u64,
+    /// Number of packets with [`Refusal::Unusable`].
+    pub unusable: u64,
+}
+
+impl Counts {
+    /// Counts a receipt.
+    pub(crate) fn count(&mut self, receipt: &Receipt) {
+        let counter = match receipt {
+            Receipt::Accepted => &mut self.accepted,
+            Receipt::Refused(refusal) => self.counter_of(refusal),
+        };
+        *counter += 1;
+    }
+
+    fn counter_of(&mut self, refusal: &Refusal) -> &mut u64 {
+        match refusal {
+            Refusal::Malformed(_) | Refusal::NoSlot { .. } => &mut self.malformed,
+            Refusal::Forged(_) | Refusal::PiggybackDisabled => &mut self.forged,
+            Refusal::OtherForm { .. } | Refusal::OtherTeam { .. } => &mut self.other_team,
+            Refusal::UnknownSender { .. } | Refusal::NoMember { .. } => &mut self.unknown_sender,
+            Refusal::Duplicate => &mut self.duplicate,
+            Refusal::TooOld => &mut self.too_old,
+            Refusal::Conflict { .. } => &mut self.conflict,
+            Refusal::Unconfirmed { .. } => &mut self.unconfirmed,
+            Refusal::OwnNumber { .. } | Refusal::OwnReport | Refusal::NotSentByMe { .. } => &mut self.own_number,
+            Refusal::Unusable(_) => &mut self.unusable,
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! Detects faulty members: members whose data contradict the data of all others (docs/method.md, section 8).
+
+use std::collections::BTreeSet;
+
+use dgpc::{Posterior, Shift, Summary, spread_out};
+
+use crate::error::AgentError;
+use crate::inference::accepted::{AcceptedData, packets_with, summaries};
+use crate::inference::posteriors::Posteriors;
+use crate::store::memory::Memory;
+use crate::types::event::Event;
+
+/// Share of the exclusion threshold above which a member is a suspect as soon as any member exceeds the threshold.
+const SUSPECT_SHARE: f64 = 0.6;
+
+/// Standard deviation of the offset between receivers, in logits. A common offset of all data of one member is no discrepancy up to this
+/// size, because hydrophones differ.
+const RECEIVER_OFFSET_SD: f64 = 0.5;
+
+/// Maximum number of remote events of a member that are compared with a posterior.
+const EXAMINED_EVENTS_MAX: usize = 200;
+
+/// Excluded members, and the own and the fused posterior without their data.
+type Exclusion = (BTreeSet<u8>, [Posterior; 2]);
+
+impl Posteriors {
+    /// Detects faulty members. Returns the excluded members with the posteriors without them, or `None` if they are unchanged.
+    ///
+    /// Between fits, only members with new packets are examined: O(M n²) for M inducing points of their packets. If one of them exceeds
+    /// the threshold or was excluded, all members are examined. After a fit, all members are examined at O(n³) for each member with remote
+    /// events. Every new exclusion, and every readmission, takes O(n³).
+    pub(crate) fn detect_faulty_members(
+        &self,
+        memory: &Memory,
+        data: &AcceptedData,
+    ) -> Result<Option<Exclusion>, AgentError> {
+        let Some(examined) = &self.examined else { return self.examine_all(memory, data) };
+        let changed: BTreeSet<u8> = examined.symmetric_difference(&data.packets).map(|key| key.0).collect();
+        let threshold = memory.codec.team.exclusion_threshold_sd;
+        for &member in &changed {
+            if self.excluded.contains(&member)
+                || packet_discrepancy(&self.fused, memory, &data.of_member(member), Posterior::shift_of)? > threshold
+            {
+                return self.examine_all(memory, data);
+            }
+        }
+        Ok(None)
+    }
+
+    /// Examines all members and excludes faulty ones, one at a time, until no remaining member exceeds the threshold.
+    ///
+    /// A faulty member that claims high certainty increases the discrepancies of correct members, and its own may be smaller. If one member
+    /// exceeds the threshold, all members near it are therefore suspects. The suspect that contradicts the vehicle's own events most is
+    /// excluded. The result depends only on the accepted data and the last fit.
+    fn examine_all(&self, memory: &Memory, data: &AcceptedData) -> Result<Option<Exclusion>, AgentError> {
+        let threshold = memory.codec.team.exclusion_threshold_sd;
+        let mut excluded = BTreeSet::new();
+        loop {
+            let trusted = data.without(&excluded);
+            let is_unchanged = excluded == self.excluded;
+            let [own, posterior] = match is_unchanged {
+                true => [self.own.clone(), self.fused.clone()],
+                false => self.own_and_fused(memory, &trusted)?,
+            };
+            let discrepancy = |&member: &u8| {
+                let others = trusted.without(&BTreeSet::from([member]));
+                Ok((self.discrepancy_of_trusted(memory, &posterior, &trusted, &others, member)?, member))
+            };
+            let members = trusted.members(memory.own);
+            let discrepancies = members.iter().map(discrepancy).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
+            if discrepancies.iter().all(|&(discrepancy, _)| discrepancy <= threshold) {
+                return Ok((!is_unchanged).then_some((excluded, [own, posterior])));
+            }
+            let suspects = discrepancies.iter().filter(|&&(discrepancy, _)| discrepancy > SUSPECT_SHARE * threshold);
+            excluded.extend(self.most_contradicted(memory, data, suspects.map(|&(_, member)| member))?);
+        }
+    }
+
+    /// Returns the suspect that contradicts the vehicle's own events most.
+    fn most_contradicted(
+        &self,
+        memory: &Memory,
+        data: &AcceptedData,
+        suspects: impl Iterator<Item = u8>,
+    ) -> Result<Option<u8>, AgentError> {
+        let [_, own_alone] = self.own_and_fused(memory, &AcceptedData::default())?;
+        let discrepancy = |member| Ok((discrepancy_from(memory, &own_alone, &data.of_member(member))?, member));
+        let discrepancies = suspects.map(discrepancy).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
+        Ok(discrepancies.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, member)| member))
+    }
+
+    /// Returns the discrepancy of a member, trusted or excluded: see [`crate::Agent::discrepancy`].
+    pub(crate) fn discrepancy_of(&self, memory: &Memory, data: &AcceptedData, member: u8) -> Result<f64, AgentError> {
+        let trusted = data.without(&self.excluded);
+        match self.excluded.contains(&member) {
+            true => discrepancy_from(memory, &self.fused, &data.of_member(member)),
+            false => {
+                let others = trusted.without(&BTreeSet::from([member]));
+                self.discrepancy_of_trusted(memory, &self.fused, &trusted, &others, member)
+            }
+        }
+    }
+
+    /// Returns the discrepancy of a trusted member. `posterior` includes the data of all trusted members, and `others` are these data
+    /// without the member's. Packets are subtracted from `posterior`. With remote events, the posterior of the others is computed: O(n³).
+    fn discrepancy_of_trusted(
+        &self,
+        memory: &Memory,
+        posterior: &Posterior,
+        trusted: &AcceptedData,
+        others: &AcceptedData,
+        member: u8,
+    ) -> Result<f64, AgentError> {
+        let member_data = trusted.of_member(member);
+        if member_data.events.is_empty() {
+            return packet_discrepancy(posterior, memory, &member_data, Posterior::shift_of);
+        }
+        let [_, without] = self.own_and_fused(memory, others)?;
+        discrepancy_from(memory, &without, &member_data)
+    }
+}
+
+/// Returns the discrepancy of a member's data from a posterior without them, in standard deviations. It is the larger one of two: the
+/// shift by its packets, and the contradiction of its outcomes.
+fn discrepancy_from(memory: &Memory, posterior: &Posterior, member_data: &AcceptedData) -> Result<f64, AgentError> {
+    let of_packets = packet_discrepancy(posterior, memory, member_data, Posterior::shift_by)?;
+    let events: Vec<&Event> = member_data.events.values().map(|event| &**event).collect();
+    let examined = spread_out(events.len(), EXAMINED_EVENTS_MAX);
+    let observations = memory.codec.team.model.observations_among(&events, &examined)?;
+    Ok(of_packets.max(posterior.contradiction(&observations, RECEIVER_OFFSET_SD)?))
+}
+
+/// Returns the largest shift of a posterior by the packets of a member, in standard deviations of the posterior without them. `shift` is
+/// [`Posterior::shift_of`] for a posterior that includes the packets, and [`Posterior::shift_by`] for one that does not.
+fn packet_discrepancy(
+    posterior: &Posterior,
+    memory: &Memory,
+    member_data: &AcceptedData,
+    shift: impl Fn(&Posterior, &[&Summary]) -> dgpc::Result<Shift>,
+) -> Result<f64, AgentError> {
+    let packets = packets_with(memory, &*member_data.packets);
+    let prior = posterior.prior();
+    let read = summaries(&packets).into_iter().map(|summary| summary.read_under(prior));
+    let read: Vec<_> = read.collect::<Result<_, dgpc::Error>>()?;
+    match shift(posterior, &read.iter().map(AsRef::as_ref).collect::<Vec<_>>()) {
+        Ok(shift) => Ok(shift.largest(RECEIVER_OFFSET_SD)),
+        // The packets claim so high a certainty that they cannot be subtracted numerically.
+        Err(dgpc::Error::NotPositiveDefinite { .. }) => Ok(f64::INFINITY),
+        Err(error) => Err(error.into()),
+    }
+}

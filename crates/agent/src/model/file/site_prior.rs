@@ -1,0 +1,83 @@
+//! The site prior in a model file.
+
+use dgpc::Matrix;
+use serde::{Deserialize, Serialize};
+
+use crate::model::file::error::ModelFileError;
+use crate::model::link_model::Model;
+use crate::model::site_prior::SitePrior;
+use crate::types::bounds::{self, Bounds};
+use crate::types::event::{Link, Position};
+
+/// The layout of a site prior in a model file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SitePriorLayout {
+    /// Digests of the logs that the site prior was learned from.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) log_digests: Vec<String>,
+    /// Coordinates of both ends of each link: east, north (and depth), in metres.
+    links: Vec<Vec<f64>>,
+    /// Whitened shift.
+    shift: Vec<f64>,
+    /// Whitened precision, as the rows of its lower triangle.
+    precision: Vec<Vec<f64>>,
+}
+
+impl SitePriorLayout {
+    /// Returns the layout of a site prior.
+    pub(crate) fn write(site: &SitePrior, log_digests: &[String]) -> Self {
+        let end = |end: Position| [Some(end.east_m), Some(end.north_m), end.depth_m].into_iter().flatten();
+        Self {
+            log_digests: log_digests.to_vec(),
+            links: site.links().iter().map(|link| link.ends().into_iter().flat_map(end).collect()).collect(),
+            shift: site.summary().whitened_shift().to_vec(),
+            precision: site.precision_rows().collect(),
+        }
+    }
+
+    /// Returns the site prior under this model.
+    ///
+    /// # Errors
+    /// [`ModelFileError`] for lists of different sizes, for numbers out of bounds, and for a precision that is not positive semi-definite.
+    pub(crate) fn read(&self, model: &Model) -> Result<SitePrior, ModelFileError> {
+        let points = self.links.len();
+        let size = points as f64;
+        check_bounds("number of place.links", bounds::PLACE_POINTS, size)?;
+        let is_triangle = self.precision.len() == points && (1..).zip(&self.precision).all(|(n, row)| row.len() == n);
+        if !is_triangle || self.shift.len() != points {
+            return Err(ModelFileError::UnevenPlace { points });
+        }
+        let links = self.links.iter().map(|link| read_link(link, model)).collect::<Result<Vec<_>, _>>()?;
+        for &entry in self.shift.iter().chain(self.precision.iter().flatten()) {
+            check_bounds("entry of place.shift or place.precision", bounds::INFORMATION, entry)?;
+        }
+        let precision = Matrix::from_fn(points, points, |i, j| self.precision[i.max(j)][i.min(j)]);
+        let inputs = model.inputs(&links)?;
+        Ok(SitePrior::new(&model.prior, links, &inputs, precision, self.shift.clone())?)
+    }
+}
+
+/// Returns the link with these coordinates.
+///
+/// # Errors
+/// [`ModelFileError`] for a wrong number of coordinates, and for a coordinate out of bounds.
+fn read_link(numbers: &[f64], model: &Model) -> Result<Link, ModelFileError> {
+    let width = if model.inputs.has_depths() { 3 } else { 2 };
+    if numbers.len() != 2 * width {
+        return Err(ModelFileError::LinkOfPlace { expected: 2 * width, found: numbers.len() });
+    }
+    for &number in numbers {
+        check_bounds("coordinate of place.links", bounds::COORDINATE_M, number)?;
+    }
+    let end = |end: &[f64]| Position { depth_m: end.get(2).copied(), ..Position::new(end[0], end[1]) };
+    Ok(Link { transmitter: end(&numbers[..width]), receiver: end(&numbers[width..]) })
+}
+
+/// Returns `value` if it is within the bounds.
+///
+/// # Errors
+/// [`ModelFileError::OutOfRange`] with the key otherwise.
+fn check_bounds(key: &'static str, bounds: Bounds, value: f64) -> Result<f64, ModelFileError> {
+    bounds.check(value).ok_or(ModelFileError::OutOfRange { key, expected: bounds, value })
+}

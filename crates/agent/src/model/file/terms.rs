@@ -1,0 +1,217 @@
+//! Kernel terms in a model file.
+
+use dgpc::{Correlation, Shape, Term};
+use serde::{Deserialize, Serialize};
+
+use crate::model::file::error::ModelFileError;
+use crate::model::link_model::{InputSpec, TIME};
+use crate::types::bounds::{self, Bounds};
+
+/// The layout of a kernel term in a model file. Its first correlation is inlined.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct TermLayout {
+    #[serde(with = "shape_name")]
+    shape: Shape,
+    variance: f64,
+    columns: Vec<String>,
+    /// Length-scales of position columns, in metres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length_scale_m: Option<LengthScales>,
+    /// Length-scales of the time column, in seconds. Label columns have no length-scale.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length_scale_s: Option<LengthScales>,
+    /// Ties of length-scales, see [`CorrelationLayout`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    ties: Vec<usize>,
+    #[serde(default)]
+    reciprocal: bool,
+    /// Further correlations. The term is the product of all of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    times: Vec<CorrelationLayout>,
+}
+
+/// The layout of a correlation in a model file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CorrelationLayout {
+    #[serde(with = "shape_name")]
+    shape: Shape,
+    columns: Vec<String>,
+    /// Length-scales of position columns, in metres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length_scale_m: Option<LengthScales>,
+    /// Length-scales of the time column, in seconds. Label columns have no length-scale.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length_scale_s: Option<LengthScales>,
+    /// Ties of length-scales: columns with equal numbers share one learned length-scale. The list is empty if all columns or none share it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    ties: Vec<usize>,
+}
+
+/// Serialization of a shape as its name.
+mod shape_name {
+    use dgpc::Shape;
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+
+    pub(super) fn serialize<S: Serializer>(shape: &Shape, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(shape)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Shape, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+    }
+}
+
+/// The length-scales of a correlation.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum LengthScales {
+    /// One length-scale for all columns.
+    Tied(f64),
+    /// One length-scale for each column.
+    Each(Vec<f64>),
+}
+
+/// Returns true if all columns are the time column.
+fn is_time(columns: &[String]) -> bool {
+    columns.iter().all(|name| name == TIME)
+}
+
+impl CorrelationLayout {
+    /// Returns the length-scales, in the unit of the columns. `term` is the number of the term, from 1.
+    ///
+    /// # Errors
+    /// [`ModelFileError::LengthScaleUnit`] for a length-scale in another unit, or for a missing or needless one.
+    fn length_scales(&self, term: usize) -> Result<&LengthScales, ModelFileError> {
+        let of_labels = self.shape.is_of_labels();
+        match (&self.length_scale_m, &self.length_scale_s) {
+            (None, None) if of_labels => Ok(&LengthScales::Tied(1.0)),
+            (Some(metres), None) if !of_labels && !is_time(&self.columns) => Ok(metres),
+            (None, Some(seconds)) if !of_labels && is_time(&self.columns) => Ok(seconds),
+            _ => {
+                let expected = match is_time(&self.columns) {
+                    _ if of_labels => "no length-scale, since its columns are labels",
+                    true => "length_scale_s alone, since its column is the time",
+                    false => "length_scale_m alone",
+                };
+                Err(ModelFileError::LengthScaleUnit { term, expected })
+            }
+        }
+    }
+
+    /// Returns a correlation without columns, which [`CorrelationLayout::read`] refuses.
+    fn empty() -> Self {
+        let (length_scale_m, length_scale_s) = (None, None);
+        Self { shape: Shape::Matern32, columns: Vec::new(), length_scale_m, length_scale_s, ties: Vec::new() }
+    }
+
+    /// Returns the layout of a correlation over columns with these names.
+    fn write(correlation: &Correlation, names: &[String]) -> Self {
+        let ties = correlation.ties();
+        let (all_are_tied, none_is) = (ties.iter().all(|&tie| tie == 0), ties.iter().copied().eq(0..ties.len()));
+        let length_scales = match correlation.length_scales() {
+            [first, ..] if all_are_tied => LengthScales::Tied(*first),
+            each => LengthScales::Each(each.to_vec()),
+        };
+        // A column that the inputs do not have gets a name that reading refuses.
+        let name = |&column: &usize| names.get(column).cloned().unwrap_or_else(|| format!("column {column}"));
+        let columns: Vec<String> = correlation.columns().iter().map(name).collect();
+        let ties = if all_are_tied || none_is { Vec::new() } else { ties.to_vec() };
+        let shape = correlation.shape();
+        let (length_scale_m, length_scale_s) = match is_time(&columns) {
+            _ if shape.is_of_labels() => (None, None),
+            true => (None, Some(length_scales)),
+            false => (Some(length_scales), None),
+        };
+        Self { shape, columns, length_scale_m, length_scale_s, ties }
+    }
+
+    /// Returns the correlation over columns with these names. `term` is the number of the term, from 1.
+    ///
+    /// # Errors
+    /// [`ModelFileError`] for an unknown column, and for length-scales or ties that are not valid.
+    fn read(&self, term: usize, names: &[String]) -> Result<Correlation, ModelFileError> {
+        let column = |name: &String| {
+            names.iter().position(|known| known == name).ok_or_else(|| ModelFileError::UnknownColumn {
+                term,
+                column: name.clone(),
+                known: names.join(", "),
+            })
+        };
+        let columns = self.columns.iter().map(column).collect::<Result<Vec<_>, _>>()?;
+        let correlation = match self.length_scales(term)? {
+            // Label columns have no ties.
+            LengthScales::Tied(_) if self.shape.is_of_labels() => Correlation::of_labels(&columns),
+            LengthScales::Tied(length_scale) => {
+                check_kernel_number(term, "length-scale", *length_scale)?;
+                Correlation::isotropic(self.shape, &columns, *length_scale)
+            }
+            LengthScales::Each(each) if each.len() != columns.len() => {
+                let (expected, found) = (columns.len(), each.len());
+                return Err(ModelFileError::LengthScales { term, expected, found });
+            }
+            LengthScales::Each(each) => {
+                each.iter().try_for_each(|&length_scale| check_kernel_number(term, "length-scale", length_scale))?;
+                Correlation::new(self.shape, &columns, each)
+            }
+        };
+        let tied = |correlation: Correlation| {
+            if self.ties.is_empty() { Ok(correlation) } else { correlation.tied(&self.ties) }
+        };
+        correlation.and_then(tied).map_err(|source| ModelFileError::Term { term, source })
+    }
+}
+
+/// Checks that a variance or length-scale is within bounds.
+///
+/// # Errors
+/// [`ModelFileError::Term`] otherwise.
+fn check_kernel_number(term: usize, what: &'static str, value: f64) -> Result<(), ModelFileError> {
+    let Bounds { words, .. } = bounds::KERNEL_NUMBER;
+    match bounds::KERNEL_NUMBER.check(value) {
+        Some(_) => Ok(()),
+        None => Err(ModelFileError::Term { term, source: dgpc::Error::OutOfRange { what, expected: words, value } }),
+    }
+}
+
+impl TermLayout {
+    /// Returns the layout of a kernel term over these inputs.
+    pub(crate) fn write(term: &Term, inputs: InputSpec) -> Self {
+        let names = inputs.column_names();
+        let mut layouts = term.correlations().iter().map(|correlation| CorrelationLayout::write(correlation, &names));
+        // A term has at least one correlation.
+        let first = layouts.next();
+        let times = layouts.collect();
+        let CorrelationLayout { shape, columns, length_scale_m, length_scale_s, ties } =
+            first.unwrap_or_else(CorrelationLayout::empty);
+        let (variance, reciprocal) = (term.variance(), term.is_reciprocal());
+        Self { shape, variance, columns, length_scale_m, length_scale_s, ties, reciprocal, times }
+    }
+
+    /// Returns the kernel term over these inputs. `number` is the number of the term, from 1.
+    ///
+    /// # Errors
+    /// [`ModelFileError`] for an unknown column, a number out of bounds, and a reciprocal term that is not symmetric.
+    pub(crate) fn read(self, number: usize, inputs: InputSpec) -> Result<Term, ModelFileError> {
+        let names = inputs.column_names();
+        let Self { shape, variance, columns, length_scale_m, length_scale_s, ties, reciprocal, times } = self;
+        check_kernel_number(number, "kernel variance", variance)?;
+        let failed = |source| ModelFileError::Term { term: number, source };
+        let first = CorrelationLayout { shape, columns, length_scale_m, length_scale_s, ties }.read(number, &names)?;
+        let mut term = Term::of(variance, first).map_err(failed)?;
+        for layout in times {
+            term = term.times(layout.read(number, &names)?).map_err(failed)?;
+        }
+        if !reciprocal {
+            return Ok(term);
+        }
+        inputs.swap_ends().and_then(|swap| term.reciprocal(swap)).map_err(|error| match error {
+            dgpc::Error::NotReciprocal { column, partner, length_scale, partner_length_scale } => {
+                let (column, partner) = (names[column].clone(), names[partner].clone());
+                ModelFileError::NotReciprocal { term: number, column, partner, length_scale, partner_length_scale }
+            }
+            other => failed(other),
+        })
+    }
+}

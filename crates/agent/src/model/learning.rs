@@ -1,0 +1,291 @@
+//! Learning of a model from events: the parameters of one structure, and the choice among several (section 7 of
+//! [`dgpc::method`]).
+
+use dgpc::{HyperPrior, LearnOptions, Learned, Prior, PriorMean, Summary, spread_out};
+
+use crate::model::fading::Fading;
+use crate::model::link_model::{InputSpec, Model};
+use crate::model::structure::{MeanStructure, OptionalTerm, Structure, StructureConstraints};
+use crate::types::chart::Chart;
+use crate::types::event::Event;
+use crate::types::limits::Limits;
+
+/// Smallest gain for which a term is added, in nats per event.
+const GAIN_MIN_NATS: f64 = 0.001;
+
+/// Factor of the gain in corrected evidence that an uncommon term must exceed, relative to the leave-one-out threshold.
+const EVIDENCE_FACTOR: f64 = 2.0;
+
+/// Smallest share of the total weight that fading must remove, or change, before the model is learned again.
+const WEIGHT_CHANGE_MIN: f64 = 0.02;
+
+/// Tolerance of a search with an added term, in nats per event. It is far below the smallest gain for which the term is added.
+const ADDITION_TOLERANCE: f64 = 1e-6;
+
+/// The criterion for the choice among structures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Criterion {
+    /// Mean leave-one-out log predictive probability.
+    LeaveOneOut,
+    /// Lower bound E of the evidence.
+    Evidence,
+}
+
+/// The settings of learning: candidate structures, fixed parameters, and limits on the work.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Learning {
+    /// Candidate structures.
+    pub structures: Vec<Structure>,
+    /// Optional terms to add to the chosen structure, in order of trial. [`LearnedModel::improves_on`] decides about each.
+    pub additions: Vec<OptionalTerm>,
+    /// Criterion for the choice among the structures.
+    pub criterion: Criterion,
+    /// Fixed value of all length-scales, in metres. `None` if they are learned.
+    pub length_scale_m: Option<f64>,
+    /// Fixed variance of every term. `None` if variances are learned.
+    pub variance: Option<f64>,
+    /// Fixed fading. `None` if fading is learned.
+    pub fading: Option<Fading>,
+    /// Maximum number of events to learn from. They are spread evenly over the log.
+    pub events_max: usize,
+    /// Limits of fits, such as the largest number of events of a dense fit.
+    pub limits: Limits,
+}
+
+impl Default for Learning {
+    /// Returns settings with one structure ([`StructureConstraints::default_candidates`]) and all optional terms.
+    fn default() -> Self {
+        Self {
+            structures: StructureConstraints::default().default_candidates(),
+            additions: OptionalTerm::ALL.to_vec(),
+            criterion: Criterion::LeaveOneOut,
+            length_scale_m: None,
+            variance: None,
+            fading: None,
+            events_max: 2000,
+            limits: Limits::default(),
+        }
+    }
+}
+
+/// A model learned from events.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct LearnedModel {
+    /// Structure of the kernel and the prior mean.
+    pub structure: Structure,
+    /// Result of the search.
+    pub learned: Learned,
+    /// Number of events that were used.
+    pub events_used: usize,
+    /// Number of events in the log.
+    pub events: usize,
+    /// Resulting model.
+    pub model: Model,
+}
+
+impl LearnedModel {
+    /// Returns E at the optimum over the events used, in nats.
+    pub fn evidence(&self) -> f64 {
+        self.learned.optimum_evidence
+    }
+
+    /// Returns the weighted mean leave-one-out log predictive probability of the events used, in nats. Returns 0 without events.
+    pub fn leave_one_out(&self) -> f64 {
+        let (fit, weights) = (&self.learned.fit, self.learned.fit.weights());
+        let sum: f64 = fit.leave_one_out().iter().zip(weights).map(|(log, weight)| weight * log).sum();
+        if weights.is_empty() { 0.0 } else { sum / weights.iter().sum::<f64>() }
+    }
+
+    /// Returns true if this model predicts better than `before` by enough to keep `addition`, the term that only this model has.
+    ///
+    /// Both models must be fits of the same events. The mean gain of leave-one-out predictions must exceed a threshold. The threshold is
+    /// 0.001 nats per event, or one standard error of the paired gains if that is larger. For an uncommon term the gain in corrected
+    /// evidence per event must also exceed twice the threshold.
+    pub fn improves_on(&self, addition: OptionalTerm, before: &LearnedModel) -> bool {
+        let [after, before] = [self, before].map(|model| &model.learned.fit);
+        let pairs = after.leave_one_out().into_iter().zip(before.leave_one_out());
+        let gains: Vec<f64> = pairs.map(|(after, before)| after - before).collect();
+        // Weights below 1 of repeated events reduce the effective number of events.
+        let weighted = |value: &dyn Fn(f64) -> f64| {
+            gains.iter().zip(before.weights()).map(|(&gain, weight)| weight * value(gain)).sum::<f64>()
+        };
+        let count = weighted(&|_| 1.0);
+        if count < 2.0 {
+            return false;
+        }
+        let mean = weighted(&|gain| gain) / count;
+        let variance = weighted(&|gain| (gain - mean).powi(2)) / (count - 1.0);
+        let threshold = GAIN_MIN_NATS.max((variance / count).sqrt());
+        let evidence = (after.corrected_evidence() - before.corrected_evidence()) / count;
+        mean > threshold && (addition.is_common() || evidence > EVIDENCE_FACTOR * threshold)
+    }
+
+    /// Returns the value of `criterion` for this model. A larger value is better.
+    pub fn merit(&self, criterion: Criterion) -> f64 {
+        match criterion {
+            Criterion::LeaveOneOut => self.leave_one_out(),
+            Criterion::Evidence => self.evidence(),
+        }
+    }
+}
+
+impl Learning {
+    /// Returns the prior of a structure before learning, with the fixed parameters. `scale_m` is the scale of the chart, in metres.
+    ///
+    /// # Errors
+    /// As [`Structure::template`]. [`dgpc::Error::OutOfRange`] for a fixed parameter that is not finite and positive.
+    pub fn template(&self, structure: &Structure, inputs: InputSpec, scale_m: f64) -> dgpc::Result<Prior> {
+        let template = structure.template(inputs, self.length_scale_m.unwrap_or(scale_m))?;
+        let mean = structure.template(inputs, scale_m)?.mean().clone();
+        match self.variance {
+            Some(variance) => with_variance(&template, variance, mean),
+            None => Prior::new(template.kernel().clone(), mean),
+        }
+    }
+
+    /// Learns the parameters of one structure from `events` and from the summaries of others in `messages`.
+    ///
+    /// An earlier fit of the same structure is a warm start. It reduces the work to one search, whose result is never worse in E.
+    ///
+    /// # Errors
+    /// [`dgpc::Error`] for a position that is not finite, or for a scale or fixed parameter that is not finite and positive.
+    pub fn fit<'a>(
+        &self,
+        structure: &Structure,
+        chart: Chart,
+        inputs: InputSpec,
+        events: impl IntoIterator<Item = &'a Event>,
+        messages: &[&Summary],
+        earlier: Option<&LearnedModel>,
+    ) -> dgpc::Result<LearnedModel> {
+        let prior = self.template(structure, inputs, chart.scale_m)?;
+        let fading = self.fading.or_else(|| earlier.map(|earlier| earlier.model.fading)).unwrap_or_default();
+        let template = Model { fading, ..Model::new(chart, inputs, prior) };
+        let events: Vec<&Event> = events.into_iter().collect();
+        let used = self.select_events(&events);
+        let observations = template.observations(used.iter().copied())?;
+        let warm_start = earlier.map(|earlier| {
+            structure.transfer_parameters(&template.prior, (&earlier.structure, &earlier.learned.optimum))
+        });
+        let warm_start = warm_start.transpose()?;
+        let transferred = warm_start.as_ref().zip(earlier.map(|earlier| &earlier.structure));
+        let further = structure.further_starts(&template.prior, transferred)?;
+        let mut options = self.search_options(structure).messages(messages).further_starts(&further);
+        options.warm_start = warm_start.as_ref();
+        let tilts = earlier.map(|earlier| earlier.learned.fit.tilts());
+        options.tilts = tilts.filter(|tilts| tilts.len() == observations.len());
+        if transferred.is_some_and(|(_, earlier)| earlier != structure) {
+            options.tolerance = ADDITION_TOLERANCE;
+        }
+        let learned = dgpc::learn(&template.prior, &observations, &options)?;
+        let model = Model { prior: learned.prior.clone(), ..template };
+        Ok(LearnedModel {
+            structure: *structure,
+            learned,
+            events_used: observations.len(),
+            events: events.len(),
+            model,
+        })
+    }
+
+    /// Learns every structure, selects the best fit by [`Learning::criterion`], and adds the [`Learning::additions`] that improve it.
+    ///
+    /// # Errors
+    /// As [`Learning::fit`]. [`dgpc::Error::OutOfRange`] without structures.
+    pub fn best<'a>(
+        &self,
+        chart: Chart,
+        inputs: InputSpec,
+        events: impl IntoIterator<Item = &'a Event> + Clone,
+        messages: &[&Summary],
+    ) -> dgpc::Result<LearnedModel> {
+        let fits =
+            self.structures.iter().map(|structure| self.fit(structure, chart, inputs, events.clone(), messages, None));
+        let mut best = self.choose(fits.collect::<dgpc::Result<_>>()?)?;
+        for addition in self.additions_to(&events.clone().into_iter().collect::<Vec<_>>()) {
+            if best.structure.can_have(addition) {
+                let structure = best.structure.with(addition);
+                let after = self.fit(&structure, chart, inputs, events.clone(), messages, Some(&best))?;
+                best = if after.improves_on(addition, &best) { after } else { best };
+            }
+        }
+        self.with_fading(best, events, messages)
+    }
+
+    /// Returns the additions to try on these events. Offsets of message kinds need several kinds.
+    pub fn additions_to(&self, events: &[&Event]) -> Vec<OptionalTerm> {
+        let has_kinds = events.iter().any(|event| event.kind != events[0].kind);
+        self.additions.iter().copied().filter(|&addition| has_kinds || addition != OptionalTerm::Kinds).collect()
+    }
+
+    /// Estimates fading from the residuals of a learned model, and learns the model again if the weights of events change.
+    ///
+    /// The model stays as it is if fading is fixed, or if the present fading reduces the total weight by less than 2 %. Its parameters stay
+    /// if the new fading changes the weights by less than 2 % in total.
+    ///
+    /// # Errors
+    /// As [`Learning::fit`].
+    pub fn with_fading<'a>(
+        &self,
+        mut learned: LearnedModel,
+        events: impl IntoIterator<Item = &'a Event>,
+        messages: &[&Summary],
+    ) -> dgpc::Result<LearnedModel> {
+        let events: Vec<&Event> = events.into_iter().collect();
+        let used = self.select_events(&events);
+        let fit = &learned.learned.fit;
+        let (before, count) = (fit.weights(), used.len() as f64);
+        if self.fading.is_some() || before.iter().sum::<f64>() >= (1.0 - WEIGHT_CHANGE_MIN) * count {
+            return Ok(learned);
+        }
+        let fading = learned.model.fading.reestimate(&used, &fit.probabilities());
+        let after = fading.weights(&used);
+        let changed: f64 = before.iter().zip(&after).map(|(before, after)| (after - before).abs()).sum();
+        learned.model.fading = fading;
+        if changed < WEIGHT_CHANGE_MIN * count {
+            return Ok(learned);
+        }
+        let &LearnedModel { structure, model: Model { chart, inputs, .. }, .. } = &learned;
+        self.fit(&structure, chart, inputs, events, messages, Some(&learned))
+    }
+
+    /// Returns at most [`Learning::events_max`] of the events, spread evenly.
+    fn select_events<'a>(&self, events: &[&'a Event]) -> Vec<&'a Event> {
+        spread_out(events.len(), self.events_max).into_iter().map(|n| events[n]).collect()
+    }
+
+    /// Returns the best of several fits by [`Learning::criterion`]. If several are equal, it returns the first.
+    ///
+    /// # Errors
+    /// [`dgpc::Error::OutOfRange`] without fits.
+    pub fn choose(&self, fits: Vec<LearnedModel>) -> dgpc::Result<LearnedModel> {
+        let merit = |fit: &LearnedModel| fit.merit(self.criterion);
+        let best = fits.into_iter().reduce(|best, next| if merit(&next) > merit(&best) { next } else { best });
+        best.ok_or(dgpc::Error::OutOfRange { what: "number of structures", expected: "at least 1", value: 0.0 })
+    }
+
+    /// Returns the options of the search for the parameters of a structure.
+    fn search_options(&self, structure: &Structure) -> LearnOptions<'static> {
+        let mut hyper_prior = HyperPrior::default();
+        if let MeanStructure::Conservative { .. } = structure.mean {
+            // With a standard deviation of 1, more than a few events are needed to move the intercept that the user fixed.
+            hyper_prior = hyper_prior.intercept(1.0);
+        }
+        if self.length_scale_m.is_some() {
+            hyper_prior = hyper_prior.length_scale(0.0);
+        }
+        if self.variance.is_some() {
+            hyper_prior = hyper_prior.variance(0.0);
+        }
+        let Limits { dense_events_max, inducing_points_max, .. } = self.limits;
+        let options = LearnOptions::default().hyper_prior(hyper_prior);
+        options.sparse_beyond(dense_events_max, inducing_points_max)
+    }
+}
+
+/// Returns the prior with the given mean and with one variance for all terms.
+fn with_variance(prior: &Prior, variance: f64, mean: PriorMean) -> dgpc::Result<Prior> {
+    let terms = prior.kernel().terms().iter().map(|term| term.with_variance(variance)).collect::<dgpc::Result<_>>()?;
+    Prior::new(dgpc::Kernel::new(terms)?, mean)
+}

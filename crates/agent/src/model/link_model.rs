@@ -1,0 +1,311 @@
+//! The model of links: the chart, the inputs that the method computes of a query, and the prior over these inputs.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::ops::Range;
+use std::sync::Arc;
+
+use dgpc::{
+    Candidates, Correlation, Inputs, Kernel, Observations, Posterior, Prior, PriorMean, Reflection, Shape, Summary,
+    Term,
+};
+
+use crate::model::fading::Fading;
+use crate::model::site_prior::SitePrior;
+use crate::types::chart::Chart;
+use crate::types::event::{Event, Link, Position};
+use crate::types::query::LinkQuery;
+
+/// Schema version of a [`Model`]. Readers of files and messages refuse a newer version.
+pub const MODEL_SCHEMA: u32 = 5;
+
+/// Name of the time column.
+pub(crate) const TIME: &str = "time";
+
+/// The input columns of a query: raw positions, and quantities computed from them. Kernel terms use a subset of the columns.
+///
+/// | columns | meaning |
+/// |---|---|
+/// | `tx_…`, `rx_…` | both ends, in metres about the chart's origin: east, north (and depth) |
+/// | `u_…` | (tx + rx)/√2: the location of the link |
+/// | `v_…` | (tx − rx)/√2: direction and length of the link; swapping the ends changes the sign |
+/// | `range` | distance between the ends, in metres |
+/// | `time`, `water` | time in seconds, and a label that is negative at a typical time ([`crate::Time`]) |
+/// | `tx_vehicle`, `rx_vehicle` | labels of the vehicles ([`crate::Vehicle`]) |
+/// | `kind` | label of the message kind ([`crate::Kind`]) |
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InputSpec {
+    /// East and north of each end. There are fourteen columns.
+    Positions,
+    /// East, north and depth of each end. There are eighteen columns. An unknown depth counts as 0.
+    PositionsAndDepths,
+}
+
+impl InputSpec {
+    /// Returns the number of columns.
+    pub fn dimension(self) -> usize {
+        4 * self.dimension_of_an_end() + 6
+    }
+
+    /// Returns true if the columns include depths.
+    pub fn has_depths(self) -> bool {
+        self == InputSpec::PositionsAndDepths
+    }
+
+    /// Returns the names of the columns, in order.
+    pub fn column_names(self) -> Vec<String> {
+        let axes = &["east", "north", "depth"][..self.dimension_of_an_end()];
+        let groups = ["tx", "rx", "u", "v"].iter();
+        let names = groups.flat_map(|group| axes.iter().map(move |axis| format!("{group}_{axis}")));
+        names.chain(["range", TIME, "water", "tx_vehicle", "rx_vehicle", "kind"].map(str::to_owned)).collect()
+    }
+
+    /// Returns the columns of the transmitter's position.
+    pub fn transmitter(self) -> Range<usize> {
+        self.group(0)
+    }
+
+    /// Returns the columns of the receiver's position.
+    pub fn receiver(self) -> Range<usize> {
+        self.group(1)
+    }
+
+    /// Returns the columns of both positions. All other position columns follow from these.
+    pub fn ends(self) -> Range<usize> {
+        0..self.group(1).end
+    }
+
+    /// Returns the columns of the link coordinates, u before v.
+    pub fn link_coordinates(self) -> Range<usize> {
+        self.group(2).start..self.group(3).end
+    }
+
+    /// Returns the column of the distance between the ends, in metres.
+    pub fn range(self) -> usize {
+        4 * self.dimension_of_an_end()
+    }
+
+    /// Returns the column of the time, in seconds.
+    pub fn time(self) -> usize {
+        self.range() + 1
+    }
+
+    /// Returns the column of the label of the water, which is negative at a typical time.
+    pub fn water(self) -> usize {
+        self.range() + 2
+    }
+
+    /// Returns the column of the transmitter's label.
+    pub fn transmitting_vehicle(self) -> usize {
+        self.range() + 3
+    }
+
+    /// Returns the column of the receiver's label.
+    pub fn receiving_vehicle(self) -> usize {
+        self.range() + 4
+    }
+
+    /// Returns the column of the label of the message kind.
+    pub fn kind(self) -> usize {
+        self.range() + 5
+    }
+
+    /// Returns the columns of one group of position columns. Groups 0 to 3 are tx, rx, u and v.
+    fn group(self, index: usize) -> Range<usize> {
+        let width = self.dimension_of_an_end();
+        index * width..(index + 1) * width
+    }
+
+    /// Returns the number of coordinates of one end.
+    fn dimension_of_an_end(self) -> usize {
+        match self {
+            InputSpec::Positions => 2,
+            InputSpec::PositionsAndDepths => 3,
+        }
+    }
+
+    /// Returns the reflection of the columns that swaps the two ends.
+    ///
+    /// # Errors
+    /// Never fails in practice, because no column occurs twice.
+    pub fn swap_ends(self) -> dgpc::Result<Reflection> {
+        let pairs: Vec<(usize, usize)> = self.transmitter().zip(self.receiver()).collect();
+        Reflection::swap(&pairs)?.and_negate(&self.group(3).collect::<Vec<_>>())
+    }
+
+    /// Returns a prior mean that decreases with the distance between the ends, in log-odds.
+    ///
+    /// # Errors
+    /// [`dgpc::Error::NotFinite`] for parameters that are not finite.
+    pub fn range_mean(self, intercept: f64, slope_per_m: f64) -> dgpc::Result<PriorMean> {
+        let columns = |range: Range<usize>| range.collect::<Vec<_>>();
+        PriorMean::range(intercept, slope_per_m, &columns(self.transmitter()), &columns(self.receiver()))
+    }
+
+    /// Appends the columns of a query to `values`. `ends` holds the coordinates of both ends.
+    fn append_row(self, ends: &[f64], query: &LinkQuery, values: &mut Vec<f64>) {
+        let (transmitter, receiver) = ends.split_at(self.dimension_of_an_end());
+        let pairs = || transmitter.iter().zip(receiver);
+        values.extend(ends);
+        values.extend(pairs().map(|(t, r)| (t + r) * FRAC_1_SQRT_2));
+        values.extend(pairs().map(|(t, r)| (t - r) * FRAC_1_SQRT_2));
+        values.push(pairs().map(|(t, r)| (t - r) * (t - r)).sum::<f64>().sqrt());
+        values.extend(query.when.columns());
+        values.extend([query.transmitter.label(), query.receiver.label(), query.kind.label()]);
+    }
+}
+
+/// A model of links: chart, inputs, prior and fading. All members of a team use one model, fixed before the mission.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// Schema version with which the model was written.
+    pub schema: u32,
+    /// Common coordinate frame.
+    pub chart: Chart,
+    /// Input columns of a query.
+    pub inputs: InputSpec,
+    /// Kernel and prior mean over the input columns. Length-scales are in metres, and in seconds for the time.
+    pub prior: Prior,
+    /// Knowledge from earlier missions at the site under this prior, if any.
+    pub site: Option<Arc<SitePrior>>,
+    /// Correlation of successive outcomes of one link.
+    pub fading: Fading,
+}
+
+impl Model {
+    /// Returns a model of the current schema, without a site prior and with default fading.
+    pub fn new(chart: Chart, inputs: InputSpec, prior: Prior) -> Self {
+        Self { schema: MODEL_SCHEMA, chart, inputs, prior, site: None, fading: Fading::default() }
+    }
+
+    /// Returns the model with a site prior that summarizes `learned`, a posterior under this model.
+    ///
+    /// The site prior has up to `points_max` of the links as inducing points. They are chosen to minimize the remaining prior variance of
+    /// all links. The links are those of typical vehicles at a typical time, so offsets of vehicles and of one day are integrated out.
+    /// A site prior that the model already has is part of `learned`, and therefore of the new one. Takes O(N²m + mn²) time, and memory
+    /// for 2N² numbers. Here N is the number of links, m the number of chosen ones, and n the number of events and points of
+    /// the posterior.
+    ///
+    /// # Errors
+    /// [`dgpc::Error`] for a position that is not finite, and for a posterior under another prior.
+    pub fn with_site_prior(&self, learned: &Posterior, links: &[Link], points_max: usize) -> dgpc::Result<Self> {
+        if *learned.prior() != self.prior {
+            return Err(dgpc::Error::DifferentPriors { what: "a model and the posterior for its site prior" });
+        }
+        let chosen = Candidates::new(self.prior.kernel(), &self.inputs(links)?)?.greedy(points_max).indices;
+        let links: Vec<Link> = chosen.into_iter().map(|n| self.normalize_depths(&links[n])).collect();
+        let inputs = self.inputs(&links)?;
+        let summary = learned.summarise(&inputs)?;
+        let (precision, shift) = (summary.whitened_precision().clone(), summary.whitened_shift().to_vec());
+        let site = SitePrior::new(&self.prior, links, &inputs, precision, shift)?;
+        Ok(Self { schema: MODEL_SCHEMA, site: Some(Arc::new(site)), ..self.clone() })
+    }
+
+    /// Returns the link with the depths that the model uses. Without depth columns depths are removed, else an unknown depth becomes 0.
+    fn normalize_depths(&self, link: &Link) -> Link {
+        let end = |end: Position| {
+            let depth_m = self.inputs.has_depths().then_some(end.depth_m.unwrap_or(0.0));
+            Position { depth_m, ..end }
+        };
+        Link { transmitter: end(link.transmitter), receiver: end(link.receiver) }
+    }
+
+    /// Returns the posterior before the first event: the prior and the site prior.
+    pub fn prior_posterior(&self) -> Posterior {
+        let prior_alone = || Posterior::prior_alone(&self.prior, self.inputs.dimension());
+        self.site.as_ref().map_or_else(prior_alone, |site| site.posterior().clone())
+    }
+
+    /// Returns the summary of the site prior, if there is one.
+    pub(crate) fn site_summary(&self) -> Option<&Summary> {
+        self.site.as_ref().map(|site| site.summary())
+    }
+
+    /// Returns the geometric mean of the length-scales of the first correlation of the first kernel term, in metres.
+    ///
+    /// It is the distance over which links are correlated.
+    pub fn length_scale_m(&self) -> f64 {
+        let terms = self.prior.kernel().terms();
+        let length_scales = terms.first().map_or(&[][..], |term| term.correlations()[0].length_scales());
+        (length_scales.iter().map(|length_scale| length_scale.ln()).sum::<f64>() / length_scales.len().max(1) as f64)
+            .exp()
+    }
+
+    /// Returns the events as observations of the method. Their weights are those of [`Fading::weights`].
+    ///
+    /// # Errors
+    /// [`dgpc::Error::NotFinite`] with the row and column of the first NaN or infinity.
+    pub fn observations<'a>(&self, events: impl IntoIterator<Item = &'a Event>) -> dgpc::Result<Observations> {
+        let events: Vec<&Event> = events.into_iter().collect();
+        let outcomes = events.iter().map(|event| event.success).collect();
+        let inputs = self.inputs(events.iter().map(|event| event.query()))?;
+        Observations::weighted(inputs, outcomes, self.fading.weights(&events))
+    }
+
+    /// Returns the events at `indices` as observations. Each weight takes all `events` into account.
+    ///
+    /// The events of each pair of vehicles must be in canonical order.
+    ///
+    /// # Errors
+    /// As [`Model::observations`].
+    pub(crate) fn observations_among(&self, events: &[&Event], indices: &[usize]) -> dgpc::Result<Observations> {
+        let inputs = self.inputs(indices.iter().map(|&index| events[index].query()))?;
+        let outcomes = indices.iter().map(|&index| events[index].success).collect();
+        let weight = |&index: &usize| self.fading.weight(events[index], events[..index].iter().rev().copied());
+        Observations::weighted(inputs, outcomes, indices.iter().map(weight).collect())
+    }
+
+    /// Returns one event as an observation, with its weight given earlier events of its receiver. `earlier` starts with the latest.
+    ///
+    /// # Errors
+    /// As [`Model::observations`].
+    pub(crate) fn observation_given_earlier<'a>(
+        &self,
+        event: &Event,
+        earlier: impl Iterator<Item = &'a Event>,
+    ) -> dgpc::Result<Observations> {
+        let weight = self.fading.weight(event, earlier);
+        Observations::weighted(self.inputs([event.query()])?, vec![event.success], vec![weight])
+    }
+
+    /// Returns a model with one isotropic kernel term over both positions, reciprocal if requested, and a zero prior mean.
+    ///
+    /// # Errors
+    /// [`dgpc::Error::OutOfRange`] for a length-scale or variance that is not finite and positive.
+    pub fn isotropic(
+        chart: Chart,
+        inputs: InputSpec,
+        shape: Shape,
+        reciprocal: bool,
+        length_scale_m: f64,
+        variance: f64,
+    ) -> dgpc::Result<Self> {
+        let columns: Vec<usize> = inputs.ends().collect();
+        let mut term = Term::of(variance, Correlation::isotropic(shape, &columns, length_scale_m)?)?;
+        if reciprocal {
+            term = term.reciprocal(inputs.swap_ends()?)?;
+        }
+        let prior = Prior::new(Kernel::new(vec![term])?, PriorMean::Zero)?;
+        Ok(Self::new(chart, inputs, prior))
+    }
+
+    /// Computes the inputs of links or queries, one row each. Columns are those of [`InputSpec`], about the chart's origin.
+    ///
+    /// # Errors
+    /// [`dgpc::Error::NotFinite`] with the row and column of the first NaN or infinity.
+    pub fn inputs(&self, queries: impl IntoIterator<Item = impl Into<LinkQuery>>) -> dgpc::Result<Inputs> {
+        let (mut values, mut ends) = (Vec::new(), Vec::with_capacity(6));
+        for query in queries {
+            let query: LinkQuery = query.into();
+            ends.clear();
+            for end in query.link.ends() {
+                let (east_m, north_m) = self.chart.local_m(&end);
+                ends.extend([east_m, north_m]);
+                if self.inputs.has_depths() {
+                    ends.push(end.depth_m.unwrap_or(0.0));
+                }
+            }
+            self.inputs.append_row(&ends, &query, &mut values);
+        }
+        Inputs::new(values, self.inputs.dimension())
+    }
+}

@@ -1,0 +1,83 @@
+//! The entries of a vehicle's memory.
+
+use crate::error::AgentError;
+use crate::types::bounds::COORDINATE_M;
+use crate::types::event::{Event, Position, VehicleId};
+
+/// Largest number of an entry, plus one.
+const NUMBER_MAX: u64 = 1 << 48;
+
+/// One entry of a vehicle's memory. The memory is the set of its entries: they may be applied in any order, in parts, and more than
+/// once.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Entry {
+    /// An event that the vehicle recorded.
+    Observed {
+        /// Number of events recorded before it. It distinguishes two equal events from one event that is applied twice.
+        number: u64,
+        /// The event.
+        event: Event,
+    },
+    /// A position from the vehicle's own navigation.
+    Navigated {
+        /// Time in seconds.
+        time_s: f64,
+        /// Position in the chart's reference system.
+        position: Position,
+    },
+    /// A slot in which its member did not transmit.
+    UnusedSlot {
+        /// Member that the slot belongs to.
+        sender: VehicleId,
+        /// The slot.
+        slot: u32,
+    },
+    /// Outcomes that another member piggybacked on a message of its host.
+    Piggyback {
+        /// Member that recorded the outcomes.
+        sender: VehicleId,
+        /// Newest slot.
+        newest: u32,
+        /// Whether the member heard the message of that slot, and of the slots before it in which it could receive.
+        outcomes: Vec<bool>,
+    },
+    /// A frame that the vehicle received.
+    Received {
+        /// Bytes of the frame.
+        bytes: Vec<u8>,
+    },
+    /// A frame that the vehicle transmitted, for the first time or again.
+    Sent {
+        /// Number of frames transmitted before it.
+        number: u64,
+        /// The slot of the transmission, if it is one of the vehicle's own; see [`Slots::next_slot`](crate::Slots::next_slot). A report
+        /// that lists this slot as heard acknowledges the frame.
+        slot: Option<u32>,
+        /// Bytes of the frame.
+        bytes: Vec<u8>,
+    },
+}
+
+/// Checks the number of an entry.
+pub(crate) fn check_number(number: u64) -> Result<(), AgentError> {
+    if number < NUMBER_MAX { Ok(()) } else { Err(AgentError::NumberTooLarge { number }) }
+}
+
+/// Checks that the time and both positions of an event are finite and within bounds.
+pub(crate) fn check_event(event: &Event) -> Result<(), AgentError> {
+    check_time(event.time_s)?;
+    event.link.ends().iter().try_for_each(check_position)
+}
+
+pub(crate) fn check_time(time_s: f64) -> Result<(), AgentError> {
+    if time_s.is_finite() { Ok(()) } else { Err(AgentError::NoTime { time_s }) }
+}
+
+pub(crate) fn check_position(at: &Position) -> Result<(), AgentError> {
+    let mut coordinates = [Some(at.east_m), Some(at.north_m), at.depth_m].into_iter().flatten();
+    match coordinates.find(|&value_m| COORDINATE_M.check(value_m).is_none()) {
+        Some(value_m) => Err(AgentError::Nowhere { value_m }),
+        None => Ok(()),
+    }
+}

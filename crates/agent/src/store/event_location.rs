@@ -1,0 +1,246 @@
+//! Locates events of other members: their reports give the outcome and the slot, and tracks give the positions of both ends.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
+
+use pingmap_packet::Cell;
+
+use crate::codec::decoded::EventKey;
+use crate::codec::team_codec::TeamCodec;
+use crate::store::events::Events;
+use crate::store::reports::{EVERY_SLOT, ReportedOutcome, Reports};
+use crate::store::slot_evidence::SlotEvidence;
+use crate::track::position_track::Track;
+use crate::types::event::{Event, Link, Position};
+
+/// Events of other members whose positions are known.
+pub(crate) type RemoteEvents = BTreeMap<EventKey, Arc<Event>>;
+
+/// Returns whether `events` contain an equal event under the same key.
+pub(crate) fn is_among(events: &RemoteEvents, (key, event): (&EventKey, &Arc<Event>)) -> bool {
+    events.get(key).is_some_and(|other| is_same(other, event))
+}
+
+/// Returns a predicate equal to [`is_among`] for a series of events in the order of their keys. O(events) for the whole series.
+pub(crate) fn among(events: &RemoteEvents) -> impl FnMut((&EventKey, &Arc<Event>)) -> bool {
+    let mut events = events.iter().peekable();
+    move |(key, event)| {
+        while events.next_if(|(other, _)| *other < key).is_some() {}
+        events.peek().is_some_and(|(other, same)| *other == key && is_same(same, event))
+    }
+}
+
+fn is_same(a: &Arc<Event>, b: &Arc<Event>) -> bool {
+    Arc::ptr_eq(a, b) || a == b
+}
+
+/// Events of other members, located as far as possible.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LocatedEvents {
+    /// Located events. Events that the vehicle recorded itself are not among them.
+    pub(crate) events: Arc<RemoteEvents>,
+    /// Length of the longest link of each receiver, in metres.
+    pub(crate) longest_m: BTreeMap<u8, f64>,
+    /// Events without a position of one end.
+    pub(crate) unlocated: BTreeSet<EventKey>,
+    /// Own data after this horizon change nothing here; `None` where any may.
+    horizon: Option<CacheHorizon>,
+}
+
+impl LocatedEvents {
+    /// Creates the located events. If nothing changed, they share their memory with `before`, so that later comparisons are cheap.
+    fn new(events: RemoteEvents, before: &Self, unlocated: BTreeSet<EventKey>, horizon: Option<CacheHorizon>) -> Self {
+        let mut longest_m = BTreeMap::<u8, f64>::new();
+        for (key, event) in &events {
+            let longest_m = longest_m.entry(key.0).or_default();
+            *longest_m = longest_m.max(event.link.range_m());
+        }
+        let is_same = |(now, before): (&Arc<Event>, &Arc<Event>)| Arc::ptr_eq(now, before);
+        let is_unchanged =
+            events.len() == before.events.len() && events.values().zip(before.events.values()).all(is_same);
+        let events = if is_unchanged { before.events.clone() } else { Arc::new(events) };
+        Self { events, longest_m, unlocated, horizon }
+    }
+
+    /// Returns the located and unlocated events outside these slots.
+    fn outside(&self, changed: &[Range<u32>]) -> (RemoteEvents, BTreeSet<EventKey>) {
+        if changed.contains(&EVERY_SLOT) {
+            return Default::default();
+        }
+        let is_outside = |key: &EventKey| !changed.iter().any(|slots| slots.contains(&key.1));
+        let (mut events, mut unlocated) = (RemoteEvents::clone(&self.events), self.unlocated.clone());
+        events.retain(|key, _| is_outside(key));
+        unlocated.retain(is_outside);
+        (events, unlocated)
+    }
+
+    /// Returns the event. It shares its memory with an equal event under the same key, if there is one.
+    fn shared(&self, key: &EventKey, event: Event) -> Arc<Event> {
+        let same = self.events.get(key).filter(|before| ***before == event);
+        same.map_or_else(|| Arc::new(event), Arc::clone)
+    }
+}
+
+/// The previous result, and the slots in which located events may have changed since.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Previous {
+    located: LocatedEvents,
+    /// Disjoint ranges.
+    changed: Vec<Range<u32>>,
+}
+
+/// Located events, computed on demand after a change.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LocatedEventCache {
+    now: OnceLock<LocatedEvents>,
+    previous: Previous,
+}
+
+impl LocatedEventCache {
+    pub(crate) fn get_or_locate(&self, locate: impl FnOnce(&Previous) -> LocatedEvents) -> &LocatedEvents {
+        self.now.get_or_init(|| locate(&self.previous))
+    }
+
+    /// Notes that located events of these slots may have changed.
+    pub(crate) fn invalidate(&mut self, slots: Range<u32>) {
+        if let Some(located) = self.now.take() {
+            self.previous = Previous { located, changed: Vec::new() };
+        }
+        let is_disjoint = |other: &Range<u32>| other.end < slots.start || slots.end < other.start;
+        let (mut changed, near): (Vec<_>, Vec<_>) = self.previous.changed.drain(..).partition(is_disjoint);
+        let union = near.into_iter().fold(slots, |all, near| all.start.min(near.start)..all.end.max(near.end));
+        changed.push(union);
+        self.previous.changed = changed;
+    }
+
+    /// Returns whether own data of this time, and of this slot if any, leave the located events unchanged.
+    pub(crate) fn is_before_horizon(&self, time_s: f64, slot: Option<u32>) -> bool {
+        let horizon = self.now.get().unwrap_or(&self.previous.located).horizon;
+        horizon.is_some_and(|horizon| horizon.is_before(time_s, slot))
+    }
+}
+
+/// The last reported slot, and the time of the first own position at or after its beginning.
+#[derive(Debug, Clone, Copy)]
+struct CacheHorizon {
+    slot: Option<u32>,
+    time_s: f64,
+}
+
+impl CacheHorizon {
+    fn is_before(&self, time_s: f64, slot: Option<u32>) -> bool {
+        time_s > self.time_s && slot.is_none_or(|slot| Some(slot) > self.slot)
+    }
+}
+
+/// Sources of the positions of all members.
+struct PositionSources<'a> {
+    codec: &'a TeamCodec,
+    reports: &'a Reports,
+    own: Option<u8>,
+    /// The vehicle's own track.
+    track: Track,
+    /// Positions of other members when they transmitted, from the vehicle's own events, heard and missed alike.
+    observed: BTreeMap<u8, Track>,
+}
+
+/// Locates the events that other members reported. Positions of both ends come from reported tracks and from the vehicle's own track. For
+/// piggybacked outcomes they come from the transmitter positions in the vehicle's own events. Neither depends on the outcome. Events in
+/// slots without change stay as they were, unless outcomes were piggybacked. O(own positions + remote events), and a logarithm for each
+/// change.
+pub(crate) fn locate_events(evidence: SlotEvidence<'_>, track: Track, previous: &Previous) -> LocatedEvents {
+    let SlotEvidence { codec, own, events, reports, .. } = evidence;
+    let has_piggybacked = others(own, reports).any(|sender| reports.piggybacked(sender).next().is_some());
+    // Piggybacked outcomes take positions from all own events.
+    let horizon = if has_piggybacked { None } else { horizon(codec, own, &track, reports) };
+    let changed: &[Range<u32>] = if has_piggybacked { &[EVERY_SLOT] } else { &previous.changed };
+    let (mut located, mut unlocated) = previous.located.outside(changed);
+    let observed = if has_piggybacked { observed_positions(codec, events) } else { BTreeMap::new() };
+    let sources = PositionSources { codec, reports, own, track, observed };
+    let outcomes = others(own, reports).flat_map(|receiver| {
+        let outcomes = changed.iter().flat_map(move |slots| reports.outcomes(receiver, slots.clone()));
+        outcomes.map(move |(slot, outcome, is_piggybacked)| ((receiver, slot), outcome, is_piggybacked))
+    });
+    for (key, outcome, is_piggybacked) in outcomes.filter(|&(key, ..)| events.in_slot(key).next().is_none()) {
+        let Some((transmitter, success)) = opportunity(&evidence, key, outcome) else { continue };
+        match sources.event(transmitter, key, success, is_piggybacked) {
+            Some(event) => drop(located.insert(key, previous.located.shared(&key, event))),
+            None => drop(unlocated.insert(key)),
+        }
+    }
+    LocatedEvents::new(located, &previous.located, unlocated, horizon)
+}
+
+/// Returns all other members with stored data.
+fn others(own: Option<u8>, reports: &Reports) -> impl Iterator<Item = u8> {
+    reports.senders().filter(move |&sender| Some(sender) != own)
+}
+
+fn horizon(codec: &TeamCodec, own: Option<u8>, track: &Track, reports: &Reports) -> Option<CacheHorizon> {
+    let last = |sender| reports.reports_of(sender)?.outcomes.last_key_value().map(|(&slot, _)| slot);
+    let slot = others(own, reports).filter_map(last).max();
+    let begin_s = slot.map_or(Some(f64::NEG_INFINITY), |slot| codec.team.slots.begin_s(slot))?;
+    // The position at the last slot is interpolated with the next one.
+    let time_s = if slot.is_none() || own.is_none() { begin_s } else { track.next_time_s(begin_s)? };
+    Some(CacheHorizon { slot, time_s })
+}
+
+/// Returns the transmitter of a slot, and whether the receiver heard it. `None` if the report does not count.
+fn opportunity(evidence: &SlotEvidence<'_>, key: EventKey, outcome: ReportedOutcome) -> Option<(u8, bool)> {
+    let team = &evidence.codec.team;
+    let transmitter = team.number(team.slots.sender(key.1)?)?;
+    let success = match outcome {
+        ReportedOutcome::Heard => true,
+        ReportedOutcome::Missed => false,
+        ReportedOutcome::Contradictory => return None,
+    };
+    let counts = evidence.is_transmission(transmitter, key.1) && evidence.keeps_slots(key.0, key.1);
+    (counts && evidence.keeps_slots(transmitter, key.1)).then_some((transmitter, success))
+}
+
+fn observed_positions(codec: &TeamCodec, events: &Events) -> BTreeMap<u8, Track> {
+    let mut observed = BTreeMap::<u8, Vec<(f64, Position)>>::new();
+    for event in events.iter() {
+        if let Some(member) = codec.team.number(&event.transmitter_id) {
+            observed.entry(member).or_default().push((event.time_s, event.link.transmitter));
+        }
+    }
+    observed.into_iter().map(|(member, fixes)| (member, Track::new(fixes))).collect()
+}
+
+impl PositionSources<'_> {
+    fn event(&self, transmitter: u8, (receiver, slot): EventKey, success: bool, is_piggybacked: bool) -> Option<Event> {
+        let team = &self.codec.team;
+        let time_s = team.slots.begin_s(slot)?;
+        let at = |member: u8| {
+            let position = match Some(member) == self.own {
+                true => self.track.at(time_s)?,
+                false if is_piggybacked => {
+                    self.observed_at(member, time_s).or_else(|| self.reported_at(member, slot))?
+                }
+                false => self.reported_at(member, slot)?,
+            };
+            (position.depth_m.is_some() || !team.model.inputs.has_depths()).then_some(position)
+        };
+        Some(Event {
+            time_s,
+            transmitter_id: team.members.get(&transmitter)?.clone(),
+            receiver_id: team.members.get(&receiver)?.clone(),
+            link: Link { transmitter: at(transmitter)?, receiver: at(receiver)? },
+            kind: None,
+            success,
+        })
+    }
+
+    fn reported_at(&self, member: u8, slot: u32) -> Option<Position> {
+        let team = &self.codec.team;
+        let centre = |cell: Cell| team.grid.waypoint_position(&team.model.chart, cell, team.model.inputs.has_depths());
+        self.reports.reports_of(member)?.track.at(slot, &team.slots, &centre, team.extrapolation_s_max)
+    }
+
+    /// Returns the position between two observed positions, if these are close in time. The path between them need not be straight.
+    fn observed_at(&self, member: u8, time_s: f64) -> Option<Position> {
+        self.observed.get(&member)?.at_within(time_s, 2.0 * self.codec.team.extrapolation_s_max)
+    }
+}

@@ -1,0 +1,461 @@
+//! The memory of a vehicle: a set of entries. Everything else that the vehicle computes follows from it.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::sync::Arc;
+
+use dgpc::Observations;
+use pingmap_packet::ReportLayout;
+
+use crate::codec::decoded::PacketKey;
+use crate::codec::receipt::{Receipt, Refusal};
+use crate::codec::team_codec::TeamCodec;
+use crate::error::AgentError;
+use crate::store::entry::{Entry, check_event, check_number, check_position, check_time};
+use crate::store::event_location::{LocatedEventCache, LocatedEvents, locate_events};
+use crate::store::events::{EventChange, Events, RecordedEvent};
+use crate::store::packets::{InsertOutcome, Packets, Transmission, TransmissionTimes, Version};
+use crate::store::reports::{EVERY_SLOT, Insertion, ReportedOutcome, Reports};
+use crate::store::slot_conformance::SlotConformance;
+use crate::store::slot_evidence::SlotEvidence;
+use crate::track::position_track::Track;
+use crate::types::event::{Event, Position, VehicleId};
+
+/// Events, positions, packets and reports. It changes only by [`Memory::apply`] and depends on the set of entries alone.
+#[derive(Debug, Clone)]
+pub(crate) struct Memory {
+    pub(crate) codec: TeamCodec,
+    /// The vehicle's number in the team, if it is a member.
+    pub(crate) own: Option<u8>,
+    pub(crate) events: Events,
+    /// Numbers of own events that do not count: see [`SlotEvidence::counts`].
+    excluded: Arc<BTreeSet<u64>>,
+    pub(crate) conformance: SlotConformance,
+    /// Positions from navigation, in the order of time.
+    fixes: Vec<(f64, Position)>,
+    pub(crate) packets: Packets,
+    pub(crate) reports: Reports,
+    /// Located events of other members, derived from all other fields.
+    located: LocatedEventCache,
+}
+
+/// Effect of an entry.
+#[derive(Debug)]
+pub(crate) enum Applied {
+    Event(EventChange),
+    Fix,
+    Frame(ReceiveEffect),
+}
+
+/// Effect of a frame.
+#[derive(Debug)]
+pub(crate) struct ReceiveEffect {
+    /// The sender, if the frame names one.
+    pub(crate) sender: Option<u8>,
+    pub(crate) receipt: Receipt,
+    /// Own events that count from now on, or no longer.
+    pub(crate) change: EventChange,
+}
+
+impl ReceiveEffect {
+    pub(crate) fn refused(sender: Option<u8>, refusal: Refusal) -> Self {
+        Self { sender, receipt: Receipt::Refused(refusal), change: EventChange::default() }
+    }
+}
+
+impl Memory {
+    pub(crate) fn new(codec: TeamCodec, own: Option<u8>) -> Self {
+        let team = &codec.team;
+        Self {
+            events: Events::new(team.limits.events_max),
+            packets: Packets::new(team.packets_per_sender_max),
+            reports: Reports::new(team.reports_per_sender_max, team.limits.report_window_slots),
+            codec,
+            own,
+            excluded: Arc::default(),
+            conformance: SlotConformance::default(),
+            fixes: Vec::new(),
+            located: LocatedEventCache::default(),
+        }
+    }
+
+    /// Applies an entry. A second application of the same entry changes nothing.
+    ///
+    /// # Errors
+    /// [`AgentError`] for an event or position out of bounds, or a number out of range. The memory is then unchanged.
+    pub(crate) fn apply(&mut self, entry: Entry) -> Result<Applied, AgentError> {
+        match entry {
+            Entry::Observed { number, event } => self.record(vec![(number, event)]).map(Applied::Event),
+            Entry::Navigated { time_s, position } => {
+                self.record_positions(&[(time_s, position)])?;
+                Ok(Applied::Fix)
+            }
+            Entry::UnusedSlot { sender, slot } => Ok(Applied::Frame(self.insert_unused_slots(&sender, &[slot]))),
+            Entry::Piggyback { sender, newest, outcomes } => {
+                Ok(Applied::Frame(self.insert_piggyback(&sender, newest, &outcomes)))
+            }
+            Entry::Received { bytes } => Ok(Applied::Frame(self.insert_frame(&bytes, None))),
+            Entry::Sent { number, slot, bytes } => {
+                check_number(number)?;
+                let slot = slot.filter(|&slot| self.codec.is_slot_of(slot, self.own_id()));
+                Ok(Applied::Frame(self.insert_frame(&bytes, Some(Transmission { number, slot }))))
+            }
+        }
+    }
+
+    /// Returns the observation of an own event. Its weight follows from the events before it, because repeated outcomes are correlated.
+    pub(crate) fn observation(&self, event: &Event) -> dgpc::Result<Observations> {
+        self.codec.team.model.observation_given_earlier(event, self.events.before(event))
+    }
+
+    /// Records events with these numbers: all of them, or none after an error.
+    ///
+    /// # Errors
+    /// As [`Memory::apply`].
+    pub(crate) fn record(&mut self, new: Vec<(u64, Event)>) -> Result<EventChange, AgentError> {
+        for (number, event) in &new {
+            check_number(*number)?;
+            check_event(event)?;
+        }
+        let own_id = self.own_id().cloned();
+        let slot_of = |event: &Event| self.codec.slot_of(event);
+        let new = new.into_iter().map(|(number, event)| RecordedEvent { number, key: slot_of(&event), event });
+        let new = new.collect();
+        let change = self.events.insert(new);
+        let mut spans = Vec::new();
+        let team = self.codec.team.clone();
+        let is_compared = |recorded: &&RecordedEvent| {
+            own_id.as_ref() == Some(&recorded.event.receiver_id)
+                && team.number(&recorded.event.transmitter_id).is_some()
+        };
+        if change.forgotten > 0 {
+            let first = self.events.first_number();
+            Arc::make_mut(&mut self.excluded).retain(|&number| number >= first);
+            self.conformance = SlotConformance::default();
+            for recorded in self.events.recorded().iter().filter(is_compared) {
+                self.conformance.insert(&team.slots, recorded.number, &recorded.event);
+            }
+            spans.extend((!self.conformance.is_clean() || !self.excluded.is_empty()).then_some(ALL_TIMES));
+        } else {
+            for recorded in change.new.iter().filter(is_compared) {
+                spans.extend(self.conformance.insert(&team.slots, recorded.number, &recorded.event));
+            }
+        }
+        let is_before_horizon = |recorded: &RecordedEvent| {
+            self.located.is_before_horizon(recorded.event.time_s, recorded.key.map(|key| key.1))
+        };
+        if change.forgotten > 0 || !spans.is_empty() || !change.new.iter().all(is_before_horizon) {
+            self.located.invalidate(EVERY_SLOT);
+        }
+        let keys = change
+            .new
+            .iter()
+            .filter_map(|recorded| Some((self.codec.team.number(&recorded.event.transmitter_id)?, recorded.key?.1)));
+        let denied = keys.filter(|&(transmitter, slot)| self.reports.is_unused(transmitter, slot));
+        spans.extend(denied.filter_map(|(_, slot)| self.codec.team.slots.span_s(slot)));
+        Ok(self.reassess(change, &spans))
+    }
+
+    /// Decides again which own events between these times count, and which of the new ones do. Events that begin to count are new;
+    /// events that no longer count are forgotten. O(log N) for each event in these spans.
+    fn reassess(&mut self, mut change: EventChange, spans: &[(f64, f64)]) -> EventChange {
+        let numbers: BTreeSet<u64> = change.new.iter().map(|recorded| recorded.number).collect();
+        let evidence = SlotEvidence {
+            codec: &self.codec,
+            own: self.own,
+            events: &self.events,
+            reports: &self.reports,
+            conformance: &self.conformance,
+        };
+        let mut excluded = Vec::new();
+        change.new.retain(|recorded| {
+            let counts = evidence.counts(recorded);
+            excluded.extend((!counts).then_some(recorded.number));
+            counts
+        });
+        let mut included = Vec::new();
+        for recorded in spans.iter().flat_map(|&span| self.events.between(span)) {
+            match (evidence.counts(recorded), self.excluded.contains(&recorded.number)) {
+                _ if numbers.contains(&recorded.number) => {}
+                (true, true) => included.push(recorded.clone()),
+                (false, false) => excluded.push(recorded.number),
+                _ => {}
+            }
+        }
+        if !excluded.is_empty() || !included.is_empty() {
+            let all = Arc::make_mut(&mut self.excluded);
+            let added = excluded.into_iter().filter(|&number| all.insert(number)).collect::<Vec<_>>();
+            change.forgotten += added.iter().filter(|number| !numbers.contains(number)).count();
+            included.retain(|recorded| all.remove(&recorded.number));
+            change.restored = included;
+        }
+        change
+    }
+
+    /// Returns the outcomes of the vehicle by slot, from a time on. Outcomes of members outside their slots are omitted, heard and missed
+    /// alike. If a slot has several outcomes, the last one in canonical order counts.
+    pub(crate) fn outcomes_since(&self, own: u8, time_s: f64) -> Vec<(u32, bool)> {
+        let keeps_slots = |event: &Event| !self.conformance.is_out_of_slot(&event.transmitter_id, event.time_s);
+        let conforming = self.events.since(time_s).iter().filter(|recorded| keeps_slots(&recorded.event));
+        let outcome = |recorded: &RecordedEvent| {
+            let (receiver, slot) = recorded.key?;
+            (receiver == own).then_some((slot, recorded.event.success))
+        };
+        let mut outcomes: Vec<(u32, bool)> = conforming.filter_map(outcome).collect();
+        outcomes.sort_by_key(|outcome| outcome.0);
+        outcomes.dedup_by(|later, kept| {
+            let is_same = later.0 == kept.0;
+            if is_same {
+                *kept = *later;
+            }
+            is_same
+        });
+        outcomes
+    }
+
+    /// Returns the own events that count, in canonical order.
+    pub(crate) fn counting_events(&self) -> impl Iterator<Item = &RecordedEvent> {
+        self.counting_since(f64::NEG_INFINITY)
+    }
+
+    /// Returns the own events that count, from a time on.
+    pub(crate) fn counting_since(&self, time_s: f64) -> impl Iterator<Item = &RecordedEvent> {
+        self.events.since(time_s).iter().filter(|recorded| !self.excluded.contains(&recorded.number))
+    }
+
+    /// Returns the length of the longest link of an own event that counts, in metres; `None` without such events. O(1) if all own events
+    /// count.
+    pub(crate) fn longest_m(&self) -> Option<f64> {
+        if self.excluded.is_empty() {
+            return (self.events.len() > 0).then(|| self.events.longest_m());
+        }
+        self.counting_events().map(|recorded| recorded.event.link.range_m()).reduce(f64::max)
+    }
+
+    /// Stores that a member did not transmit in slots of its own.
+    pub(crate) fn insert_unused_slots(&mut self, sender: &VehicleId, slots: &[u32]) -> ReceiveEffect {
+        let Some(number) = self.codec.team.number(sender) else {
+            return ReceiveEffect::refused(None, Refusal::NoMember { id: sender.clone() });
+        };
+        let slots: Vec<u32> = slots.iter().copied().filter(|&slot| self.codec.is_slot_of(slot, Some(sender))).collect();
+        slots.iter().for_each(|&slot| self.reports.insert_unused(number, slot));
+        self.effect(number, Receipt::Accepted, slots.into_iter().map(|slot| slot..slot + 1).collect())
+    }
+
+    /// Returns the effect of new evidence about these slots, and decides again which own events in them count.
+    fn effect(&mut self, sender: u8, receipt: Receipt, slots: Vec<Range<u32>>) -> ReceiveEffect {
+        let mut unused = BTreeSet::new();
+        for slots in slots {
+            for sender in self.reports.senders() {
+                unused.extend(self.reports.unused(sender, slots.clone()));
+            }
+            self.located.invalidate(slots);
+        }
+        let spans: Vec<(f64, f64)> = unused.into_iter().filter_map(|slot| self.codec.team.slots.span_s(slot)).collect();
+        let change = self.reassess(EventChange::default(), &spans);
+        ReceiveEffect { sender: Some(sender), receipt, change }
+    }
+
+    /// Records positions of the vehicle by time: all of them, or none after an error. The latest
+    /// [`Limits::events_max`](crate::Limits::events_max) positions are kept.
+    ///
+    /// # Errors
+    /// As [`Memory::apply`].
+    pub(crate) fn record_positions(&mut self, new: &[(f64, Position)]) -> Result<(), AgentError> {
+        for (time_s, position) in new {
+            check_time(*time_s)?;
+            check_position(position)?;
+        }
+        self.fixes.extend(new);
+        let sorted = Track::new(std::mem::take(&mut self.fixes)).into_fixes();
+        self.fixes = sorted;
+        let max = self.codec.team.limits.events_max;
+        let excess = self.fixes.len().saturating_sub(max);
+        self.fixes.drain(..excess);
+        if excess > 0 || !new.iter().all(|&(time_s, _)| self.located.is_before_horizon(time_s, None)) {
+            self.located.invalidate(EVERY_SLOT);
+        }
+        Ok(())
+    }
+
+    /// Returns the vehicle's own track, from its navigation and from the receiver positions in its own events.
+    pub(crate) fn track(&self) -> Track {
+        let own = self.own_id();
+        let received = self.events.iter().filter(|event| Some(&event.receiver_id) == own);
+        let positions = received.map(|event| (event.time_s, event.link.receiver));
+        Track::new(self.fixes.iter().copied().chain(positions).collect())
+    }
+
+    pub(crate) fn own_id(&self) -> Option<&VehicleId> {
+        self.own.and_then(|own| self.codec.team.members.get(&own))
+    }
+
+    /// Returns the numbers of the own events that count in wanted slots. O(own events).
+    pub(crate) fn numbers_of(&self, is_wanted: &dyn Fn(u32) -> bool) -> BTreeSet<u64> {
+        let slots = self.own.into_iter().flat_map(|own| self.events.slots_of(own));
+        self.counting(slots.filter(|&(slot, _)| is_wanted(slot)).map(|(_, number)| number)).collect()
+    }
+
+    /// Returns the numbers of the own events that count in these slots. O(log N) for each slot.
+    pub(crate) fn numbers_in(&self, slots: &BTreeSet<u32>) -> BTreeSet<u64> {
+        let keys = self.own.into_iter().flat_map(|own| slots.iter().map(move |&slot| (own, slot)));
+        self.counting(keys.flat_map(|key| self.events.in_slot(key)).map(|(number, _)| number)).collect()
+    }
+
+    /// Returns those of these numbers whose events count.
+    fn counting(&self, numbers: impl Iterator<Item = u64>) -> impl Iterator<Item = u64> {
+        numbers.filter(|number| !self.excluded.contains(number))
+    }
+
+    /// Returns the events of other members, located as far as possible.
+    pub(crate) fn located(&self) -> &LocatedEvents {
+        self.located.get_or_locate(|previous| locate_events(self.evidence(), self.track(), previous))
+    }
+
+    /// Returns everything that shows how slots were used.
+    fn evidence(&self) -> SlotEvidence<'_> {
+        let Self { codec, own, events, reports, conformance, .. } = self;
+        SlotEvidence { codec, own: *own, events, reports, conformance }
+    }
+
+    /// Stores a frame that was received, or transmitted by the vehicle itself. A frame of another team changes nothing, nor does a
+    /// transmitted frame of another sender.
+    pub(crate) fn insert_frame(&mut self, bytes: &[u8], sent: Option<Transmission>) -> ReceiveEffect {
+        if ReportLayout::of(bytes).is_some() {
+            return self.insert_report(bytes, sent);
+        }
+        let (key, packet) = match self.codec.decode_packet(bytes) {
+            Ok(read) => read,
+            Err(refusal) => return ReceiveEffect::refused(None, refusal),
+        };
+        let sender = Some(key.0);
+        if sent.is_some() && sender != self.own {
+            return ReceiveEffect::refused(sender, Refusal::NotSentByMe { number: key.0 });
+        }
+        let outcome = self.packets.insert(key, packet, sent);
+        ReceiveEffect { sender, receipt: self.receipt(key, outcome, sent.is_some()), change: EventChange::default() }
+    }
+
+    fn insert_report(&mut self, bytes: &[u8], sent: Option<Transmission>) -> ReceiveEffect {
+        let (sender, report) = match self.codec.decode_report(bytes) {
+            Ok(read) => read,
+            Err(refusal) => return ReceiveEffect::refused(None, refusal),
+        };
+        let refused = Receipt::Refused;
+        if sent.is_some() && Some(sender) != self.own {
+            return ReceiveEffect::refused(Some(sender), Refusal::NotSentByMe { number: sender });
+        }
+        // Unused slots of an old report count too.
+        let unused: Vec<Range<u32>> = report.unused.iter().map(|&slot| slot..slot + 1).collect();
+        let (receipt, slots) = match self.reports.insert(sender, report, sent) {
+            Insertion::Inserted(slots) if Some(sender) == self.own && sent.is_none() => {
+                (refused(Refusal::OwnReport), slots)
+            }
+            Insertion::Inserted(slots) => (Receipt::Accepted, slots),
+            Insertion::Duplicate => (refused(Refusal::Duplicate), Vec::new()),
+            Insertion::Stale => (refused(Refusal::TooOld), Vec::new()),
+        };
+        self.effect(sender, receipt, [slots, unused].concat())
+    }
+
+    /// Stores outcomes that a member piggybacked. They belong to the slots, from `newest` backwards, in which it could receive another
+    /// member.
+    pub(crate) fn insert_piggyback(&mut self, sender: &VehicleId, newest: u32, outcomes: &[bool]) -> ReceiveEffect {
+        let number = self.codec.team.number(sender);
+        let refused = |refusal| ReceiveEffect::refused(number, refusal);
+        if !self.codec.team.has_piggyback() {
+            return refused(Refusal::PiggybackDisabled);
+        }
+        let Some(number) = number else { return refused(Refusal::NoMember { id: sender.clone() }) };
+        if Some(number) == self.own {
+            return refused(Refusal::OwnReport);
+        }
+        let slots: Vec<(u32, bool)> = self.codec.slots_back(number, newest).zip(outcomes.iter().copied()).collect();
+        let is_new = self.reports.insert_piggybacked(number, slots.iter().copied());
+        let receipt = if is_new { Receipt::Accepted } else { Receipt::Refused(Refusal::Duplicate) };
+        self.effect(number, receipt, slots.into_iter().map(|(slot, _)| slot..slot + 1).collect())
+    }
+
+    /// Returns the receipt of a packet.
+    fn receipt(&self, (sender, counter): PacketKey, outcome: InsertOutcome, was_sent: bool) -> Receipt {
+        Receipt::Refused(match outcome {
+            InsertOutcome::Accepted if Some(sender) == self.own && !was_sent => Refusal::OwnNumber { counter },
+            InsertOutcome::Accepted => return Receipt::Accepted,
+            InsertOutcome::Duplicate => Refusal::Duplicate,
+            InsertOutcome::Conflict => Refusal::Conflict { counter },
+            InsertOutcome::Unconfirmed => Refusal::Unconfirmed { counter, latest: self.packets.latest(sender) },
+            InsertOutcome::TooOld => Refusal::TooOld,
+        })
+    }
+
+    /// Returns the number of the vehicle's next transmission.
+    pub(crate) fn next_transmission_number(&self) -> u64 {
+        let versions = self.own.into_iter().flat_map(|own| self.packets.all(own));
+        let reports = self.own.into_iter().flat_map(|own| self.reports.all(own));
+        let last = versions.filter_map(|version| version.sent.last_number()).max();
+        last.max(reports.filter_map(|stored| stored.sent.last_number()).max()).map_or(0, |last| last + 1)
+    }
+
+    /// Returns the summary packets of the vehicle that other members may store, with their counters.
+    pub(crate) fn own_packets(&self) -> impl Iterator<Item = (u16, &Version)> {
+        let foreign = self.own.and_then(|own| self.packets.foreign_counter(own));
+        let accepted = self.own.into_iter().flat_map(|own| self.packets.accepted(own));
+        accepted.filter(move |(counter, version)| !version.sent.is_empty() && Some(*counter) > foreign)
+    }
+
+    /// Returns the keys of the summary packets of other members that count, by sender and counter.
+    pub(crate) fn packets_of_others(&self) -> impl Iterator<Item = PacketKey> {
+        let others = self.packets.senders().filter(|&sender| Some(sender) != self.own);
+        others.flat_map(|sender| self.packets.accepted(sender).map(move |(counter, _)| (sender, counter)))
+    }
+
+    /// Returns the content as entries. Applied to an empty memory they give an equal memory, except for the latest accepted counters of
+    /// senders: see [`Packets::advance_to`].
+    pub(crate) fn entries(&self) -> impl Iterator<Item = Entry> {
+        let events = self.events.recorded().iter();
+        let observed =
+            events.map(|recorded| Entry::Observed { number: recorded.number, event: recorded.event.clone() });
+        let versions = self.packets.senders().flat_map(|sender| self.packets.all(sender));
+        let frames = versions.flat_map(|version| frame_entries(&version.packet.bytes, &version.sent));
+        let navigated = self.fixes.iter().map(|&(time_s, position)| Entry::Navigated { time_s, position });
+        let reports = self.reports.everything().flat_map(|stored| frame_entries(&stored.report.bytes, &stored.sent));
+        observed
+            .chain(navigated)
+            .chain(frames)
+            .chain(reports)
+            .chain(self.piggyback_entries())
+            .chain(self.unused_slot_entries())
+    }
+
+    fn unused_slot_entries(&self) -> impl Iterator<Item = Entry> {
+        let unused = self.reports.senders();
+        let unused = unused.flat_map(|number| self.reports.unused(number, EVERY_SLOT).map(move |slot| (number, slot)));
+        unused.filter_map(|(number, slot)| {
+            Some(Entry::UnusedSlot { sender: self.codec.team.members.get(&number)?.clone(), slot })
+        })
+    }
+
+    /// Returns the piggybacked outcomes: one entry for each slot and outcome.
+    fn piggyback_entries(&self) -> impl Iterator<Item = Entry> {
+        let all = self.reports.senders();
+        let all = all.flat_map(|number| self.reports.piggybacked(number).map(move |outcome| (number, outcome)));
+        all.flat_map(move |(number, (newest, outcome))| {
+            let both = [(ReportedOutcome::Missed, false), (ReportedOutcome::Heard, true)].into_iter();
+            let reported = both.filter(move |(one, _)| outcome == *one || outcome == ReportedOutcome::Contradictory);
+            reported.filter_map(move |(_, heard)| {
+                let sender = self.codec.team.members.get(&number)?.clone();
+                Some(Entry::Piggyback { sender, newest, outcomes: vec![heard] })
+            })
+        })
+    }
+}
+
+/// All times.
+const ALL_TIMES: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+
+/// Returns the entries of a frame: one for each transmission by the vehicle, or a single one for a received frame.
+fn frame_entries(bytes: &[u8], sent: &TransmissionTimes) -> impl Iterator<Item = Entry> {
+    let received = sent.is_empty().then(|| Entry::Received { bytes: bytes.to_vec() });
+    let as_sent = |Transmission { number, slot }| Entry::Sent { number, slot, bytes: bytes.to_vec() };
+    received.into_iter().chain(sent.iter().map(as_sent))
+}

@@ -1,0 +1,10 @@
+//! The memory of a vehicle: a set of entries, and the remote events that follow from it.
+
+pub(crate) mod entry;
+pub(crate) mod events;
+pub(crate) mod packets;
+pub(crate) mod reports;
+pub(crate) mod slot_conformance;
+pub(crate) mod slot_evidence;
+pub(crate) mod event_location;
+pub(crate) mod memory;

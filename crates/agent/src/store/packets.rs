@@ -1,0 +1,240 @@
+//! The summary packets that a vehicle stores, and the rules by which they count.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::codec::decoded::{Packet, PacketKey};
+
+/// Largest step of a sender's counter that is accepted without confirmation.
+///
+/// A counter that is farther ahead waits for another packet within this distance ahead of it. Otherwise one wrong packet would make all
+/// correct ones too old.
+pub const COUNTER_LEAP_MAX: u16 = 1024;
+
+/// The outcome of inserting a packet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum InsertOutcome {
+    /// The packet counts.
+    Accepted,
+    /// The packet was stored before.
+    Duplicate,
+    /// Another packet has the same counter. Neither counts.
+    Conflict,
+    /// The counter is far ahead of the sender's latest. The packet counts as soon as another one confirms it.
+    Unconfirmed,
+    /// The counter is before the window of its sender.
+    TooOld,
+}
+
+/// A transmission of a frame by the vehicle itself.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Transmission {
+    /// Number of frames transmitted before it.
+    pub(crate) number: u64,
+    /// Own slot of the transmission, if known.
+    pub(crate) slot: Option<u32>,
+}
+
+/// The transmissions of one frame: slots by transmission number.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct TransmissionTimes(BTreeMap<u64, Option<u32>>);
+
+impl TransmissionTimes {
+    /// Adds a transmission. If one number has several slots, the latest slot counts, whatever the order.
+    pub(crate) fn add(&mut self, sent: Option<Transmission>) {
+        if let Some(Transmission { number, slot }) = sent {
+            let stored = self.0.entry(number).or_insert(slot);
+            *stored = slot.max(*stored);
+        }
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = Transmission> {
+        self.0.iter().map(|(&number, &slot)| Transmission { number, slot })
+    }
+
+    pub(crate) fn last_number(&self) -> Option<u64> {
+        self.0.last_key_value().map(|(&number, _)| number)
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl From<Option<Transmission>> for TransmissionTimes {
+    fn from(sent: Option<Transmission>) -> Self {
+        Self(sent.map(|Transmission { number, slot }| (number, slot)).into_iter().collect())
+    }
+}
+
+/// A packet and its transmissions by the vehicle itself. One counter may have two versions.
+#[derive(Debug, Clone)]
+pub(crate) struct Version {
+    pub(crate) packet: Arc<Packet>,
+    pub(crate) sent: TransmissionTimes,
+}
+
+/// The stored packets of one sender.
+#[derive(Debug, Clone, Default)]
+struct Sender {
+    /// Largest accepted counter.
+    latest: Option<u16>,
+    /// Packets by counter. If different packets have one counter, the first two in the order of their bytes are stored.
+    versions: BTreeMap<u16, Vec<Version>>,
+}
+
+/// The stored packets by sender. Insertion is commutative, associative and idempotent: the content depends on the set of packets that
+/// arrived, not on their order or number.
+///
+/// The packets of a sender that lie in a window up to its latest accepted counter count. A sender forms each packet against its own
+/// packets in the same window. The content of packets that a receiver drops is therefore sent again.
+#[derive(Debug, Clone)]
+pub(crate) struct Packets {
+    window: u16,
+    senders: BTreeMap<u8, Sender>,
+}
+
+impl Packets {
+    /// Creates an empty store. At most `window` packets of each sender will count.
+    pub(crate) fn new(window: u16) -> Self {
+        Self { window: window.max(1), senders: BTreeMap::new() }
+    }
+
+    /// Inserts a packet that was received, or transmitted by the vehicle itself.
+    pub(crate) fn insert(
+        &mut self,
+        (sender, counter): PacketKey,
+        packet: Packet,
+        sent: Option<Transmission>,
+    ) -> InsertOutcome {
+        let window = self.window;
+        self.senders.entry(sender).or_default().insert(counter, packet, sent, window)
+    }
+
+    /// Returns the packets of one sender that count, in the order of their counters.
+    pub(crate) fn accepted(&self, sender: u8) -> impl Iterator<Item = (u16, &Version)> {
+        self.senders.get(&sender).into_iter().flat_map(Sender::accepted)
+    }
+
+    /// Returns the packet with this key, if it counts.
+    pub(crate) fn get(&self, (sender, counter): PacketKey) -> Option<&Arc<Packet>> {
+        let sender = self.senders.get(&sender)?;
+        match sender.versions.get(&counter).map(Vec::as_slice) {
+            Some([version]) if Some(counter) <= sender.latest => Some(&version.packet),
+            _ => None,
+        }
+    }
+
+    /// Returns all senders with stored packets or an accepted counter.
+    pub(crate) fn senders(&self) -> impl Iterator<Item = u8> {
+        self.senders.keys().copied()
+    }
+
+    /// Returns all stored packets of one sender, whether they count or not.
+    pub(crate) fn all(&self, sender: u8) -> impl Iterator<Item = &Version> {
+        self.senders.get(&sender).into_iter().flat_map(|sender| sender.versions.values().flatten())
+    }
+
+    /// Returns the number of counters of a sender that have two different packets.
+    pub(crate) fn conflicts(&self, sender: u8) -> usize {
+        self.senders
+            .get(&sender)
+            .map_or(0, |sender| sender.versions.values().filter(|versions| versions.len() > 1).count())
+    }
+
+    /// Returns the largest accepted counter of a sender.
+    pub(crate) fn latest(&self, sender: u8) -> Option<u16> {
+        self.senders.get(&sender)?.latest
+    }
+
+    /// Advances the latest accepted counter of a sender to `latest`, for a counter from a snapshot.
+    pub(crate) fn advance_to(&mut self, sender: u8, latest: u16) {
+        let window = self.window;
+        let sender = self.senders.entry(sender).or_default();
+        sender.latest = sender.latest.max(Some(latest));
+        sender.update_window(window);
+    }
+
+    /// Returns the largest accepted counter of a packet that has the vehicle's own number but that the vehicle did not send. Another
+    /// vehicle sent it, or this vehicle did before it lost its memory.
+    pub(crate) fn foreign_counter(&self, own: u8) -> Option<u16> {
+        let sender = self.senders.get(&own)?;
+        let foreign = |(&counter, versions): (&u16, &Vec<Version>)| {
+            versions.iter().any(|version| version.sent.is_empty()).then_some(counter)
+        };
+        sender.versions.range(..=sender.latest?).rev().find_map(foreign)
+    }
+
+    /// Returns the counter of the vehicle's next packet. It is above its latest counter. It is at least a full window above
+    /// [`Packets::foreign_counter`], so that every receiver has then forgotten the foreign packets.
+    pub(crate) fn next_counter(&self, own: u8) -> u32 {
+        let after_latest = self.latest(own).map_or(0, |latest| u32::from(latest) + 1);
+        let after_foreign = self.foreign_counter(own).map_or(0, |foreign| u32::from(foreign) + u32::from(self.window));
+        after_latest.max(after_foreign)
+    }
+}
+
+impl Sender {
+    fn insert(&mut self, counter: u16, packet: Packet, sent: Option<Transmission>, window: u16) -> InsertOutcome {
+        if self.is_too_old(counter, window) {
+            return InsertOutcome::TooOld;
+        }
+        let versions = self.versions.entry(counter).or_default();
+        let stored = versions.iter_mut().find(|version| version.packet.bytes == packet.bytes);
+        let is_duplicate = stored.is_some();
+        match stored {
+            Some(version) => version.sent.add(sent),
+            None => {
+                versions.push(Version { packet: Arc::new(packet), sent: sent.into() });
+                versions.sort_by(|a, b| a.packet.bytes.cmp(&b.packet.bytes));
+                versions.truncate(2);
+            }
+        }
+        let is_conflict = versions.len() > 1;
+        // The vehicle's own packets need no confirmation.
+        if sent.is_some() {
+            self.latest = self.latest.max(Some(counter));
+        }
+        self.update_window(window);
+        match self.latest {
+            _ if is_duplicate => InsertOutcome::Duplicate,
+            _ if is_conflict => InsertOutcome::Conflict,
+            Some(latest) if counter <= latest => InsertOutcome::Accepted,
+            _ => InsertOutcome::Unconfirmed,
+        }
+    }
+
+    /// Accepts counters that are near the latest one or confirmed, and removes packets before the window.
+    fn update_window(&mut self, window: u16) {
+        let unaccepted: Vec<u16> = match self.latest {
+            Some(latest) => self.versions.range(latest.saturating_add(1)..).map(|(&counter, _)| counter).collect(),
+            None => self.versions.keys().copied().collect(),
+        };
+        for (index, &counter) in unaccepted.iter().enumerate() {
+            // Without an accepted counter the latest one counts as −1.
+            let begin = self.latest.map_or(0, |latest| u32::from(latest) + 1);
+            let is_near = u32::from(counter) < begin + u32::from(COUNTER_LEAP_MAX);
+            let is_confirmed = unaccepted.get(index + 1).is_some_and(|next| next - counter <= COUNTER_LEAP_MAX);
+            if is_near || is_confirmed {
+                self.latest = self.latest.max(Some(counter));
+            }
+        }
+        while let Some(entry) = self.versions.first_entry()
+            && self.latest.is_some_and(|latest| u32::from(*entry.key()) + u32::from(window) <= latest.into())
+        {
+            entry.remove();
+        }
+    }
+
+    fn is_too_old(&self, counter: u16, window: u16) -> bool {
+        self.latest.is_some_and(|latest| u32::from(counter) + u32::from(window) <= latest.into())
+    }
+
+    fn accepted(&self) -> impl Iterator<Item = (u16, &Version)> {
+        let up_to_latest = self.versions.iter().filter(|(counter, _)| Some(**counter) <= self.latest);
+        up_to_latest.filter_map(|(&counter, versions)| match versions.as_slice() {
+            [version] => Some((counter, version)),
+            _ => None,
+        })
+    }
+}

@@ -1,0 +1,55 @@
+//! Decides whether the outcome of a slot counts: the member transmitted in it, and conforms to the schedule.
+
+use crate::codec::team_codec::TeamCodec;
+use crate::store::events::{Events, RecordedEvent};
+use crate::store::reports::Reports;
+use crate::store::slot_conformance::SlotConformance;
+use crate::types::event::VehicleId;
+
+/// Everything that shows how slots were used.
+#[derive(Clone, Copy)]
+pub(crate) struct SlotEvidence<'a> {
+    pub(crate) codec: &'a TeamCodec,
+    /// Number of the vehicle itself, if it is a member.
+    pub(crate) own: Option<u8>,
+    pub(crate) events: &'a Events,
+    pub(crate) reports: &'a Reports,
+    pub(crate) conformance: &'a SlotConformance,
+}
+
+impl SlotEvidence<'_> {
+    /// Returns whether a member transmitted in its slot: it does not deny it, or another vehicle heard it. The answer is the same for
+    /// every receiver, whatever it recorded. O(members log N).
+    pub(crate) fn is_transmission(&self, transmitter: u8, slot: u32) -> bool {
+        !self.reports.is_unused(transmitter, slot) || self.is_heard(slot)
+    }
+
+    fn is_heard(&self, slot: u32) -> bool {
+        let members = self.codec.team.members.keys();
+        members.into_iter().any(|&member| {
+            self.events.in_slot((member, slot)).any(|(_, success)| success) || self.reports.has_heard(member, slot)
+        })
+    }
+
+    /// Returns whether a member conformed to the schedule in a slot, as far as the vehicle received it. O(members log N).
+    pub(crate) fn keeps_slots(&self, member: u8, slot: u32) -> bool {
+        let team = &self.codec.team;
+        let Some((id, time_s)) = team.members.get(&member).zip(team.slots.begin_s(slot)) else { return true };
+        !self.conformance.is_only_member_out(id, time_s)
+    }
+
+    /// Returns whether an event that the vehicle recorded counts. Outcomes of a member outside its slots do not count. Its misses cannot
+    /// count, so its receptions do not count either. O(members log N).
+    pub(crate) fn counts(&self, RecordedEvent { key, event, .. }: &RecordedEvent) -> bool {
+        let is_own = self.own_id() == Some(&event.receiver_id);
+        if is_own && self.conformance.is_out_of_slot(&event.transmitter_id, event.time_s) {
+            return false;
+        }
+        let transmitter = self.codec.team.number(&event.transmitter_id);
+        transmitter.zip(*key).is_none_or(|(transmitter, key)| self.is_transmission(transmitter, key.1))
+    }
+
+    fn own_id(&self) -> Option<&VehicleId> {
+        self.own.and_then(|own| self.codec.team.members.get(&own))
+    }
+}

@@ -1,0 +1,147 @@
+//! The transmission schedule: which member may transmit in which slot.
+
+use std::sync::Arc;
+
+use pingmap_packet::SLOTS;
+
+use crate::types::event::VehicleId;
+
+/// A TDMA schedule: a fixed cycle of senders, or an explicit list of transmissions.
+///
+/// Slots are numbered by time, from [`Slots::start_s`] on. A vehicle that misses messages therefore keeps the right slot number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Slots {
+    /// Beginning of slot 0, in seconds.
+    pub start_s: f64,
+    /// Length of a slot in seconds.
+    pub duration_s: f64,
+    /// Senders of one cycle, from slot 0 on. An empty name continues the slot before it.
+    pub order: Vec<VehicleId>,
+    /// Transmissions in the order of time, in place of a cycle: for logs without a known schedule. The number of a slot is then its
+    /// index in this list.
+    pub explicit: Option<Arc<[ScheduledTransmission]>>,
+}
+
+/// One transmission of an explicit schedule.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScheduledTransmission {
+    /// Time of the transmission, in seconds.
+    pub time_s: f64,
+    /// The member that transmitted.
+    pub sender: VehicleId,
+    /// The members that could have received it.
+    pub listeners: Vec<VehicleId>,
+}
+
+/// Tolerance of times, in seconds. Times that differ by less are equal.
+const SAME_S: f64 = 1e-6;
+
+impl Slots {
+    /// Returns a fixed cycle that begins at time 0.
+    pub fn cycle(duration_s: f64, order: Vec<VehicleId>) -> Self {
+        Self { start_s: 0.0, duration_s, order, explicit: None }
+    }
+
+    /// Renumbers the schedule: slot 0 becomes the last beginning of a cycle at or before `time_s`.
+    #[must_use]
+    pub fn aligned_before(self, time_s: f64) -> Self {
+        let cycle_s = self.duration_s * self.order.len().max(1) as f64;
+        let start_s = self.start_s + ((time_s - self.start_s) / cycle_s).floor() * cycle_s;
+        if start_s.is_finite() { Self { start_s, ..self } } else { self }
+    }
+
+    /// Returns the slot of a time. If an explicit schedule has several transmissions at that time, returns the last of them. Returns
+    /// `None` before the first slot, after the last numbered slot, and for a time that is not finite.
+    pub fn number(&self, time_s: f64) -> Option<u32> {
+        let index = self.index(time_s);
+        (time_s.is_finite() && (0.0..f64::from(SLOTS)).contains(&index)).then_some(index as u32)
+    }
+
+    /// Returns the slot of any time, which may lie outside the numbered range.
+    fn index(&self, time_s: f64) -> f64 {
+        match &self.explicit {
+            Some(explicit) => explicit.partition_point(|listed| listed.time_s <= time_s + SAME_S) as f64 - 1.0,
+            None => ((time_s - self.start_s + SAME_S) / self.duration_s).floor(),
+        }
+    }
+
+    /// Returns the beginning of a slot, in seconds.
+    pub fn begin_s(&self, number: u32) -> Option<f64> {
+        match &self.explicit {
+            Some(explicit) => explicit.get(number as usize).map(|listed| listed.time_s),
+            None => (number < SLOTS).then(|| self.start_s + f64::from(number) * self.duration_s),
+        }
+    }
+
+    /// Returns the member that may transmit in a slot; `None` for a slot that continues the one before it.
+    pub fn sender(&self, number: u32) -> Option<&VehicleId> {
+        self.sender_at(number.into())
+    }
+
+    /// Returns the member that may transmit at a time, whether its slot has a number or not.
+    pub fn owner(&self, time_s: f64) -> Option<&VehicleId> {
+        self.sender_at(self.index(time_s))
+    }
+
+    fn sender_at(&self, index: f64) -> Option<&VehicleId> {
+        if !index.is_finite() {
+            return None;
+        }
+        if let Some(explicit) = &self.explicit {
+            let number = (index >= 0.0).then_some(index as usize)?;
+            return explicit.get(number).map(|listed| &listed.sender);
+        }
+        let position = index.rem_euclid(self.order.len() as f64);
+        let position = position.is_finite().then_some(position as usize)?;
+        self.order.get(position).filter(|name| !name.as_str().is_empty())
+    }
+
+    /// Returns whether a vehicle could receive another member in a slot.
+    pub fn is_heard_by(&self, number: u32, id: &VehicleId) -> bool {
+        match &self.explicit {
+            Some(explicit) => explicit.get(number as usize).is_some_and(|listed| listed.listeners.contains(id)),
+            None => self.sender(number).is_some_and(|sender| sender != id),
+        }
+    }
+
+    /// Returns the slot of a transmission of this vehicle at this time, if the vehicle may transmit then.
+    pub fn sent_in(&self, time_s: f64, id: &VehicleId) -> Option<u32> {
+        let number = self.number(time_s)?;
+        if let Some(explicit) = &self.explicit {
+            let is_now = |slot: &u32| explicit[*slot as usize].time_s >= time_s - 2.0 * SAME_S;
+            let simultaneous = std::iter::once(number).chain((0..number).rev().take_while(is_now));
+            return simultaneous.into_iter().find(|&slot| explicit[slot as usize].sender == *id);
+        }
+        // A transmission may continue over several slots.
+        let begin = (0..=number).rev().take(self.cycle_slots()).find(|&number| self.sender(number).is_some());
+        begin.filter(|&begin| self.sender(begin) == Some(id))
+    }
+
+    /// Returns the slot of a transmission of this vehicle at this time or, outside its slots, its next slot. `None` before the first
+    /// slot, and for a vehicle without further slots.
+    pub fn next_slot(&self, time_s: f64, id: &VehicleId) -> Option<u32> {
+        let next = || {
+            let near = if self.explicit.is_some() { usize::MAX } else { self.cycle_slots() };
+            let mut ahead = (self.number(time_s)?..self.end()).skip(1).take(near);
+            ahead.find(|&slot| self.sender(slot) == Some(id))
+        };
+        self.sent_in(time_s, id).or_else(next)
+    }
+
+    /// Returns the times at which a transmission of this slot may have been recorded: from its beginning to the end of its cycle.
+    pub(crate) fn span_s(&self, number: u32) -> Option<(f64, f64)> {
+        let begin_s = self.begin_s(number)?;
+        let length_s = if self.explicit.is_some() { SAME_S } else { self.duration_s * self.cycle_slots() as f64 };
+        Some((begin_s - SAME_S, begin_s + length_s + SAME_S))
+    }
+
+    /// Returns the number of slots of one cycle.
+    pub(crate) fn cycle_slots(&self) -> usize {
+        self.order.len().max(1)
+    }
+
+    /// Returns one more than the number of the last slot.
+    pub fn end(&self) -> u32 {
+        self.explicit.as_ref().map_or(SLOTS, |explicit| (explicit.len() as u32).min(SLOTS))
+    }
+}

@@ -1,0 +1,183 @@
+//! The track of another member, reconstructed from the waypoints in its reports.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use pingmap_packet::Cell;
+
+use crate::team::slots::Slots;
+use crate::track::position_track::interpolate;
+use crate::types::event::Position;
+
+/// The track of one member, from all its reports.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct ReceivedTrack {
+    /// Cells of the waypoints by slot. If reports contain different cells for one slot, the smallest counts.
+    waypoints: BTreeMap<u32, Cell>,
+    /// Last slot of the longest segment by the first slot of the segment. A segment joins consecutive waypoints of one report, between
+    /// which the member moved in a straight line. Between the waypoints of two reports there may be others, in reports that were lost.
+    segments: BTreeMap<u32, u32>,
+}
+
+impl ReceivedTrack {
+    /// Adds the waypoints of a report, which are in the order of their slots.
+    pub(crate) fn add(&mut self, waypoints: &[(u32, Cell)]) {
+        for &(slot, cell) in waypoints {
+            let stored = self.waypoints.entry(slot).or_insert(cell);
+            *stored = cell.min(*stored);
+        }
+        for segment in waypoints.windows(2) {
+            let end = self.segments.entry(segment[0].0).or_default();
+            *end = segment[1].0.max(*end);
+        }
+    }
+
+    /// Returns the cells of the waypoints by slot.
+    pub(crate) fn waypoints(&self) -> &BTreeMap<u32, Cell> {
+        &self.waypoints
+    }
+
+    /// Returns the position of the member at the beginning of a slot. `centre` returns the centre of a waypoint cell.
+    ///
+    /// The position is interpolated within a segment, and between waypoints that are at most 2 · `extrapolation_s_max` apart. After the
+    /// last waypoint, and after a waypoint before a longer gap, it is extrapolated for `extrapolation_s_max`. Extrapolation uses the
+    /// velocity of the preceding segment at constant depth; without a preceding segment the member is at rest. Returns `None` for other
+    /// slots. O(log waypoints).
+    pub(crate) fn at(
+        &self,
+        slot: u32,
+        slots: &Slots,
+        centre: &dyn Fn(Cell) -> Position,
+        extrapolation_s_max: f64,
+    ) -> Option<Position> {
+        let fix = |(&slot, &cell): (&u32, &Cell)| Some((slots.begin_s(slot)?, centre(cell)));
+        let before = self.waypoints.range(..=slot).next_back()?;
+        let (time_s, from) = (slots.begin_s(slot)?, fix(before)?);
+        if *before.0 == slot {
+            return Some(from.1);
+        }
+        if let Some(after) = self.waypoints.range(slot..).next() {
+            let to = fix(after)?;
+            if self.is_segment(*before.0, *after.0) || to.0 - from.0 <= 2.0 * extrapolation_s_max {
+                return Some(interpolate(&from, &to, time_s));
+            }
+        }
+        if time_s - from.0 > extrapolation_s_max {
+            return None;
+        }
+        let earlier =
+            self.waypoints.range(..before.0).next_back().filter(|earlier| self.is_segment(*earlier.0, *before.0));
+        Some(match earlier {
+            Some(earlier) => Position { depth_m: from.1.depth_m, ..interpolate(&fix(earlier)?, &from, time_s) },
+            None => from.1,
+        })
+    }
+
+    /// Returns the range of slots in which positions can change when the waypoints of one report are added or removed. The result is
+    /// equal before and after the change.
+    ///
+    /// The range begins at the waypoint before them. It ends at the second waypoint after them, because positions after a segment are
+    /// extrapolated along it.
+    pub(crate) fn range_affected_by(&self, waypoints: &[(u32, Cell)]) -> Range<u32> {
+        let (Some(&(first, _)), Some(&(last, _))) = (waypoints.first(), waypoints.last()) else { return 0..0 };
+        let before = self.waypoints.range(..first).next_back();
+        let second_after = self.waypoints.range(last.saturating_add(1)..).nth(1);
+        before.map_or(first, |(&slot, _)| slot)..second_after.map_or(u32::MAX, |(&slot, _)| slot)
+    }
+
+    /// Returns whether one segment contains both slots. A segment has at most 255 slots, which bounds the search.
+    fn is_segment(&self, from: u32, to: u32) -> bool {
+        let first = to.saturating_sub(u8::MAX.into());
+        first <= from && self.segments.range(first..=from).any(|(_, &end)| end >= to)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::event::VehicleId;
+    use proptest::prelude::*;
+
+    /// A cell is ten metres wide.
+    fn centre(cell: Cell) -> Position {
+        Position::new(10.0 * f64::from(cell.east), 0.0)
+    }
+
+    fn track(reports: &[&[(u32, u8)]]) -> ReceivedTrack {
+        let mut track = ReceivedTrack::default();
+        for report in reports {
+            let waypoints = report.iter().map(|&(slot, east)| (slot, Cell { east, north: 0, depth: 0 }));
+            track.add(&waypoints.collect::<Vec<_>>());
+        }
+        track
+    }
+
+    fn east_m(track: &ReceivedTrack, slot: u32) -> Option<f64> {
+        let slots = Slots::cycle(10.0, ["a", "b"].map(VehicleId::new).into());
+        track.at(slot, &slots, &centre, 40.0).map(|at| at.east_m.round())
+    }
+
+    #[test]
+    fn long_gaps_between_reports_are_not_interpolated() {
+        let (first, lost, last): ([_; 2], [_; 3], [_; 2]) =
+            ([(0, 0), (20, 20)], [(20, 20), (40, 20), (60, 0)], [(60, 0), (80, 40)]);
+        let heard = track(&[&first, &last]);
+        assert_eq!(east_m(&heard, 10), Some(100.0));
+        assert_eq!(east_m(&heard, 70), Some(200.0));
+        // Extrapolated for 40 s, then unknown.
+        assert_eq!(east_m(&heard, 24), Some(240.0));
+        assert_eq!((25..60).find_map(|slot| east_m(&heard, slot)), None);
+        // The lost report fills the gap, in any order of arrival.
+        let all = [track(&[&first, &last, &lost]), track(&[&lost, &last, &first, &lost])];
+        for track in all {
+            let found = [24, 30, 50, 59].map(|slot| east_m(&track, slot).unwrap());
+            assert_eq!(found, [200.0, 200.0, 100.0, 10.0]);
+        }
+    }
+
+    #[test]
+    fn gaps_between_reports_may_be_longer_than_a_segment() {
+        let heard = track(&[&[(0, 0), (255, 51)], &[(1000, 51), (1255, 0)]]);
+        let found = [100, 255, 259, 500, 1000, 1005].map(|slot| east_m(&heard, slot));
+        assert_eq!(found, [Some(200.0), Some(510.0), Some(518.0), None, Some(510.0), Some(500.0)]);
+    }
+
+    #[test]
+    fn short_gaps_between_reports_are_interpolated() {
+        // A gap of 80 s, then one of 90 s.
+        let heard = track(&[&[(0, 0), (20, 20)], &[(28, 12), (40, 0)]]);
+        assert_eq!(east_m(&heard, 24), Some(160.0));
+        let heard = track(&[&[(0, 0), (20, 20)], &[(29, 12), (40, 0)]]);
+        assert_eq!(east_m(&heard, 24), Some(240.0));
+    }
+
+    proptest! {
+        /// Outside the affected range, adding or removing a report changes no position.
+        #[test]
+        fn a_report_changes_positions_in_its_affected_range_only(
+            steps in prop::collection::vec(prop::collection::vec((1..9u32, 0..50u8), 1..4), 1..6),
+            begins in prop::collection::vec(0..40u32, 6),
+        ) {
+            let report = |(steps, begin): (&Vec<(u32, u8)>, &u32)| {
+                let slots = steps.iter().scan(*begin, |slot, step| { *slot += step.0; Some(*slot) });
+                slots.zip(steps).map(|(slot, step)| (slot, step.1)).collect::<Vec<_>>()
+            };
+            let reports: Vec<Vec<(u32, u8)>> = steps.iter().zip(&begins).map(report).collect();
+            let all: Vec<&[(u32, u8)]> = reports.iter().map(Vec::as_slice).collect();
+            let (with, without) = (track(&all), track(&all[1..]));
+            let waypoints: Vec<(u32, Cell)> = all[0].iter().map(|&(slot, east)| (slot, Cell { east, north: 0, depth: 0 })).collect();
+            prop_assert_eq!(with.range_affected_by(&waypoints), without.range_affected_by(&waypoints));
+            let affected = with.range_affected_by(&waypoints);
+            prop_assert!((0..80).filter(|slot| !affected.contains(slot)).all(|slot| east_m(&with, slot) == east_m(&without, slot)));
+        }
+    }
+
+    #[test]
+    fn the_track_is_extrapolated_for_a_limited_time() {
+        let heard = track(&[&[(0, 0), (20, 20)]]);
+        assert_eq!([23, 24, 25].map(|slot| east_m(&heard, slot)), [Some(230.0), Some(240.0), None]);
+        // A single waypoint gives no velocity.
+        assert_eq!(east_m(&track(&[&[(20, 20)]]), 23), Some(200.0));
+        assert_eq!(east_m(&track(&[&[(20, 20)]]), 19), None);
+    }
+}

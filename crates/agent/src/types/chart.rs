@@ -1,0 +1,80 @@
+//! The chart: the conversion between coordinates of a log and coordinates about the chart origin.
+
+use crate::types::event::Position;
+use crate::types::reference_system::ReferenceSystem;
+
+/// The common coordinate frame of a team.
+///
+/// The method uses metres about `origin`. Columns are never scaled separately, so swapping the two ends of a link preserves distances.
+/// The origin only keeps numbers small: UTM northings have seven digits before the decimal point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chart {
+    /// Origin of the method's coordinates, in metres of the log.
+    pub origin: Position,
+    /// Typical distance of positions from the origin, in metres. Learning expects length-scales of this order. The scale is fixed with
+    /// the chart, so vehicles with different data have equal expectations.
+    pub scale_m: f64,
+    /// Reference system of the log's coordinates.
+    pub reference: ReferenceSystem,
+}
+
+/// Scale of a chart whose positions do not determine one, in metres.
+pub const SCALE_FALLBACK_M: f64 = 500.0;
+
+/// Largest spread of positions that count as a single position, in metres.
+const SCALE_MIN_M: f64 = 1e-3;
+
+/// Returns a positive number rounded to two significant digits.
+fn round_to_two_digits(number: f64) -> f64 {
+    let unit = 10f64.powf(number.log10().floor() - 1.0);
+    (number / unit).round() * unit
+}
+
+impl Chart {
+    /// Returns a chart about the mean of `positions`.
+    ///
+    /// The origin is rounded to 100 m, so that logs of one site share it. Without positions it is (0, 0). The scale is the
+    /// root-mean-square distance of the positions from their mean, rounded to two digits. It is [`SCALE_FALLBACK_M`] if all positions
+    /// coincide.
+    pub fn about(positions: impl IntoIterator<Item = Position>) -> Self {
+        let positions: Vec<Position> = positions.into_iter().collect();
+        let count = positions.len().max(1) as f64;
+        let east_m = positions.iter().map(|position| position.east_m / count).sum::<f64>();
+        let north_m = positions.iter().map(|position| position.north_m / count).sum::<f64>();
+        let square =
+            |position: &Position| ((position.east_m - east_m).powi(2) + (position.north_m - north_m).powi(2)) / count;
+        let spread_m = positions.iter().map(square).sum::<f64>().sqrt();
+        let round = |metres: f64| (metres / 100.0).round() * 100.0;
+        let scale_m = if spread_m > SCALE_MIN_M { round_to_two_digits(spread_m) } else { SCALE_FALLBACK_M };
+        Self { origin: Position::new(round(east_m), round(north_m)), scale_m, reference: ReferenceSystem::Unknown }
+    }
+
+    /// Returns the east and north coordinates of a position about the origin, in metres.
+    pub fn local_m(&self, position: &Position) -> (f64, f64) {
+        (position.east_m - self.origin.east_m, position.north_m - self.origin.north_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_origin_is_round_and_central() {
+        let chart = Chart::about([Position::new(431_000.0, 4_700_020.0), Position::new(431_180.0, 4_700_000.0)]);
+        assert_eq!(chart.origin, Position::new(431_100.0, 4_700_000.0));
+        assert_eq!(chart.local_m(&Position::new(431_110.0, 4_699_990.0)), (10.0, -10.0));
+        assert_eq!(Chart::about([]).origin, Position::new(0.0, 0.0));
+    }
+
+    #[test]
+    fn the_scale_is_the_rms_distance_of_positions_from_their_mean() {
+        let square = |half: f64| [(half, half), (half, -half), (-half, half), (-half, -half)];
+        let chart = |half| Chart::about(square(half).map(|(east_m, north_m)| Position::new(east_m + 5e5, north_m)));
+        assert_eq!(chart(500.0).scale_m, 710.0);
+        assert!((chart(0.5).scale_m - 0.71).abs() < 1e-12);
+        for nowhere in [Chart::about([]), chart(0.0), Chart::about([Position::new(3.0, 4.0)])] {
+            assert_eq!(nowhere.scale_m, SCALE_FALLBACK_M);
+        }
+    }
+}

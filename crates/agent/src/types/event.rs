@@ -1,0 +1,154 @@
+//! Events: the outcomes of single transmissions that a vehicle records, and their parts.
+
+use std::cmp::Ordering;
+use std::fmt;
+
+/// The name of a vehicle in the event log.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct VehicleId(String);
+
+impl VehicleId {
+    /// Returns the identifier with this name.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self(name.into())
+    }
+
+    /// Returns the name.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for VehicleId {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.pad(&self.0)
+    }
+}
+
+/// The name of a message kind. Kinds differ in their success probability, for example by rate, band, level or length.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct MessageKind(String);
+
+impl MessageKind {
+    /// Returns the kind with this name.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self(name.into())
+    }
+
+    /// Returns the name.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for MessageKind {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.pad(&self.0)
+    }
+}
+
+/// A position, in metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Position {
+    /// Distance east of the log's origin, in metres.
+    pub east_m: f64,
+    /// Distance north of the log's origin, in metres.
+    pub north_m: f64,
+    /// Depth below the surface, in metres, if known.
+    pub depth_m: Option<f64>,
+}
+
+impl Position {
+    /// Returns a position of unknown depth.
+    pub fn new(east_m: f64, north_m: f64) -> Self {
+        Self { east_m, north_m, depth_m: None }
+    }
+}
+
+/// The positions of both ends of a transmission.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Link {
+    /// Position of the transmitter.
+    pub transmitter: Position,
+    /// Position of the receiver.
+    pub receiver: Position,
+}
+
+impl Link {
+    /// Returns the positions of the transmitter and the receiver, in this order.
+    pub fn ends(&self) -> [Position; 2] {
+        [self.transmitter, self.receiver]
+    }
+
+    /// Returns the horizontal distance between the ends, in metres.
+    pub fn range_m(&self) -> f64 {
+        let east = self.transmitter.east_m - self.receiver.east_m;
+        let north = self.transmitter.north_m - self.receiver.north_m;
+        east.hypot(north)
+    }
+
+    /// Returns the link with its ends exchanged.
+    #[must_use]
+    pub fn swapped(&self) -> Self {
+        Self { transmitter: self.receiver, receiver: self.transmitter }
+    }
+
+    /// Returns the first `range_m` metres of the link, from the transmitter on. Returns the link unchanged if it is not longer.
+    #[must_use]
+    pub fn shortened_to(&self, range_m: f64) -> Self {
+        let Self { transmitter: from, receiver: to } = *self;
+        let share = range_m / self.range_m();
+        if share.is_nan() || share >= 1.0 {
+            return *self;
+        }
+        let along = |from: f64, to: f64| from + share * (to - from);
+        let receiver = Position {
+            east_m: along(from.east_m, to.east_m),
+            north_m: along(from.north_m, to.north_m),
+            depth_m: to.depth_m.map(|to_m| from.depth_m.map_or(to_m, |from_m| along(from_m, to_m))),
+        };
+        Self { receiver, ..*self }
+    }
+}
+
+/// One transmission as its receiver observed it: heard or missed. The event belongs to its receiver.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// Time of transmission, in seconds.
+    pub time_s: f64,
+    /// Vehicle that transmitted.
+    pub transmitter_id: VehicleId,
+    /// Vehicle that listened.
+    pub receiver_id: VehicleId,
+    /// Positions of both ends.
+    pub link: Link,
+    /// Message kind, if known.
+    pub kind: Option<MessageKind>,
+    /// Outcome: true if the receiver decoded the message.
+    pub success: bool,
+}
+
+impl Event {
+    /// Compares two events in canonical order, which does not depend on their order of arrival.
+    ///
+    /// The order is by time, transmitter, receiver, positions, kind and outcome.
+    pub fn canonical_order(&self, other: &Event) -> Ordering {
+        let coordinates = |event: &Event| {
+            let Link { transmitter: t, receiver: r } = event.link;
+            // An unknown depth sorts before all known depths.
+            let depth = |end: Position| end.depth_m.unwrap_or(f64::NEG_INFINITY);
+            [t.east_m, t.north_m, depth(t), r.east_m, r.north_m, depth(r)]
+        };
+        let by_position = || {
+            let pairs = coordinates(self).into_iter().zip(coordinates(other));
+            pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+        };
+        self.time_s
+            .total_cmp(&other.time_s)
+            .then_with(|| self.transmitter_id.cmp(&other.transmitter_id))
+            .then_with(|| self.receiver_id.cmp(&other.receiver_id))
+            .then_with(by_position)
+            .then_with(|| self.kind.cmp(&other.kind))
+            .then_with(|| self.success.cmp(&other.success))
+    }
+}

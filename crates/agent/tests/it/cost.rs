@@ -1,0 +1,116 @@
+//! The cost of each operation, counted in allocated bytes: unlike time, the count is the same on every machine.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use pingmap_agent::*;
+
+use crate::common::{model, names};
+
+/// Counts the bytes that the current thread allocates.
+struct Counting;
+
+thread_local! {
+    static ALLOCATED: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: every call is passed on to the system allocator unchanged; the counter needs no allocation and no destructor.
+#[allow(unsafe_code)]
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATED.with(|allocated| allocated.set(allocated.get() + layout.size()));
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(place, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// The bytes that an operation allocates.
+fn allocated<T>(operation: impl FnOnce() -> T) -> (T, usize) {
+    let before = ALLOCATED.with(Cell::get);
+    let result = operation();
+    (result, ALLOCATED.with(Cell::get) - before)
+}
+
+/// Slots of ten seconds, in a cycle of three members.
+const SLOT_S: f64 = 10.0;
+
+/// The position of a member at a time: a slow circle of its own.
+fn position(member: usize, time_s: f64) -> Position {
+    let angle = time_s / 900.0 + member as f64;
+    Position::new(400.0 * angle.sin(), 300.0 * (1.3 * angle).cos())
+}
+
+/// What a member records in a slot of another one.
+fn event(receiver: usize, slot: usize) -> Event {
+    let (transmitter, time_s) = (slot % 3, SLOT_S * slot as f64);
+    let link = Link { transmitter: position(transmitter, time_s), receiver: position(receiver, time_s) };
+    let [transmitter_id, receiver_id] = [transmitter, receiver].map(|member| names(3)[member].clone());
+    Event { time_s, transmitter_id, receiver_id, link, kind: None, success: link.range_m() < 450.0 }
+}
+
+/// Events of a member from one slot on.
+fn events(receiver: usize, slots: std::ops::Range<usize>) -> impl Iterator<Item = Event> {
+    slots.filter(move |slot| slot % 3 != receiver).map(move |slot| event(receiver, slot))
+}
+
+/// Allocated bytes of each operation of a vehicle with so many events.
+#[derive(Debug, PartialEq)]
+struct Cost {
+    record: usize,
+    receive: usize,
+    predict: usize,
+    predict_after_change: usize,
+    next_frame: usize,
+}
+
+fn cost(count: usize) -> Cost {
+    let team = std::sync::Arc::new(crate::common::team(3, model()));
+    let slots = count * 3 / 2;
+    let [mut agent, mut other] =
+        [0, 1].map(|member| Agent::new(names(3)[member].clone(), team.clone(), AgentOptions::default()));
+    // Four receptions outside of their slots, long ago.
+    let late = (0..4).map(|n| Event {
+        time_s: SLOT_S * (3 * n + 1) as f64 + 2.0 * SLOT_S,
+        success: true,
+        ..event(0, 3 * n + 1)
+    });
+    agent.record_all(late.chain(events(0, 12..slots))).unwrap();
+    agent.refit().unwrap();
+    other.record_all(events(1, slots - 60..slots)).unwrap();
+    other.refit().unwrap();
+    let frame = other.next_frame(Some(SLOT_S * slots as f64), 32).unwrap().unwrap();
+    let query = event(0, slots + 1).query();
+    agent.probability(query).unwrap();
+
+    let mut records: Vec<usize> =
+        events(0, slots..slots + 24).map(|event| allocated(|| agent.record(event).unwrap()).1).collect();
+    records.sort_unstable();
+    let record = records[records.len() / 2];
+    agent.probability(query).unwrap();
+    let receive = allocated(|| assert_eq!(agent.receive(&frame, None), Receipt::Accepted)).1;
+    let predict_after_change = allocated(|| agent.probability(query).unwrap()).1;
+    let predict = allocated(|| agent.probability(query).unwrap()).1;
+    let next_frame = allocated(|| agent.next_frame(Some(SLOT_S * (slots + 24) as f64), 32).unwrap().unwrap()).1;
+    Cost { record, receive, predict, predict_after_change, next_frame }
+}
+
+#[test]
+fn operations_allocate_within_their_budgets() {
+    for events in [1000, 10_000] {
+        let Cost { record, receive, predict, predict_after_change, next_frame } = cost(events);
+        assert!(record < 4 << 10, "record: {record} bytes with {events} events");
+        assert!(receive < 16 << 10, "receive: {receive} bytes with {events} events");
+        assert!(predict < 128 << 10, "predict: {predict} bytes with {events} events");
+        assert!(
+            predict_after_change < 4 << 20,
+            "predict after a change: {predict_after_change} bytes with {events} events"
+        );
+        assert!(next_frame < 32 << 20, "next frame: {next_frame} bytes with {events} events");
+    }
+}

@@ -1,0 +1,34 @@
+//! Tests of the public interface of the crate, in one binary.
+//!
+//! Each file tests one subject. `CASES_TIMES=10` multiplies the number of random cases.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+mod adaptation;
+mod agent;
+mod authentication;
+mod cost;
+mod delivery;
+mod entries;
+mod fault_detection;
+mod golden;
+mod malformed_packets;
+mod malformed_reports;
+mod memory;
+mod model_files;
+mod models;
+mod piggyback;
+mod predictions;
+mod receiver_offsets;
+mod report_choice;
+mod reports;
+mod site_prior;
+mod slot_conformance;
+mod slots;
+mod snapshots;
+mod summaries;
+mod summary_planner;
+mod team_file;
+mod unused_slots;

@@ -1,0 +1,395 @@
+//! `pingmap map`: every output format, positions and values.
+
+use std::io::{Cursor, Write as _};
+use std::path::Path;
+use std::process::Command;
+
+use crate::common::{file, json, log, opened_by_others, pingmap, stderr, stdout};
+use serde_json::Value;
+use tiff::decoder::{Decoder, DecodingResult};
+use tiff::tags::Tag;
+
+/// Options of every map in these tests, for short learning times.
+const QUICK: &[&str] = &["--terms", "path", "--additions", "none", "--kernel", "matern32", "--cell-m", "50"];
+
+/// Latitude and longitude of (0, 0) in these tests.
+const ORIGIN: (f64, f64) = (42.3, -70.9);
+
+/// Returns a folder with a log that has an origin.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let (latitude, longitude) = ORIGIN;
+    file(folder.path(), "events.csv", format!("# reference system: {latitude},{longitude}\n{}", log(&["a", "b"], 120)));
+    folder
+}
+
+fn draw(folder: &Path, arguments: &[&str]) -> Value {
+    json(folder, &[&["map", "events.csv"], arguments, QUICK, &["--json"]].concat())
+}
+
+fn read(folder: &Path, name: &str) -> Vec<u8> {
+    std::fs::read(folder.join(name)).unwrap()
+}
+
+/// Returns metres east and north of the origin by the radii of curvature of the ellipsoid. The error within two kilometres is below a
+/// decimetre.
+fn metres((latitude_deg, longitude_deg): (f64, f64)) -> (f64, f64) {
+    let (a, f) = (6_378_137.0, 1.0 / 298.257_223_563);
+    let e2: f64 = f * (2.0 - f);
+    let at = |latitude_deg: f64| {
+        let sin = latitude_deg.to_radians().sin();
+        let w = (1.0 - e2 * sin * sin).sqrt();
+        (a * (1.0 - e2) / w.powi(3), a / w)
+    };
+    // The meridian is evaluated at the middle latitude, the parallel at the latitude of the position.
+    let (meridional, _) = at((latitude_deg + ORIGIN.0) / 2.0);
+    let (_, normal) = at(latitude_deg);
+    let (dlat, dlon) = ((latitude_deg - ORIGIN.0).to_radians(), (longitude_deg - ORIGIN.1).to_radians());
+    let (sin, cos) = latitude_deg.to_radians().sin_cos();
+    // The last term is the curvature of the parallel.
+    (normal * cos * dlon, meridional * dlat + normal * sin * cos * dlon * dlon / 2.0)
+}
+
+/// Parses a table into its header and its rows.
+fn columns(text: &str) -> (Vec<&str>, Vec<Vec<f64>>) {
+    let mut lines = text.lines();
+    let header = lines.next().unwrap().split(',').collect();
+    (header, lines.map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect())
+}
+
+#[test]
+fn the_grid_contains_metres_degrees_and_predictions() {
+    let folder = folder();
+    let described = draw(folder.path(), &["--at", "500,200", "-o", "map.csv", "--as", "both"]);
+    let grid = String::from_utf8(read(folder.path(), "map.csv")).unwrap();
+    let (header, rows) = columns(&grid);
+    let said = ["easting_m", "northing_m", "latitude_deg", "longitude_deg", "tx_probability", "tx_lower", "tx_upper"];
+    assert_eq!(header[..7], said);
+    assert_eq!(header[7..], ["tx_explained", "rx_probability", "rx_lower", "rx_upper", "rx_explained"]);
+    let number = |key: &str| described[key].as_u64().unwrap() as usize;
+    assert_eq!(rows.len(), number("columns") * number("rows"));
+    for row in &rows {
+        let (east_m, north_m) = metres((row[2], row[3]));
+        assert!((east_m - row[0]).hypot(north_m - row[1]) < 1.0, "{row:?}: {east_m} {north_m}");
+        for side in [&row[4..8], &row[8..12]] {
+            let [probability, lower, upper, explained] = side else { panic!("{row:?}") };
+            assert!(0.0 <= *lower && lower <= probability && probability <= upper && *upper <= 1.0, "{row:?}");
+            assert!((0.0..=1.0).contains(explained), "{row:?}");
+        }
+    }
+    // The explained share is large near events and small in the far corner.
+    let explained = |east_m: f64, north_m: f64| {
+        let away = |row: &&Vec<f64>| (row[0] - east_m).hypot(row[1] - north_m);
+        rows.iter().min_by(|a, b| away(a).total_cmp(&away(b))).unwrap()[7]
+    };
+    assert!(explained(500.0, 600.0) > explained(0.0, 900.0), "{} {}", explained(500.0, 600.0), explained(0.0, 900.0));
+    // The printed median width is that of the cells.
+    let mut widths: Vec<f64> = rows.iter().map(|row| row[6] - row[5]).collect();
+    widths.sort_by(f64::total_cmp);
+    assert!((described["interval_width"].as_f64().unwrap() - widths[widths.len() / 2]).abs() < 1e-12);
+    assert_eq!(described["reference_system"], "42.3,-70.9");
+}
+
+#[test]
+fn places_in_degrees_and_in_metres_give_the_same_map() {
+    let folder = folder();
+    let shares = |at: &str| draw(folder.path(), &["--at", at, "-o", "map.csv"])["share_above"].clone();
+    draw(folder.path(), &["--at", "42.3N,70.9W", "-o", "map.csv"]);
+    let degrees = read(folder.path(), "map.csv");
+    draw(folder.path(), &["--at", "0,0", "-o", "map.csv"]);
+    assert_eq!(degrees, read(folder.path(), "map.csv"));
+    assert_ne!(shares("0,0"), shares("500,200"));
+    let within = draw(folder.path(), &["--at", "500,200", "--bounds", "100,0,600,250", "-o", "map.csv"]);
+    assert_eq!((&within["columns"], &within["rows"]), (&Value::from(10), &Value::from(5)));
+    assert_eq!((&within["east_m"][0], &within["north_m"][1]), (&Value::from(100.0), &Value::from(250.0)));
+    // An origin that differs from that of the log is refused.
+    let other = pingmap(folder.path(), &["map", "events.csv", "--at", "0,0", "--origin", "42,-70"]);
+    assert!(other.status.code() == Some(2) && stderr(&other).contains("42.3,-70.9"), "{}", stderr(&other));
+}
+
+#[test]
+fn joined_directions_and_places_are_bounds() {
+    let folder = folder();
+    let probabilities = |more: &[&str]| -> Vec<f64> {
+        draw(folder.path(), &[&["-o", "map.csv", "--reciprocal", "no"], more].concat());
+        let text = String::from_utf8(read(folder.path(), "map.csv")).unwrap();
+        columns(&text).1.iter().map(|row| row[4]).collect()
+    };
+    let holds = |a: &[f64], b: &[f64], what: &str| {
+        assert!(a.iter().zip(b).all(|(a, b)| *a <= b + 1e-9), "{what}");
+        assert!(a.iter().zip(b).any(|(a, b)| *a < b - 1e-3), "{what}: never less");
+    };
+    let at = ["--at", "500,200"];
+    let (tx, rx) = (probabilities(&at), probabilities(&[&at[..], &["--as", "rx"]].concat()));
+    let worst = probabilities(&[&at[..], &["--as", "worst"]].concat());
+    assert!(worst.iter().zip(tx.iter().zip(&rx)).all(|(worst, (tx, rx))| (worst - tx.min(*rx)).abs() < 1e-12));
+    let other = probabilities(&["--at", "100,700"]);
+    let both = ["--at", "500,200", "--at", "100,700"];
+    // The first place alone is mapped over the area of both places.
+    let first = probabilities(&[&at[..], &["--bounds", "0,0,1000,900"]].concat());
+    let (all, any) = (
+        probabilities(&[&both[..], &["--bounds", "0,0,1000,900"]].concat()),
+        probabilities(&[&both[..], &["--bounds", "0,0,1000,900", "--join", "any"]].concat()),
+    );
+    holds(&all, &first, "all of two places against one");
+    holds(&first, &any, "one place against any of two");
+    assert!(!other.is_empty());
+}
+
+#[test]
+fn pictures_contain_their_labels() {
+    let folder = folder();
+    draw(folder.path(), &["--at", "500,200", "-o", "map.png", "--layers", "probability,width"]);
+    assert!(read(folder.path(), "map.png").starts_with(b"\x89PNG"));
+    let svg = |more: &[&str]| {
+        draw(folder.path(), &[&["--at", "500,200", "-o", "map.svg"], more].concat());
+        String::from_utf8(read(folder.path(), "map.svg")).unwrap()
+    };
+    let plain = svg(&["--as", "rx", "--length-scale-m", "200", "--bounds=-1000,-1000,2500,2500"]);
+    for said in
+        ["receiver", "little known beyond the prior", "probability of success", "42°18", "70°54", "500 m", "viewBox"]
+    {
+        assert!(plain.contains(said), "no {said}");
+    }
+    assert!(!plain.contains("rotate(-90"), "letters stand upright");
+    let titled =
+        svg(&["--title", "Bay & <quay>", "--with-events", "--levels", "0.25,0.75", "--layers", "probability,lower"]);
+    for said in ["Bay &amp; &lt;quay&gt;", "heard here", "missed here", "contour 0.25", "lower end"] {
+        assert!(titled.contains(said), "no {said}");
+    }
+    assert!(!titled.contains("contour 0.9"), "a contour nobody asked for");
+    // Long names are truncated.
+    let long = "n".repeat(5000);
+    file(folder.path(), "events.csv", log(&[&long, "b"], 60));
+    let named = svg(&[]);
+    assert!(named.contains(&format!("{}…", "n".repeat(19))) && !named.contains(&"n".repeat(60)));
+}
+
+#[test]
+fn pictures_have_the_requested_width() {
+    let folder = folder();
+    let drawn = |name: &str, width_mm: &str| {
+        draw(folder.path(), &["--at", "500,200", "-o", name, "--width-mm", width_mm]);
+        read(folder.path(), name)
+    };
+    // A figure has 96 pixels an inch, so letters have the same size as on a screen.
+    let pixels = |width_mm: &str| -> f64 {
+        let svg = String::from_utf8(drawn("map.svg", width_mm)).unwrap();
+        let head = svg.split('>').next().unwrap();
+        assert!(head.contains(&format!(" width=\"{width_mm}.00mm\"")), "{head}");
+        head.split("viewBox=\"0 0 ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap()
+    };
+    for (width_mm, expected) in [("180", 180.0), ("250", 250.0)] {
+        let width = pixels(width_mm) * 25.4 / 96.0;
+        assert!((width - expected).abs() < 2.0, "{width} mm for {expected}");
+    }
+    // The map has a minimum width.
+    assert!(pixels("40") * 25.4 / 96.0 > 80.0);
+    let png = drawn("map.png", "180");
+    let reader = png::Decoder::new(Cursor::new(png)).read_info().unwrap();
+    assert_eq!(reader.info().pixel_dims.map(|dots| dots.xppu), Some(11811), "300 dots an inch");
+    assert!(reader.info().width.abs_diff(2126) <= 1, "{}", reader.info().width);
+    // The command replaces its own file.
+    drawn("map.png", "90");
+    let arguments = ["map", "events.csv", "--at", "500,200", "-o", "map.pdf", "--width-mm", "180"];
+    let output = pingmap(folder.path(), &[&arguments[..], QUICK].concat());
+    if cfg!(feature = "pdf") {
+        assert!(output.status.success(), "{}", stderr(&output));
+        let pdf = String::from_utf8_lossy(&read(folder.path(), "map.pdf")).into_owned();
+        assert!(pdf.starts_with("%PDF") && pdf.contains("/MediaBox [0 0 510.2"), "{}", &pdf[..2000]);
+        drawn("map.pdf", "90");
+    } else {
+        assert_eq!(output.status.code(), Some(2));
+        assert!(stderr(&output).contains("built without PDF") && !folder.path().join("map.pdf").exists());
+    }
+}
+
+/// Returns all positions of some coordinates, in metres.
+fn points(coordinates: &Value) -> Vec<(f64, f64)> {
+    match (coordinates[0].as_f64(), coordinates[1].as_f64()) {
+        (Some(longitude), Some(latitude)) => vec![metres((latitude, longitude))],
+        _ => coordinates.as_array().unwrap().iter().flat_map(points).collect(),
+    }
+}
+
+#[test]
+fn geojson_areas_cover_the_map_once_at_its_position() {
+    let folder = folder();
+    draw(folder.path(), &["--at", "500,200", "-o", "map.geojson", "--levels", "0.3,0.8"]);
+    let map: Value = serde_json::from_slice(&read(folder.path(), "map.geojson")).unwrap();
+    let features = map["features"].as_array().unwrap();
+    let of = |kind: &str| features.iter().filter(|feature| feature["properties"]["kind"] == kind).collect::<Vec<_>>();
+    let place = &of("place")[0]["geometry"]["coordinates"];
+    let (east_m, north_m) = metres((place[1].as_f64().unwrap(), place[0].as_f64().unwrap()));
+    assert!((east_m - 500.0).hypot(north_m - 200.0) < 1.0, "{east_m} {north_m}");
+    assert_eq!((of("area").len(), of("contour").len(), of("track").len()), (3, 2, 2));
+    // The areas sum to the area of the map. Rings are counter-clockwise and holes clockwise.
+    let mut whole_m2 = 0.0;
+    for area in of("area") {
+        for polygon in area["geometry"]["coordinates"].as_array().unwrap() {
+            for (n, ring) in polygon.as_array().unwrap().iter().enumerate() {
+                let corner = |at: &Value| metres((at[1].as_f64().unwrap(), at[0].as_f64().unwrap()));
+                let corners: Vec<(f64, f64)> = ring.as_array().unwrap().iter().map(corner).collect();
+                assert_eq!(corners.first(), corners.last());
+                let area_m2: f64 =
+                    corners.windows(2).map(|pair| pair[0].0 * pair[1].1 - pair[1].0 * pair[0].1).sum::<f64>() / 2.0;
+                assert!((area_m2 > 0.0) == (n == 0), "ring {n}: {area_m2}");
+                whole_m2 += area_m2;
+            }
+        }
+    }
+    // Contours are the edges of areas.
+    let near = |line: &Value, area: &Value| {
+        let (a, b) = (points(line), points(area));
+        a.iter().filter(|p| b.iter().any(|q| (p.0 - q.0).hypot(p.1 - q.1) < 15.0)).count() as f64 / a.len() as f64
+    };
+    let contour = &of("contour")[0]["geometry"]["coordinates"];
+    let share = near(contour, &of("area")[0]["geometry"]["coordinates"]);
+    assert!(share > 0.9, "{share} of the contour of 0.3 is near the edge of the area below it");
+    let described = draw(folder.path(), &["--at", "500,200", "-o", "map.csv"]);
+    let side = |key: &str| described[key][1].as_f64().unwrap() - described[key][0].as_f64().unwrap();
+    let exact_m2 = side("east_m") * side("north_m");
+    assert!((whole_m2 / exact_m2 - 1.0).abs() < 0.02, "{whole_m2} of {exact_m2}");
+}
+
+#[test]
+fn a_geotiff_has_the_cells_and_the_position_of_the_map() {
+    let folder = folder();
+    let described = draw(folder.path(), &["--at", "500,200", "-o", "map.tif"]);
+    draw(folder.path(), &["--at", "500,200", "-o", "map.csv"]);
+    let bytes = read(folder.path(), "map.tif");
+    let mut decoder = Decoder::new(Cursor::new(&bytes)).unwrap();
+    let (columns_wide, rows_high) = decoder.dimensions().unwrap();
+    assert_eq!(
+        (u64::from(columns_wide), u64::from(rows_high)),
+        (described["columns"].as_u64().unwrap(), described["rows"].as_u64().unwrap())
+    );
+    assert_eq!(decoder.get_tag_f64_vec(Tag::ModelPixelScaleTag).unwrap(), [50.0, 50.0, 0.0]);
+    let corner = decoder.get_tag_f64_vec(Tag::ModelTiepointTag).unwrap();
+    assert_eq!(
+        (corner[3], corner[4]),
+        (described["east_m"][0].as_f64().unwrap(), described["north_m"][1].as_f64().unwrap())
+    );
+    assert_eq!(decoder.get_tag_f64_vec(Tag::GeoDoubleParamsTag).unwrap()[..2], [-70.9, 42.3]);
+    let DecodingResult::F32(pixels) = decoder.read_image().unwrap() else { panic!("32-bit numbers") };
+    let text = String::from_utf8(read(folder.path(), "map.csv")).unwrap();
+    let (_, rows) = columns(&text);
+    // The first pixel is in the north-west, and the first row of the table in the south-west.
+    let north_west = &rows[(rows_high as usize - 1) * columns_wide as usize];
+    assert!(pixels[..4].iter().zip(&north_west[4..]).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-6));
+}
+
+/// Returns the output of an installed program, or prints that the check is skipped.
+fn said_by(program: &str, arguments: &[&str], folder: &Path) -> Option<String> {
+    let Ok(output) = Command::new(program).args(arguments).current_dir(folder).output() else {
+        let message = format!("skipped: there is no {program}\n");
+        std::io::stderr().write_all(message.as_bytes()).unwrap();
+        return None;
+    };
+    assert!(output.status.success(), "{program} {arguments:?}: {}", stderr(&output));
+    Some(stdout(&output) + &stderr(&output))
+}
+
+#[test]
+fn other_programs_open_maps() {
+    let folder = folder();
+    for name in ["map.tif", "map.geojson", "map.kml"] {
+        draw(folder.path(), &["--at", "500,200", "--bounds", "0,0,1000,1000", "-o", name]);
+    }
+    if let Some(said) = said_by("gdalinfo", &["map.tif"], folder.path()) {
+        assert!(
+            said.contains("Transverse") && said.contains("Description = probability") && !said.contains("ERROR"),
+            "{said}"
+        );
+        // Upper left corner in degrees, minutes and seconds: 1000 m north of the origin.
+        assert!(said.contains("70d54' 0.00\"W, 42d18'32."), "{said}");
+    }
+    for (name, layer) in [("map.geojson", "map"), ("map.kml", "Tracks")] {
+        if let Some(said) = said_by("ogrinfo", &["-al", "-so", name], folder.path()) {
+            assert!(said.contains(layer) && !said.contains("ERROR") && !said.contains("Warning"), "{said}");
+            let features: u32 =
+                said.lines().filter_map(|line| line.strip_prefix("Feature Count: ")?.trim().parse::<u32>().ok()).sum();
+            assert!(features >= 6, "{said}");
+        }
+    }
+    if let Some(said) = opened_by_others(folder.path(), &["map.tif", "map.geojson", "map.kml"]) {
+        let grid = &said["map.tif"];
+        let first = ["degrees", "metres"].map(|key| [0, 1].map(|n: usize| grid[key][n].as_f64().unwrap()));
+        let [[longitude, latitude], [east_m, north_m]] = first;
+        // PROJ and the ellipsoid give the same centre of the north-western cell.
+        let (x_m, y_m) = metres((latitude, longitude));
+        assert!((x_m - east_m).hypot(y_m - north_m) < 1.0 && (east_m, north_m) == (25.0, 975.0), "{grid}");
+        assert_eq!(grid["bands"], serde_json::json!(["probability", "lower", "upper", "explained"]));
+        assert_eq!(said["map.kml"]["schema_errors"], serde_json::json!([]));
+        let shapes = |layer: &Value| layer["shapes"].as_u64().unwrap();
+        for name in ["map.geojson", "map.kml"] {
+            let layers = said[name]["layers"].as_object().unwrap();
+            assert!(layers.values().map(shapes).sum::<u64>() >= 6, "{name}: {layers:?}");
+        }
+    }
+    let kml = String::from_utf8(read(folder.path(), "map.kml")).unwrap();
+    // The standard prescribes the order of elements.
+    for placemark in kml.split("<Placemark>").skip(1).filter(|placemark| placemark.contains("<styleUrl>")) {
+        assert!(placemark.find("<styleUrl>") < placemark.find("<MultiGeometry>"), "{placemark}");
+    }
+    assert!(kml.contains("<styleUrl>#"));
+    let parsed: kml::Kml<f64> = kml.parse().unwrap();
+    assert!(
+        matches!(parsed, kml::Kml::KmlDocument(_))
+            && kml.contains("<outerBoundaryIs>")
+            && kml.contains("<name>a</name>")
+    );
+}
+
+#[test]
+fn a_map_has_the_digest_of_the_whole_log_and_refuses_distant_places() {
+    let folder = folder();
+    let digest = |command: &[&str]| json(folder.path(), command)["log_digest"].as_str().unwrap().to_owned();
+    let whole = digest(&["check", "events.csv", "--json"]);
+    let of_part = [&["map", "events.csv", "--at", "0,0", "--events-max", "50"], QUICK, &["--json"]].concat();
+    assert_eq!(digest(&of_part), whole);
+    // A place in another hemisphere is refused.
+    let (latitude, longitude) = ORIGIN;
+    let at = format!("{latitude}N,{}E", longitude.abs());
+    let output = pingmap(folder.path(), &["map", "events.csv", "--at", &at]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("--at") && said.contains("100 km"), "{said}");
+    // A large file is recognised as a file of pingmap.
+    let (learning, _) = QUICK.split_at(QUICK.len() - 2);
+    let geojson = ["-o", "map.geojson", "--at", "500,200", "--cell-m", "12", "--as", "both"];
+    let levels = ["--levels", ".05,.1,.15,.2,.25,.3,.35,.4,.45,.5,.55,.6,.65,.7,.75,.8,.85,.9,.95", "--json"];
+    for _ in 0..2 {
+        json(folder.path(), &[&["map", "events.csv"], &geojson[..], learning, &levels].concat());
+    }
+    assert!(read(folder.path(), "map.geojson").len() > 1 << 20);
+}
+
+#[test]
+fn a_log_in_utm_coordinates_has_correct_degrees() {
+    let folder = tempfile::tempdir().unwrap();
+    // 42.3 N, 69 W is on the central meridian of zone 19.
+    let plain = log(&["a", "b"], 60);
+    let shifted = plain.lines().enumerate().map(|(n, line)| {
+        if n == 0 {
+            return format!("{line}\n");
+        }
+        let fields: Vec<&str> = line.split(',').collect();
+        let at = |n: usize, by: f64| fields[n].parse::<f64>().unwrap() + by;
+        let places =
+            [at(3, 500_000.0), at(4, 4_683_000.0), at(5, 500_000.0), at(6, 4_683_000.0)].map(|m| m.to_string());
+        format!("{},{},{}\n", fields[..3].join(","), places.join(","), fields[7])
+    });
+    file(folder.path(), "events.csv", shifted.collect::<String>());
+    draw(folder.path(), &["--at", "500500,4683200", "--crs", "EPSG:32619", "-o", "map.csv"]);
+    let text = String::from_utf8(read(folder.path(), "map.csv")).unwrap();
+    let (_, rows) = columns(&text);
+    // The width of a cell is 50 m / .9996 on the ground.
+    let (a, b) = (&rows[0], &rows[1]);
+    let parallel_m =
+        6_378_137.0 * a[2].to_radians().cos() / (1.0 - 0.006_694_38 * a[2].to_radians().sin().powi(2)).sqrt();
+    assert!(((b[3] - a[3]).to_radians() * parallel_m - 50.0 / 0.9996).abs() < 0.05, "{a:?} {b:?}");
+    draw(folder.path(), &["--at", "500500,4683200", "--crs", "EPSG:32619", "-o", "map.tif"]);
+    if let Some(said) = said_by("gdalinfo", &["map.tif"], folder.path()) {
+        assert!(said.contains("UTM zone 19N") && said.contains("69d"), "{said}");
+    }
+}

@@ -1,0 +1,11 @@
+//! Tests of the public interface of the crate, in one binary. Each file tests one subject.
+
+#![allow(clippy::unwrap_used)]
+
+mod alternatives;
+mod fading;
+mod log_checks;
+mod optional_terms;
+mod paper;
+mod swapped_areas;
+mod map_quality;
