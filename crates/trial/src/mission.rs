@@ -52,7 +52,7 @@ pub struct Plan {
     pub limits: Limits,
     /// Bytes of a frame.
     pub frame_bytes: usize,
-    /// The secret that packets are sealed with, if any.
+    /// The secret that packets are authenticated with, if any.
     pub key: Option<Key>,
     /// How vehicles share their data.
     pub sharing: Sharing,
@@ -168,7 +168,7 @@ pub struct Traffic {
     /// Bytes of all of them.
     pub bytes: f64,
     /// How many of all events of others a vehicle then knows one by one.
-    pub told_share: f64,
+    pub remote_event_share: f64,
 }
 
 impl Traffic {
@@ -179,7 +179,7 @@ impl Traffic {
             packets: mean(|traffic| traffic.packets),
             reports: mean(|traffic| traffic.reports),
             bytes: mean(|traffic| traffic.bytes),
-            told_share: mean(|traffic| traffic.told_share),
+            remote_event_share: mean(|traffic| traffic.remote_event_share),
         })
     }
 }
@@ -262,7 +262,7 @@ impl Mission {
             packets: self.sent(frames).map(<[_]>::len).sum::<usize>() as f64 / vehicles,
             reports: reports as f64 / vehicles,
             bytes: self.sent(frames).flatten().map(Vec::len).sum::<usize>() as f64 / vehicles,
-            told_share: told as f64 / others as f64,
+            remote_event_share: told as f64 / others as f64,
         }
     }
 

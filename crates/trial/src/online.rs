@@ -79,7 +79,7 @@ impl Step {
 /// [`AgentError`] when the method refuses.
 pub fn online(log: &EventLog, plan: &Plan, riding: Riding, step: &dyn Fn()) -> Result<Online, AgentError> {
     let (team, _) = plan.team(log, None)?;
-    // Whoever asks for spare bytes has them read, key or not.
+    // Piggybacking is requested explicitly, so a key does not turn it off.
     let piggyback = if riding.piggyback_bytes > 0 { Some(true) } else { team.piggyback };
     let team = Team { slots: slots_of(&log.events), piggyback, ..team };
     let mut mission = Run::new(log, Arc::new(team), plan, riding);

@@ -27,7 +27,7 @@ pub struct Options {
     /// Model file, as `pingmap learn` writes it
     #[arg(long, value_name = "FILE", default_value = "model.toml")]
     pub model: PathBuf,
-    /// File with the team's key, 64 hexadecimal digits, if packets are to be sealed
+    /// File with the team's key, 64 hexadecimal digits, if packets are to be authenticated
     #[arg(long, value_name = "FILE")]
     pub key_file: Option<PathBuf>,
     /// Bytes of a frame
@@ -71,7 +71,7 @@ pub struct TeamJson<'a> {
     frame_bytes: usize,
     /// Number of the key epoch: packets of another one are foreign.
     epoch: u32,
-    /// Whether packets are sealed with a secret.
+    /// Whether packets are authenticated with a secret.
     is_authenticated: bool,
     /// Side of a cell east and north.
     cell_m: f64,

@@ -76,7 +76,7 @@ fn replay_json_has_the_documented_keys() {
     assert_eq!((&sharing["points_per_frame"], &sharing["bytes_per_vehicle"]), (&5.into(), &32.0.into()));
     // Single events are known exactly if reports were sent.
     for sharing in result["sharing"].as_array().unwrap() {
-        let [reports, known] = ["reports_per_vehicle", "told_share"].map(|key| sharing[key].as_f64().unwrap());
+        let [reports, known] = ["reports_per_vehicle", "remote_event_share"].map(|key| sharing[key].as_f64().unwrap());
         assert!((reports > 0.0) == (known > 0.0) && known <= 1.0, "{sharing}");
     }
     let gap = |sharing: &Value| {

@@ -260,7 +260,7 @@ const ENCODE: &[Case] = &[("--team", "team.toml", ""), ("--json", "", "")];
 const SCHEMA: &[Case] = &[
     ("--frame-bytes", "64", ""),
     ("--report", "", ""),
-    ("--sealed", "", ""),
+    ("--authenticated", "", ""),
     ("--depth", "", ""),
     ("--proto", "", ""),
     ("--json", "", ""),

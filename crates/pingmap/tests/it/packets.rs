@@ -47,7 +47,7 @@ fn authentication_costs_one_point_of_each_packet() {
     let folder = team_folder(&["--key-file", "team.key"]);
     let result = json(folder.path(), &["replay", "events.csv", "--frames", "1", "--team", "team.toml", "--json"]);
     assert_eq!(
-        (&result["packets"]["sealed"], &result["packets"]["message"]),
+        (&result["packets"]["authenticated"], &result["packets"]["message"]),
         (&true.into(), &"MapAuthenticated32".into())
     );
     assert_eq!(result["sharing"][0]["points_per_frame"], 4);
@@ -158,17 +158,17 @@ fn piggybacked_bytes_are_sent_with_every_transmission() {
     let folder = team_folder(&[]);
     let command = ["replay", "events.csv", "--online", "--piggyback-bytes", "2"];
     let text = stdout(&pingmap(folder.path(), &command));
-    assert!(text.contains("; 2 spare bytes on each\n") && !text.contains("packet"), "{text}");
+    assert!(text.contains("; 2 piggybacked bytes on each\n") && !text.contains("packet"), "{text}");
     let result = json(folder.path(), &[&command[..], &["--json"]].concat());
     assert!(result["bytes"] == 0 && result["received"] == 0 && result["slot_every"].is_null(), "{result}");
-    let sent = result["spare_bytes_sent"].as_u64().unwrap();
+    let sent = result["piggyback_bytes_sent"].as_u64().unwrap();
     assert!(sent > 100 && sent.is_multiple_of(2), "{sent}");
     assert_ne!(result["nll"]["team"], result["nll"]["own"]);
     // The option enables them for a team with a key as well, and together with packets.
     let with_key = json(folder.path(), &[&command[..], &["--json", "--key-file", "team.key"]].concat());
     assert_eq!(with_key["nll"], result["nll"]);
     let both = json(folder.path(), &[&command[..], &["--slot-every", "5", "--json"]].concat());
-    assert!(both["bytes"].as_u64().unwrap() > 0 && both["spare_bytes_sent"] == sent, "{both}");
+    assert!(both["bytes"].as_u64().unwrap() > 0 && both["piggyback_bytes_sent"] == sent, "{both}");
 }
 
 #[test]
@@ -258,16 +258,16 @@ fn the_schema_lists_the_bits_of_every_field() {
         schema["points"].as_u64().unwrap()
     };
     assert_eq!(
-        [points(&[]), points(&["--sealed"]), points(&["--depth"]), points(&["--depth", "--sealed"])],
+        [points(&[]), points(&["--authenticated"]), points(&["--depth"]), points(&["--depth", "--authenticated"])],
         [5, 4, 4, 3]
     );
-    assert!(points(&["--frame-bytes", "64"]) > 5 && points(&["--frame-bytes", "256", "--sealed"]) > 20);
+    assert!(points(&["--frame-bytes", "64"]) > 5 && points(&["--frame-bytes", "256", "--authenticated"]) > 20);
     let proto = stdout(&pingmap(folder.path(), &["packet", "schema", "--proto"]));
     assert!(proto.starts_with("//") || proto.contains("syntax = \"proto2\";"));
     assert!(proto.contains("message MapAuthenticated32 {") && proto.contains("codec_version: 4 id: 125 max_bytes: 32"));
     let text = stdout(&pingmap(folder.path(), &["packet", "schema"]));
     assert!(text.contains("Map32, DCCL id 124: 32 of 32 bytes") && text.contains("correlation"), "{text}");
-    let report = json(folder.path(), &["packet", "schema", "--report", "--sealed", "--json"]);
+    let report = json(folder.path(), &["packet", "schema", "--report", "--authenticated", "--json"]);
     assert_eq!(
         (&report["message"], &report["id"], &report["points"]),
         (&"ReportAuthenticated".into(), &137.into(), &Value::Null)

@@ -108,7 +108,7 @@ pub struct PacketJson {
     sender: u8,
     /// Counts the sender's packets.
     counter: u16,
-    /// Check number of the team's model and of this packet; not in a sealed one, which proves more.
+    /// Check number of the team's model and of this packet; not in an authenticated one, whose tag replaces it.
     #[serde(default)]
     model: u16,
     /// Summaries of the sender's locality regions.
@@ -198,11 +198,11 @@ fn decode(options: &Decode, results: Results) -> anyhow::Result<()> {
     )
 }
 
-/// A packet of nobody's team in particular. A sealed one takes the team.
+/// A packet without a team. An authenticated one needs the team.
 fn read_alone(bytes: &[u8]) -> anyhow::Result<(&'static Layout, MapMessage)> {
     MapMessage::decode(bytes, None).map_err(|error| {
         let hint = match error {
-            pingmap_packet::Error::Authentication(_) => "; expected --team with the team that sealed it",
+            pingmap_packet::Error::Authentication(_) => "; expected --team with the team that formed it",
             _ => "",
         };
         BadInput(format!("{error}{hint}")).into()

@@ -32,7 +32,7 @@ pub struct ReportJson {
     message: String,
     /// The number of its sender in the team.
     sender: u8,
-    /// Check number of the team's model and of this report; not in a sealed one, which proves more.
+    /// Check number of the team's model and of this report; not in an authenticated one, whose tag replaces it.
     #[serde(default)]
     model: u16,
     /// The slot that it begins at.

@@ -19,12 +19,12 @@ pub struct Options {
     pub report: bool,
     /// Sealed with a team's key
     #[arg(long)]
-    pub sealed: bool,
+    pub authenticated: bool,
     /// With depths
     #[arg(long)]
     pub depth: bool,
     /// Print the .proto of all packets instead, as Goby and other users of DCCL load it
-    #[arg(long, conflicts_with_all = ["json", "sealed", "depth", "frame_bytes", "report"])]
+    #[arg(long, conflicts_with_all = ["json", "authenticated", "depth", "frame_bytes", "report"])]
     pub proto: bool,
     /// Print one JSON object instead of tables
     #[arg(long)]
@@ -46,7 +46,7 @@ pub struct SchemaJson {
     /// Bytes of the message at most.
     bytes: usize,
     /// Whether it ends in a proof of who wrote it.
-    sealed: bool,
+    authenticated: bool,
     /// Whether places have a depth.
     depth: bool,
     /// Bits of the DCCL number.
@@ -92,7 +92,7 @@ impl Options {
     }
 
     fn map_message(&self) -> anyhow::Result<SchemaJson> {
-        let layout = Layout::for_frame(self.frame_bytes, self.depth, self.sealed);
+        let layout = Layout::for_frame(self.frame_bytes, self.depth, self.authenticated);
         let layout = layout.ok_or_else(|| BadInput(format!("no packet fits into {} bytes", self.frame_bytes)))?;
         let points = PointsJson {
             frame_bytes: layout.frame_bytes,
@@ -104,7 +104,7 @@ impl Options {
     }
 
     fn report(&self) -> SchemaJson {
-        let layout = ReportLayout::new(self.depth, self.sealed);
+        let layout = ReportLayout::new(self.depth, self.authenticated);
         let bytes_min = layout.length(OutcomeCounts::default(), 0);
         SchemaJson { bytes_min: Some(bytes_min), ..self.of(layout.name, layout.id, &layout.schema()) }
     }
@@ -119,7 +119,7 @@ impl Options {
             id,
             bytes_min: None,
             bytes: schema.length(),
-            sealed: self.sealed,
+            authenticated: self.authenticated,
             depth: self.depth,
             id_bits: schema.id_bits(),
             bits_used: schema.id_bits() + fields.iter().map(|field| field.bits).sum::<u64>(),

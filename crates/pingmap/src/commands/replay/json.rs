@@ -79,7 +79,7 @@ pub struct PacketsJson {
     /// How long it is.
     bytes: Option<usize>,
     /// Whether it ends in a proof of who wrote it.
-    sealed: Option<bool>,
+    authenticated: Option<bool>,
     /// Side of a cell of the team's chart.
     cell_m: Option<f64>,
     /// Share of packets that are lost.
@@ -200,7 +200,7 @@ impl PacketsJson {
         Self {
             message: layout.map(|layout| layout.name),
             bytes: layout.map(|layout| layout.schema().length()),
-            sealed: layout.map(|layout| layout.is_authenticated),
+            authenticated: layout.map(|layout| layout.is_authenticated),
             cell_m: team.map(|team| team.grid.cell_m),
             loss,
             duplicate,

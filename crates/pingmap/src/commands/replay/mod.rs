@@ -143,7 +143,7 @@ pub struct Sharing {
     /// Bytes of a frame
     #[arg(help_heading = ON_THE_WATER, long, default_value_t = 32, value_parser = frame_bytes)]
     pub frame_bytes: usize,
-    /// File with the team's key, 64 hexadecimal digits: packets are sealed with it, which takes 8 bytes of each
+    /// File with the team's key, 64 hexadecimal digits: packets are authenticated with it, which takes 8 bytes of each
     #[arg(help_heading = ON_THE_WATER, long, value_name = "FILE")]
     pub key_file: Option<PathBuf>,
     /// Share of packets that are lost on their way to a receiver

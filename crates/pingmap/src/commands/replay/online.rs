@@ -84,8 +84,8 @@ impl OnlineMission {
             format!("{packets}, {bytes}, heard {}", count(online.received, "time"))
         });
         let is_spare = self.riding.piggyback_bytes > 0;
-        let spare = is_spare.then(|| format!("{} on each", count(self.riding.piggyback_bytes, "spare byte")));
-        let spared = is_spare.then(|| format!("{} in all", count(online.piggyback_bytes, "spare byte")));
+        let spare = is_spare.then(|| format!("{} on each", count(self.riding.piggyback_bytes, "piggybacked byte")));
+        let spared = is_spare.then(|| format!("{} in all", count(online.piggyback_bytes, "piggybacked byte")));
         let both =
             |one: Option<String>, other: Option<String>| one.into_iter().chain(other).collect::<Vec<_>>().join(", ");
         format!(
@@ -189,7 +189,7 @@ pub struct OnlineJson {
     /// Packets that counted at a receiver.
     received: usize,
     /// Spare bytes that went with transmissions.
-    spare_bytes_sent: usize,
+    piggyback_bytes_sent: usize,
     /// Mean over the whole mission of the negative log-likelihood of what comes next, in nats.
     nll: Option<StepJson>,
     /// The same over time, as a running mean.
@@ -222,7 +222,7 @@ impl OnlineJson {
             packets: online.packets.iter().map(|(id, &count)| (id.to_string(), count)).collect(),
             bytes: online.bytes,
             received: online.received,
-            spare_bytes_sent: online.piggyback_bytes,
+            piggyback_bytes_sent: online.piggyback_bytes,
             nll: Step::mean(&online.steps).as_ref().map(step),
             running_nll: online.running(CURVE_POINTS).iter().map(step).collect(),
         }

@@ -134,7 +134,7 @@ pub struct SharingJson {
     /// Bytes of both.
     bytes_per_vehicle: f64,
     /// How many of all events of others a vehicle knows one by one.
-    told_share: f64,
+    remote_event_share: f64,
     /// Other ways of filling as many bytes.
     alternatives: Vec<AlternativeJson>,
 }
@@ -213,7 +213,7 @@ impl SharingJson {
             packets_per_vehicle: sharing.traffic.packets,
             reports_per_vehicle: sharing.traffic.reports,
             bytes_per_vehicle: sharing.traffic.bytes,
-            told_share: sharing.traffic.told_share,
+            remote_event_share: sharing.traffic.remote_event_share,
             alternatives: sharing.alternatives.iter().map(alternative).collect(),
         }
     }

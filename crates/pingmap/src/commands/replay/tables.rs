@@ -118,8 +118,8 @@ pub fn score_header(replayed: &Replayed) -> Vec<String> {
 pub fn sharing_rows(replayed: &Replayed) -> Vec<Vec<String>> {
     let row = |sharing: &Sharing| {
         let name = frames_name(sharing.frames);
-        let Traffic { bytes, reports, told_share, .. } = sharing.traffic;
-        let traffic = [format!("{bytes:.0}"), format!("{reports:.1}"), format!("{:.0} %", 100.0 * told_share)];
+        let Traffic { bytes, reports, remote_event_share, .. } = sharing.traffic;
+        let traffic = [format!("{bytes:.0}"), format!("{reports:.1}"), format!("{:.0} %", 100.0 * remote_event_share)];
         let share = |gap: Estimate| format!("{:.0} ± {:.0} %", 100.0 * gap.mean, 100.0 * gap.se.unwrap_or(f64::NAN));
         let gap = sharing.gap_closed.map_or("–".to_owned(), share);
         [
@@ -219,8 +219,8 @@ pub fn packets_line(replayed: &Replayed) -> String {
     let Water { loss, duplicate, reorder } = replayed.plan.water;
     let mut line = replayed.layout().map_or_else(String::new, |layout| {
         let points = layout.points_in_all();
-        let sealed = if layout.is_authenticated { ", sealed" } else { "" };
-        format!("packets of {} with up to {points} points{sealed}", count(layout.schema().length(), "byte"))
+        let authenticated = if layout.is_authenticated { ", authenticated" } else { "" };
+        format!("packets of {} with up to {points} points{authenticated}", count(layout.schema().length(), "byte"))
     });
     for (share, what) in [(loss, "lost"), (duplicate, "doubled"), (reorder, "overtaken")] {
         if share > 0.0 {
