@@ -198,35 +198,6 @@ impl Summary {
         Ok(Self { precision, shift, ..self.clone() })
     }
 
-    /// What this summary says beyond `known`, which speaks of some of the same events: the difference of the two in the
-    /// directions in which this one says so much more that it is no rounding, at least `share_min` of its precision there, and
-    /// nothing in the others. Other than [`Summary::residual`] it takes the means as they are, because `known` may be the better
-    /// one. O(M³).
-    ///
-    /// # Errors
-    /// As [`Summary::residual`].
-    pub fn beyond(&self, known: &Summary, share_min: f64) -> Result<Summary> {
-        self.check_alike(known)?;
-        let mut difference = self.precision.clone();
-        difference.add_scaled(-1.0, &known.precision);
-        difference.symmetrise();
-        let (values, vectors) = symmetric_eigen("difference of two precisions", &difference)?;
-        let shift: Vec<f64> = self.shift.iter().zip(&known.shift).map(|(own, known)| own - known).collect();
-        let along = vectors.transposed_times(&shift);
-        let mut kept = vec![0.0; values.len()];
-        let mut scaled = vectors.clone();
-        for (place, &value) in values.iter().enumerate() {
-            let direction = vectors.column(place);
-            let own: f64 = direction.iter().zip(self.precision.times(direction)).map(|(a, b)| a * b).sum();
-            let value = if value > 0.0 && value >= share_min * own { value } else { 0.0 };
-            kept[place] = if value > 0.0 { along[place] } else { 0.0 };
-            scaled.column_mut(place).iter_mut().for_each(|entry| *entry *= value);
-        }
-        let mut precision = product(scaled.view(), vectors.t());
-        precision.symmetrise();
-        Ok(Self { precision, shift: vectors.times(&kept), ..self.clone() })
-    }
-
     /// L⁻¹(μ − μ₀(Z)) = (I + Ĝ)⁻¹b̂: the mean of f(Z) given this message alone, whitened. O(M³).
     ///
     /// # Errors

@@ -14,7 +14,7 @@ mod common;
 use std::path::Path;
 
 use common::{Failure, sharing_without};
-use pingmap_agent::{Learning, Model, ModelFile, Sharing};
+use pingmap_agent::{Learning, Model, ModelFile};
 use pingmap_trial::{Agreed, DivideBy, Division, Estimate, EventLog, Mission, Plan, Score, Split, Water, read_splits};
 
 const FRAMES: [usize; 5] = [1, 2, 4, 7, 10];
@@ -110,26 +110,19 @@ fn print(cases: &[Nlls], test_share: f64) {
     println!("{:34} {}", "frames", FRAMES.map(|frames| format!("{frames:>17}")).join(" "));
     for (variant, (features, base)) in VARIANTS.iter().enumerate() {
         let base = VARIANTS.iter().position(|(other, _)| other == base).unwrap_or_default();
-        let column = |of: &dyn Fn(&Nlls) -> f64, digits: usize| {
+        let cell = |of: &dyn Fn(&Nlls) -> f64| {
             let values: Vec<f64> = cases.iter().map(of).collect();
             Estimate::overlapping(&values, test_share).map_or_else(String::new, |Estimate { mean, se, .. }| {
-                format!("{mean:+.digits$} ±{:.digits$}", se.unwrap_or(f64::NAN))
+                format!("{mean:+.4} ±{:.4}", se.unwrap_or(f64::NAN))
             })
         };
         let row: Vec<String> = (0..FRAMES.len())
             .map(|frames| match variant == base {
-                true => column(&|nlls| nlls[variant][frames], 4),
-                false => column(&|nlls| nlls[variant][frames] - nlls[base][frames], 4),
+                true => cell(&|nlls| nlls[variant][frames]),
+                false => cell(&|nlls| nlls[variant][frames] - nlls[base][frames]),
             })
             .collect();
         let name = if features.is_empty() { "all features, NLL".to_owned() } else { format!("without {features}") };
         println!("{name:34} {}", row.iter().map(|cell| format!("{cell:>17}")).collect::<Vec<_>>().join(" "));
     }
-}
-
-/// Every field of the options has a switch.
-#[allow(dead_code, reason = "a new field must not be forgotten here")]
-fn every_feature(sharing: Sharing) {
-    let Sharing { summaries: _, reports: _, acknowledgements: _, report_candidates: _, summary_candidates: _ } =
-        sharing;
 }

@@ -25,9 +25,7 @@ impl Agent {
         let slots: Vec<u32> = slots.take(AGE_MAX as usize + 1 + count).collect();
         let begin_s = slots.last().and_then(|&first| self.team().slots.begin_s(first))?;
         let known = self.memory.outcomes_since(sender, begin_s);
-        let outcome =
-            |slot: &u32| known.binary_search_by_key(slot, |outcome| outcome.0).ok().map(|place| known[place].1);
-        let outcomes: Vec<Option<bool>> = slots.iter().map(outcome).collect();
+        let outcomes: Vec<Option<bool>> = slots.iter().map(|slot| known.get(slot).copied()).collect();
         // Near the first slot of the mission there are fewer.
         let run = |place: usize| -> Option<Vec<bool>> {
             outcomes[place..outcomes.len().min(place + count)].iter().copied().collect()

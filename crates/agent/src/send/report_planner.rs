@@ -265,16 +265,14 @@ fn slot_entries(memory: &Memory, sender: u8, waypoints: &[(u32, Cell)], delivery
     };
     // Without a single outcome in a slot, nothing shows that the team uses this schedule.
     let is_in_use = team.slots.explicit.is_some() || !outcomes.is_empty();
-    let mut remaining = outcomes.iter().peekable();
     let of_slot = |slot: u32| {
         if !memory.codec.is_heard_by(slot, sender) {
             let is_unused = memory.reports.is_unused(sender, slot);
             return entry(slot, Subject::OwnSlot, if is_unused { Outcome::Missed } else { Outcome::Heard }, is_in_use);
         }
-        while remaining.next_if(|(other, _)| *other < slot).is_some() {}
-        let outcome = match remaining.next_if(|(other, _)| *other == slot) {
-            Some((_, true)) => Outcome::Heard,
-            Some((_, false)) => Outcome::Missed,
+        let outcome = match outcomes.get(&slot) {
+            Some(true) => Outcome::Heard,
+            Some(false) => Outcome::Missed,
             None => Outcome::Unreported,
         };
         entry(slot, Subject::Reception, outcome, outcome != Outcome::Unreported)

@@ -1,6 +1,6 @@
 //! The memory of a vehicle: a set of entries. Everything else that the vehicle computes follows from it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -118,10 +118,8 @@ impl Memory {
             check_event(event)?;
         }
         let own_id = self.own_id().cloned();
-        let slot_of = |event: &Event| self.codec.slot_of(event);
-        let new = new.into_iter().map(|(number, event)| RecordedEvent { number, key: slot_of(&event), event });
-        let new = new.collect();
-        let change = self.events.insert(new);
+        let recorded = |(number, event)| RecordedEvent { number, key: self.codec.slot_of(&event), event };
+        let change = self.events.insert(new.into_iter().map(recorded).collect());
         let mut spans = Vec::new();
         let team = self.codec.team.clone();
         let is_compared = |recorded: &&RecordedEvent| {
@@ -160,13 +158,7 @@ impl Memory {
     /// events that no longer count are forgotten. O(log N) for each event in these spans.
     fn reassess(&mut self, mut change: EventChange, spans: &[(f64, f64)]) -> EventChange {
         let numbers: BTreeSet<u64> = change.new.iter().map(|recorded| recorded.number).collect();
-        let evidence = SlotEvidence {
-            codec: &self.codec,
-            own: self.own,
-            events: &self.events,
-            reports: &self.reports,
-            conformance: &self.conformance,
-        };
+        let evidence = self.evidence();
         let mut excluded = Vec::new();
         change.new.retain(|recorded| {
             let counts = evidence.counts(recorded);
@@ -194,23 +186,14 @@ impl Memory {
 
     /// Returns the outcomes of the vehicle by slot, from a time on. Outcomes of members outside their slots are omitted, heard and missed
     /// alike. If a slot has several outcomes, the last one in canonical order counts.
-    pub(crate) fn outcomes_since(&self, own: u8, time_s: f64) -> Vec<(u32, bool)> {
+    pub(crate) fn outcomes_since(&self, own: u8, time_s: f64) -> BTreeMap<u32, bool> {
         let keeps_slots = |event: &Event| !self.conformance.is_out_of_slot(&event.transmitter_id, event.time_s);
         let conforming = self.events.since(time_s).iter().filter(|recorded| keeps_slots(&recorded.event));
         let outcome = |recorded: &RecordedEvent| {
             let (receiver, slot) = recorded.key?;
             (receiver == own).then_some((slot, recorded.event.success))
         };
-        let mut outcomes: Vec<(u32, bool)> = conforming.filter_map(outcome).collect();
-        outcomes.sort_by_key(|outcome| outcome.0);
-        outcomes.dedup_by(|later, kept| {
-            let is_same = later.0 == kept.0;
-            if is_same {
-                *kept = *later;
-            }
-            is_same
-        });
-        outcomes
+        conforming.filter_map(outcome).collect()
     }
 
     /// Returns the own events that count, in canonical order.

@@ -26,15 +26,17 @@ pub(crate) fn log_splits_and_packets() -> Result<(EventLog, Vec<Split>, usize), 
 pub fn sharing_without(features: &str) -> Result<pingmap_agent::Sharing, String> {
     let mut sharing = pingmap_agent::Sharing::default();
     for feature in features.split(',').filter(|feature| !feature.is_empty()) {
-        let switch = match feature {
-            "summaries" => &mut sharing.summaries,
-            "reports" => &mut sharing.reports,
-            "acknowledgements" => &mut sharing.acknowledgements,
-            "report_candidates" => &mut sharing.report_candidates,
-            "summary_candidates" => &mut sharing.summary_candidates,
+        // A new field without a switch does not compile.
+        let pingmap_agent::Sharing { summaries, reports, acknowledgements, report_candidates, summary_candidates } =
+            &mut sharing;
+        *match feature {
+            "summaries" => summaries,
+            "reports" => reports,
+            "acknowledgements" => acknowledgements,
+            "report_candidates" => report_candidates,
+            "summary_candidates" => summary_candidates,
             other => return Err(format!("found {other}; expected a field of Sharing")),
-        };
-        *switch = false;
+        } = false;
     }
     Ok(sharing)
 }
