@@ -134,7 +134,7 @@ pub fn log_digest(file: &ModelFile) -> Option<&str> {
 
 /// All logs that a model and its place were learned from, as far as its file says.
 pub fn log_digests(file: &ModelFile) -> impl Iterator<Item = &str> {
-    log_digest(file).into_iter().chain(file.place_log_digests.iter().map(String::as_str))
+    log_digest(file).into_iter().chain(file.site_log_digests.iter().map(String::as_str))
 }
 
 /// A model from a file, if it is for a chart such as this log's.

@@ -48,7 +48,7 @@ impl Kind {
     });
     pub const KML: Kind = Kind(|text| text.contains("<kml") && text.contains("Written by pingmap"));
     pub const GEO_TIFF: Kind = Kind(|text| text.starts_with("II*") && text.contains("pingmap"));
-    pub const MODEL: Kind = Kind(|text| text.starts_with("# A model of how links behave: what pingmap"));
+    pub const MODEL: Kind = Kind(|text| text.starts_with("# A model of how links behave: "));
     pub const TEAM: Kind = Kind(|text| text.starts_with("schema = ") && text.contains("model_file = "));
     pub const PAGE: Kind = Kind(|text| text.starts_with("<!DOCTYPE html>") && text.contains("<title>pingmap"));
     pub const MANUAL: Kind = Kind(|text| text.contains("\n.TH pingmap"));

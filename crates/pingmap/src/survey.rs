@@ -44,8 +44,8 @@ impl Survey {
         let digest = log.digest();
         if let Some(path) = &source.model.model {
             let file = read_model(path)?;
-            if file.place_log_digests.contains(&digest) {
-                warn(format_args!("{}: its place knows this very log, which counts twice now", path.display()));
+            if file.site_log_digests.contains(&digest) {
+                warn(format_args!("{}: its site prior contains this log, which counts twice now", path.display()));
             }
             if !log.reference.is_known() {
                 log.reference = file.model.chart.reference;

@@ -21,7 +21,7 @@ pub fn open_team(path: &Path, log: &EventLog) -> anyhow::Result<(Team, Vec<Strin
     let beyond = log.events.iter().filter(|event| team.grid.time_cell(event.time_s) == 0).count();
     if beyond > 0 && columns().any(|&column| column == team.model.inputs.time()) {
         let events = count(beyond, "event");
-        warn(format_args!("{}: {events} beyond the time of its grid, and told of without a time", path.display()));
+        warn(format_args!("{}: {events} beyond the time of its grid; they are encoded without a time", path.display()));
     }
     let strangers = log.vehicles().into_iter().filter(|id| team.number(id).is_none());
     let strangers: Vec<String> = strangers.map(|id| id.to_string()).collect();
@@ -65,12 +65,12 @@ fn is_readable_by_others(_: &Path) -> bool {
     false
 }
 
-/// By which the agreement of a listener's team is known.
+/// Returns the digest of the team configuration, in hexadecimal digits.
 pub fn team_digest(listener: &Agent) -> String {
     to_hex(&listener.team().digest())
 }
 
-/// By which its model is known.
+/// Returns the digest of the model.
 pub fn model_digest(listener: &Agent) -> String {
     listener.team().model.digest()
 }

@@ -98,8 +98,8 @@ pub fn mission_s(text: &str) -> Result<f64, String> {
     number(text, bounds::MISSION_S)
 }
 
-pub fn place_points(text: &str) -> Result<usize, String> {
-    count(text, bounds::PLACE_POINTS)
+pub fn site_points(text: &str) -> Result<usize, String> {
+    count(text, bounds::SITE_PRIOR_POINTS)
 }
 
 pub fn threads(text: &str) -> Result<usize, String> {

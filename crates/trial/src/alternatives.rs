@@ -15,7 +15,7 @@ use crate::streams::{self, stream};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Alternative {
     /// Map messages alone: points that stand for all events.
-    PointsOnly,
+    SummariesOnly,
     /// Reports alone: single events, by one bit each, and where the sender was.
     ReportsOnly,
     /// Our map messages as they would be without rounding: the same points, exact numbers.
@@ -35,7 +35,7 @@ pub enum Alternative {
 impl Alternative {
     /// All of them.
     pub const ALL: [Alternative; 8] = [
-        Alternative::PointsOnly,
+        Alternative::SummariesOnly,
         Alternative::ReportsOnly,
         Alternative::Unrounded,
         Alternative::RawEvents,
@@ -48,7 +48,7 @@ impl Alternative {
     /// What it is called.
     pub fn name(self) -> &'static str {
         match self {
-            Alternative::PointsOnly => "points only",
+            Alternative::SummariesOnly => "summaries only",
             Alternative::ReportsOnly => "reports only",
             Alternative::Unrounded => "unrounded",
             Alternative::RawEvents => "raw events",
@@ -92,7 +92,7 @@ impl Alternative {
             return Ok(Said::Summaries(Vec::new()));
         }
         Ok(match self {
-            Alternative::PointsOnly => Said::Frames(sent(Sharing::summaries())?),
+            Alternative::SummariesOnly => Said::Frames(sent(Sharing::summaries())?),
             Alternative::ReportsOnly => Said::Frames(sent(Sharing::reports())?),
             Alternative::Unrounded => Said::Summaries(speaker.unrounded(&sent(Sharing::summaries())?)?),
             Alternative::RawEvents => Said::Events(speaker.raw_events(frames)?),
@@ -115,7 +115,7 @@ impl Alternative {
         let mut agent = agent.clone();
         agent.set_options(AgentOptions { record_all_receivers: true, ..*agent.options() });
         let others = || said.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, said)| said);
-        if matches!(self, Alternative::PointsOnly | Alternative::ReportsOnly) {
+        if matches!(self, Alternative::SummariesOnly | Alternative::ReportsOnly) {
             others().flat_map(Said::frames).for_each(|frame| drop(agent.receive(frame, None)));
             agent.rebuild()?;
             return probabilities(&mut agent, &mission.held_out);

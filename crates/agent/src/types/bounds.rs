@@ -101,7 +101,7 @@ pub const PENDING_EVENTS: Bounds = Bounds::new(1.0, 1000.0, "a whole number from
 pub const REPORT_WINDOW: Bounds = Bounds::new(1.0, 262_144.0, "a whole number from 1 to 262144");
 
 /// Numbers of inducing points of a site prior. Every posterior contains them.
-pub const PLACE_POINTS: Bounds = Bounds::new(1.0, 256.0, "a whole number from 1 to 256");
+pub const SITE_PRIOR_POINTS: Bounds = Bounds::new(1.0, 256.0, "a whole number from 1 to 256");
 
 /// Entries of the whitened precision and shift of a site prior.
 pub const INFORMATION: Bounds = Bounds::new(-1e9, 1e9, "a finite number, at most 1e9 from zero");

@@ -156,7 +156,7 @@ fn snapshot(team: Team) -> Vec<u8> {
 }
 
 fn model_file() -> String {
-    ModelFile { model: authenticated().model, learned: None, place_log_digests: Vec::new() }.write().unwrap()
+    ModelFile { model: authenticated().model, learned: None, site_log_digests: Vec::new() }.write().unwrap()
 }
 
 fn team_file() -> String {

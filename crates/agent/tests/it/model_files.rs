@@ -4,7 +4,7 @@ use crate::models::all_templates;
 use pingmap_agent::*;
 
 fn plain_file(model: Model) -> ModelFile {
-    ModelFile { model, learned: None, place_log_digests: Vec::new() }
+    ModelFile { model, learned: None, site_log_digests: Vec::new() }
 }
 
 #[test]
@@ -21,7 +21,7 @@ fn a_model_file_is_read_back_to_the_same_model() {
             variance_factor: 1.5,
             stop: "converged".to_owned(),
         };
-        let file = ModelFile { model, learned: Some(learned), place_log_digests: Vec::new() };
+        let file = ModelFile { model, learned: Some(learned), site_log_digests: Vec::new() };
         assert_eq!(ModelFile::parse(&file.write().unwrap()).unwrap(), file, "{structure}");
     }
 }

@@ -66,7 +66,7 @@ proptest! {
         let without = team(2, model);
         let with = with_site_prior(&without, &events, points);
         prop_assert_ne!(without.digest(), with.digest());
-        let file = ModelFile { model: with.model.clone(), learned: None, place_log_digests: Vec::new() };
+        let file = ModelFile { model: with.model.clone(), learned: None, site_log_digests: Vec::new() };
         let again = ModelFile::parse(&file.write().unwrap()).unwrap();
         prop_assert_eq!(&again, &file);
         prop_assert_eq!(Team { model: again.model, ..with.clone() }.digest(), with.digest());
@@ -76,19 +76,19 @@ proptest! {
 #[test]
 fn an_incomplete_site_prior_in_a_file_is_refused() {
     let team = with_site_prior(&team(2, model()), &walk(0, 12, 0.0), 2);
-    let text = ModelFile { model: team.model, learned: None, place_log_digests: Vec::new() }.write().unwrap();
-    let site = &text[text.find("[place]").unwrap()..];
+    let text = ModelFile { model: team.model, learned: None, site_log_digests: Vec::new() }.write().unwrap();
+    let site = &text[text.find("[site_prior]").unwrap()..];
     let of = |name: &str| site.lines().find(|line| line.starts_with(name)).unwrap().to_owned();
     let [links, shift, precision] = ["links", "shift", "precision"].map(of);
     let cases = [
         (&links, "links = []", "from 1 to 256"),
         (&links, "links = [[1.0, 2.0, 3.0], [1.0, 2.0, 3.0, 4.0]]", "expected 4 numbers for a link, found 3"),
-        (&links, "links = [[1.0, 2.0, 3.0, 1e99], [1.0, 2.0, 3.0, 4.0]]", "coordinate of place.links"),
+        (&links, "links = [[1.0, 2.0, 3.0, 1e99], [1.0, 2.0, 3.0, 4.0]]", "coordinate of site_prior.links"),
         (&shift, "shift = [1.0]", "expected 2 entries of shift"),
-        (&shift, "shift = [nan, 1.0]", "entry of place.shift"),
+        (&shift, "shift = [nan, 1.0]", "entry of site_prior.shift"),
         (&precision, "precision = [[1.0], [1.0]]", "expected 2 entries of shift and rows of precision"),
         (&precision, "precision = [[1.0], [5.0, 1.0]]", "eigenvalue"),
-        (&precision, "precision = [[1.0], [inf, 1.0]]", "entry of place.shift or place.precision"),
+        (&precision, "precision = [[1.0], [inf, 1.0]]", "entry of site_prior.shift or site_prior.precision"),
     ];
     for (line, other, expected) in cases {
         let error = ModelFile::parse(&text.replace(line.as_str(), other)).unwrap_err().to_string();

@@ -26,7 +26,7 @@ const SCHEMAS: [Printed; 20] = [
     ("demo", of::<replay::json::ReplayJson>),
     ("import", of::<import::json::ImportedJson>),
     ("learn", of::<learn::json::LearnJson>),
-    ("learn --onto", of::<learn::json::AddedJson>),
+    ("learn --update", of::<learn::json::AddedJson>),
     ("map", of::<map::MapJson>),
     ("packet decode", of::<packet::PacketJson>),
     ("packet decode (report)", of::<packet::report::ReportJson>),

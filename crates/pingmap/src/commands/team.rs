@@ -43,7 +43,7 @@ pub struct Options {
     /// event if not given
     #[arg(long, value_parser = time, allow_negative_numbers = true)]
     pub start_s: Option<f64>,
-    /// How long the mission lasts at most; what is heard later is told without a time. As long as the log if not given
+    /// How long the mission lasts at most; later receptions are encoded without a time. As long as the log if not given
     #[arg(long, value_parser = mission_s, allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
     /// File for the team; it names the model file as seen from its own folder
@@ -124,7 +124,7 @@ fn write(options: &Options, results: Results) -> anyhow::Result<()> {
         team.grid.cell_m = cell_m;
         let outside = log.events.iter().filter(|event| !team.quantizer().holds(&event.link)).count();
         if outside > 0 {
-            warn(format_args!("{} beyond the grid: nothing can be told of them", count(outside, "event")));
+            warn(format_args!("{} beyond the grid: they cannot be shared", count(outside, "event")));
         }
     }
     team.grid = team.grid.spanning(log.events.iter().map(|event| event.time_s));

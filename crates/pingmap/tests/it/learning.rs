@@ -226,20 +226,20 @@ fn a_site_prior_improves_predictions_of_the_next_mission() {
         stderr(&output)
     };
     succeeded("learn first.csv -o model.toml");
-    succeeded("learn first.csv --place 24 -o place.toml");
+    succeeded("learn first.csv --site-prior 24 -o site.toml");
     let added = json(
         folder,
-        &"learn second.csv --place 24 --onto place.toml -o both.toml --json".split(' ').collect::<Vec<_>>(),
+        &"learn second.csv --site-prior 24 --update site.toml -o both.toml --json".split(' ').collect::<Vec<_>>(),
     );
-    assert_eq!((added["events"].as_u64(), added["place_points"].as_u64()), (Some(60), Some(24)));
-    assert!(succeeded("learn first.csv --place 24 --onto place.toml -o twice.toml").contains("counts twice"));
+    assert_eq!((added["events"].as_u64(), added["site_points"].as_u64()), (Some(60), Some(24)));
+    assert!(succeeded("learn first.csv --site-prior 24 --update site.toml -o twice.toml").contains("counts twice"));
     // The site prior lowers the NLL of the next mission, from a model file and from a team file.
     let nll = |how: &str| {
         let command = format!("replay third.csv --online {how} --json");
         let result = json(folder, &command.split(' ').collect::<Vec<_>>());
         (result["nll"]["own"].as_f64().unwrap(), result["model_has_seen_log"].as_bool().unwrap())
     };
-    let [without, with, both] = ["model", "place", "both"].map(|name| nll(&format!("--model {name}.toml")).0);
+    let [without, with, both] = ["model", "site", "both"].map(|name| nll(&format!("--model {name}.toml")).0);
     assert!(with < without - 0.02 && both < with + 0.01, "{without} {with} {both}");
     succeeded("team third.csv --model both.toml -o team.toml");
     assert_eq!(nll("--team team.toml"), (both, false));
@@ -248,6 +248,6 @@ fn a_site_prior_improves_predictions_of_the_next_mission() {
     assert_eq!(seen["model_has_seen_log"], true);
     assert!(succeeded("map --events second.csv --model both.toml --at 0,0 -o map.csv").contains("counts twice"));
     assert!(!succeeded("map --events third.csv --model both.toml --at 0,0 -o map.csv").contains("counts twice"));
-    assert!(refused(folder, &["learn", "second.csv", "--onto", "place.toml"]).contains("--place"));
-    assert!(refused(folder, &["learn", "second.csv", "--place", "0"]).contains("from 1 to 256"));
+    assert!(refused(folder, &["learn", "second.csv", "--update", "site.toml"]).contains("--site-prior"));
+    assert!(refused(folder, &["learn", "second.csv", "--site-prior", "0"]).contains("from 1 to 256"));
 }

@@ -75,8 +75,8 @@ const ADDITIONS: Case = ("--additions", "none", "");
 const LEARN: &[Case] = &[
     ("--output", "other.toml", ""),
     ("--test-share", "0.3", ""),
-    ("--place", "8", ""),
-    ("--onto", "other.toml", "--place 8"),
+    ("--site-prior", "8", ""),
+    ("--update", "other.toml", "--site-prior 8"),
     ("--origin", "44,9", ""),
     ("--crs", "EPSG:32619", ""),
     CRITERION,

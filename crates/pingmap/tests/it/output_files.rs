@@ -145,9 +145,9 @@ fn a_result_is_printed_if_its_file_cannot_be_written() {
         ("predict events.csv --model model.toml --links events.csv -o /dev/full", "probability,lower,upper"),
         ("team events.csv -o /dev/full", "schema = "),
         ("team events.csv -o /dev/full --json", "team_digest"),
-        ("learn events.csv --kernel matern32 --additions none --place 8 --json -o /dev/full", "place"),
-        ("learn events.csv --place 8 --onto model.toml --json -o /dev/full", "place_points"),
-        ("learn events.csv --place 8 --onto model.toml -o /dev/full", "# A model of how links behave"),
+        ("learn events.csv --kernel matern32 --additions none --site-prior 8 --json -o /dev/full", "criterion"),
+        ("learn events.csv --site-prior 8 --update model.toml --json -o /dev/full", "site_points"),
+        ("learn events.csv --site-prior 8 --update model.toml -o /dev/full", "# A model of how links behave"),
     ] {
         let (status, printed, said) = run(folder, arguments);
         assert!(status == Some(1) && said.contains("/dev/full"), "{arguments}: {said}");

@@ -96,7 +96,7 @@ fn every_alternative_use_of_the_bytes_is_compared() {
     let command = ["replay", "events.csv", "--model", "model.toml", "--frames", "1,3", "--compare"];
     let text = stdout(&pingmap(folder.path(), &command));
     for name in [
-        "points only",
+        "summaries only",
         "reports only",
         "(unrounded)",
         "raw events",

@@ -18,15 +18,15 @@ pub enum ModelFileError {
     },
     /// The sizes of links, shift and precision of a site prior do not match.
     #[error(
-        "[place]: expected {points} entries of shift and rows of precision; row n of precision must have n entries"
+        "[site_prior]: expected {points} entries of shift and rows of precision; row n of precision must have n entries"
     )]
-    UnevenPlace {
+    UnevenSitePrior {
         /// Number of links.
         points: usize,
     },
     /// A link of a site prior has a wrong number of coordinates.
-    #[error("[place]: expected {expected} numbers for a link, found {found}")]
-    LinkOfPlace {
+    #[error("[site_prior]: expected {expected} numbers for a link, found {found}")]
+    LinkOfSitePrior {
         /// Number of coordinates of a link.
         expected: usize,
         /// Number of coordinates in the text.
@@ -104,10 +104,10 @@ pub enum ModelFileError {
     Unwritable(String),
     /// Only one of latitude and longitude is given.
     #[error("[chart]: expected latitude_deg and longitude_deg together, found one of them")]
-    HalfAPlace,
+    IncompleteOrigin,
     /// Both the position of (0, 0) and an EPSG code are given.
     #[error(
         "[chart]: expected the position of (0, 0) (latitude_deg and longitude_deg) or the reference system (epsg), found both"
     )]
-    TwoPlaces,
+    AmbiguousReference,
 }

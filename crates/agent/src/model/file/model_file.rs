@@ -49,7 +49,7 @@ pub struct Provenance {
 ///
 /// let learning = Learning::default();
 /// let prior = learning.template(&learning.structures[0], InputSpec::Positions, 490.0)?;
-/// let file = ModelFile { model: Model::new(Chart::about([]), InputSpec::Positions, prior), learned: None, place_log_digests: Vec::new() };
+/// let file = ModelFile { model: Model::new(Chart::about([]), InputSpec::Positions, prior), learned: None, site_log_digests: Vec::new() };
 /// assert_eq!(ModelFile::parse(&file.write()?)?, file);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -60,7 +60,7 @@ pub struct ModelFile {
     /// Provenance of a learned model. `None` for a model that a user wrote.
     pub learned: Option<Provenance>,
     /// Digests of the logs that the site prior was learned from, as in [`Provenance::log_digest`].
-    pub place_log_digests: Vec<String>,
+    pub site_log_digests: Vec<String>,
 }
 
 impl ModelFile {
@@ -73,7 +73,7 @@ impl ModelFile {
         if version.schema > MODEL_SCHEMA {
             return Err(ModelFileError::Newer { found: version.schema });
         }
-        let ModelLayout { schema, depths, chart, prior_mean, fading, kernel, learned, place: site } = read(text)?;
+        let ModelLayout { schema, depths, chart, prior_mean, fading, kernel, learned, site_prior: site } = read(text)?;
         let inputs = if depths { InputSpec::PositionsAndDepths } else { InputSpec::Positions };
         let terms =
             kernel.into_iter().enumerate().map(|(n, term)| term.read(n + 1, inputs)).collect::<Result<_, _>>()?;
@@ -84,8 +84,8 @@ impl ModelFile {
         }
         let mut model = Model { schema, chart: chart.read()?, inputs, prior, site: None, fading };
         model.site = site.as_ref().map(|site| site.read(&model)).transpose()?.map(Arc::new);
-        let place_log_digests = site.map(|site| site.log_digests).unwrap_or_default();
-        Ok(Self { model, learned, place_log_digests })
+        let site_log_digests = site.map(|site| site.log_digests).unwrap_or_default();
+        Ok(Self { model, learned, site_log_digests })
     }
 
     /// Returns the text of the model file. [`ModelFile::parse`] returns an equal model from it.
@@ -102,7 +102,7 @@ impl ModelFile {
             fading: Some(*fading),
             kernel: prior.kernel().terms().iter().map(|term| TermLayout::write(term, *inputs)).collect(),
             learned: self.learned.clone(),
-            place: site.as_deref().map(|site| SitePriorLayout::write(site, &self.place_log_digests)),
+            site_prior: site.as_deref().map(|site| SitePriorLayout::write(site, &self.site_log_digests)),
         };
         let unwritable = |problem: &dyn std::fmt::Display| ModelFileError::Unwritable(problem.to_string());
         let text = HEAD.to_owned() + &toml::to_string(&layout).map_err(|error| unwritable(&error))?;
@@ -124,7 +124,7 @@ fn term_ties(term: &Term) -> Vec<Vec<usize>> {
 
 /// Comment at the head of every model file, which explains its keys.
 const HEAD: &str = "\
-# A model of how links behave: what pingmap reads links with. Lengths are in metres, which are counted from latitude_deg, longitude_deg
+# A model of how links behave: the kernel and prior mean that pingmap uses. Lengths are in metres, which are counted from latitude_deg, longitude_deg
 # or are those of the system with the number epsg, if [chart] says so.
 # Columns of a link: tx_east, tx_north, rx_east, rx_north (both ends about the chart's origin, and ..._depth with depths = true),
 # u_... = (tx + rx)/sqrt(2), v_... = (tx - rx)/sqrt(2), range. One length-scale is for all columns of a term, a list has one for each;
@@ -132,9 +132,9 @@ const HEAD: &str = "\
 # and water are labels (shape = \"label\", no length-scale): every vehicle (and kind of message) has an offset of its own, a typical one none.
 # prior_mean: kind = \"zero\", \"constant\" (log_odds) or \"range\" (log-odds = intercept - slope_per_m * range).
 # fading: outcomes of one pair of vehicles that lie still (slower than drift_m_per_s) are alike by correlation * exp(-t/memory_s) after
-# t seconds, beyond what the place explains, and count the less for it; correlation = 0: all count in full.
-# place, if there: what earlier missions learned of it. links: tx east, north, rx east, north (depth after each north), in the
-# metres of the log; of these the whitened precision (lower triangle) and shift.
+# t seconds, beyond what the positions explain, and count less for it; correlation = 0: all count in full.
+# site_prior (optional): a posterior of earlier missions in this area. links: tx east, north, rx east, north (depth after each north),
+# in the metres of the log, with the whitened precision (lower triangle) and shift at these links.
 
 ";
 
@@ -162,7 +162,8 @@ struct ModelLayout {
     fading: Option<Fading>,
     kernel: Vec<TermLayout>,
     learned: Option<Provenance>,
-    place: Option<SitePriorLayout>,
+    #[serde(alias = "place")]
+    site_prior: Option<SitePriorLayout>,
 }
 
 /// The layout of the chart in a model file.
@@ -212,8 +213,8 @@ impl ChartLayout {
             }),
             (None, None, Some(code)) => ReferenceSystem::Epsg(code),
             (None, None, None) => ReferenceSystem::Unknown,
-            (Some(_), Some(_), Some(_)) => return Err(ModelFileError::TwoPlaces),
-            _ => return Err(ModelFileError::HalfAPlace),
+            (Some(_), Some(_), Some(_)) => return Err(ModelFileError::AmbiguousReference),
+            _ => return Err(ModelFileError::IncompleteOrigin),
         };
         Ok(Chart { origin, scale_m, reference })
     }

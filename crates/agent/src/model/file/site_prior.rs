@@ -43,14 +43,14 @@ impl SitePriorLayout {
     pub(crate) fn read(&self, model: &Model) -> Result<SitePrior, ModelFileError> {
         let points = self.links.len();
         let size = points as f64;
-        check_bounds("number of place.links", bounds::PLACE_POINTS, size)?;
+        check_bounds("number of site_prior.links", bounds::SITE_PRIOR_POINTS, size)?;
         let is_triangle = self.precision.len() == points && (1..).zip(&self.precision).all(|(n, row)| row.len() == n);
         if !is_triangle || self.shift.len() != points {
-            return Err(ModelFileError::UnevenPlace { points });
+            return Err(ModelFileError::UnevenSitePrior { points });
         }
         let links = self.links.iter().map(|link| read_link(link, model)).collect::<Result<Vec<_>, _>>()?;
         for &entry in self.shift.iter().chain(self.precision.iter().flatten()) {
-            check_bounds("entry of place.shift or place.precision", bounds::INFORMATION, entry)?;
+            check_bounds("entry of site_prior.shift or site_prior.precision", bounds::INFORMATION, entry)?;
         }
         let precision = Matrix::from_fn(points, points, |i, j| self.precision[i.max(j)][i.min(j)]);
         let inputs = model.inputs(&links)?;
@@ -65,10 +65,10 @@ impl SitePriorLayout {
 fn read_link(numbers: &[f64], model: &Model) -> Result<Link, ModelFileError> {
     let width = if model.inputs.has_depths() { 3 } else { 2 };
     if numbers.len() != 2 * width {
-        return Err(ModelFileError::LinkOfPlace { expected: 2 * width, found: numbers.len() });
+        return Err(ModelFileError::LinkOfSitePrior { expected: 2 * width, found: numbers.len() });
     }
     for &number in numbers {
-        check_bounds("coordinate of place.links", bounds::COORDINATE_M, number)?;
+        check_bounds("coordinate of site_prior.links", bounds::COORDINATE_M, number)?;
     }
     let end = |end: &[f64]| Position { depth_m: end.get(2).copied(), ..Position::new(end[0], end[1]) };
     Ok(Link { transmitter: end(&numbers[..width]), receiver: end(&numbers[width..]) })

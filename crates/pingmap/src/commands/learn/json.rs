@@ -8,19 +8,19 @@ use serde::Serialize;
 
 use crate::model::{KernelJson, MadeOf, PriorMeanJson, counted};
 
-/// What was added to a place.
+/// Events added to a site prior.
 #[derive(Serialize, JsonSchema)]
 pub struct AddedJson<'a> {
     /// Version of this object.
     pub schema: u32,
     #[serde(flatten)]
     pub made_of: MadeOf,
-    /// The model with the place in it.
+    /// The model file with the site prior.
     pub file: &'a Path,
     /// Events of the log.
     pub events: usize,
-    /// Inducing points that the place is summed up by.
-    pub place_points: usize,
+    /// Number of inducing points of the site prior.
+    pub site_points: usize,
 }
 
 /// What was learned, for programs.

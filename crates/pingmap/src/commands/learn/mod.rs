@@ -21,12 +21,12 @@ use crate::output::{BadInput, Results, note, print_json, progress, spinner, tabl
 use crate::outputs::{Kind, Target};
 use crate::reference::ReferenceOptions;
 use crate::survey::all_in_one;
-use crate::values::{open_share, place_points};
+use crate::values::{open_share, site_points};
 
 /// Learn from an event log how links behave, and write it to a model file that all other commands take
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  pingmap learn log.csv -o model.toml\n  pingmap learn monday.csv tuesday.csv --place 40 -o place.toml"
+    after_help = "Examples:\n  pingmap learn log.csv -o model.toml\n  pingmap learn monday.csv tuesday.csv --site-prior 40 -o site.toml"
 )]
 pub struct Options {
     #[command(flatten)]
@@ -37,13 +37,13 @@ pub struct Options {
     /// Also hold out this share of every vehicle's events, and print how well the rest predicts them
     #[arg(long, value_parser = open_share, allow_negative_numbers = true)]
     pub test_share: Option<f64>,
-    /// Keep what the log says of the place, too, at so many inducing points: known beforehand to whoever takes the model on the
-    /// next mission there. 64 are enough for a few hundred events
-    #[arg(long, value_name = "POINTS", value_parser = place_points)]
-    pub place: Option<usize>,
-    /// With --place: learn no model, but take this one and what it knows of the place, and add what the log says
-    #[arg(long, value_name = "FILE", requires = "place", conflicts_with_all = ["test_share", "Kernel"])]
-    pub onto: Option<PathBuf>,
+    /// Also write a site prior: the posterior of this log at this number of inducing points, as the prior of later missions in the
+    /// area. 64 points are enough for a few hundred events
+    #[arg(long, value_name = "POINTS", value_parser = site_points)]
+    pub site_prior: Option<usize>,
+    /// With --site-prior: learn no model. Read this model file and add the log to its site prior
+    #[arg(long, value_name = "FILE", requires = "site_prior", conflicts_with_all = ["test_share", "Kernel"])]
+    pub update: Option<PathBuf>,
     #[command(flatten)]
     pub reference: ReferenceOptions,
     #[command(flatten)]
@@ -73,8 +73,8 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let log_digest = log.digest();
     let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
     let limits = options.work.limits();
-    if let Some((onto, points)) = options.onto.as_deref().zip(options.place) {
-        return add_to_place(options, &target, (&log, log_digest), (onto, points), results);
+    if let Some((base, points)) = options.update.as_deref().zip(options.site_prior) {
+        return add_to_site_prior(options, &target, (&log, log_digest), (base, points), results);
     }
     let learning = options.kernel.learning(options.kernel.given().all_candidates(), limits);
     let (training, held_out) = divided(&log, options)?;
@@ -98,11 +98,11 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     // What is kept knows all events, those that were held out too.
     let best = if held_out.is_empty() { added.best } else { learn_again(&learning, &added.best, &log)? };
     let from = options.logs.file_names();
-    let model = options.place.map(|points| with_site_prior(&best.model, &log, points, limits)).transpose()?;
+    let model = options.site_prior.map(|points| with_site_prior(&best.model, &log, points, limits)).transpose()?;
     let model = model.unwrap_or_else(|| best.model.clone());
     let made_of = MadeOf { log_digest: log_digest.clone(), model_digest: Some(model.digest()) };
-    let place_log_digests = options.place.map(|_| log_digest.clone()).into_iter().collect();
-    let file = ModelFile { model, learned: Some(provenance(&best, from, log_digest)), place_log_digests };
+    let site_log_digests = options.site_prior.map(|_| log_digest.clone()).into_iter().collect();
+    let file = ModelFile { model, learned: Some(provenance(&best, from, log_digest)), site_log_digests };
     let file = file.write().map_err(|error| BadInput(error.to_string()))?;
     let written = target.write(file.as_bytes(), results);
 
@@ -131,11 +131,11 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     written
 }
 
-/// The model with what the log says of its place.
+/// Returns the model with a site prior that contains the log.
 fn with_site_prior(model: &Model, log: &EventLog, points: usize, limits: Limits) -> anyhow::Result<Model> {
-    let bar = spinner("summing up the place");
+    let bar = spinner("fitting the site prior");
     let mut agent = all_in_one(model, log.events.iter().cloned(), limits)?;
-    let known = model.site.iter().flat_map(|place| place.links()).copied();
+    let known = model.site.iter().flat_map(|site| site.links()).copied();
     // Choosing takes a matrix of as many rows as there are links to choose from.
     let spread = spread_out(log.events.len(), limits.candidates_max).into_iter().map(|n| log.events[n].link);
     let links: Vec<Link> = known.chain(spread).collect();
@@ -144,33 +144,33 @@ fn with_site_prior(model: &Model, log: &EventLog, points: usize, limits: Limits)
     Ok(model)
 }
 
-/// A model as it was, with what it knew of the place and what the log says.
-fn add_to_place(
+/// Adds the log to the site prior of an existing model file.
+fn add_to_site_prior(
     options: &Options,
     target: &Target,
     (log, log_digest): (&EventLog, String),
-    (onto, points): (&Path, usize),
+    (base, points): (&Path, usize),
     results: Results,
 ) -> anyhow::Result<()> {
-    let mut file = open_model(onto, log)?;
-    if file.place_log_digests.contains(&log_digest) {
-        warn(format_args!("{}: already knows this very log, which counts twice now", onto.display()));
+    let mut file = open_model(base, log)?;
+    if file.site_log_digests.contains(&log_digest) {
+        warn(format_args!("{}: already contains this log, which counts twice now", base.display()));
     }
     file.model = with_site_prior(&file.model, log, points, options.work.limits())?;
     let made_of = MadeOf { log_digest: log_digest.clone(), model_digest: Some(file.model.digest()) };
-    file.place_log_digests.push(log_digest);
+    file.site_log_digests.push(log_digest);
     let text = file.write().map_err(|error| BadInput(error.to_string()))?;
     let written = match options.json {
         true => target.write(text.as_bytes(), results),
         false => target.write_or_print(&text, results),
     };
-    let place_points = file.model.site.as_ref().map_or(0, |place| place.links().len());
+    let site_points = file.model.site.as_ref().map_or(0, |site| site.links().len());
     if options.json {
-        let added = AddedJson { schema: 1, made_of, file: &options.output, events: log.events.len(), place_points };
+        let added = AddedJson { schema: 1, made_of, file: &options.output, events: log.events.len(), site_points };
         print_json(results, &added)?;
     }
     if written.is_ok() {
-        note(format_args!("wrote {}: the place at {place_points} points", options.output.display()));
+        note(format_args!("wrote {}: a site prior at {site_points} points", options.output.display()));
     }
     written
 }

@@ -96,10 +96,10 @@ pub struct PacketJson {
     #[serde(default, skip_serializing, rename = "command")]
     #[schemars(skip)]
     _command: IgnoredAny,
-    /// With a team, by which its agreement is known; not read.
+    /// Digest of the team configuration, if a team file is given. Not read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     team_digest: Option<String>,
-    /// With a team, by which its model is known; not read.
+    /// Digest of the model, if a team file is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     model_digest: Option<String>,
     /// Name of the message in the `.proto`.
@@ -272,10 +272,10 @@ pub struct EncodedJson<'a> {
     bytes: usize,
     /// Its bytes in hexadecimal.
     hex: String,
-    /// With a team, by which its agreement is known.
+    /// Digest of the team configuration, if a team file is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     team_digest: Option<String>,
-    /// With a team, by which its model is known.
+    /// Digest of the model, if a team file is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     model_digest: Option<String>,
 }

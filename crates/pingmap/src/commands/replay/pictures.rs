@@ -36,7 +36,7 @@ pub struct Pictures {
     pub maps: Vec<(VehicleId, Figure)>,
     /// How many vehicles there are.
     pub vehicles: usize,
-    /// Nothing where everything was told event by event.
+    /// `None` where all events were reported one by one.
     pub packets: Option<Figure>,
     pub over_range: Figure,
 }

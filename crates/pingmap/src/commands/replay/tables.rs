@@ -235,7 +235,7 @@ fn score_row(name: &str, score: &MeanScore) -> Vec<String> {
     vec![name.to_owned(), format!("{:.1} %", 100.0 * score.accuracy.mean), format!("{:.4}", score.nll.mean), error]
 }
 
-/// A paired difference, marked where it cannot be told from none.
+/// Returns a paired difference, marked where it is not significant.
 fn difference(difference: Estimate) -> String {
     let mark = if difference.is_clear() { " " } else { "≈" };
     match difference.se {
@@ -249,7 +249,7 @@ pub const SHARING_HEADER: [&str; 11] = [
     "after sharing, per vehicle",
     "bytes",
     "reports",
-    "told",
+    "known",
     "accuracy",
     "NLL",
     "± s.e.",
@@ -261,12 +261,12 @@ pub const SHARING_HEADER: [&str; 11] = [
 
 /// What the numbers are.
 pub const LEGEND: &str = "\
-NLL: negative log-likelihood of held-out events in nats, lower is better; Brier: mean squared error of the probability. Regret: how much
-less likely one is heard from the most promising of ten held-out places than from the best of them. Better, worse: paired differences of
-NLL over splits; ≈ marks those that cannot be told from none. Reports: packets that tell single events; told: how many of all events of
-others a vehicle then knows one by one. Slots are the log's transmissions that are learned from, in the order of time. Gap closed: how
-much of the way from own events only to all raw events in one place sharing goes; a dash where that gap cannot be told from none. Errors
-allow for splits that overlap (Nadeau and Bengio 2003).";
+NLL: negative log-likelihood of held-out events in nats; lower is better. Brier: mean squared error of the probability. Regret: ten
+held-out positions are compared. It is the difference in success between the best one and the one that the model prefers. Better, worse:
+paired differences of NLL over splits; ≈ marks those that are not significant. Reports: packets with outcomes of single events. Known:
+share of the other vehicles' events that a vehicle has received one by one. Slots: the transmissions of the log that are learned from, in
+order of time. Gap closed: position between own events only (0 %) and all raw events in one place (100 %); a dash where that gap is not
+significant. Errors allow for splits that overlap (Nadeau and Bengio 2003).";
 
 /// What an alternative is called in a table: in brackets if it cannot be sent.
 fn alternative_title(way: Alternative) -> String {
