@@ -39,7 +39,8 @@ impl Agent {
             out.u8(sender);
             out.u16(latest);
         }
-        let muted: Vec<&VehicleId> = self.muted.iter().filter_map(|number| self.team().members.get(number)).collect();
+        let muted: Vec<&VehicleId> =
+            self.memory.muted.iter().filter_map(|number| self.team().members.get(number)).collect();
         out.u16(muted.len() as u16);
         muted.iter().for_each(|member| out.text(member.as_str()));
         let entries: Vec<Entry> = self.memory.entries().collect();

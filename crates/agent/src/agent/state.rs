@@ -67,8 +67,6 @@ pub struct Agent {
     pub(crate) options: AgentOptions,
     pub(crate) memory: Memory,
     pub(crate) posteriors: Posteriors,
-    /// Numbers of members that the vehicle ignores.
-    pub(crate) muted: BTreeSet<u8>,
     pub(crate) counts: Counts,
     pub(crate) last_heard_s: BTreeMap<u8, f64>,
     /// Data of all members that are not muted; computed on demand after a change.
@@ -99,7 +97,6 @@ impl Agent {
             memory: Memory::new(TeamCodec::new(team.clone()), team.number(&id)),
             id,
             options,
-            muted: BTreeSet::new(),
             counts: Counts::default(),
             last_heard_s: BTreeMap::new(),
             accepted: OnceLock::new(),
@@ -150,21 +147,24 @@ impl Agent {
         self.memory.events.iter()
     }
 
-    /// Ignores a member until [`Agent::unmute`]. Its packets are stored all the same, so that muting may come before or after them.
+    /// Ignores a member until [`Agent::unmute`]. No frame of the member has any effect: no outcome, unused slot, position, summary, or
+    /// acknowledgement. Its frames are stored all the same, so that muting may come before or after them. O(N) for N events.
     /// Unknown names, and the vehicle's own, change nothing.
     pub fn mute(&mut self, member: &VehicleId) {
-        self.muted.extend(self.team().number(member).filter(|&number| Some(number) != self.memory.own));
-        self.data_changed();
-        self.posteriors.nothing_to_send = None;
+        self.set_muted(member, true);
     }
 
     /// Uses the data of a muted member again.
     pub fn unmute(&mut self, member: &VehicleId) {
-        if let Some(number) = self.team().number(member) {
-            self.muted.remove(&number);
-            self.data_changed();
-            self.posteriors.nothing_to_send = None;
-        }
+        self.set_muted(member, false);
+    }
+
+    fn set_muted(&mut self, member: &VehicleId, is_muted: bool) {
+        let Some(number) = self.team().number(member).filter(|&number| Some(number) != self.memory.own) else { return };
+        let change = self.memory.set_muted(number, is_muted);
+        self.posteriors.note(change);
+        self.data_changed();
+        self.posteriors.nothing_to_send = None;
     }
 
     /// Returns the discrepancy of a member: the largest standardised shift of the posterior by its summaries, or the contradiction of its
@@ -184,7 +184,7 @@ impl Agent {
 
     /// Data of all members that are not muted.
     pub(crate) fn accepted(&self) -> &AcceptedData {
-        self.accepted.get_or_init(|| AcceptedData::new(&self.memory, &self.muted))
+        self.accepted.get_or_init(|| AcceptedData::new(&self.memory))
     }
 
     /// Data of all trusted members.
@@ -194,7 +194,7 @@ impl Agent {
 
     /// Muted and excluded members.
     pub(crate) fn ignored_members(&self) -> BTreeSet<u8> {
-        self.muted.union(&self.posteriors.excluded).copied().collect()
+        self.memory.muted.union(&self.posteriors.excluded).copied().collect()
     }
 
     pub(crate) fn data_changed(&mut self) {
@@ -344,7 +344,7 @@ impl Agent {
     }
 
     fn fit(&mut self, start: RefitStart) -> Result<(), AgentError> {
-        let data = self.accepted.get_or_init(|| AcceptedData::new(&self.memory, &self.muted));
+        let data = self.accepted.get_or_init(|| AcceptedData::new(&self.memory));
         self.posteriors.refit(&self.memory, data, start)?;
         self.longest_cache.take();
         self.interval_cache.take();
@@ -357,7 +357,7 @@ impl Agent {
         if self.is_current {
             return Ok(());
         }
-        let data = self.accepted.get_or_init(|| AcceptedData::new(&self.memory, &self.muted));
+        let data = self.accepted.get_or_init(|| AcceptedData::new(&self.memory));
         self.posteriors.update(&self.memory, data)?;
         self.longest_cache.take();
         self.is_current = true;

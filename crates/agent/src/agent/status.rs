@@ -42,6 +42,10 @@ pub struct MemberStatus {
     pub is_muted: bool,
     /// Whether the member is excluded because its data contradict those of all others.
     pub is_excluded: bool,
+    /// Whether its reports of unused slots are ignored because the vehicle received it in at least three of them.
+    pub has_false_claims: bool,
+    /// Whether its reported track is ignored because most receptions of the member contradict it.
+    pub has_wrong_track: bool,
     /// Number of counters of the member that stand on different packets: two vehicles use its number, or it lost its memory.
     pub conflicts: usize,
     /// Set if the member's messages arrive outside its slots.
@@ -63,8 +67,10 @@ impl Agent {
         let out_of_slot = memory.conformance.out_of_slot(slots);
         let member = |number: u8, id: &VehicleId| MemberStatus {
             last_heard_s: self.last_heard_s.get(&number).copied(),
-            is_muted: self.muted.contains(&number),
+            is_muted: memory.muted.contains(&number),
             is_excluded: self.posteriors.excluded.contains(&number),
+            has_false_claims: !memory.claims.is_reliable(number),
+            has_wrong_track: memory.located().wrong_tracks.contains(&number),
             conflicts: memory.packets.conflicts(number),
             out_of_slot: out_of_slot.get(id).map(|&offset_slots| OutOfSlot { offset_slots }),
         };

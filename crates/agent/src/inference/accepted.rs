@@ -18,10 +18,10 @@ pub(crate) struct AcceptedData {
 
 impl AcceptedData {
     /// Returns the data of all members that are not muted.
-    pub(crate) fn new(memory: &Memory, muted: &BTreeSet<u8>) -> Self {
+    pub(crate) fn new(memory: &Memory) -> Self {
         let all =
             Self { packets: Arc::new(memory.packets_of_others().collect()), events: memory.located().events.clone() };
-        all.without(muted)
+        all.without(&memory.muted)
     }
 
     /// Returns the data without those of some members.

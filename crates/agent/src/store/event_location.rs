@@ -9,6 +9,7 @@ use pingmap_packet::Cell;
 use crate::codec::decoded::EventKey;
 use crate::codec::team_codec::TeamCodec;
 use crate::store::events::Events;
+use crate::store::position_check::members_with_wrong_tracks;
 use crate::store::reports::{EVERY_SLOT, ReportedOutcome, Reports};
 use crate::store::slot_evidence::SlotEvidence;
 use crate::track::position_track::Track;
@@ -44,13 +45,21 @@ pub(crate) struct LocatedEvents {
     pub(crate) longest_m: BTreeMap<u8, f64>,
     /// Events without a position of one end.
     pub(crate) unlocated: BTreeSet<EventKey>,
+    /// Members whose reported tracks locate no events.
+    pub(crate) wrong_tracks: BTreeSet<u8>,
     /// Own data after this horizon change nothing here; `None` where any may.
     horizon: Option<CacheHorizon>,
 }
 
 impl LocatedEvents {
     /// Creates the located events. If nothing changed, they share their memory with `before`, so that later comparisons are cheap.
-    fn new(events: RemoteEvents, before: &Self, unlocated: BTreeSet<EventKey>, horizon: Option<CacheHorizon>) -> Self {
+    fn new(
+        events: RemoteEvents,
+        before: &Self,
+        unlocated: BTreeSet<EventKey>,
+        wrong_tracks: BTreeSet<u8>,
+        horizon: Option<CacheHorizon>,
+    ) -> Self {
         let mut longest_m = BTreeMap::<u8, f64>::new();
         for (key, event) in &events {
             let longest_m = longest_m.entry(key.0).or_default();
@@ -60,7 +69,7 @@ impl LocatedEvents {
         let is_unchanged =
             events.len() == before.events.len() && events.values().zip(before.events.values()).all(is_same);
         let events = if is_unchanged { before.events.clone() } else { Arc::new(events) };
-        Self { events, longest_m, unlocated, horizon }
+        Self { events, longest_m, unlocated, wrong_tracks, horizon }
     }
 
     /// Returns the located and unlocated events outside these slots.
@@ -139,6 +148,9 @@ struct PositionSources<'a> {
     codec: &'a TeamCodec,
     reports: &'a Reports,
     own: Option<u8>,
+    muted: &'a BTreeSet<u8>,
+    /// Members whose reported tracks are wrong.
+    wrong_tracks: &'a BTreeSet<u8>,
     /// The vehicle's own track.
     track: Track,
     /// Positions of other members when they transmitted, from the vehicle's own events, heard and missed alike.
@@ -146,19 +158,22 @@ struct PositionSources<'a> {
 }
 
 /// Locates the events that other members reported. Positions of both ends come from reported tracks and from the vehicle's own track. For
-/// piggybacked outcomes they come from the transmitter positions in the vehicle's own events. Neither depends on the outcome. Events in
-/// slots without change stay as they were, unless outcomes were piggybacked. O(own positions + remote events), and a logarithm for each
-/// change.
+/// piggybacked outcomes, and for members whose tracks are wrong, they come from the transmitter positions in the vehicle's own events.
+/// Neither depends on the outcome. Events in slots without change stay as they were, unless own events give positions. O(own positions +
+/// remote events), and a logarithm for each change.
 pub(crate) fn locate_events(evidence: SlotEvidence<'_>, track: Track, previous: &Previous) -> LocatedEvents {
-    let SlotEvidence { codec, own, events, reports, .. } = evidence;
-    let has_piggybacked = others(own, reports).any(|sender| reports.piggybacked(sender).next().is_some());
-    // Piggybacked outcomes take positions from all own events.
-    let horizon = if has_piggybacked { None } else { horizon(codec, own, &track, reports) };
-    let changed: &[Range<u32>] = if has_piggybacked { &[EVERY_SLOT] } else { &previous.changed };
+    let SlotEvidence { codec, own, events, reports, muted, .. } = evidence;
+    let mut wrong_tracks = members_with_wrong_tracks(codec, events, reports);
+    wrong_tracks.retain(|member| !muted.contains(member));
+    let has_piggybacked = evidence.others().any(|sender| reports.piggybacked(sender).next().is_some());
+    let uses_observed = has_piggybacked || !wrong_tracks.is_empty();
+    let horizon = if uses_observed { None } else { horizon(&evidence, &track) };
+    let is_same = !uses_observed && wrong_tracks == previous.located.wrong_tracks;
+    let changed: &[Range<u32>] = if is_same { &previous.changed } else { &[EVERY_SLOT] };
     let (mut located, mut unlocated) = previous.located.outside(changed);
-    let observed = if has_piggybacked { observed_positions(codec, events) } else { BTreeMap::new() };
-    let sources = PositionSources { codec, reports, own, track, observed };
-    let outcomes = others(own, reports).flat_map(|receiver| {
+    let observed = if uses_observed { observed_positions(codec, events) } else { BTreeMap::new() };
+    let sources = PositionSources { codec, reports, own, muted, wrong_tracks: &wrong_tracks, track, observed };
+    let outcomes = evidence.others().flat_map(|receiver| {
         let outcomes = changed.iter().flat_map(move |slots| reports.outcomes(receiver, slots.clone()));
         outcomes.map(move |(slot, outcome, is_piggybacked)| ((receiver, slot), outcome, is_piggybacked))
     });
@@ -169,20 +184,20 @@ pub(crate) fn locate_events(evidence: SlotEvidence<'_>, track: Track, previous: 
             None => drop(unlocated.insert(key)),
         }
     }
-    LocatedEvents::new(located, &previous.located, unlocated, horizon)
+    LocatedEvents::new(located, &previous.located, unlocated, wrong_tracks, horizon)
 }
 
-/// Returns all other members with stored data.
-fn others(own: Option<u8>, reports: &Reports) -> impl Iterator<Item = u8> {
-    reports.senders().filter(move |&sender| Some(sender) != own)
-}
-
-fn horizon(codec: &TeamCodec, own: Option<u8>, track: &Track, reports: &Reports) -> Option<CacheHorizon> {
-    let last = |sender| reports.reports_of(sender)?.outcomes.last_key_value().map(|(&slot, _)| slot);
-    let slot = others(own, reports).filter_map(last).max();
-    let begin_s = slot.map_or(Some(f64::NEG_INFINITY), |slot| codec.team.slots.begin_s(slot))?;
+/// Returns the horizon: the last slot with a reported outcome or waypoint.
+fn horizon(evidence: &SlotEvidence<'_>, track: &Track) -> Option<CacheHorizon> {
+    let last = |sender| {
+        let content = evidence.reports.reports_of(sender)?;
+        let outcome = content.outcomes.last_key_value().map(|(&slot, _)| slot);
+        outcome.max(content.track.waypoints().last_key_value().map(|(&slot, _)| slot))
+    };
+    let slot = evidence.others().filter_map(last).max();
+    let begin_s = slot.map_or(Some(f64::NEG_INFINITY), |slot| evidence.codec.team.slots.begin_s(slot))?;
     // The position at the last slot is interpolated with the next one.
-    let time_s = if slot.is_none() || own.is_none() { begin_s } else { track.next_time_s(begin_s)? };
+    let time_s = if slot.is_none() || evidence.own.is_none() { begin_s } else { track.next_time_s(begin_s)? };
     Some(CacheHorizon { slot, time_s })
 }
 
@@ -216,7 +231,7 @@ impl PositionSources<'_> {
         let at = |member: u8| {
             let position = match Some(member) == self.own {
                 true => self.track.at(time_s)?,
-                false if is_piggybacked => {
+                false if is_piggybacked || self.wrong_tracks.contains(&member) => {
                     self.observed_at(member, time_s).or_else(|| self.reported_at(member, slot))?
                 }
                 false => self.reported_at(member, slot)?,
@@ -235,6 +250,9 @@ impl PositionSources<'_> {
 
     fn reported_at(&self, member: u8, slot: u32) -> Option<Position> {
         let team = &self.codec.team;
+        if self.muted.contains(&member) || self.wrong_tracks.contains(&member) {
+            return None;
+        }
         let centre = |cell: Cell| team.grid.waypoint_position(&team.model.chart, cell, team.model.inputs.has_depths());
         self.reports.reports_of(member)?.track.at(slot, &team.slots, &centre, team.extrapolation_s_max)
     }

@@ -11,6 +11,7 @@ use crate::codec::decoded::PacketKey;
 use crate::codec::receipt::{Receipt, Refusal};
 use crate::codec::team_codec::TeamCodec;
 use crate::error::AgentError;
+use crate::store::claim_check::ClaimCheck;
 use crate::store::entry::{Entry, check_event, check_number, check_position, check_time};
 use crate::store::event_location::{LocatedEventCache, LocatedEvents, locate_events};
 use crate::store::events::{EventChange, Events, RecordedEvent};
@@ -31,6 +32,9 @@ pub(crate) struct Memory {
     /// Numbers of own events that do not count: see [`SlotEvidence::counts`].
     excluded: Arc<BTreeSet<u64>>,
     pub(crate) conformance: SlotConformance,
+    pub(crate) claims: ClaimCheck,
+    /// Numbers of members that the vehicle ignores.
+    pub(crate) muted: BTreeSet<u8>,
     /// Positions from navigation, in the order of time.
     fixes: Vec<(f64, Position)>,
     pub(crate) packets: Packets,
@@ -74,6 +78,8 @@ impl Memory {
             own,
             excluded: Arc::default(),
             conformance: SlotConformance::default(),
+            claims: ClaimCheck::default(),
+            muted: BTreeSet::new(),
             fixes: Vec::new(),
             located: LocatedEventCache::default(),
         }
@@ -149,9 +155,58 @@ impl Memory {
             .new
             .iter()
             .filter_map(|recorded| Some((self.codec.team.number(&recorded.event.transmitter_id)?, recorded.key?.1)));
-        let denied = keys.filter(|&(transmitter, slot)| self.reports.is_unused(transmitter, slot));
-        spans.extend(denied.filter_map(|(_, slot)| self.codec.team.slots.span_s(slot)));
+        let denied: Vec<(u8, u32)> =
+            keys.filter(|&(transmitter, slot)| self.reports.is_unused(transmitter, slot)).collect();
+        spans.extend(denied.iter().filter_map(|&(_, slot)| self.codec.team.slots.span_s(slot)));
+        let mut has_changed = false;
+        if change.forgotten > 0 {
+            for sender in self.reports.senders().collect::<Vec<u8>>() {
+                has_changed |= self.forget_claims(sender);
+            }
+        }
+        for (transmitter, slot) in denied {
+            has_changed |= self.check_claims(transmitter, &[slot]);
+        }
+        if has_changed {
+            self.located.invalidate(EVERY_SLOT);
+            spans.push(ALL_TIMES);
+        }
         Ok(self.reassess(change, &spans))
+    }
+
+    /// Compares the claims of a member about these slots with the vehicle's own receptions. Returns whether its claims no longer count from
+    /// now on. O(members log N) for each slot.
+    fn check_claims(&mut self, member: u8, slots: &[u32]) -> bool {
+        let was_reliable = self.claims.is_reliable(member);
+        for &slot in slots {
+            if self.is_contradicted_claim(member, slot) {
+                self.claims.insert(member, slot);
+            }
+        }
+        was_reliable != self.claims.is_reliable(member)
+    }
+
+    /// Forgets contradictions by claims or receptions that are no longer stored. Returns whether the claims of the member count again.
+    fn forget_claims(&mut self, member: u8) -> bool {
+        let mut claims = std::mem::take(&mut self.claims);
+        let counts_again = claims.retain(member, |slot| self.is_contradicted_claim(member, slot));
+        self.claims = claims;
+        counts_again
+    }
+
+    fn is_contradicted_claim(&self, member: u8, slot: u32) -> bool {
+        let mut receivers = self.codec.team.members.keys();
+        self.reports.is_unused(member, slot)
+            && receivers.any(|&receiver| self.events.in_slot((receiver, slot)).any(|(_, success)| success))
+    }
+
+    /// Ignores a member, or uses its data again.
+    pub(crate) fn set_muted(&mut self, member: u8, is_muted: bool) -> EventChange {
+        let has_changed = if is_muted { self.muted.insert(member) } else { self.muted.remove(&member) };
+        if !has_changed {
+            return EventChange::default();
+        }
+        self.effect(member, Receipt::Accepted, vec![EVERY_SLOT]).change
     }
 
     /// Decides again which own events between these times count, and which of the new ones do. Events that begin to count are new;
@@ -222,7 +277,18 @@ impl Memory {
         };
         let slots: Vec<u32> = slots.iter().copied().filter(|&slot| self.codec.is_slot_of(slot, Some(sender))).collect();
         slots.iter().for_each(|&slot| self.reports.insert_unused(number, slot));
-        self.effect(number, Receipt::Accepted, slots.into_iter().map(|slot| slot..slot + 1).collect())
+        let changed = self.slots_of_claims(number, &slots);
+        self.effect(number, Receipt::Accepted, changed)
+    }
+
+    /// Checks new claims of a member. Returns the slots in which they may change which events count.
+    fn slots_of_claims(&mut self, member: u8, claimed: &[u32]) -> Vec<Range<u32>> {
+        // A new claim may end the window of old ones.
+        let counts_again = self.forget_claims(member);
+        if self.check_claims(member, claimed) || counts_again {
+            return vec![EVERY_SLOT];
+        }
+        claimed.iter().map(|&slot| slot..slot + 1).collect()
     }
 
     /// Returns the effect of new evidence about these slots, and decides again which own events in them count.
@@ -297,8 +363,8 @@ impl Memory {
 
     /// Returns everything that shows how slots were used.
     fn evidence(&self) -> SlotEvidence<'_> {
-        let Self { codec, own, events, reports, conformance, .. } = self;
-        SlotEvidence { codec, own: *own, events, reports, conformance }
+        let Self { codec, own, events, reports, conformance, claims, muted, .. } = self;
+        SlotEvidence { codec, own: *own, events, reports, conformance, claims, muted }
     }
 
     /// Stores a frame that was received, or transmitted by the vehicle itself. A frame of another team changes nothing, nor does a
@@ -329,7 +395,7 @@ impl Memory {
             return ReceiveEffect::refused(Some(sender), Refusal::NotSentByMe { number: sender });
         }
         // Unused slots of an old report count too.
-        let unused: Vec<Range<u32>> = report.unused.iter().map(|&slot| slot..slot + 1).collect();
+        let unused = report.unused.clone();
         let (receipt, slots) = match self.reports.insert(sender, report, sent) {
             Insertion::Inserted(slots) if Some(sender) == self.own && sent.is_none() => {
                 (refused(Refusal::OwnReport), slots)
@@ -338,7 +404,8 @@ impl Memory {
             Insertion::Duplicate => (refused(Refusal::Duplicate), Vec::new()),
             Insertion::Stale => (refused(Refusal::TooOld), Vec::new()),
         };
-        self.effect(sender, receipt, [slots, unused].concat())
+        let of_claims = self.slots_of_claims(sender, &unused);
+        self.effect(sender, receipt, [slots, of_claims].concat())
     }
 
     /// Stores outcomes that a member piggybacked. They belong to the slots, from `newest` backwards, in which it could receive another

@@ -5,6 +5,8 @@ pub(crate) mod events;
 pub(crate) mod packets;
 pub(crate) mod reports;
 pub(crate) mod slot_conformance;
+pub(crate) mod claim_check;
 pub(crate) mod slot_evidence;
+pub(crate) mod position_check;
 pub(crate) mod event_location;
 pub(crate) mod memory;

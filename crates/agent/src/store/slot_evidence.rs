@@ -1,6 +1,9 @@
 //! Decides whether the outcome of a slot counts: the member transmitted in it, and conforms to the schedule.
 
+use std::collections::BTreeSet;
+
 use crate::codec::team_codec::TeamCodec;
+use crate::store::claim_check::ClaimCheck;
 use crate::store::events::{Events, RecordedEvent};
 use crate::store::reports::Reports;
 use crate::store::slot_conformance::SlotConformance;
@@ -15,19 +18,31 @@ pub(crate) struct SlotEvidence<'a> {
     pub(crate) events: &'a Events,
     pub(crate) reports: &'a Reports,
     pub(crate) conformance: &'a SlotConformance,
+    pub(crate) claims: &'a ClaimCheck,
+    /// Members without any effect.
+    pub(crate) muted: &'a BTreeSet<u8>,
 }
 
 impl SlotEvidence<'_> {
-    /// Returns whether a member transmitted in its slot: it does not deny it, or another vehicle heard it. The answer is the same for
-    /// every receiver, whatever it recorded. O(members log N).
+    /// Returns whether a member transmitted in its slot: it does not deny it, its claims do not count, or another vehicle heard it. The
+    /// answer is the same for every receiver, whatever it recorded. O(members log N).
     pub(crate) fn is_transmission(&self, transmitter: u8, slot: u32) -> bool {
-        !self.reports.is_unused(transmitter, slot) || self.is_heard(slot)
+        let is_denied = self.reports.is_unused(transmitter, slot)
+            && !self.muted.contains(&transmitter)
+            && self.claims.is_reliable(transmitter);
+        !is_denied || self.is_heard(slot)
+    }
+
+    /// Returns all other members with stored data, except for muted ones.
+    pub(crate) fn others(&self) -> impl Iterator<Item = u8> {
+        self.reports.senders().filter(|sender| Some(*sender) != self.own && !self.muted.contains(sender))
     }
 
     fn is_heard(&self, slot: u32) -> bool {
         let members = self.codec.team.members.keys();
         members.into_iter().any(|&member| {
-            self.events.in_slot((member, slot)).any(|(_, success)| success) || self.reports.has_heard(member, slot)
+            let is_reported = || !self.muted.contains(&member) && self.reports.has_heard(member, slot);
+            self.events.in_slot((member, slot)).any(|(_, success)| success) || is_reported()
         })
     }
 

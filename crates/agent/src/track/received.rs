@@ -73,6 +73,12 @@ impl ReceivedTrack {
         })
     }
 
+    /// Returns whether a slot has a waypoint or lies within a segment.
+    pub(crate) fn is_exact_at(&self, slot: u32) -> bool {
+        let (before, after) = (self.waypoints.range(..=slot).next_back(), self.waypoints.range(slot..).next());
+        before.zip(after).is_some_and(|((&before, _), (&after, _))| before == after || self.is_segment(before, after))
+    }
+
     /// Returns the range of slots in which positions can change when the waypoints of one report are added or removed. The result is
     /// equal before and after the change.
     ///

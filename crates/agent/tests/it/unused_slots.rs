@@ -68,18 +68,22 @@ fn three() -> Trip {
     Trip::stationary(&[(100, 128), (110, 128), (120, 128)], 24, outcome).without_exclusion()
 }
 
-/// The probability of the link from vehicle 1 to vehicle 0 after a fit from nothing.
+/// The probability of the link from vehicle 1 to vehicle 0 from own events.
+fn own_probability(agent: &mut Agent) -> f64 {
+    let link = three().event(1, 0).unwrap().link;
+    agent.predict([link], PredictOptions::own()).unwrap()[0].probability
+}
+
+/// The same after a fit from nothing.
 fn probability(agent: &mut Agent) -> f64 {
     agent.rebuild().unwrap();
-    agent.probability(three().event(1, 0).unwrap().link).unwrap()
+    own_probability(agent)
 }
 
 #[test]
 fn a_slot_that_its_member_denies_counts_if_another_member_heard_it() {
     let trip = three();
     let mut agent = trip.vehicle(0);
-    // Its own events alone: muted members still say how slots were used.
-    (1..3).for_each(|number| agent.mute(&name(number)));
     let all = probability(&mut agent);
     // Vehicle 1 denies slot 7, which vehicle 0 missed.
     let mut sender = trip.vehicle(1);
@@ -99,15 +103,13 @@ fn a_slot_that_its_member_denies_counts_if_another_member_heard_it() {
 fn an_event_that_counts_again_before_the_next_fit_counts_once() {
     let trip = three();
     let mut agent = trip.vehicle(0);
-    (1..3).for_each(|number| agent.mute(&name(number)));
     agent.refit().unwrap();
-    let link = trip.event(1, 0).unwrap().link;
-    let before = agent.probability(link).unwrap();
+    let before = own_probability(&mut agent);
     // Vehicle 1 denies its slots 7 and 10, and vehicle 2 heard them. No fit comes in between.
     let mut sender = trip.vehicle(1);
     sender.record_unused_slots([7, 10].map(slot_s)).unwrap();
     receive_all(&mut agent, &frames(&mut sender, 20));
-    agent.probability(link).unwrap();
+    own_probability(&mut agent);
     let heard = |slot| {
         let link = Link { transmitter: trip.at(1, slot), receiver: trip.at(2, slot) };
         Event { transmitter_id: name(1), ..event_at(2, slot_s(slot), link, true) }
@@ -115,7 +117,7 @@ fn an_event_that_counts_again_before_the_next_fit_counts_once() {
     let events = trip.events(2).into_iter().filter(|event| event.time_s != slot_s(10));
     let mut witness = trip.vehicle_with_events(2, events.chain([7, 10].map(heard)));
     receive_all(&mut agent, &frames(&mut witness, 20));
-    let after = agent.probability(link).unwrap();
+    let after = own_probability(&mut agent);
     assert!((probability(&mut agent) - before).abs() < 1e-6, "a new fit gives the probability of before");
     assert!((after - before).abs() < 1e-6, "{before} {after}");
 }
