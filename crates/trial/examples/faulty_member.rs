@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use pingmap_agent::{Agent, AgentError, AgentOptions, Event, Key, Learning, PredictOptions, Sharing, Team, VehicleId};
-use pingmap_packet::{Block, Cell, MapMessage, Outcome as Reported, Point};
+use pingmap_packet::{Block, Cell, MapMessage, Outcome as Reported, Point, Waypoint};
 use pingmap_trial::{Agreed, EventLog, Mission, Plan, Score, Split, read_splits};
 use rand::{Rng, RngExt, SeedableRng};
 
@@ -21,9 +21,25 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 const PACKETS: usize = 10;
 
-/// Faults of a member that sends summaries or reports. The last two apply to summaries alone.
+/// Faults of a member that sends summaries.
 const FAULTS: [&str; 8] =
     ["honest", "silent", "deaf", "random", "one lie", "reversed", "biased by 1/6", "biased by 1/2"];
+
+/// Faults of a member that sends reports.
+const REPORT_FAULTS: [&str; 12] = [
+    "honest",
+    "silent",
+    "deaf",
+    "all heard",
+    "random",
+    "reversed",
+    "1/5 reversed",
+    "300 m east",
+    "mirrored",
+    "random track",
+    "claims",
+    "mirrored, claims",
+];
 
 /// Faults of a receiver, with both kinds of packets.
 const FAULTY_RECEIVERS: [&str; 5] = ["honest", "silent", "deaf", "random", "reversed"];
@@ -37,7 +53,7 @@ fn main() -> Result<(), Failure> {
     let splits = read_splits(Path::new(splits), &log)?;
     let tables: [(&str, Sharing, &[&str]); 3] = [
         ("summaries", Sharing::summaries(), &FAULTS),
-        ("reports", Sharing::reports(), &FAULTS[..6]),
+        ("reports", Sharing::reports(), &REPORT_FAULTS),
         ("both", Sharing::default(), &FAULTY_RECEIVERS),
     ];
     let wanted = arguments.get(3);
@@ -153,7 +169,20 @@ fn packets(
     };
     let lower = |levels: i8| move |point: &mut Point| point.mean = (point.mean - levels).max(-15);
     let lie = |point: &mut Point| (point.information, point.mean) = (31, if point.mean > 0 { -15 } else { 15 });
+    let tracks = |change: &mut dyn FnMut(&mut Waypoint)| {
+        let changed = honest.iter().map(|bytes| changed_track(member, bytes, change));
+        changed.collect::<Result<Vec<_>, AgentError>>()
+    };
+    let cells = (300.0 / (0.25 * member.team().grid.cell_m)).min(120.0) as u8;
+    let mut mirror = |point: &mut Waypoint| (point.east, point.north) = (u8::MAX - point.east, u8::MAX - point.north);
     match fault {
+        "all heard" => changed(PACKETS, &|_| (), &mut |_| true),
+        "1/5 reversed" => changed(PACKETS, &|_| (), &mut |heard| heard != rng.random_bool(0.2)),
+        "300 m east" => tracks(&mut |point| point.east = point.east.saturating_add(cells)),
+        "mirrored" => tracks(&mut mirror),
+        "random track" => tracks(&mut |point| (point.east, point.north) = (rng.random(), rng.random())),
+        "claims" => Ok([honest.clone(), claims(member)?].concat()),
+        "mirrored, claims" => Ok([tracks(&mut mirror)?, claims(member)?].concat()),
         "silent" => Ok(Vec::new()),
         "deaf" if sharing.summaries => record(&mut |_| false),
         "random" if both => record(&mut |_| rng.random()),
@@ -217,6 +246,29 @@ fn changed_summary(member: &Agent, bytes: &[u8], change: &dyn Fn(&mut Point)) ->
     let points = message.blocks.iter_mut().flat_map(|block| &mut block.points);
     points.filter(|point| point.information > 0).for_each(change);
     Ok(member.codec().write(layout, &message)?)
+}
+
+/// Returns reports that claim every slot of the member as unused.
+fn claims(member: &Agent) -> Result<Vec<Vec<u8>>, AgentError> {
+    let mut agent = Agent::new(member.id().clone(), Arc::new(member.team().clone()), AgentOptions::default());
+    agent.set_options(AgentOptions { sharing: Sharing::reports(), ..AgentOptions::default() });
+    let slots = &member.team().slots;
+    let times = (0..slots.end()).filter(|&slot| slots.sender(slot) == Some(member.id()));
+    let times: Vec<f64> = times.filter_map(|slot| slots.begin_s(slot)).collect();
+    agent.record_unused_slots(times.iter().copied())?;
+    agent.record_positions(member.events().map(|event| (event.time_s, event.link.receiver)))?;
+    let mut reports = Vec::new();
+    while let Some(report) = agent.next_frame(None, member.team().frame_bytes)? {
+        reports.push(report);
+    }
+    Ok(reports)
+}
+
+/// Returns a report with changed waypoints.
+fn changed_track(member: &Agent, bytes: &[u8], change: &mut dyn FnMut(&mut Waypoint)) -> Result<Vec<u8>, AgentError> {
+    let Ok((_, mut report, _)) = member.codec().read_report(bytes) else { return Ok(bytes.to_vec()) };
+    report.waypoints.iter_mut().for_each(change);
+    Ok(member.codec().write_report(&report)?)
 }
 
 /// Returns a report with changed outcomes.

@@ -12,6 +12,7 @@ use crate::baseline::{DistanceOnly, base_rate};
 use crate::calibration::Calibration;
 use crate::decision::Decisions;
 use crate::event_log::EventLog;
+use crate::ignored::{Ignored, ignored_members};
 use crate::mission::{Mission, Plan, Traffic, probabilities};
 use crate::score::{Estimate, MeanScore, Score};
 use crate::split::Split;
@@ -182,6 +183,8 @@ pub struct SplitSummary {
     pub jitter_max: f64,
     /// How well its held-out events were predicted.
     pub nll: SplitNll,
+    /// Members whose data vehicles do not use after the last number of frames.
+    pub ignored: Vec<Ignored>,
 }
 
 /// NLL of the held-out events of one split.
@@ -339,8 +342,10 @@ fn replay_split(
     let mut team = Vec::with_capacity(frames.len());
     let mut traffic = Vec::with_capacity(frames.len());
     let mut alternatives = Vec::with_capacity(frames.len());
+    let mut ignored = Vec::new();
     for &frames in frames {
-        let agents = mission.after_sharing(frames).map_err(failed)?;
+        let mut agents = mission.after_sharing(frames).map_err(failed)?;
+        ignored = ignored_members(&mut agents).map_err(failed)?;
         traffic.push(mission.traffic(frames, &agents));
         team.push(score_each(mission.predict(agents).map_err(failed)?)?);
         let tried = if plan.compare { &Alternative::ALL[..] } else { &[] };
@@ -366,7 +371,7 @@ fn replay_split(
         team,
         traffic,
         alternatives,
-        summary: summarise(split, &mission, nll),
+        summary: SplitSummary { ignored, ..summarise(split, &mission, nll) },
     })
 }
 
@@ -382,6 +387,7 @@ fn summarise(split: &Split, mission: &Mission, nll: SplitNll) -> SplitSummary {
         held_out_events: mission.held_out.len(),
         vehicles_without_events: empty.map(|agent| agent.id().clone()).collect(),
         nll,
+        ignored: Vec::new(),
         team: mission.team.clone(),
         fit: mission.fit.clone(),
         dense: (mission.vehicles.iter().all(|agent| agent.status().is_dense), mission.centralised.status().is_dense),

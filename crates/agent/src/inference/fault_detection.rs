@@ -2,13 +2,16 @@
 
 use std::collections::BTreeSet;
 
-use dgpc::{Posterior, Shift, Summary, spread_out};
+use dgpc::{Observations, Posterior, Shift, Summary, spread_out};
 
 use crate::error::AgentError;
 use crate::inference::accepted::{AcceptedData, packets_with, summaries};
+use crate::inference::event_fit::EventSource;
 use crate::inference::posteriors::Posteriors;
+use crate::store::events::RecordedEvent;
 use crate::store::memory::Memory;
 use crate::types::event::Event;
+use crate::types::query::LinkQuery;
 
 /// Share of the exclusion threshold above which a member is a suspect as soon as any member exceeds the threshold.
 const SUSPECT_SHARE: f64 = 0.6;
@@ -19,6 +22,15 @@ const RECEIVER_OFFSET_SD: f64 = 0.5;
 
 /// Maximum number of remote events of a member that are compared with a posterior.
 const EXAMINED_EVENTS_MAX: usize = 200;
+
+/// Factor on the exclusion threshold above which a member is faulty whatever its effect on predictions.
+const CERTAIN_FACTOR: f64 = 2.0;
+
+/// Number of standard errors by which a member's data must worsen predictions of the vehicle's own events.
+const HARM_SE: f64 = 3.0;
+
+/// Number of parts in which the vehicle's own events are held out.
+const FOLDS: usize = 4;
 
 /// Excluded members, and the own and the fused posterior without their data.
 type Exclusion = (BTreeSet<u8>, [Posterior; 2]);
@@ -68,12 +80,68 @@ impl Posteriors {
             };
             let members = trusted.members(memory.own);
             let discrepancies = members.iter().map(discrepancy).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
-            if discrepancies.iter().all(|&(discrepancy, _)| discrepancy <= threshold) {
+            let mut is_any_faulty = false;
+            for &(discrepancy, member) in discrepancies.iter().filter(|&&(discrepancy, _)| discrepancy > threshold) {
+                is_any_faulty = is_any_faulty
+                    || discrepancy > CERTAIN_FACTOR * threshold
+                    || self.is_harmful(memory, &trusted, member)?;
+            }
+            if !is_any_faulty {
                 return Ok((!is_unchanged).then_some((excluded, [own, posterior])));
             }
             let suspects = discrepancies.iter().filter(|&&(discrepancy, _)| discrepancy > SUSPECT_SHARE * threshold);
             excluded.extend(self.most_contradicted(memory, data, suspects.map(|&(_, member)| member))?);
         }
+    }
+
+    /// Returns whether the data of a member worsen predictions of the vehicle's own events by more than three standard errors.
+    ///
+    /// A kernel that does not represent the water makes correct members look discrepant, but their data hardly harm predictions. Each
+    /// quarter of the own events, in the order of time, is predicted from the others with and without the member's data. Without own events the
+    /// answer is true. O(n³).
+    fn is_harmful(&self, memory: &Memory, trusted: &AcceptedData, member: u8) -> Result<bool, AgentError> {
+        let others = trusted.without(&BTreeSet::from([member]));
+        let events: Vec<&RecordedEvent> = memory.counting_events().collect();
+        if events.is_empty() {
+            return Ok(true);
+        }
+        let mut losses = Vec::new();
+        for fold in 0..FOLDS {
+            let held_out = &events[fold * events.len() / FOLDS..(fold + 1) * events.len() / FOLDS];
+            let omitted = held_out.iter().map(|recorded| recorded.number).collect();
+            let without = self.posterior_without(memory, &others, &omitted)?;
+            let with = absorbed(without.clone(), memory, &trusted.of_member(member))?;
+            let queries: Vec<LinkQuery> = held_out.iter().map(|recorded| recorded.event.query()).collect();
+            let inputs = memory.codec.team.model.inputs(&queries)?;
+            let [with, without] = [with.latent(&inputs)?.probability(), without.latent(&inputs)?.probability()];
+            let loss = |(recorded, (with, without)): (&&RecordedEvent, (f64, f64))| {
+                let ratio = if recorded.event.success { without / with } else { (1.0 - without) / (1.0 - with) };
+                ratio.ln()
+            };
+            losses.extend(held_out.iter().zip(with.into_iter().zip(without)).map(loss));
+        }
+        let count = losses.len() as f64;
+        let mean = losses.iter().sum::<f64>() / count;
+        let variance = losses.iter().map(|loss| (loss - mean).powi(2)).sum::<f64>() / count;
+        Ok(mean > HARM_SE * (variance / count).sqrt())
+    }
+
+    /// Returns the posterior of the last fit with these data of other members and without some own events.
+    fn posterior_without(
+        &self,
+        memory: &Memory,
+        data: &AcceptedData,
+        omitted: &BTreeSet<u64>,
+    ) -> Result<Posterior, AgentError> {
+        let model = &memory.codec.team.model;
+        let packets = packets_with(memory, &*data.packets);
+        let Some(fit) = self.last_fit() else { return Ok(model.prior_posterior()) };
+        let is_in = |source: &EventSource| match source {
+            EventSource::Own(number) => !omitted.contains(number),
+            EventSource::Remote(key) => data.events.contains_key(key),
+        };
+        let messages: Vec<&Summary> = model.site_summary().into_iter().chain(summaries(&packets)).collect();
+        Ok(fit.posterior_of(is_in, &messages)?)
     }
 
     /// Returns the suspect that contradicts the vehicle's own events most.
@@ -120,13 +188,28 @@ impl Posteriors {
     }
 }
 
+/// Returns a posterior after it absorbed the data of a member.
+fn absorbed(mut posterior: Posterior, memory: &Memory, member_data: &AcceptedData) -> Result<Posterior, AgentError> {
+    let packets = packets_with(memory, &*member_data.packets);
+    let prior = posterior.prior();
+    let read = summaries(&packets).into_iter().map(|summary| summary.read_under(prior));
+    let read: Vec<_> = read.collect::<Result<_, dgpc::Error>>()?;
+    posterior.absorb_summaries(&read.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
+    dgpc::absorb_observations(&mut posterior, &observations(memory, member_data)?)?;
+    Ok(posterior)
+}
+
+/// Returns the outcomes of a member as observations: up to 200, spread over time.
+fn observations(memory: &Memory, member_data: &AcceptedData) -> dgpc::Result<Observations> {
+    let events: Vec<&Event> = member_data.events.values().map(|event| &**event).collect();
+    memory.codec.team.model.observations_among(&events, &spread_out(events.len(), EXAMINED_EVENTS_MAX))
+}
+
 /// Returns the discrepancy of a member's data from a posterior without them, in standard deviations. It is the larger one of two: the
 /// shift by its packets, and the contradiction of its outcomes.
 fn discrepancy_from(memory: &Memory, posterior: &Posterior, member_data: &AcceptedData) -> Result<f64, AgentError> {
     let of_packets = packet_discrepancy(posterior, memory, member_data, Posterior::shift_by)?;
-    let events: Vec<&Event> = member_data.events.values().map(|event| &**event).collect();
-    let examined = spread_out(events.len(), EXAMINED_EVENTS_MAX);
-    let observations = memory.codec.team.model.observations_among(&events, &examined)?;
+    let observations = observations(memory, member_data)?;
     Ok(of_packets.max(posterior.contradiction(&observations, RECEIVER_OFFSET_SD)?))
 }
 

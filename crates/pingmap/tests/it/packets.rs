@@ -326,3 +326,22 @@ fn a_key_file_that_others_can_read_gives_a_warning() {
     let text = std::fs::read_to_string(folder.path().join("team.toml")).unwrap();
     assert!(text.contains("epoch = 7") && text.contains("packets_per_sender_max = 56"), "{text}");
 }
+
+#[test]
+fn a_replay_names_the_members_that_vehicles_do_not_use() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut log = pingmap_trial::built_in("bay3").unwrap().unwrap();
+    // The receiver of auv3 reports the opposite of what it heard.
+    let of_auv3 = log.events.iter_mut().filter(|event| event.receiver_id.as_str() == "auv3");
+    of_auv3.for_each(|event| event.success = !event.success);
+    file(folder, "log.csv", log.to_csv());
+    let arguments = "replay log.csv --kernel matern32 --additions none --repeats 1 --frames 10".split(' ');
+    let arguments: Vec<&str> = arguments.collect();
+    let said = stderr(&pingmap(folder, &arguments));
+    assert!(said.contains("auv1 does not use auv3 in 1 of 1 splits: its outcomes or summaries contradict"), "{said}");
+    let found = json(folder, &[&arguments[..], &["--json"]].concat());
+    let ignored = found["per_split"][0]["ignored"].as_array().unwrap();
+    let is_found = |one: &Value| one["listener"] == "auv1" && one["member"] == "auv3" && one["reason"] == "contradicts";
+    assert!(ignored.iter().any(is_found), "{ignored:?}");
+}

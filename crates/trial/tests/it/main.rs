@@ -8,4 +8,5 @@ mod log_checks;
 mod optional_terms;
 mod paper;
 mod swapped_areas;
+mod fault_detection;
 mod map_quality;

@@ -2,7 +2,7 @@
 
 use pingmap_agent::{LearnedModel, VehicleId};
 use pingmap_packet::Layout;
-use pingmap_trial::{Learners, Replay, SplitNll, SplitSummary, Water};
+use pingmap_trial::{Ignored, Learners, Replay, SplitNll, SplitSummary, Water};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -71,6 +71,31 @@ pub struct InferenceJson {
     fusion: &'static str,
 }
 
+/// A member whose data, or a part of them, a vehicle does not use.
+#[derive(Serialize, JsonSchema)]
+pub struct IgnoredJson {
+    /// The vehicle that decided.
+    listener: String,
+    /// The member.
+    member: String,
+    /// `contradicts`: its outcomes or summaries contradict those of all others. `out-of-slot`: its messages arrive outside its slots.
+    /// `false-claims`: it was received in slots that it reported as unused. `wrong-track`: its reported track contradicts receptions.
+    reason: &'static str,
+    /// Discrepancy of the member in standard deviations.
+    discrepancy: Option<f64>,
+}
+
+impl IgnoredJson {
+    fn of(ignored: &Ignored) -> Self {
+        Self {
+            listener: ignored.listener.to_string(),
+            member: ignored.member.to_string(),
+            reason: ignored.reason.name(),
+            discrepancy: ignored.discrepancy,
+        }
+    }
+}
+
 /// What is sent, and what happens to it.
 #[derive(Serialize, JsonSchema)]
 pub struct PacketsJson {
@@ -116,6 +141,8 @@ pub struct SplitJson {
     learning_events: Option<usize>,
     /// Why the search ended.
     stop: Option<String>,
+    /// Members whose data vehicles do not use after the last number of frames.
+    ignored: Vec<IgnoredJson>,
     /// Whether every posterior did.
     converged: bool,
     /// The most that was added to a kernel matrix's diagonal.
@@ -224,6 +251,7 @@ impl SplitJson {
             evidence: fit.map(LearnedModel::evidence),
             leave_one_out: fit.map(LearnedModel::leave_one_out),
             learning_events: fit.map(|fit| fit.events_used),
+            ignored: split.ignored.iter().map(IgnoredJson::of).collect(),
             stop: fit.map(|fit| stop_words(&fit.learned.stop)),
             converged: split.converged,
             jitter_max: split.jitter_max,

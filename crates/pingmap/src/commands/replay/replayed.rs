@@ -1,12 +1,14 @@
 //! A replay and all that is needed to speak about it.
 
+use std::collections::BTreeMap;
+
 use pingmap_agent::VehicleId;
 use pingmap_packet::Layout;
-use pingmap_trial::{EventLog, Learners, Plan, Replay, Split};
+use pingmap_trial::{EventLog, IgnoreReason, Learners, Plan, Replay, Split};
 
 use crate::log::WholeLog;
 use crate::model::warn_of_search;
-use crate::output::{progress, warn};
+use crate::output::{note, progress, warn};
 
 /// A replay and all that is needed to speak about it.
 pub struct Replayed {
@@ -43,8 +45,21 @@ impl Replayed {
         Ok(())
     }
 
+    /// Notes which members' data vehicles do not use, and in how many splits.
+    fn note_ignored(&self) {
+        let mut splits = BTreeMap::<(&VehicleId, &VehicleId, &str), usize>::new();
+        for ignored in self.replay.splits.iter().flat_map(|split| &split.ignored) {
+            *splits.entry((&ignored.listener, &ignored.member, explanation(ignored.reason))).or_default() += 1;
+        }
+        for ((listener, member, explanation), count) in splits {
+            let of = self.replay.splits.len();
+            note(format_args!("{listener} does not use {member} in {count} of {of} splits: {explanation}"));
+        }
+    }
+
     /// Warns of what its reader should know.
     pub fn warn(&self) {
+        self.note_ignored();
         for split in &self.replay.splits {
             let (name, without) = (&split.name, &split.vehicles_without_events);
             if split.training_events == 0 {
@@ -76,4 +91,14 @@ fn with_progress(log: &EventLog, splits: &[Split], frames: &[usize], plan: &Plan
     let replay = pingmap_trial::replay(log, splits, frames, plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
     Ok(replay)
+}
+
+/// Returns why data are not used, in words.
+fn explanation(reason: IgnoreReason) -> &'static str {
+    match reason {
+        IgnoreReason::Contradicts => "its outcomes or summaries contradict those of all others",
+        IgnoreReason::OutOfSlot => "its messages arrive outside its slots",
+        IgnoreReason::FalseClaims => "it was received in slots that it reported as unused (its other data count)",
+        IgnoreReason::WrongTrack => "its reported track contradicts receptions (its outcomes count)",
+    }
 }
