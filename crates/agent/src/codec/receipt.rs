@@ -21,6 +21,7 @@ impl Receipt {
                     | Refusal::Forged(_)
                     | Refusal::OtherForm { .. }
                     | Refusal::OtherTeam { .. }
+                    | Refusal::TooLong { .. }
                     | Refusal::UnknownSender { .. }
                     | Refusal::Unusable(_)
                     | Refusal::PiggybackDisabled
@@ -57,6 +58,14 @@ pub enum Refusal {
         found: Option<u16>,
         /// Number of this team's configuration.
         expected: u16,
+    },
+    /// The report is longer than the team's frames. No member sends such reports.
+    #[error("report of {length} bytes, but the team's frames have at most {max}")]
+    TooLong {
+        /// Length of the report in bytes.
+        length: usize,
+        /// Length of the team's frames in bytes: [`crate::Team::frame_bytes`].
+        max: usize,
     },
     /// No member has the sender's number.
     #[error("no member has number {number}")]
@@ -147,7 +156,7 @@ pub struct Counts {
     pub malformed: u64,
     /// Number of packets with [`Refusal::Forged`] or [`Refusal::PiggybackDisabled`].
     pub forged: u64,
-    /// Number of packets with [`Refusal::OtherTeam`] or [`Refusal::OtherForm`].
+    /// Number of packets with [`Refusal::OtherTeam`], [`Refusal::OtherForm`] or [`Refusal::TooLong`].
     pub other_team: u64,
     /// Number of packets with [`Refusal::UnknownSender`] or [`Refusal::NoMember`].
     pub unknown_sender: u64,
@@ -179,7 +188,7 @@ impl Counts {
         match refusal {
             Refusal::Malformed(_) | Refusal::NoSlot { .. } => &mut self.malformed,
             Refusal::Forged(_) | Refusal::PiggybackDisabled => &mut self.forged,
-            Refusal::OtherForm { .. } | Refusal::OtherTeam { .. } => &mut self.other_team,
+            Refusal::OtherForm { .. } | Refusal::OtherTeam { .. } | Refusal::TooLong { .. } => &mut self.other_team,
             Refusal::UnknownSender { .. } | Refusal::NoMember { .. } => &mut self.unknown_sender,
             Refusal::Duplicate => &mut self.duplicate,
             Refusal::TooOld => &mut self.too_old,

@@ -116,6 +116,10 @@ impl TeamCodec {
     /// numbered slot are ignored.
     pub(crate) fn decode_report(&self, bytes: &[u8]) -> Result<(u8, Report), Refusal> {
         let (_, message, length) = self.read_report(bytes)?;
+        let max = self.team.frame_bytes;
+        if length > max {
+            return Err(Refusal::TooLong { length, max });
+        }
         let (mut outcomes, mut unused) = (Vec::new(), Vec::new());
         let slots = self.slots_of(message.sender, message.first, message.includes_own_slots);
         for (slot, outcome) in slots.zip(&message.outcomes) {

@@ -143,3 +143,29 @@ fn contradictory_reports_of_one_number_count_as_neither() {
     let mut alone = trip.vehicle(0);
     assert_eq!(rebuilt_probabilities(&mut agent), rebuilt_probabilities(&mut alone));
 }
+
+#[test]
+fn a_report_longer_than_the_frames_of_the_team_is_refused() {
+    let trip = two(1200);
+    let mut agent = trip.vehicle(0);
+    let max = agent.team().frame_bytes;
+    let report = |outcomes| Report {
+        sender: 1,
+        model: 0,
+        first: 0,
+        includes_own_slots: true,
+        outcomes: vec![Outcome::Missed; outcomes],
+        waypoints: Vec::new(),
+    };
+    let before = agent.snapshot();
+    // Outcomes that alternate cannot be encoded in runs.
+    let mut long = report(600);
+    long.outcomes.iter_mut().step_by(2).for_each(|outcome| *outcome = Outcome::Heard);
+    let bytes = agent.codec().write_report(&long).unwrap();
+    let refusal = Refusal::TooLong { length: bytes.len(), max };
+    assert!(bytes.len() > max);
+    assert_eq!(agent.receive(&bytes, None), Receipt::Refused(refusal));
+    assert_eq!(agent.snapshot(), before);
+    let bytes = agent.codec().write_report(&report(60)).unwrap();
+    assert_eq!(agent.receive(&bytes, None), Receipt::Accepted);
+}
