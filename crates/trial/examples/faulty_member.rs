@@ -250,8 +250,8 @@ fn changed_summary(member: &Agent, bytes: &[u8], change: &dyn Fn(&mut Point)) ->
 
 /// Returns reports that claim every slot of the member as unused.
 fn claims(member: &Agent) -> Result<Vec<Vec<u8>>, AgentError> {
-    let mut agent = Agent::new(member.id().clone(), Arc::new(member.team().clone()), AgentOptions::default());
-    agent.set_options(AgentOptions { sharing: Sharing::reports(), ..AgentOptions::default() });
+    let options = AgentOptions { sharing: Sharing::reports(), ..AgentOptions::default() };
+    let mut agent = Agent::new(member.id().clone(), Arc::new(member.team().clone()), options);
     let slots = &member.team().slots;
     let times = (0..slots.end()).filter(|&slot| slots.sender(slot) == Some(member.id()));
     let times: Vec<f64> = times.filter_map(|slot| slots.begin_s(slot)).collect();

@@ -371,11 +371,11 @@ fn replay_split(
         team,
         traffic,
         alternatives,
-        summary: SplitSummary { ignored, ..summarise(split, &mission, nll) },
+        summary: summarise(split, &mission, nll, ignored),
     })
 }
 
-fn summarise(split: &Split, mission: &Mission, nll: SplitNll) -> SplitSummary {
+fn summarise(split: &Split, mission: &Mission, nll: SplitNll, ignored: Vec<Ignored>) -> SplitSummary {
     let empty = mission.vehicles.iter().filter(|agent| agent.events().len() == 0);
     let everybody = mission.vehicles.iter().chain([&mission.centralised]);
     let quality: Vec<FitQuality> = everybody.filter_map(|agent| agent.status().fit).collect();
@@ -387,7 +387,7 @@ fn summarise(split: &Split, mission: &Mission, nll: SplitNll) -> SplitSummary {
         held_out_events: mission.held_out.len(),
         vehicles_without_events: empty.map(|agent| agent.id().clone()).collect(),
         nll,
-        ignored: Vec::new(),
+        ignored,
         team: mission.team.clone(),
         fit: mission.fit.clone(),
         dense: (mission.vehicles.iter().all(|agent| agent.status().is_dense), mission.centralised.status().is_dense),

@@ -1,9 +1,10 @@
 //! The data of other members that count: their summaries and located events.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use dgpc::Summary;
+use dgpc::{Prior, Summary};
 
 use crate::codec::decoded::{Packet, PacketKey};
 use crate::store::event_location::RemoteEvents;
@@ -59,6 +60,14 @@ impl AcceptedData {
 /// Returns the packets with these keys.
 pub(crate) fn packets_with<'a>(memory: &Memory, keys: impl IntoIterator<Item = &'a PacketKey>) -> Vec<Arc<Packet>> {
     keys.into_iter().filter_map(|&key| memory.packets.get(key).cloned()).collect()
+}
+
+/// Returns the summaries in some packets, as messages under another prior.
+///
+/// # Errors
+/// As [`Summary::read_under`].
+pub(crate) fn summaries_under<'a>(packets: &'a [Arc<Packet>], prior: &Prior) -> dgpc::Result<Vec<Cow<'a, Summary>>> {
+    summaries(packets).into_iter().map(|summary| summary.read_under(prior)).collect()
 }
 
 /// Returns the summaries in some packets.

@@ -5,8 +5,7 @@ use std::collections::BTreeSet;
 use dgpc::{Observations, Posterior, Shift, Summary, spread_out};
 
 use crate::error::AgentError;
-use crate::inference::accepted::{AcceptedData, packets_with, summaries};
-use crate::inference::event_fit::EventSource;
+use crate::inference::accepted::{AcceptedData, packets_with, summaries_under};
 use crate::inference::posteriors::Posteriors;
 use crate::store::events::RecordedEvent;
 use crate::store::memory::Memory;
@@ -80,13 +79,7 @@ impl Posteriors {
             };
             let members = trusted.members(memory.own);
             let discrepancies = members.iter().map(discrepancy).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
-            let mut is_any_faulty = false;
-            for &(discrepancy, member) in discrepancies.iter().filter(|&&(discrepancy, _)| discrepancy > threshold) {
-                is_any_faulty = is_any_faulty
-                    || discrepancy > CERTAIN_FACTOR * threshold
-                    || self.is_harmful(memory, &trusted, member)?;
-            }
-            if !is_any_faulty {
+            if !self.is_any_faulty(memory, &trusted, &discrepancies)? {
                 return Ok((!is_unchanged).then_some((excluded, [own, posterior])));
             }
             let suspects = discrepancies.iter().filter(|&&(discrepancy, _)| discrepancy > SUSPECT_SHARE * threshold);
@@ -94,9 +87,25 @@ impl Posteriors {
         }
     }
 
+    /// Returns whether any of these members is faulty: its discrepancy exceeds the threshold twice, or once and its data harm.
+    fn is_any_faulty(
+        &self,
+        memory: &Memory,
+        trusted: &AcceptedData,
+        discrepancies: &[(f64, u8)],
+    ) -> Result<bool, AgentError> {
+        let threshold = memory.codec.team.exclusion_threshold_sd;
+        for &(discrepancy, member) in discrepancies.iter().filter(|&&(discrepancy, _)| discrepancy > threshold) {
+            if discrepancy > CERTAIN_FACTOR * threshold || self.is_harmful(memory, trusted, member)? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     /// Returns whether the data of a member worsen predictions of the vehicle's own events by more than three standard errors.
     ///
-    /// A kernel that does not represent the water makes correct members look discrepant, but their data hardly harm predictions. Each
+    /// A kernel that does not represent the water makes correct members look discrepant, but their data do little harm to predictions. Each
     /// quarter of the own events, in the order of time, is predicted from the others with and without the member's data. Without own events the
     /// answer is true. O(n³).
     fn is_harmful(&self, memory: &Memory, trusted: &AcceptedData, member: u8) -> Result<bool, AgentError> {
@@ -109,7 +118,7 @@ impl Posteriors {
         for fold in 0..FOLDS {
             let held_out = &events[fold * events.len() / FOLDS..(fold + 1) * events.len() / FOLDS];
             let omitted = held_out.iter().map(|recorded| recorded.number).collect();
-            let without = self.posterior_without(memory, &others, &omitted)?;
+            let without = self.fused_at_fit(memory, &others, &omitted)?;
             let with = absorbed(without.clone(), memory, &trusted.of_member(member))?;
             let queries: Vec<LinkQuery> = held_out.iter().map(|recorded| recorded.event.query()).collect();
             let inputs = memory.codec.team.model.inputs(&queries)?;
@@ -124,24 +133,6 @@ impl Posteriors {
         let mean = losses.iter().sum::<f64>() / count;
         let variance = losses.iter().map(|loss| (loss - mean).powi(2)).sum::<f64>() / count;
         Ok(mean > HARM_SE * (variance / count).sqrt())
-    }
-
-    /// Returns the posterior of the last fit with these data of other members and without some own events.
-    fn posterior_without(
-        &self,
-        memory: &Memory,
-        data: &AcceptedData,
-        omitted: &BTreeSet<u64>,
-    ) -> Result<Posterior, AgentError> {
-        let model = &memory.codec.team.model;
-        let packets = packets_with(memory, &*data.packets);
-        let Some(fit) = self.last_fit() else { return Ok(model.prior_posterior()) };
-        let is_in = |source: &EventSource| match source {
-            EventSource::Own(number) => !omitted.contains(number),
-            EventSource::Remote(key) => data.events.contains_key(key),
-        };
-        let messages: Vec<&Summary> = model.site_summary().into_iter().chain(summaries(&packets)).collect();
-        Ok(fit.posterior_of(is_in, &messages)?)
     }
 
     /// Returns the suspect that contradicts the vehicle's own events most.
@@ -191,9 +182,7 @@ impl Posteriors {
 /// Returns a posterior after it absorbed the data of a member.
 fn absorbed(mut posterior: Posterior, memory: &Memory, member_data: &AcceptedData) -> Result<Posterior, AgentError> {
     let packets = packets_with(memory, &*member_data.packets);
-    let prior = posterior.prior();
-    let read = summaries(&packets).into_iter().map(|summary| summary.read_under(prior));
-    let read: Vec<_> = read.collect::<Result<_, dgpc::Error>>()?;
+    let read = summaries_under(&packets, posterior.prior())?;
     posterior.absorb_summaries(&read.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
     dgpc::absorb_observations(&mut posterior, &observations(memory, member_data)?)?;
     Ok(posterior)
@@ -222,9 +211,7 @@ fn packet_discrepancy(
     shift: impl Fn(&Posterior, &[&Summary]) -> dgpc::Result<Shift>,
 ) -> Result<f64, AgentError> {
     let packets = packets_with(memory, &*member_data.packets);
-    let prior = posterior.prior();
-    let read = summaries(&packets).into_iter().map(|summary| summary.read_under(prior));
-    let read: Vec<_> = read.collect::<Result<_, dgpc::Error>>()?;
+    let read = summaries_under(&packets, posterior.prior())?;
     match shift(posterior, &read.iter().map(AsRef::as_ref).collect::<Vec<_>>()) {
         Ok(shift) => Ok(shift.largest(RECEIVER_OFFSET_SD)),
         // The packets claim so high a certainty that they cannot be subtracted numerically.

@@ -8,7 +8,7 @@ use dgpc::{Posterior, Summary};
 use crate::codec::decoded::EventKey;
 use crate::codec::decoded::PacketKey;
 use crate::error::AgentError;
-use crate::inference::accepted::{AcceptedData, packets_with, summaries};
+use crate::inference::accepted::{AcceptedData, packets_with, summaries, summaries_under};
 use crate::inference::event_fit::{EventFit, EventSource, PartialSummary};
 use crate::inference::fitting::absorb_event;
 use crate::model::link_model::Model;
@@ -209,27 +209,36 @@ impl Posteriors {
         let site: Vec<&Summary> = model.site_summary().into_iter().collect();
         let own =
             self.own_fit.as_ref().map_or_else(|| Ok(model.prior_posterior()), |own| own.fit.posterior_with(&site))?;
-        let packets = packets_with(memory, &*trusted.packets);
         let is_alone = self.own_model.is_none() && self.joint_fit.is_none() && trusted.packets.is_empty();
-        let fused = match self.last_fit() {
-            Some(_) if is_alone => own.clone(),
-            Some(fit) => {
-                let is_in = |source: &EventSource| match source {
-                    EventSource::Own(_) => true,
-                    EventSource::Remote(key) => {
-                        fit.remote.get_key_value(key).is_some_and(|event| is_among(&trusted.events, event))
-                    }
-                };
-                let messages: Vec<&Summary> = site.into_iter().chain(summaries(&packets)).collect();
-                fit.posterior_of(is_in, &messages)?
-            }
-            None => {
-                let mut fused = model.prior_posterior();
-                fused.absorb_summaries(&summaries(&packets))?;
-                fused
-            }
+        let fused = match is_alone && self.own_fit.is_some() {
+            true => own.clone(),
+            false => self.fused_at_fit(memory, trusted, &BTreeSet::new())?,
         };
         Ok((own, fused))
+    }
+
+    /// Returns the fused posterior of the last fit and these data, without the own events with these numbers, and without events since.
+    pub(crate) fn fused_at_fit(
+        &self,
+        memory: &Memory,
+        trusted: &AcceptedData,
+        omitted: &BTreeSet<u64>,
+    ) -> Result<Posterior, AgentError> {
+        let model = &memory.codec.team.model;
+        let packets = packets_with(memory, &*trusted.packets);
+        let Some(fit) = self.last_fit() else {
+            let mut fused = model.prior_posterior();
+            fused.absorb_summaries(&summaries(&packets))?;
+            return Ok(fused);
+        };
+        let is_in = |source: &EventSource| match source {
+            EventSource::Own(number) => !omitted.contains(number),
+            EventSource::Remote(key) => {
+                fit.remote.get_key_value(key).is_some_and(|event| is_among(&trusted.events, event))
+            }
+        };
+        let messages: Vec<&Summary> = model.site_summary().into_iter().chain(summaries(&packets)).collect();
+        Ok(fit.posterior_of(is_in, &messages)?)
     }
 
     /// Updates the summary of the own events that reports have delivered. The cost follows the change since the last frame.
@@ -356,9 +365,7 @@ impl Posteriors {
         let (own, others): (Vec<PacketKey>, Vec<PacketKey>) = new.iter().partition(|key| Some(key.0) == memory.own);
         let (own, others) = (packets_with(memory, &own), packets_with(memory, &others));
         self.shared.absorb_summaries(&summaries(&own))?;
-        let prior = self.fused.prior();
-        let others = summaries(&others).into_iter().map(|summary| summary.read_under(prior));
-        let others: Vec<_> = others.collect::<Result<_, dgpc::Error>>()?;
+        let others = summaries_under(&others, self.fused.prior())?;
         self.fused.absorb_summaries(&others.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
         self.included.packets.clone_from(wanted);
         Ok(())

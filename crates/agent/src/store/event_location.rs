@@ -4,12 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use pingmap_packet::Cell;
-
 use crate::codec::decoded::EventKey;
 use crate::codec::team_codec::TeamCodec;
 use crate::store::events::Events;
-use crate::store::position_check::members_with_wrong_tracks;
+use crate::store::position_check::{members_with_wrong_tracks, reported_position};
 use crate::store::reports::{EVERY_SLOT, ReportedOutcome, Reports};
 use crate::store::slot_evidence::SlotEvidence;
 use crate::track::position_track::Track;
@@ -249,12 +247,8 @@ impl PositionSources<'_> {
     }
 
     fn reported_at(&self, member: u8, slot: u32) -> Option<Position> {
-        let team = &self.codec.team;
-        if self.muted.contains(&member) || self.wrong_tracks.contains(&member) {
-            return None;
-        }
-        let centre = |cell: Cell| team.grid.waypoint_position(&team.model.chart, cell, team.model.inputs.has_depths());
-        self.reports.reports_of(member)?.track.at(slot, &team.slots, &centre, team.extrapolation_s_max)
+        let is_used = !self.muted.contains(&member) && !self.wrong_tracks.contains(&member);
+        is_used.then(|| reported_position(self.codec, self.reports, member, slot)).flatten()
     }
 
     /// Returns the position between two observed positions, if these are close in time. The path between them need not be straight.

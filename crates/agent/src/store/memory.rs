@@ -283,6 +283,9 @@ impl Memory {
 
     /// Checks new claims of a member. Returns the slots in which they may change which events count.
     fn slots_of_claims(&mut self, member: u8, claimed: &[u32]) -> Vec<Range<u32>> {
+        if claimed.is_empty() {
+            return Vec::new();
+        }
         // A new claim may end the window of old ones.
         let counts_again = self.forget_claims(member);
         if self.check_claims(member, claimed) || counts_again {

@@ -7,7 +7,7 @@ use pingmap_packet::Cell;
 use crate::codec::team_codec::TeamCodec;
 use crate::store::events::Events;
 use crate::store::reports::Reports;
-use crate::types::event::Event;
+use crate::types::event::{Event, Link, Position};
 
 /// Minimum number of receptions that contradict a track.
 const CONTRADICTIONS_MIN: usize = 3;
@@ -41,13 +41,16 @@ fn tolerance_m(codec: &TeamCodec) -> f64 {
 
 /// Returns the horizontal distance between the transmitter position of an event and the member's reported track, in metres.
 fn distance_from_track_m(codec: &TeamCodec, reports: &Reports, member: u8, slot: u32, event: &Event) -> Option<f64> {
-    let team = &codec.team;
-    let track = &reports.reports_of(member)?.track;
-    if !track.is_exact_at(slot) {
+    if !reports.reports_of(member)?.track.is_exact_at(slot) {
         return None;
     }
+    let at = reported_position(codec, reports, member, slot)?;
+    Some(Link { receiver: at, ..event.link }.range_m())
+}
+
+/// Returns the position of a member at the beginning of a slot, according to its reports. O(log waypoints).
+pub(crate) fn reported_position(codec: &TeamCodec, reports: &Reports, member: u8, slot: u32) -> Option<Position> {
+    let team = &codec.team;
     let centre = |cell: Cell| team.grid.waypoint_position(&team.model.chart, cell, team.model.inputs.has_depths());
-    let at = track.at(slot, &team.slots, &centre, team.extrapolation_s_max)?;
-    let from = event.link.transmitter;
-    Some((at.east_m - from.east_m).hypot(at.north_m - from.north_m))
+    reports.reports_of(member)?.track.at(slot, &team.slots, &centre, team.extrapolation_s_max)
 }

@@ -8,11 +8,11 @@ use dgpc::{Kernel, Prior, PriorMean, Term};
 use serde::{Deserialize, Serialize};
 
 use crate::model::fading::Fading;
-use crate::model::file::error::ModelFileError;
+use crate::model::file::error::{ModelFileError, check_bounds};
 use crate::model::file::site_prior::SitePriorLayout;
 use crate::model::file::terms::TermLayout;
 use crate::model::link_model::{InputSpec, MODEL_SCHEMA, Model};
-use crate::types::bounds::{self, Bounds};
+use crate::types::bounds;
 use crate::types::chart::Chart;
 use crate::types::event::Position;
 use crate::types::reference_system::{Geographic, ReferenceSystem};
@@ -256,12 +256,4 @@ impl MeanLayout {
             }
         }
     }
-}
-
-/// Returns `value` if it is within the bounds.
-///
-/// # Errors
-/// [`ModelFileError::OutOfRange`] with the key otherwise.
-fn check_bounds(key: &'static str, bounds: Bounds, value: f64) -> Result<f64, ModelFileError> {
-    bounds.check(value).ok_or(ModelFileError::OutOfRange { key, expected: bounds, value })
 }

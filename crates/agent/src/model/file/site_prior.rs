@@ -3,10 +3,10 @@
 use dgpc::Matrix;
 use serde::{Deserialize, Serialize};
 
-use crate::model::file::error::ModelFileError;
+use crate::model::file::error::{ModelFileError, check_bounds};
 use crate::model::link_model::Model;
 use crate::model::site_prior::SitePrior;
-use crate::types::bounds::{self, Bounds};
+use crate::types::bounds;
 use crate::types::event::{Link, Position};
 
 /// The layout of a site prior in a model file.
@@ -72,12 +72,4 @@ fn read_link(numbers: &[f64], model: &Model) -> Result<Link, ModelFileError> {
     }
     let end = |end: &[f64]| Position { depth_m: end.get(2).copied(), ..Position::new(end[0], end[1]) };
     Ok(Link { transmitter: end(&numbers[..width]), receiver: end(&numbers[width..]) })
-}
-
-/// Returns `value` if it is within the bounds.
-///
-/// # Errors
-/// [`ModelFileError::OutOfRange`] with the key otherwise.
-fn check_bounds(key: &'static str, bounds: Bounds, value: f64) -> Result<f64, ModelFileError> {
-    bounds.check(value).ok_or(ModelFileError::OutOfRange { key, expected: bounds, value })
 }
