@@ -124,8 +124,12 @@ impl Posteriors {
             let inputs = memory.codec.team.model.inputs(&queries)?;
             let [with, without] = [with.latent(&inputs)?.probability(), without.latent(&inputs)?.probability()];
             let loss = |(recorded, (with, without)): (&&RecordedEvent, (f64, f64))| {
-                let ratio = if recorded.event.success { without / with } else { (1.0 - without) / (1.0 - with) };
-                ratio.ln()
+                let log_likelihood = |p: f64| {
+                    let likelihood = if recorded.event.success { p } else { 1.0 - p };
+                    // A probability rounded to 0 or 1 has a finite loss.
+                    likelihood.max(f64::MIN_POSITIVE).ln()
+                };
+                log_likelihood(without) - log_likelihood(with)
             };
             losses.extend(held_out.iter().zip(with.into_iter().zip(without)).map(loss));
         }
