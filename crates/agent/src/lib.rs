@@ -18,6 +18,7 @@ mod inference;
 mod send;
 mod agent;
 
+pub use agent::intervals::INTERVAL_WIDENING;
 pub use agent::options::AgentOptions;
 pub use agent::prediction::{PredictOptions, Prediction};
 pub use agent::state::{Agent, Which};

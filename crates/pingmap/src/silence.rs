@@ -2,7 +2,7 @@
 
 use dgpc::rand::RngExt;
 use dgpc::{Matrix, success_probability};
-use pingmap_agent::{Agent, LinkQuery};
+use pingmap_agent::{Agent, INTERVAL_WIDENING, LinkQuery};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -53,7 +53,11 @@ impl Drawn {
             }
         };
         let asked: Vec<LinkQuery> = attempts.iter().flat_map(|place| nodes.iter().map(|&node| place[node])).collect();
-        let drawn = agent.interval_draws(asked.iter().copied(), &normals(asked.len()))?;
+        let normals = normals(asked.len());
+        let wider = Matrix::from_fn(normals.rows(), normals.columns(), |row, draw| {
+            INTERVAL_WIDENING * normals.column(draw)[row]
+        });
+        let drawn = agent.draws(asked.iter().copied(), &wider)?;
         let of = |place: usize| {
             Matrix::from_fn(nodes.len(), drawn.columns(), |node, draw| drawn.column(draw)[place * nodes.len() + node])
         };

@@ -16,7 +16,7 @@ use std::error::Error;
 use std::path::Path;
 
 use dgpc::{Latent, success_probability};
-use pingmap_agent::{Learning, PredictOptions};
+use pingmap_agent::{INTERVAL_WIDENING, Learning, PredictOptions};
 use pingmap_trial::simulate::{Simulation, Sound};
 use pingmap_trial::{Division, EventLog, Mission, Plan, Split, read_splits};
 use rayon::prelude::*;
@@ -60,8 +60,8 @@ fn of_split(log: &EventLog, split: &Split) -> Result<[Row; 3], Failure> {
     let truth: Vec<f64> = split.indices(true).into_iter().map(|n| truth[n]).collect();
     let mission = Mission::prepare(log, split, &Plan::new(Learning::default(), 1), 0)?;
     let mut agent = mission.centralised.clone();
-    let inputs = agent.model().inputs(&mission.held_out)?;
-    let propagated = agent.interval_posterior()?.latent(&inputs)?;
+    let mut propagated = agent.interval_latent(&mission.held_out)?;
+    propagated.variance.iter_mut().for_each(|variance| *variance /= INTERVAL_WIDENING * INTERVAL_WIDENING);
     let predictions = agent.predict(&mission.held_out, PredictOptions::with_intervals())?;
     let of_vehicle = predictions.iter().filter_map(|prediction| prediction.interval).collect();
     let all = [intervals_of(&mission.latent(&agent)?), intervals_of(&propagated), of_vehicle];

@@ -78,7 +78,7 @@ impl Alternative {
 
     /// What a vehicle says in its first `frames` frames.
     fn say(self, mission: &Mission, place: usize, agent: &Agent, frames: usize) -> Result<Said, AgentError> {
-        if !agent.is_member() || agent.events().len() == 0 {
+        if agent.team().number(agent.id()).is_none() || agent.events().len() == 0 {
             return Ok(Said::Summaries(Vec::new()));
         }
         let sent = |sharing: Sharing| {
@@ -127,8 +127,8 @@ impl Alternative {
         }
         if self == Alternative::Concatenation {
             let all: Vec<&Summary> = said.iter().flat_map(Said::summaries).collect();
-            let inputs = agent.model().inputs(&mission.held_out)?;
-            return Ok(Concatenation::new(&agent.model().prior, &all)?.probability(&inputs)?);
+            let inputs = agent.team().model.inputs(&mission.held_out)?;
+            return Ok(Concatenation::new(&agent.team().model.prior, &all)?.probability(&inputs)?);
         }
         let mut posterior = agent.posterior(Which::Fused)?.clone();
         // A vehicle may predict under a model of its own.
@@ -172,11 +172,11 @@ struct Speaker<'a> {
 
 impl<'a> Speaker<'a> {
     fn new(mission: &Mission, agent: &'a Agent) -> Result<Self, AgentError> {
-        let queries = agent.candidates();
+        let queries = agent.team().candidates(agent.events());
         Ok(Self {
             own: agent.clone().posterior(Which::Own)?.clone(),
             layout: mission.team.layout(mission.team.frame_bytes)?,
-            inputs: agent.model().inputs(&queries)?,
+            inputs: agent.team().model.inputs(&queries)?,
             queries,
             agent,
         })
@@ -188,7 +188,7 @@ impl<'a> Speaker<'a> {
     }
 
     fn nobody_knows(&self) -> Posterior {
-        self.agent.model().prior_posterior()
+        self.agent.team().model.prior_posterior()
     }
 
     /// Residual packets about points that `choose` takes from the candidates given those taken before.
@@ -197,7 +197,7 @@ impl<'a> Speaker<'a> {
         frames: usize,
         choose: &mut dyn FnMut(&Candidates) -> Vec<usize>,
     ) -> Result<Vec<Summary>, AgentError> {
-        let mut candidates = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?;
+        let mut candidates = Candidates::new(self.agent.team().model.prior.kernel(), &self.inputs)?;
         let mut public = self.nobody_knows();
         let mut said = Vec::new();
         for _ in 0..frames.saturating_mul(self.layout.blocks) {
@@ -220,7 +220,7 @@ impl<'a> Speaker<'a> {
         let blocks =
             packets.iter().filter_map(|packet| self.agent.codec().read(packet).ok()).flat_map(|(_, told)| told.blocks);
         for block in blocks.filter(Block::has_content) {
-            let points = self.agent.model().inputs(self.agent.quantizer().queries(&block))?;
+            let points = self.agent.team().model.inputs(self.agent.quantizer().queries(&block))?;
             let summary = self.own.residual(&public, &points)?;
             public.absorb_summaries(&[&summary])?;
             said.push(summary);
@@ -245,7 +245,7 @@ impl<'a> Speaker<'a> {
         // The cells of both ends, and whether it was heard.
         let events = (frame_bits - self.layout.overhead_bits()) / (self.layout.location_bits() + 1);
         let events_max = frames.saturating_mul(events as usize);
-        let chosen = Candidates::new(self.agent.model().prior.kernel(), &self.inputs)?.greedy(events_max);
+        let chosen = Candidates::new(self.agent.team().model.prior.kernel(), &self.inputs)?.greedy(events_max);
         let rounded = |event: &Event| {
             let link = self.agent.quantizer().rounded(&event.link)?;
             Some(Event { link, ..event.clone() })
@@ -267,7 +267,7 @@ impl<'a> Speaker<'a> {
     /// Variational summaries at good points; every event in the packet of the point that explains most of its prior
     /// variance.
     fn variational(&self, frames: usize) -> Result<Vec<Summary>, AgentError> {
-        let kernel = self.agent.model().prior.kernel();
+        let kernel = self.agent.team().model.prior.kernel();
         let mut candidates = Candidates::new(kernel, &self.inputs)?;
         let mut packets: Vec<Vec<LinkQuery>> = Vec::new();
         while packets.len() < frames.saturating_mul(self.layout.blocks) {
@@ -283,7 +283,7 @@ impl<'a> Speaker<'a> {
         let mut said = Vec::new();
         for (queries, members) in packets.iter().zip(regions) {
             let sites = sites.select(&members);
-            let say = |points: &Inputs| Summary::variational(&self.agent.model().prior, &sites, points);
+            let say = |points: &Inputs| Summary::variational(&self.agent.team().model.prior, &sites, points);
             said.extend(self.encode(queries, &say)?.map(|(_, summary)| summary));
         }
         Ok(said)
@@ -291,7 +291,7 @@ impl<'a> Speaker<'a> {
 
     /// For every packet the events that it speaks for.
     fn regions(&self, sites: &Sites, packets: &[Vec<LinkQuery>]) -> Result<Vec<Vec<usize>>, AgentError> {
-        let model = self.agent.model();
+        let model = &self.agent.team().model;
         let mut best = vec![(0, f64::NEG_INFINITY); sites.len()];
         for (packet, queries) in packets.iter().enumerate() {
             let points = model.inputs(queries)?;

@@ -321,7 +321,7 @@ impl Mission {
     /// # Errors
     /// [`AgentError`] when the method refuses.
     pub fn latent(&self, agent: &Agent) -> Result<Latent, AgentError> {
-        let inputs = agent.model().inputs(&self.held_out)?;
+        let inputs = agent.team().model.inputs(&self.held_out)?;
         Ok(agent.clone().posterior(Which::Fused)?.latent(&inputs)?)
     }
 
@@ -369,7 +369,7 @@ pub(crate) const CENTRALISED: &str = "\u{0}all events";
 /// Up to `frames` packets of a vehicle, if it is a member of the team.
 pub(crate) fn send(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, AgentError> {
     let mut packets = Vec::new();
-    if agent.is_member() {
+    if agent.team().number(agent.id()).is_some() {
         while packets.len() < frames
             && let Some(packet) = agent.next_frame(None, agent.team().frame_bytes)?
         {

@@ -138,7 +138,7 @@ impl<'a> Run<'a> {
         let recent = self.vehicles.get_mut(sender).and_then(|agent| agent.piggyback(time_s, n_bits));
         self.online.piggyback_bytes += recent.map_or(0, |_| self.riding.piggyback_bytes);
         let packet = match self.vehicles.get_mut(sender) {
-            Some(agent) if is_due && agent.is_member() => {
+            Some(agent) if is_due && agent.team().number(agent.id()).is_some() => {
                 // A slot comes with notice: there is time to tell all that is known.
                 agent.refit()?;
                 agent.next_frame(Some(time_s), frame_bytes)?

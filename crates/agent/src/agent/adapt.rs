@@ -23,13 +23,13 @@ impl Agent {
         self.refit()?;
         let trusted = self.trusted();
         let packets = packets_with(&self.memory, &*trusted.packets);
-        let place = self.model().site_summary().into_iter();
+        let place = self.team().model.site_summary().into_iter();
         let messages: Vec<&Summary> = place.chain(summaries(&packets)).collect();
-        let &Model { chart, inputs, .. } = self.model();
+        let &Model { chart, inputs, .. } = &self.team().model;
         let (_, events) = all_events(&self.memory, &trusted);
         let events = || events.iter().copied();
         // How much its own events count is for all that it tells of them, under the team's model.
-        let learning = &Learning { fading: Some(self.model().fading), ..learning.clone() };
+        let learning = &Learning { fading: Some(self.team().model.fading), ..learning.clone() };
         let learned = match &self.posteriors.own_model {
             Some(own) => {
                 let earlier = &own.learned;
@@ -47,10 +47,5 @@ impl Agent {
         self.data_changed();
         self.update()?;
         Ok(&self.posteriors.own_model.insert(own).learned)
-    }
-
-    /// The model it learned by itself, if it did.
-    pub fn own_model(&self) -> Option<&LearnedModel> {
-        self.posteriors.own_model.as_ref().map(|own| &own.learned)
     }
 }

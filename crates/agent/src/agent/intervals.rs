@@ -1,6 +1,6 @@
 //! Intervals of predicted probabilities.
 
-use dgpc::{Latent, Matrix, Posterior, Summary};
+use dgpc::{Latent, Posterior, Summary};
 
 use crate::agent::prediction::CappedPrediction;
 use crate::agent::state::Agent;
@@ -11,9 +11,9 @@ use crate::types::query::LinkQuery;
 /// Standard deviations that contain nine in ten of a normal distribution, to either side of its mean.
 const REACH: f64 = 1.644_854;
 
-/// Factor on standard deviations. It allows for learned hyperparameters and for edges that no kernel represents, and was chosen on
-/// simulated trials such that intervals of 90 % hold that share (docs/evaluation.md).
-const WIDENING: f64 = 1.7;
+/// Factor on the standard deviations of intervals. It allows for learned hyperparameters and for edges that no kernel represents. It was
+/// chosen on simulated trials such that intervals of 90 % contain that share (docs/evaluation.md).
+pub const INTERVAL_WIDENING: f64 = 1.7;
 
 impl Agent {
     /// Returns the posterior by expectation propagation, begun at the last fit. Its variances are not too small where all outcomes are
@@ -22,7 +22,7 @@ impl Agent {
     ///
     /// # Errors
     /// [`AgentError::Method`] for a numerical failure.
-    pub fn interval_posterior(&mut self) -> Result<&Posterior, AgentError> {
+    pub(crate) fn interval_posterior(&mut self) -> Result<&Posterior, AgentError> {
         self.update()?;
         if self.interval_cache.get().is_none() {
             let posterior = self.propagated()?;
@@ -34,7 +34,7 @@ impl Agent {
     fn propagated(&self) -> Result<Posterior, AgentError> {
         let Some(last) = self.posteriors.last_fit() else { return Ok(self.posteriors.fused.clone()) };
         let packets = packets_with(&self.memory, &*self.trusted().packets);
-        let site = self.model().site_summary().into_iter();
+        let site = self.team().model.site_summary().into_iter();
         let messages: Vec<&Summary> = site.chain(summaries(&packets)).collect();
         let mut posterior = last.fit.propagated_with(&messages)?.posterior()?;
         for known in self.posteriors.absorbed_own() {
@@ -43,8 +43,9 @@ impl Agent {
         Ok(posterior)
     }
 
-    /// Returns the log-odds of each query as intervals take them: moments of [`Agent::interval_posterior`] with standard deviations 1.7
-    /// times as large. O(n²) a query.
+    /// Returns the log-odds of each query from which its interval follows: the moments by expectation propagation, with standard deviations
+    /// [`INTERVAL_WIDENING`] times as large. O(n²) a query. The first call after a change costs ten to thirty iterations of
+    /// [`Agent::refit`].
     ///
     /// # Errors
     /// As [`Agent::predict`].
@@ -54,20 +55,6 @@ impl Agent {
     ) -> Result<Latent, AgentError> {
         let evaluated_at = self.evaluated_at(queries)?;
         self.widened(&evaluated_at)
-    }
-
-    /// Draws as [`Agent::draws`], with deviations 1.7 times as large.
-    ///
-    /// # Errors
-    /// As [`Agent::draws`].
-    pub fn interval_draws(
-        &mut self,
-        queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
-        normals: &Matrix,
-    ) -> Result<Matrix, AgentError> {
-        let wider =
-            Matrix::from_fn(normals.rows(), normals.columns(), |row, draw| WIDENING * normals.column(draw)[row]);
-        self.draws(queries, &wider)
     }
 
     /// The interval of each prediction. It contains the predicted probability. Where the prediction was capped it reaches down to the
@@ -87,9 +74,9 @@ impl Agent {
     }
 
     fn widened(&mut self, queries: &[LinkQuery]) -> Result<Latent, AgentError> {
-        let inputs = self.model().inputs(queries)?;
+        let inputs = self.team().model.inputs(queries)?;
         let mut latent = self.interval_posterior()?.latent(&inputs)?;
-        latent.variance.iter_mut().for_each(|variance| *variance *= WIDENING * WIDENING);
+        latent.variance.iter_mut().for_each(|variance| *variance *= INTERVAL_WIDENING * INTERVAL_WIDENING);
         Ok(latent)
     }
 }

@@ -100,8 +100,9 @@ impl Agent {
         Ok(capped.into_iter().map(|capped| capped.prediction).collect())
     }
 
-    /// Draws joint log-odds of these queries from the posterior of [`Agent::predict`]'s intervals: one column for each column of standard
-    /// normals. O(Mn² + M²n + M³) for M queries.
+    /// Draws joint log-odds of these queries by expectation propagation: one column for each column of standard normals. Normals that are
+    /// [`INTERVAL_WIDENING`](crate::INTERVAL_WIDENING) times as large give draws that spread as the intervals of [`Agent::predict`] do.
+    /// O(Mn² + M²n + M³) for M queries.
     ///
     /// # Errors
     /// As [`Agent::predict`], and for normals with another number of rows than queries.
@@ -111,11 +112,11 @@ impl Agent {
         normals: &Matrix,
     ) -> Result<Matrix, AgentError> {
         let evaluated_at = self.evaluated_at(queries)?;
-        let inputs = self.model().inputs(&evaluated_at)?;
+        let inputs = self.team().model.inputs(&evaluated_at)?;
         Ok(self.interval_posterior()?.draws(&inputs, normals)?.0)
     }
 
-    /// The queries at which these are evaluated.
+    /// Returns the query or the shorter part of it at which each prediction is evaluated.
     pub(crate) fn evaluated_at(
         &mut self,
         queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
@@ -133,11 +134,11 @@ impl Agent {
     ) -> Result<Vec<CappedPrediction>, AgentError> {
         let queries = queries.into_iter().map(Into::into).collect();
         let longest_m = longest_m.filter(|_| !self.options.allow_extrapolated_increase);
-        Ok(capped(self.model(), posterior, longest_m, queries)?)
+        Ok(capped(&self.team().model, posterior, longest_m, queries)?)
     }
 
-    /// Returns the length of the longest link in own events, in data of trusted members, and in the site prior; `None` before any.
-    pub fn longest_m(&self) -> Option<f64> {
+    /// Returns the length of the longest link in own events, in data of trusted members, and in the site prior.
+    pub(crate) fn longest_m(&self) -> Option<f64> {
         *self.longest_cache.get_or_init(|| self.longest_link_m())
     }
 
@@ -151,7 +152,7 @@ impl Agent {
     }
 
     fn own_longest_m(&self) -> Option<f64> {
-        let site = self.model().site.iter();
+        let site = self.team().model.site.iter();
         let before_m = site.flat_map(|site| site.links()).map(|link| link.range_m());
         before_m.chain(self.memory.longest_m()).reduce(f64::max)
     }

@@ -1,6 +1,5 @@
 //! Chooses and forms the next frame.
 
-use dgpc::spread_out;
 use pingmap_packet::{Layout, MapMessage, Report as ReportMessage};
 
 use crate::agent::state::Agent;
@@ -10,8 +9,6 @@ use crate::send::delivery::DeliveryEstimate;
 use crate::send::report_planner::ReportPlanner;
 use crate::send::summary_planner::SummaryPlanner;
 use crate::store::entry::Entry;
-use crate::types::event::Event;
-use crate::types::query::{Kind, LinkQuery, Vehicle};
 
 impl Agent {
     /// Returns the next frame of at most `frame_bytes` bytes, and of at most the team's; `None` if nothing is worth a frame. `time_s` is
@@ -107,21 +104,12 @@ impl Agent {
 
     fn summary_planner<'a>(&'a self, layout: &'a Layout) -> Result<SummaryPlanner<'a>, AgentError> {
         let min_gain_nats = self.team().min_gain_nats;
-        Ok(SummaryPlanner::new(self.quantizer(), layout, &self.posteriors, self.candidates(), min_gain_nats)?)
+        let candidates = self.team().candidates(self.events());
+        Ok(SummaryPlanner::new(self.quantizer(), layout, &self.posteriors, candidates, min_gain_nats)?)
     }
 
     /// Returns the quantizer of the vehicle's own summaries.
     pub fn quantizer(&self) -> SummaryQuantizer<'_> {
         self.memory.own.map_or_else(|| self.team().quantizer(), |number| self.team().quantizer_of(number))
-    }
-
-    /// Returns the candidates for inducing points: the links of own events within the grid, for a typical transmitter and kind of message,
-    /// spread over time if they exceed [`Limits::candidates_max`](crate::Limits::candidates_max).
-    pub fn candidates(&self) -> Vec<LinkQuery> {
-        let quantizer = self.team().quantizer();
-        let held: Vec<&Event> = self.events().filter(|event| quantizer.holds(&event.link)).collect();
-        let spread = spread_out(held.len(), self.team().limits.candidates_max).into_iter();
-        let typical = |query| LinkQuery { transmitter: Vehicle::Typical, kind: Kind::Typical, ..query };
-        spread.map(|place| typical(held[place].query())).collect()
     }
 }

@@ -59,23 +59,8 @@ impl Agent {
     /// [`AgentError::Snapshot`] for bytes that are no snapshot, damaged, of another vehicle, of another version, or
     /// checked with another key than the team's.
     pub fn restore(id: VehicleId, team: Arc<Team>, options: AgentOptions, bytes: &[u8]) -> Result<Self, AgentError> {
-        let key = team.key.clone();
-        Self::restore_checked_with(id, team, options, key.as_ref(), bytes)
-    }
-
-    /// The same for a snapshot that was taken when the team had another key, or none.
-    ///
-    /// # Errors
-    /// As [`Agent::restore`].
-    pub fn restore_checked_with(
-        id: VehicleId,
-        team: Arc<Team>,
-        options: AgentOptions,
-        key: Option<&Key>,
-        bytes: &[u8],
-    ) -> Result<Self, AgentError> {
         let wrong = |problem: String| AgentError::Snapshot { id: id.clone(), problem };
-        let content = checked(bytes, key).map_err(wrong)?;
+        let content = checked(bytes, team.key.as_ref()).map_err(wrong)?;
         let Contents { vehicle, digest, latest, muted, events, fixes, frames } =
             contents(content).ok_or_else(|| wrong("what it says makes no sense".into()))?;
         if vehicle != id.as_str() {

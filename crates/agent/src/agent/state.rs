@@ -12,7 +12,6 @@ use crate::error::AgentError;
 use crate::inference::accepted::AcceptedData;
 use crate::inference::posteriors::Posteriors;
 use crate::inference::refit::RefitStart;
-use crate::model::link_model::Model;
 use crate::store::entry::Entry;
 use crate::store::memory::{Applied, Memory, ReceiveEffect};
 use crate::team::config::Team;
@@ -73,9 +72,9 @@ pub struct Agent {
     accepted: OnceLock<AcceptedData>,
     /// Whether the posteriors include all data.
     is_current: bool,
-    /// See [`Agent::longest_m`].
+    /// Length of the longest observed link: see [`Status::longest_link_m`](crate::Status::longest_link_m).
     pub(crate) longest_cache: OnceLock<Option<f64>>,
-    /// See [`Agent::interval_posterior`].
+    /// Posterior by expectation propagation, from which intervals follow.
     pub(crate) interval_cache: OnceLock<Posterior>,
 }
 
@@ -122,11 +121,6 @@ impl Agent {
         self.posteriors.nothing_to_send = None;
     }
 
-    /// Returns whether the vehicle is a member of the team.
-    pub fn is_member(&self) -> bool {
-        self.memory.own.is_some()
-    }
-
     /// Returns the team.
     pub fn team(&self) -> &Team {
         &self.memory.codec.team
@@ -135,11 +129,6 @@ impl Agent {
     /// Returns the codec of the team, which encodes and decodes its packets.
     pub fn codec(&self) -> &TeamCodec {
         &self.memory.codec
-    }
-
-    /// Returns the model of the team, under which packets are formed.
-    pub fn model(&self) -> &Model {
-        &self.team().model
     }
 
     /// Returns the vehicle's own events, in canonical order.

@@ -22,6 +22,8 @@ pub struct Status {
     pub located_events: usize,
     /// Number of events of other members that wait for a position of either end.
     pub unlocated_events: usize,
+    /// Length of the longest link in own events, in data of trusted members, and in the site prior; `None` before any.
+    pub longest_link_m: Option<f64>,
     /// Number of summary packets that count, own ones among them.
     pub live_packets: usize,
     /// Received packets by result.
@@ -81,6 +83,7 @@ impl Agent {
             own_events: memory.events.len(),
             located_events: memory.located().events.len(),
             unlocated_events: memory.located().unlocated.len(),
+            longest_link_m: self.longest_m(),
             live_packets: memory.own_packets().count() + self.accepted().packets.len(),
             counts: self.counts,
             fit: self.posteriors.own_fit.as_ref().map(|own| FitQuality::of(&own.fit)),

@@ -3,14 +3,14 @@
 //! Every combination of levels is a positive semi-definite Ĝ. Its diagonal is positive, and any partial correlations between −1 and 1
 //! give a correlation matrix.
 
-use dgpc::{Candidates, DISTINCT_SHARE, Inputs, Matrix, Summary};
+use dgpc::{Candidates, DISTINCT_SHARE, Inputs, Matrix, Summary, spread_out};
 use pingmap_packet::{Block, CORRELATION_LEVELS, INFORMATION_LEVELS, Layout, MEAN_LEVELS, Point, TIME_CELLS};
 
 use crate::model::link_model::Model;
 use crate::team::config::Team;
 use crate::team::grid::Grid;
-use crate::types::event::Link;
-use crate::types::query::{LinkQuery, Time, Vehicle};
+use crate::types::event::{Event, Link};
+use crate::types::query::{Kind, LinkQuery, Time, Vehicle};
 
 /// Whitened precision at the lowest and at the highest information level. Successive levels differ by a constant factor.
 const INFORMATION_RANGE: (f64, f64) = (0.02, 1000.0);
@@ -50,6 +50,16 @@ impl Team {
     /// Returns the quantizer of the packets of this member. They describe the links that it receives over.
     pub fn quantizer_of(&self, sender: u8) -> SummaryQuantizer<'_> {
         SummaryQuantizer { receiver: self.members.get(&sender).map_or(Vehicle::New, Vehicle::from), ..self.quantizer() }
+    }
+
+    /// Returns the candidates for inducing points of a vehicle with these events: their links within the grid, for a typical transmitter and
+    /// kind of message, spread over time if they exceed [`Limits::candidates_max`](crate::Limits::candidates_max).
+    pub fn candidates<'a>(&self, events: impl IntoIterator<Item = &'a Event>) -> Vec<LinkQuery> {
+        let quantizer = self.quantizer();
+        let held: Vec<&Event> = events.into_iter().filter(|event| quantizer.holds(&event.link)).collect();
+        let spread = spread_out(held.len(), self.limits.candidates_max).into_iter();
+        let typical = |query| LinkQuery { transmitter: Vehicle::Typical, kind: Kind::Typical, ..query };
+        spread.map(|place| typical(held[place].query())).collect()
     }
 }
 

@@ -135,7 +135,6 @@ fn a_vehicle_outside_the_team_receives_and_does_not_send() {
     let team = Arc::new(team(2, model()));
     let mut guest = vehicle(&team, 2, walk(2, 10, 0.5));
     let id = guest.id().clone();
-    assert!(!guest.is_member());
     assert_eq!(guest.next_frame(Some(0.0), 32), Err(AgentError::NotAMember { id }));
     let before = test_probabilities(&mut guest);
     for bytes in frames(&mut vehicle(&team, 0, walk(0, 40, 0.0)), 2) {

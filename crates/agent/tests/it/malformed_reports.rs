@@ -54,7 +54,7 @@ fn two_waypoints_in_one_slot_break_nothing() {
     agent.rebuild().unwrap();
     let p = test_probabilities(&mut agent);
     assert!(p.iter().all(|p| (0.0..=1.0).contains(p)), "{p:?}");
-    assert!(agent.longest_m().is_some_and(f64::is_finite));
+    assert!(agent.status().longest_link_m.is_some_and(f64::is_finite));
 }
 
 #[test]

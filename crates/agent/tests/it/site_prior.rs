@@ -36,7 +36,7 @@ proptest! {
         prop_assert!(largest_difference(&variance, &expected_variance) < 1e-4);
         // All members have the site prior, so that it is not worth a frame.
         prop_assert_eq!(new.next_frame(None, 32).unwrap(), None);
-        prop_assert_eq!(new.longest_m(), site.links().iter().map(Link::range_m).reduce(f64::max));
+        prop_assert_eq!(new.status().longest_link_m, site.links().iter().map(Link::range_m).reduce(f64::max));
     }
 
     #[test]

@@ -124,7 +124,7 @@ fn thinned_candidates_come_from_every_transmitter() {
         };
         for count in [301, 450, 599, 600, 900, 1201] {
             let agent = vehicle(&Arc::new(team.clone()), 0, (0..count).map(event));
-            let candidates = agent.candidates();
+            let candidates = agent.team().candidates(agent.events());
             let of = |east_m: f64, north_m: f64| {
                 let is_near = |near: &&LinkQuery| {
                     let end = near.link.transmitter;
@@ -166,7 +166,7 @@ fn many_certain_events_with_a_sharp_edge_are_worth_frames() {
     };
     let mut agent = vehicle(&team, 0, (0..5000).map(event));
     let mut listener = vehicle(&team, 1, []);
-    let links = agent.candidates();
+    let links = agent.team().candidates(agent.events());
     let expected = probabilities(&mut agent, &links);
     let divergence = |listener: &mut Agent| {
         let part = |p: f64, q: f64| if p > 0.0 { p * (p / q).ln() } else { 0.0 };

@@ -172,7 +172,7 @@ pub fn rebuilt_probabilities(agent: &mut Agent) -> Vec<f64> {
 
 /// Mean and variance of the log-odds of some links under the fused posterior, without a cap.
 pub fn latent(agent: &mut Agent, links: &[Link]) -> (Vec<f64>, Vec<f64>) {
-    let inputs = agent.model().inputs(links).unwrap();
+    let inputs = agent.team().model.inputs(links).unwrap();
     let latent = agent.posterior(Which::Fused).unwrap().latent(&inputs).unwrap();
     (latent.mean, latent.variance)
 }
