@@ -40,8 +40,8 @@ pub use model::structure::{
 };
 pub use pingmap_packet::Key;
 pub use send::sharing::Sharing;
+pub use store::clock::COUNTER_LEAD;
 pub use store::entry::Entry;
-pub use store::packets::COUNTER_LEAP_MAX;
 pub use team::config::{TEAM_SCHEMA, Team, TeamError};
 pub use team::digest::PROTOCOL_VERSION;
 pub use team::file::TeamFile;

@@ -134,8 +134,8 @@ fn listen(
     let alone = nll(&mut doubting)?;
     for (sender, packets) in mission.packets.iter().enumerate().filter(|&(sender, _)| sender != listener) {
         for bytes in if sender == faulty { faulty_packets } else { packets } {
-            believing.receive(bytes, None);
-            doubting.receive(bytes, None);
+            believing.receive(bytes, Some(mission.end_s));
+            doubting.receive(bytes, Some(mission.end_s));
         }
     }
     believing.rebuild()?;

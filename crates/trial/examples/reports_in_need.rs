@@ -219,7 +219,7 @@ impl AdverseMission<'_> {
             scores.own_bias += bias(&predicted) / count;
             let others = sent.iter().enumerate().filter(|&(sender, _)| sender != number);
             for frame in others.flat_map(|(_, frames)| frames) {
-                agent.receive(frame, None);
+                agent.receive(frame, Some(mission.end_s));
             }
             agent.rebuild()?;
             let predicted = probabilities(agent, &queries)?;

@@ -116,7 +116,7 @@ impl Alternative {
         agent.set_options(AgentOptions { record_all_receivers: true, ..*agent.options() });
         let others = || said.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, said)| said);
         if matches!(self, Alternative::SummariesOnly | Alternative::ReportsOnly) {
-            others().flat_map(Said::frames).for_each(|frame| drop(agent.receive(frame, None)));
+            others().flat_map(Said::frames).for_each(|frame| drop(agent.receive(frame, Some(mission.end_s))));
             agent.rebuild()?;
             return probabilities(&mut agent, &mission.held_out);
         }

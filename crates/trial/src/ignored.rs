@@ -26,6 +26,8 @@ pub enum IgnoreReason {
     FalseClaims,
     /// Its reported track contradicts receptions. Its outcomes count.
     WrongTrack,
+    /// Some of its frames are ahead of the vehicle's clock. Its other frames count.
+    Ahead,
 }
 
 impl IgnoreReason {
@@ -36,6 +38,7 @@ impl IgnoreReason {
             IgnoreReason::OutOfSlot => "out-of-slot",
             IgnoreReason::FalseClaims => "false-claims",
             IgnoreReason::WrongTrack => "wrong-track",
+            IgnoreReason::Ahead => "ahead",
         }
     }
 
@@ -45,6 +48,7 @@ impl IgnoreReason {
             (status.out_of_slot.is_some(), IgnoreReason::OutOfSlot),
             (status.has_false_claims, IgnoreReason::FalseClaims),
             (status.has_wrong_track, IgnoreReason::WrongTrack),
+            (status.waiting_frames > 0, IgnoreReason::Ahead),
         ];
         reasons.into_iter().filter(|(applies, _)| *applies).map(|(_, reason)| reason)
     }

@@ -155,6 +155,8 @@ pub struct Mission {
     pub training: Vec<Link>,
     /// What happened there.
     pub training_outcomes: Vec<bool>,
+    /// Time at which frames are received: that of the last event of the log, in seconds.
+    pub end_s: f64,
     plan: Plan,
 }
 
@@ -229,6 +231,7 @@ impl Mission {
             outcomes: outcomes(&held_out),
             training: links(&training),
             training_outcomes: outcomes(&training),
+            end_s: log.events.iter().map(|event| event.time_s).fold(f64::NEG_INFINITY, f64::max),
             plan: plan.clone(),
         })
     }
@@ -247,7 +250,7 @@ impl Mission {
     pub fn links_of_packets(&self, place: usize, frames: usize) -> Vec<(VehicleId, u16, Vec<Link>)> {
         let mut listener = Agent::new(VehicleId::new(CENTRALISED), self.team.clone(), AgentOptions::default());
         for packet in self.sent(frames).nth(place).unwrap_or_default() {
-            listener.receive(packet, None);
+            listener.receive(packet, Some(self.end_s));
         }
         listener.links_of_packets()
     }
@@ -276,7 +279,7 @@ impl Mission {
             let mut agent = agent.clone();
             for (sender, packets) in self.sent(frames).enumerate().filter(|&(sender, _)| sender != receiver) {
                 for place in self.plan.water.arrivals(packets.len(), self.plan.seed, sender, receiver) {
-                    agent.receive(&packets[place], None);
+                    agent.receive(&packets[place], Some(self.end_s));
                 }
             }
             if agent.status().located_events > 0 {

@@ -61,7 +61,8 @@ fn receive(mut agent: Agent, bytes: &[u8]) {
                     Refusal::OwnNumber { .. }
                         | Refusal::OwnReport
                         | Refusal::Conflict { .. }
-                        | Refusal::Unconfirmed { .. }
+                        | Refusal::CounterAhead { .. }
+                        | Refusal::SlotAhead { .. }
                 )
         );
         assert!(is_stored || agent.snapshot() == before, "{receipt:?}");

@@ -39,6 +39,7 @@ impl Agent {
     /// Stores the outcomes that a member piggybacked on a message, which was received at `time_s`. Slot numbers mean the latest slots with
     /// these numbers that had begun by then. The bits are not authenticated: a report about the same slot replaces them.
     pub fn receive_piggyback(&mut self, sender: &VehicleId, time_s: f64, bits: u64, n_bits: usize) -> Receipt {
+        self.advance_clock(Some(time_s));
         let effect = match self.read_piggyback(time_s, bits, n_bits) {
             Ok((newest, outcomes)) => self.memory.insert_piggyback(sender, newest, &outcomes),
             Err(refusal) => ReceiveEffect::refused(None, refusal),

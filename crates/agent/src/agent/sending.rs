@@ -25,6 +25,7 @@ impl Agent {
         let sender = self.memory.own.ok_or_else(|| AgentError::NotAMember { id: self.id.clone() })?;
         let frame_bytes = frame_bytes.min(self.team().frame_bytes);
         let layout = self.team().layout(frame_bytes)?;
+        self.advance_clock(time_s);
         let slot = time_s.and_then(|time_s| self.team().slots.next_slot(time_s, &self.id));
         self.update()?;
         if self.posteriors.nothing_to_send == Some(frame_bytes) {

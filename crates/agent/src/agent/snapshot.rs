@@ -16,14 +16,14 @@ use crate::types::event::{Event, Link, MessageKind, Position, VehicleId};
 const MAGIC: &[u8; 8] = b"pingmapS";
 
 /// Version of a snapshot. Others are refused.
-const SNAPSHOT_VERSION: u16 = 4;
+const SNAPSHOT_VERSION: u16 = 5;
 
 /// Bytes of the check at the end.
 const CHECK_BYTES: usize = 32;
 
 impl Agent {
     /// Returns everything that the vehicle must not lose: events, positions, packets and reports that it received and sent, piggybacked
-    /// outcomes, unused slots, muted members, and the latest counter of each sender. A learned model and the counts are not part of it. The
+    /// outcomes, unused slots, muted members, the latest counter of each sender, and the clock. A learned model and the counts are not part of it. The
     /// snapshot ends with a checksum, which is keyed where the team has a key. It depends on the set of entries, not on their order.
     pub fn snapshot(&self) -> Vec<u8> {
         let mut out = Writer::default();
@@ -39,6 +39,7 @@ impl Agent {
             out.u8(sender);
             out.u16(latest);
         }
+        out.f64(self.memory.clock.latest_s());
         let muted: Vec<&VehicleId> =
             self.memory.muted.iter().filter_map(|number| self.team().members.get(number)).collect();
         out.u16(muted.len() as u16);
@@ -61,12 +62,13 @@ impl Agent {
     pub fn restore(id: VehicleId, team: Arc<Team>, options: AgentOptions, bytes: &[u8]) -> Result<Self, AgentError> {
         let wrong = |problem: String| AgentError::Snapshot { id: id.clone(), problem };
         let content = checked(bytes, team.key.as_ref()).map_err(wrong)?;
-        let Contents { vehicle, digest, latest, muted, events, fixes, frames } =
+        let Contents { vehicle, digest, latest, clock_s, muted, events, fixes, frames } =
             contents(content).ok_or_else(|| wrong("what it says makes no sense".into()))?;
         if vehicle != id.as_str() {
             return Err(wrong(format!("it is of {vehicle}")));
         }
         let mut agent = Agent::new(id.clone(), team, options);
+        agent.advance_clock(Some(clock_s));
         agent.record_numbered(events)?;
         agent.record_positions(fixes)?;
         muted.iter().for_each(|member| agent.mute(member));
@@ -87,6 +89,7 @@ struct Contents<'a> {
     vehicle: &'a str,
     digest: &'a [u8],
     latest: Vec<(u8, u16)>,
+    clock_s: f64,
     muted: Vec<VehicleId>,
     events: Vec<(u64, Event)>,
     fixes: Vec<(f64, Position)>,
@@ -120,6 +123,7 @@ fn contents(bytes: &[u8]) -> Option<Contents<'_>> {
     let (vehicle, digest) = (reader.text()?, reader.bytes()?);
     let senders = reader.u16()?;
     let latest = (0..senders).map(|_| Some((reader.u8()?, reader.u16()?))).collect::<Option<_>>()?;
+    let clock_s = reader.f64()?;
     let muted = (0..reader.u16()?).map(|_| Some(VehicleId::new(reader.text()?))).collect::<Option<_>>()?;
     // No list is made longer than the bytes that are there.
     let (mut events, mut fixes, mut frames) = (Vec::new(), Vec::new(), Vec::new());
@@ -130,7 +134,7 @@ fn contents(bytes: &[u8]) -> Option<Contents<'_>> {
             frame => frames.push(frame),
         }
     }
-    reader.is_at_end().then_some(Contents { vehicle, digest, latest, muted, events, fixes, frames })
+    reader.is_at_end().then_some(Contents { vehicle, digest, latest, clock_s, muted, events, fixes, frames })
 }
 
 fn write_entry(out: &mut Writer, entry: &Entry) {
@@ -156,7 +160,8 @@ fn write_entry(out: &mut Writer, entry: &Entry) {
             out.u32(*newest);
             out.bytes(&outcomes.iter().map(|&heard| heard.into()).collect::<Vec<u8>>());
         }
-        Entry::Received { bytes } => {
+        // The snapshot holds the clock, so that times of reception are not needed.
+        Entry::Received { bytes, .. } => {
             out.u8(1);
             out.bytes(bytes);
         }
@@ -180,7 +185,7 @@ fn read_entry(reader: &mut Reader<'_>) -> Option<Entry> {
             newest: reader.u32()?,
             outcomes: reader.bytes()?.iter().map(|&heard| (heard <= 1).then_some(heard == 1)).collect::<Option<_>>()?,
         }),
-        1 => Some(Entry::Received { bytes: reader.bytes()?.to_vec() }),
+        1 => Some(Entry::Received { time_s: None, bytes: reader.bytes()?.to_vec() }),
         2 => Some(Entry::Sent {
             number: reader.u64()?,
             slot: if reader.bool()? { Some(reader.u32()?) } else { None },

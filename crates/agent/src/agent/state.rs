@@ -217,9 +217,11 @@ impl Agent {
     }
 
     pub(crate) fn record_numbered(&mut self, events: Vec<(u64, Event)>) -> Result<(), AgentError> {
+        let latest_s = events.iter().map(|(_, event)| event.time_s).reduce(f64::max);
         let change = self.memory.record(events)?;
         self.posteriors.note(change);
         self.data_changed();
+        self.advance_clock(latest_s);
         Ok(())
     }
 
@@ -229,9 +231,11 @@ impl Agent {
     /// # Errors
     /// [`AgentError::NoTime`] and [`AgentError::Nowhere`] for numbers out of bounds; then none is recorded.
     pub fn record_positions(&mut self, fixes: impl IntoIterator<Item = (f64, Position)>) -> Result<(), AgentError> {
-        self.memory.record_positions(&fixes.into_iter().collect::<Vec<_>>())?;
+        let fixes: Vec<(f64, Position)> = fixes.into_iter().collect();
+        self.memory.record_positions(&fixes)?;
         self.posteriors.nothing_to_send = None;
         self.data_changed();
+        self.advance_clock(fixes.iter().map(|&(time_s, _)| time_s).reduce(f64::max));
         Ok(())
     }
 
@@ -251,6 +255,12 @@ impl Agent {
         self.note_effect(effect);
         self.posteriors.nothing_to_send = None;
         Ok(())
+    }
+
+    /// Advances the clock to a time, if it is known and finite. Frames that waited for it count from now on.
+    pub(crate) fn advance_clock(&mut self, time_s: Option<f64>) {
+        let effects = time_s.filter(|time_s| time_s.is_finite()).map(|time_s| self.memory.advance_clock(time_s));
+        effects.into_iter().flatten().for_each(|effect| drop(self.note_effect(effect)));
     }
 
     pub(crate) fn note_effect(&mut self, ReceiveEffect { receipt, change, .. }: ReceiveEffect) -> Receipt {
@@ -282,7 +292,15 @@ impl Agent {
             self.posteriors.nothing_to_send = None;
         }
         let is_sent = matches!(entry, Entry::Sent { .. });
-        match self.memory.apply(entry)? {
+        let time_s = match &entry {
+            Entry::Observed { event, .. } => Some(event.time_s),
+            Entry::Navigated { time_s, .. } => Some(*time_s),
+            Entry::Received { time_s, .. } => *time_s,
+            Entry::Sent { .. } | Entry::UnusedSlot { .. } | Entry::Piggyback { .. } => None,
+        };
+        let applied = self.memory.apply(entry)?;
+        self.advance_clock(time_s);
+        match applied {
             Applied::Fix => {
                 self.data_changed();
                 Ok(Receipt::Accepted)

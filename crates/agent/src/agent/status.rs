@@ -50,6 +50,8 @@ pub struct MemberStatus {
     pub has_wrong_track: bool,
     /// Number of counters of the member that stand on different packets: two vehicles use its number, or it lost its memory.
     pub conflicts: usize,
+    /// Number of its frames that are ahead of the vehicle's clock and wait for it: the clock of the member or of the vehicle is wrong.
+    pub waiting_frames: usize,
     /// Set if the member's messages arrive outside its slots.
     pub out_of_slot: Option<OutOfSlot>,
 }
@@ -74,6 +76,7 @@ impl Agent {
             has_false_claims: !memory.claims.is_reliable(number),
             has_wrong_track: memory.located().wrong_tracks.contains(&number),
             conflicts: memory.packets.conflicts(number),
+            waiting_frames: memory.clock.waiting_of(number),
             out_of_slot: out_of_slot.get(id).map(|&offset_slots| OutOfSlot { offset_slots }),
         };
         let others = self.team().members.iter().filter(|(number, _)| Some(**number) != memory.own);

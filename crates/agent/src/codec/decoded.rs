@@ -31,3 +31,12 @@ pub(crate) struct Report {
     /// Waypoints of the sender by slot.
     pub(crate) waypoints: Vec<(u32, Cell)>,
 }
+
+impl Report {
+    /// Returns the latest slot that the report contains.
+    pub(crate) fn latest_slot(&self) -> u32 {
+        let outcome = self.outcomes.last().map(|&(slot, _)| slot);
+        let waypoint = self.waypoints.last().map(|&(slot, _)| slot);
+        [outcome, waypoint, self.unused.last().copied()].into_iter().flatten().fold(self.first, u32::max)
+    }
+}

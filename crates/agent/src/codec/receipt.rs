@@ -28,6 +28,8 @@ impl Receipt {
                     | Refusal::NoMember { .. }
                     | Refusal::NoSlot { .. }
                     | Refusal::Duplicate
+                    | Refusal::SlotAhead { .. }
+                    | Refusal::CounterAhead { .. }
             )
         )
     }
@@ -103,14 +105,23 @@ pub enum Refusal {
         /// The counter.
         counter: u16,
     },
-    /// The counter is more than [`COUNTER_LEAP_MAX`](crate::COUNTER_LEAP_MAX) ahead of the sender's latest accepted one. The packet counts
-    /// as soon as another packet confirms it.
-    #[error("counter {counter} is far ahead of {}: it waits for a second packet to confirm it", latest_in_words(*latest))]
-    Unconfirmed {
+    /// The report or the piggybacked outcomes contain a slot that is ahead of this vehicle's clock: one of the two clocks is wrong. They
+    /// count as soon as the clock allows the slot.
+    #[error("slot {slot} is ahead of this vehicle's clock, which allows slots up to {latest}: it waits")]
+    SlotAhead {
+        /// The slot.
+        slot: u32,
+        /// Latest slot that the clock allows.
+        latest: u32,
+    },
+    /// The counter is larger than the schedule allows its sender by this vehicle's clock. The packet counts as soon as the clock allows the
+    /// counter.
+    #[error("counter {counter} is ahead of this vehicle's clock, which allows counters up to {largest}: it waits")]
+    CounterAhead {
         /// The counter.
         counter: u16,
-        /// Largest accepted counter of the sender, if any.
-        latest: Option<u16>,
+        /// Largest counter that the clock allows.
+        largest: u16,
     },
     /// The packet has this vehicle's own number, but the vehicle did not send it. Another vehicle uses the number, or this vehicle sent it
     /// before it lost its memory. The next own packet gets a counter that is a full window larger.
@@ -142,11 +153,6 @@ fn difference_in_words(found: Option<u16>, expected: u16) -> String {
     )
 }
 
-/// Describes the largest accepted counter of a sender.
-fn latest_in_words(latest: Option<u16>) -> String {
-    latest.map_or_else(|| "the first counter of a new sender".into(), |latest| format!("its sender's latest, {latest}"))
-}
-
 /// Numbers of received packets, by receipt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
@@ -166,8 +172,8 @@ pub struct Counts {
     pub too_old: u64,
     /// Number of packets with [`Refusal::Conflict`].
     pub conflict: u64,
-    /// Number of packets with [`Refusal::Unconfirmed`].
-    pub unconfirmed: u64,
+    /// Number of packets with [`Refusal::SlotAhead`] or [`Refusal::CounterAhead`].
+    pub ahead: u64,
     /// Number of packets with [`Refusal::OwnNumber`], [`Refusal::OwnReport`] or [`Refusal::NotSentByMe`].
     pub own_number: u64,
     /// Number of packets with [`Refusal::Unusable`].
@@ -193,7 +199,7 @@ impl Counts {
             Refusal::Duplicate => &mut self.duplicate,
             Refusal::TooOld => &mut self.too_old,
             Refusal::Conflict { .. } => &mut self.conflict,
-            Refusal::Unconfirmed { .. } => &mut self.unconfirmed,
+            Refusal::SlotAhead { .. } | Refusal::CounterAhead { .. } => &mut self.ahead,
             Refusal::OwnNumber { .. } | Refusal::OwnReport | Refusal::NotSentByMe { .. } => &mut self.own_number,
             Refusal::Unusable(_) => &mut self.unusable,
         }

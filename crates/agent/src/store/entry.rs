@@ -44,6 +44,8 @@ pub enum Entry {
     },
     /// A frame that the vehicle received.
     Received {
+        /// Time of reception in seconds, if known.
+        time_s: Option<f64>,
         /// Bytes of the frame.
         bytes: Vec<u8>,
     },

@@ -12,6 +12,7 @@ use crate::codec::receipt::{Receipt, Refusal};
 use crate::codec::team_codec::TeamCodec;
 use crate::error::AgentError;
 use crate::store::claim_check::ClaimCheck;
+use crate::store::clock::{Clock, FrameNumber};
 use crate::store::entry::{Entry, check_event, check_number, check_position, check_time};
 use crate::store::event_location::{LocatedEventCache, LocatedEvents, locate_events};
 use crate::store::events::{EventChange, Events, RecordedEvent};
@@ -35,6 +36,7 @@ pub(crate) struct Memory {
     pub(crate) claims: ClaimCheck,
     /// Numbers of members that the vehicle ignores.
     pub(crate) muted: BTreeSet<u8>,
+    pub(crate) clock: Clock,
     /// Positions from navigation, in the order of time.
     fixes: Vec<(f64, Position)>,
     pub(crate) packets: Packets,
@@ -74,6 +76,7 @@ impl Memory {
             events: Events::new(team.limits.events_max),
             packets: Packets::new(team.packets_per_sender_max),
             reports: Reports::new(team.reports_per_sender_max, team.limits.report_window_slots),
+            clock: Clock::new(&team.slots),
             codec,
             own,
             excluded: Arc::default(),
@@ -100,7 +103,7 @@ impl Memory {
             Entry::Piggyback { sender, newest, outcomes } => {
                 Ok(Applied::Frame(self.insert_piggyback(&sender, newest, &outcomes)))
             }
-            Entry::Received { bytes } => Ok(Applied::Frame(self.insert_frame(&bytes, None))),
+            Entry::Received { bytes, .. } => Ok(Applied::Frame(self.insert_frame(&bytes, None))),
             Entry::Sent { number, slot, bytes } => {
                 check_number(number)?;
                 let slot = slot.filter(|&slot| self.codec.is_slot_of(slot, self.own_id()));
@@ -364,6 +367,31 @@ impl Memory {
         self.located.get_or_locate(|previous| locate_events(self.evidence(), self.track(), previous))
     }
 
+    /// Advances the vehicle's clock to a time: of an own event, an own position, a reception or a transmission. Returns the effects of the
+    /// frames that waited for it.
+    pub(crate) fn advance_clock(&mut self, time_s: f64) -> Vec<ReceiveEffect> {
+        let allowed = self.clock.advance_to(time_s, &self.codec.team);
+        let applied = allowed.into_iter().filter_map(|entry| self.apply(entry).ok());
+        applied.filter_map(|applied| if let Applied::Frame(effect) = applied { Some(effect) } else { None }).collect()
+    }
+
+    /// Checks the number of a frame against the vehicle's clock. A frame that is ahead waits. The vehicle's own frames pass.
+    fn check_number(
+        &mut self,
+        sender: u8,
+        number: FrameNumber,
+        bytes: &[u8],
+        sent: Option<Transmission>,
+    ) -> Result<(), Refusal> {
+        if sent.is_some() {
+            return Ok(());
+        }
+        self.clock.check(&self.codec.team, sender, number).inspect_err(|_| {
+            let entry = Entry::Received { time_s: None, bytes: bytes.to_vec() };
+            self.clock.wait(sender, number, bytes.to_vec(), entry);
+        })
+    }
+
     /// Returns everything that shows how slots were used.
     fn evidence(&self) -> SlotEvidence<'_> {
         let Self { codec, own, events, reports, conformance, claims, muted, .. } = self;
@@ -384,6 +412,9 @@ impl Memory {
         if sent.is_some() && sender != self.own {
             return ReceiveEffect::refused(sender, Refusal::NotSentByMe { number: key.0 });
         }
+        if let Err(refusal) = self.check_number(key.0, FrameNumber::Counter(key.1), &packet.bytes, sent) {
+            return ReceiveEffect::refused(sender, refusal);
+        }
         let outcome = self.packets.insert(key, packet, sent);
         ReceiveEffect { sender, receipt: self.receipt(key, outcome, sent.is_some()), change: EventChange::default() }
     }
@@ -396,6 +427,10 @@ impl Memory {
         let refused = Receipt::Refused;
         if sent.is_some() && Some(sender) != self.own {
             return ReceiveEffect::refused(Some(sender), Refusal::NotSentByMe { number: sender });
+        }
+        let latest = report.latest_slot().min(self.codec.team.slots.end().saturating_sub(1));
+        if let Err(refusal) = self.check_number(sender, FrameNumber::Slot(latest), &report.bytes, sent) {
+            return ReceiveEffect::refused(Some(sender), refusal);
         }
         // Unused slots of an old report count too.
         let unused = report.unused.clone();
@@ -423,6 +458,13 @@ impl Memory {
         if Some(number) == self.own {
             return refused(Refusal::OwnReport);
         }
+        let number_of_outcomes = FrameNumber::Slot(newest);
+        if let Err(refusal) = self.clock.check(&self.codec.team, number, number_of_outcomes) {
+            let bytes = outcomes.iter().map(|&heard| heard.into()).collect();
+            let entry = Entry::Piggyback { sender: sender.clone(), newest, outcomes: outcomes.to_vec() };
+            self.clock.wait(number, number_of_outcomes, bytes, entry);
+            return refused(refusal);
+        }
         let slots: Vec<(u32, bool)> = self.codec.slots_back(number, newest).zip(outcomes.iter().copied()).collect();
         let is_new = self.reports.insert_piggybacked(number, slots.iter().copied());
         let receipt = if is_new { Receipt::Accepted } else { Receipt::Refused(Refusal::Duplicate) };
@@ -436,7 +478,6 @@ impl Memory {
             InsertOutcome::Accepted => return Receipt::Accepted,
             InsertOutcome::Duplicate => Refusal::Duplicate,
             InsertOutcome::Conflict => Refusal::Conflict { counter },
-            InsertOutcome::Unconfirmed => Refusal::Unconfirmed { counter, latest: self.packets.latest(sender) },
             InsertOutcome::TooOld => Refusal::TooOld,
         })
     }
@@ -462,8 +503,8 @@ impl Memory {
         others.flat_map(|sender| self.packets.accepted(sender).map(move |(counter, _)| (sender, counter)))
     }
 
-    /// Returns the content as entries. Applied to an empty memory they give an equal memory, except for the latest accepted counters of
-    /// senders: see [`Packets::advance_to`].
+    /// Returns the content as entries. Applied to an empty memory they give an equal memory, except for the latest counters of senders and
+    /// the clock: see [`Packets::advance_to`] and [`Memory::advance_clock`].
     pub(crate) fn entries(&self) -> impl Iterator<Item = Entry> {
         let events = self.events.recorded().iter();
         let observed =
@@ -478,6 +519,7 @@ impl Memory {
             .chain(reports)
             .chain(self.piggyback_entries())
             .chain(self.unused_slot_entries())
+            .chain(self.clock.waiting().cloned())
     }
 
     fn unused_slot_entries(&self) -> impl Iterator<Item = Entry> {
@@ -508,7 +550,7 @@ const ALL_TIMES: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
 /// Returns the entries of a frame: one for each transmission by the vehicle, or a single one for a received frame.
 fn frame_entries(bytes: &[u8], sent: &TransmissionTimes) -> impl Iterator<Item = Entry> {
-    let received = sent.is_empty().then(|| Entry::Received { bytes: bytes.to_vec() });
+    let received = sent.is_empty().then(|| Entry::Received { time_s: None, bytes: bytes.to_vec() });
     let as_sent = |Transmission { number, slot }| Entry::Sent { number, slot, bytes: bytes.to_vec() };
     received.into_iter().chain(sent.iter().map(as_sent))
 }

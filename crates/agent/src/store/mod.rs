@@ -1,6 +1,7 @@
 //! The memory of a vehicle: a set of entries, and the remote events that follow from it.
 
 pub(crate) mod entry;
+pub(crate) mod clock;
 pub(crate) mod events;
 pub(crate) mod packets;
 pub(crate) mod reports;

@@ -5,12 +5,6 @@ use std::sync::Arc;
 
 use crate::codec::decoded::{Packet, PacketKey};
 
-/// Largest step of a sender's counter that is accepted without confirmation.
-///
-/// A counter that is farther ahead waits for another packet within this distance ahead of it. Otherwise one wrong packet would make all
-/// correct ones too old.
-pub const COUNTER_LEAP_MAX: u16 = 1024;
-
 /// The outcome of inserting a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum InsertOutcome {
@@ -20,8 +14,6 @@ pub(crate) enum InsertOutcome {
     Duplicate,
     /// Another packet has the same counter. Neither counts.
     Conflict,
-    /// The counter is far ahead of the sender's latest. The packet counts as soon as another one confirms it.
-    Unconfirmed,
     /// The counter is before the window of its sender.
     TooOld,
 }
@@ -77,7 +69,7 @@ pub(crate) struct Version {
 /// The stored packets of one sender.
 #[derive(Debug, Clone, Default)]
 struct Sender {
-    /// Largest accepted counter.
+    /// Largest counter.
     latest: Option<u16>,
     /// Packets by counter. If different packets have one counter, the first two in the order of their bytes are stored.
     versions: BTreeMap<u16, Vec<Version>>,
@@ -86,7 +78,7 @@ struct Sender {
 /// The stored packets by sender. Insertion is commutative, associative and idempotent: the content depends on the set of packets that
 /// arrived, not on their order or number.
 ///
-/// The packets of a sender that lie in a window up to its latest accepted counter count. A sender forms each packet against its own
+/// The packets of a sender that lie in a window up to its latest counter count. [`Clock`](crate::store::clock::Clock) bounds the counters. A sender forms each packet against its own
 /// packets in the same window. The content of packets that a receiver drops is therefore sent again.
 #[derive(Debug, Clone)]
 pub(crate) struct Packets {
@@ -120,12 +112,12 @@ impl Packets {
     pub(crate) fn get(&self, (sender, counter): PacketKey) -> Option<&Arc<Packet>> {
         let sender = self.senders.get(&sender)?;
         match sender.versions.get(&counter).map(Vec::as_slice) {
-            Some([version]) if Some(counter) <= sender.latest => Some(&version.packet),
+            Some([version]) => Some(&version.packet),
             _ => None,
         }
     }
 
-    /// Returns all senders with stored packets or an accepted counter.
+    /// Returns all senders with stored packets or a latest counter.
     pub(crate) fn senders(&self) -> impl Iterator<Item = u8> {
         self.senders.keys().copied()
     }
@@ -142,27 +134,26 @@ impl Packets {
             .map_or(0, |sender| sender.versions.values().filter(|versions| versions.len() > 1).count())
     }
 
-    /// Returns the largest accepted counter of a sender.
+    /// Returns the largest counter of a sender.
     pub(crate) fn latest(&self, sender: u8) -> Option<u16> {
         self.senders.get(&sender)?.latest
     }
 
-    /// Advances the latest accepted counter of a sender to `latest`, for a counter from a snapshot.
+    /// Advances the latest counter of a sender to `latest`, for a counter from a snapshot.
     pub(crate) fn advance_to(&mut self, sender: u8, latest: u16) {
         let window = self.window;
         let sender = self.senders.entry(sender).or_default();
-        sender.latest = sender.latest.max(Some(latest));
-        sender.update_window(window);
+        sender.advance_to(latest, window);
     }
 
-    /// Returns the largest accepted counter of a packet that has the vehicle's own number but that the vehicle did not send. Another
+    /// Returns the largest counter of a packet that has the vehicle's own number but that the vehicle did not send. Another
     /// vehicle sent it, or this vehicle did before it lost its memory.
     pub(crate) fn foreign_counter(&self, own: u8) -> Option<u16> {
         let sender = self.senders.get(&own)?;
         let foreign = |(&counter, versions): (&u16, &Vec<Version>)| {
             versions.iter().any(|version| version.sent.is_empty()).then_some(counter)
         };
-        sender.versions.range(..=sender.latest?).rev().find_map(foreign)
+        sender.versions.iter().rev().find_map(foreign)
     }
 
     /// Returns the counter of the vehicle's next packet. It is above its latest counter. It is at least a full window above
@@ -191,34 +182,17 @@ impl Sender {
             }
         }
         let is_conflict = versions.len() > 1;
-        // The vehicle's own packets need no confirmation.
-        if sent.is_some() {
-            self.latest = self.latest.max(Some(counter));
-        }
-        self.update_window(window);
-        match self.latest {
-            _ if is_duplicate => InsertOutcome::Duplicate,
-            _ if is_conflict => InsertOutcome::Conflict,
-            Some(latest) if counter <= latest => InsertOutcome::Accepted,
-            _ => InsertOutcome::Unconfirmed,
+        self.advance_to(counter, window);
+        match (is_duplicate, is_conflict) {
+            (true, _) => InsertOutcome::Duplicate,
+            (false, true) => InsertOutcome::Conflict,
+            (false, false) => InsertOutcome::Accepted,
         }
     }
 
-    /// Accepts counters that are near the latest one or confirmed, and removes packets before the window.
-    fn update_window(&mut self, window: u16) {
-        let unaccepted: Vec<u16> = match self.latest {
-            Some(latest) => self.versions.range(latest.saturating_add(1)..).map(|(&counter, _)| counter).collect(),
-            None => self.versions.keys().copied().collect(),
-        };
-        for (index, &counter) in unaccepted.iter().enumerate() {
-            // Without an accepted counter the latest one counts as −1.
-            let begin = self.latest.map_or(0, |latest| u32::from(latest) + 1);
-            let is_near = u32::from(counter) < begin + u32::from(COUNTER_LEAP_MAX);
-            let is_confirmed = unaccepted.get(index + 1).is_some_and(|next| next - counter <= COUNTER_LEAP_MAX);
-            if is_near || is_confirmed {
-                self.latest = self.latest.max(Some(counter));
-            }
-        }
+    /// Advances the latest counter, and removes packets before the window.
+    fn advance_to(&mut self, counter: u16, window: u16) {
+        self.latest = self.latest.max(Some(counter));
         while let Some(entry) = self.versions.first_entry()
             && self.latest.is_some_and(|latest| u32::from(*entry.key()) + u32::from(window) <= latest.into())
         {
@@ -231,8 +205,7 @@ impl Sender {
     }
 
     fn accepted(&self) -> impl Iterator<Item = (u16, &Version)> {
-        let up_to_latest = self.versions.iter().filter(|(counter, _)| Some(**counter) <= self.latest);
-        up_to_latest.filter_map(|(&counter, versions)| match versions.as_slice() {
+        self.versions.iter().filter_map(|(&counter, versions)| match versions.as_slice() {
             [version] => Some((counter, version)),
             _ => None,
         })

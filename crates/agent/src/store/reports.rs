@@ -55,6 +55,17 @@ impl ReceivedReports {
         self.track.add(&report.waypoints);
     }
 
+    /// Removes a report. `others` are all other reports, in the order of their first slots. None of them begins before this one.
+    fn remove<'a>(&mut self, report: &Report, others: impl Iterator<Item = &'a Report>) {
+        for (slot, _) in &report.outcomes {
+            self.outcomes.remove(slot);
+        }
+        self.track.remove(&report.waypoints);
+        // The first waypoint of a report lies at most 255 slots before its first slot.
+        let end = report.latest_slot().saturating_add(u8::MAX.into());
+        others.take_while(|other| other.first <= end).for_each(|other| self.add(other));
+    }
+
     /// Returns the range of slots whose located events can change when this report is added or removed.
     fn range_affected_by(&self, report: &Report) -> Range<u32> {
         let moved = self.track.range_affected_by(&report.waypoints);
@@ -111,8 +122,8 @@ impl Reports {
         }
     }
 
-    /// Stores a report that was received, or transmitted by the vehicle itself. O(log N + length), or O(all reports of the sender) if an
-    /// old report is removed for it.
+    /// Stores a report that was received, or transmitted by the vehicle itself. O(log N + length). If an old report is removed for it, reports
+    /// that overlap the old one are added again.
     pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<Transmission>) -> Insertion {
         let max = self.per_sender_max;
         report.unused.iter().for_each(|&slot| self.insert_unused(sender, slot));
@@ -133,14 +144,14 @@ impl Reports {
             Arc::make_mut(&mut sender.content).add(&report);
             return Insertion::Inserted(affected);
         }
-        let removed = sender.reports.pop_first();
-        if removed.as_ref().is_some_and(|(removed, _)| *removed == key) {
+        let Some((removed_key, removed)) = sender.reports.pop_first() else { return Insertion::Stale };
+        if removed_key == key {
             return Insertion::Stale;
         }
-        let mut content = ReceivedReports::default();
-        sender.reports.values().for_each(|stored| content.add(&stored.report));
-        affected.extend(removed.map(|(_, removed)| content.range_affected_by(&removed.report)));
-        sender.content = Arc::new(content);
+        let content = Arc::make_mut(&mut sender.content);
+        content.add(&report);
+        content.remove(&removed.report, sender.reports.values().map(|stored| &*stored.report));
+        affected.push(content.range_affected_by(&removed.report));
         Insertion::Inserted(affected)
     }
 

@@ -57,6 +57,22 @@ impl Slots {
         (time_s.is_finite() && (0.0..f64::from(SLOTS)).contains(&index)).then_some(index as u32)
     }
 
+    /// Returns the latest slot that has begun at a time: the last slot of the schedule after its end. `None` before the first slot.
+    pub(crate) fn latest(&self, time_s: f64) -> Option<u32> {
+        let index = self.index(time_s).min(f64::from(self.end()) - 1.0);
+        (index >= 0.0).then_some(index as u32)
+    }
+
+    /// Returns an upper bound on the number of slots of a member up to this one: its slots in all cycles that have begun, and at least one
+    /// a cycle. An explicit schedule counts the slots of all members.
+    pub(crate) fn transmissions(&self, latest: u32, member: Option<&VehicleId>) -> u32 {
+        if self.explicit.is_some() {
+            return latest.saturating_add(1);
+        }
+        let in_cycle = self.order.iter().filter(|name| Some(*name) == member).count().max(1);
+        (latest / self.cycle_slots() as u32 + 1).saturating_mul(in_cycle as u32)
+    }
+
     /// Returns the slot of any time, which may lie outside the numbered range.
     fn index(&self, time_s: f64) -> f64 {
         match &self.explicit {

@@ -32,6 +32,14 @@ impl ReceivedTrack {
         }
     }
 
+    /// Removes what a report with these waypoints added. Other reports with some of these slots must be added again.
+    pub(crate) fn remove(&mut self, waypoints: &[(u32, Cell)]) {
+        for (slot, _) in waypoints {
+            self.waypoints.remove(slot);
+            self.segments.remove(slot);
+        }
+    }
+
     /// Returns the cells of the waypoints by slot.
     pub(crate) fn waypoints(&self) -> &BTreeMap<u32, Cell> {
         &self.waypoints

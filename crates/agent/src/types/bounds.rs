@@ -110,7 +110,7 @@ pub const INFORMATION: Bounds = Bounds::new(-1e9, 1e9, "a finite number, at most
 pub const PACKETS: Bounds = Bounds::new(1.0, 65_536.0, "a whole number from 1 to 65536");
 
 /// Numbers of packets or reports of each sender that count: the width of a window of counters. The largest one equals
-/// [`crate::COUNTER_LEAP_MAX`], the largest counter step that is accepted without confirmation.
+/// [`crate::COUNTER_LEAD`], by which a counter may exceed those that the schedule allows.
 pub const WINDOW: Bounds = Bounds::new(1.0, 1024.0, "a whole number from 1 to 1024");
 
 /// Frame sizes, in bytes. No packet fits into fewer than 32 bytes.

@@ -4,6 +4,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use pingmap_agent::*;
+use pingmap_packet::{Block, MapMessage, Outcome, Report, Waypoint};
 
 use crate::common::{model, names};
 
@@ -113,4 +114,61 @@ fn operations_allocate_within_their_budgets() {
         );
         assert!(next_frame < 32 << 20, "next frame: {next_frame} bytes with {events} events");
     }
+}
+
+/// A report of member 1 about 110 slots, with two waypoints.
+fn report(codec: &TeamCodec, first: u32, pattern: u32) -> Vec<u8> {
+    let outcome = |n: u32| if (n ^ pattern).is_multiple_of(3) { Outcome::Heard } else { Outcome::Missed };
+    let east = 40 + (pattern % 50) as u8;
+    let report = Report {
+        sender: 1,
+        model: 0,
+        first,
+        includes_own_slots: false,
+        outcomes: (0..110).map(outcome).collect(),
+        waypoints: vec![
+            Waypoint { slots: 0, east, north: 90, depth: 0 },
+            Waypoint { slots: 110, east, north: 80, depth: 0 },
+        ],
+    };
+    codec.write_report(&report).unwrap()
+}
+
+#[test]
+fn a_flood_of_frames_of_one_member_leaves_memory_and_cost_within_their_bounds() {
+    let team = std::sync::Arc::new(crate::common::team(3, model()));
+    let mut agent = Agent::new(names(3)[0].clone(), team.clone(), AgentOptions::default());
+    let slots = 20_000;
+    let now_s = Some(SLOT_S * slots as f64);
+    agent.record_all(events(0, 0..900)).unwrap();
+    agent.record_positions([(0.0, position(0, 0.0)), (SLOT_S * slots as f64, position(0, 0.0))]).unwrap();
+    let codec = agent.codec().clone();
+    // Without a flood: as many reports as a member may have.
+    for n in 0..256 {
+        assert_eq!(agent.receive(&report(&codec, 78 * n, n), now_s), Receipt::Accepted);
+    }
+    agent.refit().unwrap();
+    let before = (agent.snapshot().len(), allocated(|| agent.clone().next_frame(now_s, 32).unwrap()).1);
+    let layout = team.layout(32).unwrap();
+    for n in 0..100_000u32 {
+        // Slots and counters up to twice those that the clock allows.
+        let frame = match n % 4 {
+            0 => {
+                let counter = (n.wrapping_mul(2_654_435_761) >> 16) as u16;
+                let block = Block::empty(layout);
+                codec
+                    .write(layout, &MapMessage { sender: 1, counter, model: 0, blocks: vec![block; layout.blocks] })
+                    .unwrap()
+            }
+            _ => report(&codec, n.wrapping_mul(2_654_435_761) % (2 * slots as u32), n),
+        };
+        agent.receive(&frame, now_s);
+        if n % 1000 == 0 {
+            agent.receive_piggyback(&names(3)[1], SLOT_S * f64::from(n % 40_000), u64::from(n), 64);
+        }
+    }
+    agent.refit().unwrap();
+    let after = (agent.snapshot().len(), allocated(|| agent.clone().next_frame(now_s, 32).unwrap()).1);
+    assert!(after.0 < 2 * before.0, "{before:?} {after:?}");
+    assert!(after.1 < 2 * before.1, "{before:?} {after:?}");
 }

@@ -31,7 +31,7 @@ fn entries_of(trip: &Trip, number: usize, unused: &BTreeSet<u32>) -> Vec<Entry> 
             continue;
         }
         let frame = agent.next_frame(Some(time_s), 32).unwrap();
-        entries.extend(frame.map(|bytes| Entry::Received { bytes }));
+        entries.extend(frame.map(|bytes| Entry::Received { time_s: None, bytes }));
         // The newest reception, as far as there is one.
         let newest = (0..slot).rev().find_map(|slot| Some((slot, trip.event(slot, number)?.success)));
         entries.extend(newest.map(|(newest, heard)| Entry::Piggyback {

@@ -141,7 +141,7 @@ fn snapshot(team: Team) -> Vec<u8> {
     let sent = [frame(0, 4, 0), frame(0, 5, 0), frame(0, 4, 0)];
     let reports = [false, true].map(|own| agent.codec().write_report(&report(agent.team(), own)).unwrap());
     for bytes in received.into_iter().chain(reports) {
-        agent.apply(Entry::Received { bytes }).unwrap();
+        agent.apply(Entry::Received { time_s: None, bytes }).unwrap();
     }
     for (number, bytes) in (0_u32..).zip(sent.into_iter().chain(own_report)) {
         let slot = number.is_multiple_of(2).then_some(40 + number);

@@ -9,6 +9,7 @@ mod common;
 mod adaptation;
 mod agent;
 mod authentication;
+mod clock;
 mod contradictions;
 mod cost;
 mod delivery;

@@ -36,9 +36,9 @@ fn scrambled(team: &Arc<Team>, mut frame: Vec<u8>, bits: &[u8]) -> Vec<u8> {
 fn counted(agent: &Agent) -> u64 {
     let Counts { accepted, malformed, forged, other_team, unknown_sender, duplicate, too_old, .. } =
         agent.status().counts;
-    let Counts { conflict, unconfirmed, own_number, unusable, .. } = agent.status().counts;
+    let Counts { conflict, ahead, own_number, unusable, .. } = agent.status().counts;
     let known = accepted + malformed + forged + other_team + unknown_sender + duplicate + too_old;
-    known + conflict + unconfirmed + own_number + unusable
+    known + conflict + ahead + own_number + unusable
 }
 
 /// Fails unless all predictions are probabilities: at the received points and between them, before and after a rebuild.

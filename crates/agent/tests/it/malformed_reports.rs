@@ -4,6 +4,7 @@ use crate::common::trip::*;
 use crate::common::*;
 use pingmap_agent::*;
 use pingmap_packet::{Cell, Outcome, OutcomeBitmap, Report, Waypoint};
+use proptest::prelude::*;
 
 /// Two vehicles that lie 900 m apart. They heard each other in every other slot.
 fn two(slots: u32) -> Trip {
@@ -29,6 +30,37 @@ fn a_vehicle_that_stores_few_reports_sends_as_many_and_then_stops() {
         let (located, _) = remote_events(&listener);
         assert!(located > 40 * usize::from(max) && located < 600, "{max}: {located}");
         assert_eq!(listener.status().live_packets > 0, sharing.summaries);
+    }
+}
+
+proptest! {
+    /// A snapshot holds the reports that are still stored. A vehicle restored from it never had the others.
+    #[test]
+    fn a_report_that_left_the_window_has_no_effect(
+        firsts in prop::collection::vec((0u32..60, 1usize..40, any::<u64>(), 0u8..40), 6..30), max in 1u16..6,
+    ) {
+        let trip = Trip::stationary(&[(60, 128), (130, 128)], 64, |_, _| Some(true));
+        let trip = trip.with_team(|team| team.reports_per_sender_max = max);
+        let mut agent = trip.vehicle(0);
+        for (first, count, pattern, steps) in firsts {
+            let outcome = |n: usize| if pattern >> n & 1 == 1 { Outcome::Heard } else { Outcome::Missed };
+            let waypoint = |(n, slots)| Waypoint { slots, east: 100 + pattern.rotate_left(n) as u8 % 100, north: 128, depth: 0 };
+            let report = Report {
+                sender: 1,
+                model: 0,
+                first,
+                includes_own_slots: pattern % 3 == 0,
+                outcomes: (0..count).map(outcome).collect(),
+                waypoints: [(3, 0), (7, steps), (11, 1 + steps)].map(waypoint).to_vec(),
+            };
+            let bytes = agent.codec().write_report(&report).unwrap();
+            agent.receive(&bytes, Some(slot_s(64)));
+        }
+        agent.rebuild().unwrap();
+        let mut restored = Agent::restore(name(0), trip.team.clone(), *agent.options(), &agent.snapshot()).unwrap();
+        restored.rebuild().unwrap();
+        prop_assert_eq!(remote_events(&agent), remote_events(&restored));
+        prop_assert_eq!(bits(&test_probabilities(&mut agent)), bits(&test_probabilities(&mut restored)));
     }
 }
 
@@ -71,7 +103,7 @@ fn a_report_beyond_the_last_slot_breaks_nothing() {
         waypoints: vec![waypoint(0), waypoint(255), waypoint(255)],
     };
     let bytes = agent.codec().write_report(&report).unwrap();
-    assert_eq!(agent.receive(&bytes, None), Receipt::Accepted);
+    assert_eq!(agent.receive(&bytes, Some(slot_s(pingmap_packet::SLOTS))), Receipt::Accepted);
     let (located, unlocated) = remote_events(&agent);
     assert!(located + unlocated <= 1, "one of two slots is one of the listener");
     assert_eq!(restored(&agent, &agent.snapshot()).snapshot(), agent.snapshot());

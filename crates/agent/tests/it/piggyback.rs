@@ -175,6 +175,8 @@ fn a_delayed_message_describes_the_same_slots() {
     let snapshot = |(number, time_s, bits): Message, delay: u32| {
         let mut listener = trip.vehicle(0);
         receive(&mut listener, &(number, time_s + slot_s(delay), bits));
+        // Snapshots hold the clock: it is the same in all of them.
+        listener.record_positions([(slot_s(400), Position::new(0.0, 0.0))]).unwrap();
         listener.snapshot()
     };
     for message in (1..3).flat_map(|number| messages(&trip, number)) {
@@ -206,6 +208,7 @@ fn a_clock_that_is_slightly_behind_reads_the_same_slots() {
         let after = |time_s: f64| {
             let mut listener = vehicle(&team, 0, []);
             receive(&mut listener, &(1, time_s, bits));
+            listener.record_positions([(slot_s(120), Position::new(0.0, 0.0))]).unwrap();
             listener.snapshot()
         };
         assert_eq!(after(slot_s(slot) - 1e-3), after(slot_s(slot)), "{slot}");

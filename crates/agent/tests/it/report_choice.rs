@@ -77,7 +77,7 @@ fn the_first_report_holds_outcomes_of_both_kinds() {
         let (heard, missed) = (count(Outcome::Heard), count(Outcome::Missed));
         assert!(heard >= 10 && missed >= 10, "{far:?}: {heard} heard, {missed} missed from {} on", report.first);
         // A listener with the positions of vehicle 1 learns both. Neither end of the mission alone would show that.
-        receive_all(&mut listener, one[..1].iter().chain(&other));
+        receive_all_at(&mut listener, one[..1].iter().chain(&other), slot_s(800));
         let over = |receiver| Link { transmitter: pair.near(), receiver: pair.place(receiver, 0.0) };
         let [near, beyond] = [-500.0, 500.0].map(|place| listener.probability(over(place)).unwrap());
         assert!(near > 0.8 && beyond < 0.3, "{far:?}: {near} {beyond}");

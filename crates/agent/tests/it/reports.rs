@@ -71,7 +71,7 @@ proptest! {
             let receiver = if record_all_receivers { slot as usize / 3 % trip.members() } else { 0 };
             let observed = trip.event(slot, receiver).map(|event| Entry::Observed { number, event });
             let report = (slot % 2 == 1).then(|| others.get(slot as usize / 2 % count.max(1))).flatten();
-            let received = report.map(|bytes| Entry::Received { bytes: bytes.clone() });
+            let received = report.map(|bytes| Entry::Received { time_s: None, bytes: bytes.clone() });
             [Some(navigated), observed, received].into_iter().flatten().collect::<Vec<_>>()
         }).collect();
         let mut at_once = agent();
@@ -177,7 +177,7 @@ fn events_of_a_muted_member_do_not_count_until_unmuting() {
     let before = listener.probability(link).unwrap();
     record_slot_0(&trip, &mut agents[2]);
     for number in [0, 2] {
-        receive_all(&mut listener, &frames(&mut agents[number], 20));
+        receive_all_at(&mut listener, &frames(&mut agents[number], 20), slot_s(trip.slots));
     }
     listener.refit().unwrap();
     let with_events = listener.probability(link).unwrap();
@@ -263,7 +263,7 @@ fn reports_of_another_team_or_of_the_own_number_are_refused() {
     ));
     assert_eq!(agents[0].receive(&report, None), Receipt::Refused(Refusal::Duplicate));
     let mut twin = vehicle(&trip.team, 0, []);
-    assert_eq!(twin.receive(&report, None), Receipt::Refused(Refusal::OwnReport));
+    assert_eq!(twin.receive(&report, Some(slot_s(trip.slots))), Receipt::Refused(Refusal::OwnReport));
     let with_key = trip.with_team(|team| team.key = Some(key(3)));
     let mut stranger = vehicle(&with_key.team, 1, []);
     assert!(matches!(stranger.receive(&report, None), Receipt::Refused(Refusal::OtherForm { .. })));

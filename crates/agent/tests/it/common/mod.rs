@@ -153,6 +153,11 @@ pub fn receive_all<'a>(agent: &mut Agent, frames: impl IntoIterator<Item = &'a V
     frames.into_iter().for_each(|frame| drop(agent.receive(frame, None)));
 }
 
+/// Receives frames at a time.
+pub fn receive_all_at<'a>(agent: &mut Agent, frames: impl IntoIterator<Item = &'a Vec<u8>>, time_s: f64) {
+    frames.into_iter().for_each(|frame| drop(agent.receive(frame, Some(time_s))));
+}
+
 /// Predicted probabilities.
 pub fn probabilities(agent: &mut Agent, queries: impl IntoIterator<Item = impl Into<LinkQuery>>) -> Vec<f64> {
     let predictions = agent.predict(queries, PredictOptions::default()).unwrap();

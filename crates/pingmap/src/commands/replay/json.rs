@@ -80,6 +80,7 @@ pub struct IgnoredJson {
     member: String,
     /// `contradicts`: its outcomes or summaries contradict those of all others. `out-of-slot`: its messages arrive outside its slots.
     /// `false-claims`: it was received in slots that it reported as unused. `wrong-track`: its reported track contradicts receptions.
+    /// `ahead`: some of its frames are ahead of the vehicle's clock.
     reason: &'static str,
     /// Discrepancy of the member in standard deviations.
     discrepancy: Option<f64>,

@@ -100,5 +100,6 @@ fn explanation(reason: IgnoreReason) -> &'static str {
         IgnoreReason::OutOfSlot => "its messages arrive outside its slots",
         IgnoreReason::FalseClaims => "it was received in slots that it reported as unused (its other data count)",
         IgnoreReason::WrongTrack => "its reported track contradicts receptions (its outcomes count)",
+        IgnoreReason::Ahead => "some of its frames are ahead of the clock (its other data count)",
     }
 }
