@@ -1,4 +1,4 @@
-//! Learn length-scales, variance and prior mean from events, instead of guessing them.
+//! Learns length-scales, variance and prior mean from events.
 //!
 //!     cargo run -p dgpc --example learn_kernel
 
@@ -6,7 +6,7 @@
 
 use dgpc::{Inputs, Kernel, LearnOptions, Observations, Prior, PriorMean, Shape, Term, learn};
 
-/// Success in stripes: the first column matters, the second does not.
+/// Success in stripes that depend on the first column only.
 fn stripes(count: u32) -> dgpc::Result<Observations> {
     let place = |n: u32| [f64::from(n * 37 % 101) * 0.05, f64::from(n * 53 % 97) * 0.05];
     let inputs = Inputs::from_rows(&(0..count).map(place).collect::<Vec<_>>())?;
@@ -14,13 +14,13 @@ fn stripes(count: u32) -> dgpc::Result<Observations> {
     Observations::new(inputs, outcomes)
 }
 
-/// Learns a prior, and says how it went.
+/// Learns a prior, and prints the result.
 ///
 /// # Errors
 /// None with these numbers.
 pub fn main() -> dgpc::Result<()> {
-    // Where the search begins, and where parameters stay of which the events say nothing: one length-scale for each
-    // column.
+    // The template with one length-scale for each column. The search starts from it, and parameters stay at its values if
+    // the events contain no information about them.
     let kernel = Kernel::new(vec![Term::new(Shape::SquaredExponential, 4.0, &[0, 1], &[1.0, 1.0])?])?;
     let template = Prior::new(kernel, PriorMean::Constant(0.0))?;
 

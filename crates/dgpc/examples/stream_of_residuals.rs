@@ -1,5 +1,5 @@
-//! A stream of messages, each of which says only what the ones before it left unsaid. Messages may be lost, repeated or
-//! come in any order; whoever has taken in the same ones knows the same.
+//! A stream of messages, each with only the evidence that the messages before it lack. Messages may be lost, repeated or
+//! reordered. Receivers of the same set of messages have the same posterior.
 //!
 //!     cargo run -p dgpc --example stream_of_residuals
 
@@ -9,7 +9,7 @@ use dgpc::{
     Candidates, FitOptions, Inputs, Kernel, Observations, Posterior, Prior, PriorMean, Shape, Summary, Term, fit,
 };
 
-/// Mean absolute difference of two posteriors' probabilities.
+/// Returns the mean absolute difference of two posteriors' probabilities.
 fn difference(a: &Posterior, b: &Posterior, inputs: &Inputs) -> dgpc::Result<f64> {
     let (a, b) = (a.probability(inputs)?, b.probability(inputs)?);
     Ok(a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum::<f64>() / a.len() as f64)
@@ -26,13 +26,13 @@ pub fn main() -> dgpc::Result<()> {
     let outcomes = inputs.rows().map(|x| (1.7 * x[0]).sin() > 0.3).collect();
     let own = fit(&prior, &Observations::new(inputs.clone(), outcomes)?, &FitOptions::default())?.posterior()?;
 
-    // What everybody can know by the messages so far: the sender keeps it, too.
+    // The public posterior: the evidence of all messages so far. The sender maintains it, too.
     let mut public = Posterior::prior_alone(&prior, 1);
     let mut messages: Vec<Summary> = Vec::new();
-    println!("messages  how far from what the sender knows");
+    println!("messages  difference from the sender");
     println!("{:8}  {:.3}", 0, difference(&own, &public, &inputs)?);
     for count in 1..=6 {
-        // Two points where much is known that has not been said.
+        // Two points at which the own posterior is certain and the public one is not.
         let chosen = Candidates::for_residual(&public, &own, &inputs)?.greedy(2);
         let message = own.residual(&public, &inputs.select(&chosen.indices))?;
         public.absorb_summaries(&[&message])?;
@@ -41,7 +41,7 @@ pub fn main() -> dgpc::Result<()> {
     }
     assert!(difference(&own, &public, &inputs)? < 0.1);
 
-    // Two listeners hear all but the third, in different orders.
+    // Two receivers hear all messages but the third, in different orders.
     let listen = |order: [usize; 5]| {
         let heard: Vec<&Summary> = order.iter().map(|&n| &messages[n]).collect();
         Posterior::of_summaries(&prior, &heard)

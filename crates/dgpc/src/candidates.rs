@@ -1,7 +1,7 @@
-//! Which of the candidate points summarise a region best (section 5 of [`crate::method`]).
+//! Choice of the inducing points that summarise a region best (section 5 of [`crate::method`]).
 //!
-//! All policies look at one number: tr K̃, the prior variance at the candidates that the chosen points leave
-//! unexplained, which bounds the KL divergence from the full posterior (see [`crate::Certificate`]).
+//! All policies use one number: tr K̃, the prior variance at the candidates that the chosen points leave unexplained. It
+//! bounds the KL divergence from the full posterior (see [`crate::Certificate`]).
 
 use rand::{Rng, RngExt};
 
@@ -12,28 +12,28 @@ use crate::linalg::{Cholesky, Matrix, MultiplyAdd, Wide, add_scaled, add_symmetr
 use crate::posterior::Posterior;
 use crate::remainder::{Reductions, Remainder};
 
-/// A candidate whose variance given the points already chosen is below this share of its prior variance is one of them.
+/// Smallest share of the prior variance that a candidate must keep, given the chosen points, to be distinct from them.
 pub const DISTINCT_SHARE: f64 = 1e-4;
 
-/// What is left of a prior variance below this share is rounding.
+/// Below this share of the prior variance, the remaining variance is a rounding error.
 const ROUNDING_SHARE: f64 = 1e-12;
 
 /// Chosen candidates.
 #[derive(Debug, Clone, PartialEq)]
 #[must_use]
 pub struct Selection {
-    /// Their indices, in the order of choice. Fewer than asked for where candidates coincide.
+    /// Their indices, in the order of choice. Fewer than requested if candidates coincide.
     pub indices: Vec<usize>,
-    /// tr K̃ over all candidates, given these points and what the candidates were conditioned on.
+    /// tr K̃ over all candidates, given these points and those on which the candidates were conditioned.
     pub trace: f64,
 }
 
-/// Which end of tr K̃ to look for.
+/// Direction of the optimisation of tr K̃.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Aim {
-    /// As small as possible: the policy.
+    /// Smallest trace: the policy.
     Small,
-    /// As large as possible: the worst choice, to compare with.
+    /// Largest trace: the worst choice, for comparison.
     Large,
 }
 
@@ -44,28 +44,28 @@ pub struct Candidates {
     gram: Matrix,
     /// Prior variances k(z, z), N.
     variance: Vec<f64>,
-    /// Variance that is left at a candidate once it is chosen, N: 0 where f is taken as known there.
+    /// Variance that remains at a candidate after it is chosen, N. It is 0 if f is then taken as known there.
     floor: Vec<f64>,
-    /// How many points of a posterior that was told something are in the covariance.
-    told: usize,
+    /// Number of rows of the public posterior that the covariance includes.
+    absorbed: usize,
     jitter: f64,
 }
 
 impl Candidates {
-    /// Candidates of which nothing is known yet. O(N²d), N² memory.
+    /// Creates candidates without known points. O(N²d), N² memory.
     ///
     /// # Errors
-    /// [`crate::Error::BadColumn`] when the kernel looks at a column that the inputs do not have.
+    /// [`crate::Error::BadColumn`] if the kernel uses a column that the inputs do not have.
     pub fn new(kernel: &Kernel, inputs: &Inputs) -> Result<Self> {
         let variance = kernel.diagonal(inputs)?;
-        Ok(Self { gram: kernel.gram(inputs)?, floor: vec![0.0; variance.len()], variance, told: 0, jitter: 0.0 })
+        Ok(Self { gram: kernel.gram(inputs)?, floor: vec![0.0; variance.len()], variance, absorbed: 0, jitter: 0.0 })
     }
 
-    /// Candidates given f at `known` points, so that no choice is spent on what those already tell. O(N²M).
+    /// Creates candidates given f at the points `known`. No choice is then spent on variance that these explain. O(N²M).
     ///
     /// # Errors
-    /// As [`Candidates::new`]; [`crate::Error::NotPositiveDefinite`] when known points coincide too closely for any
-    /// small jitter.
+    /// As [`Candidates::new`]; [`crate::Error::NotPositiveDefinite`] if known points coincide too closely for any small
+    /// jitter.
     pub fn given(kernel: &Kernel, inputs: &Inputs, known: &Inputs) -> Result<Self> {
         let mut candidates = Self::new(kernel, inputs)?;
         if !known.is_empty() {
@@ -78,9 +78,10 @@ impl Candidates {
         Ok(candidates)
     }
 
-    /// Candidates for the residual of `own` beyond `public` ([`Posterior::residual`]): choosing one makes the variance
-    /// there `own`'s, and the choice is greedy for the largest drop of the variance that `public` has at all
-    /// candidates. O(n²N + N²n).
+    /// Creates candidates for the residual of `own` beyond `public` ([`Posterior::residual`]). O(n²N + N²n).
+    ///
+    /// Choosing a candidate reduces the variance there to that of `own`. The choice is greedy for the largest reduction of
+    /// `public`'s total variance at all candidates.
     ///
     /// # Errors
     /// [`Error::DifferentPriors`], and as [`Posterior::latent`].
@@ -91,68 +92,72 @@ impl Candidates {
         Self::towards(public, &own.latent(inputs)?.variance, inputs)
     }
 
-    /// The same for whoever knows already which `variance` its own posterior has at the candidates, N. O(n²N + N²n) for n
+    /// Creates candidates as [`Candidates::for_residual`] does, from the known `variance` of the sender's own posterior at
+    /// the candidates, N. O(n²N + N²n) for n rows of `public`.
     /// of `public`.
     ///
-    /// # Errors
+    /// [`Error::SizeMismatch`] if the numbers of variances and candidates differ, and as [`Posterior::latent`].
     /// [`Error::SizeMismatch`] for another number of variances than candidates, and as [`Posterior::latent`].
     pub fn towards(public: &Posterior, variance: &[f64], inputs: &Inputs) -> Result<Self> {
         same_size("variances, one per candidate", inputs.len(), variance.len())?;
         let (_, gram) = public.joint(inputs)?;
         let prior_variance = public.prior().kernel().diagonal(inputs)?;
-        let (floor, told) = (variance.to_vec(), public.len());
-        Ok(Self { gram, variance: prior_variance, floor, told, jitter: public.jitter() })
+        let (floor, absorbed) = (variance.to_vec(), public.len());
+        Ok(Self { gram, variance: prior_variance, floor, absorbed, jitter: public.jitter() })
     }
 
-    /// Takes in what the `public` of [`Candidates::towards`] was told since. `inputs` are those of the candidates, none of which
-    /// was conditioned on. O(n²N + N²m) for m of its n points that are new.
+    /// Updates the covariance by the evidence that the `public` of [`Candidates::towards`] has absorbed since. O(n²N + N²m)
+    /// for m new rows of its n rows.
+    ///
+    /// `inputs` are those of the candidates. The candidates must not have been conditioned on any point.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for another number of inputs, and as [`Posterior::latent`].
+    /// [`Error::SizeMismatch`] if the numbers of inputs and candidates differ, and as [`Posterior::latent`].
     pub fn follow(&mut self, public: &Posterior, inputs: &Inputs) -> Result<()> {
         same_size("inputs, one per candidate", self.len(), inputs.len())?;
-        public.take_explained(inputs, self.told, &mut self.gram)?;
-        (self.told, self.jitter) = (public.len(), public.jitter());
+        public.take_explained(inputs, self.absorbed, &mut self.gram)?;
+        (self.absorbed, self.jitter) = (public.len(), public.jitter());
         Ok(())
     }
 
-    /// The candidates that are points of their own, in order: those whose variance given the ones before is not below
-    /// this share of their prior variance, such as [`DISTINCT_SHARE`]. O(N²) for each that is.
+    /// Returns the indices of the distinct candidates, in order. Given the distinct ones before it, a distinct candidate
+    /// keeps at least the share `share_min` of its prior variance, such as [`DISTINCT_SHARE`]. O(N²) for each distinct
+    /// candidate.
     pub fn distinct(&self, share_min: f64) -> Vec<usize> {
-        let mut left = Remainder::new(&self.gram);
+        let mut remaining = Remainder::new(&self.gram);
         let mut kept = Vec::new();
         for candidate in 0..self.len() {
-            let variance = left.variance()[candidate];
+            let variance = remaining.variance()[candidate];
             if variance >= share_min * self.variance[candidate] {
-                left.take(candidate, self.share_gone(candidate, variance));
+                remaining.take(candidate, self.share_gone(candidate, variance));
                 kept.push(candidate);
             }
         }
         kept
     }
 
-    /// What was added to the diagonal of K at the known points to factorise it (0 in the ordinary case).
+    /// Returns the jitter that was added to the diagonal of K at the known points (ordinarily 0).
     pub fn jitter(&self) -> f64 {
         self.jitter
     }
 
-    /// Number of candidates N.
+    /// Returns the number of candidates N.
     pub fn len(&self) -> usize {
         self.variance.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no candidates.
     pub fn is_empty(&self) -> bool {
         self.variance.is_empty()
     }
 
-    /// tr K̃ before anything is chosen.
+    /// Returns tr K̃ before any choice.
     pub fn trace(&self) -> f64 {
         (0..self.len()).map(|n| self.gram[(n, n)].max(0.0)).sum()
     }
 
-    /// Counts the candidates at `indices` as known from now on (or as certain as `own`, see
-    /// [`Candidates::for_residual`]). O(N²) each.
+    /// Conditions on f at the candidates at `indices`. For [`Candidates::for_residual`], their variance becomes that of
+    /// `own` instead of 0. O(N²) each.
     pub fn condition_on(&mut self, indices: &[usize]) {
         let mut pivot_column = vec![0.0; self.len()];
         for &pivot in indices {
@@ -169,37 +174,39 @@ impl Candidates {
         }
     }
 
-    /// The `points` candidates with the smallest tr K̃ (the paper's *good* points): exact for one and two, beyond that
-    /// greedy, then exchanged until no single swap helps. O(N²) for one point, O(N³) for two; beyond, the same and
-    /// O(N·points²·log points) a round of exchange.
+    /// Returns the `points` candidates with the smallest tr K̃ (the paper's *good* points).
+    ///
+    /// The choice is exact for one and two points. More points are chosen greedily and then exchanged until no single swap
+    /// reduces the trace. O(N²) for one point, O(N³) for two. More points cost O(N³), plus O(N·points²·log points) for each
+    /// round of exchange.
     pub fn minimise_trace(&self, points: usize) -> Selection {
         self.choose(points, Aim::Small)
     }
 
-    /// The `points` candidates with the largest tr K̃ (the paper's *bad* points), found as in
+    /// Returns the `points` candidates with the largest tr K̃ (the paper's *bad* points). The search is that of
     /// [`Candidates::minimise_trace`].
     pub fn maximise_trace(&self, points: usize) -> Selection {
         self.choose(points, Aim::Large)
     }
 
-    /// `points` distinct candidates, uniformly. O(N·points²).
+    /// Returns `points` distinct candidates, drawn uniformly. O(N·points²).
     pub fn random<R: Rng + ?Sized>(&self, points: usize, rng: &mut R) -> Selection {
         let mut order: Vec<usize> = (0..self.len()).collect();
-        let mut left = Remainder::new(&self.gram);
+        let mut remaining = Remainder::new(&self.gram);
         let mut indices = Vec::with_capacity(points.min(self.len()));
         while indices.len() < points && !order.is_empty() {
             let candidate = order.swap_remove(rng.random_range(0..order.len()));
-            let variance = left.variance()[candidate];
+            let variance = remaining.variance()[candidate];
             if self.is_distinct(candidate, variance) {
-                left.take(candidate, self.share_gone(candidate, variance));
+                remaining.take(candidate, self.share_gone(candidate, variance));
                 indices.push(candidate);
             }
         }
-        Selection { indices, trace: left.trace() }
+        Selection { indices, trace: remaining.trace() }
     }
 
-    /// The `points` candidates that greedy choice takes, one after the other; their prefixes are the choices of fewer
-    /// points. O(N²·points), or O(N³ + N·points²) where that is less.
+    /// Returns the `points` candidates of the greedy choice, in the order of choice. Prefixes of the result are the greedy
+    /// choices of fewer points. O(N²·points), or O(N³ + N·points²) if that is less.
     pub fn greedy(&self, points: usize) -> Selection {
         self.greedy_towards(points, Aim::Small)
     }
@@ -214,61 +221,63 @@ impl Candidates {
     }
 
     fn greedy_towards(&self, points: usize, aim: Aim) -> Selection {
-        // K² is as dear as some N/16 products of K and a vector.
+        // K² costs about N/16 products of K and a vector.
         let squared = (points.saturating_mul(16) > self.len()).then(|| self.squared());
         self.greedy_from(Reductions::new(&self.gram, squared.as_ref()), points, aim)
     }
 
-    fn greedy_from(&self, mut left: Reductions<'_>, points: usize, aim: Aim) -> Selection {
+    fn greedy_from(&self, mut remaining: Reductions<'_>, points: usize, aim: Aim) -> Selection {
         let mut indices = Vec::with_capacity(points.min(self.len()));
         while indices.len() < points {
-            let Some((candidate, _)) = self.best(&left, aim) else { break };
-            self.take(&mut left, candidate, DISTINCT_SHARE);
+            let Some((candidate, _)) = self.best(&remaining, aim) else { break };
+            self.take(&mut remaining, candidate, DISTINCT_SHARE);
             indices.push(candidate);
         }
-        Selection { indices, trace: left.trace() }
+        Selection { indices, trace: remaining.trace() }
     }
 
-    /// Greedily, then exchanged one at a time by the best for its place, until nothing changes.
+    /// Chooses greedily, then replaces one point at a time by the best point for its place, until nothing changes.
     fn exchanged(&self, points: usize, aim: Aim) -> Selection {
         let squared = self.squared();
-        let mut left = Reductions::new(&self.gram, Some(&squared));
-        let mut selection = self.greedy_from(left.clone(), points, aim);
+        let mut remaining = Reductions::new(&self.gram, Some(&squared));
+        let mut selection = self.greedy_from(remaining.clone(), points, aim);
         let places = selection.indices.len();
-        while self.exchange(&mut left, &mut selection, 0..places, aim) {}
+        while self.exchange(&mut remaining, &mut selection, 0..places, aim) {}
         selection
     }
 
-    /// One look at each of these places of a selection, in order, where `left` knows all points at the others; whether
-    /// anything changed. By halves, so that a round takes O(points · log points) points instead of their square.
+    /// Tries an exchange at each of the given places of a selection, in order. Returns whether anything changed. `remaining` must
+    /// be conditioned on the points at all other places.
+    ///
+    /// The places are halved recursively. A round then conditions on O(points · log points) points instead of O(points²).
     fn exchange(
         &self,
-        left: &mut Reductions<'_>,
+        remaining: &mut Reductions<'_>,
         selection: &mut Selection,
         places: std::ops::Range<usize>,
         aim: Aim,
     ) -> bool {
         match places.len() {
             0 => return false,
-            1 => return self.exchange_one(left, selection, places.start, aim),
+            1 => return self.exchange_one(remaining, selection, places.start, aim),
             _ => {}
         }
         let middle = places.start.midpoint(places.end);
-        let (first, second, mark) = (places.start..middle, middle..places.end, left.mark());
-        // A swap may have brought two of them close; they are chosen all the same.
-        second.clone().for_each(|place| self.take(left, selection.indices[place], ROUNDING_SHARE));
-        let in_first = self.exchange(left, selection, first.clone(), aim);
-        left.back_to(&mark);
-        first.for_each(|place| self.take(left, selection.indices[place], ROUNDING_SHARE));
-        let in_second = self.exchange(left, selection, second, aim);
-        left.back_to(&mark);
+        let (first, second, mark) = (places.start..middle, middle..places.end, remaining.mark());
+        // An exchange may have brought two points close to each other. Such points still count as chosen.
+        second.clone().for_each(|place| self.take(remaining, selection.indices[place], ROUNDING_SHARE));
+        let in_first = self.exchange(remaining, selection, first.clone(), aim);
+        remaining.back_to(&mark);
+        first.for_each(|place| self.take(remaining, selection.indices[place], ROUNDING_SHARE));
+        let in_second = self.exchange(remaining, selection, second, aim);
+        remaining.back_to(&mark);
         in_first || in_second
     }
 
-    /// The best point for one place, if it is better than what is there.
-    fn exchange_one(&self, left: &Reductions<'_>, selection: &mut Selection, place: usize, aim: Aim) -> bool {
-        let Some((candidate, reduction)) = self.best(left, aim) else { return false };
-        let trace = left.trace() - reduction;
+    /// Replaces the point at one place by the best point, if that is better. Returns whether it was.
+    fn exchange_one(&self, remaining: &Reductions<'_>, selection: &mut Selection, place: usize, aim: Aim) -> bool {
+        let Some((candidate, reduction)) = self.best(remaining, aim) else { return false };
+        let trace = remaining.trace() - reduction;
         let tolerance = 1e-12 * self.trace();
         let better = match aim {
             Aim::Small => trace < selection.trace - tolerance,
@@ -281,35 +290,35 @@ impl Candidates {
         better
     }
 
-    /// Takes a candidate that keeps at least `share_min` of its prior variance.
-    fn take(&self, left: &mut Reductions<'_>, candidate: usize, share_min: f64) {
-        let variance = left.variance()[candidate];
+    /// Conditions on a candidate if it keeps at least `share_min` of its prior variance.
+    fn take(&self, remaining: &mut Reductions<'_>, candidate: usize, share_min: f64) {
+        let variance = remaining.variance()[candidate];
         if variance >= share_min * self.variance[candidate] {
-            left.take(candidate, self.share_gone(candidate, variance));
+            remaining.take(candidate, self.share_gone(candidate, variance));
         }
     }
 
-    /// The best single candidate and by how much it reduces the trace: Σ_n k(x_n, z)²/k(z, z).
-    fn best(&self, left: &Reductions<'_>, aim: Aim) -> Option<(usize, f64)> {
-        let reductions = left
+    /// Returns the best single candidate and its reduction of the trace, Σ_n k(x_n, z)²/k(z, z).
+    fn best(&self, remaining: &Reductions<'_>, aim: Aim) -> Option<(usize, f64)> {
+        let reductions = remaining
             .variance()
             .iter()
             .enumerate()
             .filter(|&(candidate, &variance)| self.is_distinct(candidate, variance))
             .map(|(candidate, &variance)| {
-                (candidate, left.reduction(candidate) * self.share_gone(candidate, variance))
+                (candidate, remaining.reduction(candidate) * self.share_gone(candidate, variance))
             });
         best_of(reductions.filter(|&(_, reduction)| reduction > 0.0), aim)
     }
 
-    /// C = K².
+    /// Returns C = K².
     fn squared(&self) -> Matrix {
         let mut squared = Matrix::zeros(self.len(), self.len());
         add_symmetric_product(1.0, self.gram.view(), &mut squared);
         squared
     }
 
-    /// The best pair, over all of them, from one symmetric product C = K².
+    /// Returns the best of all pairs, from one symmetric product C = K².
     fn best_pair(&self, aim: Aim) -> Option<Selection> {
         let squared = self.squared();
         let (variance, explained) = (self.gram.diagonal(), squared.diagonal());
@@ -333,22 +342,22 @@ impl Candidates {
         best.map(|((i, j), most)| Selection { indices: vec![i, j], trace: self.trace() - sign * most })
     }
 
-    /// The share of a candidate's conditional variance that goes once it is chosen.
+    /// Returns the share of a candidate's conditional variance that its choice removes.
     fn share_gone(&self, candidate: usize, conditional_variance: f64) -> f64 {
         (1.0 - self.floor[candidate] / conditional_variance).max(0.0)
     }
 
-    /// Whether a candidate of this conditional variance is not one of the known points.
+    /// Returns whether a candidate of this conditional variance is distinct from the known points.
     fn is_distinct(&self, candidate: usize, conditional_variance: f64) -> bool {
         conditional_variance >= DISTINCT_SHARE * self.variance[candidate]
     }
 }
 
-/// By how much each pair {i, j} with one j lowers the trace, times a sign:
-/// [C_ii k_jj + C_jj k_ii − 2 k_ij C_ij] / (k_ii k_jj − k_ij²); −∞ where one of them tells the other.
+/// The reduction of the trace by each pair {i, j} with one j, times a sign:
+/// [C_ii k_jj + C_jj k_ii − 2 k_ij C_ij] / (k_ii k_jj − k_ij²). It is −∞ if the points are not distinct.
 struct Pairs<'a> {
     sign: f64,
-    /// k_jj, C_jj, and the least variance that j must keep.
+    /// k_jj, C_jj, and the smallest variance that j must keep.
     second: [f64; 3],
     /// k_ij and C_ij for every i.
     between: [&'a [f64]; 2],
@@ -358,7 +367,7 @@ struct Pairs<'a> {
 }
 
 impl Wide for Pairs<'_> {
-    /// The largest of them.
+    /// The largest of the reductions.
     type Output = f64;
 
     #[inline(always)]
@@ -388,7 +397,7 @@ impl Wide for Pairs<'_> {
     }
 }
 
-/// The choice whose reduction of the trace suits the aim best; the first of equals.
+/// Returns the best choice for the aim by its reduction of the trace; the first of equals.
 fn best_of<T: Copy>(reductions: impl Iterator<Item = (T, f64)>, aim: Aim) -> Option<(T, f64)> {
     reductions.reduce(|best, next| {
         let better = match aim {

@@ -1,5 +1,5 @@
-//! How far a sparse posterior is from the full one: bounds on the log evidence given ω, and the KL certificate (section
-//! 4 of [`crate::method`]).
+//! Distance of a sparse posterior from the full posterior: bounds on the log evidence given ω, and the KL certificate
+//! (section 4 of [`crate::method`]).
 
 use crate::cross::{Cross, Sums, condense, residual};
 use crate::error::{Result, finite};
@@ -8,15 +8,15 @@ use crate::linalg::{Cholesky, Matrix, fill_scaled, squared_norm};
 use crate::prior::Prior;
 use crate::sites::Sites;
 
-/// Bounds on KL\[sparse posterior ‖ full posterior\] given ω: how much a few inducing points leave out. No N×N matrix
-/// is formed.
+/// Bounds on KL\[sparse posterior ‖ full posterior\] given ω: the information that a few inducing points omit. No N×N
+/// matrix is formed.
 ///
 /// KL ≤ `gap` ≤ `closed_form`, and KL ≤ `gap` ≤ `paper_closed_form`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Certificate {
-    /// tr K̃: the prior variance at the events that the inducing points leave unexplained. What the selection policy
-    /// minimises.
+    /// tr K̃: the prior variance at the events that the inducing points leave unexplained. The selection policies minimise
+    /// it.
     pub trace: f64,
     /// Lower bound on log p(y | ω), up to a constant that all bounds share.
     pub lower: f64,
@@ -24,21 +24,21 @@ pub struct Certificate {
     pub upper: f64,
     /// `upper` − `lower`: the certificate, in nats.
     pub gap: f64,
-    /// ½ p λ + ½ p λ² ‖c‖² / (1 + p λ), p = tr K̃, λ = max ω: vanishes with the trace.
+    /// ½ p λ + ½ p λ² ‖c‖² / (1 + p λ), with p = tr K̃ and λ = max ω. It vanishes with the trace.
     pub closed_form: f64,
-    /// The paper's closed form ½ p λ + ½ ‖κ̃‖² / min ω, which does not.
+    /// The paper's closed form ½ p λ + ½ ‖κ̃‖² / min ω. It does not vanish with the trace.
     pub paper_closed_form: f64,
-    /// What was added to the diagonal of K_MM to factorise it (0 in the ordinary case).
+    /// Jitter that was added to the diagonal of K_MM to factorise it (ordinarily 0).
     pub jitter: f64,
 }
 
 impl Certificate {
-    /// The certificate of summarising `sites` by `inducing_points`. O(NM²).
+    /// Computes the certificate for summarising `sites` by `inducing_points`. O(NM²).
     ///
     /// # Errors
-    /// [`crate::Error::NotPositiveDefinite`] when inducing points coincide too closely for any small jitter,
-    /// [`crate::Error::BadColumn`] when the prior needs columns that inputs do not have, [`crate::Error::NotFinite`]
-    /// when numbers near the end of the range overflow.
+    /// * [`crate::Error::NotPositiveDefinite`] if inducing points coincide too closely for any small jitter.
+    /// * [`crate::Error::BadColumn`] if the prior needs columns that inputs do not have.
+    /// * [`crate::Error::NotFinite`] if numbers near the end of the floating-point range overflow.
     pub fn new(prior: &Prior, sites: &Sites, inducing_points: &Inputs) -> Result<Self> {
         let points = Cholesky::with_jitter("K_MM", &prior.kernel().gram(inducing_points)?)?;
         let cross = Cross::new(prior.kernel(), inducing_points, sites.inputs())?.kept()?;
@@ -66,22 +66,22 @@ impl Certificate {
         Ok(Self { trace, lower, upper, gap: (upper - lower).max(0.0), closed_form, paper_closed_form, jitter })
     }
 
-    /// The divergence itself, which the bounds are about, in nats, from the [`log_evidence`] of the same sites: that
-    /// minus `lower`.
+    /// Returns the bounded divergence itself, in nats: the [`log_evidence`] of the same sites minus `lower`.
     pub fn divergence(&self, log_evidence: f64) -> f64 {
-        // Where the points explain everything the difference is rounding, of either sign.
+        // If the points explain everything, the difference is a rounding error of either sign.
         (log_evidence - self.lower).max(0.0)
     }
 }
 
-/// ½ ln|A| for A = Ω⁻¹ + Q, and cᵀ(A + pI)⁻¹c for p = `slack`, both by Woodbury in O(NM²).
+/// Returns ½ ln|A| for A = Ω⁻¹ + Q, and cᵀ(A + pI)⁻¹c for p = `slack`. Both use Woodbury's formula and cost O(NM²). The
+/// first result is meaningful only if p = 0.
 fn gaussian_terms(
     (cross, points): (&Cross<'_>, &Cholesky),
     omega: &[f64],
     shift: &[f64],
     slack: f64,
 ) -> Result<(f64, f64)> {
-    // Ω_p = (Ω⁻¹ + pI)⁻¹ and Ω_p c, written so that p = 0 changes nothing.
+    // Ω_p = (Ω⁻¹ + pI)⁻¹ and Ω_p c, in a form that is exact for p = 0.
     let damped: Vec<f64> = omega.iter().map(|omega| omega / (1.0 + slack * omega)).collect();
     let target: Vec<f64> = shift.iter().zip(omega).map(|(shift, omega)| shift / (1.0 + slack * omega)).collect();
     let Sums { mut precision, shift: mut explained } = condense(cross, points, &damped, &target)?;
@@ -93,11 +93,11 @@ fn gaussian_terms(
     Ok((0.5 * (cholesky.log_determinant() - log_omega), whole - squared_norm(&explained)))
 }
 
-/// log p(y | ω) up to the constant that [`Certificate`] leaves out too: −½ ln|Ω⁻¹ + K| − ½ cᵀ(Ω⁻¹ + K)⁻¹c. O(N³).
+/// Returns log p(y | ω) = −½ ln|Ω⁻¹ + K| − ½ cᵀ(Ω⁻¹ + K)⁻¹c, up to the constant that [`Certificate`] omits, too. O(N³).
 ///
 /// # Errors
-/// [`crate::Error::BadColumn`] when the prior needs columns that the inputs do not have, [`crate::Error::NotFinite`]
-/// when numbers near the end of the range overflow.
+/// [`crate::Error::BadColumn`] if the prior needs columns that the inputs do not have, [`crate::Error::NotFinite`]
+/// if numbers near the end of the floating-point range overflow.
 pub fn log_evidence(prior: &Prior, sites: &Sites) -> Result<f64> {
     let gram = prior.kernel().gram(sites.inputs())?;
     let roots: Vec<f64> = sites.omega().iter().map(|omega| omega.sqrt()).collect();

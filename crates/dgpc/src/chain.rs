@@ -1,11 +1,13 @@
-//! How much a Markov chain's draws are worth (Geyer 1992).
+//! Effective sample size of a Markov chain (Geyer 1992).
 
-/// How many independent draws would estimate the mean as well as these draws of a chain do: n / (1 + 2 Σ ρ_t), the sum
-/// over the autocorrelations ρ_t up to where sums of neighbouring pairs stop being positive, made to fall
-/// monotonically. At most n·log₁₀ n; n for draws that are all alike and for fewer than four. O(n²) at worst.
+/// Returns the number of independent draws that would estimate the mean as well as these draws of a chain do.
+///
+/// The estimate is n / (1 + 2 Σ ρ_t) with the autocorrelations ρ_t (Geyer's initial monotone sequence). The sum ends where
+/// the sum of a pair of neighbours is no longer positive, and the sums of pairs are made to decrease monotonically. The
+/// result is at most n·log₁₀ n. It is n for draws that are all equal, and for fewer than four draws. O(n²) at worst.
 ///
 /// ```
-/// // Every value repeated four times is worth a quarter as much.
+/// // When every value is repeated four times, the effective sample size is about a quarter.
 /// let independent = [0.3, -1.2, 0.8, 0.1, -0.4, 1.5, -0.9, 0.6, -0.2, -0.7, 1.1, -1.4, 0.9, 0.2, -0.6, 0.5];
 /// let repeated: Vec<f64> = independent.iter().flat_map(|&x| [x; 4]).collect();
 /// let share = dgpc::effective_sample_size(&repeated) / 64.0;
@@ -32,7 +34,7 @@ pub fn effective_sample_size(draws: &[f64]) -> f64 {
         previous = pair.min(previous);
         sum_of_pairs += previous;
     }
-    // ρ₀ + ρ₁ + … counts ρ₀ = 1 once more than 1 + 2 Σ ρ_t needs.
+    // 2(ρ₀ + ρ₁ + …) − 1 = 1 + 2 Σ ρ_t, because ρ₀ = 1.
     count / (2.0 * sum_of_pairs - 1.0).max(1.0 / count.log10())
 }
 
@@ -44,7 +46,7 @@ mod tests {
 
     use super::*;
 
-    /// An autoregressive chain with this correlation between neighbours.
+    /// Simulates an autoregressive chain with the given correlation between neighbours.
     fn chain(correlation: f64, count: usize, seed: u64) -> Vec<f64> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut state: f64 = rng.sample(StandardNormal);
@@ -57,11 +59,11 @@ mod tests {
     }
 
     #[test]
-    fn an_autoregressive_chain_is_worth_what_theory_says() {
+    fn the_effective_sample_size_of_an_autoregressive_chain_agrees_with_theory() {
         for correlation in [-0.5, 0.0, 0.5, 0.9] {
             let count = 40_000;
             let expected = count as f64 * (1.0 - correlation) / (1.0 + correlation);
-            // The mean of the chain has variance 1/ESS; the estimate of it is good to a tenth at this length.
+            // The mean of the chain has variance 1/ESS. At this length, ESS is estimated with an error below 10 %.
             let found: Vec<f64> = (0..8).map(|seed| effective_sample_size(&chain(correlation, count, seed))).collect();
             let mean = found.iter().sum::<f64>() / 8.0;
             let expected = expected.min(count as f64 * (count as f64).log10());
@@ -70,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn chains_that_do_not_move_and_short_ones_do_not_divide_by_zero() {
+    fn constant_chains_and_short_chains_do_not_divide_by_zero() {
         assert_eq!(effective_sample_size(&[]), 0.0);
         assert_eq!(effective_sample_size(&[2.0]), 1.0);
         assert_eq!(effective_sample_size(&[2.0; 50]), 50.0);

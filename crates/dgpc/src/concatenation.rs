@@ -1,4 +1,4 @@
-//! The paper's way to put summaries together (section 6 of [`crate::method`]).
+//! Concatenation, the paper's fusion of summaries (section 6 of [`crate::method`]).
 
 use crate::error::{Error, Result};
 use crate::inputs::Inputs;
@@ -7,16 +7,16 @@ use crate::linalg::{Cholesky, Matrix, dot, product, squared_norm};
 use crate::prior::Prior;
 use crate::summary::Summary;
 
-/// Concatenation: the means and covariances of several summaries stacked, block by block.
+/// A concatenation of summaries: their means and covariances stacked, block by block.
 ///
-/// Right only where the summaries' regions do not overlap, because each of them counts the prior once more; what
-/// vehicles use is [`crate::Posterior`]. It predicts, and takes nothing in.
+/// Concatenation counts the prior once per summary. It is correct only if the summaries' regions do not overlap. It
+/// predicts, but cannot absorb further events or summaries. Vehicles use [`crate::Posterior`] instead.
 #[derive(Debug, Clone)]
 pub struct Concatenation {
     prior: Prior,
     /// The inducing points of all summaries, M.
     support: Inputs,
-    /// Of K_MM.
+    /// Cholesky factor of K_MM.
     gram: Cholesky,
     /// The stacked means about μ₀, whitened with the whole K_MM.
     weights: Vec<f64>,
@@ -26,12 +26,12 @@ pub struct Concatenation {
 }
 
 impl Concatenation {
-    /// Stacks summaries. O(M³) for M inducing points in all.
+    /// Stacks summaries. O(M³) for M inducing points in total.
     ///
     /// # Errors
-    /// [`Error::DifferentPriors`] when a summary was formed under another prior, [`Error::SizeMismatch`] when their
-    /// dimensions differ, [`Error::NotPositiveDefinite`] when the inducing points of all summaries together coincide
-    /// too closely for any small jitter.
+    /// * [`Error::DifferentPriors`] if a summary was formed under another prior.
+    /// * [`Error::SizeMismatch`] if the dimensions of the summaries differ.
+    /// * [`Error::NotPositiveDefinite`] if inducing points coincide too closely for any small jitter.
     pub fn new(prior: &Prior, summaries: &[&Summary]) -> Result<Self> {
         let dimension = summaries.first().map_or(prior.dimension_min(), |first| first.inducing_points().dimension());
         let mut support = Inputs::empty(dimension);
@@ -61,17 +61,17 @@ impl Concatenation {
         Ok(Self { prior: prior.clone(), support, gram, weights, covariance, jitter })
     }
 
-    /// The largest jitter that any factorisation behind it needed (0 in the ordinary case).
+    /// Returns the largest jitter of all factorisations behind the concatenation (ordinarily 0).
     pub fn jitter(&self) -> f64 {
         self.jitter
     }
 
-    /// Latent mean and variance at every point: with t the whitened k(Z, x), k(x, x) − tᵀt + tᵀCt. O(M²) a point, in
-    /// blocks.
+    /// Returns the latent mean and variance at every point. With t the whitened k(Z, x) and C the whitened stacked
+    /// covariance, the variance is k(x, x) − tᵀt + tᵀCt. O(M²) a point, in blocks.
     ///
     /// # Errors
-    /// [`Error::BadColumn`] when the inputs do not fit the prior, [`Error::NotFinite`] when numbers
-    /// near the end of the range overflow.
+    /// [`Error::BadColumn`] if the inputs do not fit the prior, [`Error::NotFinite`] if numbers near the end of the
+    /// floating-point range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
         Latent::in_blocks(&self.prior, inputs, self.support.len().pow(2), |block, mean, variance, ()| {
             let mut features = self.prior.kernel().cross(&self.support, block)?;
@@ -87,7 +87,7 @@ impl Concatenation {
         })
     }
 
-    /// Probability of success at every point. See [`Concatenation::latent`].
+    /// Returns the probability of success at every point. See [`Concatenation::latent`].
     ///
     /// # Errors
     /// As [`Concatenation::latent`].

@@ -1,4 +1,4 @@
-//! How far outcomes that somebody tells contradict what is known without them (section 6 of [`crate::method`]).
+//! Test of reported outcomes against a posterior without them (section 6 of [`crate::method`]).
 
 use std::ops::Range;
 
@@ -8,78 +8,87 @@ use crate::linalg::{Cholesky, Matrix, dot};
 use crate::observations::Observations;
 use crate::parts::stretches;
 use crate::posterior::Posterior;
-use crate::shift::known;
+use crate::shift::determined;
 
-/// No outcome is taken for more certain than this variance says, so that one alone contradicts by 3.2 at most.
+/// Lower bound on the variance of an outcome. With it, one outcome alone contradicts by at most 3.2 standard deviations.
 const OUTCOME_VARIANCE_MIN: f64 = 0.1;
 
-/// So often outcomes are halved, in their order, to look at each part by itself, as long as so many are in it.
+/// Number of times that the outcomes are halved, in their order, to test each part separately.
 const HALVINGS: u32 = 3;
+/// Smallest number of outcomes in a part.
 const PART_MIN: usize = 16;
 
 impl Posterior {
-    /// How far outcomes that this posterior does not hold contradict it, in standard deviations, as those of somebody would who
-    /// tells failures alone, successes alone, or the opposite of what happened; the largest of the three, of all outcomes
-    /// and of each half, quarter and eighth of them in their order that has 16, and 0 where they lie the other way. Looks only where
-    /// this posterior explains at least half of the prior variance, of f or of how it lies about its mean over all of them: that
-    /// a prior was wrong is no contradiction. An offset of f, common to all of them and normal with mean 0 and standard deviation
-    /// `offset_sd`, is none either.
+    /// Returns how strongly reported outcomes contradict this posterior, in standard deviations. The posterior must not hold
+    /// these outcomes.
     ///
-    /// With p the expected outcomes and Σ the covariance that outcomes y have about them, this is aᵀΣ⁻¹(y − p)/√(aᵀΣ⁻¹a) for a = −p,
-    /// 1 − p, and 1 − 2p, of mean 0 and variance 1 each where the outcomes follow this posterior. It grows with √N where they do not.
-    /// O(N n² + N² n + N³).
+    /// Three alternatives are tested: a reporter of failures alone, of successes alone, and of the opposite of each
+    /// outcome. Each is tested on all outcomes, and on halves, quarters and eighths, in order, of at least 16 outcomes. The
+    /// result is the largest statistic, or 0 if all are negative.
+    ///
+    /// Only determined inputs count. There, this posterior explains at least half of the prior variance of f, or of the
+    /// deviation of f from its mean. Elsewhere the result would only show that the prior was wrong. An offset of f that all
+    /// outcomes share, normal with mean 0 and standard deviation `offset_sd`, is not a contradiction either.
+    ///
+    /// Let p be the expected outcomes and Σ the covariance of the outcomes y about p. The statistic is
+    /// aᵀΣ⁻¹(y − p)/√(aᵀΣ⁻¹a) for a = −p, 1 − p and 1 − 2p. It has mean 0 and variance 1 if the outcomes follow this
+    /// posterior. Otherwise it grows with √N. O(N n² + N² n + N³).
     ///
     /// # Errors
     /// As [`Posterior::joint`].
-    pub fn contradiction(&self, told: &Observations, offset_sd: f64) -> Result<f64> {
-        let (mean, covariance) = self.joint(told.inputs())?;
-        let known = known(&covariance, &self.prior().kernel().gram(told.inputs())?);
-        if known.is_empty() {
+    pub fn contradiction(&self, reported: &Observations, offset_sd: f64) -> Result<f64> {
+        let (mean, covariance) = self.joint(reported.inputs())?;
+        let determined = determined(&covariance, &self.prior().kernel().gram(reported.inputs())?);
+        if determined.is_empty() {
             return Ok(0.0);
         }
-        let mean: Vec<f64> = known.iter().map(|&n| mean[n]).collect();
-        let covariance =
-            Matrix::from_fn(known.len(), known.len(), |row, column| covariance.column(known[column])[known[row]]);
-        let told = Told::new(&told.select(&known), &mean, covariance, offset_sd);
+        let mean: Vec<f64> = determined.iter().map(|&n| mean[n]).collect();
+        let covariance = Matrix::from_fn(determined.len(), determined.len(), |row, column| {
+            covariance.column(determined[column])[determined[row]]
+        });
+        let reported = ReportedOutcomes::new(&reported.select(&determined), &mean, covariance, offset_sd);
         let mut largest: f64 = 0.0;
-        let lengths = (1..=HALVINGS).map(|halvings| known.len().div_ceil(1 << halvings));
-        for length in std::iter::once(known.len()).chain(lengths.take_while(|&length| length >= PART_MIN)) {
-            for part in stretches(0..known.len(), length) {
-                largest = largest.max(told.contradiction(part)?);
+        let lengths = (1..=HALVINGS).map(|halvings| determined.len().div_ceil(1 << halvings));
+        for length in std::iter::once(determined.len()).chain(lengths.take_while(|&length| length >= PART_MIN)) {
+            for part in stretches(0..determined.len(), length) {
+                largest = largest.max(reported.contradiction(part)?);
             }
         }
         Ok(largest)
     }
 }
 
-/// Outcomes, and what is expected of them.
-struct Told {
+/// Reported outcomes and their expectations.
+struct ReportedOutcomes {
     expected: Vec<f64>,
-    /// Outcomes less what is expected.
+    /// Outcomes minus their expectations.
     residual: Vec<f64>,
-    /// Standard deviation of an outcome given f.
+    /// Standard deviation of each outcome given f.
     scatter_sd: Vec<f64>,
-    /// How an outcome grows with f, in these.
+    /// Derivative of each expected outcome by the mean of f, in units of `scatter_sd`.
     slope: Vec<f64>,
-    /// Of f, without the offset.
+    /// Covariance of f without the offset.
     covariance: Matrix,
     offset_sd: f64,
 }
 
-impl Told {
-    fn new(told: &Observations, mean: &[f64], covariance: Matrix, offset_sd: f64) -> Self {
+impl ReportedOutcomes {
+    fn new(reported: &Observations, mean: &[f64], covariance: Matrix, offset_sd: f64) -> Self {
         let moments = || mean.iter().zip(covariance.diagonal());
         let expected: Vec<f64> = moments().map(|(&mean, variance)| success_probability(mean, variance)).collect();
-        let residual = told.outcomes().iter().zip(&expected).map(|(&told, p)| f64::from(u8::from(told)) - p).collect();
-        // Given f an outcome varies by σ(f)(1 − σ(f)), whose mean is the slope of p in the mean of f.
+        let residual =
+            reported.outcomes().iter().zip(&expected).map(|(&reported, p)| f64::from(u8::from(reported)) - p).collect();
+        // Given f an outcome has the variance σ(f)(1 − σ(f)). Its mean is the derivative of p by the mean of f.
         let slope: Vec<f64> = moments().map(|(&mean, variance)| success_slope(mean, variance)).collect();
-        let scatter = slope.iter().zip(told.weights()).map(|(slope, weight)| slope.max(OUTCOME_VARIANCE_MIN) / weight);
+        let scatter =
+            slope.iter().zip(reported.weights()).map(|(slope, weight)| slope.max(OUTCOME_VARIANCE_MIN) / weight);
         let scatter_sd: Vec<f64> = scatter.map(f64::sqrt).collect();
         let slope = slope.iter().zip(&scatter_sd).map(|(slope, sd)| slope / sd).collect();
         Self { expected, residual, scatter_sd, slope, covariance, offset_sd }
     }
 
-    /// That of a part of them: with Σ = D½(I + WCW)D½, D the scatter and W = D^−½ times the slopes.
+    /// Returns the largest of the three statistics of a part. Σ = D½(I + WCW)D½, with D the variances given f and W = D^−½
+    /// times the slopes.
     fn contradiction(&self, part: Range<usize>) -> Result<f64> {
         let mut middle = Matrix::from_fn(part.len(), part.len(), |row, column| {
             let (row, column) = (part.start + row, part.start + column);
@@ -94,8 +103,8 @@ impl Told {
             values
         };
         let residual = whitened(&|n| self.residual[n]);
-        let along = |as_told: &dyn Fn(f64) -> f64| {
-            let direction = whitened(&|n| as_told(self.expected[n]));
+        let along = |alternative: &dyn Fn(f64) -> f64| {
+            let direction = whitened(&|n| alternative(self.expected[n]));
             dot(&direction, &residual) / dot(&direction, &direction).sqrt().max(f64::MIN_POSITIVE)
         };
         Ok(along(&|p| -p).max(along(&|p| 1.0 - p)).max(along(&|p| 1.0 - 2.0 * p)))

@@ -1,4 +1,4 @@
-//! Covariances of events with inducing points, and sums over them, block by block. Events lie in rows.
+//! Covariances of events with inducing points, and sums over the events, block by block. Each event is a row.
 
 use std::ops::Range;
 
@@ -10,20 +10,20 @@ use crate::linalg::{
 };
 use crate::parts::{BLOCK, blocks, on_parts, parts};
 
-/// So many covariances are kept, 59 MB of them; what is beyond is worked out anew whenever it is asked for.
+/// Largest number of covariances that are kept in memory, 59 MB. Further covariances are computed each time they are needed.
 const KEPT_MAX: usize = 7 << 20;
 
-/// K_NM of N events against M inducing points.
+/// The covariances K_NM of N events with M inducing points.
 pub(crate) struct Cross<'a> {
     kernel: &'a Kernel,
     points: &'a Inputs,
     inputs: &'a Inputs,
-    /// The first blocks.
+    /// The first blocks of K_NM.
     kept: Vec<Matrix>,
 }
 
 impl<'a> Cross<'a> {
-    /// Nothing kept. What is asked for once is asked for here.
+    /// Creates the covariances without keeping any of them. This suits callers that need each covariance once.
     ///
     /// # Errors
     /// [`crate::Error::BadColumn`].
@@ -33,7 +33,7 @@ impl<'a> Cross<'a> {
         Ok(Self { kernel, points, inputs, kept: Vec::new() })
     }
 
-    /// The same with as much kept as is worth it. O(NMd), 59 MB of memory at most.
+    /// Computes and keeps the first covariances, at most 59 MB of them. O(NMd).
     pub(crate) fn kept(self) -> Result<Self> {
         let blocks_max = KEPT_MAX / (BLOCK * self.points.len()).max(1);
         let whole = blocks(0..self.inputs.len()).take(blocks_max).collect();
@@ -53,23 +53,23 @@ impl<'a> Cross<'a> {
         Ok(())
     }
 
-    /// The events.
+    /// Returns the inputs of the events.
     pub(crate) fn inputs(&self) -> &'a Inputs {
         self.inputs
     }
 
-    /// In how many parts a sum over the events is worth doing.
+    /// Splits the events into the parts over which sums are computed.
     pub(crate) fn parts(&self) -> Vec<Range<usize>> {
         parts(self.inputs.len(), self.points.len() * self.points.len())
     }
 }
 
-/// ΦᵀΩΦ and Φᵀκ̃ over some of the events, for features Φ of M columns.
+/// The sums ΦᵀΩΦ and Φᵀκ̃ over some of the events, for features Φ of M columns.
 #[derive(Clone)]
 pub(crate) struct Sums {
-    /// M×M; of what is added up as yet, the lower triangle alone.
+    /// ΦᵀΩΦ, M×M. Only the lower triangle is valid until the caller mirrors it.
     pub(crate) precision: Matrix,
-    /// M.
+    /// Φᵀκ̃, M.
     pub(crate) shift: Vec<f64>,
 }
 
@@ -78,13 +78,13 @@ impl Sums {
         Self { precision: Matrix::zeros(points, points), shift: vec![0.0; points] }
     }
 
-    /// Adds a block of events by their features, an event a row, and the ω and κ̃ of each, with `room` for as many numbers as the
-    /// features. O(M²) an event.
-    pub(crate) fn add(&mut self, features: &Matrix, omega: &[f64], shift: &[f64], room: &mut Matrix) {
+    /// Adds a block of events with the given features (an event a row), ω and κ̃. The work matrix `scratch` is resized to the
+    /// size of the features. O(M²) an event.
+    pub(crate) fn add(&mut self, features: &Matrix, omega: &[f64], shift: &[f64], scratch: &mut Matrix) {
         add_scaled(1.0, &features.transposed_times(shift), &mut self.shift);
         let roots: Vec<f64> = omega.iter().map(|omega| omega.sqrt()).collect();
-        write_scaled_transpose(features, &roots, room);
-        add_symmetric_product_lower(1.0, room.view(), &mut self.precision);
+        write_scaled_transpose(features, &roots, scratch);
+        add_symmetric_product_lower(1.0, scratch.view(), &mut self.precision);
     }
 
     pub(crate) fn merge(&mut self, other: &Sums) {
@@ -93,13 +93,14 @@ impl Sums {
     }
 }
 
-/// Ĝ = ΦᵀΩΦ and b̂ = Φᵀκ̃ of events with these ω and κ̃, Φ = K_NM L⁻ᵀ. O(NM²) time, O(M²) memory.
+/// Returns Ĝ = ΦᵀΩΦ and b̂ = Φᵀκ̃ of events with the given ω and κ̃, Φ = K_NM L⁻ᵀ. O(NM²) time, O(M²) memory.
 pub(crate) fn condense(cross: &Cross<'_>, cholesky: &Cholesky, omega: &[f64], shift: &[f64]) -> Result<Sums> {
     let of_part = |part| -> Result<Sums> {
-        let (mut sums, mut features, mut room) = (Sums::zeros(cholesky.size()), Matrix::default(), Matrix::default());
+        let (mut sums, mut features, mut scratch) =
+            (Sums::zeros(cholesky.size()), Matrix::default(), Matrix::default());
         for block in blocks(part) {
             cross.write_features(block.clone(), cholesky, &mut features)?;
-            sums.add(&features, &omega[block.clone()], &shift[block], &mut room);
+            sums.add(&features, &omega[block.clone()], &shift[block], &mut scratch);
         }
         Ok(sums)
     };
@@ -111,7 +112,8 @@ pub(crate) fn condense(cross: &Cross<'_>, cholesky: &Cholesky, omega: &[f64], sh
     Ok(total)
 }
 
-/// diag(K_NN − ΦΦᵀ), N, not negative: the prior variance of every event that the inducing points leave unexplained. O(NM²).
+/// Returns diag(K_NN − ΦΦᵀ), N: the prior variance of every event that the inducing points leave unexplained. Values that
+/// rounding made negative become 0. O(NM²).
 pub(crate) fn residual(cross: &Cross<'_>, cholesky: &Cholesky) -> Result<Vec<f64>> {
     let of_part = |part: Range<usize>| -> Result<Vec<f64>> {
         let (mut residual, mut features) = (Vec::with_capacity(part.len()), Matrix::default());
@@ -133,21 +135,21 @@ mod tests {
     use crate::linalg::product;
 
     #[test]
-    fn what_is_kept_and_what_is_worked_out_anew_are_the_same_sums() {
+    fn kept_and_recomputed_covariances_give_the_same_sums() {
         let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, 2.0, 0.7, 1).unwrap()]).unwrap();
         let inputs = Inputs::new((0..700).map(|n| f64::from(n) * 0.01).collect(), 1).unwrap();
         let points = Inputs::new((0..9).map(f64::from).collect(), 1).unwrap();
         let cholesky = Cholesky::new("K_MM", kernel.gram(&points).unwrap()).unwrap();
         let omega: Vec<f64> = (0..700).map(|n| 0.05 + 0.2 * f64::from(n % 7) / 7.0).collect();
         let shift: Vec<f64> = (0..700).map(|n| if n % 3 == 0 { 0.5 } else { -0.5 }).collect();
-        let anew = Cross::new(&kernel, &points, &inputs).unwrap();
+        let recomputed = Cross::new(&kernel, &points, &inputs).unwrap();
         let kept = Cross::new(&kernel, &points, &inputs).unwrap().kept().unwrap();
-        assert_eq!((anew.kept.len(), kept.kept.len()), (0, 3));
-        let [one, other] = [&anew, &kept].map(|cross| condense(cross, &cholesky, &omega, &shift).unwrap());
+        assert_eq!((recomputed.kept.len(), kept.kept.len()), (0, 3));
+        let [one, other] = [&recomputed, &kept].map(|cross| condense(cross, &cholesky, &omega, &shift).unwrap());
         assert_eq!((&one.precision, &one.shift), (&other.precision, &other.shift));
-        assert_eq!(residual(&anew, &cholesky).unwrap(), residual(&kept, &cholesky).unwrap());
+        assert_eq!(residual(&recomputed, &cholesky).unwrap(), residual(&kept, &cholesky).unwrap());
 
-        // By the definition.
+        // The sums by their definition.
         let mut features = kernel.cross(&points, &inputs).unwrap();
         cholesky.solve_lower_matrix(&mut features);
         let expected = features.times(&shift);

@@ -1,18 +1,18 @@
-//! What can go wrong, with the offending values.
+//! Errors, with the offending values.
 
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// Everything that `dgpc` can refuse to do. No function that returns a [`Result`] returns a NaN in it.
+/// The errors of `dgpc`. A function that returns a [`Result`] never returns a NaN in it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A number is NaN or infinite.
     #[error("{what} must be finite, found {value}{place}")]
     NotFinite {
-        /// What the number is, or belongs to.
+        /// Name of the quantity that contains the number.
         what: &'static str,
-        /// Where in it.
+        /// Place of the number in that quantity.
         place: Place,
         /// The number itself.
         value: f64,
@@ -20,65 +20,64 @@ pub enum Error {
     /// A number lies outside its domain.
     #[error("{what} must be {expected}, found {value}")]
     OutOfRange {
-        /// What the number is.
+        /// Name of the quantity.
         what: &'static str,
         /// The domain, in words.
         expected: &'static str,
         /// The number itself.
         value: f64,
     },
-    /// Two things that belong together differ in size.
+    /// Two sizes that must be equal differ.
     #[error("{what}: expected {expected}, found {found}")]
     SizeMismatch {
-        /// Which sizes were compared.
+        /// Description of the compared sizes.
         what: &'static str,
-        /// The size that was needed.
+        /// The required size.
         expected: usize,
-        /// The size that was given.
+        /// The actual size.
         found: usize,
     },
     /// A correlation, reflection or prior mean names a column twice.
     #[error("{what} names column {column} twice")]
     RepeatedColumn {
-        /// Who names the column.
+        /// The object that names the column.
         what: &'static str,
-        /// The column that was named.
+        /// The repeated column.
         column: usize,
     },
-    /// A kernel term or prior mean looks at a column that the inputs do not have.
+    /// A kernel term or prior mean uses a column that the inputs do not have.
     #[error("{what} names column {column}, but the inputs have {columns} columns")]
     BadColumn {
-        /// Who names the column.
+        /// The object that names the column.
         what: &'static str,
-        /// The column that was named.
+        /// The missing column.
         column: usize,
-        /// How many columns there are.
+        /// Number of columns of the inputs.
         columns: usize,
     },
-    /// A name that no kernel shape has.
+    /// No kernel shape has this name.
     #[error("no kernel shape is called {name:?}; expected one of {}", known.join(", "))]
     UnknownShape {
-        /// The name as it was written.
+        /// The name that was given.
         name: String,
-        /// The names that there are.
+        /// The valid names.
         known: Vec<&'static str>,
     },
-    /// What stands after the colon of a kernel shape is no number.
+    /// The parameter of a kernel shape, after the colon, is not a number.
     #[error("the parameter of the kernel shape {shape} must be a number, found {found:?}")]
     BadShapeParameter {
-        /// The shape.
+        /// Name of the shape.
         shape: &'static str,
-        /// What stands there.
+        /// The text after the colon.
         found: String,
     },
-    /// A reflection that does not lead back when it is done twice.
-    #[error("a reflection done twice must lead back, but column {column} does not come back as it was")]
+    /// A reflection is not an involution: applying it twice does not give the identity.
+    #[error("a reflection must be an involution, but applying it twice changes column {column}")]
     NotAnInvolution {
-        /// The first such column.
+        /// The first column that changes.
         column: usize,
     },
-    /// A reflection is not an isometry of its kernel term, so that the reciprocal kernel would not be positive
-    /// definite.
+    /// A reflection is not an isometry of its kernel term. The reciprocal kernel would not be positive definite.
     #[error(
         "a reciprocal kernel needs equal length-scales in columns that its reflection exchanges: column {column} has \
          {length_scale}, column {partner} {}", has(*partner_length_scale)
@@ -86,14 +85,14 @@ pub enum Error {
     NotReciprocal {
         /// A column of the term.
         column: usize,
-        /// The column it is exchanged with.
+        /// The column that the reflection exchanges with `column`.
         partner: usize,
         /// Length-scale of `column`.
         length_scale: f64,
-        /// Length-scale of `partner`; `None` where the correlation does not look at it.
+        /// Length-scale of `partner`; `None` if the correlation does not use that column.
         partner_length_scale: Option<f64>,
     },
-    /// Columns of different length-scale were tied.
+    /// Columns of different length-scales were tied.
     #[error(
         "tied columns need equal length-scales: column {} has {}, column {} has {}",
         columns[0], length_scales[0], columns[1], length_scales[1]
@@ -104,49 +103,49 @@ pub enum Error {
         /// Their length-scales.
         length_scales: [f64; 2],
     },
-    /// A factorisation failed.
+    /// A Cholesky factorisation failed.
     #[error("{what} is not positive definite: pivot {pivot} of {size} failed with {jitter:e} added to the diagonal")]
     NotPositiveDefinite {
-        /// Which matrix.
+        /// Name of the matrix.
         what: &'static str,
         /// Index of the pivot that was not positive.
         pivot: usize,
         /// Order of the matrix.
         size: usize,
-        /// What had been added to the diagonal.
+        /// The jitter on the diagonal.
         jitter: f64,
     },
     /// A matrix that must be positive semi-definite has a clearly negative eigenvalue.
     #[error("{what} must be positive semi-definite, found the eigenvalue {eigenvalue:e}")]
     NegativeEigenvalue {
-        /// Which matrix.
+        /// Name of the matrix.
         what: &'static str,
         /// The smallest eigenvalue.
         eigenvalue: f64,
     },
-    /// The eigenvalues of a matrix could not be computed.
+    /// The computation of a matrix's eigenvalues failed.
     #[error("the eigenvalues of {what}, of order {size}, could not be computed")]
     NoEigenvalues {
-        /// Which matrix.
+        /// Name of the matrix.
         what: &'static str,
-        /// Its order.
+        /// Order of the matrix.
         size: usize,
     },
-    /// A summary was put together with something of another prior.
+    /// A summary was combined with an object that belongs to another prior.
     #[error("{what} belong to different priors; read the summary under the other prior first (Summary::under)")]
     DifferentPriors {
-        /// What was put together.
+        /// The combined objects.
         what: &'static str,
     },
-    /// Summaries about different inducing points were added or subtracted.
-    #[error("summaries can be added or subtracted at the same inducing points only")]
+    /// Summaries with different inducing points were added or subtracted.
+    #[error("summaries can be added or subtracted only if they have the same inducing points")]
     DifferentInducingPoints,
-    /// A search was to start from a prior of another structure than its template.
+    /// The warm start of a search has another structure than its template.
     #[error(
         "template and warm start have different structures: other terms, columns, ties or another kind of prior mean"
     )]
     DifferentStructures,
-    /// Gibbs sampling needs whole event weights, because it draws PG(1, c) once for every unit.
+    /// An event weight is not whole. Gibbs sampling draws PG(1, c) once for every unit of weight.
     #[error("Gibbs sampling needs whole event weights up to 1e6, event {event} has weight {weight}")]
     FractionalWeight {
         /// Index of the event.
@@ -156,18 +155,18 @@ pub enum Error {
     },
 }
 
-/// Where a number stands.
+/// Place of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// It stands alone.
+    /// A scalar.
     Alone,
-    /// In a list, counted from 0.
+    /// An element of a list, counted from 0.
     Element(usize),
-    /// In a table, both counted from 0.
+    /// An entry of a table, both indices counted from 0.
     Entry {
-        /// Its row.
+        /// Row of the entry.
         row: usize,
-        /// Its column.
+        /// Column of the entry.
         column: usize,
     },
 }
@@ -182,7 +181,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// `Ok`, or why not.
+/// A result with the [`Error`] of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
 fn has(length_scale: Option<f64>) -> String {
@@ -203,7 +202,7 @@ pub(crate) fn not_negative(what: &'static str, value: f64) -> Result<f64> {
     in_range(what, value, 0.0..=f64::MAX, "a finite number, at least 0")
 }
 
-/// Checks that `value` is within its range, which `expected` says in words.
+/// Checks that `value` lies in `range`. The error describes the range as `expected`.
 pub(crate) fn in_range(
     what: &'static str,
     value: f64,
@@ -213,7 +212,7 @@ pub(crate) fn in_range(
     if range.contains(&value) { Ok(value) } else { Err(Error::OutOfRange { what, expected, value }) }
 }
 
-/// Checks that `value`, which stands alone, is finite.
+/// Checks that a scalar is finite.
 pub(crate) fn finite(what: &'static str, value: f64) -> Result<f64> {
     if value.is_finite() { Ok(value) } else { Err(Error::NotFinite { what, place: Place::Alone, value }) }
 }

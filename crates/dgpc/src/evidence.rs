@@ -1,5 +1,4 @@
-//! The evidence bound E and its exact gradient by everything that can be learned of a prior (section 7 of
-//! [`crate::method`]).
+//! The evidence bound E and its exact gradient by all learned parameters of a prior (section 7 of [`crate::method`]).
 
 use crate::error::Result;
 use crate::fit::{Fit, FitOptions, solve_with_gradient};
@@ -7,20 +6,20 @@ use crate::likelihood::Likelihood;
 use crate::observations::Observations;
 use crate::prior::Prior;
 
-/// The evidence bound E at one prior, and how it changes with it.
+/// The evidence bound E at one prior, and its gradient by the prior's parameters.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Evidence {
     /// The fit; [`Fit::evidence`] is E.
     pub fit: Fit,
-    /// ∂E/∂θ for every θ of [`Prior::parameter_values`], exact where the fit has reached its fixed point.
+    /// ∂E/∂θ for every θ of [`Prior::parameter_values`]. It is exact if the fit has converged to its fixed point.
     pub gradient: Vec<f64>,
 }
 
-/// The evidence bound of events and of what others said, and its gradient. A message counts with its kernel-free
-/// factor, whatever prior it was formed under, so that E then bounds the log of a marginal likelihood in which the
-/// factors stand for the likelihood of the events behind them. Inducing points stay where they are. As dear as
-/// [`crate::fit`].
+/// Returns the evidence bound of events and of messages from peers, and its gradient. The cost is that of [`crate::fit`].
+///
+/// A message counts with its kernel-free factor, whatever prior it was formed under. E then bounds the log of a marginal
+/// likelihood in which the factors replace the likelihood of the events behind them. Inducing points stay in place.
 ///
 /// # Errors
 /// As [`crate::fit`].

@@ -1,4 +1,4 @@
-//! What a summary says, free of any kernel (section 3 of [`crate::method`]).
+//! Kernel-free factors: summaries that depend on no prior (section 3 of [`crate::method`]).
 
 #[cfg(feature = "serde")]
 use crate::error::Error;
@@ -6,10 +6,10 @@ use crate::error::{Result, all_finite, same_size};
 use crate::inputs::Inputs;
 use crate::linalg::Matrix;
 
-/// A Gaussian factor on f at some points that knows no kernel and no prior mean: exp(−½fᵀPf + ηᵀf).
+/// A Gaussian factor exp(−½fᵀPf + ηᵀf) on f at M points. It depends on no kernel and no prior mean.
 ///
-/// [`crate::Summary::factor`] makes it and [`crate::Summary::from_factor`] reads it under any prior. Its numbers are
-/// badly scaled where points come close; between two priors at hand [`crate::Summary::under`] is the better way.
+/// [`crate::Summary::factor`] computes it, and [`crate::Summary::from_factor`] reads it under any prior. Its numbers are
+/// badly scaled if points are close to each other. To convert between two known priors, use [`crate::Summary::under`].
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Factor {
@@ -19,11 +19,11 @@ pub struct Factor {
 }
 
 impl Factor {
-    /// A factor at M points: P (M×M, its symmetric part is taken) and η (M).
+    /// Creates a factor at M points from P (M×M) and η (M). Only the symmetric part of P is used.
     ///
     /// # Errors
-    /// [`crate::Error::SizeMismatch`] and [`crate::Error::NotFinite`]. That P has no negative eigenvalue is checked
-    /// when it is used.
+    /// [`crate::Error::SizeMismatch`] and [`crate::Error::NotFinite`]. Negative eigenvalues of P are not detected here
+    /// but when the factor is used.
     pub fn new(inducing_points: Inputs, mut precision: Matrix, shift: Vec<f64>) -> Result<Self> {
         let points = inducing_points.len();
         same_size("rows of a factor's precision, one per inducing point", points, precision.rows())?;
@@ -35,23 +35,23 @@ impl Factor {
         Ok(Self { inducing_points, precision, shift })
     }
 
-    /// Where, M×d.
+    /// Returns the points of the factor, M×d.
     pub fn inducing_points(&self) -> &Inputs {
         &self.inducing_points
     }
 
-    /// Precision P = K_MM⁻¹GK_MM⁻¹, M×M.
+    /// Returns the precision P = K_MM⁻¹GK_MM⁻¹, M×M.
     pub fn precision(&self) -> &Matrix {
         &self.precision
     }
 
-    /// η = K_MM⁻¹b + Pμ₀(Z), M.
+    /// Returns the shift η = K_MM⁻¹b + Pμ₀(Z), M.
     pub fn shift(&self) -> &[f64] {
         &self.shift
     }
 }
 
-/// A factor as it is written down.
+/// The serialised form of [`Factor`].
 #[cfg(feature = "serde")]
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]

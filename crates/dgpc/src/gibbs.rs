@@ -1,4 +1,4 @@
-//! ω and f by Gibbs sampling (section 2 of [`crate::method`]).
+//! Gibbs sampling of ω and f (section 2 of [`crate::method`]).
 
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
@@ -10,13 +10,14 @@ use crate::polya_gamma;
 use crate::prior::Prior;
 use crate::sites::Sites;
 
-/// The most Pólya-Gamma draws that one event may take in a sweep.
+/// The largest event weight, which is the number of Pólya-Gamma draws for the event in each sweep.
 const WEIGHT_MAX: f64 = 1e6;
 
 /// A Markov chain over (ω, f) whose stationary distribution is their exact posterior.
 ///
-/// One sweep draws ω_n ~ PG(w_n, f_n), then f | ω, y by pathwise conditioning: a prior draw, corrected by one Cholesky
-/// of I + Ω^½KΩ^½. O(N³/3) a sweep and no allocation, plus a Pólya-Gamma draw for every unit of weight; 3N² memory.
+/// One sweep draws ω_n ~ PG(w_n, f_n), then f | ω, y by pathwise conditioning. Pathwise conditioning corrects a prior
+/// draw with one Cholesky factorisation of I + Ω^½KΩ^½. A sweep costs O(N³/3), plus one Pólya-Gamma draw for every unit
+/// of weight, and allocates nothing. The chain holds 3N² numbers.
 ///
 /// ```
 /// use dgpc::{Gibbs, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term};
@@ -52,12 +53,12 @@ pub struct Gibbs {
 }
 
 impl Gibbs {
-    /// A chain that starts at f = μ₀. O(N³/3).
+    /// Creates a chain that starts at f = μ₀. O(N³/3).
     ///
     /// # Errors
-    /// [`Error::FractionalWeight`] for event weights that are not whole or above 1e6, [`Error::BadColumn`] when the
-    /// prior needs columns that the inputs do not have, [`Error::NotPositiveDefinite`] when K cannot be factorised even
-    /// with jitter.
+    /// * [`Error::FractionalWeight`] for event weights that are not whole or above 1e6.
+    /// * [`Error::BadColumn`] if the prior needs columns that the inputs do not have.
+    /// * [`Error::NotPositiveDefinite`] if K cannot be factorised even with jitter.
     pub fn new(prior: &Prior, observations: Observations) -> Result<Self> {
         let weights = observations.weights().iter().enumerate();
         if let Some((event, &weight)) = weights.into_iter().find(|(_, w)| w.fract() != 0.0 || **w > WEIGHT_MAX) {
@@ -66,7 +67,7 @@ impl Gibbs {
         let size = observations.len();
         let mut gram = prior.kernel().gram(observations.inputs())?;
         let prior_cholesky = Cholesky::with_jitter("K", &gram)?;
-        // The chain is exact for the prior it draws from.
+        // With the jitter in K, the chain is exact for the prior that it draws from.
         gram.add_to_diagonal(prior_cholesky.jitter());
         let prior_mean = prior.mean().values(observations.inputs())?;
         let (cholesky, scratch) = Cholesky::reserve(size);
@@ -87,11 +88,11 @@ impl Gibbs {
         })
     }
 
-    /// One sweep: ω given f, then f given ω and the outcomes.
+    /// Runs one sweep: draws ω given f, then f given ω and the outcomes.
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`] if I + Ω^½KΩ^½ cannot be factorised and [`Error::NotFinite`] if f overflows, both
-    /// of which take numbers near the end of the range.
+    /// [`Error::NotPositiveDefinite`] if I + Ω^½KΩ^½ cannot be factorised, and [`Error::NotFinite`] if f overflows. Both
+    /// occur only with numbers near the end of the floating-point range.
     pub fn sweep<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Result<()> {
         for ((omega, &latent), &weight) in self.omega.iter_mut().zip(&self.latent).zip(self.observations.weights()) {
             *omega = (0..weight as u64).map(|_| polya_gamma::sample(rng, latent)).sum::<Result<f64>>()?;
@@ -99,7 +100,7 @@ impl Gibbs {
         self.draw_latent(rng)
     }
 
-    /// f = μ₀ + f₀ + KΩ^½B⁻¹(Ω^−½κ̃ − Ω^½f₀ − ε), f₀ ~ N(0, K), ε ~ N(0, I).
+    /// Draws f = μ₀ + f₀ + KΩ^½B⁻¹(Ω^−½κ̃ − Ω^½f₀ − ε) with f₀ ~ N(0, K) and ε ~ N(0, I).
     fn draw_latent<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Result<()> {
         let (gram, roots) = (&self.gram, &mut self.roots);
         roots.iter_mut().zip(&self.omega).for_each(|(root, omega)| *root = omega.sqrt());
@@ -122,33 +123,33 @@ impl Gibbs {
         all_finite("latent draw", &self.latent)
     }
 
-    /// The current f at the events, N.
+    /// Returns the current f at the events, N.
     pub fn latent(&self) -> &[f64] {
         &self.latent
     }
 
-    /// The current ω, N.
+    /// Returns the current ω, N.
     pub fn omega(&self) -> &[f64] {
         &self.omega
     }
 
-    /// The Gaussian sites at the current ω. Keep those of several sweeps and average what follows from them.
+    /// Returns the Gaussian sites at the current ω. Average results over the sites of several sweeps.
     ///
     /// # Errors
-    /// None in practice: ω is positive.
+    /// None in practice, because ω is positive.
     pub fn sites(&self) -> Result<Sites> {
         Sites::new(&self.observations, self.omega.clone())
     }
 
-    /// What was added to the diagonal of K to draw from the prior (0 in the ordinary case).
+    /// Returns the jitter that was added to the diagonal of K to draw from the prior (ordinarily 0).
     pub fn jitter(&self) -> f64 {
         self.jitter
     }
 
-    /// Replaces the outcomes and goes on from the current f, as simulation checks of the sampler need.
+    /// Replaces the outcomes and continues from the current f. Simulation checks of the sampler need this.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for another number of outcomes than events.
+    /// [`Error::SizeMismatch`] if the number of outcomes differs from the number of events.
     pub fn replace_outcomes(&mut self, outcomes: Vec<bool>) -> Result<()> {
         same_size("outcomes, one per input", self.observations.len(), outcomes.len())?;
         let (inputs, weights) = (self.observations.inputs().clone(), self.observations.weights().to_vec());

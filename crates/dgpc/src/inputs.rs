@@ -1,8 +1,8 @@
-//! Where events happened: N points of d coordinates.
+//! The inputs of events: N points of d coordinates.
 
 use crate::error::{Error, Place, Result, same_size};
 
-/// The largest number of a column that kernels and prior means may look at: a bound on slips, not on use.
+/// The largest column index in kernels and prior means. This bound catches typing errors; it does not restrict use.
 pub const COLUMN_MAX: usize = 65_535;
 
 /// N finite points of dimension d, stored row by row.
@@ -14,10 +14,10 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Takes `values` of length N·d as N rows of `dimension` coordinates.
+    /// Interprets `values`, of length N·d, as N rows of `dimension` coordinates.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for dimension 0, [`Error::SizeMismatch`] when the last row is incomplete,
+    /// [`Error::OutOfRange`] for dimension 0, [`Error::SizeMismatch`] if the last row is incomplete, and
     /// [`Error::NotFinite`] with row and column of the first NaN or infinity.
     pub fn new(values: Vec<f64>, dimension: usize) -> Result<Self> {
         if dimension == 0 {
@@ -31,7 +31,7 @@ impl Inputs {
         Ok(Self { values, dimension })
     }
 
-    /// Takes one array a row. See [`Inputs::new`].
+    /// Builds the points from one array per row. See [`Inputs::new`].
     ///
     /// # Errors
     /// [`Error::NotFinite`] with row and column of the first NaN or infinity.
@@ -39,61 +39,61 @@ impl Inputs {
         Self::new(rows.iter().flatten().copied().collect(), D)
     }
 
-    /// No points of dimension `dimension` (at least 1).
+    /// Returns an empty set of points of dimension `dimension`. Dimension 0 counts as 1.
     pub fn empty(dimension: usize) -> Self {
         Self { values: Vec::new(), dimension: dimension.max(1) }
     }
 
-    /// Number of points N.
+    /// Returns the number of points N.
     pub fn len(&self) -> usize {
         self.values.len() / self.dimension
     }
 
-    /// Whether there are no points.
+    /// Returns whether there are no points.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
 
-    /// Number of coordinates d.
+    /// Returns the number of coordinates d.
     pub fn dimension(&self) -> usize {
         self.dimension
     }
 
-    /// Point `n`, d coordinates.
+    /// Returns point `n`, d coordinates.
     ///
     /// # Panics
-    /// Beyond the last point.
+    /// If `n` is not below the number of points.
     pub fn row(&self, n: usize) -> &[f64] {
         &self.values[n * self.dimension..(n + 1) * self.dimension]
     }
 
-    /// All points in order.
+    /// Returns an iterator over all points, in order.
     pub fn rows(&self) -> impl ExactSizeIterator<Item = &[f64]> {
         self.values.chunks_exact(self.dimension)
     }
 
-    /// The points at `indices`, in that order.
+    /// Returns the points at `indices`, in that order.
     ///
     /// # Panics
-    /// Beyond the last point.
+    /// If an index is not below the number of points.
     pub fn select(&self, indices: &[usize]) -> Self {
         let values = indices.iter().flat_map(|&n| self.row(n)).copied().collect();
         Self { values, dimension: self.dimension }
     }
 
-    /// Points `range`, in order.
+    /// Returns the points in `range`, in order.
     ///
     /// # Panics
-    /// Beyond the last point.
+    /// If the range ends beyond the last point.
     pub fn slice(&self, range: std::ops::Range<usize>) -> Self {
         let values = self.values[range.start * self.dimension..range.end * self.dimension].to_vec();
         Self { values, dimension: self.dimension }
     }
 
-    /// Some columns of every point.
+    /// Returns a range of columns of every point.
     ///
     /// # Panics
-    /// When the range is empty or leaves the columns.
+    /// If the range is empty or ends beyond the last column.
     pub fn columns(&self, columns: std::ops::Range<usize>) -> Self {
         assert!(!columns.is_empty(), "points need at least one column");
         let dimension = columns.len();
@@ -104,7 +104,7 @@ impl Inputs {
     /// Appends the points of `other`.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] when the dimensions differ.
+    /// [`Error::SizeMismatch`] if the dimensions differ.
     pub fn append(&mut self, other: &Inputs) -> Result<()> {
         same_size("input dimension", self.dimension, other.dimension)?;
         self.values.extend_from_slice(&other.values);
@@ -112,15 +112,17 @@ impl Inputs {
     }
 }
 
-/// Checks that a kernel, reflection or prior mean may look at a column.
+/// Checks that a column index is at most [`COLUMN_MAX`].
 pub(crate) fn check_column(column: usize) -> Result<()> {
     let (what, expected) = ("column", "at most 65535");
     if column <= COLUMN_MAX { Ok(()) } else { Err(Error::OutOfRange { what, expected, value: column as f64 }) }
 }
 
-/// At most `count_max` of the numbers below `count`, in ascending order, spread over them at places that look random but
-/// are always the same, so that no period of a schedule of events shows. Where few are left out every number is as likely
-/// as any other; else there is one from each of as many equal parts.
+/// Returns at most `count_max` of the indices below `count`, in ascending order and spread over the whole range.
+///
+/// The indices look random but are always the same. A periodic schedule of events therefore does not alias with them.
+/// If fewer than a third of the indices are wanted, the range is cut into `count_max` equal parts and one index comes from
+/// each. Otherwise every index is equally likely.
 ///
 /// ```
 /// assert_eq!(dgpc::spread_out(3, 5), [0, 1, 2]);
@@ -134,7 +136,7 @@ pub fn spread_out(count: usize, count_max: usize) -> Vec<usize> {
         return drawn(count, count_max);
     }
     let part = |i: usize| {
-        // In 128 bits, where no product overflows.
+        // 128-bit arithmetic does not overflow here.
         let start = |i: usize| (i as u128 * count as u128 / count_max as u128) as usize;
         let (first, end) = (start(i), start(i + 1));
         first + (scrambled(i as u64) % (end - first) as u64) as usize
@@ -142,15 +144,15 @@ pub fn spread_out(count: usize, count_max: usize) -> Vec<usize> {
     (0..count_max).map(part).collect()
 }
 
-/// Parts of this many numbers may be one longer or shorter without telling much by it.
+/// Smallest length of a part. The parts differ in length by one, which matters little from this length on.
 const PART_MIN: usize = 3;
 
-/// A subset of so many of the numbers below `count`, each as likely as any other.
+/// Draws a subset of `wanted` of the indices below `count`. Every index is equally likely.
 fn drawn(count: usize, mut wanted: usize) -> Vec<usize> {
     let mut places = Vec::with_capacity(wanted);
     for place in 0..count {
         let left = (count - place) as u128;
-        // True for a share wanted/left of all hashes.
+        // True for a share wanted/left of all hash values.
         if (u128::from(scrambled(place as u64)) * left) >> 64 < wanted as u128 {
             places.push(place);
             wanted -= 1;
@@ -167,7 +169,7 @@ fn scrambled(number: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Points as they are written down.
+/// The serialised form of [`Inputs`].
 #[cfg(feature = "serde")]
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]

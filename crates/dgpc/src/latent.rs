@@ -1,4 +1,4 @@
-//! From latent mean and variance to the probability of success (section 6 of [`crate::method`]).
+//! Moments of the latent function and the probability of success (section 6 of [`crate::method`]).
 
 use std::ops::Range;
 
@@ -8,10 +8,10 @@ use crate::parts::{on_parts, parts, stretches};
 use crate::prior::Prior;
 use crate::special::{logistic, normal_cdf, normal_density};
 
-/// Points of one block: their covariances with a thousand events, solved for in place, stay in the second-level cache.
+/// Points in one block. Their covariances with 1000 events, solved in place, stay in the second-level cache.
 const POINTS: usize = 128;
 
-/// The latent function at some points: mean and variance of each.
+/// Mean and variance of the latent function at each of several points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Latent {
     /// Means, one per point.
@@ -21,9 +21,11 @@ pub struct Latent {
 }
 
 impl Latent {
-    /// The prior's moments at every point, to which `learned` adds what is known: it is given a block of points, their means
-    /// and their variances, and room that blocks use one after the other, and takes `work_each` multiply-adds a point. Variances
-    /// that rounding made negative become 0, and all numbers are checked to be finite.
+    /// Starts from the prior moments at every point and lets `learned` update them in blocks.
+    ///
+    /// `learned` receives a block of points, their means and variances, and a work area that successive blocks share. It
+    /// costs `work_each` multiply-adds a point. Variances that rounding made negative become 0. All results are checked
+    /// to be finite.
     pub(crate) fn in_blocks<R: Default>(
         prior: &Prior,
         inputs: &Inputs,
@@ -40,11 +42,11 @@ impl Latent {
             (means, variances) = (other_means, other_variances);
         }
         let on_part = |(part, means, variances): (Range<usize>, &mut [f64], &mut [f64])| -> Result<()> {
-            let mut room = R::default();
+            let mut scratch = R::default();
             let moments = means.chunks_mut(POINTS).zip(variances.chunks_mut(POINTS));
             stretches(part, POINTS)
                 .zip(moments)
-                .try_for_each(|(block, (mean, variance))| learned(&inputs.slice(block), mean, variance, &mut room))
+                .try_for_each(|(block, (mean, variance))| learned(&inputs.slice(block), mean, variance, &mut scratch))
         };
         on_parts(shares, on_part).into_iter().collect::<Result<()>>()?;
         variance.iter_mut().for_each(|variance| *variance = clipped(*variance));
@@ -53,18 +55,18 @@ impl Latent {
         Ok(Self { mean, variance })
     }
 
-    /// Probability of success at every point: [`success_probability`] of each mean and variance.
+    /// Returns the probability of success at every point: [`success_probability`] of each mean and variance.
     pub fn probability(&self) -> Vec<f64> {
         self.mean.iter().zip(&self.variance).map(|(&mean, &variance)| success_probability(mean, variance)).collect()
     }
 }
 
-/// A variance that rounding may have made negative; what is not a number stays so, to be refused.
+/// Replaces a variance that rounding made negative by 0. A NaN stays a NaN, so that later checks refuse it.
 fn clipped(variance: f64) -> f64 {
     if variance < 0.0 { 0.0 } else { variance }
 }
 
-/// Weight and scale of each normal distribution function in the mixture that stands for the logistic function (Monahan
+/// Weight and scale of each normal distribution function in the mixture that approximates the logistic function (Monahan
 /// and Stefanski 1992, eight terms): |σ(x) − Σ weight · Φ(scale · x)| < 2.1e-9 for every x.
 const MIXTURE: [(f64, f64); 8] = [
     (0.003246343272134, 1.365340806296348),
@@ -77,13 +79,13 @@ const MIXTURE: [(f64, f64); 8] = [
     (0.001449567805354, 0.238212616409306),
 ];
 
-/// ∫ σ(f) N(f; mean, variance) df: the probability of success where the latent function has this mean and variance.
+/// Returns ∫ σ(f) N(f; mean, variance) df: the probability of success for a latent function of this mean and variance.
 ///
-/// Absolute error below 3e-9 for every mean and every variance, because the mixture's error is uniform in f. The exact
-/// value lies between σ(mean) and ½ (averaging over a symmetric density pulls towards even odds), and so does the
-/// result, which keeps the far tails right where the mixture alone would fall too fast.
+/// The absolute error is below 3e-9 for every mean and variance, because the mixture's error is uniform in f. The exact
+/// value lies between σ(mean) and ½, because averaging over a symmetric density pulls towards ½. The result is clamped to
+/// that interval. This keeps the far tails correct, where the mixture alone would decrease too fast.
 ///
-/// A NaN gives a NaN; [`crate::Posterior::latent`] returns none.
+/// The result is NaN if an argument is NaN. [`crate::Posterior::latent`] returns no NaN.
 ///
 /// ```
 /// assert!((dgpc::success_probability(0.0, 4.0) - 0.5).abs() < 1e-8);
@@ -101,7 +103,7 @@ pub fn success_probability(mean: f64, variance: f64) -> f64 {
     if mean < 0.0 { mixture.clamp(tail, 0.5) } else { mixture.clamp(0.5, 1.0 - tail) }
 }
 
-/// How fast [`success_probability`] grows with the mean: ∫ σ(f)(1 − σ(f)) N(f; mean, variance) df.
+/// Returns the derivative of [`success_probability`] by the mean: ∫ σ(f)(1 − σ(f)) N(f; mean, variance) df.
 pub(crate) fn success_slope(mean: f64, variance: f64) -> f64 {
     let term = |&(weight, scale): &(f64, f64)| {
         let scale = scale / (1.0 + scale * scale * variance).sqrt();

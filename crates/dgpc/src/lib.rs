@@ -1,30 +1,31 @@
 //! Decentralised Gaussian process classification.
 //!
-//! Several agents see binary outcomes of one latent function, each at its own inputs, and can exchange only a few
-//! numbers. This crate lets each of them
+//! Several agents observe binary outcomes of one latent function, each at its own inputs. They can exchange only a few
+//! numbers. With this crate, each agent can do the following:
 //!
-//! 1. **fit** what it saw: [`Observations`] under a [`Prior`] (a [`Kernel`] and a [`PriorMean`]) to a [`Fit`], with
-//!    [`fit()`];
-//! 2. **predict** anywhere, with the uncertainty that is left: [`Fit::posterior`], [`Posterior::probability`];
-//! 3. **share** what it learned in a few numbers: choose [`Candidates`] that stand for a [`LocalityRegion`], certify
-//!    the choice ([`Certificate`]), condense the events into a [`Summary`], say only the [`Posterior::residual`] of
-//!    what others know already, and take in what they say ([`Fit::posterior_with`], [`Posterior::absorb_summaries`]);
-//! 4. **learn** the prior itself from its events and from what others said: `learn`, with the feature of the same name.
+//! 1. **fit** its events: [`fit()`] turns [`Observations`] and a [`Prior`] (a [`Kernel`] and a [`PriorMean`]) into a
+//!    [`Fit`];
+//! 2. **predict** anywhere, with the remaining uncertainty: [`Fit::posterior`], [`Posterior::probability`];
+//! 3. **share** its evidence in a few numbers:
+//!    * choose inducing points from [`Candidates`] for a [`LocalityRegion`], and certify the choice ([`Certificate`]);
+//!    * condense the events into a [`Summary`], or send only its [`Posterior::residual`] beyond the peers' knowledge;
+//!    * fuse the summaries of its peers ([`Fit::posterior_with`], [`Posterior::absorb_summaries`]);
+//! 4. **learn** the prior itself from its events and from the summaries of its peers: `learn`, with the feature `learn`.
 //!
-//! The crate is pure: no input or output, no clock, no threads but with the feature `parallel`, no global state; randomness is passed in. Inputs have
-//! any dimension; nothing here knows what they mean. The mathematics is in [`method`], whose sections the documentation
-//! cites.
+//! The crate is pure: it has no input or output, no clock and no global state. The caller passes in the random number
+//! generator. The crate starts threads only with the feature `parallel`. Inputs have any dimension, and their meaning is
+//! left to the caller. The module [`method`] describes the mathematics; the documentation cites its sections.
 //!
 //! # Fit and predict
 //!
 //! ```
 //! use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
 //!
-//! // What one agent saw: successes near the origin, failures farther out.
+//! // The events of one agent: successes near the origin, failures farther out.
 //! let inputs = Inputs::from_rows(&[[0.0, 0.1], [0.2, 0.0], [0.1, 0.3], [2.0, 2.1], [2.2, 1.9]])?;
 //! let events = Observations::new(inputs, vec![true, true, true, false, false])?;
 //!
-//! // What it expected before: a smooth function of variance 2 that changes over distances of 0.8.
+//! // The prior: a smooth function of variance 2 with a length-scale of 0.8.
 //! let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 2.0, 0.8, 2)?])?;
 //! let prior = Prior::new(kernel, PriorMean::Zero)?;
 //!
@@ -45,17 +46,17 @@
 //! # let events = Observations::new(inputs, vec![true, true, true, false, false])?;
 //! # let own = fit(&prior, &events, &FitOptions::default())?.posterior()?;
 //!
-//! // Two points that stand for the five events, and what `own` says there: this is what the agent sends.
+//! // Two inducing points that represent the five events, and the summary of `own` there. The agent sends this summary.
 //! let chosen = Candidates::new(prior.kernel(), events.inputs())?.minimise_trace(2);
 //! let message = own.summarise(&events.inputs().select(&chosen.indices))?;
 //!
-//! // Another agent, without events of its own, takes it in and predicts.
+//! // Another agent, without events of its own, absorbs the summary and predicts.
 //! let mut theirs = Posterior::prior_alone(&prior, 2);
 //! theirs.absorb_summaries(&[&message])?;
 //! let probability = theirs.probability(&Inputs::from_rows(&[[0.1, 0.1], [2.1, 2.0]])?)?;
 //! assert!(probability[0] > 0.6 && probability[1] < 0.4);
 //!
-//! // What it still misses at another point is the residual: the next message.
+//! // The next message is the residual: the evidence at another point that the receiver still lacks.
 //! let next = own.residual(&theirs, &events.inputs().select(&[2]))?;
 //! theirs.absorb_summaries(&[&next])?;
 //! # Ok::<(), dgpc::Error>(())
@@ -67,7 +68,7 @@
 //! # #[cfg(feature = "learn")] {
 //! use dgpc::{Inputs, Kernel, LearnOptions, Observations, Prior, PriorMean, Shape, Term, learn};
 //!
-//! // Success within a distance of 2, and a template whose length-scale is far too short.
+//! // Successes within a distance of 2, and a template whose length-scale is far too short.
 //! let inputs = Inputs::new((0..60).map(|n| f64::from(n) * 0.1 - 3.0).collect(), 1)?;
 //! let outcomes = inputs.rows().map(|x| x[0].abs() < 2.0).collect();
 //! let events = Observations::new(inputs, outcomes)?;
@@ -81,14 +82,14 @@
 //!
 //! # Features
 //!
-//! * `learn` (default): learning a prior. Without it the crate pulls no optimiser.
-//! * `parallel`: sums over many events (sparse fits, summaries, certificates) and predictions of many places use all threads of
-//!   `rayon`'s pool. Results are the same to the bit without it.
-//! * `serde`: priors, kernels, summaries and factors can be written down, and are checked when they are read back.
+//! * `learn` (default): learning a prior. Without it the crate does not depend on an optimiser.
+//! * `parallel`: sums over many events (sparse fits, summaries, certificates) and predictions at many points use all
+//!   threads of `rayon`'s pool. The results are bitwise the same as without the feature.
+//! * `serde`: priors, kernels, summaries and factors can be serialised. Deserialisation checks them.
 
 #![forbid(unsafe_code)]
 
-// In the order of the flow: each module uses only those above it.
+// In the order of the data flow: each module uses only modules above it.
 mod error;
 mod special;
 mod linalg;
@@ -118,7 +119,7 @@ mod chain;
 mod region;
 mod remainder;
 mod candidates;
-mod many;
+mod greedy;
 mod certificate;
 #[cfg(feature = "learn")]
 mod learn;
@@ -135,26 +136,26 @@ pub use evidence::{Evidence, evidence};
 pub use factor::Factor;
 pub use fit::{Fit, FitOptions, Propagated, absorb_observations, fit, sites_given};
 pub use gibbs::Gibbs;
+pub use greedy::{greedy_by_variance, greedy_judged};
 pub use inputs::{COLUMN_MAX, Inputs, spread_out};
 pub use kernel::{Correlation, Image, Kernel, Reflection, Shape, Term};
 pub use latent::{Latent, success_probability};
 #[cfg(feature = "learn")]
 pub use learn::{Calibration, HyperPrior, LearnOptions, Learned, Start, Stop, common_length_scales, learn};
 pub use linalg::Matrix;
-pub use many::{greedy_by_variance, greedy_judged};
 pub use observations::Observations;
 pub use parameter::Parameter;
 pub use posterior::Posterior;
 pub use prior::Prior;
 pub use prior_mean::{PriorMean, RangeMean};
-/// The traits of randomness that this crate's interface asks for.
+/// The random number traits that appear in this crate's interface.
 pub use rand;
 pub use region::LocalityRegion;
 pub use shift::Shift;
 pub use sites::Sites;
 pub use summary::Summary;
 
-/// The example of the crate's README compiles and holds.
+/// Compiles and runs the example of the crate's README as a test.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct ReadMe;

@@ -1,4 +1,4 @@
-//! What a fit learns from: events of one's own, and the messages of others (section 7 of [`crate::method`]).
+//! The data of a fit: own events, and messages from peers (section 7 of [`crate::method`]).
 
 use std::borrow::Cow;
 
@@ -11,39 +11,41 @@ use crate::prior_mean::PriorMean;
 
 use crate::summary::Summary;
 
-/// Precision that a message has in every direction, whitened: a shift without any would be no observation. Beside the
-/// prior's precision of 1 it says nothing.
+/// Smallest whitened precision of a message in any direction, because a shift without precision is not an observation.
+/// Compared with the prior's precision of 1 it carries no information.
 const PRECISION_MIN: f64 = 1e-8;
 
-/// Events, and messages as further Gaussian observations. A message with kernel-free factor (P, η) at Z, P = RRᵀ, is
-/// the observation of Rᵀf(Z) with unit noise: so to speak M more events, whose ω is 1 and whose κ is R⁻¹η.
+/// Events, and messages as further Gaussian observations.
+///
+/// A message with kernel-free factor (P, η) at Z, P = RRᵀ, is the observation of Rᵀf(Z) with unit noise. It acts as M more
+/// events with ω = 1 and κ = R⁻¹η.
 pub(crate) struct Likelihood<'a> {
     pub(crate) observations: &'a Observations,
-    /// The inducing points of all messages, one below the other.
+    /// The inducing points of all messages, stacked.
     points: Inputs,
-    /// R of each message, kernel-free.
+    /// Kernel-free R of each message.
     roots: Vec<Matrix>,
-    /// R⁻¹η of all messages.
+    /// R⁻¹η of all messages, stacked.
     shift: Vec<f64>,
-    /// Events' inputs, then `points`.
+    /// Inputs of the events, then `points`.
     support: Cow<'a, Inputs>,
 }
 
 impl<'a> Likelihood<'a> {
-    /// Events, and messages formed under whatever prior. O(M³) a message.
+    /// Collects events and messages. Messages may be formed under any prior. O(M³) a message.
     pub(crate) fn new(observations: &'a Observations, summaries: &[&Summary]) -> Result<Self> {
         let mut points = Inputs::empty(observations.inputs().dimension());
         let (mut roots, mut shift) = (Vec::new(), Vec::new());
         for summary in summaries {
             same_size("input dimension", points.dimension(), summary.inducing_points().dimension())?;
             points.append(summary.inducing_points())?;
-            // R = L⁻ᵀQ with Ĝ = QQᵀ, whose columns are orthogonal; R⁻¹η = Q⁻¹b̂ + Rᵀμ₀.
+            // R = L⁻ᵀQ with Ĝ = QQᵀ and orthogonal columns of Q; R⁻¹η = Q⁻¹b̂ + Rᵀμ₀.
             let mut root = summary.root(PRECISION_MIN)?;
-            let said = |column| {
+            let whitened_entry = |column| {
                 let column = root.column(column);
                 dot(column, summary.whitened_shift()) / squared_norm(column)
             };
-            let whitened: Vec<f64> = (0..root.columns()).map(said).collect();
+            let whitened: Vec<f64> = (0..root.columns()).map(whitened_entry).collect();
             summary.cholesky().solve_upper_matrix(&mut root);
             let offset = root.transposed_times(&summary.prior().mean().values(summary.inducing_points())?);
             shift.extend(whitened.iter().zip(&offset).map(|(shift, offset)| shift + offset));
@@ -56,27 +58,27 @@ impl<'a> Likelihood<'a> {
         Ok(Self { observations, points, roots, shift, support })
     }
 
-    /// Number of events N.
+    /// Returns the number of events N.
     pub(crate) fn events(&self) -> usize {
         self.observations.len()
     }
 
-    /// Number of events and of observations that messages stand for.
+    /// Returns the number of observations n: events, and the observations that messages represent.
     pub(crate) fn len(&self) -> usize {
         self.support.len()
     }
 
-    /// κ of the events, and R⁻¹η of the messages.
+    /// Returns κ of the events, then R⁻¹η of the messages.
     pub(crate) fn kappa(&self) -> Vec<f64> {
         [self.observations.kappa(), self.shift.clone()].concat()
     }
 
-    /// R⁻¹η of the messages.
+    /// Returns R⁻¹η of the messages.
     pub(crate) fn message_kappa(&self) -> &[f64] {
         &self.shift
     }
 
-    /// Prior mean of everything observed.
+    /// Returns the prior mean of all observations, n.
     pub(crate) fn prior_mean(&self, mean: &PriorMean) -> Result<Vec<f64>> {
         let mut values = mean.values(&self.support)?;
         for (root, first) in self.blocks(self.events()) {
@@ -86,7 +88,7 @@ impl<'a> Likelihood<'a> {
         Ok(values)
     }
 
-    /// Prior covariance of everything observed, n×n.
+    /// Returns the prior covariance of all observations, n×n.
     pub(crate) fn gram(&self, kernel: &Kernel) -> Result<Matrix> {
         let mut gram = kernel.gram(&self.support)?;
         if self.has_messages() {
@@ -98,14 +100,14 @@ impl<'a> Likelihood<'a> {
         Ok(gram)
     }
 
-    /// Prior covariance of what messages observed against `points`, m×M.
+    /// Returns the prior covariance of the m message observations with f at `points`, m×M.
     pub(crate) fn message_cross(&self, kernel: &Kernel, points: &Inputs) -> Result<Matrix> {
         let mut cross = kernel.cross(&self.points, points)?;
         self.compress_rows(&mut cross, 0);
         Ok(cross)
     }
 
-    /// Prior variance of what messages observed, m.
+    /// Returns the prior variance of the message observations, m.
     pub(crate) fn message_diagonal(&self, kernel: &Kernel) -> Result<Vec<f64>> {
         let mut diagonal = Vec::with_capacity(self.points.len());
         for (root, first) in self.blocks(0) {
@@ -116,7 +118,7 @@ impl<'a> Likelihood<'a> {
         Ok(diagonal)
     }
 
-    /// Gradient by the prior mean's parameters, from the derivative by the prior mean of everything observed.
+    /// Returns the gradient by the prior mean's parameters, from the derivative by the prior mean of all observations.
     pub(crate) fn mean_gradient(&self, mean: &PriorMean, weights: &[f64]) -> Vec<f64> {
         let mut weights = weights.to_vec();
         for (root, first) in self.blocks(self.events()) {
@@ -126,8 +128,8 @@ impl<'a> Likelihood<'a> {
         mean.gradient(&self.support, &weights)
     }
 
-    /// Gradient by the kernel's parameters, from the lower triangle of the derivative by [`Likelihood::gram`], which becomes that by
-    /// the kernel between events and points of messages.
+    /// Returns the gradient by the kernel's parameters, from the lower triangle of the derivative by [`Likelihood::gram`].
+    /// Overwrites `weights` with the derivative by the gram matrix of the events and the messages' points.
     pub(crate) fn gram_gradient(&self, kernel: &Kernel, weights: &mut Matrix) -> Vec<f64> {
         if self.has_messages() {
             weights.mirror_lower();
@@ -138,13 +140,13 @@ impl<'a> Likelihood<'a> {
         kernel.gram_gradient(&self.support, weights)
     }
 
-    /// Gradient by the kernel's parameters, from the derivative by [`Likelihood::message_cross`].
+    /// Returns the gradient by the kernel's parameters, from the derivative by [`Likelihood::message_cross`].
     pub(crate) fn message_cross_gradient(&self, kernel: &Kernel, points: &Inputs, mut weights: Matrix) -> Vec<f64> {
         self.expand_rows(&mut weights, 0);
         kernel.cross_gradient(&self.points, points, &weights)
     }
 
-    /// Gradient by the kernel's parameters of `factor` · Σ of [`Likelihood::message_diagonal`].
+    /// Returns the gradient by the kernel's parameters of `factor` · Σ of [`Likelihood::message_diagonal`].
     pub(crate) fn message_diagonal_gradient(&self, kernel: &Kernel, factor: f64) -> Vec<f64> {
         let mut gradient = vec![0.0; kernel.parameter_count()];
         for (root, first) in self.blocks(0) {
@@ -155,12 +157,12 @@ impl<'a> Likelihood<'a> {
         gradient
     }
 
-    /// Whether anybody said anything.
+    /// Returns whether there are messages.
     pub(crate) fn has_messages(&self) -> bool {
         !self.roots.is_empty()
     }
 
-    /// Every R, and where its rows start if those of the first message start at `first`.
+    /// Returns every R with the index of its first row, if the rows of the first message start at `first`.
     fn blocks(&self, first: usize) -> impl Iterator<Item = (&Matrix, usize)> {
         self.roots.iter().scan(first, |next, root| {
             let first = *next;
@@ -169,12 +171,12 @@ impl<'a> Likelihood<'a> {
         })
     }
 
-    /// Rows from `first` on ← blockdiag(Rᵀ) · rows.
+    /// Multiplies the rows from `first` on by blockdiag(Rᵀ).
     fn compress_rows(&self, matrix: &mut Matrix, first: usize) {
         self.blocks(first).for_each(|(root, first)| multiply_rows(root.t(), matrix, first));
     }
 
-    /// Rows from `first` on ← blockdiag(R) · rows.
+    /// Multiplies the rows from `first` on by blockdiag(R).
     fn expand_rows(&self, matrix: &mut Matrix, first: usize) {
         self.blocks(first).for_each(|(root, first)| multiply_rows(root.view(), matrix, first));
     }

@@ -3,7 +3,7 @@
 use crate::error::{Result, positive, same_size};
 use crate::inputs::Inputs;
 
-/// N binary outcomes at N inputs, each with a weight (1 unless said otherwise; 0.5 counts an event half).
+/// N binary outcomes at N inputs, each with a weight. The default weight is 1; an event of weight 0.5 counts half.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observations {
     inputs: Inputs,
@@ -12,19 +12,19 @@ pub struct Observations {
 }
 
 impl Observations {
-    /// Outcomes at inputs, all of weight 1.
+    /// Creates observations of weight 1.
     ///
     /// # Errors
-    /// [`crate::Error::SizeMismatch`] when the lengths differ.
+    /// [`crate::Error::SizeMismatch`] if the lengths differ.
     pub fn new(inputs: Inputs, outcomes: Vec<bool>) -> Result<Self> {
         let weights = vec![1.0; outcomes.len()];
         Self::weighted(inputs, outcomes, weights)
     }
 
-    /// Outcomes at inputs with a weight each: the log-likelihood of event n counts `weights[n]` times.
+    /// Creates weighted observations. The log-likelihood of event n is multiplied by `weights[n]`.
     ///
     /// # Errors
-    /// [`crate::Error::SizeMismatch`] when the lengths differ, [`crate::Error::OutOfRange`] for a weight that is not
+    /// [`crate::Error::SizeMismatch`] if the lengths differ, [`crate::Error::OutOfRange`] for a weight that is not
     /// finite and positive.
     pub fn weighted(inputs: Inputs, outcomes: Vec<bool>, weights: Vec<f64>) -> Result<Self> {
         same_size("outcomes, one per input", inputs.len(), outcomes.len())?;
@@ -35,35 +35,35 @@ impl Observations {
         Ok(Self { inputs, outcomes, weights })
     }
 
-    /// Number of events N.
+    /// Returns the number of events N.
     pub fn len(&self) -> usize {
         self.outcomes.len()
     }
 
-    /// Whether there are no events.
+    /// Returns whether there are no events.
     pub fn is_empty(&self) -> bool {
         self.outcomes.is_empty()
     }
 
-    /// Where the events happened, N×d.
+    /// Returns the inputs of the events, N×d.
     pub fn inputs(&self) -> &Inputs {
         &self.inputs
     }
 
-    /// What happened, N.
+    /// Returns the outcomes, N.
     pub fn outcomes(&self) -> &[bool] {
         &self.outcomes
     }
 
-    /// How much each event counts, N.
+    /// Returns the weights of the events, N.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
-    /// The events at `indices`, in that order.
+    /// Returns the events at `indices`, in that order.
     ///
     /// # Panics
-    /// Beyond the last one.
+    /// If an index is not below the number of events.
     pub fn select(&self, indices: &[usize]) -> Self {
         Self {
             inputs: self.inputs.select(indices),
@@ -72,12 +72,12 @@ impl Observations {
         }
     }
 
-    /// κ_n = weight · (y_n − ½).
+    /// Returns κ_n = weight · (y_n − ½), N.
     pub(crate) fn kappa(&self) -> Vec<f64> {
         (0..self.len()).map(|n| self.kappa_of(n)).collect()
     }
 
-    /// κ of one of them.
+    /// Returns κ of event `n`.
     pub(crate) fn kappa_of(&self, n: usize) -> f64 {
         let sign = if self.outcomes[n] { 0.5 } else { -0.5 };
         sign * self.weights[n]

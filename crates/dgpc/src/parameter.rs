@@ -1,17 +1,17 @@
-//! What can be learned of a prior.
+//! The kinds of parameters of a prior that can be learned.
 
-/// What a number is that can be learned of a prior. All but the intercept are positive and learned as logarithms.
+/// The kind of a learned parameter of a prior. All but the intercept are positive, and their logarithms are learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Parameter {
     /// The variance of a kernel term.
     Variance,
-    /// A length-scale, of one column or of several that are tied.
+    /// A length-scale, of one column or of several tied columns.
     LengthScale,
     /// A parameter of a kernel shape.
     Shape,
-    /// A constant prior mean, or that of a falling one at distance zero.
+    /// A constant prior mean, or the value of a falling prior mean at distance zero.
     Intercept,
-    /// What a falling prior mean loses per unit of distance.
+    /// The decrease of a falling prior mean per unit of distance.
     Slope,
 }

@@ -1,4 +1,4 @@
-//! The prior: a kernel and a prior mean together.
+//! The prior: a kernel and a prior mean.
 
 use crate::error::Result;
 use crate::inputs::Inputs;
@@ -8,8 +8,8 @@ use crate::prior_mean::PriorMean;
 
 /// A Gaussian-process prior f ~ GP(μ₀, k).
 ///
-/// Two priors are equal when they say the same of every set of points; how their parameters are tied for learning does
-/// not count.
+/// Two priors are equal if they give equal moments at every set of points. Ties between parameters, which only learning
+/// uses, do not count.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Prior {
@@ -18,7 +18,7 @@ pub struct Prior {
 }
 
 impl Prior {
-    /// Puts a kernel and a prior mean together.
+    /// Creates a prior from a kernel and a prior mean.
     ///
     /// # Errors
     /// [`crate::Error::NotFinite`] for a constant prior mean that is not finite.
@@ -27,23 +27,23 @@ impl Prior {
         Ok(Self { kernel, mean })
     }
 
-    /// The covariance function.
+    /// Returns the covariance function.
     pub fn kernel(&self) -> &Kernel {
         &self.kernel
     }
 
-    /// The mean function.
+    /// Returns the mean function.
     pub fn mean(&self) -> &PriorMean {
         &self.mean
     }
 
-    /// Checks that inputs have every column that kernel and mean look at.
+    /// Checks that inputs have every column that the kernel or the mean uses.
     pub(crate) fn check(&self, inputs: &Inputs) -> Result<()> {
         self.kernel.check(inputs)?;
         self.mean.check_columns(inputs)
     }
 
-    /// Whether these are the same points in the same order, as far as kernel and mean look at them. O(N · columns).
+    /// Returns whether `a` and `b` agree, point by point, in all columns that the kernel or the mean uses. O(N · columns).
     pub fn sees_alike(&self, a: &Inputs, b: &Inputs) -> bool {
         let columns = self.columns();
         let value = |row: &[f64], column: usize| row.get(column).copied();
@@ -51,7 +51,7 @@ impl Prior {
             && a.rows().zip(b.rows()).all(|(a, b)| columns.iter().all(|&column| value(a, column) == value(b, column)))
     }
 
-    /// The columns that kernel and mean look at, in order.
+    /// Returns the columns that the kernel or the mean uses, in ascending order.
     pub(crate) fn columns(&self) -> Vec<usize> {
         let mut columns: Vec<usize> = self.kernel.columns().chain(self.mean.columns()).collect();
         columns.sort_unstable();
@@ -59,28 +59,28 @@ impl Prior {
         columns
     }
 
-    /// The fewest columns that inputs can have.
+    /// Returns the smallest number of columns that inputs can have.
     pub(crate) fn dimension_min(&self) -> usize {
         self.kernel.columns().chain(self.mean.columns()).max().map_or(1, |column| column + 1)
     }
 
-    /// Whether the other differs in nothing but the numbers that can be learned: terms, columns, ties and the kind of
-    /// mean agree.
+    /// Returns whether the two priors differ in learned parameters only. Terms, columns, ties and the kind of mean must
+    /// agree.
     pub fn has_structure_of(&self, other: &Prior) -> bool {
         self.mean.has_structure_of(&other.mean) && self.kernel.has_structure_of(&other.kernel)
     }
 
-    /// The numbers that can be learned: [`Kernel::log_parameters`], then [`PriorMean::parameter_values`].
+    /// Returns the learned parameters: [`Kernel::log_parameters`], then [`PriorMean::parameter_values`].
     pub fn parameter_values(&self) -> Vec<f64> {
         [self.kernel.log_parameters(), self.mean.parameter_values()].concat()
     }
 
-    /// What each of [`Prior::parameter_values`] is.
+    /// Returns the kind of each entry of [`Prior::parameter_values`].
     pub fn parameters(&self) -> Vec<Parameter> {
         self.kernel.parameters().chain(self.mean.parameters().iter().copied()).collect()
     }
 
-    /// A prior of the same structure with other numbers, as [`Prior::parameter_values`] lays them out.
+    /// Returns a prior of the same structure with other parameters, in the order of [`Prior::parameter_values`].
     ///
     /// # Errors
     /// As [`Kernel::with_log_parameters`] and [`PriorMean::with_parameters`].
@@ -89,18 +89,18 @@ impl Prior {
         Self::new(self.kernel.with_log_parameters(kernel)?, self.mean.with_parameters(mean)?)
     }
 
-    /// The same prior with all length-scales multiplied by a positive factor.
+    /// Returns the prior with all length-scales multiplied by a positive factor.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] or [`crate::Error::NotFinite`] where a length-scale leaves the range of numbers.
+    /// [`crate::Error::OutOfRange`] or [`crate::Error::NotFinite`] if a length-scale leaves the floating-point range.
     pub fn with_length_scales_times(&self, factor: f64) -> Result<Self> {
         self.with_times(Parameter::LengthScale, factor)
     }
 
-    /// The same prior with all variances multiplied by a positive factor.
+    /// Returns the prior with all variances multiplied by a positive factor.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] or [`crate::Error::NotFinite`] where a variance leaves the range of numbers.
+    /// [`crate::Error::OutOfRange`] or [`crate::Error::NotFinite`] if a variance leaves the floating-point range.
     pub fn with_variances_times(&self, factor: f64) -> Result<Self> {
         self.with_times(Parameter::Variance, factor)
     }
@@ -113,7 +113,7 @@ impl Prior {
     }
 }
 
-/// A prior as it is written down.
+/// The serialised form of [`Prior`].
 #[cfg(feature = "serde")]
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]

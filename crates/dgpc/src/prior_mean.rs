@@ -1,24 +1,24 @@
-//! Prior mean functions: what is expected of the latent function before the first event.
+//! Prior mean functions: the expected latent function before the first event.
 
 use crate::error::{Error, Result, finite, positive, same_size};
 use crate::inputs::{Inputs, check_column};
 use crate::parameter::Parameter;
 
-/// The latent function expected before any event, μ₀(x).
+/// The prior mean μ₀(x): the expected latent function before any event.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum PriorMean {
     /// μ₀ = 0: even odds everywhere.
     Zero,
-    /// The same log-odds everywhere.
+    /// Constant log-odds.
     Constant(f64),
     /// Log-odds that fall with the distance between two sets of columns.
     Range(RangeMean),
 }
 
-/// μ₀ = intercept − slope · ‖x\[from\] − x\[to\]‖: log-odds that fall with the distance between two sets of columns.
-/// This is where a conservative range goes in: the odds are even at distance intercept / slope.
+/// Log-odds that fall with the distance between two sets of columns: μ₀ = intercept − slope · ‖x\[from\] − x\[to\]‖. The
+/// odds are even at distance intercept / slope. Use it to encode a conservative communication range.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct RangeMean {
@@ -29,12 +29,14 @@ pub struct RangeMean {
 }
 
 impl RangeMean {
-    /// Log-odds of `intercept` at distance zero, falling by `slope` per unit of the distance between the columns `from`
-    /// and as many columns `to`.
+    /// Creates a mean with log-odds of `intercept` at distance zero, which fall by `slope` per unit of distance. The
+    /// distance is that between the columns `from` and the columns `to`, which must be equally many.
     ///
     /// # Errors
-    /// [`Error::NotFinite`] for a number that is not finite, [`Error::OutOfRange`] without columns or for one beyond
-    /// [`crate::COLUMN_MAX`], [`Error::SizeMismatch`] where the columns do not pair up, [`Error::RepeatedColumn`].
+    /// * [`Error::NotFinite`] for a number that is not finite.
+    /// * [`Error::OutOfRange`] for an empty list of columns, and for a column beyond [`crate::COLUMN_MAX`].
+    /// * [`Error::SizeMismatch`] if the numbers of columns of the two ends differ.
+    /// * [`Error::RepeatedColumn`] if one end names a column twice.
     pub fn new(intercept: f64, slope: f64, from: &[usize], to: &[usize]) -> Result<Self> {
         finite("prior mean intercept", intercept)?;
         finite("prior mean slope", slope)?;
@@ -51,37 +53,37 @@ impl RangeMean {
         Ok(Self { intercept, slope, from: from.to_vec(), to: to.to_vec() })
     }
 
-    /// Log-odds at distance zero.
+    /// Returns the log-odds at distance zero.
     pub fn intercept(&self) -> f64 {
         self.intercept
     }
 
-    /// Log-odds lost per unit of distance.
+    /// Returns the decrease of the log-odds per unit of distance.
     pub fn slope(&self) -> f64 {
         self.slope
     }
 
-    /// Whether log-odds fall with distance.
+    /// Returns whether the log-odds fall with distance.
     fn falls(&self) -> bool {
         self.slope > 0.0
     }
 
-    /// The distance at which the odds are even; `None` where they do not fall.
+    /// Returns the distance at which the odds are even, or `None` if the log-odds do not fall.
     pub fn even_odds_distance(&self) -> Option<f64> {
         self.falls().then(|| self.intercept / self.slope)
     }
 
-    /// Columns of one end.
+    /// Returns the columns of one end.
     pub fn from(&self) -> &[usize] {
         &self.from
     }
 
-    /// Columns of the other end, as many.
+    /// Returns the columns of the other end.
     pub fn to(&self) -> &[usize] {
         &self.to
     }
 
-    /// Distance between the two ends of one row.
+    /// Returns the distance between the two ends of one row.
     fn distance(&self, row: &[f64]) -> f64 {
         let squares = self.from.iter().zip(&self.to).map(|(&a, &b)| (row[a] - row[b]).powi(2));
         squares.sum::<f64>().sqrt()
@@ -89,7 +91,7 @@ impl RangeMean {
 }
 
 impl PriorMean {
-    /// Log-odds that fall with distance. See [`RangeMean::new`].
+    /// Creates a mean with log-odds that fall with distance. See [`RangeMean::new`].
     ///
     /// # Errors
     /// As [`RangeMean::new`].
@@ -105,7 +107,7 @@ impl PriorMean {
         }
     }
 
-    /// Every column that the mean looks at.
+    /// Returns every column that the mean uses.
     pub(crate) fn columns(&self) -> impl Iterator<Item = usize> {
         let ends: [&[usize]; 2] = match self {
             PriorMean::Range(range) => [&range.from, &range.to],
@@ -114,7 +116,7 @@ impl PriorMean {
         ends.into_iter().flatten().copied()
     }
 
-    /// Checks that inputs have every column that the mean looks at.
+    /// Checks that inputs have every column that the mean uses.
     pub(crate) fn check_columns(&self, inputs: &Inputs) -> Result<()> {
         let columns = inputs.dimension();
         match self.columns().find(|&column| column >= columns) {
@@ -123,11 +125,11 @@ impl PriorMean {
         }
     }
 
-    /// μ₀ at every point. O(Nd).
+    /// Returns μ₀ at every point. O(Nd).
     ///
     /// # Errors
-    /// [`Error::BadColumn`] when a range prior mean names a column that the inputs do not have, [`Error::NotFinite`]
-    /// where numbers near the end of the range overflow.
+    /// [`Error::BadColumn`] if a range prior mean names a column that the inputs do not have, [`Error::NotFinite`] if
+    /// numbers near the end of the floating-point range overflow.
     pub fn values(&self, inputs: &Inputs) -> Result<Vec<f64>> {
         match self {
             PriorMean::Zero => Ok(vec![0.0; inputs.len()]),
@@ -140,8 +142,8 @@ impl PriorMean {
         }
     }
 
-    /// Its numbers that can be learned: none, the constant, or the intercept and, where log-odds fall, the logarithm of
-    /// the slope. A slope that is not positive is nothing that data can change.
+    /// Returns the learned parameters. A constant mean has its constant, and a range mean has its intercept. A falling range
+    /// mean also has the logarithm of its slope. A slope that is not positive is not learned.
     pub fn parameter_values(&self) -> Vec<f64> {
         match self {
             PriorMean::Zero => Vec::new(),
@@ -151,7 +153,7 @@ impl PriorMean {
         }
     }
 
-    /// What each of [`PriorMean::parameter_values`] is.
+    /// Returns the kind of each entry of [`PriorMean::parameter_values`].
     pub fn parameters(&self) -> &'static [Parameter] {
         match self {
             PriorMean::Zero => &[],
@@ -161,11 +163,11 @@ impl PriorMean {
         }
     }
 
-    /// The same kind of mean with other numbers, as [`PriorMean::parameter_values`] lays them out.
+    /// Returns the mean with other parameters, in the order of [`PriorMean::parameter_values`].
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for another number of parameters, [`Error::NotFinite`], [`Error::OutOfRange`] where the
-    /// slope leaves the range of numbers.
+    /// [`Error::SizeMismatch`] if the number of parameters differs, [`Error::NotFinite`] for a parameter that is not finite,
+    /// and [`Error::OutOfRange`] if the slope leaves the floating-point range.
     pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
         match (self, parameters) {
             (PriorMean::Zero, []) => Ok(PriorMean::Zero),
@@ -184,7 +186,7 @@ impl PriorMean {
         }
     }
 
-    /// Whether the other differs in nothing but numbers that can be learned.
+    /// Returns whether the two means differ in learned parameters only.
     pub(crate) fn has_structure_of(&self, other: &PriorMean) -> bool {
         match (self, other) {
             (PriorMean::Range(own), PriorMean::Range(other)) => {
@@ -194,7 +196,7 @@ impl PriorMean {
         }
     }
 
-    /// Σ_n w_n ∂μ₀(x_n)/∂(parameters).
+    /// Returns Σ_n w_n ∂μ₀(x_n)/∂(parameters).
     pub(crate) fn gradient(&self, inputs: &Inputs, weights: &[f64]) -> Vec<f64> {
         match self {
             PriorMean::Zero => Vec::new(),
@@ -211,7 +213,7 @@ impl PriorMean {
     }
 }
 
-/// A falling mean as it is written down.
+/// The serialised form of [`RangeMean`].
 #[cfg(feature = "serde")]
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,12 +1,12 @@
-//! Locality regions: the events that a summary stands for (section 5 of [`crate::method`]).
+//! Locality regions: sets of events for a summary (section 5 of [`crate::method`]).
 
 use crate::error::{Result, not_negative, same_size};
 use crate::inputs::{Inputs, spread_out};
 
-/// At most so many inputs are tried as the centre of the busiest region.
+/// Largest number of inputs that are tried as the centre of the busiest region.
 const CENTRES_MAX: usize = 1000;
 
-/// R(r, c): those of some inputs that lie within a radius of a centre.
+/// A region R(r, c): the inputs that lie within a radius r of a centre c.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LocalityRegion {
     /// The centre c, d coordinates.
@@ -18,7 +18,7 @@ pub struct LocalityRegion {
 }
 
 impl LocalityRegion {
-    /// The region around a centre, d coordinates. O(Nd).
+    /// Creates the region around a centre of d coordinates. O(Nd).
     ///
     /// ```
     /// use dgpc::{Inputs, LocalityRegion};
@@ -42,9 +42,10 @@ impl LocalityRegion {
         Self { centre: centre.to_vec(), radius, members: (0..inputs.len()).filter(inside).collect() }
     }
 
-    /// The region around the input that has most inputs within the radius, the first of equals; of more than a thousand
-    /// inputs only a thousand are tried, spread evenly but without a period. `None` without inputs. O(Nd · min(N,
-    /// 1000)).
+    /// Returns the region around the input with the largest number of inputs within the radius; the first of equals.
+    ///
+    /// Of more than 1000 inputs, 1000 are tried as the centre, spread evenly but without a period. The result is `None`
+    /// without inputs. O(Nd · min(N, 1000)).
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for a radius that is negative or not finite.
@@ -86,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_stay() -> Result<()> {
+    fn keep_nearest_keeps_the_members_closest_to_the_centre() -> Result<()> {
         let inputs = Inputs::from_rows(&[[3.0], [0.1], [-2.0], [0.0]])?;
         let mut region = LocalityRegion::around(&inputs, &[0.0], 5.0)?;
         region.keep_nearest(&inputs, 9);

@@ -1,11 +1,11 @@
-//! What is left of a covariance as points of it become known, one after the other, and what one more would take away.
+//! The covariance that remains after some points are known, and the reduction by a further point.
 //!
-//! The covariance K itself stays as it is: K̃ = K − UUᵀ, a column of U for every point taken. So a choice of m of N points
-//! costs O(Nm²) beside what is done with K once, and what was taken can be given back.
+//! The covariance K itself is not changed: K̃ = K − UUᵀ, with a column of U for every chosen point. A choice of m of N
+//! points costs O(Nm²) in addition to the preparation of K. A choice can be undone.
 
 use crate::linalg::{Matrix, add_scaled, dot, multiply_vector, squared_norm};
 
-/// K̃, by its diagonal and the columns of U.
+/// K̃, represented by its diagonal and the columns of U.
 #[derive(Clone)]
 pub(crate) struct Remainder<'a> {
     gram: &'a Matrix,
@@ -18,24 +18,26 @@ impl<'a> Remainder<'a> {
         Self { gram, columns: Vec::new(), variance: gram.diagonal() }
     }
 
-    /// diag K̃.
+    /// Returns diag K̃.
     pub(crate) fn variance(&self) -> &[f64] {
         &self.variance
     }
 
-    /// tr K̃.
+    /// Returns tr K̃.
     pub(crate) fn trace(&self) -> f64 {
         self.variance.iter().map(|variance| variance.max(0.0)).sum()
     }
 
-    /// Takes `share` of the variance at a point away, which is positive there, and all that goes with it. O(Nm).
+    /// Removes `share` of the variance at a point, and the covariances that go with it. The variance there must be positive.
+    /// O(Nm).
     pub(crate) fn take(&mut self, point: usize, share: f64) {
         let column = self.scaled(point, share, self.gram.column(point), &self.columns);
         self.variance.iter_mut().zip(&column).for_each(|(variance, u)| *variance -= u * u);
         self.columns.push(column);
     }
 
-    /// √(share/k̃_pp) (whole_p − Σⱼ u_jp partsⱼ): the new column of U when `whole` is that of K and the parts those of U.
+    /// Returns √(share/k̃_pp) (whole_p − Σⱼ u_jp partsⱼ). With `whole` a column of K and `parts` the columns of U, this is
+    /// the new column of U.
     fn scaled(&self, point: usize, share: f64, whole: &[f64], parts: &[Vec<f64>]) -> Vec<f64> {
         let mut column = whole.to_vec();
         for (taken, part) in self.columns.iter().zip(parts) {
@@ -47,11 +49,11 @@ impl<'a> Remainder<'a> {
     }
 }
 
-/// K̃, and the squared norms of its columns.
+/// K̃, with the squared norms of its columns.
 #[derive(Clone)]
 pub(crate) struct Reductions<'a> {
-    left: Remainder<'a>,
-    /// K², where many points are taken.
+    remainder: Remainder<'a>,
+    /// K², computed if many points are to be chosen.
     squared: Option<&'a Matrix>,
     /// KU.
     images: Vec<Vec<f64>>,
@@ -59,7 +61,7 @@ pub(crate) struct Reductions<'a> {
     explained: Vec<f64>,
 }
 
-/// A state to go back to.
+/// A saved state of [`Reductions`].
 pub(crate) struct Mark {
     taken: usize,
     variance: Vec<f64>,
@@ -67,42 +69,43 @@ pub(crate) struct Mark {
 }
 
 impl<'a> Reductions<'a> {
-    /// With K² a point costs O(Nm), without it O(N²).
+    /// Starts from K. Choosing a point costs O(Nm) if K² is given, and O(N²) otherwise.
     pub(crate) fn new(gram: &'a Matrix, squared: Option<&'a Matrix>) -> Self {
         let explained = match squared {
             Some(squared) => squared.diagonal(),
             None => (0..gram.columns()).map(|column| squared_norm(gram.column(column))).collect(),
         };
-        Self { left: Remainder::new(gram), squared, images: Vec::new(), explained }
+        Self { remainder: Remainder::new(gram), squared, images: Vec::new(), explained }
     }
 
-    /// diag K̃.
+    /// Returns diag K̃.
     pub(crate) fn variance(&self) -> &[f64] {
-        self.left.variance()
+        self.remainder.variance()
     }
 
-    /// tr K̃.
+    /// Returns tr K̃.
     pub(crate) fn trace(&self) -> f64 {
-        self.left.trace()
+        self.remainder.trace()
     }
 
-    /// By how much the trace would fall if all variance at a point were taken away: ‖K̃_z‖²/k̃_zz.
+    /// Returns the reduction of the trace if all variance at a point were removed: ‖K̃_z‖²/k̃_zz.
     pub(crate) fn reduction(&self, point: usize) -> f64 {
-        self.explained[point].max(0.0) / self.left.variance[point]
+        self.explained[point].max(0.0) / self.remainder.variance[point]
     }
 
-    /// As [`Remainder::take`].
+    /// Removes variance as [`Remainder::take`] does, and updates the column norms.
     pub(crate) fn take(&mut self, point: usize, share: f64) {
-        // K times the new column of U, before that column is there.
-        let image = self.squared.map(|squared| self.left.scaled(point, share, squared.column(point), &self.images));
-        self.left.take(point, share);
-        let Some((column, before)) = self.left.columns.split_last() else { return };
+        // K times the new column of U, computed before that column is appended.
+        let image =
+            self.squared.map(|squared| self.remainder.scaled(point, share, squared.column(point), &self.images));
+        self.remainder.take(point, share);
+        let Some((column, before)) = self.remainder.columns.split_last() else { return };
         let image = image.unwrap_or_else(|| {
             let mut image = vec![0.0; column.len()];
-            multiply_vector(self.left.gram.view(), column, &mut image);
+            multiply_vector(self.remainder.gram.view(), column, &mut image);
             image
         });
-        // K̃u with K̃ as it was, after which ‖K̃_z − u_z u‖² = ‖K̃_z‖² − 2u_z(K̃u)_z + u_z²‖u‖².
+        // K̃u with the K̃ before this step. Then ‖K̃_z − u_z u‖² = ‖K̃_z‖² − 2u_z(K̃u)_z + u_z²‖u‖².
         let mut remaining = image.clone();
         for earlier in before {
             add_scaled(-dot(earlier, column), earlier, &mut remaining);
@@ -114,16 +117,16 @@ impl<'a> Reductions<'a> {
         self.images.push(image);
     }
 
-    /// Where things stand.
+    /// Returns the current state, for [`Reductions::back_to`].
     pub(crate) fn mark(&self) -> Mark {
-        Mark { taken: self.images.len(), variance: self.left.variance.clone(), explained: self.explained.clone() }
+        Mark { taken: self.images.len(), variance: self.remainder.variance.clone(), explained: self.explained.clone() }
     }
 
-    /// Gives back what was taken since.
+    /// Restores a saved state: undoes all choices after it.
     pub(crate) fn back_to(&mut self, mark: &Mark) {
         self.images.truncate(mark.taken);
-        self.left.columns.truncate(mark.taken);
-        self.left.variance.copy_from_slice(&mark.variance);
+        self.remainder.columns.truncate(mark.taken);
+        self.remainder.variance.copy_from_slice(&mark.variance);
         self.explained.copy_from_slice(&mark.explained);
     }
 }

@@ -1,4 +1,4 @@
-//! How far summaries move a posterior: what they say beside what is known without them (section 6 of
+//! Shift of a posterior by summaries: the change of the mean relative to the remaining uncertainty (section 6 of
 //! [`crate::method`]).
 
 use crate::error::{Error, Result};
@@ -7,31 +7,32 @@ use crate::linalg::{Cholesky, Matrix, product};
 use crate::posterior::Posterior;
 use crate::summary::Summary;
 
-/// By how much some summaries move the latent function at their own inducing points, one after the other, and how
-/// uncertain it is there without them.
+/// The shift of the latent function by some summaries, at their inducing points one after the other, and the uncertainty
+/// there without them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shift {
-    /// Mean with them, less the mean without.
+    /// Mean with the summaries minus mean without them.
     pub mean: Vec<f64>,
-    /// Covariance without them.
+    /// Covariance without the summaries.
     pub covariance: Matrix,
     /// Covariance of the prior.
     pub prior_covariance: Matrix,
 }
 
-/// What is known of a value is worth comparing with where it explains at least this share of the prior variance: that the
-/// prior was wrong is no surprise.
+/// Smallest explained share of the prior variance of a value for the comparison. Where less is explained, a large shift
+/// only shows that the prior was wrong, which is no surprise.
 const EXPLAINED_SHARE: f64 = 0.5;
 
-/// Differences between values are looked at where the prior has at least this share of their variance for them: less is rounding.
+/// Smallest share of a value's prior variance that its deviation from the mean must have. Below it, deviations are rounding
+/// errors.
 const DIFFERENCE_SHARE: f64 = 0.01;
 
-/// Whether so much is known where the prior has this variance that it is worth comparing with.
-fn is_known(variance: f64, prior_variance: f64) -> bool {
+/// Returns whether enough of the prior variance is explained for a comparison.
+fn is_determined(variance: f64, prior_variance: f64) -> bool {
     variance > 0.0 && variance <= (1.0 - EXPLAINED_SHARE) * prior_variance
 }
 
-/// Variances of values less their mean.
+/// Returns the variances of the deviations of the values from their mean over all values.
 fn about_mean(covariance: &Matrix) -> Vec<f64> {
     let count = covariance.columns().max(1) as f64;
     let shared: Vec<f64> =
@@ -40,80 +41,84 @@ fn about_mean(covariance: &Matrix) -> Vec<f64> {
     covariance.diagonal().iter().zip(&shared).map(|(variance, shared)| variance - 2.0 * shared + mean).collect()
 }
 
-/// Of which values enough is known to compare with: of themselves, and of how they lie about their mean.
-fn known_of(covariance: &Matrix, prior_covariance: &Matrix) -> [Vec<bool>; 2] {
-    let [itself, prior] = [covariance, prior_covariance].map(Matrix::diagonal);
+/// Marks the determined values (first mask), and those with a determined deviation from the mean (second mask).
+fn determined_masks(covariance: &Matrix, prior_covariance: &Matrix) -> [Vec<bool>; 2] {
+    let [value, prior] = [covariance, prior_covariance].map(Matrix::diagonal);
     let [differs, prior_differs] = [covariance, prior_covariance].map(about_mean);
     let is_apart = |n: usize| prior_differs[n] >= DIFFERENCE_SHARE * prior[n];
-    let all = || 0..itself.len();
+    let all = || 0..value.len();
     [
-        all().map(|n| is_known(itself[n], prior[n])).collect(),
-        all().map(|n| is_apart(n) && is_known(differs[n], prior_differs[n])).collect(),
+        all().map(|n| is_determined(value[n], prior[n])).collect(),
+        all().map(|n| is_apart(n) && is_determined(differs[n], prior_differs[n])).collect(),
     ]
 }
 
-/// The values of which either is known.
-pub(crate) fn known(covariance: &Matrix, prior_covariance: &Matrix) -> Vec<usize> {
-    let [itself, about_mean] = known_of(covariance, prior_covariance);
-    (0..itself.len()).filter(|&n| itself[n] || about_mean[n]).collect()
+/// Returns the indices of values that are determined, or whose deviation from the mean is.
+pub(crate) fn determined(covariance: &Matrix, prior_covariance: &Matrix) -> Vec<usize> {
+    let [value, about_mean] = determined_masks(covariance, prior_covariance);
+    (0..value.len()).filter(|&n| value[n] || about_mean[n]).collect()
 }
 
 impl Shift {
-    /// The largest shift in standard deviations of what is known without the summaries, where that explains at least half of
-    /// the prior variance: of the function at the points, but for an offset that is common to all of them, normal with
-    /// mean 0 and standard deviation `offset_sd`, as far as the points say; and of how it lies about its mean over
-    /// the points, whatever that is. 0 without such points.
+    /// Returns the largest shift, in standard deviations without the summaries. Points count if at least half of the prior
+    /// variance is explained without the summaries. Without such points the result is 0.
     ///
-    /// Where the summaries come from the same latent function, the shift at a point is normal with a variance below that
-    /// known without them, and so this is rarely above 3.
+    /// Two kinds of shift are examined. The first is that of the function itself, minus a common offset. The offset is
+    /// normal with mean 0 and standard deviation `offset_sd`, and is estimated from the points. The second is that of the
+    /// deviation from the mean over the points.
+    ///
+    /// If the summaries come from the same latent function, the shift at a point is normal. Its variance is then smaller
+    /// than the variance without the summaries. The result therefore rarely exceeds 3.
     pub fn largest(&self, offset_sd: f64) -> f64 {
-        let [itself, about_mean] = known_of(&self.covariance, &self.prior_covariance);
-        self.largest_itself(&itself, offset_sd).max(self.largest_about_mean(&about_mean))
+        let [value, about_mean] = determined_masks(&self.covariance, &self.prior_covariance);
+        self.largest_of_values(&value, offset_sd).max(self.largest_about_mean(&about_mean))
     }
 
-    fn largest_itself(&self, is_known: &[bool], offset_sd: f64) -> f64 {
+    fn largest_of_values(&self, is_determined: &[bool], offset_sd: f64) -> f64 {
         let variance = self.covariance.diagonal();
-        let known = || (0..variance.len()).filter(|&n| is_known[n]);
-        let count = known().count().max(1) as f64;
-        // Points of one member say much the same: their weight is that of one.
-        let weight = known().map(|n| 1.0 / variance[n]).sum::<f64>() / count;
-        let weighted = known().map(|n| self.mean[n] / variance[n]).sum::<f64>() / count;
+        let determined = || (0..variance.len()).filter(|&n| is_determined[n]);
+        let count = determined().count().max(1) as f64;
+        // Points of one member are strongly correlated, so together they have the weight of one point.
+        let weight = determined().map(|n| 1.0 / variance[n]).sum::<f64>() / count;
+        let weighted = determined().map(|n| self.mean[n] / variance[n]).sum::<f64>() / count;
         let offset = if offset_sd > 0.0 { weighted / (weight + (offset_sd * offset_sd).recip()) } else { 0.0 };
-        known().map(|n| (self.mean[n] - offset).abs() / variance[n].sqrt()).fold(0.0, f64::max)
+        determined().map(|n| (self.mean[n] - offset).abs() / variance[n].sqrt()).fold(0.0, f64::max)
     }
 
-    fn largest_about_mean(&self, is_known: &[bool]) -> f64 {
+    fn largest_about_mean(&self, is_determined: &[bool]) -> f64 {
         let mean = self.mean.iter().sum::<f64>() / self.mean.len().max(1) as f64;
         let variance = about_mean(&self.covariance);
-        let known = (0..variance.len()).filter(|&n| is_known[n]);
-        known.map(|n| (self.mean[n] - mean).abs() / variance[n].sqrt()).fold(0.0, f64::max)
+        let determined = (0..variance.len()).filter(|&n| is_determined[n]);
+        determined.map(|n| (self.mean[n] - mean).abs() / variance[n].sqrt()).fold(0.0, f64::max)
     }
 }
 
 impl Posterior {
-    /// How far `summaries`, which this posterior does not hold, would move it. O(M n² + M² n + M³) for M inducing points.
+    /// Returns the shift that `summaries` would cause. This posterior must not hold them yet. O(M n² + M² n + M³) for M
+    /// inducing points.
     ///
     /// # Errors
     /// [`crate::Error::DifferentPriors`] for summaries of another prior, and as [`Posterior::joint`].
     pub fn shift_by(&self, summaries: &[&Summary]) -> Result<Shift> {
-        let Some(said) = Said::new(self, summaries)? else { return Ok(Shift::none()) };
+        let Some(factor) = MessageFactor::new(self, summaries)? else { return Ok(Shift::none()) };
         // With A = CR the covariance with them is C − A(I + RᵀCR)⁻¹Aᵀ.
-        let with = said.updated(1.0)?;
-        let mean = with.times(&said.pull);
-        Ok(Shift { mean, covariance: said.covariance, prior_covariance: said.prior_covariance })
+        let with = factor.updated(1.0)?;
+        let mean = with.times(&factor.pull);
+        Ok(Shift { mean, covariance: factor.covariance, prior_covariance: factor.prior_covariance })
     }
 
-    /// How far `summaries`, which this posterior holds, have moved it: what it would say without them is worked out from
-    /// what it says with them. As dear as [`Posterior::shift_by`].
+    /// Returns the shift that `summaries` have caused. This posterior must hold them. The moments without them are computed
+    /// by downdating the moments with them, at the cost of [`Posterior::shift_by`].
     ///
     /// # Errors
-    /// As [`Posterior::shift_by`], and [`crate::Error::NotPositiveDefinite`] for summaries that it does not hold.
+    /// As [`Posterior::shift_by`], and [`crate::Error::NotPositiveDefinite`] for summaries that the posterior does not
+    /// hold.
     pub fn shift_of(&self, summaries: &[&Summary]) -> Result<Shift> {
-        let Some(said) = Said::new(self, summaries)? else { return Ok(Shift::none()) };
+        let Some(factor) = MessageFactor::new(self, summaries)? else { return Ok(Shift::none()) };
         // The covariance without them is C + A(I − RᵀCR)⁻¹Aᵀ.
-        let without = said.updated(-1.0)?;
-        let mean = without.times(&said.pull);
-        Ok(Shift { mean, covariance: without, prior_covariance: said.prior_covariance })
+        let without = factor.updated(-1.0)?;
+        let mean = without.times(&factor.pull);
+        Ok(Shift { mean, covariance: without, prior_covariance: factor.prior_covariance })
     }
 }
 
@@ -124,20 +129,20 @@ impl Shift {
     }
 }
 
-/// What summaries say, as the factor exp(−½hᵀRRᵀh + βᵀh) of h = f − μ₀ at their inducing points, beside what a posterior
-/// says there.
-struct Said {
+/// The joint factor exp(−½hᵀRRᵀh + βᵀh) of summaries, with h = f − μ₀ at their inducing points, and the moments of a
+/// posterior at the same points.
+struct MessageFactor {
     /// R.
     root: Matrix,
     /// C.
     covariance: Matrix,
-    /// β − RRᵀh at the posterior's mean of h.
+    /// β − RRᵀh, with h at the posterior's mean.
     pull: Vec<f64>,
     prior_covariance: Matrix,
 }
 
-impl Said {
-    /// `None` where nothing is said.
+impl MessageFactor {
+    /// Returns `None` if there are no summaries.
     fn new(posterior: &Posterior, summaries: &[&Summary]) -> Result<Option<Self>> {
         let Some(first) = summaries.first() else { return Ok(None) };
         let mut points = Inputs::empty(first.inducing_points().dimension());
@@ -168,7 +173,7 @@ impl Said {
         Ok(Some(Self { root, covariance, pull, prior_covariance }))
     }
 
-    /// C − s A (I + s RᵀA)⁻¹ Aᵀ with A = CR.
+    /// Returns C − s A (I + s RᵀA)⁻¹ Aᵀ with A = CR and s = `sign`.
     fn updated(&self, sign: f64) -> Result<Matrix> {
         let along = product(self.covariance.view(), self.root.view());
         let mut middle = Matrix::zeros(self.pull.len(), self.pull.len());

@@ -1,16 +1,16 @@
-//! Special functions, none of which overflows.
+//! Special functions. None of them overflows.
 
-/// Φ, the standard normal distribution function.
+/// Returns Φ(x), the standard normal distribution function.
 pub(crate) fn normal_cdf(x: f64) -> f64 {
     0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }
 
-/// The density of the standard normal distribution.
+/// Returns the standard normal density at x.
 pub(crate) fn normal_density(x: f64) -> f64 {
     (-0.5 * x * x).exp() * (0.5 * std::f64::consts::FRAC_1_PI).sqrt()
 }
 
-/// σ(f), the logistic function.
+/// Returns σ(f), the logistic function.
 pub(crate) fn logistic(f: f64) -> f64 {
     if f >= 0.0 {
         1.0 / (1.0 + (-f).exp())
@@ -20,12 +20,12 @@ pub(crate) fn logistic(f: f64) -> f64 {
     }
 }
 
-/// ln σ(f).
+/// Returns ln σ(f).
 pub(crate) fn ln_logistic(f: f64) -> f64 {
     0.5 * f - ln_2_cosh(0.5 * f)
 }
 
-/// ln(2 cosh x).
+/// Returns ln(2 cosh x).
 pub(crate) fn ln_2_cosh(x: f64) -> f64 {
     x.abs() + (-2.0 * x.abs()).exp().ln_1p()
 }

@@ -1,4 +1,4 @@
-//! What a set of events says about the latent function at a few inducing points (section 3 of [`crate::method`]).
+//! Summaries: Gaussian messages about the latent function at a few inducing points (section 3 of [`crate::method`]).
 
 use std::borrow::Cow;
 
@@ -12,9 +12,9 @@ use crate::sites::Sites;
 
 /// A Gaussian message about f at M inducing points Z, under a prior.
 ///
-/// It is kept whitened: with K_ZZ = LLᵀ, the precision Ĝ = L⁻¹GL⁻ᵀ and the shift b̂ = L⁻¹b, both free of the
-/// conditioning of K_ZZ. Summaries of one prior and one Z form a commutative group: [`Summary::merge`] adds,
-/// [`Summary::subtract`] takes away.
+/// The message is stored whitened. With K_ZZ = LLᵀ these are the precision Ĝ = L⁻¹GL⁻ᵀ and the shift b̂ = L⁻¹b, both
+/// independent of the conditioning of K_ZZ. Summaries of one prior and one Z form a commutative group:
+/// [`Summary::merge`] adds, [`Summary::subtract`] subtracts.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Summary {
@@ -26,21 +26,22 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// A summary that says nothing yet. O(M³).
+    /// Creates a summary without information: Ĝ = 0, b̂ = 0. O(M³).
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`] when inducing points coincide too closely for any small jitter;
-    /// [`Error::BadColumn`] when the prior needs columns that they do not have.
+    /// [`Error::NotPositiveDefinite`] if inducing points coincide too closely for any small jitter;
+    /// [`Error::BadColumn`] if the prior needs columns that the points do not have.
     pub fn empty(prior: &Prior, inducing_points: &Inputs) -> Result<Self> {
         let points = inducing_points.len();
         Self::from_whitened(prior, inducing_points, Matrix::zeros(points, points), vec![0.0; points])
     }
 
-    /// A summary from its whitened parts, Ĝ (M×M, positive semi-definite; its symmetric part is taken) and b̂ (M).
-    /// O(M³).
+    /// Creates a summary from its whitened parts, Ĝ (M×M, positive semi-definite) and b̂ (M). Only the symmetric part of
+    /// Ĝ is used. O(M³).
     ///
     /// # Errors
-    /// As [`Summary::empty`], [`Error::SizeMismatch`], and [`Error::NotFinite`]; a negative eigenvalue of Ĝ shows in use.
+    /// As [`Summary::empty`], [`Error::SizeMismatch`], and [`Error::NotFinite`]. Negative eigenvalues of Ĝ are not
+    /// detected here but when the summary is used.
     pub fn from_whitened(prior: &Prior, inducing_points: &Inputs, precision: Matrix, shift: Vec<f64>) -> Result<Self> {
         let points = inducing_points.len();
         same_size("rows of a summary's precision, one per inducing point", points, precision.rows())?;
@@ -55,8 +56,8 @@ impl Summary {
         Ok(Self { prior: prior.clone(), inducing_points: inducing_points.clone(), cholesky, precision, shift })
     }
 
-    /// The variational summary of `sites` (the paper's): G = K_MN Ω K_NM, b = K_MN κ̃. Additive over events; treats
-    /// what the inducing points cannot explain as if it were not there. O(NM²).
+    /// Creates the variational summary of `sites` (the paper's): G = K_MN Ω K_NM, b = K_MN κ̃. It is additive over events.
+    /// It ignores the part of the prior variance that the inducing points do not explain. O(NM²).
     ///
     /// # Errors
     /// As [`Summary::empty`].
@@ -66,8 +67,8 @@ impl Summary {
         Ok(summary)
     }
 
-    /// The marginal summary of `sites`: the exact message of these events about f(Z), with (K̃ + Ω⁻¹)⁻¹ in place of Ω.
-    /// Never overconfident; not additive over events. O(N³ + NM²).
+    /// Creates the marginal summary of `sites`: the exact message of these events about f(Z), with (K̃ + Ω⁻¹)⁻¹ in place
+    /// of Ω. It is never overconfident, and not additive over events. O(N³ + NM²).
     ///
     /// # Errors
     /// As [`Summary::empty`].
@@ -96,8 +97,8 @@ impl Summary {
         Ok(summary)
     }
 
-    /// The message that takes the prior at Z to a Gaussian of the given mean about the prior mean (M) and covariance
-    /// (M×M, not above the prior's): what a posterior says about f(Z).
+    /// Creates the message that turns the prior at Z into the posterior of the given moments: the mean minus the prior
+    /// mean (M), and the covariance (M×M, not above the prior's).
     pub(crate) fn from_moments(
         prior: &Prior,
         inducing_points: &Inputs,
@@ -128,12 +129,12 @@ impl Summary {
     /// Adds the variational message of more events. O(NM²).
     ///
     /// # Errors
-    /// [`Error::BadColumn`] or [`Error::SizeMismatch`] when the events' inputs do not fit.
+    /// [`Error::BadColumn`] or [`Error::SizeMismatch`] if the events' inputs do not fit.
     pub fn observe(&mut self, sites: &Sites) -> Result<()> {
         self.observe_times(1.0, sites)
     }
 
-    /// Takes the variational message of events away again that were observed before. O(NM²).
+    /// Removes the variational message of events that were added with [`Summary::observe`]. O(NM²).
     ///
     /// # Errors
     /// As [`Summary::observe`].
@@ -146,12 +147,12 @@ impl Summary {
             return Ok(());
         }
         let cross = Cross::new(self.prior.kernel(), &self.inducing_points, sites.inputs())?;
-        let said = condense(&cross, &self.cholesky, sites.omega(), &sites.shift(self.prior.mean())?)?;
-        self.add(factor, &said.precision, &said.shift);
+        let message = condense(&cross, &self.cholesky, sites.omega(), &sites.shift(self.prior.mean())?)?;
+        self.add(factor, &message.precision, &message.shift);
         Ok(())
     }
 
-    /// Adds the message of another summary at the same points, as if their events had been observed together. O(M²).
+    /// Adds the message of another summary at the same points. The sum is the message of both sets of events. O(M²).
     ///
     /// # Errors
     /// [`Error::DifferentPriors`] or [`Error::DifferentInducingPoints`].
@@ -161,7 +162,8 @@ impl Summary {
         Ok(())
     }
 
-    /// Takes the message of another summary at the same points away; only what was part of it leaves a message.
+    /// Subtracts the message of another summary at the same points. The result is a valid message only if the events
+    /// of the other summary are among those of this summary.
     ///
     /// # Errors
     /// [`Error::DifferentPriors`] or [`Error::DifferentInducingPoints`].
@@ -171,10 +173,12 @@ impl Summary {
         Ok(())
     }
 
-    /// The message that somebody who holds `known` is missing: what takes the posterior of `known` at Z to the
-    /// posterior of this summary. Where `known` is more certain than this summary (its messages may have been rounded
-    /// on their way, and the fit behind them may have moved since), nothing is taken back: the difference of the
-    /// precisions is clipped to positive semi-definite, and the shift is such that the means agree all the same. O(M³).
+    /// Returns the message that turns the posterior of `known` at Z into the posterior of this summary. A receiver that
+    /// holds `known` lacks exactly this message.
+    ///
+    /// `known` can be more certain than this summary, because messages were rounded or the fit moved since. The residual
+    /// takes no precision back: the difference of the precisions is clipped to positive semi-definite. The shift is
+    /// chosen so that the means agree nevertheless. O(M³).
     ///
     /// # Errors
     /// [`Error::DifferentPriors`] or [`Error::DifferentInducingPoints`], and as [`Summary::moments`].
@@ -198,17 +202,17 @@ impl Summary {
         Ok(Self { precision, shift, ..self.clone() })
     }
 
-    /// L⁻¹(μ − μ₀(Z)) = (I + Ĝ)⁻¹b̂: the mean of f(Z) given this message alone, whitened. O(M³).
+    /// Returns L⁻¹(μ − μ₀(Z)) = (I + Ĝ)⁻¹b̂: the whitened mean of f(Z) given this message alone. O(M³).
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`] when I + Ĝ is not.
+    /// [`Error::NotPositiveDefinite`] if I + Ĝ is not.
     pub fn whitened_mean(&self) -> Result<Vec<f64>> {
         let mut mean = self.shift.clone();
         self.total()?.solve(&mut mean);
         Ok(mean)
     }
 
-    /// I + Ĝ.
+    /// Returns the Cholesky factor of I + Ĝ.
     pub(crate) fn total(&self) -> Result<Cholesky> {
         let mut total = self.precision.clone();
         total.add_to_diagonal(1.0);
@@ -225,7 +229,8 @@ impl Summary {
         Ok(())
     }
 
-    /// The same said less surely: its factor to the power of `share`, which is taken as 0 below 0 and as 1 above 1. O(M²).
+    /// Returns the message with its factor raised to the power `share`, so that it carries less information. Values of
+    /// `share` below 0 count as 0, values above 1 as 1. O(M²).
     #[must_use]
     pub fn tempered(&self, share: f64) -> Summary {
         let share = if share > 0.0 { share.min(1.0) } else { 0.0 };
@@ -239,8 +244,8 @@ impl Summary {
         self.shift.iter_mut().zip(shift).for_each(|(own, other)| *own += factor * other);
     }
 
-    /// The same message read under another prior: its kernel-free factor stays what it was. With L_s from this
-    /// summary's prior and L_r from the other, Ĝ_r = L_rᵀL_s⁻ᵀĜL_s⁻¹L_r; no matrix is inverted. O(M³).
+    /// Returns the message that has the same kernel-free factor under another prior. With L_s from this summary's prior
+    /// and L_r from the other, Ĝ_r = L_rᵀL_s⁻ᵀĜL_s⁻¹L_r. No matrix is inverted. O(M³).
     ///
     /// # Errors
     /// As [`Summary::empty`].
@@ -252,7 +257,7 @@ impl Summary {
         let half = product(self.precision.view(), change.view());
         other.precision = product(change.t(), half.view());
         other.precision.symmetrise();
-        // The shift is about the prior mean: h gains P(μ₀ of the old prior − μ₀ of the new one).
+        // The shift is relative to the prior mean: b gains P(μ₀ of the old prior − μ₀ of the new one).
         let old_mean = self.prior.mean().values(&self.inducing_points)?;
         let new_mean = prior.mean().values(&self.inducing_points)?;
         let mut moved: Vec<f64> = old_mean.iter().zip(&new_mean).map(|(old, new)| old - new).collect();
@@ -263,7 +268,7 @@ impl Summary {
         Ok(other)
     }
 
-    /// The message under a prior: itself where that is the one it was formed under.
+    /// Returns the message under `prior`. The summary itself is borrowed if it was formed under that prior.
     ///
     /// # Errors
     /// As [`Summary::under`].
@@ -271,7 +276,7 @@ impl Summary {
         if self.prior == *prior { Ok(Cow::Borrowed(self)) } else { self.under(prior).map(Cow::Owned) }
     }
 
-    /// The message that a kernel-free factor is under a prior: Ĝ = LᵀPL, b̂ = Lᵀ(η − Pμ₀(Z)). O(M³).
+    /// Returns the message of a kernel-free factor under a prior: Ĝ = LᵀPL, b̂ = Lᵀ(η − Pμ₀(Z)). O(M³).
     ///
     /// # Errors
     /// As [`Summary::empty`].
@@ -281,45 +286,45 @@ impl Summary {
         let half = product(factor.precision().view(), lower.view());
         summary.precision = product(lower.t(), half.view());
         summary.precision.symmetrise();
-        let gone = factor.precision().times(&prior.mean().values(factor.inducing_points())?);
-        let shift: Vec<f64> = factor.shift().iter().zip(&gone).map(|(shift, gone)| shift - gone).collect();
+        let offset = factor.precision().times(&prior.mean().values(factor.inducing_points())?);
+        let shift: Vec<f64> = factor.shift().iter().zip(&offset).map(|(shift, offset)| shift - offset).collect();
         summary.shift = lower.transposed_times(&shift);
         summary.precision.check_finite("summary precision")?;
         all_finite("summary shift", &summary.shift)?;
         Ok(summary)
     }
 
-    /// Number of inducing points M.
+    /// Returns the number of inducing points M.
     pub fn len(&self) -> usize {
         self.inducing_points.len()
     }
 
-    /// Whether there are no inducing points.
+    /// Returns whether there are no inducing points.
     pub fn is_empty(&self) -> bool {
         self.inducing_points.is_empty()
     }
 
-    /// The prior that the message is about.
+    /// Returns the prior under which the message was formed.
     pub fn prior(&self) -> &Prior {
         &self.prior
     }
 
-    /// The inducing points Z, M×d.
+    /// Returns the inducing points Z, M×d.
     pub fn inducing_points(&self) -> &Inputs {
         &self.inducing_points
     }
 
-    /// Whitened precision Ĝ, M×M.
+    /// Returns the whitened precision Ĝ, M×M.
     pub fn whitened_precision(&self) -> &Matrix {
         &self.precision
     }
 
-    /// Whitened shift b̂, M.
+    /// Returns the whitened shift b̂, M.
     pub fn whitened_shift(&self) -> &[f64] {
         &self.shift
     }
 
-    /// What was added to the diagonal of K_MM to factorise it (0 in the ordinary case).
+    /// Returns the jitter that was added to the diagonal of K_MM to factorise it (ordinarily 0).
     pub fn jitter(&self) -> f64 {
         self.cholesky.jitter()
     }
@@ -328,13 +333,13 @@ impl Summary {
         &self.cholesky
     }
 
-    /// R with Ĝ = RRᵀ, M×M, but for eigenvalues below a floor.
+    /// Returns R with Ĝ = RRᵀ, M×M, without the eigenvalues below `floor`.
     pub(crate) fn root(&self, floor: f64) -> Result<Matrix> {
         semidefinite_root("summary precision", &self.precision, floor)
     }
 }
 
-/// A summary as it is written down.
+/// The serialised form of [`Summary`].
 #[cfg(feature = "serde")]
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,4 +1,4 @@
-//! What a summary says in units of the latent function, and without any kernel.
+//! Summaries in units of the latent function, and their kernel-free factors.
 
 use crate::error::Result;
 use crate::factor::Factor;
@@ -6,22 +6,22 @@ use crate::linalg::{Matrix, product};
 use crate::summary::Summary;
 
 impl Summary {
-    /// G = LĜLᵀ, M×M: K_MN Ω K_NM for a variational summary.
+    /// Returns G = LĜLᵀ, M×M. For a variational summary G = K_MN Ω K_NM.
     pub fn precision(&self) -> Matrix {
         let lower = self.cholesky().lower();
         let half = product(lower.view(), self.whitened_precision().view());
         product(half.view(), lower.t())
     }
 
-    /// b = Lb̂, M: K_MN κ̃ for a variational summary.
+    /// Returns b = Lb̂, M. For a variational summary b = K_MN κ̃.
     pub fn shift(&self) -> Vec<f64> {
         self.cholesky().lower_times(self.whitened_shift())
     }
 
-    /// Mean (M) and covariance (M×M) of f(Z) given this message alone: μ₀ + L(I+Ĝ)⁻¹b̂ and L(I+Ĝ)⁻¹Lᵀ. O(M³).
+    /// Returns the mean (M) and covariance (M×M) of f(Z) given this message alone: μ₀ + L(I+Ĝ)⁻¹b̂ and L(I+Ĝ)⁻¹Lᵀ. O(M³).
     ///
     /// # Errors
-    /// [`crate::Error::NotPositiveDefinite`] when I + Ĝ is not, as after subtracting what was never observed.
+    /// [`crate::Error::NotPositiveDefinite`] if I + Ĝ is not, for example after subtracting events that were never added.
     pub fn moments(&self) -> Result<(Vec<f64>, Matrix)> {
         let total = self.total()?;
         let mut mean = self.whitened_shift().to_vec();
@@ -33,11 +33,11 @@ impl Summary {
         Ok((mean, product(half.t(), half.view())))
     }
 
-    /// The kernel-free factor: exp(−½fᵀPf + ηᵀf) in f = f(Z). O(M³).
+    /// Returns the kernel-free factor exp(−½fᵀPf + ηᵀf) of f = f(Z). O(M³).
     ///
     /// # Errors
-    /// [`crate::Error::NegativeEigenvalue`] when the precision has a clearly negative one, [`crate::Error::NotFinite`] when numbers
-    /// near the end of the range overflow.
+    /// [`crate::Error::NegativeEigenvalue`] if the precision has a clearly negative eigenvalue,
+    /// [`crate::Error::NotFinite`] if numbers near the end of the floating-point range overflow.
     pub fn factor(&self) -> Result<Factor> {
         let mut half = self.root(0.0)?;
         self.cholesky().solve_upper_matrix(&mut half);

@@ -1,11 +1,13 @@
-//! Classic data sets against the scores of others on the same splits: scikit-learn's Laplace approximation with learned
-//! hyperparameters, and Gibbs sampling under those.
+//! Classic data sets, compared with the scores of two reference methods on the same splits.
 //!
-//! One recipe for all sets: a squared-exponential kernel with one length-scale and a constant prior mean, learned with
-//! the default options, which calibrate; then mean field or Gibbs. The constant is what ringnorm needs: far from its
-//! centre all events are of one class, and a zero mean cannot say so (NLL .19 instead of .13).
+//! The reference methods are scikit-learn's Laplace approximation with learned hyperparameters, and Gibbs sampling under the
+//! same hyperparameters. All sets use one recipe: a squared-exponential kernel with one length-scale and a constant prior
+//! mean, learned with the default options, which calibrate. The predictions come from mean field or Gibbs sampling.
 //!
-//! The data are looked for in the folder that `PINGMAP_SHARED` names.
+//! Ringnorm needs the constant mean. Far from its centre all events are of one class, which a zero mean cannot represent:
+//! its NLL is .19 instead of .13.
+//!
+//! The tests look for the data in the folder that `PINGMAP_SHARED` names.
 
 #![allow(clippy::unwrap_used)]
 
@@ -20,102 +22,103 @@ use rand::RngExt;
 
 const SPLITS: u64 = 5;
 
-/// Events to train on in a set that comes without splits.
+/// Number of training events in a set without predefined splits.
 const TRAINING_EVENTS: usize = 400;
 
-/// A score that nothing may lie above.
-struct Bar {
-    /// The better of the two scores of others.
-    others: f64,
-    /// Standard error of ours over the splits, as measured once. Computed from every run it would grow with the very
-    /// failures that these tests are for.
+/// Upper limit of a score.
+struct Limit {
+    /// The better score of the two reference methods.
+    reference: f64,
+    /// Standard error of our score over the splits, as measured once. A standard error computed in every run would grow with
+    /// the very failures that these tests must detect.
     standard_error: f64,
 }
 
 struct DataSet {
     name: &'static str,
-    /// Share of test events that are predicted wrongly.
-    error: Bar,
+    /// Share of test events with a wrong prediction.
+    error: Limit,
     /// Mean negative log-likelihood of the test events, in nats.
-    nll: Bar,
+    nll: Limit,
 }
 
 const BANANA: DataSet = DataSet {
     name: "banana",
-    error: Bar { others: 0.106, standard_error: 0.001 },
-    nll: Bar { others: 0.243, standard_error: 0.002 },
+    error: Limit { reference: 0.106, standard_error: 0.001 },
+    nll: Limit { reference: 0.243, standard_error: 0.002 },
 };
 
 const PIMA: DataSet = DataSet {
     name: "pima",
-    error: Bar { others: 0.235, standard_error: 0.008 },
-    nll: Bar { others: 0.495, standard_error: 0.012 },
+    error: Limit { reference: 0.235, standard_error: 0.008 },
+    nll: Limit { reference: 0.495, standard_error: 0.012 },
 };
 
 const GERMAN_CREDIT: DataSet = DataSet {
     name: "statlog-german-credit",
-    error: Bar { others: 0.239, standard_error: 0.007 },
-    nll: Bar { others: 0.506, standard_error: 0.009 },
+    error: Limit { reference: 0.239, standard_error: 0.007 },
+    nll: Limit { reference: 0.506, standard_error: 0.009 },
 };
 
 const RINGNORM: DataSet = DataSet {
     name: "ringnorm",
-    error: Bar { others: 0.050, standard_error: 0.001 },
-    nll: Bar { others: 0.169, standard_error: 0.002 },
+    error: Limit { reference: 0.050, standard_error: 0.001 },
+    nll: Limit { reference: 0.169, standard_error: 0.002 },
 };
 
 const HEART: DataSet = DataSet {
     name: "statlog-heart",
-    error: Bar { others: 0.162, standard_error: 0.010 },
-    nll: Bar { others: 0.401, standard_error: 0.028 },
+    error: Limit { reference: 0.162, standard_error: 0.010 },
+    nll: Limit { reference: 0.401, standard_error: 0.028 },
 };
 
-/// How long a Gibbs chain is.
+/// Length of a Gibbs chain.
 struct Chain {
     burn_in: usize,
     draws: usize,
     sweeps_per_draw: usize,
 }
 
-/// Where the test events are many, a prediction costs as much as dozens of sweeps: few draws far apart serve best.
+/// For many test events a prediction costs as much as dozens of sweeps, so few draws far apart are most efficient.
 const SHORT: Chain = Chain { burn_in: 50, draws: 20, sweeps_per_draw: 5 };
 const LONG: Chain = Chain { burn_in: 100, draws: 200, sweeps_per_draw: 5 };
 
 #[test]
-fn banana_is_predicted_as_well_as_by_others() {
-    assert_as_good_as_others(&BANANA, &SHORT);
+fn banana_is_predicted_as_well_as_by_references() {
+    assert_as_good_as_references(&BANANA, &SHORT);
 }
 
 #[test]
-fn pima_is_predicted_as_well_as_by_others() {
-    assert_as_good_as_others(&PIMA, &SHORT);
+fn pima_is_predicted_as_well_as_by_references() {
+    assert_as_good_as_references(&PIMA, &SHORT);
 }
 
 #[test]
-fn german_credit_is_predicted_as_well_as_by_others() {
-    assert_as_good_as_others(&GERMAN_CREDIT, &SHORT);
+fn german_credit_is_predicted_as_well_as_by_references() {
+    assert_as_good_as_references(&GERMAN_CREDIT, &SHORT);
 }
 
 #[test]
-fn ringnorm_is_predicted_as_well_as_by_others() {
-    assert_as_good_as_others(&RINGNORM, &SHORT);
+fn ringnorm_is_predicted_as_well_as_by_references() {
+    assert_as_good_as_references(&RINGNORM, &SHORT);
 }
 
 #[test]
-fn heart_is_predicted_as_well_as_by_others() {
-    assert_as_good_as_others(&HEART, &SHORT);
+fn heart_is_predicted_as_well_as_by_references() {
+    assert_as_good_as_references(&HEART, &SHORT);
 }
 
 #[test]
-#[ignore = "takes minutes: the same with chains ten times as long"]
-fn every_set_is_predicted_as_well_as_by_others_with_long_chains() {
+#[ignore = "takes minutes: the other tests with chains ten times as long"]
+fn long_chains_predict_every_set_as_well_as_references() {
     for set in [BANANA, PIMA, GERMAN_CREDIT, RINGNORM, HEART] {
-        assert_as_good_as_others(&set, &LONG);
+        assert_as_good_as_references(&set, &LONG);
     }
 }
 
-/// Learns on every split, predicts by mean field and by Gibbs, and holds the mean scores of both against the bar.
-fn assert_as_good_as_others(set: &DataSet, chain: &Chain) {
+/// Learns on every split and predicts by mean field and by Gibbs sampling. Asserts that the mean scores are within the
+/// limits.
+fn assert_as_good_as_references(set: &DataSet, chain: &Chain) {
     let Some(folder) = data_folder() else { return };
     let (mut mean_field, mut gibbs) = (Vec::new(), Vec::new());
     for number in 0..SPLITS {
@@ -130,14 +133,14 @@ fn assert_as_good_as_others(set: &DataSet, chain: &Chain) {
 
 fn assert_below(set: &DataSet, method: &str, scores: &[Score]) {
     let mean = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
-    for (what, mean, bar) in [("error", mean(|s| s.error), &set.error), ("NLL", mean(|s| s.nll), &set.nll)] {
-        let limit = bar.others + bar.standard_error;
-        eprintln!("{} {method}: {what} {mean:.4}, others {:.3}, at most {limit:.3}", set.name, bar.others);
+    for (what, mean, limit_of) in [("error", mean(|s| s.error), &set.error), ("NLL", mean(|s| s.nll), &set.nll)] {
+        let limit = limit_of.reference + limit_of.standard_error;
+        eprintln!("{} {method}: {what} {mean:.4}, reference {:.3}, at most {limit:.3}", set.name, limit_of.reference);
         assert!(mean <= limit, "{} {method}: {what} {mean:.4} is above {limit:.3}", set.name);
     }
 }
 
-/// The library's defaults for inputs of unit standard deviation in every column.
+/// Learns a prior from the library's defaults for inputs of unit standard deviation in every column.
 fn learned(train: &Observations) -> Learned {
     let dimension = train.inputs().dimension();
     let distance = (dimension as f64).sqrt();
@@ -151,7 +154,7 @@ fn mean_field_probability(learned: &Learned, test: &Observations) -> Vec<f64> {
     posterior.probability(test.inputs()).unwrap()
 }
 
-/// The mean over draws of ω of the probability given ω.
+/// Returns the mean over draws of ω of the probability given ω.
 fn gibbs_probability(prior: &Prior, split: &Split, length: &Chain, seed: u64) -> Vec<f64> {
     let mut rng = seeded(seed);
     let mut chain = Gibbs::new(prior, split.train.clone()).unwrap();
@@ -175,7 +178,7 @@ struct Score {
     nll: f64,
 }
 
-/// Events to learn from and events to predict, every column with mean 0 and standard deviation 1 over the former.
+/// Training and test events. Every column has mean 0 and standard deviation 1 over the training events.
 struct Split {
     train: Observations,
     test: Observations,
@@ -196,7 +199,7 @@ impl Split {
     }
 
     fn score(&self, probability: &[f64]) -> Score {
-        // Of the class that it is, away from 0, where the logarithm ends.
+        // The probability of the actual class, bounded away from 0 to keep its logarithm finite.
         let right: Vec<f64> = probability
             .iter()
             .zip(self.test.outcomes())
@@ -207,10 +210,10 @@ impl Split {
     }
 }
 
-/// `data/classification` of the shared folder; says so where there is none.
+/// Returns `data/classification` in the shared folder. Without a shared folder, prints a message and returns `None`.
 fn data_folder() -> Option<PathBuf> {
     let Some(root) = std::env::var_os("PINGMAP_SHARED") else {
-        // Past the macros, whose output the test harness hides.
+        // Write to stderr directly, because the test harness hides the output of the macros.
         let message = b"skipped: PINGMAP_SHARED is not set, so there is no data/classification\n";
         std::io::stderr().write_all(message).unwrap();
         return None;
@@ -220,7 +223,7 @@ fn data_folder() -> Option<PathBuf> {
     Some(folder)
 }
 
-/// Numbers separated by commas, the class 0 or 1 last; a line that begins with a letter is a header.
+/// Reads lines of numbers separated by commas, with the class 0 or 1 last. A line that begins with a letter is a header.
 fn read_events(path: &Path) -> Observations {
     let text = std::fs::read_to_string(path).unwrap();
     let lines = text.lines().filter(|line| !line.starts_with(char::is_alphabetic));
@@ -240,7 +243,7 @@ fn read_indices(path: &Path) -> Vec<usize> {
     text.split_whitespace().map(|index| index.parse().unwrap()).collect()
 }
 
-/// `chosen` of the numbers below `count` at random, and the others.
+/// Draws `chosen` of the indices below `count` at random. Returns them, and the remaining indices.
 fn drawn(count: usize, chosen: usize, seed: u64) -> (Vec<usize>, Vec<usize>) {
     let mut rng = seeded(seed);
     let mut order: Vec<usize> = (0..count).collect();
@@ -251,7 +254,7 @@ fn drawn(count: usize, chosen: usize, seed: u64) -> (Vec<usize>, Vec<usize>) {
     (order, others)
 }
 
-/// Events with every column shifted and scaled by its mean and standard deviation over `reference`.
+/// Standardises every column with its mean and standard deviation over `reference`.
 fn standardised(events: &Observations, reference: &Inputs) -> Observations {
     let mean_over = |of: &dyn Fn(&[f64]) -> f64| reference.rows().map(of).sum::<f64>() / reference.len() as f64;
     let moments = |column: usize| {

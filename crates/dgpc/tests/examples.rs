@@ -1,4 +1,4 @@
-//! The examples run, and what they assert holds.
+//! Runs the examples, which contain assertions.
 
 #[path = "../examples/fit_and_predict.rs"]
 mod fit_and_predict;

@@ -1,6 +1,5 @@
-//! The Gibbs chain against what its stationary law must be: Geweke's joint test, simulation-based calibration, and
-//! quadrature of the posterior of one or two events. Thresholds are five standard errors by batch means, or a χ² value
-//! at level 1e-6.
+//! The Gibbs chain against its stationary distribution: Geweke's joint test, simulation-based calibration, and quadrature
+//! of the posterior of one or two events. Thresholds are five standard errors by batch means, or a χ² value at level 1e-6.
 
 #![allow(clippy::unwrap_used)]
 
@@ -24,7 +23,7 @@ fn range_mean() -> PriorMean {
     PriorMean::range(1.5, 1.0, &[0], &[1]).unwrap()
 }
 
-/// Prior of f at some inputs, for draws that do not go through the crate.
+/// Prior of f at some inputs, for draws that do not use the crate.
 struct Joint {
     mean: Vec<f64>,
     covariance: Dense,
@@ -53,13 +52,13 @@ struct Geweke {
     names: Vec<String>,
     /// (found − expected) / standard error.
     scores: Vec<f64>,
-    /// Standard error over the root mean square that is expected of the function's argument.
+    /// Standard error divided by the expected root mean square of the function's argument.
     precision: Vec<f64>,
 }
 
 impl Geweke {
-    /// Alternates a sweep under `prior` and outcomes redrawn from σ(`gain` · f). With gain 1 the chain's stationary law
-    /// is p(f) p(ω | f) p(y | f), so that f has its prior law exactly.
+    /// Alternates sweeps under `prior` with new outcomes drawn from σ(`gain` · f). With gain 1, the stationary distribution
+    /// of the chain is p(f) p(ω | f) p(y | f), so that f has exactly its prior distribution.
     fn new(prior: &Prior, inputs: &Inputs, gain: f64, seed: u64) -> Self {
         const BATCHES: usize = 200;
         const BATCH: usize = 2000;
@@ -73,7 +72,7 @@ impl Geweke {
         assert_eq!(chain.jitter(), 0.0);
         let mut averages = BatchMeans::new(expected.len(), BATCH);
         let mut values = Vec::with_capacity(expected.len());
-        // A start that is not from the stationary law is forgotten in the first batch's worth of sweeps.
+        // The first batch is discarded, because the start is not from the stationary distribution.
         for step in 0..BATCH * (BATCHES + 1) {
             chain.sweep(&mut rng).unwrap();
             let gained: Vec<f64> = chain.latent().iter().map(|f| gain * f).collect();
@@ -105,8 +104,8 @@ impl Geweke {
         Self { names, scores, precision }
     }
 
-    /// Names, prior expectations and natural magnitudes, exact or by quadrature over one latent value. After a sweep
-    /// and a redraw, ω and y are independent given f: their joint law is p(f) p(ω | f) p(y | f).
+    /// Returns names, prior expectations and natural magnitudes, exact or by quadrature over one latent value. After a sweep
+    /// and a new draw of the outcomes, ω and y are independent given f: their joint density is p(f) p(ω | f) p(y | f).
     fn expectations(joint: &Joint) -> (Vec<String>, Vec<f64>, Vec<f64>) {
         let (mut names, mut expected, mut scale) = (Vec::new(), Vec::new(), Vec::new());
         for n in 0..joint.mean.len() {
@@ -141,7 +140,7 @@ impl Geweke {
     fn assert_passes(&self) {
         for ((name, score), precision) in self.names.iter().zip(&self.scores).zip(&self.precision) {
             assert!(score.abs() < 5.0, "{name} is off by {score:.1} standard errors of relative size {precision:.4}");
-            // Otherwise the test could not tell a wrong sampler.
+            // With a larger standard error the test could not detect a wrong sampler.
             let enough = if name.ends_with('⁴') { 0.03 } else { 0.01 };
             assert!(*precision < enough, "{name} is known to {precision:.4} only");
         }
@@ -178,13 +177,13 @@ fn geweke_with_range_prior_mean() {
 }
 
 #[test]
-fn geweke_would_notice_another_likelihood() {
+fn geweke_detects_a_wrong_likelihood() {
     let prior = prior(2.0, 1.0, 1, PriorMean::Zero);
     let worst = Geweke::new(&prior, &line(&[0.0, 0.4, 1.3, 3.0]), 0.9, 4).worst();
     assert!(worst > 8.0, "a likelihood 10 % flatter is off by {worst} standard errors only");
 }
 
-/// χ² of the ranks of the truth among `DRAWS` posterior draws, over many data sets; one value per function.
+/// Returns χ² of the ranks of the true values among `DRAWS` posterior draws over many data sets, one per function.
 fn calibration(truth: &Prior, believed: &Prior, inputs: &Inputs, seed: u64) -> Vec<f64> {
     const REPLICATIONS: usize = 1600;
     const DRAWS: usize = 15;
@@ -192,7 +191,7 @@ fn calibration(truth: &Prior, believed: &Prior, inputs: &Inputs, seed: u64) -> V
     const THINNING: usize = 20;
     let joint = Joint::new(truth, inputs);
     let mut rng = seeded(seed);
-    // Every f_n, their sum, and the log-likelihood, which depends on the outcomes, too.
+    // Every f_n, their sum, and the log-likelihood, which also depends on the outcomes.
     let functions = |f: &[f64], outcomes: &[bool]| {
         let fits = f.iter().zip(outcomes).map(|(&f, &success)| logistic(if success { f } else { -f }).ln());
         let mut values = f.to_vec();
@@ -235,15 +234,15 @@ fn simulation_based_calibration_over_links() {
 }
 
 #[test]
-fn calibration_would_notice_another_prior() {
+fn calibration_detects_a_wrong_prior() {
     let inputs = line(&[0.0, 0.2, 0.9, 1.5, 2.8, 3.0]);
     let (truth, believed) = (prior(3.0, 1.0, 1, PriorMean::Zero), prior(2.0, 1.0, 1, PriorMean::Zero));
     let statistics = calibration(&truth, &believed, &inputs, 12);
     assert!(statistics.iter().any(|&statistic| statistic > chi_square_critical(15)), "{statistics:?}");
 }
 
-/// Posterior expectations of f_n and f_n² (and of f_0 f_1) of one or two weighted events, by the trapezoid rule over
-/// whitened f.
+/// Returns the posterior expectations of f_n and f_n² (and of f_0 f_1) of one or two weighted events. The integrals use the
+/// trapezoid rule over whitened f.
 fn quadrature(prior: &Prior, observations: &Observations) -> Vec<f64> {
     const STEPS: i32 = 400;
     let joint = Joint::new(prior, observations.inputs());
@@ -266,13 +265,13 @@ fn quadrature(prior: &Prior, observations: &Observations) -> Vec<f64> {
     sums[1..].iter().map(|sum| sum / sums[0]).collect()
 }
 
-/// f_n, f_n² and f_n f_m.
+/// Returns f_n, f_n² and f_n f_m.
 fn moments(f: &[f64]) -> Vec<f64> {
     let products = (0..f.len()).flat_map(|n| (0..=n).map(move |m| f[n] * f[m]));
     f.iter().copied().chain(products).collect()
 }
 
-/// Chain averages of [`moments`], with standard errors.
+/// Returns chain averages of [`moments`], with standard errors.
 fn chain_moments(prior: &Prior, observations: &Observations, sweeps: usize, seed: u64) -> Vec<(f64, f64)> {
     let mut rng = seeded(seed);
     let mut chain = Gibbs::new(prior, observations.clone()).unwrap();
@@ -302,19 +301,19 @@ fn posterior_of_one_or_two_events_by_quadrature() {
         for (i, ((found, error), expected)) in found.iter().zip(&expected).enumerate() {
             let score = (found - expected).abs() / error;
             assert!(score < 5.0, "case {seed}, moment {i}: {found}, expected {expected}: {score:.1} standard errors");
-            // The prior variance is the scale of all of these; a 1 % error of it stands out.
+            // The prior variance is the scale of all moments, so a 1 % error of it is detected.
             assert!(*error < 0.01, "case {seed}, moment {i} is known to {error} only");
         }
     }
 }
 
 #[test]
-fn an_event_of_weight_two_is_the_event_twice() {
+fn the_chain_counts_an_event_of_weight_two_twice() {
     let prior = prior(3.0, 1.0, 1, PriorMean::Constant(0.7));
     let (inputs, outcomes) = (line(&[0.0, 0.8, 1.5]), vec![true, false, false]);
     let heavy = Observations::weighted(inputs, outcomes, vec![1.0, 2.0, 1.0]).unwrap();
     let twice = Observations::new(line(&[0.0, 0.8, 1.5, 0.8]), vec![true, false, false, false]).unwrap();
-    // The first three latent values have one law; the repeated one adds moments at the end.
+    // The first three latent values have the same distribution. The repeated event adds moments at the end.
     let heavy = chain_moments(&prior, &heavy, 300_000, 30);
     let twice = chain_moments(&prior, &twice, 300_000, 31);
     let twice = [&twice[..3], &twice[4..]].concat();
@@ -326,7 +325,7 @@ fn an_event_of_weight_two_is_the_event_twice() {
 }
 
 #[test]
-fn averaging_over_sites_predicts_elsewhere() {
+fn averages_over_sites_agree_with_exact_predictions() {
     let prior = prior(2.0, 1.0, 1, PriorMean::Constant(0.3));
     let inputs = line(&[0.0, 0.6]);
     let elsewhere = line(&[-0.5, 0.3, 1.5]);
@@ -386,7 +385,7 @@ fn sites_carry_the_current_omega() {
 }
 
 #[test]
-fn what_the_chain_refuses() {
+fn the_chain_refuses_invalid_weights_and_sizes() {
     let prior = prior(2.0, 1.0, 1, PriorMean::Zero);
     let weighted = |weights| Observations::weighted(line(&[0.0, 1.0, 2.0]), vec![true; 3], weights).unwrap();
     let refused = Gibbs::new(&prior, weighted(vec![1.0, 2.0, 1.5])).err();
@@ -410,10 +409,10 @@ fn a_chain_without_events_does_nothing() {
     assert!(chain.latent().is_empty() && chain.sites().unwrap().is_empty());
 }
 
-/// Where all outcomes around a place are of one kind, and where they are not: intervals of the probability by expectation
-/// propagation against the quantiles of a long chain, and the mean field's beside them.
+/// Compares 90 % intervals of the probability with the quantiles of a long chain, for expectation propagation and for mean
+/// field. Some events have only equal outcomes around them, others have mixed outcomes.
 #[test]
-fn intervals_by_expectation_propagation_are_those_of_a_long_chain() {
+fn propagation_intervals_agree_with_a_long_chain() {
     let inputs = line(&(0..40).map(|n| 0.1 * f64::from(n)).collect::<Vec<_>>());
     let observations = Observations::new(inputs.clone(), (0..40).map(|n| n < 22 || n % 5 == 0).collect()).unwrap();
     let prior = prior(6.0, 1.5, 1, PriorMean::Constant(0.5));

@@ -1,10 +1,10 @@
-//! Labels: offsets of who and when, and of nobody.
+//! Labels: offsets of the points that share a label, and no offset for negative labels.
 
 #![allow(clippy::unwrap_used)]
 
 use dgpc::*;
 
-/// A place, a label and a time of every event.
+/// Every event has a place, a label and a time.
 fn inputs() -> Inputs {
     let row = |n: usize| [0.3 * n as f64 - 2.0, [3.0, 5.0, -1.0][n % 3], 0.7 * n as f64];
     Inputs::from_rows(&(0..18).map(row).collect::<Vec<_>>()).unwrap()
@@ -24,7 +24,7 @@ fn prior() -> Prior {
 }
 
 #[test]
-fn equal_labels_share_an_offset_and_negative_ones_have_none() {
+fn equal_labels_share_an_offset_and_negative_labels_have_none() {
     let kernel = Kernel::new(vec![Term::of(0.8, Correlation::of_labels(&[1]).unwrap()).unwrap()]).unwrap();
     let inputs = inputs();
     let (gram, diagonal) = (kernel.gram(&inputs).unwrap(), kernel.diagonal(&inputs).unwrap());
@@ -47,9 +47,9 @@ fn only_the_variance_of_an_offset_is_learned() {
     assert_eq!(kernel.with_log_parameters(&[0.0]).unwrap().terms()[0].variance(), 1.0);
 }
 
-/// The same offsets by an independent way: one column for each label, 1 where it is the event's, and a linear kernel.
+/// Computes the same covariances independently: each label has an indicator column and a linear kernel.
 #[test]
-fn offsets_are_weights_of_indicators() {
+fn labels_agree_with_indicator_columns() {
     let inputs = inputs();
     let covariance = prior().kernel().gram(&inputs).unwrap();
     for i in 0..inputs.len() {
@@ -67,10 +67,10 @@ fn offsets_are_weights_of_indicators() {
     }
 }
 
-/// Central differences: of the variances, the length-scales of Matérn 3/2 and 1/2, the intercept and the logarithm of the
-/// slope, densely and with inducing points of which some have no label.
+/// Compares with central differences by the variances, the length-scales of Matérn 3/2 and 1/2, the intercept and the log
+/// slope. The fits are dense, and sparse with some inducing points that have no label.
 #[test]
-fn the_gradient_of_the_evidence_is_its_slope() {
+fn the_gradient_of_the_evidence_agrees_with_differences() {
     let events = Observations::new(inputs(), outcomes()).unwrap();
     let points = inputs().select(&[0, 4, 8, 11, 15]);
     for points in [None, Some(&points)] {
@@ -93,9 +93,9 @@ fn the_gradient_of_the_evidence_is_its_slope() {
 }
 
 #[test]
-fn a_slope_that_falls_never_turns() {
+fn a_falling_slope_stays_falling() {
     let inputs = Inputs::from_rows(&(0..40).map(|n| [0.0, 0.1 * f64::from(n)]).collect::<Vec<_>>()).unwrap();
-    // Success far away only.
+    // The outcomes are successes far away only.
     let outcomes = (0..40).map(|n| n > 20).collect();
     let events = Observations::new(inputs, outcomes).unwrap();
     let kernel = Kernel::new(vec![Term::new(Shape::Matern32, 1.0, &[1], &[1.0]).unwrap()]).unwrap();
@@ -106,9 +106,9 @@ fn a_slope_that_falls_never_turns() {
     };
     let PriorMean::Range(falling) = learn(0.5).mean().clone() else { panic!("another mean") };
     assert!(falling.slope() > 0.0, "{}", falling.slope());
-    // What does not fall is what somebody said, and stays.
+    // A slope that does not fall is not learned.
     for slope in [0.0, -0.25] {
-        let PriorMean::Range(kept) = learn(slope).mean().clone() else { panic!("another mean") };
-        assert_eq!(kept.slope(), slope);
+        let PriorMean::Range(unchanged) = learn(slope).mean().clone() else { panic!("another mean") };
+        assert_eq!(unchanged.slope(), slope);
     }
 }

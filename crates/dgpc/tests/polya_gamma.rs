@@ -1,6 +1,8 @@
-//! The Pólya-Gamma sampler against the law itself: moments from the gamma series, the Laplace transform in closed form,
-//! and the whole distribution function from the theta series of its density. Thresholds are five standard errors, or
-//! the Kolmogorov-Smirnov critical value at level 1e-6, so that no choice of seed fails a right sampler.
+//! The Pólya-Gamma sampler against its distribution: moments from the gamma series, the Laplace transform in closed form,
+//! and the distribution function from the theta series of its density.
+//!
+//! Thresholds are five standard errors, or the Kolmogorov-Smirnov critical value at level 1e-6. No choice of seed makes a
+//! correct sampler fail.
 
 #![allow(clippy::unwrap_used)]
 
@@ -12,7 +14,7 @@ use rand::RngExt;
 use rand_distr::Exp1;
 use std::f64::consts::{PI, TAU};
 
-/// Tilts from the symmetric law to one that is nearly Gaussian and narrow.
+/// Tilts from the symmetric distribution to a narrow and nearly Gaussian one.
 const TILTS: [f64; 9] = [0.0, 0.1, 0.5, 1.0, 2.0, 5.0, 20.0, 100.0, 700.0];
 
 /// Draws per tilt. A 1 % error of the mean is at least twelve standard errors at every tilt.
@@ -28,14 +30,14 @@ fn average(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-/// First, second and fourth cumulant of PG(1, c) from PG(1, c) = Σ_k g_k / (2π² d_k), d_k = (k − ½)² + c²/(4π²), g_k ~
+/// Returns the first, second and fourth cumulant of PG(1, c) = Σ_k g_k / (2π² d_k), d_k = (k − ½)² + c²/(4π²), g_k ~
 /// Exp(1).
 fn cumulants(c: f64) -> [f64; 3] {
     const TERMS: u32 = 200_000;
     let a = c / TAU;
     let d = |k: u32| (f64::from(k) - 0.5).powi(2) + a * a;
     let sum = |power: i32| (1..=TERMS).rev().map(|k| d(k).powi(-power)).sum::<f64>();
-    // The rest of each sum is its integral to within 1e-16: the midpoint rule at unit steps.
+    // The remainder of each sum is its integral to within 1e-16, by the midpoint rule at unit steps.
     let end = f64::from(TERMS);
     let first_rest = if a == 0.0 { 1.0 / end } else { (a / end).atan() / a };
     let unit = 1.0 / (2.0 * PI * PI);
@@ -55,7 +57,7 @@ fn moments_agree_with_the_gamma_series() {
     }
     for c in [1e4, 1e8, 1e100] {
         assert!((polya_gamma::mean(1.0, c) * 2.0 * c - 1.0).abs() < 1e-12);
-        // Divided one by one, because c³ may overflow where the quotient is still a number.
+        // Divide one factor at a time, because c³ may overflow although the quotient does not.
         let limit = 0.5 / c / c / c;
         assert!((polya_gamma::variance(1.0, c) - limit).abs() <= 1e-12 * limit, "variance of PG(1, {c})");
     }
@@ -93,12 +95,12 @@ fn the_sign_of_the_tilt_does_not_matter() {
     }
 }
 
-/// ln(cosh x), without overflow.
+/// Returns ln(cosh x) without overflow.
 fn ln_cosh(x: f64) -> f64 {
     x.abs() + (0.5 * (1.0 + (-2.0 * x.abs()).exp())).ln()
 }
 
-/// E[exp(−t(ω − centre))] = cosh(c/2)/cosh(√((c²/2 + t)/2)) · exp(t · centre).
+/// Returns E[exp(−t(ω − centre))] = cosh(c/2)/cosh(√((c²/2 + t)/2)) · exp(t · centre).
 fn laplace(c: f64, t: f64, centre: f64) -> f64 {
     (ln_cosh(0.5 * c) - ln_cosh(0.5 * (c * c + 2.0 * t).sqrt()) + t * centre).exp()
 }
@@ -108,7 +110,7 @@ fn laplace_transform() {
     for (seed, c) in TILTS.into_iter().enumerate() {
         let draws = draws(-c, 200 + seed as u64);
         let [mean, variance, _] = cumulants(c);
-        // Centred, so that the transform is of order one also where the law is a narrow peak.
+        // Centred, so that the transform is of order one even for a narrow distribution.
         for scaled in [0.25, 1.0, 2.0, 4.0] {
             let t = scaled / variance.sqrt();
             let expected = laplace(c, t, mean);
@@ -120,10 +122,10 @@ fn laplace_transform() {
     }
 }
 
-/// Terms of either series of the density: far more than any argument needs.
+/// Number of terms of either series of the density, far more than any argument needs.
 const TERMS: i32 = 40;
 
-/// ln of the density of PG(1, 0), by the series that converges fast for small x.
+/// Returns ln of the density of PG(1, 0), by the series that converges fast for small x.
 fn ln_density_small(x: f64) -> f64 {
     let term = |n: i32| {
         let odd = f64::from(2 * n + 1);
@@ -132,7 +134,7 @@ fn ln_density_small(x: f64) -> f64 {
     -0.5 * (TAU * x * x * x).ln() - 0.125 / x + (0..TERMS).rev().map(term).sum::<f64>().ln()
 }
 
-/// The same by its theta dual, which converges fast for large x.
+/// Returns ln of the density of PG(1, 0) by the dual theta series, which converges fast for large x.
 fn ln_density_large(x: f64) -> f64 {
     let term = |n: i32| {
         let odd = f64::from(2 * n + 1);
@@ -141,7 +143,7 @@ fn ln_density_large(x: f64) -> f64 {
     TAU.ln() - 0.5 * PI * PI * x + (0..TERMS).rev().map(term).sum::<f64>().ln()
 }
 
-/// ln of the density of PG(1, c): that of PG(1, 0), tilted.
+/// Returns ln of the density of PG(1, c), the tilted density of PG(1, 0).
 fn ln_density(c: f64, x: f64) -> f64 {
     let symmetric = if x < 0.1 { ln_density_small(x) } else { ln_density_large(x) };
     symmetric + ln_cosh(0.5 * c) - 0.5 * c * c * x
@@ -159,7 +161,7 @@ impl Law {
         const CELLS: usize = 20_000;
         // Density of ln x.
         let density = |u: f64| (ln_density(c, u.exp()) + u).exp();
-        // The density of ln x has one mode, near the mean; beyond these ends it is below 1e-18 of it.
+        // The density of ln x has one mode, near the mean. Beyond these ends it is below 1e-18 of the value at the mean.
         let [mean, variance, _] = cumulants(c);
         let stride = 0.1 * variance.sqrt() / mean;
         let end = |direction: f64| {
@@ -182,7 +184,7 @@ impl Law {
         Self { first, step, below }
     }
 
-    /// P(ω ≤ x), linear between grid points: off by less than 1e-6.
+    /// Returns P(ω ≤ x), interpolated linearly between grid points with an error below 1e-6.
     fn below(&self, x: f64) -> f64 {
         let place = (x.ln() - self.first) / self.step;
         if place <= 0.0 {
@@ -195,7 +197,7 @@ impl Law {
         }
     }
 
-    /// √n · largest difference between the distribution functions of the sample and of the law.
+    /// Returns √n · the largest difference between the distribution functions of the sample and of PG(1, c).
     fn kolmogorov(&self, mut sample: Vec<f64>) -> f64 {
         sample.sort_unstable_by(f64::total_cmp);
         let count = sample.len() as f64;
@@ -211,8 +213,8 @@ impl Law {
 const KOLMOGOROV_CRITICAL: f64 = 2.6935;
 
 #[test]
-fn both_series_are_one_density() {
-    // Where both converge, over the range around their change.
+fn both_series_give_the_same_density() {
+    // Both series converge in a range around the point where they are exchanged.
     for i in 0..=40 {
         let x = 0.04 + 0.01 * f64::from(i);
         let error = (ln_density_small(x) - ln_density_large(x)).abs();
@@ -229,7 +231,7 @@ fn whole_distribution() {
 }
 
 #[test]
-fn a_truncated_series_would_be_noticed() {
+fn a_truncated_series_is_detected() {
     let mut rng = seeded(400);
     let scale: Vec<f64> = (1..=20).map(|k| 0.5 / (PI * (f64::from(k) - 0.5)).powi(2)).collect();
     let mut truncated = || scale.iter().map(|scale| scale * rng.sample::<f64, _>(Exp1)).sum::<f64>();
@@ -238,14 +240,14 @@ fn a_truncated_series_would_be_noticed() {
 }
 
 #[test]
-fn a_wrong_tilt_or_scale_would_be_noticed() {
+fn a_wrong_tilt_or_scale_is_detected() {
     for (seed, c) in TILTS.into_iter().enumerate() {
         let law = Law::new(c);
         let seed = 500 + seed as u64;
         let stretched = draws(c, seed).iter().map(|x| 1.01 * x).collect();
         let statistic = law.kolmogorov(stretched);
         assert!(statistic > 1.5 * KOLMOGOROV_CRITICAL, "1 % wider at c = {c}: {statistic}");
-        // Below c = 2 the law hardly depends on c.
+        // Below c = 2 the distribution depends only weakly on c.
         if c >= 2.0 {
             let statistic = law.kolmogorov(draws(1.03 * c, seed));
             assert!(statistic > 1.5 * KOLMOGOROV_CRITICAL, "c = {c} and 3 % more: {statistic}");
@@ -287,10 +289,10 @@ fn ten_million_draws_are_positive_and_finite() {
 }
 
 #[test]
-fn huge_tilts_give_their_narrow_peak() {
+fn draws_at_huge_tilts_are_close_to_the_mean() {
     let mut rng = seeded(700);
     for c in [1e6f64, -1e6, 1e12, 1e150, 1e160, -1e300] {
-        // The relative width is √(2/|c|); 8 of them, and rounding.
+        // The relative width is √(2/|c|). The limit is 8 widths plus rounding.
         let width = 8.0 * (2.0 / c.abs()).sqrt() + 1e-14;
         for _ in 0..10_000 {
             let relative = 2.0 * c.abs() * polya_gamma::sample(&mut rng, c).unwrap();

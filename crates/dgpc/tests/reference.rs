@@ -1,5 +1,5 @@
-//! Every number of the reference vectors, computed there by dense formulas, against this crate. Another file of the
-//! same format can be named by the variable `DGPC_REFERENCE`.
+//! Every number of the reference vectors, which were computed by dense formulas, against this crate. The variable
+//! `DGPC_REFERENCE` can name another file of the same format.
 
 #![allow(clippy::unwrap_used)]
 
@@ -7,10 +7,11 @@ use dgpc::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// Bounds on the relative error of closed forms and of mean-field fixed points, and on the absolute error of
-/// probabilities.
+/// Bound on the relative error of closed forms.
 const CLOSED_FORM: f64 = 1e-9;
+/// Bound on the relative error of mean-field fixed points.
 const MEAN_FIELD: f64 = 1e-7;
+/// Bound on the absolute error of probabilities.
 const PROBABILITY: f64 = 1e-8;
 
 #[derive(Deserialize)]
@@ -164,13 +165,13 @@ impl Problem {
         Self { prior: Prior::new(kernel, mean).unwrap(), inputs, observations, sites, reference }
     }
 
-    /// The events of one agent.
+    /// Returns the sites of one agent's events.
     fn events_of(&self, agent: usize) -> Sites {
         let own: Vec<usize> = (0..self.inputs.len()).filter(|&n| self.reference.agent[n] == agent).collect();
         self.sites.select(&own)
     }
 
-    /// The packets: each agent's own events summarised variationally at the points it chose.
+    /// Returns the packets: the variational summaries of each agent's own events at its chosen points.
     fn packets(&self) -> Vec<Summary> {
         let summarise = |packet: &Packet| {
             let points = self.inputs.select(&packet.inducing_indices);

@@ -1,4 +1,4 @@
-//! What can be written down is read back the same, and checked.
+//! Serialised values are read back unchanged, and invalid ones are refused.
 
 #![allow(clippy::unwrap_used)]
 
@@ -23,39 +23,39 @@ fn summary() -> Summary {
     Summary::marginal(&prior(), &sites, &inputs.select(&[0, 2])).unwrap()
 }
 
-fn there_and_back<T: Serialize + DeserializeOwned>(value: &T) -> T {
+fn round_trip<T: Serialize + DeserializeOwned>(value: &T) -> T {
     serde_json::from_str(&serde_json::to_string(value).unwrap()).unwrap()
 }
 
 #[test]
-fn everything_is_read_back_the_same() {
+fn all_types_round_trip() {
     let (prior, summary) = (prior(), summary());
-    let again = there_and_back(&prior);
+    let again = round_trip(&prior);
     assert_eq!(again, prior);
     assert_eq!(again.parameters(), prior.parameters());
-    assert!(again.has_structure_of(&prior), "ties are written down too");
+    assert!(again.has_structure_of(&prior), "ties are serialised, too");
     for mean in [PriorMean::Zero, PriorMean::Constant(-0.5), prior.mean().clone()] {
-        assert_eq!(there_and_back(&mean), mean);
+        assert_eq!(round_trip(&mean), mean);
     }
-    let again = there_and_back(&summary);
+    let again = round_trip(&summary);
     assert_eq!(again.prior(), summary.prior());
     assert_eq!(again.inducing_points(), summary.inducing_points());
     assert_eq!(again.whitened_precision(), summary.whitened_precision());
     assert_eq!(again.whitened_shift(), summary.whitened_shift());
     let factor = summary.factor().unwrap();
-    assert_eq!(there_and_back(&factor), factor);
+    assert_eq!(round_trip(&factor), factor);
 }
 
-/// Changes one place of what is written down, and expects it to be refused for this reason.
+/// Replaces one value in the serialised form, and asserts that it is refused for the given reason.
 fn refused<T: Serialize + DeserializeOwned>(value: &T, place: &str, bad: Value, why: &str) {
     let mut json = serde_json::to_value(value).unwrap();
-    *json.pointer_mut(place).unwrap_or_else(|| panic!("no {place} in what is written down")) = bad;
-    let error = serde_json::from_value::<T>(json).err().unwrap_or_else(|| panic!("{place} was taken"));
+    *json.pointer_mut(place).unwrap_or_else(|| panic!("no {place} in the serialised form")) = bad;
+    let error = serde_json::from_value::<T>(json).err().unwrap_or_else(|| panic!("{place} was accepted"));
     assert!(error.to_string().contains(why), "{place}: {error}");
 }
 
 #[test]
-fn everything_is_checked_when_it_is_read_back() {
+fn deserialisation_checks_values() {
     let (prior, summary) = (prior(), summary());
     refused(&prior, "/kernel/0/variance", json!(-1.0), "kernel variance");
     refused(&prior, "/kernel", json!([]), "number of kernel terms");
@@ -63,7 +63,7 @@ fn everything_is_checked_when_it_is_read_back() {
     refused(&prior, "/kernel/0/correlations/0/length_scales/1", json!(2.0), "tied columns need equal length-scales");
     refused(&prior, "/kernel/0/correlations/0/shape", json!("cubic"), "no kernel shape is called \"cubic\"");
     refused(&prior, "/kernel/0/correlations/1/shape", json!("rational-quadratic:-2"), "rational quadratic");
-    refused(&prior, "/kernel/0/reflection/0/source", json!(2), "must lead back");
+    refused(&prior, "/kernel/0/reflection/0/source", json!(2), "must be an involution");
     refused(&prior, "/kernel/1/correlations/0/columns/1", json!(1), "column 1 twice");
     refused(&prior, "/mean/range/to", json!([1, 2]), "columns of the two ends");
     refused(&summary, "/whitened_shift", json!([1.0]), "entries of a summary's shift");

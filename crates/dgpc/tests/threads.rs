@@ -1,10 +1,10 @@
-//! Fits that are shared out to threads are the same to the bit.
+//! Results are bitwise the same for every number of threads.
 
 use dgpc::*;
 
 #[test]
 fn sparse_fits_do_not_depend_on_the_number_of_threads() {
-    // A wave over the square, heard and missed at random: enough for several parts of several blocks.
+    // A wave over the square with random outcomes: enough events for several parts of several blocks.
     let number = |n: usize, factor: f64| (n as f64 * factor).fract();
     let places: Vec<f64> = (0..4000).flat_map(|n| [number(n, 0.618_034), number(n, 0.754_878)]).collect();
     let wave = |n: usize| (9.0 * places[2 * n]).sin() * (7.0 * places[2 * n + 1]).cos();
@@ -24,9 +24,9 @@ fn sparse_fits_do_not_depend_on_the_number_of_threads() {
     assert_eq!(one.gradient, three.gradient);
     assert_eq!((one.fit.mean(), one.fit.variance()), (three.fit.mean(), three.fit.variance()));
 
-    // What the fit says at its points is what its sites say there.
-    let said = Summary::variational(&prior, one.fit.sites(), &points).unwrap();
-    let posterior = Posterior::fuse(&prior, &Sites::empty(2), &[&said]).unwrap();
+    // The posterior of the fit equals the posterior of its sites, summarised at the same points.
+    let summary = Summary::variational(&prior, one.fit.sites(), &points).unwrap();
+    let posterior = Posterior::fuse(&prior, &Sites::empty(2), &[&summary]).unwrap();
     let places = events.inputs().select(&[7, 1234, 3999]);
     let [fitted, fused] = [one.fit.posterior().unwrap(), posterior].map(|posterior| posterior.latent(&places).unwrap());
     let far = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -35,8 +35,8 @@ fn sparse_fits_do_not_depend_on_the_number_of_threads() {
 
 #[cfg(feature = "learn")]
 #[test]
-fn what_is_learned_does_not_depend_on_the_number_of_threads() {
-    // Waves of different lengths along two axes: several starts, some of which lead to the same end.
+fn learned_priors_do_not_depend_on_the_number_of_threads() {
+    // Waves of different lengths along two axes, with several starts, some of which lead to the same end.
     let number = |n: usize, factor: f64| 4.0 * (n as f64 * factor).fract();
     let places: Vec<f64> = (0..200).flat_map(|n| [number(n, 0.618_034), number(n, 0.754_878)]).collect();
     let outcomes = (0..200).map(|n| places[2 * n].sin() + (2.0 * places[2 * n + 1]).sin() > 0.3).collect();

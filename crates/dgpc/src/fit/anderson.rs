@@ -2,10 +2,10 @@
 
 use crate::linalg::{Cholesky, Matrix, dot};
 
-/// How many earlier steps are combined.
+/// Number of earlier steps that are combined.
 const DEPTH: usize = 8;
 
-/// Remembers the last few points and their images, and proposes where to go next.
+/// Stores the last points and their images, and proposes the next point.
 pub(crate) struct Anderson {
     /// Differences of successive residuals F(x) − x.
     residual_steps: Vec<Vec<f64>>,
@@ -19,13 +19,13 @@ impl Anderson {
         Self { residual_steps: Vec::new(), image_steps: Vec::new(), last: None }
     }
 
-    /// Forgets everything, after which the next proposal is a plain step.
+    /// Discards all stored steps, so that the next proposal is a plain step.
     pub(crate) fn restart(&mut self) {
         *self = Self::new();
     }
 
-    /// The combination of known images whose residual is smallest in the linear model, given F(`point`) = `image`; the
-    /// image itself when nothing is known yet. O(N · depth²).
+    /// Returns the combination of stored images whose residual is smallest in the linear model, given F(`point`) = `image`.
+    /// Returns `image` itself if no step is stored. O(N · depth²).
     pub(crate) fn propose(&mut self, point: &[f64], image: &[f64]) -> Vec<f64> {
         let difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
         let residual = difference(image, point);
@@ -47,7 +47,7 @@ impl Anderson {
         next
     }
 
-    /// Least squares of the residual on its past steps, with just enough ridge to be solvable.
+    /// Solves the least-squares problem of the residual on its past steps, with a ridge of 1e-12 to make it solvable.
     fn coefficients(&self, residual: &[f64]) -> Option<Vec<f64>> {
         let steps = &self.residual_steps;
         let mut gram = Matrix::from_fn(steps.len(), steps.len(), |i, j| dot(&steps[i], &steps[j]));

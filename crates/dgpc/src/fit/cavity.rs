@@ -1,16 +1,17 @@
-//! What all events but one say about that one, without a second fit (section 7 of [`crate::method`]).
+//! Cavities: the latent function at an event given all other events, without a second fit (section 7 of
+//! [`crate::method`]).
 
 use super::mean_field::MeanField;
 use crate::latent::success_probability;
 use crate::polya_gamma;
 use crate::special::ln_2_cosh;
 
-/// ln p(y_n | all other events) of every event, nearly.
+/// Returns the approximate ln p(y_n | all other events) of every event.
 pub(super) fn leave_one_out(fit: &MeanField) -> Vec<f64> {
     (0..fit.mean.len()).map(|n| Cavity::of(fit, n).log_predictive()).collect()
 }
 
-/// E with every event's site replaced by its likelihood, integrated against its cavity.
+/// Returns E with every event's site replaced by its likelihood, integrated against its cavity.
 pub(crate) fn corrected_evidence(fit: &MeanField) -> f64 {
     let slack = |n: usize| {
         let cavity = Cavity::of(fit, n);
@@ -19,33 +20,33 @@ pub(crate) fn corrected_evidence(fit: &MeanField) -> f64 {
     fit.evidence + (0..fit.mean.len()).map(slack).sum::<f64>()
 }
 
-/// The latent function at an event, without the event.
+/// Moments of the latent function at an event, without the event's own site.
 struct Cavity {
     kappa: f64,
     mean: f64,
     explained: f64,
-    /// Variance that inducing points leave unexplained.
+    /// The variance that inducing points leave unexplained.
     residual: f64,
 }
 
 impl Cavity {
-    /// That of event `n` of a fit.
+    /// Returns the cavity of event `n` of a fit.
     fn of(fit: &MeanField, n: usize) -> Self {
         let (omega, kappa) = (fit.sites.omega()[n], fit.sites.kappa()[n]);
-        // Only the explained variance moves with the sites; explained⁻¹ − ω is positive but for rounding.
+        // Sites change only the explained variance. explained⁻¹ − ω is positive except for rounding.
         let explained = (fit.variance[n] - fit.residual[n]).max(0.0);
         let share = (1.0 - omega * explained).max(f64::EPSILON);
         let mean = (fit.mean[n] - explained * kappa) / share;
         Self { kappa: 0.5 * kappa.signum(), mean, explained: explained / share, residual: fit.residual[n] }
     }
 
-    /// ln of the probability of the event's outcome.
+    /// Returns ln of the probability of the event's outcome.
     fn log_predictive(&self) -> f64 {
         let probability = success_probability(self.mean * self.kappa.signum(), self.explained + self.residual);
         probability.max(f64::MIN_POSITIVE).ln()
     }
 
-    /// ln of the integral of the site that stands for the outcome: exp(κf − ½ωf² + ½ωc² − ln 2cosh(c/2)).
+    /// Returns ln of the integral of the event's Gaussian site exp(κf − ½ωf² + ½ωc² − ln 2cosh(c/2)).
     fn log_site(&self, tilt: f64) -> f64 {
         let Cavity { kappa, mean, explained, residual } = self;
         let omega = polya_gamma::mean(1.0, tilt);

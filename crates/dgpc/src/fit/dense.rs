@@ -1,4 +1,4 @@
-//! The full Gaussian posterior of a mean field, and how its evidence bound changes with the prior (sections 2 and 7 of
+//! Full Gaussian posterior of a mean field, and the gradient of its evidence bound (sections 2 and 7 of
 //! [`crate::method`]).
 
 use super::newton::Newton;
@@ -8,21 +8,21 @@ use crate::likelihood::Likelihood;
 use crate::linalg::{Cholesky, CholeskyScratch, Matrix, dot, fill_scaled, lower_gram, multiply_vector, squared_norm};
 use crate::prior::Prior;
 
-/// Below this product of ω and prior variance, a posterior variance is computed by a solve instead of from diag(B⁻¹),
-/// which would lose its digits.
+/// Smallest product of ω and prior variance at which a posterior variance comes from diag(B⁻¹). Below it, that formula
+/// cancels, and the variance comes from a solve.
 const INFORMATIVE: f64 = 1e-4;
 
-/// K and the factors of B = I + Ω^½KΩ^½. Everything in the order of [`Likelihood`].
+/// K and the factors of B = I + Ω^½KΩ^½. All entries are in the order of [`Likelihood`].
 pub(crate) struct Dense {
     gram: Matrix,
     cholesky: Cholesky,
     scratch: CholeskyScratch,
     /// L⁻¹ with B = LLᵀ.
     factor_inverse: Matrix,
-    /// B⁻¹, which steps and gradients need and passes do not.
+    /// B⁻¹, which Newton steps and gradients need but passes do not.
     inverse: Matrix,
     roots: Vec<f64>,
-    /// α = κ̃ − Ωδ, δ the posterior mean about the prior mean: K⁻¹δ.
+    /// α = κ̃ − Ωδ = K⁻¹δ, with δ the posterior mean minus the prior mean.
     alpha: Vec<f64>,
 }
 
@@ -36,7 +36,7 @@ impl Dense {
         Ok(Self { gram, cholesky, scratch, factor_inverse, inverse, roots, alpha })
     }
 
-    /// s_n = (1 − (B⁻¹)_nn)/ω_n, where B⁻¹ = L⁻ᵀL⁻¹.
+    /// Returns s_n = (1 − (B⁻¹)_nn)/ω_n, where B⁻¹ = L⁻ᵀL⁻¹.
     fn variance(&self, n: usize) -> f64 {
         let (root, prior) = (self.roots[n], self.gram[(n, n)]);
         let omega = root * root;
@@ -48,8 +48,8 @@ impl Dense {
         (prior - squared_norm(&column)).max(0.0)
     }
 
-    /// Writes the posterior mean about the prior mean and the variance of everything observed, and returns the terms of
-    /// E that depend on the covariance.
+    /// Writes the variance and the posterior mean minus the prior mean of all observations. Returns the terms of E that
+    /// depend on the covariance.
     pub(super) fn pass(&mut self, omega: &[f64], shift: &[f64], mean: &mut [f64], variance: &mut [f64]) -> Result<f64> {
         self.roots.iter_mut().zip(omega).for_each(|(root, omega)| *root = omega.sqrt());
         let (gram, roots) = (&self.gram, &self.roots);
@@ -67,16 +67,16 @@ impl Dense {
         Ok(0.5 * dot(mean, shift) - 0.5 * self.cholesky.log_determinant())
     }
 
-    /// Where Newton's method goes from the last pass, in ln c of the events; none where rounding spoils it.
+    /// Returns the Newton step from the last pass, in ln c of the events, or `None` if rounding spoils it.
     pub(super) fn newton(&mut self, pass: &Pass<'_>, log_tilts: &[f64]) -> Option<Vec<f64>> {
         lower_gram(&self.factor_inverse, &mut self.inverse);
         self.inverse.mirror_lower();
         Newton { inverse: &self.inverse, roots: &self.roots, pass, log_tilts }.step()
     }
 
-    /// ∂E/∂(log parameters of the kernel, parameters of the prior mean) at the ω and shift of the last pass.
+    /// Returns ∂E/∂(log parameters of the kernel, parameters of the prior mean) at the ω and shift of the last pass.
     pub(super) fn gradient(&mut self, prior: &Prior, likelihood: &Likelihood<'_>) -> Vec<f64> {
-        // ∂E/∂K = ½(ααᵀ − Ω^½B⁻¹Ω^½), written over B⁻¹; ∂E/∂μ₀ = α.
+        // ∂E/∂K = ½(ααᵀ − Ω^½B⁻¹Ω^½) overwrites B⁻¹; ∂E/∂μ₀ = α.
         lower_gram(&self.factor_inverse, &mut self.inverse);
         for column in 0..self.alpha.len() {
             let (alpha, root) = (0.5 * self.alpha[column], -0.5 * self.roots[column]);

@@ -1,4 +1,4 @@
-//! The fixed point of a dense mean field: an iteration over its tilts (section 2 of [`crate::method`]).
+//! Fixed point of a dense mean field, iterated in its tilts (section 2 of [`crate::method`]).
 
 use super::anderson::Anderson;
 use super::dense::Dense;
@@ -10,7 +10,7 @@ use crate::likelihood::Likelihood;
 use crate::prior::Prior;
 use crate::sites::Sites;
 
-/// The fixed point c_n² = E_q\[f_n²\]. When it returns, the engine holds the same pass.
+/// Returns the fixed point c_n² = E_q\[f_n²\]. On return, the engine holds the factors of the last pass.
 pub(super) fn iterate(
     engine: &mut Dense,
     prior: &Prior,
@@ -35,8 +35,8 @@ pub(super) fn iterate(
             terms => terms? + pass.sum_terms(),
         };
         change = pass.set_images();
-        // Plain steps never lower E. Another one that did, or that overflowed, is taken back for the plain one, and
-        // acceleration starts anew.
+        // Plain steps never lower E. If another step lowered it or overflowed, the plain step replaces it and the
+        // acceleration restarts.
         if !is_plain && (evidence.is_nan() || evidence < best - 1e-10 * best.abs()) {
             log_tilts.copy_from_slice(&plain_step);
             anderson.restart();
@@ -45,7 +45,7 @@ pub(super) fn iterate(
         }
         best = best.max(finite("evidence bound", evidence)?);
         plain_step.copy_from_slice(&pass.images);
-        // The last iteration takes the plain step: nothing could take another one back any more.
+        // The last iteration takes the plain step, because no later pass could reject another step.
         let goes_on = change > options.tolerance && iterations + 1 < options.iterations_max;
         let step = if goes_on { engine.newton(&pass, &log_tilts) } else { Some(plain_step.clone()) };
         log_tilts = step.unwrap_or_else(|| anderson.propose(&log_tilts, &pass.images));
@@ -66,7 +66,7 @@ pub(super) fn iterate(
         iterations,
         change,
         converged,
-        // Nothing but I + Ω^½KΩ^½ is factorised.
+        // Only I + Ω^½KΩ^½ is factorised, without jitter.
         jitter: 0.0,
         weights: likelihood.observations.weights().to_vec(),
         condensed: None,

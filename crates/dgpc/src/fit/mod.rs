@@ -1,7 +1,7 @@
-//! Fitting: from events and a prior to sites, a posterior and the evidence bound, by mean field (sections 2 and 7 of
+//! Fitting: mean field from events and a prior to sites, a posterior and the evidence bound (sections 2 and 7 of
 //! [`crate::method`]).
 
-mod amended;
+mod append;
 mod anderson;
 mod cavity;
 mod dense;
@@ -11,12 +11,12 @@ mod natural;
 mod newton;
 mod options;
 mod pass;
+mod posterior;
 mod propagation;
 mod single;
 mod solve;
 mod sparse;
 mod sparse_gradient;
-mod together;
 
 #[cfg(feature = "learn")]
 pub(crate) use cavity::corrected_evidence;
@@ -26,9 +26,9 @@ pub use propagation::Propagated;
 pub use single::{absorb_observations, sites_given};
 pub(crate) use solve::{solve, solve_with_gradient};
 
-use amended::append;
+use append::append;
+use posterior::posterior_of;
 use propagation::propagate;
-use together::put_together;
 
 use std::collections::HashMap;
 
@@ -43,20 +43,23 @@ use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
 
-/// A fitted mean field: what events say under a prior.
+/// A fitted mean field: the Gaussian approximation to the posterior of events under a prior.
 #[derive(Debug, Clone)]
 pub struct Fit {
     prior: Prior,
-    found: MeanField,
-    /// What it was given of others.
+    mean_field: MeanField,
+    /// The messages of peers that the fit used.
     messages: Vec<Summary>,
-    /// What a sparse fit says of its events, at its inducing points.
+    /// Summary of the events at the inducing points; `None` for a dense fit.
     condensed: Option<Summary>,
 }
 
-/// Fits `observations` by mean field: the ω that make the evidence bound E largest, and the Gaussian posterior that
-/// goes with them. Dense, O(N³) an iteration and 4N² memory, or with [`FitOptions::inducing_points`] O(NM²) and O(N + M²)
-/// memory beside 59 MB of covariances at most, for N events and observations that messages stand for.
+/// Fits `observations` by mean field: finds the ω that maximise the evidence bound E, and the Gaussian posterior that
+/// belongs to them.
+///
+/// A dense fit costs O(N³) an iteration and 4N² numbers of memory. With [`FitOptions::inducing_points`] it costs O(NM²) an
+/// iteration and O(N + M²) memory, plus at most 59 MB of covariances. N counts events and the observations that messages
+/// represent.
 ///
 /// ```
 /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -73,36 +76,40 @@ pub struct Fit {
 /// ```
 ///
 /// # Errors
-/// [`crate::Error::BadColumn`] when the prior needs columns that the inputs do not have; [`crate::Error::OutOfRange`]
-/// or [`crate::Error::SizeMismatch`] for options that make no sense; [`crate::Error::NotPositiveDefinite`] when
-/// inducing points coincide too closely for any small jitter; that or [`crate::Error::NotFinite`] when numbers near the
-/// end of the range overflow; [`crate::Error::NegativeEigenvalue`] for a message that is none.
+/// * [`crate::Error::BadColumn`] if the prior needs columns that the inputs do not have.
+/// * [`crate::Error::OutOfRange`] or [`crate::Error::SizeMismatch`] for invalid options.
+/// * [`crate::Error::NotPositiveDefinite`] if inducing points coincide too closely for any small jitter.
+/// * [`crate::Error::NotPositiveDefinite`] or [`crate::Error::NotFinite`] if numbers near the end of the floating-point
+///   range overflow.
+/// * [`crate::Error::NegativeEigenvalue`] for a message whose precision is not positive semi-definite.
 pub fn fit(prior: &Prior, observations: &Observations, options: &FitOptions<'_>) -> Result<Fit> {
     let likelihood = Likelihood::new(observations, options.messages)?;
     let support = options.support()?;
-    let found = solve(prior, &likelihood, support.as_ref(), options)?;
-    Fit::new(prior, found, support.as_ref(), options.messages)
+    let mean_field = solve(prior, &likelihood, support.as_ref(), options)?;
+    Fit::new(prior, mean_field, support.as_ref(), options.messages)
 }
 
 impl Fit {
     pub(crate) fn new(
         prior: &Prior,
-        mut found: MeanField,
+        mut mean_field: MeanField,
         inducing_points: Option<&Inputs>,
         messages: &[&Summary],
     ) -> Result<Self> {
-        let condense = |points| match found.condensed.take() {
+        let condense = |points| match mean_field.condensed.take() {
             Some((precision, shift)) => Summary::from_whitened(prior, points, precision, shift),
-            None => Summary::variational(prior, &found.sites, points),
+            None => Summary::variational(prior, &mean_field.sites, points),
         };
         let condensed = inducing_points.map(condense).transpose()?;
         let messages = messages.iter().map(|&message| message.clone()).collect();
-        Ok(Self { prior: prior.clone(), found, messages, condensed })
+        Ok(Self { prior: prior.clone(), mean_field, messages, condensed })
     }
 
-    /// The posterior that was fitted: of the events, and of the messages that the fit was given. At the events a dense one
-    /// has [`Fit::mean`] and [`Fit::variance`], a sparse one the means as nearly as the iteration came. O(n³) for n events
-    /// of a dense fit or M inducing points of a sparse one, and the inducing points of the messages.
+    /// Returns the fitted posterior: of the events, and of the messages that the fit was given.
+    ///
+    /// At the events, a dense fit's posterior has the moments [`Fit::mean`] and [`Fit::variance`]. A sparse fit's posterior
+    /// has these means up to the convergence error of the iteration. O(n³) for n events of a dense fit or M inducing points
+    /// of a sparse fit, plus the inducing points of the messages.
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
@@ -110,19 +117,21 @@ impl Fit {
         self.posterior_with(&self.messages.iter().collect::<Vec<_>>())
     }
 
-    /// The posterior of the events and of `summaries`, in place of the messages that the fit was given: `&[]` for the
-    /// events alone. The sites of the events stay as they are; summaries of another prior are read under that of the
-    /// fit. As dear as [`Fit::posterior`].
+    /// Returns the posterior of the events and of `summaries`, which replace the messages of the fit. `&[]` gives the
+    /// posterior of the events alone. The sites of the events stay as they are. Summaries of another prior are read under
+    /// the prior of the fit. The cost is that of [`Fit::posterior`].
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
     pub fn posterior_with(&self, summaries: &[&Summary]) -> Result<Posterior> {
-        put_together(&self.prior, &self.found.sites, self.condensed.as_ref(), summaries)
+        posterior_of(&self.prior, &self.mean_field.sites, self.condensed.as_ref(), summaries)
     }
 
-    /// The same of some of its events, by their places: what somebody knows who was told of these alone. Their sites stay as
-    /// they are with all events. Of a sparse fit O(mM²) for the m events that are in or not in, whichever are fewer, beside O(n³) as
-    /// for [`Fit::posterior`].
+    /// Returns the posterior of some of the events, given by their indices, and of `summaries`. A receiver that holds only
+    /// these events knows this posterior. The sites are those of the fit with all events.
+    ///
+    /// In addition to the O(n³) of [`Fit::posterior`], a sparse fit costs O(mM²) for m events. m counts the included or the
+    /// excluded events, whichever are fewer.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -131,48 +140,52 @@ impl Fit {
     /// let observations = Observations::new(inputs.clone(), vec![true, true, false])?;
     /// let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 4.0, 1.0, 1)?])?;
     /// let fit = fit(&Prior::new(kernel, PriorMean::Zero)?, &observations, &FitOptions::default())?;
-    /// let told = fit.posterior_of_part(&[0, 1], &[])?.latent(&inputs)?;
-    /// assert!(told.mean[0] > 0.5 && told.mean[2].abs() < 1e-3);
+    /// let part = fit.posterior_of_part(&[0, 1], &[])?.latent(&inputs)?;
+    /// assert!(part.mean[0] > 0.5 && part.mean[2].abs() < 1e-3);
     /// # Ok::<(), dgpc::Error>(())
     /// ```
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
     pub fn posterior_of_part(&self, events: &[usize], summaries: &[&Summary]) -> Result<Posterior> {
-        let sites = self.found.sites.select(events);
-        put_together(&self.prior, &sites, self.summary_of_part(events)?.as_ref(), summaries)
+        let sites = self.mean_field.sites.select(events);
+        posterior_of(&self.prior, &sites, self.summary_of_part(events)?.as_ref(), summaries)
     }
 
-    /// What some of the events of a sparse fit say at its inducing points: summed up, or all but the others, whichever are fewer. With
-    /// [`Summary::observe`] and [`Summary::forget`] of [`Fit::sites`] it goes from one part to another. `None` of a dense fit. O(mM²).
+    /// Returns the summary of some of the events of a sparse fit at its inducing points, or `None` for a dense fit.
+    ///
+    /// The included events are summed up, or the excluded events are subtracted from the total, whichever are fewer. To go
+    /// from one part to another, use [`Summary::observe`] and [`Summary::forget`] with [`Fit::sites`]. O(mM²).
     ///
     /// # Errors
     /// As [`Summary::variational`].
     pub fn summary_of_part(&self, events: &[usize]) -> Result<Option<Summary>> {
         let Some(all) = &self.condensed else { return Ok(None) };
-        let others = self.others_than(events);
-        // An event that is named twice counts twice.
-        if others.len() >= events.len() || events.len() + others.len() > self.found.sites.len() {
-            return Summary::variational(&self.prior, &self.found.sites.select(events), all.inducing_points())
+        let others = self.complement(events);
+        // Repeated indices count repeatedly, so the total minus the other events would be wrong.
+        if others.len() >= events.len() || events.len() + others.len() > self.mean_field.sites.len() {
+            return Summary::variational(&self.prior, &self.mean_field.sites.select(events), all.inducing_points())
                 .map(Some);
         }
         let mut part = all.clone();
-        part.forget(&self.found.sites.select(&others))?;
+        part.forget(&self.mean_field.sites.select(&others))?;
         Ok(Some(part))
     }
 
-    /// The events that are not named.
-    fn others_than(&self, events: &[usize]) -> Vec<usize> {
-        let mut is_named = vec![false; self.found.sites.len()];
+    /// Returns the indices of the events that `events` does not contain.
+    fn complement(&self, events: &[usize]) -> Vec<usize> {
+        let mut is_named = vec![false; self.mean_field.sites.len()];
         events.iter().for_each(|&event| is_named[event] = true);
         (0..is_named.len()).filter(|&event| !is_named[event]).collect()
     }
 
-    /// This sparse fit without some of its events, by their places, and with others behind those that stay: each at the site that it
-    /// has beside all before it, told at the inducing points that are there. O(mM²) for m events that come or go, however many
-    /// stay; `None` of a dense fit. What stays keeps its sites, so that this is not quite what a fit of all would find:
-    /// [`Fit::mean`] and [`Fit::variance`] of these, [`Fit::evidence`], [`Fit::iterations`], [`Fit::change`] and
-    /// [`Fit::converged`] are of the fit that they were found by.
+    /// Returns this sparse fit without the events at the indices `removed`, and with the events `new` appended. Returns `None`
+    /// for a dense fit.
+    ///
+    /// Each new event gets its site given all events before it, at the existing inducing points. The remaining events keep
+    /// their sites, so the result differs slightly from a new fit of all events. Their [`Fit::mean`] and [`Fit::variance`]
+    /// are those of the old fit. [`Fit::evidence`], [`Fit::iterations`], [`Fit::change`] and [`Fit::converged`] are those of
+    /// the old fit, too. O(mM²) for m events that are removed or added, however many remain.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -192,27 +205,29 @@ impl Fit {
     ///
     /// # Errors
     /// As [`crate::sites_given`] and [`Fit::posterior`].
-    pub fn amended(&self, gone: &[usize], new: &Observations) -> Result<Option<Self>> {
+    pub fn amended(&self, removed: &[usize], new: &Observations) -> Result<Option<Self>> {
         let Some(mut condensed) = self.condensed.clone() else { return Ok(None) };
-        let staying = self.others_than(gone);
-        // An event that is named twice goes once.
-        condensed.forget(&self.found.sites.select(&self.others_than(&staying)))?;
-        let found = self.found.select(&staying);
+        let staying = self.complement(removed);
+        // An index that is named twice counts once.
+        condensed.forget(&self.mean_field.sites.select(&self.complement(&staying)))?;
+        let mean_field = self.mean_field.select(&staying);
         let (prior, messages) = (self.prior.clone(), self.messages.clone());
-        let mut amended = Self { prior, found, messages, condensed: Some(condensed) };
+        let mut amended = Self { prior, mean_field, messages, condensed: Some(condensed) };
         let known = amended.posterior()?;
-        let sites = append(&mut amended.found, known, new)?;
+        let sites = append(&mut amended.mean_field, known, new)?;
         if let Some(condensed) = &mut amended.condensed {
             condensed.observe(&sites)?;
             let cross = Cross::new(amended.prior.kernel(), condensed.inducing_points(), new.inputs())?;
-            amended.found.residual.extend(residual(&cross, condensed.cholesky())?);
+            amended.mean_field.residual.extend(residual(&cross, condensed.cholesky())?);
         }
         Ok(Some(amended))
     }
 
-    /// Expectation propagation from the sites of this fit on, with `summaries` in place of the messages that the fit was
-    /// given. The mean field's variances are too small, by a factor of several where all outcomes are of one kind; these are
-    /// nearly those of the exact posterior. Ten to thirty iterations, each as dear as one of the fit.
+    /// Runs expectation propagation from the sites of this fit, with `summaries` in place of the messages of the fit.
+    ///
+    /// The variances of the mean field are too small, by a factor of several if all outcomes are equal. Those of expectation
+    /// propagation are nearly those of the exact posterior. It takes 10 to 30 iterations, each at the
+    /// cost of an iteration of the fit.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -230,37 +245,39 @@ impl Fit {
     /// As [`fit`].
     pub fn propagated_with(&self, summaries: &[&Summary]) -> Result<Propagated> {
         let inducing_points = self.condensed.as_ref().map(Summary::inducing_points);
-        propagate(&self.prior, &self.found, inducing_points, summaries)
+        propagate(&self.prior, &self.mean_field, inducing_points, summaries)
     }
 
-    /// The prior that it was fitted under.
+    /// Returns the prior of the fit.
     pub fn prior(&self) -> &Prior {
         &self.prior
     }
 
-    /// The Gaussian sites of the events at the mean ω̄ = tanh(c/2)/(2c).
+    /// Returns the Gaussian sites of the events at the mean ω̄ = tanh(c/2)/(2c).
     pub fn sites(&self) -> &Sites {
-        &self.found.sites
+        &self.mean_field.sites
     }
 
-    /// The inducing points of a sparse fit, those of its messages included; `None` of a dense one.
+    /// Returns the inducing points of a sparse fit, including those of its messages, or `None` for a dense fit.
     pub fn inducing_points(&self) -> Option<&Inputs> {
         self.condensed.as_ref().map(Summary::inducing_points)
     }
 
-    /// Posterior means of f at the events, N.
+    /// Returns the posterior means of f at the events, N.
     pub fn mean(&self) -> &[f64] {
-        &self.found.mean
+        &self.mean_field.mean
     }
 
-    /// Posterior variances of f at the events, N.
+    /// Returns the posterior variances of f at the events, N.
     pub fn variance(&self) -> &[f64] {
-        &self.found.variance
+        &self.mean_field.variance
     }
 
-    /// What [`Fit::posterior`] says at points each of which is an event of this fit, as far as the prior looks: known
-    /// from the fit, so that nothing is solved. `None` where one is no event, and of a sparse fit, whose variances are others. O(N ·
-    /// columns).
+    /// Returns the moments of [`Fit::posterior`] at points that are events of this fit. The moments are known from the fit,
+    /// so nothing is solved.
+    ///
+    /// Points and events are compared in the columns that the prior uses. Returns `None` if a point is not an event. Also
+    /// returns `None` for a sparse fit, because its posterior has other variances. O(N · columns).
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -278,66 +295,69 @@ impl Fit {
             return None;
         }
         let columns = self.prior.columns();
-        let seen = |row: &[f64]| columns.iter().map(|&column| row.get(column).map(|x| x.to_bits())).collect::<Vec<_>>();
-        let events: HashMap<_, usize> = self.found.sites.inputs().rows().map(seen).zip(0..).collect();
-        let places = inputs.rows().map(|row| events.get(&seen(row)).copied()).collect::<Option<Vec<usize>>>()?;
+        let key = |row: &[f64]| columns.iter().map(|&column| row.get(column).map(|x| x.to_bits())).collect::<Vec<_>>();
+        let events: HashMap<_, usize> = self.mean_field.sites.inputs().rows().map(key).zip(0..).collect();
+        let places = inputs.rows().map(|row| events.get(&key(row)).copied()).collect::<Option<Vec<usize>>>()?;
         let at = |values: &[f64]| places.iter().map(|&place| values[place]).collect();
-        Some(Latent { mean: at(&self.found.mean), variance: at(&self.found.variance) })
+        Some(Latent { mean: at(&self.mean_field.mean), variance: at(&self.mean_field.variance) })
     }
 
-    /// Probabilities of success at the events, N.
+    /// Returns the probabilities of success at the events, N.
     pub fn probabilities(&self) -> Vec<f64> {
-        let moments = self.found.mean.iter().zip(&self.found.variance);
+        let moments = self.mean_field.mean.iter().zip(&self.mean_field.variance);
         moments.map(|(&mean, &variance)| success_probability(mean, variance)).collect()
     }
 
-    /// Tilts c_n = √E\[f_n²\] that ω̄ was computed from, N.
+    /// Returns the tilts c_n = √E\[f_n²\] from which ω̄ was computed, N.
     pub fn tilts(&self) -> &[f64] {
-        &self.found.tilts
+        &self.mean_field.tilts
     }
 
-    /// How much each event counts, N.
+    /// Returns the weights of the events, N.
     pub fn weights(&self) -> &[f64] {
-        &self.found.weights
+        &self.mean_field.weights
     }
 
-    /// The evidence bound E, in nats: a lower bound on the log marginal likelihood.
+    /// Returns the evidence bound E, in nats: a lower bound on the log marginal likelihood.
     pub fn evidence(&self) -> f64 {
-        self.found.evidence
+        self.mean_field.evidence
     }
 
-    /// Iterations used.
+    /// Returns the number of iterations.
     pub fn iterations(&self) -> usize {
-        self.found.iterations
+        self.mean_field.iterations
     }
 
-    /// Largest change of a tilt in the last iteration.
+    /// Returns the largest change of a tilt in the last iteration.
     pub fn change(&self) -> f64 {
-        self.found.change
+        self.mean_field.change
     }
 
-    /// Whether [`Fit::change`] came below the tolerance.
+    /// Returns whether [`Fit::change`] reached the tolerance.
     pub fn converged(&self) -> bool {
-        self.found.converged
+        self.mean_field.converged
     }
 
-    /// What was added to the diagonal of K_MM (0 for a dense fit, which factorises nothing but I + Ω^½KΩ^½).
+    /// Returns the jitter on the diagonal of K_MM. It is 0 for a dense fit, which factorises only I + Ω^½KΩ^½.
     pub fn jitter(&self) -> f64 {
-        self.found.jitter
+        self.mean_field.jitter
     }
 
-    /// ln p(y_n | all other events), nearly: what every event's posterior becomes when its own site is taken away,
-    /// without a second fit. Optimistic, because ω_n has seen y_n, and the more so the larger the variance. Weights do
-    /// not count. N, in nats. O(N) (section 7 of [`crate::method`]).
+    /// Returns the approximate leave-one-out log predictive probabilities ln p(y_n | all other events), N, in nats.
+    ///
+    /// Each event's own site is removed from its posterior, without a second fit. The result is optimistic because ω_n
+    /// depends on y_n, and more so for larger variances. Weights do not count. O(N) (section 7 of [`crate::method`]).
     pub fn leave_one_out(&self) -> Vec<f64> {
-        cavity::leave_one_out(&self.found)
+        cavity::leave_one_out(&self.mean_field)
     }
 
-    /// E with its slack taken out event by event: the Gaussian site that bounds an event's likelihood from below is
-    /// replaced by the likelihood itself, integrated against what all other events say. No bound any more, but much
-    /// nearer to the log marginal likelihood: expectation propagation's estimate of it, at the sites of the mean field.
-    /// O(N) (section 7 of [`crate::method`]).
+    /// Returns the corrected evidence: expectation propagation's estimate of the log marginal likelihood at the mean field's
+    /// sites.
+    ///
+    /// The Gaussian site of each event bounds the event's likelihood from below. The corrected evidence replaces the site by
+    /// the likelihood itself, integrated against the posterior of all other events. The result is not a bound, but it is
+    /// much nearer to the log marginal likelihood than E. O(N) (section 7 of [`crate::method`]).
     pub fn corrected_evidence(&self) -> f64 {
-        cavity::corrected_evidence(&self.found)
+        cavity::corrected_evidence(&self.mean_field)
     }
 }

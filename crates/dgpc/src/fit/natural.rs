@@ -1,12 +1,11 @@
-//! The fixed point of a sparse mean field, in what its events say at the inducing points (section 2 of
-//! [`crate::method`]).
+//! Fixed point of a sparse mean field, iterated in the sums Ĝ and b̂ of its events (section 2 of [`crate::method`]).
 
 use std::ops::Range;
 
 use super::anderson::Anderson;
 use super::mean_field::{MeanField, TILT_MIN, TILT_START, omega, omega_and_ln_2_cosh};
 use super::options::FitOptions;
-use super::sparse::{Seen, Site, Sparse};
+use super::sparse::{EventMoments, Site, Sparse};
 use crate::cross::Sums;
 use crate::error::{Result, finite};
 use crate::likelihood::Likelihood;
@@ -14,72 +13,81 @@ use crate::linalg::Matrix;
 use crate::prior::Prior;
 use crate::sites::Sites;
 
-/// Walks from one posterior to the next until no tilt changes. When it returns, the engine holds the posterior of the sites it found.
+/// Walks from one posterior to the next until no tilt changes by more than the tolerance. On return, the engine holds the
+/// posterior of the returned sites.
 pub(super) fn iterate(
     engine: &mut Sparse<'_>,
     prior: &Prior,
     likelihood: &Likelihood<'_>,
     options: &FitOptions<'_>,
-) -> Result<Found> {
-    let begun = begin(engine, prior, likelihood, options)?;
+) -> Result<FixedPoint> {
+    let initial = begin(engine, prior, likelihood, options)?;
     let mut moments = Moments::of_tilts(likelihood.events(), options.start);
-    let scale = Scale::of(&begun);
-    let (mut at, mut plain, mut is_plain) = (begun, None, true);
+    let scale = Scale::of(&initial);
+    let (mut at, mut plain, mut is_plain) = (initial, None, true);
     let mut anderson = Anderson::new();
     let (mut best, mut iterations) = (f64::NEG_INFINITY, 0);
-    let mut was_taken_back = false;
+    let mut was_rejected = false;
     loop {
         iterations += 1;
-        let walk = engine.walk(moments.columns(), |n, seen, moments| move_site(likelihood, n, seen, moments))?;
-        let evidence = match engine.take(&walk.said) {
+        let walk = engine.walk(moments.columns(), |n, event, moments| move_site(likelihood, n, event, moments))?;
+        let evidence = match engine.take(&walk.sums) {
             Err(_) if !is_plain => f64::NAN,
             taken => taken.map(|()| engine.evidence(walk.bound))?,
         };
-        // Plain steps never lower E. Another one that led to less is taken back for the plain one, and acceleration
-        // starts anew.
-        let went_astray = !evidence.is_finite() || evidence < best - 1e-10 * best.abs();
-        if let Some(plain) = plain.take_if(|_| !is_plain && went_astray) {
+        // Plain steps never lower E. If an accelerated step lowered it, the plain step replaces it and the acceleration
+        // restarts.
+        let is_worse = !evidence.is_finite() || evidence < best - 1e-10 * best.abs();
+        if let Some(plain) = plain.take_if(|_| !is_plain && is_worse) {
             engine.take(&plain)?;
-            (at, is_plain, was_taken_back) = (plain, true, true);
+            (at, is_plain, was_rejected) = (plain, true, true);
             anderson.restart();
             continue;
         }
         best = best.max(finite("evidence bound", evidence)?);
-        // After a step that was taken back, tilts changed from where it led.
-        let converged = walk.change <= options.tolerance && !was_taken_back;
-        was_taken_back = false;
+        // After a rejected step, the tilts changed from the point where that step led, not from the plain point.
+        let converged = walk.change <= options.tolerance && !was_rejected;
+        was_rejected = false;
         if converged || iterations >= options.iterations_max {
             let tilts = moments.tilts();
             if !converged {
-                // The moments that the tilts are of are not yet those of the posterior.
-                engine.walk(moments.columns(), |_, seen, moments| {
-                    seen.note_moments(moments);
+                // The stored moments belong to the tilts, not yet to the final posterior.
+                engine.walk(moments.columns(), |_, event, moments| {
+                    event.store_in(moments);
                     Site { omega: 0.0, kappa: 0.0, bound: 0.0, change: 0.0 }
                 })?;
             }
-            return Ok(Found { tilts, moments, evidence, iterations, change: walk.change, converged, said: walk.said });
+            return Ok(FixedPoint {
+                tilts,
+                moments,
+                evidence,
+                iterations,
+                change: walk.change,
+                converged,
+                sums: walk.sums,
+            });
         }
-        // The last step is plain: nothing could take another one back any more.
+        // The last step is plain, because no later walk could reject an accelerated step.
         let mut step = None;
         if iterations + 1 < options.iterations_max {
-            let image = scale.coordinates(&walk.said);
+            let image = scale.coordinates(&walk.sums);
             let next = anderson.propose(&scale.coordinates(&at), &image);
             step = Some(next).filter(|next| *next != image).map(|next| scale.sums(&next));
         }
         if let Some(next) = &step
             && engine.take(next).is_err()
         {
-            engine.take(&walk.said)?;
+            engine.take(&walk.sums)?;
             anderson.restart();
             step = None;
         }
         is_plain = step.is_none();
-        at = step.unwrap_or_else(|| walk.said.clone());
-        plain = Some(walk.said);
+        at = step.unwrap_or_else(|| walk.sums.clone());
+        plain = Some(walk.sums);
     }
 }
 
-/// Takes the posterior of the sites at the tilts to start from, and says what they say.
+/// Sets the posterior of the sites at the initial tilts, and returns their sums.
 fn begin(
     engine: &mut Sparse<'_>,
     prior: &Prior,
@@ -88,10 +96,10 @@ fn begin(
 ) -> Result<Sums> {
     options.check(likelihood.events())?;
     let (weights, tilt) = (likelihood.observations.weights(), |n| options.start.map_or(TILT_START, |start| start[n]));
-    let begun =
+    let initial =
         engine.begin(prior, |n| (omega(weights[n], tilt(n).max(TILT_MIN)), likelihood.observations.kappa_of(n)))?;
-    engine.take(&begun.said)?;
-    Ok(begun.said)
+    engine.take(&initial.sums)?;
+    Ok(initial.sums)
 }
 
 /// Posterior moments of f at the events.
@@ -101,7 +109,7 @@ struct Moments {
 }
 
 impl Moments {
-    /// Some that have these tilts.
+    /// Returns moments that have the given tilts.
     fn of_tilts(events: usize, tilts: Option<&[f64]>) -> Self {
         let mean = tilts.map_or_else(|| vec![TILT_START; events], <[f64]>::to_vec);
         Self { mean, variance: vec![0.0; events] }
@@ -116,42 +124,43 @@ impl Moments {
     }
 }
 
-/// c = √E\[f²\].
+/// Returns the tilt c = √E\[f²\].
 fn tilt(mean: f64, variance: f64) -> f64 {
     (mean * mean + variance).sqrt().max(TILT_MIN)
 }
 
-/// The site of an event at its posterior moments, its terms of E, and how far its tilt went.
-fn move_site(likelihood: &Likelihood<'_>, n: usize, seen: &Seen, [mean, variance]: [&mut f64; 2]) -> Site {
+/// Returns the site of an event at its posterior moments, with its terms of E and the change of its tilt.
+fn move_site(likelihood: &Likelihood<'_>, n: usize, event: &EventMoments, [mean, variance]: [&mut f64; 2]) -> Site {
     let before = tilt(*mean, *variance);
-    seen.note_moments([&mut *mean, &mut *variance]);
+    event.store_in([&mut *mean, &mut *variance]);
     let after = tilt(*mean, *variance);
     let (weight, kappa) = (likelihood.observations.weights()[n], likelihood.observations.kappa_of(n));
     let (omega, ln_2_cosh) = omega_and_ln_2_cosh(weight, after);
-    let tilted = 0.5 * omega * (after * after - seen.residual) - weight * ln_2_cosh;
-    let about_mean = (kappa - 0.5 * omega * seen.prior_mean) * seen.prior_mean;
+    let tilted = 0.5 * omega * (after * after - event.residual) - weight * ln_2_cosh;
+    let about_mean = (kappa - 0.5 * omega * event.prior_mean) * event.prior_mean;
     Site { omega, kappa, bound: tilted + about_mean, change: (after - before).abs() }
 }
 
-/// Where the iteration ended.
-pub(super) struct Found {
+/// The end of the iteration.
+pub(super) struct FixedPoint {
     tilts: Vec<f64>,
     moments: Moments,
     evidence: f64,
     iterations: usize,
     change: f64,
     converged: bool,
-    said: Sums,
+    sums: Sums,
 }
 
-impl Found {
-    /// ω̄ of some of the events.
+impl FixedPoint {
+    /// Returns ω̄ of some of the events.
     pub(super) fn omega(&self, likelihood: &Likelihood<'_>, events: Range<usize>) -> Vec<f64> {
         let weights = &likelihood.observations.weights()[events.clone()];
         weights.iter().zip(&self.tilts[events]).map(|(&weight, &tilt)| omega(weight, tilt)).collect()
     }
 
-    /// The same as every mean field is told. The engine goes first: what it keeps is larger than what is made here.
+    /// Converts the result to a [`MeanField`]. Most of the engine is dropped first, because its covariances need more
+    /// memory than the result.
     pub(super) fn mean_field(self, engine: Sparse<'_>, likelihood: &Likelihood<'_>) -> Result<MeanField> {
         let (residual, jitter) = (engine.residual, engine.cholesky.jitter());
         drop((engine.cross, engine.prior_mean));
@@ -168,25 +177,26 @@ impl Found {
             converged: self.converged,
             jitter,
             weights: likelihood.observations.weights().to_vec(),
-            condensed: Some((self.said.precision, self.said.shift)),
+            condensed: Some((self.sums.precision, self.sums.shift)),
         })
     }
 }
 
-/// Ĝ and b̂ as coordinates in which steps of different directions can be compared: in units of the precision at the start.
+/// Scales Ĝ and b̂ to coordinates in which steps of different directions are comparable: units of the initial precision.
 struct Scale(Vec<f64>);
 
 impl Scale {
-    fn of(said: &Sums) -> Self {
-        Self(said.precision.diagonal().into_iter().map(|precision| (1.0 + precision).sqrt().recip()).collect())
+    fn of(sums: &Sums) -> Self {
+        Self(sums.precision.diagonal().into_iter().map(|precision| (1.0 + precision).sqrt().recip()).collect())
     }
 
-    /// Entries of the lower triangle, column by column, those off the diagonal for two; then b̂.
-    fn coordinates(&self, said: &Sums) -> Vec<f64> {
+    /// Returns the entries of the lower triangle, column by column, then b̂. Entries off the diagonal are scaled by √2,
+    /// because they occur twice in Ĝ.
+    fn coordinates(&self, sums: &Sums) -> Vec<f64> {
         let points = self.0.len();
-        let entry = |row: usize, column: usize| said.precision[(row, column)] * self.of_entry(row, column);
+        let entry = |row: usize, column: usize| sums.precision[(row, column)] * self.of_entry(row, column);
         let triangle = (0..points).flat_map(|column| (column..points).map(move |row| (row, column)));
-        let shift = said.shift.iter().zip(&self.0).map(|(shift, scale)| shift * scale);
+        let shift = sums.shift.iter().zip(&self.0).map(|(shift, scale)| shift * scale);
         triangle.map(|(row, column)| entry(row, column)).chain(shift).collect()
     }
 

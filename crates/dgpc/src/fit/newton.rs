@@ -4,33 +4,35 @@ use super::pass::Pass;
 use crate::linalg::{Matrix, MultiplyAdd, Wide, add_scaled, dot, squared_norm, widest};
 use crate::polya_gamma;
 
-/// An event with less ω does not move others: its column of Σ is lost in the rounding of B⁻¹.
+/// Smallest ω with which an event influences others. Below it, the column of Σ is lost in the rounding of B⁻¹.
 const OMEGA_MIN: f64 = 1e-8;
 
-/// Directions that conjugate gradients go, at most.
+/// Largest number of directions of the conjugate gradients.
 const DIRECTIONS_MAX: usize = 30;
 
-/// What remains of the right-hand side, as a share, when the system counts as solved: as much as its largest entry, which for
-/// ordinary weights and tilts is about the residual in ln c, so that errors go down with their squares; but no less and no more than this.
+/// Bounds on the relative residual at which the system counts as solved. Within them the limit is the largest entry of the
+/// right-hand side. For ordinary weights and tilts that entry is about the residual in ln c, so that errors decrease
+/// quadratically.
 const SHARES: (f64, f64) = (1e-5, 1e-2);
 
-/// A pass, and how its images would change with its tilts.
+/// A pass, with the derivative of its images by its tilts.
 ///
-/// With u = c² and h = −dω/du, the image of u changes by A·diag(h) times the change of u, A = 2 diag(m)·Σ·diag(m) + Σ∘Σ. In ln c that is
-/// diag(1/u′)·A·diag(hu), u′ the image; with S = diag(h·u/u′)^½ on both sides of A it is symmetric.
+/// With u = c² and h = −dω/du, the image of u changes by A·diag(h) times the change of u, A = 2 diag(m)·Σ·diag(m) + Σ∘Σ.
+/// In ln c the derivative is diag(1/u′)·A·diag(hu), with u′ the image. With S = diag(h·u/u′)^½ on both sides of A it is
+/// symmetric.
 pub(super) struct Newton<'a> {
     /// B⁻¹ = I − Ω^½ΣΩ^½.
     pub(super) inverse: &'a Matrix,
     /// Ω^½.
     pub(super) roots: &'a [f64],
     pub(super) pass: &'a Pass<'a>,
-    /// ln c of the events, where the pass was made.
+    /// ln c of the events at which the pass was made.
     pub(super) log_tilts: &'a [f64],
 }
 
 impl Newton<'_> {
-    /// Where ln c and its image meet if the image is linear; none where rounding spoils that. O(N²) a direction, of which there are a
-    /// handful.
+    /// Returns the ln c that would equal its image if the image were linear. Returns `None` if rounding spoils the solution.
+    /// O(N²) a direction; a handful of directions is usually enough.
     pub(super) fn step(&self) -> Option<Vec<f64>> {
         let (log_tilts, Pass { weights, tilts, images, .. }) = (self.log_tilts, self.pass);
         let of_events = |entry: &dyn Fn(usize) -> f64| (0..log_tilts.len()).map(entry).collect::<Vec<f64>>();
@@ -39,19 +41,19 @@ impl Newton<'_> {
             _ => (0.5 * polya_gamma::variance(weights[n], tilts[n])).sqrt(),
         });
         let residual = of_events(&|n| images[n] - log_tilts[n]);
-        // S, and the units in which ln c is then measured.
+        // S, and the unit of ln c in which the system is symmetric.
         let scales = of_events(&|n| roots_of_h[n] * (-residual[n]).exp());
         let units = of_events(&|n| roots_of_h[n] * (log_tilts[n] + images[n]).exp());
         let matrix = SecondOrder::new(self, &scales);
         let solved = conjugate_gradients(|x| matrix.times(x), &of_events(&|n| units[n] * residual[n]))?;
-        // Those that move no other go where the pass took them.
+        // Events that influence no other event take the plain step.
         let to = of_events(&|n| if units[n] > 0.0 { log_tilts[n] + solved[n] / units[n] } else { images[n] });
         to.iter().all(|log_tilt| log_tilt.is_finite()).then_some(to)
     }
 }
 
-/// x with x − SASx = target, by conjugate gradients; none where rounding spoils it. I − SAS has no eigenvalue below the least
-/// c/sinh c, because Σ ⪯ Ω⁻¹.
+/// Solves x − SASx = target by conjugate gradients. Returns `None` if rounding spoils the solution. Because Σ ⪯ Ω⁻¹, no
+/// eigenvalue of I − SAS is below the smallest c/sinh c.
 fn conjugate_gradients(times: impl Fn(&[f64]) -> Vec<f64>, target: &[f64]) -> Option<Vec<f64>> {
     let largest = target.iter().fold(0.0, |largest: f64, entry| largest.max(entry.abs()));
     let enough = largest.clamp(SHARES.0, SHARES.1).powi(2) * squared_norm(target);
@@ -76,33 +78,33 @@ fn conjugate_gradients(times: impl Fn(&[f64]) -> Vec<f64>, target: &[f64]) -> Op
     size.is_finite().then_some(x)
 }
 
-/// SAS, as a sum of a product with B⁻¹ and one with its squares, entry by entry.
+/// SAS, as the sum of a product with B⁻¹ and a product with its squared entries.
 struct SecondOrder<'a> {
     inverse: &'a Matrix,
-    /// S·diag(m)·Ω^−½, on both sides of I − B⁻¹.
+    /// S·diag(m)·Ω^−½, which stands on both sides of I − B⁻¹.
     by_mean: Vec<f64>,
-    /// S·Ω⁻¹, on both sides of its squares.
+    /// S·Ω⁻¹, which stands on both sides of the squared entries of I − B⁻¹.
     by_square: Vec<f64>,
 }
 
 impl<'a> SecondOrder<'a> {
     fn new(newton: &Newton<'a>, scales: &[f64]) -> Self {
         let Newton { inverse, roots, pass: Pass { mean, .. }, .. } = *newton;
-        // 0 where an event moves no other, which may have no ω to divide by.
+        // An event that influences no other may have ω = 0, by which nothing can be divided.
         let over = |n: usize| if scales[n] > 0.0 { scales[n] / roots[n] } else { 0.0 };
         let by_mean = (0..scales.len()).map(|n| over(n) * mean[n]).collect();
         let by_square = (0..scales.len()).map(|n| if scales[n] > 0.0 { over(n) / roots[n] } else { 0.0 }).collect();
         Self { inverse, by_mean, by_square }
     }
 
-    /// O(N²).
+    /// Returns SASx. O(N²).
     fn times(&self, x: &[f64]) -> Vec<f64> {
         let scaled = |by: &[f64]| by.iter().zip(x).map(|(by, x)| by * x).collect::<Vec<f64>>();
         let (first, second) = (scaled(&self.by_mean), scaled(&self.by_square));
         let entry = |n: usize| {
             let column = &self.inverse.column(n)[..x.len()];
             let [plain, square] = widest(Both { entries: column, first: &first, second: &second });
-            // I − B⁻¹ has another diagonal, and other signs beside it.
+            // Compared with B⁻¹, I − B⁻¹ has another diagonal and opposite signs off the diagonal.
             let diagonal = self.inverse[(n, n)];
             let plain = first[n] - plain;
             let square = square + (1.0 - 2.0 * diagonal) * second[n];
@@ -112,7 +114,7 @@ impl<'a> SecondOrder<'a> {
     }
 }
 
-/// aᵀx and (a∘a)ᵀy.
+/// Computes aᵀx and (a∘a)ᵀy in one pass over a.
 struct Both<'a> {
     entries: &'a [f64],
     first: &'a [f64],

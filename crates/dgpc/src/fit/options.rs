@@ -1,11 +1,10 @@
-//! What a fit is given beside prior and events.
+//! Options of a fit.
 
 use crate::error::{Result, not_negative, positive, same_size};
 use crate::inputs::Inputs;
 use crate::summary::Summary;
 
-/// What a fit is given beside prior and events: what others said, which inducing points to use, when to stop and where
-/// to start.
+/// Options of a fit: the messages of peers, the inducing points, the stopping rule and the starting point.
 ///
 /// ```
 /// use dgpc::{FitOptions, Inputs};
@@ -18,16 +17,16 @@ use crate::summary::Summary;
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct FitOptions<'a> {
-    /// What others said of the same latent function; none if not said otherwise. Messages count with their kernel-free
-    /// factors, whatever prior they were formed under.
+    /// Messages of peers about the same latent function; none by default. Messages count with their kernel-free factors,
+    /// whatever prior they were formed under.
     pub messages: &'a [&'a Summary],
-    /// Support the posterior on these points instead of on all events: O(NM²) an iteration instead of O(N³). Those of
-    /// the messages come on top.
+    /// Inducing points that support the posterior, in place of all events: O(NM²) an iteration instead of O(N³). The
+    /// inducing points of the messages are added to them.
     pub inducing_points: Option<&'a Inputs>,
-    /// Stop when no tilt changes by more than this in one iteration; 1e-10 if not said otherwise.
+    /// The fit stops when no tilt changes by more than this in one iteration. The default is 1e-10.
     pub tolerance: f64,
-    /// Stop after so many iterations all the same, 1000 if not said otherwise; [`crate::Fit::change`] then says how far
-    /// it was.
+    /// The fit stops after this number of iterations even without convergence. The default is 1000.
+    /// [`crate::Fit::change`] then gives the remaining change.
     pub iterations_max: usize,
     /// Tilts to start from, one per event, such as [`crate::Fit::tilts`] of a fit under a similar prior.
     pub start: Option<&'a [f64]>,
@@ -70,7 +69,7 @@ impl<'a> FitOptions<'a> {
         Self { start: Some(tilts), ..self }
     }
 
-    /// Checks the numbers for a fit of `events` events.
+    /// Checks the options for a fit of `events` events.
     pub(super) fn check(&self, events: usize) -> Result<()> {
         not_negative("tolerance", self.tolerance)?;
         positive("largest number of iterations", self.iterations_max as f64)?;
@@ -83,7 +82,7 @@ impl<'a> FitOptions<'a> {
         Ok(())
     }
 
-    /// The inducing points, with those of the messages below; `None` for a dense fit.
+    /// Returns the inducing points followed by those of the messages, or `None` for a dense fit.
     pub(crate) fn support(&self) -> Result<Option<Inputs>> {
         let Some(points) = self.inducing_points else { return Ok(None) };
         let mut support = points.clone();

@@ -1,4 +1,4 @@
-//! One pass of the iteration of a dense mean field, from tilts to their images (section 2 of [`crate::method`]).
+//! One pass of the dense mean-field iteration, from tilts to their images (section 2 of [`crate::method`]).
 
 use super::mean_field::{TILT_MIN, TILT_START, omega};
 use super::options::FitOptions;
@@ -7,8 +7,8 @@ use crate::likelihood::Likelihood;
 use crate::prior::Prior;
 use crate::special::ln_2_cosh;
 
-/// What one pass of the iteration reads and writes: one entry per event in tilts and images, one for everything
-/// observed in the others.
+/// The vectors of one pass. Tilts and images have one entry per event; the others have one entry per observation, and
+/// messages count as further observations.
 pub(super) struct Pass<'a> {
     pub(super) weights: &'a [f64],
     kappa: Vec<f64>,
@@ -16,7 +16,7 @@ pub(super) struct Pass<'a> {
     pub(super) tilts: Vec<f64>,
     pub(super) omega: Vec<f64>,
     pub(super) shift: Vec<f64>,
-    /// About zero.
+    /// Posterior mean about zero.
     pub(super) mean: Vec<f64>,
     pub(super) variance: Vec<f64>,
     /// ln c after the pass.
@@ -30,7 +30,7 @@ impl<'a> Pass<'a> {
         Ok(Self {
             weights: likelihood.observations.weights(),
             tilts: options.start.map_or_else(|| vec![TILT_START; events], <[f64]>::to_vec),
-            // What messages stand for has unit noise throughout.
+            // Observations that messages represent always have unit noise.
             omega: vec![1.0; size],
             shift: kappa.iter().zip(&prior_mean).map(|(kappa, mean)| kappa - mean).collect(),
             kappa,
@@ -41,7 +41,7 @@ impl<'a> Pass<'a> {
         })
     }
 
-    /// ω̄ and κ̃ of the events at the given ln c.
+    /// Sets ω̄ and κ̃ of the events at the given ln c.
     pub(super) fn set_sites(&mut self, log_tilts: &[f64]) {
         for (n, log_tilt) in log_tilts.iter().enumerate() {
             self.tilts[n] = log_tilt.exp().max(TILT_MIN);
@@ -50,7 +50,7 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// The terms of E that are sums over what is observed.
+    /// Returns the terms of E that are sums over the observations.
     pub(super) fn sum_terms(&self) -> f64 {
         let tilted = |n: usize| {
             let (tilt, omega) = (self.tilts[n], self.omega[n]);
@@ -60,8 +60,7 @@ impl<'a> Pass<'a> {
         (0..self.tilts.len()).map(tilted).sum::<f64>() + (0..self.kappa.len()).map(about_mean).sum::<f64>()
     }
 
-    /// Takes the posterior mean from about the prior mean to about zero, and sets the images. The largest change of a
-    /// tilt.
+    /// Adds the prior mean to the posterior mean, sets the images, and returns the largest change of a tilt.
     pub(super) fn set_images(&mut self) -> f64 {
         self.mean.iter_mut().zip(&self.prior_mean).for_each(|(mean, prior)| *mean += prior);
         let mut change = 0.0;

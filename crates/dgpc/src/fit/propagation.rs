@@ -1,9 +1,9 @@
-//! Expectation propagation: Gaussian sites as wide as the outcomes leave them (section 2 of [`crate::method`]).
+//! Expectation propagation: Gaussian sites that match the moments of the likelihood (section 2 of [`crate::method`]).
 
 use super::dense::Dense;
 use super::mean_field::MeanField;
+use super::posterior::posterior_of;
 use super::sparse::{Site, Sparse};
-use super::together::put_together;
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
@@ -14,24 +14,25 @@ use crate::sites::Sites;
 use crate::special::ln_logistic;
 use crate::summary::Summary;
 
-/// Iterations stop when no site's ω or κ changes by more than this.
+/// The iteration stops when no site's ω or κ changes by more than this.
 const TOLERANCE: f64 = 1e-5;
 
-/// They stop here all the same.
+/// The iteration stops after this number of iterations even without convergence.
 const ITERATIONS_MAX: usize = 200;
 
-/// Share of a step that is taken at first, and the least.
+/// The share of a step that is taken at first, and its smallest value.
 const STEP: (f64, f64) = (0.9, 0.05);
 
-/// Nodes of the quadrature to either side, and how many standard deviations they reach.
+/// Number of quadrature nodes on either side of the centre.
 const NODES: i32 = 64;
+/// Reach of the quadrature nodes in standard deviations.
 const REACH: f64 = 9.0;
 
-/// Below this variance the likelihood is its own average.
+/// Below this variance the likelihood counts as constant over the cavity.
 const VARIANCE_MIN: f64 = 1e-9;
 
-/// What expectation propagation makes of a fit: the same events and messages with other sites, as wide as the outcomes
-/// leave them.
+/// The result of expectation propagation: the events and messages of a fit with sites that match the moments of the
+/// likelihood.
 #[derive(Debug, Clone)]
 pub struct Propagated {
     prior: Prior,
@@ -43,59 +44,60 @@ pub struct Propagated {
 }
 
 impl Propagated {
-    /// The posterior of the events and the messages. As dear as [`crate::Fit::posterior`].
+    /// Returns the posterior of the events and the messages. The cost is that of [`crate::Fit::posterior`].
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
     pub fn posterior(&self) -> Result<Posterior> {
         let messages: Vec<&Summary> = self.messages.iter().collect();
-        put_together(&self.prior, &self.sites, self.condensed.as_ref(), &messages)
+        posterior_of(&self.prior, &self.sites, self.condensed.as_ref(), &messages)
     }
 
-    /// The Gaussian sites of the events.
+    /// Returns the Gaussian sites of the events.
     pub fn sites(&self) -> &Sites {
         &self.sites
     }
 
-    /// Iterations used.
+    /// Returns the number of iterations.
     pub fn iterations(&self) -> usize {
         self.iterations
     }
 
-    /// Largest change of an ω or a κ in the last iteration.
+    /// Returns the largest change of an ω or a κ in the last iteration.
     pub fn change(&self) -> f64 {
         self.change
     }
 
-    /// Whether [`Propagated::change`] came below 1e-5.
+    /// Returns whether [`Propagated::change`] is at most 1e-5.
     pub fn converged(&self) -> bool {
         self.change <= TOLERANCE
     }
 }
 
-/// Runs from the sites of a mean field, on its inducing points if it has any, with these messages.
+/// Runs expectation propagation from the sites of a mean field, with the given messages. The run is sparse if there are
+/// inducing points, and dense otherwise.
 pub(super) fn propagate(
     prior: &Prior,
-    found: &MeanField,
+    mean_field: &MeanField,
     inducing_points: Option<&Inputs>,
     messages: &[&Summary],
 ) -> Result<Propagated> {
-    let outcomes = found.sites.kappa().iter().map(|&kappa| kappa > 0.0).collect();
-    let observations = Observations::weighted(found.sites.inputs().clone(), outcomes, found.weights.clone())?;
+    let outcomes = mean_field.sites.kappa().iter().map(|&kappa| kappa > 0.0).collect();
+    let observations = Observations::weighted(mean_field.sites.inputs().clone(), outcomes, mean_field.weights.clone())?;
     let likelihood = Likelihood::new(&observations, messages)?;
     let mut run = Run::new();
     let (omega, kappa) = match inducing_points {
         Some(points) => {
             let mut support = points.clone();
-            // Those of messages that the fit was given are there.
+            // The support already contains the points of messages that the fit was given.
             for point in messages.iter().flat_map(|message| message.inducing_points().rows()) {
                 if !points.rows().any(|known| known == point) {
                     support.append(&Inputs::new(point.to_vec(), point.len())?)?;
                 }
             }
-            run.on_points(prior, found, &likelihood, &support)?
+            run.on_points(prior, mean_field, &likelihood, &support)?
         }
-        None => run.on_events(prior, found, &likelihood)?,
+        None => run.on_events(prior, mean_field, &likelihood)?,
     };
     let sites = Sites::gaussian(observations.inputs().clone(), omega, kappa);
     let condensed = inducing_points.map(|points| Summary::variational(prior, &sites, points)).transpose()?;
@@ -107,7 +109,7 @@ pub(super) fn propagate(
 /// ω and κ of the events.
 type OmegaKappa = (Vec<f64>, Vec<f64>);
 
-/// The iteration under way.
+/// State of the iteration.
 struct Run {
     step: f64,
     iterations: usize,
@@ -119,12 +121,13 @@ impl Run {
         Self { step: STEP.0, iterations: 0, change: f64::INFINITY }
     }
 
-    fn goes_on(&self) -> bool {
+    fn is_unfinished(&self) -> bool {
         self.iterations < ITERATIONS_MAX && self.change > TOLERANCE
     }
 
-    /// Notes how far the sites moved. All move at once, and may move too far.
-    fn moved(&mut self, change: f64) {
+    /// Records the largest change of an iteration. If the change grew, the step is shortened, because all sites move at
+    /// once and may overshoot.
+    fn record(&mut self, change: f64) {
         self.iterations += 1;
         if change > self.change {
             self.step = f64::max(0.5 * self.step, STEP.1);
@@ -132,17 +135,17 @@ impl Run {
         self.change = change;
     }
 
-    fn on_events(&mut self, prior: &Prior, found: &MeanField, likelihood: &Likelihood<'_>) -> Result<OmegaKappa> {
+    fn on_events(&mut self, prior: &Prior, mean_field: &MeanField, likelihood: &Likelihood<'_>) -> Result<OmegaKappa> {
         let (events, size) = (likelihood.events(), likelihood.len());
         let prior_mean = likelihood.prior_mean(prior.mean())?;
-        // The sites of messages stay as they are.
+        // The sites of messages stay fixed.
         let (mut omega, mut kappa) = (vec![1.0; size], likelihood.kappa());
-        omega[..events].copy_from_slice(found.sites.omega());
+        omega[..events].copy_from_slice(mean_field.sites.omega());
         let (mut mean, mut variance) = (vec![0.0; size], vec![0.0; size]);
         let mut engine = Dense::new(prior, likelihood)?;
-        while self.goes_on() {
-            let moved = kappa.iter().zip(&omega).zip(&prior_mean);
-            let shift: Vec<f64> = moved.map(|((kappa, omega), mean)| kappa - omega * mean).collect();
+        while self.is_unfinished() {
+            let sites = kappa.iter().zip(&omega).zip(&prior_mean);
+            let shift: Vec<f64> = sites.map(|((kappa, omega), mean)| kappa - omega * mean).collect();
             engine.pass(&omega, &shift, &mut mean, &mut variance)?;
             let mut change = 0.0;
             for n in 0..events {
@@ -150,7 +153,7 @@ impl Run {
                 let site = (&mut omega[n], &mut kappa[n]);
                 change = f64::max(change, cavity.move_site(site, likelihood.observations, n, self.step));
             }
-            self.moved(change);
+            self.record(change);
         }
         omega.truncate(events);
         kappa.truncate(events);
@@ -160,43 +163,44 @@ impl Run {
     fn on_points(
         &mut self,
         prior: &Prior,
-        found: &MeanField,
+        mean_field: &MeanField,
         likelihood: &Likelihood<'_>,
         points: &Inputs,
     ) -> Result<OmegaKappa> {
         let mut engine = Sparse::new(prior, likelihood, points)?;
-        let (mut omega, mut kappa) = (found.sites.omega().to_vec(), found.sites.kappa().to_vec());
+        let (mut omega, mut kappa) = (mean_field.sites.omega().to_vec(), mean_field.sites.kappa().to_vec());
         let mut walk = engine.begin(prior, |n| (omega[n], kappa[n]))?;
-        while self.goes_on() {
-            engine.take(&walk.said)?;
+        while self.is_unfinished() {
+            engine.take(&walk.sums)?;
             let step = self.step;
-            walk = engine.walk([&mut omega, &mut kappa], |n, seen, [omega, kappa]| {
-                let cavity = Cavity::without((*omega, *kappa), seen.mean, seen.explained, seen.residual);
+            walk = engine.walk([&mut omega, &mut kappa], |n, moments, [omega, kappa]| {
+                let cavity = Cavity::without((*omega, *kappa), moments.mean, moments.explained, moments.residual);
                 let change = cavity.move_site((&mut *omega, &mut *kappa), likelihood.observations, n, step);
                 Site { omega: *omega, kappa: *kappa, bound: 0.0, change }
             })?;
-            self.moved(walk.change);
+            self.record(walk.change);
         }
         Ok((omega, kappa))
     }
 }
 
-/// The latent function at an event without the event's site.
+/// Moments of the latent function at an event without the event's own site.
 struct Cavity {
     mean: f64,
     explained: f64,
-    /// Variance that inducing points leave unexplained, which no site can change.
+    /// The variance that inducing points leave unexplained. No site can change it.
     residual: f64,
 }
 
 impl Cavity {
-    /// Takes a site out of the posterior moments.
+    /// Removes a site from the posterior moments.
     fn without((omega, kappa): (f64, f64), mean: f64, explained: f64, residual: f64) -> Self {
         let share = (1.0 - omega * explained).max(f64::EPSILON);
         Self { mean: (mean - explained * kappa) / share, explained: explained / share, residual }
     }
 
-    /// Moves the site of event `n` to where the moments of its cavity times its likelihood are, and says how far that is.
+    /// Moves the site of event `n` by `step` towards the site that matches the moments of cavity times likelihood. Returns
+    /// the change of a full step.
     fn move_site(&self, site: (&mut f64, &mut f64), events: &Observations, n: usize, step: f64) -> f64 {
         let Cavity { mean, explained, residual } = *self;
         let (slope, curvature) = tilted(events.outcomes()[n], events.weights()[n], mean, explained + residual);
@@ -210,7 +214,7 @@ impl Cavity {
     }
 }
 
-/// First and second derivative by the mean of ln ∫ p(outcome | f)^weight N(f; mean, variance) df.
+/// Returns the first and second derivative by the mean of ln ∫ p(outcome | f)^weight N(f; mean, variance) df.
 fn tilted(outcome: bool, weight: f64, mean: f64, variance: f64) -> (f64, f64) {
     let sign = if outcome { 1.0 } else { -1.0 };
     if variance < VARIANCE_MIN {

@@ -1,4 +1,4 @@
-//! Events one by one beside a posterior that stays as it is.
+//! Sites of single events given a posterior that stays fixed.
 
 use crate::error::Result;
 use crate::observations::Observations;
@@ -6,27 +6,27 @@ use crate::polya_gamma;
 use crate::posterior::Posterior;
 use crate::sites::Sites;
 
-/// Sites of more events beside what is known, all of which stays as it is: each has its own fixed point of c² = E f²
-/// given what is known and itself. What a fit of everything would change besides is left to the next one. O(n²) an
-/// event.
+/// Returns the sites of more events given the posterior `known`, which stays fixed. Each event has its own fixed point of
+/// c² = E f², given `known` and itself alone. Other effects of the events are left to the next full fit. O(n²) an event.
 ///
 /// # Errors
-/// As [`Posterior::latent`]; [`crate::Error::OutOfRange`] where the latent function is so far from zero that ω
-/// vanishes.
+/// As [`Posterior::latent`]; [`crate::Error::OutOfRange`] if the latent function is so far from zero that ω vanishes.
 pub fn sites_given(known: &Posterior, observations: &Observations) -> Result<Sites> {
     Ok(sites_and_tilts_given(known, observations)?.0)
 }
 
-/// Takes more events into what is known, eight at a time in their order, each of these with the site that it has beside what was
-/// known before these eight; the sites, which so depend a little on the order. O(n²) an event.
+/// Absorbs more events into the posterior `known` and returns their sites. O(n²) an event.
+///
+/// The events are absorbed in order, eight at a time. The site of each event is its site given the posterior before these
+/// eight events. The sites therefore depend slightly on the order.
 ///
 /// # Errors
-/// As [`sites_given`] and [`Posterior::absorb_events`]; then those before are in.
+/// As [`sites_given`] and [`Posterior::absorb_events`]. Earlier groups of events stay absorbed after an error.
 pub fn absorb_observations(known: &mut Posterior, observations: &Observations) -> Result<Sites> {
     Ok(absorb_with_tilts(known, observations)?.0)
 }
 
-/// The same, and the tilts that their ω are of.
+/// Absorbs events as [`absorb_observations`] does, and also returns the tilts from which ω was computed.
 pub(super) fn absorb_with_tilts(known: &mut Posterior, observations: &Observations) -> Result<(Sites, Vec<f64>)> {
     let (mut sites, mut tilts) = (Sites::empty(observations.inputs().dimension()), Vec::new());
     let places: Vec<usize> = (0..observations.len()).collect();
@@ -42,7 +42,7 @@ pub(super) fn absorb_with_tilts(known: &mut Posterior, observations: &Observatio
 fn sites_and_tilts_given(known: &Posterior, observations: &Observations) -> Result<(Sites, Vec<f64>)> {
     let latent = known.latent(observations.inputs())?;
     let one = |(((&mean, &variance), kappa), &weight): (((&f64, &f64), f64), &f64)| {
-        // A start at ω's largest value; every step contracts, so a fixed number is enough.
+        // The start is ω's largest value. Every step contracts, so a fixed number of steps is enough.
         (0..ITERATIONS).fold((0.25, 0.0), |(omega, _), _| {
             let narrowed = variance / (1.0 + variance * omega);
             let moved = mean + narrowed * (kappa - omega * mean);
@@ -55,8 +55,8 @@ fn sites_and_tilts_given(known: &Posterior, observations: &Observations) -> Resu
     Ok((Sites::new(observations, omega)?, tilts))
 }
 
-/// So many events are taken in at once: soon done, and each site is near what it is beside the others, too.
+/// Number of events that are absorbed at once. With few events, each site is close to its site given the others.
 const AT_ONCE: usize = 8;
 
-/// Steps to the fixed point of a single site.
+/// Number of steps to the fixed point of a single site.
 const ITERATIONS: usize = 50;

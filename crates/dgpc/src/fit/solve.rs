@@ -1,4 +1,4 @@
-//! A mean field by whichever Gaussian posterior suits: over all events, or on inducing points.
+//! Fixed point of the mean field, dense (over all events) or sparse (on inducing points).
 
 use super::dense::Dense;
 use super::mean_field::MeanField;
@@ -10,7 +10,7 @@ use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
 use crate::prior::Prior;
 
-/// The fixed point, supported on `points` if there are any.
+/// Returns the fixed point, supported on `points` if they are given.
 pub(crate) fn solve(
     prior: &Prior,
     likelihood: &Likelihood<'_>,
@@ -21,12 +21,12 @@ pub(crate) fn solve(
         return fixed_point::iterate(&mut Dense::new(prior, likelihood)?, prior, likelihood, options);
     };
     let mut engine = Sparse::new(prior, likelihood, points)?;
-    let found = natural::iterate(&mut engine, prior, likelihood, options)?;
-    found.mean_field(engine, likelihood)
+    let fixed_point = natural::iterate(&mut engine, prior, likelihood, options)?;
+    fixed_point.mean_field(engine, likelihood)
 }
 
-/// The fixed point, and the gradient of E there by everything that can be learned of the prior. E does not change with the tilts
-/// there, so that it is the gradient at fixed ω.
+/// Returns the fixed point, and the gradient of E there by all learned parameters of the prior. At the fixed point E does
+/// not change with the tilts to first order. The gradient at fixed ω is therefore the total gradient.
 pub(crate) fn solve_with_gradient(
     prior: &Prior,
     likelihood: &Likelihood<'_>,
@@ -35,11 +35,11 @@ pub(crate) fn solve_with_gradient(
 ) -> Result<(MeanField, Vec<f64>)> {
     let Some(points) = points else {
         let mut engine = Dense::new(prior, likelihood)?;
-        let found = fixed_point::iterate(&mut engine, prior, likelihood, options)?;
-        return Ok((found, engine.gradient(prior, likelihood)));
+        let fixed_point = fixed_point::iterate(&mut engine, prior, likelihood, options)?;
+        return Ok((fixed_point, engine.gradient(prior, likelihood)));
     };
     let mut engine = Sparse::new(prior, likelihood, points)?;
-    let found = natural::iterate(&mut engine, prior, likelihood, options)?;
-    let gradient = sparse_gradient::gradient(&engine, &found, prior, likelihood)?;
-    Ok((found.mean_field(engine, likelihood)?, gradient))
+    let fixed_point = natural::iterate(&mut engine, prior, likelihood, options)?;
+    let gradient = sparse_gradient::gradient(&engine, &fixed_point, prior, likelihood)?;
+    Ok((fixed_point.mean_field(engine, likelihood)?, gradient))
 }

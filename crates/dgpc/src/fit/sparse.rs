@@ -1,4 +1,4 @@
-//! The Gaussian posterior of sites on M inducing points: what a walk over the events makes of it, block by block
+//! The Gaussian posterior of sites on M inducing points, and its update by a walk over the events, block by block
 //! (sections 2 and 3 of [`crate::method`]).
 
 use std::ops::Range;
@@ -11,56 +11,56 @@ use crate::linalg::{Cholesky, Matrix, products_and_squared_norms, squared_norm, 
 use crate::parts::{BLOCK, blocks, on_parts};
 use crate::prior::Prior;
 
-/// An event as a walk finds it.
-pub(super) struct Seen {
+/// Moments of f at an event, as a walk computes them.
+pub(super) struct EventMoments {
     pub(super) prior_mean: f64,
     /// Posterior mean of f.
     pub(super) mean: f64,
-    /// Posterior variance of what inducing points explain of f.
+    /// Posterior variance of the part of f that the inducing points explain.
     pub(super) explained: f64,
-    /// Prior variance that inducing points leave unexplained.
+    /// Prior variance that the inducing points leave unexplained.
     pub(super) residual: f64,
 }
 
-impl Seen {
-    /// Posterior mean and variance of f.
-    pub(super) fn note_moments(&self, [mean, variance]: [&mut f64; 2]) {
+impl EventMoments {
+    /// Stores the posterior mean and variance of f.
+    pub(super) fn store_in(&self, [mean, variance]: [&mut f64; 2]) {
         (*mean, *variance) = (self.mean, self.residual + self.explained);
     }
 }
 
-/// What is made of it.
+/// The new site of an event.
 pub(super) struct Site {
     /// The site exp(κf − ½ωf²).
     pub(super) omega: f64,
     pub(super) kappa: f64,
-    /// A term of a sum, and how large the change is.
+    /// The event's terms of the bound E, and the change of its site or tilt.
     pub(super) bound: f64,
     pub(super) change: f64,
 }
 
-/// What a walk over the events found.
+/// The result of a walk over the events.
 pub(super) struct Walk {
     /// Ĝ and b̂ of the events' new sites.
-    pub(super) said: Sums,
-    /// Sum of what the rule said, and the largest change.
+    pub(super) sums: Sums,
+    /// Sum of the sites' bounds, and their largest change.
     pub(super) bound: f64,
     pub(super) change: f64,
 }
 
-/// A posterior is S = I + Ĝ and b̂ in whitened form, Ĝ = ΦᵀΩΦ, b̂ = Φᵀκ̃, Φ = K_NM L⁻ᵀ.
+/// A posterior on inducing points, whitened: S = I + Ĝ and b̂, with Ĝ = ΦᵀΩΦ, b̂ = Φᵀκ̃ and Φ = K_NM L⁻ᵀ.
 ///
-/// With S = L_S·L_Sᵀ the features ψ = (L·L_S)⁻¹k of an event have all that is asked for: its posterior mean is (L_S⁻¹b̂)ᵀψ, its explained
-/// variance ‖ψ‖², and Σ ωψψᵀ is the next Ĝ seen from this posterior. So a walk that looks at every event once goes from one
-/// posterior to the next, and needs nothing of the walk before.
+/// With S = L_S·L_Sᵀ, the features ψ = (L·L_S)⁻¹k of an event give all its moments. The posterior mean is (L_S⁻¹b̂)ᵀψ, and the
+/// explained variance is ‖ψ‖². The sum Σ ωψψᵀ is the next Ĝ in the coordinates of this posterior. A walk that visits every event
+/// once therefore leads from one posterior to the next, and needs no result of the walk before.
 pub(super) struct Sparse<'a> {
     pub(super) points: &'a Inputs,
     pub(super) cross: Cross<'a>,
     /// K_MM = LLᵀ.
     pub(super) cholesky: Cholesky,
-    /// At the events.
+    /// Prior mean at the events.
     pub(super) prior_mean: Vec<f64>,
-    /// Prior variance of each event that inducing points leave unexplained.
+    /// Prior variance of each event that the inducing points leave unexplained.
     pub(super) residual: Vec<f64>,
     pub(super) messages: Messages,
     /// Ĝ, of events and messages.
@@ -71,20 +71,20 @@ pub(super) struct Sparse<'a> {
     pub(super) weights: Vec<f64>,
 }
 
-/// What others said, which stays as it is.
+/// The messages of peers, which stay fixed.
 pub(super) struct Messages {
-    /// Φ of what they observed.
+    /// Φ of the messages' observations.
     pub(super) features: Matrix,
-    /// κ̃ of it; ω is 1.
+    /// κ̃ of the messages' observations, whose ω is 1.
     pub(super) shift: Vec<f64>,
-    /// Ĝ and b̂.
-    said: Sums,
-    /// Its terms of E.
+    /// Ĝ and b̂ of the messages.
+    sums: Sums,
+    /// The messages' terms of E.
     pub(super) bound: f64,
 }
 
 impl Messages {
-    /// `prior_mean` of what they observed.
+    /// Condenses the messages at `points`. `prior_mean` is the prior mean of the messages' observations.
     fn new(
         prior: &Prior,
         likelihood: &Likelihood<'_>,
@@ -102,15 +102,15 @@ impl Messages {
             shift.push(kappa - mean);
             bound += (kappa - 0.5 * mean) * mean - 0.5 * unexplained.max(0.0);
         }
-        let mut said = Sums::zeros(points.len());
-        said.add(&features, &vec![1.0; shift.len()], &shift, &mut Matrix::default());
-        said.precision.mirror_lower();
-        Ok(Self { features, shift, said, bound })
+        let mut sums = Sums::zeros(points.len());
+        sums.add(&features, &vec![1.0; shift.len()], &shift, &mut Matrix::default());
+        sums.precision.mirror_lower();
+        Ok(Self { features, shift, sums, bound })
     }
 }
 
 impl<'a> Sparse<'a> {
-    /// Nothing said yet of the events, nothing heard.
+    /// Creates the engine at the prior, without the sites of the events and the messages.
     pub(super) fn new(prior: &'a Prior, likelihood: &Likelihood<'a>, points: &'a Inputs) -> Result<Self> {
         let cholesky = Cholesky::with_jitter("K_MM", &prior.kernel().gram(points)?)?;
         let cross = Cross::new(prior.kernel(), points, likelihood.observations.inputs())?.kept()?;
@@ -122,7 +122,8 @@ impl<'a> Sparse<'a> {
         Ok(Self { points, cross, cholesky, prior_mean, residual, messages, precision, inner, weights })
     }
 
-    /// The first walk, from the prior: every event has the ω and κ that `rule` says. Finds what inducing points leave unexplained.
+    /// Makes the first walk, from the prior: `rule` gives the ω and κ of every event. The walk also computes the variances
+    /// that the inducing points leave unexplained.
     pub(super) fn begin(&mut self, prior: &Prior, rule: impl Fn(usize) -> (f64, f64) + Sync) -> Result<Walk> {
         let inputs = self.cross.inputs();
         let diagonals = on_parts(self.cross.parts(), |part| prior.kernel().diagonal(&inputs.slice(part)));
@@ -136,20 +137,23 @@ impl<'a> Sparse<'a> {
         Ok(walk)
     }
 
-    /// Looks at every event once: `rule` gets its number, what this posterior says of it, and its numbers of `state`, which it may
-    /// change, and says its site. O(NM²).
+    /// Visits every event once and sums up the new sites. O(NM²).
+    ///
+    /// `rule` receives the event's index, its moments under this posterior and its entries of `state`, which it may change.
+    /// It returns the event's new site.
     pub(super) fn walk<const K: usize>(
         &self,
         state: [&mut [f64]; K],
-        rule: impl Fn(usize, &Seen, [&mut f64; K]) -> Site + Sync,
+        rule: impl Fn(usize, &EventMoments, [&mut f64; K]) -> Site + Sync,
     ) -> Result<Walk> {
         self.visit(state, |n, pull, explained, state| {
             let (prior_mean, residual) = (self.prior_mean[n], self.residual[n]);
-            rule(n, &Seen { prior_mean, mean: prior_mean + pull, explained, residual }, state)
+            rule(n, &EventMoments { prior_mean, mean: prior_mean + pull, explained, residual }, state)
         })
     }
 
-    /// The same by the posterior mean about the prior mean and the explained variance alone.
+    /// Visits every event as [`Sparse::walk`] does. `rule` receives only the posterior mean minus the prior mean, and the
+    /// explained variance.
     fn visit<const K: usize>(
         &self,
         mut state: [&mut [f64]; K],
@@ -162,17 +166,17 @@ impl<'a> Sparse<'a> {
         }
         let outer = self.cholesky.times(&self.inner);
         let walks = on_parts(shares, |(part, share)| self.visit_part(&outer, part, share, &rule));
-        let mut total = Walk { said: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 };
+        let mut total = Walk { sums: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 };
         for walk in walks {
             let walk = walk?;
-            total.said.merge(&walk.said);
+            total.sums.merge(&walk.sums);
             total.bound += walk.bound;
             total.change = f64::max(total.change, walk.change);
         }
-        // From this posterior's point of view to the prior's.
-        total.said.precision.mirror_lower();
-        total.said.precision = self.inner.unwhiten(&total.said.precision);
-        total.said.shift = self.inner.lower_times(&total.said.shift);
+        // Transform the sums from the coordinates of this posterior to those of the prior.
+        total.sums.precision.mirror_lower();
+        total.sums.precision = self.inner.unwhiten(&total.sums.precision);
+        total.sums.shift = self.inner.lower_times(&total.sums.shift);
         Ok(total)
     }
 
@@ -183,8 +187,8 @@ impl<'a> Sparse<'a> {
         mut state: [&mut [f64]; K],
         rule: &impl Fn(usize, f64, f64, [&mut f64; K]) -> Site,
     ) -> Result<Walk> {
-        let (first, mut walk) = (part.start, Walk { said: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 });
-        let (mut features, mut room) = (Matrix::default(), Matrix::default());
+        let (first, mut walk) = (part.start, Walk { sums: Sums::zeros(self.points.len()), bound: 0.0, change: 0.0 });
+        let (mut features, mut scratch) = (Matrix::default(), Matrix::default());
         let (mut omega, mut shift) = (Vec::with_capacity(BLOCK), Vec::with_capacity(BLOCK));
         for block in blocks(part) {
             self.cross.write_features(block.clone(), outer, &mut features)?;
@@ -199,25 +203,25 @@ impl<'a> Sparse<'a> {
                 walk.bound += site.bound;
                 walk.change = f64::max(walk.change, site.change);
             }
-            walk.said.add(&features, &omega, &shift, &mut room);
+            walk.sums.add(&features, &omega, &shift, &mut scratch);
         }
         Ok(walk)
     }
 
-    /// Takes the posterior of what events and messages say, `said` being the events' part. O(M³).
-    pub(super) fn take(&mut self, said: &Sums) -> Result<()> {
-        self.precision.copy_from(&said.precision);
-        self.precision.add_scaled(1.0, &self.messages.said.precision);
+    /// Sets the posterior to that of the messages and of the events with the given sums. O(M³).
+    pub(super) fn take(&mut self, sums: &Sums) -> Result<()> {
+        self.precision.copy_from(&sums.precision);
+        self.precision.add_scaled(1.0, &self.messages.sums.precision);
         let mut s = self.precision.clone();
         s.add_to_diagonal(1.0);
         self.inner = Cholesky::new("I + ΦᵀΩΦ", s)?;
-        self.weights = said.shift.iter().zip(&self.messages.said.shift).map(|(own, others)| own + others).collect();
+        self.weights = sums.shift.iter().zip(&self.messages.sums.shift).map(|(own, others)| own + others).collect();
         self.inner.solve_lower(&mut self.weights);
         all_finite("whitened posterior mean", &self.weights)?;
         Ok(())
     }
 
-    /// E of the posterior and the sites that it is of, with `bound` the sum over these of what depends on each alone.
+    /// Returns E at the posterior and its sites. `bound` is the sum of the terms that depend on single sites.
     pub(super) fn evidence(&self, bound: f64) -> f64 {
         0.5 * squared_norm(&self.weights) - 0.5 * self.inner.log_determinant() + bound + self.messages.bound
     }

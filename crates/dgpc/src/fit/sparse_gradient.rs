@@ -1,8 +1,8 @@
-//! How the evidence bound of a sparse mean field changes with the prior (section 7 of [`crate::method`]).
+//! Gradient of the evidence bound of a sparse mean field by the prior's parameters (section 7 of [`crate::method`]).
 
 use std::ops::Range;
 
-use super::natural::Found;
+use super::natural::FixedPoint;
 use super::sparse::Sparse;
 use crate::error::Result;
 use crate::likelihood::Likelihood;
@@ -10,14 +10,15 @@ use crate::linalg::{Matrix, add_scaled, lower_gram, product};
 use crate::parts::{blocks, on_parts};
 use crate::prior::Prior;
 
-/// ∂E/∂(log parameters of the kernel, parameters of the prior mean) at the sites that were found and their posterior, which the engine holds. O(NM²).
+/// Returns ∂E/∂(log parameters of the kernel, parameters of the prior mean) at the sites of `fixed_point`. The engine must hold
+/// the posterior of these sites. O(NM²).
 pub(super) fn gradient(
     engine: &Sparse<'_>,
-    found: &Found,
+    fixed_point: &FixedPoint,
     prior: &Prior,
     likelihood: &Likelihood<'_>,
 ) -> Result<Vec<f64>> {
-    let slope = Slope::new(engine, found, prior, likelihood);
+    let slope = Slope::new(engine, fixed_point, prior, likelihood);
     let mut gradient = prior.kernel().gram_gradient(engine.points, &slope.by_points);
     let mut alpha = Vec::with_capacity(likelihood.len());
     for part in on_parts(engine.cross.parts(), |part| slope.of_part(part)) {
@@ -34,10 +35,10 @@ pub(super) fn gradient(
     Ok(gradient)
 }
 
-/// ∂E/∂K, in its parts.
+/// The matrices from which ∂E/∂K is computed.
 struct Slope<'a> {
     engine: &'a Sparse<'a>,
-    found: &'a Found,
+    fixed_point: &'a FixedPoint,
     prior: &'a Prior,
     likelihood: &'a Likelihood<'a>,
     /// S⁻¹b̂.
@@ -51,7 +52,12 @@ struct Slope<'a> {
 }
 
 impl<'a> Slope<'a> {
-    fn new(engine: &'a Sparse<'a>, found: &'a Found, prior: &'a Prior, likelihood: &'a Likelihood<'a>) -> Self {
+    fn new(
+        engine: &'a Sparse<'a>,
+        fixed_point: &'a FixedPoint,
+        prior: &'a Prior,
+        likelihood: &'a Likelihood<'a>,
+    ) -> Self {
         let points = engine.points.len();
         let mut weights = engine.weights.clone();
         engine.inner.solve_upper(&mut weights);
@@ -72,16 +78,17 @@ impl<'a> Slope<'a> {
         middle.symmetrise();
         let by_points = Matrix::from_fn(points, points, |i, j| 0.5 * (middle[(i, j)] - gamma[i] * gamma[j]));
         engine.cholesky.solve_upper_matrix(&mut explained);
-        Self { engine, found, prior, likelihood, weights, gamma, explained, by_points }
+        Self { engine, fixed_point, prior, likelihood, weights, gamma, explained, by_points }
     }
 
-    /// Of the covariances with some of the events, and α = κ̃ − Ωδ of these, δ the posterior mean about the prior mean.
+    /// Returns the gradient by the covariances with some of the events, and α = κ̃ − Ωδ of these events. δ is the posterior
+    /// mean minus the prior mean.
     fn of_part(&self, part: Range<usize>) -> Result<(Vec<f64>, Vec<f64>)> {
         let (kernel, inputs) = (self.prior.kernel(), self.engine.cross.inputs());
         let (mut gradient, mut alpha) = (vec![0.0; kernel.parameter_count()], Vec::with_capacity(part.len()));
         let mut features = Matrix::default();
         for block in blocks(part) {
-            let omega = self.found.omega(self.likelihood, block.clone());
+            let omega = self.fixed_point.omega(self.likelihood, block.clone());
             let about_mean = |(n, omega): (usize, &f64)| {
                 self.likelihood.observations.kappa_of(n) - omega * self.engine.prior_mean[n]
             };
@@ -105,7 +112,7 @@ impl<'a> Slope<'a> {
         (gradient, alpha)
     }
 
-    /// ∂E/∂K_NM = αγᵀ + ΩΦ(I − S⁻¹)L⁻¹ for some rows of Φ, and α.
+    /// Returns ∂E/∂K_NM = αγᵀ + ΩΦ(I − S⁻¹)L⁻¹ for some rows of Φ, and α.
     fn by_cross(&self, features: &Matrix, omega: &[f64], shift: &[f64]) -> (Matrix, Vec<f64>) {
         let mut alpha = features.times(&self.weights);
         for (entry, (omega, shift)) in alpha.iter_mut().zip(omega.iter().zip(shift)) {

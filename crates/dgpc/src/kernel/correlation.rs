@@ -1,4 +1,4 @@
-//! The correlation of points over some of their columns: what kernel terms are products of.
+//! Correlations of points over some of their columns, the factors of kernel terms.
 
 use super::reflection::Reflection;
 use super::scaled::Scaled;
@@ -8,19 +8,19 @@ use crate::inputs::{Inputs, check_column};
 use crate::linalg::dot;
 use crate::parameter::Parameter;
 
-/// The correlation of two points over some columns: a shape of their distance, each column scaled by its length-scale.
+/// The correlation of two points over some columns: a shape of their distance, with each column divided by its length-scale.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Correlation {
     shape: Shape,
     columns: Vec<usize>,
-    /// One per column.
+    /// One length-scale per column.
     length_scales: Vec<f64>,
     /// See [`Correlation::ties`].
     ties: Vec<usize>,
 }
 
-/// Two correlations are equal when they give equal numbers: how their parameters are tied for learning does not count.
+/// Compares the values only. Ties between parameters, which only learning uses, do not count.
 impl PartialEq for Correlation {
     fn eq(&self, other: &Self) -> bool {
         self.shape == other.shape && self.columns == other.columns && self.length_scales == other.length_scales
@@ -28,13 +28,16 @@ impl PartialEq for Correlation {
 }
 
 impl Correlation {
-    /// A correlation over `columns` with one length-scale per column, each learned by itself (see
+    /// Creates a correlation over `columns` with one length-scale per column. Each length-scale is learned separately (see
     /// [`Correlation::tied`]).
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a length-scale that is not finite and positive, a parameter of the shape out of its
-    /// range, no columns or one beyond [`crate::COLUMN_MAX`]; [`Error::SizeMismatch`] for another number of
-    /// length-scales than columns, [`Error::RepeatedColumn`].
+    /// * [`Error::OutOfRange`] for a length-scale that is not finite and positive, and for a parameter of the shape outside
+    ///   its range.
+    /// * [`Error::OutOfRange`] for an empty list of columns, and for a column beyond [`crate::COLUMN_MAX`].
+    /// * [`Error::NotFinite`] for a length-scale whose reciprocal overflows.
+    /// * [`Error::SizeMismatch`] if the numbers of length-scales and columns differ.
+    /// * [`Error::RepeatedColumn`] if a column is named twice.
     pub fn new(shape: Shape, columns: &[usize], length_scales: &[f64]) -> Result<Self> {
         shape.check()?;
         positive("number of kernel columns", columns.len() as f64)?;
@@ -53,7 +56,7 @@ impl Correlation {
         Ok(Self { shape, columns: columns.to_vec(), length_scales: length_scales.to_vec(), ties })
     }
 
-    /// A correlation over columns that share one length-scale.
+    /// Creates a correlation over columns that share one length-scale.
     ///
     /// # Errors
     /// As [`Correlation::new`].
@@ -61,11 +64,11 @@ impl Correlation {
         Self::new(shape, columns, &vec![length_scale; columns.len()])?.tied(&vec![0; columns.len()])
     }
 
-    /// Ties the length-scales of columns with the same number in `ties` (one per column) to each other: they are one
+    /// Ties the length-scales of columns that have the same number in `ties` (one per column). Tied length-scales are one
     /// parameter when the kernel is learned.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for another number of ties than columns, [`Error::UnequalLengthScales`] when tied
+    /// [`Error::SizeMismatch`] if the numbers of ties and columns differ, [`Error::UnequalLengthScales`] if tied
     /// length-scales differ.
     pub fn tied(mut self, ties: &[usize]) -> Result<Self> {
         same_size("ties of length-scales, one per kernel column", self.columns.len(), ties.len())?;
@@ -82,47 +85,47 @@ impl Correlation {
         Ok(self)
     }
 
-    /// The same with another shape.
+    /// Returns the correlation with another shape.
     pub(super) fn with_shape(&self, shape: Shape) -> Result<Self> {
         shape.check()?;
         Ok(Self { shape, ..self.clone() })
     }
 
-    /// The same with one of its untied length-scales times a factor.
+    /// Returns the correlation with one of its untied length-scales multiplied by a factor.
     pub(super) fn with_length_scale_times(&self, number: usize, factor: f64) -> Result<Self> {
         in_range(
             "number of a length-scale",
             number as f64,
             0.0..=self.length_scale_count() as f64 - 1.0,
-            "one that there is",
+            "below the number of length-scales",
         )?;
         let mut parameters: Vec<f64> = self.log_parameters().collect();
         parameters[number] += factor.ln();
         self.with_log_parameters(&parameters)
     }
 
-    /// How it falls with distance.
+    /// Returns the shape: correlation as a function of scaled distance.
     pub fn shape(&self) -> Shape {
         self.shape
     }
 
-    /// The input columns it looks at.
+    /// Returns the input columns of the correlation.
     pub fn columns(&self) -> &[usize] {
         &self.columns
     }
 
-    /// One length-scale per column, in the order of [`Correlation::columns`].
+    /// Returns one length-scale per column, in the order of [`Correlation::columns`].
     pub fn length_scales(&self) -> &[f64] {
         &self.length_scales
     }
 
-    /// For every column the number of the length-scale that it shares when the kernel is learned, counted from 0 in the
-    /// order of first columns.
+    /// Returns, for every column, the number of its length-scale when the kernel is learned. Tied columns have equal
+    /// numbers. The numbers start from 0, in the order of first columns.
     pub fn ties(&self) -> &[usize] {
         &self.ties
     }
 
-    /// A correlation over columns of labels ([`Shape::Label`]).
+    /// Creates a correlation over columns of labels ([`Shape::Label`]).
     ///
     /// # Errors
     /// As [`Correlation::new`].
@@ -130,7 +133,7 @@ impl Correlation {
         Self::new(Shape::Label, columns, &vec![1.0; columns.len()])
     }
 
-    /// Number of length-scales that are not tied to each other; labels have none.
+    /// Returns the number of untied length-scales; 0 for labels.
     pub(super) fn length_scale_count(&self) -> usize {
         if self.shape.is_of_labels() {
             return 0;
@@ -138,18 +141,18 @@ impl Correlation {
         self.ties.iter().max().map_or(0, |last| last + 1)
     }
 
-    /// Number of parameters that can be learned: untied length-scales, then those of the shape.
+    /// Returns the number of learned parameters: untied length-scales, then those of the shape.
     pub(super) fn parameter_count(&self) -> usize {
         self.length_scale_count() + self.shape.parameters().len()
     }
 
-    /// What each of the parameters is.
+    /// Returns the kind of each parameter.
     pub(super) fn parameters(&self) -> impl Iterator<Item = Parameter> {
         let length_scales = std::iter::repeat_n(Parameter::LengthScale, self.length_scale_count());
         length_scales.chain(self.shape.parameters().iter().map(|_| Parameter::Shape))
     }
 
-    /// ln of every untied length-scale and of every parameter of the shape.
+    /// Returns ln of every untied length-scale and of every parameter of the shape.
     pub(super) fn log_parameters(&self) -> impl Iterator<Item = f64> {
         let length_scale = |tie: usize| {
             let column = self.ties.iter().position(|&other| other == tie).unwrap_or_default();
@@ -159,7 +162,7 @@ impl Correlation {
         (0..self.length_scale_count()).map(length_scale).chain(of_shape)
     }
 
-    /// The same correlation with other parameters, as [`Correlation::log_parameters`] lays them out.
+    /// Returns the correlation with other parameters, in the order of [`Correlation::log_parameters`].
     pub(super) fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
         let length_scales: Vec<f64> = match self.shape.is_of_labels() {
             true => self.length_scales.clone(),
@@ -170,15 +173,16 @@ impl Correlation {
         Ok(Self { ties: self.ties.clone(), ..checked })
     }
 
-    /// Whether the other differs in nothing but numbers that can be learned.
+    /// Returns whether the two correlations differ in learned parameters only.
     pub(super) fn has_structure_of(&self, other: &Self) -> bool {
         self.shape.name() == other.shape.name() && self.columns == other.columns && self.ties == other.ties
     }
 
-    /// Ties columns that the reflection exchanges.
+    /// Ties the columns that the reflection exchanges.
     ///
     /// # Errors
-    /// [`Error::NotReciprocal`] when the reflection leaves the columns or exchanges columns of different length-scale.
+    /// [`Error::NotReciprocal`] if the reflection maps a column to a column outside the correlation, or exchanges columns of
+    /// different length-scales.
     pub(super) fn tied_by(mut self, reflection: &Reflection) -> Result<Self> {
         for place in 0..self.columns.len() {
             let (column, length_scale) = (self.columns[place], self.length_scales[place]);
@@ -195,7 +199,7 @@ impl Correlation {
         Ok(self)
     }
 
-    /// The columns of every point, reflected if asked, divided by their length-scales.
+    /// Returns the columns of every point, reflected if requested, divided by their length-scales.
     pub(super) fn scaled(&self, inputs: &Inputs, reflection: Option<&Reflection>) -> Scaled {
         let pick = |(&column, &length_scale): (&usize, &f64)| match reflection.map(|r| r.image(column)) {
             Some((source, true)) => (source, -1.0 / length_scale),
@@ -205,21 +209,23 @@ impl Correlation {
         let picks = self.columns.iter().zip(&self.length_scales).map(pick);
         let scaled = picks.flat_map(|(column, factor)| inputs.rows().map(move |row| row[column] * factor));
         let values = match self.shape.is_of_labels() {
-            // No distance from anything, not even from itself, is a number.
+            // A negative label becomes a NaN, so that its distance from every label, including itself, is a NaN.
             true => scaled.map(|label| if label < 0.0 { f64::NAN } else { label }).collect(),
             false => scaled.collect(),
         };
         Scaled::new(values, inputs.len())
     }
 
-    /// The correlation between point `n` of `points` and every one of `others` from `first` on.
+    /// Writes the correlation between point `n` of `points` and each of `others` from `first` on.
     pub(super) fn write_to(&self, (points, n): (&Scaled, usize), others: (&Scaled, usize), out: &mut [f64]) {
         points.squared_distances(n, others, out);
         self.shape.correlations(out);
     }
 
-    /// Adds Σ wᵢ · (correlation, its derivative by r² times each column's part of r², its derivatives by the shape's
-    /// parameters) over the pairs of point `n` of `points` and `others` from `first` on to `sums`.
+    /// Adds weighted sums over the pairs of point `n` of `points` and `others` from `first` on to `sums`.
+    ///
+    /// The weights multiply three kinds of terms: the correlation, its derivative by r² times each column's part of r², and
+    /// its derivatives by the shape's parameters.
     pub(super) fn add_slopes(
         &self,
         (points, n): (&Scaled, usize),
@@ -241,14 +247,14 @@ impl Correlation {
         points.add_weighted_squares(n, others, slopes, columns);
     }
 
-    /// Sums for [`Correlation::add_slopes`], all zero.
+    /// Returns sums for [`Correlation::add_slopes`], all zero.
     pub(super) fn slopes(&self) -> Slopes {
         let width = self.columns.len();
         let shape = vec![0.0; self.shape.parameters().len()];
         Slopes { correlation: 0.0, columns: vec![0.0; width], shape, values: Vec::new(), slopes: Vec::new() }
     }
 
-    /// Adds `factor` · the sums to a gradient by the parameters: ∂r²/∂ln ℓ_c is −2 · (column c's part of r²).
+    /// Adds `factor` · the sums to a gradient by the parameters. ∂r²/∂ln ℓ_c is −2 · (column c's part of r²).
     pub(super) fn add_gradient(&self, factor: f64, sums: &Slopes, gradient: &mut [f64]) {
         let length_scales = self.length_scale_count();
         for (sum, &tie) in sums.columns.iter().zip(&self.ties).filter(|(_, tie)| **tie < length_scales) {
@@ -259,18 +265,18 @@ impl Correlation {
     }
 }
 
-/// Sums over pairs of points, and room to compute them.
+/// Sums over pairs of points, with work areas.
 pub(super) struct Slopes {
-    /// Of the correlation itself.
+    /// Sum of the correlations.
     pub(super) correlation: f64,
     columns: Vec<f64>,
     shape: Vec<f64>,
-    /// Of the pairs at hand.
+    /// Work areas for the pairs at hand.
     values: Vec<f64>,
     slopes: Vec<f64>,
 }
 
-/// The same partition with groups numbered from 0 in the order of their first member.
+/// Returns the same partition with groups numbered from 0, in the order of their first members.
 fn renumbered(groups: &[usize]) -> Vec<usize> {
     let mut seen: Vec<usize> = Vec::new();
     let number = |&group: &usize| {
@@ -282,7 +288,7 @@ fn renumbered(groups: &[usize]) -> Vec<usize> {
     groups.iter().map(number).collect()
 }
 
-/// The parts of a correlation as they are written down.
+/// The serialised form of [`Correlation`].
 #[cfg(feature = "serde")]
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,11 +1,11 @@
-//! The formulas of shapes that loops over long slices take, several points at a time.
+//! Formulas of shapes for vectorised loops over several points.
 
 use crate::linalg::{MultiplyAdd, Wide, exp_of_negative};
 
-/// Beyond this squared distance every formula here is zero, as numbers go; and no product in it is 0 · ∞.
+/// Largest squared distance for the formulas. Beyond it they all underflow to zero, and a product could become 0 · ∞.
 const SQUARED_DISTANCE_MAX: f64 = 1e6;
 
-/// Correlation at a squared scaled distance, and its derivative by it.
+/// A formula for the correlation at a squared scaled distance, and for its derivative by that squared distance.
 pub(super) trait Formula {
     fn of<M: MultiplyAdd>(squared_distance: f64) -> (f64, f64);
 }
@@ -29,7 +29,7 @@ impl Formula for Matern12 {
     fn of<M: MultiplyAdd>(squared_distance: f64) -> (f64, f64) {
         let r = squared_distance.sqrt();
         let correlation = exp_of_negative::<M>(-r);
-        // At distance 0 the slope is infinite, but whatever it is multiplied by there is 0.
+        // At distance 0 the derivative is infinite, but its factor in every use is 0 there.
         (correlation, if r > 0.0 { -0.5 * correlation / r } else { 0.0 })
     }
 }
@@ -59,7 +59,7 @@ impl Formula for Matern52 {
     }
 }
 
-/// Squared distances become correlations.
+/// Replaces squared distances by correlations.
 pub(super) struct Correlations<'a, F>(pub(super) &'a mut [f64], pub(super) F);
 
 impl<F: Formula> Wide for Correlations<'_, F> {
@@ -73,7 +73,7 @@ impl<F: Formula> Wide for Correlations<'_, F> {
     }
 }
 
-/// Squared distances become correlations, and the slopes are written beside them.
+/// Replaces squared distances by correlations, and writes the derivatives to a second slice.
 pub(super) struct CorrelationsAndSlopes<'a, F>(pub(super) &'a mut [f64], pub(super) &'a mut [f64], pub(super) F);
 
 impl<F: Formula> Wide for CorrelationsAndSlopes<'_, F> {
@@ -87,7 +87,7 @@ impl<F: Formula> Wide for CorrelationsAndSlopes<'_, F> {
     }
 }
 
-/// What is no number is far away, too.
+/// Limits a squared distance to [`SQUARED_DISTANCE_MAX`]. A NaN counts as far away, too.
 #[inline(always)]
 fn within_reach(squared_distance: f64) -> f64 {
     if squared_distance < SQUARED_DISTANCE_MAX { squared_distance } else { SQUARED_DISTANCE_MAX }

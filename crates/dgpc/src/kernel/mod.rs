@@ -1,8 +1,8 @@
 //! Covariance functions (section 7 of [`crate::method`]).
 //!
-//! A [`Kernel`] is a sum of [`Term`]s; a term is a variance times one or more [`Correlation`]s over columns of their
-//! own, reciprocal if it has a [`Reflection`]; a correlation is a [`Shape`] of the scaled distance. Whoever adds a
-//! shape needs nothing but `shape.rs`, where its names and parameters are, and `formula.rs`.
+//! A [`Kernel`] is a sum of [`Term`]s. A term is a variance times one or more [`Correlation`]s, each over its own columns.
+//! With a [`Reflection`] the term is reciprocal. A correlation is a [`Shape`] of the scaled distance. A new shape needs
+//! changes in `shape.rs`, which holds names and parameters, and in `formula.rs` only.
 
 mod formula;
 mod reflection;
@@ -19,7 +19,7 @@ pub use term::Term;
 use std::ops::Range;
 
 use correlation::Slopes;
-use term::{Pairs, Room};
+use term::{Pairs, Scratch};
 
 use crate::error::{Error, Result, positive, same_size};
 use crate::inputs::Inputs;
@@ -27,7 +27,7 @@ use crate::linalg::{Matrix, add_scaled};
 use crate::parameter::Parameter;
 use crate::parts::{on_parts, stretches};
 
-/// Columns of a Gram matrix that one thread works out at a time.
+/// Number of Gram matrix columns in a unit of work for one thread.
 const PANEL: usize = 64;
 
 /// A covariance function: the sum of its terms.
@@ -35,7 +35,7 @@ const PANEL: usize = 64;
 /// ```
 /// use dgpc::{Inputs, Kernel, Reflection, Shape, Term};
 ///
-/// // A link (tx east, tx north, rx east, rx north) whose two directions behave alike.
+/// // A link (tx east, tx north, rx east, rx north) with equal covariances in both directions.
 /// let term = Term::isotropic(Shape::Matern52, 4.0, 300.0, 4)?.reciprocal(Reflection::swap(&[(0, 2), (1, 3)])?)?;
 /// let kernel = Kernel::new(vec![term])?;
 /// let ends = Inputs::from_rows(&[[0.0, 0.0, 500.0, 0.0], [500.0, 0.0, 0.0, 0.0]])?;
@@ -54,26 +54,26 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// The sum of `terms`.
+    /// Creates the sum of `terms`.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] when there are none.
+    /// [`Error::OutOfRange`] if there are no terms.
     pub fn new(terms: Vec<Term>) -> Result<Self> {
         positive("number of kernel terms", terms.len() as f64)?;
         Ok(Self { terms })
     }
 
-    /// The terms.
+    /// Returns the terms.
     pub fn terms(&self) -> &[Term] {
         &self.terms
     }
 
-    /// Every column that a term looks at.
+    /// Returns every column that a term uses.
     pub(crate) fn columns(&self) -> impl Iterator<Item = usize> {
         self.terms.iter().flat_map(Term::correlations).flat_map(Correlation::columns).copied()
     }
 
-    /// Checks that inputs have every column that a term looks at.
+    /// Checks that inputs have every column that a term uses.
     pub(crate) fn check(&self, inputs: &Inputs) -> Result<()> {
         let columns = inputs.dimension();
         match self.columns().find(|&column| column >= columns) {
@@ -82,25 +82,25 @@ impl Kernel {
         }
     }
 
-    /// The N×N Gram matrix of `inputs`. O(N²d).
+    /// Returns the N×N Gram matrix of `inputs`. O(N²d).
     ///
     /// # Errors
-    /// [`Error::BadColumn`] when a term looks at a column that the inputs do not have.
+    /// [`Error::BadColumn`] if a term uses a column that the inputs do not have.
     pub fn gram(&self, inputs: &Inputs) -> Result<Matrix> {
         self.check(inputs)?;
         let mut gram = Matrix::zeros(inputs.len(), inputs.len());
         let (pairs, mut columns) = (self.pairs(inputs, inputs), gram.split_columns());
         on_parts(columns.chunks_mut(PANEL).enumerate().collect(), |(panel, columns)| {
-            let mut room = Room::default();
+            let mut scratch = Scratch::default();
             for (n, column) in (panel * PANEL..).zip(columns) {
-                pairs.iter().for_each(|(term, pairs)| term.add_column(pairs, (n, n), &mut column[n..], &mut room));
+                pairs.iter().for_each(|(term, pairs)| term.add_column(pairs, (n, n), &mut column[n..], &mut scratch));
             }
         });
         gram.mirror_lower();
         Ok(gram)
     }
 
-    /// The N_a×N_b Gram matrix of `a` against `b`. O(N_a N_b d).
+    /// Returns the N_a×N_b matrix of covariances between `a` and `b`. O(N_a N_b d).
     ///
     /// # Errors
     /// As [`Kernel::gram`].
@@ -110,25 +110,25 @@ impl Kernel {
         Ok(cross)
     }
 
-    /// Writes [`Kernel::cross`] over a matrix of its size.
+    /// Writes [`Kernel::cross`] to a matrix of the same size.
     pub(crate) fn write_cross(&self, a: &Inputs, b: &Inputs, out: &mut Matrix) -> Result<()> {
         self.check(a)?;
         self.check(b)?;
-        let (pairs, mut room) = (self.pairs(a, b), Room::default());
+        let (pairs, mut scratch) = (self.pairs(a, b), Scratch::default());
         for n in 0..out.columns() {
             let column = out.column_mut(n);
             column.fill(0.0);
-            pairs.iter().for_each(|(term, pairs)| term.add_column(pairs, (0, n), column, &mut room));
+            pairs.iter().for_each(|(term, pairs)| term.add_column(pairs, (0, n), column, &mut scratch));
         }
         Ok(())
     }
 
-    /// Every term, and how it sees `a` against `b`.
+    /// Returns every term with its scaled points of `a` and `b`.
     fn pairs(&self, a: &Inputs, b: &Inputs) -> Vec<(&Term, Pairs)> {
         self.terms.iter().map(|term| (term, term.pairs(a, b))).collect()
     }
 
-    /// k(x, x) of every point. O(Nd).
+    /// Returns k(x, x) of every point. O(Nd).
     ///
     /// # Errors
     /// As [`Kernel::gram`].
@@ -141,40 +141,40 @@ impl Kernel {
         Ok(diagonal)
     }
 
-    /// What is learned of a kernel, as logarithms: term by term the variance, then for every correlation its untied
-    /// length-scales and the parameters of its shape.
+    /// Returns the logarithms of the learned parameters. Each term has its variance first, then the parameters of every
+    /// correlation: untied length-scales, and the parameters of the shape.
     pub fn log_parameters(&self) -> Vec<f64> {
         self.terms.iter().flat_map(Term::log_parameters).collect()
     }
 
-    /// What each of [`Kernel::log_parameters`] is.
+    /// Returns the kind of each entry of [`Kernel::log_parameters`].
     pub fn parameters(&self) -> impl Iterator<Item = Parameter> {
         self.terms.iter().flat_map(Term::parameters)
     }
 
-    /// The same kernel with other parameters, as [`Kernel::log_parameters`] lays them out.
+    /// Returns the kernel with other parameters, in the order of [`Kernel::log_parameters`].
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for another number of parameters, [`Error::OutOfRange`] or [`Error::NotFinite`] where a
-    /// variance or length-scale leaves the range of numbers.
+    /// [`Error::SizeMismatch`] if the number of parameters differs. [`Error::OutOfRange`] or [`Error::NotFinite`] if a
+    /// variance or length-scale leaves the floating-point range.
     pub fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
         same_size("parameters of a kernel", self.parameter_count(), parameters.len())?;
         let terms = self.parts().map(|(term, part)| term.with_log_parameters(&parameters[part]));
         Ok(Self { terms: terms.collect::<Result<_>>()? })
     }
 
-    /// Whether the other differs in nothing but numbers that can be learned.
+    /// Returns whether the two kernels differ in learned parameters only.
     pub(crate) fn has_structure_of(&self, other: &Kernel) -> bool {
         let mut pairs = self.terms.iter().zip(&other.terms);
         self.terms.len() == other.terms.len() && pairs.all(|(own, other)| own.has_structure_of(other))
     }
 
-    /// Number of parameters.
+    /// Returns the number of parameters.
     pub(crate) fn parameter_count(&self) -> usize {
         self.terms.iter().map(Term::parameter_count).sum()
     }
 
-    /// Every term, and which parameters are its own.
+    /// Returns every term with the range of its parameters.
     fn parts(&self) -> impl Iterator<Item = (&Term, Range<usize>)> {
         self.terms.iter().scan(0, |first, term| {
             let part = *first..*first + term.parameter_count();
@@ -183,7 +183,7 @@ impl Kernel {
         })
     }
 
-    /// Σ_ij W_ij ∂k(x_i, x_j)/∂(log parameters) for a symmetric W, N×N, of which the lower triangle is read. O(N²d).
+    /// Returns Σ_ij W_ij ∂k(x_i, x_j)/∂(log parameters) for a symmetric W, N×N. Only its lower triangle is read. O(N²d).
     pub(crate) fn gram_gradient(&self, inputs: &Inputs, weights: &Matrix) -> Vec<f64> {
         let pairs = self.pairs(inputs, inputs);
         let panels = stretches(0..inputs.len(), PANEL).collect();
@@ -195,12 +195,12 @@ impl Kernel {
         gradient
     }
 
-    /// Σ_ij W_ij ∂k(a_i, b_j)/∂(log parameters), W of size N_a×N_b. O(N_a N_b d).
+    /// Returns Σ_ij W_ij ∂k(a_i, b_j)/∂(log parameters), W of size N_a×N_b. O(N_a N_b d).
     pub(crate) fn cross_gradient(&self, a: &Inputs, b: &Inputs, weights: &Matrix) -> Vec<f64> {
         self.columns_gradient(&self.pairs(a, b), 0..b.len(), |_| 0, weights)
     }
 
-    /// The part of some columns, of each from row `first_row(column)` on.
+    /// Returns the sum over some columns only, each from row `first_row(column)` on.
     fn columns_gradient(
         &self,
         pairs: &[(&Term, Pairs)],
@@ -209,11 +209,11 @@ impl Kernel {
         weights: &Matrix,
     ) -> Vec<f64> {
         let mut sums: Vec<Vec<Slopes>> = self.terms.iter().map(Term::slopes).collect();
-        let mut room = Room::default();
+        let mut scratch = Scratch::default();
         for n in columns {
             let first = first_row(n);
             for ((term, pairs), sums) in pairs.iter().zip(&mut sums) {
-                term.add_column_slopes(pairs, (first, n), &weights.column(n)[first..], sums, &mut room);
+                term.add_column_slopes(pairs, (first, n), &weights.column(n)[first..], sums, &mut scratch);
             }
         }
         let mut gradient = vec![0.0; self.parameter_count()];
@@ -223,7 +223,7 @@ impl Kernel {
         gradient
     }
 
-    /// Σ_n w_n ∂k(x_n, x_n)/∂(log parameters). O(Nd).
+    /// Returns Σ_n w_n ∂k(x_n, x_n)/∂(log parameters). O(Nd).
     pub(crate) fn diagonal_gradient(&self, inputs: &Inputs, weights: &[f64]) -> Vec<f64> {
         let mut gradient = vec![0.0; self.parameter_count()];
         for (term, part) in self.parts() {

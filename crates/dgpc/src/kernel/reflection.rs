@@ -1,10 +1,10 @@
-//! What makes a kernel term reciprocal: an exchange of input columns.
+//! Reflections: exchanges of input columns that make a kernel term reciprocal.
 
 use crate::error::{Error, Result};
 use crate::inputs::check_column;
 
-/// An involution x → Rx of the inputs that exchanges columns or turns their sign, such as swapping the two ends of a
-/// link.
+/// An involution x → Rx of the inputs that exchanges columns or changes their sign. An example is the exchange of the two
+/// ends of a link.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(
     feature = "serde",
@@ -15,24 +15,25 @@ pub struct Reflection {
     images: Vec<Image>,
 }
 
-/// Where one column of a reflected point comes from: (Rx)_column = ± x_source.
+/// The source of one column of a reflected point: (Rx)_column = ± x_source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Image {
-    /// The column.
+    /// The column of the reflected point.
     pub column: usize,
-    /// The column that lands in it.
+    /// The column of the original point from which the value comes.
     pub source: usize,
-    /// Whether its sign turns on the way.
+    /// Whether the value changes its sign.
     pub negated: bool,
 }
 
 impl Reflection {
-    /// The reflection that maps these columns as they say and leaves all others as they are.
+    /// Creates the reflection that maps the given columns. All other columns stay as they are.
     ///
     /// # Errors
-    /// [`Error::RepeatedColumn`] when a column is named twice, [`Error::NotAnInvolution`] where doing it twice would
-    /// not lead back, [`Error::OutOfRange`] for a column beyond [`crate::COLUMN_MAX`].
+    /// * [`Error::RepeatedColumn`] if a column is named twice.
+    /// * [`Error::NotAnInvolution`] if applying the reflection twice does not give the identity.
+    /// * [`Error::OutOfRange`] for a column beyond [`crate::COLUMN_MAX`].
     pub fn new(images: Vec<Image>) -> Result<Self> {
         for (n, &Image { column, source, .. }) in images.iter().enumerate() {
             check_column(column)?;
@@ -50,7 +51,8 @@ impl Reflection {
         Ok(reflection)
     }
 
-    /// Exchanges the columns of each pair: `swap(&[(0, 2), (1, 3)])` turns (a, b, c, d) into (c, d, a, b).
+    /// Creates the reflection that exchanges the columns of each pair: `swap(&[(0, 2), (1, 3)])` turns (a, b, c, d) into
+    /// (c, d, a, b).
     ///
     /// # Errors
     /// As [`Reflection::new`].
@@ -59,7 +61,7 @@ impl Reflection {
         Self::new(pairs.iter().flat_map(|&(a, b)| [image(a, b), image(b, a)]).collect())
     }
 
-    /// Turns the sign of the named columns.
+    /// Creates the reflection that changes the sign of the named columns.
     ///
     /// # Errors
     /// As [`Reflection::new`].
@@ -67,21 +69,21 @@ impl Reflection {
         Self { images: Vec::new() }.and_negate(columns)
     }
 
-    /// The same reflection that also turns the sign of other columns.
+    /// Returns the reflection that also changes the sign of other columns.
     ///
     /// # Errors
-    /// As [`Reflection::new`], also for a column that is exchanged already.
+    /// As [`Reflection::new`], also for a column that the reflection exchanges already.
     pub fn and_negate(mut self, columns: &[usize]) -> Result<Self> {
         self.images.extend(columns.iter().map(|&column| Image { column, source: column, negated: true }));
         Self::new(self.images)
     }
 
-    /// The columns that it changes, and what lands in each.
+    /// Returns the columns that the reflection changes, each with its source.
     pub fn images(&self) -> &[Image] {
         &self.images
     }
 
-    /// The column that lands in `column`, and whether its sign turns.
+    /// Returns the source of `column`, and whether the value changes its sign.
     pub(super) fn image(&self, column: usize) -> (usize, bool) {
         let image = self.images.iter().find(|image| image.column == column);
         image.map_or((column, false), |image| (image.source, image.negated))

@@ -1,33 +1,33 @@
-//! Points as a correlation sees them.
+//! Points in units of a correlation's length-scales.
 
 use crate::linalg::{MultiplyAdd, Wide, widest};
 
-/// N points, every column divided by its length-scale: coordinate by coordinate, so that loops take several points at a
-/// time.
+/// N points with every column divided by its length-scale. They are stored coordinate by coordinate, so that vectorised
+/// loops process several points at a time.
 pub(super) struct Scaled {
-    /// N of the first coordinate, N of the second …
+    /// N values of the first coordinate, N values of the second …
     values: Vec<f64>,
     points: usize,
 }
 
 impl Scaled {
-    /// From N values of every coordinate.
+    /// Creates the points from N values of every coordinate.
     pub(super) fn new(values: Vec<f64>, points: usize) -> Self {
         Self { values, points }
     }
 
     fn coordinates(&self) -> impl Iterator<Item = &[f64]> {
-        // Without points there is no coordinate either.
+        // Without points there are no values, and the iterator is empty.
         self.values.chunks_exact(self.points.max(1))
     }
 
-    /// r² between point `n` and every one of `others` from `first` on.
+    /// Writes r² between point `n` and each of `others` from `first` on.
     pub(super) fn squared_distances(&self, n: usize, (others, first): (&Scaled, usize), out: &mut [f64]) {
         widest(SquaredDistances { from: self, n, to: others, first, out });
     }
 
-    /// For every coordinate Σ wᵢ · its part of r², over the same pairs, added to `sums`. Where a weight is zero the part may be
-    /// infinite, and does not count.
+    /// Adds Σ wᵢ · (part of r² in that coordinate), over the same pairs, to the sum of every coordinate. If a weight is zero,
+    /// an infinite part of r² does not count.
     pub(super) fn add_weighted_squares(
         &self,
         n: usize,
@@ -113,7 +113,7 @@ const CHUNK: usize = 16;
 
 const SUMS: usize = 8;
 
-/// At most the largest number: zero times it is zero.
+/// Returns x², limited to the largest finite number. Its product with zero is therefore zero.
 #[inline(always)]
 fn square(x: f64) -> f64 {
     let squared = x * x;

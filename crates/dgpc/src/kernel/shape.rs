@@ -1,4 +1,4 @@
-//! How covariance falls with distance: every shape, its names, its parameters and its formulas.
+//! Shapes: correlation as a function of distance, with names, parameters and formulas.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,10 +7,10 @@ use super::formula::{self, Correlations, CorrelationsAndSlopes};
 use crate::error::{Error, Result, in_range};
 use crate::linalg::widest;
 
-/// How correlation falls with the scaled distance r of two points.
+/// Correlation as a function of the scaled distance r of two points.
 ///
-/// A shape is written as its name, and its parameter after a colon where it has one: `matern32`,
-/// `rational-quadratic:1.5`. Without the colon a parameter has its default.
+/// A shape is written as its name. If the shape has a parameter, a colon and the parameter may follow: `matern32`,
+/// `rational-quadratic:1.5`. Without the colon, the parameter has its default.
 ///
 /// ```
 /// use dgpc::Shape;
@@ -35,18 +35,18 @@ pub enum Shape {
     Matern32,
     /// (1 + √5 r + 5r²/3) exp(−√5 r): twice differentiable.
     Matern52,
-    /// (1 + r²/2α)^−α: a mixture of squared exponentials of many length-scales, the wider the smaller α is.
+    /// (1 + r²/2α)^−α: a mixture of squared exponentials of many length-scales, wider for smaller α.
     RationalQuadratic {
         /// α, from 0.001 to 1000.
         alpha: f64,
     },
-    /// 1 where all columns are equal and none is negative, 0 elsewhere: columns are labels, each of which has an offset
-    /// of its own, and a point with a negative label has none. There is no length-scale to learn.
+    /// 1 if all columns are equal and none is negative, 0 otherwise. The columns are labels, and each label has its own
+    /// offset. A point with a negative label has no offset. There is no length-scale to learn.
     Label,
 }
 
 impl Shape {
-    /// Every shape, with the defaults of its parameters.
+    /// Every shape, with the default values of its parameters.
     pub const ALL: &[Shape] = &[
         Shape::SquaredExponential,
         Shape::Matern12,
@@ -56,7 +56,7 @@ impl Shape {
         Shape::Label,
     ];
 
-    /// What it is called in files and on command lines, without its parameter.
+    /// Returns the name in files and on command lines, without the parameter.
     pub const fn name(self) -> &'static str {
         match self {
             Shape::SquaredExponential => "squared-exponential",
@@ -68,7 +68,7 @@ impl Shape {
         }
     }
 
-    /// What people call it.
+    /// Returns the name for people.
     pub const fn title(self) -> &'static str {
         match self {
             Shape::SquaredExponential => "squared exponential",
@@ -80,12 +80,12 @@ impl Shape {
         }
     }
 
-    /// Whether columns are labels, which are equal or not, rather than places that have a distance.
+    /// Returns whether columns are labels, which are equal or not, instead of coordinates.
     pub const fn is_of_labels(self) -> bool {
         matches!(self, Shape::Label)
     }
 
-    /// Its parameters beside length-scales: all positive, learned as logarithms.
+    /// Returns the parameters other than length-scales. All are positive, and their logarithms are learned.
     pub fn parameters(&self) -> &[f64] {
         match self {
             Shape::RationalQuadratic { alpha } => std::slice::from_ref(alpha),
@@ -93,10 +93,10 @@ impl Shape {
         }
     }
 
-    /// The same kind of shape with other parameters, as [`Shape::parameters`] lays them out.
+    /// Returns the shape with other parameters, in the order of [`Shape::parameters`].
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for another number of parameters, [`Error::OutOfRange`].
+    /// [`Error::SizeMismatch`] if the number of parameters differs, [`Error::OutOfRange`] for one outside its range.
     pub fn with_parameters(self, parameters: &[f64]) -> Result<Self> {
         let shape = match (self, parameters) {
             (Shape::RationalQuadratic { .. }, &[alpha]) => Shape::RationalQuadratic { alpha },
@@ -120,7 +120,7 @@ impl Shape {
         }
     }
 
-    /// Squared scaled distances become correlations.
+    /// Replaces squared scaled distances by correlations.
     pub(super) fn correlations(self, values: &mut [f64]) {
         match self {
             Shape::SquaredExponential => widest(Correlations(values, formula::SquaredExponential)),
@@ -134,7 +134,7 @@ impl Shape {
         }
     }
 
-    /// Squared scaled distances become correlations, beside their derivatives by r².
+    /// Replaces squared scaled distances by correlations, and writes their derivatives by r² to `slopes`.
     pub(super) fn correlations_and_slopes(self, values: &mut [f64], slopes: &mut [f64]) {
         match self {
             Shape::SquaredExponential => widest(CorrelationsAndSlopes(values, slopes, formula::SquaredExponential)),
@@ -163,9 +163,9 @@ impl Shape {
     }
 }
 
-/// (1 + r²/(2α))^−α, and its derivative by r².
+/// Returns (1 + r²/(2α))^−α and its derivative by r².
 fn rational_quadratic(alpha: f64, squared_distance: f64) -> (f64, f64) {
-    // Farther than numbers reach, where the products below would be 0 · ∞.
+    // At an infinite distance the products below would be 0 · ∞.
     if !squared_distance.is_finite() {
         return (0.0, 0.0);
     }

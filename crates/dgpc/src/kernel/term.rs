@@ -1,4 +1,4 @@
-//! The summands of a kernel.
+//! Terms, the summands of a kernel.
 
 use super::correlation::{Correlation, Slopes};
 use super::reflection::Reflection;
@@ -9,36 +9,36 @@ use crate::inputs::Inputs;
 use crate::linalg::add_scaled;
 use crate::parameter::Parameter;
 
-/// One term of a kernel: variance · correlation (or a product of several correlations, each over columns of its own),
-/// reciprocal if it has a reflection: ½[k(x, x′) + k(x, Rx′)].
+/// One term of a kernel: a variance times a correlation, or times a product of several correlations over their own columns.
+/// With a reflection R the term is reciprocal: ½[k(x, x′) + k(x, Rx′)].
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Term {
     variance: f64,
-    /// At least one.
+    /// The factors, at least one.
     correlations: Vec<Correlation>,
     reflection: Option<Reflection>,
 }
 
-/// Points as a term sees them: as each of its correlations does.
-type Seen = Vec<Scaled>;
+/// Points scaled for each correlation of a term.
+type ScaledPoints = Vec<Scaled>;
 
-/// Points of one side against those of another, as a term sees them.
+/// The scaled points of both sides of a matrix of covariances.
 pub(super) struct Pairs {
-    left: Seen,
-    /// Of the right side, and of its reflection for a reciprocal term.
-    images: Vec<Seen>,
+    left: ScaledPoints,
+    /// The right side and, for a reciprocal term, its reflection.
+    images: Vec<ScaledPoints>,
 }
 
-/// Room for numbers of many pairs of points.
+/// Work areas for many pairs of points.
 #[derive(Default)]
-pub(super) struct Room {
+pub(super) struct Scratch {
     products: Vec<f64>,
     factors: Vec<f64>,
 }
 
 impl Term {
-    /// A term over `columns` with one length-scale per column, each learned by itself.
+    /// Creates a term over `columns` with one length-scale per column. Each length-scale is learned separately.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for a variance that is not finite and positive, and as [`Correlation::new`].
@@ -46,7 +46,7 @@ impl Term {
         Self::of(variance, Correlation::new(shape, columns, length_scales)?)
     }
 
-    /// An isotropic term over the first `dimension` columns, which share one length-scale. See [`Term::new`].
+    /// Creates an isotropic term over the first `dimension` columns, which share one length-scale. See [`Term::new`].
     ///
     /// # Errors
     /// As [`Term::new`].
@@ -54,7 +54,7 @@ impl Term {
         Self::of(variance, Correlation::isotropic(shape, &Vec::from_iter(0..dimension), length_scale)?)
     }
 
-    /// A variance and a correlation.
+    /// Creates a term from a variance and a correlation.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for a variance that is not finite and positive.
@@ -63,10 +63,10 @@ impl Term {
         Ok(Self { variance, correlations: vec![correlation], reflection: None })
     }
 
-    /// The term times another correlation: two points are alike only if they are alike in both.
+    /// Multiplies the term by another correlation. Two points are then similar only if both factors are large.
     ///
     /// # Errors
-    /// [`crate::Error::NotReciprocal`] when the term is reciprocal and the correlation cannot be.
+    /// [`crate::Error::NotReciprocal`] if the term is reciprocal and the correlation cannot be.
     pub fn times(mut self, correlation: Correlation) -> Result<Self> {
         let correlation = match &self.reflection {
             Some(reflection) => correlation.tied_by(reflection)?,
@@ -76,12 +76,12 @@ impl Term {
         Ok(self)
     }
 
-    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] (section 7 of [`crate::method`]). Its diagonal depends on x.
-    /// Columns that the reflection exchanges are tied.
+    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] (section 7 of [`crate::method`]). Its diagonal then depends on x.
+    /// Columns that the reflection exchanges become tied.
     ///
     /// # Errors
-    /// [`crate::Error::NotReciprocal`] when the reflection leaves the columns of a correlation or exchanges columns of
-    /// different length-scale: the result would not be positive definite.
+    /// [`crate::Error::NotReciprocal`] if the result would not be positive definite. This is so if the reflection maps a
+    /// column to a column outside the correlation, or exchanges columns of different length-scales.
     pub fn reciprocal(mut self, reflection: Reflection) -> Result<Self> {
         let tied = self.correlations.into_iter().map(|correlation| correlation.tied_by(&reflection));
         self.correlations = tied.collect::<Result<_>>()?;
@@ -89,7 +89,7 @@ impl Term {
         Ok(self)
     }
 
-    /// The same term with another variance.
+    /// Returns the term with another variance.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for a variance that is not finite and positive.
@@ -98,58 +98,58 @@ impl Term {
         Ok(Self { variance, ..self.clone() })
     }
 
-    /// The same term with another shape of its first correlation, whose parameters are as given.
+    /// Returns the term with another shape for its first correlation.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a parameter of the shape out of its range.
+    /// [`crate::Error::OutOfRange`] for a parameter of the shape outside its range.
     pub fn with_shape(&self, shape: Shape) -> Result<Self> {
         let mut term = self.clone();
         term.correlations[0] = term.correlations[0].with_shape(shape)?;
         Ok(term)
     }
 
-    /// The same term with one length-scale of its first correlation, by its number among those that are not tied, times a
-    /// positive factor.
+    /// Returns the term with one length-scale of its first correlation multiplied by a positive factor. `number` counts the
+    /// untied length-scales from 0.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] where it has no such length-scale, or where that leaves the range of numbers.
+    /// [`crate::Error::OutOfRange`] if there is no such length-scale, or if the product leaves the floating-point range.
     pub fn with_length_scale_times(&self, number: usize, factor: f64) -> Result<Self> {
         let mut term = self.clone();
         term.correlations[0] = term.correlations[0].with_length_scale_times(number, factor)?;
         Ok(term)
     }
 
-    /// Variance of the term (before the halving of the reciprocal form).
+    /// Returns the variance of the term, before the factor ½ of the reciprocal form.
     pub fn variance(&self) -> f64 {
         self.variance
     }
 
-    /// The correlations that it is a product of, at least one.
+    /// Returns the correlations, the factors of the term, at least one.
     pub fn correlations(&self) -> &[Correlation] {
         &self.correlations
     }
 
-    /// What makes it reciprocal, if it is.
+    /// Returns the reflection of a reciprocal term; `None` for other terms.
     pub fn reflection(&self) -> Option<&Reflection> {
         self.reflection.as_ref()
     }
 
-    /// Whether the term is reciprocal.
+    /// Returns whether the term is reciprocal.
     pub fn is_reciprocal(&self) -> bool {
         self.reflection.is_some()
     }
 
-    /// Number of parameters that can be learned: the variance, and those of every correlation.
+    /// Returns the number of learned parameters: the variance, and those of every correlation.
     pub(super) fn parameter_count(&self) -> usize {
         1 + self.correlations.iter().map(Correlation::parameter_count).sum::<usize>()
     }
 
-    /// ln of the variance and of the parameters of every correlation.
+    /// Returns ln of the variance and of the parameters of every correlation.
     pub(super) fn log_parameters(&self) -> impl Iterator<Item = f64> {
         std::iter::once(self.variance.ln()).chain(self.correlations.iter().flat_map(Correlation::log_parameters))
     }
 
-    /// The same term with other parameters, as [`Term::log_parameters`] lays them out.
+    /// Returns the term with other parameters, in the order of [`Term::log_parameters`].
     pub(super) fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
         let variance = positive("kernel variance", parameters[0].exp())?;
         let correlations = self.parts().map(|(correlation, part)| correlation.with_log_parameters(&parameters[part]));
@@ -157,12 +157,12 @@ impl Term {
         Ok(Self { variance, correlations, reflection: self.reflection.clone() })
     }
 
-    /// What each of the parameters is.
+    /// Returns the kind of each parameter.
     pub(super) fn parameters(&self) -> impl Iterator<Item = Parameter> {
         std::iter::once(Parameter::Variance).chain(self.correlations.iter().flat_map(Correlation::parameters))
     }
 
-    /// Every correlation, and which of the term's parameters are its own.
+    /// Returns every correlation with the range of its parameters among those of the term.
     fn parts(&self) -> impl Iterator<Item = (&Correlation, std::ops::Range<usize>)> {
         self.correlations.iter().scan(1, |first, correlation| {
             let part = *first..*first + correlation.parameter_count();
@@ -171,7 +171,7 @@ impl Term {
         })
     }
 
-    /// Whether the other differs in nothing but numbers that can be learned.
+    /// Returns whether the two terms differ in learned parameters only.
     pub(super) fn has_structure_of(&self, other: &Self) -> bool {
         let mut pairs = self.correlations.iter().zip(&other.correlations);
         self.correlations.len() == other.correlations.len()
@@ -179,28 +179,28 @@ impl Term {
             && pairs.all(|(own, other)| own.has_structure_of(other))
     }
 
-    fn seen(&self, inputs: &Inputs, reflection: Option<&Reflection>) -> Seen {
+    fn scaled_points(&self, inputs: &Inputs, reflection: Option<&Reflection>) -> ScaledPoints {
         self.correlations.iter().map(|correlation| correlation.scaled(inputs, reflection)).collect()
     }
 
-    /// The scaled points and, for a reciprocal term, their reflections.
-    fn images(&self, inputs: &Inputs) -> Vec<Seen> {
-        let mut images = vec![self.seen(inputs, None)];
-        images.extend(self.reflection.as_ref().map(|reflection| self.seen(inputs, Some(reflection))));
+    /// Returns the scaled points and, for a reciprocal term, their reflections.
+    fn images(&self, inputs: &Inputs) -> Vec<ScaledPoints> {
+        let mut images = vec![self.scaled_points(inputs, None)];
+        images.extend(self.reflection.as_ref().map(|reflection| self.scaled_points(inputs, Some(reflection))));
         images
     }
 
-    /// Adds `weight` · the product of correlations between point `n` of `points` and those of `others` from `first` on
-    /// to `out`.
+    /// Adds `weight` · the product of correlations to `out`, between point `n` of `points` and those of `others` from
+    /// `first` on.
     fn add_products(
         &self,
         weight: f64,
-        (points, n): (&Seen, usize),
-        (others, first): (&Seen, usize),
+        (points, n): (&ScaledPoints, usize),
+        (others, first): (&ScaledPoints, usize),
         out: &mut [f64],
-        room: &mut Room,
+        scratch: &mut Scratch,
     ) {
-        let Room { products, factors } = room;
+        let Scratch { products, factors } = scratch;
         products.resize(out.len(), 0.0);
         let mut parts = self.correlations.iter().zip(points).zip(others);
         if let Some(((correlation, points), others)) = parts.next() {
@@ -214,46 +214,46 @@ impl Term {
         add_scaled(weight, products, out);
     }
 
-    /// `a` against `b`, as the term sees them.
+    /// Returns the scaled points of `a` and `b`.
     pub(super) fn pairs(&self, a: &Inputs, b: &Inputs) -> Pairs {
-        Pairs { left: self.seen(a, None), images: self.images(b) }
+        Pairs { left: self.scaled_points(a, None), images: self.images(b) }
     }
 
-    /// Adds the covariances of points `first..` of the left side with point `n` of the right one to `out`.
-    pub(super) fn add_column(&self, pairs: &Pairs, (first, n): (usize, usize), out: &mut [f64], room: &mut Room) {
+    /// Adds the covariances of point `n` of the right side with the points from `first` on of the left side to `out`.
+    pub(super) fn add_column(&self, pairs: &Pairs, (first, n): (usize, usize), out: &mut [f64], scratch: &mut Scratch) {
         let weight = self.variance / pairs.images.len() as f64;
         for image in &pairs.images {
-            self.add_products(weight, (image, n), (&pairs.left, first), out, room);
+            self.add_products(weight, (image, n), (&pairs.left, first), out, scratch);
         }
     }
 
-    /// Whether every point correlates fully with itself, as all but those without a label do.
-    fn is_one_with_itself(&self) -> bool {
+    /// Returns whether every point has correlation 1 with itself. Points with a negative label do not.
+    fn has_unit_diagonal(&self) -> bool {
         !self.correlations.iter().any(|correlation| correlation.shape().is_of_labels())
     }
 
     /// Adds k(x, x) for every point to `out`.
     pub(super) fn add_diagonal(&self, inputs: &Inputs, out: &mut [f64]) {
-        if self.reflection.is_none() && self.is_one_with_itself() {
+        if self.reflection.is_none() && self.has_unit_diagonal() {
             out.iter_mut().for_each(|v| *v += self.variance);
             return;
         }
-        let (pairs, mut room) = (self.pairs(inputs, inputs), Room::default());
+        let (pairs, mut scratch) = (self.pairs(inputs, inputs), Scratch::default());
         for (n, out) in out.iter_mut().enumerate() {
-            self.add_column(&pairs, (n, n), std::slice::from_mut(out), &mut room);
+            self.add_column(&pairs, (n, n), std::slice::from_mut(out), &mut scratch);
         }
     }
 
-    /// Adds the slopes of every correlation, weighted also by all the others, to `sums`.
+    /// Adds the slopes of every correlation to `sums`. The weights include the product of the other correlations.
     fn add_slopes(
         &self,
-        (points, n): (&Seen, usize),
-        (others, first): (&Seen, usize),
+        (points, n): (&ScaledPoints, usize),
+        (others, first): (&ScaledPoints, usize),
         weights: &[f64],
         sums: &mut [Slopes],
-        room: &mut Room,
+        scratch: &mut Scratch,
     ) {
-        let Room { products, factors } = room;
+        let Scratch { products, factors } = scratch;
         for (which, correlation) in self.correlations.iter().enumerate() {
             let place = |which: usize| ((&points[which], n), (&others[which], first));
             let (point, rows) = place(which);
@@ -272,29 +272,29 @@ impl Term {
         }
     }
 
-    /// Sums for [`Term::add_column_slopes`], all zero.
+    /// Returns sums for [`Term::add_column_slopes`], all zero.
     pub(super) fn slopes(&self) -> Vec<Slopes> {
         self.correlations.iter().map(Correlation::slopes).collect()
     }
 
-    /// Adds what [`Term::add_column`] adds, but for the variance, times `weights` to `sums`, with its slopes.
+    /// Adds the weighted correlations of [`Term::add_column`], without the variance, and their slopes to `sums`.
     pub(super) fn add_column_slopes(
         &self,
         pairs: &Pairs,
         (first, n): (usize, usize),
         weights: &[f64],
         sums: &mut [Slopes],
-        room: &mut Room,
+        scratch: &mut Scratch,
     ) {
         for image in &pairs.images {
-            self.add_slopes((image, n), (&pairs.left, first), weights, sums, room);
+            self.add_slopes((image, n), (&pairs.left, first), weights, sums, scratch);
         }
     }
 
     /// Adds Σ w ∂k/∂(log parameters) to `gradient`, from the sums of [`Term::add_column_slopes`].
     pub(super) fn add_gradient(&self, pairs: &Pairs, sums: &[Slopes], gradient: &mut [f64]) {
         let factor = self.variance / pairs.images.len() as f64;
-        // The correlations' weighted sums are all that of their product.
+        // The weighted sum of every correlation includes all other factors, so any of them is the sum of products.
         gradient[0] += factor * sums[0].correlation;
         for ((correlation, part), sums) in self.parts().zip(sums) {
             correlation.add_gradient(factor, sums, &mut gradient[part]);
@@ -303,20 +303,20 @@ impl Term {
 
     /// Adds Σ w_n ∂k(x_n, x_n)/∂(log parameters) to `gradient`.
     pub(super) fn add_diagonal_gradient(&self, inputs: &Inputs, weights: &[f64], gradient: &mut [f64]) {
-        if self.reflection.is_none() && self.is_one_with_itself() {
+        if self.reflection.is_none() && self.has_unit_diagonal() {
             gradient[0] += self.variance * weights.iter().sum::<f64>();
             return;
         }
         let pairs = self.pairs(inputs, inputs);
-        let (mut sums, mut room) = (self.slopes(), Room::default());
+        let (mut sums, mut scratch) = (self.slopes(), Scratch::default());
         for (n, weight) in weights.iter().enumerate() {
-            self.add_column_slopes(&pairs, (n, n), std::slice::from_ref(weight), &mut sums, &mut room);
+            self.add_column_slopes(&pairs, (n, n), std::slice::from_ref(weight), &mut sums, &mut scratch);
         }
         self.add_gradient(&pairs, &sums, gradient);
     }
 }
 
-/// The parts of a term as they are written down.
+/// The serialised form of [`Term`].
 #[cfg(feature = "serde")]
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,45 +1,45 @@
-//! How much variance E leaves out, and gives back (section 7 of [`crate::method`]).
+//! Calibration of the variances, which E alone leaves too small (section 7 of [`crate::method`]).
 
 use super::search::Search;
 use crate::error::{Result, finite};
 use crate::fit::{FitOptions, MeanField, corrected_evidence};
 use crate::prior::Prior;
 
-/// The smallest and largest factor of the variances that a calibration tries.
+/// Smallest and largest factor of the variances.
 const FACTORS: (f64, f64) = (0.25, 16.0);
 
-/// The logarithm of the factor is found to this precision.
+/// Tolerance of the logarithm of the factor.
 const TOLERANCE: f64 = 0.1;
 
-/// Most factors lie between 1 and e, so that this is tried first.
+/// Logarithm of the first factor that is tried. Most factors are between 1 and e.
 const FIRST: f64 = 0.5;
 
-/// No try is farther than this from the best so far.
+/// Largest distance of a try from the best one so far, in the logarithm.
 const STEP_MAX: f64 = 1.0;
 
-/// So many tries; mostly two or three are enough.
+/// Largest number of tries. Usually two or three are enough.
 const TRIES_MAX: usize = 10;
 
-/// Of the fits on the way. What corrects E changes with the tilts in first order.
+/// Tolerance of the tilts in the tries. The correction of E changes with the tilts to first order.
 const TILT_TOLERANCE: f64 = 1e-3;
 
-/// What became of the variances after E was maximised.
+/// The outcome of the calibration of the variances after E was maximised.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Calibration {
-    /// It was not asked for: variances are those that maximise E.
+    /// No calibration was requested. The variances are those that maximise E.
     NotAsked,
     /// All variances were multiplied by this factor.
     Factor(f64),
-    /// All variances were multiplied by this factor, which is the smallest or the largest that is tried: the data ask
-    /// for more.
+    /// All variances were multiplied by this factor, which is the smallest or the largest allowed factor. The optimal factor
+    /// is outside the allowed range.
     AtBound(f64),
-    /// The corrected evidence could not be computed, for this reason: variances are those that maximise E.
+    /// The corrected evidence could not be computed, for the given reason. The variances are those that maximise E.
     Failed(String),
 }
 
 impl Calibration {
-    /// What all variances were multiplied by: 1 where there was no calibration or where it failed.
+    /// Returns the factor of all variances. It is 1 if no calibration was requested or if it failed.
     pub fn factor(&self) -> f64 {
         match self {
             Calibration::Factor(factor) | Calibration::AtBound(factor) => *factor,
@@ -48,8 +48,8 @@ impl Calibration {
     }
 }
 
-/// The factor of all variances that maximises the corrected evidence plus the log density of a normal distribution of
-/// the factor's logarithm about 0, given the fit at factor 1; and nearly the tilts of a fit at that factor.
+/// Returns the factor of all variances that maximises the corrected evidence plus a normal log density of the factor's
+/// logarithm about 0. `fit` is the fit at factor 1. Also returns approximate tilts of the fit at the optimal factor.
 pub(super) fn calibrate(search: &Search<'_>, prior: &Prior, fit: &MeanField, spread: f64) -> (Calibration, Vec<f64>) {
     let mut tried = vec![Try { log: 0.0, cost: -corrected_evidence(fit), tilts: fit.tilts.clone() }];
     let mut next = FIRST;
@@ -69,7 +69,7 @@ pub(super) fn calibrate(search: &Search<'_>, prior: &Prior, fit: &MeanField, spr
     (calibration, tilts_near(&tried, next))
 }
 
-/// −(corrected evidence + log density of the hyperprior) at the logarithm of a common factor of all variances.
+/// −(corrected evidence + log density of the hyperprior) for one logarithm of the common factor of all variances.
 struct Try {
     log: f64,
     cost: f64,
@@ -85,16 +85,17 @@ impl Try {
     }
 }
 
-/// Nearly the tilts of a fit at this logarithm, on a line through the logarithms of those of the two lowest tries.
+/// Returns approximate tilts of the fit at this logarithm. The logarithms of the tilts of the two best tries are
+/// interpolated linearly.
 fn tilts_near(tried: &[Try], log: f64) -> Vec<f64> {
     let Some(second) = tried.get(1) else { return tried[0].tilts.clone() };
-    // Not far beyond either, if they happen to be close together.
+    // Limit the extrapolation, in case the two tries are close together.
     let share = ((log - tried[0].log) / (second.log - tried[0].log)).clamp(-2.0, 2.0);
     tried[0].tilts.iter().zip(&second.tilts).map(|(first, second)| first * (second / first).powf(share)).collect()
 }
 
-/// Where the cost is lowest, as tries say that come lowest first: of three, the bottom of the parabola through them; with two, or
-/// where they bend down, on from the second beyond the first.
+/// Predicts the logarithm with the lowest cost from tries that are sorted by cost. From three tries it is the minimum of
+/// the parabola through them. With two tries, or a concave parabola, it is one step from the second beyond the first.
 fn lowest(tried: &[Try]) -> f64 {
     let [first, second, others @ ..] = tried else { return FIRST };
     let bottom = others.first().and_then(|third| {
@@ -117,7 +118,7 @@ mod tests {
     use crate::observations::Observations;
     use crate::prior_mean::PriorMean;
 
-    /// What becomes of a prior of this variance, calibrated about the fit under another one.
+    /// Calibrates a prior of this variance, given the fit under a prior of variance `fitted`.
     fn calibrated(variance: f64, fitted: f64) -> Result<Calibration> {
         let prior = |variance| {
             let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, variance, 1.0, 1)?])?;
@@ -134,13 +135,13 @@ mod tests {
     }
 
     #[test]
-    fn it_says_how_it_went() -> Result<()> {
+    fn calibration_reports_success_bounds_and_failures() -> Result<()> {
         let inside = calibrated(4.0, 4.0)?;
         assert!(matches!(inside, Calibration::Factor(factor) if (0.3..13.0).contains(&factor)), "{inside:?}");
-        // Far too small a variance asks for more than is tried.
+        // With a much too small variance, the optimal factor is beyond the largest factor.
         let more = calibrated(1e-2, 1e-2)?;
         assert!(matches!(more, Calibration::AtBound(factor) if factor > 13.0), "{more:?}");
-        // Where no fit is possible there is nothing to multiply by.
+        // The variance overflows, so no fit is possible and the calibration fails.
         let failed = calibrated(1e308, 4.0)?;
         assert!(matches!(&failed, Calibration::Failed(why) if !why.is_empty()), "{failed:?}");
         assert_eq!((failed.factor(), Calibration::NotAsked.factor()), (1.0, 1.0));

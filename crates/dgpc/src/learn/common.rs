@@ -1,4 +1,4 @@
-//! One length-scale for several sets of events.
+//! A common factor of all length-scales for several sets of events.
 
 use std::cell::RefCell;
 
@@ -12,10 +12,12 @@ use crate::observations::Observations;
 use crate::parts::on_parts;
 use crate::prior::Prior;
 
-/// The template with all its length-scales multiplied by the factor that maximises the sum of E over several sets of
-/// events: independent draws of one prior, such as trials in different waters. Nothing else is learned and no
-/// hyperprior counts. Seven factors from 1/8 to 8 are compared, then the best is refined to four digits (Brent's
-/// method); the sets are fitted exactly, O(N³) each time.
+/// Returns the template with all length-scales multiplied by the factor that maximises the sum of E over several sets of
+/// events.
+///
+/// The sets are independent draws of one prior, such as trials in different waters. No other parameter is learned, and no
+/// hyperprior is used. Seven factors from 1/8 to 8 are compared. The best factor is then refined to four digits by Brent's
+/// method. Every evaluation fits all sets exactly, O(N³) each.
 ///
 /// # Errors
 /// As [`crate::fit`].
@@ -25,7 +27,7 @@ pub fn common_length_scales(template: &Prior, sets: &[Observations]) -> Result<P
     template.with_length_scales_times(log_factor.exp())
 }
 
-/// The logarithm of the factor of all length-scales that maximises the sum of E over `sets`.
+/// Returns the logarithm of the factor of all length-scales that maximises the sum of E over `sets`.
 fn best_length_scale_factor(template: &Prior, sets: &[Likelihood<'_>]) -> Result<f64> {
     let tilts = sets.iter().map(|_| None).collect();
     let problem = CommonScale { template, sets, tilts: RefCell::new(tilts) };
@@ -35,18 +37,18 @@ fn best_length_scale_factor(template: &Prior, sets: &[Likelihood<'_>]) -> Result
     let solver = BrentOpt::new(best - LENGTH_SCALE_STEP, best + LENGTH_SCALE_STEP).set_tolerance(0.0, 1e-4);
     let run = Executor::new(&problem, solver).timer(false).configure(|state| state.max_iters(40)).run();
     let refined = run.ok().and_then(|result| result.state().get_best_param().copied()).unwrap_or(best);
-    // Whatever the solver returns, the best place looked at is kept.
+    // The solver may return a worse factor than the best of the seven.
     Ok(if problem.cost_at(refined)? <= problem.cost_at(best)? { refined } else { best })
 }
 
-/// Steps of the logarithm of a common factor of all length-scales.
+/// Step between the compared factors, in the logarithm.
 const LENGTH_SCALE_STEP: f64 = std::f64::consts::LN_2;
 
 /// −Σ E over several sets of events as a function of the logarithm of a common factor of all length-scales.
 struct CommonScale<'a> {
     template: &'a Prior,
     sets: &'a [Likelihood<'a>],
-    /// Of the last fit of each set.
+    /// Tilts of the last fit of each set.
     tilts: RefCell<Vec<Option<Vec<f64>>>>,
 }
 

@@ -1,42 +1,42 @@
-//! How the objective of a search bends, as far as a search needs it (section 7 of [`crate::method`]).
+//! Curvature of the objective of a search (section 7 of [`crate::method`]).
 
 use crate::error::Result;
 use crate::linalg::{Matrix, dot, symmetric_eigen};
 
-/// Directions in the coordinates of a search, and how much its cost per event bends along each.
+/// The principal directions of the cost per event, in the coordinates of a search, with the curvature along each.
 pub(super) struct Curvature {
-    /// Positive.
-    bends: Vec<f64>,
-    /// Along each a step of 1 raises a cost that bends so by ½.
+    /// Curvatures, all positive.
+    curvatures: Vec<f64>,
+    /// Directions, scaled so that a step of 1 from the minimum increases the cost by ½.
     steps: Vec<Vec<f64>>,
     is_measured: bool,
 }
 
 impl Curvature {
-    /// Along every coordinate alike.
-    pub(super) fn alike(size: usize, bend: f64) -> Self {
-        let step = |along| (0..size).map(|place| if place == along { bend.sqrt().recip() } else { 0.0 }).collect();
-        Self { bends: vec![bend; size], steps: (0..size).map(step).collect(), is_measured: false }
+    /// Creates a curvature that is the same along every coordinate.
+    pub(super) fn isotropic(size: usize, curvature: f64) -> Self {
+        let step = |along| (0..size).map(|place| if place == along { curvature.sqrt().recip() } else { 0.0 }).collect();
+        Self { curvatures: vec![curvature; size], steps: (0..size).map(step).collect(), is_measured: false }
     }
 
-    /// Of a matrix of second derivatives. Where the cost bends down it counts as if it bent up as much, so that steps go down
-    /// there, too; and nowhere it bends less than by `least`.
+    /// Computes the curvature from a matrix of second derivatives. Negative eigenvalues are replaced by their absolute values,
+    /// so that steps decrease the cost there, too. Curvatures below `least` are raised to `least`.
     pub(super) fn of(hessian: &Matrix, least: f64) -> Result<Self> {
         let (values, directions) = symmetric_eigen("curvature of a search", hessian)?;
-        let bends: Vec<f64> = values.iter().map(|value| value.abs().max(least)).collect();
-        let step = |(along, bend): (usize, &f64)| {
-            directions.column(along).iter().map(|entry| entry / bend.sqrt()).collect::<Vec<f64>>()
+        let curvatures: Vec<f64> = values.iter().map(|value| value.abs().max(least)).collect();
+        let step = |(along, curvature): (usize, &f64)| {
+            directions.column(along).iter().map(|entry| entry / curvature.sqrt()).collect::<Vec<f64>>()
         };
-        let steps = bends.iter().enumerate().map(step).collect();
-        Ok(Self { bends, steps, is_measured: true })
+        let steps = curvatures.iter().enumerate().map(step).collect();
+        Ok(Self { curvatures, steps, is_measured: true })
     }
 
-    /// Whether somebody looked how the cost bends.
+    /// Returns whether the curvature was computed from second derivatives.
     pub(super) fn is_measured(&self) -> bool {
         self.is_measured
     }
 
-    /// Where so many steps along each direction lead.
+    /// Returns the place that the given steps along the directions lead to.
     pub(super) fn place(&self, from: &[f64], steps: &[f64]) -> Vec<f64> {
         let mut place = from.to_vec();
         for (direction, step) in self.steps.iter().zip(steps) {
@@ -45,15 +45,17 @@ impl Curvature {
         place
     }
 
-    /// A gradient by steps, from that by coordinates. Half its square is what a cost that bends so still has to lose.
+    /// Transforms a gradient by coordinates to a gradient by steps. Half of its squared norm is the decrease that a quadratic
+    /// cost of this curvature still offers.
     pub(super) fn by_steps(&self, gradient: &[f64]) -> Vec<f64> {
         self.steps.iter().map(|direction| dot(direction, gradient)).collect()
     }
 
-    /// How much higher a cost that bends so lies at one of two places, if it is least at the other.
+    /// Returns the increase of a quadratic cost of this curvature from its minimum at one of two places to the other place.
     pub(super) fn rise(&self, a: &[f64], b: &[f64]) -> f64 {
         let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-        let along = self.steps.iter().zip(&self.bends).map(|(direction, bend)| bend * dot(direction, &apart));
+        let along =
+            self.steps.iter().zip(&self.curvatures).map(|(direction, curvature)| curvature * dot(direction, &apart));
         0.5 * along.map(|steps| steps * steps).sum::<f64>()
     }
 }
@@ -63,8 +65,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_leads_to_where_a_quadratic_cost_is_least() -> Result<()> {
-        // ½ xᵀHx − gᵀx is least where Hx = g.
+    fn a_step_leads_to_the_minimum_of_a_quadratic_cost() -> Result<()> {
+        // ½ xᵀHx − gᵀx has its minimum where Hx = g.
         let (hessian, least) =
             (Matrix::from_fn(2, 2, |row, column| [[3.0, 1.0], [1.0, 2.0]][row][column]), [0.4, -0.7]);
         let gradient = |x: &[f64]| -> Vec<f64> {
@@ -82,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_go_down_where_a_cost_bends_down_and_are_short_of_infinite_where_it_is_flat() -> Result<()> {
+    fn steps_decrease_a_concave_cost_and_are_finite_for_a_flat_cost() -> Result<()> {
         let saddle = Matrix::from_fn(2, 2, |row, column| if row == column { [-4.0, 0.0][row] } else { 0.0 });
         let curvature = Curvature::of(&saddle, 0.25)?;
         let gradient = [1.0, 1.0];
@@ -90,8 +92,8 @@ mod tests {
         let mut to = curvature.place(&[0.0, 0.0], &steps);
         to.sort_by(f64::total_cmp);
         assert!((to[0] + 4.0).abs() < 1e-12 && (to[1] + 0.25).abs() < 1e-12, "{to:?}");
-        let alike = Curvature::alike(2, 0.25);
-        assert_eq!(alike.place(&[1.0, 0.0], &[-0.5, 1.0]), [0.0, 2.0]);
+        let isotropic = Curvature::isotropic(2, 0.25);
+        assert_eq!(isotropic.place(&[1.0, 0.0], &[-0.5, 1.0]), [0.0, 2.0]);
         Ok(())
     }
 }

@@ -1,27 +1,28 @@
-//! How far data may move the parameters of a prior.
+//! The hyperprior: a distribution of the parameters of a prior.
 
 use crate::error::{Result, not_negative};
 use crate::parameter::Parameter;
 use crate::prior::Prior;
 
-/// A distribution over priors: independent normal distributions of the parameters about the template's values, of their
-/// logarithms for all but the intercept. Its standard deviations say how far the data may
-/// move each; at 0 the parameter stays what it is.
+/// A distribution over priors: independent normal distributions of the parameters about the template's values.
 ///
-/// They are weak: the default lets a length-scale move by a factor of 4.5 for half a nat. And they are strong enough
-/// that a parameter of which the events say nothing stays where the template has it.
+/// All parameters but the intercept are distributed on the logarithmic scale. The standard deviations determine how far the
+/// data may move each parameter. A parameter with standard deviation 0 is fixed.
+///
+/// The default is weak: a length-scale may change by a factor of 4.5 for half a nat. It is strong enough to keep parameters
+/// at the template's value if the events contain no information about them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct HyperPrior {
-    /// Of the logarithm of every length-scale.
+    /// Standard deviation of the logarithm of every length-scale.
     pub length_scale: f64,
-    /// Of the logarithm of every variance.
+    /// Standard deviation of the logarithm of every variance.
     pub variance: f64,
-    /// Of the logarithm of every parameter of a kernel shape.
+    /// Standard deviation of the logarithm of every parameter of a kernel shape.
     pub shape: f64,
-    /// Of a constant prior mean, or the intercept of a range prior mean.
+    /// Standard deviation of a constant prior mean, or of the intercept of a range prior mean.
     pub intercept: f64,
-    /// Of the logarithm of the slope of a range prior mean.
+    /// Standard deviation of the logarithm of the slope of a range prior mean.
     pub slope: f64,
 }
 
@@ -68,7 +69,7 @@ impl HyperPrior {
         all.into_iter().try_for_each(|value| not_negative("standard deviation of a hyperprior", value).map(drop))
     }
 
-    /// The standard deviation of every parameter of a prior, in the order of [`Prior::parameter_values`].
+    /// Returns the standard deviation of every parameter of a prior, in the order of [`Prior::parameter_values`].
     pub(super) fn of_parameters(&self, prior: &Prior) -> Vec<f64> {
         let of = |parameter: &Parameter| match parameter {
             Parameter::Variance => self.variance,

@@ -1,6 +1,6 @@
 //! Learning a prior from events: the parameters that maximise the evidence bound E (section 7 of [`crate::method`]).
 //!
-//! The only folder that names the optimiser.
+//! No other folder uses the optimiser crate.
 
 mod calibration;
 mod common;
@@ -25,16 +25,16 @@ use crate::observations::Observations;
 use crate::parameter::Parameter;
 use crate::parts::on_parts;
 use crate::prior::Prior;
-use search::{Found, Search};
+use search::{Search, SearchEnd};
 
-/// One of the starts.
+/// A start of the search.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Start {
-    /// Where it began.
+    /// The prior from which the search started.
     pub prior: Prior,
-    /// E plus the log density of the hyperprior where it ended, on [`Learned::start_events`] events; `None` where E
-    /// could not be computed.
+    /// E plus the log density of the hyperprior at the end, on [`Learned::start_events`] events. `None` if E could not be
+    /// computed.
     pub objective: Option<f64>,
 }
 
@@ -42,56 +42,60 @@ pub struct Start {
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Learned {
-    /// The prior: the optimum, its variances calibrated.
+    /// The learned prior: the optimum with calibrated variances.
     pub prior: Prior,
     /// The fit of all events under the prior; [`Fit::evidence`] is its E.
     pub fit: Fit,
     /// The prior that maximises E within the hyperprior, before its variances were calibrated.
     pub optimum: Prior,
-    /// E of the optimum, in nats, over the events that the search looked at.
+    /// E of the optimum, in nats, over the events of the search.
     pub optimum_evidence: f64,
-    /// What the variances were multiplied by after that, and whether it went well.
+    /// The calibration of the variances of the optimum: the factor, and whether it succeeded.
     pub calibration: Calibration,
-    /// What the starts came to.
+    /// The starts and their results.
     pub starts: Vec<Start>,
-    /// How many events the starts were compared on.
+    /// Number of events on which the starts were compared.
     pub start_events: usize,
-    /// How many events the search looked at: all, or [`LearnOptions::search_events_max`] of them.
+    /// Number of events in the search: all, or [`LearnOptions::search_events_max`] of them.
     pub searched_events: usize,
-    /// How often E was computed for these.
+    /// Number of evaluations of E on these events.
     pub evaluations: usize,
-    /// Why the search on these ended.
+    /// The reason why the search on these events ended.
     pub stop: Stop,
 }
 
-/// Of the tilts, where more events are fitted than were searched: E is then off by 1e-11 nats an event.
+/// Tolerance of the tilts when more events are fitted than were searched. The error of E is then 1e-11 nats an event.
 const ALL_TOLERANCE: f64 = 1e-4;
 
-/// A search on some of the events ends where a step gains less than this, in nats an event.
-const ROUGH: f64 = 1e-6;
+/// Smallest tolerance of a search on some of the events, in nats an event.
+const ROUGH_TOLERANCE: f64 = 1e-6;
 
-/// How the objective bends is learned from a third of the events, and from so many at most.
+/// Largest number of events from which the curvature is computed, in addition to the limit of a third of the events.
 const CURVATURE_EVENTS_MAX: usize = 150;
 
-/// Who is so many nats behind at the end of a race has lost.
-const RACE_NATS: f64 = 5.0;
+/// A start loses the race if it ends more than this below the best, in nats.
+const RACE_MARGIN: f64 = 5.0;
 
-/// Finds the parameters of `template` that maximise E plus the log density of [`LearnOptions::hyper_prior`], by L-BFGS
-/// in the logarithms of length-scales and variances, then calibrates the variances. Messages of others count as in
-/// [`crate::fit`].
+/// Finds the parameters of `template` that maximise E plus the log density of [`LearnOptions::hyper_prior`], then
+/// calibrates the variances.
 ///
-/// Several starts (the template, a third of all its length-scales, and a third of each alone) are compared on few
-/// events. The best of their ends and, because few events may point elsewhere, the template and
-/// [`LearnOptions::further_starts`] then race on somewhat more: from each that leads to a place of its own there, not clearly
-/// worse than the best, there is a search on all events. Of where these lead to, that is the best which has the
-/// greatest corrected evidence ([`Fit::corrected_evidence`]) after its variances are calibrated. With inducing points there
-/// is a second round, with points that suit what the first one found. Of very many events the search looks at
-/// [`LearnOptions::search_events_max`]; all of them are in [`Learned::fit`].
+/// The optimiser is L-BFGS in the logarithms of length-scales and variances. Messages of peers count as in [`crate::fit`].
+/// The search has several stages:
+///
+/// 1. *Starts.* The template, a third of all its length-scales, and a third of each alone are compared on few events.
+/// 2. *Race.* The best end of these races against the template and [`LearnOptions::further_starts`] on more events, because
+///    few events may favour another optimum. A start is dropped if it leads to the same optimum as an earlier one, or to
+///    one that is clearly worse than the best.
+/// 3. *Search.* There is a search on all events from each remaining start, and each end is calibrated. The result is the end
+///    of the greatest corrected evidence ([`Fit::corrected_evidence`]) after calibration.
+/// 4. *Second round.* A sparse search is repeated with inducing points that suit the prior from the first round.
+///
+/// The search uses at most [`LearnOptions::search_events_max`] events. [`Learned::fit`] is the fit of all events.
 ///
 /// ```
 /// use dgpc::{Inputs, Kernel, LearnOptions, Observations, Prior, PriorMean, Shape, Term, learn};
 ///
-/// // Success within a distance of 2.
+/// // Successes within a distance of 2.
 /// let inputs = Inputs::new((0..60).map(|n| f64::from(n) * 0.1 - 3.0).collect(), 1)?;
 /// let outcomes = inputs.rows().map(|x| x[0].abs() < 2.0).collect();
 /// let events = Observations::new(inputs, outcomes)?;
@@ -103,9 +107,10 @@ const RACE_NATS: f64 = 5.0;
 /// ```
 ///
 /// # Errors
-/// As [`crate::fit`] when E cannot be computed at any start; [`Error::OutOfRange`] for options that make no sense;
-/// [`Error::DifferentStructures`] for a warm start of another structure than the template; [`Error::SizeMismatch`] for tilts that
-/// are not one per event.
+/// * As [`crate::fit`] if E cannot be computed at any start.
+/// * [`Error::OutOfRange`] for invalid options.
+/// * [`Error::DifferentStructures`] for a start of another structure than the template.
+/// * [`Error::SizeMismatch`] if the tilts are not one per event.
 pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptions<'_>) -> Result<Learned> {
     options.check(observations.len())?;
     if !options.warm_start.iter().copied().chain(options.further_starts).all(|start| start.has_structure_of(template)) {
@@ -125,7 +130,7 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
     Ok(Learned { fit, searched_events: searched.len(), ..learned })
 }
 
-/// The same, with the search looking at all events.
+/// Learns as [`learn`] does, with all events in the search.
 fn learn_from_all(template: &Prior, observations: &Observations, options: &LearnOptions<'_>) -> Result<Learned> {
     let likelihood = Likelihood::new(observations, options.messages)?;
     if let Some(start) = options.warm_start {
@@ -142,16 +147,16 @@ fn learn_from_all(template: &Prior, observations: &Observations, options: &Learn
     }
     again.extend_from_slice(options.further_starts);
     let again = race(template, again, observations, options)?;
-    // Points for shorter length-scales than the start's serve them too; the other way round they would hide what is
-    // short.
+    // Points for length-scales shorter than the start's also serve the start's. Points for long length-scales would hide
+    // short ones.
     let points = inducing_points(&again[0].with_length_scales_times(1.0 / 3.0)?, &likelihood, options)?;
     let is_sparse = points.is_some();
     let mut learned = learn_from(template, &again, &likelihood, points, options)?;
     if is_sparse {
-        // Once more with the points that suit what was found.
+        // Repeat the search with points that suit the learned prior.
         let points = inducing_points(&learned.optimum, &likelihood, options)?;
         let again = learn_from(template, std::slice::from_ref(&learned.optimum), &likelihood, points, options);
-        // Where this fails, the first round stands.
+        // If the second round fails, the result of the first round stays.
         if let Ok(again) = again
             && again.optimum_evidence > learned.optimum_evidence
         {
@@ -161,21 +166,25 @@ fn learn_from_all(template: &Prior, observations: &Observations, options: &Learn
     Ok(Learned { starts, start_events: some.len(), ..learned })
 }
 
-/// Searches from every start on a few events. The starts, and the best of their ends.
+/// Searches from every start on a few events. Returns the starts with their results, and the best end.
 fn compare_starts(template: &Prior, few: &Likelihood<'_>, options: &LearnOptions<'_>) -> Result<(Vec<Start>, Prior)> {
     let rough = rough(options);
     let search = Search::new(template, few, None, &rough);
     let begin = starting_points(template, options)?;
     let ends = search.run(&begin);
-    let start =
-        |(prior, end): (Prior, &Result<Found>)| Start { prior, objective: end.as_ref().ok().map(|end| end.objective) };
+    let start = |(prior, end): (Prior, &Result<SearchEnd>)| Start {
+        prior,
+        objective: end.as_ref().ok().map(|end| end.objective),
+    };
     let starts = begin.into_iter().zip(&ends).map(start).collect();
     Ok((starts, best(ends)?.prior))
 }
 
-/// The places from which all events are worth a search: the starts, but for those that on fewer events lead to one place
-/// with another or to one that is clearly worse than the best. The first of them is a place that few events led to, and goes
-/// on from where more lead; the others begin where they are, because fewer events may lead them elsewhere than all do.
+/// Returns the priors from which a search on all events is worthwhile.
+///
+/// The starts are compared by searches on fewer events. A start is dropped if it leads to the end of an earlier start, or to
+/// one that is clearly worse than the best. The first start comes from an earlier search and is replaced by its end in the
+/// race. The others stay where they are, because fewer events may lead them elsewhere than all events do.
 fn race(
     template: &Prior,
     starts: Vec<Prior>,
@@ -188,18 +197,18 @@ fn race(
     }
     let some = observations.select(&spread_out(observations.len(), racers));
     let likelihood = Likelihood::new(&some, options.messages)?;
-    let (rough, fewer) = (rough(options), few_of(&some));
+    let (rough, fewer) = (rough(options), curvature_events(&some));
     let few = Likelihood::new(&fewer, options.messages)?;
     let few = Search::new(template, &few, None, &rough);
-    let search = Search::new(template, &likelihood, None, &rough).bent_as(&few);
-    let Ok(ends) = search.run(&starts).into_iter().collect::<Result<Vec<Found>>>() else {
-        // Where one cannot be followed on few events, all events decide about it.
+    let search = Search::new(template, &likelihood, None, &rough).scaled_by_curvature_of(&few);
+    let Ok(ends) = search.run(&starts).into_iter().collect::<Result<Vec<SearchEnd>>>() else {
+        // If one of the searches fails on few events, all events decide about the starts.
         return Ok(starts);
     };
     let most = ends.iter().map(|end| end.objective).fold(f64::NEG_INFINITY, f64::max);
     let mut kept: Vec<usize> = vec![0];
     for (place, end) in ends.iter().enumerate().skip(1) {
-        if !end.is_known && end.objective > most - RACE_NATS {
+        if !end.is_known && end.objective > most - RACE_MARGIN {
             kept.push(place);
         }
     }
@@ -208,19 +217,19 @@ fn race(
     Ok(kept)
 }
 
-/// So many of the events that they tell how a search on all of them should step, and cost little beside it.
-fn few_of(observations: &Observations) -> Observations {
+/// Returns a subset of the events that is large enough for the curvature of the objective and small enough to be cheap.
+fn curvature_events(observations: &Observations) -> Observations {
     observations.select(&spread_out(observations.len(), (observations.len() / 3).min(CURVATURE_EVENTS_MAX)))
 }
 
-/// How to search where the end is only a place to go on from.
+/// Returns the options of a search whose end is only the start of another search.
 fn rough<'a>(options: &LearnOptions<'a>) -> LearnOptions<'a> {
-    LearnOptions { tolerance: options.tolerance.max(ROUGH), ..*options }
+    LearnOptions { tolerance: options.tolerance.max(ROUGH_TOLERANCE), ..*options }
 }
 
-/// The best of several ends; where all searches failed, why.
-fn best(ends: Vec<Result<Found>>) -> Result<Found> {
-    let better = |a: Result<Found>, b: Result<Found>| match (a, b) {
+/// Returns the best of several ends, or an error if all searches failed.
+fn best(ends: Vec<Result<SearchEnd>>) -> Result<SearchEnd> {
+    let better = |a: Result<SearchEnd>, b: Result<SearchEnd>| match (a, b) {
         (Ok(a), Ok(b)) => Ok(if b.objective > a.objective { b } else { a }),
         (a, b) => a.or(b),
     };
@@ -228,7 +237,7 @@ fn best(ends: Vec<Result<Found>>) -> Result<Found> {
     ends.into_iter().reduce(better).unwrap_or(Err(none))
 }
 
-/// The template, a third of all its length-scales, and a third of each alone.
+/// Returns the starts: the template, a third of all its length-scales, and a third of each alone.
 fn starting_points(template: &Prior, options: &LearnOptions<'_>) -> Result<Vec<Prior>> {
     if options.hyper_prior.length_scale == 0.0 {
         return Ok(vec![template.clone()]);
@@ -257,11 +266,13 @@ fn learn_from(
     points: Option<Inputs>,
     options: &LearnOptions<'_>,
 ) -> Result<Learned> {
-    let few = few_of(likelihood.observations);
+    let few = curvature_events(likelihood.observations);
     let few = Likelihood::new(&few, options.messages)?;
     let few = Search::new(template, &few, None, options);
-    let search = Search::new(template, likelihood, points.as_ref(), options).bent_as(&few).beginning_at(options.tilts);
-    let (mut ends, mut failure) = (Vec::<Found>::new(), None);
+    let search = Search::new(template, likelihood, points.as_ref(), options)
+        .scaled_by_curvature_of(&few)
+        .starting_at_tilts(options.tilts);
+    let (mut ends, mut failure) = (Vec::<SearchEnd>::new(), None);
     let mut evaluations = 0;
     for end in search.run(starts) {
         match end {
@@ -282,24 +293,24 @@ fn learn_from(
     Ok(Learned { evaluations, ..best.learned })
 }
 
-/// Where one search led to, calibrated.
+/// The calibrated end of one search.
 struct End {
     learned: Learned,
     /// The corrected evidence plus the log density of the hyperprior.
     merit: f64,
 }
 
-/// Fits carefully where a search ended, and calibrates the variances there.
-fn finish(search: &Search<'_>, found: Found, points: Option<&Inputs>, options: &LearnOptions<'_>) -> Result<End> {
-    let ended = search.careful_fit(&found.prior, &found.tilts)?;
+/// Fits the end of a search accurately, and calibrates the variances there.
+fn finish(search: &Search<'_>, found: SearchEnd, points: Option<&Inputs>, options: &LearnOptions<'_>) -> Result<End> {
+    let at_end = search.careful_fit(&found.prior, &found.tilts)?;
     let (optimum, fit) = match options.warm_start {
-        // What the hyperprior gains must not be paid for in E.
+        // A gain in the hyperprior's density must not cost evidence.
         Some(start) => {
             let start = search.within_reach(start)?;
-            let begun = search.careful_fit(&start, &found.tilts)?;
-            if ended.evidence >= begun.evidence { (found.prior, ended) } else { (start, begun) }
+            let at_start = search.careful_fit(&start, &found.tilts)?;
+            if at_end.evidence >= at_start.evidence { (found.prior, at_end) } else { (start, at_start) }
         }
-        None => (found.prior, ended),
+        None => (found.prior, at_end),
     };
     let optimum_evidence = fit.evidence;
     let calibrate = options.calibrate && options.hyper_prior.variance > 0.0;
@@ -329,9 +340,10 @@ fn finish(search: &Search<'_>, found: Found, points: Option<&Inputs>, options: &
     Ok(End { learned, merit })
 }
 
-/// Inducing points for all events, where they are too many for a dense fit: those that suit the prior, or shorter
-/// length-scales where fewer than allowed would do. A prior that is too smooth needs few, and with few no shorter
-/// length-scale could show itself.
+/// Returns inducing points for all events, or `None` if a dense fit is possible.
+///
+/// The points suit the prior. If it needs fewer points than allowed, the points suit shorter length-scales instead. A prior
+/// that is too smooth needs few points, and with few points shorter length-scales could not be found.
 fn inducing_points(prior: &Prior, likelihood: &Likelihood<'_>, options: &LearnOptions<'_>) -> Result<Option<Inputs>> {
     if likelihood.events() <= options.dense_events_max {
         return Ok(None);
@@ -360,8 +372,8 @@ mod tests {
     use crate::prior_mean::PriorMean;
 
     #[test]
-    fn few_events_tell_steps_that_save_evaluations_and_lead_to_the_same_end() -> Result<()> {
-        // Waves that are shorter from axis to axis, the last of which says nothing: what is known very well, and not at all.
+    fn curvature_from_few_events_saves_evaluations_and_leads_to_the_same_end() -> Result<()> {
+        // The waves get shorter from axis to axis, and the last axis has no influence.
         let along = |n: u32, step: f64| (f64::from(n) * step).fract() * 4.0;
         let points: Vec<[f64; 4]> = (0..300).map(|n| [0.618, 0.414, 0.732, 0.236].map(|step| along(n, step))).collect();
         let outcomes = points.iter().map(|x| (0.5 * x[0]).sin() + x[1].sin() + (2.0 * x[2]).sin() > 0.8).collect();
@@ -381,9 +393,10 @@ mod tests {
         let (mut with, mut without) = (0, 0);
         for start in &starts {
             let start = std::slice::from_ref(start);
-            let (bent, plain) = (search().bent_as(&few).run(start).remove(0)?, search().run(start).remove(0)?);
-            assert!((bent.objective - plain.objective).abs() < 1e-2, "{} and {}", bent.objective, plain.objective);
-            with += bent.evaluations;
+            let (scaled, plain) =
+                (search().scaled_by_curvature_of(&few).run(start).remove(0)?, search().run(start).remove(0)?);
+            assert!((scaled.objective - plain.objective).abs() < 1e-2, "{} and {}", scaled.objective, plain.objective);
+            with += scaled.evaluations;
             without += plain.evaluations;
         }
         assert!(10 * with <= 9 * without, "{with} evaluations instead of {without}");

@@ -1,49 +1,51 @@
-//! How a prior is learned.
+//! Options for learning a prior.
 
 use super::hyper_prior::HyperPrior;
 use crate::error::{Result, not_negative, positive, same_size};
 use crate::prior::Prior;
 use crate::summary::Summary;
 
-/// How to search for the parameters of a prior.
+/// Options for the search for the parameters of a prior.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct LearnOptions<'a> {
-    /// What others said of the same latent function; none if not said otherwise.
+    /// Messages of peers about the same latent function; none by default.
     pub messages: &'a [&'a Summary],
-    /// How far parameters may go from the template's.
+    /// Distribution of the parameters about the template's values.
     pub hyper_prior: HyperPrior,
-    /// Start here, on all events that the search looks at: an earlier [`crate::Learned::optimum`], of the template's
-    /// structure. The new optimum is never worse in E of these. Without it there are several starts.
+    /// The only start, apart from `further_starts`: an earlier [`crate::Learned::optimum`], of the template's structure. The
+    /// new optimum is never worse in E, over the events of the search. Without a warm start there are several starts.
     pub warm_start: Option<&'a Prior>,
-    /// Fits begin at these tilts, one per event: those of [`crate::Fit::tilts`] under a similar prior. They change nothing but
-    /// how long the first ones take.
+    /// Initial tilts of the first fits, one per event, such as [`crate::Fit::tilts`] under a similar prior. They change only
+    /// the duration of these fits.
     pub tilts: Option<&'a [f64]>,
-    /// Start here too, beside where the search starts anyway: beside a warm start always, else unless that leads to the same
-    /// place or loses the race ([`LearnOptions::race_events_max`]); of the template's structure.
+    /// Further starts, of the template's structure. With a warm start they are always searched. Otherwise a further start is
+    /// dropped if it leads to the same optimum or loses the race ([`LearnOptions::race_events_max`]).
     pub further_starts: &'a [Prior],
-    /// How many events the starts are compared on, at most: 150 if not said otherwise.
+    /// Largest number of events on which the starts are compared. The default is 150.
     pub start_events_max: usize,
-    /// How many events decide from which starts all of them are searched, where there are at least twice as many: 500 if not
-    /// said otherwise; at 0 all starts are searched from. Half as many have been seen to hide the better of two optima.
+    /// Number of events in the race, which decides from which starts all events are searched. The default is 500.
+    ///
+    /// The race takes place if there are at least twice as many events. With 0 there is no race, and all starts are searched.
+    /// Races on 250 events have hidden the better of two optima.
     pub race_events_max: usize,
-    /// The search looks at so many events at most, spread evenly, 4000 if not said otherwise; what it finds is then fitted to
-    /// all of them. What more events would still move in the parameters, predictions do not show.
+    /// Largest number of events in the search, spread evenly. The default is 4000. The result is then fitted to all events.
+    /// More events would still change the parameters, but not noticeably the predictions.
     pub search_events_max: usize,
-    /// Up to so many events, 1200 if not said otherwise, E is that of the dense fit, O(N³) an evaluation; beyond, that
-    /// of a sparse one, O(NM²).
+    /// Largest number of events for which E is that of a dense fit, O(N³) an evaluation. The default is 1200. Beyond it, E is
+    /// that of a sparse fit, O(NM²).
     pub dense_events_max: usize,
-    /// Inducing points M of a sparse fit, chosen greedily among the events, beside those of the messages: 256 if not
-    /// said otherwise.
+    /// Largest number M of inducing points of a sparse fit, chosen greedily among the events. The default is 256. The
+    /// inducing points of the messages are added to them.
     pub inducing_points_max: usize,
-    /// How many steps a search takes at most: 60 if not said otherwise.
+    /// Largest number of steps of a search. The default is 60.
     pub iterations_max: usize,
-    /// A search ends where a step gains less than this, in nats an event, or where ten times as much is all that is left to
-    /// gain, by the gradient and how E bends: 1e-7 if not said otherwise.
+    /// A search ends when a step gains less than this, in nats an event. The default is 1e-7. A search also ends when the
+    /// gradient and the curvature of E predict a remaining gain of less than ten times this.
     pub tolerance: f64,
-    /// Whether all variances are multiplied by a common factor at the end, that which maximises the corrected evidence
-    /// ([`crate::Fit::corrected_evidence`]): the slack of E grows with the variance, so that E alone leaves it too
-    /// small. So it is if not said otherwise.
+    /// Whether all variances are finally multiplied by the common factor that maximises the corrected evidence
+    /// ([`crate::Fit::corrected_evidence`]). The default is true. The slack of E grows with the variance, so that E alone
+    /// leaves the variance too small.
     pub calibrate: bool,
 }
 
@@ -140,13 +142,13 @@ impl<'a> LearnOptions<'a> {
         Self { calibrate, ..self }
     }
 
-    /// Checks the numbers.
+    /// Checks the options.
     pub(super) fn check(&self, events: usize) -> Result<()> {
         if let Some(tilts) = self.tilts {
             same_size("tilts to begin at, one per event", events, tilts.len())?;
         }
         positive("largest number of inducing points", self.inducing_points_max as f64)?;
-        positive("largest number of events that a search looks at", self.search_events_max as f64)?;
+        positive("largest number of events in a search", self.search_events_max as f64)?;
         not_negative("tolerance of a search", self.tolerance)?;
         self.hyper_prior.check()
     }

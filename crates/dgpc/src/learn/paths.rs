@@ -1,49 +1,49 @@
-//! The ways of searches from several starts. They may be gone beside each other: what comes of them does not depend on that.
+//! Paths of searches from several starts. The searches may run in parallel; the result does not depend on that.
 
 use std::sync::OnceLock;
 
 use crate::error::Result;
 
-/// Why a search ended.
+/// The reason why a search ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Stop {
-    /// By its gradient, and how E bends, hardly anything is left to gain; or E did not change any more.
+    /// The gradient and the curvature of E predict almost no further gain, or E did not change any more.
     Converged,
-    /// It took as many steps as it was allowed.
+    /// The search took the largest allowed number of steps.
     IterationsMax,
-    /// No step along the search direction helped, or E could not be computed there, in the optimiser's words. What was
-    /// best so far is kept.
+    /// No step along the search direction increased E, or E could not be computed there. The text is the optimiser's
+    /// message. The best place so far is kept.
     NoProgress(String),
 }
 
-/// A place on the way that is better than all before it.
+/// A place on a path that is better than all places before it.
 pub(super) struct Step {
     pub(super) coordinates: Vec<f64>,
     /// E plus the log density of the hyperprior.
     pub(super) objective: f64,
-    /// How many places were looked at up to here.
+    /// Number of evaluations up to this place.
     pub(super) evaluations: usize,
 }
 
-/// The way of one search.
+/// The path of one search.
 pub(super) struct Path {
-    /// At least one.
+    /// The steps, at least one.
     pub(super) steps: Vec<Step>,
-    /// Tilts of the fit at the last of them.
+    /// Tilts of the fit at the last step.
     pub(super) tilts: Vec<f64>,
     pub(super) evaluations: usize,
     pub(super) stop: Stop,
 }
 
 impl Path {
-    /// The first step that leads to one of `ends`.
+    /// Returns the index of the first step that leads to one of `ends`.
     fn first_to(&self, ends: &[&Step], leads_to: impl Fn(&Step, &Step) -> bool) -> Option<usize> {
         self.steps.iter().position(|step| ends.iter().any(|end| leads_to(step, end)))
     }
 }
 
-/// One for every start, as far as it has been gone.
+/// The paths of all starts, as far as they are finished.
 pub(super) struct Paths(Vec<OnceLock<Result<Path>>>);
 
 impl Paths {
@@ -51,13 +51,13 @@ impl Paths {
         Self((0..starts).map(|_| OnceLock::new()).collect())
     }
 
-    /// The path from one of the starts; the first that is said counts.
+    /// Stores the path of a start. The first stored path of a start counts.
     pub(super) fn set(&self, start: usize, path: Result<Path>) {
         let _ = self.0[start].set(path);
     }
 
-    /// Where those from earlier starts ended, but for those that led to the end of a still earlier one; as far as all that is
-    /// known yet. Whoever comes near one of them will still do so when more is known.
+    /// Returns the ends of the finished paths from earlier starts, without those that led to the end of a still earlier
+    /// path. Ends in this list stay in it when more paths finish.
     pub(super) fn ends_before(&self, start: usize, leads_to: impl Fn(&Step, &Step) -> bool) -> Vec<&Step> {
         let mut ends = Vec::new();
         for path in self.0[..start].iter().map_while(OnceLock::get).flatten() {
@@ -68,7 +68,8 @@ impl Paths {
         ends
     }
 
-    /// All paths, when all have been gone: each with its first step that leads to the end of an earlier one, if there is any.
+    /// Returns all finished paths. Each comes with the index of its first step that leads to the end of an earlier path, if
+    /// there is one.
     pub(super) fn settled(self, leads_to: impl Fn(&Step, &Step) -> bool) -> Vec<Result<(Path, Option<usize>)>> {
         let first_known = |(start, path): (usize, &OnceLock<Result<Path>>)| {
             path.get()?.as_ref().ok()?.first_to(&self.ends_before(start, &leads_to), &leads_to)
@@ -95,8 +96,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_known_does_not_depend_on_who_was_first() {
-        // The second leads to the first's end, the third to where the second went on to, the fourth to the third's end.
+    fn known_ends_do_not_depend_on_the_order_of_the_searches() {
+        // Path 1 passes the end of path 0, path 2 leads to the point where path 1 ended later, and path 3 to path 2's end.
         let ways: [&[f64]; 4] = [&[0.0, 1.0], &[3.0, 1.2, 5.0], &[9.0, 5.1], &[4.0, 5.0]];
         let expected = [None, Some(1), None, Some(1)];
         for order in [[0, 1, 2, 3], [3, 2, 1, 0], [1, 3, 0, 2]] {

@@ -1,4 +1,4 @@
-//! The search behind learning: L-BFGS over the evidence bound (section 7 of [`crate::method`]).
+//! The search for the optimal prior: L-BFGS over the evidence bound (section 7 of [`crate::method`]).
 
 use std::cell::RefCell;
 
@@ -17,35 +17,37 @@ use crate::linalg::Matrix;
 use crate::parts::on_parts;
 use crate::prior::Prior;
 
-/// No search goes farther from the template than its start by more than so many standard deviations of the hyperprior.
+/// Largest distance of a search beyond its start, in standard deviations of the hyperprior.
 const COORDINATE_MAX: f64 = 8.0;
 
-/// Ends of searches that differ by less than this in nats and in every coordinate are one.
+/// Ends of searches that differ by less than this in nats, and by less than [`SAME_COORDINATE`], count as one.
 const SAME_OBJECTIVE: f64 = 0.05;
+/// Largest difference of a coordinate between ends that count as one.
 const SAME_COORDINATE: f64 = 0.1;
 
-/// A search that is so many nats below a known end, and no farther from it by what is known of how the objective bends, leads there.
+/// Largest difference, in nats, between a known end and a search that leads to it. The difference that the curvature
+/// predicts from their distance must be smaller than this, too.
 const NEAR: f64 = 0.5;
 
-/// Fewer events do not tell how an objective bends.
+/// Smallest number of events from which the curvature of the objective can be computed.
 const CURVATURE_EVENTS_MIN: usize = 50;
 
-/// Step of a coordinate from which differences of gradients tell how the objective bends.
+/// Step of a coordinate for the differences of gradients that give the curvature.
 const DIFFERENCE: f64 = 0.1;
 
-/// A search ends where all that is left to gain is so many times what a step must gain.
+/// A search ends when the predicted remaining gain is below this multiple of the gain that a step must have.
 const LEFT: f64 = 10.0;
 
-/// Fits on the way are no more careful and no less than this.
+/// Smallest and largest tolerance of the fits during a search.
 const TILT_TOLERANCES: (f64, f64) = (1e-4, 3e-3);
 
-/// Fits need not tell steps apart that gain so small a share of what the last one did.
+/// Share of the last step's gain that the fits of the next step must resolve.
 const GAIN_SHARE: f64 = 0.02;
 
 /// The first step of a search changes no coordinate by more than this.
 const FIRST_STEP: f64 = 0.5;
 
-/// Nats per event that no sensible place costs.
+/// Cost in nats per event that exceeds the cost of every sensible place.
 const COST_BEYOND: f64 = 100.0;
 
 /// A maximisation of E plus the log density of the hyperprior.
@@ -54,26 +56,26 @@ pub(super) struct Search<'a> {
     points: Option<&'a Inputs>,
     template: &'a Prior,
     centre: Vec<f64>,
-    /// Places of the parameters that may move, and how far each may.
+    /// Indices of the parameters that may move, with their standard deviations in the hyperprior.
     moving: Vec<(usize, f64)>,
-    /// The same on fewer events, which tell how the objective bends.
+    /// The same search on fewer events, from which the curvature of the objective is computed.
     few: Option<&'a Search<'a>>,
-    /// Where the first fit begins.
+    /// Initial tilts of the first fit.
     tilts: Option<&'a [f64]>,
     iterations_max: u64,
     tolerance: f64,
 }
 
-/// Where a search ended, or came to where it leads to the end of one from an earlier start.
-pub(super) struct Found {
+/// The end of a search, or the place from which it leads to the end of an earlier search.
+pub(super) struct SearchEnd {
     pub(super) prior: Prior,
     /// E plus the log density of the hyperprior.
     pub(super) objective: f64,
-    /// Tilts of a fit at its end.
+    /// Tilts of a fit at the end of the search.
     pub(super) tilts: Vec<f64>,
     pub(super) evaluations: usize,
     pub(super) stop: Stop,
-    /// Whether it leads to where an earlier search ended, as far as it matters.
+    /// Whether the search leads to the end of an earlier search.
     pub(super) is_known: bool,
 }
 
@@ -91,42 +93,44 @@ impl<'a> Search<'a> {
         Self { likelihood, points, template, centre, moving, few: None, tilts: None, iterations_max, tolerance }
     }
 
-    /// With steps that suit how the objective of `few`, the same search on fewer events, bends where this one starts; where
-    /// that tells something, and costs little.
-    pub(super) fn bent_as(self, few: &'a Search<'a>) -> Self {
+    /// Scales the steps by the curvature of the objective at the first start. The curvature is computed from `few`, the same
+    /// search on fewer events. It is not used if `few` has too few events to be accurate, or too many to be cheap.
+    pub(super) fn scaled_by_curvature_of(self, few: &'a Search<'a>) -> Self {
         let pays = (CURVATURE_EVENTS_MIN..=self.likelihood.len() / 3).contains(&few.likelihood.len());
         Self { few: pays.then_some(few), ..self }
     }
 
-    /// With the first fit beginning at the tilts of another one of the same events, if there are any.
-    pub(super) fn beginning_at(self, tilts: Option<&'a [f64]>) -> Self {
+    /// Starts the first fit at the given tilts, from another fit of the same events.
+    pub(super) fn starting_at_tilts(self, tilts: Option<&'a [f64]>) -> Self {
         Self { tilts, ..self }
     }
 
-    /// Of the fits on the way, where a step gained so much, in nats an event. E does not change with the tilts to first order, so
-    /// that its error, a thousandth of this squared, is a tenth of what the next step should gain.
+    /// Returns the tolerance of the next fit, from the gain of the last step, in nats an event.
+    ///
+    /// E does not change with the tilts to first order. Its error is a thousandth of the squared tolerance, which is a tenth
+    /// of the gain that the next step should have.
     fn tilt_tolerance(&self, gained: f64) -> f64 {
         let gain = self.tolerance.max(GAIN_SHARE * gained);
         (10.0 * gain.sqrt()).clamp(TILT_TOLERANCES.0, TILT_TOLERANCES.1)
     }
 
-    /// How many events it looks at.
+    /// Returns the number of events in the search.
     pub(super) fn events(&self) -> usize {
         self.likelihood.events()
     }
 
-    /// Coordinates of a prior: what moves, in units of its spread about the template.
+    /// Returns the coordinates of a prior: its moving parameters minus the template's, in units of their standard deviations.
     fn coordinates(&self, prior: &Prior) -> Vec<f64> {
         let parameters = prior.parameter_values();
         self.moving.iter().map(|&(place, spread)| (parameters[place] - self.centre[place]) / spread).collect()
     }
 
-    /// The prior that a search from `start` begins at: what may not move is the template's.
+    /// Returns the prior from which a search with this start begins. Fixed parameters are those of the template.
     pub(super) fn within_reach(&self, start: &Prior) -> Result<Prior> {
         self.prior(&self.coordinates(start))
     }
 
-    /// Log density of the hyperprior, but for a constant.
+    /// Returns the log density of the hyperprior, up to a constant.
     pub(super) fn log_density(&self, prior: &Prior) -> f64 {
         -0.5 * self.coordinates(prior).iter().map(|x| x * x).sum::<f64>()
     }
@@ -143,17 +147,17 @@ impl<'a> Search<'a> {
         1.0 / self.likelihood.len().max(1) as f64
     }
 
-    /// The fit, and the gradient of E.
+    /// Returns the fit and the gradient of E.
     fn gradient(&self, prior: &Prior, options: &FitOptions<'_>) -> Result<(MeanField, Vec<f64>)> {
         solve_with_gradient(prior, self.likelihood, self.points, options)
     }
 
-    /// A gradient by coordinates, from that by all parameters.
+    /// Converts a gradient by all parameters to a gradient by coordinates.
     fn by_coordinates(&self, by_parameter: &[f64]) -> Vec<f64> {
         self.moving.iter().map(|&(place, spread)| spread * by_parameter[place]).collect()
     }
 
-    /// How −E per event changes with the coordinates, and the tilts of its fit.
+    /// Returns the gradient of −E per event by the coordinates, and the tilts of the fit.
     fn slope(&self, coordinates: &[f64], tilts: Option<&[f64]>) -> Result<(Vec<f64>, Vec<f64>)> {
         let mut options = FitOptions::default().tolerance(TILT_TOLERANCES.0);
         options.start = tilts;
@@ -162,8 +166,8 @@ impl<'a> Search<'a> {
         Ok((slope.collect(), fit.tilts))
     }
 
-    /// How −(E + log density of the hyperprior) per event bends, by differences of what fewer events say. As dear as a fit of
-    /// these for every coordinate.
+    /// Returns the curvature of −(E + log density of the hyperprior) per event at a prior. It is computed by differences of
+    /// gradients on fewer events, which takes one fit of these for every coordinate.
     fn curvature(&self, few: &Search<'_>, place: &Prior) -> Result<Curvature> {
         let coordinates = self.coordinates(place);
         let (size, per_event) = (coordinates.len(), self.per_event());
@@ -185,23 +189,23 @@ impl<'a> Search<'a> {
         Curvature::of(&hessian, per_event)
     }
 
-    /// The fit alone.
+    /// Returns the fit without a gradient.
     pub(super) fn fit(&self, prior: &Prior, options: &FitOptions<'_>) -> Result<MeanField> {
         solve(prior, self.likelihood, self.points, options)
     }
 
-    /// A careful fit: E is off by 1e-13 nats an event.
+    /// Returns an accurate fit, whose error of E is 1e-13 nats an event.
     pub(super) fn careful_fit(&self, prior: &Prior, tilts: &[f64]) -> Result<MeanField> {
         self.fit(prior, &FitOptions::default().tolerance(1e-5).start(tilts))
     }
 
-    /// From each start to the nearest maximum, or until it comes to where an earlier one ended: most starts lead to the same
-    /// place, and the last steps there would say nothing new.
-    pub(super) fn run(&self, starts: &[Prior]) -> Vec<Result<Found>> {
-        // How the objective bends at the first start, which is the best guess, serves all: at those far from any end, it may bend
-        // any way.
+    /// Searches from each start to the nearest maximum, or until the search leads to the end of an earlier one. Most starts
+    /// lead to the same maximum, and the last steps to it would give no new information.
+    pub(super) fn run(&self, starts: &[Prior]) -> Vec<Result<SearchEnd>> {
+        // The curvature at the first start, which is the best guess, serves all starts. Far from the optimum, curvatures
+        // differ too much to be useful anyway.
         let measured = self.few.zip(starts.first()).and_then(|(few, start)| self.curvature(few, start).ok());
-        let curvature = measured.unwrap_or_else(|| Curvature::alike(self.moving.len(), self.per_event()));
+        let curvature = measured.unwrap_or_else(|| Curvature::isotropic(self.moving.len(), self.per_event()));
         let paths = Paths::new(starts.len());
         on_parts((0..starts.len()).collect(), |number| {
             paths.set(number, self.path_from(number, &starts[number], &curvature, &paths));
@@ -225,15 +229,15 @@ impl<'a> Search<'a> {
         Ok(Path { steps, tilts, evaluations, stop })
     }
 
-    /// What a path comes to, of which a step may be known to lead to another's end.
-    fn found(&self, Path { mut steps, tilts, evaluations, stop }: Path, known: Option<usize>) -> Result<Found> {
+    /// Converts a path to its result. `known` is the index of the step that leads to another path's end, if there is one.
+    fn found(&self, Path { mut steps, tilts, evaluations, stop }: Path, known: Option<usize>) -> Result<SearchEnd> {
         let is_known = known.is_some();
         let Step { coordinates, objective, evaluations: so_far } = steps.swap_remove(known.unwrap_or(steps.len() - 1));
         let evaluations = if is_known { so_far } else { evaluations };
-        Ok(Found { prior: self.prior(&coordinates)?, objective, tilts, evaluations, stop, is_known })
+        Ok(SearchEnd { prior: self.prior(&coordinates)?, objective, tilts, evaluations, stop, is_known })
     }
 
-    /// Whether a step is at an end, or so near that the search will end there, too.
+    /// Returns whether a step is at an end, or so close to it that the search would end there, too.
     fn leads_to(&self, curvature: &Curvature, step: &Step, end: &Step) -> bool {
         let below = end.objective - step.objective;
         let rise = || curvature.rise(&end.coordinates, &step.coordinates);
@@ -241,7 +245,7 @@ impl<'a> Search<'a> {
         is_near || below.abs() < SAME_OBJECTIVE && farthest(&end.coordinates, &step.coordinates) < SAME_COORDINATE
     }
 
-    /// L-BFGS. Whatever it returns, the best point it looked at is in the memory.
+    /// Runs L-BFGS. The best evaluated place is in the memory of the objective, whatever the optimiser returns.
     fn maximise(&self, objective: &Objective<'_>) -> Stop {
         let start = vec![0.0; objective.start.len()];
         let steepest = (2.0 * LEFT * self.tolerance).sqrt();
@@ -260,46 +264,46 @@ impl<'a> Search<'a> {
     }
 }
 
-/// −(E + log density of the hyperprior) per event, as the optimiser sees it. It asks for cost and gradient at the same
-/// place one after the other; the memory saves the second evaluation.
+/// −(E + log density of the hyperprior) per event, the cost of the optimiser. The optimiser requests cost and gradient at
+/// the same place one after the other. The memory avoids the second evaluation.
 struct Objective<'a> {
     search: &'a Search<'a>,
-    /// The optimiser's origin, in coordinates.
+    /// Origin of the optimiser, in coordinates.
     start: Vec<f64>,
-    /// No place is looked at whose largest coordinate lies beyond.
+    /// Largest coordinate of a place that is evaluated.
     reach: f64,
-    /// Which path this is.
+    /// Index of the path.
     number: usize,
     paths: &'a Paths,
-    /// The optimiser goes in steps of this: then its first one, as long as the gradient, is Newton's.
+    /// The optimiser's unit of steps. With this unit, its first step, the negative gradient, is Newton's step.
     curvature: &'a Curvature,
-    /// What the optimiser sees is so many times the cost: so much of its first step is taken.
+    /// Factor of the cost that the optimiser sees. It shortens the optimiser's first step by the same factor.
     scale: f64,
     memory: RefCell<Memory>,
 }
 
 #[derive(Default)]
 struct Memory {
-    /// The last place, its cost and its gradient.
+    /// The last place, with its cost and gradient.
     last: Option<(Vec<f64>, f64, Vec<f64>)>,
-    /// Places that were better than all before.
+    /// Places that were better than all before them.
     steps: Vec<Step>,
-    /// Tilts of the last of them.
+    /// Tilts of the fit at the last of these places.
     tilts: Vec<f64>,
-    /// What the best place was better than the one before, in nats an event, once there are two.
+    /// Gain of the best place over the best place before it, in nats an event. `None` for fewer than two places.
     gained: Option<f64>,
     evaluations: usize,
 }
 
 impl Objective<'_> {
-    /// So much of Newton's step from the start that no coordinate changes by more than [`FIRST_STEP`].
+    /// Returns the share of Newton's step from the start that changes no coordinate by more than [`FIRST_STEP`].
     fn share_of_first_step(&self) -> Result<f64> {
         let (_, gradient) = self.at(&self.start)?;
         let end = self.curvature.place(&self.start, &self.curvature.by_steps(&gradient));
         Ok((FIRST_STEP / farthest(&end, &self.start)).min(1.0))
     }
 
-    /// Cost and gradient.
+    /// Returns cost and gradient at the given coordinates.
     fn at(&self, coordinates: &[f64]) -> Result<(f64, Vec<f64>)> {
         if coordinates.iter().any(|x| x.abs() > self.reach) {
             return Ok(self.beyond(coordinates));
@@ -330,7 +334,8 @@ impl Objective<'_> {
         Ok((cost, gradient))
     }
 
-    /// Cost and gradient after so many steps, as long as they may still lead to a place that is not known.
+    /// Returns cost and gradient after the given steps. Fails if the best place so far leads to a known end, which stops the
+    /// optimiser.
     fn on_the_way(&self, steps: &[f64]) -> std::result::Result<(f64, Vec<f64>), argmin::core::Error> {
         let (cost, gradient) = self.at(&self.curvature.place(&self.start, steps))?;
         if self.leads_to_known_end() {
@@ -340,7 +345,7 @@ impl Objective<'_> {
         Ok((self.scale * cost, gradient))
     }
 
-    /// Whether the best place so far leads to the end of an earlier search.
+    /// Returns whether the best place so far leads to the end of an earlier search.
     fn leads_to_known_end(&self) -> bool {
         let memory = self.memory.borrow();
         let leads_to = |step: &Step, end: &Step| self.search.leads_to(self.curvature, step, end);
@@ -348,7 +353,7 @@ impl Objective<'_> {
         memory.steps.last().is_some_and(|best| ends().into_iter().any(|end| leads_to(best, end)))
     }
 
-    /// Where a step went much too far, only the hyperprior counts, on top of a cost that no sensible place has.
+    /// Returns cost and gradient at a place that is much too far away: the hyperprior, plus a cost above all sensible costs.
     fn beyond(&self, coordinates: &[f64]) -> (f64, Vec<f64>) {
         let per_event = self.search.per_event();
         let spread: f64 = coordinates.iter().map(|x| 0.5 * x * x).sum();
@@ -356,7 +361,7 @@ impl Objective<'_> {
     }
 }
 
-/// How far the coordinate changes that changes most.
+/// Returns the largest change of a coordinate.
 fn farthest(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |farthest: f64, (a, b)| farthest.max((a - b).abs()))
 }

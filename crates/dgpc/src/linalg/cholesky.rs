@@ -1,4 +1,4 @@
-//! The Cholesky factor of a symmetric positive definite matrix, and what is solved with it.
+//! The Cholesky factor of a symmetric positive definite matrix, and solves with it.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
@@ -12,13 +12,13 @@ use crate::error::{Error, Result};
 /// L with A = LLᵀ, A symmetric and positive definite.
 #[derive(Debug, Clone)]
 pub(crate) struct Cholesky {
-    /// What is above the diagonal may be anything.
+    /// L in the lower triangle. The entries above the diagonal are unspecified.
     pub(super) factor: Matrix,
     jitter: f64,
 }
 
 impl Cholesky {
-    /// Factorises `matrix` (its lower triangle is read) as it is. O(n³/3).
+    /// Factorises `matrix` without jitter. Only its lower triangle is read. O(n³/3).
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`] names `what` and the failing pivot.
@@ -31,18 +31,18 @@ impl Cholesky {
         }
     }
 
-    /// The factor of the identity.
+    /// Returns the factor of the identity.
     pub(crate) fn of_identity(size: usize) -> Self {
         let mut factor = Matrix::zeros(size, size);
         factor.add_to_diagonal(1.0);
         Self { factor, jitter: 0.0 }
     }
 
-    /// Factorises `matrix`; where that fails by rounding, adds to its diagonal the smallest of 1e-14, 1e-13 … 1e-8 of
-    /// its mean that helps, and says so in [`Cholesky::jitter`].
+    /// Factorises `matrix`, with jitter if rounding makes the factorisation fail. The jitter on the diagonal is the smallest
+    /// sufficient one of 1e-14, 1e-13 … 1e-8, times the mean of the diagonal. [`Cholesky::jitter`] returns it.
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`] when even the largest jitter does not help.
+    /// [`Error::NotPositiveDefinite`] if even the largest jitter is not sufficient.
     pub(crate) fn with_jitter(what: &'static str, matrix: &Matrix) -> Result<Self> {
         let size = matrix.rows();
         let mean = matrix.diagonal().iter().sum::<f64>() / size.max(1) as f64;
@@ -63,12 +63,12 @@ impl Cholesky {
         Ok(cholesky)
     }
 
-    /// Room for the factor of an n×n matrix, to be filled and factorised again and again without allocation.
+    /// Allocates the factor of an n×n matrix, for repeated factorisations without further allocation.
     pub(crate) fn reserve(size: usize) -> (Self, CholeskyScratch) {
         (Self { factor: Matrix::zeros(size, size), jitter: 0.0 }, CholeskyScratch::new(size))
     }
 
-    /// Replaces the matrix by what `fill` writes to the lower triangle, and factorises it. O(n³/3), no allocation.
+    /// Lets `fill` write the lower triangle of a new matrix, and factorises that matrix. O(n³/3), no allocation.
     pub(crate) fn refactorise(
         &mut self,
         what: &'static str,
@@ -80,67 +80,67 @@ impl Cholesky {
         self.factorise(scratch).map_err(|pivot| Error::NotPositiveDefinite { what, pivot, size, jitter: 0.0 })
     }
 
-    /// Factorises what `factor` holds; the failing pivot otherwise.
+    /// Factorises the matrix in `factor`. If that fails, returns the failing pivot.
     fn factorise(&mut self, scratch: &mut CholeskyScratch) -> std::result::Result<(), usize> {
         let stack = MemStack::new(&mut scratch.0);
         llt::factor::cholesky_in_place(self.factor.0.as_mut(), Default::default(), Par::Seq, stack, Default::default())
             .map_err(|llt::factor::LltError::NonPositivePivot { index }| index)?;
-        // A NaN passes the pivot test of some code paths; it must not pass this function.
+        // Some code paths of the library accept a NaN as a pivot. This check refuses it.
         match (0..self.size()).find(|&i| !(self.factor[(i, i)] > 0.0 && self.factor[(i, i)].is_finite())) {
             Some(pivot) => Err(pivot),
             None => Ok(()),
         }
     }
 
-    /// Order of the matrix.
+    /// Returns the order of the matrix.
     pub(crate) fn size(&self) -> usize {
         self.factor.rows()
     }
 
-    /// What was added to the diagonal to make the factorisation succeed; 0 in the ordinary case.
+    /// Returns the jitter that was added to the diagonal (ordinarily 0).
     pub(crate) fn jitter(&self) -> f64 {
         self.jitter
     }
 
-    /// ln|A|.
+    /// Returns ln|A|.
     pub(crate) fn log_determinant(&self) -> f64 {
         2.0 * (0..self.size()).map(|i| self.factor[(i, i)].ln()).sum::<f64>()
     }
 
-    /// x ← L⁻¹x. O(n²).
+    /// Replaces x by L⁻¹x. O(n²).
     pub(crate) fn solve_lower(&self, x: &mut [f64]) {
         let x = MatMut::from_column_major_slice_mut(x, self.size(), 1);
         triangular_solve::solve_lower_triangular_in_place(self.factor.view(), x, Par::Seq);
     }
 
-    /// x ← L⁻ᵀx. O(n²).
+    /// Replaces x by L⁻ᵀx. O(n²).
     pub(crate) fn solve_upper(&self, x: &mut [f64]) {
         let x = MatMut::from_column_major_slice_mut(x, self.size(), 1);
         triangular_solve::solve_upper_triangular_in_place(self.factor.t(), x, Par::Seq);
     }
 
-    /// x ← A⁻¹x. O(n²).
+    /// Replaces x by A⁻¹x. O(n²).
     pub(crate) fn solve(&self, x: &mut [f64]) {
         self.solve_lower(x);
         self.solve_upper(x);
     }
 
-    /// X ← L⁻¹X. O(n² columns).
+    /// Replaces X by L⁻¹X. O(n² columns).
     pub(crate) fn solve_lower_matrix(&self, x: &mut Matrix) {
         triangular_solve::solve_lower_triangular_in_place(self.factor.view(), x.0.as_mut(), Par::Seq);
     }
 
-    /// X ← XL⁻ᵀ: solves for every row of X, such as those of many events. O(n² rows).
+    /// Replaces X by XL⁻ᵀ: solves for every row of X, for example the rows of many events. O(n² rows).
     pub(crate) fn solve_rows(&self, x: &mut Matrix) {
         solve_rows(self.factor.view(), x.0.as_mut());
     }
 
-    /// X ← L⁻ᵀX. O(n² columns).
+    /// Replaces X by L⁻ᵀX. O(n² columns).
     pub(crate) fn solve_upper_matrix(&self, x: &mut Matrix) {
         triangular_solve::solve_upper_triangular_in_place(self.factor.t(), x.0.as_mut(), Par::Seq);
     }
 
-    /// L⁻¹XL⁻ᵀ for a symmetric X. O(n³).
+    /// Returns L⁻¹XL⁻ᵀ for a symmetric X. O(n³).
     pub(crate) fn whiten(&self, mut x: Matrix) -> Matrix {
         self.solve_lower_matrix(&mut x);
         let mut x = x.transposed();
@@ -148,7 +148,7 @@ impl Cholesky {
         x
     }
 
-    /// LXLᵀ for a symmetric X. O(n³).
+    /// Returns LXLᵀ for a symmetric X. O(n³).
     pub(crate) fn unwhiten(&self, x: &Matrix) -> Matrix {
         let (mut half, mut whole) = (Matrix::zeros(self.size(), self.size()), Matrix::zeros(self.size(), self.size()));
         multiply_lower(&self.factor, x.view(), &mut half);
@@ -156,19 +156,19 @@ impl Cholesky {
         whole
     }
 
-    /// The factor of LALᵀ, from that of A. O(n³/3).
+    /// Returns the factor of LALᵀ, from the factor of A. O(n³/3).
     pub(crate) fn times(&self, of_a: &Cholesky) -> Self {
         let mut factor = Matrix::zeros(self.size(), self.size());
         multiply_lowers(&self.factor, &of_a.factor, &mut factor);
         Self { factor, jitter: self.jitter }
     }
 
-    /// Columns `first..first + n` of X ← the same columns times L⁻ᵀ.
+    /// Multiplies the columns `first..first + n` of X by L⁻ᵀ from the right.
     pub(crate) fn solve_rows_in_columns(&self, x: &mut Matrix, first: usize) {
         solve_rows(self.factor.view(), x.0.as_mut().subcols_mut(first, self.size()));
     }
 
-    /// Rows `first..first + n` of X ← L⁻¹ of the same rows.
+    /// Multiplies the rows `first..first + n` of X by L⁻¹ from the left.
     pub(crate) fn solve_lower_rows(&self, x: &mut Matrix, first: usize) {
         let rows = x.0.as_mut().subrows_mut(first, self.size());
         triangular_solve::solve_lower_triangular_in_place(self.factor.view(), rows, Par::Seq);
@@ -179,12 +179,12 @@ impl Cholesky {
         triangular_inverse::invert_lower_triangular(out.0.as_mut(), self.factor.view(), Par::Seq);
     }
 
-    /// L·x. O(n²).
+    /// Returns L·x. O(n²).
     pub(crate) fn lower_times(&self, x: &[f64]) -> Vec<f64> {
         (0..self.size()).map(|i| (0..=i).map(|j| self.factor[(i, j)] * x[j]).sum()).collect()
     }
 
-    /// L, with zeros above its diagonal.
+    /// Returns L, with zeros above its diagonal.
     pub(crate) fn lower(&self) -> Matrix {
         Matrix::from_fn(self.size(), self.size(), |i, j| if i >= j { self.factor[(i, j)] } else { 0.0 })
     }
@@ -200,8 +200,8 @@ impl CholeskyScratch {
     }
 }
 
-/// Writes I + diag(roots)·K·diag(roots) to the lower triangle of `b`: for roots of ω the matrix I + Ω^½KΩ^½, which has
-/// no eigenvalue below 1 and always factorises. O(n²).
+/// Writes I + diag(roots)·K·diag(roots) to the lower triangle of `b`. For roots of ω this is I + Ω^½KΩ^½, which has no
+/// eigenvalue below 1 and can always be factorised. O(n²).
 pub(crate) fn fill_scaled(b: &mut Matrix, gram: &Matrix, roots: &[f64]) {
     for column in 0..roots.len() {
         let root = roots[column];

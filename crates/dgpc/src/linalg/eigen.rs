@@ -1,4 +1,4 @@
-//! Eigenvalues of symmetric matrices, and the roots that follow from them.
+//! Eigenvalues and roots of symmetric matrices.
 
 use faer::Par;
 use faer::diag::Diag;
@@ -8,10 +8,10 @@ use faer::linalg::evd;
 use super::matrix::Matrix;
 use crate::error::{Error, Result};
 
-/// Eigenvalues (ascending) and eigenvectors (columns) of a symmetric matrix. O(n³).
+/// Returns the eigenvalues (ascending) and eigenvectors (columns) of a symmetric matrix. O(n³).
 ///
 /// # Errors
-/// [`Error::NoEigenvalues`] if the iteration fails, which takes entries that are not finite.
+/// [`Error::NoEigenvalues`] if the iteration fails, which happens only with entries that are not finite.
 pub(crate) fn symmetric_eigen(what: &'static str, matrix: &Matrix) -> Result<(Vec<f64>, Matrix)> {
     let size = matrix.rows();
     let mut values = Diag::<f64>::zeros(size);
@@ -34,11 +34,12 @@ pub(crate) fn symmetric_eigen(what: &'static str, matrix: &Matrix) -> Result<(Ve
     Ok((values, vectors))
 }
 
-/// R with A = RRᵀ for a symmetric positive semi-definite A that stands beside the identity; eigenvalues below `floor`,
-/// those that rounding made negative among them, count as `floor`.
+/// Returns R with A = RRᵀ for a symmetric positive semi-definite A. Eigenvalues below `floor` are raised to `floor`. This
+/// includes eigenvalues that rounding made negative.
 ///
 /// # Errors
-/// [`Error::NegativeEigenvalue`] when an eigenvalue is more negative than rounding explains.
+/// [`Error::NegativeEigenvalue`] if an eigenvalue is more negative than rounding explains, compared with the larger of 1
+/// and the largest eigenvalue.
 pub(crate) fn semidefinite_root(what: &'static str, matrix: &Matrix, floor: f64) -> Result<Matrix> {
     let (values, mut root) = symmetric_eigen(what, matrix)?;
     let largest = values.iter().fold(1.0f64, |a, v| a.max(v.abs()));

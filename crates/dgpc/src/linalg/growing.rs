@@ -1,4 +1,4 @@
-//! A Cholesky factor that gains rows, and is solved with for many vectors.
+//! A Cholesky factor to which rows can be appended.
 
 use faer::linalg::triangular_solve;
 use faer::{Mat, Par};
@@ -8,26 +8,26 @@ use super::matrix::{Matrix, add_symmetric_product};
 use super::panels::solve_rows;
 use crate::error::{Error, Result};
 
-/// L with A = LLᵀ, and Lᵀ above its diagonal, so that its rows can be read as fast as its columns.
+/// L with A = LLᵀ. Lᵀ is stored above its diagonal, so that rows can be read as fast as columns.
 #[derive(Debug, Clone)]
 pub(crate) struct GrowingCholesky(Cholesky);
 
-/// Rows that a factor gains.
+/// New rows for a factor.
 pub(crate) struct Extension {
     /// L⁻¹X.
     between: Matrix,
-    /// Of C − XᵀA⁻¹X.
+    /// Cholesky factor of C − XᵀA⁻¹X.
     corner: Cholesky,
 }
 
 impl GrowingCholesky {
-    /// No rows yet.
+    /// Returns a factor without rows.
     pub(crate) fn empty() -> Self {
         Self(Cholesky::of_identity(0))
     }
 
-    /// What [`GrowingCholesky::extend`] needs to go from the factor of A (n×n) to that of [A, X; Xᵀ, C], X (n×m) and C
-    /// (m×m): O(n²m + m³).
+    /// Computes the rows that turn the factor of A (n×n) into the factor of [A, X; Xᵀ, C], with X (n×m) and C (m×m).
+    /// [`GrowingCholesky::extend`] appends them. O(n²m + m³).
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`] names `what` and the failing pivot.
@@ -44,7 +44,7 @@ impl GrowingCholesky {
         Ok(Extension { between: x, corner })
     }
 
-    /// Appends m rows to the factor. O((n + m)m), but for the times when there is no room left.
+    /// Appends m rows to the factor. O((n + m)m), except when the storage must be enlarged.
     pub(crate) fn extend(&mut self, Extension { between, mut corner }: Extension) {
         let old = self.0.size();
         corner.factor.mirror_lower();
@@ -59,22 +59,22 @@ impl GrowingCholesky {
         });
     }
 
-    /// x ← A⁻¹x. O(n²).
+    /// Replaces x by A⁻¹x. O(n²).
     pub(crate) fn solve(&self, x: &mut [f64]) {
         self.0.solve(x);
     }
 
-    /// X ← L⁻¹X. O(n² columns).
+    /// Replaces X by L⁻¹X. O(n² columns).
     pub(crate) fn solve_lower_matrix(&self, x: &mut Matrix) {
         self.0.solve_lower_matrix(x);
     }
 
-    /// X ← XL⁻ᵀ: solves for every row of X. O(n² rows).
+    /// Replaces X by XL⁻ᵀ: solves for every row of X. O(n² rows).
     pub(crate) fn solve_rows(&self, x: &mut Matrix) {
         solve_rows(self.0.factor.t(), x.0.as_mut());
     }
 
-    /// The factor in single precision; none where an entry leaves its range. O(n²).
+    /// Returns the factor in single precision, or `None` if an entry leaves the range of single precision. O(n²).
     pub(crate) fn single(&self) -> Option<Single> {
         let (size, factor) = (self.0.size(), &self.0.factor);
         let upper = Mat::from_fn(size, size, |i, j| if i <= j { factor[(i, j)] as f32 } else { 0.0 });
@@ -84,14 +84,14 @@ impl GrowingCholesky {
     }
 }
 
-/// A factor in single precision, to solve faster where half the digits are enough.
+/// A factor in single precision, for faster solves where half the digits are enough.
 pub(crate) struct Single {
     /// Lᵀ.
     upper: Mat<f32>,
 }
 
 impl Single {
-    /// ‖L⁻¹k‖² for every row k of K; none where a number leaves the range of single precision. O(n² rows).
+    /// Returns ‖L⁻¹k‖² for every row k of K, or `None` if a number leaves the range of single precision. O(n² rows).
     pub(crate) fn squared_norms_of_solved(&self, k: &Matrix) -> Option<Vec<f64>> {
         let mut x = k.0.map(|&entry| entry as f32);
         triangular_solve::solve_lower_triangular_in_place(self.upper.transpose(), x.transpose_mut(), Par::Seq);

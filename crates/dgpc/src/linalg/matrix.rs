@@ -1,4 +1,4 @@
-//! The matrix type, and products.
+//! The matrix type, and matrix products.
 
 use std::ops::{Index, IndexMut};
 
@@ -19,47 +19,47 @@ pub struct Matrix(pub(super) Mat<f64>);
 pub(crate) type View<'a> = MatRef<'a, f64>;
 
 impl Matrix {
-    /// The rows × columns matrix of zeros.
+    /// Returns the rows × columns matrix of zeros.
     pub fn zeros(rows: usize, columns: usize) -> Self {
         Self(Mat::zeros(rows, columns))
     }
 
-    /// The matrix with `entry(row, column)` in each place.
+    /// Returns the rows × columns matrix with the entries `entry(row, column)`.
     pub fn from_fn(rows: usize, columns: usize, entry: impl FnMut(usize, usize) -> f64) -> Self {
         Self(Mat::from_fn(rows, columns, entry))
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.0.nrows()
     }
 
-    /// Number of columns.
+    /// Returns the number of columns.
     pub fn columns(&self) -> usize {
         self.0.ncols()
     }
 
-    /// One column.
+    /// Returns one column.
     pub fn column(&self, column: usize) -> &[f64] {
         self.0.col_as_slice(column)
     }
 
-    /// One column, to write to.
+    /// Returns one column for writing.
     pub fn column_mut(&mut self, column: usize) -> &mut [f64] {
         self.0.col_as_slice_mut(column)
     }
 
-    /// All columns, to write to each by itself.
+    /// Returns all columns as separate mutable slices.
     pub(crate) fn split_columns(&mut self) -> Vec<&mut [f64]> {
         columns_mut(self.0.as_mut())
     }
 
-    /// The diagonal.
+    /// Returns the diagonal.
     pub fn diagonal(&self) -> Vec<f64> {
         (0..self.rows().min(self.columns())).map(|i| self[(i, i)]).collect()
     }
 
-    /// Column by column, all entries: as many as rows × columns.
+    /// Returns an iterator over all rows × columns entries, column by column.
     pub fn entries(&self) -> impl Iterator<Item = f64> {
         (0..self.columns()).flat_map(|column| self.column(column)).copied()
     }
@@ -80,7 +80,7 @@ impl Matrix {
         (0..self.rows().min(self.columns())).for_each(|i| self[(i, i)] += value);
     }
 
-    /// The transposed matrix, copied.
+    /// Returns a transposed copy.
     pub fn transposed(&self) -> Self {
         Self(self.0.transpose().to_owned())
     }
@@ -97,47 +97,47 @@ impl Matrix {
         (0..self.columns()).for_each(|column| self.column_mut(column).copy_from_slice(other.column(column)));
     }
 
-    /// Matrix × vector. O(rows × columns).
+    /// Returns the product of the matrix and a vector. O(rows × columns).
     pub(crate) fn times(&self, vector: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; self.rows()];
         multiply_vector(self.view(), vector, &mut out);
         out
     }
 
-    /// Transposed matrix × vector. O(rows × columns).
+    /// Returns the product of the transposed matrix and a vector. O(rows × columns).
     pub(crate) fn transposed_times(&self, vector: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; self.columns()];
         multiply_vector(self.t(), vector, &mut out);
         out
     }
 
-    /// Makes it rows × columns, with entries that may be anything.
+    /// Sets the size to rows × columns. The entries are unspecified afterwards.
     pub(crate) fn resize(&mut self, rows: usize, columns: usize) {
         if (self.rows(), self.columns()) != (rows, columns) {
             *self = Self::zeros(rows, columns);
         }
     }
 
-    /// Makes a square matrix larger; `entry(row, column)` is asked for what it does not have yet. What was there moves only
-    /// when there is no room left, and then room is made for an eighth more.
+    /// Enlarges a square matrix. New entries are `entry(row, column)`. Existing entries are moved only if the storage must
+    /// be enlarged, which then reserves an eighth more than needed.
     pub(crate) fn grow(&mut self, size: usize, entry: impl FnMut(usize, usize) -> f64) {
-        // Columns are as far apart as there is room for rows; asking for what is there does nothing.
+        // The column stride is the number of rows that fit. Reserving room that exists already has no effect.
         let rows = self.0.col_stride().unsigned_abs();
         let room = if rows < size { (size + size / 8).next_multiple_of(16) } else { rows };
         self.0.reserve(room, room);
         self.0.resize_with(size, size, entry);
     }
 
-    /// Adds `other`, entry by entry, `factor` times.
+    /// Adds `factor` · `other`.
     pub(crate) fn add_scaled(&mut self, factor: f64, other: &Matrix) {
         for column in 0..self.columns() {
             add_scaled(factor, other.column(column), self.column_mut(column));
         }
     }
 
-    /// Writes the lower triangle to the upper one.
+    /// Copies the lower triangle to the upper triangle.
     pub(crate) fn mirror_lower(&mut self) {
-        // Tile by tile, so that what is read across columns stays in the first-level cache.
+        // Tiles keep the entries that are read across columns in the first-level cache.
         const TILE: usize = 32;
         for first_column in (0..self.columns()).step_by(TILE) {
             for first_row in (0..=first_column).step_by(TILE) {
@@ -150,7 +150,7 @@ impl Matrix {
         }
     }
 
-    /// ½(A + Aᵀ), in place: takes rounding out of a matrix that is symmetric by its definition.
+    /// Replaces A by ½(A + Aᵀ), to remove rounding errors from a matrix that is symmetric by definition.
     pub(crate) fn symmetrise(&mut self) {
         for column in 1..self.columns() {
             for row in 0..column {
@@ -162,14 +162,14 @@ impl Matrix {
     }
 }
 
-/// A matrix as it is written down.
+/// The serialised form of [`Matrix`].
 #[cfg(feature = "serde")]
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parts {
     rows: usize,
     columns: usize,
-    /// Column by column.
+    /// Entries column by column.
     entries: Vec<f64>,
 }
 
@@ -190,7 +190,7 @@ impl From<Matrix> for Parts {
     }
 }
 
-/// No entries.
+/// Returns the matrix without rows and columns.
 impl Default for Matrix {
     fn default() -> Self {
         Self(Mat::new())
@@ -211,42 +211,42 @@ impl IndexMut<(usize, usize)> for Matrix {
     }
 }
 
-/// aᵀb.
+/// Returns aᵀb.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     widest(Dot(a, b))
 }
 
-/// y ← y + factor·x.
+/// Replaces y by y + factor·x.
 pub(crate) fn add_scaled(factor: f64, x: &[f64], y: &mut [f64]) {
     widest(AddScaled(factor, x, y));
 }
 
-/// ‖a‖².
+/// Returns ‖a‖².
 pub(crate) fn squared_norm(a: &[f64]) -> f64 {
     dot(a, a)
 }
 
-/// A·B, written to `out`.
+/// Writes A·B to `out`.
 pub(crate) fn multiply(a: View<'_>, b: View<'_>, out: &mut Matrix) {
     matmul(out.0.as_mut(), Accum::Replace, a, b, 1.0, Par::Seq);
 }
 
-/// A·B.
+/// Returns A·B.
 pub(crate) fn product(a: View<'_>, b: View<'_>) -> Matrix {
     let mut out = Matrix::zeros(a.nrows(), b.ncols());
     multiply(a, b, &mut out);
     out
 }
 
-/// Adds `factor`·A·Aᵀ to `out`, both triangles; half the work of a general product.
+/// Adds `factor`·A·Aᵀ to both triangles of `out`, with half the work of a general product.
 pub(crate) fn add_symmetric_product(factor: f64, a: View<'_>, out: &mut Matrix) {
     add_symmetric_product_lower(factor, a, out);
     out.mirror_lower();
 }
 
-/// Adds the lower triangle of `factor`·A·Aᵀ to that of `out`; the upper one is anything afterwards.
+/// Adds the lower triangle of `factor`·A·Aᵀ to that of `out`. The upper triangle of `out` is unspecified afterwards.
 pub(crate) fn add_symmetric_product_lower(factor: f64, a: View<'_>, out: &mut Matrix) {
-    // Panels of what lies the other way would have to be rearranged first.
+    // Panels of a matrix stored by rows would have to be rearranged first.
     if a.nrows() <= PANELS_MAX && a.row_stride() == 1 {
         return add_symmetric_product_by_panels(factor, a, out.0.as_mut());
     }
@@ -263,7 +263,7 @@ pub(crate) fn add_symmetric_product_lower(factor: f64, a: View<'_>, out: &mut Ma
     );
 }
 
-/// L·A, written to `out`, for a lower triangular L; half the work of a general product.
+/// Writes L·A to `out` for a lower triangular L, with half the work of a general product.
 pub(crate) fn multiply_lower(lower: &Matrix, a: View<'_>, out: &mut Matrix) {
     triangular::matmul(
         out.0.as_mut(),
@@ -278,7 +278,7 @@ pub(crate) fn multiply_lower(lower: &Matrix, a: View<'_>, out: &mut Matrix) {
     );
 }
 
-/// The product of two lower triangular matrices, written to the lower triangle of `out`. O(n³/3).
+/// Writes the product of two lower triangular matrices to the lower triangle of `out`. O(n³/3).
 pub(crate) fn multiply_lowers(a: &Matrix, b: &Matrix, out: &mut Matrix) {
     triangular::matmul(
         out.0.as_mut(),
@@ -293,7 +293,7 @@ pub(crate) fn multiply_lowers(a: &Matrix, b: &Matrix, out: &mut Matrix) {
     );
 }
 
-/// A·Lᵀ, written to `out`, for a lower triangular L where the product is symmetric: only its lower triangle is computed.
+/// Writes A·Lᵀ to `out` for a lower triangular L. The product must be symmetric; only its lower triangle is computed.
 pub(crate) fn multiply_to_lower(a: &Matrix, lower: &Matrix, out: &mut Matrix) {
     triangular::matmul(
         out.0.as_mut(),
@@ -309,7 +309,7 @@ pub(crate) fn multiply_to_lower(a: &Matrix, lower: &Matrix, out: &mut Matrix) {
     out.mirror_lower();
 }
 
-/// LᵀL, written to the lower triangle of `out`, for a lower triangular L. O(n³/3).
+/// Writes LᵀL to the lower triangle of `out` for a lower triangular L. O(n³/3).
 pub(crate) fn lower_gram(lower: &Matrix, out: &mut Matrix) {
     triangular::matmul(
         out.0.as_mut(),
@@ -324,20 +324,20 @@ pub(crate) fn lower_gram(lower: &Matrix, out: &mut Matrix) {
     );
 }
 
-/// A·x, written to `out`.
+/// Writes A·x to `out`.
 pub(crate) fn multiply_vector(a: View<'_>, x: &[f64], out: &mut [f64]) {
     let x = MatRef::from_column_major_slice(x, a.ncols(), 1);
     let out = MatMut::from_column_major_slice_mut(out, a.nrows(), 1);
     matmul(out, Accum::Replace, a, x, 1.0, Par::Seq);
 }
 
-/// Rows `first..` of X ← A·(those rows), for a square A.
+/// Multiplies the rows from `first` on by a square A from the left. A determines the number of rows.
 pub(crate) fn multiply_rows(a: View<'_>, x: &mut Matrix, first: usize) {
     let old = x.0.as_ref().subrows(first, a.nrows()).to_owned();
     matmul(x.0.as_mut().subrows_mut(first, a.nrows()), Accum::Replace, a, old.as_ref(), 1.0, Par::Seq);
 }
 
-/// Columns `first..` of X ← (those columns)·A, for a square A.
+/// Multiplies the columns from `first` on by a square A from the right. A determines the number of columns.
 pub(crate) fn multiply_columns(x: &mut Matrix, first: usize, a: View<'_>) {
     let old = x.0.as_ref().subcols(first, a.nrows()).to_owned();
     matmul(x.0.as_mut().subcols_mut(first, a.nrows()), Accum::Replace, old.as_ref(), a, 1.0, Par::Seq);

@@ -1,7 +1,7 @@
-//! Dense linear algebra: the only folder that names the linear-algebra crate.
+//! Dense linear algebra. No other folder uses the linear-algebra crate.
 //!
-//! Everything here runs on the calling thread, so that results do not depend on how many threads there are; work is shared
-//! out in `parts.rs`.
+//! All functions run on the calling thread, so that results do not depend on the number of threads. `parts.rs` distributes
+//! work over threads.
 
 mod wide;
 mod panels;

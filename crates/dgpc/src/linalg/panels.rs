@@ -1,27 +1,28 @@
-//! Solves and symmetric products by panels of a few columns.
+//! Triangular solves and symmetric products by panels of a few columns.
 //!
-//! Products do the work. They are fastest where their right side has so few columns that nothing is rearranged first,
-//! which halving a triangle again and again never gives them.
+//! The work is done by matrix products. They are fastest when their right side has so few columns that nothing is
+//! rearranged first. Recursive halving of a triangle does not produce such products.
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::wide::{MultiplyAdd, Wide, widest};
 
-/// Columns of such a right side.
+/// Number of columns in a panel.
 const PANEL: usize = 8;
 
-/// Rows of a panel that are worked on at a time.
+/// Rows of a panel that are processed at a time.
 const LANES: usize = 4;
 
-/// Columns that panels are taken from one after the other; with a few hundred rows they stay in the second-level cache.
+/// Number of columns in a stretch of successive panels. With a few hundred rows, a stretch stays in the second-level cache.
 const STRETCH: usize = 256;
 
-/// Rows up to which a symmetric product goes panel by panel. Beyond, halves are large enough.
+/// Largest number of rows for which a symmetric product goes panel by panel. Beyond it, recursive halves are large enough.
 pub(super) const PANELS_MAX: usize = 256;
 
-/// X ← XL⁻ᵀ: solves for every row of X, whose columns have no gaps. Where L has more than two hundred rows it had better be a
-/// transposed view, so that each of them lies together in memory. O(n² rows).
+/// Replaces X by XL⁻ᵀ: solves for every row of X. The columns of X must be contiguous. O(n² rows).
+///
+/// If L has more than 200 rows, it should be a transposed view, so that each row is contiguous in memory.
 pub(super) fn solve_rows(lower: MatRef<'_, f64>, mut x: MatMut<'_, f64>) {
     let size = lower.nrows();
     for first in (0..size).step_by(STRETCH) {
@@ -38,20 +39,20 @@ pub(super) fn solve_rows(lower: MatRef<'_, f64>, mut x: MatMut<'_, f64>) {
     }
 }
 
-/// All columns, none of which may have gaps, to write to each by itself.
+/// Returns all columns as separate mutable slices. Each column must be contiguous.
 pub(super) fn columns_mut(x: MatMut<'_, f64>) -> Vec<&mut [f64]> {
     let columns = x.col_iter_mut();
     columns.map(|column| column.try_as_col_major_mut().expect("columns without gaps").as_slice_mut()).collect()
 }
 
-/// What columns that are solved for leave of others: X ← X − YLᵀ.
+/// Subtracts the contribution of solved columns Y: X ← X − YLᵀ.
 fn take_off(solved: MatMut<'_, f64>, lower: MatRef<'_, f64>, x: MatMut<'_, f64>) {
     if solved.ncols() > 0 {
         matmul(x, Accum::Add, solved.as_ref(), lower.transpose(), -1.0, Par::Seq);
     }
 }
 
-/// X ← XL⁻ᵀ of a few columns.
+/// Computes X ← XL⁻ᵀ for a few columns.
 struct SolvePanel<'a> {
     lower: MatRef<'a, f64>,
     columns: Vec<&'a mut [f64]>,
@@ -77,7 +78,7 @@ impl Wide for SolvePanel<'_> {
     }
 }
 
-/// The same for as many rows at a time as chunks hold. Columns that a panel lacks are empty.
+/// Solves for `ROWS` rows at a time. If a panel has fewer than `PANEL` columns, the missing columns are empty.
 #[inline(always)]
 fn solve_chunks<M: MultiplyAdd, const ROWS: usize>(
     factors: &[[f64; PANEL]; PANEL],
@@ -95,7 +96,7 @@ fn solve_chunks<M: MultiplyAdd, const ROWS: usize>(
     }
 }
 
-/// x ← xL⁻ᵀ for a few rows, where `factors` are −L but for its diagonal, which is inverted.
+/// Computes x ← xL⁻ᵀ for a few rows. `factors` contains −L off the diagonal and the reciprocals of the diagonal of L.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "loops of known length are unrolled, and all of x stays in registers")]
 fn solve_few<M: MultiplyAdd, const ROWS: usize>(factors: &[[f64; PANEL]; PANEL], x: &mut [[f64; ROWS]; PANEL]) {
@@ -111,8 +112,8 @@ fn solve_few<M: MultiplyAdd, const ROWS: usize>(factors: &[[f64; PANEL]; PANEL],
     }
 }
 
-/// Adds `factor`·XXᵀ to the lower triangle of `out`, panel by panel, for an X of [`PANELS_MAX`] rows at most. Of the upper one
-/// something is written beside the diagonal.
+/// Adds `factor`·XXᵀ to the lower triangle of `out`, panel by panel, for an X of at most [`PANELS_MAX`] rows. Some entries
+/// next to the diagonal in the upper triangle are overwritten, too.
 pub(super) fn add_symmetric_product_by_panels(factor: f64, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
     let rows = x.nrows();
     for first in (0..rows).step_by(PANEL) {
@@ -134,7 +135,7 @@ mod tests {
         (row as f64 * 0.7 + column as f64 * 1.3).sin()
     }
 
-    /// Well-conditioned at every size, with something above the diagonal that nobody may read.
+    /// Returns a lower triangle, well-conditioned at every size, with NaN above the diagonal, which must not be read.
     fn lower(size: usize) -> Mat<f64> {
         Mat::from_fn(size, size, |i, j| match i.cmp(&j) {
             std::cmp::Ordering::Less => f64::NAN,
@@ -144,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_solved_for_as_columns_are_at_every_size() {
+    fn solving_rows_agrees_with_solving_columns_at_every_size() {
         for size in [0, 1, 7, 8, 9, 20, 255, 256, 257, 530] {
             let lower = lower(size);
             let by_rows = lower.transpose().to_owned();
@@ -164,13 +165,13 @@ mod tests {
     }
 
     #[test]
-    fn symmetric_products_are_sums_of_products_below_the_diagonal_alone() {
+    fn symmetric_products_are_added_below_the_diagonal_only() {
         for rows in [0, 1, 7, 8, 9, 50, PANELS_MAX] {
             let x = Mat::from_fn(rows, 30, entry);
             let mut out = Mat::from_fn(rows, rows, |_, _| 2.0);
             add_symmetric_product_by_panels(-3.0, x.as_ref(), out.as_mut());
             for column in 0..rows {
-                // A panel's own corner is written as a whole.
+                // The diagonal block of a panel is written as a whole.
                 for row in (0..rows).filter(|row| *row >= column || column / PANEL > row / PANEL) {
                     let sum: f64 = (0..30).map(|k| x[(row, k)] * x[(column, k)]).sum();
                     let expected = if row >= column { 2.0 - 3.0 * sum } else { 2.0 };

@@ -1,17 +1,16 @@
-//! Vectors that lie in the rows of a matrix, one beside the other, so that loops take as many of them at a time as the
-//! processor does.
+//! Vectors stored in the rows of a matrix, side by side, so that vectorised loops process several of them at a time.
 
 use super::matrix::Matrix;
 use super::wide::{MultiplyAdd, Wide, widest};
 
-/// Xw, and the squared norm of every row of X. O(rows × columns).
+/// Returns Xw and the squared norm of every row of X. O(rows × columns).
 pub(crate) fn products_and_squared_norms(x: &Matrix, weights: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (mut products, mut squares) = (vec![0.0; x.rows()], vec![0.0; x.rows()]);
     widest(ProductsAndSquares { x, weights, products: &mut products, squares: &mut squares });
     (products, squares)
 }
 
-/// The squared norm of every row of X. O(rows × columns).
+/// Returns the squared norm of every row of X. O(rows × columns).
 pub(crate) fn squared_norms_of_rows(x: &Matrix) -> Vec<f64> {
     products_and_squared_norms(x, &vec![0.0; x.columns()]).1
 }
@@ -38,10 +37,10 @@ impl Wide for ProductsAndSquares<'_> {
     }
 }
 
-/// Rows and columns of a tile that is transposed at a time.
+/// Number of rows and of columns in a tile of the transposition.
 const TILE: usize = 4;
 
-/// Writes the rows of X, each times its factor, to the columns of `out`, which becomes as large as it needs to be.
+/// Writes each row of X, times its factor, to the corresponding column of `out`. Resizes `out` as needed.
 pub(crate) fn write_scaled_transpose(x: &Matrix, factors: &[f64], out: &mut Matrix) {
     let (rows, columns) = (x.rows(), x.columns());
     out.resize(columns, rows);
@@ -66,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sums_along_rows_and_columns_of_rows_are_those_of_plain_loops() {
+    fn row_sums_and_scaled_transposes_agree_with_plain_loops() {
         for (rows, columns) in [(0, 3), (3, 0), (1, 1), (4, 4), (7, 9), (64, 5), (30, 33)] {
             let x = Matrix::from_fn(rows, columns, |row, column| (row as f64 * 0.7 + column as f64 * 1.3).sin());
             let weights: Vec<f64> = (0..columns).map(|column| (column as f64).cos()).collect();

@@ -1,16 +1,16 @@
-//! Loops over long slices, on as many numbers at a time as the processor takes.
+//! Vectorised loops over long slices.
 //!
 //! A [`Wide`] is a plain loop that the compiler turns into vector instructions. It is compiled once for each kind of
-//! processor and the best is taken at run time. Fused and unfused processors differ in the last bits, the same processor
-//! never does.
+//! processor, and the best version is chosen at run time. Results differ in the last bits between processors with and
+//! without fused multiply-add. On one processor they are always the same.
 
-/// How a multiply-add is done.
+/// A way to compute a multiply-add.
 pub(crate) trait MultiplyAdd {
-    /// a·b + c.
+    /// Returns a·b + c.
     fn multiply_add(a: f64, b: f64, c: f64) -> f64;
 }
 
-/// In one instruction, rounded once.
+/// Multiply-add in one instruction, rounded once.
 struct Fused;
 
 impl MultiplyAdd for Fused {
@@ -20,7 +20,7 @@ impl MultiplyAdd for Fused {
     }
 }
 
-/// In two, for processors that would call a function for a fused one.
+/// Multiply-add in two instructions, for processors on which a fused multiply-add is a function call.
 pub(crate) struct Unfused;
 
 impl MultiplyAdd for Unfused {
@@ -30,15 +30,15 @@ impl MultiplyAdd for Unfused {
     }
 }
 
-/// A loop. Its `run`, and all that it calls, must be `#[inline(always)]`: what is not inlined is compiled for the oldest
-/// processor.
+/// A vectorised loop. `run` and all functions that it calls must be `#[inline(always)]`. Functions that are not inlined are
+/// compiled for the oldest processor.
 pub(crate) trait Wide {
     type Output;
 
     fn run<M: MultiplyAdd>(self) -> Self::Output;
 }
 
-/// Runs a loop with the widest instructions there are.
+/// Runs a loop with the widest instructions of the processor.
 pub(crate) fn widest<W: Wide>(work: W) -> W::Output {
     pulp::Arch::new().dispatch(OnArch(work))
 }
@@ -50,21 +50,21 @@ impl<W: Wide> pulp::WithSimd for OnArch<W> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> W::Output {
-        // Whatever takes several numbers at a time fuses, too.
+        // Every processor with vectors of several f64 also has fused multiply-add.
         if S::F64_LANES > 1 { self.0.run::<Fused>() } else { self.0.run::<Unfused>() }
     }
 }
 
-/// Below, e^x is no longer a normal number, and counts as zero.
+/// Below this x, e^x is not a normal number and is replaced by zero.
 const LOG_SMALLEST: f64 = -708.0;
 
-/// Adding it rounds to a whole number, which then lies in the lowest bits.
+/// Adding this constant rounds to a whole number, which then is in the lowest bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
-/// ln 2, of which the first part times a whole number up to 2¹¹ is exact.
+/// ln 2 in two parts. The product of the first part with a whole number up to 2¹¹ is exact.
 const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
 
-/// 1/k!, k = 13 down to 2.
+/// 1/k! for k = 13 down to 2.
 const RECIPROCAL_FACTORIALS: [f64; 12] = [
     1.0 / 6_227_020_800.0,
     1.0 / 479_001_600.0,
@@ -80,8 +80,10 @@ const RECIPROCAL_FACTORIALS: [f64; 12] = [
     0.5,
 ];
 
-/// e^x for x ≤ 0, within 1e-15 of it; zero below −708. No branch, so that loops over it become vector instructions:
-/// x = n ln 2 + r with |r| ≤ ½ ln 2, e^r by its series (the first term left out is below 5e-18), n into the exponent.
+/// Returns e^x for x ≤ 0, with a relative error of at most 1e-15, and zero below −708.
+///
+/// The argument is reduced to x = n ln 2 + r with |r| ≤ ½ ln 2. Then n is added to the exponent of e^r. The series of
+/// e^r has a first omitted term below 5e-18. The function has no branch, so that loops over it are vectorised.
 #[inline(always)]
 pub(crate) fn exp_of_negative<M: MultiplyAdd>(x: f64) -> f64 {
     let shifted = M::multiply_add(x, std::f64::consts::LOG2_E, ROUND);
@@ -96,7 +98,7 @@ pub(crate) fn exp_of_negative<M: MultiplyAdd>(x: f64) -> f64 {
     if x > LOG_SMALLEST { scaled } else { 0.0 }
 }
 
-/// aᵀb in sixteen sums, which do not wait for each other.
+/// Computes aᵀb in sixteen independent partial sums.
 pub(crate) struct Dot<'a>(pub(crate) &'a [f64], pub(crate) &'a [f64]);
 
 impl Wide for Dot<'_> {
@@ -128,7 +130,7 @@ impl Wide for Dot<'_> {
 
 const SUMS: usize = 16;
 
-/// y ← y + factor·x.
+/// Computes y ← y + factor·x.
 pub(crate) struct AddScaled<'a>(pub(crate) f64, pub(crate) &'a [f64], pub(crate) &'a mut [f64]);
 
 impl Wide for AddScaled<'_> {
@@ -147,7 +149,7 @@ impl Wide for AddScaled<'_> {
 mod tests {
     use super::*;
 
-    /// Eˣ of many, by the widest and by plain instructions.
+    /// Computes e^x of every element in place.
     struct Exponentials<'a>(&'a mut [f64]);
 
     impl Wide for Exponentials<'_> {
@@ -166,27 +168,27 @@ mod tests {
     }
 
     #[test]
-    fn exponentials_are_those_of_the_library() {
+    fn exponentials_agree_with_the_standard_library() {
         let (mut wide, mut plain) = (places(), places());
         widest(Exponentials(&mut wide));
         Exponentials(&mut plain).run::<Unfused>();
         for ((x, wide), plain) in places().into_iter().zip(wide).zip(plain) {
             let expected = x.exp();
             assert!((wide - expected).abs() <= 1e-15 * expected, "{x}: {wide} for {expected}");
-            // Unfused, n·ln 2 is taken away in two roundings, each of which counts at most 2⁻⁵³|x|.
+            // Without fusion, n·ln 2 is subtracted with two roundings of at most 2⁻⁵³|x| each.
             assert!((plain - expected).abs() <= 1e-15 * expected, "{x}: {plain} for {expected}");
         }
     }
 
     #[test]
-    fn what_is_below_numbers_is_zero_and_what_is_none_stays_none() {
+    fn exponentials_below_the_normal_range_are_zero() {
         let mut beyond = [-708.5, -1e6, f64::MIN, f64::NEG_INFINITY];
         widest(Exponentials(&mut beyond));
         assert_eq!(beyond, [0.0; 4]);
     }
 
     #[test]
-    fn products_are_those_of_plain_sums_at_every_length() {
+    fn products_agree_with_plain_sums_at_every_length() {
         for length in 0..70 {
             let a: Vec<f64> = (0..length).map(|n| (f64::from(n) * 0.7).sin()).collect();
             let b: Vec<f64> = (0..length).map(|n| (f64::from(n) * 1.3).cos()).collect();

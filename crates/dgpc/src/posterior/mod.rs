@@ -1,4 +1,4 @@
-//! Own events and everybody's summaries put together (section 6 of [`crate::method`]).
+//! Fusion of own events and the summaries of peers (section 6 of [`crate::method`]).
 
 mod rows;
 
@@ -14,25 +14,26 @@ use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
 
-/// From so many points on they are laid out in rows.
+/// From this number of points on, predictions store the points in rows.
 const ROWS_MIN: usize = 16;
 
 /// A Gaussian posterior over the latent function that predicts anywhere.
 ///
-/// Site fusion: the prior counted once, events as sites at their own inputs, every summary as a site at its inducing
-/// points. Exact given ω for events alone. It grows by what is absorbed.
+/// The posterior is a site fusion: the prior is counted once, events are sites at their own inputs, and every summary is a
+/// site at its inducing points. For events alone it is exact given ω. [`Posterior::absorb_events`] and
+/// [`Posterior::absorb_summaries`] extend it.
 #[derive(Debug, Clone)]
 pub struct Posterior {
     prior: Prior,
-    /// Where it was told something, n points: events and inducing points.
+    /// The n points with evidence: events and inducing points.
     support: Inputs,
-    /// Which rows of the support are what.
+    /// The meaning of the rows of the support.
     segments: Vec<Segment>,
     /// b̂, n.
     shift: Vec<f64>,
     /// RᵀTb̂, n.
     target: Vec<f64>,
-    /// Of B = I + RᵀTR.
+    /// Cholesky factor of B = I + RᵀTR.
     cholesky: GrowingCholesky,
     /// The mean about μ₀ at x is (whitened k(support, x))ᵀ · weights.
     weights: Vec<f64>,
@@ -40,7 +41,7 @@ pub struct Posterior {
 }
 
 impl Posterior {
-    /// The prior, of which nothing is known yet, over inputs of this dimension.
+    /// Returns the prior, without any evidence, over inputs of dimension `dimension`.
     pub fn prior_alone(prior: &Prior, dimension: usize) -> Self {
         Self {
             prior: prior.clone(),
@@ -54,7 +55,7 @@ impl Posterior {
         }
     }
 
-    /// The posterior of events at known ω. Never forms K⁻¹, and needs no jitter. O(N³).
+    /// Returns the posterior of events at known ω. It never forms K⁻¹ and needs no jitter. O(N³).
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
@@ -62,7 +63,8 @@ impl Posterior {
         Self::fuse(prior, sites, &[])
     }
 
-    /// The posterior of summaries alone, such as what a listener knows by them. O(n³) for n inducing points in all.
+    /// Returns the posterior of summaries alone, as a receiver without own events holds it. O(n³) for n inducing points in
+    /// total.
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
@@ -73,8 +75,8 @@ impl Posterior {
         Ok(posterior)
     }
 
-    /// The posterior of own events and of others' summaries. Never forms K⁻¹ or an explicit precision, and needs no
-    /// jitter of its own. O(n³) for n = events + all inducing points.
+    /// Returns the posterior of own events and of the peers' summaries. It never forms K⁻¹ or an explicit precision, and
+    /// needs no jitter of its own. O(n³) for n = events + all inducing points.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Posterior, Prior, PriorMean, Shape, Summary, Term, fit};
@@ -92,29 +94,29 @@ impl Posterior {
     /// ```
     ///
     /// # Errors
-    /// [`crate::Error::DifferentPriors`] when a summary was formed under another prior (see [`Summary::under`]),
-    /// [`crate::Error::BadColumn`] or [`crate::Error::SizeMismatch`] when inputs do not fit the prior or each other,
-    /// [`crate::Error::NegativeEigenvalue`] for a summary that is no message, [`crate::Error::NotPositiveDefinite`] when numbers near
-    /// the end of the range overflow.
+    /// * [`crate::Error::DifferentPriors`] if a summary was formed under another prior (see [`Summary::under`]).
+    /// * [`crate::Error::BadColumn`] or [`crate::Error::SizeMismatch`] if inputs do not fit the prior or each other.
+    /// * [`crate::Error::NegativeEigenvalue`] for a summary whose precision is not positive semi-definite.
+    /// * [`crate::Error::NotPositiveDefinite`] if numbers near the end of the floating-point range overflow.
     pub fn fuse(prior: &Prior, own: &Sites, summaries: &[&Summary]) -> Result<Self> {
         let mut posterior = Self::prior_alone(prior, own.inputs().dimension());
         posterior.absorb(NewRows::lay_out(prior, 0, Some(own), summaries)?)?;
         Ok(posterior)
     }
 
-    /// Takes in more events. What was there stays; the result is that of [`Posterior::fuse`] with all of them, to
-    /// rounding. O(n²m + m³) for m new events on top of n.
+    /// Absorbs more events. The existing sites stay as they are. The result equals [`Posterior::fuse`] with all events, up
+    /// to rounding. O(n²m + m³) for m new events in addition to n rows.
     ///
     /// # Errors
-    /// As [`Posterior::fuse`], and then nothing changed.
+    /// As [`Posterior::fuse`]. After an error the posterior is unchanged.
     pub fn absorb_events(&mut self, events: &Sites) -> Result<()> {
         self.absorb(NewRows::lay_out(&self.prior, self.support.len(), Some(events), &[])?)
     }
 
-    /// Takes in more summaries. O(n²m + m³) for m new inducing points on top of n.
+    /// Absorbs more summaries. O(n²m + m³) for m new inducing points in addition to n rows.
     ///
     /// # Errors
-    /// As [`Posterior::fuse`], and then nothing changed.
+    /// As [`Posterior::fuse`]. After an error the posterior is unchanged.
     pub fn absorb_summaries(&mut self, summaries: &[&Summary]) -> Result<()> {
         self.absorb(NewRows::lay_out(&self.prior, self.support.len(), None, summaries)?)
     }
@@ -126,7 +128,7 @@ impl Posterior {
         let target = self.extended_target(&new, &between, &among);
         let (between, corner) = self.rotated(&new, between, among);
         let extension = self.cholesky.extension("I + RᵀTR", between, corner)?;
-        // Nothing fails any more.
+        // No step below can fail.
         self.support.append(&new.support)?;
         self.segments.extend(new.segments);
         self.shift.extend(new.shift);
@@ -141,13 +143,13 @@ impl Posterior {
         Ok(())
     }
 
-    /// T = WKWᵀ between the new rows and the old ones (m×n), and among the new ones (m×m).
+    /// Returns T = WKWᵀ between the new rows and the old ones (m×n), and among the new ones (m×m).
     fn whitened_covariances(&self, new: &NewRows) -> Result<(Matrix, Matrix)> {
         let old = self.support.len();
         let mut between = self.features(&new.support)?.transposed();
         whiten(&new.segments, old, &mut between);
         let mut among = self.prior.kernel().gram(&new.support)?;
-        // Events have nothing to whiten, and there may be many of them.
+        // Events need no whitening, and there may be many of them.
         if new.segments.iter().any(|segment| matches!(segment.part, Part::Block { .. })) {
             whiten(&new.segments, old, &mut among);
             among = among.transposed();
@@ -156,7 +158,7 @@ impl Posterior {
         Ok((between, among))
     }
 
-    /// RᵀTb̂ gains what the new shift does to all rows, and what the old shift does to the new ones.
+    /// Returns RᵀTb̂ for all rows. It gains the effect of the new shift on all rows and of the old shift on the new rows.
     fn extended_target(&self, new: &NewRows, between: &Matrix, among: &Matrix) -> Vec<f64> {
         let mut old_gain = between.transposed_times(&new.shift);
         apply(&self.segments, 0, &mut old_gain, Matrix::transposed_times);
@@ -168,7 +170,7 @@ impl Posterior {
         old_target.chain(new_target).collect()
     }
 
-    /// The rows that B = I + RᵀTR gains: beside the old ones (n×m), and among the new.
+    /// Returns the new rows of B = I + RᵀTR: those against the old rows (transposed, n×m) and those among the new (m×m).
     fn rotated(&self, new: &NewRows, mut between: Matrix, mut among: Matrix) -> (Matrix, Matrix) {
         let old = self.support.len();
         rotate(&new.segments, old, &mut between);
@@ -181,39 +183,43 @@ impl Posterior {
         (between, corner)
     }
 
-    /// Number of events and inducing points n that it holds: memory and the time of a prediction grow with n².
+    /// Returns n, the number of events and inducing points. Memory and the time of a prediction grow with n².
     pub fn len(&self) -> usize {
         self.support.len()
     }
 
-    /// Whether it is the prior alone.
+    /// Returns whether the posterior is the prior alone.
     pub fn is_empty(&self) -> bool {
         self.support.is_empty()
     }
 
-    /// The prior under which everything was put together.
+    /// Returns the prior of the posterior.
     pub fn prior(&self) -> &Prior {
         &self.prior
     }
 
-    /// The largest jitter that any factorisation behind this posterior needed (0 in the ordinary case).
+    /// Returns the largest jitter of all factorisations behind this posterior (ordinarily 0).
     pub fn jitter(&self) -> f64 {
         self.jitter
     }
 
-    /// Latent mean and variance at every point. O(n²) a point, in blocks, on several threads where there are: memory does not
-    /// grow with the number of points. The last bits of a point may depend on which others are asked for with it.
+    /// Returns the latent mean and variance at every point. O(n²) a point.
+    ///
+    /// The points are processed in blocks, on several threads if available, so that memory does not grow with their number.
+    /// The last bits of a result may depend on the other points of the call.
     ///
     /// # Errors
-    /// [`crate::Error::BadColumn`] when the inputs do not fit the prior, [`crate::Error::NotFinite`] when numbers
-    /// near the end of the range overflow.
+    /// [`crate::Error::BadColumn`] if the inputs do not fit the prior, [`crate::Error::NotFinite`] if numbers near the end
+    /// of the floating-point range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
         self.latent_by(None, inputs)
     }
 
-    /// [`Posterior::latent`] of many points at once, such as the cells of a map, 1.5 times faster: what is explained of the prior
-    /// variance is solved for in single precision. Means are the same, variances within 1e-5 of the prior's variance, and where that is
-    /// below a hundred, as it is in any water, probabilities, too, are within 1e-5. The factor is rounded first, which takes as long as a point or two.
+    /// Computes [`Posterior::latent`] of many points, such as the cells of a map, 1.5 times faster.
+    ///
+    /// The explained part of the prior variance is solved for in single precision. The means are the same, and the
+    /// variances are within 1e-5 of the prior's variance. The probabilities are within 1e-5, too, if the prior variance is
+    /// below 100, as for all links in water. The factor is rounded first, which takes as long as one or two points.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -238,7 +244,7 @@ impl Posterior {
         }
     }
 
-    /// Probability of success at every point. See [`Posterior::latent`].
+    /// Returns the probability of success at every point. See [`Posterior::latent`].
     ///
     /// # Errors
     /// As [`Posterior::latent`].
@@ -259,7 +265,7 @@ impl Posterior {
         })
     }
 
-    /// The mean about the prior mean at every point, and how much of the prior variance is explained there.
+    /// Returns, at every point, the mean minus the prior mean, and the explained part of the prior variance.
     fn moments_of_few(&self, inputs: &Inputs) -> Result<(Vec<f64>, Vec<f64>)> {
         let mut features = self.features(inputs)?;
         let mean = (0..features.columns()).map(|n| dot(features.column(n), &self.weights)).collect();
@@ -267,7 +273,7 @@ impl Posterior {
         Ok((mean, (0..features.columns()).map(|n| squared_norm(features.column(n))).collect()))
     }
 
-    /// The same for points that lie in rows, which is faster where there are many.
+    /// Computes the moments as [`Posterior::moments_of_few`], but with points in rows, which is faster for many points.
     fn moments_of_many(
         &self,
         single: Option<&Single>,
@@ -286,7 +292,7 @@ impl Posterior {
         Ok((mean, squared_norms_of_rows(features)))
     }
 
-    /// Joint mean (M) and covariance (M×M) of the latent function at `inputs`. O(Mn² + M²n).
+    /// Returns the joint mean (M) and covariance (M×M) of the latent function at `inputs`. O(Mn² + M²n).
     ///
     /// # Errors
     /// As [`Posterior::latent`].
@@ -296,11 +302,13 @@ impl Posterior {
         Ok((about_prior_mean.iter().zip(&prior_mean).map(|(mean, prior)| mean + prior).collect(), covariance))
     }
 
-    /// Functions drawn from this posterior, at `inputs`: of M×S standard normal numbers M×S values, a column for each function; and
-    /// the jitter that it took. O(Mn² + M²n + M³ + M²S).
+    /// Draws S functions from this posterior at `inputs`, from M×S standard normal numbers.
+    ///
+    /// Returns the values, M×S with a column for each function, and the jitter of the factorisation.
+    /// O(Mn² + M²n + M³ + M²S).
     ///
     /// # Errors
-    /// As [`Posterior::latent`], and [`crate::Error::SizeMismatch`] for normals of another number of rows.
+    /// As [`Posterior::latent`], and [`crate::Error::SizeMismatch`] if `normals` has another number of rows than inputs.
     pub fn draws(&self, inputs: &Inputs, normals: &Matrix) -> Result<(Matrix, f64)> {
         same_size("rows of normals", inputs.len(), normals.rows())?;
         let (mean, covariance) = self.joint(inputs)?;
@@ -323,7 +331,8 @@ impl Posterior {
         Ok((mean, covariance))
     }
 
-    /// Takes from the covariance of f at `inputs` what the rows of the support from `first` on explain, given those before.
+    /// Subtracts from the covariance of f at `inputs` the part that the support's rows from `first` on explain, given the
+    /// rows before them.
     pub(crate) fn take_explained(&self, inputs: &Inputs, first: usize, covariance: &mut Matrix) -> Result<()> {
         if first == self.len() {
             return Ok(());
@@ -335,9 +344,9 @@ impl Posterior {
         Ok(())
     }
 
-    /// What this posterior says about f at `inducing_points`: the message that takes the prior there to this
-    /// posterior's joint mean and covariance. For a posterior of events alone this is [`Summary::marginal`]. O(Mn² +
-    /// M²n + M³).
+    /// Returns the summary of this posterior at `inducing_points`: the message that turns the prior there into this
+    /// posterior's joint mean and covariance. For a posterior of events alone it equals [`Summary::marginal`].
+    /// O(Mn² + M²n + M³).
     ///
     /// # Errors
     /// As [`Posterior::latent`] and [`Summary::empty`].
@@ -346,7 +355,7 @@ impl Posterior {
         Summary::from_moments(&self.prior, inducing_points, &mean, &covariance)
     }
 
-    /// What somebody who knows `known` is missing of this posterior at `inducing_points`: see [`Summary::residual`].
+    /// Returns the message that a receiver who holds `known` lacks at `inducing_points`. See [`Summary::residual`].
     ///
     /// # Errors
     /// [`crate::Error::DifferentPriors`], and as [`Posterior::summarise`] of both.
@@ -354,14 +363,14 @@ impl Posterior {
         self.summarise(inducing_points)?.residual(&known.summarise(inducing_points)?)
     }
 
-    /// Whitened k(support, x), one column per point.
+    /// Returns the whitened k(support, x), one column per point.
     fn features(&self, inputs: &Inputs) -> Result<Matrix> {
         let mut features = self.prior.kernel().cross(&self.support, inputs)?;
         whiten(&self.segments, 0, &mut features);
         Ok(features)
     }
 
-    /// Turns whitened features into those whose squared norm is the prior variance explained.
+    /// Turns whitened features into features whose squared norm is the explained prior variance.
     fn explain(&self, features: &mut Matrix) {
         rotate(&self.segments, 0, features);
         self.cholesky.solve_lower_matrix(features);

@@ -1,4 +1,4 @@
-//! What the rows of a posterior's support are: events, and the inducing points of summaries.
+//! Rows of a posterior's support: events, and the inducing points of summaries.
 
 use crate::error::{Error, Result};
 use crate::inputs::Inputs;
@@ -7,8 +7,8 @@ use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
 
-/// Some rows of the support: their part of W and of R. With t = W k(support, x) the variance at x is k(x, x) −
-/// ‖L_B⁻¹Rᵀt‖².
+/// Consecutive rows of the support, with their parts of W and of R. With t = W k(support, x), the variance at x is
+/// k(x, x) − ‖L_B⁻¹Rᵀt‖².
 #[derive(Debug, Clone)]
 pub(super) struct Segment {
     pub(super) first: usize,
@@ -23,7 +23,7 @@ pub(super) enum Part {
     Block { whitening: Cholesky, root: Matrix },
 }
 
-/// What a posterior is about to take in.
+/// New rows for a posterior's support.
 pub(super) struct NewRows {
     pub(super) support: Inputs,
     pub(super) segments: Vec<Segment>,
@@ -32,7 +32,8 @@ pub(super) struct NewRows {
 }
 
 impl NewRows {
-    /// Events first, then every summary's inducing points, as rows from `first` on; `None` without any.
+    /// Lays out the events first and then every summary's inducing points, as rows from `first` on. Returns `None` if there
+    /// are neither events nor summaries.
     pub(super) fn lay_out(
         prior: &Prior,
         first: usize,
@@ -65,7 +66,7 @@ impl NewRows {
     }
 }
 
-/// X ← WX, where the rows of X are those of the support from `offset` on.
+/// Replaces X by WX. The rows of X are the rows of the support from `offset` on.
 pub(super) fn whiten(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
     for Segment { first, part } in segments {
         if let Part::Block { whitening, .. } = part {
@@ -74,7 +75,7 @@ pub(super) fn whiten(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
     }
 }
 
-/// X ← RᵀX, rows as in [`whiten`].
+/// Replaces X by RᵀX, with rows as in [`whiten`].
 pub(super) fn rotate(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
     for Segment { first, part } in segments {
         let first = first - offset;
@@ -90,7 +91,7 @@ pub(super) fn rotate(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
     }
 }
 
-/// X ← XWᵀ, where the columns of X are those rows of the support.
+/// Replaces X by XWᵀ. The columns of X are the rows of the support.
 pub(super) fn whiten_columns(segments: &[Segment], matrix: &mut Matrix) {
     for Segment { first, part } in segments {
         if let Part::Block { whitening, .. } = part {
@@ -99,7 +100,7 @@ pub(super) fn whiten_columns(segments: &[Segment], matrix: &mut Matrix) {
     }
 }
 
-/// X ← XR, columns as in [`whiten_columns`].
+/// Replaces X by XR, with columns as in [`whiten_columns`].
 pub(super) fn rotate_columns(segments: &[Segment], matrix: &mut Matrix) {
     for Segment { first, part } in segments {
         match part {
@@ -113,7 +114,7 @@ pub(super) fn rotate_columns(segments: &[Segment], matrix: &mut Matrix) {
     }
 }
 
-/// x ← Rx or Rᵀx, as `product` says, rows as in [`whiten`].
+/// Replaces x by Rx or Rᵀx, depending on `product`, with rows as in [`whiten`].
 pub(super) fn apply(segments: &[Segment], offset: usize, x: &mut [f64], product: impl Fn(&Matrix, &[f64]) -> Vec<f64>) {
     for Segment { first, part } in segments {
         let x = &mut x[first - offset..];

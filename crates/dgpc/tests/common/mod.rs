@@ -1,4 +1,4 @@
-//! Plain, slow linear algebra and statistics that share no line with the crate under test.
+//! Plain, slow linear algebra and statistics that share no code with the crate under test.
 
 // Every test binary compiles this module and uses a part of it.
 #![allow(dead_code)]
@@ -6,7 +6,7 @@
 use dgpc::Matrix;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
-/// A matrix as rows.
+/// A matrix as a list of rows.
 pub(crate) type Dense = Vec<Vec<f64>>;
 
 pub(crate) fn seeded(seed: u64) -> ChaCha8Rng {
@@ -35,7 +35,7 @@ pub(crate) fn trace(a: &Dense) -> f64 {
     (0..a.len()).map(|i| a[i][i]).sum()
 }
 
-/// A⁻¹B by Gaussian elimination with row pivoting.
+/// Returns A⁻¹B by Gaussian elimination with row pivoting.
 pub(crate) fn solve(a: &Dense, b: &Dense) -> Dense {
     let size = a.len();
     let mut rows: Dense = a.iter().zip(b).map(|(a, b)| [a.as_slice(), b.as_slice()].concat()).collect();
@@ -55,18 +55,18 @@ pub(crate) fn solve(a: &Dense, b: &Dense) -> Dense {
         pivot_row[size..].iter_mut().for_each(|entry| *entry /= scale);
         for row in above {
             let factor = row[pivot];
-            row[size..].iter_mut().zip(&pivot_row[size..]).for_each(|(entry, known)| *entry -= factor * known);
+            row[size..].iter_mut().zip(&pivot_row[size..]).for_each(|(entry, solved)| *entry -= factor * solved);
         }
     }
     rows.into_iter().map(|row| row[size..].to_vec()).collect()
 }
 
-/// A⁻¹b.
+/// Returns A⁻¹b.
 pub(crate) fn solve_vector(a: &Dense, b: &[f64]) -> Vec<f64> {
     solve(a, &b.iter().map(|&b| vec![b]).collect()).concat()
 }
 
-/// Lower L with A = LLᵀ, if A is positive definite.
+/// Returns the lower L with A = LLᵀ, or `None` if A is not positive definite.
 pub(crate) fn cholesky(a: &Dense) -> Option<Dense> {
     let size = a.len();
     let mut l = vec![vec![0.0; size]; size];
@@ -85,18 +85,18 @@ pub(crate) fn cholesky(a: &Dense) -> Option<Dense> {
     Some(l)
 }
 
-/// ln|A| of a positive definite A.
+/// Returns ln|A| of a positive definite A.
 pub(crate) fn log_determinant(a: &Dense) -> f64 {
     let l = cholesky(a).expect("a positive definite matrix");
     (0..l.len()).map(|i| 2.0 * l[i][i].ln()).sum()
 }
 
-/// σ(f).
+/// Returns σ(f).
 pub(crate) fn logistic(f: f64) -> f64 {
     1.0 / (1.0 + (-f).exp())
 }
 
-/// ∫ g(f) N(f; mean, variance) df by the trapezoid rule, which converges geometrically for an analytic g.
+/// Returns ∫ g(f) N(f; mean, variance) df by the trapezoid rule, which converges geometrically for an analytic g.
 pub(crate) fn gaussian_expectation(mean: f64, variance: f64, g: impl Fn(f64) -> f64) -> f64 {
     const STEPS: i32 = 4000;
     let (step, sd) = (24.0 / f64::from(STEPS), variance.sqrt());
@@ -107,7 +107,7 @@ pub(crate) fn gaussian_expectation(mean: f64, variance: f64, g: impl Fn(f64) -> 
     (0..=STEPS).map(at).sum::<f64>() * step / std::f64::consts::TAU.sqrt()
 }
 
-/// Asserts |found − expected| ≤ tolerance · scale, entry by entry, for the scale 1 + the largest expected magnitude.
+/// Asserts |found − expected| ≤ tolerance · scale, entry by entry. The scale is 1 plus the largest expected magnitude.
 #[track_caller]
 pub(crate) fn assert_near(what: &str, found: &[f64], expected: &[f64], tolerance: f64) {
     assert_eq!(found.len(), expected.len(), "{what}: sizes");
@@ -119,7 +119,7 @@ pub(crate) fn assert_near(what: &str, found: &[f64], expected: &[f64], tolerance
     }
 }
 
-/// [`assert_near`] for matrices.
+/// Asserts as [`assert_near`] does, for matrices.
 #[track_caller]
 pub(crate) fn assert_near_matrix(what: &str, found: &Dense, expected: &Dense, tolerance: f64) {
     assert_near(what, &found.concat(), &expected.concat(), tolerance);
@@ -128,8 +128,8 @@ pub(crate) fn assert_near_matrix(what: &str, found: &Dense, expected: &Dense, to
 /// The one-sided standard normal quantile of level 1e-6.
 const NORMAL_QUANTILE: f64 = 4.753_424;
 
-/// Critical value of χ² at level 1e-6 by Wilson and Hilferty's approximation, which is on the strict side by less than
-/// 1 % here.
+/// Returns the critical value of χ² at level 1e-6 by Wilson and Hilferty's approximation. It is too large by less than 1 %
+/// here.
 pub(crate) fn chi_square_critical(degrees: usize) -> f64 {
     let k = degrees as f64;
     let spread = 2.0 / (9.0 * k);
@@ -160,7 +160,7 @@ impl BatchMeans {
         }
     }
 
-    /// Mean and standard error of every function.
+    /// Returns mean and standard error of every function.
     pub(crate) fn finish(&self) -> Vec<(f64, f64)> {
         let count = self.batches.len() as f64;
         (0..self.current.len())

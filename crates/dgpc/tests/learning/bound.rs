@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// ∫ g(z) N(z; 0, 1) dz by the trapezoid rule. σ has its poles at a distance of π/√variance, where this step is exact
-/// to rounding.
+/// Returns ∫ g(z) N(z; 0, 1) dz by the trapezoid rule. σ has its poles at a distance of π/√variance. At that distance this
+/// step is exact to rounding.
 fn normal_expectation(g: impl Fn(f64) -> f64) -> f64 {
     let at = |i: i32| {
         let z = 0.1 * f64::from(i);
@@ -36,7 +36,7 @@ impl Integral {
         (0..self.signs.len()).map(term).sum()
     }
 
-    /// For one or two events.
+    /// Returns the integral for one or two events.
     fn by_quadrature(&self) -> f64 {
         let likelihood = |z: &[f64]| self.log_likelihood(z).exp();
         let integral = match self.signs.len() {
@@ -46,8 +46,8 @@ impl Integral {
         integral.ln()
     }
 
-    /// Mean and covariance of a Gaussian near the posterior of z, by plain steps of the mean field. It only proposes:
-    /// whatever it is, the estimate is unbiased.
+    /// Returns mean and covariance of a Gaussian close to the posterior of z, by plain steps of the mean field. It serves as
+    /// a proposal only, so the estimate is unbiased whatever its values.
     fn proposal(&self) -> (Vec<f64>, Dense) {
         let size = self.signs.len();
         let identity: Dense = (0..size).map(|i| (0..size).map(|j| f64::from(u8::from(i == j))).collect()).collect();
@@ -74,9 +74,11 @@ impl Integral {
         (centre, covariance)
     }
 
-    /// Importance sampling from Student's t with twelve degrees about the proposal, a little wider. Its tails are
-    /// heavier than those of the integrand, which falls at least like the prior: the weights are bounded, and the
-    /// standard error, which comes with the estimate, can be trusted.
+    /// Returns an importance-sampling estimate and its standard error.
+    ///
+    /// The proposal is Student's t with twelve degrees of freedom, slightly wider than the Gaussian. Its tails are heavier
+    /// than those of the integrand, which decreases at least like the prior. The weights are therefore bounded, and the
+    /// standard error is reliable.
     fn by_sampling(&self, rng: &mut ChaCha8Rng, draws: usize) -> (f64, f64) {
         const DEGREES: f64 = 12.0;
         let size = self.signs.len();
@@ -104,7 +106,7 @@ impl Integral {
     }
 }
 
-/// A problem whose outcomes are drawn from its prior or tossed with a coin: the bound must hold for any.
+/// Returns a problem whose outcomes are drawn from its prior or from a coin. The bound must hold for any outcomes.
 fn bounded_problem(rng: &mut ChaCha8Rng, variance: f64, count: usize, mean: PriorMean) -> (Prior, Observations) {
     let dimension = if matches!(mean, PriorMean::Range(_)) { 2 } else { rng.random_range(1..=2) };
     let prior = prior(vec![term(Shape::Matern52, variance, &[0.6, 1.2][..dimension])], mean);
@@ -121,9 +123,10 @@ fn prior_means() -> [PriorMean; 3] {
     [PriorMean::Zero, PriorMean::Constant(-1.0), range_mean(1.5, 0.7)]
 }
 
-/// The slack of E that is acceptable, in nats an event. Measured: at variance 1 up to .008 under a zero prior mean and
-/// .027 under others, at variance 4 up to .053 and .091: a prior mean lets f be large with certainty, where the site
-/// fits worst.
+/// Returns the largest acceptable slack of E, in nats an event.
+///
+/// The measured slack at variance 1 is up to .008 under a zero prior mean and up to .027 under other means. At variance 4 it
+/// is up to .053 and .091. A prior mean can make f large with certainty, and the Gaussian site fits worst there.
 fn slack_max(variance: f64, mean: &PriorMean) -> f64 {
     match (variance > 1.0, mean) {
         (false, PriorMean::Zero) => 0.01,
@@ -133,7 +136,7 @@ fn slack_max(variance: f64, mean: &PriorMean) -> f64 {
     }
 }
 
-/// Asserts what must hold of E and its corrected form, given the truth and its standard error. The slack.
+/// Asserts the bounds on E and its corrected form, given the true value and its standard error. Returns the slack.
 #[track_caller]
 fn assert_bounds(fit: &Fit, (truth, error): (f64, f64), slack_max: f64, corrected_share: f64) -> f64 {
     let (slack, corrected) = (truth - fit.evidence(), fit.corrected_evidence());
@@ -176,9 +179,9 @@ fn two_events_are_bounded_and_the_sampling_agrees_with_quadrature() {
     }
 }
 
-/// Also: the slack grows with the variance, and the correction takes most of it away.
+/// The slack grows with the variance, and the correction removes most of it.
 #[test]
-fn more_events_are_bounded_from_below_and_not_by_much() {
+fn the_slack_of_more_events_is_limited() {
     let mut rng = seeded(3);
     let mut slack_per_event = Vec::new();
     for variance in [1.0, 4.0] {
@@ -206,7 +209,7 @@ fn weighted_events_are_bounded_too() {
             let (prior, events) = bounded_problem(&mut rng, variance, 10, mean);
             let weights = (0..10).map(|_| rng.random_range(0.3..2.5)).collect();
             let events = Observations::weighted(events.inputs().clone(), events.outcomes().to_vec(), weights).unwrap();
-            // A site of weight 2 fits two units of likelihood with one tilt, as it would two events.
+            // A site of weight 2 fits two units of likelihood with one tilt, as it does for two equal events.
             let slack_max = 1.5 * events.weights().iter().sum::<f64>() * slack_max(variance, prior.mean());
             let fit = dgpc::fit(&prior, &events, &FitOptions::default()).unwrap();
             let truth = Integral::new(&prior, &events).by_sampling(&mut rng, 100_000);

@@ -1,5 +1,4 @@
-//! Learning a prior: the evidence bound against the marginal likelihood that it bounds, where searches end, what they
-//! refuse.
+//! Learning a prior: the evidence bound against the marginal likelihood, the ends of searches, and invalid arguments.
 
 #![allow(clippy::unwrap_used)]
 
@@ -22,7 +21,7 @@ fn prior(terms: Vec<Term>, mean: PriorMean) -> Prior {
     Prior::new(Kernel::new(terms).unwrap(), mean).unwrap()
 }
 
-/// A term over the first columns, one length-scale each.
+/// Returns a term over the first columns, with one length-scale for each.
 fn term(shape: Shape, variance: f64, length_scales: &[f64]) -> Term {
     let columns: Vec<usize> = (0..length_scales.len()).collect();
     Term::new(shape, variance, &columns, length_scales).unwrap()
@@ -41,7 +40,7 @@ fn normals(rng: &mut ChaCha8Rng, count: usize) -> Vec<f64> {
     (0..count).map(|_| rng.sample(StandardNormal)).collect()
 }
 
-/// Two-dimensional events whose odds go up and down along the first column only.
+/// Returns two-dimensional events whose odds vary along the first column only.
 fn waves(seed: u64, count: usize) -> Observations {
     let mut rng = seeded(seed);
     let inputs = inputs(&mut rng, count, 2, 2.0);
@@ -49,8 +48,8 @@ fn waves(seed: u64, count: usize) -> Observations {
     Observations::new(inputs, outcomes).unwrap()
 }
 
-/// Priors over two columns with every kind of parameter: ARD, sums of terms, tied and reciprocal columns, each prior
-/// mean.
+/// Returns priors over two columns that cover every kind of parameter: separate length-scales, sums of terms, tied and
+/// reciprocal columns, and each prior mean.
 fn templates() -> [Prior; 3] {
     let matern = Term::isotropic(Shape::Matern52, 3.0, 1.0, 2).unwrap();
     let column = Term::new(Shape::Matern32, 1.0, &[1], &[0.8]).unwrap();
@@ -63,7 +62,7 @@ fn templates() -> [Prior; 3] {
     ]
 }
 
-/// What another agent, with another prior, says about three points.
+/// Returns a summary at three points by another agent with another prior.
 fn message(seed: u64) -> Summary {
     let other = prior(vec![term(Shape::Matern32, 1.5, &[1.2, 0.7])], PriorMean::Constant(0.3));
     let events = waves(seed, 12);
@@ -71,13 +70,13 @@ fn message(seed: u64) -> Summary {
     Summary::marginal(&other, &sites, &events.inputs().select(&[0, 4, 8])).unwrap()
 }
 
-/// E by a fit of its own.
+/// Returns E by a separate fit.
 fn evidence_of(prior: &Prior, events: &Observations, messages: &[&Summary]) -> f64 {
     dgpc::fit(prior, events, &FitOptions::default().messages(messages)).unwrap().evidence()
 }
 
-/// One standard deviation for every parameter, as the documentation of [`Prior::parameter_values`] and of
-/// [`HyperPrior`] has them.
+/// Returns the standard deviation of every parameter, in the documented order of [`Prior::parameter_values`] and with the
+/// documented values of [`HyperPrior`].
 fn spread_of(prior: &Prior, spread: &HyperPrior) -> Vec<f64> {
     let of_term = |term: &Term| {
         let of_correlation = |correlation: &Correlation| {
@@ -93,7 +92,7 @@ fn spread_of(prior: &Prior, spread: &HyperPrior) -> Vec<f64> {
     all
 }
 
-/// E plus the log density of the spread, up to its constant.
+/// Returns E plus the log density of the hyperprior, up to a constant.
 fn objective(template: &Prior, at: &[f64], spread: &HyperPrior, events: &Observations, messages: &[&Summary]) -> f64 {
     let distance = at.iter().zip(template.parameter_values()).zip(spread_of(template, spread));
     let density: f64 = distance.map(|((at, centre), sd)| -0.5 * ((at - centre) / sd).powi(2)).sum();

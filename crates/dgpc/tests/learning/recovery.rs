@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Events of a squared-exponential process on (−1.5, 1.5)ᵈ, drawn by random Fourier features.
+/// Draws events of a squared-exponential process on (−1.5, 1.5)ᵈ by random Fourier features.
 fn process(seed: u64, count: usize, variance: f64, length_scales: &[f64]) -> Observations {
     const FEATURES: usize = 2000;
     let mut rng = seeded(seed);
@@ -23,13 +23,13 @@ fn process(seed: u64, count: usize, variance: f64, length_scales: &[f64]) -> Obs
     Observations::new(inputs, outcomes).unwrap()
 }
 
-/// The prior of [`process`].
+/// Returns the prior of [`process`].
 fn process_prior(variance: f64, length_scales: &[f64]) -> Prior {
     prior(vec![term(Shape::SquaredExponential, variance, length_scales)], PriorMean::Zero)
 }
 
-/// Learns from the template with every length-scale 1 and variance 4, and checks what must hold on any data: what was
-/// found is not worse than the truth.
+/// Learns from the template with every length-scale 1 and variance 4. Asserts that the result is not worse than the true
+/// prior, which must hold for any data.
 fn learn_process(events: &Observations, truth: &Prior, options: &LearnOptions<'_>) -> Learned {
     let template = process_prior(4.0, &vec![1.0; length_scales(truth).len()]);
     let learned = learn(&template, events, options).unwrap();
@@ -40,9 +40,10 @@ fn learn_process(events: &Observations, truth: &Prior, options: &LearnOptions<'_
     learned
 }
 
-/// Of seeds 1 to 40 nine have all four length-scales within 25 %, and these are two of them. On average (of the
-/// logarithm) they come out longer by 10 to 23 %, because E leans towards smooth functions, with a scatter of 15 to 25
-/// %; the variance comes out at 3.0, calibrated at 4.4, with a scatter of 25 %.
+/// Nine of the seeds 1 to 40 have all four length-scales within 25 %, and this test uses two of them.
+///
+/// On average (of the logarithm) the learned length-scales are 10 to 23 % too long, because E favours smooth functions. Their
+/// scatter is 15 to 25 %. The variance is 3.0 on average, and 4.4 after calibration, with a scatter of 25 %.
 #[test]
 fn four_length_scales_are_recovered() {
     let scales = [0.5, 0.7, 1.0, 1.5];
@@ -73,15 +74,15 @@ fn sparse_learning_agrees_with_dense_learning() {
         assert!(sparse.fit.inducing_points().is_some_and(|points| points.len() <= 150));
         assert_ratios("length-scales", length_scales(&sparse.prior), length_scales(&dense.prior), 0.05);
         assert_ratios("variance", &[variance(&sparse.prior)], &[variance(&dense.prior)], 0.1);
-        // Inducing points only lower E.
+        // Inducing points can only lower E.
         let full = evidence_of(&sparse.optimum, &events, &[]);
         assert!(sparse.optimum_evidence < full + 1e-6 && full < dense.optimum_evidence + 0.05);
         assert!(sparse.optimum_evidence > dense.optimum_evidence - 0.5);
     }
 }
 
-/// In four dimensions 150 points explain less. What is learned with them is smoother than it should be, and serves the
-/// full posterior somewhat worse.
+/// In four dimensions 150 points explain less of the variance. The learned prior is then too smooth, and slightly worse for
+/// the full posterior.
 #[test]
 fn few_inducing_points_cost_little() {
     let scales = [0.5, 0.7, 1.0, 1.5];
@@ -96,10 +97,10 @@ fn few_inducing_points_cost_little() {
     assert_ratios("length-scales", length_scales(&sparse.prior), &scales, 0.6);
 }
 
-/// Where few events, or the template, point to long length-scales, a few points explain everything; with those points
-/// short length-scales then look bad.
+/// If few events or the template suggest long length-scales, a few points explain everything. With these points, short
+/// length-scales then have a low E.
 #[test]
-fn inducing_points_of_a_smooth_start_do_not_hold_learning_back() {
+fn inducing_points_of_a_smooth_start_do_not_hide_short_length_scales() {
     let (events, truth) = (process(2, 1200, 9.0, &[0.25; 2]), process_prior(9.0, &[0.25; 2]));
     let options = LearnOptions::default().sparse_beyond(100, 256);
     let template = process_prior(4.0, &[1.0; 2]);
@@ -112,9 +113,9 @@ fn inducing_points_of_a_smooth_start_do_not_hold_learning_back() {
     assert!(found > best - 3.0, "E {found} with {few} points, {best} with {many} from the truth");
 }
 
-/// The same for a vehicle, which learns from where it was.
+/// A warm start from a smooth prior has the same difficulty, because a vehicle learns from its own earlier positions.
 #[test]
-fn inducing_points_of_a_smooth_warm_start_do_not_hold_learning_back() {
+fn inducing_points_of_a_smooth_warm_start_do_not_hide_short_length_scales() {
     let events = process(2, 1200, 9.0, &[0.25; 2]);
     let options = LearnOptions::default().sparse_beyond(100, 256);
     let template = process_prior(4.0, &[1.0; 2]);

@@ -1,9 +1,9 @@
-//! Refusals, and which events are looked at first.
+//! Invalid arguments, and the choice of the events for the first comparison.
 
 use super::*;
 
 #[test]
-fn spreads_that_make_no_sense_are_refused() {
+fn invalid_hyperpriors_are_refused() {
     let (template, events) = (&templates()[2], waves(12, 20));
     for value in [-1e-9, -1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let weak = HyperPrior::default();
@@ -25,7 +25,7 @@ fn spreads_that_make_no_sense_are_refused() {
     }
 }
 
-fn refused_as_different(template: &Prior, start: &Prior) -> bool {
+fn is_refused_as_different(template: &Prior, start: &Prior) -> bool {
     let options = LearnOptions::default().warm_start(start);
     matches!(learn(template, &waves(13, 20), &options), Err(Error::DifferentStructures))
 }
@@ -35,9 +35,9 @@ fn warm_starts_with_more_or_fewer_parameters_are_refused() {
     let templates = templates();
     let isotropic = prior(vec![Term::isotropic(Shape::SquaredExponential, 4.0, 1.0, 2).unwrap()], PriorMean::Zero);
     for (template, start) in [(0, 1), (1, 0), (1, 2), (2, 1)] {
-        assert!(refused_as_different(&templates[template], &templates[start]), "{template}, {start}");
+        assert!(is_refused_as_different(&templates[template], &templates[start]), "{template}, {start}");
     }
-    assert!(refused_as_different(&templates[0], &isotropic) && refused_as_different(&isotropic, &templates[0]));
+    assert!(is_refused_as_different(&templates[0], &isotropic) && is_refused_as_different(&isotropic, &templates[0]));
 }
 
 #[test]
@@ -47,13 +47,13 @@ fn warm_starts_of_another_structure_are_refused() {
     let plane = prior(vec![term(Shape::SquaredExponential, 4.0, &[1.0, 1.0])], PriorMean::Zero);
     let column =
         prior(vec![Term::new(Shape::SquaredExponential, 4.0, &[1], &[1.0]).unwrap()], PriorMean::Constant(0.0));
-    assert!(refused_as_different(template, &plane), "a length-scale for a prior mean");
-    assert!(refused_as_different(template, &line(Shape::Matern32, PriorMean::Constant(0.0))), "another shape");
-    assert!(refused_as_different(template, &column), "another column");
+    assert!(is_refused_as_different(template, &plane), "a length-scale for a prior mean");
+    assert!(is_refused_as_different(template, &line(Shape::Matern32, PriorMean::Constant(0.0))), "another shape");
+    assert!(is_refused_as_different(template, &column), "another column");
 }
 
 #[test]
-fn a_parameter_without_spread_is_that_of_the_template_after_a_warm_start() {
+fn a_fixed_parameter_is_that_of_the_template_after_a_warm_start() {
     let (template, events) = (&templates()[0], waves(1, 60));
     let start = learn(template, &events, &LearnOptions::default()).unwrap().optimum;
     let spread = HyperPrior::default().length_scale(0.0);
@@ -63,7 +63,7 @@ fn a_parameter_without_spread_is_that_of_the_template_after_a_warm_start() {
 }
 
 #[test]
-fn inputs_too_narrow_are_refused() {
+fn inputs_with_too_few_columns_are_refused() {
     let line = Observations::new(Inputs::from_rows(&[[0.0], [1.0]]).unwrap(), vec![true, false]).unwrap();
     for template in templates() {
         for dense_events_max in [1000, 1] {
@@ -113,8 +113,8 @@ fn chosen_events_are_spread_evenly() {
     }
 }
 
-/// The largest distance of a residue's share from the even one, in standard deviations of a random choice.
-fn residues_off(chosen: &[usize], period: usize) -> f64 {
+/// Returns the largest deviation of a residue's share from a uniform share, in standard deviations of a random choice.
+fn largest_residue_deviation(chosen: &[usize], period: usize) -> f64 {
     let mut counts = vec![0.0; period];
     chosen.iter().for_each(|n| counts[n % period] += 1.0);
     let (size, share) = (chosen.len() as f64, 1.0 / period as f64);
@@ -126,7 +126,7 @@ fn residues_off(chosen: &[usize], period: usize) -> f64 {
 fn chosen_events_share_no_period_with_a_schedule() {
     for count in [500, 1000, 1500, 2000, 3000, 5000, 10_000] {
         for (period, count_max) in (2..=10).flat_map(|period| [(period, 150), (period, 1024)]) {
-            let off = residues_off(&spread_out(count, count_max), period);
+            let off = largest_residue_deviation(&spread_out(count, count_max), period);
             assert!(off < 4.5, "{count_max} of {count}: a residue modulo {period} is {off} standard deviations off");
         }
     }
@@ -136,7 +136,7 @@ fn chosen_events_share_no_period_with_a_schedule() {
 fn chosen_events_share_no_period_with_a_schedule_of_any_length() {
     for count in (151..8000).chain([8430, 12_345, 37_629, 100_000]) {
         for period in 2..=10 {
-            let off = residues_off(&spread_out(count, 150), period);
+            let off = largest_residue_deviation(&spread_out(count, 150), period);
             assert!(off < 5.5, "150 of {count}: a residue modulo {period} is {off} standard deviations off");
         }
     }

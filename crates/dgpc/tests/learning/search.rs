@@ -1,37 +1,41 @@
-//! Where searches begin and end.
+//! Starts and ends of searches.
 
 use super::*;
 
-/// A prior near the template.
+/// Returns a prior near the template.
 fn elsewhere(rng: &mut ChaCha8Rng, template: &Prior) -> Prior {
     let moved: Vec<f64> =
         template.parameter_values().iter().map(|parameter| parameter + rng.random_range(-1.0..1.0)).collect();
     template.with_parameters(&moved).unwrap()
 }
 
-/// Spreads from strong, which pull away from where E is largest, to weak.
+/// Returns a random hyperprior, from strong ones, which move the optimum away from the maximum of E, to weak ones.
 fn random_spread(rng: &mut ChaCha8Rng) -> HyperPrior {
     let mut sd = || rng.random_range(0.05..1.5);
     HyperPrior::default().length_scale(sd()).variance(sd()).intercept(sd()).slope(sd())
 }
 
 #[test]
-fn a_warm_start_never_ends_below_where_it_began() {
+fn a_warm_start_never_lowers_the_evidence() {
     for seed in 0..30 {
         let mut rng = seeded(100 + seed);
         let template = &templates()[seed as usize % 3];
-        let (all, said) = (waves(seed, 70), message(200 + seed));
+        let (all, message_of_peer) = (waves(seed, 70), message(200 + seed));
         let early = all.select(&(0..30).collect::<Vec<_>>());
-        let messages = if rng.random() { vec![&said] } else { vec![] };
+        let messages = if rng.random() { vec![&message_of_peer] } else { vec![] };
         let options = LearnOptions::default().hyper_prior(random_spread(&mut rng)).calibrate(rng.random());
         let earlier = learn(template, &early, &options).unwrap().optimum;
         for start in [earlier, elsewhere(&mut rng, template)] {
-            let begun = evidence_of(&start, &all, &messages);
+            let at_start = evidence_of(&start, &all, &messages);
             let later = learn(template, &all, &options.warm_start(&start).messages(&messages)).unwrap();
-            assert!(later.optimum_evidence >= begun - 1e-6, "seed {seed}: {} after {begun}", later.optimum_evidence);
-            // And it is what it says it is.
-            let ended = evidence_of(&later.optimum, &all, &messages);
-            assert_near("E of the optimum", &[later.optimum_evidence], &[ended], 1e-7);
+            assert!(
+                later.optimum_evidence >= at_start - 1e-6,
+                "seed {seed}: {} after {at_start}",
+                later.optimum_evidence
+            );
+            // The reported values are those of separate fits.
+            let at_end = evidence_of(&later.optimum, &all, &messages);
+            assert_near("E of the optimum", &[later.optimum_evidence], &[at_end], 1e-7);
             assert_near("E", &[later.fit.evidence()], &[evidence_of(&later.prior, &all, &messages)], 1e-7);
             assert!(later.starts.is_empty(), "compared starts");
         }
@@ -39,31 +43,34 @@ fn a_warm_start_never_ends_below_where_it_began() {
 }
 
 #[test]
-fn a_sparse_warm_start_never_ends_below_where_it_began() {
+fn a_sparse_warm_start_never_lowers_the_evidence() {
     for seed in 0..9 {
         let template = &templates()[seed as usize % 3];
-        let (all, said) = (waves(300 + seed, 120), message(400 + seed));
+        let (all, message_of_peer) = (waves(300 + seed, 120), message(400 + seed));
         let early = all.select(&(0..60).collect::<Vec<_>>());
         let options = LearnOptions::default().sparse_beyond(20, 30);
-        let messages = [&said];
+        let messages = [&message_of_peer];
         let options = options.messages(&messages);
         let start = learn(template, &early, &options).unwrap().optimum;
         let options = options.warm_start(&start);
         let later = learn(template, &all, &options).unwrap();
         let points = later.fit.inducing_points().unwrap();
         assert!(points.len() <= 33, "{} points", points.len());
-        // Those of the messages come below.
+        // The last three points are those of the message.
         let chosen = points.slice(0..points.len() - 3);
-        let said_about = |z: &[f64]| points.rows().any(|point| point == z);
-        assert!(said.inducing_points().rows().all(said_about), "what others spoke about is no inducing point");
-        let begun = dgpc::fit(&start, &all, &FitOptions::default().messages(&messages).inducing_points(&chosen))
+        let is_inducing_point = |z: &[f64]| points.rows().any(|point| point == z);
+        assert!(
+            message_of_peer.inducing_points().rows().all(is_inducing_point),
+            "a point of the message is not an inducing point"
+        );
+        let at_start = dgpc::fit(&start, &all, &FitOptions::default().messages(&messages).inducing_points(&chosen))
             .unwrap()
             .evidence();
-        assert!(later.optimum_evidence >= begun - 1e-6, "seed {seed}: {} after {begun}", later.optimum_evidence);
+        assert!(later.optimum_evidence >= at_start - 1e-6, "seed {seed}: {} after {at_start}", later.optimum_evidence);
     }
 }
 
-/// Learns, and asserts that no parameter can be moved alone for a better objective.
+/// Learns, and asserts that no change of a single parameter improves the objective.
 #[track_caller]
 fn assert_maximum(
     template: &Prior,
@@ -91,46 +98,46 @@ fn assert_maximum(
 }
 
 #[test]
-fn the_optimum_is_a_maximum_within_the_spread() {
+fn the_optimum_maximises_the_objective() {
     let mut rng = seeded(5);
     for seed in 0..18 {
-        let (events, said) = (waves(600 + seed, rng.random_range(30..150)), message(700 + seed));
-        let messages = if rng.random() { vec![&said] } else { vec![] };
+        let (events, message_of_peer) = (waves(600 + seed, rng.random_range(30..150)), message(700 + seed));
+        let messages = if rng.random() { vec![&message_of_peer] } else { vec![] };
         let options = LearnOptions::default().hyper_prior(random_spread(&mut rng));
         let learned = assert_maximum(&templates()[seed as usize % 3], &events, &messages, &options);
         assert_eq!(learned.start_events, events.len());
     }
 }
 
-/// Of 150 events and more a third tells how the objective bends.
+/// From 150 events on, the curvature of the objective is computed from a third of them.
 #[test]
-fn where_few_events_tell_the_steps_the_optimum_is_a_maximum_too() {
+fn the_optimum_is_a_maximum_with_curvature_from_few_events() {
     let mut rng = seeded(15);
     for seed in 0..9 {
-        let (events, said) = (waves(1600 + seed, rng.random_range(160..300)), message(1700 + seed));
-        let messages = if rng.random() { vec![&said] } else { vec![] };
+        let (events, message_of_peer) = (waves(1600 + seed, rng.random_range(160..300)), message(1700 + seed));
+        let messages = if rng.random() { vec![&message_of_peer] } else { vec![] };
         let options = LearnOptions::default().hyper_prior(random_spread(&mut rng));
         assert_maximum(&templates()[seed as usize % 3], &events, &messages, &options);
     }
 }
 
 #[test]
-fn tilts_to_begin_at_change_nothing_but_the_way() {
+fn initial_tilts_do_not_change_the_result() {
     let (template, events) = (&templates()[0], waves(17, 90));
     let options = LearnOptions::default();
     let learned = learn(template, &events, &options).unwrap();
     let tilts = learned.fit.tilts();
-    let again = learn(template, &events, &options.tilts(tilts)).unwrap();
-    assert_near("parameters", &again.optimum.parameter_values(), &learned.optimum.parameter_values(), 1e-2);
-    assert_near("E", &[again.optimum_evidence], &[learned.optimum_evidence], 1e-3);
+    let warm = learn(template, &events, &options.tilts(tilts)).unwrap();
+    assert_near("parameters", &warm.optimum.parameter_values(), &learned.optimum.parameter_values(), 1e-2);
+    assert_near("E", &[warm.optimum_evidence], &[learned.optimum_evidence], 1e-3);
     let few = learn(template, &events, &options.tilts(&tilts[1..]));
     assert!(matches!(few, Err(Error::SizeMismatch { expected: 90, found: 89, .. })), "{few:?}");
 }
 
-/// That E must not end below where it began is for warm starts. Here the beginning is what a few events said, and that
-/// may have more E on all events while the spread speaks more against it.
+/// E must not decrease from a warm start. This does not apply to a start found from few events: it may have more E on all
+/// events and a lower density of the hyperprior.
 #[test]
-fn what_few_events_said_does_not_stand_against_all_events() {
+fn all_events_overrule_a_start_from_few_events() {
     let template = prior(vec![term(Shape::SquaredExponential, 4.0, &[1.0])], PriorMean::Zero);
     let spread = HyperPrior::default().length_scale(0.7).variance(0.7);
     for (seed, count, start_events_max) in [(162, 42, 17), (49, 171, 150)] {
@@ -147,7 +154,7 @@ fn what_few_events_said_does_not_stand_against_all_events() {
     }
 }
 
-/// On the last of these data ten events lead to a maximum that is 3 nats worse than the one near the template.
+/// On the last of these data sets, ten events lead to a maximum that is 3 nats worse than the maximum near the template.
 #[test]
 fn comparing_starts_is_never_worse_than_starting_at_the_template() {
     for seed in (900..912).chain([1929, 2511]) {
@@ -186,23 +193,23 @@ fn calibration_raises_the_corrected_evidence() {
 }
 
 #[test]
-fn a_start_where_another_search_ended_costs_one_evaluation() {
+fn a_start_at_a_known_end_costs_one_evaluation() {
     let events = waves(7, 90);
     for template in templates() {
         let options = LearnOptions::default();
-        let ended = learn(&template, &events, &options).unwrap().optimum;
-        let again = options.warm_start(&ended);
-        let alone = learn(&template, &events, &again).unwrap();
+        let at_end = learn(&template, &events, &options).unwrap().optimum;
+        let warm = options.warm_start(&at_end);
+        let alone = learn(&template, &events, &warm).unwrap();
         let further = [(); 2].map(|()| alone.optimum.clone());
-        let beside = learn(&template, &events, &again.further_starts(&further)).unwrap();
-        assert_eq!((beside.prior, beside.stop), (alone.prior, alone.stop));
-        assert_eq!(beside.evaluations, alone.evaluations + 2);
+        let with_further = learn(&template, &events, &warm.further_starts(&further)).unwrap();
+        assert_eq!((with_further.prior, with_further.stop), (alone.prior, alone.stop));
+        assert_eq!(with_further.evaluations, alone.evaluations + 2);
     }
 }
 
 #[test]
-fn a_known_end_hides_no_better_one() {
-    // A smooth start takes short waves for noise; one at their length finds them.
+fn a_known_end_does_not_hide_a_better_end() {
+    // A smooth start interprets short waves as noise. A start at their length-scale finds them.
     let places = inputs(&mut seeded(8), 200, 1, 2.0);
     let mut rng = seeded(9);
     let outcomes = places.rows().map(|x| rng.random::<f64>() < logistic(4.0 * (10.0 * x[0]).sin())).collect();
@@ -221,12 +228,13 @@ fn a_known_end_hides_no_better_one() {
 }
 
 #[test]
-fn learning_twice_is_learning_once() {
-    let (events, said) = (waves(5, 120), message(6));
+fn learning_is_deterministic() {
+    let (events, message_of_peer) = (waves(5, 120), message(6));
     for template in templates() {
         for dense_events_max in [1000, 50] {
             let options = LearnOptions::default().sparse_beyond(dense_events_max, 40);
-            let [first, second] = [(); 2].map(|()| learn(&template, &events, &options.messages(&[&said])).unwrap());
+            let [first, second] =
+                [(); 2].map(|()| learn(&template, &events, &options.messages(&[&message_of_peer])).unwrap());
             assert_eq!(first.prior, second.prior);
             assert_eq!(first.optimum, second.optimum);
             assert_eq!((first.stop, first.starts), (second.stop, second.starts));

@@ -1,4 +1,4 @@
-//! Little or no information.
+//! Learning with little or no information.
 
 use super::*;
 
@@ -13,19 +13,19 @@ fn without_events_the_prior_stays_the_template() {
 }
 
 #[test]
-fn messages_alone_are_learned_from() {
+fn a_prior_is_learned_from_messages_alone() {
     let none = Observations::new(Inputs::empty(2), Vec::new()).unwrap();
-    let said = message(7);
+    let message_of_peer = message(7);
     for template in templates() {
-        let learned = learn(&template, &none, &LearnOptions::default().messages(&[&said])).unwrap();
-        let (before, after) = (evidence_of(&template, &none, &[&said]), learned.optimum_evidence);
+        let learned = learn(&template, &none, &LearnOptions::default().messages(&[&message_of_peer])).unwrap();
+        let (before, after) = (evidence_of(&template, &none, &[&message_of_peer]), learned.optimum_evidence);
         assert!(after > before + 1e-3, "E {after} after {before}");
     }
 }
 
-/// Events at one place say how large f is there, and nothing of how it varies.
+/// Events at one place determine the size of f there, but not its variation.
 #[test]
-fn one_place_says_nothing_of_length_scales() {
+fn events_at_one_place_do_not_change_length_scales() {
     let inputs = Inputs::new([0.3, 0.4].repeat(40), 2).unwrap();
     let events = Observations::new(inputs, (0..40).map(|n| n % 4 != 0).collect()).unwrap();
     let template = prior(vec![term(Shape::SquaredExponential, 4.0, &[0.7, 1.3])], PriorMean::Zero);
@@ -38,7 +38,7 @@ fn one_place_says_nothing_of_length_scales() {
 }
 
 #[test]
-fn one_class_alone_stays_within_reach() {
+fn outcomes_of_one_class_keep_parameters_bounded() {
     let inputs = waves(8, 80).inputs().clone();
     for template in templates() {
         for (success, dense_events_max) in [(true, 1000), (false, 1000), (true, 20)] {
@@ -48,7 +48,7 @@ fn one_class_alone_stays_within_reach() {
             assert!(learned.fit.evidence().is_finite() && learned.fit.mean().iter().all(|mean| mean.is_finite()));
             let parameters = learned.optimum.parameter_values().into_iter().zip(template.parameter_values());
             for ((found, centre), sd) in parameters.zip(spread_of(&template, &options.hyper_prior)) {
-                // 80 times ln 2 is all that there is to gain, and half the square of a distance is what it costs.
+                // The largest possible gain is 80 · ln 2, and a parameter's move costs half of its square.
                 assert!((found - centre).abs() < 3.5 * sd, "{found} from {centre}");
             }
             assert!((0.2..20.0).contains(&learned.calibration.factor()), "factor {}", learned.calibration.factor());
@@ -58,9 +58,9 @@ fn one_class_alone_stays_within_reach() {
     }
 }
 
-/// Exchanging success and failure turns the sign of f.
+/// Inverting all outcomes changes the sign of f.
 #[test]
-fn outcomes_reversed_turn_the_prior_mean_only() {
+fn inverted_outcomes_change_only_the_sign_of_the_prior_mean() {
     let events = waves(9, 60);
     let reversed = events.outcomes().iter().map(|&success| !success).collect();
     let reversed = Observations::new(events.inputs().clone(), reversed).unwrap();
@@ -77,7 +77,7 @@ fn outcomes_reversed_turn_the_prior_mean_only() {
 }
 
 #[test]
-fn a_parameter_without_spread_stays() {
+fn a_parameter_without_spread_is_fixed() {
     let events = waves(10, 80);
     let matern = Term::isotropic(Shape::Matern52, 3.0, 1.1, 2).unwrap();
     let template = prior(vec![term(Shape::SquaredExponential, 0.7, &[0.8, 1.7]), matern], range_mean(0.4, 0.3));

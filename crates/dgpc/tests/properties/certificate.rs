@@ -1,4 +1,4 @@
-//! The certificate bounds what it says it bounds.
+//! The certificate bounds the divergence.
 
 use super::problems::*;
 use crate::common::*;
@@ -23,7 +23,7 @@ proptest! {
         prop_assert!(certificate.gap <= certificate.paper_closed_form + slack, "{:?}", certificate);
         assert_near("trace", &[certificate.trace], &[chosen.trace], 1e-9);
 
-        // Each bound by its dense formula.
+        // Compare each bound with its dense formula.
         let gram = problem.gram();
         let residual = conditional(&gram, &chosen.indices);
         let omega = problem.sites.omega();
@@ -38,7 +38,7 @@ proptest! {
         let upper = -half_log - 0.5 * dot(&c, &solve_vector(&damped, &c));
         assert_near("bounds", &[certificate.lower, certificate.upper], &[lower, upper], 1e-9);
 
-        // The divergence itself, KL of two Gaussians over f(X): N(m, S) sparse, N(m', S') full.
+        // The divergence itself is the KL of two Gaussians over f(X): N(m, S) sparse, N(m', S') full.
         let sparse = Posterior::fuse(
             &problem.prior,
             &Sites::empty(z.dimension()),

@@ -1,4 +1,4 @@
-//! The evidence bound: its gradient, what messages count in it, and leaving events out.
+//! The evidence bound: its gradient, the contribution of messages, and leave-one-out.
 
 use super::problems::*;
 use crate::common::*;
@@ -6,7 +6,7 @@ use dgpc::evidence;
 use dgpc::*;
 use proptest::prelude::*;
 
-/// ∂value/∂θ at the parameters of `prior` by central differences of fourth order.
+/// Returns ∂value/∂θ at the parameters of `prior` by central differences of fourth order.
 fn central_differences(prior: &Prior, value: impl Fn(&Prior) -> f64) -> Vec<f64> {
     let parameters = prior.parameter_values();
     let step = 2e-3;
@@ -26,7 +26,7 @@ fn tight() -> FitOptions<'static> {
     FitOptions::default().tolerance(1e-12)
 }
 
-/// Problems whose other points, where messages are about, keep their distance.
+/// Generates problems whose points `elsewhere`, the points of messages, keep a minimal distance.
 fn problems_apart(events: std::ops::RangeInclusive<usize>) -> impl Strategy<Value = Problem> {
     let apart = |problem: &Problem| {
         let distance = |a: usize, b: usize| {
@@ -38,7 +38,7 @@ fn problems_apart(events: std::ops::RangeInclusive<usize>) -> impl Strategy<Valu
     problems(events).prop_filter("points apart", apart)
 }
 
-/// What another agent, with another prior, says about a few points.
+/// Returns a summary at three points by another agent with another prior.
 fn message(problem: &Problem) -> Summary {
     let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern32, 1.5, 1.2, problem.inputs().dimension()).unwrap()]);
     let prior = Prior::new(kernel.unwrap(), PriorMean::Constant(0.3)).unwrap();
@@ -52,7 +52,7 @@ proptest! {
     #![proptest_config(cases(150))]
 
     #[test]
-    fn parameters_go_there_and_back(problem in problems_apart(1..=3)) {
+    fn parameters_round_trip(problem in problems_apart(1..=3)) {
         let prior = &problem.prior;
         let again = prior.with_parameters(&prior.parameter_values()).unwrap();
         assert_near("parameters", &again.parameter_values(), &prior.parameter_values(), 1e-15);
@@ -91,7 +91,7 @@ proptest! {
         let messages = [&message];
         let options = tight().messages(&messages);
         let dense = evidence(&problem.prior, &problem.observations, &options).unwrap();
-        // The points of the messages come on top by themselves.
+        // The fit adds the points of the messages to the inducing points.
         let sparse = evidence(&problem.prior, &problem.observations, &options.inducing_points(problem.inputs())).unwrap();
         prop_assert_eq!(sparse.fit.inducing_points().unwrap().len(), problem.inputs().len() + 3);
         prop_assume!(sparse.fit.jitter() == 0.0);
@@ -109,9 +109,9 @@ proptest! {
         assert_same_latent(&Latent { mean: fit.mean().to_vec(), variance: fit.variance().to_vec() }, &fused, 1e-7);
     }
 
-    /// With ω known, the log of ∫ p(own events | f) · factor(f) · p(f) df by dense formulas.
+    /// With ω known, E is the log of ∫ p(own events | f) · factor(f) · p(f) df, here by dense formulas.
     #[test]
-    fn a_message_alone_integrates_against_the_prior(problem in problems_apart(1..=3)) {
+    fn the_evidence_of_a_message_alone_agrees_with_its_integral(problem in problems_apart(1..=3)) {
         let message = message(&problem);
         let none = Observations::new(Inputs::empty(problem.inputs().dimension()), Vec::new()).unwrap();
         let found = dgpc::fit(&problem.prior, &none, &tight().messages(&[&message])).unwrap().evidence();
@@ -133,9 +133,9 @@ proptest! {
         assert_near("E", &[found], &[expected], 1e-7);
     }
 
-    /// The cavity is what a fit at the same ω says when an event's site is left out.
+    /// The cavity of an event is the posterior of a fit at the same ω without the event's site.
     #[test]
-    fn leaving_one_out_takes_its_site_away(problem in problems_apart(2..=10)) {
+    fn leave_one_out_agrees_with_removing_the_site(problem in problems_apart(2..=10)) {
         let fit = dgpc::fit(&problem.prior, &problem.observations, &tight()).unwrap();
         let found = fit.leave_one_out();
         for (left_out, &found) in found.iter().enumerate() {

@@ -1,11 +1,11 @@
-//! A fit and the posteriors that follow from it.
+//! Fits, and the posteriors that follow from them.
 
 use super::problems::*;
 use crate::common::*;
 use dgpc::*;
 use proptest::prelude::*;
 
-/// What another agent, with another prior, says about two points that keep their distance.
+/// Returns a summary at two points that are far apart, by another agent with another prior.
 pub(super) fn message(problem: &Problem) -> Option<Summary> {
     let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern32, 1.5, 1.2, problem.inputs().dimension()).unwrap()]);
     let prior = Prior::new(kernel.unwrap(), PriorMean::Constant(0.3)).unwrap();
@@ -24,9 +24,9 @@ fn latent_at_events(fit: &Fit) -> Latent {
 proptest! {
     #![proptest_config(cases(80))]
 
-    /// The obvious call after any fit is that fit's own posterior: dense or sparse, with messages or without.
+    /// The posterior of a fit has the fit's own moments, for dense and sparse fits, with and without messages.
     #[test]
-    fn the_posterior_of_a_fit_is_the_one_that_was_fitted(
+    fn the_posterior_of_a_fit_has_the_moments_of_the_fit(
         problem in problems(3..=14),
         is_sparse in any::<bool>(),
         with_message in any::<bool>(),
@@ -43,12 +43,12 @@ proptest! {
         prop_assume!(fit.jitter() == 0.0);
         let posterior = fit.posterior().unwrap();
         assert_same_latent(&posterior.latent(problem.inputs()).unwrap(), &latent_at_events(&fit), 1e-6);
-        // And it has the size that its kind of fit promises.
+        // Its size is that of the events or the inducing points, plus the messages.
         let own = if is_sparse { z.len() + 2 * messages.len() } else { problem.inputs().len() };
         prop_assert_eq!(posterior.len(), own + 2 * messages.len());
     }
 
-    /// A residual may move the mean and add no precision, in all directions or in some.
+    /// A residual may move the mean without adding precision, in all directions or in some.
     #[test]
     fn a_shift_without_precision_moves_a_fit_as_it_moves_a_posterior(
         problem in problems(3..=14),
@@ -57,7 +57,7 @@ proptest! {
     ) {
         let z = problem.elsewhere.select(&[0, 1]);
         prop_assume!(Candidates::new(problem.prior.kernel(), &z).unwrap().distinct(DISTINCT_SHARE).len() == 2);
-        // Along (1, 1) there is precision, perhaps; across there is none.
+        // Precision exists along (1, 1) only, or not at all.
         let whitened = Matrix::from_fn(2, 2, |_, _| precision);
         let message = Summary::from_whitened(&problem.prior, &z, whitened, vec![0.7, -0.2]).unwrap();
         let (messages, points) = ([&message], problem.inputs().select(&problem.spread(3)));
@@ -71,9 +71,9 @@ proptest! {
         assert_same_latent(&latent, &latent_at_events(&fit), 1e-5);
     }
 
-    /// A fit knows what its posterior says at its own events, in any order and as often as one asks.
+    /// The moments of the fit at its own events are those of its posterior, in any order and with repetitions.
     #[test]
-    fn a_fit_knows_its_events(problem in problems(2..=14), order in proptest::collection::vec(0..14usize, 1..20)) {
+    fn moments_at_events_agree_with_the_posterior(problem in problems(2..=14), order in proptest::collection::vec(0..14usize, 1..20)) {
         let fit = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default()).unwrap();
         let order: Vec<usize> = order.into_iter().map(|place| place % problem.inputs().len()).collect();
         let inputs = problem.inputs().select(&order);
@@ -85,27 +85,27 @@ proptest! {
         prop_assert_eq!(sparse.latent_at_events(&inputs), None);
     }
 
-    /// However many of them are wanted, and whichever way they are summed up.
+    /// The result is the same for all parts, whether the included or the excluded events are summed up.
     #[test]
-    fn a_part_of_a_sparse_fit_is_what_its_sites_say(problem in problems(3..=14), wanted in any::<[bool; 14]>(), before in any::<[bool; 14]>()) {
+    fn the_posterior_of_a_part_is_that_of_its_sites(problem in problems(3..=14), included in any::<[bool; 14]>(), before in any::<[bool; 14]>()) {
         let z = problem.inputs().select(&problem.spread(3));
         let sparse = FitOptions::default().inducing_points(&z);
         let fit = dgpc::fit(&problem.prior, &problem.observations, &sparse).unwrap();
-        let part: Vec<usize> = (0..problem.inputs().len()).filter(|&event| wanted[event]).collect();
+        let part: Vec<usize> = (0..problem.inputs().len()).filter(|&event| included[event]).collect();
         let condensed = Summary::variational(&problem.prior, &fit.sites().select(&part), &z).unwrap();
         let expected = Posterior::of_summaries(&problem.prior, &[&condensed]).unwrap();
         let latent = |posterior: &Posterior| posterior.latent(&problem.elsewhere).unwrap();
         assert_same_latent(&latent(&fit.posterior_of_part(&part, &[]).unwrap()), &latent(&expected), 1e-8);
-        // And from another part on.
+        // A summary of another part leads to the same posterior by adding and removing events.
         let places = |is_in: &dyn Fn(usize) -> bool| (0..problem.inputs().len()).filter(|&event| is_in(event)).collect::<Vec<_>>();
         let mut moved = fit.summary_of_part(&places(&|event| before[event])).unwrap().unwrap();
-        moved.forget(&fit.sites().select(&places(&|event| before[event] && !wanted[event]))).unwrap();
-        moved.observe(&fit.sites().select(&places(&|event| wanted[event] && !before[event]))).unwrap();
+        moved.forget(&fit.sites().select(&places(&|event| before[event] && !included[event]))).unwrap();
+        moved.observe(&fit.sites().select(&places(&|event| included[event] && !before[event]))).unwrap();
         assert_same_latent(&latent(&Posterior::of_summaries(&problem.prior, &[&moved]).unwrap()), &latent(&expected), 1e-7);
     }
 
     #[test]
-    fn an_amended_fit_is_what_its_sites_say(problem in problems(4..=14), gone in any::<[bool; 14]>()) {
+    fn an_amended_fit_is_the_posterior_of_its_sites(problem in problems(4..=14), removed in any::<[bool; 14]>()) {
         let message = message(&problem);
         prop_assume!(message.is_some());
         let message = message.unwrap();
@@ -114,32 +114,32 @@ proptest! {
         let [first, others] = [0..half, half..count].map(|range| problem.observations.select(&range.collect::<Vec<_>>()));
         let sparse = FitOptions::default().inducing_points(&z).messages(&messages);
         let before = dgpc::fit(&problem.prior, &first, &sparse).unwrap();
-        let gone: Vec<usize> = (0..half).filter(|&event| gone[event]).collect();
-        // Each of them goes once, however often it is named.
-        let after = before.amended(&[&gone[..], &gone].concat(), &others).unwrap().unwrap();
+        let removed: Vec<usize> = (0..half).filter(|&event| removed[event]).collect();
+        // Each event is removed once, however often it is named.
+        let after = before.amended(&[&removed[..], &removed].concat(), &others).unwrap().unwrap();
 
-        let stay: Vec<usize> = (0..half).filter(|event| !gone.contains(event)).collect();
-        let places: Vec<usize> = (0..stay.len()).collect();
-        prop_assert_eq!(&after.sites().select(&places), &before.sites().select(&stay));
-        prop_assert_eq!(after.sites().len(), stay.len() + others.len());
+        let remaining: Vec<usize> = (0..half).filter(|event| !removed.contains(event)).collect();
+        let places: Vec<usize> = (0..remaining.len()).collect();
+        prop_assert_eq!(&after.sites().select(&places), &before.sites().select(&remaining));
+        prop_assert_eq!(after.sites().len(), remaining.len() + others.len());
         prop_assert_eq!([after.tilts(), after.weights(), after.mean(), after.variance()].map(<[f64]>::len), [after.sites().len(); 4]);
         let latent = |posterior: &Posterior| posterior.latent(&problem.elsewhere).unwrap();
         let points = after.inducing_points().unwrap();
         let condensed = Summary::variational(&problem.prior, after.sites(), points).unwrap();
-        let read = message.under(&problem.prior).unwrap();
-        let expected = Posterior::of_summaries(&problem.prior, &[&condensed, &read]).unwrap();
+        let converted = message.under(&problem.prior).unwrap();
+        let expected = Posterior::of_summaries(&problem.prior, &[&condensed, &converted]).unwrap();
         assert_same_latent(&latent(&after.posterior().unwrap()), &latent(&expected), 1e-7);
-        // A new one has the site that it has beside all before it.
-        let one = before.amended(&gone, &others.select(&[0])).unwrap().unwrap();
-        let known = before.amended(&gone, &others.select(&[])).unwrap().unwrap().posterior().unwrap();
+        // A new event gets its site given all events before it.
+        let one = before.amended(&removed, &others.select(&[0])).unwrap().unwrap();
+        let known = before.amended(&removed, &others.select(&[])).unwrap().unwrap().posterior().unwrap();
         let expected = sites_given(&known, &others.select(&[0])).unwrap();
-        prop_assert!((one.sites().omega()[stay.len()] - expected.omega()[0]).abs() < 1e-12);
+        prop_assert!((one.sites().omega()[remaining.len()] - expected.omega()[0]).abs() < 1e-12);
         let dense = dgpc::fit(&problem.prior, &first, &FitOptions::default()).unwrap();
         prop_assert!(dense.amended(&[], &others).unwrap().is_none());
     }
 
     #[test]
-    fn summaries_take_the_place_of_a_fits_messages(problem in problems(3..=14), is_sparse in any::<bool>()) {
+    fn posterior_with_replaces_the_messages_of_a_fit(problem in problems(3..=14), is_sparse in any::<bool>()) {
         let message = message(&problem);
         prop_assume!(message.is_some());
         let message = message.unwrap();
@@ -150,12 +150,12 @@ proptest! {
         }
         let fit = dgpc::fit(&problem.prior, &problem.observations, &options).unwrap();
         let latent = |posterior: Posterior| posterior.latent(&problem.elsewhere).unwrap();
-        // The same again, under the fit's prior or under its own.
-        let read = message.under(&problem.prior).unwrap();
+        // The same message, read under the fit's prior before or by the fit.
+        let converted = message.under(&problem.prior).unwrap();
         let expected = latent(fit.posterior().unwrap());
         assert_same_latent(&latent(fit.posterior_with(&[&message]).unwrap()), &expected, 1e-12);
-        assert_same_latent(&latent(fit.posterior_with(&[&read]).unwrap()), &expected, 1e-7);
-        // None: the events alone, at the sites of the fit.
+        assert_same_latent(&latent(fit.posterior_with(&[&converted]).unwrap()), &expected, 1e-7);
+        // Without messages, the posterior is that of the events at the sites of the fit.
         let alone = fit.posterior_with(&[]).unwrap();
         let expected = match fit.inducing_points() {
             None => Posterior::of_sites(&problem.prior, fit.sites()).unwrap(),
@@ -165,28 +165,28 @@ proptest! {
             }
         };
         assert_same_latent(&latent(alone.clone()), &latent(expected), 1e-9);
-        // Absorbed afterwards it is the same as given at once.
+        // Absorbing the message afterwards gives the same posterior.
         let mut later = alone;
-        later.absorb_summaries(&[&read]).unwrap();
-        assert_same_latent(&latent(later), &latent(fit.posterior_with(&[&read]).unwrap()), 1e-7);
+        later.absorb_summaries(&[&converted]).unwrap();
+        assert_same_latent(&latent(later), &latent(fit.posterior_with(&[&converted]).unwrap()), 1e-7);
     }
 
     #[test]
-    fn a_factor_read_back_is_the_message(problem in problems(2..=14)) {
+    fn a_summary_from_its_factor_is_the_same_message(problem in problems(2..=14)) {
         let z = problem.inputs().select(&problem.spread(3));
         let summary = Summary::marginal(&problem.prior, &problem.sites, &z).unwrap();
         let factor = summary.factor().unwrap();
         assert_same_message(&Summary::from_factor(&problem.prior, &factor).unwrap(), &summary, 1e-7);
-        // Under any other prior it is what the message is there.
+        // Under another prior, the factor gives the same message as the summary does.
         let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, 1.3, 0.9, z.dimension()).unwrap()]).unwrap();
         let other = Prior::new(kernel, PriorMean::Constant(-0.4)).unwrap();
-        let read = Summary::from_factor(&other, &factor).unwrap();
-        assert_same_message(&read, &summary.under(&other).unwrap(), 1e-6);
+        let converted = Summary::from_factor(&other, &factor).unwrap();
+        assert_same_message(&converted, &summary.under(&other).unwrap(), 1e-6);
     }
 
-    /// How parameters are tied for learning changes no number, so that it keeps nobody apart.
+    /// Ties between parameters change no moments. Priors that differ in ties only are equal and can be combined.
     #[test]
-    fn ties_are_no_part_of_a_priors_identity(problem in problems(2..=8)) {
+    fn ties_do_not_matter_for_equality_of_priors(problem in problems(2..=8)) {
         let dimension = problem.inputs().dimension();
         let columns: Vec<usize> = (0..dimension).collect();
         let prior = |correlation: Correlation| {
@@ -206,8 +206,8 @@ proptest! {
     }
 }
 
-/// Under a prior that is sure of nothing, steps other than plain ones go astray every few passes. What comes back after any number of
-/// iterations is a step that was accepted.
+/// Under a prior of very large variance, accelerated steps often lower E and are rejected. After any number of iterations
+/// the fit must return an accepted step.
 #[test]
 fn every_number_of_iterations_returns_an_accepted_step() {
     let kernel = |variance| Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, variance, 1.0, 1).unwrap()]);
@@ -223,14 +223,14 @@ fn every_number_of_iterations_returns_an_accepted_step() {
             let fit = dgpc::fit(&prior, &observations, &options).unwrap();
             assert!(
                 fit.change().is_finite(),
-                "variance {variance}, sparse: {is_sparse}: {iterations_max} iterations say nothing of the last"
+                "variance {variance}, sparse: {is_sparse}: no change reported after {iterations_max} iterations"
             );
             fit.evidence()
         };
         let all: Vec<f64> = (1..=80).map(evidence).collect();
         let first = all[0];
         for (before, &after) in all.windows(2).map(|pair| (pair[0], &pair[1])) {
-            // Plain steps from accepted places may differ by a little; rejected ones lost whole nats.
+            // Plain steps from accepted places may differ slightly. A rejected step would lose whole nats.
             assert!(
                 after >= before - 0.02 * (before - first).abs() - 1e-9,
                 "variance {variance}, sparse: {is_sparse}: {after} after {before}"
@@ -239,9 +239,9 @@ fn every_number_of_iterations_returns_an_accepted_step() {
     }
 }
 
-/// However early a sparse fit stops, its moments are those of its sites, and so are those without an event.
+/// A sparse fit that stops early has moments and leave-one-out moments that belong to its sites.
 #[test]
-fn a_fit_that_stopped_early_is_of_one_posterior() {
+fn a_fit_that_stopped_early_is_consistent() {
     let kernel = Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, 100.0, 1.0, 1).unwrap()]).unwrap();
     let prior = Prior::new(kernel, PriorMean::Zero).unwrap();
     let observations = Observations::new(line(&[0.0, 0.0]), vec![true, false]).unwrap();
@@ -251,7 +251,7 @@ fn a_fit_that_stopped_early_is_of_one_posterior() {
         let fit = dgpc::fit(&prior, &observations, &options.inducing_points(&points)).unwrap();
         let latent = fit.posterior().unwrap().latent(observations.inputs()).unwrap();
         assert_same_latent(&Latent { mean: fit.mean().to_vec(), variance: fit.variance().to_vec() }, &latent, 1e-9);
-        // By hand: what one of the two says of the other.
+        // The leave-one-out probability of either event, computed by hand from the other event.
         let omega = fit.sites().omega()[0];
         let variance = 1.0 / (0.01 + omega);
         let expected = success_probability(-0.5 * variance, variance).ln();
@@ -259,7 +259,7 @@ fn a_fit_that_stopped_early_is_of_one_posterior() {
     }
 }
 
-/// A prior mean that overflows is refused before any sampler meets it.
+/// A prior mean that overflows is refused before any sampling.
 #[test]
 fn a_prior_mean_that_overflows_is_refused() {
     let mean = PriorMean::range(0.0, 1e300, &[0], &[1]).unwrap();
@@ -271,16 +271,16 @@ fn a_prior_mean_that_overflows_is_refused() {
 }
 
 #[test]
-fn a_sampler_asked_for_nothing_finite_returns() {
+fn the_sampler_refuses_tilts_that_are_not_finite() {
     for c in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let refused = polya_gamma::sample(&mut seeded(1), c);
         assert!(matches!(refused, Err(Error::NotFinite { place: Place::Alone, .. })), "{c}: {refused:?}");
     }
 }
 
-/// As many points as people can write down take no more memory than there are candidates.
+/// A huge number of requested points allocates no more memory than the number of candidates needs.
 #[test]
-fn numbers_of_points_bound_no_allocation() {
+fn huge_numbers_of_points_need_no_memory() {
     let prior = line_prior(Shape::Matern52);
     let candidates = Candidates::new(prior.kernel(), &line(&[0.0, 1.0, 2.0])).unwrap();
     for points in [10_000_000_000_000, usize::MAX] {

@@ -1,4 +1,4 @@
-//! Posteriors that grow, and what one posterior is missing of another.
+//! Posteriors that absorb more evidence, and residuals between posteriors.
 
 use crate::common::*;
 use crate::problems::*;
@@ -9,7 +9,7 @@ proptest! {
     #![proptest_config(cases(60))]
 
     #[test]
-    fn absorbing_in_pieces_is_fusing_at_once(problem in problems(6..=24), cuts in any::<[u8; 3]>()) {
+    fn absorbing_in_parts_agrees_with_fusing_at_once(problem in problems(6..=24), cuts in any::<[u8; 3]>()) {
         let z = problem.inputs().select(&problem.spread(3));
         let half = problem.inputs().len() / 2;
         let sites = |range: std::ops::Range<usize>| problem.sites.select(&range.collect::<Vec<_>>());
@@ -19,7 +19,7 @@ proptest! {
             Summary::variational(&problem.prior, &far, &problem.elsewhere.slice(0..1)).unwrap(),
         ];
         let at_once = Posterior::fuse(&problem.prior, &near, &[&messages[0], &messages[1]]).unwrap();
-        // Events and messages in turns, from nothing.
+        // Absorb events and messages alternately, starting from the prior.
         let mut grown = Posterior::prior_alone(&problem.prior, problem.inputs().dimension());
         let cut = usize::from(cuts[0]) % (half + 1);
         grown.absorb_events(&sites(0..cut)).unwrap();
@@ -30,12 +30,12 @@ proptest! {
         prop_assert_eq!(grown.len(), at_once.len());
         let latent = |posterior: &Posterior| posterior.latent(&problem.elsewhere).unwrap();
         assert_same_latent(&latent(&grown), &latent(&at_once), 1e-9);
-        let said = |posterior: &Posterior| posterior.summarise(&z).unwrap();
-        assert_same_message(&said(&grown), &said(&at_once), 1e-7);
+        let summaries = |posterior: &Posterior| posterior.summarise(&z).unwrap();
+        assert_same_message(&summaries(&grown), &summaries(&at_once), 1e-7);
     }
 
     #[test]
-    fn what_cannot_be_absorbed_changes_nothing(problem in problems(2..=10)) {
+    fn failed_absorption_changes_nothing(problem in problems(2..=10)) {
         let mut posterior = problem.full();
         let before = posterior.latent(&problem.elsewhere).unwrap();
         let other = Prior::new(problem.prior.kernel().clone(), PriorMean::Constant(7.0)).unwrap();
@@ -50,31 +50,31 @@ proptest! {
     }
 
     #[test]
-    fn a_shift_is_the_difference_between_with_and_without(problem in problems(6..=24), offset_sd in 0.0..2.0f64) {
+    fn a_shift_is_the_difference_of_the_posteriors(problem in problems(6..=24), offset_sd in 0.0..2.0f64) {
         let z = problem.inputs().select(&problem.spread(3));
         let half = problem.inputs().len() / 2;
         let sites = |range: std::ops::Range<usize>| problem.sites.select(&range.collect::<Vec<_>>());
         let far = sites(half..problem.inputs().len());
-        // The same points twice among them.
-        let said = [
+        // One point occurs twice among the summaries.
+        let summaries = [
             Summary::marginal(&problem.prior, &far, &z).unwrap(),
             Summary::variational(&problem.prior, &far, &problem.elsewhere.slice(0..1)).unwrap(),
             Summary::marginal(&problem.prior, &far, &problem.elsewhere.slice(0..1)).unwrap(),
         ];
-        let said: Vec<&Summary> = said.iter().collect();
+        let summaries: Vec<&Summary> = summaries.iter().collect();
         let without = Posterior::of_sites(&problem.prior, &sites(0..half)).unwrap();
         let mut with = without.clone();
-        with.absorb_summaries(&said).unwrap();
+        with.absorb_summaries(&summaries).unwrap();
         let mut points = z;
         (0..2).for_each(|_| points.append(&problem.elsewhere.slice(0..1)).unwrap());
         let [before, after] = [&without, &with].map(|posterior| posterior.latent(&points).unwrap());
         let mean = after.mean.iter().zip(&before.mean).map(|(after, before)| after - before).collect();
         let expected = Latent { mean, variance: before.variance };
-        for found in [without.shift_by(&said).unwrap(), with.shift_of(&said).unwrap()] {
+        for found in [without.shift_by(&summaries).unwrap(), with.shift_of(&summaries).unwrap()] {
             let largest = found.largest(offset_sd);
             assert_same_latent(&Latent { mean: found.mean.clone(), variance: found.covariance.diagonal() }, &expected, 1e-6);
             prop_assert!(largest.is_finite() && largest >= 0.0);
-            // What the points share in full is an offset, of whatever size.
+            // If the points share their whole variation, it is an offset of arbitrary size.
             let apart = Shift { mean: vec![100.0; points.len()], ..found };
             prop_assert!(apart.largest(1e6) < 1e-3);
         }
@@ -90,11 +90,11 @@ proptest! {
     }
 
     #[test]
-    fn functions_drawn_have_the_joint_covariance(problem in problems(1..=16)) {
+    fn drawn_functions_have_the_joint_covariance(problem in problems(1..=16)) {
         let posterior = problem.full();
         let rows = problem.elsewhere.len();
         let (mean, covariance) = posterior.joint(&problem.elsewhere).unwrap();
-        // Of normals that are nought, and one for each row alone: the mean, and the columns of a root.
+        // With a zero column and unit columns as normals, the draws are the mean and the columns of a root.
         let unit = Matrix::from_fn(rows, rows + 1, |row, draw| f64::from(u8::from(row + 1 == draw)));
         let (draws, jitter) = posterior.draws(&problem.elsewhere, &unit).unwrap();
         for a in 0..rows {
@@ -110,37 +110,37 @@ proptest! {
     }
 
     #[test]
-    fn a_residual_is_what_was_missing(problem in problems(4..=20)) {
-        // `known` has seen some of the events of `all`, so that nothing is clipped.
+    fn merging_the_residual_gives_the_full_summary(problem in problems(4..=20)) {
+        // `known` contains some of the events of `all`, so that nothing is clipped.
         let z = problem.inputs().select(&problem.spread(4));
         let some: Vec<usize> = (0..problem.inputs().len()).step_by(2).collect();
         let all = Summary::variational(&problem.prior, &problem.sites, &z).unwrap();
         let known = Summary::variational(&problem.prior, &problem.sites.select(&some), &z).unwrap();
-        let mut told = known.clone();
-        told.merge(&all.residual(&known).unwrap()).unwrap();
-        assert_same_message(&told, &all, 1e-8);
-        // Of itself nothing is missing.
-        let nothing = all.residual(&all).unwrap();
-        assert_same_message(&nothing, &Summary::empty(&problem.prior, &z).unwrap(), 1e-7);
+        let mut receiver = known.clone();
+        receiver.merge(&all.residual(&known).unwrap()).unwrap();
+        assert_same_message(&receiver, &all, 1e-8);
+        // The residual of a summary beyond itself is empty.
+        let empty = all.residual(&all).unwrap();
+        assert_same_message(&empty, &Summary::empty(&problem.prior, &z).unwrap(), 1e-7);
     }
 
     #[test]
-    fn a_residual_takes_nothing_back_and_corrects_the_mean(problem in problems(4..=20)) {
+    fn a_residual_removes_no_precision_and_corrects_the_mean(problem in problems(4..=20)) {
         let z = problem.inputs().select(&problem.spread(4));
         let some: Vec<usize> = (0..problem.inputs().len()).step_by(2).collect();
         let all = Summary::variational(&problem.prior, &problem.sites, &z).unwrap();
         let less = Summary::variational(&problem.prior, &problem.sites.select(&some), &z).unwrap();
-        // Somebody who knows more than there is to tell stays as certain, and gets the mean.
-        let mut told = all.clone();
-        told.merge(&less.residual(&all).unwrap()).unwrap();
-        let (certain, moments) = (told.moments().unwrap(), all.moments().unwrap());
+        // A receiver that is more certain than the sender keeps its precision and gets the sender's mean.
+        let mut receiver = all.clone();
+        receiver.merge(&less.residual(&all).unwrap()).unwrap();
+        let (certain, moments) = (receiver.moments().unwrap(), all.moments().unwrap());
         let before = Latent { mean: certain.0.clone(), variance: moments.1.diagonal() };
         let after = Latent { mean: less.moments().unwrap().0, variance: certain.1.diagonal() };
         assert_same_latent(&before, &after, 1e-7);
     }
 
     #[test]
-    fn telling_lowers_the_trace_as_foreseen(problem in problems(4..=20)) {
+    fn sending_a_residual_lowers_the_trace_as_predicted(problem in problems(4..=20)) {
         let own = problem.full();
         let some: Vec<usize> = (0..problem.inputs().len()).step_by(3).collect();
         let public = Posterior::fuse(&problem.prior, &problem.sites.select(&some), &[]).unwrap();
@@ -150,23 +150,23 @@ proptest! {
         let z = problem.inputs().select(&chosen.indices);
         if !z.is_empty() {
             let residual = own.summarise(&z).unwrap().residual(&public.summarise(&z).unwrap()).unwrap();
-            let mut told = public.clone();
-            told.absorb_summaries(&[&residual]).unwrap();
-            prop_assert!((trace(&told) - chosen.trace).abs() <= 1e-8 * trace(&public), "{} {}", trace(&told), chosen.trace);
-            // No other point would have lowered it more.
+            let mut receiver = public.clone();
+            receiver.absorb_summaries(&[&residual]).unwrap();
+            prop_assert!((trace(&receiver) - chosen.trace).abs() <= 1e-8 * trace(&public), "{} {}", trace(&receiver), chosen.trace);
+            // No other point lowers the trace more.
             for n in 0..problem.inputs().len() {
                 let z = problem.inputs().select(&[n]);
                 let residual = own.summarise(&z).unwrap().residual(&public.summarise(&z).unwrap()).unwrap();
                 let mut other = public.clone();
                 other.absorb_summaries(&[&residual]).unwrap();
-                prop_assert!(trace(&told) <= trace(&other) + 1e-8 * trace(&public));
+                prop_assert!(trace(&receiver) <= trace(&other) + 1e-8 * trace(&public));
             }
         }
     }
 
-    /// Candidates that are told what their public is told are those of a public that was told it before.
+    /// Candidates that follow a public posterior agree with candidates created from the updated public posterior.
     #[test]
-    fn candidates_hear_what_their_public_hears(problem in problems(4..=20)) {
+    fn candidates_follow_their_public_posterior(problem in problems(4..=20)) {
         let (own, inputs) = (problem.full(), problem.inputs());
         let mut public = Posterior::prior_alone(&problem.prior, inputs.dimension());
         let variance = own.latent(inputs).unwrap().variance;
@@ -174,20 +174,20 @@ proptest! {
         for place in problem.spread(3) {
             let residual = own.residual(&public, &inputs.select(&[place])).unwrap();
             public.absorb_summaries(&[&residual]).unwrap();
-            // What is known already is not taken in twice.
+            // A second call without new evidence changes nothing.
             candidates.follow(&public, inputs).unwrap();
             candidates.follow(&public, inputs).unwrap();
-            let anew = Candidates::towards(&public, &variance, inputs).unwrap();
-            assert_near("trace", &[candidates.trace()], &[anew.trace()], 1e-9);
+            let recreated = Candidates::towards(&public, &variance, inputs).unwrap();
+            assert_near("trace", &[candidates.trace()], &[recreated.trace()], 1e-9);
             for points in 1..=3 {
-                assert_near("trace left", &[candidates.greedy(points).trace], &[anew.greedy(points).trace], 1e-7);
+                assert_near("trace left", &[candidates.greedy(points).trace], &[recreated.greedy(points).trace], 1e-7);
             }
         }
         prop_assert!(candidates.follow(&public, &problem.elsewhere.select(&[0])).is_err());
     }
 
     #[test]
-    fn nothing_is_left_to_tell_somebody_who_knows_as_much(problem in problems(2..=12)) {
+    fn no_gain_is_predicted_for_equal_posteriors(problem in problems(2..=12)) {
         let own = problem.full();
         let candidates = Candidates::for_residual(&own, &own, problem.inputs()).unwrap();
         let chosen = candidates.greedy(3);
@@ -195,7 +195,7 @@ proptest! {
     }
 
     #[test]
-    fn a_site_beside_what_is_known_is_at_its_fixed_point(problem in problems(2..=16)) {
+    fn a_single_site_is_at_its_fixed_point(problem in problems(2..=16)) {
         let last = problem.inputs().len() - 1;
         let known = Posterior::fuse(&problem.prior, &problem.sites.select(&(0..last).collect::<Vec<_>>()), &[]).unwrap();
         let event = problem.observations.select(&[last]);
@@ -209,9 +209,9 @@ proptest! {
     }
 
     #[test]
-    fn distinct_points_are_those_that_a_gram_matrix_can_tell_apart(problem in problems(3..=12)) {
-        let twice = [0, 1, 0, 2, 1].map(|n: usize| n.min(problem.inputs().len() - 1));
-        let points = problem.inputs().select(&twice);
+    fn distinct_points_have_a_gram_matrix_without_jitter(problem in problems(3..=12)) {
+        let repeated = [0, 1, 0, 2, 1].map(|n: usize| n.min(problem.inputs().len() - 1));
+        let points = problem.inputs().select(&repeated);
         let distinct = Candidates::new(problem.prior.kernel(), &points).unwrap().distinct(DISTINCT_SHARE);
         prop_assert!(distinct.contains(&0) && !distinct.contains(&2) && !distinct.contains(&4));
         let kept = points.select(&distinct);
@@ -220,8 +220,8 @@ proptest! {
 }
 
 #[test]
-fn an_offset_that_all_points_share_is_no_surprise() {
-    // Of each value by itself, and of what all share.
+fn a_common_offset_does_not_count_as_a_shift() {
+    // The covariance has an independent part for each value and a part that all values share.
     let covariance =
         |each: f64, shared: f64| Matrix::from_fn(3, 3, |row, column| shared + if row == column { each } else { 0.0 });
     let shift = |mean: [f64; 3]| Shift {
@@ -232,15 +232,15 @@ fn an_offset_that_all_points_share_is_no_surprise() {
     let common = shift([3.0; 3]);
     assert!((common.largest(0.0) - 6.0).abs() < 1e-12);
     assert!(common.largest(1e3) < 1e-3 && common.largest(0.5) < 4.0);
-    // Where only the prior speaks there is nothing to differ from.
+    // Values that only the prior determines are not compared.
     let unknown = Shift { prior_covariance: covariance(0.49, 0.0), ..common.clone() };
     assert_eq!(unknown.largest(0.0), 0.0);
-    // What differs from point to point stays, in standard deviations of the differences: two thirds of the variance.
+    // Differences between points remain, in standard deviations of the deviations from the mean: 2/3 of the variance.
     let differing = shift([3.0, 0.0, -3.0]);
     assert!((differing.largest(1e3) - 6.0 * 1.5f64.sqrt()).abs() < 1e-9);
-    // So it does where nothing is known of what they share.
-    let of_any_ear =
+    // They also remain if the shared part is undetermined.
+    let with_shared_variance =
         |shift: Shift| Shift { covariance: covariance(0.25, 9.0), prior_covariance: covariance(1.0, 9.0), ..shift };
-    assert_eq!(of_any_ear(common).largest(0.0), 0.0);
-    assert!((of_any_ear(differing).largest(0.0) - 6.0 * 1.5f64.sqrt()).abs() < 1e-9);
+    assert_eq!(with_shared_variance(common).largest(0.0), 0.0);
+    assert!((with_shared_variance(differing).largest(0.0) - 6.0 * 1.5f64.sqrt()).abs() < 1e-9);
 }

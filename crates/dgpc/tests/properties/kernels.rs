@@ -1,4 +1,4 @@
-//! Kernels are symmetric, positive semi-definite and reciprocal where they say so.
+//! Kernels are symmetric and positive semi-definite, and reciprocal terms are invariant under reflection.
 
 use super::problems::*;
 use crate::common::*;
@@ -22,7 +22,7 @@ proptest! {
     }
 
     #[test]
-    fn reciprocal_kernels_do_not_tell_the_ends_apart(problem in problems(1..=10)) {
+    fn reciprocal_kernels_are_invariant_under_reflection(problem in problems(1..=10)) {
         let dimension = problem.inputs().dimension();
         let terms = problem.prior.kernel().terms().iter().take(1).cloned();
         let terms: Vec<Term> = terms.filter(Term::is_reciprocal).collect();
@@ -37,7 +37,7 @@ proptest! {
         ] {
             assert_near_matrix("swapped", &rows(&kernel.cross(a, b).unwrap()), &gram, 1e-13);
         }
-        // Half of the plain kernel at x′ and half at its image.
+        // Half of the plain kernel at x′ plus half at its image.
         let term = &kernel.terms()[0];
         let plain = term.correlations().iter().cloned();
         let mut plain = plain;
@@ -63,7 +63,7 @@ proptest! {
             length_scale: first,
             partner_length_scale: Some(second),
         }));
-        // A column without its partner.
+        // A column without its partner is refused, too.
         let term = Term::new(Shape::Matern32, 1.0, &[0, 1, 3], &[first, 1.0, 1.0]).unwrap();
         let refused = term.reciprocal(swap(4));
         let alone = matches!(

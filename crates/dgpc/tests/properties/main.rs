@@ -1,5 +1,4 @@
-//! What must hold for every problem: random small problems against dense formulas, against brute force, and against
-//! each other.
+//! Properties that hold for every problem: random small problems against dense formulas, brute force, and each other.
 
 #![allow(clippy::unwrap_used)]
 

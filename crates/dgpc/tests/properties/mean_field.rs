@@ -7,7 +7,7 @@ use dgpc::*;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-/// E of section 7 of [`dgpc::method`], at any tilts, by dense formulas.
+/// Returns E of section 7 of [`dgpc::method`] at arbitrary tilts, by dense formulas.
 fn evidence_bound(problem: &Problem, tilts: &[f64]) -> f64 {
     let (gram, count) = (problem.gram(), tilts.len());
     let weights = problem.observations.weights();
@@ -52,10 +52,10 @@ proptest! {
         }
     }
 
-    /// Newton's method is right only with the right derivatives: then what is wrong by a hundredth is wrong by less than 1e-9
-    /// three steps later. The pass after them says so.
+    /// Newton's method converges quadratically only with the correct derivatives. An error of one percent is then below 1e-9
+    /// after three steps. One more pass detects the convergence.
     #[test]
-    fn errors_go_down_with_their_squares(problem in problems(3..=16), signs in vec(any::<bool>(), 16), with_message in any::<bool>()) {
+    fn newton_steps_converge_quadratically(problem in problems(3..=16), signs in vec(any::<bool>(), 16), with_message in any::<bool>()) {
         let message = message(&problem);
         let messages: Vec<&Summary> = message.iter().filter(|_| with_message).collect();
         let options = FitOptions::default().messages(&messages);
@@ -66,9 +66,9 @@ proptest! {
         prop_assert!(again.iterations() <= 4, "{} passes, {} in the last", again.iterations(), again.change());
     }
 
-    /// c ← √E[f²] again and again, which is all that the method says, leads where a fit goes.
+    /// Repeating c ← √E[f²], the plain fixed-point iteration, leads to the same fixed point as a fit.
     #[test]
-    fn plain_passes_lead_to_the_same_place(problem in problems(1..=12)) {
+    fn plain_passes_converge_to_the_same_fixed_point(problem in problems(1..=12)) {
         let fit = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default()).unwrap();
         let mut tilts = vec![1.0; problem.inputs().len()];
         let mut change = f64::INFINITY;
@@ -87,14 +87,14 @@ proptest! {
     }
 
     #[test]
-    fn every_event_an_inducing_point_is_the_dense_fit(problem in problems(1..=16)) {
+    fn inducing_points_at_all_events_give_the_dense_fit(problem in problems(1..=16)) {
         let dense = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default()).unwrap();
         let sparse =
             dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default().inducing_points(problem.inputs())).unwrap();
         assert_near("mean", sparse.mean(), dense.mean(), 1e-6);
         assert_near("variance", sparse.variance(), dense.variance(), 1e-6);
         assert_near("evidence", &[sparse.evidence()], &[dense.evidence()], 1e-6);
-        // With fewer points the bound can only be lower.
+        // With fewer points the bound cannot be higher.
         let z = problem.inputs().select(&problem.spread(2));
         let fewer = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default().inducing_points(&z)).unwrap();
         prop_assert!(fewer.evidence() <= dense.evidence() + 1e-9 * (1.0 + dense.evidence().abs()));
@@ -109,7 +109,7 @@ proptest! {
         let marginal = if gram.len() == 1 {
             gaussian_expectation(mean[0], gram[0][0], |f| likelihood(0, f))
         } else {
-            // f₁ given f₀ is Gaussian, too; the outer rule is as fine as the inner one, but coarser is enough here.
+            // f₁ given f₀ is Gaussian, too. The outer rule is as fine as the inner one, although a coarser one would suffice.
             let slope = gram[1][0] / gram[0][0];
             let rest = (gram[1][1] - slope * gram[1][0]).max(0.0);
             let inner = |f0: f64| {
@@ -120,12 +120,12 @@ proptest! {
             trapezoid(|u| { let f0 = mean[0] + sd * u; likelihood(0, f0) * inner(f0) })
         };
         prop_assert!(fit.evidence() <= marginal.ln() + 1e-9, "{} above {}", fit.evidence(), marginal.ln());
-        // The bound's slack per event grows with the variance; .15 at variance 16.
+        // The slack of the bound per event grows with the variance. It is .15 at variance 16.
         prop_assert!(fit.evidence() >= marginal.ln() - 0.5, "{} far below {}", fit.evidence(), marginal.ln());
     }
 
     #[test]
-    fn weights_count_events(problem in problems(1..=10), which in 0..10usize) {
+    fn an_event_of_weight_two_counts_as_two_events(problem in problems(1..=10), which in 0..10usize) {
         let count = problem.inputs().len();
         let which = which % count;
         let fit = |observations: &Observations| dgpc::fit(&problem.prior, observations, &FitOptions::default()).unwrap();
@@ -145,7 +145,7 @@ proptest! {
     }
 }
 
-/// ∫ g(u) N(u; 0, 1) du by the trapezoid rule at steps of 0.06, coarser than [`gaussian_expectation`].
+/// Returns ∫ g(u) N(u; 0, 1) du by the trapezoid rule at steps of 0.06, coarser than [`gaussian_expectation`].
 fn trapezoid(g: impl Fn(f64) -> f64) -> f64 {
     let at = |i: i32| {
         let u = 0.06 * f64::from(i);

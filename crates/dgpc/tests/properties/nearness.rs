@@ -1,15 +1,15 @@
-//! Points that nearly coincide, and points that are far.
+//! Points that nearly coincide, and points that are far apart.
 
 use super::problems::*;
 use crate::common::*;
 use dgpc::*;
 
 #[test]
-fn packets_at_nearly_one_place_agree_with_merging_them() {
+fn summaries_at_nearly_equal_points_agree_with_their_merger() {
     let prior = line_prior(Shape::SquaredExponential);
     let none = Sites::empty(1);
     let elsewhere = line(&[-2.0, -0.5, 0.0, 0.4, 3.0]);
-    // The same message at z ± δ/2, and twice at z: they differ by δ² only.
+    // A message at z − δ/2 and z + δ/2, against the message twice at z. They differ by δ² only.
     let packet =
         |z: f64| Summary::from_whitened(&prior, &line(&[z]), Matrix::from_fn(1, 1, |_, _| 3.0), vec![1.2]).unwrap();
     let mut merged = packet(0.1);
@@ -23,7 +23,7 @@ fn packets_at_nearly_one_place_agree_with_merging_them() {
 }
 
 #[test]
-fn inducing_points_at_nearly_one_place_carry_value_and_slope() {
+fn nearly_equal_inducing_points_carry_value_and_derivative() {
     let sites = line_sites();
     let none = Sites::empty(1);
     let elsewhere = line(&[-2.0, -0.5, 0.0, 0.4, 3.0]);
@@ -37,7 +37,7 @@ fn inducing_points_at_nearly_one_place_carry_value_and_slope() {
                 assert!(summary.moments().unwrap().0.iter().all(|mean| mean.is_finite()));
                 Posterior::fuse(&prior, &none, &[&summary]).unwrap().latent(&elsewhere).unwrap()
             };
-            // Both stand for f and f′ at 0.1, up to O(δ²), or O(δ) for the kernel with the rougher f′.
+            // The two points represent f and f′ at 0.1, up to O(δ²), or O(δ) for the kernel with the rougher f′.
             let tolerance = if shape == Shape::SquaredExponential { 3e-6 } else { 3e-3 };
             assert_same_latent(&fused(1e-3), &fused(2e-3), tolerance);
         }
@@ -45,7 +45,7 @@ fn inducing_points_at_nearly_one_place_carry_value_and_slope() {
 }
 
 #[test]
-fn inducing_points_at_one_place_count_once() {
+fn equal_inducing_points_count_once() {
     let (prior, sites) = (line_prior(Shape::SquaredExponential), line_sites());
     let elsewhere = line(&[-2.0, -0.5, 0.0, 0.4, 3.0]);
     for summarise in [Summary::variational, Summary::marginal] {
@@ -64,7 +64,7 @@ fn inducing_points_at_one_place_count_once() {
 
 #[test]
 fn far_points_have_no_covariance() {
-    // Scaled squared distances beyond the range of numbers.
+    // The scaled squared distances overflow.
     let inputs = line(&[0.0, 1e155, -1e200, 1e300]);
     for shape in [Shape::SquaredExponential, Shape::Matern32, Shape::Matern52] {
         let prior = line_prior(shape);
@@ -74,8 +74,8 @@ fn far_points_have_no_covariance() {
 }
 
 #[test]
-fn rounding_left_by_subtraction_is_no_message() {
-    // 0.3 − 0.1 − 0.2 is −2.8e-17: nothing against the prior's precision of 1 beside it.
+fn rounding_errors_of_subtraction_are_ignored() {
+    // 0.3 − 0.1 − 0.2 is −2.8e-17, which is negligible compared with the prior's precision of 1.
     let prior = line_prior(Shape::SquaredExponential);
     let summary = |precision| {
         Summary::from_whitened(&prior, &line(&[0.0]), Matrix::from_fn(1, 1, |_, _| precision), vec![0.0]).unwrap()

@@ -1,11 +1,11 @@
-//! Nothing to go by.
+//! Problems without events, inducing points or candidates.
 
 use super::problems::*;
 use crate::common::*;
 use dgpc::*;
 
 #[test]
-fn no_events_leave_the_prior() {
+fn fitting_no_events_gives_the_prior() {
     let prior = line_prior(Shape::Matern52);
     let none = Sites::empty(1);
     let nothing = Observations::new(line(&[]), vec![]).unwrap();
@@ -62,7 +62,7 @@ fn no_packets_concatenate_to_the_prior_in_any_dimension() {
 }
 
 #[test]
-fn no_inducing_points_say_nothing() {
+fn no_inducing_points_give_empty_summaries() {
     let (prior, sites) = (line_prior(Shape::Matern52), line_sites());
     let nowhere = line(&[]);
     for summarise in [Summary::variational, Summary::marginal] {
@@ -77,24 +77,24 @@ fn no_inducing_points_say_nothing() {
 }
 
 #[test]
-fn no_candidates_and_no_wish() {
+fn no_candidates_or_no_points_give_an_empty_selection() {
     let prior = line_prior(Shape::Matern52);
-    let nobody = Candidates::new(prior.kernel(), &line(&[])).unwrap();
-    let some = Candidates::given(prior.kernel(), &line(&[0.0, 1.0]), &line(&[])).unwrap();
-    assert!(nobody.is_empty() && some.len() == 2);
+    let no_candidates = Candidates::new(prior.kernel(), &line(&[])).unwrap();
+    let two_candidates = Candidates::given(prior.kernel(), &line(&[0.0, 1.0]), &line(&[])).unwrap();
+    assert!(no_candidates.is_empty() && two_candidates.len() == 2);
     for points in 0..4 {
         let nothing = Selection { indices: vec![], trace: 0.0 };
-        assert_eq!(nobody.minimise_trace(points), nothing);
-        assert_eq!(nobody.maximise_trace(points), nothing);
-        assert_eq!(nobody.greedy(points), nothing);
-        assert_eq!(nobody.random(points, &mut seeded(1)), nothing);
-        assert_eq!(some.minimise_trace(points).indices.len(), points.min(2));
+        assert_eq!(no_candidates.minimise_trace(points), nothing);
+        assert_eq!(no_candidates.maximise_trace(points), nothing);
+        assert_eq!(no_candidates.greedy(points), nothing);
+        assert_eq!(no_candidates.random(points, &mut seeded(1)), nothing);
+        assert_eq!(two_candidates.minimise_trace(points).indices.len(), points.min(2));
     }
-    assert_eq!(some.minimise_trace(0).trace, 4.0);
+    assert_eq!(two_candidates.minimise_trace(0).trace, 4.0);
 }
 
 #[test]
-fn a_mean_field_starts_where_it_is_told() {
+fn a_mean_field_starts_from_the_given_tilts() {
     let sites = line_sites();
     let observations = Observations::new(sites.inputs().clone(), (0..12).map(|n| n < 5).collect()).unwrap();
     let prior = line_prior(Shape::Matern52);

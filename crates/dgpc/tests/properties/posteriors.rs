@@ -10,7 +10,7 @@ proptest! {
 
     #[test]
     fn posterior_of_events_is_gaussian_regression(problem in problems(1..=20)) {
-        // Targets c = κ/ω with noise 1/ω.
+        // The targets are c = κ/ω with noise 1/ω.
         let kernel = problem.prior.kernel();
         let omega = problem.sites.omega();
         let noisy = sum(&problem.gram(), &diagonal_matrix(omega.iter().map(|omega| 1.0 / omega)));
@@ -34,7 +34,7 @@ proptest! {
     }
 
     #[test]
-    fn summaries_are_their_definition(problem in problems(1..=20)) {
+    fn summaries_agree_with_their_definition(problem in problems(1..=20)) {
         let chosen = problem.spread(4);
         let z = problem.inputs().select(&chosen);
         let kernel = problem.prior.kernel();
@@ -49,7 +49,7 @@ proptest! {
         let b: Vec<f64> = k_mn.iter().map(|row| dot(row, &shift)).collect();
         assert_near("variational b", &variational.shift(), &b, 1e-10);
 
-        // (K̃ + Ω⁻¹)⁻¹ for Ω.
+        // The marginal summary has (K̃ + Ω⁻¹)⁻¹ in place of Ω.
         let noise = diagonal_matrix(omega.iter().map(|omega| 1.0 / omega));
         let unexplained = sum(&conditional(&problem.gram(), &chosen), &noise);
         let target: Vec<f64> = shift.iter().zip(omega).map(|(shift, omega)| shift / omega).collect();
@@ -81,28 +81,28 @@ proptest! {
     }
 
     #[test]
-    fn the_marginal_summary_is_what_the_posterior_says(problem in problems(1..=20)) {
+    fn the_marginal_summary_is_the_summary_of_the_posterior(problem in problems(1..=20)) {
         let z = problem.inputs().select(&problem.spread(4));
         let marginal = Summary::marginal(&problem.prior, &problem.sites, &z).unwrap();
-        let said = problem.full().summarise(&z).unwrap();
-        assert_same_message(&said, &marginal, 1e-8);
+        let summary = problem.full().summarise(&z).unwrap();
+        assert_same_message(&summary, &marginal, 1e-8);
 
         let alone = Posterior::fuse(&problem.prior, &Sites::empty(z.dimension()), &[&marginal]).unwrap();
         let full = problem.full().latent(&z).unwrap();
         assert_same_latent(&alone.latent(&z).unwrap(), &full, 1e-9);
         let (mean, covariance) = marginal.moments().unwrap();
         assert_same_latent(&Latent { mean, variance: covariance.diagonal() }, &full, 1e-9);
-        // And away from Z, also with others' packets in, summarising there and back changes nothing.
+        // A posterior and its summary agree at Z also if the posterior contains other messages.
         let mixed = Posterior::fuse(&problem.prior, &problem.sites, &[&marginal]).unwrap();
-        let said = mixed.summarise(&z).unwrap();
-        let again = Posterior::fuse(&problem.prior, &Sites::empty(z.dimension()), &[&said]).unwrap();
+        let summary = mixed.summarise(&z).unwrap();
+        let again = Posterior::fuse(&problem.prior, &Sites::empty(z.dimension()), &[&summary]).unwrap();
         assert_same_latent(&again.latent(&z).unwrap(), &mixed.latent(&z).unwrap(), 1e-8);
         let stacked = Concatenation::new(&problem.prior, &[&marginal]).unwrap();
         assert_same_latent(&stacked.latent(&problem.elsewhere).unwrap(), &alone.latent(&problem.elsewhere).unwrap(), 1e-9);
     }
 
     #[test]
-    fn every_event_an_inducing_point_loses_nothing(problem in problems(1..=12)) {
+    fn inducing_points_at_all_events_lose_nothing(problem in problems(1..=12)) {
         let z = problem.inputs();
         let full = problem.full().latent(&problem.elsewhere).unwrap();
         let none = Sites::empty(z.dimension());
@@ -111,7 +111,7 @@ proptest! {
             Summary::marginal(&problem.prior, &problem.sites, z).unwrap(),
         ] {
             let fused = Posterior::fuse(&problem.prior, &none, &[&summary]).unwrap();
-            // Jitter, where K is singular to rounding, is at most 1e-8.
+            // If K is singular to rounding, it gets a jitter of at most 1e-8.
             assert_same_latent(&fused.latent(&problem.elsewhere).unwrap(), &full, 1e-7);
         }
         let certificate = Certificate::new(&problem.prior, &problem.sites, z).unwrap();
@@ -119,9 +119,9 @@ proptest! {
     }
 
     #[test]
-    fn far_regions_concatenate(problem in problems(2..=16), seed in any::<u64>()) {
-        // The second half of the events is moved to where no covariance reaches. That of a rational quadratic reaches
-        // everywhere.
+    fn concatenation_of_distant_regions_equals_fusion(problem in problems(2..=16), seed in any::<u64>()) {
+        // The second half of the events is moved beyond the reach of the covariance. A rational quadratic has unlimited
+        // reach.
         let reaches = |correlation: &Correlation| matches!(correlation.shape(), Shape::RationalQuadratic { .. });
         prop_assume!(!problem.prior.kernel().terms().iter().flat_map(Term::correlations).any(reaches));
         let dimension = problem.inputs().dimension();
@@ -131,7 +131,7 @@ proptest! {
             Inputs::new(values.collect(), dimension).unwrap()
         };
         let order = shuffled(count, seed);
-        let (near, far) = order.split_at(count / 2);
+        let (near, difference) = order.split_at(count / 2);
         let region = |indices: &[usize], away: bool| {
             let part = problem.observations.select(indices);
             let inputs = if away { moved(part.inputs()) } else { part.inputs().clone() };
@@ -144,12 +144,12 @@ proptest! {
             let z = sites.inputs().select(&candidates.greedy(2).indices);
             [Summary::variational(&problem.prior, sites, &z).unwrap(), Summary::marginal(&problem.prior, sites, &z).unwrap()]
         };
-        let (near, far) = (summarise(&region(near, false)), summarise(&region(far, true)));
+        let (near, difference) = (summarise(&region(near, false)), summarise(&region(difference, true)));
         let mut test_points = problem.elsewhere.clone();
         test_points.append(&moved(&problem.elsewhere)).unwrap();
-        for (near, far) in near.iter().zip(&far) {
-            let fused = Posterior::fuse(&problem.prior, &Sites::empty(dimension), &[near, far]).unwrap();
-            let stacked = Concatenation::new(&problem.prior, &[near, far]).unwrap();
+        for (near, difference) in near.iter().zip(&difference) {
+            let fused = Posterior::fuse(&problem.prior, &Sites::empty(dimension), &[near, difference]).unwrap();
+            let stacked = Concatenation::new(&problem.prior, &[near, difference]).unwrap();
             assert_same_latent(&fused.latent(&test_points).unwrap(), &stacked.latent(&test_points).unwrap(), 1e-9);
         }
     }
@@ -221,9 +221,9 @@ proptest! {
     }
 }
 
-/// Many places lie in rows, few in columns; whatever a posterior was put together from, and in how many steps, that is no difference.
+/// Many points are stored in rows and few in columns. The results agree for every combination of events and summaries.
 #[test]
-fn many_places_are_those_asked_for_few_at_a_time() {
+fn predictions_of_many_points_agree_with_predictions_of_few() {
     let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern32, 3.0, 1.5, 1).unwrap()]).unwrap();
     let prior = Prior::new(kernel, PriorMean::Constant(-0.3)).unwrap();
     let sites = |first: u32, count: u32| {
@@ -232,16 +232,16 @@ fn many_places_are_those_asked_for_few_at_a_time() {
         let events = Observations::new(line(&places), outcomes).unwrap();
         Sites::new(&events, (0..count).map(|n| 0.02 + 0.2 * f64::from(n % 7) / 6.0).collect()).unwrap()
     };
-    let told = |first: u32, points: &[f64]| Summary::variational(&prior, &sites(first, 30), &line(points)).unwrap();
-    let (one, other) = (told(100, &[1.0, 4.0, 9.0]), told(200, &[2.5, 14.0, 15.0, 19.0]));
+    let message = |first: u32, points: &[f64]| Summary::variational(&prior, &sites(first, 30), &line(points)).unwrap();
+    let (one, other) = (message(100, &[1.0, 4.0, 9.0]), message(200, &[2.5, 14.0, 15.0, 19.0]));
     let mut posterior = Posterior::fuse(&prior, &sites(0, 40), &[&one]).unwrap();
     posterior.absorb_events(&sites(50, 11)).unwrap();
     posterior.absorb_summaries(&[&other]).unwrap();
     posterior.absorb_events(&sites(70, 1)).unwrap();
-    let wanted = line(&(0..150).map(|n| f64::from(n) * 0.15 - 1.0).collect::<Vec<_>>());
-    let (many, bulk) = (posterior.latent(&wanted).unwrap(), posterior.latent_in_bulk(&wanted).unwrap());
+    let points = line(&(0..150).map(|n| f64::from(n) * 0.15 - 1.0).collect::<Vec<_>>());
+    let (many, bulk) = (posterior.latent(&points).unwrap(), posterior.latent_in_bulk(&points).unwrap());
     for first in (0..150).step_by(10) {
-        let few = posterior.latent(&wanted.slice(first..first + 10)).unwrap();
+        let few = posterior.latent(&points.slice(first..first + 10)).unwrap();
         for n in 0..10 {
             assert!((few.mean[n] - many.mean[first + n]).abs() < 1e-10);
             assert!((few.variance[n] - many.variance[first + n]).abs() < 1e-10);
@@ -250,28 +250,31 @@ fn many_places_are_those_asked_for_few_at_a_time() {
     }
 }
 
-/// Many places at once take single precision; what is lost is far below what matters.
+/// Bulk predictions use single precision. The loss of accuracy is far below any practical relevance.
 #[test]
-fn places_in_bulk_are_those_one_by_one() {
+fn bulk_predictions_agree_with_exact_predictions() {
     let places: Vec<f64> = (0..400).map(|n| (f64::from(n) * 0.618_034).fract() * 20.0).collect();
     let outcomes = places.iter().map(|x| x.sin() > 0.3 * (5.0 * x).cos()).collect();
     let events = Observations::new(line(&places), outcomes).unwrap();
-    let wanted = line(&(0..200).map(|n| f64::from(n) * 0.13 - 2.0).collect::<Vec<_>>());
-    let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    // From ordinary priors to one that is sure of nothing, and one beyond single precision.
+    let points = line(&(0..200).map(|n| f64::from(n) * 0.13 - 2.0).collect::<Vec<_>>());
+    let largest_difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // The priors range from ordinary ones to one of extreme variance, and to one beyond single precision.
     for (variance, length_scale) in [(4.0, 1.0), (30.0, 0.2), (100.0, 5.0), (1e4, 3.0), (1e100, 1.0)] {
         let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, variance, length_scale, 1).unwrap()]).unwrap();
         let prior = Prior::new(kernel, PriorMean::Constant(0.4)).unwrap();
         let sites = Sites::new(&events, (0..400).map(|n| 0.01 + 0.24 * f64::from(n % 9) / 8.0).collect()).unwrap();
-        let told = Summary::variational(&prior, &sites, &line(&[1.0, 5.0, 9.0, 13.0])).unwrap();
-        for posterior in [Posterior::of_sites(&prior, &sites), Posterior::fuse(&prior, &Sites::empty(1), &[&told])] {
+        let message = Summary::variational(&prior, &sites, &line(&[1.0, 5.0, 9.0, 13.0])).unwrap();
+        for posterior in [Posterior::of_sites(&prior, &sites), Posterior::fuse(&prior, &Sites::empty(1), &[&message])] {
             let posterior = posterior.unwrap();
-            let (bulk, exact) = (posterior.latent_in_bulk(&wanted).unwrap(), posterior.latent(&wanted).unwrap());
+            let (bulk, exact) = (posterior.latent_in_bulk(&points).unwrap(), posterior.latent(&points).unwrap());
             assert_eq!(bulk.mean, exact.mean);
-            let far = apart(&bulk.variance, &exact.variance) / variance;
-            assert!(far < 1e-5, "{variance} {length_scale}: variances {far:e} of the prior's apart");
-            let far = apart(&bulk.probability(), &exact.probability());
-            assert!(far < 1e-5 || variance == 1e4, "{variance} {length_scale}: probabilities {far:e} apart");
+            let difference = largest_difference(&bulk.variance, &exact.variance) / variance;
+            assert!(difference < 1e-5, "{variance} {length_scale}: variances {difference:e} of the prior's apart");
+            let difference = largest_difference(&bulk.probability(), &exact.probability());
+            assert!(
+                difference < 1e-5 || variance == 1e4,
+                "{variance} {length_scale}: probabilities {difference:e} apart"
+            );
         }
     }
 }

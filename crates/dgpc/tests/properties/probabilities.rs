@@ -1,14 +1,14 @@
-//! Latent moments to probabilities.
+//! Probabilities from latent moments.
 
 use super::problems::*;
 use crate::common::*;
 use dgpc::*;
 use proptest::prelude::*;
 
-/// ∫ σ(f) N(f; mean, variance) df by Simpson's rule with steps that resolve both factors.
+/// Returns ∫ σ(f) N(f; mean, variance) df by Simpson's rule, with steps that resolve both factors.
 fn simpson_probability(mean: f64, variance: f64) -> f64 {
     let sd = variance.sqrt();
-    // Beyond 9 standard deviations lies less than 1e-18; σ bends over a few units of f.
+    // Less than 1e-18 of the mass is beyond 9 standard deviations; σ varies over a few units of f.
     let steps = 2 * (9.0 * sd.max(1.0) / 0.02).ceil() as usize;
     let step = 18.0 / steps as f64;
     let at = |i: usize| {
@@ -29,7 +29,7 @@ proptest! {
     #![proptest_config(cases(1000))]
 
     #[test]
-    fn probabilities_are_the_integral(mean in prop_oneof![-3.0..3.0f64, -40.0..40.0f64], root in 0.0..20.0f64, step in 0.0..5.0f64) {
+    fn probabilities_agree_with_quadrature(mean in prop_oneof![-3.0..3.0f64, -40.0..40.0f64], root in 0.0..20.0f64, step in 0.0..5.0f64) {
         let variance = root * root;
         let p = success_probability(mean, variance);
         let expected = simpson_probability(mean, variance);
@@ -49,7 +49,7 @@ fn certain_latent_values_have_logistic_probabilities() {
         let f = 0.1 * f64::from(i);
         let p = success_probability(f, 0.0);
         assert!((p - logistic(f)).abs() < 3e-9, "f = {f}: {p}");
-        // The far tail keeps its logarithm within reach, too: a lost event costs about |f| nats, not infinitely many.
+        // The logarithm stays finite in the far tail, too: a missed event costs about |f| nats.
         assert!(p > 0.0, "f = {f}");
     }
     assert_eq!(success_probability(0.0, 1e300), 0.5);
@@ -57,7 +57,7 @@ fn certain_latent_values_have_logistic_probabilities() {
 }
 
 #[test]
-fn probabilities_of_numbers_that_are_none_do_not_panic() {
+fn probabilities_of_nan_do_not_panic() {
     for (mean, variance) in [(f64::NAN, 1.0), (0.5, f64::NAN), (f64::INFINITY, f64::INFINITY), (f64::NAN, f64::NAN)] {
         let result = std::panic::catch_unwind(|| success_probability(mean, variance));
         assert!(result.is_ok(), "mean {mean}, variance {variance}");

@@ -39,7 +39,7 @@ impl Problem {
         rows(&self.prior.kernel().gram(self.inputs()).unwrap())
     }
 
-    /// Up to `count` events spread widely enough that their Gram matrix is well conditioned.
+    /// Returns up to `count` events that are far enough apart for a well-conditioned Gram matrix.
     pub(crate) fn spread(&self, count: usize) -> Vec<usize> {
         let mut left = Candidates::new(self.prior.kernel(), self.inputs()).unwrap();
         let mut chosen = Vec::new();
@@ -67,7 +67,7 @@ pub(crate) fn shapes() -> impl Strategy<Value = Shape> {
     ]
 }
 
-/// The isometry of a link of this dimension that swaps its ends.
+/// Returns the reflection that swaps the ends of a link of this dimension.
 pub(crate) fn swap(dimension: usize) -> Reflection {
     match dimension {
         1 => Reflection::negate(&[0]),
@@ -78,7 +78,7 @@ pub(crate) fn swap(dimension: usize) -> Reflection {
     .unwrap()
 }
 
-/// The column that [`swap`] exchanges this one with, if it is another one.
+/// Returns the column that [`swap`] exchanges with `column`, if it is a different one.
 fn partner(dimension: usize, column: usize) -> Option<usize> {
     match dimension {
         2 => Some(1 - column),
@@ -98,14 +98,14 @@ pub(crate) fn swapped(inputs: &Inputs) -> Inputs {
     Inputs::new(images.collect(), inputs.dimension()).unwrap()
 }
 
-/// Terms over all columns, sometimes times a correlation over one of them, and sometimes a second term over one, each
-/// reciprocal or not.
+/// Generates kernels of one or two terms. The first term covers all columns, sometimes times a correlation over one of
+/// them. The second term covers one column. The first term may be reciprocal.
 pub(crate) fn kernels(dimension: usize) -> impl Strategy<Value = Kernel> {
     let whole = (shapes(), 0.5..4.0, 0.4..2.5, 0.4..2.5, any::<bool>());
     let part = || (shapes(), 0.5..2.0, 0.4..2.5, 0..dimension);
     let parts = (proptest::option::of(part()), proptest::option::of(part()));
     (whole, parts).prop_map(move |((shape, variance, first, second, reciprocal), (part, factor))| {
-        // Columns that a swap exchanges share a length-scale.
+        // Columns that the reflection exchanges must share a length-scale.
         let tied = match dimension {
             1 => vec![first],
             2 if reciprocal => vec![first; 2],
@@ -115,13 +115,13 @@ pub(crate) fn kernels(dimension: usize) -> impl Strategy<Value = Kernel> {
         };
         let columns: Vec<usize> = (0..dimension).collect();
         let mut correlation = Correlation::new(shape, &columns, &tied).unwrap();
-        // Equal length-scales are one parameter or several.
+        // Equal length-scales may be one parameter or several.
         if dimension == 3 && shape == Shape::Matern32 {
             correlation = correlation.tied(&[7, 2, 2]).unwrap();
         }
         let mut term = Term::of(variance, correlation).unwrap();
         if let Some((shape, _, scale, column)) = factor {
-            // A correlation over a column and its partner, so that it can be reflected.
+            // The correlation includes a column and its partner, so that it can be reflected.
             let mut columns = vec![column];
             columns.extend(partner(dimension, column));
             term = term.times(Correlation::new(shape, &columns, &vec![scale; columns.len()]).unwrap()).unwrap();
@@ -156,7 +156,7 @@ pub(crate) fn points(count: usize, dimension: usize) -> impl Strategy<Value = In
     vec(-2.5..2.5, count * dimension).prop_map(move |values| Inputs::new(values, dimension).unwrap())
 }
 
-/// Outcomes, weights and ω for some events.
+/// Generates outcomes, weights and ω for some events.
 pub(crate) fn outcomes(count: usize) -> impl Strategy<Value = (Vec<bool>, Vec<f64>, Vec<f64>)> {
     let weights = prop_oneof![3 => Just(1.0), 1 => 0.3..3.0];
     (vec(any::<bool>(), count), vec(weights, count), vec((-5.0..-1.4f64).prop_map(f64::exp), count))
@@ -174,7 +174,7 @@ pub(crate) fn problems(events: RangeInclusive<usize>) -> impl Strategy<Value = P
     })
 }
 
-/// K − K_·Z K_ZZ⁻¹ K_Z· by elimination.
+/// Returns K − K_·Z K_ZZ⁻¹ K_Z· by elimination.
 pub(crate) fn conditional(gram: &Dense, known: &[usize]) -> Dense {
     if known.is_empty() {
         return gram.clone();
@@ -227,7 +227,7 @@ pub(crate) fn line(points: &[f64]) -> Inputs {
     Inputs::new(points.to_vec(), 1).unwrap()
 }
 
-/// Twelve events on a line, with plausible ω.
+/// Returns the sites of twelve events on a line, with plausible ω.
 pub(crate) fn line_sites() -> Sites {
     let inputs = line(&[-1.4, -1.1, -0.8, -0.5, -0.2, 0.0, 0.1, 0.35, 0.6, 0.9, 1.3, 1.7]);
     let outcomes = (0..12).map(|n| n % 3 != 1 && n < 9).collect();

@@ -1,4 +1,4 @@
-//! Expectation propagation against what makes it one.
+//! Expectation propagation against its defining equations.
 
 use super::fits::message;
 use super::problems::*;
@@ -6,7 +6,7 @@ use crate::common::*;
 use dgpc::*;
 use proptest::prelude::*;
 
-/// Mean and variance of a Gaussian times the likelihood of an outcome.
+/// Returns mean and variance of a Gaussian times the likelihood of an outcome.
 fn tilted(outcome: bool, weight: f64, mean: f64, variance: f64) -> (f64, f64) {
     let likelihood = |f: f64| logistic(if outcome { f } else { -f }).powf(weight);
     let moment = |power: i32| gaussian_expectation(mean, variance, |f| likelihood(f) * f.powi(power));
@@ -18,9 +18,9 @@ fn tilted(outcome: bool, weight: f64, mean: f64, variance: f64) -> (f64, f64) {
 proptest! {
     #![proptest_config(cases(60))]
 
-    /// What is believed of every event has the moments of what all others say times the likelihood of its outcome.
+    /// The posterior of every event has the moments of its cavity times the likelihood of its outcome.
     #[test]
-    fn every_site_stands_for_its_outcome(problem in problems(1..=14), with_message in any::<bool>()) {
+    fn every_site_matches_the_moments_of_its_outcome(problem in problems(1..=14), with_message in any::<bool>()) {
         let message = message(&problem);
         let messages: Vec<&Summary> = message.iter().filter(|_| with_message).collect();
         let fit = dgpc::fit(&problem.prior, &problem.observations, &FitOptions::default()).unwrap();
@@ -38,7 +38,7 @@ proptest! {
         }
     }
 
-    /// On inducing points that are the events it is the same, with messages that the fit had or had not.
+    /// With inducing points at all events the results agree. The messages may be part of the fit or not.
     #[test]
     fn sparse_on_all_events_is_dense(problem in problems(3..=14), with_message in 0..3u8) {
         let observations = problem.observations.select(&problem.spread(14));
@@ -59,7 +59,7 @@ proptest! {
 }
 
 #[test]
-fn nothing_is_propagated_from_no_events() {
+fn propagation_without_events_changes_nothing() {
     let none = Observations::new(Inputs::empty(1), Vec::new()).unwrap();
     let fit = fit(&line_prior(Shape::Matern32), &none, &FitOptions::default()).unwrap();
     let found = fit.propagated_with(&[]).unwrap();
@@ -69,7 +69,7 @@ fn nothing_is_propagated_from_no_events() {
     assert_eq!(wide, before);
 }
 
-/// One event: no site but its own, so that the moments are those of the exact posterior.
+/// With one event there is no other site, so the moments are those of the exact posterior.
 #[test]
 fn one_event_has_its_exact_moments() {
     for (outcome, weight) in [(true, 1.0), (false, 1.0), (true, 4.0), (false, 0.3)] {

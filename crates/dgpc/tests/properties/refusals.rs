@@ -1,10 +1,10 @@
-//! What is refused, and how.
+//! Invalid arguments and the errors that refuse them.
 
 use super::problems::*;
 use dgpc::*;
 
 #[test]
-fn inputs_refuse_what_is_not_finite_or_whole() {
+fn inputs_must_be_finite_and_complete() {
     for (value, name) in [(f64::NAN, "NaN"), (f64::INFINITY, "inf"), (f64::NEG_INFINITY, "-inf")] {
         let refused = Inputs::from_rows(&[[0.0, 1.0], [2.0, value]]).unwrap_err();
         assert!(matches!(refused, Error::NotFinite { place: Place::Entry { row: 1, column: 1 }, .. }), "{refused}");
@@ -17,7 +17,7 @@ fn inputs_refuse_what_is_not_finite_or_whole() {
 }
 
 #[test]
-fn terms_refuse_what_is_not_positive() {
+fn terms_must_have_positive_parameters() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, -f64::INFINITY] {
         for refused in [
             Term::new(Shape::Matern32, bad, &[0], &[1.0]),
@@ -44,7 +44,7 @@ fn terms_refuse_what_is_not_positive() {
 }
 
 #[test]
-fn prior_means_refuse_what_is_not_finite_or_paired() {
+fn prior_means_must_be_finite_and_paired() {
     let kernel = || Kernel::new(vec![Term::isotropic(Shape::Matern32, 1.0, 1.0, 1).unwrap()]).unwrap();
     let range = |intercept, slope, to: &[usize]| PriorMean::range(intercept, slope, &[0], to);
     for bad in [f64::NAN, f64::INFINITY] {
@@ -56,7 +56,7 @@ fn prior_means_refuse_what_is_not_finite_or_paired() {
     assert!(matches!(range(1.0, 1.0, &[1, 2]), Err(Error::SizeMismatch { .. })));
     assert!(matches!(PriorMean::range(1.0, 1.0, &[], &[]), Err(Error::OutOfRange { .. })));
     assert!(matches!(PriorMean::range(1.0, 1.0, &[0, 1], &[2, 2]), Err(Error::RepeatedColumn { column: 2, .. })));
-    // Beyond any column there can be: the number of columns would overflow.
+    // These columns exceed the largest allowed column. The number of columns would overflow.
     assert!(matches!(range(1.0, 1.0, &[usize::MAX]), Err(Error::OutOfRange { what: "column", .. })));
     let far = Term::new(Shape::Matern32, 1.0, &[usize::MAX], &[1.0]);
     assert!(matches!(far, Err(Error::OutOfRange { what: "column", .. })));
@@ -64,7 +64,7 @@ fn prior_means_refuse_what_is_not_finite_or_paired() {
 }
 
 #[test]
-fn shapes_refuse_parameters_out_of_their_range() {
+fn shape_parameters_must_be_in_range() {
     for alpha in [0.0, -1.0, 1e-4, 1e4, f64::NAN] {
         let term = Term::isotropic(Shape::RationalQuadratic { alpha }, 1.0, 1.0, 1);
         assert!(matches!(term, Err(Error::OutOfRange { .. })), "{alpha}: {term:?}");
@@ -83,7 +83,7 @@ fn shapes_refuse_parameters_out_of_their_range() {
 }
 
 #[test]
-fn reflections_refuse_what_does_not_lead_back() {
+fn reflections_must_be_involutions() {
     let image = |column, source, negated| Image { column, source, negated };
     for images in [
         vec![image(0, 1, false)],
@@ -96,7 +96,7 @@ fn reflections_refuse_what_does_not_lead_back() {
     assert!(Reflection::new(vec![image(0, 1, true), image(1, 0, true)]).is_ok());
 }
 
-/// Every function that takes inputs refuses those without the columns that kernel or prior mean look at.
+/// Every function that takes inputs refuses inputs without the columns that the kernel or the prior mean uses.
 #[test]
 fn missing_columns_are_refused() {
     let kernel = |column| Kernel::new(vec![Term::new(Shape::Matern52, 1.0, &[column], &[1.0]).unwrap()]).unwrap();
@@ -197,7 +197,7 @@ fn different_priors_and_points_are_refused() {
 }
 
 #[test]
-fn messages_that_are_none_are_refused() {
+fn invalid_messages_are_refused() {
     let prior = line_prior(Shape::Matern52);
     let (z, none) = (line(&[0.0, 1.0]), Sites::empty(1));
     let diagonal = |value| Matrix::from_fn(2, 2, |i, j| if i == j { value } else { 0.0 });
@@ -219,9 +219,9 @@ fn messages_that_are_none_are_refused() {
     }
 }
 
-/// Numbers that overflow are refused where they would make a bound that is none.
+/// A bound that would overflow is refused.
 #[test]
-fn certificates_of_what_overflows_are_refused() {
+fn certificates_that_overflow_are_refused() {
     let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, 1.0, 1.0, 1).unwrap()]).unwrap();
     let prior = Prior::new(kernel, PriorMean::Constant(1e200)).unwrap();
     let refused = Certificate::new(&prior, &line_sites(), &line(&[0.0]));

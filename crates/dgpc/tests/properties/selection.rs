@@ -6,7 +6,7 @@ use dgpc::*;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-/// Whether every chosen point keeps more than [`DISTINCT_SHARE`] of its prior variance given the others.
+/// Returns whether every chosen point keeps more than [`DISTINCT_SHARE`] of its prior variance given the others.
 fn distinct(gram: &Dense, prior: &[f64], chosen: &[usize], margin: f64) -> bool {
     (0..chosen.len()).all(|place| {
         let mut others = chosen.to_vec();
@@ -15,7 +15,7 @@ fn distinct(gram: &Dense, prior: &[f64], chosen: &[usize], margin: f64) -> bool 
     })
 }
 
-/// Some events repeated, and some nearly.
+/// Returns the events plus copies of some of them, exact or slightly shifted.
 fn crowded(problem: &Problem, copies: &[(usize, f64)]) -> Inputs {
     let inputs = problem.inputs();
     let mut crowd = inputs.clone();
@@ -41,7 +41,7 @@ proptest! {
         let known = known.unwrap();
         for known in [Inputs::empty(inputs.dimension()), known] {
             let candidates = Candidates::given(kernel, &inputs, &known).unwrap();
-            // The candidates' covariance given the known points.
+            // Compute the candidates' covariance given the known points.
             let mut everything = inputs.clone();
             everything.append(&known).unwrap();
             let places: Vec<usize> = (inputs.len()..everything.len()).collect();
@@ -57,7 +57,7 @@ proptest! {
                 } else {
                     (0..inputs.len()).flat_map(|j| (0..j).map(move |i| vec![i, j])).collect()
                 };
-                // Sets within rounding of the rule may count or not: there are none in these cases.
+                // Sets within rounding of the distinctness limit would be ambiguous. These cases contain none.
                 let allowed = |margin: f64| -> Vec<f64> {
                     let sets = sets.iter().filter(|set| distinct(&gram, &prior, set, margin));
                     sets.map(|set| trace(&conditional(&gram, set))).collect()
@@ -93,10 +93,10 @@ proptest! {
             let (good, greedy, bad) = (candidates.minimise_trace(points), candidates.greedy(points), candidates.maximise_trace(points));
             prop_assert_eq!(good.indices.len(), greedy.indices.len());
             prop_assert!(good.trace <= greedy.trace + slack, "{} after {}", good.trace, greedy.trace);
-            // Where few points explain everything, no further one is distinct, and a bad choice may be of more points.
+            // If few points explain everything, no further point is distinct. The bad choice may then have more points.
             let comparable = bad.indices.len() <= good.indices.len();
             prop_assert!(!comparable || bad.trace >= good.trace - slack, "{:?}, {:?}", good, bad);
-            // Fewer points of a greedy choice are its first ones.
+            // A greedy choice of fewer points is a prefix of the greedy choice.
             prop_assert_eq!(&greedy.indices[..1], &candidates.greedy(1).indices[..]);
             for (selection, direction) in [(&good, 1.0), (&bad, -1.0)] {
                 let achieved = trace(&conditional(&gram, &selection.indices));
@@ -106,7 +106,7 @@ proptest! {
                         let mut others = selection.indices.clone();
                         others.remove(place);
                         others.push(replacement);
-                        // Sets with a point that the others make superfluous may be refused.
+                        // Sets with a point that the others make redundant may be refused.
                         if distinct(&gram, &prior, &others, 1.0 + 1e-6) {
                             let swapped = trace(&conditional(&gram, &others));
                             let gain = direction * (selection.trace - swapped);
@@ -119,13 +119,13 @@ proptest! {
     }
 
     #[test]
-    fn choosing_among_many_is_choosing(problem in problems(3..=14), copies in copies()) {
+    fn judged_choices_agree_with_choices_in_memory(problem in problems(3..=14), copies in copies()) {
         let inputs = crowded(&problem, &copies);
         let kernel = problem.prior.kernel();
         let gram = rows(&kernel.gram(&inputs).unwrap());
         let slack = 1e-8 * trace(&gram);
         for points in 0..5 {
-            // Where everybody is a judge, it is the choice of those that fit into memory, but for ties that rounding breaks.
+            // If all inputs are judges, the result is that of the greedy choice in memory, except for ties within rounding.
             let whole = Candidates::new(kernel, &inputs).unwrap().greedy(points);
             let judged = dgpc::greedy_judged(kernel, &inputs, points, inputs.len()).unwrap();
             prop_assert!((judged.trace - whole.trace).abs() < 1e-6 * trace(&gram), "{judged:?}, {whole:?}");
@@ -136,22 +136,22 @@ proptest! {
                 let achieved = trace(&conditional(&gram, &selection.indices));
                 prop_assert!((selection.trace - achieved).abs() < slack, "{selection:?} is {achieved}");
             }
-            // By the cheap rule nobody had more variance, given those before, than whoever was chosen.
+            // The cheap rule chooses a point of the largest variance given the points before it.
             for (place, &index) in cheap.indices.iter().enumerate() {
-                let left = conditional(&gram, &cheap.indices[..place]);
-                prop_assert!((0..inputs.len()).all(|other| left[other][other] <= left[index][index] + slack));
+                let remaining = conditional(&gram, &cheap.indices[..place]);
+                prop_assert!((0..inputs.len()).all(|other| remaining[other][other] <= remaining[index][index] + slack));
             }
         }
     }
 
     #[test]
-    fn conditioning_is_knowing(problem in problems(2..=16), seed in any::<u64>(), count in 1..5usize) {
+    fn conditioning_agrees_with_known_points(problem in problems(2..=16), seed in any::<u64>(), count in 1..5usize) {
         let kernel = problem.prior.kernel();
         let fresh = Candidates::new(kernel, problem.inputs()).unwrap();
         let random = fresh.random(count, &mut seeded(seed));
         let gram = problem.gram();
         let scale = trace(&gram);
-        // Points 1e-2 apart in share of variance lose up to four digits in elimination.
+        // If points keep only 1e-2 of their variance, elimination loses up to four digits.
         prop_assert!((random.trace - trace(&conditional(&gram, &random.indices))).abs() < 1e-8 * scale);
         prop_assert!(random.trace >= fresh.minimise_trace(random.indices.len()).trace - 1e-8 * scale || random.indices.len() > 2);
 
@@ -172,7 +172,7 @@ proptest! {
                 let achieved = trace(&conditional(&gram, &known));
                 prop_assert!((selection.trace - achieved).abs() < 1e-7 * scale, "{:?} is {}", selection, achieved);
             }
-            // Beyond two points the choice is a local optimum, which rounding may pick.
+            // Beyond two points the choice is a local optimum, which can depend on rounding.
             if points <= 2 {
                 for (conditioned, given) in choices[0].iter().zip(&choices[1]) {
                     prop_assert!((conditioned.trace - given.trace).abs() < 1e-7 * scale, "{:?}, {:?}", conditioned, given);
@@ -182,8 +182,8 @@ proptest! {
     }
 
     #[test]
-    fn no_place_is_chosen_twice(problem in problems(1..=4), seed in any::<u64>()) {
-        // Every event three times over.
+    fn no_point_is_chosen_twice(problem in problems(1..=4), seed in any::<u64>()) {
+        // Every event occurs three times.
         let inputs = problem.inputs();
         let tripled = inputs.select(&(0..3 * inputs.len()).map(|n| n % inputs.len()).collect::<Vec<_>>());
         let candidates = Candidates::new(problem.prior.kernel(), &tripled).unwrap();
@@ -208,8 +208,8 @@ proptest! {
 }
 
 #[test]
-fn a_pair_of_known_points_is_no_pair() {
-    // The conditional variance of a known point is rounding of either sign; two negative ones have a positive
+fn known_points_are_not_chosen_as_a_pair() {
+    // The conditional variance of a known point is a rounding error of either sign. Two negative variances have a positive
     // determinant.
     for seed in 0..2000 {
         use rand::RngExt;
@@ -225,7 +225,7 @@ fn a_pair_of_known_points_is_no_pair() {
 
 #[test]
 fn exchange_reports_the_trace_of_its_points() {
-    // Three of these are so close that the middle one says next to nothing given the outer two.
+    // Three of the points are so close that the middle one is almost redundant given the outer two.
     let inputs = line(&[
         0.882_815_316_476_661_4,
         0.784_191_639_164_795_3,

@@ -1,4 +1,4 @@
-//! Summaries as a group, and under other priors.
+//! Summaries: group operations, tempering, and other priors.
 
 use super::problems::*;
 use crate::common::*;
@@ -24,7 +24,7 @@ proptest! {
         assert_same_message(&merged(&a, &b), &merged(&b, &a), 0.0);
         assert_same_message(&whole, &merged(&a, &merged(&b, &c)), 1e-12);
         assert_same_message(&merged(&a, &Summary::empty(&problem.prior, &z).unwrap()), &a, 0.0);
-        // Variational messages are additive over events, in one go or in parts.
+        // Variational messages are additive over events, observed at once or in parts.
         assert_same_message(&whole, &summarise(&problem.sites), 1e-9);
         let mut parts = a.clone();
         parts.observe(&part(1)).unwrap();
@@ -40,7 +40,7 @@ proptest! {
     }
 
     #[test]
-    fn taking_everything_away_leaves_the_prior(problem in problems(2..=20)) {
+    fn removing_all_events_gives_the_prior(problem in problems(2..=20)) {
         let z = problem.inputs().select(&problem.spread(4));
         let count = problem.inputs().len();
         let part = |which: usize| problem.sites.select(&(0..count).filter(|n| n % 2 == which).collect::<Vec<_>>());
@@ -56,7 +56,7 @@ proptest! {
     }
 
     #[test]
-    fn parts_of_what_is_said_less_surely_are_the_whole(problem in problems(2..=20), share in 0.0..1.0f64) {
+    fn tempered_parts_sum_to_the_whole(problem in problems(2..=20), share in 0.0..1.0f64) {
         let z = problem.inputs().select(&problem.spread(4));
         let summary = Summary::variational(&problem.prior, &problem.sites, &z).unwrap();
         let mut whole = summary.tempered(share);
@@ -69,7 +69,7 @@ proptest! {
     }
 
     #[test]
-    fn another_prior_reads_the_same_factor(problem in problems(1..=16), seed in 0..1000u64) {
+    fn the_factor_is_the_same_under_another_prior(problem in problems(1..=16), seed in 0..1000u64) {
         let dimension = problem.inputs().dimension();
         let z = problem.inputs().select(&problem.spread(3));
         let variance = 0.5 + seed as f64 / 500.0;
@@ -85,8 +85,8 @@ proptest! {
             assert_near("shift", found.shift(), expected.shift(), 1e-8);
             assert_same_message(&moved.under(&problem.prior).unwrap(), &summary, 1e-8);
         }
-        // Under whatever prior, Z = X is the likelihood itself: reading it under another prior is fitting under that
-        // one.
+        // With Z = X a summary is the likelihood itself under any prior. Reading it under another prior is equivalent to
+        // fusing the events under that prior.
         let z = problem.inputs().select(&problem.spread(16));
         let sites = problem.sites.select(&problem.spread(16));
         let summary = Summary::variational(&problem.prior, &sites, &z).unwrap().under(&other).unwrap();

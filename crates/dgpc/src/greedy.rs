@@ -1,4 +1,4 @@
-//! Choosing inducing points among so many that their covariance does not fit into memory (section 5 of
+//! Choice of inducing points among so large a number of inputs that their covariance does not fit into memory (section 5 of
 //! [`crate::method`]).
 
 use crate::candidates::{DISTINCT_SHARE, Selection};
@@ -7,12 +7,14 @@ use crate::inputs::{Inputs, spread_out};
 use crate::kernel::Kernel;
 use crate::linalg::{add_scaled, dot, multiply_vector, squared_norm};
 
-/// What would be explained below this share of a prior variance is rounding.
+/// Below this share of a prior variance, an explained variance is a rounding error.
 const ROUNDING_SHARE: f64 = 1e-10;
 
-/// The `points` of all `inputs` that greedy choice takes where tr K̃ is summed over at most `judges_max` of them, spread
-/// evenly; with as many judges as inputs the choice of [`crate::Candidates::greedy`]. The trace that comes back is over all
-/// inputs. Once the judges know everything, the points of largest variance follow. O(NJ·points) for N inputs and J judges, NJ memory.
+/// Chooses `points` of `inputs` greedily, with tr K̃ summed over at most `judges_max` inputs, the judges.
+///
+/// The judges are spread evenly. If all inputs are judges, the choice is that of [`crate::Candidates::greedy`]. The trace in
+/// the result is over all inputs. After the judges are fully explained, the points of largest variance follow.
+/// O(NJ·points) time and NJ memory for N inputs and J judges.
 ///
 /// ```
 /// use dgpc::{Inputs, Kernel, Shape, Term, greedy_judged};
@@ -26,21 +28,21 @@ const ROUNDING_SHARE: f64 = 1e-10;
 /// ```
 ///
 /// # Errors
-/// [`crate::Error::BadColumn`] when the kernel looks at a column that the inputs do not have;
-/// [`crate::Error::OutOfRange`] without judges.
+/// [`crate::Error::BadColumn`] if the kernel uses a column that the inputs do not have;
+/// [`crate::Error::OutOfRange`] if `judges_max` is 0.
 pub fn greedy_judged(kernel: &Kernel, inputs: &Inputs, points: usize, judges_max: usize) -> Result<Selection> {
     positive("number of judges", judges_max as f64)?;
     let judges = spread_out(inputs.len(), judges_max);
     let cross = kernel.cross(&inputs.select(&judges), inputs)?;
     let mut explained: Vec<f64> = (0..inputs.len()).map(|place| squared_norm(cross.column(place))).collect();
-    let mut left = Left::new(kernel, inputs)?;
+    let mut remaining = RemainingCovariance::new(kernel, inputs)?;
     let (mut seen, mut image) = (Vec::<Vec<f64>>::new(), vec![0.0; inputs.len()]);
-    choose(&mut left, points, |left| {
-        if let Some(column) = left.columns.get(seen.len()) {
-            // As for K̃ over all inputs (`remainder.rs`), with the sums over the judges alone.
+    choose(&mut remaining, points, |remaining| {
+        if let Some(column) = remaining.columns.get(seen.len()) {
+            // The update is that of `remainder.rs` with K̃ over all inputs, but the sums are over the judges only.
             let own: Vec<f64> = judges.iter().map(|&judge| column[judge]).collect();
             multiply_vector(cross.t(), &own, &mut image);
-            for (earlier, of_judges) in left.columns.iter().zip(&seen) {
+            for (earlier, of_judges) in remaining.columns.iter().zip(&seen) {
                 add_scaled(-dot(of_judges, &own), earlier, &mut image);
             }
             let norm = squared_norm(&own);
@@ -49,40 +51,45 @@ pub fn greedy_judged(kernel: &Kernel, inputs: &Inputs, points: usize, judges_max
             }
             seen.push(own);
         }
-        explained.iter().zip(&left.variance).map(|(explained, variance)| explained.max(0.0) / variance).collect()
+        explained.iter().zip(&remaining.variance).map(|(explained, variance)| explained.max(0.0) / variance).collect()
     })
 }
 
-/// The `points` of all `inputs` that one after the other have the largest variance given those before: the cheap rule, which
-/// looks at no other input and leaves a larger trace. O(N·points²) time, N·points memory.
+/// Chooses `points` of `inputs`, each with the largest variance given the points before it. This cheap rule ignores the
+/// other inputs and leaves a larger trace than [`greedy_judged`]. O(N·points²) time, N·points memory.
 ///
 /// # Errors
 /// As [`greedy_judged`].
 pub fn greedy_by_variance(kernel: &Kernel, inputs: &Inputs, points: usize) -> Result<Selection> {
-    choose(&mut Left::new(kernel, inputs)?, points, |left| left.variance.clone())
+    choose(&mut RemainingCovariance::new(kernel, inputs)?, points, |remaining| remaining.variance.clone())
 }
 
-/// Takes the most worthy point that is one of its own, again and again.
-fn choose(left: &mut Left<'_>, points: usize, mut worth: impl FnMut(&Left<'_>) -> Vec<f64>) -> Result<Selection> {
-    let mut indices = Vec::with_capacity(points.min(left.prior.len()));
+/// Repeatedly conditions on the distinct point of the largest worth.
+fn choose(
+    remaining: &mut RemainingCovariance<'_>,
+    points: usize,
+    mut worth: impl FnMut(&RemainingCovariance<'_>) -> Vec<f64>,
+) -> Result<Selection> {
+    let mut indices = Vec::with_capacity(points.min(remaining.prior.len()));
     while indices.len() < points {
-        let merits = worth(left);
-        let is_distinct = |&place: &usize| left.variance[place] >= DISTINCT_SHARE * left.prior[place];
+        let merits = worth(remaining);
+        let is_distinct = |&place: &usize| remaining.variance[place] >= DISTINCT_SHARE * remaining.prior[place];
         let most = |of: &[f64], least: f64| {
-            let candidates = (0..of.len()).filter(is_distinct).filter(|&place| of[place] > least * left.prior[place]);
+            let candidates =
+                (0..of.len()).filter(is_distinct).filter(|&place| of[place] > least * remaining.prior[place]);
             candidates.reduce(|best, next| if of[next] > of[best] { next } else { best })
         };
-        // Where no judge is left to convince, what is unknown counts.
-        let Some(best) = most(&merits, ROUNDING_SHARE).or_else(|| most(&left.variance, 0.0)) else { break };
-        left.take(best)?;
+        // If no judge has variance left to explain, the point of largest variance is chosen.
+        let Some(best) = most(&merits, ROUNDING_SHARE).or_else(|| most(&remaining.variance, 0.0)) else { break };
+        remaining.take(best)?;
         indices.push(best);
     }
-    Ok(Selection { indices, trace: left.variance.iter().map(|variance| variance.max(0.0)).sum() })
+    Ok(Selection { indices, trace: remaining.variance.iter().map(|variance| variance.max(0.0)).sum() })
 }
 
-/// What is left of the covariance of all inputs, K̃ = K − UUᵀ, by its diagonal and the columns of U; those of K are worked out
-/// when they are needed.
-struct Left<'a> {
+/// The remaining covariance of all inputs, K̃ = K − UUᵀ, represented by its diagonal and the columns of U. Columns of K are
+/// computed when they are needed.
+struct RemainingCovariance<'a> {
     kernel: &'a Kernel,
     inputs: &'a Inputs,
     /// diag K.
@@ -92,13 +99,13 @@ struct Left<'a> {
     columns: Vec<Vec<f64>>,
 }
 
-impl<'a> Left<'a> {
+impl<'a> RemainingCovariance<'a> {
     fn new(kernel: &'a Kernel, inputs: &'a Inputs) -> Result<Self> {
         let prior = kernel.diagonal(inputs)?;
         Ok(Self { kernel, inputs, variance: prior.clone(), prior, columns: Vec::new() })
     }
 
-    /// Takes all variance at a point away. O(N) for every point before.
+    /// Removes all variance at a point. O(N) for every earlier point.
     fn take(&mut self, point: usize) -> Result<()> {
         let whole = self.kernel.cross(self.inputs, &self.inputs.select(&[point]))?;
         let mut column = whole.column(0).to_vec();

@@ -1,4 +1,4 @@
-//! Sites and messages put together.
+//! Posterior of sites and messages.
 
 use std::borrow::Cow;
 
@@ -8,16 +8,16 @@ use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
 
-/// The posterior of sites, or of what they say at inducing points, and of summaries of whatever prior.
-pub(super) fn put_together(
+/// Returns the posterior of the sites and of `summaries` of any prior. If `condensed` is given, it represents the sites.
+pub(super) fn posterior_of(
     prior: &Prior,
     sites: &Sites,
     condensed: Option<&Summary>,
     summaries: &[&Summary],
 ) -> Result<Posterior> {
-    let read: Vec<Cow<'_, Summary>> =
+    let converted: Vec<Cow<'_, Summary>> =
         summaries.iter().map(|summary| summary.read_under(prior)).collect::<Result<_>>()?;
-    let mut summaries: Vec<&Summary> = read.iter().map(AsRef::as_ref).collect();
+    let mut summaries: Vec<&Summary> = converted.iter().map(AsRef::as_ref).collect();
     let Some(condensed) = condensed else { return Posterior::fuse(prior, sites, &summaries) };
     summaries.push(condensed);
     let mut posterior = Posterior::prior_alone(prior, sites.inputs().dimension());
