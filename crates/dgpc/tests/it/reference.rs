@@ -1,8 +1,6 @@
 //! Every number of the reference vectors, which were computed by dense formulas, against this crate. The variable
 //! `DGPC_REFERENCE` can name another file of the same format.
 
-#![allow(clippy::unwrap_used)]
-
 use dgpc::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -152,7 +150,7 @@ impl Problem {
     fn load() -> Self {
         let text = match std::env::var("DGPC_REFERENCE") {
             Ok(path) => std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}")),
-            Err(_) => include_str!("data/vectors.json").to_owned(),
+            Err(_) => include_str!("../data/vectors.json").to_owned(),
         };
         let reference: Reference = serde_json::from_str(&text).expect("reference vectors in the expected format");
         let inputs = inputs(&reference.X);

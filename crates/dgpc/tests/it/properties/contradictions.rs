@@ -1,7 +1,7 @@
 //! Reported outcomes against a posterior without them.
 
+use super::problems::*;
 use crate::common::*;
-use crate::problems::*;
 use dgpc::*;
 use proptest::prelude::*;
 use rand::RngExt;

@@ -1,7 +1,7 @@
 //! Plain, slow linear algebra and statistics that share no code with the crate under test.
 
-// Every test binary compiles this module and uses a part of it.
-#![allow(dead_code)]
+// Without the feature `learn`, some of these functions are not used.
+#![cfg_attr(not(feature = "learn"), allow(dead_code))]
 
 use dgpc::Matrix;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};

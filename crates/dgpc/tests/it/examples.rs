@@ -1,13 +1,13 @@
 //! Runs the examples, which contain assertions.
 
-#[path = "../examples/fit_and_predict.rs"]
+#[path = "../../examples/fit_and_predict.rs"]
 mod fit_and_predict;
 #[cfg(feature = "learn")]
-#[path = "../examples/learn_kernel.rs"]
+#[path = "../../examples/learn_kernel.rs"]
 mod learn_kernel;
-#[path = "../examples/stream_of_residuals.rs"]
+#[path = "../../examples/stream_of_residuals.rs"]
 mod stream_of_residuals;
-#[path = "../examples/two_agents.rs"]
+#[path = "../../examples/two_agents.rs"]
 mod two_agents;
 
 #[test]

@@ -1,7 +1,7 @@
 //! Posteriors that absorb more evidence, and residuals between posteriors.
 
+use super::problems::*;
 use crate::common::*;
-use crate::problems::*;
 use dgpc::*;
 use proptest::prelude::*;
 

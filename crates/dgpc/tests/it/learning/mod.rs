@@ -1,17 +1,12 @@
 //! Learning a prior: the evidence bound against the marginal likelihood, the ends of searches, and invalid arguments.
 
-#![allow(clippy::unwrap_used)]
-
-#[path = "../common/mod.rs"]
-mod common;
-
 mod bound;
+mod little_information;
 mod recovery;
 mod refusals;
 mod search;
-mod silence;
 
-use common::{Dense, assert_near, cholesky, dot, logistic, rows, seeded, solve, transposed};
+use crate::common::{Dense, assert_near, cholesky, dot, logistic, rows, seeded, solve, transposed};
 use dgpc::*;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;

@@ -1,7 +1,5 @@
 //! Labels: offsets of the points that share a label, and no offset for negative labels.
 
-#![allow(clippy::unwrap_used)]
-
 use dgpc::*;
 
 /// Every event has a place, a label and a time.
@@ -92,6 +90,7 @@ fn the_gradient_of_the_evidence_agrees_with_differences() {
     }
 }
 
+#[cfg(feature = "learn")]
 #[test]
 fn a_falling_slope_stays_falling() {
     let inputs = Inputs::from_rows(&(0..40).map(|n| [0.0, 0.1 * f64::from(n)]).collect::<Vec<_>>()).unwrap();

@@ -1,11 +1,7 @@
 //! The Gibbs chain against its stationary distribution: Geweke's joint test, simulation-based calibration, and quadrature
 //! of the posterior of one or two events. Thresholds are five standard errors by batch means, or a χ² value at level 1e-6.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{
+use crate::common::{
     BatchMeans, Dense, assert_near, chi_square_critical, cholesky, dot, gaussian_expectation, logistic, rows, seeded,
     solve_vector,
 };

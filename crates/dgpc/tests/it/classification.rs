@@ -9,14 +9,10 @@
 //!
 //! The tests look for the data in the folder that `PINGMAP_SHARED` names.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use common::seeded;
+use crate::common::seeded;
 use dgpc::*;
 use rand::RngExt;
 

@@ -1,7 +1,5 @@
 //! Serialised values are read back unchanged, and invalid ones are refused.
 
-#![allow(clippy::unwrap_used)]
-
 use dgpc::*;
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::{Value, json};

@@ -4,11 +4,7 @@
 //! Thresholds are five standard errors, or the Kolmogorov-Smirnov critical value at level 1e-6. No choice of seed makes a
 //! correct sampler fail.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::seeded;
+use crate::common::seeded;
 use dgpc::polya_gamma;
 use rand::RngExt;
 use rand_distr::Exp1;
