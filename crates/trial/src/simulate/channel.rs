@@ -43,6 +43,11 @@ pub struct Sound {
     /// Oceanic Eng. 38 (2013) 701, found for slow variations. Here every message fades by itself; in the sea neighbours
     /// in time fade alike.
     pub fading_db: f64,
+    /// Loss of a message that travels against [`Sound::favoured_bearing_deg`], dB: 0 where both directions are equal. Between the two
+    /// bearings the loss follows the cosine of the angle.
+    pub direction_loss_db: f64,
+    /// Bearing of propagation without that loss, in degrees clockwise from north.
+    pub favoured_bearing_deg: f64,
 }
 
 impl Default for Sound {
@@ -60,6 +65,8 @@ impl Default for Sound {
             shipping: 0.5,
             threshold_db: 12.0,
             fading_db: 6.0,
+            direction_loss_db: 0.0,
+            favoured_bearing_deg: 0.0,
         }
     }
 }
@@ -79,7 +86,9 @@ impl Sound {
         within("wind (m/s)", self.wind_m_per_s, 0.0, 60.0)?;
         within("shipping", self.shipping, 0.0, 1.0)?;
         within("threshold (dB)", self.threshold_db, -100.0, 200.0)?;
-        within("fading (dB)", self.fading_db, 1e-6, 100.0)
+        within("fading (dB)", self.fading_db, 1e-6, 100.0)?;
+        within("loss by direction (dB)", self.direction_loss_db, 0.0, 100.0)?;
+        within("favoured bearing (°)", self.favoured_bearing_deg, -360.0, 360.0)
     }
 }
 
@@ -100,7 +109,15 @@ impl Channel {
         let rise_m = depth(link.transmitter.depth_m) - depth(link.receiver.depth_m);
         let (from, to) = (link.transmitter, link.receiver);
         let range_m = (to.east_m - from.east_m).hypot(to.north_m - from.north_m).hypot(rise_m);
-        self.open_water_loss_db(range_m) + self.floor.shadow_loss_db(&from, &to, self.wavelength_m())
+        let bottom_loss_db = self.floor.shadow_loss_db(&from, &to, self.wavelength_m());
+        self.open_water_loss_db(range_m) + bottom_loss_db + self.direction_loss_db(link)
+    }
+
+    fn direction_loss_db(&self, link: &Link) -> f64 {
+        let (east_m, north_m) =
+            (link.receiver.east_m - link.transmitter.east_m, link.receiver.north_m - link.transmitter.north_m);
+        let off_axis_rad = east_m.atan2(north_m) - self.sound.favoured_bearing_deg.to_radians();
+        self.sound.direction_loss_db * 0.5 * (1.0 - off_axis_rad.cos())
     }
 
     fn open_water_loss_db(&self, range_m: f64) -> f64 {
@@ -213,5 +230,19 @@ mod tests {
         assert!(with(|sound| sound.frequency_khz = 40.0) < reference);
         assert!(with(|sound| sound.source_level_db = 158.0) < reference);
         assert!(with(|sound| sound.water.salinity = 0.0) > reference, "a lake absorbs less");
+    }
+
+    #[test]
+    fn loss_by_direction_is_zero_along_the_favoured_bearing_and_full_against_it() {
+        let mut channel = channel(0.0);
+        // This link points east.
+        let (east, none_db) = (link(900.0), channel.transmission_loss_db(&link(900.0)));
+        let west = Link { transmitter: east.receiver, receiver: east.transmitter };
+        channel.sound.direction_loss_db = 8.0;
+        for (bearing_deg, [eastward_db, westward_db]) in [(90.0, [0.0, 8.0]), (-90.0, [8.0, 0.0]), (0.0, [4.0, 4.0])] {
+            channel.sound.favoured_bearing_deg = bearing_deg;
+            let more_db = [east, west].map(|link| channel.transmission_loss_db(&link) - none_db);
+            assert!((more_db[0] - eastward_db).abs() < 1e-9 && (more_db[1] - westward_db).abs() < 1e-9, "{more_db:?}");
+        }
     }
 }

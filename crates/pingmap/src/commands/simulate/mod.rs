@@ -116,6 +116,12 @@ pub struct Sound {
     /// Standard deviation of the level about its mean
     #[arg(long, default_value_t = simulate::Sound::default().fading_db, allow_negative_numbers = true)]
     pub fading_db: f64,
+    /// Loss of a message that travels against the favoured bearing; across it half as much
+    #[arg(long, default_value_t = simulate::Sound::default().direction_loss_db, allow_negative_numbers = true)]
+    pub direction_loss_db: f64,
+    /// Bearing of messages without that loss, degrees clockwise from north
+    #[arg(long, default_value_t = simulate::Sound::default().favoured_bearing_deg, allow_negative_numbers = true)]
+    pub favoured_bearing_deg: f64,
 }
 
 #[derive(Args)]
@@ -176,6 +182,7 @@ impl Options {
     /// Source, water and receivers.
     pub fn sound(&self) -> simulate::Sound {
         let Sound { frequency_khz, bandwidth_khz, source_level_db, spreading, shipping, .. } = self.sound;
+        let Sound { direction_loss_db, favoured_bearing_deg, .. } = self.sound;
         let Sound { threshold_db, fading_db, temperature_c, salinity, ph, sea_state, .. } = self.sound;
         let absorption = match self.sound.absorption {
             AbsorptionName::Thorp => Absorption::Thorp,
@@ -192,6 +199,8 @@ impl Options {
             shipping,
             threshold_db,
             fading_db,
+            direction_loss_db,
+            favoured_bearing_deg,
         }
     }
 }
