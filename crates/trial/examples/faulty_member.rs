@@ -1,11 +1,11 @@
 //! Measures the damage by one faulty member, and the benefit of excluding it, with summaries, with reports, and with both.
 //!
-//! In every split each vehicle in turn is the faulty member. The program prints the mean NLL of all other vehicles over all held-out
+//! In every split each vehicle in turn is the faulty member. With `majority`, every member but one has the fault. The program prints the mean NLL of all other vehicles over all held-out
 //! events: from own events alone, from the ten authenticated packets of every member, and with exclusion by default. Three more columns
 //! follow: how often the faulty member was excluded, how many other members were excluded, and the range of the faulty member's
 //! discrepancy.
 //!
-//! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv [summaries|reports|both]`
+//! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv [summaries|reports|both|majority]`
 
 #![allow(clippy::print_stdout, reason = "what it measures is its output")]
 
@@ -47,14 +47,15 @@ const FAULTY_RECEIVERS: [&str; 5] = ["honest", "silent", "deaf", "random", "reve
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().collect();
     let ([_, events, splits] | [_, events, splits, _]) = arguments.as_slice() else {
-        return Err("expected: events.csv splits.csv [summaries|reports|both]".into());
+        return Err("expected: events.csv splits.csv [summaries|reports|both|majority]".into());
     };
     let log = EventLog::open(Path::new(events))?;
     let splits = read_splits(Path::new(splits), &log)?;
-    let tables: [(&str, Sharing, &[&str]); 3] = [
+    let tables: [(&str, Sharing, &[&str]); 4] = [
         ("summaries", Sharing::summaries(), &FAULTS),
         ("reports", Sharing::reports(), &REPORT_FAULTS),
         ("both", Sharing::default(), &FAULTY_RECEIVERS),
+        ("majority", Sharing::reports(), &REPORT_FAULTS),
     ];
     let wanted = arguments.get(3);
     for (title, sharing, faults) in tables.into_iter().filter(|(title, ..)| wanted.is_none_or(|wanted| wanted == title))
@@ -77,9 +78,17 @@ fn table(log: &EventLog, splits: &[Split], title: &str, sharing: Sharing, faults
         for faulty in 0..mission.vehicles.len() {
             let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64((100 * number + faulty) as u64);
             for (fault, outcomes) in faults.iter().zip(&mut outcomes) {
+                if title == "majority" {
+                    let mut of = |member: usize| packets(log, &mission, sharing, member, fault, &mut rng);
+                    let all = (0..mission.vehicles.len()).map(&mut of).collect::<Result<Vec<_>, _>>()?;
+                    let of_fault = |sender: usize| &all[sender];
+                    outcomes.push(listen(&mission, faulty, &believing[faulty], (faulty + 1) % all.len(), &of_fault)?);
+                    continue;
+                }
                 let packets = packets(log, &mission, sharing, faulty, fault, &mut rng)?;
+                let sent = |sender: usize| if sender == faulty { &packets } else { &mission.packets[sender] };
                 for (listener, believing) in believing.iter().enumerate().filter(|&(listener, _)| listener != faulty) {
-                    outcomes.push(listen(&mission, listener, believing, faulty, &packets)?);
+                    outcomes.push(listen(&mission, listener, believing, faulty, &sent)?);
                 }
             }
         }
@@ -118,12 +127,12 @@ fn row(fault: &str, outcomes: &[Outcome]) -> String {
     )
 }
 
-fn listen(
+fn listen<'a>(
     mission: &Mission,
     listener: usize,
     believing: &Agent,
     faulty: usize,
-    faulty_packets: &[Vec<u8>],
+    sent: &dyn Fn(usize) -> &'a Vec<Vec<u8>>,
 ) -> Result<Outcome, AgentError> {
     let (mut believing, mut doubting) = (believing.clone(), mission.vehicles[listener].clone());
     let nll = |agent: &mut Agent| {
@@ -132,8 +141,8 @@ fn listen(
         Ok::<f64, AgentError>(Score::new(&predicted, &mission.outcomes).map_or(f64::NAN, |score| score.nll))
     };
     let alone = nll(&mut doubting)?;
-    for (sender, packets) in mission.packets.iter().enumerate().filter(|&(sender, _)| sender != listener) {
-        for bytes in if sender == faulty { faulty_packets } else { packets } {
+    for sender in (0..mission.packets.len()).filter(|&sender| sender != listener) {
+        for bytes in sent(sender) {
             believing.receive(bytes, Some(mission.end_s));
             doubting.receive(bytes, Some(mission.end_s));
         }

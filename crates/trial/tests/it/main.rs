@@ -4,6 +4,7 @@
 
 mod alternatives;
 mod fading;
+mod fleet;
 mod log_checks;
 mod optional_terms;
 mod paper;
