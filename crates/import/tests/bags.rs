@@ -5,7 +5,9 @@
 use std::path::{Path, PathBuf};
 
 use pingmap_agent::VehicleId;
-use pingmap_import::{ImportError, Place, Reading, RecordKind, Recording, Recordings, Source, Taken, resolve};
+use pingmap_import::{
+    FileSource, FileSummary, ImportError, Place, RecordKind, RecordReader, Recording, Recordings, resolve_modem_ids,
+};
 use proptest::prelude::*;
 
 const START_S: f64 = 1_777_809_600.0;
@@ -26,17 +28,17 @@ fn damaged(bytes: &[u8], changes: &[(prop::sample::Index, u8)], end: prop::sampl
 }
 
 /// What stands in topics of a file that begin so.
-fn read(bytes: &[u8], path: &Path, topics: &str) -> Result<(Recording, Taken), ImportError> {
+fn read(bytes: &[u8], path: &Path, topics: &str) -> Result<(Recording, FileSummary), ImportError> {
     let (mut recordings, vehicle) = (Recordings::new(), VehicleId::new("auv1"));
     // Somebody of whom something else was recorded.
     recordings.insert(VehicleId::new("2"), Recording::default());
-    let source = Source { topics, ..Source::new(path, Some(&vehicle)) };
-    let taken = Reading::default().take_record(bytes, &source, &mut recordings)?.unwrap();
-    resolve(&mut recordings)?;
+    let source = FileSource { topics, ..FileSource::new(path, Some(&vehicle)) };
+    let taken = RecordReader::default().read_record(bytes, &source, &mut recordings)?.unwrap();
+    resolve_modem_ids(&mut recordings)?;
     Ok((recordings.remove(&vehicle).unwrap_or_default(), taken))
 }
 
-fn read_file(name: &str, topics: &str) -> (Recording, Taken) {
+fn read_file(name: &str, topics: &str) -> (Recording, FileSummary) {
     let path = path(name);
     read(&std::fs::read(&path).unwrap(), &path, topics).unwrap()
 }
@@ -49,7 +51,7 @@ fn has_what_was_said(recording: &Recording) {
     assert!(arrivals.iter().all(|arrival| arrival.source.as_str() == "2" && arrival.good));
     let sent: Vec<f64> = recording.sent.iter().flatten().map(|sent| sent.time_s - START_S).collect();
     assert_eq!(sent, [8.0, 18.0, 28.0, 38.0, 48.0, 58.0]);
-    assert_eq!((recording.signs[0].0, recording.modem_ids.len()), (START_S, 1));
+    assert_eq!((recording.modem_activity[0].0, recording.modem_ids.len()), (START_S, 1));
 }
 
 #[test]
@@ -85,10 +87,11 @@ fn a_bag_in_sqlite_of_its_own_package_is_read() {
 fn a_log_of_lcm_of_its_own_package_is_read_with_its_types() {
     let (log, types) = (std::fs::read(path("auv1.lcmlog")).unwrap(), std::fs::read(path("types.lcm")).unwrap());
     let with = |types: &[u8], log: &[u8], topics: &str| {
-        let (mut reading, mut recordings, vehicle) = (Reading::default(), Recordings::new(), VehicleId::new("auv1"));
-        reading.take_types(types, Path::new("types.lcm")).map_err(|error| error.to_string())?;
-        let source = Source { topics, ..Source::new(Path::new("auv1.lcmlog"), Some(&vehicle)) };
-        let taken = reading.take_record(log, &source, &mut recordings).map_err(|error| error.to_string())?.unwrap();
+        let (mut reading, mut recordings, vehicle) =
+            (RecordReader::default(), Recordings::new(), VehicleId::new("auv1"));
+        reading.read_lcm_types(types, Path::new("types.lcm")).map_err(|error| error.to_string())?;
+        let source = FileSource { topics, ..FileSource::new(Path::new("auv1.lcmlog"), Some(&vehicle)) };
+        let taken = reading.read_record(log, &source, &mut recordings).map_err(|error| error.to_string())?.unwrap();
         Ok::<_, String>((recordings.remove(&vehicle).unwrap(), taken))
     };
     let (recording, taken) = with(&types, &log, "").unwrap();
@@ -101,9 +104,9 @@ fn a_log_of_lcm_of_its_own_package_is_read_with_its_types() {
     // Channels by how they begin; a type that is not known; a log cut off; what is none.
     assert!(with(&types, &log, "AUV1_NAV").unwrap().0.arrivals.is_none());
     let (recording, taken) = with(b"package pm; struct modem_t { int64_t utime; string nmea; }", &log, "").unwrap();
-    assert_eq!((recording.fixes.len(), taken.skipped.of_no_type), (0, 61));
+    assert_eq!((recording.fixes.len(), taken.skipped.unknown_type), (0, 61));
     let (recording, taken) = with(&types, &log[..log.len() - 5], "").unwrap();
-    assert_eq!((recording.fixes.len(), taken.skipped.cut_off), (61, 1));
+    assert_eq!((recording.fixes.len(), taken.skipped.truncated), (61, 1));
     assert!(with(b"", &log, "").unwrap_err().contains(".lcm"));
     let mut garbled = log;
     garbled[20..24].fill(0xff);
@@ -121,7 +124,7 @@ fn what_was_cut_off_is_read_to_its_end_and_what_is_no_bag_is_refused() {
             Ok((recording, taken)) => {
                 assert!(recording.fixes.len() <= 61, "{length}");
                 at_most = at_most.max(recording.fixes.len());
-                cut_off += taken.skipped.cut_off;
+                cut_off += taken.skipped.truncated;
             }
             Err(error) => assert!(error.to_string().contains("cut.mcap"), "{error}"),
         }
@@ -137,8 +140,8 @@ fn what_was_cut_off_is_read_to_its_end_and_what_is_no_bag_is_refused() {
     let notes = other.path().join("notes.db3");
     rusqlite::Connection::open(&notes).unwrap().execute_batch("CREATE TABLE notes (text TEXT)").unwrap();
     let bytes = std::fs::read(&notes).unwrap();
-    let source = Source::new(&notes, None);
-    let taken = Reading::default().take_record(bytes.as_slice(), &source, &mut Recordings::new()).unwrap();
+    let source = FileSource::new(&notes, None);
+    let taken = RecordReader::default().read_record(bytes.as_slice(), &source, &mut Recordings::new()).unwrap();
     assert!(taken.is_none(), "{taken:?}");
     let folder = std::env::temp_dir();
     let head = [b"SQLite format 3\0".as_slice(), &[0; 100]].concat();
@@ -163,10 +166,10 @@ proptest! {
             // SQLite reads the file itself.
             let path = folder.path().join(name);
             std::fs::write(&path, &bytes).unwrap();
-            let (mut reading, mut recordings, vehicle) = (Reading::default(), Recordings::new(), VehicleId::new("auv1"));
+            let (mut reading, mut recordings, vehicle) = (RecordReader::default(), Recordings::new(), VehicleId::new("auv1"));
             let types = if name == "types.lcm" { bytes.clone() } else { std::fs::read(self::path("types.lcm")).unwrap() };
-            let found = reading.take_types(types.as_slice(), &path);
-            let found = found.and_then(|()| reading.take_record(bytes.as_slice(), &Source::new(&path, Some(&vehicle)), &mut recordings));
+            let found = reading.read_lcm_types(types.as_slice(), &path);
+            let found = found.and_then(|()| reading.read_record(bytes.as_slice(), &FileSource::new(&path, Some(&vehicle)), &mut recordings));
             if let Err(error) = found {
                 prop_assert!(error.to_string().contains(name), "{}", error);
             }

@@ -5,19 +5,25 @@
 use std::path::Path;
 
 use pingmap_agent::VehicleId;
-use pingmap_import::{Reading, RecordKind, Recording, Recordings, Skipped, Source, Unknown, nmea_checksum, resolve};
+use pingmap_import::{
+    ExclusionReason, FileSource, RecordKind, RecordReader, Recording, Recordings, SkipCounts, nmea_checksum,
+    resolve_modem_ids,
+};
 
 /// What a file says, as the record of `a`.
-fn taken(text: &str) -> (Recording, Skipped) {
+fn taken(text: &str) -> (Recording, SkipCounts) {
     let mut recordings = Recordings::new();
     let a = VehicleId::new("a");
-    let taken =
-        Reading::default().take_record(text.as_bytes(), &Source::new(Path::new("file"), Some(&a)), &mut recordings);
+    let taken = RecordReader::default().read_record(
+        text.as_bytes(),
+        &FileSource::new(Path::new("file"), Some(&a)),
+        &mut recordings,
+    );
     (recordings.remove(&a).unwrap(), taken.unwrap().unwrap().skipped)
 }
 
 /// A capture of sentences at these times.
-fn capture(said: &[(f64, &str)]) -> (Recording, Skipped) {
+fn capture(said: &[(f64, &str)]) -> (Recording, SkipCounts) {
     let line = |(time_s, sentence): &(f64, &str)| format!("{time_s} ${sentence}*{:02X}\n", nmea_checksum(sentence));
     taken(&said.iter().map(line).collect::<String>())
 }
@@ -25,7 +31,7 @@ fn capture(said: &[(f64, &str)]) -> (Recording, Skipped) {
 /// Times, destinations, frames and kinds of what was sent.
 fn sent(recording: &Recording) -> Vec<(f64, String, Option<u32>, String)> {
     let text = |text: Option<String>| text.unwrap_or_default();
-    let of = |sent: &pingmap_import::Sent| {
+    let of = |sent: &pingmap_import::SentMessage| {
         let to = sent.destination.as_ref().map(ToString::to_string);
         (sent.time_s, text(to), sent.frames, text(sent.kind.as_ref().map(ToString::to_string)))
     };
@@ -87,7 +93,7 @@ fn what_a_modem_has_finished_was_sent_and_what_a_host_asked_for_was_not() {
     ];
     assert_eq!(sent(&recording), expected.map(|(time_s, to, frames, kind)| (time_s, to.into(), frames, kind.into())));
     assert_eq!((skipped.not_sent, recording.arrivals.as_ref().map(Vec::len)), (2, Some(0)));
-    assert_eq!((recording.signs[0], recording.modem_ids.len()), ((0.0, 103.0), 1));
+    assert_eq!((recording.modem_activity[0], recording.modem_ids.len()), ((0.0, 103.0), 1));
 }
 
 #[test]
@@ -151,7 +157,7 @@ fn what_a_modem_gives_its_host_was_heard_and_what_it_names_was_missed() {
     assert_eq!(found, expected);
     assert_eq!(skipped.unattributed, 1);
     // What others announce does not tell that this modem was at work; what it received does.
-    assert_eq!(recording.signs, [(20.0, 90.0)]);
+    assert_eq!(recording.modem_activity, [(20.0, 90.0)]);
 }
 
 #[test]
@@ -168,12 +174,12 @@ fn starting_ranging_and_answering_modems_hear_nothing() {
         (60.0, "CATXF,2"),
     ]);
     let expected = [
-        (10.0, 17.0, Unknown::Rebooting),
-        (40.0, 45.0, Unknown::OtherMode),
-        (50.0, 50.7, Unknown::Transmitting),
-        (57.0, 60.0, Unknown::Transmitting),
+        (10.0, 17.0, ExclusionReason::Rebooting),
+        (40.0, 45.0, ExclusionReason::OtherMode),
+        (50.0, 50.7, ExclusionReason::Transmitting),
+        (57.0, 60.0, ExclusionReason::Transmitting),
     ];
-    assert_eq!(recording.deaf, expected);
+    assert_eq!(recording.deaf_intervals, expected);
     // By the modem's own word.
     assert_eq!(recording.bands, [(31.1, "2".to_owned())]);
     assert!(recording.sent.unwrap().is_empty());
@@ -199,8 +205,8 @@ fn satellites_that_a_capture_hears_say_when_its_clock_was_set() {
         (5.0, "GPRMC,120005,A,4130.0,N,07040.0,W,0,0,030526,,"),
         (6.0, "GPGSV,1,1,00"),
     ]);
-    assert_eq!(recording.clock_set, [(2.0, false), (3.0, false), (4.0, true), (5.0, true)]);
-    assert_eq!((skipped, recording.signs), (Skipped::default(), vec![(1.0, 1.0)]));
+    assert_eq!(recording.clock_syncs, [(2.0, false), (3.0, false), (4.0, true), (5.0, true)]);
+    assert_eq!((skipped, recording.modem_activity), (SkipCounts::default(), vec![(1.0, 1.0)]));
 }
 
 #[test]
@@ -249,7 +255,7 @@ fn what_was_sent_is_not_taken_back_by_the_next_one_and_nothing_is_sent_late() {
         (300.0, "CAPGT,1,25000"),
     ]);
     assert_eq!(sent(&recording).iter().map(|sent| sent.0).collect::<Vec<_>>(), [0.1]);
-    assert_eq!(recording.deaf.last(), Some(&(300.0, 305.0, Unknown::OtherMode)));
+    assert_eq!(recording.deaf_intervals.last(), Some(&(300.0, 305.0, ExclusionReason::OtherMode)));
 }
 
 #[test]
@@ -257,7 +263,7 @@ fn a_wrong_checksum_is_no_sentence_and_kinds_are_told_by_content() {
     let text = "2026-05-03 12:00:00Z,RX,$CACFG,SRC,7*35\r\n2026-05-03 12:00:01Z,RX,$CARXD,2,63,0,1,AA*00\r\n";
     let (recording, skipped) = taken(text);
     assert_eq!((recording.arrivals.unwrap().len(), skipped.garbled), (0, 1));
-    assert_eq!(recording.signs, [(1_777_809_600.0, 1_777_809_600.0)]);
+    assert_eq!(recording.modem_activity, [(1_777_809_600.0, 1_777_809_600.0)]);
     for (text, kind) in [
         (text, Some(RecordKind::ModemCapture)),
         ("%%%%\n%% LOG FILE: x\n%% LOGSTART 5\n", Some(RecordKind::MoosLog)),
@@ -266,7 +272,7 @@ fn a_wrong_checksum_is_no_sentence_and_kinds_are_told_by_content() {
         ("1 $GPGGA,1,2,3\n", None),
         ("", None),
     ] {
-        assert_eq!(Reading::default().kind_of(text.as_bytes(), Path::new("file")), kind, "{text}");
+        assert_eq!(RecordReader::default().kind_of(text.as_bytes(), Path::new("file")), kind, "{text}");
     }
 }
 
@@ -291,13 +297,16 @@ fn transmissions_in_gobys_text_are_those_of_its_host() {
     assert_eq!((sent(&recording).len(), heard(&recording)), (0, vec![(at + 50.0, "3", Some(1), Some(1), true)]));
     // Who answers or ranges is deaf meanwhile.
     let (recording, _) = taken(&rows("50 ACOMMS_MODEM_TRANSMIT p src: 1 dest: 2 type: MICROMODEM_TWO_WAY_PING\n"));
-    assert_eq!((sent(&recording).len(), &recording.deaf[..]), (1, &[(at + 50.0, at + 55.0, Unknown::OtherMode)][..]));
+    assert_eq!(
+        (sent(&recording).len(), &recording.deaf_intervals[..]),
+        (1, &[(at + 50.0, at + 55.0, ExclusionReason::OtherMode)][..])
+    );
     // Variables may be called otherwise.
-    let reading = Reading { prefix: "MM_".into(), ..Reading::default() };
+    let reading = RecordReader { moos_prefix: "MM_".into(), ..RecordReader::default() };
     let mut recordings = Recordings::new();
     let text = rows("").replace("ACOMMS_", "MM_");
     let a = VehicleId::new("a");
-    reading.take_record(text.as_bytes(), &Source::new(Path::new("a.alog"), Some(&a)), &mut recordings).unwrap();
+    reading.read_record(text.as_bytes(), &FileSource::new(Path::new("a.alog"), Some(&a)), &mut recordings).unwrap();
     assert_eq!(sent(&recordings[&a]).len(), 1);
 }
 
@@ -306,18 +315,18 @@ fn modems_that_say_their_ids_are_known_by_them() {
     let mut recordings = Recordings::new();
     let mut take = |vehicle: &str, text: &str| {
         let vehicle = VehicleId::new(vehicle);
-        Reading::default()
-            .take_record(text.as_bytes(), &Source::new(Path::new("f"), Some(&vehicle)), &mut recordings)
+        RecordReader::default()
+            .read_record(text.as_bytes(), &FileSource::new(Path::new("f"), Some(&vehicle)), &mut recordings)
             .unwrap();
     };
     take("ada", "1 $CACFG,SRC,1\n5 $CARXD,2,1,0,1,AA\n");
     take("bob", "1 $CACFG,SRC,2\n3 $CATXD,2,1,0,1\n4 $CATXF,1\n");
-    resolve(&mut recordings).unwrap();
+    resolve_modem_ids(&mut recordings).unwrap();
     let of = |name: &str| recordings[&VehicleId::new(name)].clone();
     let arrival = of("ada").arrivals.unwrap().remove(0);
     assert_eq!((arrival.source.as_str(), arrival.destination.unwrap().as_str()), ("bob", "ada"));
     assert_eq!(of("bob").sent.unwrap()[0].destination, Some(VehicleId::new("ada")));
     recordings.get_mut(&VehicleId::new("bob")).unwrap().modem_ids.insert("1".into());
-    let error = resolve(&mut recordings).unwrap_err().to_string();
+    let error = resolve_modem_ids(&mut recordings).unwrap_err().to_string();
     assert!(error.contains("ada and bob") && error.contains("id is 1"), "{error}");
 }

@@ -6,16 +6,16 @@ use std::path::Path;
 
 use pingmap_agent::VehicleId;
 use pingmap_import::{
-    ImportError, Imported, Reading, Recordings, Reference, Rules, Schedule, TableKind, Unknown, join,
+    ExclusionReason, ImportError, ImportResult, RecordReader, Recordings, Reference, Rules, Schedule, TableKind, join,
 };
 
 /// Vehicles a, b and c 300 m from each other; what a sent, and what b and c heard.
-fn imported(sent: &str, heard: [&str; 2], rules: &Rules) -> Imported {
+fn imported(sent: &str, heard: [&str; 2], rules: &Rules) -> ImportResult {
     recorded(sent, heard, Some((0.0, 2000.0)), rules)
 }
 
 /// The same where nobody says when b and c listened, or somebody does.
-fn recorded(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>, rules: &Rules) -> Imported {
+fn recorded(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>, rules: &Rules) -> ImportResult {
     join(&records(sent, heard, listening), None, &Reference::unknown(), rules).unwrap()
 }
 
@@ -23,15 +23,15 @@ fn records(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>) -> Recor
     let mut recordings = Recordings::new();
     let mut take = |kind, vehicle: &str, text: &str| {
         let table = (text.as_bytes(), Path::new("table"));
-        Reading::default().take(kind, table, Some(&VehicleId::new(vehicle)), &mut recordings).unwrap();
+        RecordReader::default().read_table(kind, table, Some(&VehicleId::new(vehicle)), &mut recordings).unwrap();
     };
     for (vehicle, east_m) in [("a", 0), ("b", 300), ("c", -300)] {
         let line = |n: u32| format!("{},{east_m},0\n", 20 * n);
         take(TableKind::Navigation, vehicle, &format!("t,x,y\n{}", (0..80).map(line).collect::<String>()));
     }
-    take(TableKind::Sent, "a", sent);
+    take(TableKind::Transmissions, "a", sent);
     for (vehicle, heard) in ["b", "c"].into_iter().zip(heard) {
-        take(TableKind::Heard, vehicle, heard);
+        take(TableKind::Receptions, vehicle, heard);
     }
     for vehicle in ["b", "c"] {
         recordings.get_mut(&VehicleId::new(vehicle)).unwrap().listening.extend(listening);
@@ -59,9 +59,9 @@ fn mostly(n: u32) -> bool {
     !n.is_multiple_of(3)
 }
 
-fn pair(imported: &Imported, to: &str) -> (usize, usize, usize) {
+fn pair(imported: &ImportResult, to: &str) -> (usize, usize, usize) {
     let pair = &imported.pairs[&(VehicleId::new("a"), VehicleId::new(to))];
-    (pair.heard, pair.missed, pair.unknown.values().sum())
+    (pair.heard, pair.missed, pair.excluded.values().sum())
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn to_whom_and_of_what_kind_is_not_asked_of_the_outcome() {
     // All that somebody heard is known for whom it was, and was heard by both; what nobody heard is not known to be for either.
     // That leaves those that were heard, and is said.
     assert_eq!((pair(&found, "b"), pair(&found, "c")), ((34, 0, 33), (33, 0, 33)));
-    assert_eq!(found.whom_by_reception, "a");
+    assert_eq!(found.destinations_by_reception, "a");
     let overheard = imported(&sent("", none), [&both, &both], &Rules { overhear: true, ..Rules::default() });
     assert_eq!(pair(&overheard, "b"), (67, 33, 0));
     // What the sender says goes before what receivers say, or messages that are heard would be to others than those that are missed.
@@ -80,7 +80,7 @@ fn to_whom_and_of_what_kind_is_not_asked_of_the_outcome() {
     let said = heard(",to", mostly, |_| ",b".to_owned());
     let found = imported(&sent(",to", either), [&said, &heard("", mostly, none)], &Rules::default());
     assert_eq!((pair(&found, "b"), pair(&found, "c")), ((67, 33, 0), (33, 17, 0)));
-    assert_eq!(found.whom_by_reception, "");
+    assert_eq!(found.destinations_by_reception, "");
     // A kind that only receivers know is that of heard ones: it is none.
     let kinds = heard(",kind", mostly, |_| ",short".into());
     let found = imported(&sent("", none), [&kinds, &kinds], &Rules::default());
@@ -136,9 +136,9 @@ fn receptions_that_say_when_a_modem_was_at_work_do_not_count() {
     for part in [&lines[1..20], &lines[40..]] {
         let text = format!("{}\n{}", lines[0], part.join("\n"));
         let (table, b) = ((text.as_bytes(), Path::new("t")), VehicleId::new("b"));
-        Reading::default().take(TableKind::Heard, table, Some(&b), &mut recordings).unwrap();
+        RecordReader::default().read_table(TableKind::Receptions, table, Some(&b), &mut recordings).unwrap();
     }
-    assert_eq!(recordings[&VehicleId::new("b")].signs, [(10.2, 280.2), (590.2, 1000.2)]);
+    assert_eq!(recordings[&VehicleId::new("b")].modem_activity, [(10.2, 280.2), (590.2, 1000.2)]);
 }
 
 #[test]
@@ -155,15 +155,15 @@ fn what_broke_beside_a_message_is_a_miss_of_it_and_no_other() {
     for (vehicle, heard) in [("b", &text), ("c", &heard("", |_| true, none))] {
         let vehicle = VehicleId::new(vehicle);
         let table = (heard.as_bytes(), Path::new("t"));
-        Reading::default().take(TableKind::Heard, table, Some(&vehicle), &mut recordings).unwrap();
+        RecordReader::default().read_table(TableKind::Receptions, table, Some(&vehicle), &mut recordings).unwrap();
         recordings.get_mut(&vehicle).unwrap().listening.push((0.0, 2000.0));
     }
     for vehicle in ["a", "b", "c"] {
         let lines: String = (0..80).map(|n| format!("{},300,0\n", 20 * n)).collect();
         let table = format!("t,x,y\n{lines}");
         let vehicle = VehicleId::new(vehicle);
-        Reading::default()
-            .take(TableKind::Navigation, (table.as_bytes(), Path::new("t")), Some(&vehicle), &mut recordings)
+        RecordReader::default()
+            .read_table(TableKind::Navigation, (table.as_bytes(), Path::new("t")), Some(&vehicle), &mut recordings)
             .unwrap();
     }
     let found = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
@@ -196,7 +196,7 @@ fn modems_in_different_bands_do_not_hear_each_other() {
     // From 36 to 65, heard or not: nobody asks for the outcome.
     let to_b = &imported.pairs[&(VehicleId::new("a"), VehicleId::new("b"))];
     assert_eq!((to_b.heard, to_b.missed), (47, 23));
-    assert_eq!(to_b.unknown.iter().collect::<Vec<_>>(), [(&Unknown::OtherMode, &30)]);
+    assert_eq!(to_b.excluded.iter().collect::<Vec<_>>(), [(&ExclusionReason::OtherMode, &30)]);
 }
 
 #[test]
@@ -208,7 +208,9 @@ fn bands_of_tables_and_carriers_of_a_band_tell_who_cannot_hear() {
     let line = |n: u32| format!("{},300,0,{}\n", 20 * n, if n < 25 { "low" } else { "high" });
     let tuned = format!("t,x,y,band\n{}", (0..80).map(line).collect::<String>());
     let table = (tuned.as_bytes(), Path::new("table"));
-    Reading::default().take(TableKind::Navigation, table, Some(&VehicleId::new("b")), &mut recordings).unwrap();
+    RecordReader::default()
+        .read_table(TableKind::Navigation, table, Some(&VehicleId::new("b")), &mut recordings)
+        .unwrap();
     let imported = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
     assert_eq!((pair(&imported, "b").2, pair(&imported, "c").2), (25 + 26, 0));
     // Whatever the order of the lines.
@@ -217,7 +219,9 @@ fn bands_of_tables_and_carriers_of_a_band_tell_who_cannot_hear() {
     let lines: Vec<&str> = lines.lines().rev().collect();
     let tuned = format!("{header}\n{}\n", lines.join("\n"));
     let table = (tuned.as_bytes(), Path::new("table"));
-    Reading::default().take(TableKind::Navigation, table, Some(&VehicleId::new("b")), &mut reversed).unwrap();
+    RecordReader::default()
+        .read_table(TableKind::Navigation, table, Some(&VehicleId::new("b")), &mut reversed)
+        .unwrap();
     let again = join(&reversed, None, &Reference::unknown(), &Rules::default()).unwrap();
     assert_eq!(again.pairs, imported.pairs);
     // A band by its number alone may be that with any carrier; with another one it is another.
@@ -246,17 +250,17 @@ fn a_clock_that_satellites_set_on_the_way_is_found_step_by_step() {
     // Nothing says that there was a step: what came before it fits nothing.
     assert!(pair(&without, "b").0 < 40, "{:?}", pair(&without, "b"));
     let b = recordings.get_mut(&VehicleId::new("b")).unwrap();
-    b.clock_set = vec![(0.0, true), (3.0, true), (498.0, true), (499.0, true), (500.0, false)];
+    b.clock_syncs = vec![(0.0, true), (3.0, true), (498.0, true), (499.0, true), (500.0, false)];
     let found = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
     assert_eq!(pair(&found, "b"), (67, 33, 0));
     let clock = found.clocks.iter().find(|clock| clock.vehicle.as_str() == "b").unwrap();
-    let ahead: Vec<f64> = clock.pieces.iter().map(|piece| piece.ahead_s).collect();
+    let ahead: Vec<f64> = clock.segments.iter().map(|piece| piece.offset_s).collect();
     assert!(ahead.len() == 2 && (ahead[0] - ahead[1] - 4.0).abs() < 0.05, "{ahead:?}");
     // Who says it every two minutes heard them all the time.
     let c = recordings.get_mut(&VehicleId::new("c")).unwrap();
-    c.clock_set = (0..9).map(|n| (120.0 * f64::from(n), true)).collect();
+    c.clock_syncs = (0..9).map(|n| (120.0 * f64::from(n), true)).collect();
     let found = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
-    assert_eq!(found.clocks.iter().find(|clock| clock.vehicle.as_str() == "c").unwrap().pieces.len(), 1);
+    assert_eq!(found.clocks.iter().find(|clock| clock.vehicle.as_str() == "c").unwrap().segments.len(), 1);
 }
 
 #[test]
@@ -267,9 +271,9 @@ fn what_is_no_event_is_counted_for_each_pair() {
     let of_b = format!("{both}100.3,a\n504,a\n");
     let found = imported(&sent(",to", to), [&of_b, &both], &Rules::default());
     let pair = |to: &str| &found.pairs[&(VehicleId::new("a"), VehicleId::new(to))];
-    assert_eq!((pair("b").overheard, pair("b").twice, pair("b").stray), (25, 1, 1));
-    assert_eq!((pair("c").overheard, pair("c").twice, pair("c").stray), (0, 0, 0));
-    assert_eq!((found.left_out.overheard, found.left_out.twice), (25, 1));
+    assert_eq!((pair("b").overheard, pair("b").duplicates, pair("b").unmatched), (25, 1, 1));
+    assert_eq!((pair("c").overheard, pair("c").duplicates, pair("c").unmatched), (0, 0, 0));
+    assert_eq!((found.left_out.overheard, found.left_out.duplicates), (25, 1));
 }
 
 #[test]
@@ -281,10 +285,10 @@ fn what_would_fill_the_memory_is_refused() {
     assert!(schedule("0", "1e-6").is_err() && schedule("-1e10", "1e-18").is_err());
     let mut recordings = Recordings::new();
     for (kind, text) in
-        [(TableKind::Navigation, "t,x,y\n-1.7e9,0,0\n0,0,0\n20,1,1\n"), (TableKind::Heard, "t,source\n10,b\n")]
+        [(TableKind::Navigation, "t,x,y\n-1.7e9,0,0\n0,0,0\n20,1,1\n"), (TableKind::Receptions, "t,source\n10,b\n")]
     {
-        Reading::default()
-            .take(kind, (text.as_bytes(), Path::new("t")), Some(&VehicleId::new("a")), &mut recordings)
+        RecordReader::default()
+            .read_table(kind, (text.as_bytes(), Path::new("t")), Some(&VehicleId::new("a")), &mut recordings)
             .unwrap();
     }
     let schedule = schedule("-1.7e9", "10").unwrap();

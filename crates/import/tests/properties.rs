@@ -7,8 +7,8 @@ use std::path::Path;
 
 use pingmap_agent::VehicleId;
 use pingmap_import::{
-    Arrival, Fix, Ids, Place, Reading, Recording, Recordings, Reference, Rules, Schedule, Sent, Source, TableKind,
-    join, parse_time, time_in_words,
+    Arrival, FileSource, Fix, ModemIds, Place, RecordReader, Recording, Recordings, Reference, Rules, Schedule,
+    SentMessage, TableKind, join, parse_time, time_in_words,
 };
 use proptest::prelude::*;
 
@@ -65,8 +65,13 @@ impl Fleet {
         let (mut truth, mut time_s) = (Truth::new(), 20.0);
         for &(sender, gap_s, heard) in &self.messages {
             time_s += gap_s;
-            let sent =
-                Sent { time_s: self.clock(sender, time_s), destination: None, frames: None, kind: None, band: None };
+            let sent = SentMessage {
+                time_s: self.clock(sender, time_s),
+                destination: None,
+                frames: None,
+                kind: None,
+                band: None,
+            };
             all[sender].sent.as_mut().unwrap().push(sent);
             for receiver in (0..vehicles).filter(|&receiver| receiver != sender) {
                 let is_heard = heard >> receiver & 1 == 1;
@@ -97,16 +102,16 @@ proptest! {
     #[test]
     fn what_took_place_is_found_whatever_the_clocks(fleet in fleets()) {
         let (recordings, truth) = fleet.recorded();
-        let rules = Rules { right_clock: Some(name(0)), message_s: 2.6, ..Rules::default() };
+        let rules = Rules { reference_clock: Some(name(0)), message_s: 2.6, ..Rules::default() };
         let imported = join(&recordings, None, &Reference::unknown(), &rules).unwrap();
         // All times are by the first vehicle's clock.
         let found: Vec<_> = imported.log.events.iter().map(|event| {
             (event.time_s, event.transmitter_id.clone(), event.receiver_id.clone(), event.success, event.link)
         }).collect();
-        prop_assert_eq!(found.len() + imported.unknown().values().sum::<usize>(), truth.len());
+        prop_assert_eq!(found.len() + imported.excluded().values().sum::<usize>(), truth.len());
         // Nothing is left out but of vehicles whose clock nobody can know.
         let known: BTreeSet<VehicleId> =
-            imported.clocks.iter().filter(|clock| !clock.pieces.is_empty()).map(|clock| clock.vehicle.clone()).collect();
+            imported.clocks.iter().filter(|clock| !clock.segments.is_empty()).map(|clock| clock.vehicle.clone()).collect();
         let of_known = |sender: usize, receiver: usize| known.contains(&name(sender)) && known.contains(&name(receiver));
         prop_assert_eq!(found.len(), truth.iter().filter(|event| of_known(event.1, event.2)).count());
         for (time_s, sender, receiver, heard) in truth.into_iter().filter(|event| of_known(event.1, event.2)) {
@@ -172,14 +177,14 @@ proptest! {
         for content in [bytes.as_slice(), text.as_bytes()] {
             let path = Path::new("table");
             let mut recordings = Recordings::new();
-            for kind in [TableKind::Navigation, TableKind::Heard, TableKind::Sent] {
+            for kind in [TableKind::Navigation, TableKind::Receptions, TableKind::Transmissions] {
                 for vehicle in [None, Some(&name(0))] {
-                    let _ = Reading::default().take(kind, (content, path), vehicle, &mut recordings);
+                    let _ = RecordReader::default().read_table(kind, (content, path), vehicle, &mut recordings);
                 }
             }
             let _ = join(&recordings, None, &Reference::unknown(), &Rules::default());
-            let _ = Ids::read(content, path);
-            if let Ok(schedule) = Schedule::read(content, path, &Ids::default()) {
+            let _ = ModemIds::read(content, path);
+            if let Ok(schedule) = Schedule::read(content, path, &ModemIds::default()) {
                 let _ = join(&recordings, Some(&schedule), &Reference::unknown(), &Rules::default());
             }
         }
@@ -197,7 +202,7 @@ proptest! {
         let log = format!("%% LOG FILE: x\n%% LOGSTART 5000\n{spoken}{}\n", rows.join("\n"));
         for content in [bytes.as_slice(), capture.as_bytes(), log.as_bytes()] {
             let mut recordings = Recordings::new();
-            let _ = Reading::default().take_record(content, &Source::new(Path::new("file"), Some(&name(0))), &mut recordings);
+            let _ = RecordReader::default().read_record(content, &FileSource::new(Path::new("file"), Some(&name(0))), &mut recordings);
             // What was sent was finished, and what arrived has a frame of those that it has.
             for recording in recordings.values() {
                 let finished = capture.matches("TXF").count() + capture.matches("XST").count();
@@ -213,8 +218,8 @@ proptest! {
     #[test]
     fn no_schedule_runs_away(start_s in -1e11..1e11f64, duration_s in 1e-3..1e6f64, restarts in any::<bool>(), from_s in -1e11..1e11f64) {
         let text = format!("[slots]\nstart_s = {start_s:e}\nduration_s = {duration_s:e}\norder = ['a', 'b']\nrestarts_daily = {restarts}\n");
-        if let Ok(schedule) = Schedule::read(text.as_bytes(), Path::new("s"), &Ids::default()) {
-            let turns = schedule.turns_s(&VehicleId::new("a"), from_s, from_s + 100.0 * duration_s);
+        if let Ok(schedule) = Schedule::read(text.as_bytes(), Path::new("s"), &ModemIds::default()) {
+            let turns = schedule.slot_starts_s(&VehicleId::new("a"), from_s, from_s + 100.0 * duration_s);
             prop_assert!(turns.len() <= 202 && turns.is_sorted(), "{}", turns.len());
         }
     }

@@ -7,8 +7,8 @@ use anyhow::Context;
 use clap::Args;
 use pingmap_agent::{Geographic, ReferenceSystem, VehicleId};
 use pingmap_import::{
-    Columns, Fix, Ids, ImportError, PREFIX, Place, Reading, RecordKind, Recordings, Reference, Schedule, Skipped, TIME,
-    TableKind, parse_time, resolve,
+    Columns, Fix, ImportError, MOOS_PREFIX, ModemIds, Place, RecordKind, RecordReader, Recordings, Reference, Schedule,
+    SkipCounts, TIME, TableKind, parse_time, resolve_modem_ids,
 };
 
 use super::records::{self, RecordFile, Records, opened, whose};
@@ -45,7 +45,7 @@ pub struct Files {
     #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = span)]
     listening: Vec<(String, (f64, f64))>,
     /// What stands before the names of the modem's variables in logs of MOOS: …NMEA_IN, …MODEM_RECEIVE
-    #[arg(long, value_name = "PREFIX", default_value = PREFIX)]
+    #[arg(long, value_name = "PREFIX", default_value = MOOS_PREFIX)]
     acomms_prefix: String,
     /// What a column is called, such as heard.source=from
     #[arg(long, value_name = "WHAT=COLUMN", num_args = 1.., value_parser = two)]
@@ -68,7 +68,7 @@ pub struct Taken {
     pub reference: Reference,
     /// Where (0, 0) of the log is, if that is known, and by whose word.
     pub origin: Option<(Geographic, OriginBy)>,
-    pub skipped: Skipped,
+    pub skipped: SkipCounts,
     /// Of whom members of messages say that they are from them, and nothing was recorded, how often.
     pub unknown_sources: BTreeMap<VehicleId, usize>,
     /// Files in folders that are of no known kind.
@@ -116,17 +116,17 @@ impl Files {
             Some(path) => Ok(Some(path.clone())),
             None => records::only(&files, kinds, option),
         };
-        if let Some(path) = found(&self.ids, &[RecordKind::Ids], "--ids")? {
-            reading.ids = Ids::read(opened(&path)?, &path)?;
+        if let Some(path) = found(&self.ids, &[RecordKind::ModemIds], "--ids")? {
+            reading.ids = ModemIds::read(opened(&path)?, &path)?;
         }
         let schedule = found(&self.schedule, &[RecordKind::Schedule, RecordKind::TeamFile], "--schedule")?;
         let schedule = schedule.map(|path| Schedule::read(opened(&path)?, &path, &reading.ids)).transpose()?;
         for file in files.iter().filter(|file| file.kind == Some(RecordKind::LcmTypes)) {
-            reading.take_types(opened(&file.path)?, &file.name)?;
+            reading.read_lcm_types(opened(&file.path)?, &file.name)?;
         }
         let (mut recordings, mut records) = (Recordings::new(), Records::default());
         self.read(&files, &reading, &mut records, &mut recordings)?;
-        let unknown_sources = resolve(&mut recordings)?;
+        let unknown_sources = resolve_modem_ids(&mut recordings)?;
         for (name, fix) in &self.fixed {
             recordings.entry(VehicleId::new(name)).or_default().fixed = Some(*fix);
         }
@@ -147,15 +147,18 @@ impl Files {
     fn read(
         &self,
         files: &[RecordFile],
-        reading: &Reading,
+        reading: &RecordReader,
         records: &mut Records,
         recordings: &mut Recordings,
     ) -> anyhow::Result<()> {
         let (tables, logs): (Vec<&RecordFile>, Vec<&RecordFile>) =
             files.iter().partition(|file| matches!(file.kind, Some(RecordKind::Table(_))));
         let named = || {
-            let kinds =
-                [(TableKind::Navigation, &self.nav), (TableKind::Heard, &self.heard), (TableKind::Sent, &self.sent)];
+            let kinds = [
+                (TableKind::Navigation, &self.nav),
+                (TableKind::Receptions, &self.heard),
+                (TableKind::Transmissions, &self.sent),
+            ];
             kinds.into_iter().flat_map(|(kind, files)| files.iter().map(move |file| (kind, whose(file))))
         };
         let paths = files.iter().map(|file| file.path.as_path()).chain(named().map(|(_, (_, path))| path));
@@ -171,7 +174,7 @@ impl Files {
         }
         for (kind, (vehicle, path)) in named() {
             let table = (bar.wrap_read(opened(path)?), path);
-            records.skipped = records.skipped.and(reading.take(kind, table, vehicle.as_ref(), recordings)?);
+            records.skipped = records.skipped.sum(reading.read_table(kind, table, vehicle.as_ref(), recordings)?);
         }
         bar.finish_and_clear();
         records.recognised.iter().for_each(note);
@@ -192,9 +195,9 @@ impl Files {
     }
 
     /// How files are read, before anybody says who is meant by ids.
-    fn reading(&self) -> anyhow::Result<Reading> {
-        let prefix = self.acomms_prefix.clone();
-        Ok(Reading { columns: self.columns()?, prefix, ..Reading::default() })
+    fn reading(&self) -> anyhow::Result<RecordReader> {
+        let moos_prefix = self.acomms_prefix.clone();
+        Ok(RecordReader { columns: self.columns()?, moos_prefix, ..RecordReader::default() })
     }
 
     fn columns(&self) -> anyhow::Result<Columns> {
@@ -210,12 +213,12 @@ impl Files {
             })?;
             for (kind, roles) in &file {
                 for (role, column) in roles {
-                    columns.name(&format!("{kind}.{role}"), column).with_context(|| path.display().to_string())?;
+                    columns.assign(&format!("{kind}.{role}"), column).with_context(|| path.display().to_string())?;
                 }
             }
         }
         for (what, column) in &self.column {
-            columns.name(what, column)?;
+            columns.assign(what, column)?;
         }
         Ok(columns)
     }

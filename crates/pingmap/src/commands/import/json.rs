@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
-use pingmap_import::{ClockFound, Imported, Pair, Proofs, Unknown};
+use pingmap_import::{ClockEstimate, EvidenceCounts, ExclusionReason, ImportResult, PairCounts};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -125,28 +125,32 @@ pub struct LeftOutJson {
 }
 
 impl ImportedJson {
-    pub fn of(imported: &Imported, taken: &Taken) -> Self {
-        let Proofs { recorded, always_sends, received, nothing } = imported.proofs;
-        let pair = |((from, to), pair): (&(VehicleId, VehicleId), &Pair)| PairJson {
+    pub fn of(imported: &ImportResult, taken: &Taken) -> Self {
+        let EvidenceCounts { recorded, always_sends, received, scheduled_only } = imported.evidence;
+        let pair = |((from, to), pair): (&(VehicleId, VehicleId), &PairCounts)| PairJson {
             transmitter: from.to_string(),
             receiver: to.to_string(),
             heard: pair.heard,
             missed: pair.missed,
-            unknown: keys(&pair.unknown),
+            unknown: keys(&pair.excluded),
             overheard: pair.overheard,
-            stray: pair.stray,
-            recorded_twice: pair.twice,
+            stray: pair.unmatched,
+            recorded_twice: pair.duplicates,
         };
-        let clock = |clock: &ClockFound| ClockJson {
+        let clock = |clock: &ClockEstimate| ClockJson {
             vehicle: clock.vehicle.to_string(),
             is_reference: clock.is_reference,
             pieces: clock
-                .pieces
+                .segments
                 .iter()
-                .map(|piece| PieceJson { time_s: piece.middle_s, ahead_s: piece.ahead_s, drift_ppm: 1e6 * piece.drift })
+                .map(|piece| PieceJson {
+                    time_s: piece.middle_s,
+                    ahead_s: piece.offset_s,
+                    drift_ppm: 1e6 * piece.drift,
+                })
                 .collect(),
             messages: clock.comparisons,
-            off_s_median: clock.off_s,
+            off_s_median: clock.median_residual_s,
         };
         let left_out = &imported.left_out;
         let named = |names: &BTreeMap<VehicleId, usize>| {
@@ -161,33 +165,33 @@ impl ImportedJson {
                 recorded,
                 by_turn: always_sends,
                 by_reception: received,
-                turns_not_known_to_be_used: nothing,
+                turns_not_known_to_be_used: scheduled_only,
             },
             pairs: imported.pairs.iter().map(pair).collect(),
-            unknown: keys(&imported.unknown()),
+            unknown: keys(&imported.excluded()),
             clocks: imported.clocks.iter().map(clock).collect(),
             delay_s: imported.delay_s,
             reference: taken.reference.name(),
             origin: taken.origin.map(|(origin, _)| [origin.latitude_deg, origin.longitude_deg]),
             left_out: LeftOutJson {
-                of_unknown_vehicles: named(&left_out.strangers),
-                to_unknown_vehicles: named(&left_out.to_strangers),
+                of_unknown_vehicles: named(&left_out.unknown_sources),
+                to_unknown_vehicles: named(&left_out.unknown_destinations),
                 unexpected: named(&left_out.unexpected),
-                recorded_twice: left_out.twice,
+                recorded_twice: left_out.duplicates,
                 overheard: left_out.overheard,
-                of_itself: left_out.own,
+                of_itself: left_out.own_messages,
                 not_sent: taken.skipped.not_sent,
                 broken_of_unknown_senders: taken.skipped.unattributed,
                 garbled: taken.skipped.garbled,
-                of_no_type: taken.skipped.of_no_type,
-                cut_off: taken.skipped.cut_off,
+                of_no_type: taken.skipped.unknown_type,
+                cut_off: taken.skipped.truncated,
                 files: taken.left_alone.len(),
-                positions: taken.skipped.unplaced + left_out.unplaced,
+                positions: taken.skipped.without_position + left_out.unprojected,
             },
         }
     }
 }
 
-fn keys(reasons: &BTreeMap<Unknown, usize>) -> BTreeMap<&'static str, usize> {
+fn keys(reasons: &BTreeMap<ExclusionReason, usize>) -> BTreeMap<&'static str, usize> {
     reasons.iter().map(|(reason, number)| (reason.key(), *number)).collect()
 }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_agent::VehicleId;
-use pingmap_import::{AlwaysSend, Imported, Rules, join};
+use pingmap_import::{ImportResult, Rules, SlotUse, join};
 
 use self::files::Files;
 use self::json::ImportedJson;
@@ -87,19 +87,19 @@ fn clock_off_s_max(text: &str) -> Result<f64, String> {
 impl Decisions {
     fn rules(&self) -> Rules {
         let Self { clock_off_s_max, match_s, message_s, nav_gap_s_max, sound_m_per_s, .. } = *self;
-        let always_send = match &self.always_sends {
-            None => AlwaysSend::Nobody,
-            Some(names) if names.iter().any(|name| name == "*") => AlwaysSend::Everybody,
-            Some(names) => AlwaysSend::These(names.iter().map(VehicleId::new).collect()),
+        let slot_use = match &self.always_sends {
+            None => SlotUse::NoSender,
+            Some(names) if names.iter().any(|name| name == "*") => SlotUse::AllSenders,
+            Some(names) => SlotUse::Listed(names.iter().map(VehicleId::new).collect()),
         };
         Rules {
             sound_m_per_s,
             clock_off_s_max,
             match_s,
-            right_clock: self.correct_clocks.as_ref().map(VehicleId::new),
+            reference_clock: self.correct_clocks.as_ref().map(VehicleId::new),
             nav_gap_s_max,
             message_s,
-            always_send,
+            slot_use,
             overhear: self.overhear,
             any_frame: self.any_frame,
             surfaced_above_m: self.surfaced_above_m,
@@ -129,7 +129,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if let (Err(_), Some(left_alone)) = (&joined, left_alone(&taken)) {
         warn(format_args!("left alone: {left_alone}"));
     }
-    let imported: Imported = joined?;
+    let imported: ImportResult = joined?;
     for warning in warnings(&imported, &taken, &rules) {
         warn(warning);
     }
@@ -138,7 +138,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     }
     if imported.log.events.is_empty() {
         let reasons: Vec<String> =
-            imported.unknown().iter().map(|(why, count)| format!("{count} {}", why.words())).collect();
+            imported.excluded().iter().map(|(why, count)| format!("{count} {}", why.description())).collect();
         let why = match reasons.join(", ") {
             none if none.is_empty() => "nothing was sent by anybody known to a receiver that kept a record".to_owned(),
             reasons => reasons,

@@ -5,7 +5,9 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use pingmap_agent::{Geographic, VehicleId};
-use pingmap_import::{ImportError, Place, Reading, RecordKind, Recordings, Reference, Skipped, Source, head};
+use pingmap_import::{
+    FileSource, ImportError, Place, RecordKind, RecordReader, Recordings, Reference, SkipCounts, read_head,
+};
 use pingmap_trial::{FileError, Problem};
 use tempfile::TempDir;
 
@@ -123,10 +125,10 @@ fn in_folder(whole: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<Rec
 }
 
 /// Looks what each file is.
-pub fn recognise(files: &mut [RecordFile], reading: &Reading) -> anyhow::Result<()> {
+pub fn recognise(files: &mut [RecordFile], reading: &RecordReader) -> anyhow::Result<()> {
     for file in files {
         let unreadable = |error| FileError { path: file.name.clone(), problem: Problem::Unreadable(error) };
-        file.kind = reading.kind_of(&head(opened(&file.path)?).map_err(unreadable)?, &file.name);
+        file.kind = reading.kind_of(&read_head(opened(&file.path)?).map_err(unreadable)?, &file.name);
     }
     Ok(())
 }
@@ -138,18 +140,18 @@ pub fn only(files: &[RecordFile], kinds: &[RecordKind], option: &str) -> anyhow:
     let mut of_kind = files.iter().filter(|file| file.kind == Some(*kind));
     let Some(first) = of_kind.next() else { return Ok(None) };
     if let Some(other) = of_kind.next() {
-        let (first, other, words) = (first.name.display(), other.name.display(), kind.words());
+        let (first, other, words) = (first.name.display(), other.name.display(), kind.description());
         return Err(BadInput(format!("{first} and {other} both say {words}; expected one, or {option}")).into());
     }
-    note(format_args!("{}: {}", first.name.display(), kind.words()));
+    note(format_args!("{}: {}", first.name.display(), kind.description()));
     Ok(Some(first.path.clone()))
 }
 
 /// Whether a file is read: in folders those of no known kind are left alone.
-pub fn is_read(file: &RecordFile, reading: &Reading) -> bool {
+pub fn is_read(file: &RecordFile, reading: &RecordReader) -> bool {
     let is_known = |head: Vec<u8>| is_archive(&head) || reading.kind_of(&head, &file.name).is_some();
     // What was given may be a pipe, which can be read once.
-    file.is_given || File::open(&file.path).and_then(head).map_or(true, is_known)
+    file.is_given || File::open(&file.path).and_then(read_head).map_or(true, is_known)
 }
 
 /// The file, and what the names of its topics begin with, behind a `#` that is not part of its own name.
@@ -161,7 +163,7 @@ fn of_topics(path: &Path) -> (&Path, String) {
 /// What files of known kinds told besides what vehicles recorded.
 #[derive(Default)]
 pub struct Records {
-    pub skipped: Skipped,
+    pub skipped: SkipCounts,
     /// Where (0, 0) is, by which file.
     pub datums: Vec<(PathBuf, Geographic)>,
     /// Whether any of them has places in metres.
@@ -178,18 +180,18 @@ impl Records {
         &mut self,
         file: &RecordFile,
         reader: impl std::io::Read,
-        reading: &Reading,
+        reading: &RecordReader,
         recordings: &mut Recordings,
     ) -> anyhow::Result<()> {
         let RecordFile { path, name, topics, vehicle, is_given, .. } = file;
-        match reading.take_record(reader, &Source { path, name, vehicle: vehicle.as_ref(), topics }, recordings)? {
+        match reading.read_record(reader, &FileSource { path, name, vehicle: vehicle.as_ref(), topics }, recordings)? {
             Some(taken) => {
                 // A table is known by the names of its columns, and its owner by its own: whoever imports sees what was made of it.
                 let of = taken.vehicle.map_or(String::new(), |vehicle| format!(" of {vehicle}"));
                 if matches!(taken.kind, RecordKind::Table(_)) {
-                    self.recognised.push(format!("{}: {}{of}", name.display(), taken.kind.words()));
+                    self.recognised.push(format!("{}: {}{of}", name.display(), taken.kind.description()));
                 }
-                self.skipped = self.skipped.and(taken.skipped);
+                self.skipped = self.skipped.sum(taken.skipped);
                 self.datums.extend(taken.datum.map(|datum| (name.clone(), datum)));
             }
             None if *is_given => {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
-use pingmap_import::{ClockFound, Imported, Pair, Proofs, Rules, Unknown};
+use pingmap_import::{ClockEstimate, EvidenceCounts, ExclusionReason, ImportResult, PairCounts, Rules};
 
 use super::files::{OriginBy, Taken};
 use crate::output::{count, table};
@@ -18,28 +18,28 @@ const LEFT_ALONE_NAMED_MAX: usize = 5;
 const SILENT_SHARE: f64 = 0.1;
 
 /// What should be known before the log is used.
-pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String> {
+pub fn warnings(imported: &ImportResult, taken: &Taken, rules: &Rules) -> Vec<String> {
     let mut warnings = Vec::new();
-    if !imported.by_reception_alone.is_empty() {
+    if !imported.senders_by_reception.is_empty() {
         warnings.push(format!(
             "of what {} sent only what somebody received is known, so what all missed is not in the log and the map will be optimistic: \
              say what was sent (--sent), or when it was whose turn (--schedule)",
-            imported.by_reception_alone
+            imported.senders_by_reception
         ));
     }
-    if !imported.whom_by_reception.is_empty() && !rules.overhear {
+    if !imported.destinations_by_reception.is_empty() && !rules.overhear {
         warnings.push(format!(
             "to whom {} sent only receivers know, so messages that nobody heard are left out and the map will be optimistic: say it where it \
              is recorded what was sent, or --overhear counts everything for everybody",
-            imported.whom_by_reception
+            imported.destinations_by_reception
         ));
     }
-    if !imported.unused_turns.is_empty() {
+    if !imported.unconfirmed_slot_owners.is_empty() {
         warnings.push(format!(
             "{} of {} that nobody heard may not have been used and are left out, so the map will be optimistic: say what was sent \
              (--sent), or that all turns are used (--always-sends)",
-            count(imported.proofs.nothing, "turn"),
-            imported.unused_turns
+            count(imported.evidence.scheduled_only, "turn"),
+            imported.unconfirmed_slot_owners
         ));
     }
     for (receiver, silent, all) in silences(&imported.pairs) {
@@ -48,22 +48,22 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
              of them: if it was listening, --listening {receiver}=FROM/TO says from when to when"
         ));
     }
-    let off = |clock: &&ClockFound| clock.pieces.iter().any(|piece| piece.ahead_s.abs() > CLOCK_OFF_S);
-    if rules.right_clock.is_none() && imported.clocks.iter().any(|clock| off(&clock)) {
+    let off = |clock: &&ClockEstimate| clock.segments.iter().any(|piece| piece.offset_s.abs() > CLOCK_OFF_S);
+    if rules.reference_clock.is_none() && imported.clocks.iter().any(|clock| off(&clock)) {
         warnings.push(
             "clocks differ, and times and places are as recorded: --correct-clocks NAME corrects them to that of NAME"
                 .into(),
         );
     }
-    warnings.extend(imported.doubts.iter().cloned());
+    warnings.extend(imported.clock_warnings.iter().cloned());
     warnings.extend(unknown_clocks(imported));
-    for (name, messages) in imported.left_out.strangers.iter().chain(&taken.unknown_sources) {
+    for (name, messages) in imported.left_out.unknown_sources.iter().chain(&taken.unknown_sources) {
         let messages = count(*messages, "message");
         warnings.push(format!(
             "{messages} from {name}, of whom nothing was recorded, left out (--ids says who is meant by an id)"
         ));
     }
-    for (name, messages) in imported.left_out.to_strangers.iter().filter(|_| !rules.overhear) {
+    for (name, messages) in imported.left_out.unknown_destinations.iter().filter(|_| !rules.overhear) {
         warnings.push(format!(
             "{} to {name}, of whom nothing was recorded, are nobody's: if {name} is everybody, or somebody by another name, --ids says so",
             count(*messages, "message")
@@ -80,19 +80,19 @@ pub fn warnings(imported: &Imported, taken: &Taken, rules: &Rules) -> Vec<String
 }
 
 /// What stood in files and is in no event, of which there should be nothing.
-fn left_out(imported: &Imported, taken: &Taken) -> impl Iterator<Item = String> {
+fn left_out(imported: &ImportResult, taken: &Taken) -> impl Iterator<Item = String> {
     let skipped = &taken.skipped;
     let counts = [
         (skipped.garbled, "line", "garbled, or none of their kind, left out"),
         (
-            skipped.of_no_type,
+            skipped.unknown_type,
             "message",
             "in an encoding that is not read, or of types that no given definition (.lcm) has, left out",
         ),
-        (skipped.cut_off, "file", "cut off: what stands before is read, what followed is not known"),
-        (skipped.unplaced, "line", "of navigation without a position left out"),
-        (imported.left_out.unplaced, "position", "outside of the map left out"),
-        (imported.left_out.own, "message", "that vehicles heard of themselves left out"),
+        (skipped.truncated, "file", "cut off: what stands before is read, what followed is not known"),
+        (skipped.without_position, "line", "of navigation without a position left out"),
+        (imported.left_out.unprojected, "position", "outside of the map left out"),
+        (imported.left_out.own_messages, "message", "that vehicles heard of themselves left out"),
     ];
     counts
         .into_iter()
@@ -101,10 +101,10 @@ fn left_out(imported: &Imported, taken: &Taken) -> impl Iterator<Item = String> 
 }
 
 /// Vehicles whose clock no messages compare with the others', and what becomes of them.
-fn unknown_clocks(imported: &Imported) -> Option<String> {
-    let unknown = imported.clocks.iter().filter(|clock| clock.pieces.is_empty());
+fn unknown_clocks(imported: &ImportResult) -> Option<String> {
+    let unknown = imported.clocks.iter().filter(|clock| clock.segments.is_empty());
     let names: Vec<&str> = unknown.map(|clock| clock.vehicle.as_str()).collect();
-    let left_out = imported.unknown().get(&Unknown::ClockUnsure).copied().unwrap_or(0);
+    let left_out = imported.excluded().get(&ExclusionReason::ClockUnsure).copied().unwrap_or(0);
     (!names.is_empty()).then(|| {
         format!(
             "no two messages compare the clock of {} with the others': places stay as recorded, and for want of such comparisons and for \
@@ -119,8 +119,8 @@ fn silences(pairs: &Pairs) -> Vec<(&VehicleId, usize, usize)> {
     let mut by_receiver: BTreeMap<&VehicleId, (usize, usize)> = BTreeMap::new();
     for ((_, receiver), pair) in pairs {
         let counts = by_receiver.entry(receiver).or_default();
-        counts.0 += pair.unknown.get(&Unknown::NotRecording).copied().unwrap_or(0);
-        counts.1 += pair.heard + pair.missed + pair.unknown.values().sum::<usize>();
+        counts.0 += pair.excluded.get(&ExclusionReason::NotRecording).copied().unwrap_or(0);
+        counts.1 += pair.heard + pair.missed + pair.excluded.values().sum::<usize>();
     }
     let many = |counts: &(usize, usize)| counts.0 as f64 > SILENT_SHARE * counts.1 as f64;
     by_receiver
@@ -131,23 +131,26 @@ fn silences(pairs: &Pairs) -> Vec<(&VehicleId, usize, usize)> {
 }
 
 /// The pairs, what was left out and why, and the clocks.
-pub fn summary(imported: &Imported, taken: &Taken, rules: &Rules) -> String {
+pub fn summary(imported: &ImportResult, taken: &Taken, rules: &Rules) -> String {
     let events = imported.log.events.len();
     let heard = imported.log.events.iter().filter(|event| event.success).count();
-    let Proofs { recorded, always_sends, received, nothing } = imported.proofs;
+    let EvidenceCounts { recorded, always_sends, received, scheduled_only } = imported.evidence;
     let mut text = format!(
         "{} ({heard} heard, {} missed) of {}: {recorded} recorded by the sender, {always_sends} by its turn, {received} by a reception alone.\n",
         count(events, "event"),
         events - heard,
         count(recorded + always_sends + received, "transmission"),
     );
-    if nothing > 0 {
-        text += &format!("{} not known to be used.\n", count(nothing, "turn"));
+    if scheduled_only > 0 {
+        text += &format!("{} not known to be used.\n", count(scheduled_only, "turn"));
     }
     text += &format!("Places: {}{}.\n", taken.reference.name(), chosen(taken));
     text += &format!("\n{}\n", pairs(&imported.pairs));
-    let times =
-        if rules.right_clock.is_some() { "times and places are corrected" } else { "times and places are as recorded" };
+    let times = if rules.reference_clock.is_some() {
+        "times and places are corrected"
+    } else {
+        "times and places are as recorded"
+    };
     text += &format!("\n{}\n\nClocks by what was sent and heard; {times}.", clocks(&imported.clocks));
     if imported.delay_s > 0.0 {
         text += &format!(
@@ -193,48 +196,57 @@ fn chosen(taken: &Taken) -> String {
     }
 }
 
-type Pairs = BTreeMap<(VehicleId, VehicleId), Pair>;
+type Pairs = BTreeMap<(VehicleId, VehicleId), PairCounts>;
 
 /// A number that is known of a pair.
-type Number = fn(&Pair) -> usize;
+type Number = fn(&PairCounts) -> usize;
 
 /// What of a pair is no event and not unknown either.
-const BESIDE: [(&str, Number); 3] =
-    [("for others", |pair| pair.overheard), ("fits nothing", |pair| pair.stray), ("recorded twice", |pair| pair.twice)];
+const BESIDE: [(&str, Number); 3] = [
+    ("for others", |pair| pair.overheard),
+    ("fits nothing", |pair| pair.unmatched),
+    ("recorded twice", |pair| pair.duplicates),
+];
 
 fn pairs(pairs: &Pairs) -> String {
-    let reasons: Vec<Unknown> = Unknown::ALL
+    let reasons: Vec<ExclusionReason> = ExclusionReason::ALL
         .into_iter()
-        .filter(|reason| pairs.values().any(|pair| pair.unknown.contains_key(reason)))
+        .filter(|reason| pairs.values().any(|pair| pair.excluded.contains_key(reason)))
         .collect();
     let mut header = vec!["from → to", "heard", "missed"];
-    header.extend(reasons.iter().map(|reason| reason.words()));
+    header.extend(reasons.iter().map(|reason| reason.description()));
     let more: Vec<_> = BESIDE.into_iter().filter(|(_, number)| pairs.values().any(|pair| number(pair) > 0)).collect();
     header.extend(more.iter().map(|(words, _)| *words));
-    let row = |((from, to), pair): (&(_, _), &Pair)| {
+    let row = |((from, to), pair): (&(_, _), &PairCounts)| {
         let mut row = vec![format!("{from} → {to}"), pair.heard.to_string(), pair.missed.to_string()];
         let or_dash = |number: usize| if number > 0 { number.to_string() } else { "–".into() };
-        row.extend(reasons.iter().map(|reason| or_dash(pair.unknown.get(reason).copied().unwrap_or(0))));
+        row.extend(reasons.iter().map(|reason| or_dash(pair.excluded.get(reason).copied().unwrap_or(0))));
         row.extend(more.iter().map(|(_, number)| or_dash(number(pair))));
         row
     };
     table(&header, &pairs.iter().map(row).collect::<Vec<_>>())
 }
 
-fn clocks(clocks: &[ClockFound]) -> String {
+fn clocks(clocks: &[ClockEstimate]) -> String {
     let rows: Vec<Vec<String>> = clocks.iter().map(clock).collect();
     table(&["clock", "ahead by (s)", "gains (ppm)", "messages", "half are off by less than (s)"], &rows)
 }
 
-fn clock(clock: &ClockFound) -> Vec<String> {
-    let joined = |text: &dyn Fn(&pingmap_import::Piece) -> String| match clock.pieces.as_slice() {
+fn clock(clock: &ClockEstimate) -> Vec<String> {
+    let joined = |text: &dyn Fn(&pingmap_import::ClockSegment) -> String| match clock.segments.as_slice() {
         [] => "unknown".to_owned(),
         pieces => pieces.iter().map(text).collect::<Vec<_>>().join(", then "),
     };
     let (ahead, gains) = if clock.is_reference {
         ("0 (the others by it)".to_owned(), "–".to_owned())
     } else {
-        (joined(&|piece| format!("{:+.2}", piece.ahead_s)), joined(&|piece| format!("{:+.1}", 1e6 * piece.drift)))
+        (joined(&|piece| format!("{:+.2}", piece.offset_s)), joined(&|piece| format!("{:+.1}", 1e6 * piece.drift)))
     };
-    vec![clock.vehicle.to_string(), ahead, gains, clock.comparisons.to_string(), format!("{:.3}", clock.off_s)]
+    vec![
+        clock.vehicle.to_string(),
+        ahead,
+        gains,
+        clock.comparisons.to_string(),
+        format!("{:.3}", clock.median_residual_s),
+    ]
 }

@@ -1,0 +1,253 @@
+//! Clock models and their robust fit to comparisons between pairs of clocks.
+
+use crate::assemble::median::median;
+
+/// A drift is estimated from at least so many comparisons. Fewer give a constant offset.
+const DRIFT_COMPARISONS_MIN: usize = 8;
+
+/// A drift is estimated from comparisons over at least this span, in seconds.
+const DRIFT_SPAN_S_MIN: f64 = 600.0;
+
+/// Largest number of rounds of [`fit`]; each round fits every clock once.
+const ROUNDS_MAX: usize = 200;
+
+/// [`fit`] has converged if no offset changes by more than this, in seconds.
+const CHANGE_S_MAX: f64 = 1e-6;
+
+/// Lower limit of the residual up to which a comparison has full weight, in seconds.
+const FULL_WEIGHT_S_MIN: f64 = 1e-3;
+
+/// A window is a rival of the fullest one if it holds at least this share of its differences.
+const RIVAL_SHARE: f64 = 0.9;
+
+/// The offset of a clock against the reference clock: linear in time between the times at which the clock was set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clock {
+    /// Start of each segment by this clock, and the segment.
+    segments: Vec<(f64, ClockSegment)>,
+    /// Whether any comparison determines the offset.
+    pub is_known: bool,
+}
+
+/// The offset of a clock between two times at which it was set.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ClockSegment {
+    /// Time by this clock at which `offset_s` holds.
+    pub middle_s: f64,
+    /// Offset against the reference clock, in seconds; positive if this clock is ahead.
+    pub offset_s: f64,
+    /// Change of the offset, in seconds per second.
+    pub drift: f64,
+}
+
+impl ClockSegment {
+    fn offset_at_s(&self, time_s: f64) -> f64 {
+        self.offset_s + self.drift * (time_s - self.middle_s)
+    }
+}
+
+impl Clock {
+    /// Returns a clock with one offset in all segments, and a new segment at each time in `set_s`.
+    pub(crate) fn constant(offset_s: f64, set_s: &[f64], is_known: bool) -> Self {
+        let segment = ClockSegment { offset_s, ..ClockSegment::default() };
+        let starts = [f64::NEG_INFINITY].into_iter().chain(set_s.iter().copied());
+        Self { segments: starts.map(|start_s| (start_s, segment)).collect(), is_known }
+    }
+
+    /// Returns the offset at the moment when this clock shows `time_s`, in seconds.
+    pub fn offset_s(&self, time_s: f64) -> f64 {
+        self.segments[self.segment_index(time_s)].1.offset_at_s(time_s)
+    }
+
+    /// Returns the segments in the order of time.
+    pub fn segments(&self) -> impl Iterator<Item = &ClockSegment> {
+        self.segments.iter().map(|(_, segment)| segment)
+    }
+
+    fn segment_index(&self, time_s: f64) -> usize {
+        self.segments.partition_point(|(start_s, _)| *start_s <= time_s).saturating_sub(1)
+    }
+
+    /// Sets the offset of each segment to the peak of its comparisons. A segment without a peak keeps its offset.
+    ///
+    /// `own` is the index of this clock in `clocks`.
+    pub(crate) fn search(&mut self, own: usize, comparisons: &[Comparison], clocks: &[Clock], within_s: f64) {
+        let mut offsets_s: Vec<Vec<f64>> = vec![Vec::new(); self.segments.len()];
+        for Comparison { early, late } in comparisons {
+            let (time_s, offset_s) = if late.0 == own {
+                (late.1, late.1 - early.1 + clocks[early.0].offset_s(early.1))
+            } else {
+                (early.1, clocks[late.0].offset_s(late.1) - (late.1 - early.1))
+            };
+            offsets_s[self.segment_index(time_s)].push(offset_s);
+        }
+        for ((_, segment), offsets_s) in self.segments.iter_mut().zip(offsets_s) {
+            if let Some(peak) = find_peak(offsets_s, within_s) {
+                *segment = ClockSegment { offset_s: peak.difference_s, ..ClockSegment::default() };
+            }
+        }
+    }
+}
+
+/// One message by the clocks of its sender and its receiver, without the travel time of sound and the recording delay.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Comparison {
+    /// Index of the clock at the start of the message, and its reading in seconds.
+    pub(crate) early: (usize, f64),
+    /// Index of the clock at the reception, and its reading in seconds.
+    pub(crate) late: (usize, f64),
+}
+
+impl Comparison {
+    pub(crate) fn difference_s(&self) -> f64 {
+        self.late.1 - self.early.1
+    }
+
+    /// Returns the difference that the clock models do not explain, in seconds.
+    pub(crate) fn residual_s(&self, clocks: &[Clock]) -> f64 {
+        let offset_s = |(clock, time_s): (usize, f64)| clocks[clock].offset_s(time_s);
+        self.difference_s() - (offset_s(self.late) - offset_s(self.early))
+    }
+}
+
+/// The most frequent difference of two clocks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Peak {
+    pub(crate) difference_s: f64,
+    pub(crate) count: usize,
+    /// A rival: another difference that is nearly as frequent.
+    pub(crate) rival_s: Option<f64>,
+}
+
+/// Finds the difference with the most others within `within_s` seconds. Among rivals it prefers the smallest absolute difference.
+///
+/// Returns `None` if no two differences lie close to each other. O(n log n).
+pub(crate) fn find_peak(mut differences_s: Vec<f64>, within_s: f64) -> Option<Peak> {
+    differences_s.sort_by(f64::total_cmp);
+    let mut end = 0;
+    let windows: Vec<(f64, usize)> = (0..differences_s.len())
+        .map(|begin| {
+            while end < differences_s.len() && differences_s[end] <= differences_s[begin] + 2.0 * within_s {
+                end += 1;
+            }
+            (differences_s[begin + (end - begin) / 2], end - begin)
+        })
+        .collect();
+    let most = windows.iter().map(|window| window.1).max().filter(|most| *most >= 2)?;
+    let rivals = || windows.iter().filter(|window| window.1 as f64 >= RIVAL_SHARE * most as f64);
+    let smallest = rivals().min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?.0;
+    // The smallest rival may lie on the slope of its peak, so the fullest window around it is the peak.
+    let around = rivals().filter(|window| (window.0 - smallest).abs() <= 2.0 * within_s);
+    let (difference_s, count) = *around.max_by_key(|window| window.1)?;
+    let rival_s = rivals().map(|window| window.0).find(|rival_s| (rival_s - difference_s).abs() > 4.0 * within_s);
+    Some(Peak { difference_s, count, rival_s })
+}
+
+/// Fits all known clocks to the comparisons, one clock after the other until the offsets converge.
+///
+/// Each segment gets an offset, and a drift if it has enough comparisons. The reference clock does not change. O(rounds · comparisons).
+pub(crate) fn fit(clocks: &mut [Clock], comparisons: &[Comparison], reference: usize) {
+    for _ in 0..ROUNDS_MAX {
+        let mut change_s = 0f64;
+        for clock in (0..clocks.len()).filter(|&clock| clock != reference) {
+            if !clocks[clock].is_known {
+                continue;
+            }
+            let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); clocks[clock].segments.len()];
+            for comparison in comparisons {
+                let Comparison { early, late } = *comparison;
+                let (time_s, offset_s) = match (early.0 == clock, late.0 == clock) {
+                    (false, true) => (late.1, comparison.difference_s() + clocks[early.0].offset_s(early.1)),
+                    (true, false) => (early.1, clocks[late.0].offset_s(late.1) - comparison.difference_s()),
+                    _ => continue,
+                };
+                points[clocks[clock].segment_index(time_s)].push((time_s, offset_s));
+            }
+            for (index, points) in points.iter().enumerate().filter(|(_, points)| !points.is_empty()) {
+                let fitted = fit_line(points);
+                let segment = &mut clocks[clock].segments[index].1;
+                change_s = change_s.max((fitted.offset_s - segment.offset_at_s(fitted.middle_s)).abs());
+                *segment = fitted;
+            }
+        }
+        if change_s < CHANGE_S_MAX {
+            return;
+        }
+    }
+}
+
+/// Fits a line to points of time and offset by iteratively reweighted least squares with Huber weights.
+///
+/// The drift is 0 if the points are few or span a short time.
+fn fit_line(points: &[(f64, f64)]) -> ClockSegment {
+    let middle_s = median(points.iter().map(|point| point.0).collect());
+    let span = points.iter().fold((f64::MAX, f64::MIN), |(low, high), point| (low.min(point.0), high.max(point.0)));
+    let has_drift = points.len() >= DRIFT_COMPARISONS_MIN && span.1 - span.0 >= DRIFT_SPAN_S_MIN;
+    let offset_s = median(points.iter().map(|point| point.1).collect());
+    let mut segment = ClockSegment { middle_s, offset_s, drift: 0.0 };
+    for _ in 0..5 {
+        let residuals_s: Vec<f64> = points.iter().map(|point| (point.1 - segment.offset_at_s(point.0)).abs()).collect();
+        let full_weight_s = (1.4826 * median(residuals_s.clone())).max(FULL_WEIGHT_S_MIN);
+        let weights: Vec<f64> =
+            residuals_s.iter().map(|residual_s| full_weight_s / residual_s.max(full_weight_s)).collect();
+        let sum = |value: &dyn Fn((f64, f64)) -> f64| -> f64 {
+            points.iter().zip(&weights).map(|(point, weight)| weight * value(*point)).sum()
+        };
+        let total = sum(&|_| 1.0);
+        let (time_s, offset_s) = (sum(&|point| point.0 - middle_s) / total, sum(&|point| point.1) / total);
+        let (across, along) = (
+            sum(&|point| (point.0 - middle_s - time_s) * (point.1 - offset_s)),
+            sum(&|point| (point.0 - middle_s - time_s).powi(2)),
+        );
+        let drift = if has_drift && along > 0.0 { across / along } else { 0.0 };
+        segment = ClockSegment { middle_s, offset_s: offset_s - drift * time_s, drift };
+    }
+    segment
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_peak_is_the_fullest_window_and_names_a_rival() {
+        let around = |middle: f64, count: usize| (0..count).map(move |n| middle + 0.01 * n as f64);
+        let found = find_peak(around(3.0, 20).chain(around(-4.0, 5)).collect(), 0.5).unwrap();
+        assert!((found.difference_s - 3.1).abs() < 0.02 && found.count == 20 && found.rival_s.is_none(), "{found:?}");
+        // With a cycle of ten seconds, a shift by one cycle fits nearly as well. The smallest shift is chosen and the other is the rival.
+        let found = find_peak(around(-7.0, 20).chain(around(3.0, 19)).collect(), 0.5).unwrap();
+        assert!((found.difference_s - 3.1).abs() < 0.02 && found.rival_s.is_some(), "{found:?}");
+        assert_eq!(find_peak(vec![1.0, 5.0], 0.5), None);
+    }
+
+    #[test]
+    fn fit_finds_drift_and_steps_of_clocks_that_are_compared_in_a_chain() {
+        // Clock 1 is right. Clock 0 is 2 s ahead and gains 20 ppm. Clock 2 is compared with clock 0 only; it is 3 s behind until 4000 s.
+        let offset = |clock: usize, time_s: f64| match clock {
+            0 => 2.0 + 2e-5 * time_s,
+            2 if time_s < 4000.0 => -3.0,
+            2 => 0.5,
+            _ => 0.0,
+        };
+        let at = |clock: usize, true_s: f64| (clock, true_s + offset(clock, true_s));
+        let mut comparisons = Vec::new();
+        for n in 0..200 {
+            let true_s = 40.0 * f64::from(n);
+            // One message in ten is a late echo.
+            let late_s = if n % 10 == 0 { 0.6 } else { 0.0 };
+            let echo = |(clock, time_s): (usize, f64)| (clock, time_s + late_s);
+            comparisons.push(Comparison { early: at(1, true_s), late: echo(at(0, true_s)) });
+            comparisons.push(Comparison { early: at(0, true_s + 7.0), late: at(2, true_s + 7.0) });
+        }
+        let mut clocks =
+            [Clock::constant(2.0, &[], true), Clock::constant(0.0, &[], true), Clock::constant(0.0, &[4000.0], true)];
+        fit(&mut clocks, &comparisons, 1);
+        for (clock, time_s, offset_s) in
+            [(0, 100.0, 2.002), (0, 8000.0, 2.16), (1, 9.0, 0.0), (2, 100.0, -3.0), (2, 7000.0, 0.5)]
+        {
+            let found = clocks[clock].offset_s(time_s);
+            assert!((found - offset_s).abs() < 0.01, "{clock} at {time_s}: {found}, expected {offset_s}");
+        }
+        assert!(comparisons[1].residual_s(&clocks).abs() < 0.01);
+    }
+}

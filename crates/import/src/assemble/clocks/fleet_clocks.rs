@@ -1,0 +1,216 @@
+//! The clocks of a fleet, estimated from its transmissions and receptions.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::assemble::clocks::clock::{Clock, Comparison, Peak, find_peak, fit};
+use crate::assemble::median::median;
+use crate::assemble::vehicles::fleet::Fleet;
+use crate::assemble::vehicles::transmission::{Reception, Transmission};
+
+/// Estimated offsets of all clocks, and the delay between the arrival of a message and its record.
+pub(crate) struct FleetClocks {
+    /// One clock for each vehicle.
+    pub(crate) clocks: Vec<Clock>,
+    /// Time from the start of a message to the record of its reception without the travel time of sound, in seconds.
+    pub(crate) delay_s: f64,
+    /// Index of the vehicle whose clock has the offset 0.
+    pub(crate) reference: usize,
+    /// Warnings about ambiguous offsets, as sentences.
+    pub(crate) warnings: Vec<String>,
+}
+
+/// Longest travel time of sound that is considered, in seconds.
+const TRAVEL_S_MAX: f64 = 60.0;
+
+/// The clocks of the earlier and the later time of comparisons, and whether the earlier time derives from a reception, too.
+type ClockPair = (usize, usize, bool);
+
+impl FleetClocks {
+    /// Returns clocks without any offset.
+    fn equal(fleet: &Fleet, reference: usize) -> Self {
+        let clocks = fleet.vehicles.iter().map(|_| Clock::constant(0.0, &[], true)).collect();
+        Self { clocks, delay_s: 0.0, reference, warnings: Vec::new() }
+    }
+
+    /// Estimates a constant offset for each clock, before any reception is matched to a transmission.
+    ///
+    /// The offset of a pair of clocks is the one at which most receptions fit a transmission. A spanning tree from the reference clock
+    /// combines the pairs, those with the most receptions first.
+    pub(crate) fn guess(fleet: &Fleet, sent: &[Vec<Transmission>]) -> Self {
+        let peaks = pair_peaks(fleet, sent);
+        let named = fleet.rules.reference_clock.as_ref().and_then(|name| fleet.index_of(name));
+        let mut guess = Self::equal(fleet, named.unwrap_or_else(|| best_reference(fleet, &peaks)));
+        if let Some(vehicle) = named.filter(|&vehicle| !fleet.clock_sync_times_s(vehicle).is_empty()) {
+            guess.warnings.push(format!(
+                "the clock of {0}, to which times are corrected, was set during the mission; its times before that are used as they are \
+                 (name another vehicle with --correct-clocks, unless the steps were small)",
+                fleet.vehicles[vehicle].name
+            ));
+        }
+        if fleet.rules.clock_off_s_max == 0.0 {
+            // The clocks agree, so a difference consists of the delay only.
+            let by_senders = candidates(fleet, sent).filter(|(pair, _)| !pair.2);
+            let differences_s = by_senders.map(|(_, comparison)| comparison.difference_s()).collect();
+            let peak = find_peak(differences_s, fleet.rules.match_s);
+            guess.delay_s = peak.map_or(0.0, |peak| peak.difference_s.max(0.0));
+            return guess;
+        }
+        guess.delay_s = round_trip_delay_s(&peaks);
+        let offsets_s = guess.spanning_tree_offsets_s(fleet, &peaks);
+        for (vehicle, clock) in guess.clocks.iter_mut().enumerate() {
+            let offset_s = offsets_s.get(&vehicle).copied();
+            let set_s = fleet.clock_sync_times_s(vehicle);
+            *clock = Clock::constant(offset_s.unwrap_or(0.0), &set_s, offset_s.is_some());
+        }
+        guess
+    }
+
+    /// Returns the offset of each clock that a chain of pairs connects to the reference clock.
+    fn spanning_tree_offsets_s(&mut self, fleet: &Fleet, peaks: &BTreeMap<ClockPair, Peak>) -> BTreeMap<usize, f64> {
+        let mut offsets_s = BTreeMap::from([(self.reference, 0.0)]);
+        loop {
+            let is_at_border =
+                |(early, late, _): &ClockPair| offsets_s.contains_key(early) != offsets_s.contains_key(late);
+            let border = peaks.iter().filter(|(pair, _)| is_at_border(pair));
+            let Some((&(early, late, is_by_reception), peak)) = border.max_by_key(|(_, peak)| peak.count) else {
+                return offsets_s;
+            };
+            let delay_s = if is_by_reception { 0.0 } else { self.delay_s };
+            let difference_s = peak.difference_s - delay_s;
+            match offsets_s.get(&early).copied() {
+                Some(known_s) => offsets_s.insert(late, known_s + difference_s),
+                None => offsets_s.insert(early, offsets_s[&late] - difference_s),
+            };
+            if let Some(rival_s) = peak.rival_s {
+                let [a, b] = [late, early].map(|vehicle| fleet.vehicles[vehicle].name);
+                let rival_s = rival_s - delay_s;
+                self.warnings.push(format!(
+                    "the clock of {a} fits that of {b} with an offset of {difference_s:+.1} s, which is used, and nearly as well with \
+                     {rival_s:+.1} s; --clock-off-s-max limits the offset"
+                ));
+            }
+        }
+    }
+
+    /// Predicts when a receiver records a transmission, by the receiver's clock in seconds.
+    pub(crate) fn expected_s(&self, fleet: &Fleet, (sender, sent): (usize, &Transmission), receiver: usize) -> f64 {
+        let true_s = self.true_s(sent);
+        let travel_s = fleet.travel_s(sender, receiver, true_s);
+        true_s + self.clocks[receiver].offset_s(true_s) + travel_s + self.delay_s
+    }
+
+    /// Returns the start of a transmission by the clock that its time is of, in seconds.
+    pub(crate) fn begin_s(&self, sent: &Transmission) -> f64 {
+        sent.time_s - if sent.is_reception_time { self.delay_s } else { 0.0 }
+    }
+
+    /// Returns the start of a transmission by the reference clock, in seconds.
+    pub(crate) fn true_s(&self, sent: &Transmission) -> f64 {
+        let begin_s = self.begin_s(sent);
+        begin_s - self.clocks[sent.clock].offset_s(begin_s)
+    }
+
+    /// Returns the start of a transmission by the clock of a vehicle, in seconds.
+    pub(crate) fn local_s(&self, sent: &Transmission, vehicle: usize) -> f64 {
+        if sent.clock == vehicle {
+            return self.begin_s(sent);
+        }
+        let true_s = self.true_s(sent);
+        true_s + self.clocks[vehicle].offset_s(true_s)
+    }
+
+    /// Fits the clocks to receptions that are matched to transmissions.
+    pub(crate) fn improve(&mut self, fleet: &Fleet, receptions: &[Reception]) {
+        let comparisons = self.comparisons(fleet, receptions);
+        if fleet.rules.clock_off_s_max > 0.0 {
+            fit(&mut self.clocks, &comparisons, self.reference);
+        }
+    }
+
+    /// Returns a comparison of two clocks for each reception.
+    pub(crate) fn comparisons(&self, fleet: &Fleet, receptions: &[Reception]) -> Vec<Comparison> {
+        let of = |&Reception { sender, sent, receiver, time_s }: &Reception| {
+            let begin_s = self.begin_s(sent);
+            let travel_s = fleet.travel_s(sender, receiver, begin_s);
+            Comparison { early: (sent.clock, begin_s), late: (receiver, time_s - travel_s - self.delay_s) }
+        };
+        receptions.iter().filter(|reception| reception.sent.clock != reception.receiver).map(of).collect()
+    }
+
+    /// Estimates the offset of each segment separately, for clocks that were set during the mission.
+    pub(crate) fn search_segments(&mut self, fleet: &Fleet, sent: &[Vec<Transmission>]) {
+        for vehicle in (0..self.clocks.len()).filter(|&vehicle| vehicle != self.reference) {
+            if self.clocks[vehicle].segments().count() > 1 && self.clocks[vehicle].is_known {
+                let candidates = candidates(fleet, sent).filter(|(pair, _)| [pair.0, pair.1].contains(&vehicle));
+                let comparisons: Vec<Comparison> = candidates
+                    .map(|(pair, mut comparison)| {
+                        comparison.late.1 -= if pair.2 { 0.0 } else { self.delay_s };
+                        comparison
+                    })
+                    .collect();
+                let others = self.clocks.clone();
+                self.clocks[vehicle].search(vehicle, &comparisons, &others, fleet.rules.match_s);
+            }
+        }
+    }
+}
+
+/// Returns the vehicle with the most comparisons. A clock that was never set during the mission takes precedence.
+fn best_reference(fleet: &Fleet, peaks: &BTreeMap<ClockPair, Peak>) -> usize {
+    let mut comparisons = vec![0; fleet.vehicles.len()];
+    for ((early, late, _), peak) in peaks {
+        comparisons[*early] += peak.count;
+        comparisons[*late] += peak.count;
+    }
+    let merit = |vehicle: usize| (fleet.clock_sync_times_s(vehicle).is_empty(), comparisons[vehicle]);
+    (0..comparisons.len()).rev().max_by_key(|&vehicle| merit(vehicle)).unwrap_or(0)
+}
+
+/// Returns a comparison for each reception with each transmission of its sender that it may stem from.
+fn candidates<'a>(
+    fleet: &'a Fleet,
+    sent: &'a [Vec<Transmission>],
+) -> impl Iterator<Item = (ClockPair, Comparison)> + 'a {
+    // A difference consists of the clock offset and the delay until a message is recorded.
+    let off_s_max = fleet.rules.clock_off_s_max + fleet.rules.message_s;
+    fleet.receivers().flat_map(move |receiver| {
+        let messages = fleet.vehicles[receiver].messages.iter();
+        messages.flat_map(move |(&sender, messages)| {
+            messages.iter().flat_map(move |message| {
+                let from = sent[sender].partition_point(|sent| sent.time_s < message.time_s - off_s_max - TRAVEL_S_MAX);
+                let near =
+                    sent[sender][from..].iter().take_while(move |sent| sent.time_s <= message.time_s + off_s_max);
+                near.filter(move |sent| sent.clock != receiver).filter_map(move |sent| {
+                    let travel_s = fleet.travel_s(sender, receiver, sent.time_s);
+                    let late_s = message.time_s - travel_s;
+                    let comparison = Comparison { early: (sent.clock, sent.time_s), late: (receiver, late_s) };
+                    let is_near = comparison.difference_s().abs() <= off_s_max;
+                    is_near.then_some(((sent.clock, receiver, sent.is_reception_time), comparison))
+                })
+            })
+        })
+    })
+}
+
+/// Returns the most frequent difference of each pair of clocks.
+fn pair_peaks(fleet: &Fleet, sent: &[Vec<Transmission>]) -> BTreeMap<ClockPair, Peak> {
+    let mut differences_s: BTreeMap<ClockPair, Vec<f64>> = BTreeMap::new();
+    for (pair, comparison) in candidates(fleet, sent) {
+        differences_s.entry(pair).or_default().push(comparison.difference_s());
+    }
+    let peaks = differences_s.into_iter().filter_map(|(pair, all)| Some((pair, find_peak(all, fleet.rules.match_s)?)));
+    peaks.collect()
+}
+
+/// Estimates the recording delay as half of the round trip by the clocks of both ends: the median over all pairs, in seconds.
+///
+/// Returns 0 if no pair of vehicles heard each other.
+fn round_trip_delay_s(peaks: &BTreeMap<ClockPair, Peak>) -> f64 {
+    let pairs: BTreeSet<(usize, usize)> = peaks.keys().filter(|pair| !pair.2).map(|pair| (pair.0, pair.1)).collect();
+    let half_round_trip = |&(early, late): &(usize, usize)| {
+        let there_s = peaks.get(&(early, late, false))?.difference_s;
+        let back_s = peaks.get(&(late, early, false))?.difference_s;
+        (early < late).then_some((there_s + back_s) / 2.0)
+    };
+    median(pairs.iter().filter_map(half_round_trip).collect()).max(0.0)
+}

@@ -1,0 +1,99 @@
+//! Events from matched transmissions, and counts for each pair of vehicles.
+
+use std::collections::BTreeMap;
+
+use pingmap_agent::{Event, Link, ReferenceSystem};
+use pingmap_trial::EventLog;
+
+use crate::assemble::clocks::fleet_clocks::FleetClocks;
+use crate::assemble::listening::{TransmissionTimes, exclusion_reason};
+use crate::assemble::matching::MatchTable;
+use crate::assemble::result::PairCounts;
+use crate::assemble::vehicles::fleet::Fleet;
+use crate::assemble::vehicles::transmission::Transmission;
+
+/// The counts by receiver and sender.
+pub(crate) type PairTable = BTreeMap<(usize, usize), PairCounts>;
+
+/// Makes an event of every transmission with every receiver that was able to receive it, and counts the others by pair.
+pub(crate) fn make_events(
+    fleet: &Fleet,
+    clocks: &FleetClocks,
+    sent: &[Vec<Transmission>],
+    matched: &MatchTable,
+) -> (EventLog, PairTable) {
+    let transmission_times = TransmissionTimes::new(fleet, clocks, sent);
+    let mut events = Vec::new();
+    let mut pairs = PairTable::new();
+    for (sender, all) in sent.iter().enumerate() {
+        for receiver in fleet.receivers().filter(|&receiver| receiver != sender) {
+            let [from, to] = [sender, receiver].map(|vehicle| fleet.vehicles[vehicle].name.clone());
+            let pair = pairs.entry((receiver, sender)).or_default();
+            let matches = matched.get(&(receiver, sender));
+            for (index, sent) in all.iter().enumerate() {
+                if sent.destination.as_ref().is_some_and(|destination| *destination != to) && !fleet.rules.overhear {
+                    pair.overheard += 1;
+                    continue;
+                }
+                let (time_s, link) = time_and_link(fleet, clocks, (sender, sent), receiver);
+                let reason = exclusion_reason(fleet, clocks, &transmission_times, (sender, sent), (receiver, link));
+                if let Some(reason) = reason {
+                    *pair.excluded.entry(reason).or_default() += 1;
+                    continue;
+                }
+                let Some(link) = link else { continue };
+                let message = matches.and_then(|matches| matches.get(&index));
+                let message = message.map(|&message| &fleet.vehicles[receiver].messages[&sender][message]);
+                let success = message.is_some_and(|message| message.is_heard(sent.frames, fleet.rules.any_frame));
+                *if success { &mut pair.heard } else { &mut pair.missed } += 1;
+                let kind = sent.kind.clone();
+                let [transmitter_id, receiver_id] = [from.clone(), to.clone()];
+                events.push(Event { time_s, transmitter_id, receiver_id, link, kind, success });
+            }
+        }
+    }
+    events.sort_by(|a, b| {
+        let by_time = a.time_s.total_cmp(&b.time_s);
+        by_time.then_with(|| (&a.transmitter_id, &a.receiver_id).cmp(&(&b.transmitter_id, &b.receiver_id)))
+    });
+    (event_log(events), pairs)
+}
+
+/// Makes a log of events. It has depths only if every position has one.
+fn event_log(mut events: Vec<Event>) -> EventLog {
+    let mut ends = events.iter().flat_map(|event| event.link.ends());
+    let has_depths = !events.is_empty() && ends.all(|end| end.depth_m.is_some());
+    if !has_depths {
+        for event in &mut events {
+            let Link { transmitter, receiver } = &mut event.link;
+            (transmitter.depth_m, receiver.depth_m) = (None, None);
+        }
+    }
+    EventLog {
+        events,
+        true_probability: None,
+        has_depths,
+        unknown_columns: Vec::new(),
+        reference: ReferenceSystem::Unknown,
+    }
+}
+
+/// Returns the start of a transmission and the positions of both vehicles at that time.
+///
+/// Times are by the reference clock if the rules name one. Otherwise they stay as recorded.
+fn time_and_link(
+    fleet: &Fleet,
+    clocks: &FleetClocks,
+    (sender, sent): (usize, &Transmission),
+    receiver: usize,
+) -> (f64, Option<Link>) {
+    let recorded_s = clocks.begin_s(sent);
+    let is_corrected = fleet.rules.reference_clock.is_some();
+    let time_s = if is_corrected { clocks.true_s(sent) } else { recorded_s };
+    let position = |vehicle: usize| {
+        let local_s = if is_corrected { clocks.local_s(sent, vehicle) } else { recorded_s };
+        fleet.vehicles[vehicle].track.at(local_s, fleet.rules.nav_gap_s_max)
+    };
+    let ends = position(sender).zip(position(receiver));
+    (time_s, ends.map(|(transmitter, receiver)| Link { transmitter, receiver }))
+}

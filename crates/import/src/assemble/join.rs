@@ -1,0 +1,169 @@
+//! The steps from recordings to events.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use pingmap_agent::VehicleId;
+
+use crate::assemble::clocks::fleet_clocks::FleetClocks;
+use crate::assemble::events::{PairTable, make_events};
+use crate::assemble::evidence::{complete_from_receptions, unconfirmed_slot_owners};
+use crate::assemble::matching::{MatchTable, add_received, mark_ambiguous, match_all, receptions};
+use crate::assemble::result::{ClockEstimate, EvidenceCounts, ImportResult, LeftOutCounts, PairCounts};
+use crate::assemble::rules::Rules;
+use crate::assemble::validation::{check_inputs, check_reference_clock};
+use crate::assemble::vehicles::fleet::Fleet;
+use crate::assemble::vehicles::transmission::{Transmission, known_transmissions, senders};
+use crate::model::error::ImportError;
+use crate::model::recording::Recordings;
+use crate::model::reference::Reference;
+use crate::model::schedule::Schedule;
+
+/// Largest number of rounds that match messages and fit clocks in turn.
+const ROUNDS_MAX: usize = 30;
+
+/// Joins the recordings of all vehicles into one event log. O(n log n) in the number of records, times the number of vehicles.
+///
+/// # Errors
+/// [`ImportError::Inconsistent`] if no vehicle recorded receptions, a vehicle has no navigation, or a name belongs to no vehicle.
+pub fn join(
+    recordings: &Recordings,
+    schedule: Option<&Schedule>,
+    reference: &Reference,
+    rules: &Rules,
+) -> Result<ImportResult, ImportError> {
+    let fleet = Fleet::new(recordings, reference, rules);
+    check_inputs(&fleet, schedule)?;
+    let mut join = Join::new(&fleet, schedule);
+    check_reference_clock(&fleet, &join.clocks)?;
+    join.fit_clocks();
+    join.process_unmatched();
+    let destinations_by_reception = join.complete_transmissions();
+    let mut result = join.into_result(&destinations_by_reception);
+    result.log.reference = reference.system();
+    Ok(result)
+}
+
+/// The state between the steps of [`join`].
+struct Join<'a> {
+    fleet: &'a Fleet<'a>,
+    /// The transmissions of each vehicle, in the order of time.
+    sent: Vec<Vec<Transmission>>,
+    /// Senders with a record of their transmissions or slots in the schedule.
+    documented_senders: BTreeSet<usize>,
+    clocks: FleetClocks,
+    matched: MatchTable,
+    /// Messages that fit no transmission of a documented sender, by sender.
+    unexpected: BTreeMap<VehicleId, usize>,
+    /// Messages that fit no transmission in the sender's record, by receiver and sender.
+    unmatched: BTreeMap<(usize, usize), usize>,
+}
+
+impl<'a> Join<'a> {
+    /// Collects the transmissions and estimates a first offset of each clock.
+    fn new(fleet: &'a Fleet<'a>, schedule: Option<&Schedule>) -> Self {
+        let sent = known_transmissions(fleet, schedule);
+        let documented_senders = senders(&sent);
+        let clocks = guess_clocks(fleet, &sent, &documented_senders);
+        let (matched, unexpected, unmatched) = (MatchTable::new(), BTreeMap::new(), BTreeMap::new());
+        Self { fleet, sent, documented_senders, clocks, matched, unexpected, unmatched }
+    }
+
+    /// Matches messages to transmissions and fits the clocks, in turn until the matches do not change.
+    fn fit_clocks(&mut self) {
+        for _ in 0..ROUNDS_MAX {
+            let matched = match_all(self.fleet, &self.clocks, &self.sent);
+            if matched == self.matched {
+                break;
+            }
+            self.clocks.improve(self.fleet, &receptions(self.fleet, &self.sent, &matched));
+            self.matched = matched;
+        }
+    }
+
+    /// Handles messages without a transmission, and matches again.
+    ///
+    /// A sender's own record is complete, so an unmatched message makes a recorded transmission ambiguous. For other senders, the message
+    /// is evidence of another transmission.
+    fn process_unmatched(&mut self) {
+        for (sender, sent) in self.sent.iter_mut().enumerate() {
+            let vehicle = &self.fleet.vehicles[sender];
+            let count = if vehicle.recording.sent.is_some() {
+                let by_receiver = mark_ambiguous(self.fleet, &self.clocks, sender, sent);
+                let count = by_receiver.values().sum();
+                self.unmatched.extend(by_receiver.into_iter().map(|(receiver, count)| ((receiver, sender), count)));
+                count
+            } else {
+                add_received(self.fleet, &self.clocks, sender, sent)
+            };
+            if count > 0 && self.documented_senders.contains(&sender) {
+                self.unexpected.insert(vehicle.name.clone(), count);
+            }
+        }
+        self.matched = match_all(self.fleet, &self.clocks, &self.sent);
+    }
+
+    /// Completes the transmissions by their receptions. Returns the senders whose destinations only receptions state.
+    fn complete_transmissions(&mut self) -> BTreeSet<usize> {
+        complete_from_receptions(self.fleet, &mut self.sent, &self.matched)
+    }
+
+    /// Makes the events and collects all counts.
+    fn into_result(self, destinations_by_reception: &BTreeSet<usize>) -> ImportResult {
+        let Self { fleet, sent, documented_senders, clocks, matched, unexpected, unmatched } = self;
+        let (log, mut pairs) = make_events(fleet, &clocks, &sent, &matched);
+        for (key, pair) in &mut pairs {
+            pair.duplicates = fleet.duplicates.get(key).copied().unwrap_or(0);
+            pair.unmatched = unmatched.get(key).copied().unwrap_or(0);
+        }
+        let left_out = LeftOutCounts {
+            unknown_sources: fleet.unknown_sources.clone(),
+            unknown_destinations: fleet.unknown_destinations.clone(),
+            duplicates: fleet.duplicates.values().sum(),
+            own_messages: fleet.own_messages,
+            overheard: pairs.values().map(|pair| pair.overheard).sum(),
+            unexpected,
+            unprojected: fleet.vehicles.iter().map(|vehicle| vehicle.track.unprojected).sum(),
+        };
+        let senders_by_reception = senders(&sent).difference(&documented_senders).copied().collect();
+        ImportResult {
+            log,
+            pairs: named_pairs(fleet, pairs),
+            evidence: EvidenceCounts::new(&sent),
+            clocks: ClockEstimate::all(fleet, &clocks, &receptions(fleet, &sent, &matched)),
+            delay_s: clocks.delay_s,
+            clock_warnings: clocks.warnings,
+            left_out,
+            senders_by_reception: fleet.names(&senders_by_reception),
+            destinations_by_reception: fleet.names(destinations_by_reception),
+            unconfirmed_slot_owners: fleet.names(&unconfirmed_slot_owners(&sent)),
+        }
+    }
+}
+
+/// Returns the counts of all pairs with any record, by the names of sender and receiver.
+fn named_pairs(fleet: &Fleet, pairs: PairTable) -> BTreeMap<(VehicleId, VehicleId), PairCounts> {
+    let name = |vehicle: usize| fleet.vehicles[vehicle].name.clone();
+    let recorded = pairs.into_iter().filter(|(_, pair)| *pair != PairCounts::default());
+    recorded.map(|((receiver, sender), pair)| ((name(sender), name(receiver)), pair)).collect()
+}
+
+/// Estimates a first offset of each clock.
+///
+/// For an undocumented sender, the receptions of one receiver stand in for its transmissions: of the receiver with the most of them.
+fn guess_clocks(fleet: &Fleet, sent: &[Vec<Transmission>], documented_senders: &BTreeSet<usize>) -> FleetClocks {
+    let messages =
+        |receiver: usize, sender: usize| fleet.vehicles[receiver].messages.get(&sender).map_or(&[][..], Vec::as_slice);
+    let mut provisional = sent.to_vec();
+    for sender in (0..sent.len()).filter(|sender| !documented_senders.contains(sender)) {
+        let Some(receiver) = fleet.receivers().max_by_key(|&receiver| messages(receiver, sender).len()) else {
+            continue;
+        };
+        let derive =
+            |message| Transmission::from_reception(message, receiver, fleet.travel_s(sender, receiver, message.time_s));
+        provisional[sender] = messages(receiver, sender).iter().map(derive).collect();
+        provisional[sender].sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    }
+    let mut clocks = FleetClocks::guess(fleet, &provisional);
+    clocks.search_segments(fleet, &provisional);
+    clocks
+}

@@ -1,0 +1,79 @@
+//! Decides whether a receiver was able to receive a transmission, without regard to the outcome.
+
+use pingmap_agent::Link;
+
+use crate::assemble::clocks::fleet_clocks::FleetClocks;
+use crate::assemble::vehicles::fleet::Fleet;
+use crate::assemble::vehicles::transmission::{Transmission, TransmissionEvidence};
+use crate::model::exclusion::ExclusionReason;
+use crate::model::recording::bands_differ;
+
+/// The times at which each vehicle transmitted, by its own clock and in the order of time.
+pub(crate) struct TransmissionTimes(Vec<Vec<f64>>);
+
+impl TransmissionTimes {
+    /// Collects the transmissions with evidence.
+    pub(crate) fn new(fleet: &Fleet, clocks: &FleetClocks, sent: &[Vec<Transmission>]) -> Self {
+        let own = |(sender, sent): (usize, &Vec<Transmission>)| {
+            let certain = sent.iter().filter(|sent| sent.evidence != TransmissionEvidence::ScheduledOnly);
+            let mut times: Vec<f64> = certain.map(|sent| clocks.local_s(sent, sender)).collect();
+            times.sort_by(f64::total_cmp);
+            times
+        };
+        debug_assert_eq!(fleet.vehicles.len(), sent.len());
+        Self(sent.iter().enumerate().map(own).collect())
+    }
+
+    fn has_within(&self, vehicle: usize, from_s: f64, to_s: f64) -> bool {
+        let times = &self.0[vehicle];
+        times.get(times.partition_point(|time_s| *time_s <= from_s)).is_some_and(|time_s| *time_s < to_s)
+    }
+}
+
+/// Returns the first reason to exclude a transmission for a receiver; `None` if it counts as heard or missed.
+///
+/// `link` holds the positions of both vehicles. The function does not use the outcome, so it excludes successes and misses alike.
+pub(crate) fn exclusion_reason(
+    fleet: &Fleet,
+    clocks: &FleetClocks,
+    transmission_times: &TransmissionTimes,
+    (sender, sent): (usize, &Transmission),
+    (receiver, link): (usize, Option<Link>),
+) -> Option<ExclusionReason> {
+    if sent.evidence == TransmissionEvidence::ScheduledOnly {
+        return Some(ExclusionReason::NotKnownSent);
+    }
+    let rules = fleet.rules;
+    if sent.destination_unknown && !rules.overhear {
+        return Some(ExclusionReason::DestinationUnknown);
+    }
+    let recording = fleet.vehicles[receiver].recording;
+    let arrival_s = clocks.expected_s(fleet, (sender, sent), receiver);
+    let begin_s = arrival_s - clocks.delay_s;
+    let is_active = |span: &(f64, f64)| span.0 <= arrival_s && arrival_s <= span.1;
+    if !fleet.vehicles[receiver].active_spans.iter().any(is_active) {
+        return Some(ExclusionReason::NotRecording);
+    }
+    if transmission_times.has_within(receiver, begin_s - rules.message_s, begin_s + rules.message_s) {
+        return Some(ExclusionReason::Transmitting);
+    }
+    let overlaps =
+        |interval: &&(f64, f64, ExclusionReason)| interval.0 <= begin_s + rules.message_s && begin_s <= interval.1;
+    if let Some(interval) = recording.deaf_intervals.iter().find(overlaps) {
+        return Some(interval.2);
+    }
+    let band_of = |vehicle: usize, time_s| fleet.vehicles[vehicle].recording.band(time_s);
+    let sender_band = sent.band.as_deref().or_else(|| band_of(sender, clocks.local_s(sent, sender)));
+    let bands = sender_band.zip(band_of(receiver, begin_s));
+    if bands.is_some_and(|(sender_band, receiver_band)| bands_differ(sender_band, receiver_band)) {
+        return Some(ExclusionReason::OtherMode);
+    }
+    // The sender's own clock matters only for its position. Its transmission may be timed by another clock, `sent.clock`.
+    let is_unsure = |clock: usize| !clocks.clocks[clock].is_known;
+    if sent.ambiguous_at.contains(&receiver) || is_unsure(sent.clock) || is_unsure(receiver) {
+        return Some(ExclusionReason::ClockUnsure);
+    }
+    let Some(link) = link else { return Some(ExclusionReason::NoNavigation) };
+    let is_surfaced = |depth_m: f64| rules.surfaced_above_m.is_some_and(|above_m| depth_m < above_m);
+    link.ends().iter().filter_map(|end| end.depth_m).any(is_surfaced).then_some(ExclusionReason::Surfaced)
+}

@@ -1,0 +1,147 @@
+//! The result of an import: the log, and counts of all that is not in it.
+
+use std::collections::BTreeMap;
+
+use pingmap_agent::VehicleId;
+use pingmap_trial::EventLog;
+
+use crate::assemble::clocks::clock::{Clock, ClockSegment};
+use crate::assemble::clocks::fleet_clocks::FleetClocks;
+use crate::assemble::median::median;
+use crate::assemble::vehicles::fleet::Fleet;
+use crate::assemble::vehicles::transmission::{Reception, Transmission, TransmissionEvidence};
+use crate::model::exclusion::ExclusionReason;
+
+/// An event log with a report on its origin.
+#[derive(Debug, Clone)]
+pub struct ImportResult {
+    /// The events in the order of time.
+    pub log: EventLog,
+    /// Counts for each pair of sender and receiver.
+    pub pairs: BTreeMap<(VehicleId, VehicleId), PairCounts>,
+    /// Number of transmissions by evidence.
+    pub evidence: EvidenceCounts,
+    /// The estimated clocks.
+    pub clocks: Vec<ClockEstimate>,
+    /// Time from the start of a message to the record of its reception without the travel time of sound, in seconds.
+    pub delay_s: f64,
+    /// Warnings about ambiguous clock offsets, as sentences.
+    pub clock_warnings: Vec<String>,
+    /// Counts of records that are in no event.
+    pub left_out: LeftOutCounts,
+    /// Senders whose transmissions are known by receptions only, separated by commas. Their messages that all receivers missed
+    /// are not in the log.
+    pub senders_by_reception: String,
+    /// Senders whose destinations are known by receptions only, separated by commas. Their messages that all receivers missed
+    /// are excluded.
+    pub destinations_by_reception: String,
+    /// Senders with scheduled slots that may have stayed unused, separated by commas.
+    pub unconfirmed_slot_owners: String,
+}
+
+impl ImportResult {
+    /// Returns how often each reason for exclusion occurred, over all pairs.
+    pub fn excluded(&self) -> BTreeMap<ExclusionReason, usize> {
+        let mut all = BTreeMap::new();
+        for (&reason, &count) in self.pairs.values().flat_map(|pair| &pair.excluded) {
+            *all.entry(reason).or_default() += count;
+        }
+        all
+    }
+}
+
+/// Counts of the messages from one vehicle to another.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct PairCounts {
+    /// Events with a decoded message.
+    pub heard: usize,
+    /// Events with a missed message.
+    pub missed: usize,
+    /// Transmissions that yield no event, by reason.
+    pub excluded: BTreeMap<ExclusionReason, usize>,
+    /// Messages to other vehicles.
+    pub overheard: usize,
+    /// Duplicate arrivals.
+    pub duplicates: usize,
+    /// Received messages that fit no transmission in the sender's record.
+    pub unmatched: usize,
+}
+
+/// Number of transmissions by evidence.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct EvidenceCounts {
+    /// Transmissions that their sender recorded.
+    pub recorded: usize,
+    /// Scheduled slots of senders that use every slot.
+    pub always_sends: usize,
+    /// Transmissions that are known by a reception only.
+    pub received: usize,
+    /// Scheduled slots that may have stayed unused.
+    pub scheduled_only: usize,
+}
+
+impl EvidenceCounts {
+    pub(crate) fn new(sent: &[Vec<Transmission>]) -> Self {
+        let count = |evidence| sent.iter().flatten().filter(|sent| sent.evidence == evidence).count();
+        Self {
+            recorded: count(TransmissionEvidence::Recorded),
+            always_sends: count(TransmissionEvidence::AlwaysSends),
+            received: count(TransmissionEvidence::Received),
+            scheduled_only: count(TransmissionEvidence::ScheduledOnly),
+        }
+    }
+}
+
+/// Counts of records that are in no event.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct LeftOutCounts {
+    /// Messages by source, for sources without a recording.
+    pub unknown_sources: BTreeMap<VehicleId, usize>,
+    /// Records of messages by destination, for destinations without a recording.
+    pub unknown_destinations: BTreeMap<VehicleId, usize>,
+    /// Duplicate arrivals.
+    pub duplicates: usize,
+    /// Messages that a vehicle received from itself.
+    pub own_messages: usize,
+    /// Messages to other vehicles.
+    pub overheard: usize,
+    /// Received messages without a matching transmission, by sender. If the sender recorded its transmissions, they are no
+    /// events. If it only has a schedule, they are.
+    pub unexpected: BTreeMap<VehicleId, usize>,
+    /// Fixes that the reference system cannot convert to metres.
+    pub unprojected: usize,
+}
+
+/// The estimated offset of one clock.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClockEstimate {
+    /// The vehicle that has the clock.
+    pub vehicle: VehicleId,
+    /// Whether the offsets of the other clocks refer to this one.
+    pub is_reference: bool,
+    /// Offsets between the times at which the clock was set; empty if the offset is unknown.
+    pub segments: Vec<ClockSegment>,
+    /// Number of messages that compare this clock with another.
+    pub comparisons: usize,
+    /// Median of the absolute residuals of these messages, in seconds.
+    pub median_residual_s: f64,
+}
+
+impl ClockEstimate {
+    /// Returns an estimate for each vehicle, in the order of the fleet.
+    pub(crate) fn all(fleet: &Fleet, clocks: &FleetClocks, receptions: &[Reception]) -> Vec<Self> {
+        let comparisons = clocks.comparisons(fleet, receptions);
+        let estimate = |(index, clock): (usize, &Clock)| {
+            let own = comparisons.iter().filter(|comparison| [comparison.early.0, comparison.late.0].contains(&index));
+            let residuals_s: Vec<f64> = own.map(|comparison| comparison.residual_s(&clocks.clocks).abs()).collect();
+            Self {
+                vehicle: fleet.vehicles[index].name.clone(),
+                is_reference: index == clocks.reference,
+                segments: if clock.is_known { clock.segments().copied().collect() } else { Vec::new() },
+                comparisons: residuals_s.len(),
+                median_residual_s: median(residuals_s),
+            }
+        };
+        clocks.clocks.iter().enumerate().map(estimate).collect()
+    }
+}

@@ -1,0 +1,125 @@
+//! Transmissions, and scheduled slots that may have been used.
+
+use std::collections::BTreeSet;
+
+use pingmap_agent::{MessageKind, VehicleId};
+
+use crate::assemble::vehicles::fleet::{Fleet, Vehicle};
+use crate::assemble::vehicles::message::Message;
+use crate::model::recording::SentMessage;
+use crate::model::schedule::Schedule;
+
+/// The evidence that a transmission took place, from the strongest to none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum TransmissionEvidence {
+    /// The sender recorded the transmission.
+    Recorded,
+    /// The schedule gives the slot to a sender that uses every slot.
+    AlwaysSends,
+    /// A receiver recorded the message.
+    Received,
+    /// The schedule gives the slot to the sender; no record shows that the slot was used.
+    ScheduledOnly,
+}
+
+/// A transmission, or a scheduled slot that may have stayed unused.
+#[derive(Debug, Clone)]
+pub(crate) struct Transmission {
+    /// Start by the clock `clock`, in seconds. If only a reception is known: its time minus the travel time of sound.
+    pub(crate) time_s: f64,
+    /// The vehicle whose clock the time is of.
+    pub(crate) clock: usize,
+    /// Whether the time derives from a reception.
+    pub(crate) is_reception_time: bool,
+    pub(crate) evidence: TransmissionEvidence,
+    pub(crate) destination: Option<VehicleId>,
+    pub(crate) frames: Option<u32>,
+    pub(crate) kind: Option<MessageKind>,
+    /// Frequency band by the sender's record.
+    pub(crate) band: Option<String>,
+    /// Whether it may have been addressed to one vehicle that no record names.
+    pub(crate) destination_unknown: bool,
+    /// Receivers with an unmatched message of the same sender at about that time.
+    pub(crate) ambiguous_at: BTreeSet<usize>,
+}
+
+impl Transmission {
+    /// Derives the transmission from a message that a receiver recorded.
+    pub(crate) fn from_reception(message: &Message, receiver: usize, travel_s: f64) -> Self {
+        Self {
+            is_reception_time: true,
+            destination: message.destination.clone(),
+            kind: message.kind.clone(),
+            ..Self::by_sender(message.time_s - travel_s, receiver, TransmissionEvidence::Received)
+        }
+    }
+
+    fn from_record(sent: &SentMessage, sender: usize) -> Self {
+        Self {
+            destination: sent.destination.clone(),
+            frames: sent.frames,
+            kind: sent.kind.clone(),
+            band: sent.band.clone(),
+            ..Self::by_sender(sent.time_s, sender, TransmissionEvidence::Recorded)
+        }
+    }
+
+    fn by_sender(time_s: f64, clock: usize, evidence: TransmissionEvidence) -> Self {
+        Self {
+            time_s,
+            clock,
+            is_reception_time: false,
+            evidence,
+            destination: None,
+            frames: None,
+            kind: None,
+            band: None,
+            destination_unknown: false,
+            ambiguous_at: BTreeSet::new(),
+        }
+    }
+}
+
+/// The reception of a transmission.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reception<'a> {
+    pub(crate) sender: usize,
+    pub(crate) sent: &'a Transmission,
+    pub(crate) receiver: usize,
+    /// Time of the reception by the receiver's clock, in seconds.
+    pub(crate) time_s: f64,
+}
+
+/// Returns the transmissions of each vehicle in the order of time.
+///
+/// A vehicle with a record of its transmissions has exactly those. Another vehicle has the slots that the schedule gives it.
+pub(crate) fn known_transmissions(fleet: &Fleet, schedule: Option<&Schedule>) -> Vec<Vec<Transmission>> {
+    let span_s = fleet.span_s();
+    let margin_s = fleet.rules.clock_off_s_max;
+    let of_vehicle = |(sender, vehicle): (usize, &Vehicle)| {
+        let mut sent: Vec<Transmission> = match (&vehicle.recording.sent, schedule, vehicle.track.span_s()) {
+            (Some(sent), ..) => sent.iter().map(|sent| Transmission::from_record(sent, sender)).collect(),
+            (None, Some(schedule), Some(track_s)) => {
+                let uses_all = fleet.rules.slot_use.includes(vehicle.name);
+                let evidence =
+                    if uses_all { TransmissionEvidence::AlwaysSends } else { TransmissionEvidence::ScheduledOnly };
+                let (from_s, to_s) = (track_s.0.max(span_s.0 - margin_s), track_s.1.min(span_s.1 + margin_s));
+                let starts = schedule.slot_starts_s(vehicle.name, from_s, to_s);
+                starts.into_iter().map(|time_s| Transmission::by_sender(time_s, sender, evidence)).collect()
+            }
+            _ => Vec::new(),
+        };
+        sent.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        // A duplicate record describes the same transmission.
+        sent.dedup_by(|next, sent| {
+            next.time_s - sent.time_s <= fleet.rules.duplicate_s && next.evidence == TransmissionEvidence::Recorded
+        });
+        sent
+    };
+    fleet.vehicles.iter().enumerate().map(of_vehicle).collect()
+}
+
+/// Returns the vehicles with at least one transmission.
+pub(crate) fn senders(sent: &[Vec<Transmission>]) -> BTreeSet<usize> {
+    (0..sent.len()).filter(|&sender| !sent[sender].is_empty()).collect()
+}

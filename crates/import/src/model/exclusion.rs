@@ -1,0 +1,70 @@
+//! Reasons for which a transmission yields no event for a receiver.
+
+/// The reason for which the outcome of a transmission is unknown for a receiver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum ExclusionReason {
+    /// Only a schedule lists the transmission. No receiver recorded it and no record shows that it took place.
+    NotKnownSent,
+    /// The sender addresses single vehicles, and no reception states the destination of this message.
+    DestinationUnknown,
+    /// The receiver's modem was not active yet or not active any more.
+    NotRecording,
+    /// The receiver was transmitting.
+    Transmitting,
+    /// The receiver's modem was starting.
+    Rebooting,
+    /// The receiver used another rate or band, or was ranging.
+    OtherMode,
+    /// The offset between the two clocks is unknown, or an unmatched message makes the outcome ambiguous.
+    ClockUnsure,
+    /// The position of the sender or the receiver is unknown.
+    NoNavigation,
+    /// The sender or the receiver was at the surface.
+    Surfaced,
+}
+
+impl ExclusionReason {
+    /// All reasons, in the order of the checks.
+    pub const ALL: [ExclusionReason; 9] = [
+        ExclusionReason::NotKnownSent,
+        ExclusionReason::DestinationUnknown,
+        ExclusionReason::NotRecording,
+        ExclusionReason::Transmitting,
+        ExclusionReason::Rebooting,
+        ExclusionReason::OtherMode,
+        ExclusionReason::ClockUnsure,
+        ExclusionReason::NoNavigation,
+        ExclusionReason::Surfaced,
+    ];
+
+    /// Describes the reason in at most four words, for tables.
+    pub fn description(self) -> &'static str {
+        match self {
+            ExclusionReason::NotKnownSent => "not known to be sent",
+            ExclusionReason::DestinationUnknown => "to whom unknown",
+            ExclusionReason::NotRecording => "modem silent",
+            ExclusionReason::Transmitting => "itself sending",
+            ExclusionReason::Rebooting => "rebooting",
+            ExclusionReason::OtherMode => "other mode",
+            ExclusionReason::ClockUnsure => "clock unsure",
+            ExclusionReason::NoNavigation => "no navigation",
+            ExclusionReason::Surfaced => "surfaced",
+        }
+    }
+
+    /// Returns the key of the reason in JSON.
+    pub fn key(self) -> &'static str {
+        match self {
+            ExclusionReason::NotKnownSent => "not_known_sent",
+            ExclusionReason::DestinationUnknown => "destination_unknown",
+            ExclusionReason::NotRecording => "not_recording",
+            ExclusionReason::Transmitting => "transmitting",
+            ExclusionReason::Rebooting => "rebooting",
+            ExclusionReason::OtherMode => "other_mode",
+            ExclusionReason::ClockUnsure => "clock_unsure",
+            ExclusionReason::NoNavigation => "no_navigation",
+            ExclusionReason::Surfaced => "surfaced",
+        }
+    }
+}

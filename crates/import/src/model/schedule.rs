@@ -1,0 +1,240 @@
+//! Who may send when.
+
+use std::io::Read;
+use std::path::Path;
+
+use pingmap_agent::VehicleId;
+use pingmap_trial::Table;
+use serde::Deserialize;
+
+use crate::model::error::ImportError;
+use crate::model::modem_ids::ModemIds;
+use crate::model::time::{TIME, parse_time};
+
+/// A day, after which some schedules begin anew.
+const DAY_S: f64 = 86_400.0;
+
+/// No slot is shorter.
+const DURATION_S_MIN: f64 = 0.01;
+
+/// Turns to send, each on its sender's own clock.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Schedule {
+    /// Members in turn.
+    Cyclic {
+        /// Length of a slot, in seconds.
+        duration_s: f64,
+        /// Whether the first slot of an order begins anew at every midnight.
+        restarts_daily: bool,
+        /// From when on which order holds; an empty name is nobody.
+        orders: Vec<(f64, Vec<VehicleId>)>,
+    },
+    /// Slots one by one.
+    Explicit(Vec<(f64, VehicleId)>),
+}
+
+/// Seconds, or a date and time.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Time {
+    Seconds(f64),
+    Whole(i64),
+    Text(String),
+    Date(toml::value::Datetime),
+}
+
+impl Time {
+    fn seconds(&self, key: &str) -> Result<f64, String> {
+        let text = match self {
+            Time::Seconds(seconds) => seconds.to_string(),
+            Time::Whole(seconds) => seconds.to_string(),
+            Time::Text(text) => text.clone(),
+            Time::Date(date) => date.to_string(),
+        };
+        parse_time(&text).ok_or_else(|| format!("{key}: found {text:?}; expected {TIME}"))
+    }
+}
+
+/// The part of a team file that tells the slots; everything else in it is for others.
+#[derive(Deserialize)]
+struct TeamFile {
+    slots: SlotTable,
+}
+
+#[derive(Deserialize)]
+struct SlotTable {
+    start_s: Time,
+    duration_s: f64,
+    #[serde(default)]
+    at_will: bool,
+    #[serde(default)]
+    restarts_daily: bool,
+    order: Vec<String>,
+    #[serde(default)]
+    changes: Vec<OrderChange>,
+}
+
+#[derive(Deserialize)]
+struct OrderChange {
+    from_s: Time,
+    order: Vec<String>,
+}
+
+impl Schedule {
+    /// Reads `[slots]` of a team file, or of a file that has nothing else; or a table with the columns `time_s` and `source`.
+    ///
+    /// # Errors
+    /// [`ImportError`] with what was found and expected.
+    pub fn read(mut reader: impl Read, path: &Path, ids: &ModemIds) -> Result<Self, ImportError> {
+        let fail = |problem: String| ImportError::Content { file: path.display().to_string(), problem };
+        let mut text = String::new();
+        reader.read_to_string(&mut text).map_err(|error| fail(format!("cannot be read as text: {error}")))?;
+        match toml::from_str::<TeamFile>(&text) {
+            Ok(TeamFile { slots }) => Self::cyclic(&slots, ids).map_err(fail),
+            Err(_) if !text.contains('=') => Self::listed(&text, path, ids),
+            Err(error) => Err(fail(format!(
+                "{}; expected [slots] with start_s, duration_s and order, or a table with the columns time_s and source",
+                error.to_string().trim_end()
+            ))),
+        }
+    }
+
+    fn cyclic(slots: &SlotTable, ids: &ModemIds) -> Result<Self, String> {
+        if slots.at_will {
+            return Err("at_will: who sends at will has no schedule; expected what was sent (--sent)".into());
+        }
+        if !(DURATION_S_MIN..=DAY_S).contains(&slots.duration_s) {
+            return Err(format!("duration_s: found {}; expected {DURATION_S_MIN} s to a day", slots.duration_s));
+        }
+        let name = |name: &String| ids.resolve(name).unwrap_or_else(|| VehicleId::new(""));
+        let mut orders = vec![(slots.start_s.seconds("start_s")?, slots.order.iter().map(name).collect::<Vec<_>>())];
+        for change in &slots.changes {
+            orders.push((change.from_s.seconds("from_s")?, change.order.iter().map(name).collect()));
+        }
+        if orders.iter().any(|(_, order)| order.is_empty()) {
+            return Err("order: found nobody; expected the members in turn".into());
+        }
+        orders.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let SlotTable { duration_s, restarts_daily, .. } = *slots;
+        Ok(Self::Cyclic { duration_s, restarts_daily, orders })
+    }
+
+    fn listed(text: &str, path: &Path, ids: &ModemIds) -> Result<Self, ImportError> {
+        let mut table = Table::new(text.as_bytes(), path, &["time_s", "source"])?;
+        let mut slots = Vec::new();
+        while table.next()? {
+            let time_s = parse_time(table.field("time_s")).ok_or_else(|| table.bad("time_s", TIME))?;
+            let source = ids.resolve(table.field("source")).ok_or_else(|| table.bad("source", "one vehicle"))?;
+            slots.push((time_s, source));
+        }
+        slots.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(Self::Explicit(slots))
+    }
+
+    /// Everybody who has a turn.
+    pub fn senders(&self) -> impl Iterator<Item = &VehicleId> {
+        let (orders, listed): (&[_], &[_]) = match self {
+            Schedule::Cyclic { orders, .. } => (orders, &[]),
+            Schedule::Explicit(listed) => (&[], listed),
+        };
+        let cyclic = orders.iter().flat_map(|(_, order)| order).filter(|name| !name.as_str().is_empty());
+        cyclic.chain(listed.iter().map(|(_, sender)| sender))
+    }
+
+    /// How many slots there are from one time to another, at most.
+    pub fn slots_between(&self, from_s: f64, to_s: f64) -> f64 {
+        match self {
+            Schedule::Cyclic { duration_s, orders, .. } => {
+                let start_s = orders.iter().map(|(start_s, _)| *start_s).fold(f64::INFINITY, f64::min);
+                (to_s - from_s.max(start_s)) / duration_s
+            }
+            Schedule::Explicit(listed) => listed.len() as f64,
+        }
+    }
+
+    /// When a sender's turns begin, from one time to another.
+    pub fn slot_starts_s(&self, sender: &VehicleId, from_s: f64, to_s: f64) -> Vec<f64> {
+        let is_within = |time_s: &f64| (from_s..=to_s).contains(time_s);
+        let Schedule::Cyclic { duration_s, restarts_daily, orders } = self else {
+            let Schedule::Explicit(listed) = self else { return Vec::new() };
+            return listed.iter().filter(|slot| slot.1 == *sender).map(|slot| slot.0).filter(is_within).collect();
+        };
+        let mut starts = Vec::new();
+        for (place, (start_s, order)) in orders.iter().enumerate() {
+            let end_s = orders.get(place + 1).map_or(f64::INFINITY, |next| next.0);
+            // Days before the one that is asked for leave nothing over.
+            let midnight_s = (from_s / DAY_S).floor() * DAY_S;
+            let mut begin_s = if *restarts_daily { start_s.max(midnight_s) } else { *start_s };
+            while begin_s < end_s.min(to_s) {
+                let midnight_s = (begin_s / DAY_S).floor() * DAY_S + DAY_S;
+                let until_s = if *restarts_daily { midnight_s } else { f64::INFINITY };
+                let last_s = until_s.min(end_s).min(to_s);
+                let first = ((from_s - begin_s) / duration_s).floor().max(0.0) as u64;
+                let slots = (first..).map(|slot| (slot, begin_s + slot as f64 * duration_s));
+                let slots = slots.take_while(|slot| slot.1 < until_s.min(end_s) && slot.1 <= last_s);
+                let own = slots.filter(|slot| order[(slot.0 % order.len() as u64) as usize] == *sender);
+                starts.extend(own.map(|slot| slot.1).filter(is_within));
+                begin_s = until_s;
+            }
+        }
+        starts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Schedule, ImportError> {
+        let ids = ModemIds::read("id,name\n1,a\n2,b\n".as_bytes(), Path::new("ids.csv")).unwrap();
+        Schedule::read(text.as_bytes(), Path::new("slots.toml"), &ids)
+    }
+
+    fn starts(schedule: &Schedule, sender: &str, from_s: f64, to_s: f64) -> Vec<f64> {
+        schedule.slot_starts_s(&VehicleId::new(sender), from_s, to_s)
+    }
+
+    #[test]
+    fn turns_follow_each_other_and_change() {
+        let text = "[slots]\nstart_s = 100\nduration_s = 10\norder = ['1', '', 'b']\n[[slots.changes]]\nfrom_s = 145\norder = ['b']\n";
+        let schedule = read(text).unwrap();
+        assert_eq!(starts(&schedule, "a", 0.0, 300.0), [100.0, 130.0]);
+        assert_eq!(starts(&schedule, "b", 0.0, 166.0), [120.0, 145.0, 155.0, 165.0]);
+        assert_eq!(starts(&schedule, "b", 150.0, 166.0), [155.0, 165.0]);
+        assert!(starts(&schedule, "c", 0.0, 1e9).is_empty());
+        assert_eq!(schedule.senders().count(), 3);
+    }
+
+    #[test]
+    fn some_begin_anew_at_midnight() {
+        let text = "[slots]\nstart_s = '1970-01-01T23:59:40'\nduration_s = 15\norder = ['a', 'b', 'c']\nrestarts_daily = true\n";
+        let schedule = read(text).unwrap();
+        assert_eq!(starts(&schedule, "a", 0.0, 86_450.0), [86_380.0, 86_400.0, 86_445.0]);
+        assert_eq!(starts(&schedule, "b", 0.0, 86_450.0), [86_395.0, 86_415.0]);
+        // From the middle of a far day on, without counting every day before it.
+        assert_eq!(starts(&schedule, "c", 86_430.0, 86_450.0), [86_430.0]);
+        // A date needs no quotation marks.
+        assert_eq!(read(&text.replace('\'', "").replace("[a, b, c]", "['a', 'b', 'c']")).unwrap(), schedule);
+    }
+
+    #[test]
+    fn slots_can_be_listed() {
+        let schedule = read("time_s,source\n20,2\n10,a\n30,b\n").unwrap();
+        assert_eq!((starts(&schedule, "a", 0.0, 99.0), starts(&schedule, "b", 25.0, 99.0)), (vec![10.0], vec![30.0]));
+    }
+
+    #[test]
+    fn what_is_no_schedule_is_refused() {
+        for (text, words) in [
+            ("[slots]\nstart_s = 0\nduration_s = 0\norder = ['a']", "0.01 s to a day"),
+            ("[slots]\nstart_s = 0\nduration_s = 10\norder = []", "members in turn"),
+            ("[slots]\nstart_s = 'noon'\nduration_s = 10\norder = ['a']", "start_s"),
+            ("[slots]\nduration_s = 10\norder = ['a']", "start_s"),
+            ("[slots]\nstart_s = 0\nduration_s = 10\nat_will = true\norder = ['a']", "--sent"),
+            ("when,who\n1,a\n", "time_s"),
+        ] {
+            let error = read(text).unwrap_err().to_string();
+            assert!(error.contains(words) && error.contains("slots.toml"), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,341 @@
+//! What topics of a robot's bag tell, whatever file they stand in.
+
+use std::collections::BTreeSet;
+
+use pingmap_agent::MessageKind;
+
+use crate::model::modem_ids::ModemIds;
+use crate::model::parsed_file::ParsedFile;
+use crate::model::recording::{Arrival, SentMessage};
+use crate::readers::bags::cdr::CdrReader;
+use crate::readers::message_fields::MessageFields;
+use crate::readers::modem::micromodem::Micromodem;
+use crate::readers::modem::nmea::Sentence;
+use crate::readers::navigation::Navigation;
+use crate::readers::sink::Sink;
+
+/// What stands in a topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum TopicFormat {
+    /// `sensor_msgs/NavSatFix`.
+    NavSatFix,
+    /// `nav_msgs/Odometry`.
+    Odometry,
+    /// `std_msgs/String`.
+    Text,
+    /// `std_msgs/UInt8MultiArray` or `ByteMultiArray`.
+    Bytes,
+    /// Objects as JSON.
+    Json,
+    /// Nothing of use here.
+    Other,
+    /// Written in a way that is not read.
+    OtherEncoding,
+}
+
+impl TopicFormat {
+    /// What stands in a topic of this type, written in this way.
+    pub(crate) fn new(kind: &str, encoding: &str) -> Self {
+        match (encoding, kind) {
+            ("json", _) => Self::Json,
+            ("cdr", "sensor_msgs/msg/NavSatFix") => Self::NavSatFix,
+            ("cdr", "nav_msgs/msg/Odometry") => Self::Odometry,
+            ("cdr", "std_msgs/msg/String") => Self::Text,
+            ("cdr", "std_msgs/msg/UInt8MultiArray" | "std_msgs/msg/ByteMultiArray") => Self::Bytes,
+            ("cdr", _) => Self::Other,
+            _ => Self::OtherEncoding,
+        }
+    }
+}
+
+/// What a bag told so far.
+pub(crate) struct BagParser<'a> {
+    ids: &'a ModemIds,
+    /// What the names of topics begin with that are read.
+    prefix: &'a str,
+    modem: Micromodem,
+    navigation: Navigation,
+    parsed: ParsedFile,
+    /// Topics of positions, in degrees and in metres.
+    positions: [BTreeSet<String>; 2],
+    /// Sentences of just now, when and in which topics they stood.
+    recent_lines: Vec<(f64, String, String)>,
+    /// What members of messages say that was received.
+    reported: Vec<Arrival>,
+    /// Whether a topic was asked for.
+    is_any_selected: bool,
+}
+
+/// The same sentence in two topics within so many seconds was said once.
+const ECHO_S: f64 = 2.0;
+
+impl<'a> BagParser<'a> {
+    pub(crate) fn new(ids: &'a ModemIds, prefix: &'a str) -> Self {
+        let positions = [BTreeSet::new(), BTreeSet::new()];
+        Self {
+            ids,
+            prefix,
+            modem: Micromodem::default(),
+            navigation: Navigation::default(),
+            parsed: ParsedFile::default(),
+            positions,
+            recent_lines: Vec::new(),
+            reported: Vec::new(),
+            is_any_selected: false,
+        }
+    }
+
+    /// Whether a topic is read.
+    pub(crate) fn selects(&mut self, name: &str) -> bool {
+        let is_any_selected = name.starts_with(self.prefix);
+        self.is_any_selected |= is_any_selected;
+        is_any_selected
+    }
+
+    /// Takes in a message, recorded at this time.
+    pub(crate) fn absorb(&mut self, time_s: f64, (topic, name): (TopicFormat, &str), message: &[u8]) {
+        let is_read = match topic {
+            TopicFormat::NavSatFix => self.absorb_nav_sat_fix(time_s, name, message),
+            TopicFormat::Odometry => self.absorb_odometry(time_s, name, message),
+            TopicFormat::Text => {
+                CdrReader::new(message).and_then(|mut cdr| cdr.text().map(|text| self.read_text(time_s, name, text)))
+            }
+            TopicFormat::Bytes => CdrReader::new(message).and_then(|mut cdr| {
+                let text = String::from_utf8_lossy(cdr.array()?);
+                self.read_text(time_s, name, &text);
+                Some(())
+            }),
+            TopicFormat::Json => std::str::from_utf8(message).ok().map(|text| self.read_text(time_s, name, text)),
+            TopicFormat::OtherEncoding => {
+                self.parsed.skipped.unknown_type += 1;
+                Some(())
+            }
+            TopicFormat::Other => Some(()),
+        };
+        self.count_garbled(is_read.is_none());
+    }
+
+    fn absorb_nav_sat_fix(&mut self, time_s: f64, name: &str, message: &[u8]) -> Option<()> {
+        let mut cdr = CdrReader::new(message)?;
+        cdr.header()?;
+        let (status, _) = (cdr.i8()?, cdr.u16()?);
+        let (latitude_deg, longitude_deg) = (cdr.f64()?, cdr.f64()?);
+        self.parsed.recording.clock_syncs.push((time_s, status >= 0));
+        if status < 0 {
+            self.parsed.skipped.without_position += 1;
+            return Some(());
+        }
+        self.add_position(time_s, (0, name), (latitude_deg, longitude_deg), None)
+    }
+
+    fn absorb_odometry(&mut self, time_s: f64, name: &str, message: &[u8]) -> Option<()> {
+        let mut cdr = CdrReader::new(message)?;
+        cdr.header()?;
+        cdr.bytes()?;
+        let (x_m, y_m, z_m) = (cdr.f64()?, cdr.f64()?, cdr.f64()?);
+        self.add_position(time_s, (1, name), (x_m, y_m), Some(-z_m))
+    }
+
+    /// A position in degrees (0) or metres (1); `None` where it is none.
+    fn add_position(
+        &mut self,
+        time_s: f64,
+        (form, name): (usize, &str),
+        place: (f64, f64),
+        depth_m: Option<f64>,
+    ) -> Option<()> {
+        if !self.positions[form].contains(name) {
+            self.positions[form].insert(name.to_owned());
+        }
+        let is_valid = if form == 0 {
+            self.navigation.add_degrees(time_s, place, depth_m)
+        } else {
+            self.navigation.add_metres(time_s, place, depth_m)
+        };
+        is_valid.then_some(())
+    }
+
+    /// What a text says: a modem's sentences, or JSON. Other texts are not asked.
+    pub(crate) fn read_text(&mut self, time_s: f64, name: &str, text: &str) {
+        if text.trim_start().starts_with('{') {
+            match MessageFields::from_json(text) {
+                Some(fields) => self.absorb_fields(time_s, name, &fields),
+                None => self.parsed.skipped.garbled += 1,
+            }
+            return;
+        }
+        for line in text.lines().filter(|line| line.contains("$CA") || line.contains("$CC")) {
+            if self.is_echo(time_s, name, line) {
+                continue;
+            }
+            let into = Sink { recording: &mut self.parsed.recording, ids: self.ids };
+            match Sentence::parse(line) {
+                Some(sentence) => self.modem.absorb(time_s, &sentence, into),
+                None => self.parsed.skipped.garbled += 1,
+            }
+        }
+    }
+
+    /// Whether a sentence stood in another topic just now.
+    fn is_echo(&mut self, time_s: f64, name: &str, line: &str) -> bool {
+        self.recent_lines.retain(|(then_s, ..)| (time_s - then_s).abs() <= ECHO_S);
+        let same = |(_, topic, other): &(f64, String, String)| topic != name && other == line;
+        if let Some(place) = self.recent_lines.iter().position(same) {
+            // Each says it once more than the other, if the modem did.
+            self.recent_lines.swap_remove(place);
+            return true;
+        }
+        self.recent_lines.push((time_s, name.to_owned(), line.to_owned()));
+        false
+    }
+
+    /// A message that cannot be read is counted.
+    pub(crate) fn count_garbled(&mut self, is_garbled: bool) {
+        self.parsed.skipped.garbled += usize::from(is_garbled);
+    }
+
+    /// Takes in what members of a message say by their names.
+    pub(crate) fn absorb_fields(&mut self, time_s: f64, name: &str, fields: &MessageFields) {
+        if fields.is_unclear {
+            self.count_garbled(true);
+            return;
+        }
+        self.absorb_position(time_s, name, fields);
+        let destination = self.ids.resolve(fields.destination.as_deref().unwrap_or_default());
+        let is_name = |kind: &&String| !kind.is_empty() && !kind.contains(char::is_control);
+        let kind = fields.kind.as_ref().filter(is_name).map(MessageKind::new);
+        let frames = fields.frames;
+        match (fields.sent, &fields.source, fields.received_frame()) {
+            (Some(true), ..) => {
+                Sink { recording: &mut self.parsed.recording, ids: self.ids }.record_activity(time_s);
+                let sent = SentMessage { time_s, destination, frames, kind, band: None };
+                self.parsed.recording.sent.get_or_insert_default().push(sent);
+            }
+            (_, Some(_), Err(())) => self.count_garbled(true),
+            (_, Some(source), Ok(frame)) => {
+                let good = fields.good.unwrap_or(true);
+                let arrival = |source| Arrival { time_s, source, destination, frame, frames, good, kind };
+                self.reported.extend(self.ids.resolve(source).map(arrival));
+            }
+            (Some(false), None, _) => {
+                self.parsed.recording.sent.get_or_insert_default();
+                self.parsed.skipped.not_sent += 1;
+            }
+            (None, None, _) => {}
+        }
+        for text in fields.texts.iter().filter(|text| text.contains('$')) {
+            self.read_text(time_s, name, text);
+        }
+    }
+
+    fn absorb_position(&mut self, time_s: f64, name: &str, fields: &MessageFields) {
+        let places = [fields.latitude.zip(fields.longitude), fields.easting.zip(fields.northing)];
+        if fields.without_fix && places[0].is_some() {
+            self.parsed.skipped.without_position += 1;
+            return;
+        }
+        for (form, place) in places.into_iter().enumerate() {
+            let is_placed =
+                place.is_none_or(|place| self.add_position(time_s, (form, name), place, fields.depth).is_some());
+            self.count_garbled(!is_placed);
+        }
+    }
+
+    /// Everything that the bag told.
+    ///
+    /// # Errors
+    /// Where positions stand in several topics of one kind, several modems speak, or no topic is called as was asked.
+    pub(crate) fn finish(mut self) -> Result<ParsedFile, String> {
+        if !self.is_any_selected && !self.prefix.is_empty() {
+            return Err(format!("no topic (or channel) has a name that begins with {}", self.prefix));
+        }
+        self.modem.finish(Sink { recording: &mut self.parsed.recording, ids: self.ids }, &mut self.parsed.skipped);
+        for topics in &self.positions {
+            if topics.len() > 1 {
+                let names: Vec<&str> = topics.iter().map(String::as_str).collect();
+                return Err(format!(
+                    "positions stand in {}; expected one: NAME=FILE#TOPIC takes topics (or channels) whose names begin so",
+                    names.join(" and ")
+                ));
+            }
+        }
+        let ids: Vec<&str> = self.parsed.recording.modem_ids.iter().map(String::as_str).collect();
+        if ids.len() > 1 {
+            return Err(format!(
+                "modems {} speak in it; expected one: NAME=FILE#TOPIC takes topics (or channels) whose names begin so",
+                ids.join(" and ")
+            ));
+        }
+        self.parsed.recording.reported.extend((!self.reported.is_empty()).then_some(self.reported));
+        self.parsed.datum = self.navigation.datum();
+        self.parsed.recording.fixes = self.navigation.into_fixes();
+        Ok(self.parsed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FROM_2: &str = "$CARXD,2,1,0,1,AABB";
+    const FROM_3: &str = "$CARXD,3,1,0,1,CCDD";
+
+    /// What texts say, each at its time and in its topic.
+    fn parsed(prefix: &str, texts: &[(f64, &str, &str)]) -> Result<ParsedFile, String> {
+        let ids = ModemIds::default();
+        let mut bag = BagParser::new(&ids, prefix);
+        for (time_s, topic, text) in texts {
+            if bag.selects(topic) {
+                bag.read_text(*time_s, topic, text);
+            }
+        }
+        bag.finish()
+    }
+
+    fn arrivals(texts: &[(f64, &str, &str)]) -> usize {
+        parsed("", texts).unwrap().recording.arrivals.unwrap_or_default().len()
+    }
+
+    #[test]
+    fn what_two_topics_repeat_was_said_once() {
+        let twice = [(10.0, "/rx", FROM_2), (10.1, "/log", FROM_2)];
+        assert_eq!((arrivals(&twice[..1]), arrivals(&twice)), (1, 1));
+        // Said anew: in one topic, by another sender, later.
+        assert_eq!(arrivals(&[(10.0, "/rx", FROM_2), (11.0, "/rx", FROM_2)]), 2);
+        assert_eq!(arrivals(&[(10.0, "/rx", FROM_2), (10.1, "/log", FROM_3)]), 2);
+        assert_eq!(arrivals(&[(10.0, "/rx", FROM_2), (13.0, "/log", FROM_2)]), 2);
+        // Twice by the modem, and each time repeated.
+        let both = [(10.0, "/rx", FROM_2), (11.0, "/rx", FROM_2), (10.1, "/log", FROM_2), (11.1, "/log", FROM_2)];
+        assert_eq!(arrivals(&both), 2);
+    }
+
+    #[test]
+    fn a_bag_of_several_modems_or_without_the_topic_is_refused() {
+        let ids = [(1.0, "/a/rx", "$CACFG,SRC,1"), (1.0, "/b/rx", "$CACFG,SRC,2")];
+        let error = parsed("", &ids).err().unwrap();
+        assert!(error.contains("modems 1 and 2") && error.contains("NAME=FILE#TOPIC"), "{error}");
+        assert_eq!(parsed("/b/", &ids).unwrap().recording.modem_ids, ["2".to_owned()].into());
+        assert!(parsed("/c/", &ids).err().unwrap().contains("begins with /c/"));
+    }
+
+    #[test]
+    fn members_say_what_was_received_sent_and_where() {
+        let reported = parsed(
+            "",
+            &[
+                (1.0, "/m", r#"{"source":2,"dst":63}"#),
+                (2.0, "/m", r#"{"sent":true,"to":"auv2"}"#),
+                (3.0, "/m", r#"{"source":2,"frame":0,"frames":2}"#),
+                (4.0, "/m", r#"{"lat":41.5,"lon":-70.6}"#),
+                (5.0, "/m", r#"{"sent":7}"#),
+            ],
+        )
+        .unwrap();
+        let sent = reported.recording.sent.unwrap();
+        assert_eq!((sent.len(), sent[0].destination.as_ref().map(|to| to.as_str())), (1, Some("auv2")));
+        assert_eq!(
+            (reported.recording.reported.concat().len(), reported.recording.fixes.len(), reported.skipped.garbled),
+            (1, 1, 1)
+        );
+    }
+}

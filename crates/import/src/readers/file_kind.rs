@@ -1,0 +1,184 @@
+//! What a file is, by what is in it; of tables whose they are, by their names.
+
+use std::io::{self, Read};
+use std::path::Path;
+
+use pingmap_trial::Table;
+
+use crate::readers::bags::{mcap_file, sqlite};
+use crate::readers::columns::{RoleTable, TableKind};
+use crate::readers::file_owner::{HEARD_WORDS, SCHEDULE_WORDS, SENT_WORDS, words_of};
+use crate::readers::lcm::log;
+use crate::readers::lcm::types::LcmTypes;
+use crate::readers::modem::capture;
+use crate::readers::moos;
+use crate::readers::record_reader::RecordReader;
+
+/// So much of a file tells what it is.
+pub(crate) const HEAD_BYTES: u64 = 1 << 16;
+
+/// What a file of a known kind is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RecordKind {
+    /// A log of MOOS.
+    MoosLog,
+    /// A mission file of MOOS, for its datum.
+    MoosMission,
+    /// What a host and its Micro-Modem said, with the host's times.
+    ModemCapture,
+    /// Topics in an MCAP file.
+    Mcap,
+    /// A bag of ROS 2 in SQLite.
+    Sqlite,
+    /// A log of LCM.
+    Lcm,
+    /// Types of the messages in such.
+    LcmTypes,
+    /// A table of navigation, receptions or transmissions.
+    Table(TableKind),
+    /// Who is meant by modems' ids.
+    ModemIds,
+    /// Who may send when.
+    Schedule,
+    /// The same among other things that a team agreed on.
+    TeamFile,
+}
+
+impl RecordKind {
+    /// In a few words.
+    pub fn description(self) -> &'static str {
+        match self {
+            Self::MoosLog => "a log of MOOS",
+            Self::MoosMission => "a mission file of MOOS",
+            Self::ModemCapture => "what a Micro-Modem and its host said",
+            Self::Mcap => "a bag of ROS 2 (MCAP)",
+            Self::Sqlite => "a bag of ROS 2 (SQLite)",
+            Self::Lcm => "a log of LCM",
+            Self::LcmTypes => "types of LCM",
+            Self::Table(TableKind::Navigation) => "navigation",
+            Self::Table(TableKind::Receptions) => "receptions",
+            Self::Table(TableKind::Transmissions) => "transmissions",
+            Self::ModemIds => "who is meant by ids",
+            Self::Schedule => "who may send when",
+            Self::TeamFile => "a team file, with who may send when",
+        }
+    }
+}
+
+/// The beginning of a file.
+///
+/// # Errors
+/// Where it cannot be read.
+pub fn read_head(reader: impl Read) -> io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    reader.take(HEAD_BYTES).read_to_end(&mut head)?;
+    Ok(head)
+}
+
+impl RecordReader {
+    /// What a file is that begins so, and is called so; `None` for what is of no known kind. The name is asked where a table of times and
+    /// vehicles may be of receptions, of transmissions or a schedule as well.
+    pub fn kind_of(&self, head: &[u8], name: &Path) -> Option<RecordKind> {
+        if head.starts_with(mcap_file::MAGIC) {
+            return Some(RecordKind::Mcap);
+        } else if head.starts_with(sqlite::MAGIC) {
+            return Some(RecordKind::Sqlite);
+        } else if head.starts_with(log::MAGIC) {
+            return Some(RecordKind::Lcm);
+        }
+        let text = String::from_utf8_lossy(head);
+        if moos::is_alog(&text) {
+            Some(RecordKind::MoosLog)
+        } else if capture::is_capture(&text) {
+            Some(RecordKind::ModemCapture)
+        } else if LcmTypes::is_definition(&text) {
+            Some(RecordKind::LcmTypes)
+        } else if moos::datum_of_mission(&text).is_some() {
+            Some(RecordKind::MoosMission)
+        } else if let Some(agreed) = toml::from_str::<toml::Table>(&text).ok().filter(|file| file.contains_key("slots"))
+        {
+            let is_team = agreed.contains_key("model_file");
+            Some(if is_team { RecordKind::TeamFile } else { RecordKind::Schedule })
+        } else {
+            self.kind_of_table(head, name)
+        }
+    }
+
+    fn kind_of_table(&self, head: &[u8], name: &Path) -> Option<RecordKind> {
+        let table = Table::new(head, name, &[]).ok()?;
+        if table.has("id") && table.has("name") && table.header().len() == 2 {
+            return Some(RecordKind::ModemIds);
+        }
+        // What pingmap makes of such tables, or is asked about, is none of them; nor is what somebody put aside.
+        let is_of_links = LINK_COLUMNS.iter().any(|column| table.has(column));
+        let is_backup = name.to_str().is_some_and(|name| [".bak", ".orig", "~"].iter().any(|end| name.ends_with(end)));
+        if is_of_links || table.has("probability") || is_backup {
+            return None;
+        }
+        let named = |kind| RoleTable::new(head, name, kind, &self.columns).ok();
+        let has = |named: &Option<RoleTable>, roles: &[&str]| {
+            named.as_ref().is_some_and(|named| roles.iter().all(|role| named.has(role)))
+        };
+        let [nav, heard, sent] = [TableKind::Navigation, TableKind::Receptions, TableKind::Transmissions].map(named);
+        let is_of = |words: &[&str]| words_of(name).iter().any(|word| words.contains(&word.as_str()));
+        let has_position = has(&nav, &["latitude", "longitude"]) || has(&nav, &["easting", "northing"]);
+        if has_position {
+            let is_navigation = has(&nav, &["time"]) && !has(&heard, &["source"]);
+            return is_navigation.then_some(RecordKind::Table(TableKind::Navigation));
+        } else if has(&sent, &["time", "sent"]) || has(&sent, &["time"]) && is_of(SENT_WORDS) {
+            return Some(RecordKind::Table(TableKind::Transmissions));
+        } else if has(&heard, &["time", "source"]) {
+            let is_heard = is_of(HEARD_WORDS) || ["vehicle", "good", "frame"].iter().any(|role| has(&heard, &[role]));
+            let is_schedule = is_of(SCHEDULE_WORDS).then_some(RecordKind::Schedule);
+            return if is_heard { Some(RecordKind::Table(TableKind::Receptions)) } else { is_schedule };
+        }
+        has(&sent, &["time", "destination"]).then_some(RecordKind::Table(TableKind::Transmissions))
+    }
+}
+
+/// Only logs of events and links have places of both ends.
+const LINK_COLUMNS: [&str; 4] = ["tx_easting_m", "rx_easting_m", "tx_latitude_deg", "rx_latitude_deg"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kind(text: &str, name: &str) -> Option<RecordKind> {
+        RecordReader::default().kind_of(text.as_bytes(), Path::new(name))
+    }
+
+    #[test]
+    fn tables_are_known_by_their_columns_and_where_these_leave_it_open_by_their_names() {
+        let [nav, heard, sent] =
+            [TableKind::Navigation, TableKind::Receptions, TableKind::Transmissions].map(RecordKind::Table);
+        for (text, name, expected) in [
+            ("time,lat,lon\n1,2,3\n", "anything", Some(nav)),
+            ("# of a day\nTime;X;Y;depth\n", "rx.csv", Some(nav)),
+            ("time,source,good\n", "a.csv", Some(heard)),
+            ("time,src,receiver\n", "a.csv", Some(heard)),
+            ("time,source,destination\n", "auv1.heard.csv", Some(heard)),
+            ("time,source,destination\n", "auv1_TX.csv", Some(sent)),
+            ("time,destination\n", "a.csv", Some(sent)),
+            ("time\n1\n", "sent.csv", Some(sent)),
+            ("time_s,source\n", "turns.csv", Some(RecordKind::Schedule)),
+            ("start = 1\n[slots]\n", "a", Some(RecordKind::Schedule)),
+            ("name;id\n", "a", Some(RecordKind::ModemIds)),
+            // It could be either, or is neither.
+            ("time,source,destination\n", "auv1.csv", None),
+            ("time\n1\n", "a.csv", None),
+            ("name,lat,lon\n", "places.csv", None),
+            ("time,source,lat,lon\n", "heard.csv", None),
+            ("time_s,tx_id,rx_id,tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m,success\n", "rx.csv", None),
+            ("leg,time_s,easting_m,northing_m,probability\n", "nav.csv", None),
+            ("time_s,tx_id,rx_id,tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n", "heard.csv", None),
+            ("time_s,tx_id,rx_id,tx_latitude_deg,tx_longitude_deg\n", "links.csv", None),
+            ("time,source,good\n", "a.heard.csv~", None),
+            ("members = []\nmodel_file = 'm'\n[slots]\n", "team.toml", Some(RecordKind::TeamFile)),
+            ("    [slots]\nas in this text\n", "README.md", None),
+            ("Dear all, this is no table\n", "heard.txt", None),
+        ] {
+            assert_eq!(kind(text, name), expected, "{name}: {text}");
+        }
+    }
+}

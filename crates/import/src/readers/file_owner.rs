@@ -1,0 +1,123 @@
+//! The owner of a table, by the names of its file and folders.
+
+use std::path::{Component, Path};
+
+use pingmap_agent::VehicleId;
+
+use crate::readers::record_reader::RecordReader;
+
+impl RecordReader {
+    /// Whose a table is by its name, `auv1.nav.csv`, or by that of the folder or archive it lies in, `auv1/logs/nav.csv`: what is left without
+    /// the words for what it tells and for its day, or who is meant by that.
+    pub fn owner(&self, path: &Path) -> Option<VehicleId> {
+        let names = path.components().rev().filter_map(|part| match part {
+            Component::Normal(name) => name.to_str(),
+            _ => None,
+        });
+        let owner = names.map(bare).find(|name| !name.is_empty()).unwrap_or_default();
+        (!owner.is_empty()).then(|| self.ids.vehicle_of(owner).unwrap_or_else(|| VehicleId::new(owner)))
+    }
+}
+
+pub(crate) const HEARD_WORDS: &[&str] = &["heard", "rx", "receive", "received", "reception", "receptions", "arrivals"];
+pub(crate) const SENT_WORDS: &[&str] = &["sent", "tx", "transmit", "transmitted", "transmission", "transmissions"];
+pub(crate) const SCHEDULE_WORDS: &[&str] = &["schedule", "slots", "turns", "tdma"];
+const NAVIGATION_WORDS: &[&str] = &["nav", "navigation", "position", "positions", "track", "gps", "fixes"];
+const OTHER_WORDS: &[&str] = &[
+    "csv", "tsv", "txt", "dat", "gz", "zip", "tar", "tgz", "log", "logs", "modem", "acomms", "data", "table",
+    "messages", "copy", "(copy)",
+];
+
+/// What stands between the words of a name.
+fn is_between(c: char) -> bool {
+    matches!(c, '.' | '_' | '-' | ' ')
+}
+
+/// The words of a file's name, in small letters.
+pub(crate) fn words_of(path: &Path) -> Vec<String> {
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_lowercase();
+    name.split(is_between).map(str::to_owned).collect()
+}
+
+/// A name without the words at both ends that tell what is in a file, and without its day.
+fn bare(name: &str) -> &str {
+    let is_word = |word: &str| {
+        let word = word.to_lowercase();
+        let all = [HEARD_WORDS, SENT_WORDS, SCHEDULE_WORDS, NAVIGATION_WORDS, OTHER_WORDS];
+        all.iter().any(|words| words.contains(&word.as_str()))
+    };
+    let all: Vec<&str> = name.split(is_between).filter(|word| !word.is_empty()).collect();
+    let mut words = all.as_slice();
+    while let (Some(first), Some(last)) = (words.first(), words.last()) {
+        if is_word(first) {
+            words = &words[1..];
+        } else if is_word(last) {
+            words = &words[..words.len() - 1];
+        } else if day(words) > 0 {
+            words = &words[day(words)..];
+        } else if let Some(at) = (0..words.len()).find(|&at| at + day(&words[at..]) == words.len()) {
+            words = &words[..at];
+        } else {
+            // Words are parts of the name: from the first to the end of the last.
+            let at = |word: &str| word.as_ptr() as usize - name.as_ptr() as usize;
+            return &name[at(first)..at(last) + last.len()];
+        }
+    }
+    ""
+}
+
+/// How many words at the beginning are a day, and the hour behind it: `20260503`, `20260503T120000Z`, `2026 05 03`, `2026 05 03T12 00 00`. Other
+/// numbers are those of vehicles.
+fn day(words: &[&str]) -> usize {
+    let digits = |word: &str, lengths: &[usize]| {
+        let plain: String = word.chars().filter(|letter| !matches!(letter, 'T' | 'Z')).collect();
+        lengths.contains(&plain.len()) && plain.bytes().all(|byte| byte.is_ascii_digit())
+    };
+    let is = |at: usize, lengths: &[usize]| words.get(at).is_some_and(|word| digits(word, lengths));
+    let is_year = words.first().is_some_and(|word| word.starts_with("19") || word.starts_with("20"));
+    let of_day = match () {
+        () if is_year && is(0, &[8, 12, 14]) => 1,
+        () if is_year && is(0, &[4]) && is(1, &[2]) && is(2, &[2, 4]) => 3,
+        () => return 0,
+    };
+    match () {
+        () if is(of_day, &[4, 6]) => of_day + 1,
+        () if is(of_day, &[2]) && is(of_day + 1, &[2]) => of_day + 2 + usize::from(is(of_day + 2, &[2])),
+        () => of_day,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::modem_ids::ModemIds;
+
+    #[test]
+    fn a_table_is_of_whom_it_is_named_after() {
+        let reading = RecordReader {
+            ids: ModemIds::read("id,name\n3,carol\n".as_bytes(), Path::new("ids")).unwrap(),
+            ..RecordReader::default()
+        };
+        let owner = |path: &str| reading.owner(Path::new(path)).map(|name| name.to_string());
+        for (path, expected) in [
+            ("mission/auv1.nav.csv", "auv1"),
+            ("rx_auv1.csv", "auv1"),
+            ("iver-3_42-heard.csv", "iver-3_42"),
+            ("auv1/nav.csv", "auv1"),
+            ("auv1/2026-05-03_navigation.csv", "auv1"),
+            ("auv1_2026-05-03_nav.csv", "auv1"),
+            ("auv_2_20260503T120000Z.sent.csv", "auv_2"),
+            ("3.heard.csv", "carol"),
+            ("iver3-3011.nav.csv", "iver3-3011"),
+            ("20260503_1.nav.csv", "1"),
+            ("auv1_2026-05-03T12-00-00.nav.csv", "auv1"),
+            ("auv1_20260503_120000_rx.csv", "auv1"),
+            ("auv1/logs/nav.csv", "auv1"),
+            ("auv1/nav.csv.gz/nav.csv", "auv1"),
+            ("auv1.zip/2026-05-03/nav.csv", "auv1"),
+        ] {
+            assert_eq!(owner(path).as_deref(), Some(expected), "{path}");
+        }
+        assert_eq!(owner("nav.csv"), None);
+    }
+}

@@ -1,0 +1,98 @@
+//! Captures of what a host and its modem say to each other, a time in front of each sentence.
+
+use std::io::{self, BufRead};
+
+use crate::model::modem_ids::ModemIds;
+use crate::model::parsed_file::ParsedFile;
+use crate::model::time::parse_time;
+use crate::readers::lines::Lines;
+use crate::readers::modem::micromodem::Micromodem;
+use crate::readers::modem::nmea::Sentence;
+use crate::readers::sink::Sink;
+
+/// Reads a capture. Lines without a sentence, or without a time, are counted and left out. O(lines), one at a time.
+pub(crate) fn read(reader: impl BufRead, ids: &ModemIds) -> io::Result<ParsedFile> {
+    let (mut lines, mut modem, mut parsed) = (Lines::new(reader), Micromodem::default(), ParsedFile::default());
+    while let Some(line) = lines.next()? {
+        let Some((front, _)) = line.split_once('$') else { continue };
+        match (time_before(front), Sentence::parse(line)) {
+            (Some(time_s), Some(sentence)) if sentence.name.starts_with("GP") || sentence.name.starts_with("GN") => {
+                parsed.recording.clock_syncs.extend(has_fix(&sentence).map(|has_fix| (time_s, has_fix)));
+            }
+            (Some(time_s), Some(sentence)) => {
+                modem.absorb(time_s, &sentence, Sink { recording: &mut parsed.recording, ids });
+            }
+            _ => parsed.skipped.garbled += 1,
+        }
+    }
+    modem.finish(Sink { recording: &mut parsed.recording, ids }, &mut parsed.skipped);
+    Ok(parsed)
+}
+
+/// Whether a receiver of satellites has a fix, where it says so: a host that listens to it has its clock set then.
+fn has_fix(sentence: &Sentence) -> Option<bool> {
+    match sentence.name.get(2..)? {
+        "RMC" => Some(sentence.field(1) == "A"),
+        "GGA" => Some(!matches!(sentence.field(5), "" | "0")),
+        _ => None,
+    }
+}
+
+/// The time in front of a sentence: `1777809600.25`, `[2026-05-03T12:00:00Z]`, `2026-05-03 12:00:00Z,RX,`, whatever stands behind it.
+pub(crate) fn time_before(front: &str) -> Option<f64> {
+    let front = front.trim_start_matches([' ', '\t', '[', '(', '"']);
+    let is_end = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | ']' | ')' | '"' | '<' | '>' | '|');
+    let (first, rest) = front.split_at(front.find(is_end).unwrap_or(front.len()));
+    let second = || {
+        let rest = rest.strip_prefix(' ')?;
+        let (time, rest) = rest.split_at(rest.find(is_end).unwrap_or(rest.len()));
+        parse_with_fraction(&format!("{first}T{time}"), rest)
+    };
+    // A date alone is midnight, and no time of a sentence.
+    second().or_else(|| parse_with_fraction(first, rest)).or_else(|| parse_time(first.trim_end_matches(':')))
+}
+
+/// A time, and what of a second stands behind a comma: three or six digits that are no field of their own.
+fn parse_with_fraction(time: &str, behind: &str) -> Option<f64> {
+    let fraction = behind.strip_prefix(',').unwrap_or("");
+    let (fraction, rest) = fraction.split_at(fraction.find(|c: char| !c.is_ascii_digit()).unwrap_or(fraction.len()));
+    let is_fraction =
+        matches!(fraction.len(), 3 | 6) && time.contains('T') && !time.contains('.') && !rest.starts_with([',', ';']);
+    let whole = is_fraction.then(|| parse_time(&format!("{time}.{fraction}"))).flatten();
+    whole.or_else(|| parse_time(time))
+}
+
+/// Whether the beginning of a file is one of a capture: a line of it holds a sentence of a modem after a time.
+pub(crate) fn is_capture(head: &str) -> bool {
+    head.lines().any(|line| {
+        let sentence = Sentence::parse(line).filter(|sentence| matches!(sentence.name.get(..2), Some("CA" | "CC")));
+        sentence.is_some() && line.split_once('$').is_some_and(|(front, _)| time_before(front).is_some())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_stand_in_front_in_many_ways() {
+        for front in [
+            "1777809600.25 ",
+            "[1777809600.25] ",
+            "2026-05-03T12:00:00.25Z\t",
+            "2026-05-03T12:00:00.25Z\tINFO\tmodem\t",
+            "2026-05-03 12:00:00.25Z,RX,",
+            "\"2026-05-03T12:00:00.25\",\"",
+            "1777809600.25: ",
+            "1777809600.25 < ",
+            "2026-05-03 12:00:00,250 INFO ",
+            "2026-05-03T12:00:00,250 ",
+        ] {
+            assert_eq!(time_before(front), Some(1_777_809_600.25), "{front:?}");
+        }
+        assert_eq!(time_before("2026-05-03 12:00:00,1,"), time_before("2026-05-03 12:00:00 "));
+        for front in ["", "RX ", "12:00:00 ", "[", "\u{fffd}"] {
+            assert_eq!(time_before(front), None, "{front:?}");
+        }
+    }
+}

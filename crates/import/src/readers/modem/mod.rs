@@ -1,0 +1,6 @@
+//! The output of acoustic modems: NMEA sentences of the WHOI Micro-Modem, and transmissions in Goby's text format.
+
+pub(crate) mod nmea;
+pub(crate) mod micromodem;
+pub(crate) mod goby;
+pub(crate) mod capture;

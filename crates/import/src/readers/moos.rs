@@ -1,0 +1,221 @@
+//! Logs of MOOS (`.alog`): rows of a time, a variable, who wrote it, and a value.
+
+use std::io::{self, BufRead};
+
+use pingmap_agent::{Geographic, VehicleId};
+
+use crate::model::modem_ids::ModemIds;
+use crate::model::parsed_file::{ParsedFile, SkipCounts};
+use crate::model::recording::Recording;
+use crate::readers::lines::Lines;
+use crate::readers::modem::goby::ModemTransmission;
+use crate::readers::modem::micromodem::Micromodem;
+use crate::readers::modem::nmea::Sentence;
+use crate::readers::navigation::Navigation;
+use crate::readers::sink::Sink;
+
+/// What stands before the names of all variables of the modem, where nobody says otherwise.
+pub const MOOS_PREFIX: &str = "ACOMMS_";
+
+/// Times that lie no longer before the start of the log than this are of the day, others count from its start.
+const BEFORE_START_S: f64 = 1000.0;
+
+/// Times beyond this are of the day even in a log that does not say when it started.
+const OF_THE_DAY_S: f64 = 1e8;
+
+/// Whether the beginning of a file is one of such a log.
+pub(crate) fn is_alog(head: &str) -> bool {
+    let mut lines = head.lines().filter(|line| !line.trim().is_empty());
+    let first = lines.next().unwrap_or("");
+    first.starts_with("%%") && head.lines().any(|line| line.contains("LOGSTART") || line.contains("LOG FILE"))
+}
+
+/// The datum of a mission file: what its lines `LatOrigin = …` and `LongOrigin = …` say, if they do.
+pub(crate) fn datum_of_mission(head: &str) -> Option<Geographic> {
+    let value = |key: &str| {
+        let of_key = |line: &str| {
+            let (name, value) = line.split("//").next()?.split_once('=')?;
+            name.trim().eq_ignore_ascii_case(key).then(|| value.trim().parse::<f64>().ok())?
+        };
+        head.lines().find_map(of_key)
+    };
+    Geographic::new(value("LatOrigin")?, value("LongOrigin")?)
+}
+
+/// Reads a log whose modem's variables begin with a prefix. Rows that are none are counted and left out. O(rows), one at a time; holds a
+/// position a fifth of a second apart at most, and what was sent and received.
+///
+/// # Errors
+/// What is no row's fault: a file that cannot be read, or (as text) one that does not say when it started.
+pub(crate) fn read(reader: impl BufRead, ids: &ModemIds, prefix: &str) -> io::Result<Result<ParsedFile, String>> {
+    let mut lines = Lines::new(reader);
+    let mut log = AlogParser { prefix: prefix.to_owned(), ..AlogParser::default() };
+    while let Some(line) = lines.next()? {
+        if let Some(remark) = line.strip_prefix("%%") {
+            log.absorb_header(remark);
+        } else if let Some((time_s, variable, value)) = split_row(line) {
+            let Some(time_s) = log.time_s(time_s) else {
+                return Ok(Err(format!(
+                    "line {}: a time of {time_s} s from the start of the log, and no line says when that was; expected %% LOGSTART and seconds",
+                    lines.number
+                )));
+            };
+            log.absorb(time_s, variable, value, ids);
+        } else if !line.trim().is_empty() {
+            log.garbled += 1;
+        }
+    }
+    Ok(Ok(log.finish(ids)))
+}
+
+/// A row: a time, a variable, who wrote it (left out here), and all the rest.
+fn split_row(line: &str) -> Option<(f64, &str, &str)> {
+    let (time, rest) = split_word(line.trim_start())?;
+    let (variable, rest) = split_word(rest)?;
+    let (_, value) = split_word(rest).unwrap_or((rest, ""));
+    let time_s = time.parse::<f64>().ok().filter(|time_s| time_s.abs() < 1e11)?;
+    Some((time_s, variable, value.trim_end()))
+}
+
+/// The first word, and what comes behind it.
+fn split_word(text: &str) -> Option<(&str, &str)> {
+    let end = text.find(char::is_whitespace)?;
+    Some((&text[..end], text[end..].trim_start()))
+}
+
+#[derive(Default)]
+struct AlogParser {
+    prefix: String,
+    start_s: Option<f64>,
+    /// Whether values say what type they are of.
+    is_marked: bool,
+    name: Option<VehicleId>,
+    navigation: Navigation,
+    node_reports: Navigation,
+    modem: Micromodem,
+    /// What the modem said itself, and what its host made of it.
+    recording: Recording,
+    host_recording: Recording,
+    garbled: usize,
+}
+
+impl AlogParser {
+    fn absorb_header(&mut self, remark: &str) {
+        let mut words = remark.split_whitespace();
+        match words.next() {
+            Some("LOGSTART") => self.start_s = words.next().and_then(|word| word.parse().ok()).or(self.start_s),
+            Some("DATATYPE") => self.is_marked = words.next() == Some("MARKING") && words.next() == Some("ON"),
+            _ => {}
+        }
+    }
+
+    /// A time of the day.
+    fn time_s(&self, time_s: f64) -> Option<f64> {
+        match self.start_s {
+            Some(start_s) if time_s + BEFORE_START_S > start_s => Some(time_s),
+            Some(start_s) => Some(start_s + time_s),
+            None => (time_s > OF_THE_DAY_S).then_some(time_s),
+        }
+    }
+
+    fn absorb(&mut self, time_s: f64, variable: &str, value: &str, ids: &ModemIds) {
+        let is_marked = self.is_marked && value.as_bytes().get(1) == Some(&b':');
+        let value = if is_marked { &value[2..] } else { value };
+        if let Some(name) = variable.strip_prefix("NAV_") {
+            self.garbled += usize::from(!self.navigation.absorb_coordinate(time_s, name, value));
+        } else if variable == "NODE_REPORT_LOCAL" {
+            self.absorb_node_report(time_s, value);
+        } else if let Some(name) = variable.strip_prefix(self.prefix.as_str()) {
+            match name {
+                "NMEA_IN" | "NMEA_OUT" => match Sentence::parse(value) {
+                    Some(sentence) => {
+                        self.modem.absorb(time_s, &sentence, Sink { recording: &mut self.recording, ids });
+                    }
+                    None => self.garbled += 1,
+                },
+                "MODEM_RECEIVE" | "MODEM_TRANSMIT" => {
+                    self.host_recording.arrivals.get_or_insert_default();
+                    self.host_recording.sent.get_or_insert_default();
+                    let (transmission, mut sink) =
+                        (ModemTransmission::parse(value), Sink { recording: &mut self.host_recording, ids });
+                    if name == "MODEM_RECEIVE" {
+                        transmission.record_reception(time_s, &mut sink);
+                    } else {
+                        transmission.record_transmission(time_s, &mut sink);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// What the vehicle says of itself: who it is, and where.
+    fn absorb_node_report(&mut self, time_s: f64, value: &str) {
+        for (key, value) in value.split(',').filter_map(|part| part.split_once('=')) {
+            let name = match key.trim() {
+                "NAME" => {
+                    self.name = Some(VehicleId::new(value.trim()));
+                    continue;
+                }
+                "DEP" => "DEPTH",
+                "LON" => "LONG",
+                key => key,
+            };
+            self.node_reports.absorb_coordinate(time_s, name, value.trim());
+        }
+    }
+
+    fn finish(mut self, ids: &ModemIds) -> ParsedFile {
+        let mut skipped = SkipCounts { garbled: self.garbled, ..SkipCounts::default() };
+        self.modem.finish(Sink { recording: &mut self.recording, ids }, &mut skipped);
+        // Where the modem's own words are there its host's would only say them again.
+        let mut recording = if self.modem.has_sentences { self.recording } else { self.host_recording };
+        let navigation = if self.navigation.is_empty() { self.node_reports } else { self.navigation };
+        let datum = navigation.datum();
+        recording.fixes = navigation.into_fixes();
+        ParsedFile { recording, name: self.name, datum, skipped }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::reference::Place;
+
+    fn parse(text: &str) -> Result<ParsedFile, String> {
+        read(text.as_bytes(), &ModemIds::default(), MOOS_PREFIX).unwrap()
+    }
+
+    #[test]
+    fn times_are_of_the_day_or_from_the_start() {
+        let first_s = |text: &str| parse(text).unwrap().recording.fixes[0].time_s;
+        let rows = |times: [&str; 2]| format!("{} NAV_X p 1\n{} NAV_Y p 2\n", times[0], times[1]);
+        let header = "%%%%\n%% LOG FILE: a.alog\n%% LOGSTART  1777809600.5\n%%%%\n";
+        assert_eq!(first_s(&format!("{header}{}", rows(["-2.5", "-2.25"]))), 1_777_809_598.25);
+        assert_eq!(first_s(&format!("{header}{}", rows(["1777809610", "1777809610"]))), 1_777_809_610.0);
+        assert_eq!(first_s(&rows(["1777809610", "1777809610"])), 1_777_809_610.0);
+        let error = parse(&rows(["3", "4"])).unwrap_err();
+        assert!(error.contains("line 1") && error.contains("LOGSTART"), "{error}");
+    }
+
+    #[test]
+    fn values_may_say_their_type_and_others_reports_are_not_received() {
+        let text = "%% LOGSTART 1777809600\n%% DATATYPE MARKING ON\n\
+            1.0 NAV_X pNav:x D:10.5\n1.0 NAV_Y pNav D:-4\n1.0 NAV_DEPTH pNav D:7\n\
+            2.0 NODE_REPORT_LOCAL pNode S:NAME=ada,X=1,Y=2,LAT=41.5,LON=-70.6\n\
+            2.5 NODE_REPORT uF S:NAME=bob,X=9,Y=9\nnot a row\n";
+        let parsed = parse(text).unwrap();
+        assert_eq!(parsed.name, Some(VehicleId::new("ada")));
+        let fix = parsed.recording.fixes[0];
+        assert_eq!((fix.place, fix.depth_m), (Place::Metres(10.5, -4.0), None));
+        assert_eq!((parsed.recording.fixes.len(), parsed.skipped.garbled), (1, 1));
+        assert!(parsed.recording.arrivals.is_none() && parsed.recording.sent.is_none());
+    }
+
+    #[test]
+    fn the_datum_of_a_mission_is_what_its_lines_say() {
+        let text = "ServerHost = localhost\nLatOrigin  = 43.8253 // the bay\nlongorigin = -70.3304\n";
+        assert_eq!(datum_of_mission(text), Some(Geographic { latitude_deg: 43.8253, longitude_deg: -70.3304 }));
+        assert_eq!(datum_of_mission("LatOrigin = 43"), None);
+    }
+}

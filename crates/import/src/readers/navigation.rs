@@ -1,0 +1,175 @@
+//! Positions put together from coordinates that are written one by one.
+
+use pingmap_agent::{Geographic, bounds};
+
+use crate::model::recording::Fix;
+use crate::model::reference::{Place, Reference};
+
+/// Coordinates of one position are written no farther apart than this, in seconds.
+const PAIR_S: f64 = 0.5;
+
+/// Both forms of one position are written no farther apart than this, in seconds.
+const BOTH_FORMS_S: f64 = 0.05;
+
+/// Positions closer to each other than this in time say no more than one, in seconds.
+const FIX_INTERVAL_S_MIN: f64 = 1.0;
+
+/// A depth holds for so long, in seconds.
+const DEPTH_S_MAX: f64 = 30.0;
+
+/// One coordinate of a pair, and when it was written.
+type TimedValue = Option<(f64, f64)>;
+
+/// What is known of where a vehicle was.
+#[derive(Debug, Default)]
+pub(crate) struct Navigation {
+    /// Latitude and longitude; east and north.
+    degrees: [TimedValue; 2],
+    metres: [TimedValue; 2],
+    depth: TimedValue,
+    in_degrees: Vec<Fix>,
+    in_metres: Vec<Fix>,
+    /// The latest place in each form, and when that was.
+    latest_degrees: Option<(f64, Geographic)>,
+    latest_metres: Option<(f64, (f64, f64))>,
+    /// The place nearest to (0, 0) that was written in both forms.
+    datum_pair: Option<(Geographic, (f64, f64))>,
+}
+
+impl Navigation {
+    /// Takes in a coordinate by what MOOS calls it; false where its value is none. Other names are not asked for.
+    pub(crate) fn absorb_coordinate(&mut self, time_s: f64, name: &str, value: &str) -> bool {
+        let (in_degrees_form, place) = match name {
+            "LAT" => (true, 0),
+            "LONG" | "LON" => (true, 1),
+            "X" => (false, 0),
+            "Y" => (false, 1),
+            "DEPTH" => (false, 2),
+            _ => return true,
+        };
+        let Some(value) = value.parse::<f64>().ok().and_then(|value| bounds::COORDINATE_M.check(value)) else {
+            return false;
+        };
+        if place == 2 {
+            self.depth = Some((time_s, value));
+            return true;
+        }
+        let pair = if in_degrees_form { &mut self.degrees } else { &mut self.metres };
+        pair[place] = Some((time_s, value));
+        let together = |pair: [TimedValue; 2]| {
+            let (first, second) = pair[0].zip(pair[1])?;
+            ((first.0 - second.0).abs() <= PAIR_S).then_some((first.1, second.1))
+        };
+        let Some((first, second)) = together(*pair) else { return true };
+        *pair = [None; 2];
+        if in_degrees_form {
+            return self.add_degrees(time_s, (first, second), None);
+        }
+        self.add_metres(time_s, (first, second), None)
+    }
+
+    /// Takes in a position; false where it is none.
+    pub(crate) fn add_degrees(&mut self, time_s: f64, place: (f64, f64), depth_m: Option<f64>) -> bool {
+        let Some(place) = Geographic::new(place.0, place.1) else { return false };
+        let is_bounded = |value: &f64| bounds::COORDINATE_M.check(*value).is_some();
+        self.add_fix(time_s, Place::Degrees(place), depth_m.filter(is_bounded));
+        true
+    }
+
+    /// Takes in a position; false where it is none.
+    pub(crate) fn add_metres(&mut self, time_s: f64, (x_m, y_m): (f64, f64), depth_m: Option<f64>) -> bool {
+        let is_bounded = |value: f64| bounds::COORDINATE_M.check(value).is_some();
+        if !is_bounded(x_m) || !is_bounded(y_m) {
+            return false;
+        }
+        self.add_fix(time_s, Place::Metres(x_m, y_m), depth_m.filter(|depth_m| is_bounded(*depth_m)));
+        true
+    }
+
+    /// Takes in a position; its depth is the latest, if it has none itself.
+    fn add_fix(&mut self, time_s: f64, place: Place, depth_m: Option<f64>) {
+        self.depth = depth_m.map(|depth_m| (time_s, depth_m)).or(self.depth);
+        let depth_m = self.depth.filter(|depth| time_s - depth.0 <= DEPTH_S_MAX).map(|depth| depth.1);
+        match place {
+            Place::Degrees(degrees) => self.latest_degrees = Some((time_s, degrees)),
+            Place::Metres(east_m, north_m) => self.latest_metres = Some((time_s, (east_m, north_m))),
+        }
+        if let Some(((degrees_s, degrees), (metres_s, metres))) = self.latest_degrees.zip(self.latest_metres) {
+            let is_nearer = self
+                .datum_pair
+                .is_none_or(|(_, datum_pair)| metres.0.hypot(metres.1) < datum_pair.0.hypot(datum_pair.1));
+            if is_nearer && (degrees_s - metres_s).abs() <= BOTH_FORMS_S {
+                self.datum_pair = Some((degrees, metres));
+            }
+        }
+        let fixes = if matches!(place, Place::Degrees(_)) { &mut self.in_degrees } else { &mut self.in_metres };
+        if fixes.last().is_none_or(|last| !(0.0..FIX_INTERVAL_S_MIN).contains(&(time_s - last.time_s))) {
+            fixes.push(Fix { time_s, place, depth_m });
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.in_degrees.is_empty() && self.in_metres.is_empty()
+    }
+
+    /// Where (0, 0) of the metres is, by the place nearest to it that was written in both forms; from there it is right to a share
+    /// of the distance that the projection of whoever wrote them differs by.
+    pub(crate) fn datum(&self) -> Option<Geographic> {
+        let (place, (east_m, north_m)) = self.datum_pair?;
+        let mut datum = place;
+        for _ in 0..4 {
+            let (x_m, y_m) = Reference::about(datum).ok()?.metres(Place::Degrees(place))?;
+            // A degree of latitude, near enough: what is left over shrinks with every round.
+            let metres_a_degree = 111_200.0;
+            datum = Geographic::new(
+                datum.latitude_deg + (y_m - north_m) / metres_a_degree,
+                datum.longitude_deg
+                    + (x_m - east_m) / (metres_a_degree * datum.latitude_deg.to_radians().cos().max(0.01)),
+            )?;
+        }
+        // To a tenth of a metre, which brings back what somebody wrote in a mission file.
+        let rounded = |degrees: f64| (degrees * 1e6).round() / 1e6;
+        Geographic::new(rounded(datum.latitude_deg), rounded(datum.longitude_deg))
+    }
+
+    /// The positions: in degrees, or in metres where there are more than twice as many of these (satellites are seen at the surface alone).
+    pub(crate) fn into_fixes(self) -> Vec<Fix> {
+        if self.in_metres.len() > 2 * self.in_degrees.len() { self.in_metres } else { self.in_degrees }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_are_put_together_and_tell_the_datum() {
+        let origin = Geographic::new(43.8253, -70.3304).unwrap();
+        let reference = Reference::about(origin).unwrap();
+        let mut navigation = Navigation::default();
+        for n in 0..100 {
+            let (time_s, east_m) = (0.1 * f64::from(n), 10.0 * f64::from(n) - 600.0);
+            let place = reference.geographic(east_m, 300.0).unwrap();
+            for (name, value) in
+                [("X", east_m), ("Y", 300.0), ("LAT", place.latitude_deg), ("LONG", place.longitude_deg)]
+            {
+                assert!(navigation.absorb_coordinate(time_s, name, &value.to_string()));
+            }
+            assert!(
+                navigation.absorb_coordinate(time_s, "DEPTH", "12")
+                    && navigation.absorb_coordinate(time_s, "SPEED", "fast")
+            );
+        }
+        let datum = navigation.datum().unwrap();
+        let off_m = reference.metres(Place::Degrees(datum)).unwrap();
+        assert!(off_m.0.hypot(off_m.1) < 0.001, "{off_m:?}");
+        assert!(!navigation.absorb_coordinate(11.0, "X", "nan") && !navigation.absorb_coordinate(11.0, "LAT", "here"));
+        let fixes = navigation.into_fixes();
+        assert!((9..=11).contains(&fixes.len()) && fixes[1].depth_m == Some(12.0), "{}", fixes.len());
+        // What is too far apart is no position.
+        let mut navigation = Navigation::default();
+        navigation.absorb_coordinate(0.0, "X", "1");
+        navigation.absorb_coordinate(0.9, "Y", "1");
+        assert!(navigation.is_empty());
+    }
+}

@@ -1,0 +1,89 @@
+//! Places in order, as planners write them: waypoints, and where something may stand.
+
+use std::io::Read;
+use std::path::Path;
+
+use pingmap_agent::bounds;
+
+use crate::model::error::ImportError;
+use crate::model::reference::Place;
+use crate::model::time::{TIME, parse_time};
+use crate::readers::columns::{Columns, RoleTable, TableKind};
+use crate::readers::table::{read_position, require_position};
+use pingmap_trial::Problem;
+
+/// A place of a list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Waypoint {
+    /// What it is called, if the list says so.
+    pub name: Option<String>,
+    /// When it will be reached, if the list says so.
+    pub time_s: Option<f64>,
+    /// Where it is.
+    pub place: Place,
+    /// How deep, if the list says so.
+    pub depth_m: Option<f64>,
+}
+
+/// Reads a list of places: a table whose columns are called as those of navigation, of which only the place is required. A column `name`
+/// says what each is called.
+///
+/// # Errors
+/// [`ImportError`] with file, line, column, value and what was expected; for a list without a place, too.
+pub fn read_waypoints(reader: impl Read, path: &Path) -> Result<Vec<Waypoint>, ImportError> {
+    let mut row = RoleTable::new(reader, path, TableKind::Navigation, &Columns::default())?;
+    require_position(&row)?;
+    let mut waypoints = Vec::new();
+    while row.table.next()? {
+        let placed = read_position(&row)?;
+        let in_degrees = row.has("latitude");
+        let (place, depth_m) =
+            placed.ok_or_else(|| row.bad(if in_degrees { "latitude" } else { "easting" }, "a place"))?;
+        if let Place::Metres(east_m, north_m) = place {
+            for (role, number) in [("easting", east_m), ("northing", north_m)] {
+                bounds::COORDINATE_M.check(number).ok_or_else(|| row.bad(role, bounds::COORDINATE_M.words))?;
+            }
+        }
+        let name = Some(row.text("vehicle")).filter(|name| !name.is_empty()).map(str::to_owned);
+        let time = Some(row.text("time")).filter(|text| !text.is_empty());
+        let time_s = time.map(|text| parse_time(text).ok_or_else(|| row.bad("time", TIME))).transpose()?;
+        waypoints.push(Waypoint { name, time_s, place, depth_m });
+    }
+    match waypoints.is_empty() {
+        true => Err(row.table.error(Problem::Empty { what: "places" }).into()),
+        false => Ok(waypoints),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Vec<Waypoint>, String> {
+        read_waypoints(text.as_bytes(), Path::new("places.csv")).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn places_are_read_by_the_names_of_navigation() {
+        let found = read("name,lat,lon,depth\nbuoy,41.5,-70.5,3\n,41.6,-70.5,\n").unwrap();
+        assert_eq!((found[0].name.as_deref(), found[0].depth_m, found[0].time_s), (Some("buoy"), Some(3.0), None));
+        assert_eq!((found.len(), &found[1].name, found[1].depth_m), (2, &None, None));
+        let found = read("t;x;y\n2026-05-03T12:00:00Z;1;2\n").unwrap();
+        assert_eq!((found[0].place, found[0].time_s), (Place::Metres(1.0, 2.0), Some(1_777_809_600.0)));
+    }
+
+    #[test]
+    fn what_is_no_place_is_refused_with_its_line() {
+        for (text, said) in [
+            ("x,y\n", "no places"),
+            ("x\n1\n", "northing_m"),
+            ("x,y\n1,2\n1,\n", "line 3"),
+            ("x,y\n1,1e12\n", "1e12"),
+            ("lat,lon\n91,0\n", "91"),
+            ("x,y,time_s\n1,2,noon\n", "noon"),
+        ] {
+            let error = read(text).unwrap_err();
+            assert!(error.contains(said), "{text}: {error}");
+        }
+    }
+}
