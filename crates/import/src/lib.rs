@@ -5,7 +5,7 @@
 //! aligns the clocks and assigns receptions to transmissions. The result lists every transmission with each receiver that could have
 //! decoded it: both positions, and whether it was decoded.
 //!
-//! Such a log serves to estimate the probability that a message, *once transmitted*, is decoded by a *listening* receiver. A transmission
+//! The log serves to estimate the probability that a message, *once transmitted*, is decoded by a *listening* receiver. A transmission
 //! counts only with evidence that it took place ([`TransmissionEvidence`]). It counts only for receivers that were listening. Every exclusion
 //! criterion ([`ExclusionReason`]) is independent of the outcome, so that it removes successes and misses in equal proportion.
 //!

@@ -17,10 +17,10 @@ pub(crate) type MatchTable = BTreeMap<(usize, usize), Matches>;
 /// Transmissions with the time at which one receiver should record them, in the order of that time.
 type Timeline = Vec<(f64, usize)>;
 
-/// An unmatched message makes the nearest open transmission ambiguous if it lies within so many seconds.
+/// Largest distance, in seconds, at which an unmatched message makes the nearest open transmission ambiguous.
 const AMBIGUITY_S: f64 = 10.0;
 
-/// A broken packet within so many seconds of a transmission belongs to it, for example as the cycle before its data.
+/// Largest distance, in seconds, at which a broken packet belongs to a transmission, for example as the cycle before its data.
 const CYCLE_S: f64 = 5.0;
 
 /// Matches the messages that all receivers have of all senders.

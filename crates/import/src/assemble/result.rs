@@ -117,7 +117,7 @@ pub struct LeftOutCounts {
 pub struct ClockEstimate {
     /// The vehicle that has the clock.
     pub vehicle: VehicleId,
-    /// Whether the offsets of the other clocks refer to this one.
+    /// Whether this is the reference of all offsets.
     pub is_reference: bool,
     /// Offsets between the times at which the clock was set; empty if the offset is unknown.
     pub segments: Vec<ClockSegment>,

@@ -19,7 +19,7 @@ pub struct Rules {
     pub nav_gap_s_max: f64,
     /// Duration of a message, in seconds. A vehicle cannot receive for that long before and after its own transmission.
     pub message_s: f64,
-    /// Two arrivals from one sender within so many seconds are duplicates of one arrival.
+    /// Largest time between two duplicates of one arrival, in seconds.
     pub duplicate_s: f64,
     /// The vehicles that transmit in every slot of their schedule.
     pub slot_use: SlotUse,

@@ -47,8 +47,8 @@ fn check_vehicle(fleet: &Fleet, vehicle: &Vehicle) -> Result<(), ImportError> {
     if times.peek().is_some() && !times.any(|time_s| from_s - margin_s <= time_s && time_s <= to_s + margin_s) {
         let [from, to] = [from_s, to_s].map(time_in_words);
         return fail(format!(
-            "{name}: its navigation is from {from} to {to}, but none of its receptions and transmissions is; expected the same kind of \
-             times in both"
+            "{name}: its navigation is from {from} to {to}, but none of its receptions and transmissions is; expected times of one \
+             kind in both"
         ));
     }
     Ok(())

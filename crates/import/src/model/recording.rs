@@ -10,7 +10,7 @@ use crate::model::reference::Place;
 /// The recordings of all vehicles.
 pub type Recordings = BTreeMap<VehicleId, Recording>;
 
-/// Everything that one vehicle recorded. Lists have any order. All times are by its own clock, in seconds.
+/// The records of one vehicle. Its lists have any order. All times are by its own clock, in seconds.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Recording {
     /// Positions.
@@ -19,7 +19,7 @@ pub struct Recording {
     pub fixed: Option<Fix>,
     /// Transmissions by the vehicle's own record; `None` if no such record exists.
     pub sent: Option<Vec<SentMessage>>,
-    /// Receptions; `None` if no such record exists. Such a vehicle is no receiver.
+    /// Receptions; `None` if no such record exists, so that the vehicle is no receiver.
     pub arrivals: Option<Vec<Arrival>>,
     /// Possible receptions in messages with named members, one list for each file. [`crate::resolve_modem_ids`] accepts those from
     /// vehicles with a recording.

@@ -1,4 +1,4 @@
-//! Where things are: metres of a log, and latitude and longitude.
+//! The reference system: conversion between metres of a log, and latitude and longitude.
 
 use std::str::FromStr;
 
@@ -6,22 +6,22 @@ use pingmap_agent::{Geographic, NoReferenceSystem, ReferenceSystem, bounds};
 use proj4rs::Proj;
 use proj4rs::transform::transform;
 
-/// A place as somebody wrote it.
+/// A horizontal position, in metres or in degrees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Place {
-    /// Metres east and north of the origin that the log will have.
+    /// Metres east and north of the origin of the log.
     Metres(f64, f64),
-    /// On the ellipsoid.
+    /// Latitude and longitude on the WGS 84 ellipsoid.
     Degrees(Geographic),
 }
 
-/// What a place may be written as.
+/// The accepted formats of a place, for error messages.
 const PLACE: &str = "expected EAST,NORTH in metres, or degrees such as 41.52N,70.67W";
 
 impl FromStr for Place {
     type Err = &'static str;
 
-    /// Metres as two numbers, degrees as two numbers with the letters of their halves of the Earth.
+    /// Parses two numbers as metres. Degrees are two numbers with the letters of their hemispheres.
     fn from_str(text: &str) -> Result<Self, &'static str> {
         let (a, b) = text.split_once(',').ok_or(PLACE)?;
         let (a, b) = (a.trim(), b.trim());
@@ -39,40 +39,38 @@ impl FromStr for Place {
     }
 }
 
-/// What the metres of a log mean, and how to reckon with it.
+/// A reference system with its projection.
 pub struct Reference {
     system: ReferenceSystem,
-    /// WGS 84, and the plane; nothing where nobody knows what the metres mean.
+    /// The ellipsoid WGS 84 and the plane; `None` if the reference system is unknown.
     projections: Option<(Proj, Proj)>,
 }
 
-/// What can be wrong with a reference system.
+/// An error in a reference system.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
-    /// There is no such system.
-    #[error(
-        "{system} is no reference system in metres that is known; expected one such as EPSG:32619 (UTM zone 19 north)"
-    )]
+    /// The system is unknown, or its unit is not the metre.
+    #[error("{system} is not a known reference system in metres; expected one such as EPSG:32619 (UTM zone 19 north)")]
     Unknown {
-        /// What was asked for.
+        /// The system that was requested.
         system: ReferenceSystem,
     },
-    /// It is no name of a system.
+    /// The text is not the name of a reference system.
     #[error(transparent)]
     NoName(#[from] NoReferenceSystem),
 }
 
 impl Reference {
-    /// Metres about an origin that nobody told: places in degrees have none.
+    /// Returns a system of metres with an unknown origin. It cannot convert degrees.
     pub fn unknown() -> Self {
         Self { system: ReferenceSystem::Unknown, projections: None }
     }
 
-    /// That of a log.
+    /// Makes the projection of a reference system.
     ///
     /// # Errors
-    /// [`ReferenceError::Unknown`] for a system that is none, or has other units than metres.
+    /// [`ReferenceError::Unknown`] if the system does not exist, or its unit is not the metre.
     pub fn of(system: ReferenceSystem) -> Result<Self, ReferenceError> {
         let plane = match system {
             ReferenceSystem::Unknown => return Ok(Self::unknown()),
@@ -87,18 +85,18 @@ impl Reference {
         Ok(Self { system, projections: Some(projections) })
     }
 
-    /// Metres east and north of a place ([`ReferenceSystem::About`]).
+    /// Makes a system of metres east and north of an origin ([`ReferenceSystem::About`]).
     ///
     /// # Errors
-    /// As [`Reference::of`].
+    /// Those of [`Reference::of`].
     pub fn about(origin: Geographic) -> Result<Self, ReferenceError> {
         Self::of(ReferenceSystem::About(origin))
     }
 
-    /// A projected reference system in metres by its number, `EPSG:32619` for UTM zone 19 north.
+    /// Makes a projected reference system from its EPSG code, such as `EPSG:32619` for UTM zone 19 north.
     ///
     /// # Errors
-    /// As [`Reference::of`], and [`ReferenceError::NoName`].
+    /// Those of [`Reference::of`], and [`ReferenceError::NoName`].
     pub fn epsg(name: &str) -> Result<Self, ReferenceError> {
         match name.parse()? {
             system @ ReferenceSystem::Epsg(_) => Self::of(system),
@@ -106,15 +104,15 @@ impl Reference {
         }
     }
 
-    /// Its name.
+    /// Returns the reference system.
     pub fn system(&self) -> ReferenceSystem {
         self.system
     }
 
-    /// What the metres mean, for people.
+    /// Describes the coordinates for people.
     pub fn name(&self) -> String {
         match self.system {
-            ReferenceSystem::Unknown => "metres about an origin that the files do not tell".to_owned(),
+            ReferenceSystem::Unknown => "metres about an origin that the files do not state".to_owned(),
             ReferenceSystem::About(Geographic { latitude_deg, longitude_deg }) => {
                 format!("metres east and north of {latitude_deg:.6}, {longitude_deg:.6}")
             }
@@ -122,7 +120,7 @@ impl Reference {
         }
     }
 
-    /// Metres of the log; `None` for degrees where the origin is not known, or where the projection ends.
+    /// Converts a place to metres of the log. Returns `None` outside of the projection, and for degrees if the origin is unknown.
     pub fn metres(&self, place: Place) -> Option<(f64, f64)> {
         let (east_m, north_m) = match place {
             Place::Metres(east_m, north_m) => (east_m, north_m),
@@ -136,7 +134,7 @@ impl Reference {
         Some((bounds::COORDINATE_M.check(east_m)?, bounds::COORDINATE_M.check(north_m)?))
     }
 
-    /// Latitude and longitude of metres of the log; `None` where these mean nothing.
+    /// Converts metres of the log to latitude and longitude. Returns `None` if the origin is unknown, or outside of the projection.
     pub fn geographic(&self, east_m: f64, north_m: f64) -> Option<Geographic> {
         let (ellipsoid, plane) = self.projections.as_ref()?;
         let mut point = (east_m, north_m, 0.0);
@@ -150,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn metres_and_degrees_come_back() {
+    fn conversion_to_degrees_and_back_keeps_metres() {
         let origin = Geographic::new(41.52, -70.67).unwrap();
         for reference in [Reference::about(origin).unwrap(), Reference::epsg("epsg:32619").unwrap()] {
             let (east_m, north_m) = reference.metres(Place::Degrees(origin)).unwrap();
@@ -160,10 +158,10 @@ mod tests {
         }
     }
 
-    /// Figures of the Geographical Survey's own worked example would be as good: a quadrant of the meridian is 10 001 965.729 m, and a
-    /// UTM central meridian has easting 500 000 and the scale .9996.
+    /// Compares with two properties of WGS 84: a quarter of a meridian is 10 001 965.729 m long. A central meridian of UTM has the easting
+    /// 500 000 and the scale 0.9996.
     #[test]
-    fn projections_are_those_of_the_ellipsoid() {
+    fn projections_agree_with_known_lengths_on_the_ellipsoid() {
         let equator = Reference::about(Geographic::new(0.0, -69.0).unwrap()).unwrap();
         let (_, north_m) = equator.metres(Place::Degrees(Geographic::new(45.0, -69.0).unwrap())).unwrap();
         assert!((north_m - 4_984_944.378).abs() < 0.01, "{north_m}");
@@ -173,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_metres_or_degrees() {
+    fn places_are_parsed_as_metres_or_degrees() {
         let degrees = |a, b| Place::Degrees(Geographic::new(a, b).unwrap());
         for (text, place) in [
             ("600,-40.5", Place::Metres(600.0, -40.5)),
@@ -190,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_system_in_metres_is_refused() {
+    fn a_system_without_metres_is_refused() {
         for name in ["EPSG:4326", "EPSG:2264", "EPSG:1", "utm 19", "", "EPSG:99999"] {
             assert!(Reference::epsg(name).is_err(), "{name}");
         }

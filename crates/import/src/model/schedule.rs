@@ -1,4 +1,4 @@
-//! Who may send when.
+//! TDMA schedules: the slots in which each vehicle may transmit.
 
 use std::io::Read;
 use std::path::Path;
@@ -11,29 +11,29 @@ use crate::model::error::ImportError;
 use crate::model::modem_ids::ModemIds;
 use crate::model::time::{TIME, parse_time};
 
-/// A day, after which some schedules begin anew.
+/// Length of a day in seconds. Some schedules restart every day.
 const DAY_S: f64 = 86_400.0;
 
-/// No slot is shorter.
+/// Shortest slot, in seconds.
 const DURATION_S_MIN: f64 = 0.01;
 
-/// Turns to send, each on its sender's own clock.
+/// A schedule of slots. Each slot is by its sender's own clock.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Schedule {
-    /// Members in turn.
+    /// The members own the slots of a cycle in a fixed order.
     Cyclic {
         /// Length of a slot, in seconds.
         duration_s: f64,
-        /// Whether the first slot of an order begins anew at every midnight.
+        /// Whether a cycle starts at every midnight.
         restarts_daily: bool,
-        /// From when on which order holds; an empty name is nobody.
+        /// The time from which each order applies. An empty name marks a slot without an owner.
         orders: Vec<(f64, Vec<VehicleId>)>,
     },
-    /// Slots one by one.
+    /// A list of slots: start and owner.
     Explicit(Vec<(f64, VehicleId)>),
 }
 
-/// Seconds, or a date and time.
+/// A time in a TOML file: seconds, or a date and time.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Time {
@@ -55,7 +55,7 @@ impl Time {
     }
 }
 
-/// The part of a team file that tells the slots; everything else in it is for others.
+/// The part of a team file that holds the slots. All other parts are ignored.
 #[derive(Deserialize)]
 struct TeamFile {
     slots: SlotTable,
@@ -81,10 +81,10 @@ struct OrderChange {
 }
 
 impl Schedule {
-    /// Reads `[slots]` of a team file, or of a file that has nothing else; or a table with the columns `time_s` and `source`.
+    /// Reads `[slots]` of a team file, a TOML file with `[slots]` only, or a table with the columns `time_s` and `source`.
     ///
     /// # Errors
-    /// [`ImportError`] with what was found and expected.
+    /// [`ImportError`] with the value that was found and what was expected.
     pub fn read(mut reader: impl Read, path: &Path, ids: &ModemIds) -> Result<Self, ImportError> {
         let fail = |problem: String| ImportError::Content { file: path.display().to_string(), problem };
         let mut text = String::new();
@@ -101,7 +101,10 @@ impl Schedule {
 
     fn cyclic(slots: &SlotTable, ids: &ModemIds) -> Result<Self, String> {
         if slots.at_will {
-            return Err("at_will: who sends at will has no schedule; expected what was sent (--sent)".into());
+            return Err(
+                "at_will: a team without fixed slots has no schedule; expected records of its transmissions (--sent)"
+                    .into(),
+            );
         }
         if !(DURATION_S_MIN..=DAY_S).contains(&slots.duration_s) {
             return Err(format!("duration_s: found {}; expected {DURATION_S_MIN} s to a day", slots.duration_s));
@@ -112,7 +115,7 @@ impl Schedule {
             orders.push((change.from_s.seconds("from_s")?, change.order.iter().map(name).collect()));
         }
         if orders.iter().any(|(_, order)| order.is_empty()) {
-            return Err("order: found nobody; expected the members in turn".into());
+            return Err("order: found no member; expected the members in turn".into());
         }
         orders.sort_by(|a, b| a.0.total_cmp(&b.0));
         let SlotTable { duration_s, restarts_daily, .. } = *slots;
@@ -131,7 +134,7 @@ impl Schedule {
         Ok(Self::Explicit(slots))
     }
 
-    /// Everybody who has a turn.
+    /// Lists the owners of slots, with repetitions.
     pub fn senders(&self) -> impl Iterator<Item = &VehicleId> {
         let (orders, listed): (&[_], &[_]) = match self {
             Schedule::Cyclic { orders, .. } => (orders, &[]),
@@ -141,7 +144,7 @@ impl Schedule {
         cyclic.chain(listed.iter().map(|(_, sender)| sender))
     }
 
-    /// How many slots there are from one time to another, at most.
+    /// Returns an upper limit of the number of slots between two times.
     pub fn slots_between(&self, from_s: f64, to_s: f64) -> f64 {
         match self {
             Schedule::Cyclic { duration_s, orders, .. } => {
@@ -152,7 +155,7 @@ impl Schedule {
         }
     }
 
-    /// When a sender's turns begin, from one time to another.
+    /// Returns the starts of the slots that a sender owns between two times, in seconds.
     pub fn slot_starts_s(&self, sender: &VehicleId, from_s: f64, to_s: f64) -> Vec<f64> {
         let is_within = |time_s: &f64| (from_s..=to_s).contains(time_s);
         let Schedule::Cyclic { duration_s, restarts_daily, orders } = self else {
@@ -162,7 +165,7 @@ impl Schedule {
         let mut starts = Vec::new();
         for (place, (start_s, order)) in orders.iter().enumerate() {
             let end_s = orders.get(place + 1).map_or(f64::INFINITY, |next| next.0);
-            // Days before the one that is asked for leave nothing over.
+            // With a daily restart, earlier days have no effect on the requested one.
             let midnight_s = (from_s / DAY_S).floor() * DAY_S;
             let mut begin_s = if *restarts_daily { start_s.max(midnight_s) } else { *start_s };
             while begin_s < end_s.min(to_s) {
@@ -195,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_follow_each_other_and_change() {
+    fn slots_follow_the_order_of_a_cycle_and_its_changes() {
         let text = "[slots]\nstart_s = 100\nduration_s = 10\norder = ['1', '', 'b']\n[[slots.changes]]\nfrom_s = 145\norder = ['b']\n";
         let schedule = read(text).unwrap();
         assert_eq!(starts(&schedule, "a", 0.0, 300.0), [100.0, 130.0]);
@@ -206,25 +209,25 @@ mod tests {
     }
 
     #[test]
-    fn some_begin_anew_at_midnight() {
+    fn cycles_may_restart_at_midnight() {
         let text = "[slots]\nstart_s = '1970-01-01T23:59:40'\nduration_s = 15\norder = ['a', 'b', 'c']\nrestarts_daily = true\n";
         let schedule = read(text).unwrap();
         assert_eq!(starts(&schedule, "a", 0.0, 86_450.0), [86_380.0, 86_400.0, 86_445.0]);
         assert_eq!(starts(&schedule, "b", 0.0, 86_450.0), [86_395.0, 86_415.0]);
-        // From the middle of a far day on, without counting every day before it.
+        // The search starts at the requested day, not at the first day of the schedule.
         assert_eq!(starts(&schedule, "c", 86_430.0, 86_450.0), [86_430.0]);
-        // A date needs no quotation marks.
+        // A TOML date needs no quotation marks.
         assert_eq!(read(&text.replace('\'', "").replace("[a, b, c]", "['a', 'b', 'c']")).unwrap(), schedule);
     }
 
     #[test]
-    fn slots_can_be_listed() {
+    fn a_table_may_list_the_slots() {
         let schedule = read("time_s,source\n20,2\n10,a\n30,b\n").unwrap();
         assert_eq!((starts(&schedule, "a", 0.0, 99.0), starts(&schedule, "b", 25.0, 99.0)), (vec![10.0], vec![30.0]));
     }
 
     #[test]
-    fn what_is_no_schedule_is_refused() {
+    fn an_invalid_schedule_is_refused() {
         for (text, words) in [
             ("[slots]\nstart_s = 0\nduration_s = 0\norder = ['a']", "0.01 s to a day"),
             ("[slots]\nstart_s = 0\nduration_s = 10\norder = []", "members in turn"),

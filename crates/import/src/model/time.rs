@@ -1,13 +1,13 @@
-//! Times as people and programs write them.
+//! Parsing and formatting of times.
 
 use jiff::Timestamp;
 use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
 
-/// Seconds beyond this are no seconds: milliseconds since 1970 are larger.
+/// Larger numbers are not seconds. Milliseconds since 1970, for example, are larger.
 const SECONDS_MAX: f64 = 1e11;
 
-/// What [`parse_time`] takes, for messages.
+/// The formats that [`parse_time`] accepts, for error messages.
 pub const TIME: &str = "seconds, or a date and time such as 2026-05-03T12:00:00.5Z (UTC without a zone)";
 
 /// A time in seconds: a number as it is, a date and time (ISO 8601) since the beginning of 1970, in UTC where it names no zone.
@@ -30,7 +30,7 @@ pub fn parse_time(text: &str) -> Option<f64> {
     Some(stamp.as_second() as f64 + f64::from(stamp.subsec_nanosecond()) * 1e-9)
 }
 
-/// A time in words: a date where it is one of this age, seconds elsewhere.
+/// Formats a time as a date and time beyond 10⁸ s (March 1973), else in seconds.
 pub fn time_in_words(time_s: f64) -> String {
     let nanoseconds = (time_s * 1e3).round() as i128 * 1_000_000;
     match Timestamp::from_nanosecond(nanoseconds) {
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_time_is_none() {
+    fn invalid_times_are_rejected() {
         for text in ["", "noon", "nan", "inf", "2026-13-01T00:00:00Z", "12:00:00", "1e12", "2026-05-03"] {
             let found = parse_time(text);
             assert!(found.is_none() || text == "2026-05-03", "{text}: {found:?}");
@@ -53,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn times_say_themselves() {
+    fn formatted_times_are_parsed_back() {
         assert_eq!(time_in_words(1_777_809_600.25), "2026-05-03T12:00:00.25Z");
         assert_eq!(time_in_words(-3.0), "-3.0 s");
         assert_eq!(parse_time(&time_in_words(1_777_809_600.25)), Some(1_777_809_600.25));

@@ -1,4 +1,4 @@
-//! What a file is, by what is in it; of tables whose they are, by their names.
+//! Detection of the kind of a file by its content.
 
 use std::io::{self, Read};
 use std::path::Path;
@@ -14,44 +14,44 @@ use crate::readers::modem::capture;
 use crate::readers::moos;
 use crate::readers::record_reader::RecordReader;
 
-/// So much of a file tells what it is.
+/// Number of bytes at the beginning of a file that determine its kind.
 pub(crate) const HEAD_BYTES: u64 = 1 << 16;
 
-/// What a file of a known kind is.
+/// The kind of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RecordKind {
-    /// A log of MOOS.
+    /// A MOOS log.
     MoosLog,
-    /// A mission file of MOOS, for its datum.
+    /// A MOOS mission file, which states the datum.
     MoosMission,
-    /// What a host and its Micro-Modem said, with the host's times.
+    /// The sentences between a host and its Micro-Modem, with the host's times.
     ModemCapture,
-    /// Topics in an MCAP file.
+    /// A ROS 2 bag, or other topics, in an MCAP file.
     Mcap,
-    /// A bag of ROS 2 in SQLite.
+    /// A ROS 2 bag in an SQLite file.
     Sqlite,
-    /// A log of LCM.
+    /// An LCM log.
     Lcm,
-    /// Types of the messages in such.
+    /// Definitions of LCM message types.
     LcmTypes,
     /// A table of navigation, receptions or transmissions.
     Table(TableKind),
-    /// Who is meant by modems' ids.
+    /// A table of the vehicles behind modem ids.
     ModemIds,
-    /// Who may send when.
+    /// A TDMA schedule.
     Schedule,
-    /// The same among other things that a team agreed on.
+    /// A team file, which contains a schedule.
     TeamFile,
 }
 
 impl RecordKind {
-    /// In a few words.
+    /// Describes the kind in a few words.
     pub fn description(self) -> &'static str {
         match self {
             Self::MoosLog => "a log of MOOS",
             Self::MoosMission => "a mission file of MOOS",
-            Self::ModemCapture => "what a Micro-Modem and its host said",
+            Self::ModemCapture => "sentences of a Micro-Modem and its host",
             Self::Mcap => "a bag of ROS 2 (MCAP)",
             Self::Sqlite => "a bag of ROS 2 (SQLite)",
             Self::Lcm => "a log of LCM",
@@ -66,10 +66,10 @@ impl RecordKind {
     }
 }
 
-/// The beginning of a file.
+/// Reads the beginning of a file.
 ///
 /// # Errors
-/// Where it cannot be read.
+/// If the file cannot be read.
 pub fn read_head(reader: impl Read) -> io::Result<Vec<u8>> {
     let mut head = Vec::new();
     reader.take(HEAD_BYTES).read_to_end(&mut head)?;
@@ -77,8 +77,9 @@ pub fn read_head(reader: impl Read) -> io::Result<Vec<u8>> {
 }
 
 impl RecordReader {
-    /// What a file is that begins so, and is called so; `None` for what is of no known kind. The name is asked where a table of times and
-    /// vehicles may be of receptions, of transmissions or a schedule as well.
+    /// Detects the kind of a file from its beginning; `None` for an unknown kind.
+    ///
+    /// The content decides. A table of times and vehicles may hold receptions, transmissions or a schedule; then the file name decides.
     pub fn kind_of(&self, head: &[u8], name: &Path) -> Option<RecordKind> {
         if head.starts_with(mcap_file::MAGIC) {
             return Some(RecordKind::Mcap);
@@ -110,7 +111,7 @@ impl RecordReader {
         if table.has("id") && table.has("name") && table.header().len() == 2 {
             return Some(RecordKind::ModemIds);
         }
-        // What pingmap makes of such tables, or is asked about, is none of them; nor is what somebody put aside.
+        // Event logs and predictions, which pingmap writes itself, are not recordings. Backup files are skipped.
         let is_of_links = LINK_COLUMNS.iter().any(|column| table.has(column));
         let is_backup = name.to_str().is_some_and(|name| [".bak", ".orig", "~"].iter().any(|end| name.ends_with(end)));
         if is_of_links || table.has("probability") || is_backup {
@@ -137,7 +138,7 @@ impl RecordReader {
     }
 }
 
-/// Only logs of events and links have places of both ends.
+/// Columns that occur only in tables of events and links, which have the positions of both ends.
 const LINK_COLUMNS: [&str; 4] = ["tx_easting_m", "rx_easting_m", "tx_latitude_deg", "rx_latitude_deg"];
 
 #[cfg(test)]
@@ -149,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_are_known_by_their_columns_and_where_these_leave_it_open_by_their_names() {
+    fn the_kind_of_a_table_follows_from_its_columns_or_else_its_name() {
         let [nav, heard, sent] =
             [TableKind::Navigation, TableKind::Receptions, TableKind::Transmissions].map(RecordKind::Table);
         for (text, name, expected) in [
@@ -164,7 +165,7 @@ mod tests {
             ("time_s,source\n", "turns.csv", Some(RecordKind::Schedule)),
             ("start = 1\n[slots]\n", "a", Some(RecordKind::Schedule)),
             ("name;id\n", "a", Some(RecordKind::ModemIds)),
-            // It could be either, or is neither.
+            // The columns fit several kinds, or none.
             ("time,source,destination\n", "auv1.csv", None),
             ("time\n1\n", "a.csv", None),
             ("name,lat,lon\n", "places.csv", None),

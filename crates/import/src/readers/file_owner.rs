@@ -1,4 +1,4 @@
-//! The owner of a table, by the names of its file and folders.
+//! Detection of the owner of a table by the names of its file and folders.
 
 use std::path::{Component, Path};
 
@@ -7,8 +7,9 @@ use pingmap_agent::VehicleId;
 use crate::readers::record_reader::RecordReader;
 
 impl RecordReader {
-    /// Whose a table is by its name, `auv1.nav.csv`, or by that of the folder or archive it lies in, `auv1/logs/nav.csv`: what is left without
-    /// the words for what it tells and for its day, or who is meant by that.
+    /// Returns the owner of a table by its file name, such as `auv1.nav.csv`, or by its folder or archive, such as `auv1/logs/nav.csv`.
+    ///
+    /// Words for the content and for the date are removed from a name. The rest is the owner, or a modem id of the owner.
     pub fn owner(&self, path: &Path) -> Option<VehicleId> {
         let names = path.components().rev().filter_map(|part| match part {
             Component::Normal(name) => name.to_str(),
@@ -28,18 +29,18 @@ const OTHER_WORDS: &[&str] = &[
     "messages", "copy", "(copy)",
 ];
 
-/// What stands between the words of a name.
+/// Returns whether a character separates the words of a name.
 fn is_between(c: char) -> bool {
     matches!(c, '.' | '_' | '-' | ' ')
 }
 
-/// The words of a file's name, in small letters.
+/// Returns the words of a file name, in lower case.
 pub(crate) fn words_of(path: &Path) -> Vec<String> {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_lowercase();
     name.split(is_between).map(str::to_owned).collect()
 }
 
-/// A name without the words at both ends that tell what is in a file, and without its day.
+/// Removes the words for the content and the date from both ends of a name.
 fn bare(name: &str) -> &str {
     let is_word = |word: &str| {
         let word = word.to_lowercase();
@@ -58,7 +59,7 @@ fn bare(name: &str) -> &str {
         } else if let Some(at) = (0..words.len()).find(|&at| at + day(&words[at..]) == words.len()) {
             words = &words[..at];
         } else {
-            // Words are parts of the name: from the first to the end of the last.
+            // All words are slices of the name, so the result extends from the first to the end of the last.
             let at = |word: &str| word.as_ptr() as usize - name.as_ptr() as usize;
             return &name[at(first)..at(last) + last.len()];
         }
@@ -66,8 +67,9 @@ fn bare(name: &str) -> &str {
     ""
 }
 
-/// How many words at the beginning are a day, and the hour behind it: `20260503`, `20260503T120000Z`, `2026 05 03`, `2026 05 03T12 00 00`. Other
-/// numbers are those of vehicles.
+/// Returns the number of words at the beginning that form a date, with a time of day if present.
+///
+/// Dates are `20260503`, `20260503T120000Z`, `2026 05 03` and `2026 05 03T12 00 00`. Other numbers belong to names of vehicles.
 fn day(words: &[&str]) -> usize {
     let digits = |word: &str, lengths: &[usize]| {
         let plain: String = word.chars().filter(|letter| !matches!(letter, 'T' | 'Z')).collect();
@@ -93,7 +95,7 @@ mod tests {
     use crate::model::modem_ids::ModemIds;
 
     #[test]
-    fn a_table_is_of_whom_it_is_named_after() {
+    fn the_owner_of_a_table_follows_from_its_path() {
         let reading = RecordReader {
             ids: ModemIds::read("id,name\n3,carol\n".as_bytes(), Path::new("ids")).unwrap(),
             ..RecordReader::default()

@@ -1,16 +1,16 @@
-//! Lines of files of any length, one at a time.
+//! Line-wise reading of files with bounded memory.
 
 use std::io::{self, BufRead, Read};
 
-/// What follows after so many bytes of a line is left out.
+/// Longest line in bytes. The rest of a longer line is skipped.
 const LINE_BYTES_MAX: u64 = 1 << 20;
 
-/// The lines of a text; bytes that are no text are replaced. Holds one line.
+/// Iterates over the lines of a text. Replaces bytes that are not UTF-8. Memory holds one line.
 pub(crate) struct Lines<R> {
     reader: R,
     bytes: Vec<u8>,
     text: String,
-    /// The number of the line, from 1.
+    /// Number of the current line, from 1.
     pub(crate) number: u64,
 }
 
@@ -19,7 +19,7 @@ impl<R: BufRead> Lines<R> {
         Self { reader, bytes: Vec::new(), text: String::new(), number: 0 }
     }
 
-    /// The next line without its end; `None` at the end of the text.
+    /// Returns the next line without its line break; `None` at the end of the text.
     pub(crate) fn next(&mut self) -> io::Result<Option<&str>> {
         self.bytes.clear();
         if self.reader.by_ref().take(LINE_BYTES_MAX).read_until(b'\n', &mut self.bytes)? == 0 {
@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_lines_end_and_the_next_begins() {
+    fn the_line_after_a_long_line_is_read() {
         let long = "x".repeat(3 << 20);
         let text = format!("a\r\n{long}\nbé\n\nc");
         let mut lines = Lines::new(text.as_bytes());

@@ -1,10 +1,10 @@
-//! What members of a message say by their names, be they of JSON or of LCM.
+//! Fields of a message, identified by the names of its JSON or LCM members.
 
 use serde_json::{Map, Value};
 
 use crate::readers::columns::{TableKind, role_of};
 
-/// A position, a reception or a transmission.
+/// The fields of a position, a reception or a transmission.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct MessageFields {
     pub(crate) latitude: Option<f64>,
@@ -19,16 +19,16 @@ pub(crate) struct MessageFields {
     pub(crate) frame: Option<u32>,
     pub(crate) frames: Option<u32>,
     pub(crate) kind: Option<String>,
-    /// Whether a satellite receiver says that it has no position.
+    /// Whether a satellite receiver states that it has no fix.
     pub(crate) without_fix: bool,
-    /// Whether it says something of several, of which nobody knows what belongs together, or something that is none.
+    /// Whether the fields are ambiguous or invalid: two sources, or a value of the wrong type.
     pub(crate) is_unclear: bool,
-    /// Texts that may hold a modem's sentences.
+    /// Texts that may contain the sentences of a modem.
     pub(crate) texts: Vec<String>,
 }
 
 impl MessageFields {
-    /// What an object of JSON says; `None` for what is none.
+    /// Parses a JSON object; `None` for any other text.
     pub(crate) fn from_json(text: &str) -> Option<Self> {
         let members: Map<String, Value> = serde_json::from_str(text).ok()?;
         let mut fields = Self::default();
@@ -37,7 +37,7 @@ impl MessageFields {
                 Value::Bool(flag) => fields.flag(name, *flag),
                 Value::Number(number) => fields.number(name, number.as_f64()?),
                 Value::String(text) => fields.text(name, text),
-                // As satellite receivers have it.
+                // `sensor_msgs/NavSatFix` states the lack of a fix in `status.status`.
                 Value::Object(inner) if name == "status" => {
                     fields.without_fix = inner.get("status").and_then(Value::as_i64).is_some_and(|status| status < 0);
                 }
@@ -47,7 +47,7 @@ impl MessageFields {
         Some(fields)
     }
 
-    /// Takes in a number by the name that it has; of several positions the first.
+    /// Sets the field that a member's name denotes, from a number. The first of several positions counts.
     pub(crate) fn number(&mut self, name: &str, number: f64) {
         let place = match role_of(TableKind::Navigation, name) {
             Some("latitude") => Some(&mut self.latitude),
@@ -63,18 +63,18 @@ impl MessageFields {
         }
         let whole = (number >= 0.0 && number.fract() == 0.0 && number < 9e15).then_some(number as u64);
         match role_of(TableKind::Receptions, name) {
-            // A number below nought stands for nobody.
+            // A negative number stands for no source.
             Some("source") => self.set_source(whole.map(|whole| whole.to_string())),
             Some("destination") => self.destination = self.destination.take().or(whole.map(|whole| whole.to_string())),
             Some("good") => self.good = self.good.or(Some(number != 0.0)),
             Some("frame") => self.frame = self.frame.or(whole.and_then(|whole| whole.try_into().ok())),
             Some("frames") => self.frames = self.frames.or(whole.and_then(|whole| whole.try_into().ok())),
-            // A number of messages that were sent is no flag.
+            // A number named `sent` is a counter and not a flag, so it is ignored.
             _ => {}
         }
     }
 
-    /// The same of a yes or no.
+    /// Sets the field that a member's name denotes, from a Boolean.
     pub(crate) fn flag(&mut self, name: &str, flag: bool) {
         match role_of(TableKind::Receptions, name) {
             Some("good") => self.good = self.good.or(Some(flag)),
@@ -83,7 +83,7 @@ impl MessageFields {
         }
     }
 
-    /// The same of a text.
+    /// Sets the field that a member's name denotes, from a text.
     pub(crate) fn text(&mut self, name: &str, text: &str) {
         let is_number = text.parse::<f64>().ok();
         match role_of(TableKind::Receptions, name) {
@@ -113,7 +113,9 @@ impl MessageFields {
         self.source = self.source.take().or(source);
     }
 
-    /// Which frame was received, if it is said: counted from 1, and 0 only where there is no other.
+    /// Returns the number of the received frame, from 1; `None` if it is not stated.
+    ///
+    /// Frame 0 of several is an error, because the counting may start at 0. Any other frame 0 counts as not stated.
     pub(crate) fn received_frame(&self) -> Result<Option<u32>, ()> {
         match self.frame {
             Some(0) if self.frames.is_some_and(|frames| frames > 1) => Err(()),
@@ -127,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn members_are_known_by_the_names_of_columns() {
+    fn members_have_the_names_of_columns() {
         let fields =
             MessageFields::from_json(r#"{"from":"auv2","to":63,"crc_ok":false,"frame":2,"frames":"3","kind":"short"}"#)
                 .unwrap();
@@ -143,8 +145,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_clear_is_not_guessed() {
-        // A counter is no flag, and a name twice is not one message.
+    fn ambiguous_members_are_reported_as_unclear() {
+        // A counter is not a flag. A message with two sources is ambiguous.
         assert_eq!(MessageFields::from_json(r#"{"sent":1}"#).unwrap(), MessageFields::default());
         let mut twice = MessageFields::default();
         twice.number("src", -1.0);

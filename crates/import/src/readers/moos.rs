@@ -1,4 +1,4 @@
-//! Logs of MOOS (`.alog`): rows of a time, a variable, who wrote it, and a value.
+//! MOOS logs (`.alog`). Each row has a time, a variable, its writer, and a value.
 
 use std::io::{self, BufRead};
 
@@ -14,23 +14,23 @@ use crate::readers::modem::nmea::Sentence;
 use crate::readers::navigation::Navigation;
 use crate::readers::sink::Sink;
 
-/// What stands before the names of all variables of the modem, where nobody says otherwise.
+/// The usual prefix of the modem's variables.
 pub const MOOS_PREFIX: &str = "ACOMMS_";
 
-/// Times that lie no longer before the start of the log than this are of the day, others count from its start.
+/// A time later than this many seconds before the start of the log is absolute. Other times count from the start.
 const BEFORE_START_S: f64 = 1000.0;
 
-/// Times beyond this are of the day even in a log that does not say when it started.
+/// A time beyond this is absolute even in a log without a start, in seconds.
 const OF_THE_DAY_S: f64 = 1e8;
 
-/// Whether the beginning of a file is one of such a log.
+/// Returns whether a file starts like a MOOS log.
 pub(crate) fn is_alog(head: &str) -> bool {
     let mut lines = head.lines().filter(|line| !line.trim().is_empty());
     let first = lines.next().unwrap_or("");
     first.starts_with("%%") && head.lines().any(|line| line.contains("LOGSTART") || line.contains("LOG FILE"))
 }
 
-/// The datum of a mission file: what its lines `LatOrigin = …` and `LongOrigin = …` say, if they do.
+/// Returns the datum in a mission file, from its lines `LatOrigin = …` and `LongOrigin = …`.
 pub(crate) fn datum_of_mission(head: &str) -> Option<Geographic> {
     let value = |key: &str| {
         let of_key = |line: &str| {
@@ -42,11 +42,12 @@ pub(crate) fn datum_of_mission(head: &str) -> Option<Geographic> {
     Geographic::new(value("LatOrigin")?, value("LongOrigin")?)
 }
 
-/// Reads a log whose modem's variables begin with a prefix. Rows that are none are counted and left out. O(rows), one at a time; holds a
-/// position a fifth of a second apart at most, and what was sent and received.
+/// Reads a log. The variables of its modem start with `prefix`. Invalid rows are counted and skipped.
+///
+/// Needs O(rows) time. Memory holds one row, the receptions and transmissions, and at most one fix per second.
 ///
 /// # Errors
-/// What is no row's fault: a file that cannot be read, or (as text) one that does not say when it started.
+/// The outer error reports a file that cannot be read. The inner error, as text, reports a log with relative times but without a start.
 pub(crate) fn read(reader: impl BufRead, ids: &ModemIds, prefix: &str) -> io::Result<Result<ParsedFile, String>> {
     let mut lines = Lines::new(reader);
     let mut log = AlogParser { prefix: prefix.to_owned(), ..AlogParser::default() };
@@ -56,7 +57,7 @@ pub(crate) fn read(reader: impl BufRead, ids: &ModemIds, prefix: &str) -> io::Re
         } else if let Some((time_s, variable, value)) = split_row(line) {
             let Some(time_s) = log.time_s(time_s) else {
                 return Ok(Err(format!(
-                    "line {}: a time of {time_s} s from the start of the log, and no line says when that was; expected %% LOGSTART and seconds",
+                    "line {}: the time {time_s} s counts from the start of the log, which no line states; expected %% LOGSTART and seconds",
                     lines.number
                 )));
             };
@@ -68,7 +69,7 @@ pub(crate) fn read(reader: impl BufRead, ids: &ModemIds, prefix: &str) -> io::Re
     Ok(Ok(log.finish(ids)))
 }
 
-/// A row: a time, a variable, who wrote it (left out here), and all the rest.
+/// Splits a row into its time, its variable and its value. The writer is left out.
 fn split_row(line: &str) -> Option<(f64, &str, &str)> {
     let (time, rest) = split_word(line.trim_start())?;
     let (variable, rest) = split_word(rest)?;
@@ -77,7 +78,7 @@ fn split_row(line: &str) -> Option<(f64, &str, &str)> {
     Some((time_s, variable, value.trim_end()))
 }
 
-/// The first word, and what comes behind it.
+/// Splits off the first word.
 fn split_word(text: &str) -> Option<(&str, &str)> {
     let end = text.find(char::is_whitespace)?;
     Some((&text[..end], text[end..].trim_start()))
@@ -87,13 +88,13 @@ fn split_word(text: &str) -> Option<(&str, &str)> {
 struct AlogParser {
     prefix: String,
     start_s: Option<f64>,
-    /// Whether values say what type they are of.
+    /// Whether values start with a letter for their type (data type marking).
     is_marked: bool,
     name: Option<VehicleId>,
     navigation: Navigation,
     node_reports: Navigation,
     modem: Micromodem,
-    /// What the modem said itself, and what its host made of it.
+    /// Records from the modem's own sentences, and those from its host's messages.
     recording: Recording,
     host_recording: Recording,
     garbled: usize,
@@ -109,7 +110,7 @@ impl AlogParser {
         }
     }
 
-    /// A time of the day.
+    /// Converts a time of the log to absolute time; `None` if the log does not state its start.
     fn time_s(&self, time_s: f64) -> Option<f64> {
         match self.start_s {
             Some(start_s) if time_s + BEFORE_START_S > start_s => Some(time_s),
@@ -149,7 +150,7 @@ impl AlogParser {
         }
     }
 
-    /// What the vehicle says of itself: who it is, and where.
+    /// Absorbs the vehicle's own node report: its name and position.
     fn absorb_node_report(&mut self, time_s: f64, value: &str) {
         for (key, value) in value.split(',').filter_map(|part| part.split_once('=')) {
             let name = match key.trim() {
@@ -168,7 +169,7 @@ impl AlogParser {
     fn finish(mut self, ids: &ModemIds) -> ParsedFile {
         let mut skipped = SkipCounts { garbled: self.garbled, ..SkipCounts::default() };
         self.modem.finish(Sink { recording: &mut self.recording, ids }, &mut skipped);
-        // Where the modem's own words are there its host's would only say them again.
+        // The messages of the host repeat the modem's own sentences, so the sentences take precedence.
         let mut recording = if self.modem.has_sentences { self.recording } else { self.host_recording };
         let navigation = if self.navigation.is_empty() { self.node_reports } else { self.navigation };
         let datum = navigation.datum();
@@ -187,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn times_are_of_the_day_or_from_the_start() {
+    fn times_are_absolute_or_relative_to_the_start() {
         let first_s = |text: &str| parse(text).unwrap().recording.fixes[0].time_s;
         let rows = |times: [&str; 2]| format!("{} NAV_X p 1\n{} NAV_Y p 2\n", times[0], times[1]);
         let header = "%%%%\n%% LOG FILE: a.alog\n%% LOGSTART  1777809600.5\n%%%%\n";
@@ -199,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn values_may_say_their_type_and_others_reports_are_not_received() {
+    fn values_may_have_a_type_mark_and_reports_of_others_are_ignored() {
         let text = "%% LOGSTART 1777809600\n%% DATATYPE MARKING ON\n\
             1.0 NAV_X pNav:x D:10.5\n1.0 NAV_Y pNav D:-4\n1.0 NAV_DEPTH pNav D:7\n\
             2.0 NODE_REPORT_LOCAL pNode S:NAME=ada,X=1,Y=2,LAT=41.5,LON=-70.6\n\
@@ -213,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn the_datum_of_a_mission_is_what_its_lines_say() {
+    fn a_mission_file_states_its_datum() {
         let text = "ServerHost = localhost\nLatOrigin  = 43.8253 // the bay\nlongorigin = -70.3304\n";
         assert_eq!(datum_of_mission(text), Some(Geographic { latitude_deg: 43.8253, longitude_deg: -70.3304 }));
         assert_eq!(datum_of_mission("LatOrigin = 43"), None);

@@ -1,43 +1,43 @@
-//! Positions put together from coordinates that are written one by one.
+//! Positions from coordinates that a log records one at a time.
 
 use pingmap_agent::{Geographic, bounds};
 
 use crate::model::recording::Fix;
 use crate::model::reference::{Place, Reference};
 
-/// Coordinates of one position are written no farther apart than this, in seconds.
+/// Largest time between the two coordinates of one position, in seconds.
 const PAIR_S: f64 = 0.5;
 
-/// Both forms of one position are written no farther apart than this, in seconds.
+/// Largest time between a position in degrees and the same position in metres, in seconds.
 const BOTH_FORMS_S: f64 = 0.05;
 
-/// Positions closer to each other than this in time say no more than one, in seconds.
+/// Shortest interval between two stored fixes, in seconds.
 const FIX_INTERVAL_S_MIN: f64 = 1.0;
 
-/// A depth holds for so long, in seconds.
+/// A depth is valid for so long, in seconds.
 const DEPTH_S_MAX: f64 = 30.0;
 
-/// One coordinate of a pair, and when it was written.
+/// A value with the time of its record.
 type TimedValue = Option<(f64, f64)>;
 
-/// What is known of where a vehicle was.
+/// Collects the fixes of a vehicle.
 #[derive(Debug, Default)]
 pub(crate) struct Navigation {
-    /// Latitude and longitude; east and north.
+    /// Pending coordinates: latitude and longitude, and east and north.
     degrees: [TimedValue; 2],
     metres: [TimedValue; 2],
     depth: TimedValue,
     in_degrees: Vec<Fix>,
     in_metres: Vec<Fix>,
-    /// The latest place in each form, and when that was.
+    /// The latest position in each form, with its time.
     latest_degrees: Option<(f64, Geographic)>,
     latest_metres: Option<(f64, (f64, f64))>,
-    /// The place nearest to (0, 0) that was written in both forms.
+    /// The position nearest to (0, 0) that was recorded in both forms, in degrees and in metres.
     datum_pair: Option<(Geographic, (f64, f64))>,
 }
 
 impl Navigation {
-    /// Takes in a coordinate by what MOOS calls it; false where its value is none. Other names are not asked for.
+    /// Absorbs a coordinate under its MOOS name. Returns false if the value is invalid. Other names are ignored.
     pub(crate) fn absorb_coordinate(&mut self, time_s: f64, name: &str, value: &str) -> bool {
         let (in_degrees_form, place) = match name {
             "LAT" => (true, 0),
@@ -68,7 +68,7 @@ impl Navigation {
         self.add_metres(time_s, (first, second), None)
     }
 
-    /// Takes in a position; false where it is none.
+    /// Adds a position in degrees. Returns false if it is invalid.
     pub(crate) fn add_degrees(&mut self, time_s: f64, place: (f64, f64), depth_m: Option<f64>) -> bool {
         let Some(place) = Geographic::new(place.0, place.1) else { return false };
         let is_bounded = |value: &f64| bounds::COORDINATE_M.check(*value).is_some();
@@ -76,7 +76,7 @@ impl Navigation {
         true
     }
 
-    /// Takes in a position; false where it is none.
+    /// Adds a position in metres. Returns false if it is invalid.
     pub(crate) fn add_metres(&mut self, time_s: f64, (x_m, y_m): (f64, f64), depth_m: Option<f64>) -> bool {
         let is_bounded = |value: f64| bounds::COORDINATE_M.check(value).is_some();
         if !is_bounded(x_m) || !is_bounded(y_m) {
@@ -86,7 +86,7 @@ impl Navigation {
         true
     }
 
-    /// Takes in a position; its depth is the latest, if it has none itself.
+    /// Adds a fix. Without a depth of its own, it gets the latest depth.
     fn add_fix(&mut self, time_s: f64, place: Place, depth_m: Option<f64>) {
         self.depth = depth_m.map(|depth_m| (time_s, depth_m)).or(self.depth);
         let depth_m = self.depth.filter(|depth| time_s - depth.0 <= DEPTH_S_MAX).map(|depth| depth.1);
@@ -112,14 +112,15 @@ impl Navigation {
         self.in_degrees.is_empty() && self.in_metres.is_empty()
     }
 
-    /// Where (0, 0) of the metres is, by the place nearest to it that was written in both forms; from there it is right to a share
-    /// of the distance that the projection of whoever wrote them differs by.
+    /// Estimates the datum, the place of (0, 0), from a position in both forms.
+    ///
+    /// It uses the position nearest to (0, 0). The error grows with its distance, because the log may stem from another projection.
     pub(crate) fn datum(&self) -> Option<Geographic> {
         let (place, (east_m, north_m)) = self.datum_pair?;
         let mut datum = place;
         for _ in 0..4 {
             let (x_m, y_m) = Reference::about(datum).ok()?.metres(Place::Degrees(place))?;
-            // A degree of latitude, near enough: what is left over shrinks with every round.
+            // Approximate length of a degree of latitude. The remaining error shrinks with every iteration.
             let metres_a_degree = 111_200.0;
             datum = Geographic::new(
                 datum.latitude_deg + (y_m - north_m) / metres_a_degree,
@@ -127,12 +128,13 @@ impl Navigation {
                     + (x_m - east_m) / (metres_a_degree * datum.latitude_deg.to_radians().cos().max(0.01)),
             )?;
         }
-        // To a tenth of a metre, which brings back what somebody wrote in a mission file.
+        // Rounds to 0.1 m, which restores the digits of the mission file.
         let rounded = |degrees: f64| (degrees * 1e6).round() / 1e6;
         Geographic::new(rounded(datum.latitude_deg), rounded(datum.longitude_deg))
     }
 
-    /// The positions: in degrees, or in metres where there are more than twice as many of these (satellites are seen at the surface alone).
+    /// Returns the fixes in degrees, or those in metres if they are more than twice as many. A satellite receiver works at the surface
+    /// only.
     pub(crate) fn into_fixes(self) -> Vec<Fix> {
         if self.in_metres.len() > 2 * self.in_degrees.len() { self.in_metres } else { self.in_degrees }
     }
@@ -143,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn positions_are_put_together_and_tell_the_datum() {
+    fn coordinates_form_positions_that_determine_the_datum() {
         let origin = Geographic::new(43.8253, -70.3304).unwrap();
         let reference = Reference::about(origin).unwrap();
         let mut navigation = Navigation::default();
@@ -166,7 +168,7 @@ mod tests {
         assert!(!navigation.absorb_coordinate(11.0, "X", "nan") && !navigation.absorb_coordinate(11.0, "LAT", "here"));
         let fixes = navigation.into_fixes();
         assert!((9..=11).contains(&fixes.len()) && fixes[1].depth_m == Some(12.0), "{}", fixes.len());
-        // What is too far apart is no position.
+        // Coordinates too far apart in time form no position.
         let mut navigation = Navigation::default();
         navigation.absorb_coordinate(0.0, "X", "1");
         navigation.absorb_coordinate(0.9, "Y", "1");

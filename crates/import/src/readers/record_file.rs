@@ -1,4 +1,4 @@
-//! Files of known kinds taken in.
+//! Reading of files whose kind is detected.
 
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -17,47 +17,47 @@ use crate::readers::modem::capture;
 use crate::readers::moos;
 use crate::readers::record_reader::RecordReader;
 
-/// No definitions of types are longer.
+/// Longest file of LCM types, in bytes.
 const TYPES_BYTES_MAX: u64 = 1 << 22;
 
-/// What a file was, and what it told besides.
+/// Summary of a file that was read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FileSummary {
-    /// What it was.
+    /// Kind of the file.
     pub kind: RecordKind,
-    /// Whose it was taken for; `None` where it is of several, or of nobody.
+    /// The vehicle to which its records were added; `None` for several vehicles, or none.
     pub vehicle: Option<VehicleId>,
-    /// Where (0, 0) of its metres is, by its own word.
+    /// Datum of its metres, if the file determines it.
     pub datum: Option<Geographic>,
-    /// What of it says nothing for the log.
+    /// Number of its lines and messages that yield no record.
     pub skipped: SkipCounts,
 }
 
-/// Where a file is from.
+/// A file, and how to read it.
 #[derive(Debug, Clone, Copy)]
 pub struct FileSource<'a> {
-    /// Where it lies.
+    /// Path of the file.
     pub path: &'a Path,
-    /// What people know it by, and what stands for it in errors.
+    /// Name of the file for people and in errors.
     pub name: &'a Path,
-    /// Whose it is; `None` where it says so itself.
+    /// Owner of the file; `None` if the file states it.
     pub vehicle: Option<&'a VehicleId>,
-    /// What the names of topics begin with that are read; all of them where it is empty.
+    /// Prefix of the topics to read; empty for all topics.
     pub topics: &'a str,
 }
 
 impl<'a> FileSource<'a> {
-    /// A file of somebody, with all its topics.
+    /// Describes a file of a vehicle with all its topics.
     pub fn new(path: &'a Path, vehicle: Option<&'a VehicleId>) -> Self {
         Self { path, name: path, vehicle, topics: "" }
     }
 }
 
 impl RecordReader {
-    /// Takes in types of LCM, if a file is of such; before the logs that need them.
+    /// Reads LCM types if a file contains them. Must precede the logs that use the types.
     ///
     /// # Errors
-    /// [`ImportError`] where it cannot be read, or says something that is no type.
+    /// [`ImportError`] if the file cannot be read, or a definition is invalid.
     pub fn read_lcm_types(&mut self, mut reader: impl Read, name: &Path) -> Result<(), ImportError> {
         let fail = |problem: String| ImportError::Content { file: name.display().to_string(), problem };
         let unreadable = |error| FileError { path: name.to_owned(), problem: Problem::Unreadable(error) };
@@ -69,12 +69,16 @@ impl RecordReader {
         Ok(())
     }
 
-    /// Takes in a file of a known kind, recognised by its content; `None` where it is of none. It is its source's vehicle's, or whose it says
-    /// itself: by `NODE_REPORT_LOCAL`, or by its modem's id where `ids` knows that; a table by its column, or by its name. SQLite is read from the path, all
-    /// others from `reader`. Ids, schedules and types are only recognised. O(lines), one at a time.
+    /// Detects the kind of a file and reads it; `None` for an unknown kind.
+    ///
+    /// The owner of the records is `source.vehicle`, or the vehicle that the file states. A MOOS log states it in `NODE_REPORT_LOCAL`.
+    /// Another log states the id of its modem, which `ids` resolves. A table states it in a column or in its name.
+    ///
+    /// SQLite is read from the path, other formats from `reader`. Ids, schedules and types are only detected. O(lines) time; holds one line
+    /// or message.
     ///
     /// # Errors
-    /// [`ImportError`] where it cannot be read, does not say whose it is, or when it was.
+    /// [`ImportError`] if the file cannot be read, or does not state its owner or its times.
     pub fn read_record(
         &self,
         reader: impl Read,
@@ -99,28 +103,28 @@ impl RecordReader {
             RecordKind::ModemCapture => capture::read(text, &self.ids).map_err(unreadable)?,
             RecordKind::Lcm => log::read(text, &self.lcm_types, &self.ids, topics).map_err(fail)?,
             RecordKind::Mcap => mcap_file::read(text, &self.ids, topics).map_err(fail)?,
-            // Other things are kept in databases, too.
+            // A database may hold other data than a bag.
             RecordKind::Sqlite => match sqlite::read(path, &self.ids, topics).map_err(fail)? {
                 Some(parsed) => parsed,
                 None => return Ok(None),
             },
         };
         let ParsedFile { recording, name: own_name, datum, skipped } = parsed;
-        // A log that somebody kept on shore, who neither moved nor listened, is of nobody.
+        // A log without any record needs no owner: for example one from the shore, without navigation and receptions.
         if recording == Recording::default() {
             return Ok(Some(FileSummary { kind, vehicle: None, datum, skipped }));
         }
         let by_modem = || recording.modem_ids.iter().find_map(|id| self.ids.vehicle_of(id));
         let Some(vehicle) = source.vehicle.cloned().or(own_name).or_else(by_modem) else {
             return Err(fail(
-                "does not say whose it is; expected NAME= in front of it, or its modem's id in --ids".into(),
+                "does not state its vehicle; expected NAME= in front of it, or its modem's id in --ids".into(),
             ));
         };
         into.entry(vehicle.clone()).or_default().append(recording);
         Ok(Some(FileSummary { kind, vehicle: Some(vehicle), datum, skipped }))
     }
 
-    /// A table that nobody said is one.
+    /// Reads a table whose kind was detected.
     fn read_unnamed_table(
         &self,
         (table, head): (TableKind, &[u8]),
@@ -133,7 +137,7 @@ impl RecordReader {
         if vehicle.is_none() && !names_all {
             return Err(ImportError::Content {
                 file: name.display().to_string(),
-                problem: "does not say whose it is; expected NAME= in front of it, a name such as auv1.nav.csv, or a column vehicle".into(),
+                problem: "does not state its vehicle; expected NAME= in front of it, a name such as auv1.nav.csv, or a column vehicle".into(),
             });
         }
         let skipped = self.read_table(table, (text, name), vehicle.as_ref(), into)?;

@@ -1,25 +1,25 @@
-//! The options of all readers.
+//! The reader of all file formats, and its options.
 
 use crate::model::modem_ids::ModemIds;
 use crate::readers::columns::Columns;
 use crate::readers::lcm::types::LcmTypes;
 use crate::readers::moos::MOOS_PREFIX;
 
-/// How tables are read.
+/// Reads tables and logs with these options.
 #[derive(Debug, Clone)]
 pub struct RecordReader {
-    /// How columns are called that are called otherwise.
+    /// Columns with unusual names.
     pub columns: Columns,
-    /// Who is meant by ids.
+    /// The vehicles behind modem ids.
     pub ids: ModemIds,
-    /// What stands before the names of the modem's variables in logs of MOOS.
+    /// Prefix of the modem's variables in MOOS logs.
     pub moos_prefix: String,
-    /// Types of the messages in logs of LCM.
+    /// Types of the messages in LCM logs.
     pub lcm_types: LcmTypes,
 }
 
 impl Default for RecordReader {
-    /// Usual names, and nobody's id.
+    /// Usual names of columns and variables, and no ids or types.
     fn default() -> Self {
         Self {
             columns: Columns::default(),

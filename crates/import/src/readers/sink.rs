@@ -1,11 +1,11 @@
-//! How what is told of arrivals gets into a recording.
+//! The sink of modem records: adds them to a recording.
 
 use pingmap_agent::MessageKind;
 
 use crate::model::modem_ids::ModemIds;
 use crate::model::recording::{Arrival, Recording};
 
-/// Where what is told goes.
+/// A recording under construction, with the table of modem ids.
 pub(crate) struct Sink<'a> {
     pub(crate) recording: &'a mut Recording,
     pub(crate) ids: &'a ModemIds,
@@ -16,14 +16,14 @@ impl Sink<'_> {
         self.recording.extend_activity(0, time_s);
     }
 
-    /// The id by which this modem is known to others.
+    /// Adds an id of this modem. Ids that are not numeric are ignored.
     pub(crate) fn add_modem_id(&mut self, id: &str) {
         if id.parse::<u32>().is_ok() {
             self.recording.modem_ids.insert(id.to_owned());
         }
     }
 
-    /// A message that reached the modem, or a frame of one; nothing where its source is everybody.
+    /// Adds the arrival of a message or of one frame. An arrival from the broadcast address is ignored.
     pub(crate) fn add_arrival(&mut self, time_s: f64, (source, destination): (&str, &str), arrival: FrameInfo) {
         let Some(source) = self.ids.resolve(source) else { return };
         let FrameInfo { frame, frames, good, kind } = arrival;
@@ -34,7 +34,7 @@ impl Sink<'_> {
     }
 }
 
-/// A frame, or a whole message.
+/// Properties of one frame, or of a whole message.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct FrameInfo {
     pub(crate) frame: Option<u32>,

@@ -14,7 +14,7 @@ use crate::readers::columns::{RoleTable, TableKind};
 use crate::readers::record_reader::RecordReader;
 
 impl RecordReader {
-    /// Takes a table in. Its lines belong to `vehicle`, or to the vehicles that its column says. O(lines), one at a time.
+    /// Reads a table. Its rows belong to `vehicle`, or to the vehicles in its column `vehicle`. O(rows) time; holds one row.
     ///
     /// # Errors
     /// [`ImportError`] with file, line, column, value and what was expected.
@@ -31,11 +31,11 @@ impl RecordReader {
             row.require(kind, &["vehicle"])?;
         }
         let mut skipped = SkipCounts::default();
-        // Between the last sign of a modem in one file and the first in the next it may have been off.
+        // The modem may be off between the last row of one file and the first of the next, so each file has its own entry of activity.
         let records: BTreeMap<VehicleId, usize> =
             into.iter().map(|(name, recording)| (name.clone(), recording.modem_activity.len())).collect();
         if let (Some(vehicle), true) = (vehicle, kind != TableKind::Navigation) {
-            // A record without a line is a record of nothing.
+            // A table without rows is a record, too: nothing was received or transmitted.
             start_record(kind, into.entry(vehicle.clone()).or_default());
         }
         self.require_columns(kind, &row)?;
@@ -74,12 +74,12 @@ impl RecordReader {
         recording.extend_activity(record, time_s);
         let good = row.flag("good")?.unwrap_or(true);
         let id = row.text("source");
-        // A line without a source says that the modem was at work, and no more.
+        // A row without a source shows that the modem was active, and nothing else.
         if id.is_empty() {
             skipped.unattributed += usize::from(!good);
             return Ok(());
         }
-        let source = self.ids.resolve(id).ok_or_else(|| row.bad("source", "one vehicle, not everybody"))?;
+        let source = self.ids.resolve(id).ok_or_else(|| row.bad("source", "one vehicle, not a broadcast"))?;
         let arrival = Arrival {
             time_s,
             source,
@@ -87,7 +87,7 @@ impl RecordReader {
             frame: row.positive_integer("frame")?,
             frames: row.positive_integer("frames")?,
             good,
-            // A level that a receiver notes is that at which it arrived.
+            // The column `level` is left out: a receiver notes the level of arrival, not that of the transmission.
             kind: row.table.kind_by(&["rate", "band", "length"])?,
         };
         recording.arrivals.get_or_insert_default().push(arrival);
@@ -140,13 +140,13 @@ fn add_fix(row: &RoleTable, recording: &mut Recording, skipped: &mut SkipCounts)
     Ok(())
 }
 
-/// Checks that there are columns of places: in degrees, or else in metres.
+/// Checks that a table has columns for positions, in degrees or in metres.
 pub(crate) fn require_position(row: &RoleTable) -> Result<(), ImportError> {
     let in_degrees = row.has("latitude") || row.has("longitude");
     row.require(TableKind::Navigation, if in_degrees { &["latitude", "longitude"] } else { &["easting", "northing"] })
 }
 
-/// The place of a line, and how deep it is; nothing where both numbers are not there.
+/// Reads the position and the depth of a row; `None` if a coordinate is empty.
 pub(crate) fn read_position(row: &RoleTable) -> Result<Option<(Place, Option<f64>)>, ImportError> {
     let in_degrees = row.has("latitude");
     let (first, second) = if in_degrees { ("latitude", "longitude") } else { ("easting", "northing") };

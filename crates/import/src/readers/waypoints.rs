@@ -1,4 +1,4 @@
-//! Places in order, as planners write them: waypoints, and where something may stand.
+//! Lists of places from a mission planner: waypoints, or candidate positions of a station.
 
 use std::io::Read;
 use std::path::Path;
@@ -12,24 +12,24 @@ use crate::readers::columns::{Columns, RoleTable, TableKind};
 use crate::readers::table::{read_position, require_position};
 use pingmap_trial::Problem;
 
-/// A place of a list.
+/// A place in a list.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Waypoint {
-    /// What it is called, if the list says so.
+    /// Name of the place, if stated.
     pub name: Option<String>,
-    /// When it will be reached, if the list says so.
+    /// Planned time of arrival in seconds, if stated.
     pub time_s: Option<f64>,
-    /// Where it is.
+    /// Horizontal position.
     pub place: Place,
-    /// How deep, if the list says so.
+    /// Depth in metres, if stated.
     pub depth_m: Option<f64>,
 }
 
-/// Reads a list of places: a table whose columns are called as those of navigation, of which only the place is required. A column `name`
-/// says what each is called.
+/// Reads a list of places from a table with the column names of navigation. Only the position is required. The column `name` holds the name
+/// of each place.
 ///
 /// # Errors
-/// [`ImportError`] with file, line, column, value and what was expected; for a list without a place, too.
+/// [`ImportError`] with file, line, column, value and what was expected; also for a list without places.
 pub fn read_waypoints(reader: impl Read, path: &Path) -> Result<Vec<Waypoint>, ImportError> {
     let mut row = RoleTable::new(reader, path, TableKind::Navigation, &Columns::default())?;
     require_position(&row)?;
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_read_by_the_names_of_navigation() {
+    fn places_have_the_column_names_of_navigation() {
         let found = read("name,lat,lon,depth\nbuoy,41.5,-70.5,3\n,41.6,-70.5,\n").unwrap();
         assert_eq!((found[0].name.as_deref(), found[0].depth_m, found[0].time_s), (Some("buoy"), Some(3.0), None));
         assert_eq!((found.len(), &found[1].name, found[1].depth_m), (2, &None, None));
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_place_is_refused_with_its_line() {
+    fn an_invalid_place_is_refused_with_its_line() {
         for (text, said) in [
             ("x,y\n", "no places"),
             ("x\n1\n", "northing_m"),

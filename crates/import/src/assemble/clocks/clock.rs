@@ -2,7 +2,7 @@
 
 use crate::assemble::median::median;
 
-/// A drift is estimated from at least so many comparisons. Fewer give a constant offset.
+/// Smallest number of comparisons from which a drift is estimated. With fewer, the offset is constant.
 const DRIFT_COMPARISONS_MIN: usize = 8;
 
 /// A drift is estimated from comparisons over at least this span, in seconds.

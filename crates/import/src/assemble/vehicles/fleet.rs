@@ -14,7 +14,7 @@ use crate::model::reference::Reference;
 /// A satellite receiver that is silent for longer than this was under water, in seconds.
 const SATELLITE_SILENCE_S: f64 = 60.0;
 
-/// A receiver with rare reports needs a silence of so many of its usual intervals.
+/// Limit of silence for a receiver with rare reports, as a multiple of its median interval.
 const SATELLITE_SILENCE_INTERVALS: f64 = 5.0;
 
 /// One vehicle of a fleet.

@@ -1,4 +1,4 @@
-//! What topics of a robot's bag tell, whatever file they stand in.
+//! Parser of the topics in a bag, independent of the container format.
 
 use std::collections::BTreeSet;
 
@@ -14,27 +14,27 @@ use crate::readers::modem::nmea::Sentence;
 use crate::readers::navigation::Navigation;
 use crate::readers::sink::Sink;
 
-/// What stands in a topic.
+/// The format of the messages in a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum TopicFormat {
-    /// `sensor_msgs/NavSatFix`.
+    /// Positions in degrees, `sensor_msgs/NavSatFix`.
     NavSatFix,
-    /// `nav_msgs/Odometry`.
+    /// Positions in metres, `nav_msgs/Odometry`.
     Odometry,
-    /// `std_msgs/String`.
+    /// Text, `std_msgs/String`.
     Text,
-    /// `std_msgs/UInt8MultiArray` or `ByteMultiArray`.
+    /// Bytes, `std_msgs/UInt8MultiArray` or `ByteMultiArray`.
     Bytes,
-    /// Objects as JSON.
+    /// JSON objects.
     Json,
-    /// Nothing of use here.
+    /// A type without information for the import.
     Other,
-    /// Written in a way that is not read.
+    /// An encoding that is not supported.
     OtherEncoding,
 }
 
 impl TopicFormat {
-    /// What stands in a topic of this type, written in this way.
+    /// Returns the format of a topic by its type and encoding.
     pub(crate) fn new(kind: &str, encoding: &str) -> Self {
         match (encoding, kind) {
             ("json", _) => Self::Json,
@@ -48,25 +48,25 @@ impl TopicFormat {
     }
 }
 
-/// What a bag told so far.
+/// The state of a bag that is being read.
 pub(crate) struct BagParser<'a> {
     ids: &'a ModemIds,
-    /// What the names of topics begin with that are read.
+    /// Prefix of the topics to read.
     prefix: &'a str,
     modem: Micromodem,
     navigation: Navigation,
     parsed: ParsedFile,
-    /// Topics of positions, in degrees and in metres.
+    /// Names of topics with positions: in degrees, and in metres.
     positions: [BTreeSet<String>; 2],
-    /// Sentences of just now, when and in which topics they stood.
+    /// Recent sentences with their time and topic, to detect echoes.
     recent_lines: Vec<(f64, String, String)>,
-    /// What members of messages say that was received.
+    /// Possible receptions in messages with named members.
     reported: Vec<Arrival>,
-    /// Whether a topic was asked for.
+    /// Whether any topic has the prefix.
     is_any_selected: bool,
 }
 
-/// The same sentence in two topics within so many seconds was said once.
+/// Largest time between a sentence and its echo in another topic, in seconds.
 const ECHO_S: f64 = 2.0;
 
 impl<'a> BagParser<'a> {
@@ -85,14 +85,14 @@ impl<'a> BagParser<'a> {
         }
     }
 
-    /// Whether a topic is read.
+    /// Returns whether a topic is to be read.
     pub(crate) fn selects(&mut self, name: &str) -> bool {
         let is_any_selected = name.starts_with(self.prefix);
         self.is_any_selected |= is_any_selected;
         is_any_selected
     }
 
-    /// Takes in a message, recorded at this time.
+    /// Absorbs a message with the time of its record, in seconds.
     pub(crate) fn absorb(&mut self, time_s: f64, (topic, name): (TopicFormat, &str), message: &[u8]) {
         let is_read = match topic {
             TopicFormat::NavSatFix => self.absorb_nav_sat_fix(time_s, name, message),
@@ -136,7 +136,7 @@ impl<'a> BagParser<'a> {
         self.add_position(time_s, (1, name), (x_m, y_m), Some(-z_m))
     }
 
-    /// A position in degrees (0) or metres (1); `None` where it is none.
+    /// Adds a position in degrees (form 0) or metres (form 1). Returns `None` if it is invalid.
     fn add_position(
         &mut self,
         time_s: f64,
@@ -155,7 +155,7 @@ impl<'a> BagParser<'a> {
         is_valid.then_some(())
     }
 
-    /// What a text says: a modem's sentences, or JSON. Other texts are not asked.
+    /// Absorbs a text: JSON, or modem sentences. Other text is ignored.
     pub(crate) fn read_text(&mut self, time_s: f64, name: &str, text: &str) {
         if text.trim_start().starts_with('{') {
             match MessageFields::from_json(text) {
@@ -176,12 +176,12 @@ impl<'a> BagParser<'a> {
         }
     }
 
-    /// Whether a sentence stood in another topic just now.
+    /// Returns whether another topic held the same sentence recently.
     fn is_echo(&mut self, time_s: f64, name: &str, line: &str) -> bool {
         self.recent_lines.retain(|(then_s, ..)| (time_s - then_s).abs() <= ECHO_S);
         let same = |(_, topic, other): &(f64, String, String)| topic != name && other == line;
         if let Some(place) = self.recent_lines.iter().position(same) {
-            // Each says it once more than the other, if the modem did.
+            // An echo cancels one occurrence only, so a sentence that the modem repeats is kept.
             self.recent_lines.swap_remove(place);
             return true;
         }
@@ -189,12 +189,12 @@ impl<'a> BagParser<'a> {
         false
     }
 
-    /// A message that cannot be read is counted.
+    /// Counts a message that cannot be parsed.
     pub(crate) fn count_garbled(&mut self, is_garbled: bool) {
         self.parsed.skipped.garbled += usize::from(is_garbled);
     }
 
-    /// Takes in what members of a message say by their names.
+    /// Absorbs the named fields of a message.
     pub(crate) fn absorb_fields(&mut self, time_s: f64, name: &str, fields: &MessageFields) {
         if fields.is_unclear {
             self.count_garbled(true);
@@ -241,10 +241,10 @@ impl<'a> BagParser<'a> {
         }
     }
 
-    /// Everything that the bag told.
+    /// Ends the bag.
     ///
     /// # Errors
-    /// Where positions stand in several topics of one kind, several modems speak, or no topic is called as was asked.
+    /// If positions of one form occur in several topics, several modems occur, or no topic has the prefix.
     pub(crate) fn finish(mut self) -> Result<ParsedFile, String> {
         if !self.is_any_selected && !self.prefix.is_empty() {
             return Err(format!("no topic (or channel) has a name that begins with {}", self.prefix));
@@ -254,7 +254,7 @@ impl<'a> BagParser<'a> {
             if topics.len() > 1 {
                 let names: Vec<&str> = topics.iter().map(String::as_str).collect();
                 return Err(format!(
-                    "positions stand in {}; expected one: NAME=FILE#TOPIC takes topics (or channels) whose names begin so",
+                    "positions occur in {}; expected one topic (or channel): NAME=FILE#TOPIC selects those whose names begin with TOPIC",
                     names.join(" and ")
                 ));
             }
@@ -262,7 +262,7 @@ impl<'a> BagParser<'a> {
         let ids: Vec<&str> = self.parsed.recording.modem_ids.iter().map(String::as_str).collect();
         if ids.len() > 1 {
             return Err(format!(
-                "modems {} speak in it; expected one: NAME=FILE#TOPIC takes topics (or channels) whose names begin so",
+                "modems {} occur in it; expected one: NAME=FILE#TOPIC selects topics (or channels) whose names begin with TOPIC",
                 ids.join(" and ")
             ));
         }
@@ -280,7 +280,7 @@ mod tests {
     const FROM_2: &str = "$CARXD,2,1,0,1,AABB";
     const FROM_3: &str = "$CARXD,3,1,0,1,CCDD";
 
-    /// What texts say, each at its time and in its topic.
+    /// Parses texts, each with its time and topic.
     fn parsed(prefix: &str, texts: &[(f64, &str, &str)]) -> Result<ParsedFile, String> {
         let ids = ModemIds::default();
         let mut bag = BagParser::new(&ids, prefix);
@@ -297,20 +297,20 @@ mod tests {
     }
 
     #[test]
-    fn what_two_topics_repeat_was_said_once() {
+    fn a_sentence_that_two_topics_repeat_counts_once() {
         let twice = [(10.0, "/rx", FROM_2), (10.1, "/log", FROM_2)];
         assert_eq!((arrivals(&twice[..1]), arrivals(&twice)), (1, 1));
-        // Said anew: in one topic, by another sender, later.
+        // No echoes: the same topic, another sender, a later time.
         assert_eq!(arrivals(&[(10.0, "/rx", FROM_2), (11.0, "/rx", FROM_2)]), 2);
         assert_eq!(arrivals(&[(10.0, "/rx", FROM_2), (10.1, "/log", FROM_3)]), 2);
         assert_eq!(arrivals(&[(10.0, "/rx", FROM_2), (13.0, "/log", FROM_2)]), 2);
-        // Twice by the modem, and each time repeated.
+        // The modem repeats a sentence, and another topic echoes both.
         let both = [(10.0, "/rx", FROM_2), (11.0, "/rx", FROM_2), (10.1, "/log", FROM_2), (11.1, "/log", FROM_2)];
         assert_eq!(arrivals(&both), 2);
     }
 
     #[test]
-    fn a_bag_of_several_modems_or_without_the_topic_is_refused() {
+    fn a_bag_with_several_modems_or_without_the_topic_is_refused() {
         let ids = [(1.0, "/a/rx", "$CACFG,SRC,1"), (1.0, "/b/rx", "$CACFG,SRC,2")];
         let error = parsed("", &ids).err().unwrap();
         assert!(error.contains("modems 1 and 2") && error.contains("NAME=FILE#TOPIC"), "{error}");
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn members_say_what_was_received_sent_and_where() {
+    fn members_yield_receptions_transmissions_and_positions() {
         let reported = parsed(
             "",
             &[

@@ -1,15 +1,17 @@
-//! Messages as ROS 2 writes them (CDR): fields one after the other, each at a multiple of its size.
+//! CDR, the encoding of ROS 2 messages. Each field is aligned to its size.
+//!
+//! The decoder is written by hand, because no maintained crate decodes CDR with types known only at run time.
 
-/// What is left of a message.
+/// A cursor over the fields of a message.
 pub(crate) struct CdrReader<'a> {
-    /// All of it behind the four bytes that say how it is written.
+    /// The message without its first four bytes, the encapsulation header.
     bytes: &'a [u8],
     at: usize,
     is_little: bool,
 }
 
 impl<'a> CdrReader<'a> {
-    /// `None` where it is not written in plain CDR.
+    /// Starts at the first field; `None` if the encoding is not plain CDR.
     pub(crate) fn new(message: &'a [u8]) -> Option<Self> {
         let (kind, bytes) = message.split_at_checked(4)?;
         let is_little = match kind[..2] {
@@ -46,7 +48,7 @@ impl<'a> CdrReader<'a> {
         self.number().map(f64::from_le_bytes)
     }
 
-    /// A sequence of bytes.
+    /// Reads a sequence of bytes.
     pub(crate) fn bytes(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()? as usize;
         let bytes = self.bytes.get(self.at..self.at.checked_add(length)?)?;
@@ -54,13 +56,13 @@ impl<'a> CdrReader<'a> {
         Some(bytes)
     }
 
-    /// A text, with the zero at its end left out.
+    /// Reads a string, without its final zero byte.
     pub(crate) fn text(&mut self) -> Option<&'a str> {
         let bytes = self.bytes()?;
         std::str::from_utf8(bytes.strip_suffix(&[0]).unwrap_or(bytes)).ok()
     }
 
-    /// `std_msgs/Header`: a time and the name of a frame, which are left out.
+    /// Skips a `std_msgs/Header`: a time and the name of a frame.
     pub(crate) fn header(&mut self) -> Option<()> {
         self.u32()?;
         self.u32()?;
@@ -68,7 +70,7 @@ impl<'a> CdrReader<'a> {
         Some(())
     }
 
-    /// `std_msgs/UInt8MultiArray` or `ByteMultiArray`: how it is laid out, which is left out, and its bytes.
+    /// Reads the bytes of a `std_msgs/UInt8MultiArray` or `ByteMultiArray`. Skips its layout.
     pub(crate) fn array(&mut self) -> Option<&'a [u8]> {
         for _ in 0..self.u32()? {
             self.bytes()?;
@@ -85,8 +87,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fields_stand_at_multiples_of_their_size_in_either_order() {
-        // A text of two characters and its zero, two bytes, and a number of eight bytes: at 16.
+    fn fields_are_aligned_to_their_size_in_both_byte_orders() {
+        // A string of two characters with its zero byte, two single bytes, and an eight-byte number, aligned to offset 16.
         let mut little = vec![0, 1, 0, 0, 3, 0, 0, 0, b'h', b'i', 0, 7, 9, 0, 0, 0, 0, 0, 0, 0];
         little.extend(1.5f64.to_le_bytes());
         let mut message = CdrReader::new(&little).unwrap();

@@ -1,4 +1,4 @@
-//! MCAP files, of ROS 2 or others.
+//! MCAP files from ROS 2 and other systems.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -10,16 +10,16 @@ use crate::model::modem_ids::ModemIds;
 use crate::model::parsed_file::ParsedFile;
 use crate::readers::bags::bag_parser::{BagParser, TopicFormat};
 
-/// The first bytes of every such file.
+/// The first bytes of an MCAP file.
 pub(crate) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
-/// No message is longer than this.
+/// Longest record, in bytes.
 const RECORD_BYTES_MAX: usize = 1 << 26;
 
-/// Reads a file from its beginning to its end, or to where it was cut off. Holds one message, and a chunk where these are compressed.
+/// Reads a file from its beginning to its end, or to the point where it is truncated. Memory holds one message, or one compressed chunk.
 ///
 /// # Errors
-/// What is wrong with the file, and what was expected.
+/// The problem with the file, and what was expected.
 pub(crate) fn read(mut reader: impl Read, ids: &ModemIds, prefix: &str) -> Result<ParsedFile, String> {
     let options = LinearReaderOptions::default().with_record_length_limit(RECORD_BYTES_MAX).with_skip_end_magic(true);
     let mut records = LinearReader::new_with_options(options);
@@ -48,9 +48,9 @@ pub(crate) fn read(mut reader: impl Read, ids: &ModemIds, prefix: &str) -> Resul
                     _ => {}
                 }
             }
-            // A recorder that was switched off leaves no end.
+            // A recorder that loses power writes no end of file.
             Err(mcap::McapError::UnexpectedEof) => break,
-            Err(error) => return Err(format!("not a whole MCAP file: {error}")),
+            Err(error) => return Err(format!("damaged MCAP file: {error}")),
         }
     }
     let mut parsed = bag.finish()?;

@@ -1,4 +1,4 @@
-//! Bags of ROS 2 in SQLite (`.db3`).
+//! ROS 2 bags in SQLite files (`.db3`).
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,13 +9,13 @@ use crate::model::modem_ids::ModemIds;
 use crate::model::parsed_file::ParsedFile;
 use crate::readers::bags::bag_parser::{BagParser, TopicFormat};
 
-/// The first bytes of every SQLite database.
+/// The first bytes of an SQLite database.
 pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
 
-/// Reads a bag, message by message in the order in which they were recorded; never writes to it. `None` for a database that is none.
+/// Reads the messages of a bag in the order of their records. Opens the file read-only. Returns `None` if the database is not a bag.
 ///
 /// # Errors
-/// What is wrong with the file, and what was expected.
+/// The problem with the file, and what was expected.
 pub(crate) fn read(path: &Path, ids: &ModemIds, prefix: &str) -> Result<Option<ParsedFile>, String> {
     let bad = |error: rusqlite::Error| format!("not a bag of ROS 2: {error}; expected its tables");
     let database = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY).map_err(bad)?;

@@ -1,4 +1,4 @@
-//! Logs of LCM: events on channels, each a message of a type that its fingerprint names.
+//! LCM logs. An event holds a channel and a message, whose fingerprint identifies its type.
 
 use std::io::{self, Read};
 
@@ -8,17 +8,17 @@ use crate::readers::bags::bag_parser::BagParser;
 use crate::readers::lcm::types::{LcmTypes, Leaf};
 use crate::readers::message_fields::MessageFields;
 
-/// What every event begins with.
+/// The first bytes of every event.
 pub(crate) const MAGIC: &[u8] = &[0xed, 0xa1, 0xda, 0x01];
 
-/// No channel has a longer name, and no message is longer.
+/// Longest name of a channel and longest message, in bytes.
 const CHANNEL_BYTES_MAX: usize = 1 << 12;
 const MESSAGE_BYTES_MAX: usize = 1 << 26;
 
-/// Reads a log event by event. Messages of types that are not given are counted. Holds one message.
+/// Reads a log event by event. Messages of unknown types are counted. Holds one message.
 ///
 /// # Errors
-/// What is wrong with the file, and what was expected.
+/// The problem with the file, and what was expected.
 pub(crate) fn read(
     mut reader: impl Read,
     types: &LcmTypes,
@@ -26,7 +26,7 @@ pub(crate) fn read(
     prefix: &str,
 ) -> Result<ParsedFile, String> {
     if types.is_empty() {
-        return Err("a log of LCM, whose types are not known; expected their definitions (.lcm) among the files".into());
+        return Err("an LCM log without the definitions of its types; expected them (.lcm) among the files".into());
     }
     let names = types.by_fingerprint();
     let (mut bag, mut message, mut truncated, mut unknown_type) = (BagParser::new(ids, prefix), Vec::new(), 0, 0);
@@ -57,13 +57,13 @@ pub(crate) fn read(
 }
 
 enum Event {
-    /// On this channel, at this time; the message is where it was asked for.
+    /// An event with its channel and its time in seconds. The message is in the buffer of the caller.
     Message(String, f64),
     Truncated,
     End,
 }
 
-/// The next event: a mark, its number, when it was in microseconds, how long the channel's name and the message are, and both.
+/// Reads an event: sync word, event number, time in microseconds, lengths of channel and message, channel, message.
 fn read_event(reader: &mut impl Read, message: &mut Vec<u8>) -> io::Result<Event> {
     let mut head = Vec::new();
     reader.by_ref().take(28).read_to_end(&mut head)?;
@@ -78,7 +78,7 @@ fn read_event(reader: &mut impl Read, message: &mut Vec<u8>) -> io::Result<Event
     let time_us = (u64::from(number(12)) << 32) | u64::from(number(16));
     let (channel_bytes, message_bytes) = (number(20) as usize, number(24) as usize);
     if channel_bytes > CHANNEL_BYTES_MAX || message_bytes > MESSAGE_BYTES_MAX {
-        return Err(io::Error::other(format!("an event says that it has {channel_bytes} and {message_bytes} bytes")));
+        return Err(io::Error::other(format!("an event states lengths of {channel_bytes} and {message_bytes} bytes")));
     }
     let mut channel = Vec::new();
     reader.by_ref().take(channel_bytes as u64).read_to_end(&mut channel)?;
@@ -90,7 +90,7 @@ fn read_event(reader: &mut impl Read, message: &mut Vec<u8>) -> io::Result<Event
     Ok(Event::Message(String::from_utf8_lossy(&channel).into_owned(), time_us as f64 * 1e-6))
 }
 
-/// Takes in what a message says by the names of its members.
+/// Absorbs the members of a message by their names.
 fn absorb_message(
     bag: &mut BagParser,
     (time_s, channel): (f64, &str),

@@ -1,6 +1,6 @@
-//! The words of definitions of LCM types.
+//! Tokenizer for definitions of LCM types.
 
-/// Names, numbers and signs, without remarks.
+/// Splits a text into names, numbers and symbols. Comments are left out.
 pub(crate) fn split_tokens(text: &str) -> Vec<String> {
     let mut tokens: Vec<String> = Vec::new();
     let mut rest = text;

@@ -1,16 +1,18 @@
-//! Types of LCM messages, as their definitions (`.lcm`) give them.
+//! LCM message types: parser of their definitions (`.lcm`), fingerprints, and decoder.
+//!
+//! The parser is written by hand, because no maintained crate decodes LCM messages with types known only at run time.
 
 use std::collections::BTreeMap;
 
 use crate::readers::lcm::tokens::split_tokens;
 
-/// Types hold each other no deeper than this.
+/// Deepest nesting of types.
 const DEPTH_MAX: usize = 16;
 
-/// A message has no more members than this, arrays taken apart.
+/// Largest number of values in a message, with the elements of arrays counted singly.
 const LEAVES_MAX: usize = 1 << 20;
 
-/// Types by their names, with the packages before them.
+/// Types by their full name, with the package.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LcmTypes(BTreeMap<String, Struct>);
 
@@ -28,7 +30,7 @@ struct Member {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Kind {
-    /// A number of so many bytes, by the name of its type.
+    /// The name of a numeric type, and its size in bytes.
     Number(&'static str, usize),
     Text,
     Struct(String),
@@ -36,12 +38,12 @@ enum Kind {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Dimension {
-    /// A number, and how it is written.
+    /// A size, and its text in the definition.
     Fixed(usize, String),
     Member(String),
 }
 
-/// What stands in a member that holds no others.
+/// A decoded value of a member that is no struct.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Leaf<'a> {
     Flag(bool),
@@ -61,7 +63,7 @@ const NUMBERS: [(&str, usize); 8] = [
     ("double", 8),
 ];
 
-/// A size as C writes it.
+/// Parses a size in decimal or C hexadecimal notation.
 fn size_of(text: &str) -> Option<usize> {
     match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
         Some(digits) => usize::from_str_radix(digits, 16).ok(),
@@ -74,17 +76,17 @@ fn is_name(token: &str) -> bool {
 }
 
 impl LcmTypes {
-    /// Whether a text is one of definitions, by its first words.
+    /// Returns whether a text starts like a definition.
     pub(crate) fn is_definition(text: &str) -> bool {
         let tokens = split_tokens(text);
         let tokens: Vec<&str> = tokens.iter().map(String::as_str).collect();
         matches!(tokens[..], ["package", _, ";", "struct", _, "{", ..] | ["struct", _, "{", ..])
     }
 
-    /// Takes in the definitions of a file.
+    /// Reads the definitions in a file.
     ///
     /// # Errors
-    /// What was found and expected.
+    /// The text that was found and what was expected.
     pub(crate) fn read(&mut self, text: &str) -> Result<(), String> {
         let tokens = split_tokens(text);
         let mut tokens = tokens.iter().map(String::as_str).peekable();
@@ -118,7 +120,7 @@ impl LcmTypes {
         self.0.is_empty()
     }
 
-    /// The name of the type that a message begins with the fingerprint of.
+    /// Returns the name of each type by its fingerprint, with which its messages start.
     pub(crate) fn by_fingerprint(&self) -> BTreeMap<u64, &str> {
         self.0.keys().map(|name| (self.fingerprint(name, &mut Vec::new()), name.as_str())).collect()
     }
@@ -137,8 +139,9 @@ impl LcmTypes {
         nested.into_iter().fold(found.own_fingerprint(), u64::wrapping_add).rotate_left(1)
     }
 
-    /// Reads a message of a type behind its fingerprint, and gives every member that holds no others with its name. `None` where
-    /// it ends too early, or is of types that are not known.
+    /// Decodes the part of a message behind its fingerprint, and emits every value with the name of its member.
+    ///
+    /// Returns `None` if the message is too short, or a type is unknown.
     pub(crate) fn decode<'b>(&self, name: &str, bytes: &'b [u8], emit: &mut dyn FnMut(&str, Leaf<'b>)) -> Option<()> {
         let mut decoder = Decoder { types: self, rest: bytes, leaves: 0, emit };
         decoder.decode_struct(name, 0)
@@ -149,7 +152,7 @@ fn expect(found: Option<&str>, expected: &str, after: &str) -> Result<(), String
     if found == Some(expected) {
         return Ok(());
     }
-    Err(format!("found {:?} behind {after}; expected {expected}", found.unwrap_or("the end")))
+    Err(format!("found {:?} after {after}; expected {expected}", found.unwrap_or("the end")))
 }
 
 impl Struct {
@@ -163,7 +166,7 @@ impl Struct {
                 "}" => return Ok(found),
                 ";" => {}
                 "const" => {
-                    // A type, and names with values, with commas between.
+                    // A type, and one or more pairs of a name and a value, separated by commas.
                     tokens.next();
                     loop {
                         let name = tokens.next().ok_or("a constant without a name")?;
@@ -182,7 +185,7 @@ impl Struct {
         }
     }
 
-    /// Members of one type, with commas between.
+    /// Reads the members of one type, separated by commas.
     fn read_members<'a>(
         &mut self,
         kind: &str,
@@ -222,7 +225,7 @@ impl Struct {
         }
     }
 
-    /// What its names, types and sizes come to, without those of the types that it holds.
+    /// Hashes the names, types and sizes of the members. The fingerprints of nested types are not included.
     fn own_fingerprint(&self) -> u64 {
         let mut found = Fingerprint(0x1234_5678);
         for Member { name, kind, dimensions } in &self.members {
@@ -263,7 +266,7 @@ impl Fingerprint {
     }
 }
 
-/// A message that is being read.
+/// A message that is being decoded.
 struct Decoder<'a, 'b> {
     types: &'a LcmTypes,
     rest: &'b [u8],
@@ -344,9 +347,9 @@ mod tests {
         const int32_t VERSION = 2, OTHER = 3; int64_t utime; point_t where; double depth; int8_t n; byte raw[n]; float cov[OTHER][2];\n\
         string name; boolean ok; }\nstruct modem_t { int64_t utime; string nmea; };";
 
-    /// The constants that the generator of LCM 1.5.3 writes for these types.
+    /// The expected values are those that the generator of LCM 1.5.3 writes for these types.
     #[test]
-    fn fingerprints_are_those_of_the_generator() {
+    fn fingerprints_agree_with_the_lcm_generator() {
         let mut types = LcmTypes::default();
         types.read(TEXT).unwrap();
         let own = |name: &str| types.0[name].own_fingerprint();
@@ -362,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_definition_is_refused_and_no_message_runs_away() {
+    fn invalid_definitions_are_refused_and_decoding_is_bounded() {
         for text in [
             "struct",
             "struct a",

@@ -1,4 +1,4 @@
-//! Captures of what a host and its modem say to each other, a time in front of each sentence.
+//! Captures of the sentences between a host and its modem. Each line has a time before its sentence.
 
 use std::io::{self, BufRead};
 
@@ -10,7 +10,8 @@ use crate::readers::modem::micromodem::Micromodem;
 use crate::readers::modem::nmea::Sentence;
 use crate::readers::sink::Sink;
 
-/// Reads a capture. Lines without a sentence, or without a time, are counted and left out. O(lines), one at a time.
+/// Reads a capture. Lines without a sentence are skipped. Those with an invalid sentence or time are counted. O(lines) time; holds one
+/// line.
 pub(crate) fn read(reader: impl BufRead, ids: &ModemIds) -> io::Result<ParsedFile> {
     let (mut lines, mut modem, mut parsed) = (Lines::new(reader), Micromodem::default(), ParsedFile::default());
     while let Some(line) = lines.next()? {
@@ -29,7 +30,7 @@ pub(crate) fn read(reader: impl BufRead, ids: &ModemIds) -> io::Result<ParsedFil
     Ok(parsed)
 }
 
-/// Whether a receiver of satellites has a fix, where it says so: a host that listens to it has its clock set then.
+/// Returns whether a satellite receiver has a fix, if the sentence states it. A fix sets the clock of the host.
 fn has_fix(sentence: &Sentence) -> Option<bool> {
     match sentence.name.get(2..)? {
         "RMC" => Some(sentence.field(1) == "A"),
@@ -38,7 +39,8 @@ fn has_fix(sentence: &Sentence) -> Option<bool> {
     }
 }
 
-/// The time in front of a sentence: `1777809600.25`, `[2026-05-03T12:00:00Z]`, `2026-05-03 12:00:00Z,RX,`, whatever stands behind it.
+/// Parses the time before a sentence, such as `1777809600.25`, `[2026-05-03T12:00:00Z]` or `2026-05-03 12:00:00Z,RX,`. Any text may follow
+/// the time.
 pub(crate) fn time_before(front: &str) -> Option<f64> {
     let front = front.trim_start_matches([' ', '\t', '[', '(', '"']);
     let is_end = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | ']' | ')' | '"' | '<' | '>' | '|');
@@ -48,11 +50,11 @@ pub(crate) fn time_before(front: &str) -> Option<f64> {
         let (time, rest) = rest.split_at(rest.find(is_end).unwrap_or(rest.len()));
         parse_with_fraction(&format!("{first}T{time}"), rest)
     };
-    // A date alone is midnight, and no time of a sentence.
+    // A date without a time would be midnight, so the next word is tried first.
     second().or_else(|| parse_with_fraction(first, rest)).or_else(|| parse_time(first.trim_end_matches(':')))
 }
 
-/// A time, and what of a second stands behind a comma: three or six digits that are no field of their own.
+/// Parses a time, and a fraction of three or six digits behind a comma. Digits in a field of their own are no fraction.
 fn parse_with_fraction(time: &str, behind: &str) -> Option<f64> {
     let fraction = behind.strip_prefix(',').unwrap_or("");
     let (fraction, rest) = fraction.split_at(fraction.find(|c: char| !c.is_ascii_digit()).unwrap_or(fraction.len()));
@@ -62,7 +64,7 @@ fn parse_with_fraction(time: &str, behind: &str) -> Option<f64> {
     whole.or_else(|| parse_time(time))
 }
 
-/// Whether the beginning of a file is one of a capture: a line of it holds a sentence of a modem after a time.
+/// Returns whether the beginning of a file has a line with a time and a modem sentence.
 pub(crate) fn is_capture(head: &str) -> bool {
     head.lines().any(|line| {
         let sentence = Sentence::parse(line).filter(|sentence| matches!(sentence.name.get(..2), Some("CA" | "CC")));
@@ -75,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_stand_in_front_in_many_ways() {
+    fn times_in_many_formats_are_parsed() {
         for front in [
             "1777809600.25 ",
             "[1777809600.25] ",

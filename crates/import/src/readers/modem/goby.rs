@@ -1,4 +1,4 @@
-//! Transmissions as Goby writes them, in the text form of its protocol buffers.
+//! Transmissions in the text format of Goby's protocol buffers (`goby.acomms.protobuf.ModemTransmission`).
 
 use pingmap_agent::MessageKind;
 
@@ -6,7 +6,7 @@ use crate::model::exclusion::ExclusionReason;
 use crate::model::recording::SentMessage;
 use crate::readers::sink::{FrameInfo, Sink};
 
-/// What is said of a transmission.
+/// A transmission, with the fields that matter here.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct ModemTransmission {
     source: Option<String>,
@@ -17,14 +17,14 @@ pub(crate) struct ModemTransmission {
     bad_frames: u32,
 }
 
-/// So long a modem is deaf that pings or answers.
+/// A modem that ranges or acknowledges is deaf for so long, in seconds.
 const RANGING_S: f64 = 5.0;
 
-/// Everybody, for Goby.
+/// Goby's broadcast address.
 const BROADCAST: &str = "0";
 
 impl ModemTransmission {
-    /// Reads `src: 1 dest: 0 type: DATA rate: 0 frame: "…"`, whatever else there is between and within.
+    /// Parses `src: 1 dest: 0 type: DATA rate: 0 frame: "…"`, and ignores all other fields.
     pub(crate) fn parse(text: &str) -> Self {
         let mut transmission = Self::default();
         for (depth, key, value) in Fields::new(text) {
@@ -45,7 +45,7 @@ impl ModemTransmission {
         !self.is_of_another_kind() && self.frames > 0
     }
 
-    /// Whether it is something that modems send without data.
+    /// Returns whether the transmission is of a type without data.
     fn is_of_another_kind(&self) -> bool {
         !matches!(self.kind.as_deref(), None | Some("DATA" | "MICROMODEM_MINI_DATA" | "DRIVER_SPECIFIC"))
     }
@@ -55,22 +55,22 @@ impl ModemTransmission {
         Some(MessageKind::new(format!("rate {rate}")))
     }
 
-    /// This reached the modem.
+    /// Records the reception of this transmission.
     pub(crate) fn record_reception(&self, time_s: f64, sink: &mut Sink) {
         let Some(source) = self.source.as_deref().filter(|_| self.is_message()) else { return };
         let to = self.destination.as_deref().filter(|to| *to != BROADCAST).unwrap_or("");
         let (frames, good) = (Some(self.frames), self.bad_frames < self.frames);
-        // Which ones are broken is not told; how many are is.
+        // The text states the number of bad frames, but not their indices.
         for frame in 1..=self.frames.saturating_sub(self.bad_frames).max(1) {
             let part = FrameInfo { frame: Some(frame), frames, good, kind: self.message_kind() };
             sink.add_arrival(time_s, (source, to), part);
         }
     }
 
-    /// This was sent.
+    /// Records that this transmission was sent.
     pub(crate) fn record_transmission(&self, time_s: f64, sink: &mut Sink) {
         if self.is_of_another_kind() {
-            // A ping or an answer: deaf meanwhile.
+            // Ranging or an acknowledgement: the modem is deaf meanwhile.
             sink.record_activity(time_s);
             sink.recording.deaf_intervals.push((time_s, time_s + RANGING_S, ExclusionReason::OtherMode));
         }
@@ -89,7 +89,7 @@ impl ModemTransmission {
     }
 }
 
-/// Fields of a text, each with how many braces it stands in.
+/// Iterates over the fields of a text, each with its depth of nesting.
 struct Fields<'a> {
     rest: &'a str,
     depth: usize,
@@ -97,7 +97,7 @@ struct Fields<'a> {
 
 impl<'a> Fields<'a> {
     fn new(text: &'a str) -> Self {
-        // The name of the type may stand in front: `@PB[goby.acomms.protobuf.ModemTransmission]`.
+        // A prefix may state the type: `@PB[goby.acomms.protobuf.ModemTransmission]`.
         let text = text.trim_start();
         let rest = match text.strip_prefix("@PB[") {
             Some(rest) => rest.split_once(']').map_or("", |(_, rest)| rest),
@@ -106,7 +106,7 @@ impl<'a> Fields<'a> {
         Self { rest, depth: 0 }
     }
 
-    /// Takes what stands before the end of a quoted text, which begins behind its first mark.
+    /// Consumes a quoted text up to its end. The opening quotation mark is already consumed.
     fn quoted(&mut self, mark: char) -> &'a str {
         let mut escaped = false;
         let end = self.rest.char_indices().find(|&(_, c)| {
@@ -150,7 +150,7 @@ impl<'a> Iterator for Fields<'a> {
                     self.rest = rest;
                     return Some((self.depth, key, value));
                 }
-                // A sign that belongs nowhere.
+                // Skips an unexpected character.
                 Some(sign) => self.rest = &self.rest[sign.len_utf8()..],
                 None => return None,
             }
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn transmissions_are_read_whatever_is_in_their_frames() {
+    fn transmissions_with_any_content_of_frames_are_parsed() {
         let text = r#"@PB[goby.acomms.protobuf.ModemTransmission] src: 2 dest: 0 rate: 1 type: DATA time: 1.7778096e+15 frame: "\001 src: 9 \"{" frame: "" [micromodem.protobuf.frame_with_bad_crc]: 1 [micromodem.protobuf.receive_stat] { mode: RECEIVE_BAD src: 7 }"#;
         let expected = ModemTransmission {
             source: Some("2".into()),

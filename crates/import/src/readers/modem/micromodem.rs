@@ -1,9 +1,10 @@
-//! What the sentences between a host and its WHOI Micro-Modem tell.
+//! A state machine over the sentences between a host and its WHOI Micro-Modem.
 //!
-//! Sent is what the modem says that it has sent (`CATXF`, or `CAXST` with mode 0); cycle requests and data that a host gave are not. Heard is
-//! what it gives its host (`CARXD`, `CAMUA`, `CARDP`); of messages that were not decoded the sender is known by statistics alone
-//! (`CACST`, mode 1). That another vehicle's modem was heard to announce something is no sign that this one was at work: it would
-//! tie when it was at work to what it heard.
+//! A transmission requires the modem's own report (`CATXF`, or `CAXST` with mode 0). Cycle requests and the host's data are not sufficient.
+//! A reception is a sentence with data for the host (`CARXD`, `CAMUA`, `CARDP`). For a broken message, only the statistics name the sender
+//! (`CACST`, mode 1).
+//!
+//! The announcement of another vehicle does not count as activity of this modem. Otherwise the activity would depend on receptions.
 
 use std::collections::BTreeSet;
 
@@ -15,44 +16,46 @@ use crate::model::recording::{BAND_PARTS, SentMessage};
 use crate::readers::modem::nmea::Sentence;
 use crate::readers::sink::{FrameInfo, Sink};
 
-/// Sentences of one message lie no farther apart than this, in seconds: an announcement and its data, data and its statistics.
+/// Longest time between sentences of one message, in seconds: an announcement and its data, or data and its statistics.
 const MESSAGE_S_MAX: f64 = 30.0;
 
-/// No longer than this from one frame of a message to the next.
+/// Longest interval between two successive frames of one message, in seconds.
 const FRAME_S_MAX: f64 = 5.0;
 
-/// So long a modem hears nothing when it starts, or ranges.
+/// Time for which the modem is deaf before it reports a start, in seconds.
 const START_S: f64 = 5.0;
+
+/// Time for which the modem is deaf while it ranges, in seconds.
 const RANGING_S: f64 = 5.0;
 
-/// A modem that says that it has finished, but not when it began, had begun no earlier than this.
+/// Duration of a packet, in seconds, if the modem reports only its end.
 const PACKET_S_MAX: f64 = 3.0;
 
-/// What modems said so far.
+/// The state of one modem, derived from its sentences.
 #[derive(Debug, Default)]
 pub(crate) struct Micromodem {
-    /// Whether anything was said.
+    /// Whether there was any sentence.
     pub(crate) has_sentences: bool,
-    /// Whom the latest cycle is for.
+    /// The latest cycle.
     cycle: Option<Cycle>,
     outgoing: Option<OutgoingMessage>,
     incoming: Option<IncomingMessage>,
-    /// When it last finished a message.
+    /// Time at which the latest transmission finished.
     finished_s: Option<f64>,
-    /// When a packet that is no message began.
+    /// Start of a packet without data.
     control_begin_s: Option<f64>,
-    /// When a frame was broken whose sender may still be named.
+    /// Time of a broken frame whose sender is not known yet.
     broken_s: Option<f64>,
-    /// Number, carrier and bandwidth of its band, as far as it said them.
+    /// Number, carrier and bandwidth of its band; empty if not reported.
     band: [String; 3],
-    /// When it was told to start anew.
+    /// Time at which it was told to restart.
     reset_s: Option<f64>,
-    /// How many messages were broken whose sender nobody named, and how many were not sent in the end.
+    /// Number of broken messages without a sender, and of messages that were not transmitted.
     unattributed: usize,
     not_sent: usize,
 }
 
-/// Who shall send how many frames at what rate.
+/// An announcement: the source will send a number of frames at a rate.
 #[derive(Debug, Clone)]
 struct Cycle {
     time_s: f64,
@@ -61,25 +64,25 @@ struct Cycle {
     frames: Option<u32>,
 }
 
-/// Data that a modem was given to send.
+/// Data that the modem accepted for transmission.
 #[derive(Debug)]
 struct OutgoingMessage {
     time_s: f64,
     begin_s: Option<f64>,
     destination: String,
     kind: Option<MessageKind>,
-    /// Frames by the host's word and by the modem's echo.
+    /// Number of frames by the host's sentences, and by the modem's echo.
     by_host: u32,
     by_echo: u32,
 }
 
-/// A message of several frames that arrives.
+/// A message that is being received frame by frame.
 #[derive(Debug)]
 struct IncomingMessage {
-    /// When it was first heard of, and last.
+    /// Times of its first and its latest sentence.
     time_s: f64,
     latest_s: f64,
-    /// When the first frame was decoded.
+    /// Time of its first decoded frame.
     decoded_s: Option<f64>,
     source: String,
     destination: String,
@@ -90,7 +93,7 @@ struct IncomingMessage {
 }
 
 impl IncomingMessage {
-    /// Whether as many frames are decoded as were announced.
+    /// Returns whether all announced frames are decoded.
     fn is_whole(&self) -> bool {
         self.frames > 0 && self.decoded.len() as u32 >= self.frames
     }
@@ -105,13 +108,13 @@ fn mini_kind() -> Option<MessageKind> {
 }
 
 impl Micromodem {
-    /// Takes a sentence in, said at this time by the host's clock.
+    /// Absorbs a sentence. The time is by the host's clock, in seconds.
     pub(crate) fn absorb(&mut self, time_s: f64, sentence: &Sentence, mut sink: Sink) {
         if self.incoming.as_ref().is_some_and(|incoming| time_s - incoming.latest_s > FRAME_S_MAX) {
             self.finish_incoming(&mut sink);
         }
         self.has_sentences = true;
-        // A host that talks to a modem keeps a record of both ways, even where nothing came of it.
+        // A host with a modem records receptions and transmissions, so both records exist even if they are empty.
         sink.recording.arrivals.get_or_insert_default();
         sink.recording.sent.get_or_insert_default();
         match sentence.name {
@@ -131,14 +134,14 @@ impl Micromodem {
         }
     }
 
-    /// At the end of the record; what of it says nothing is counted.
+    /// Ends the record, and adds the counts of unusable messages to `skipped`.
     pub(crate) fn finish(&mut self, mut sink: Sink, skipped: &mut SkipCounts) {
         self.finish_incoming(&mut sink);
         skipped.unattributed += self.unattributed;
         skipped.not_sent += self.not_sent;
     }
 
-    /// What a modem says of itself.
+    /// Absorbs a report of the modem's own state.
     fn absorb_status(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
         match sentence.name {
             "CCMSC" => return,
@@ -153,7 +156,7 @@ impl Micromodem {
             }
             "CACFG" if sentence.field(0) == "SRC" => sink.add_modem_id(sentence.field(1)),
             "CACFG" => {
-                // The band by its number; number 0 is what carrier and bandwidth make it.
+                // The number identifies a band. Band 0 is custom: its carrier and bandwidth identify it.
                 if let Some(place) = ["BND", "FC0", "BW0"].iter().position(|name| *name == sentence.field(0)) {
                     sentence.field(1).clone_into(&mut self.band[place]);
                     let [number, ..] = &self.band;
@@ -167,9 +170,9 @@ impl Micromodem {
         sink.record_activity(time_s);
     }
 
-    /// A cycle: who shall send, at what rate. Proves nothing.
+    /// Absorbs a cycle. It is no evidence of a transmission.
     fn absorb_cycle(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
-        // Whatever arrived before is all there is of it, and what broke before was none of what is announced.
+        // The announcement ends the previous message. A frame that broke earlier is not part of the announced message.
         self.finish_incoming(sink);
         self.broken_s = None;
         let (source, rate) = (sentence.field(1).to_owned(), sentence.field(3).to_owned());
@@ -208,7 +211,7 @@ impl Micromodem {
             },
             "CATXF" if self.outgoing.is_some() => self.finish_outgoing(time_s, sink),
             "CATXF" => {
-                // Of a cycle, or of an answer: no message, and deaf meanwhile.
+                // A cycle or an acknowledgement: no message, but the modem is deaf while it transmits.
                 let begin_s = self.control_begin_s.take().filter(|begin_s| time_s - begin_s <= MESSAGE_S_MAX);
                 sink.recording.deaf_intervals.push((
                     begin_s.unwrap_or(time_s - PACKET_S_MAX),
@@ -224,12 +227,12 @@ impl Micromodem {
         }
     }
 
-    /// Data that were given to the modem are not sent any more.
+    /// Drops data that the modem will not transmit any more.
     fn forget_outgoing(&mut self) {
         self.not_sent += usize::from(self.outgoing.take().is_some());
     }
 
-    /// Data for the modem, by the host's word or by its echo.
+    /// Absorbs data for transmission, from the host or from the modem's echo.
     fn absorb_data(&mut self, time_s: f64, sentence: &Sentence) {
         let is_echo = sentence.name.starts_with("CA");
         let (destination, kind, has_data) = match sentence.name {
@@ -254,7 +257,7 @@ impl Micromodem {
         *if is_echo { &mut outgoing.by_echo } else { &mut outgoing.by_host } += 1;
     }
 
-    /// The modem has finished.
+    /// Records the transmission that the modem has finished.
     fn finish_outgoing(&mut self, time_s: f64, sink: &mut Sink) {
         let Some(outgoing) = self.outgoing.take() else { return };
         self.finished_s = Some(time_s);
@@ -269,13 +272,13 @@ impl Micromodem {
         sink.recording.sent.get_or_insert_default().push(sent);
     }
 
-    /// Statistics of what was sent: with an error it was not. From version 6 on the version stands before all others.
+    /// Absorbs transmit statistics. An error mode means that there was no transmission. From version 6 on, the first field is the version.
     fn absorb_transmit_statistics(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
         let shift = usize::from(sentence.field(0).len() < 3);
         let Some(mode) = sentence.number(3 + shift) else { return };
         if mode == 0 {
             self.finish_outgoing(time_s, sink);
-            // Nothing takes it back any more.
+            // No later sentence can revoke this transmission.
             self.finished_s = None;
             return;
         }
@@ -316,7 +319,7 @@ impl Micromodem {
             }
             _ => {
                 self.finish_incoming(sink);
-                // Whether each frame is good, its length and its bytes, in turn.
+                // Triples of a flag (1 for a good frame), the length and the bytes.
                 let frames: Vec<&str> =
                     sentence.field(5).split(';').step_by(3).filter(|good| !good.is_empty()).collect();
                 let number = frames.len().max(1) as u32;
@@ -330,7 +333,7 @@ impl Micromodem {
         }
     }
 
-    /// The message of a source that is arriving; a new one if there is none.
+    /// Returns the incoming message of a source, and starts a new one if necessary.
     fn extend_incoming(
         &mut self,
         time_s: f64,
@@ -342,7 +345,7 @@ impl Micromodem {
         }
         let cycle = self.cycle_of(source, time_s);
         let (frames, kind) = cycle.map_or((0, None), |cycle| (cycle.frames.unwrap_or(0), rate_kind(&cycle.rate)));
-        // A frame that broke just before was one of this message.
+        // A frame that broke shortly before belongs to this message.
         let broken_s = self.broken_s.take().filter(|broken_s| time_s - broken_s <= FRAME_S_MAX);
         self.unattributed -= usize::from(broken_s.is_some());
         let incoming = self.incoming.get_or_insert_with(|| IncomingMessage {
@@ -361,7 +364,7 @@ impl Micromodem {
         incoming
     }
 
-    /// Statistics of what was received: good (0), broken (1), nothing came (2). From version 6 on the version stands before all others.
+    /// Absorbs receive statistics with mode 0 (good), 1 (broken) or 2 (no packet). From version 6 on, the first field is the version.
     fn absorb_receive_statistics(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
         let shift = usize::from(sentence.number(0).is_some_and(|version| version >= 6));
         let at = |place: usize| sentence.field(place + shift);
@@ -371,7 +374,7 @@ impl Micromodem {
         }
         let frames = at(17).parse().unwrap_or(0);
         let kind = rate_kind(at(12));
-        // What breaks after a message that is whole is another one.
+        // A packet that breaks after a complete message belongs to another message.
         if self.incoming.as_ref().is_some_and(IncomingMessage::is_whole) {
             self.finish_incoming(sink);
         }
@@ -381,14 +384,14 @@ impl Micromodem {
         incoming.is_broken = true;
     }
 
-    /// All of a message is there that will come.
+    /// Records the incoming message; no more frames will arrive.
     fn finish_incoming(&mut self, sink: &mut Sink) {
         let Some(incoming) = self.incoming.take() else { return };
         let is_whole = incoming.is_whole();
         let IncomingMessage { time_s, decoded_s, source, destination, kind, decoded, frames, is_broken, .. } = incoming;
         let (last, count) = (decoded.last().copied().unwrap_or(0), decoded.len() as u32);
-        // Where as many frames were decoded as were announced, what broke before was none of them: an announcement, or an
-        // earlier try. Otherwise broken frames are some beside those that were decoded.
+        // If all announced frames are decoded, an earlier broken packet was not one of them. It was an announcement, or an earlier attempt.
+        // Otherwise the broken frames are additional frames of this message.
         let (time_s, frames) = match decoded_s.filter(|_| is_whole) {
             Some(decoded_s) => (decoded_s, frames.max(last)),
             None => (time_s, frames.max(last).max(u32::from(is_broken) + count)),

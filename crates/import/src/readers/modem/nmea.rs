@@ -1,6 +1,6 @@
-//! Sentences as instruments say them (NMEA 0183).
+//! NMEA 0183 sentences.
 
-/// A sentence: `$CARXD,1,63,0,1,00*5A` is called `CARXD` and has five fields.
+/// A sentence. `$CARXD,1,63,0,1,00*5A`, for example, has the name `CARXD` and five fields.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Sentence<'a> {
     pub(crate) name: &'a str,
@@ -8,7 +8,7 @@ pub(crate) struct Sentence<'a> {
 }
 
 impl<'a> Sentence<'a> {
-    /// The sentence that begins at the first `$` of a text; `None` where there is none, or where its checksum is another.
+    /// Parses the sentence that starts at the first `$` of a text. Returns `None` without a sentence, or with a wrong checksum.
     pub(crate) fn parse(text: &'a str) -> Option<Self> {
         let body = &text[text.find('$')? + 1..];
         let (body, sum) = match body.split_once('*') {
@@ -24,18 +24,18 @@ impl<'a> Sentence<'a> {
         Some(Self { name, fields: parts.collect() })
     }
 
-    /// A field, from 0; empty where there is none.
+    /// Returns a field by its index, from 0; empty if it does not exist.
     pub(crate) fn field(&self, place: usize) -> &'a str {
         self.fields.get(place).copied().unwrap_or("")
     }
 
-    /// A field that is a whole number.
+    /// Parses a field as a non-negative integer.
     pub(crate) fn number(&self, place: usize) -> Option<u32> {
         self.field(place).parse().ok()
     }
 }
 
-/// The checksum of a sentence: exclusive or of all bytes between `$` and `*`.
+/// Returns the checksum of a sentence: the exclusive or of all bytes between `$` and `*`.
 pub fn nmea_checksum(body: &str) -> u8 {
     body.bytes().fold(0, |sum, byte| sum ^ byte)
 }
@@ -45,13 +45,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sentences_are_what_their_checksum_says() {
+    fn sentences_with_a_wrong_checksum_are_rejected() {
         let sum = nmea_checksum("CARXD,1,63,0,1,00FF");
         let text = format!("12:00 <- $CARXD,1,63,0,1,00FF*{sum:02x}\r");
         let sentence = Sentence::parse(&text).unwrap();
         assert_eq!((sentence.name, sentence.field(4), sentence.number(1)), ("CARXD", "00FF", Some(63)));
         assert_eq!((sentence.field(9), sentence.number(4)), ("", None));
-        // The example of the standard: exclusive or of a known sentence.
+        // A well-known sentence with its published checksum.
         assert!(Sentence::parse("$GPGLL,5300.97914,N,00259.98174,E,125926,A*28").is_some());
         assert!(Sentence::parse("$GPGLL,5300.97915,N,00259.98174,E,125926,A*28").is_none());
         assert!(Sentence::parse("$CATXF,32 ").is_some_and(|sentence| sentence.number(0) == Some(32)));
