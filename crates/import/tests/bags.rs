@@ -1,4 +1,4 @@
-//! Bags of ROS 2 that its own packages wrote (`data/make.py`): what is in them, and what is not.
+//! Reading of bags and LCM logs that the original packages wrote (`data/make.py`), and of damaged copies.
 
 #![allow(clippy::unwrap_used)]
 
@@ -16,7 +16,7 @@ fn path(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
 }
 
-/// Bytes of a file with some of them changed, cut off somewhere.
+/// Changes some bytes of a file and truncates it.
 fn damaged(bytes: &[u8], changes: &[(prop::sample::Index, u8)], end: prop::sample::Index) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for (at, byte) in changes {
@@ -27,15 +27,15 @@ fn damaged(bytes: &[u8], changes: &[(prop::sample::Index, u8)], end: prop::sampl
     bytes
 }
 
-/// What stands in topics of a file that begin so.
+/// Reads the topics of a file with a prefix, as the recording of `auv1`.
 fn read(bytes: &[u8], path: &Path, topics: &str) -> Result<(Recording, FileSummary), ImportError> {
     let (mut recordings, vehicle) = (Recordings::new(), VehicleId::new("auv1"));
-    // Somebody of whom something else was recorded.
+    // Another vehicle with a recording, so that receptions from modem 2 count.
     recordings.insert(VehicleId::new("2"), Recording::default());
     let source = FileSource { topics, ..FileSource::new(path, Some(&vehicle)) };
-    let taken = RecordReader::default().read_record(bytes, &source, &mut recordings)?.unwrap();
+    let summary = RecordReader::default().read_record(bytes, &source, &mut recordings)?.unwrap();
     resolve_modem_ids(&mut recordings)?;
-    Ok((recordings.remove(&vehicle).unwrap_or_default(), taken))
+    Ok((recordings.remove(&vehicle).unwrap_or_default(), summary))
 }
 
 fn read_file(name: &str, topics: &str) -> (Recording, FileSummary) {
@@ -43,8 +43,8 @@ fn read_file(name: &str, topics: &str) -> (Recording, FileSummary) {
     read(&std::fs::read(&path).unwrap(), &path, topics).unwrap()
 }
 
-/// Six messages heard and six sent, a start of the modem's own.
-fn has_what_was_said(recording: &Recording) {
+/// Checks the modem records in each file: six receptions, six transmissions, and the id at the start.
+fn assert_modem_records(recording: &Recording) {
     let arrivals = recording.arrivals.as_ref().unwrap();
     let times: Vec<f64> = arrivals.iter().map(|arrival| arrival.time_s - START_S).collect();
     assert_eq!(times, [3.0, 13.0, 23.0, 33.0, 43.0, 53.0]);
@@ -55,15 +55,15 @@ fn has_what_was_said(recording: &Recording) {
 }
 
 #[test]
-fn an_mcap_file_of_its_own_package_is_read() {
-    let (recording, taken) = read_file("ros2.mcap", "");
-    assert_eq!((taken.kind, taken.skipped), (RecordKind::Mcap, Default::default()));
-    has_what_was_said(&recording);
+fn an_mcap_file_is_read() {
+    let (recording, summary) = read_file("ros2.mcap", "");
+    assert_eq!((summary.kind, summary.skipped), (RecordKind::Mcap, Default::default()));
+    assert_modem_records(&recording);
     assert_eq!(recording.fixes.len(), 61);
     let Place::Degrees(last) = recording.fixes[60].place else { panic!("degrees") };
     assert!((last.latitude_deg - 41.52 - 120.0 / 111_066.0).abs() < 1e-12 && last.longitude_deg == -70.67);
     assert_eq!(recording.fixes[60].time_s, START_S + 60.0);
-    // Topics by how they begin.
+    // A prefix selects topics.
     let (recording, _) = read_file("ros2.mcap", "/auv1/modem");
     assert!(recording.fixes.is_empty() && recording.arrivals.is_some());
     let (path, nowhere) = (path("ros2.mcap"), "/auv2");
@@ -72,10 +72,10 @@ fn an_mcap_file_of_its_own_package_is_read() {
 }
 
 #[test]
-fn a_bag_in_sqlite_of_its_own_package_is_read() {
-    let (recording, taken) = read_file("ros2.db3", "");
-    assert_eq!((taken.kind, taken.skipped), (RecordKind::Sqlite, Default::default()));
-    has_what_was_said(&recording);
+fn an_sqlite_bag_is_read() {
+    let (recording, summary) = read_file("ros2.db3", "");
+    assert_eq!((summary.kind, summary.skipped), (RecordKind::Sqlite, Default::default()));
+    assert_modem_records(&recording);
     let last = recording.fixes.last().unwrap();
     assert_eq!((last.place, last.depth_m), (Place::Metres(100.0, 120.0), Some(7.5)));
     assert_eq!(recording.fixes.len(), 61);
@@ -84,65 +84,66 @@ fn a_bag_in_sqlite_of_its_own_package_is_read() {
 }
 
 #[test]
-fn a_log_of_lcm_of_its_own_package_is_read_with_its_types() {
+fn an_lcm_log_is_read_with_its_types() {
     let (log, types) = (std::fs::read(path("auv1.lcmlog")).unwrap(), std::fs::read(path("types.lcm")).unwrap());
-    let with = |types: &[u8], log: &[u8], topics: &str| {
+    let read_log = |types: &[u8], log: &[u8], topics: &str| {
         let (mut reading, mut recordings, vehicle) =
             (RecordReader::default(), Recordings::new(), VehicleId::new("auv1"));
         reading.read_lcm_types(types, Path::new("types.lcm")).map_err(|error| error.to_string())?;
         let source = FileSource { topics, ..FileSource::new(Path::new("auv1.lcmlog"), Some(&vehicle)) };
-        let taken = reading.read_record(log, &source, &mut recordings).map_err(|error| error.to_string())?.unwrap();
-        Ok::<_, String>((recordings.remove(&vehicle).unwrap(), taken))
+        let summary = reading.read_record(log, &source, &mut recordings).map_err(|error| error.to_string())?.unwrap();
+        Ok::<_, String>((recordings.remove(&vehicle).unwrap(), summary))
     };
-    let (recording, taken) = with(&types, &log, "").unwrap();
-    assert_eq!((taken.kind, taken.skipped), (RecordKind::Lcm, Default::default()));
-    has_what_was_said(&recording);
+    let (recording, summary) = read_log(&types, &log, "").unwrap();
+    assert_eq!((summary.kind, summary.skipped), (RecordKind::Lcm, Default::default()));
+    assert_modem_records(&recording);
     let last = recording.fixes.last().unwrap();
     let Place::Degrees(place) = last.place else { panic!("degrees") };
     assert!((place.latitude_deg - 41.52 - 120.0 / 111_066.0).abs() < 1e-12 && last.depth_m == Some(7.5));
     assert_eq!((recording.fixes.len(), last.time_s), (61, START_S + 60.0));
-    // Channels by how they begin; a type that is not known; a log cut off; what is none.
-    assert!(with(&types, &log, "AUV1_NAV").unwrap().0.arrivals.is_none());
-    let (recording, taken) = with(b"package pm; struct modem_t { int64_t utime; string nmea; }", &log, "").unwrap();
-    assert_eq!((recording.fixes.len(), taken.skipped.unknown_type), (0, 61));
-    let (recording, taken) = with(&types, &log[..log.len() - 5], "").unwrap();
-    assert_eq!((recording.fixes.len(), taken.skipped.truncated), (61, 1));
-    assert!(with(b"", &log, "").unwrap_err().contains(".lcm"));
+    // Further cases: a prefix of channels, an unknown type, a truncated log, missing types, a damaged log, an invalid definition.
+    assert!(read_log(&types, &log, "AUV1_NAV").unwrap().0.arrivals.is_none());
+    let (recording, summary) =
+        read_log(b"package pm; struct modem_t { int64_t utime; string nmea; }", &log, "").unwrap();
+    assert_eq!((recording.fixes.len(), summary.skipped.unknown_type), (0, 61));
+    let (recording, summary) = read_log(&types, &log[..log.len() - 5], "").unwrap();
+    assert_eq!((recording.fixes.len(), summary.skipped.truncated), (61, 1));
+    assert!(read_log(b"", &log, "").unwrap_err().contains(".lcm"));
     let mut garbled = log;
     garbled[20..24].fill(0xff);
-    assert!(with(&types, &garbled, "").unwrap_err().contains("not a log of LCM"));
-    assert!(with(b"struct a { int32_t", b"", "").unwrap_err().contains("struct a"));
+    assert!(read_log(&types, &garbled, "").unwrap_err().contains("not a log of LCM"));
+    assert!(read_log(b"struct a { int32_t", b"", "").unwrap_err().contains("struct a"));
 }
 
 #[test]
-fn what_was_cut_off_is_read_to_its_end_and_what_is_no_bag_is_refused() {
+fn a_truncated_bag_is_read_and_an_invalid_one_is_refused() {
     let whole = std::fs::read(path("ros2.mcap")).unwrap();
     let (mut at_most, mut cut_off, lengths) = (0, 0, (8..whole.len()).step_by(97));
     let count = lengths.len();
     for length in lengths {
         match read(&whole[..length], Path::new("cut.mcap"), "") {
-            Ok((recording, taken)) => {
+            Ok((recording, summary)) => {
                 assert!(recording.fixes.len() <= 61, "{length}");
                 at_most = at_most.max(recording.fixes.len());
-                cut_off += taken.skipped.truncated;
+                cut_off += summary.skipped.truncated;
             }
             Err(error) => assert!(error.to_string().contains("cut.mcap"), "{error}"),
         }
     }
-    // All but those that lack some of the index at the end, which nobody asks for.
+    // Only files that lack nothing but a part of the index at their end count as complete. The reader does not use the index.
     assert!(at_most == 61 && cut_off > count / 3, "{at_most} {cut_off} of {count}");
     let mut garbled = whole;
     garbled[900..1400].fill(0xa5);
     let error = read(&garbled, Path::new("garbled.mcap"), "").unwrap_err().to_string();
     assert!(error.contains("garbled.mcap") && error.contains("MCAP"), "{error}");
-    // A database of something else is left alone, and what is damaged is refused; so is one that is not there any more.
+    // Another database is left alone. A damaged or missing one is refused.
     let other = tempfile::tempdir().unwrap();
     let notes = other.path().join("notes.db3");
     rusqlite::Connection::open(&notes).unwrap().execute_batch("CREATE TABLE notes (text TEXT)").unwrap();
     let bytes = std::fs::read(&notes).unwrap();
     let source = FileSource::new(&notes, None);
-    let taken = RecordReader::default().read_record(bytes.as_slice(), &source, &mut Recordings::new()).unwrap();
-    assert!(taken.is_none(), "{taken:?}");
+    let summary = RecordReader::default().read_record(bytes.as_slice(), &source, &mut Recordings::new()).unwrap();
+    assert!(summary.is_none(), "{summary:?}");
     let folder = std::env::temp_dir();
     let head = [b"SQLite format 3\0".as_slice(), &[0; 100]].concat();
     let gone = folder.join("pingmap-no-such.db3");
@@ -154,16 +155,16 @@ fn what_was_cut_off_is_read_to_its_end_and_what_is_no_bag_is_refused() {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1000) })]
 
-    /// Whatever became of a file: it is read, or refused by its name; and what is read of it are numbers.
+    /// A damaged file is read or refused by its name, and all numbers in its fixes are finite.
     #[test]
-    fn no_damage_stops_the_readers(
+    fn damaged_files_are_read_or_refused(
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..12),
         end in any::<prop::sample::Index>(),
     ) {
         let folder = tempfile::tempdir().unwrap();
         for name in ["ros2.mcap", "ros2.db3", "auv1.lcmlog", "types.lcm"] {
             let bytes = damaged(&std::fs::read(path(name)).unwrap(), &changes, end);
-            // SQLite reads the file itself.
+            // SQLite opens the file by its path.
             let path = folder.path().join(name);
             std::fs::write(&path, &bytes).unwrap();
             let (mut reading, mut recordings, vehicle) = (RecordReader::default(), Recordings::new(), VehicleId::new("auv1"));

@@ -1,4 +1,4 @@
-//! What sentences of a Micro-Modem, and transmissions in Goby's text, say that was sent and heard.
+//! Transmissions and receptions from Micro-Modem sentences and from Goby's text format.
 
 #![allow(clippy::unwrap_used)]
 
@@ -10,44 +10,44 @@ use pingmap_import::{
     resolve_modem_ids,
 };
 
-/// What a file says, as the record of `a`.
-fn taken(text: &str) -> (Recording, SkipCounts) {
+/// Reads a file as the recording of `a`.
+fn read_text(text: &str) -> (Recording, SkipCounts) {
     let mut recordings = Recordings::new();
     let a = VehicleId::new("a");
-    let taken = RecordReader::default().read_record(
+    let summary = RecordReader::default().read_record(
         text.as_bytes(),
         &FileSource::new(Path::new("file"), Some(&a)),
         &mut recordings,
     );
-    (recordings.remove(&a).unwrap(), taken.unwrap().unwrap().skipped)
+    (recordings.remove(&a).unwrap(), summary.unwrap().unwrap().skipped)
 }
 
-/// A capture of sentences at these times.
-fn capture(said: &[(f64, &str)]) -> (Recording, SkipCounts) {
+/// Reads a capture of sentences, each with its time.
+fn capture(sentences: &[(f64, &str)]) -> (Recording, SkipCounts) {
     let line = |(time_s, sentence): &(f64, &str)| format!("{time_s} ${sentence}*{:02X}\n", nmea_checksum(sentence));
-    taken(&said.iter().map(line).collect::<String>())
+    read_text(&sentences.iter().map(line).collect::<String>())
 }
 
-/// Times, destinations, frames and kinds of what was sent.
-fn sent(recording: &Recording) -> Vec<(f64, String, Option<u32>, String)> {
+/// Lists the transmissions: time, destination, number of frames, kind.
+fn transmissions(recording: &Recording) -> Vec<(f64, String, Option<u32>, String)> {
     let text = |text: Option<String>| text.unwrap_or_default();
-    let of = |sent: &pingmap_import::SentMessage| {
+    let fields = |sent: &pingmap_import::SentMessage| {
         let to = sent.destination.as_ref().map(ToString::to_string);
         (sent.time_s, text(to), sent.frames, text(sent.kind.as_ref().map(ToString::to_string)))
     };
-    recording.sent.iter().flatten().map(of).collect()
+    recording.sent.iter().flatten().map(fields).collect()
 }
 
-/// Time, source, frame and of how many, and whether it was decoded.
-type Heard<'a> = (f64, &'a str, Option<u32>, Option<u32>, bool);
+/// A reception: time, source, frame, number of frames, and whether it was decoded.
+type Reception<'a> = (f64, &'a str, Option<u32>, Option<u32>, bool);
 
-fn heard(recording: &Recording) -> Vec<Heard<'_>> {
+fn receptions(recording: &Recording) -> Vec<Reception<'_>> {
     let all = recording.arrivals.iter().flatten();
     all.map(|arrival| (arrival.time_s, arrival.source.as_str(), arrival.frame, arrival.frames, arrival.good)).collect()
 }
 
 #[test]
-fn what_a_modem_has_finished_was_sent_and_what_a_host_asked_for_was_not() {
+fn finished_messages_are_transmissions_and_requests_are_not() {
     let (recording, skipped) = capture(&[
         (0.0, "CACFG,SRC,1"),
         (1.0, "CCCYC,0,1,2,1,0,3"),
@@ -61,19 +61,19 @@ fn what_a_modem_has_finished_was_sent_and_what_a_host_asked_for_was_not() {
         (2.0, "CATXP,128"),
         (5.0, "CATXF,128"),
         (5.1, "CAXST,20260503,120005.0000,0,0,200,5000,25000,1,1,2,0,3,2,3,128"),
-        // Asked for and never sent: no data came in time.
+        // Requested but not sent, because no data arrived in time.
         (20.0, "CCCYC,0,1,2,1,0,3"),
         (20.1, "CACYC,0,1,2,1,0,3"),
         (20.2, "CATXD,1,2,0,1"),
         (25.0, "CAERR,120025,DATA_TIMEOUT,2"),
-        // Asked for alone.
+        // Requested only.
         (40.0, "CCCYC,0,1,2,1,0,3"),
-        // Finished, and taken back by its statistics.
+        // Finished, but revoked by the statistics.
         (60.0, "CATXD,1,63,0,1"),
         (60.1, "CATXP,32"),
         (61.0, "CATXF,32"),
         (61.1, "CAXST,6,20260503,120101.0000,0,2,200,5000,25000,0,1,63,0,1,0,2,32"),
-        // A mini-packet, a flexible one, and one that only statistics tell of.
+        // A mini-packet, a flexible packet, and a message that only statistics report.
         (80.0, "CCMUC,1,3,0123"),
         (80.1, "CAMUC,1,3,0123"),
         (80.2, "CATXP,2"),
@@ -91,18 +91,21 @@ fn what_a_modem_has_finished_was_sent_and_what_a_host_asked_for_was_not() {
         (90.2, "3", Some(1), "rate 5"),
         (103.0, "2", Some(1), ""),
     ];
-    assert_eq!(sent(&recording), expected.map(|(time_s, to, frames, kind)| (time_s, to.into(), frames, kind.into())));
+    assert_eq!(
+        transmissions(&recording),
+        expected.map(|(time_s, to, frames, kind)| (time_s, to.into(), frames, kind.into()))
+    );
     assert_eq!((skipped.not_sent, recording.arrivals.as_ref().map(Vec::len)), (2, Some(0)));
     assert_eq!((recording.modem_activity[0], recording.modem_ids.len()), ((0.0, 103.0), 1));
 }
 
 #[test]
-fn what_a_modem_gives_its_host_was_heard_and_what_it_names_was_missed() {
+fn data_are_receptions_and_statistics_name_broken_ones() {
     let long = "9000,60,200,150,0,0,0,0,0";
     let statistics = |mode: u32, source: &str, frames: u32, bad: u32, before: &str| {
         format!("CACST,{before}{mode},120000.0000,0,{long},1,{source},63,0,3,{frames},{bad},120,15,-1,-1,-1,180")
     };
-    // Three frames, of which two are good: before version 6, and from it on.
+    // Three frames, two of them good: statistics before version 6, and from version 6 on.
     for version in ["", "6,"] {
         let bad = statistics(1, "2", 3, 1, version);
         let (recording, skipped) = capture(&[
@@ -113,28 +116,28 @@ fn what_a_modem_gives_its_host_was_heard_and_what_it_names_was_missed() {
             (3.4, "CARXD,2,63,0,3,CC"),
             (3.5, &bad),
         ]);
-        assert_eq!(heard(&recording), [(3.0, "2", Some(1), Some(3), true), (3.0, "2", Some(3), Some(3), true)]);
+        assert_eq!(receptions(&recording), [(3.0, "2", Some(1), Some(3), true), (3.0, "2", Some(3), Some(3), true)]);
         assert_eq!(skipped.unattributed, 0, "version {version:?}");
     }
     let (nothing, broken, whole) =
         (statistics(2, "", 0, 0, ""), statistics(1, "3", 1, 1, ""), statistics(0, "2", 3, 0, ""));
     let (recording, skipped) = capture(&[
-        // Nothing came of it.
+        // A cycle without a packet.
         (0.0, "CACYC,0,2,63,1,0,3"),
         (9.0, "CAMSG,PACKET_TIMEOUT,1"),
         (9.1, &nothing),
-        // It broke; who sent it is told, or is not.
+        // Two broken messages: the statistics name the sender of the first only.
         (20.0, "CAMSG,Bad CRC,1"),
         (20.1, &broken),
         (40.0, "CACYC,0,2,63,0,0,1"),
         (43.0, "CAMSG,BAD_CRC,1"),
-        // Whole, of frames that the cycle announced; and the same again is another message.
+        // A complete message with the announced number of frames. A repeated frame starts a new message.
         (60.0, "CACYC,0,2,63,1,0,2"),
         (63.0, "CARXD,2,63,0,1,AA"),
         (63.5, "CARXD,2,63,0,2,BB"),
         (63.6, &whole),
         (66.0, "CARXD,2,63,0,1,AA"),
-        // Two sources, a mini-packet, and a flexible one with a broken frame.
+        // Two sources, a mini-packet, and a flexible packet with a broken frame.
         (66.5, "CARXD,4,63,0,1,AA"),
         (70.0, "CAMUA,5,63,0123"),
         (80.0, "CARDP,5,63,1,0,0,1;2;AABB;0;2;CCDD"),
@@ -151,17 +154,17 @@ fn what_a_modem_gives_its_host_was_heard_and_what_it_names_was_missed() {
         (80.0, "5", Some(2), Some(2), false),
         (90.0, "5", Some(1), Some(1), true),
     ];
-    let mut found = heard(&recording);
-    // Statistics of a good message are not asked how many frames it had; its announcement is.
+    let mut found = receptions(&recording);
+    // The announcement, not the statistics, determines the number of frames of a good message.
     found.iter_mut().filter(|arrival| arrival.0 == 63.0).for_each(|arrival| arrival.3 = Some(3));
     assert_eq!(found, expected);
     assert_eq!(skipped.unattributed, 1);
-    // What others announce does not tell that this modem was at work; what it received does.
+    // Announcements of others are no activity of this modem, but its receptions are.
     assert_eq!(recording.modem_activity, [(20.0, 90.0)]);
 }
 
 #[test]
-fn starting_ranging_and_answering_modems_hear_nothing() {
+fn a_modem_that_starts_ranges_or_acknowledges_is_deaf() {
     let (recording, _) = capture(&[
         (10.0, "CAMSC,1"),
         (17.0, "CAREV,120017,INIT,0.94.0.00"),
@@ -180,10 +183,10 @@ fn starting_ranging_and_answering_modems_hear_nothing() {
         (57.0, 60.0, ExclusionReason::Transmitting),
     ];
     assert_eq!(recording.deaf_intervals, expected);
-    // By the modem's own word.
+    // Only the modem's own reports count.
     assert_eq!(recording.bands, [(31.1, "2".to_owned())]);
     assert!(recording.sent.unwrap().is_empty());
-    // Carrier and bandwidth make band 0, and are left over from it in others.
+    // Carrier and bandwidth determine band 0. In other bands they are ignored.
     let (recording, _) = capture(&[
         (1.0, "CACFG,BND,0"),
         (2.0, "CACFG,FC0,25000"),
@@ -196,7 +199,7 @@ fn starting_ranging_and_answering_modems_hear_nothing() {
 }
 
 #[test]
-fn satellites_that_a_capture_hears_say_when_its_clock_was_set() {
+fn satellite_fixes_in_a_capture_set_the_clock() {
     let (recording, skipped) = capture(&[
         (1.0, "CAREV,120000,AUV,0.94.0.00"),
         (2.0, "GPRMC,120002,V,,,,,,,030526,,"),
@@ -210,9 +213,9 @@ fn satellites_that_a_capture_hears_say_when_its_clock_was_set() {
 }
 
 #[test]
-fn what_broke_before_a_message_that_is_whole_was_none_of_its_frames() {
+fn a_packet_that_broke_before_a_complete_message_is_not_its_frame() {
     let named = "CACST,1,120000.0000,0,9000,60,200,150,0,0,0,0,0,1,1,63,0,3,1,1,120,15,-1,-1,-1,180";
-    // An announcement whose own packet broke, by either sign; and an earlier try, which the sender's record tells of.
+    // An announcement whose own packet broke, by either sentence, and an earlier attempt that the sender's record contains.
     let cases = [
         [(0.0, "CACYC,0,1,63,0,0,1"), (0.6, "CAMSG,BAD_CRC,0"), (1.5, "CARXD,1,63,0,1,AA")],
         [(0.0, "CACYC,0,1,63,0,0,1"), (0.6, named), (1.5, "CARXD,1,63,0,1,AA")],
@@ -220,19 +223,19 @@ fn what_broke_before_a_message_that_is_whole_was_none_of_its_frames() {
     ];
     for case in cases {
         let (recording, _) = capture(&case);
-        assert_eq!(heard(&recording), [(case[2].0, "1", Some(1), Some(1), true)], "{case:?}");
+        assert_eq!(receptions(&recording), [(case[2].0, "1", Some(1), Some(1), true)], "{case:?}");
     }
-    // What breaks afterwards is another message.
+    // A packet that breaks after a complete message is another message.
     let (recording, _) = capture(&[(0.0, "CACYC,0,1,63,0,0,1"), (1.5, "CARXD,1,63,0,1,AA"), (5.0, named)]);
-    assert_eq!(heard(&recording), [(1.5, "1", Some(1), Some(1), true), (5.0, "1", Some(1), Some(1), false)]);
-    // With another announcement between, both are told.
+    assert_eq!(receptions(&recording), [(1.5, "1", Some(1), Some(1), true), (5.0, "1", Some(1), Some(1), false)]);
+    // With another announcement in between, there are two messages.
     let (recording, _) =
         capture(&[(0.0, "CACYC,0,1,63,0,0,1"), (1.4, named), (4.0, "CACYC,0,1,63,0,0,1"), (5.0, "CARXD,1,63,0,1,AA")]);
-    assert_eq!(heard(&recording), [(1.4, "1", Some(1), Some(1), false), (5.0, "1", Some(1), Some(1), true)]);
+    assert_eq!(receptions(&recording), [(1.4, "1", Some(1), Some(1), false), (5.0, "1", Some(1), Some(1), true)]);
 }
 
 #[test]
-fn what_was_sent_is_not_taken_back_by_the_next_one_and_nothing_is_sent_late() {
+fn statistics_revoke_only_their_own_message_and_stale_data_are_not_sent() {
     let statistics = |mode: u32| format!("CAXST,6,20260503,120005.0000,0,{mode},200,5000,25000,0,1,2,0,1,1,2,32");
     let (good, bad) = (statistics(0), statistics(2));
     let (recording, _) = capture(&[
@@ -240,9 +243,9 @@ fn what_was_sent_is_not_taken_back_by_the_next_one_and_nothing_is_sent_late() {
         (0.1, "CATXP,32"),
         (2.0, "CATXF,32"),
         (2.1, &good),
-        // Of the next cycle, for which no data came.
+        // The statistics belong to the next cycle, for which no data arrived.
         (6.0, &bad),
-        // Data that a modem forgot when it started anew, or that waited too long.
+        // Data that the modem lost in a restart, or that waited too long.
         (20.0, "CATXD,1,2,0,1"),
         (21.0, "CAMSC,1"),
         (27.0, "CAREV,120027,INIT,0.94.0.00"),
@@ -254,14 +257,14 @@ fn what_was_sent_is_not_taken_back_by_the_next_one_and_nothing_is_sent_late() {
         // Ranging.
         (300.0, "CAPGT,1,25000"),
     ]);
-    assert_eq!(sent(&recording).iter().map(|sent| sent.0).collect::<Vec<_>>(), [0.1]);
+    assert_eq!(transmissions(&recording).iter().map(|sent| sent.0).collect::<Vec<_>>(), [0.1]);
     assert_eq!(recording.deaf_intervals.last(), Some(&(300.0, 305.0, ExclusionReason::OtherMode)));
 }
 
 #[test]
-fn a_wrong_checksum_is_no_sentence_and_kinds_are_told_by_content() {
+fn a_wrong_checksum_is_garbled_and_the_content_determines_the_kind() {
     let text = "2026-05-03 12:00:00Z,RX,$CACFG,SRC,7*35\r\n2026-05-03 12:00:01Z,RX,$CARXD,2,63,0,1,AA*00\r\n";
-    let (recording, skipped) = taken(text);
+    let (recording, skipped) = read_text(text);
     assert_eq!((recording.arrivals.unwrap().len(), skipped.garbled), (0, 1));
     assert_eq!(recording.modem_activity, [(1_777_809_600.0, 1_777_809_600.0)]);
     for (text, kind) in [
@@ -277,7 +280,7 @@ fn a_wrong_checksum_is_no_sentence_and_kinds_are_told_by_content() {
 }
 
 #[test]
-fn transmissions_in_gobys_text_are_those_of_its_host() {
+fn goby_transmissions_are_records_of_its_host() {
     let rows = |more: &str| {
         format!(
             "%% LOG FILE: a\n%% LOGSTART 1777809600\n\
@@ -287,31 +290,34 @@ fn transmissions_in_gobys_text_are_those_of_its_host() {
              40 ACOMMS_MAC_SLOT_START pAcommsHandler src: 1 dest: 2 type: DATA frame: \"x\"\n{more}"
         )
     };
-    let (recording, _) = taken(&rows(""));
+    let (recording, _) = read_text(&rows(""));
     let at = 1_777_809_600.0;
-    assert_eq!(sent(&recording), [(at + 10.0, String::new(), Some(2), "rate 1".into())]);
-    assert_eq!(heard(&recording), [(at + 20.0, "2", Some(1), Some(2), true)]);
+    assert_eq!(transmissions(&recording), [(at + 10.0, String::new(), Some(2), "rate 1".into())]);
+    assert_eq!(receptions(&recording), [(at + 20.0, "2", Some(1), Some(2), true)]);
     assert!(recording.modem_ids.contains("1"));
-    // Where the modem's own words are there they are believed.
-    let (recording, _) = taken(&rows("50 ACOMMS_NMEA_IN p $CARXD,3,1,0,1,AA\n"));
-    assert_eq!((sent(&recording).len(), heard(&recording)), (0, vec![(at + 50.0, "3", Some(1), Some(1), true)]));
-    // Who answers or ranges is deaf meanwhile.
-    let (recording, _) = taken(&rows("50 ACOMMS_MODEM_TRANSMIT p src: 1 dest: 2 type: MICROMODEM_TWO_WAY_PING\n"));
+    // The modem's own sentences take precedence.
+    let (recording, _) = read_text(&rows("50 ACOMMS_NMEA_IN p $CARXD,3,1,0,1,AA\n"));
     assert_eq!(
-        (sent(&recording).len(), &recording.deaf_intervals[..]),
+        (transmissions(&recording).len(), receptions(&recording)),
+        (0, vec![(at + 50.0, "3", Some(1), Some(1), true)])
+    );
+    // A vehicle that acknowledges or ranges is deaf meanwhile.
+    let (recording, _) = read_text(&rows("50 ACOMMS_MODEM_TRANSMIT p src: 1 dest: 2 type: MICROMODEM_TWO_WAY_PING\n"));
+    assert_eq!(
+        (transmissions(&recording).len(), &recording.deaf_intervals[..]),
         (1, &[(at + 50.0, at + 55.0, ExclusionReason::OtherMode)][..])
     );
-    // Variables may be called otherwise.
+    // The prefix of the variables is configurable.
     let reading = RecordReader { moos_prefix: "MM_".into(), ..RecordReader::default() };
     let mut recordings = Recordings::new();
     let text = rows("").replace("ACOMMS_", "MM_");
     let a = VehicleId::new("a");
     reading.read_record(text.as_bytes(), &FileSource::new(Path::new("a.alog"), Some(&a)), &mut recordings).unwrap();
-    assert_eq!(sent(&recordings[&a]).len(), 1);
+    assert_eq!(transmissions(&recordings[&a]).len(), 1);
 }
 
 #[test]
-fn modems_that_say_their_ids_are_known_by_them() {
+fn modem_ids_resolve_to_the_vehicles_that_state_them() {
     let mut recordings = Recordings::new();
     let mut take = |vehicle: &str, text: &str| {
         let vehicle = VehicleId::new(vehicle);

@@ -1,4 +1,4 @@
-//! What is left out, and what is read of a message, does not depend on whether it was heard.
+//! Exclusion from the log, and the content of a message, are independent of the outcome.
 
 #![allow(clippy::unwrap_used)]
 
@@ -9,13 +9,13 @@ use pingmap_import::{
     ExclusionReason, ImportError, ImportResult, RecordReader, Recordings, Reference, Rules, Schedule, TableKind, join,
 };
 
-/// Vehicles a, b and c 300 m from each other; what a sent, and what b and c heard.
-fn imported(sent: &str, heard: [&str; 2], rules: &Rules) -> ImportResult {
-    recorded(sent, heard, Some((0.0, 2000.0)), rules)
+/// Joins vehicles a, b and c, 300 m apart, from the transmissions of a and the receptions of b and c. Their modems listen all the time.
+fn join_listening(sent: &str, heard: [&str; 2], rules: &Rules) -> ImportResult {
+    join_records(sent, heard, Some((0.0, 2000.0)), rules)
 }
 
-/// The same where nobody says when b and c listened, or somebody does.
-fn recorded(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>, rules: &Rules) -> ImportResult {
+/// Joins them with an optional interval in which b and c listen, as stated by the user.
+fn join_records(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>, rules: &Rules) -> ImportResult {
     join(&records(sent, heard, listening), None, &Reference::unknown(), rules).unwrap()
 }
 
@@ -39,55 +39,57 @@ fn records(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>) -> Recor
     recordings
 }
 
-/// One hundred messages, every ten seconds.
-fn sent(more: &str, of: impl Fn(u32) -> String) -> String {
+/// Makes a table of one hundred transmissions, one every ten seconds.
+fn sent_table(more: &str, of: impl Fn(u32) -> String) -> String {
     format!("t{more}\n{}", (1..=100).map(|n| format!("{}{}\n", 10 * n, of(n))).collect::<String>())
 }
 
-/// Those of them that are heard, and what else the line says.
-fn heard(more: &str, is_heard: impl Fn(u32) -> bool, of: impl Fn(u32) -> String) -> String {
+/// Makes a table of the messages that are heard, with further columns.
+fn heard_table(more: &str, is_heard: impl Fn(u32) -> bool, of: impl Fn(u32) -> String) -> String {
     let lines = (1..=100).filter(|n| is_heard(*n)).map(|n| format!("{}.2,a{}\n", 10 * n, of(n)));
     format!("t,source{more}\n{}", lines.collect::<String>())
 }
 
-fn none(_: u32) -> String {
+fn no_fields(_: u32) -> String {
     String::new()
 }
 
-/// Heard at both ends of the mission, and two of three in between.
+/// A choice of messages: the first and the last, and two of three in between.
 fn mostly(n: u32) -> bool {
     !n.is_multiple_of(3)
 }
 
-fn pair(imported: &ImportResult, to: &str) -> (usize, usize, usize) {
+fn pair_counts(imported: &ImportResult, to: &str) -> (usize, usize, usize) {
     let pair = &imported.pairs[&(VehicleId::new("a"), VehicleId::new(to))];
     (pair.heard, pair.missed, pair.excluded.values().sum())
 }
 
 #[test]
-fn to_whom_and_of_what_kind_is_not_asked_of_the_outcome() {
+fn destination_and_kind_do_not_depend_on_the_outcome() {
     let to = |n: u32| format!(",{}", if n.is_multiple_of(2) { "b" } else { "c" });
-    let both = heard(",to", mostly, to);
-    let found = imported(&sent("", none), [&both, &both], &Rules::default());
-    // All that somebody heard is known for whom it was, and was heard by both; what nobody heard is not known to be for either.
-    // That leaves those that were heard, and is said.
-    assert_eq!((pair(&found, "b"), pair(&found, "c")), ((34, 0, 33), (33, 0, 33)));
+    let both = heard_table(",to", mostly, to);
+    let found = join_listening(&sent_table("", no_fields), [&both, &both], &Rules::default());
+    // Messages that a receiver heard have a known destination, and both receivers heard them. Unheard messages have an unknown destination.
+    // Only heard messages remain, and the result names the sender.
+    assert_eq!((pair_counts(&found, "b"), pair_counts(&found, "c")), ((34, 0, 33), (33, 0, 33)));
     assert_eq!(found.destinations_by_reception, "a");
-    let overheard = imported(&sent("", none), [&both, &both], &Rules { overhear: true, ..Rules::default() });
-    assert_eq!(pair(&overheard, "b"), (67, 33, 0));
-    // What the sender says goes before what receivers say, or messages that are heard would be to others than those that are missed.
+    let overheard =
+        join_listening(&sent_table("", no_fields), [&both, &both], &Rules { overhear: true, ..Rules::default() });
+    assert_eq!(pair_counts(&overheard, "b"), (67, 33, 0));
+    // The sender's record of destinations takes precedence. Otherwise heard and missed messages would have different destinations.
     let either = |n: u32| if n.is_multiple_of(2) { ",b".to_owned() } else { ",".to_owned() };
-    let said = heard(",to", mostly, |_| ",b".to_owned());
-    let found = imported(&sent(",to", either), [&said, &heard("", mostly, none)], &Rules::default());
-    assert_eq!((pair(&found, "b"), pair(&found, "c")), ((67, 33, 0), (33, 17, 0)));
+    let b_only = heard_table(",to", mostly, |_| ",b".to_owned());
+    let found =
+        join_listening(&sent_table(",to", either), [&b_only, &heard_table("", mostly, no_fields)], &Rules::default());
+    assert_eq!((pair_counts(&found, "b"), pair_counts(&found, "c")), ((67, 33, 0), (33, 17, 0)));
     assert_eq!(found.destinations_by_reception, "");
-    // A kind that only receivers know is that of heard ones: it is none.
-    let kinds = heard(",kind", mostly, |_| ",short".into());
-    let found = imported(&sent("", none), [&kinds, &kinds], &Rules::default());
+    // If only receptions state kinds, only heard messages have one. No event gets a kind then.
+    let kinds = heard_table(",kind", mostly, |_| ",short".into());
+    let found = join_listening(&sent_table("", no_fields), [&kinds, &kinds], &Rules::default());
     assert!(found.log.events.iter().all(|event| event.kind.is_none()));
-    // Where somebody heard every one of them all have one.
-    let rest = heard(",kind", |n| !mostly(n) || n == 1 || n == 100, |_| ",short".into());
-    let found = imported(&sent("", none), [&kinds, &rest], &Rules::default());
+    // If every message was heard by a receiver, all events get a kind.
+    let rest = heard_table(",kind", |n| !mostly(n) || n == 1 || n == 100, |_| ",short".into());
+    let found = join_listening(&sent_table("", no_fields), [&kinds, &rest], &Rules::default());
     assert!(
         found.log.events.iter().all(|event| event.kind.is_some())
             && found.log.events.iter().any(|event| !event.success)
@@ -95,19 +97,23 @@ fn to_whom_and_of_what_kind_is_not_asked_of_the_outcome() {
 }
 
 #[test]
-fn a_message_that_fits_no_record_is_no_other_message() {
+fn an_unmatched_message_makes_the_nearest_transmission_ambiguous() {
     let late = |n: u32| if n == 50 || n == 53 { "61" } else { "2" };
     let lines = (1..=100)
         .filter(|n| mostly(*n))
         .map(|n| format!("{}.{},a\n", if late(n) == "61" { 10 * n + 1 } else { 10 * n }, late(n)));
     let heard_late = format!("t,source\n{}", lines.collect::<String>());
-    let found = imported(&sent("", none), [&heard_late, &heard("", mostly, none)], &Rules::default());
-    assert_eq!((pair(&found, "b"), pair(&found, "c")), ((65, 33, 2), (67, 33, 0)));
+    let found = join_listening(
+        &sent_table("", no_fields),
+        [&heard_late, &heard_table("", mostly, no_fields)],
+        &Rules::default(),
+    );
+    assert_eq!((pair_counts(&found, "b"), pair_counts(&found, "c")), ((65, 33, 2), (67, 33, 0)));
     assert_eq!(found.left_out.unexpected[&VehicleId::new("a")], 2);
 }
 
 #[test]
-fn receptions_that_say_when_a_modem_was_at_work_do_not_count() {
+fn receptions_that_bound_the_modem_activity_do_not_count() {
     let (share, mut seed) = (0.3, 1u64);
     let mut is_heard = || {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -116,21 +122,26 @@ fn receptions_that_say_when_a_modem_was_at_work_do_not_count() {
     let (mut heard_of, mut all, mut at_ends) = (0.0, 0.0, 0.0);
     for _ in 0..150 {
         let outcomes: Vec<bool> = (0..=100).map(|_| is_heard()).collect();
-        // Short records: every tenth message is listened for, so the ends weigh a lot.
+        // Each short record contains ten messages, so the first and the last reception matter.
         let of = |n: u32| n.is_multiple_of(10) && outcomes[n as usize];
         let few = format!("t\n{}", (1..=10).map(|n| format!("{}\n", 100 * n)).collect::<String>());
-        let found = recorded(&few, [&heard("", of, none), &heard("", of, none)], None, &Rules::default());
-        let (heard, missed, _) = pair(&found, "b");
+        let found = join_records(
+            &few,
+            [&heard_table("", of, no_fields), &heard_table("", of, no_fields)],
+            None,
+            &Rules::default(),
+        );
+        let (heard, missed, _) = pair_counts(&found, "b");
         (heard_of, all) = (heard_of + heard as f64, all + (heard + missed) as f64);
         at_ends += f64::from((1..=100).filter(|n| of(*n)).count() > 1) * 2.0;
     }
     let off = (heard_of - share * all) / (share * (1.0 - share) * all).sqrt();
     assert!(off.abs() < 4.0, "{heard_of} of {all}: {off} deviations");
-    // With them it would have been seen.
+    // The bias would be visible if these receptions counted.
     let off = (heard_of + at_ends - share * (all + at_ends)) / (share * (1.0 - share) * (all + at_ends)).sqrt();
     assert!(off > 8.0, "{off}");
-    // Two files of one receiver, and nothing from the first to the second.
-    let all = heard("", mostly, none);
+    // Two files of one receiver, with a gap between them.
+    let all = heard_table("", mostly, no_fields);
     let lines: Vec<&str> = all.lines().collect();
     let mut recordings = Recordings::new();
     for part in [&lines[1..20], &lines[40..]] {
@@ -142,17 +153,18 @@ fn receptions_that_say_when_a_modem_was_at_work_do_not_count() {
 }
 
 #[test]
-fn what_broke_beside_a_message_is_a_miss_of_it_and_no_other() {
-    // A cycle that broke two seconds before the data of every third message, which was missed then.
+fn a_packet_that_broke_near_a_message_is_a_miss_of_that_message() {
+    // For every third message, a cycle breaks two seconds before the data, and the data are missed.
     let broken = |n: u32| n.is_multiple_of(3);
     let line = |n: u32| if broken(n) { format!("{}.3,a,0\n", 10 * n - 2) } else { format!("{}.2,a,1\n", 10 * n) };
     let text = format!("t,source,good\n{}", (1..=100).map(line).collect::<String>());
-    let found = imported(&sent("", none), [&text, &heard("", |_| true, none)], &Rules::default());
-    assert_eq!((pair(&found, "b"), pair(&found, "c")), ((67, 33, 0), (100, 0, 0)));
+    let found =
+        join_listening(&sent_table("", no_fields), [&text, &heard_table("", |_| true, no_fields)], &Rules::default());
+    assert_eq!((pair_counts(&found, "b"), pair_counts(&found, "c")), ((67, 33, 0), (100, 0, 0)));
     assert!(found.left_out.unexpected.is_empty());
-    // Nor is it where nobody recorded what was sent.
+    // The result is equal without a record of the transmissions.
     let mut recordings = Recordings::new();
-    for (vehicle, heard) in [("b", &text), ("c", &heard("", |_| true, none))] {
+    for (vehicle, heard) in [("b", &text), ("c", &heard_table("", |_| true, no_fields))] {
         let vehicle = VehicleId::new(vehicle);
         let table = (heard.as_bytes(), Path::new("t"));
         RecordReader::default().read_table(TableKind::Receptions, table, Some(&vehicle), &mut recordings).unwrap();
@@ -167,44 +179,47 @@ fn what_broke_beside_a_message_is_a_miss_of_it_and_no_other() {
             .unwrap();
     }
     let found = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
-    assert_eq!((pair(&found, "b"), pair(&found, "c")), ((67, 33, 0), (100, 0, 0)));
+    assert_eq!((pair_counts(&found, "b"), pair_counts(&found, "c")), ((67, 33, 0), (100, 0, 0)));
 }
 
 #[test]
-fn records_that_are_there_twice_count_once_and_lines_without_frames_are_whole() {
-    let once = sent("", none);
+fn duplicate_records_count_once_and_arrivals_without_frames_are_complete() {
+    let once = sent_table("", no_fields);
     let twice = once.clone() + once.split_once('\n').unwrap().1;
-    let both = heard("", mostly, none);
-    assert_eq!(pair(&imported(&twice, [&both, &both], &Rules::default()), "b"), (67, 33, 0));
-    let of_three = sent(",frames", |_| ",3".into());
-    assert_eq!(pair(&imported(&of_three, [&both, &both], &Rules::default()), "b"), (67, 33, 0));
+    let both = heard_table("", mostly, no_fields);
+    assert_eq!(pair_counts(&join_listening(&twice, [&both, &both], &Rules::default()), "b"), (67, 33, 0));
+    let of_three = sent_table(",frames", |_| ",3".into());
+    assert_eq!(pair_counts(&join_listening(&of_three, [&both, &both], &Rules::default()), "b"), (67, 33, 0));
 }
 
 #[test]
-fn modems_in_different_bands_do_not_hear_each_other() {
-    let mut recordings =
-        records(&sent("", none), [&heard("", mostly, none), &heard("", mostly, none)], Some((0.0, 2000.0)));
+fn transmissions_in_another_band_are_excluded() {
+    let mut recordings = records(
+        &sent_table("", no_fields),
+        [&heard_table("", mostly, no_fields), &heard_table("", mostly, no_fields)],
+        Some((0.0, 2000.0)),
+    );
     let mut tune = |vehicle: &str, bands: &[(f64, &str)]| {
-        let said = bands.iter().map(|(from_s, band)| (*from_s, (*band).to_owned()));
-        recordings.get_mut(&VehicleId::new(vehicle)).unwrap().bands = said.collect();
+        let bands = bands.iter().map(|(from_s, band)| (*from_s, (*band).to_owned()));
+        recordings.get_mut(&VehicleId::new(vehicle)).unwrap().bands = bands.collect();
     };
-    // Receiver b says so late, in no order, and goes away once; of c nobody knows.
+    // Receiver b reports its band late, out of order, and changes it once. Receiver c does not report its band.
     tune("a", &[(0.0, "1")]);
     tune("b", &[(655.0, "1"), (155.0, "1"), (355.0, "2")]);
     let imported = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
-    assert_eq!(pair(&imported, "c"), (67, 33, 0));
-    // From 36 to 65, heard or not: nobody asks for the outcome.
+    assert_eq!(pair_counts(&imported, "c"), (67, 33, 0));
+    // Messages 36 to 65 are excluded, whether heard or missed.
     let to_b = &imported.pairs[&(VehicleId::new("a"), VehicleId::new("b"))];
     assert_eq!((to_b.heard, to_b.missed), (47, 23));
     assert_eq!(to_b.excluded.iter().collect::<Vec<_>>(), [(&ExclusionReason::OtherMode, &30)]);
 }
 
 #[test]
-fn bands_of_tables_and_carriers_of_a_band_tell_who_cannot_hear() {
-    // a says of each message in which band it was; b where it was tuned to, along with its places; c says nothing.
+fn bands_in_tables_and_carriers_of_a_band_exclude_transmissions() {
+    // Sender a records the band of each message, receiver b its own band in the navigation table, and receiver c no band.
     let band = |n: u32| format!(",{}", if n.is_multiple_of(2) { "low" } else { "high" });
-    let both = heard("", mostly, none);
-    let mut recordings = records(&sent(",band", band), [&both, &both], Some((0.0, 2000.0)));
+    let both = heard_table("", mostly, no_fields);
+    let mut recordings = records(&sent_table(",band", band), [&both, &both], Some((0.0, 2000.0)));
     let line = |n: u32| format!("{},300,0,{}\n", 20 * n, if n < 25 { "low" } else { "high" });
     let tuned = format!("t,x,y,band\n{}", (0..80).map(line).collect::<String>());
     let table = (tuned.as_bytes(), Path::new("table"));
@@ -212,9 +227,9 @@ fn bands_of_tables_and_carriers_of_a_band_tell_who_cannot_hear() {
         .read_table(TableKind::Navigation, table, Some(&VehicleId::new("b")), &mut recordings)
         .unwrap();
     let imported = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
-    assert_eq!((pair(&imported, "b").2, pair(&imported, "c").2), (25 + 26, 0));
-    // Whatever the order of the lines.
-    let mut reversed = records(&sent(",band", band), [&both, &both], Some((0.0, 2000.0)));
+    assert_eq!((pair_counts(&imported, "b").2, pair_counts(&imported, "c").2), (25 + 26, 0));
+    // The order of the rows has no effect.
+    let mut reversed = records(&sent_table(",band", band), [&both, &both], Some((0.0, 2000.0)));
     let (header, lines) = tuned.split_once('\n').unwrap();
     let lines: Vec<&str> = lines.lines().rev().collect();
     let tuned = format!("{header}\n{}\n", lines.join("\n"));
@@ -224,39 +239,40 @@ fn bands_of_tables_and_carriers_of_a_band_tell_who_cannot_hear() {
         .unwrap();
     let again = join(&reversed, None, &Reference::unknown(), &Rules::default()).unwrap();
     assert_eq!(again.pairs, imported.pairs);
-    // A band by its number alone may be that with any carrier; with another one it is another.
+    // A band number without a carrier is compatible with any carrier. Different carriers are different bands.
     for (of_b, left_out) in [("0", 0), ("0\u{1f}25000", 0), ("0\u{1f}10000", 100), ("0\u{1f}\u{1f}4000", 0), ("1", 100)]
     {
-        let mut recordings = records(&sent("", none), [&both, &both], Some((0.0, 2000.0)));
+        let mut recordings = records(&sent_table("", no_fields), [&both, &both], Some((0.0, 2000.0)));
         let mut tune = |vehicle: &str, band: &str| {
             recordings.get_mut(&VehicleId::new(vehicle)).unwrap().bands = vec![(0.0, band.to_owned())];
         };
         tune("a", "0\u{1f}25000\u{1f}4000");
         tune("b", of_b);
         let imported = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
-        assert_eq!(pair(&imported, "b").2, left_out, "{of_b:?}");
+        assert_eq!(pair_counts(&imported, "b").2, left_out, "{of_b:?}");
     }
 }
 
 #[test]
-fn a_clock_that_satellites_set_on_the_way_is_found_step_by_step() {
-    // b was 4 s ahead until it came up half-way, and has been right since. It says when it heard satellites, and when not any more.
+fn a_clock_that_satellites_set_during_the_mission_has_two_segments() {
+    // The clock of b is 4 s ahead until the vehicle surfaces half-way, and right afterwards. Receiver b reports when it has a fix.
     let ahead_s = |n: u32| if n < 50 { 4.0 } else { 0.0 };
-    let both = heard("", mostly, none);
+    let both = heard_table("", mostly, no_fields);
     let of_b: String =
         (1..=100).filter(|n| mostly(*n)).map(|n| format!("{},a\n", f64::from(10 * n) + 0.2 + ahead_s(n))).collect();
-    let mut recordings = records(&sent("", none), [&format!("t,source\n{of_b}"), &both], Some((0.0, 2000.0)));
+    let mut recordings =
+        records(&sent_table("", no_fields), [&format!("t,source\n{of_b}"), &both], Some((0.0, 2000.0)));
     let without = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
-    // Nothing says that there was a step: what came before it fits nothing.
-    assert!(pair(&without, "b").0 < 40, "{:?}", pair(&without, "b"));
+    // Without the reports, the step is unknown, and the receptions before it match nothing.
+    assert!(pair_counts(&without, "b").0 < 40, "{:?}", pair_counts(&without, "b"));
     let b = recordings.get_mut(&VehicleId::new("b")).unwrap();
     b.clock_syncs = vec![(0.0, true), (3.0, true), (498.0, true), (499.0, true), (500.0, false)];
     let found = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
-    assert_eq!(pair(&found, "b"), (67, 33, 0));
+    assert_eq!(pair_counts(&found, "b"), (67, 33, 0));
     let clock = found.clocks.iter().find(|clock| clock.vehicle.as_str() == "b").unwrap();
     let ahead: Vec<f64> = clock.segments.iter().map(|piece| piece.offset_s).collect();
     assert!(ahead.len() == 2 && (ahead[0] - ahead[1] - 4.0).abs() < 0.05, "{ahead:?}");
-    // Who says it every two minutes heard them all the time.
+    // A report every two minutes is continuous reception, so the clock has one segment.
     let c = recordings.get_mut(&VehicleId::new("c")).unwrap();
     c.clock_syncs = (0..9).map(|n| (120.0 * f64::from(n), true)).collect();
     let found = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
@@ -264,20 +280,20 @@ fn a_clock_that_satellites_set_on_the_way_is_found_step_by_step() {
 }
 
 #[test]
-fn what_is_no_event_is_counted_for_each_pair() {
-    // Every fourth is meant for c; one was recorded twice, and one fits nothing.
+fn records_without_an_event_are_counted_for_each_pair() {
+    // Every fourth message is addressed to c. One reception is a duplicate, and one matches no transmission.
     let to = |n: u32| format!(",{}", if n.is_multiple_of(4) { "c" } else { "" });
-    let both = heard("", mostly, none);
+    let both = heard_table("", mostly, no_fields);
     let of_b = format!("{both}100.3,a\n504,a\n");
-    let found = imported(&sent(",to", to), [&of_b, &both], &Rules::default());
-    let pair = |to: &str| &found.pairs[&(VehicleId::new("a"), VehicleId::new(to))];
-    assert_eq!((pair("b").overheard, pair("b").duplicates, pair("b").unmatched), (25, 1, 1));
-    assert_eq!((pair("c").overheard, pair("c").duplicates, pair("c").unmatched), (0, 0, 0));
+    let found = join_listening(&sent_table(",to", to), [&of_b, &both], &Rules::default());
+    let pair_counts = |to: &str| &found.pairs[&(VehicleId::new("a"), VehicleId::new(to))];
+    assert_eq!((pair_counts("b").overheard, pair_counts("b").duplicates, pair_counts("b").unmatched), (25, 1, 1));
+    assert_eq!((pair_counts("c").overheard, pair_counts("c").duplicates, pair_counts("c").unmatched), (0, 0, 0));
     assert_eq!((found.left_out.overheard, found.left_out.duplicates), (25, 1));
 }
 
 #[test]
-fn what_would_fill_the_memory_is_refused() {
+fn a_schedule_with_too_many_slots_is_refused() {
     let schedule = |start_s: &str, duration_s: &str| -> Result<Schedule, ImportError> {
         let text = format!("[slots]\nstart_s = {start_s}\nduration_s = {duration_s}\norder = ['a']\n");
         Schedule::read(text.as_bytes(), Path::new("slots.toml"), &Default::default())

@@ -1,4 +1,4 @@
-//! What is put together is what took place, for any fleet; and no text stops the readers.
+//! Properties for random inputs: the events equal the simulated ones, and no input makes a reader fail.
 
 #![allow(clippy::unwrap_used)]
 
@@ -14,13 +14,13 @@ use proptest::prelude::*;
 
 const SOUND_M_PER_S: f64 = 1500.0;
 
-/// A fleet: of each vehicle how far its clock is ahead, and which of its messages were heard by whom.
+/// A simulated fleet with clock offsets, clock drifts and messages.
 #[derive(Debug, Clone)]
 struct Fleet {
     ahead_s: Vec<f64>,
     drift: Vec<f64>,
     delay_s: f64,
-    /// Sender and gap before it, of every message; and who heard it, by bits.
+    /// Each message: sender, gap before it in seconds, and a bit for each vehicle that heard it.
     messages: Vec<(usize, f64, u8)>,
 }
 
@@ -28,7 +28,7 @@ fn fleets() -> impl Strategy<Value = Fleet> {
     (2usize..5).prop_flat_map(|vehicles| {
         let ahead = prop::collection::vec(-4.0..4.0f64, vehicles);
         let drift = prop::collection::vec(-2e-5..2e-5f64, vehicles);
-        // Gaps without a period: which difference of clocks fits is never in doubt.
+        // The gaps are aperiodic, so that the clock offsets are unambiguous.
         let messages = prop::collection::vec((0..vehicles, 8.0..23.0f64, any::<u8>()), 120..200);
         (ahead, drift, 0.0..2.5f64, messages).prop_map(|(ahead_s, drift, delay_s, messages)| Fleet {
             ahead_s,
@@ -39,18 +39,18 @@ fn fleets() -> impl Strategy<Value = Fleet> {
     })
 }
 
-fn name(vehicle: usize) -> VehicleId {
+fn vehicle_name(vehicle: usize) -> VehicleId {
     VehicleId::new(format!("v{vehicle}"))
 }
 
-/// Vehicles on circles, so far out that sound takes up to a second.
+/// Returns a position on a circle. The travel time of sound is at most one second.
 fn place(vehicle: usize, time_s: f64) -> (f64, f64) {
     let angle = 0.002 * time_s + vehicle as f64;
     let radius_m = 200.0 + 150.0 * vehicle as f64;
     (radius_m * angle.cos(), radius_m * angle.sin())
 }
 
-/// What each vehicle records, and what took place: time, sender, receiver, outcome.
+/// The simulated outcomes: time, sender, receiver, and whether it was heard.
 type Truth = Vec<(f64, usize, usize, bool)>;
 
 impl Fleet {
@@ -58,7 +58,7 @@ impl Fleet {
         time_s + self.ahead_s[vehicle] + self.drift[vehicle] * time_s
     }
 
-    fn recorded(&self) -> (Recordings, Truth) {
+    fn simulate(&self) -> (Recordings, Truth) {
         let vehicles = self.ahead_s.len();
         let mut all =
             vec![Recording { sent: Some(Vec::new()), arrivals: Some(Vec::new()), ..Recording::default() }; vehicles];
@@ -78,7 +78,7 @@ impl Fleet {
                 truth.push((time_s, sender, receiver, is_heard));
                 let (a, b) = (place(sender, time_s), place(receiver, time_s));
                 let arrival_s = time_s + (a.0 - b.0).hypot(a.1 - b.1) / SOUND_M_PER_S + self.delay_s;
-                let (time_s, source) = (self.clock(receiver, arrival_s), name(sender));
+                let (time_s, source) = (self.clock(receiver, arrival_s), vehicle_name(sender));
                 let (destination, frame, frames, kind) = (None, None, None, None);
                 let arrival = Arrival { time_s, source, destination, frame, frames, good: true, kind };
                 all[receiver].arrivals.as_mut().unwrap().extend(is_heard.then_some(arrival));
@@ -92,7 +92,7 @@ impl Fleet {
                 recording.fixes.push(Fix { time_s, place, depth_m: None });
             }
         }
-        ((0..vehicles).map(name).zip(all).collect(), truth)
+        ((0..vehicles).map(vehicle_name).zip(all).collect(), truth)
     }
 }
 
@@ -100,24 +100,24 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(40) })]
 
     #[test]
-    fn what_took_place_is_found_whatever_the_clocks(fleet in fleets()) {
-        let (recordings, truth) = fleet.recorded();
-        let rules = Rules { reference_clock: Some(name(0)), message_s: 2.6, ..Rules::default() };
+    fn simulated_events_are_recovered_with_any_clock_offsets(fleet in fleets()) {
+        let (recordings, truth) = fleet.simulate();
+        let rules = Rules { reference_clock: Some(vehicle_name(0)), message_s: 2.6, ..Rules::default() };
         let imported = join(&recordings, None, &Reference::unknown(), &rules).unwrap();
         // All times are by the first vehicle's clock.
         let found: Vec<_> = imported.log.events.iter().map(|event| {
             (event.time_s, event.transmitter_id.clone(), event.receiver_id.clone(), event.success, event.link)
         }).collect();
         prop_assert_eq!(found.len() + imported.excluded().values().sum::<usize>(), truth.len());
-        // Nothing is left out but of vehicles whose clock nobody can know.
+        // Only messages of vehicles with an unknown clock are left out.
         let known: BTreeSet<VehicleId> =
             imported.clocks.iter().filter(|clock| !clock.segments.is_empty()).map(|clock| clock.vehicle.clone()).collect();
-        let of_known = |sender: usize, receiver: usize| known.contains(&name(sender)) && known.contains(&name(receiver));
+        let of_known = |sender: usize, receiver: usize| known.contains(&vehicle_name(sender)) && known.contains(&vehicle_name(receiver));
         prop_assert_eq!(found.len(), truth.iter().filter(|event| of_known(event.1, event.2)).count());
         for (time_s, sender, receiver, heard) in truth.into_iter().filter(|event| of_known(event.1, event.2)) {
             let by_first_s = fleet.clock(0, time_s);
             let is_it = |event: &&(f64, VehicleId, VehicleId, bool, _)| {
-                event.1 == name(sender) && event.2 == name(receiver) && (event.0 - by_first_s).abs() < 0.1
+                event.1 == vehicle_name(sender) && event.2 == vehicle_name(receiver) && (event.0 - by_first_s).abs() < 0.1
             };
             let event = found.iter().find(is_it);
             prop_assert!(event.is_some_and(|event| event.3 == heard), "{time_s} {sender} {receiver} {heard}: {event:?}");
@@ -129,15 +129,15 @@ proptest! {
     }
 
     #[test]
-    fn the_order_of_lines_does_not_matter(fleet in fleets(), seed in any::<u64>()) {
-        let (recordings, _) = fleet.recorded();
+    fn the_order_of_records_has_no_effect(fleet in fleets(), seed in any::<u64>()) {
+        let (recordings, _) = fleet.simulate();
         let mut other = recordings.clone();
         for recording in other.values_mut() {
-            let turn = |length: usize| if length == 0 { 0 } else { (seed % length as u64) as usize };
-            let fixes = turn(recording.fixes.len());
+            let offset = |length: usize| if length == 0 { 0 } else { (seed % length as u64) as usize };
+            let fixes = offset(recording.fixes.len());
             recording.fixes.rotate_left(fixes);
             let arrivals = recording.arrivals.as_mut().unwrap();
-            let by = turn(arrivals.len());
+            let by = offset(arrivals.len());
             arrivals.rotate_left(by);
             arrivals.reverse();
             recording.sent.as_mut().unwrap().reverse();
@@ -149,13 +149,13 @@ proptest! {
     }
 
     #[test]
-    fn times_come_back(milliseconds in 200_000_000_000i64..4_000_000_000_000) {
+    fn formatted_times_are_parsed_back(milliseconds in 200_000_000_000i64..4_000_000_000_000) {
         let time_s = milliseconds as f64 / 1e3;
         prop_assert!((parse_time(&time_in_words(time_s)).unwrap() - time_s).abs() < 1e-6);
     }
 }
 
-/// Sentences of a modem, with fields that may be anything small.
+/// Sentences of a modem, with small random fields.
 fn sentences() -> impl Strategy<Value = String> {
     let names =
         "CA(CYC|RXD|RXP|CST|MSG|TXD|TXP|TXF|XST|DRQ|ERR|MUA|MUC|RDP|TDP|REV|CFG|MSC|MPC)|CC(CYC|TXD|TDP|MUC)|SNTTA";
@@ -166,9 +166,9 @@ fn sentences() -> impl Strategy<Value = String> {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
 
-    /// Any bytes, and texts that look like what is expected.
+    /// Reads arbitrary bytes, and texts that resemble tables.
     #[test]
-    fn no_text_stops_the_readers(
+    fn no_text_makes_a_table_reader_panic(
         bytes in prop::collection::vec(any::<u8>(), 0..200),
         rows in prop::collection::vec("[0-9eE.,;:TZ+-]{0,12}(,[0-9a-z.-]{0,8}){0,4}", 0..6),
         header in "(time|t|lat|lon|x|y|source|vehicle|ok|frame)(,(time|lat|lon|x|y|source|vehicle|ok|frame|depth)){0,5}",
@@ -178,7 +178,7 @@ proptest! {
             let path = Path::new("table");
             let mut recordings = Recordings::new();
             for kind in [TableKind::Navigation, TableKind::Receptions, TableKind::Transmissions] {
-                for vehicle in [None, Some(&name(0))] {
+                for vehicle in [None, Some(&vehicle_name(0))] {
                     let _ = RecordReader::default().read_table(kind, (content, path), vehicle, &mut recordings);
                 }
             }
@@ -190,20 +190,20 @@ proptest! {
         }
     }
 
-    /// Any bytes, and sentences and rows in any order with any fields.
+    /// Reads arbitrary bytes, and sentences and rows with random fields in any order.
     #[test]
-    fn no_log_stops_the_readers(
+    fn no_log_makes_a_reader_panic(
         bytes in prop::collection::vec(any::<u8>(), 0..200),
-        said in prop::collection::vec((0u32..400, sentences()), 0..40),
+        modem_sentences in prop::collection::vec((0u32..400, sentences()), 0..40),
         rows in prop::collection::vec("-?[0-9]{1,3} (NAV_(X|Y|LAT|LONG|DEPTH)|NODE_REPORT_LOCAL|ACOMMS_MODEM_(RECEIVE|TRANSMIT)|%%) p [ -~]{0,40}", 0..20),
     ) {
-        let capture: String = said.iter().map(|(time_s, said)| format!("{time_s} {said}\n")).collect();
-        let spoken: String = said.iter().map(|(time_s, said)| format!("{time_s} ACOMMS_NMEA_IN p {said}\n")).collect();
-        let log = format!("%% LOG FILE: x\n%% LOGSTART 5000\n{spoken}{}\n", rows.join("\n"));
+        let capture: String = modem_sentences.iter().map(|(time_s, sentence)| format!("{time_s} {sentence}\n")).collect();
+        let rows_of_modem: String = modem_sentences.iter().map(|(time_s, sentence)| format!("{time_s} ACOMMS_NMEA_IN p {sentence}\n")).collect();
+        let log = format!("%% LOG FILE: x\n%% LOGSTART 5000\n{rows_of_modem}{}\n", rows.join("\n"));
         for content in [bytes.as_slice(), capture.as_bytes(), log.as_bytes()] {
             let mut recordings = Recordings::new();
-            let _ = RecordReader::default().read_record(content, &FileSource::new(Path::new("file"), Some(&name(0))), &mut recordings);
-            // What was sent was finished, and what arrived has a frame of those that it has.
+            let _ = RecordReader::default().read_record(content, &FileSource::new(Path::new("file"), Some(&vehicle_name(0))), &mut recordings);
+            // Each transmission was finished, and the number of each frame lies within its message.
             for recording in recordings.values() {
                 let finished = capture.matches("TXF").count() + capture.matches("XST").count();
                 prop_assert!(content != capture.as_bytes() || recording.sent.iter().flatten().count() <= finished);
@@ -216,11 +216,11 @@ proptest! {
     }
 
     #[test]
-    fn no_schedule_runs_away(start_s in -1e11..1e11f64, duration_s in 1e-3..1e6f64, restarts in any::<bool>(), from_s in -1e11..1e11f64) {
+    fn the_number_of_slots_is_bounded(start_s in -1e11..1e11f64, duration_s in 1e-3..1e6f64, restarts in any::<bool>(), from_s in -1e11..1e11f64) {
         let text = format!("[slots]\nstart_s = {start_s:e}\nduration_s = {duration_s:e}\norder = ['a', 'b']\nrestarts_daily = {restarts}\n");
         if let Ok(schedule) = Schedule::read(text.as_bytes(), Path::new("s"), &ModemIds::default()) {
-            let turns = schedule.slot_starts_s(&VehicleId::new("a"), from_s, from_s + 100.0 * duration_s);
-            prop_assert!(turns.len() <= 202 && turns.is_sorted(), "{}", turns.len());
+            let starts = schedule.slot_starts_s(&VehicleId::new("a"), from_s, from_s + 100.0 * duration_s);
+            prop_assert!(starts.len() <= 202 && starts.is_sorted(), "{}", starts.len());
         }
     }
 }

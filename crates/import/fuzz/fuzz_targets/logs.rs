@@ -1,4 +1,4 @@
-//! Any bytes as a file of a known kind: as it stands, and with the beginning of each kind before it.
+//! Reads arbitrary bytes as a log: unchanged, and behind the beginning of each format.
 
 #![no_main]
 
@@ -10,7 +10,7 @@ use pingmap_import::{RecordReader, Recordings, Reference, Rules, FileSource, joi
 
 const BEGINNINGS: [&[u8]; 5] = [b"", b"\x89MCAP0\r\n", b"\xed\xa1\xda\x01", b"%% LOG FILE: a\n%% LOGSTART 5\n1 NODE_REPORT_LOCAL p NAME=a\n", b"1 $CACFG,SRC,1\n"];
 
-/// What stands in logs of LCM.
+/// Definitions of LCM types for the fuzzed logs.
 const TYPES: &[u8] = b"struct a { int32_t n; double lat[n]; double lon; string said; b more[n]; } struct b { byte raw[2]; }";
 
 fuzz_target!(|bytes: &[u8]| {

@@ -1,4 +1,4 @@
-//! Any bytes as a table of each kind, as ids and as a schedule.
+//! Reads arbitrary bytes as a table of each kind, as modem ids and as a schedule.
 
 #![no_main]
 

@@ -1,7 +1,7 @@
-"""Makes the files of this folder with the packages that robots' own files come from: python make.py, in this folder.
+"""Makes the files in this folder with the packages that write such files on robots. Run `python make.py` in this folder.
 
-Needs rosbags (Apache-2.0), mcap-ros2-support (MIT) and lcm (LGPL; only to make a file). Every second for a minute a position, every ten seconds a message that was heard
-and, five seconds later, one that was sent; the vehicle goes north at 2 m/s.
+Needs rosbags (Apache-2.0), mcap-ros2-support (MIT) and lcm (LGPL; needed only to make a file). The vehicle moves north at 2 m/s for one
+minute. Each file holds a position every second, a received message every ten seconds, and a transmission five seconds after each reception.
 """
 
 import pathlib
@@ -22,8 +22,8 @@ SECOND_NS = 1_000_000_000
 DEGREE_M = 111_066.0
 
 
-def spoken():
-    """What host and modem said: time in nanoseconds and sentence."""
+def sentences():
+    """Returns the sentences between host and modem, each with its time in nanoseconds."""
     said = [(0, "$CACFG,SRC,1")]
     for n in range(6):
         at = 10 * n * SECOND_NS
@@ -78,7 +78,7 @@ def write_mcap(path):
                 "position_covariance_type": 0,
             }
             writer.write_message("/auv1/fix", fix, message, log_time=time_ns, publish_time=time_ns)
-        for time_ns, sentence in spoken():
+        for time_ns, sentence in sentences():
             writer.write_message("/auv1/modem", text, {"data": sentence}, log_time=time_ns, publish_time=time_ns)
         writer.finish()
 
@@ -109,7 +109,7 @@ def write_bag(folder):
                     twist=types["geometry_msgs/msg/Twist"](linear=vector, angular=vector), covariance=zeros),
             )  # fmt: skip
             bag.write(odometry, time_ns, store.serialize_cdr(message, "nav_msgs/msg/Odometry"))
-        for time_ns, sentence in spoken():
+        for time_ns, sentence in sentences():
             label = types["std_msgs/msg/MultiArrayDimension"](label="bytes", size=len(sentence), stride=1)
             message = types["std_msgs/msg/UInt8MultiArray"](
                 layout=types["std_msgs/msg/MultiArrayLayout"](dim=[label], data_offset=0),
@@ -134,7 +134,7 @@ def write_lcm(path, types):
             message.place.lat, message.place.lon, message.depth = latitude(second), -70.67, 7.5
             message.n, message.raw, message.name, message.ok = 3, b"abc", "auv1", True
             log.write_event(message.utime, "AUV1_NAV", message.encode())
-        for time_ns, sentence in spoken():
+        for time_ns, sentence in sentences():
             message = pm.modem_t()
             message.utime, message.nmea = time_ns // 1000, sentence
             log.write_event(message.utime, "AUV1_MODEM", message.encode())
