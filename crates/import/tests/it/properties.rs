@@ -1,7 +1,5 @@
 //! Properties for random inputs: the events equal the simulated ones, and no input makes a reader fail.
 
-#![allow(clippy::unwrap_used)]
-
 use std::collections::BTreeSet;
 use std::path::Path;
 

@@ -1,7 +1,5 @@
 //! Reading of bags and LCM logs that the original packages wrote (`data/make.py`), and of damaged copies.
 
-#![allow(clippy::unwrap_used)]
-
 use std::path::{Path, PathBuf};
 
 use pingmap_agent::VehicleId;

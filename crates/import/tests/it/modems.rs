@@ -1,7 +1,5 @@
 //! Transmissions and receptions from Micro-Modem sentences and from Goby's text format.
 
-#![allow(clippy::unwrap_used)]
-
 use std::path::Path;
 
 use pingmap_agent::VehicleId;

@@ -1,7 +1,5 @@
 //! Exclusion from the log, and the content of a message, are independent of the outcome.
 
-#![allow(clippy::unwrap_used)]
-
 use std::path::Path;
 
 use pingmap_agent::VehicleId;

@@ -1,0 +1,10 @@
+//! Tests of the public interface of the crate, in one binary.
+//!
+//! Each file tests one subject.
+
+#![allow(clippy::unwrap_used)]
+
+mod bags;
+mod modems;
+mod outcomes;
+mod properties;
