@@ -1,13 +1,15 @@
 //! Imports the recordings of underwater vehicles into one event log.
 //!
-//! After a mission, each vehicle leaves files in the time of its own clock: its positions, the messages that it received, and perhaps those that
-//! it transmitted. A TDMA schedule may exist as well. [`RecordReader`] reads the files into one [`Recording`] for each vehicle. [`join`]
-//! aligns the clocks and assigns receptions to transmissions. The result lists every transmission with each receiver that could have
-//! decoded it: both positions, and whether it was decoded.
+//! After a mission, each vehicle leaves files in the time of its own clock. They hold its positions, the messages that it received, and
+//! perhaps those that it transmitted. A TDMA schedule may exist as well.
+//!
+//! [`RecordReader`] reads the files into one [`Recording`] for each vehicle. [`join`] aligns the clocks and assigns receptions to
+//! transmissions. The result lists every transmission with each receiver that could have decoded it. An event holds both positions, and
+//! whether the message was decoded.
 //!
 //! The log serves to estimate the probability that a message, *once transmitted*, is decoded by a *listening* receiver. A transmission
 //! counts only with evidence that it took place ([`TransmissionEvidence`]). It counts only for receivers that were listening. Every exclusion
-//! criterion ([`ExclusionReason`]) is independent of the outcome, so that it removes successes and misses in equal proportion.
+//! criterion ([`ExclusionReason`]) is independent of the outcome, so that it removes successes and misses alike.
 //!
 //! ```
 //! use std::path::Path;

@@ -10,7 +10,9 @@ const SECONDS_MAX: f64 = 1e11;
 /// The formats that [`parse_time`] accepts, for error messages.
 pub const TIME: &str = "seconds, or a date and time such as 2026-05-03T12:00:00.5Z (UTC without a zone)";
 
-/// A time in seconds: a number as it is, a date and time (ISO 8601) since the beginning of 1970, in UTC where it names no zone.
+/// Parses a time to seconds. A number is used as it is. A date and time (ISO 8601) counts from the beginning of 1970.
+///
+/// The time zone is UTC unless the text names another.
 ///
 /// ```
 /// use pingmap_import::parse_time;

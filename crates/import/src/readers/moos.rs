@@ -21,7 +21,7 @@ pub const MOOS_PREFIX: &str = "ACOMMS_";
 const BEFORE_START_S: f64 = 1000.0;
 
 /// A time beyond this is absolute even in a log without a start, in seconds.
-const OF_THE_DAY_S: f64 = 1e8;
+const ABSOLUTE_S_MIN: f64 = 1e8;
 
 /// Returns whether a file starts like a MOOS log.
 pub(crate) fn is_alog(head: &str) -> bool {
@@ -115,7 +115,7 @@ impl AlogParser {
         match self.start_s {
             Some(start_s) if time_s + BEFORE_START_S > start_s => Some(time_s),
             Some(start_s) => Some(start_s + time_s),
-            None => (time_s > OF_THE_DAY_S).then_some(time_s),
+            None => (time_s > ABSOLUTE_S_MIN).then_some(time_s),
         }
     }
 

@@ -39,7 +39,7 @@ pub(crate) struct Navigation {
 impl Navigation {
     /// Absorbs a coordinate under its MOOS name. Returns false if the value is invalid. Other names are ignored.
     pub(crate) fn absorb_coordinate(&mut self, time_s: f64, name: &str, value: &str) -> bool {
-        let (in_degrees_form, place) = match name {
+        let (is_degrees, index) = match name {
             "LAT" => (true, 0),
             "LONG" | "LON" => (true, 1),
             "X" => (false, 0),
@@ -50,19 +50,19 @@ impl Navigation {
         let Some(value) = value.parse::<f64>().ok().and_then(|value| bounds::COORDINATE_M.check(value)) else {
             return false;
         };
-        if place == 2 {
+        if index == 2 {
             self.depth = Some((time_s, value));
             return true;
         }
-        let pair = if in_degrees_form { &mut self.degrees } else { &mut self.metres };
-        pair[place] = Some((time_s, value));
+        let pair = if is_degrees { &mut self.degrees } else { &mut self.metres };
+        pair[index] = Some((time_s, value));
         let together = |pair: [TimedValue; 2]| {
             let (first, second) = pair[0].zip(pair[1])?;
             ((first.0 - second.0).abs() <= PAIR_S).then_some((first.1, second.1))
         };
         let Some((first, second)) = together(*pair) else { return true };
         *pair = [None; 2];
-        if in_degrees_form {
+        if is_degrees {
             return self.add_degrees(time_s, (first, second), None);
         }
         self.add_metres(time_s, (first, second), None)

@@ -98,7 +98,7 @@ impl RecordReader {
             RecordKind::LcmTypes | RecordKind::ModemIds | RecordKind::Schedule | RecordKind::TeamFile => {
                 return Ok(Some(only(None)));
             }
-            RecordKind::Table(table) => return self.read_unnamed_table((table, &head), text, source, into).map(Some),
+            RecordKind::Table(table) => return self.read_detected_table((table, &head), text, source, into).map(Some),
             RecordKind::MoosLog => moos::read(text, &self.ids, &self.moos_prefix).map_err(unreadable)?.map_err(fail)?,
             RecordKind::ModemCapture => capture::read(text, &self.ids).map_err(unreadable)?,
             RecordKind::Lcm => log::read(text, &self.lcm_types, &self.ids, topics).map_err(fail)?,
@@ -125,7 +125,7 @@ impl RecordReader {
     }
 
     /// Reads a table whose kind was detected.
-    fn read_unnamed_table(
+    fn read_detected_table(
         &self,
         (table, head): (TableKind, &[u8]),
         text: impl Read,

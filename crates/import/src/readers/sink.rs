@@ -12,6 +12,7 @@ pub(crate) struct Sink<'a> {
 }
 
 impl Sink<'_> {
+    /// Extends the activity of the modem to a time, in seconds.
     pub(crate) fn record_activity(&mut self, time_s: f64) {
         self.recording.extend_activity(0, time_s);
     }

@@ -31,7 +31,7 @@ impl RecordReader {
             row.require(kind, &["vehicle"])?;
         }
         let mut skipped = SkipCounts::default();
-        // The modem may be off between the last row of one file and the first of the next, so each file has its own entry of activity.
+        // The modem may be off between two files, so each file has its own entry of activity.
         let records: BTreeMap<VehicleId, usize> =
             into.iter().map(|(name, recording)| (name.clone(), recording.modem_activity.len())).collect();
         if let (Some(vehicle), true) = (vehicle, kind != TableKind::Navigation) {

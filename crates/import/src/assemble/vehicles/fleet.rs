@@ -146,7 +146,7 @@ impl<'a> Fleet<'a> {
     }
 }
 
-/// Returns the intervals in which a modem was active: those that the user states, and those from the first to the last record of the modem.
+/// Returns the intervals in which a modem was active: from its first to its last record in each file, and as stated by the user.
 ///
 /// If a message bounds such an interval, the message lies outside of it. It is recorded only because it was heard, so that it would
 /// always count as a success.

@@ -87,9 +87,9 @@ impl<'a> BagParser<'a> {
 
     /// Returns whether a topic is to be read.
     pub(crate) fn selects(&mut self, name: &str) -> bool {
-        let is_any_selected = name.starts_with(self.prefix);
-        self.is_any_selected |= is_any_selected;
-        is_any_selected
+        let is_selected = name.starts_with(self.prefix);
+        self.is_any_selected |= is_selected;
+        is_selected
     }
 
     /// Absorbs a message with the time of its record, in seconds.
@@ -179,10 +179,10 @@ impl<'a> BagParser<'a> {
     /// Returns whether another topic held the same sentence recently.
     fn is_echo(&mut self, time_s: f64, name: &str, line: &str) -> bool {
         self.recent_lines.retain(|(then_s, ..)| (time_s - then_s).abs() <= ECHO_S);
-        let same = |(_, topic, other): &(f64, String, String)| topic != name && other == line;
-        if let Some(place) = self.recent_lines.iter().position(same) {
+        let is_same = |(_, topic, other): &(f64, String, String)| topic != name && other == line;
+        if let Some(index) = self.recent_lines.iter().position(is_same) {
             // An echo cancels one occurrence only, so a sentence that the modem repeats is kept.
-            self.recent_lines.swap_remove(place);
+            self.recent_lines.swap_remove(index);
             return true;
         }
         self.recent_lines.push((time_s, name.to_owned(), line.to_owned()));

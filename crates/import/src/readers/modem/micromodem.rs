@@ -157,8 +157,8 @@ impl Micromodem {
             "CACFG" if sentence.field(0) == "SRC" => sink.add_modem_id(sentence.field(1)),
             "CACFG" => {
                 // The number identifies a band. Band 0 is custom: its carrier and bandwidth identify it.
-                if let Some(place) = ["BND", "FC0", "BW0"].iter().position(|name| *name == sentence.field(0)) {
-                    sentence.field(1).clone_into(&mut self.band[place]);
+                if let Some(index) = ["BND", "FC0", "BW0"].iter().position(|name| *name == sentence.field(0)) {
+                    sentence.field(1).clone_into(&mut self.band[index]);
                     let [number, ..] = &self.band;
                     let is_custom = matches!(number.as_str(), "" | "0");
                     let band = if is_custom { self.band.join(BAND_PARTS) } else { number.clone() };
@@ -367,7 +367,7 @@ impl Micromodem {
     /// Absorbs receive statistics with mode 0 (good), 1 (broken) or 2 (no packet). From version 6 on, the first field is the version.
     fn absorb_receive_statistics(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
         let shift = usize::from(sentence.number(0).is_some_and(|version| version >= 6));
-        let at = |place: usize| sentence.field(place + shift);
+        let at = |index: usize| sentence.field(index + shift);
         let source = at(13);
         if at(0) != "1" || source.parse::<u32>().is_err() {
             return;

@@ -25,13 +25,13 @@ impl<'a> Sentence<'a> {
     }
 
     /// Returns a field by its index, from 0; empty if it does not exist.
-    pub(crate) fn field(&self, place: usize) -> &'a str {
-        self.fields.get(place).copied().unwrap_or("")
+    pub(crate) fn field(&self, index: usize) -> &'a str {
+        self.fields.get(index).copied().unwrap_or("")
     }
 
     /// Parses a field as a non-negative integer.
-    pub(crate) fn number(&self, place: usize) -> Option<u32> {
-        self.field(place).parse().ok()
+    pub(crate) fn number(&self, index: usize) -> Option<u32> {
+        self.field(index).parse().ok()
     }
 }
 
