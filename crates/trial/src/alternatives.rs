@@ -1,4 +1,4 @@
-//! Other ways to use the same bytes: what ours is compared with.
+//! Alternative uses of the same bytes, with which pingmap's packets are compared.
 
 use std::borrow::Cow;
 
@@ -11,29 +11,29 @@ use rayon::prelude::*;
 use crate::mission::{Mission, probabilities, send};
 use crate::streams::{self, stream};
 
-/// Another way to use the bytes of a frame. All of them take the same cells and levels to the water as our packets do.
+/// An alternative use of the bytes of a frame. All alternatives quantise positions and values as our packets do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Alternative {
-    /// Map messages alone: points that stand for all events.
+    /// Only map messages: inducing points that summarise all events.
     SummariesOnly,
-    /// Reports alone: single events, by one bit each, and where the sender was.
+    /// Only reports: single outcomes by one bit each, and the sender's track.
     ReportsOnly,
-    /// Our map messages as they would be without rounding: the same points, exact numbers.
+    /// Our map messages without rounding: equal points with exact numbers.
     Unrounded,
-    /// As many raw events as fit, those that lower the trace most first.
+    /// As many raw events as fit; events that reduce the trace most come first.
     RawEvents,
-    /// Our packets about points drawn at random.
+    /// Our packets at points drawn at random.
     RandomPoints,
-    /// Our packets about the points that lower the trace least.
+    /// Our packets at the points that reduce the trace least.
     BadPoints,
-    /// Variational summaries at good points, every event in the packet that explains most of it.
+    /// Variational summaries at good points. Each event belongs to the packet that explains most of its prior variance.
     Variational,
-    /// The same packets put together as in the paper: concatenated, without the receiver's raw events.
+    /// Variational summaries fused as in the paper: concatenated, without the receiver's raw events.
     Concatenation,
 }
 
 impl Alternative {
-    /// All of them.
+    /// All alternatives.
     pub const ALL: [Alternative; 8] = [
         Alternative::SummariesOnly,
         Alternative::ReportsOnly,
@@ -45,7 +45,7 @@ impl Alternative {
         Alternative::Concatenation,
     ];
 
-    /// What it is called.
+    /// Returns the name of the alternative.
     pub fn name(self) -> &'static str {
         match self {
             Alternative::SummariesOnly => "summaries only",
@@ -59,16 +59,16 @@ impl Alternative {
         }
     }
 
-    /// Whether it fits into the frames: exact numbers do not.
+    /// Whether the alternative fits into the frames. Exact numbers do not fit.
     pub fn is_sendable(self) -> bool {
         self != Alternative::Unrounded
     }
 
-    /// Probability of success of every held-out event, as every vehicle sees it after each sent `frames` frames in this
-    /// way.
+    /// Returns every vehicle's predictions for the held-out events, after each vehicle sent `frames` frames of this
+    /// alternative.
     ///
     /// # Errors
-    /// [`AgentError`] when the method refuses.
+    /// Returns [`AgentError`] for a numerical failure.
     pub fn predict(self, mission: &Mission, frames: usize) -> Result<Vec<Vec<f64>>, AgentError> {
         let say = |(place, agent): (usize, &Agent)| self.say(mission, place, agent, frames);
         let said = mission.vehicles.par_iter().enumerate().map(say).collect::<Result<Vec<_>, _>>()?;
@@ -76,7 +76,7 @@ impl Alternative {
         mission.vehicles.par_iter().enumerate().map(hear).collect()
     }
 
-    /// What a vehicle says in its first `frames` frames.
+    /// Returns the content of a vehicle's first `frames` frames.
     fn say(self, mission: &Mission, place: usize, agent: &Agent, frames: usize) -> Result<Said, AgentError> {
         if agent.team().number(agent.id()).is_none() || agent.events().len() == 0 {
             return Ok(Said::Summaries(Vec::new()));
@@ -88,7 +88,7 @@ impl Alternative {
         };
         let speaker = Speaker::new(mission, agent)?;
         if speaker.queries.is_empty() {
-            // Nothing happened within the grid.
+            // No event lies within the grid.
             return Ok(Said::Summaries(Vec::new()));
         }
         Ok(match self {
@@ -110,7 +110,7 @@ impl Alternative {
         })
     }
 
-    /// What a vehicle predicts given what all said.
+    /// Returns a vehicle's predictions for the held-out events, given the content of all vehicles' frames.
     fn hear(self, mission: &Mission, place: usize, agent: &Agent, said: &[Said]) -> Result<Vec<f64>, AgentError> {
         let mut agent = agent.clone();
         agent.set_options(AgentOptions { record_all_receivers: true, ..*agent.options() });
@@ -131,7 +131,7 @@ impl Alternative {
             return Ok(Concatenation::new(&agent.team().model.prior, &all)?.probability(&inputs)?);
         }
         let mut posterior = agent.posterior(Which::Fused)?.clone();
-        // A vehicle may predict under a model of its own.
+        // A vehicle may predict under its own model.
         let read = others().flat_map(Said::summaries).map(|summary| summary.read_under(posterior.prior()));
         let read: Vec<Cow<'_, Summary>> = read.collect::<Result<_, dgpc::Error>>()?;
         posterior.absorb_summaries(&read.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
@@ -160,12 +160,12 @@ impl Said {
     }
 }
 
-/// A vehicle with something to say.
+/// A vehicle that sends data.
 struct Speaker<'a> {
     agent: &'a Agent,
     own: Posterior,
     layout: &'static Layout,
-    /// Candidates: what its own events tried, and the inputs of that.
+    /// Candidate points: the queries of the vehicle's own events, and their inputs.
     queries: Vec<LinkQuery>,
     inputs: Inputs,
 }
@@ -182,23 +182,24 @@ impl<'a> Speaker<'a> {
         })
     }
 
-    /// Points of a block.
+    /// Returns the number of points of a block.
     fn points(&self) -> usize {
         self.layout.points
     }
 
-    fn nobody_knows(&self) -> Posterior {
+    fn prior_posterior(&self) -> Posterior {
         self.agent.team().model.prior_posterior()
     }
 
-    /// Residual packets about points that `choose` takes from the candidates given those taken before.
+    /// Returns residual summaries at points that `choose` selects from the candidates, conditioned on the earlier
+    /// points.
     fn residuals(
         &self,
         frames: usize,
         choose: &mut dyn FnMut(&Candidates) -> Vec<usize>,
     ) -> Result<Vec<Summary>, AgentError> {
         let mut candidates = Candidates::new(self.agent.team().model.prior.kernel(), &self.inputs)?;
-        let mut public = self.nobody_knows();
+        let mut public = self.prior_posterior();
         let mut said = Vec::new();
         for _ in 0..frames.saturating_mul(self.layout.blocks) {
             let chosen = choose(&candidates);
@@ -213,9 +214,9 @@ impl<'a> Speaker<'a> {
         Ok(said)
     }
 
-    /// What these map messages say, without rounding.
+    /// Returns the summaries of these map messages without rounding.
     fn unrounded(&self, packets: &[Vec<u8>]) -> Result<Vec<Summary>, AgentError> {
-        let mut public = self.nobody_knows();
+        let mut public = self.prior_posterior();
         let mut said = Vec::new();
         let blocks =
             packets.iter().filter_map(|packet| self.agent.codec().read(packet).ok()).flat_map(|(_, told)| told.blocks);
@@ -228,7 +229,7 @@ impl<'a> Speaker<'a> {
         Ok(said)
     }
 
-    /// A block about these, as it is decoded.
+    /// Encodes a block at these queries. Returns the block and its decoded summary.
     fn encode(
         &self,
         queries: &[LinkQuery],
@@ -239,10 +240,10 @@ impl<'a> Speaker<'a> {
         quantizer.encode(self.layout, quantizer.time_of(queries), &links, say)
     }
 
-    /// Events by their cells, as many as fit into the frames.
+    /// Returns as many events as fit into the frames, with rounded positions.
     fn raw_events(&self, frames: usize) -> Result<Vec<Event>, AgentError> {
         let frame_bits = 8 * self.layout.frame_bytes as u64;
-        // The cells of both ends, and whether it was heard.
+        // An event takes the cells of both ends and one bit for the outcome.
         let events = (frame_bits - self.layout.overhead_bits()) / (self.layout.location_bits() + 1);
         let events_max = frames.saturating_mul(events as usize);
         let chosen = Candidates::new(self.agent.team().model.prior.kernel(), &self.inputs)?.greedy(events_max);
@@ -250,13 +251,13 @@ impl<'a> Speaker<'a> {
             let link = self.agent.quantizer().rounded(&event.link)?;
             Some(Event { link, ..event.clone() })
         };
-        // What happened over a link again comes after what happened over the others for the first time.
+        // Repeated events over a link come after the first events over all links.
         let mut again: Vec<(usize, Event)> = Vec::new();
         for &place in &chosen.indices {
             let there = self.agent.events().filter(|event| event.link == self.queries[place].link);
             again.extend(there.filter_map(rounded).enumerate());
         }
-        // What is so near to these that nothing of its own is left fills what room there is.
+        // Events too close to the chosen ones to add anything fill the remaining room.
         let is_told = |event: &&Event| chosen.indices.iter().any(|&place| self.queries[place].link == event.link);
         let rest = self.agent.events().filter(|event| !is_told(event));
         again.extend(rest.filter_map(rounded).map(|event| (usize::MAX, event)));
@@ -264,8 +265,8 @@ impl<'a> Speaker<'a> {
         Ok(again.into_iter().map(|(_, event)| event).take(events_max).collect())
     }
 
-    /// Variational summaries at good points; every event in the packet of the point that explains most of its prior
-    /// variance.
+    /// Returns variational summaries at good points. Each event belongs to the packet whose point explains most of its
+    /// prior variance.
     fn variational(&self, frames: usize) -> Result<Vec<Summary>, AgentError> {
         let kernel = self.agent.team().model.prior.kernel();
         let mut candidates = Candidates::new(kernel, &self.inputs)?;
@@ -289,7 +290,7 @@ impl<'a> Speaker<'a> {
         Ok(said)
     }
 
-    /// For every packet the events that it speaks for.
+    /// Returns for every packet the events that it summarises.
     fn regions(&self, sites: &Sites, packets: &[Vec<LinkQuery>]) -> Result<Vec<Vec<usize>>, AgentError> {
         let model = &self.agent.team().model;
         let mut best = vec![(0, f64::NEG_INFINITY); sites.len()];

@@ -1,4 +1,4 @@
-//! Links that somebody asks about, as a table.
+//! Reads tables of links for prediction.
 
 use std::io::Read;
 use std::path::Path;
@@ -7,31 +7,33 @@ use pingmap_agent::{Geographic, Link, LinkQuery, Position, Time};
 
 use crate::table::{FileError, Problem, Table};
 
-/// What is asked, line by line, and what stands in the other columns.
+/// A table of queries with its other columns.
 pub struct AttemptTable {
-    /// The columns as the file has them.
+    /// Names of the columns as in the file.
     pub header: Vec<String>,
-    /// The fields of every line.
+    /// Fields of every line.
     pub rows: Vec<Vec<String>>,
-    /// What each line asks about.
+    /// Query of every line.
     pub attempts: Vec<LinkQuery>,
 }
 
 /// Columns of positions in metres: of the transmitter, then of the receiver.
 const METRES: [[&str; 2]; 2] = [["tx_easting_m", "tx_northing_m"], ["rx_easting_m", "rx_northing_m"]];
 
-/// The same in degrees.
+/// Columns of positions in degrees: of the transmitter, then of the receiver.
 const DEGREES: [[&str; 2]; 2] = [["tx_latitude_deg", "tx_longitude_deg"], ["rx_latitude_deg", "rx_longitude_deg"]];
 
-/// Where metres of a log are that are given in degrees; `None` where nobody knows.
+/// Converts a position in degrees to metres of a log; `None` if the log has no reference system.
 pub type ToMetres<'a> = &'a dyn Fn(Geographic) -> Option<(f64, f64)>;
 
-/// Reads attempts from CSV, of which `name` is said in errors: the four position columns of an event log, in metres or as `tx_latitude_deg` and so on (and depths, where
-/// both are present); nothing else is required. Who, when and what kind are read from `tx_id`, `rx_id`, `time_s` and `kind` where
-/// these are present, and are those of `asked` elsewhere. A vehicle that nobody met is [`pingmap_agent::Vehicle::New`] by another name.
+/// Reads queries from CSV; errors contain `name`. The position columns of an event log are required, in metres or as
+/// `tx_latitude_deg` and so on. Depths are read if both columns are present.
+///
+/// The columns `tx_id`, `rx_id`, `time_s` and `kind` are optional; `asked` gives the values of missing columns. A
+/// vehicle that is not in the log is a new vehicle, as [`pingmap_agent::Vehicle::New`].
 ///
 /// # Errors
-/// As [`crate::EventLog::open`], and for degrees that `to_metres` has no place for.
+/// As [`crate::EventLog::open`], and for degrees that `to_metres` cannot convert.
 pub fn read_attempts(
     (reader, name): (impl Read, &Path),
     asked: &LinkQuery,
@@ -67,10 +69,10 @@ pub fn read_attempts(
     Ok(AttemptTable { header: table.header().to_vec(), rows, attempts })
 }
 
-/// What degrees have to be.
-const DEGREES_KNOWN: &str = "degrees on the map of a log that knows where its metres are (--origin, --crs)";
+/// Expected value of columns in degrees.
+const DEGREES_KNOWN: &str = "degrees within the reference system of the log, which must be known (--origin, --crs)";
 
-/// Who, when and what kind, as far as the line says.
+/// Returns the query of a line. `asked` gives the values of missing columns.
 fn attempt(table: &Table, link: Link, asked: &LinkQuery) -> Result<LinkQuery, FileError> {
     let mut attempt = LinkQuery { link, ..*asked };
     if table.has("tx_id") {
@@ -113,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn degrees_are_places_where_somebody_knows_them() {
+    fn degrees_are_converted_if_the_reference_system_is_known() {
         let header = "tx_latitude_deg,tx_longitude_deg,rx_latitude_deg,rx_longitude_deg\n";
         let table = read(&format!("{header}41,-70,42,-71\n")).unwrap();
         assert_eq!(table.attempts[0].link.receiver, Position::new(-71.0, 1.0));

@@ -1,9 +1,8 @@
-//! What anybody would try first: the base rate, and logistic regression on the distance alone.
+//! Baselines: the base rate, and logistic regression on the distance.
 
 use pingmap_agent::Link;
 
-/// Probability of success wherever the ends are: the share of successes, with half an event of each kind added so that
-/// it is never 0 or 1.
+/// Returns the share of successes. Half an event of each kind is added, so that the share is never 0 or 1.
 pub fn base_rate(outcomes: &[bool]) -> f64 {
     let successes = outcomes.iter().filter(|&&success| success).count();
     (successes as f64 + 0.5) / (outcomes.len() as f64 + 1.0)
@@ -15,19 +14,19 @@ pub struct DistanceOnly {
     intercept: f64,
     /// Log-odds per `unit_m`.
     slope: f64,
-    /// Mean distance of the links learned from, so that tank and ocean are treated alike.
+    /// Mean distance of the training links. Dividing by it makes the fit independent of the scale of the site.
     unit_m: f64,
 }
 
-/// Precision of the normal prior that keeps the slope finite when the classes can be told apart by distance.
+/// Precision of the normal prior of the slope, which keeps the slope finite if distance separates the classes.
 const SLOPE_PRECISION: f64 = 0.01;
 
-/// The same for the intercept; weak enough not to matter but for a log of one class.
+/// Precision of the normal prior of the intercept. It matters only for logs with one class.
 const INTERCEPT_PRECISION: f64 = 1e-4;
 
 impl DistanceOnly {
-    /// Fits by Newton's method, which converges from zero because the penalised likelihood is concave and steps are
-    /// halved until it rises. O(N) a step.
+    /// Fits by Newton's method. The penalised likelihood is concave, and steps are halved until it rises, so the method
+    /// converges from zero. O(N) per step.
     pub fn fit(links: &[Link], outcomes: &[bool]) -> Self {
         let mean_m = links.iter().map(Link::range_m).sum::<f64>() / links.len().max(1) as f64;
         let mut fit = Self { intercept: 0.0, slope: 0.0, unit_m: if mean_m > 0.0 { mean_m } else { 1.0 } };
@@ -60,7 +59,7 @@ impl DistanceOnly {
         fit
     }
 
-    /// The first of the whole step, its half, its quarter … that raises the objective.
+    /// Returns the first of the whole step, its half, its quarter … that raises the objective.
     fn best_along(self, step: [f64; 2], objective: f64, ranges: &[f64], outcomes: &[bool]) -> Option<(Self, f64)> {
         let mut share = 1.0;
         while share > 1e-6 {
@@ -75,7 +74,7 @@ impl DistanceOnly {
         None
     }
 
-    /// Penalised log-likelihood.
+    /// Returns the penalised log-likelihood.
     fn objective(&self, ranges: &[f64], outcomes: &[bool]) -> f64 {
         let log_likelihood: f64 = ranges
             .iter()
@@ -83,7 +82,7 @@ impl DistanceOnly {
             .map(|(range, &success)| {
                 let odds = self.intercept + self.slope * range;
                 let odds = if success { odds } else { -odds };
-                // ln σ(odds) without overflow.
+                // This is ln σ(odds) without overflow.
                 odds.min(0.0) - (-odds.abs()).exp().ln_1p()
             })
             .sum();
@@ -95,7 +94,7 @@ impl DistanceOnly {
         1.0 / (1.0 + (-self.intercept - self.slope * range).exp())
     }
 
-    /// Probability of success over a link.
+    /// Returns the probability of success over a link.
     pub fn probability(&self, link: &Link) -> f64 {
         self.probability_at(link.range_m() / self.unit_m)
     }

@@ -1,58 +1,58 @@
-//! Whether probabilities mean what they say: reliability, and how often intervals hold the truth.
+//! Calibration of probabilities: reliability, and coverage of intervals.
 
 use dgpc::Latent;
 
-/// Bins of probability.
+/// Number of bins of the predicted probability.
 const BINS: usize = 10;
 
-/// Shares of the latent posterior in the middle, and how many standard deviations they reach to either side.
+/// Central intervals of the latent posterior: their probability, and their half-width in standard deviations.
 pub const INTERVALS: [(f64, f64); 2] = [(0.5, 0.674_490), (0.9, 1.644_854)];
 
-/// True probabilities are held this far from 0 and 1 before their log-odds are taken.
+/// True probabilities are clamped this far from 0 and 1 before their log-odds are computed.
 const TRUTH_MIN: f64 = 1e-6;
 
-/// What was predicted of events, and what happened.
+/// Counts of predictions and outcomes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// Ten bins of probability, each a tenth wide.
+    /// Ten bins of the predicted probability, each a tenth wide.
     pub bins: [Bin; BINS],
-    /// Events whose true log-odds are known.
+    /// Number of events with known true log-odds.
     known: usize,
-    /// Of those, how many lie within each of [`INTERVALS`].
+    /// Number of those events within each of [`INTERVALS`].
     within: [usize; INTERVALS.len()],
 }
 
-/// Events whose probability lay within a tenth.
+/// Events whose predicted probability lies within a tenth.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Bin {
-    /// How many.
+    /// Number of events.
     pub events: usize,
-    /// Sum of their probabilities.
+    /// Sum of their predicted probabilities.
     probability: f64,
-    /// How many of them were heard.
+    /// Number of events that were heard.
     heard: usize,
 }
 
 impl Bin {
-    /// Mean probability; `None` without events.
+    /// Returns the mean predicted probability; `None` without events.
     pub fn predicted(&self) -> Option<f64> {
         (self.events > 0).then(|| self.probability / self.events as f64)
     }
 
-    /// Share that was heard; `None` without events.
+    /// Returns the share of heard events; `None` without events.
     pub fn heard(&self) -> Option<f64> {
         (self.events > 0).then(|| self.heard as f64 / self.events as f64)
     }
 }
 
 impl Calibration {
-    /// Of no events.
+    /// Returns counts of no events.
     pub fn new() -> Self {
         Self { bins: [Bin::default(); BINS], known: 0, within: [0; INTERVALS.len()] }
     }
 
-    /// Counts predicted probabilities, what happened, and how often intervals of the log-odds hold the true ones where these
-    /// are known.
+    /// Counts predictions and outcomes. If the true probabilities are known, also counts how often the intervals of
+    /// `wide` contain the true log-odds.
     pub fn count(&mut self, predicted: &[f64], wide: &Latent, outcomes: &[bool], truth: Option<&[f64]>) {
         for (&p, &success) in predicted.iter().zip(outcomes) {
             let bin = &mut self.bins[((p * BINS as f64) as usize).min(BINS - 1)];
@@ -70,7 +70,7 @@ impl Calibration {
         }
     }
 
-    /// Counts what somebody else counted.
+    /// Adds the counts of another calibration.
     pub fn add(&mut self, other: &Self) {
         for (bin, more) in self.bins.iter_mut().zip(&other.bins) {
             bin.events += more.events;
@@ -81,15 +81,15 @@ impl Calibration {
         self.within.iter_mut().zip(other.within).for_each(|(within, more)| *within += more);
     }
 
-    /// Expected calibration error: the mean over events of how far a bin's mean probability is from its share of heard
-    /// ones; 0 without events.
+    /// Returns the expected calibration error: the difference between mean prediction and share of heard events in a
+    /// bin, averaged over events. 0 without events.
     pub fn expected_error(&self) -> f64 {
         let events: usize = self.bins.iter().map(|bin| bin.events).sum();
         let off = self.bins.iter().map(|bin| (bin.probability - bin.heard as f64).abs()).sum::<f64>();
         off / events.max(1) as f64
     }
 
-    /// How often each of [`INTERVALS`] holds the true log-odds; `None` where nobody knows them.
+    /// Returns the coverage of each of [`INTERVALS`]; `None` if no true log-odds are known.
     pub fn coverage(&self) -> Option<[f64; INTERVALS.len()]> {
         (self.known > 0).then(|| self.within.map(|within| within as f64 / self.known as f64))
     }
@@ -107,10 +107,10 @@ mod tests {
     use crate::streams::stream;
     use rand::RngExt;
 
-    /// Latent functions that are known with a variance of 1, and true log-odds drawn from them.
+    /// Returns counts for latent functions with variance 1, and true log-odds drawn from them.
     fn drawn(count: usize, overconfidence: f64) -> Calibration {
         let mut rng = stream(3, 0);
-        // A standard normal number: the sum of twelve uniform ones, less six.
+        // The sum of twelve uniform numbers, minus six, is nearly standard normal.
         let mut normal = || (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
         let means: Vec<f64> = (0..count).map(|_| 1.5 * normal()).collect();
         let truth: Vec<f64> = means.iter().map(|mean| 1.0 / (1.0 + (-(mean + normal())).exp())).collect();
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_drawn_as_it_is_predicted_is_calibrated() {
+    fn outcomes_drawn_from_predictions_are_calibrated() {
         let calibration = drawn(20_000, 1.0);
         let [half, most] = calibration.coverage().expect("truth");
         assert!((half - 0.5).abs() < 0.015 && (most - 0.9).abs() < 0.01, "{half} {most}");
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_add_up_and_nothing_is_nothing() {
+    fn counts_add_up_and_may_be_empty() {
         let part = drawn(100, 1.0);
         let mut sum = part.clone();
         sum.add(&part);

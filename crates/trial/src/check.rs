@@ -1,4 +1,4 @@
-//! What is odd about a log: slips of the pen, of the clock and of the join that made it.
+//! Checks of event logs: mistakes in positions, names and clocks, and in the import of the log.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -7,71 +7,73 @@ use pingmap_agent::{Event, Link, Position, VehicleId};
 use crate::baseline::DistanceOnly;
 use crate::event_log::EventLog;
 
-/// Fewer events than this say little.
+/// Smaller logs are reported as few events.
 const EVENTS_MIN: usize = 30;
 
-/// No vehicle goes faster, metres a second; and no fix is worse than this, metres.
+/// Largest speed of a vehicle in metres per second, and largest error of a position fix in metres.
 const SPEED_MAX_M_PER_S: f64 = 10.0;
 const JUMP_MIN_M: f64 = 100.0;
 
-/// Places so many times farther from the middle than half of all are far from everything, if they are at least so far, metres.
+/// A position is far away if its distance from the centre is this multiple of the median distance, and at least this
+/// many metres.
 const FAR_TIMES: f64 = 30.0;
 const FAR_MIN_M: f64 = 5_000.0;
 
-/// Places closer together than this that lie so many times farther from (0, 0) are degrees.
+/// Positions within this distance are taken for degrees if a coordinate exceeds their spread by this factor.
 const DEGREES_WIDE: f64 = 2.0;
 const DEGREES_TIMES: f64 = 8.0;
 
-/// A silence is odd that has this log-probability by range alone, and so many misses.
+/// Smallest evidence that a silence is suspicious: nats of its improbability by range, and number of missed messages.
+/// Without other receivers of its senders the nats are multiplied.
 const SILENCE_NATS: f64 = 15.0;
 const SILENCE_EVENTS_MIN: usize = 10;
 const UNWITNESSED_TIMES: f64 = 2.0;
 
-/// Links are nearly the same if their ends are apart by this share of the chart's scale; so many of them say what to expect, of so
-/// many misses at most.
+/// Two links are near each other within this share of the chart's scale. The probability of a miss is estimated from
+/// this many neighbours, for at most this many misses and among at most this many events.
 const NEAR_SHARE: f64 = 0.7;
 const NEIGHBOURS: usize = 5;
 const LOOKED_AT_MAX: usize = 50;
 const LOOKED_THROUGH_MAX: usize = 20_000;
 
-/// A log with fewer distinct links than one in so many events says little between them.
+/// A log with fewer distinct links than one in this many events is reported.
 const REPEATED: usize = 20;
 
-/// Something odd about a log.
+/// A suspicious property of a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
-    /// What, for programs.
+    /// Key of the check.
     pub check: &'static str,
-    /// Whether a map of such a log would be nonsense.
+    /// Whether a map of the log would be meaningless.
     pub is_nonsense: bool,
-    /// What, for people, and the way out.
+    /// Description for the user, with a remedy.
     pub text: String,
 }
 
-/// What a log says of the messages from one vehicle to another.
+/// Numbers of messages from one vehicle to another.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PairCount {
-    /// Heard.
+    /// Number of heard messages.
     pub heard: usize,
-    /// Missed.
+    /// Number of missed messages.
     pub missed: usize,
 }
 
-/// Share heard over distances.
+/// Events in a bin of ranges.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RangeBin {
-    /// From here.
+    /// Smallest range in metres.
     pub from_m: f64,
-    /// To here.
+    /// Largest range in metres.
     pub to_m: f64,
-    /// Events.
+    /// Number of events.
     pub events: usize,
-    /// Of which heard.
+    /// Number of heard events.
     pub heard: usize,
 }
 
 impl EventLog {
-    /// Heard and missed for each sender and receiver.
+    /// Counts heard and missed messages for each transmitter and receiver.
     pub fn pairs(&self) -> BTreeMap<(VehicleId, VehicleId), PairCount> {
         let mut pairs: BTreeMap<_, PairCount> = BTreeMap::new();
         for event in &self.events {
@@ -81,7 +83,7 @@ impl EventLog {
         pairs
     }
 
-    /// Share heard over distance, in at most so many bins of about as many events.
+    /// Counts events over range, in at most `bins` bins of about equal numbers of events.
     pub fn over_range(&self, bins: usize) -> Vec<RangeBin> {
         let mut events: Vec<(f64, bool)> =
             self.events.iter().map(|event| (event.link.range_m(), event.success)).collect();
@@ -96,7 +98,7 @@ impl EventLog {
         events.chunks(size).map(bin).collect()
     }
 
-    /// Everything odd. O(n log n).
+    /// Returns all findings. O(n log n).
     pub fn findings(&self) -> Vec<Finding> {
         let checks = [outcomes, positions, names, jumps, silences, rows];
         checks.iter().flat_map(|check| check(self)).collect()
@@ -111,19 +113,19 @@ fn nonsense(check: &'static str, text: String) -> Finding {
     Finding { check, is_nonsense: true, text }
 }
 
-/// One outcome only, of all or of one receiver, and few events.
+/// Finds logs or receivers with one outcome only, and logs with few events.
 fn outcomes(log: &EventLog) -> Vec<Finding> {
     let mut findings = Vec::new();
     let heard = log.events.iter().filter(|event| event.success).count();
     let all = log.events.len();
     if heard == all {
         let text = format!(
-            "no event is a miss ({all} heard): such a log says nothing about where messages are lost; events are needed of what was sent \
-             and not heard (pingmap import finds them from a schedule or from what was sent)"
+            "no event is a miss ({all} heard): such a log contains no information about where messages are lost; add events for messages that were sent \
+             and not heard (pingmap import finds them from a schedule or from recorded transmissions)"
         );
         findings.push(nonsense("heard_only", text));
     } else if heard == 0 {
-        let text = format!("all of {all} events missed: the map can only say so with growing certainty");
+        let text = format!("all of {all} events are misses: the map shows no place where messages are heard");
         findings.push(odd("missed_only", text));
     } else {
         let mut by_receiver: BTreeMap<&VehicleId, PairCount> = BTreeMap::new();
@@ -139,12 +141,12 @@ fn outcomes(log: &EventLog) -> Vec<Finding> {
         }
     }
     if all < EVENTS_MIN {
-        findings.push(odd("few_events", format!("only {all} events: hardly enough to learn from")));
+        findings.push(odd("few_events", format!("only {all} events: barely enough to learn from")));
     }
     findings
 }
 
-/// Degrees in the place of metres, and places far from everything.
+/// Finds degrees in place of metres, and positions far from all others.
 fn positions(log: &EventLog) -> Vec<Finding> {
     let mut findings = Vec::new();
     let ends = || log.events.iter().flat_map(|event| event.link.ends());
@@ -159,8 +161,8 @@ fn positions(log: &EventLog) -> Vec<Finding> {
     let is_degrees = spread > 0.0 && spread < DEGREES_WIDE && east_m.abs().max(north_m.abs()) > DEGREES_TIMES * spread;
     if is_degrees && east_m.abs() <= 180.0 && north_m.abs() <= 90.0 {
         let text = format!(
-            "all positions lie within {spread:.3} m of each other, about ({east_m:.3}, {north_m:.3}): these are degrees in the place of \
-             metres (pingmap import takes latitude and longitude)"
+            "all positions lie within {spread:.3} m of each other, about ({east_m:.3}, {north_m:.3}): these seem to be degrees instead of \
+             metres (pingmap import reads latitude and longitude)"
         );
         findings.push(nonsense("degrees", text));
     }
@@ -172,7 +174,7 @@ fn positions(log: &EventLog) -> Vec<Finding> {
     let far = log.events.iter().filter(is_far).count();
     if let Some(first) = log.events.iter().find(is_far) {
         let text = format!(
-            "{far} events have an end more than {:.0} km from the middle of all, the first at {} s: a slip in its position?",
+            "{far} events have an end more than {:.0} km from the centre of the log, the first at {} s: are their positions right?",
             far_m / 1000.0,
             first.time_s
         );
@@ -181,7 +183,7 @@ fn positions(log: &EventLog) -> Vec<Finding> {
     findings
 }
 
-/// Names that mean one vehicle or everybody, and vehicles that hear themselves.
+/// Finds names that differ in case only, names that stand for all vehicles, and vehicles that receive themselves.
 fn names(log: &EventLog) -> Vec<Finding> {
     let mut findings = Vec::new();
     let all: BTreeSet<&VehicleId> =
@@ -193,38 +195,39 @@ fn names(log: &EventLog) -> Vec<Finding> {
     for names in alike.values().filter(|names| names.len() > 1) {
         findings.push(odd(
             "names_alike",
-            format!("{} differ in case only, and are taken for different vehicles", names.join(" and ")),
+            format!("{} differ in case only, and count as different vehicles", names.join(" and ")),
         ));
     }
-    for id in all.iter().filter(|id| is_everybody(id.as_str()) || may_be_everybody(log, id)) {
-        let text = format!("{id} is taken for a vehicle: a message to everybody is an event of each who could hear it");
+    for id in all.iter().filter(|id| is_everybody(id.as_str()) || is_broadcast_address(log, id)) {
+        let text =
+            format!("{id} counts as a vehicle: record a broadcast as one event for each vehicle that could hear it");
         findings.push(odd("broadcast_vehicle", text));
     }
     let own = log.events.iter().filter(|event| event.transmitter_id == event.receiver_id).count();
     if own > 0 {
         findings.push(odd(
             "own_messages",
-            format!("{own} events have the same vehicle at both ends: no vehicle hears itself"),
+            format!("{own} events have the same vehicle at both ends: a vehicle does not receive itself"),
         ));
     }
     if let ([only], false) = (log.vehicles().as_slice(), log.events.is_empty()) {
-        let text = format!("{only} is the only receiver: there is nobody to share with");
+        let text = format!("{only} is the only receiver: there is no vehicle to share with");
         findings.push(odd("one_receiver", text));
     }
     findings
 }
 
-/// Whether it is a number by which modems call everybody, and never sends.
-fn may_be_everybody(log: &EventLog, id: &VehicleId) -> bool {
+/// Whether a name is a broadcast address of modems, and never transmits.
+fn is_broadcast_address(log: &EventLog, id: &VehicleId) -> bool {
     matches!(id.as_str(), "0" | "63" | "127" | "255") && log.events.iter().all(|event| event.transmitter_id != *id)
 }
 
-/// Whether a name means everybody.
+/// Whether a name stands for all vehicles.
 pub fn is_everybody(name: &str) -> bool {
     ["*", "broadcast", "everybody", "all"].iter().any(|everybody| name.eq_ignore_ascii_case(everybody))
 }
 
-/// Vehicles that move faster than any does.
+/// Finds vehicles that move faster than possible.
 fn jumps(log: &EventLog) -> Vec<Finding> {
     let mut tracks: BTreeMap<&VehicleId, Vec<(f64, Position)>> = BTreeMap::new();
     for event in &log.events {
@@ -242,7 +245,7 @@ fn jumps(log: &EventLog) -> Vec<Finding> {
         let count = track.windows(2).filter(is_jump).count();
         if let Some(first) = track.windows(2).find(is_jump) {
             let text = format!(
-                "{id} jumps {count} times farther than {SPEED_MAX_M_PER_S} m/s would bring it, first from ({:.0}, {:.0}) m at {} s to \
+                "{id} exceeds {SPEED_MAX_M_PER_S} m/s {count} times, first from ({:.0}, {:.0}) m at {} s to \
                  ({:.0}, {:.0}) m at {} s",
                 first[0].1.east_m, first[0].1.north_m, first[0].0, first[1].1.east_m, first[1].1.north_m, first[1].0
             );
@@ -252,7 +255,7 @@ fn jumps(log: &EventLog) -> Vec<Finding> {
     findings
 }
 
-/// Receivers that hear nothing for so long that neither their range nor their place explains it.
+/// Finds receivers with long silences that neither range nor position explains.
 fn silences(log: &EventLog) -> Vec<Finding> {
     let links: Vec<Link> = log.events.iter().map(|event| event.link).collect();
     let outcomes: Vec<bool> = log.events.iter().map(|event| event.success).collect();
@@ -263,8 +266,8 @@ fn silences(log: &EventLog) -> Vec<Finding> {
     for id in log.vehicles() {
         let mut own: Vec<&Event> = log.events.iter().filter(|event| event.receiver_id == id).collect();
         own.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        // What another one heard says that the receiver, and not the water, was silent. Where nobody else can have heard its
-        // senders, a silence must be much less likely still.
+        // If another receiver heard a message, the silent receiver was deaf, not the water opaque. Without other
+        // receivers of its senders, a silence must be much less probable to be reported.
         let senders: HashSet<&VehicleId> = own.iter().map(|event| &event.transmitter_id).collect();
         let is_witness = |event: &Event| event.receiver_id != id && senders.contains(&event.transmitter_id);
         let has_witnesses = log.events.iter().any(is_witness);
@@ -278,8 +281,8 @@ fn silences(log: &EventLog) -> Vec<Finding> {
             let (count, from_s, to_s) = (run.len(), run[0].time_s, run[run.len() - 1].time_s);
             let others = if has_witnesses { " that others hear" } else { "" };
             let text = format!(
-                "{id} hears none of {count} messages from {from_s} to {to_s} s{others}, though it is where messages arrive at other \
-                 times: was it recording? If not, these are no misses (pingmap import --listening)"
+                "{id} hears none of {count} messages from {from_s} to {to_s} s{others}, although messages arrive at its position at other \
+                 times: was it recording? If not, these events are not misses (pingmap import --listening)"
             );
             findings.push(odd("silent_receiver", text));
         }
@@ -287,12 +290,12 @@ fn silences(log: &EventLog) -> Vec<Finding> {
     findings
 }
 
-/// How unlikely a silence is by what became of messages over nearly the same links, either way, at other times. Where there were none
-/// nothing is unlikely. O([`LOOKED_AT_MAX`] · [`LOOKED_THROUGH_MAX`]).
+/// Returns the improbability of a silence in nats, from the outcomes over nearly equal links at other times, in either
+/// direction. Without such outcomes it is 0. O([`LOOKED_AT_MAX`] · [`LOOKED_THROUGH_MAX`]).
 fn nats_by_place(log: &EventLog, run: &[&Event], near_m: f64) -> f64 {
     let (from_s, to_s) = (run[0].time_s, run[run.len() - 1].time_s);
     let meanwhile = |event: &&Event| (from_s..=to_s).contains(&event.time_s);
-    // Who hears nothing in the meantime, too, is no witness.
+    // A receiver that hears nothing during the silence is not evidence of working links.
     let meanwhile_heard = log.events.iter().filter(meanwhile).filter(|event| event.success);
     let witnesses: HashSet<&VehicleId> = meanwhile_heard.map(|event| &event.receiver_id).collect();
     let elsewhen = |event: &&Event| !meanwhile(event) || witnesses.contains(&event.receiver_id);
@@ -312,7 +315,7 @@ fn nats_by_place(log: &EventLog, run: &[&Event], near_m: f64) -> f64 {
     step as f64 * run.iter().step_by(step).map(of).sum::<f64>()
 }
 
-/// How far both ends of two links are apart together.
+/// Returns the distance between two links over both ends together.
 fn apart_m(a: &Link, b: &Link) -> f64 {
     let ends = a.ends().into_iter().zip(b.ends());
     ends.map(|(a, b)| (a.east_m - b.east_m).hypot(a.north_m - b.north_m)).fold(0.0, f64::hypot)
@@ -322,7 +325,7 @@ fn transmission(event: &Event) -> (u64, &VehicleId) {
     (event.time_s.to_bits(), &event.transmitter_id)
 }
 
-/// Rows that stand twice, rows that contradict each other, few links, and columns without a meaning.
+/// Finds repeated and contradicting rows, few distinct links, and unknown columns.
 fn rows(log: &EventLog) -> Vec<Finding> {
     let mut findings = Vec::new();
     let mut known: HashMap<_, PairCount> = HashMap::new();
@@ -334,10 +337,10 @@ fn rows(log: &EventLog) -> Vec<Finding> {
     let twice: usize = known.values().map(again).sum();
     let both = known.values().filter(|counts| counts.heard > 0 && counts.missed > 0).count();
     if twice > 0 {
-        findings.push(odd("duplicate_rows", format!("{twice} events stand more than once, and count so often")));
+        findings.push(odd("duplicate_rows", format!("{twice} events are repeated, and every repetition counts")));
     }
     if both > 0 {
-        findings.push(odd("contradictions", format!("{both} events are heard in one line and missed in another")));
+        findings.push(odd("contradictions", format!("{both} events are heard in one row and missed in another")));
     }
     let bits =
         |link: &Link| link.ends().map(|end| [end.east_m, end.north_m, end.depth_m.unwrap_or(0.0)].map(f64::to_bits));
@@ -345,7 +348,7 @@ fn rows(log: &EventLog) -> Vec<Finding> {
     let all = log.events.len();
     if all >= 100 && distinct.len() * REPEATED < all {
         let text =
-            format!("only {} distinct links among {all} events: the map says little between them", distinct.len());
+            format!("only {} distinct links among {all} events: the map is uncertain between them", distinct.len());
         findings.push(odd("few_links", text));
     }
     if !log.unknown_columns.is_empty() {
@@ -354,7 +357,7 @@ fn rows(log: &EventLog) -> Vec<Finding> {
     findings
 }
 
-/// The first of some names, and how many more there are.
+/// Lists the first 20 names, and the number of the others.
 fn some_of(names: &[String]) -> String {
     const NAMED_MAX: usize = 20;
     match names.len().saturating_sub(NAMED_MAX) {

@@ -1,4 +1,4 @@
-//! What a map is for: choosing where to go to be heard.
+//! Scores predictions by their use for decisions: choosing a position from which a message is heard.
 
 use pingmap_agent::{Event, VehicleId};
 use rand::seq::index::sample;
@@ -6,24 +6,24 @@ use std::collections::BTreeMap;
 
 use crate::streams::{self, stream};
 
-/// Places to choose from.
+/// Number of links in a decision.
 const PLACES: usize = 10;
 
-/// How often each receiver's held-out events are asked.
+/// Number of decisions for each receiver.
 const DECISIONS_PER_RECEIVER: usize = 200;
 
-/// Decisions: of ten held-out links to one receiver, which one to be heard over.
+/// Decisions. Each chooses one of ten held-out links to one receiver.
 #[derive(Debug, Clone)]
 pub struct Decisions {
-    /// Indices of the links, for every decision.
+    /// Indices of the links of every decision.
     sets: Vec<Vec<usize>>,
-    /// Probability of being heard over every held-out link.
+    /// True probability of every held-out link.
     truth: Vec<f64>,
 }
 
 impl Decisions {
-    /// Draws 200 decisions for every receiver with at least ten of these events, whose true probabilities are known;
-    /// `None` where there is no such receiver.
+    /// Draws 200 decisions for every receiver with at least ten of these events. Returns `None` if there
+    /// is none. `truth` contains the true probabilities of the events.
     pub fn draw(events: &[&Event], truth: Vec<f64>, seed: u64) -> Option<Self> {
         let mut by_receiver: BTreeMap<&VehicleId, Vec<usize>> = BTreeMap::new();
         for (n, event) in events.iter().enumerate() {
@@ -38,8 +38,8 @@ impl Decisions {
         (!sets.is_empty()).then_some(Self { sets, truth })
     }
 
-    /// Mean over decisions of the probability of being heard over the best link less that over the one that is most
-    /// probable by these predictions, the mean of them where several are.
+    /// Returns the mean regret over decisions: the true probability of the best link minus that of the link with the
+    /// highest prediction. Several links with the highest prediction are averaged.
     pub fn regret(&self, probabilities: &[f64]) -> f64 {
         let largest = |set: &[usize], of: &[f64]| set.iter().map(|&n| of[n]).fold(f64::NEG_INFINITY, f64::max);
         let lost = |set: &Vec<usize>| {
@@ -68,14 +68,14 @@ mod tests {
     }
 
     #[test]
-    fn the_truth_regrets_nothing_and_indifference_the_mean() {
+    fn true_probabilities_have_no_regret_and_equal_ones_the_mean() {
         let events: Vec<Event> = std::iter::repeat_n("a", 10).chain(std::iter::repeat_n("b", 9)).map(event).collect();
         let truth: Vec<f64> = (0..19).map(|n| f64::from(n) / 20.0).collect();
         let decisions = Decisions::draw(&events.iter().collect::<Vec<_>>(), truth.clone(), 1).expect("ten links to a");
         assert_eq!(decisions.sets.len(), DECISIONS_PER_RECEIVER);
         assert!(decisions.sets.iter().flatten().all(|&n| n < 10));
         assert_eq!(decisions.regret(&truth), 0.0);
-        // All ten links are in every set: the best is .45, the mean .225, the worst 0.
+        // All ten links are in every decision: the best is .45, the mean .225, the worst 0.
         assert!((decisions.regret(&[0.3; 19]) - 0.225).abs() < 1e-12);
         let contrary: Vec<f64> = truth.iter().map(|p| 1.0 - p).collect();
         assert!((decisions.regret(&contrary) - 0.45).abs() < 1e-12);

@@ -1,15 +1,15 @@
-//! What comes before the first value of a delimited text: line ends of any system, remarks, and the sign between fields.
+//! Reads delimited text: line ends of any system, remarks before the header, and detection of the delimiter.
 
 use std::io::{self, BufRead, BufReader, Cursor, Read};
 
-/// A header may be so long.
+/// Largest length of a header in bytes.
 const HEADER_BYTES_MAX: usize = 1 << 20;
 
-/// A reader of whatever lies behind it.
+/// A reader of the records after the remarks.
 pub(crate) type Records<'a> = csv::Reader<Box<dyn Read + 'a>>;
 
-/// A reader of records, and the remarks before its header: fields are separated by whichever of comma, semicolon and tab the header has
-/// most of, lines that begin with `#` are remarks, and line ends are those of any system.
+/// Returns a reader of records, and the remarks before the header. The delimiter is the most frequent of comma,
+/// semicolon and tab in the header. Lines that begin with `#` are remarks. Line ends of any system are accepted.
 pub(crate) fn records<'a>(reader: impl Read + 'a) -> io::Result<(Records<'a>, Vec<String>)> {
     let mut reader = BufReader::new(LineFeeds::new(reader));
     let mut head = Vec::new();
@@ -25,13 +25,14 @@ pub(crate) fn records<'a>(reader: impl Read + 'a) -> io::Result<(Records<'a>, Ve
     let delimiter = delimiter(&head[line..]);
     let remarks = String::from_utf8_lossy(&head[..line]).lines().map(str::to_owned).collect();
     let whole: Box<dyn Read + 'a> = Box::new(Cursor::new(head).chain(reader));
-    // Flexible, so that bytes that are no text are found before a wrong number of fields.
+    // The reader accepts records of any length, so that bytes other than text are reported before a wrong number of
+    // fields.
     let mut builder = csv::ReaderBuilder::new();
     builder.trim(csv::Trim::All).flexible(true).comment(Some(b'#')).delimiter(delimiter);
     Ok((builder.from_reader(whole), remarks))
 }
 
-/// The sign that stands in a header most often outside of quotes; of equals the first.
+/// Returns the delimiter that is most frequent in a header outside quotes; the first of several.
 fn delimiter(header: &[u8]) -> u8 {
     let mut quoted = false;
     let mut counts = [(b',', 0), (b';', 0), (b'\t', 0)];
@@ -43,15 +44,15 @@ fn delimiter(header: &[u8]) -> u8 {
     counts.into_iter().rev().max_by_key(|(_, count)| *count).map_or(b',', |(delimiter, _)| delimiter)
 }
 
-/// Turns the two bytes that end a line on some systems into one, and ends the last line, so that lines can be counted.
+/// Converts the line ends of any system to line feeds, and ends the last line, so that lines can be counted.
 struct LineFeeds<R> {
     inner: R,
-    /// What is ready, and how much of it was handed on.
+    /// Converted bytes, and the number of them that were read.
     ready: Vec<u8>,
     handed_on: usize,
-    /// Whether a carriage return was read and not made ready yet.
+    /// Whether a carriage return was read but not converted yet.
     carriage_return: bool,
-    /// Whether a line has begun.
+    /// Whether a line has begun but not ended.
     in_line: bool,
 }
 
@@ -60,7 +61,7 @@ impl<R: Read> LineFeeds<R> {
         Self { inner, ready: Vec::new(), handed_on: 0, carriage_return: false, in_line: false }
     }
 
-    /// Makes more ready; nothing at the end.
+    /// Converts more bytes. None are ready at the end of the input.
     fn make_ready(&mut self) -> io::Result<()> {
         let mut chunk = [0; 8192];
         self.handed_on = 0;
@@ -106,7 +107,7 @@ impl<R: Read> Read for LineFeeds<R> {
 mod tests {
     use super::*;
 
-    /// Hands out a few bytes at a time.
+    /// A reader that returns a few bytes at a time.
     struct Drops<'a>(&'a [u8], usize);
 
     impl Read for Drops<'_> {
@@ -130,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn the_header_says_what_separates() {
+    fn the_header_determines_the_delimiter() {
         let found = |header: &str| delimiter(header.as_bytes()) as char;
         assert_eq!(["a,b", "a;b,5;c", "a\tb", "a", "\"a;b;c\",d"].map(found), [',', ';', '\t', ',', ',']);
     }

@@ -1,5 +1,5 @@
-//! Dividing a log into what is learned from and what is held out. What a score means depends on it: events drawn at random
-//! have neighbours on the same track among those learned from, blocks of time and far ranges have none.
+//! Divisions of a log into training and held-out events. The meaning of a score depends on the division. Random events
+//! have neighbours on the same track among the training events; blocks of time and far ranges do not.
 
 use std::collections::BTreeMap;
 
@@ -10,66 +10,67 @@ use crate::event_log::EventLog;
 use crate::split::{Split, events_by_vehicle};
 use crate::streams::{self, stream};
 
-/// Blocks of time, of as many transmissions each.
+/// Number of blocks of time. Each has about the same number of transmissions.
 const BLOCKS: usize = 20;
 
-/// How held-out events are chosen.
+/// Rule for the choice of held-out events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DivideBy {
-    /// Of every vehicle a share of the events it received or missed, or of the transmissions it sent, at random.
+    /// A random share of the events of every vehicle, or of the transmissions of every vehicle.
     Random,
-    /// Blocks of time, at random: the mission in 20 blocks of as many transmissions, of which a share is held out.
+    /// A random share of 20 blocks of time with equal numbers of transmissions.
     Time,
     /// The farthest links. One split.
     Range,
-    /// What one vehicle received or missed, learned from what the others did. One split for each vehicle.
+    /// The events of one vehicle, predicted from those of the others. One split per vehicle.
     Vehicle,
 }
 
-/// A way to divide a log.
+/// A division of a log.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Division {
-    /// What decides.
+    /// Rule for the choice of held-out events.
     pub by: DivideBy,
-    /// Splits, where they are drawn at random.
+    /// Number of random splits.
     pub repeats: usize,
-    /// Share of events (transmissions, blocks) that is held out, rounded to whole ones.
+    /// Share of events, transmissions or blocks that is held out, rounded to whole ones.
     pub test_share: f64,
-    /// Whether all receivers of a transmission are held out together. Blocks of time do so anyway; only for random ones.
+    /// Whether all receivers of a transmission are held out together. Only for random splits; blocks of time always do
+    /// so.
     pub whole_transmissions: bool,
 }
 
-/// Why a log cannot be divided like that.
+/// Reason why a log cannot be divided.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DivisionError {
-    /// A share of held-out events that is none.
+    /// The share of held-out events is not between 0 and 1.
     #[error("the share of held-out events must be from 0 to 1, found {found}")]
     Share {
         /// The share.
         found: f64,
     },
-    /// Nobody to learn from.
+    /// There is no other vehicle to learn from.
     #[error("only one vehicle received anything; expected at least two, to hold out one and learn from the others")]
     OneVehicle,
-    /// An option of random splits alone.
+    /// The option is only for random splits.
     #[error(
-        "only random splits can be asked to hold out whole transmissions: blocks of time do so anyway, and where the range or \
-         the receiver decides it is impossible"
+        "only random splits have the option to hold out whole transmissions: blocks of time always do so, and splits by range or \
+         receiver cannot"
     )]
     WholeTransmissions,
 }
 
 impl Division {
-    /// The paper's: three times 35 % of every vehicle's events at random.
+    /// Returns the paper's division: a random share of every vehicle's events, in the paper three times 35 %.
     pub fn random(repeats: usize, test_share: f64) -> Self {
         Self { by: DivideBy::Random, repeats, test_share, whole_transmissions: false }
     }
 
-    /// Divides a log. Split i depends on the seed and i alone.
+    /// Divides a log. Split i depends only on the seed and i.
     ///
     /// # Errors
-    /// [`DivisionError`] for a share that is none, or a log or an option that it does not go with.
+    /// Returns [`DivisionError`] for an invalid share, and for a log or an option that does not suit the rule.
     pub fn splits(&self, log: &EventLog, seed: u64) -> Result<Vec<Split>, DivisionError> {
         if !(0.0..=1.0).contains(&self.test_share) {
             return Err(DivisionError::Share { found: self.test_share });
@@ -90,13 +91,13 @@ impl Division {
     }
 }
 
-/// A share of every vehicle's own events, for a share from 0 to 1.
+/// Holds out a share of every vehicle's own events, for a share from 0 to 1.
 pub(crate) fn draw_split(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Split {
     let own = events_by_vehicle(log).into_values().map(|own| own.into_iter().map(|n| vec![n]).collect());
     hold_out(log, format!("r{repeat}"), own.collect(), test_share, repeat, seed)
 }
 
-/// A share of the transmissions of every vehicle, with all their receivers.
+/// Holds out a share of the transmissions of every vehicle, with all their receivers.
 fn draw_transmissions(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Split {
     let mut by_sender: BTreeMap<&VehicleId, Vec<Vec<usize>>> = BTreeMap::new();
     for transmission in transmissions(log) {
@@ -105,7 +106,7 @@ fn draw_transmissions(log: &EventLog, repeat: usize, test_share: f64, seed: u64)
     hold_out(log, format!("r{repeat}"), by_sender.into_values().collect(), test_share, repeat, seed)
 }
 
-/// A share of 20 blocks of time.
+/// Holds out a share of 20 blocks of time.
 fn draw_blocks(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Split {
     let transmissions = transmissions(log);
     let blocks = BLOCKS.min(transmissions.len()).max(1);
@@ -114,7 +115,7 @@ fn draw_blocks(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Spl
     hold_out(log, format!("t{repeat}"), vec![(0..blocks).map(block).collect()], test_share, repeat, seed)
 }
 
-/// Holds out a share of the parts of every group, drawn at random.
+/// Holds out a random share of the parts of every group.
 fn hold_out(
     log: &EventLog,
     name: String,
@@ -133,7 +134,7 @@ fn hold_out(
     Split { name, held_out }
 }
 
-/// The farthest links.
+/// Holds out the farthest links.
 fn farthest(log: &EventLog, test_share: f64) -> Split {
     let mut order: Vec<usize> = (0..log.events.len()).collect();
     let range_m = |n: &usize| log.events[*n].link.range_m();
@@ -144,7 +145,7 @@ fn farthest(log: &EventLog, test_share: f64) -> Split {
     Split { name: "far".to_owned(), held_out }
 }
 
-/// Each vehicle in turn.
+/// Holds out each vehicle's events in one split.
 fn one_vehicle_each(log: &EventLog) -> Result<Vec<Split>, DivisionError> {
     let vehicles = log.vehicles();
     if vehicles.len() < 2 {
@@ -157,7 +158,7 @@ fn one_vehicle_each(log: &EventLog) -> Result<Vec<Split>, DivisionError> {
     Ok(vehicles.into_iter().map(split).collect())
 }
 
-/// Indices of the events of every transmission, in the order of time.
+/// Returns the indices of the events of every transmission, in the order of time.
 fn transmissions(log: &EventLog) -> Vec<Vec<usize>> {
     let mut order: Vec<usize> = (0..log.events.len()).collect();
     let events = &log.events;
@@ -179,8 +180,8 @@ mod tests {
     use super::*;
     use pingmap_agent::{Link, Position, ReferenceSystem};
 
-    /// Transmissions every ten seconds, by three vehicles in turn, each received or missed by the two others, in an order
-    /// of the file that is not that of time. Ranges grow with time.
+    /// Returns a log with a transmission every ten seconds, by three vehicles in cyclic order, each with events of the
+    /// two others. The order of the file is not that of time. Ranges grow with time.
     fn log(count: usize) -> EventLog {
         let event = |n: usize, receiver: usize| Event {
             time_s: 10.0 * n as f64,
@@ -206,7 +207,7 @@ mod tests {
         Division { by, ..Division::random(4, 0.35) }
     }
 
-    /// Every transmission is held out whole or not at all; returns those that are, by their numbers.
+    /// Checks that every transmission is held out whole or not at all. Returns the numbers of the held-out ones.
     fn whole(log: &EventLog, split: &Split) -> BTreeSet<usize> {
         let number = |n: &usize| (log.events[*n].time_s / 10.0) as usize;
         let [kept, held_out] = [false, true].map(|held_out| split.indices(held_out).iter().map(number).collect());
@@ -226,7 +227,7 @@ mod tests {
             }
         }
         assert_ne!(splits[0].held_out, splits[1].held_out);
-        // The first splits do not depend on how many follow, and another seed draws others.
+        // The first splits do not depend on the number of splits. Another seed draws other splits.
         assert_eq!(draw_split(&log, 0, 0.35, 1), splits[0]);
         assert_ne!(draw_split(&log, 0, 0.35, 2), splits[0]);
     }
@@ -282,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn what_divides_nothing_is_refused() {
+    fn invalid_divisions_are_refused() {
         for share in [1.001, -0.1, f64::NAN, f64::INFINITY] {
             assert!(Division::random(1, share).splits(&log(6), 1).is_err(), "{share}");
         }

@@ -1,10 +1,14 @@
-//! Event logs as CSV files (or separated by semicolons or tabs; lines that begin with `#` are remarks).
+//! Event logs as text files with delimiters: commas, semicolons or tabs. Lines that begin with `#` are remarks.
 //!
 //! Required columns, in any order: `time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m,
-//! success`. Read when present: `true_probability` (for scoring only), `tx_depth_m` and `rx_depth_m` (together: links
-//! then have six inputs), `kind` (what kind of message; where that is missing `rate`, `band`, `level` and `length`, as far as they
-//! are there, make the kind). Anything else is named in [`EventLog::unknown_columns`]. A remark before the header may say what metres mean:
-//! `# reference system: 41.52,-70.67` (latitude and longitude of (0, 0)) or `# reference system: EPSG:32619`.
+//! success`.
+//!
+//! Optional columns: `true_probability` (for scoring only), `tx_depth_m` and `rx_depth_m`, and `kind`. With both
+//! depths, links have six inputs. Without `kind`, the columns `rate`, `band`, `level` and `length` form the kind of
+//! message. Other columns are listed in [`EventLog::unknown_columns`].
+//!
+//! A remark before the header may name the reference system: `# reference system: 41.52,-70.67` (latitude and longitude
+//! of (0, 0)) or `# reference system: EPSG:32619`.
 
 use std::collections::BTreeSet;
 use std::io::Read;
@@ -15,11 +19,11 @@ use pingmap_packet::to_hex;
 
 use crate::table::{FileError, Problem, Table, open};
 
-/// Columns that every event log has.
+/// Required columns of an event log.
 pub const REQUIRED_COLUMNS: [&str; 8] =
     ["time_s", "tx_id", "rx_id", "tx_easting_m", "tx_northing_m", "rx_easting_m", "rx_northing_m", "success"];
 
-/// Columns that mean something where they are present.
+/// Optional columns of an event log.
 const OPTIONAL_COLUMNS: [&str; 8] =
     ["true_probability", "tx_depth_m", "rx_depth_m", "kind", "rate", "band", "level", "length"];
 
@@ -28,30 +32,30 @@ const OPTIONAL_COLUMNS: [&str; 8] =
 pub struct EventLog {
     /// The events.
     pub events: Vec<Event>,
-    /// The probability with which each event succeeded, where the log knows it. Only ever used for scoring.
+    /// True probability of each event, if the log has the column. Used only for scoring.
     pub true_probability: Option<Vec<f64>>,
     /// Whether both ends have depths.
     pub has_depths: bool,
-    /// Columns of the file that mean nothing here, such as depths of one end only.
+    /// Columns of the file that are not used, such as the depth of one end only.
     pub unknown_columns: Vec<String>,
-    /// What its metres mean.
+    /// Reference system of the positions.
     pub reference: ReferenceSystem,
 }
 
-/// What stands before the name of a reference system.
+/// Start of the remark that names a reference system.
 const REFERENCE_REMARK: &str = "# reference system:";
 
 impl EventLog {
-    /// Reads a CSV file. O(events), one event at a time.
+    /// Reads a CSV file, one event at a time. O(events).
     ///
     /// # Errors
-    /// [`FileError`] with file, line, column, value and what was expected.
+    /// Returns [`FileError`] with file, line, column, value and the expected value.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let file = open(path)?;
         Self::read(file, path)
     }
 
-    /// Reads CSV from memory or elsewhere; `name` stands for the file in errors.
+    /// Reads CSV from any reader. `name` stands for the file in errors.
     ///
     /// # Errors
     /// As [`EventLog::open`].
@@ -92,8 +96,8 @@ impl EventLog {
         Ok(Self { events, true_probability, has_depths, unknown_columns, reference })
     }
 
-    /// Takes in the events of another log of the same frame. True probabilities stay where both know them; what metres mean is taken
-    /// from the other where it is not known.
+    /// Appends the events of another log in the same coordinates. True probabilities are kept only if both logs have
+    /// them. The reference system of the other log is adopted if that of this log is unknown.
     pub fn append(&mut self, other: Self) {
         self.true_probability = self.true_probability.take().zip(other.true_probability).map(|(mut own, more)| {
             own.extend(more);
@@ -109,13 +113,13 @@ impl EventLog {
         }
     }
 
-    /// Every vehicle that appears as a receiver, in alphabetical order: those that own events.
+    /// Returns every vehicle that is a receiver of an event, in alphabetical order.
     pub fn vehicles(&self) -> Vec<VehicleId> {
         let ids: BTreeSet<&VehicleId> = self.events.iter().map(|event| &event.receiver_id).collect();
         ids.into_iter().cloned().collect()
     }
 
-    /// Where a vehicle was and when: at everything that it sent or should have heard.
+    /// Returns the times and positions of a vehicle, from all its transmissions and receptions.
     pub fn track(&self, id: &VehicleId) -> impl Iterator<Item = (f64, Position)> {
         let at = move |event: &Event| match () {
             () if event.receiver_id == *id => Some((event.time_s, event.link.receiver)),
@@ -125,7 +129,7 @@ impl EventLog {
         self.events.iter().filter_map(at)
     }
 
-    /// The events at `indices`, in that order.
+    /// Returns a log with the events at `indices`, in that order.
     pub fn select(&self, indices: &[usize]) -> Self {
         let pick = |values: &Vec<f64>| indices.iter().map(|&n| values[n]).collect();
         Self {
@@ -137,9 +141,9 @@ impl EventLog {
         }
     }
 
-    /// The log as a CSV file that [`EventLog::read`] takes: the required columns, then depths, kinds and true
-    /// probabilities where it has them, below a remark that says what metres mean if that is known. Every number is written with as
-    /// few digits as identify it.
+    /// Returns the log as CSV that [`EventLog::read`] can read. Depths, kinds and true probabilities follow the
+    /// required columns if the log has them. A remark names the reference system if known. Numbers have the fewest
+    /// digits that identify them.
     pub fn to_csv(&self) -> String {
         let mut header = REQUIRED_COLUMNS.to_vec();
         if self.has_depths {
@@ -155,7 +159,7 @@ impl EventLog {
         let remark = format!("{REFERENCE_REMARK} {}\n", self.reference);
         let head = if self.reference.is_known() { remark } else { String::new() };
         let mut writer = csv::Writer::from_writer(head.into_bytes());
-        // Writing to memory cannot fail, nor can rows of one length.
+        // Writing to memory does not fail, and all rows have one length.
         let _ = writer.write_record(&header);
         for (n, event) in self.events.iter().enumerate() {
             let Link { transmitter: tx, receiver: rx } = event.link;
@@ -175,8 +179,8 @@ impl EventLog {
         writer.into_inner().map_or_else(|_| String::new(), |bytes| String::from_utf8_lossy(&bytes).into_owned())
     }
 
-    /// 32 hexadecimal digits by which these events are known again, whatever the file, its other columns and the order of
-    /// its lines: the first half of the BLAKE3 digest of time, names, places, outcome and kind of every event.
+    /// Returns a digest of 32 hexadecimal digits. It does not depend on the file, other columns or the order of lines.
+    /// The digest is the first half of the BLAKE3 digest of time, names, positions, outcome and kind of every event.
     pub fn digest(&self) -> String {
         let mut events: Vec<&Event> = self.events.iter().collect();
         events.sort_by(|a, b| a.canonical_order(b));
@@ -188,7 +192,7 @@ impl EventLog {
                 bytes.extend(name.as_str().as_bytes());
             }
             for end in event.link.ends() {
-                // A place without a depth has the bits of no depth that a log can have.
+                // A position without a depth is encoded as an infinite depth, which no log can contain.
                 let numbers = [end.east_m, end.north_m, end.depth_m.unwrap_or(f64::INFINITY)];
                 bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
             }
@@ -205,25 +209,25 @@ impl EventLog {
         (!depths.is_empty()).then(|| depths.iter().sum::<f64>() / depths.len() as f64)
     }
 
-    /// The part that one vehicle owns, as a log of its own.
+    /// Returns the part of the log with this receiver.
     pub fn owned_by(&self, vehicle: &VehicleId) -> Self {
         let own = |n: &usize| self.events[*n].receiver_id == *vehicle;
         self.select(&(0..self.events.len()).filter(own).collect::<Vec<_>>())
     }
 
-    /// A chart about the middle of all positions.
+    /// Returns a chart about the centre of all positions.
     pub fn chart(&self) -> Chart {
         let reference = self.reference;
         Chart { reference, ..Chart::about(self.events.iter().flat_map(|event| event.link.ends())) }
     }
 
-    /// The inputs that these links can yield.
+    /// Returns the inputs that the links have.
     pub fn inputs(&self) -> InputSpec {
         if self.has_depths { InputSpec::PositionsAndDepths } else { InputSpec::Positions }
     }
 }
 
-/// What the remarks before a header say that metres mean.
+/// Returns the reference system that the remarks before the header name.
 fn reference(table: &Table) -> Result<ReferenceSystem, FileError> {
     for (line, remark) in (1..).zip(table.remarks()) {
         if let Some(name) = remark.strip_prefix(REFERENCE_REMARK) {
@@ -270,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn logs_of_any_system_and_spreadsheet_are_read_and_lines_counted_right() {
+    fn logs_with_any_line_ends_and_delimiters_are_read_with_right_line_numbers() {
         let plain = read("", "");
         let header = REQUIRED_COLUMNS.join(";").to_uppercase();
         let text = format!("# a mission\r\n\r\n{header}\r\n10;a;b;0;0;100;0;True\r\n# noon\r\n20;b;a;0;0;100;0;no\r\n");

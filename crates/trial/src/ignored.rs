@@ -22,7 +22,7 @@ pub enum IgnoreReason {
     Contradicts,
     /// Its messages arrive outside its slots.
     OutOfSlot,
-    /// It was received in slots that it reported as unused. Its other data count.
+    /// The member was received in slots that it reported as unused. Its other data count.
     FalseClaims,
     /// Its reported track contradicts receptions. Its outcomes count.
     WrongTrack,

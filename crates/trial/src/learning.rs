@@ -6,14 +6,14 @@ use std::time::Instant;
 use pingmap_agent::{Chart, Event, InputSpec, LearnedModel, Learning, OptionalTerm};
 use rayon::prelude::*;
 
-/// A fit, and the seconds it took.
+/// A fit and its duration in seconds.
 type Timed = (LearnedModel, f64);
 
-/// Learns every structure of `learning` on the current thread pool. Fits in the order of the structures, each with the
-/// seconds it took; `step` is called after each.
+/// Learns every structure of `learning` in parallel on the current thread pool. Returns the fits in the order of the
+/// structures, each with its duration in seconds. Calls `step` after each fit.
 ///
 /// # Errors
-/// [`dgpc::Error`] for a position that is not finite, or a given number that is not finite and positive.
+/// Returns [`dgpc::Error`] for a position that is not finite, or a fixed parameter that is not finite and positive.
 pub fn learn_all(
     learning: &Learning,
     chart: Chart,
@@ -30,7 +30,7 @@ pub fn learn_all(
     learning.structures.par_iter().map(fit).collect()
 }
 
-/// The best of [`learn_all`].
+/// Returns the best fit of [`learn_all`], extended by additions.
 ///
 /// # Errors
 /// As [`learn_all`]; [`dgpc::Error::OutOfRange`] without structures.
@@ -45,17 +45,17 @@ pub fn learn_best(
     Ok(learn_additions(learning, chosen, chart, inputs, events)?.best)
 }
 
-/// What additions came to.
+/// Result of trying additions.
 pub struct Added {
-    /// The chosen structure with the additions that are worth it.
+    /// The chosen structure with the accepted additions.
     pub best: LearnedModel,
-    /// Everything that was tried, in order, each with the seconds it took.
+    /// All fits in the order of trial, each with its duration in seconds.
     pub tried: Vec<Timed>,
 }
 
-/// Tries [`Learning::additions`] one after the other beside a chosen structure, each beginning at the optimum before, and
-/// takes those that are worth it ([`LearnedModel::improves_on`]). A thread that is free goes on to the next one before it is known what
-/// becomes of those that others are at; what comes of it does not depend on that.
+/// Tries [`Learning::additions`] one after the other, each starting from the optimum before, and accepts an addition if
+/// the fit improves ([`LearnedModel::improves_on`]). Idle threads already try later additions; these fits are discarded
+/// if an earlier addition is accepted. Results do not depend on the number of threads.
 ///
 /// # Errors
 /// As [`learn_all`].
@@ -77,7 +77,7 @@ pub fn learn_additions(
             return Ok(added);
         }
         if possible.first() == Some(&OptionalTerm::Range) {
-            // It is mostly taken, so that whatever is tried beside it would be thrown away.
+            // This addition is accepted in most logs, so fits of the others without it would be discarded.
             possible.truncate(1);
         }
         let fit = |addition: OptionalTerm| {
@@ -87,7 +87,7 @@ pub fn learn_additions(
             Ok((fit, begin.elapsed().as_secs_f64()))
         };
         let (mut fits, taken) = until_one_is_taken(&possible, &added.best, fit)?;
-        // Those behind one that is taken are tried with it.
+        // The additions after an accepted one are tried again with it.
         let last = possible[fits.len() - 1];
         left = left.into_iter().skip_while(|&addition| addition != last).skip(1).collect();
         if let (true, Some((best, _))) = (taken, fits.last()) {
@@ -97,13 +97,13 @@ pub fn learn_additions(
     }
 }
 
-/// Fits of additions in their order, up to the first that is worth it beside `before`; and whether there is one.
+/// Fits additions in their order, up to the first that improves on `before`. Also returns whether there is one.
 fn until_one_is_taken(
     additions: &[OptionalTerm],
     before: &LearnedModel,
     fit: impl Fn(OptionalTerm) -> dgpc::Result<Timed> + Sync,
 ) -> dgpc::Result<(Vec<Timed>, bool)> {
-    // The first that is taken or fails: those behind it do not count.
+    // Index of the first addition that is accepted or fails. Later ones are discarded.
     let end = AtomicUsize::new(usize::MAX);
     let ahead = additions.iter().copied().enumerate().take_while(|&(place, _)| place < end.load(Ordering::Relaxed));
     let fitted = |(place, addition)| {

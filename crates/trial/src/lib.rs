@@ -1,7 +1,8 @@
-//! Field trials: event logs in, many vehicles on one mission, scores out. Returns data and draws nothing.
+//! Field trials: event logs as input, many vehicles on one mission, scores as output. The crate returns data and draws
+//! no figures.
 //!
-//! The only crate with threads: splits and vehicles run in parallel on the current rayon pool. Everything random comes
-//! from one seed through streams of their own, so that results do not depend on the number of threads.
+//! Only this crate uses threads: splits and vehicles run in parallel on the current rayon pool. Every use of random
+//! numbers has its own stream of one seed, so that results do not depend on the number of threads.
 
 #![forbid(unsafe_code)]
 

@@ -1,5 +1,5 @@
-//! One split of a log as a mission: a team that has seen its training events, what it sends, and the events it must
-//! predict.
+//! One split of a log as a mission: vehicles that learned from their training events, their packets, and the held-out
+//! events.
 
 use std::sync::Arc;
 
@@ -16,58 +16,58 @@ use crate::learning::learn_best;
 use crate::split::Split;
 use crate::water::Water;
 
-/// Who learns the model that links are read with.
+/// Data from which the models are learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Learners {
-    /// Somebody who saw all training events, before the mission; the team then shares that model.
+    /// One model, learned offline from every vehicle's training events and shared by the team.
     Pooled,
-    /// Every vehicle by itself, from its own events and what it received. Packets are formed under a model fixed
+    /// Each vehicle learns its own model from its own events and the received data. Packets use a model that is fixed
     /// beforehand.
     Own,
 }
 
-/// What a team has agreed on already.
+/// The part of the team configuration that is given.
 #[derive(Debug, Clone)]
 pub enum Agreed {
-    /// Nothing: the packet model is learned from the pooled training events, or is what the first structure expects
-    /// before any event where every vehicle learns by itself; where there are no training events, beside offsets of receivers
-    /// and a change with time, if these are among the additions.
+    /// Nothing is given: the packet model is learned from the pooled training events. If every vehicle learns by
+    /// itself, the packet model is the prior of the first structure. Without training events, offsets of receivers and
+    /// a change with time are added to that prior, if they are among the additions.
     Nothing,
-    /// The packet model.
+    /// The packet model is given.
     Model(Model),
-    /// Everything.
+    /// The whole configuration is given.
     Team(Box<Team>),
 }
 
-/// How a team learns and what it sends.
+/// Options of learning and sharing.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// What is agreed on. What is not follows from the log and the fields below.
+    /// The given part of the team configuration. The rest follows from the log and the fields below.
     pub agreed: Agreed,
-    /// How models are learned.
+    /// Options of learning models.
     pub learning: Learning,
-    /// Who learns.
+    /// Data from which the models are learned.
     pub learners: Learners,
-    /// Bounds on work and memory of every vehicle.
+    /// Limits on work and memory of every vehicle.
     pub limits: Limits,
     /// Bytes of a frame.
     pub frame_bytes: usize,
-    /// The secret that packets are authenticated with, if any.
+    /// Key for the authentication of packets, if any.
     pub key: Option<Key>,
-    /// How vehicles share their data.
+    /// Features of sharing.
     pub sharing: Sharing,
-    /// What happens to packets.
+    /// Impairments of the channel.
     pub water: Water,
-    /// Whether other ways to use the same bytes are tried too.
+    /// Whether alternative uses of the same bytes are scored, too.
     pub compare: bool,
-    /// Whether it is counted how far probabilities mean what they say.
+    /// Whether the calibration is computed.
     pub calibration: bool,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
 impl Plan {
-    /// A team that learns as `learning` says and sends frames of 32 bytes over water that loses nothing.
+    /// Returns a plan with these learning options, frames of 32 bytes and no impairments.
     pub fn new(learning: Learning, seed: u64) -> Self {
         Self {
             agreed: Agreed::Nothing,
@@ -84,11 +84,11 @@ impl Plan {
         }
     }
 
-    /// The team of a log, and how its model was learned from these events if it was. Without events, and where every
-    /// vehicle learns by itself, the model is what the first structure expects before any event.
+    /// Returns the team of a log, and the fit of its model if the model was learned. Without events, or if every
+    /// vehicle learns by itself, the model is the prior of the first structure.
     ///
     /// # Errors
-    /// [`AgentError`] when the method refuses, or the log has more vehicles than packets can tell apart.
+    /// Returns [`AgentError`] for a numerical failure, or if the log has more vehicles than packets can number.
     pub fn team(
         &self,
         log: &EventLog,
@@ -113,7 +113,7 @@ impl Plan {
     fn model(&self, log: &EventLog, training: Option<&[&Event]>) -> dgpc::Result<(Model, Option<LearnedModel>)> {
         let (chart, inputs) = (log.chart(), log.inputs());
         let expected = match (self.learning.structures.first(), training) {
-            // Where nothing was learned, nothing says that ears are alike and that the water stays as it is.
+            // Without learning there is no evidence that receivers are alike and that the water does not change.
             (Some(structure), None) => Some(self.with_what_may_differ(structure)),
             (Some(structure), Some(_)) if self.learners == Learners::Own => Some(*structure),
             _ => None,
@@ -133,48 +133,47 @@ impl Plan {
     }
 }
 
-/// A team after it learned from its training events, and what it sends.
+/// A team after learning from its training events, and the packets that it sends.
 #[derive(Debug, Clone)]
 pub struct Mission {
-    /// What the team agreed on.
+    /// The team configuration.
     pub team: Arc<Team>,
-    /// How its model was learned, if it was.
+    /// Fit of the model, if it was learned.
     pub fit: Option<LearnedModel>,
-    /// Every vehicle, in alphabetical order, before it received anything.
+    /// Every vehicle in alphabetical order, before it received packets.
     pub vehicles: Vec<Agent>,
-    /// One vehicle that saw all training events: what sharing tries to reach.
+    /// A vehicle with all training events: the reference that sharing tries to reach.
     pub centralised: Agent,
-    /// The packets that each vehicle sends, in order: at most as many as were asked for, fewer where nothing is worth a
-    /// frame.
+    /// Packets of each vehicle, in order. There may be fewer than requested if no further data are worth a frame.
     pub packets: Vec<Vec<Vec<u8>>>,
-    /// What is predicted.
+    /// Queries of the held-out events.
     pub held_out: Vec<LinkQuery>,
-    /// What happened there.
+    /// Outcomes of the held-out events.
     pub outcomes: Vec<bool>,
-    /// The links learned from, pooled, in log order.
+    /// Links of all training events, in log order.
     pub training: Vec<Link>,
-    /// What happened there.
+    /// Outcomes of the training events.
     pub training_outcomes: Vec<bool>,
     /// Time at which frames are received: that of the last event of the log, in seconds.
     pub end_s: f64,
     plan: Plan,
 }
 
-/// What is sent, mean over vehicles.
+/// Traffic of a vehicle, the mean over vehicles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Traffic {
-    /// Packets of a vehicle: fewer than it might have sent where nothing more was worth a frame.
+    /// Number of packets. It is smaller than requested if no further data are worth a frame.
     pub packets: f64,
-    /// How many of these are reports.
+    /// Number of these packets that are reports.
     pub reports: f64,
-    /// Bytes of all of them.
+    /// Bytes of all packets.
     pub bytes: f64,
-    /// How many of all events of others a vehicle then knows one by one.
+    /// Share of the other vehicles' events that a vehicle received one by one.
     pub remote_event_share: f64,
 }
 
 impl Traffic {
-    /// The mean of several; `None` of none.
+    /// Returns the mean of several; `None` of none.
     pub fn mean(all: &[Self]) -> Option<Self> {
         let mean = |of: fn(&Self) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
         (!all.is_empty()).then(|| Self {
@@ -187,11 +186,11 @@ impl Traffic {
 }
 
 impl Mission {
-    /// Splits the log, learns the model, lets every vehicle learn from its own training events, and lets each form up
-    /// to `frames_max` packets. Runs vehicles in parallel on the current thread pool.
+    /// Divides the log, learns the model, lets every vehicle learn from its own training events, and forms up to
+    /// `frames_max` packets of each. Vehicles run in parallel on the current thread pool.
     ///
     /// # Errors
-    /// [`AgentError`] when the method refuses.
+    /// Returns [`AgentError`] for a numerical failure.
     pub fn prepare(log: &EventLog, split: &Split, plan: &Plan, frames_max: usize) -> Result<Self, AgentError> {
         let events = |held_out| split.indices(held_out).into_iter().map(|n| &log.events[n]).collect::<Vec<_>>();
         let (training, held_out) = (events(false), events(true));
@@ -236,17 +235,17 @@ impl Mission {
         })
     }
 
-    /// Seed of everything random.
+    /// Returns the seed of all random numbers.
     pub fn seed(&self) -> u64 {
         self.plan.seed
     }
 
-    /// The first `frames` packets of every vehicle.
+    /// Returns the first `frames` packets of every vehicle.
     pub fn sent(&self, frames: usize) -> impl Iterator<Item = &[Vec<u8>]> {
         self.packets.iter().map(move |packets| &packets[..frames.min(packets.len())])
     }
 
-    /// What the first `frames` packets of the vehicle at `place` speak of, as everybody reads them.
+    /// Returns the links in the first `frames` packets of the vehicle at `place`, as decoded by a listener.
     pub fn links_of_packets(&self, place: usize, frames: usize) -> Vec<(VehicleId, u16, Vec<Link>)> {
         let mut listener = Agent::new(VehicleId::new(CENTRALISED), self.team.clone(), AgentOptions::default());
         for packet in self.sent(frames).nth(place).unwrap_or_default() {
@@ -255,7 +254,8 @@ impl Mission {
         listener.links_of_packets()
     }
 
-    /// What the first `frames` packets of every vehicle come to, and what the team (of [`Mission::after_sharing`]) knows by them.
+    /// Returns the traffic of the first `frames` packets, and its effect on `team`, which [`Mission::after_sharing`]
+    /// returned.
     pub fn traffic(&self, frames: usize, team: &[Agent]) -> Traffic {
         let vehicles = self.packets.len().max(1) as f64;
         let reports = self.sent(frames).flatten().filter(|packet| ReportLayout::of(packet).is_some()).count();
@@ -269,11 +269,11 @@ impl Mission {
         }
     }
 
-    /// The team after everybody received what the water let through of the first `frames` packets of the others and,
-    /// where every vehicle learns by itself, learned from them.
+    /// Returns the team after every vehicle received the first `frames` packets of the others over the channel. If
+    /// every vehicle learns by itself, it then learns from the received data.
     ///
     /// # Errors
-    /// [`AgentError`] when the method refuses.
+    /// Returns [`AgentError`] for a numerical failure.
     pub fn after_sharing(&self, frames: usize) -> Result<Vec<Agent>, AgentError> {
         let receive = |(receiver, agent): (usize, &Agent)| {
             let mut agent = agent.clone();
@@ -283,7 +283,7 @@ impl Mission {
                 }
             }
             if agent.status().located_events > 0 {
-                // As the one who has all events does.
+                // The centralised vehicle rebuilds its posterior, too.
                 agent.rebuild()?;
             }
             if self.plan.learners == Learners::Own {
@@ -294,44 +294,44 @@ impl Mission {
         self.vehicles.par_iter().enumerate().map(receive).collect()
     }
 
-    /// Probability of success of every held-out event, as the centralised vehicle sees it.
+    /// Returns the centralised vehicle's predictions for the held-out events.
     ///
     /// # Errors
-    /// [`AgentError`] when the method refuses.
+    /// Returns [`AgentError`] for a numerical failure.
     pub fn predict_centralised(&self) -> Result<Vec<f64>, AgentError> {
         probabilities(&mut self.centralised.clone(), &self.held_out)
     }
 
-    /// Probability of success of every held-out event, as every vehicle sees it by itself.
+    /// Returns each vehicle's predictions for the held-out events from its own events.
     ///
     /// # Errors
-    /// [`AgentError`] when the method refuses.
+    /// Returns [`AgentError`] for a numerical failure.
     pub fn predict_alone(&self) -> Result<Vec<Vec<f64>>, AgentError> {
         self.predict(self.vehicles.clone())
     }
 
-    /// Probability of success of every held-out event, as every vehicle sees it after each sent its first `frames`
+    /// Returns each vehicle's predictions for the held-out events, after all vehicles sent their first `frames`
     /// packets.
     ///
     /// # Errors
-    /// [`AgentError`] when the method refuses.
+    /// Returns [`AgentError`] for a numerical failure.
     pub fn predict_as_team(&self, frames: usize) -> Result<Vec<Vec<f64>>, AgentError> {
         self.predict(self.after_sharing(frames)?)
     }
 
-    /// What an agent knows of the latent function at every held-out event.
+    /// Returns an agent's posterior of the latent function at the held-out events.
     ///
     /// # Errors
-    /// [`AgentError`] when the method refuses.
+    /// Returns [`AgentError`] for a numerical failure.
     pub fn latent(&self, agent: &Agent) -> Result<Latent, AgentError> {
         let inputs = agent.team().model.inputs(&self.held_out)?;
         Ok(agent.clone().posterior(Which::Fused)?.latent(&inputs)?)
     }
 
-    /// The same as widely as intervals take it: [`Agent::interval_latent`].
+    /// Returns the posterior with the larger variance of intervals: [`Agent::interval_latent`].
     ///
     /// # Errors
-    /// [`AgentError`] when the method refuses.
+    /// Returns [`AgentError`] for a numerical failure.
     pub fn interval_latent(&self, agent: &Agent) -> Result<Latent, AgentError> {
         agent.clone().interval_latent(&self.held_out)
     }
@@ -341,13 +341,13 @@ impl Mission {
     }
 }
 
-/// The probability of each query.
+/// Returns the probability of each query.
 pub(crate) fn probabilities(agent: &mut Agent, queries: &[LinkQuery]) -> Result<Vec<f64>, AgentError> {
     let predictions = agent.predict(queries, PredictOptions::default())?;
     Ok(predictions.into_iter().map(|prediction| prediction.probability).collect())
 }
 
-/// The events of each transmission, in the order of time.
+/// Returns the events of each transmission, in the order of time.
 pub(crate) fn transmissions<'a>(events: impl IntoIterator<Item = &'a Event>) -> Vec<Vec<&'a Event>> {
     let mut events: Vec<&Event> = events.into_iter().collect();
     events.sort_by(|a, b| a.canonical_order(b));
@@ -355,7 +355,7 @@ pub(crate) fn transmissions<'a>(events: impl IntoIterator<Item = &'a Event>) -> 
     events.chunk_by(is_same).map(<[_]>::to_vec).collect()
 }
 
-/// The transmissions of these events in the order of time, and who could hear each: the schedule of a log that has none.
+/// Returns the transmissions of these events as slots with their listeners: a schedule for logs without one.
 pub(crate) fn slots_of<'a>(events: impl IntoIterator<Item = &'a Event>) -> Slots {
     let opportunity = |events: &Vec<&Event>| ScheduledTransmission {
         time_s: events[0].time_s,
@@ -366,10 +366,10 @@ pub(crate) fn slots_of<'a>(events: impl IntoIterator<Item = &'a Event>) -> Slots
     Slots { explicit: Some(listed.into()), ..Slots::cycle(1.0, Vec::new()) }
 }
 
-/// A name that no log has.
+/// A name that no vehicle of a log has.
 pub(crate) const CENTRALISED: &str = "\u{0}all events";
 
-/// Up to `frames` packets of a vehicle, if it is a member of the team.
+/// Returns up to `frames` packets of a vehicle; none if the vehicle is not a member.
 pub(crate) fn send(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, AgentError> {
     let mut packets = Vec::new();
     if agent.team().number(agent.id()).is_some() {

@@ -1,5 +1,5 @@
-//! A mission in the order of time: every event is predicted by its receiver before anybody learns from that transmission, and
-//! packets ride on the transmissions of the log.
+//! A mission in the order of time. Every receiver predicts an event before any vehicle learns from the transmission.
+//! Packets are sent with the transmissions of the log.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,47 +10,47 @@ use crate::event_log::EventLog;
 use crate::mission::{CENTRALISED, Plan, probabilities, slots_of, transmissions};
 use crate::score::Score;
 
-/// How events were predicted before they happened.
+/// Scores of predictions that were made before the events.
 #[derive(Debug, Clone)]
 pub struct Online {
-    /// What the team agreed on beforehand.
+    /// The team configuration.
     pub team: Arc<Team>,
-    /// One entry for every event, in the order of time.
+    /// One entry per event, in the order of time.
     pub steps: Vec<Step>,
-    /// Packets sent by every vehicle.
+    /// Number of packets sent by every vehicle.
     pub packets: BTreeMap<VehicleId, usize>,
     /// Bytes of all packets.
     pub bytes: usize,
-    /// Packets that counted at a receiver.
+    /// Number of receptions of packets that were accepted.
     pub received: usize,
-    /// Spare bytes that went with transmissions.
+    /// Bytes of piggybacked outcomes in all transmissions.
     pub piggyback_bytes: usize,
 }
 
-/// What goes with the transmissions of a log.
+/// Data that are sent with the transmissions of a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Riding {
-    /// Every so many transmissions of a vehicle one carries a packet, if there is one worth sending; `None`: none does.
+    /// A vehicle may send a packet with every n-th of its transmissions, if the packet is useful. `None`: never.
     pub slot_every: Option<usize>,
-    /// Spare bytes of every transmission, which say what was heard of late; eight at most.
+    /// Bytes in every transmission for the newest outcomes of its sender, at most eight.
     pub piggyback_bytes: usize,
 }
 
-/// One event.
+/// Scores of one event.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
-    /// When it happened.
+    /// Time of the event in seconds.
     pub time_s: f64,
-    /// NLL of its outcome as its receiver saw it coming by its own earlier events alone.
+    /// NLL of the outcome by the receiver's own earlier events.
     pub own: f64,
-    /// The same with what it had received.
+    /// NLL of the outcome by these events and the received data.
     pub team: f64,
-    /// The same with all earlier events of all vehicles, without any delay.
+    /// NLL of the outcome by all earlier events of all vehicles, without delay.
     pub centralised: f64,
 }
 
 impl Online {
-    /// Mean NLL of all events so far, at up to `places` places spread over the mission.
+    /// Returns the mean NLL of all events so far, at up to `places` times spread over the mission.
     pub fn running(&self, places: usize) -> Vec<Step> {
         let (count, places) = (self.steps.len(), self.steps.len().min(places));
         (1..=places).filter_map(|n| Step::mean(&self.steps[..n * count / places])).collect()
@@ -58,7 +58,7 @@ impl Online {
 }
 
 impl Step {
-    /// Mean of some steps, at the time of the last; `None` of none.
+    /// Returns the mean of some steps, at the time of the last; `None` of none.
     pub fn mean(steps: &[Step]) -> Option<Step> {
         let mean = |of: fn(&Step) -> f64| steps.iter().map(of).sum::<f64>() / steps.len() as f64;
         let last = steps.last()?;
@@ -71,12 +71,14 @@ impl Step {
     }
 }
 
-/// Runs the mission. Every transmission of a vehicle is a slot of it; who heard the transmission, by the log, hears what
-/// goes with it, unless the plan's water loses that. A team that has agreed on nothing uses what the first structure expects before any event, with offsets of receivers and a
-/// change with time beside, so that no event is predicted by a model that has seen it. `step` is called after every event.
+/// Runs the mission. Every transmission of a vehicle is one of its slots. A vehicle that heard the transmission in the
+/// log also receives its packet and piggybacked outcomes, unless the channel loses them.
+///
+/// Without a given model, the prior of the first structure is used, with offsets of receivers and a change with time.
+/// No event is therefore predicted by a model that was learned from it. `step` is called after every event.
 ///
 /// # Errors
-/// [`AgentError`] when the method refuses.
+/// Returns [`AgentError`] for a numerical failure.
 pub fn online(log: &EventLog, plan: &Plan, riding: Riding, step: &dyn Fn()) -> Result<Online, AgentError> {
     let (team, _) = plan.team(log, None)?;
     // Piggybacking is requested explicitly, so a key does not turn it off.
@@ -90,13 +92,13 @@ pub fn online(log: &EventLog, plan: &Plan, riding: Riding, step: &dyn Fn()) -> R
     Ok(mission.online)
 }
 
-/// A mission under way.
+/// A mission in progress.
 struct Run<'a> {
     plan: &'a Plan,
     riding: Riding,
     vehicles: BTreeMap<VehicleId, Agent>,
     centralised: Agent,
-    /// Transmissions of every vehicle so far.
+    /// Number of transmissions of every vehicle so far.
     slots: BTreeMap<VehicleId, usize>,
     online: Online,
 }
@@ -123,7 +125,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// One transmission, and what goes with it: everybody who should hear it predicts, then learns, then reads.
+    /// Processes one transmission. Each receiver predicts its event, learns from it, and then receives the data.
     fn transmit(&mut self, events: &[&Event]) -> Result<(), AgentError> {
         let Some(first) = events.first() else { return Ok(()) };
         let (sender, time_s) = (&first.transmitter_id, first.time_s);
@@ -139,7 +141,7 @@ impl<'a> Run<'a> {
         self.online.piggyback_bytes += recent.map_or(0, |_| self.riding.piggyback_bytes);
         let packet = match self.vehicles.get_mut(sender) {
             Some(agent) if is_due && agent.team().number(agent.id()).is_some() => {
-                // A slot comes with notice: there is time to tell all that is known.
+                // The time of a slot is known in advance, so there is time to refit before sending.
                 agent.refit()?;
                 agent.next_frame(Some(time_s), frame_bytes)?
             }
@@ -161,7 +163,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// All receivers of a transmission, and the one who knows all, predict it and then learn from it.
+    /// Lets all receivers of a transmission, and the centralised vehicle, predict the events and then learn from them.
     fn happen(&mut self, events: &[&Event]) -> Result<(), AgentError> {
         let (vehicles, centralised) = (&mut self.vehicles, &mut self.centralised);
         let (mine, all) = rayon::join(
@@ -192,7 +194,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// What rode on a transmission arrives with it, or is lost, or comes twice; it cannot be overtaken.
+    /// Delivers the data of a transmission: never, once or twice. They cannot be reordered.
     fn deliver(&mut self, event: &Event, slot: usize, read: impl Fn(&mut Agent) -> Option<Receipt>) {
         let number = |id: &VehicleId| self.online.team.number(id).map_or(usize::from(u8::MAX) + 1, usize::from);
         let (sender, receiver) = (number(&event.transmitter_id), number(&event.receiver_id));
@@ -204,7 +206,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Records an event, and fits again when it is time.
+/// Records an event, and refits if a refit is due.
 fn learn(agent: &mut Agent, event: &Event) -> Result<(), AgentError> {
     agent.record(event.clone())?;
     if agent.refit_due() { agent.refit() } else { Ok(()) }

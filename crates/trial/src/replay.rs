@@ -1,5 +1,5 @@
-//! Replaying a mission over many splits: what each vehicle knows alone, what the team knows after sharing, and what it
-//! could know at best.
+//! Replays a mission over many splits, and scores predictions by each vehicle alone, by the team after sharing, and
+//! with all events in one place.
 
 use std::sync::Arc;
 
@@ -17,25 +17,25 @@ use crate::mission::{Mission, Plan, Traffic, probabilities};
 use crate::score::{Estimate, MeanScore, Score};
 use crate::split::Split;
 
-/// Why a replay was not possible.
+/// Reason why a replay is impossible.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReplayError {
-    /// Nothing to predict.
+    /// A split holds out no event.
     #[error("split {split} holds out no event; expected at least one to predict")]
     NothingHeldOut {
         /// The split.
         split: String,
     },
-    /// No splits.
+    /// There are no splits.
     #[error("no splits; expected at least one")]
     NoSplits,
-    /// The method refused.
+    /// A numerical failure.
     #[error("split {split}")]
     Method {
         /// The split.
         split: String,
-        /// Why.
+        /// The failure.
         source: AgentError,
     },
 }
@@ -43,49 +43,49 @@ pub enum ReplayError {
 /// Scores of a replay, means over splits.
 #[derive(Debug, Clone)]
 pub struct Replay {
-    /// Every vehicle that owns events.
+    /// Every vehicle that is a receiver of events.
     pub vehicles: Vec<VehicleId>,
-    /// The share of successes, wherever the ends are.
+    /// The share of heard training events as the probability of every event.
     pub base_rate: MeanScore,
     /// Logistic regression on the distance between the ends.
     pub distance_only: MeanScore,
-    /// Every vehicle by itself; mean over vehicles.
+    /// Each vehicle with its own events only; mean over vehicles.
     pub own: MeanScore,
     /// One vehicle with all raw events.
     pub centralised: MeanScore,
-    /// How much worse in NLL every vehicle is by itself than with all raw events, split by split.
+    /// NLL of own events minus that of all raw events, paired over splits.
     pub gap: Estimate,
-    /// The true probabilities, where the log has them: what no method can beat.
+    /// The true probabilities, if the log has them. No method can be better on average.
     pub true_probability: Option<MeanScore>,
-    /// The team after sharing, one entry for each number of frames.
+    /// The team after sharing, one entry per number of frames.
     pub sharing: Vec<Sharing>,
-    /// How far probabilities mean what they say, if [`Plan::calibration`] asks for it.
+    /// Calibration, if [`Plan::calibration`] is set.
     pub calibration: Option<Calibrated>,
-    /// What each split was like.
+    /// Summary of each split.
     pub splits: Vec<SplitSummary>,
 }
 
-/// How far probabilities mean what they say, over all splits.
+/// Calibration over all splits.
 #[derive(Debug, Clone, Default)]
 pub struct Calibrated {
-    /// Every vehicle by itself.
+    /// Each vehicle with its own events only.
     pub own: Calibration,
-    /// Every vehicle after the largest number of frames.
+    /// Each vehicle after the largest number of frames.
     pub team: Calibration,
     /// One vehicle with all raw events.
     pub centralised: Calibration,
-    /// The team's latent variance over that of all raw events, at every held-out event and for every vehicle, in ascending
-    /// order: below 1 the team is surer than it could be if it counted everything once.
+    /// Latent variance of the team divided by that with all raw events, for every held-out event and vehicle, in
+    /// ascending order. A ratio below 1 shows that the team counts data more than once.
     pub variance_ratios: Vec<f64>,
 }
 
 impl Calibrated {
-    /// Median of [`Calibrated::variance_ratios`]; `None` without any.
+    /// Returns the median of [`Calibrated::variance_ratios`]; `None` without any.
     pub fn median_variance_ratio(&self) -> Option<f64> {
         self.variance_ratios.get(self.variance_ratios.len() / 2).copied()
     }
 
-    /// Share of events at which the team is surer than all raw events would make it; `None` without any.
+    /// Returns the share of ratios below 1; `None` without any.
     pub fn surer(&self) -> Option<f64> {
         let count = self.variance_ratios.len();
         let surer = self.variance_ratios.partition_point(|&ratio| ratio < 1.0);
@@ -126,14 +126,14 @@ impl Calibrated {
 }
 
 impl Replay {
-    /// The median over splits of a number; 0 without splits.
+    /// Returns the median of a number over splits; 0 without splits.
     pub fn median(&self, of: impl Fn(&SplitSummary) -> f64) -> f64 {
         let mut values: Vec<f64> = self.splits.iter().map(of).collect();
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).copied().unwrap_or_default()
     }
 
-    /// Whether every vehicle's fit, and the centralised one, was dense in every split.
+    /// Returns whether the vehicles' fits, and the centralised fit, were dense in every split.
     pub fn dense(&self) -> (bool, bool) {
         (self.splits.iter().all(|split| split.dense.0), self.splits.iter().all(|split| split.dense.1))
     }
@@ -142,72 +142,72 @@ impl Replay {
 /// The team after every vehicle sent `frames` packets.
 #[derive(Debug, Clone)]
 pub struct Sharing {
-    /// Packets from every vehicle.
+    /// Number of packets of every vehicle.
     pub frames: usize,
-    /// What that came to, mean over splits.
+    /// Traffic of a vehicle, the mean over splits.
     pub traffic: Traffic,
-    /// Mean over vehicles.
+    /// Mean score over vehicles.
     pub team: MeanScore,
-    /// NLL of the vehicle that does worst.
+    /// NLL of the vehicle with the worst score.
     pub worst_vehicle_nll: f64,
-    /// How much better in NLL than every vehicle by itself, split by split.
+    /// NLL of each vehicle alone minus that of the team, paired over splits.
     pub gain: Estimate,
-    /// How much worse in NLL than with all raw events, split by split.
+    /// NLL of the team minus that of all raw events, paired over splits.
     pub behind: Estimate,
-    /// (own − team) / (own − centralised) in NLL; `None` where that gap is within its error.
+    /// (own − team) / (own − centralised) in NLL; `None` if that gap is not significant.
     pub gap_closed: Option<Estimate>,
-    /// NLL of other ways to use as many frames, mean over vehicles and splits, if [`Plan::compare`] asks for it.
+    /// NLL of alternative uses of as many frames, averaged over vehicles and splits, if [`Plan::compare`] is set.
     pub alternatives: Vec<(Alternative, f64)>,
 }
 
 /// One split and the model learned on it.
 #[derive(Debug, Clone)]
 pub struct SplitSummary {
-    /// What the split is called.
+    /// Name of the split.
     pub name: String,
-    /// Events learned from.
+    /// Number of training events.
     pub training_events: usize,
-    /// Events predicted.
+    /// Number of held-out events.
     pub held_out_events: usize,
     /// Vehicles without any training event.
     pub vehicles_without_events: Vec<VehicleId>,
-    /// What the team agreed on.
+    /// The team configuration.
     pub team: Arc<Team>,
-    /// How it was learned, if it was.
+    /// Fit of the model, if it was learned.
     pub fit: Option<LearnedModel>,
-    /// Whether every vehicle, and the centralised one, was fitted densely.
+    /// Whether the vehicles' fits, and the centralised fit, were dense.
     pub dense: (bool, bool),
     /// Whether every fit reached its fixed point.
     pub converged: bool,
-    /// The largest jitter that any fit needed (0 in the ordinary case).
+    /// Largest jitter of any fit; usually 0.
     pub jitter_max: f64,
-    /// How well its held-out events were predicted.
+    /// NLL of the held-out events.
     pub nll: SplitNll,
-    /// Members whose data vehicles do not use after the last number of frames.
+    /// Members whose data vehicles exclude after the last number of frames.
     pub ignored: Vec<Ignored>,
 }
 
 /// NLL of the held-out events of one split.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SplitNll {
-    /// By the distance alone.
+    /// Logistic regression on the distance.
     pub distance_only: f64,
-    /// Of every vehicle by itself, mean over vehicles.
+    /// Each vehicle with its own events only, mean over vehicles.
     pub own: f64,
-    /// Of the team for each number of frames, mean over vehicles.
+    /// The team for each number of frames, mean over vehicles.
     pub team: Vec<f64>,
-    /// With all raw events.
+    /// All raw events in one place.
     pub centralised: f64,
 }
 
 impl SplitSummary {
-    /// The packet model.
+    /// Returns the packet model.
     pub fn model(&self) -> &Model {
         &self.team.model
     }
 }
 
-/// What one split yields.
+/// Scores of one split.
 struct SplitScores {
     summary: SplitSummary,
     base_rate: Score,
@@ -215,27 +215,27 @@ struct SplitScores {
     own: Score,
     centralised: Score,
     true_probability: Option<Score>,
-    /// For each number of frames the mean over vehicles, and each vehicle.
+    /// Scores for each number of frames: the mean over vehicles, and each vehicle's.
     team: Vec<(Score, Vec<Score>)>,
-    /// For each number of frames what was sent.
+    /// Traffic for each number of frames.
     traffic: Vec<Traffic>,
-    /// For each number of frames the NLL of every alternative, mean over vehicles.
+    /// NLL of every alternative for each number of frames, mean over vehicles.
     alternatives: Vec<Vec<(Alternative, f64)>>,
     calibration: Option<Calibrated>,
 }
 
 impl SplitScores {
-    /// Events held out over events learned from.
+    /// Returns the number of held-out events divided by that of training events.
     fn test_share(&self) -> f64 {
         self.summary.held_out_events as f64 / self.summary.training_events.max(1) as f64
     }
 }
 
-/// Replays the mission once for every split, in parallel on the current thread pool; results do not depend on how many
-/// threads it has. `step` is called after every stage: 1 + `frames.len()` times a split.
+/// Replays the mission once for every split, in parallel on the current thread pool. Results do not depend on the
+/// number of threads. `step` is called after every stage, 1 + `frames.len()` times per split.
 ///
 /// # Errors
-/// [`ReplayError`] when there is nothing to predict or the method refuses.
+/// Returns [`ReplayError`] without held-out events or splits, and for a numerical failure.
 pub fn replay(
     log: &EventLog,
     splits: &[Split],
@@ -247,7 +247,7 @@ pub fn replay(
         .par_iter()
         .enumerate()
         .map(|(n, split)| {
-            // What happens to packets differs from split to split.
+            // Impairments of the channel differ between splits.
             let plan = Plan { seed: plan.seed.wrapping_add((n as u64) << 32), ..plan.clone() };
             replay_split(log, split, frames, &plan, step)
         })
@@ -269,7 +269,7 @@ pub fn replay(
         let of_vehicle = |v: usize| scores.iter().map(|s| s.team[row].1[v].nll).sum::<f64>() / scores.len() as f64;
         let gain = paired(&|s| s.own.nll - s.team[row].0.nll)?;
         let closed = gain.mean / gap.mean;
-        // The ratio of two means that vary together: what is left of each split's gain when its share of the gap is gone.
+        // Error of a ratio of two correlated means, from each split's residual: its gain minus the ratio times its gap.
         let left = paired(&|s| s.own.nll - s.team[row].0.nll - closed * (s.own.nll - s.centralised.nll))?;
         Ok(Sharing {
             frames,
@@ -300,7 +300,7 @@ pub fn replay(
     })
 }
 
-/// Means over splits of what each alternative did with one number of frames.
+/// Returns the mean NLL over splits of each alternative, for one number of frames.
 fn mean_alternatives(scores: &[SplitScores], row: usize) -> Vec<(Alternative, f64)> {
     let tried = scores.first().map_or(&[][..], |first| &first.alternatives[row]);
     let mean = |place: usize| scores.iter().map(|s| s.alternatives[row][place].1).sum::<f64>() / scores.len() as f64;
@@ -377,8 +377,8 @@ fn replay_split(
 
 fn summarise(split: &Split, mission: &Mission, nll: SplitNll, ignored: Vec<Ignored>) -> SplitSummary {
     let empty = mission.vehicles.iter().filter(|agent| agent.events().len() == 0);
-    let everybody = mission.vehicles.iter().chain([&mission.centralised]);
-    let quality: Vec<FitQuality> = everybody.filter_map(|agent| agent.status().fit).collect();
+    let agents = mission.vehicles.iter().chain([&mission.centralised]);
+    let quality: Vec<FitQuality> = agents.filter_map(|agent| agent.status().fit).collect();
     SplitSummary {
         converged: quality.iter().all(|quality| quality.converged),
         jitter_max: quality.iter().map(|quality| quality.jitter).fold(0.0, f64::max),

@@ -1,4 +1,4 @@
-//! The schedule that a log keeps to, if it keeps to one.
+//! Detects the transmission schedule of a log.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,18 +8,19 @@ use pingmap_packet::SLOTS;
 use crate::event_log::EventLog;
 use crate::mission::transmissions;
 
-/// How far a transmission may be off the beginning of its slot, in slots.
+/// Largest offset between a transmission and the start of its slot, in slots.
 const OFF_MAX: f64 = 0.05;
 
-/// Rounds that show an order.
+/// Smallest number of cycles that show an order.
 const ROUNDS_MIN: usize = 3;
 
-/// Slots of an order at most, for every sender.
+/// Largest number of slots of a cycle per sender.
 const SLOTS_PER_SENDER_MAX: usize = 4;
 
-/// Slots of equal length at whose beginnings all transmissions of the log were sent, each sender's always at the same places of a round
-/// that comes again; of several such the shortest round. `None` where there is no such order, or not three rounds of it. Who never
-/// hears anybody is no member of a team, and its slots are nobody's. O(N · slots of a round).
+/// Returns the TDMA schedule of a log: slots of equal length in which each sender always uses the same slots of a
+/// cycle. The shortest cycle is returned. Returns `None` without such an order, or with fewer than three cycles.
+///
+/// A sender without any reception is not a member of a team, so its slots have no owner. O(N · slots of a cycle).
 pub fn schedule(log: &EventLog) -> Option<Slots> {
     let transmissions = transmissions(&log.events);
     let first = transmissions.iter().filter_map(|events| events.first());
@@ -39,7 +40,8 @@ pub fn schedule(log: &EventLog) -> Option<Slots> {
     Some(Slots { start_s, ..Slots::cycle(duration_s, (0..length).map(owner).collect()) })
 }
 
-/// Where slots begin and how long they are that these times are all at the beginning of, one each, and the numbers of these.
+/// Returns start and length of the slots, and the slot number of each time. Every time must be at the start of its own
+/// slot.
 fn slots(times_s: &[f64]) -> Option<(f64, f64, Vec<usize>)> {
     let apart_s = || times_s.windows(2).map(|pair| pair[1] - pair[0]);
     let least_s = apart_s().reduce(f64::min).filter(|&least_s| least_s > 0.0)?;
@@ -51,12 +53,12 @@ fn slots(times_s: &[f64]) -> Option<(f64, f64, Vec<usize>)> {
     let duration_s = (times_s.last()? - times_s[0]) / *numbers.last()? as f64;
     let late_s =
         || times_s.iter().zip(&numbers).map(|(time_s, &number)| time_s - times_s[0] - duration_s * number as f64);
-    // Nobody begins before its slot does.
+    // No transmission starts before its slot.
     let start_s = times_s[0] + late_s().fold(0.0, f64::min);
     late_s().all(|late_s| late_s.abs() <= OFF_MAX * duration_s).then_some((start_s, duration_s, numbers))
 }
 
-/// Who sends at which place of rounds of this length; `None` where two do at one.
+/// Returns the sender of each slot of a cycle of this length; `None` if two senders use one slot.
 fn owners<'a>(numbered: &[(usize, &'a VehicleId)], length: usize) -> Option<BTreeMap<usize, &'a VehicleId>> {
     let mut owners = BTreeMap::new();
     for &(number, sender) in numbered {
@@ -95,7 +97,8 @@ mod tests {
 
     #[test]
     fn the_shortest_round_is_found_through_gaps_and_small_delays() {
-        // a, b, a, and a tag that hears nobody; some are missing, and all are late a little.
+        // The cycle is a, b, a, and a tag without receptions. Some transmissions are missing, and all are slightly
+        // late.
         let order = ["a", "b", "a", "tag"];
         let sent: Vec<(f64, &str)> = (0..40)
             .filter(|n| n % 7 != 5)
@@ -110,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn what_keeps_to_no_order_has_no_schedule() {
+    fn logs_without_an_order_have_no_schedule() {
         let by_chance: Vec<(f64, &str)> = [0, 1, 0, 0, 1, 1, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 0, 0, 1]
             .iter()
             .enumerate()

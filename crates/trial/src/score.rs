@@ -1,25 +1,25 @@
-//! How good predictions are, and how sure one may be of it.
+//! Scores of predictions, and their errors.
 
-/// Probabilities are held this far from 0 and 1 before the logarithm, so that one certain miss costs 28 nats, not
-/// infinity.
+/// Probabilities are clamped this far from 0 and 1 before the logarithm. A certain but wrong prediction therefore costs
+/// about 28 nats, not infinity.
 const PROBABILITY_MIN: f64 = 1e-12;
 
 /// The score of one set of predictions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Score {
-    /// Share of events on the right side of ½ (p > ½ predicts success).
+    /// Share of events whose more probable outcome occurred (p > ½ predicts success).
     pub accuracy: f64,
     /// Mean negative log-likelihood, in nats.
     pub nll: f64,
-    /// Mean squared difference of probability and outcome.
+    /// Mean squared difference between probability and outcome.
     pub brier: f64,
-    /// What choosing by these predictions costs, where that is known ([`crate::Decisions`]): the probability of being heard
-    /// from the best place less that from the chosen one.
+    /// Regret of decisions, if the true probabilities are known ([`crate::Decisions`]): probability from the best
+    /// position minus that from the chosen one.
     pub regret: Option<f64>,
 }
 
 impl Score {
-    /// Scores `probabilities` of success against what happened; `None` without events.
+    /// Scores `probabilities` of success against the outcomes; `None` without events.
     pub fn new(probabilities: &[f64], outcomes: &[bool]) -> Option<Self> {
         if outcomes.is_empty() {
             return None;
@@ -35,7 +35,7 @@ impl Score {
         Some(Self { accuracy: right / count, nll: nll / count, brier: brier / count, regret: None })
     }
 
-    /// The mean of several scores; `None` without any.
+    /// Returns the mean of several scores; `None` without any.
     pub fn mean(scores: &[Score]) -> Option<Score> {
         let count = scores.len() as f64;
         let mean = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / count;
@@ -54,22 +54,22 @@ impl Score {
 pub struct Estimate {
     /// The mean.
     pub mean: f64,
-    /// Its standard error; `None` with a single value.
+    /// Standard error of the mean; `None` for a single value.
     pub se: Option<f64>,
-    /// Of how many values.
+    /// Number of values.
     pub count: usize,
 }
 
 impl Estimate {
-    /// Mean of independent values, and its standard error s/√J; `None` without values. Over divisions of one data set
-    /// that is the error of having divided it only so many times, and says nothing of other data.
+    /// Returns the mean of independent values and its standard error s/√J; `None` without values. For divisions of one
+    /// data set, the error is that of the limited number of divisions. It does not describe other data sets.
     pub fn over(values: &[f64]) -> Option<Self> {
         Self::overlapping(values, 0.0)
     }
 
-    /// Mean over J splits that learn from the same events again and again, where `test_share` is the number of events
-    /// held out over the number learned from: standard error s·√(1/J + test share), after Nadeau and Bengio (2003),
-    /// "Inference for the generalization error", Machine Learning 52. `None` without values.
+    /// Returns the mean over J splits with overlapping training events; `None` without values. `test_share` is the
+    /// number of held-out events divided by that of training events. The standard error is s·√(1/J + test share), after
+    /// Nadeau and Bengio (2003), "Inference for the generalization error", Machine Learning 52.
     pub fn overlapping(values: &[f64], test_share: f64) -> Option<Self> {
         let count = values.len() as f64;
         let mean = values.iter().sum::<f64>() / count;
@@ -78,14 +78,14 @@ impl Estimate {
         (!values.is_empty()).then_some(Self { mean, se, count: values.len() })
     }
 
-    /// Whether it differs from 0 by more than chance would let it in 19 of 20 cases, by Student's t with one degree of
-    /// freedom less than there are values. Of a single value nobody knows: no.
+    /// Whether the mean differs from 0 at the 5 % level of Student's t test, with one degree of freedom less than
+    /// values. False for a single value.
     pub fn is_clear(&self) -> bool {
         self.se.is_some_and(|se| self.mean.abs() > two_sided_t(self.count - 1) * se)
     }
 }
 
-/// The 97.5 % point of Student's t: tabulated, then by the first terms of its expansion in 1/ν (error below .002).
+/// Returns the 97.5 % quantile of Student's t: tabulated, then by its expansion in 1/ν (error below .002).
 fn two_sided_t(degrees: usize) -> f64 {
     const FIRST: [f64; 5] = [12.706, 4.303, 3.182, 2.776, 2.571];
     const NORMAL: f64 = 1.959_964;
@@ -111,12 +111,12 @@ pub struct MeanScore {
     pub nll: Estimate,
     /// Brier score.
     pub brier: Estimate,
-    /// Regret of a decision, where it is known.
+    /// Regret of decisions, if known.
     pub regret: Option<Estimate>,
 }
 
 impl MeanScore {
-    /// Means over splits with the errors of [`Estimate::overlapping`]; `None` without any.
+    /// Returns means over splits with the errors of [`Estimate::overlapping`]; `None` without any.
     pub fn over(splits: &[Score], test_share: f64) -> Option<Self> {
         let over =
             |of: fn(&Score) -> f64| Estimate::overlapping(&splits.iter().map(of).collect::<Vec<_>>(), test_share);
@@ -137,7 +137,7 @@ mod tests {
     use rand::RngExt;
 
     #[test]
-    fn certain_and_wrong_is_dear_but_finite() {
+    fn certain_but_wrong_predictions_have_finite_nll() {
         let score = Score::new(&[0.0, 1.0], &[true, true]).expect("two events");
         assert_eq!((score.accuracy, score.brier), (0.5, 0.5));
         assert!((score.nll - 0.5 * -1e-12f64.ln()).abs() < 1e-9);
@@ -155,8 +155,9 @@ mod tests {
     }
 
     #[test]
-    fn splits_that_overlap_say_less_than_their_number() {
-        // 35 held out of 100, ten and a hundred times: 2.5 and 7.4 times the error of as many independent values.
+    fn overlapping_splits_have_larger_errors() {
+        // With 35 held out of 100 events, the error is 2.5 times that of independent values for ten splits, and 7.4
+        // times for a hundred.
         for (count, times) in [(10, 2.53), (100, 7.41)] {
             let values: Vec<f64> = (0..count).map(|n| f64::from(n % 7)).collect();
             let [naive, corrected] = [0.0, 35.0 / 65.0].map(|share| Estimate::overlapping(&values, share));
@@ -165,16 +166,16 @@ mod tests {
         }
     }
 
-    /// A method is as good as another one on average, over data sets of 100 events. Ten random splits of each: how often
-    /// does the difference on the held-out events look clear? Here splits overlap in
-    /// what they hold out; a method that learns makes them overlap in what it learned, too.
+    /// Two methods are equally good on average, on data sets of 100 events. Counts how often ten random splits of a
+    /// data set show a significant difference. Here splits overlap only in their held-out events. With learning they
+    /// also overlap in their training events.
     #[test]
-    fn what_is_called_clear_is_rarely_chance() {
+    fn significant_differences_are_rarely_chance() {
         let (mut clear, mut naive) = (0, 0);
         let trials = 400;
         for trial in 0..trials {
             let mut rng = stream(7, trial);
-            // Events whose loss differs by noise alone: by the symmetry of the noise neither method is better.
+            // Losses differ only by noise. The noise is symmetric, so neither method is better.
             let losses: Vec<f64> = (0..100).map(|_| rng.random::<f64>() - 0.5).collect();
             let differences: Vec<f64> = (0..10)
                 .map(|_| {
@@ -185,7 +186,7 @@ mod tests {
             clear += u32::from(Estimate::overlapping(&differences, 35.0 / 65.0).expect("ten").is_clear());
             naive += u32::from(Estimate::over(&differences).expect("ten").is_clear());
         }
-        // One in twenty is 20 of 400; the naive error is wrong in a third of all cases or more.
+        // The 5 % level is 20 of 400. The naive error is too small in a third of all cases or more.
         assert!(clear <= 36, "{clear}");
         assert!(naive > 100, "{naive}");
     }

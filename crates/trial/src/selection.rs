@@ -1,4 +1,4 @@
-//! The events that sum up a locality region of one vehicle, and what is lost by them.
+//! Chooses the events that summarise a locality region of one vehicle, and bounds the loss.
 
 use dgpc::{Candidates, Certificate, FitOptions, Inputs, LocalityRegion, Observations, log_evidence};
 use pingmap_agent::{Event, Link, Model};
@@ -7,20 +7,20 @@ use crate::event_log::EventLog;
 use crate::paper::{Policy, RADIUS_LENGTH_SCALES};
 use crate::streams::{self, stream};
 
-/// Which region, and how many points by which policy.
+/// The region, and the number and policy of the points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Query {
-    /// The link at the centre of the region; the event with most others around it if not given.
+    /// Link at the centre of the region; if not given, the event with the most other events around it.
     pub centre: Option<Link>,
     /// Radius of the region over all coordinates of both ends, in metres; 1.384 length-scales if not given.
     pub radius_m: Option<f64>,
-    /// How many points.
+    /// Number of points.
     pub points: usize,
-    /// Which.
+    /// Policy of the choice.
     pub policy: Policy,
-    /// Sum up at most so many events, those nearest to the centre.
+    /// Largest number of events that are summarised, those nearest to the centre.
     pub events_max: usize,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
@@ -31,46 +31,47 @@ pub struct RegionChoice {
     pub radius_m: f64,
     /// Events within the radius.
     pub events_within: usize,
-    /// Events that are summed up: fewer where there were too many.
+    /// Number of summarised events; smaller than `events_within` if limited.
     pub events: usize,
-    /// The events that become inducing points, in the order of choice; fewer than asked for where events coincide.
+    /// Events that become inducing points, in the order of choice. There are fewer than requested if events coincide.
     pub chosen: Vec<Event>,
     /// tr K̃ given these points.
     pub trace: f64,
-    /// tr K̃ without any.
+    /// tr K̃ without any points.
     pub trace_before: f64,
     /// The KL divergence of the posterior at the points from that of all events, in nats.
     pub kl: f64,
-    /// Its bounds.
+    /// Bounds of the divergence.
     pub certificate: Certificate,
 }
 
-/// Why nothing could be chosen.
+/// Reason why no point could be chosen.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SelectionError {
-    /// The region is empty.
+    /// The region contains no event.
     #[error("no event lies within {radius_m} m of the centre; expected at least one")]
     NoEvents {
         /// The radius.
         radius_m: f64,
     },
-    /// The method refused.
+    /// A numerical failure.
     #[error(transparent)]
     Method(#[from] dgpc::Error),
 }
 
-/// Chooses the points that sum up a region of the events in `own`, one vehicle's. O(N³) in the events of the region.
+/// Chooses the points that summarise a region of the events in `own`, which are one vehicle's. O(N³) for N events in
+/// the region.
 ///
 /// # Errors
-/// [`SelectionError`] when the region is empty or the method refuses.
+/// Returns [`SelectionError`] for an empty region or a numerical failure.
 pub fn choose_points(own: &EventLog, model: &Model, query: &Query) -> Result<RegionChoice, SelectionError> {
     let inputs = model.inputs(own.events.iter().map(Event::query))?;
     let (region, events_within) = region(&inputs, model, query)?;
     let (inputs, events) = (inputs.select(&region.members), region.members.iter().map(|&n| &own.events[n]));
     let events: Vec<&Event> = events.collect();
     let candidates = Candidates::new(model.prior.kernel(), &inputs)?;
-    // The stream of the first split, which nothing else here draws from.
+    // The stream of the first split is not used elsewhere here.
     let mut rng = stream(query.seed, streams::SPLITS);
     let selection = query.policy.choose(&candidates, query.points, &mut rng);
     let observations = Observations::new(inputs.clone(), events.iter().map(|event| event.success).collect())?;
@@ -88,7 +89,7 @@ pub fn choose_points(own: &EventLog, model: &Model, query: &Query) -> Result<Reg
     })
 }
 
-/// The region that is asked for, cut to as many events as it may have, and how many lie within its radius.
+/// Returns the queried region, limited to the largest number of events, and the number of events within its radius.
 fn region(inputs: &Inputs, model: &Model, query: &Query) -> Result<(LocalityRegion, usize), SelectionError> {
     let ends = inputs.columns(model.inputs.ends());
     let radius_m = query.radius_m.unwrap_or(RADIUS_LENGTH_SCALES * model.length_scale_m());

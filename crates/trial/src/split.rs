@@ -1,4 +1,4 @@
-//! Which events are held out, as a file; and which are left out of a log that is too long.
+//! Splits of a log as files, and thinning of large logs.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,28 +13,28 @@ use crate::table::{FileError, Problem, Table, open};
 /// One division of a log into training and held-out events.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Split {
-    /// What the split is called.
+    /// Name of the split.
     pub name: String,
     /// Whether each event is held out, in log order.
     pub held_out: Vec<bool>,
 }
 
 impl Split {
-    /// Indices of the events that are held out, or of those that are not.
+    /// Returns the indices of the held-out events, or of the training events.
     pub fn indices(&self, held_out: bool) -> Vec<usize> {
         (0..self.held_out.len()).filter(|&n| self.held_out[n] == held_out).collect()
     }
 
-    /// The same split over the events at `indices` of the log.
+    /// Returns the split of the events at `indices` of the log.
     pub fn select(&self, indices: &[usize]) -> Self {
         Self { name: self.name.clone(), held_out: indices.iter().map(|&n| self.held_out[n]).collect() }
     }
 }
 
-/// Reads splits from CSV: one column a split, one row an event of `log`, 1 = held out.
+/// Reads splits from CSV: one column per split, one row per event of `log`, 1 = held out.
 ///
 /// # Errors
-/// [`FileError`] for anything but 0 or 1, or another number of rows than the log has events.
+/// Returns [`FileError`] for values other than 0 or 1, and for a wrong number of rows.
 pub fn read_splits(path: &Path, log: &EventLog) -> Result<Vec<Split>, FileError> {
     let mut table = Table::new(open(path)?, path, &[])?;
     let mut splits: Vec<Split> =
@@ -51,10 +51,10 @@ pub fn read_splits(path: &Path, log: &EventLog) -> Result<Vec<Split>, FileError>
     Ok(splits)
 }
 
-/// Splits as CSV that [`read_splits`] takes.
+/// Returns splits as CSV that [`read_splits`] can read.
 pub fn splits_to_csv(splits: &[Split]) -> String {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    // Writing to memory cannot fail, nor can rows of one length.
+    // Writing to memory does not fail, and all rows have one length.
     let _ = writer.write_record(splits.iter().map(|split| &split.name));
     for n in 0..splits.first().map_or(0, |split| split.held_out.len()) {
         let _ = writer.write_record(splits.iter().map(|split| if split.held_out[n] { "1" } else { "0" }));
@@ -62,8 +62,8 @@ pub fn splits_to_csv(splits: &[Split]) -> String {
     writer.into_inner().map_or_else(|_| String::new(), |bytes| String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Draws at most `events_max` events in all, uniformly among those of a vehicle; vehicles with few keep all of theirs,
-/// the others are cut to the same number. Indices in log order; all of them where there are no more.
+/// Draws at most `events_max` events, uniformly among those of a vehicle. Vehicles with few events keep all of them;
+/// the others are limited to an equal number. Returns indices in log order; all of them if the log is small enough.
 pub fn thin(log: &EventLog, events_max: usize, seed: u64) -> Vec<usize> {
     let mut by_vehicle = events_by_vehicle(log);
     let share = fair_share(by_vehicle.values().map(Vec::len).collect(), events_max);
@@ -77,7 +77,7 @@ pub fn thin(log: &EventLog, events_max: usize, seed: u64) -> Vec<usize> {
     kept
 }
 
-/// The largest number such that no more than `total` are left when nobody keeps more.
+/// Returns the largest number of events per vehicle such that at most `total` events are kept.
 fn fair_share(mut sizes: Vec<usize>, total: usize) -> usize {
     sizes.sort_unstable();
     let mut left = total;
@@ -91,7 +91,7 @@ fn fair_share(mut sizes: Vec<usize>, total: usize) -> usize {
     usize::MAX
 }
 
-/// Indices of the events that each vehicle owns, in log order.
+/// Returns the indices of each receiver's events, in log order.
 pub(crate) fn events_by_vehicle(log: &EventLog) -> BTreeMap<&VehicleId, Vec<usize>> {
     let mut by_vehicle: BTreeMap<&VehicleId, Vec<usize>> = BTreeMap::new();
     for (n, event) in log.events.iter().enumerate() {
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
     use pingmap_agent::{Event, Link, Position, ReferenceSystem};
 
-    /// A log in which the n-th vehicle received `sizes[n]` events.
+    /// Returns a log in which the n-th vehicle received `sizes[n]` events.
     fn log(sizes: &[usize]) -> EventLog {
         let event = |(n, receiver): (usize, usize)| Event {
             time_s: n as f64,
@@ -125,7 +125,7 @@ mod tests {
         }
     }
 
-    /// How many of the indices belong to each vehicle.
+    /// Counts the indices of each vehicle.
     fn counts(log: &EventLog, indices: &[usize]) -> Vec<usize> {
         let kept = log.select(indices);
         events_by_vehicle(&kept).values().map(Vec::len).collect()
@@ -139,13 +139,14 @@ mod tests {
         assert!(kept.is_sorted() && kept.windows(2).all(|pair| pair[0] != pair[1]));
         assert_ne!(thin(&log, 405, 2), kept);
         assert_eq!(thin(&log, 2000, 1).len(), 1305);
-        // Uniformly: the mean index of vehicle 0 is near the middle of its 1000 events, within four standard errors.
+        // The choice is uniform: the mean index of vehicle 0 is within four standard errors of the middle of its 1000
+        // events.
         let mean = kept[..200].iter().sum::<usize>() as f64 / 200.0;
         assert!((mean - 499.5).abs() < 4.0 * 1000.0 / 12f64.sqrt() / 200f64.sqrt(), "{mean}");
     }
 
     #[test]
-    fn shares_add_up() {
+    fn shares_add_up_to_the_total() {
         for (sizes, total) in
             [(vec![10, 20, 30], 60), (vec![10, 20, 30], 35), (vec![5; 7], 3), (vec![], 9), (vec![4], 0)]
         {

@@ -1,14 +1,14 @@
-//! Streams of random numbers: who takes which, so that no two uses of one seed ever share any.
+//! Streams of random numbers. Each use of a seed has its own streams.
 
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
-/// Split i takes stream i: from 0 on.
+/// Split i uses stream i, counted from 0.
 pub(crate) const SPLITS: u64 = 0;
 
-/// Decisions between places.
+/// Decisions between links.
 pub(crate) const DECISIONS: u64 = 1 << 58;
 
-/// Other uses of the same bytes, one for every vehicle.
+/// Alternative uses of the same bytes, one stream for every vehicle.
 pub(crate) const ALTERNATIVES: u64 = 1 << 59;
 
 /// The paper's experiment.
@@ -17,13 +17,13 @@ pub(crate) const PAPER: u64 = 1 << 60;
 /// Simulated trials.
 pub(crate) const SIMULATION: u64 = 1 << 61;
 
-/// What happens to packets, one for every pair of vehicles.
+/// Impairments of the channel, one stream for every pair of vehicles.
 pub(crate) const WATER: u64 = 1 << 62;
 
 /// Thinning of a log.
 pub(crate) const THINNING: u64 = u64::MAX;
 
-/// Stream `stream` of a seed: independent of all others, whatever the thread count.
+/// Returns stream `stream` of a seed. Streams are independent of each other and of the number of threads.
 pub(crate) fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(stream);
@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn no_two_uses_share_a_stream() {
-        // Where each begins, and how many there may be.
+        // First stream of each use, and the largest number of its streams.
         let uses = [
             (SPLITS, 1 << 32),
             (DECISIONS, 1),

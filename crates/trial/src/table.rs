@@ -1,4 +1,4 @@
-//! Delimited text files read line by line, with errors that say where.
+//! Reads delimited text line by line. Errors name file, line and column.
 
 use std::collections::HashMap;
 use std::io::Read;
@@ -9,24 +9,24 @@ use pingmap_agent::{Link, MessageKind, Position, VehicleId, bounds};
 
 use crate::delimited::{Records, records};
 
-/// Why a file could not be read: where, and what was expected.
+/// Error of an input file: the position of the problem, and the expected content.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", path.display())]
 pub struct FileError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The problem.
     pub problem: Problem,
 }
 
-/// What can be wrong with an input file. Lines count from 1.
+/// Problem of an input file. Lines count from 1.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Problem {
-    /// It could not be opened or read.
+    /// The file could not be opened or read.
     #[error("cannot be read: {0}")]
     Unreadable(std::io::Error),
-    /// It is not UTF-8 text.
+    /// The file is not UTF-8 text.
     #[error("line {line}: not a text file; expected CSV in UTF-8")]
     NotText {
         /// The first line with other bytes.
@@ -42,10 +42,10 @@ pub enum Problem {
         missing: Vec<String>,
         /// All columns that are required.
         expected: Vec<String>,
-        /// The header as it stands, shortened.
+        /// The header of the file, shortened.
         found: String,
     },
-    /// A column stands in the header twice.
+    /// A column occurs more than once in the header.
     #[error("line 1: the header has the column {column} more than once; expected each column once")]
     RepeatedColumn {
         /// The column.
@@ -61,7 +61,7 @@ pub enum Problem {
         /// Fields in the line.
         found: usize,
     },
-    /// A field holds something else than its column says.
+    /// A field has a value that its column does not allow.
     #[error("line {line}, column {column}: found {value:?}; expected {expected}")]
     BadValue {
         /// The line.
@@ -70,26 +70,26 @@ pub enum Problem {
         column: String,
         /// The field, shortened.
         value: String,
-        /// What the column holds.
+        /// Values that the column allows.
         expected: &'static str,
     },
-    /// A remark names a reference system that is none.
+    /// A remark names an invalid reference system.
     #[error(
         "line {line}: found the reference system {name:?}; expected the latitude and longitude of (0, 0), such as 41.52,-70.67, or EPSG:32619"
     )]
     BadReference {
         /// The line.
         line: u64,
-        /// What it says.
+        /// The name in the remark.
         name: String,
     },
-    /// There is a header and nothing else, or nothing at all.
+    /// The file has no lines after the header.
     #[error("no {what}; expected at least one line after the header")]
     Empty {
-        /// What there is none of.
+        /// Kind of the missing content.
         what: &'static str,
     },
-    /// A file of splits has another number of rows than the log has events.
+    /// A file of splits has a different number of rows than the log has events.
     #[error("{found} rows of splits; expected one per event of the log: {expected}")]
     WrongLength {
         /// Events in the log.
@@ -99,10 +99,10 @@ pub enum Problem {
     },
 }
 
-/// Opens a file to read.
+/// Opens a file for reading.
 ///
 /// # Errors
-/// [`Problem::Unreadable`], for a folder too.
+/// Returns [`Problem::Unreadable`], for a folder too.
 pub fn open(path: &Path) -> Result<std::fs::File, FileError> {
     let unreadable = |error| FileError { path: path.to_owned(), problem: Problem::Unreadable(error) };
     let file = std::fs::File::open(path).map_err(unreadable)?;
@@ -112,25 +112,25 @@ pub fn open(path: &Path) -> Result<std::fs::File, FileError> {
     Ok(file)
 }
 
-/// A text file of records with a header, read line by line, with errors that say where. Fields are separated by commas, semicolons or
-/// tabs, whichever its header has; lines that begin with `#` are remarks; columns are known by their names in upper or lower case.
+/// A text file of records with a header, read line by line. The header determines the delimiter: comma, semicolon or
+/// tab. Lines that begin with `#` are remarks. Names of columns are case-insensitive.
 pub struct Table<'a> {
     reader: Records<'a>,
     path: PathBuf,
     header: Vec<String>,
-    /// The lines before the header.
+    /// Lines before the header.
     remarks: Vec<String>,
-    /// Where each column of the header stands, by its name in lower case.
+    /// Index of each column by its name in lower case.
     places: HashMap<String, usize>,
     record: StringRecord,
     line: u64,
 }
 
 impl<'a> Table<'a> {
-    /// Reads the header; `path` stands for the file in errors.
+    /// Reads the header. `path` stands for the file in errors.
     ///
     /// # Errors
-    /// [`FileError`] where it is no text, lacks columns that are required, or has one twice.
+    /// Returns [`FileError`] if the file is not text, lacks required columns, or repeats a column.
     pub fn new(reader: impl Read + 'a, path: &Path, required: &[&str]) -> Result<Self, FileError> {
         let fail = |problem| FileError { path: path.to_owned(), problem };
         let (mut reader, remarks) = records(reader).map_err(|error| fail(Problem::Unreadable(error)))?;
@@ -139,7 +139,7 @@ impl<'a> Table<'a> {
         let header: Vec<String> = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect();
         let mut places = HashMap::with_capacity(header.len());
         for (place, column) in header.iter().enumerate() {
-            // What has no name (an index, or a separator at the end of lines) is never asked for.
+            // A column without a name, such as an index or an empty last column, cannot be requested.
             if !column.is_empty() && places.insert(column.to_lowercase(), place).is_some() {
                 return Err(fail(Problem::RepeatedColumn { column: column.clone() }));
             }
@@ -150,7 +150,7 @@ impl<'a> Table<'a> {
         Ok(table)
     }
 
-    /// Fails where columns are missing, given in lower case.
+    /// Checks that columns are present. Names are in lower case.
     ///
     /// # Errors
     /// [`Problem::MissingColumns`].
@@ -164,24 +164,25 @@ impl<'a> Table<'a> {
         Err(self.error(Problem::MissingColumns { missing, expected, found: shorten(&self.header.join(",")) }))
     }
 
-    /// The names of the columns as they stand in the file.
+    /// Returns the names of the columns as in the file.
     pub fn header(&self) -> &[String] {
         &self.header
     }
 
-    /// The remarks and empty lines before the header, as they stand in the file.
+    /// Returns the remarks and empty lines before the header as in the file.
     pub fn remarks(&self) -> &[String] {
         &self.remarks
     }
 
-    /// Goes to the next line; false at the end.
+    /// Reads the next line. Returns false at the end.
     ///
     /// # Errors
-    /// [`FileError`] where a line is no text or has more or fewer fields than the header.
+    /// Returns [`FileError`] if a line is not text or has a wrong number of fields.
     #[expect(clippy::should_implement_trait, reason = "a line is looked at where it is, and not handed out")]
     pub fn next(&mut self) -> Result<bool, FileError> {
         let more = self.reader.read_record(&mut self.record);
-        // Every line was ended, so the reader stands behind that of the record; where it began there may have been remarks.
+        // The reader stands after the line end of the record. Remarks may precede the record, so its start is not the
+        // line number.
         let within: usize = self.record.iter().map(|field| field.matches('\n').count()).sum();
         self.line = (self.reader.position().line() - 1).saturating_sub(within as u64);
         let more = more.map_err(|error| self.error(problem_of(&error, self.line)))?;
@@ -192,17 +193,17 @@ impl<'a> Table<'a> {
         Ok(more)
     }
 
-    /// An error about this file.
+    /// Returns an error about this file.
     pub fn error(&self, problem: Problem) -> FileError {
         FileError { path: self.path.clone(), problem }
     }
 
-    /// The number of the line, from 1.
+    /// Returns the number of the current line, from 1.
     pub fn line(&self) -> u64 {
         self.line
     }
 
-    /// Whether there is a column of this name, given in lower case.
+    /// Whether a column exists. Its name is in lower case.
     pub fn has(&self, column: &str) -> bool {
         self.place(column).is_some()
     }
@@ -211,26 +212,26 @@ impl<'a> Table<'a> {
         self.places.get(column).copied()
     }
 
-    /// The field in a column; empty where there is no such column.
+    /// Returns the field in a column; empty if the column does not exist.
     pub fn field(&self, column: &str) -> &str {
         self.place(column).and_then(|place| self.record.get(place)).unwrap_or_default()
     }
 
-    /// The fields of the line as they stand in the file.
+    /// Returns the fields of the line as in the file.
     pub fn fields(&self) -> Vec<String> {
         self.record.iter().map(str::to_owned).collect()
     }
 
-    /// What this field holds is not what its column should.
+    /// Returns an error about the field in a column.
     pub fn bad(&self, column: &str, expected: &'static str) -> FileError {
         let (column, value) = (column.to_owned(), shorten(self.field(column)));
         self.error(Problem::BadValue { line: self.line, column, value, expected })
     }
 
-    /// A finite number.
+    /// Parses a finite number.
     ///
     /// # Errors
-    /// [`Problem::BadValue`] for anything else, as all that follow.
+    /// Returns [`Problem::BadValue`] for any other content.
     pub fn number(&self, column: &str) -> Result<f64, FileError> {
         let number = self.field(column).parse::<f64>().ok().filter(|number| number.is_finite());
         number.ok_or_else(|| self.bad(column, "a finite number"))
@@ -241,24 +242,24 @@ impl<'a> Table<'a> {
         number.ok_or_else(|| self.bad(column, "a probability from 0 to 1"))
     }
 
-    /// Yes or no, as [`flag`] reads it.
+    /// Parses a flag as [`flag`] does.
     ///
     /// # Errors
-    /// [`Problem::BadValue`] for anything else.
+    /// Returns [`Problem::BadValue`] for any other content.
     pub fn flag(&self, column: &str) -> Result<bool, FileError> {
         self.flag_at(self.place(column).unwrap_or(usize::MAX))
     }
 
-    /// The flag in the n-th column.
+    /// Parses the flag in the n-th column.
     pub(crate) fn flag_at(&self, place: usize) -> Result<bool, FileError> {
         let flag = self.record.get(place).and_then(flag);
         flag.ok_or_else(|| self.bad(&self.header.get(place).map_or(String::new(), |name| name.to_lowercase()), FLAG))
     }
 
-    /// The name of a vehicle.
+    /// Returns the name of a vehicle.
     ///
     /// # Errors
-    /// [`Problem::BadValue`] without one.
+    /// Returns [`Problem::BadValue`] for an empty name or one with control characters.
     pub fn vehicle(&self, column: &str) -> Result<VehicleId, FileError> {
         let name = self.field(column);
         if name.is_empty() || name.contains(char::is_control) {
@@ -267,15 +268,16 @@ impl<'a> Table<'a> {
         Ok(VehicleId::new(name))
     }
 
-    /// The kind of message, if it is said: by `kind`, or by what there is of `rate`, `band`, `level` and `length`.
+    /// Returns the kind of message from `kind`, or from the present columns of `rate`, `band`, `level` and `length`;
+    /// `None` if all are empty.
     ///
     /// # Errors
-    /// [`Problem::BadValue`] for names with control characters.
+    /// Returns [`Problem::BadValue`] for names with control characters.
     pub fn kind(&self) -> Result<Option<MessageKind>, FileError> {
         self.kind_by(&["rate", "band", "level", "length"])
     }
 
-    /// The same by `kind`, or by what there is of these columns.
+    /// Returns the kind of message from `kind`, or from the present ones of these columns; `None` if all are empty.
     ///
     /// # Errors
     /// As [`Table::kind`].
@@ -297,10 +299,10 @@ impl<'a> Table<'a> {
         Ok((!parts.is_empty()).then(|| MessageKind::new(parts.join(", "))))
     }
 
-    /// A coordinate in metres.
+    /// Parses a coordinate in metres.
     ///
     /// # Errors
-    /// [`Problem::BadValue`] for what is none.
+    /// Returns [`Problem::BadValue`] for any other content.
     pub fn metres(&self, column: &str) -> Result<f64, FileError> {
         let number = self.field(column).parse::<f64>().ok().and_then(|number| bounds::COORDINATE_M.check(number));
         number.ok_or_else(|| self.bad(column, bounds::COORDINATE_M.words))
@@ -318,17 +320,17 @@ impl<'a> Table<'a> {
     }
 }
 
-/// What a flag may be.
+/// Texts that a flag may have.
 const FLAG: &str = "0 or 1, no or yes, false or true";
 
-/// Yes or no: 1, 1.0, true, yes; 0, 0.0, false, no; in upper or lower case.
+/// Parses a flag: 1, 1.0, true, yes; 0, 0.0, false, no; in upper or lower case.
 pub fn flag(text: &str) -> Option<bool> {
     let is_one_of = |words: [&str; 4]| words.iter().any(|word| text.eq_ignore_ascii_case(word));
     let yes = is_one_of(["1", "1.0", "true", "yes"]);
     (yes || is_one_of(["0", "0.0", "false", "no"])).then_some(yes)
 }
 
-/// What the CSV reader met, in our words.
+/// Converts an error of the CSV reader.
 fn problem_of(error: &csv::Error, line: u64) -> Problem {
     match error.kind() {
         csv::ErrorKind::Utf8 { .. } => Problem::NotText { line },
@@ -337,7 +339,7 @@ fn problem_of(error: &csv::Error, line: u64) -> Problem {
     }
 }
 
-/// At most 80 characters of a text.
+/// Returns at most 80 characters of a text.
 fn shorten(text: &str) -> String {
     match text.char_indices().nth(80) {
         Some((end, _)) => format!("{}…", &text[..end]),

@@ -1,29 +1,29 @@
-//! What happens to a packet between two vehicles.
+//! Impairments of the channel between two vehicles.
 
 use rand::RngExt;
 
 use crate::streams::{self, stream};
 
-/// Chances of what happens to a packet on its way to a receiver, each by itself.
+/// Probabilities of impairments of a packet. They are independent.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Water {
-    /// Probability that it is lost.
+    /// Probability that a packet is lost.
     pub loss: f64,
-    /// Probability that one that arrives does so twice.
+    /// Probability that a packet that arrives is duplicated.
     pub duplicate: f64,
-    /// Probability that it is overtaken by packets sent later.
+    /// Probability that a packet arrives after packets that were sent later.
     pub reorder: f64,
 }
 
-/// How far packets are overtaken at most.
+/// Largest delay in packets.
 const OVERTAKEN_MAX: f64 = 8.0;
 
-/// Words of the stream that the fate of one packet takes: five numbers of two words.
+/// Words of the random stream per packet: five numbers of two words each.
 const WORDS: u128 = 10;
 
 impl Water {
-    /// The places of those of `count` packets that one receiver hears of one sender, in the order of arrival. What
-    /// happens to a packet does not depend on how many follow.
+    /// Returns the indices of the packets that a receiver gets from a sender, in the order of arrival. The impairments
+    /// of a packet do not depend on the number of later packets.
     pub fn arrivals(&self, count: usize, seed: u64, sender: usize, receiver: usize) -> Vec<usize> {
         let heard = |place| {
             self.delays(place, seed, sender, receiver).into_iter().map(move |late| (place as f64 + late, place))
@@ -33,9 +33,9 @@ impl Water {
         arrivals.into_iter().map(|(_, place)| place).collect()
     }
 
-    /// By how many packets the one at `place` is late, for every time it arrives: never, once or twice.
+    /// Returns the delay, in packets, of each arrival of the packet at `place`: none, one or two arrivals.
     pub(crate) fn delays(&self, place: usize, seed: u64, sender: usize, receiver: usize) -> Vec<f64> {
-        // A stream for each pair, and a part of it for each packet.
+        // Each pair has a stream, and each packet a part of the stream.
         let mut rng = stream(seed, streams::WATER + ((sender as u64) << 32 | receiver as u64));
         rng.set_word_pos(WORDS * place as u128);
         let [lost, twice, overtaken] = [self.loss, self.duplicate, self.reorder].map(|p| rng.random::<f64>() < p);
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_happens_to_a_packet_does_not_depend_on_later_ones() {
+    fn impairments_of_a_packet_do_not_depend_on_later_packets() {
         let water = Water { loss: 0.3, duplicate: 0.2, reorder: 0.5 };
         let heard = |count| {
             let mut heard = water.arrivals(count, 7, 1, 2);
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_are_as_asked_for() {
+    fn shares_of_impairments_are_as_requested() {
         let count = 20_000;
         let arrivals = Water { loss: 0.3, duplicate: 0.1, reorder: 0.0 }.arrivals(count, 1, 0, 1);
         assert!(arrivals.is_sorted());

@@ -1,4 +1,4 @@
-//! What is compared: policies, numbers of points, ways to ω, ways to use packets.
+//! Dimensions of the comparison: policies, numbers of points, estimators of ω, and fusion of packets.
 
 use dgpc::{Candidates, Selection};
 use rand::Rng;
@@ -6,25 +6,25 @@ use rand::Rng;
 /// The paper's radius of a locality region, in standardised units.
 pub const RADIUS: f64 = 0.4;
 
-/// The paper's radius in its length-scales, 0.4 / 0.289: √(−2 ln ε) for ε = 0.384.
+/// The paper's radius divided by its length-scale, 0.4 / 0.289: √(−2 ln ε) for ε = 0.384.
 pub const RADIUS_LENGTH_SCALES: f64 = 1.384;
 
-/// Which events of a region become its inducing points.
+/// Policy of choosing the inducing points among the events of a region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Policy {
-    /// Those that minimise tr K̃: the paper's policy.
+    /// The points that minimise tr K̃: the paper's policy.
     Good,
-    /// Drawn uniformly.
+    /// Points drawn uniformly.
     Random,
-    /// Those that maximise tr K̃.
+    /// The points that maximise tr K̃.
     Bad,
 }
 
 impl Policy {
-    /// All of them, from what should be best to what should be worst.
+    /// All policies, from the expected best to the expected worst.
     pub const ALL: [Policy; 3] = [Policy::Good, Policy::Random, Policy::Bad];
 
-    /// So many of the candidates; only [`Policy::Random`] draws random numbers.
+    /// Chooses `points` of the candidates. Only [`Policy::Random`] uses random numbers.
     pub fn choose<R: Rng + ?Sized>(self, candidates: &Candidates, points: usize, rng: &mut R) -> Selection {
         match self {
             Policy::Good => candidates.minimise_trace(points),
@@ -33,7 +33,7 @@ impl Policy {
         }
     }
 
-    /// What it is called.
+    /// Returns the name of the policy.
     pub fn name(self) -> &'static str {
         match self {
             Policy::Good => "good",
@@ -43,7 +43,7 @@ impl Policy {
     }
 }
 
-/// So many points by a policy.
+/// A number of points, and the policy of choosing them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Choice {
     /// The policy.
@@ -53,28 +53,28 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The paper's six: one and two points by each policy.
+    /// Returns the paper's six choices: one and two points by each policy.
     pub fn all() -> impl Iterator<Item = Choice> {
         Policy::ALL.into_iter().flat_map(|policy| [1, 2].map(|points| Choice { policy, points }))
     }
 }
 
-/// Where ω comes from (section 2 of [`dgpc::method`]).
+/// Estimator of ω (section 2 of [`dgpc::method`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Omega {
-    /// The last draw of a Gibbs chain: the paper's.
+    /// The last draw of a Gibbs chain, as in the paper.
     LastDraw,
-    /// All draws of the chain after its burn-in: probabilities are averaged over them.
+    /// All draws of the chain after its burn-in; probabilities are averaged over them.
     AveragedDraws,
     /// The mean field.
     MeanField,
 }
 
 impl Omega {
-    /// All of them, the paper's first.
+    /// All estimators, the paper's first.
     pub const ALL: [Omega; 3] = [Omega::LastDraw, Omega::AveragedDraws, Omega::MeanField];
 
-    /// What it is called.
+    /// Returns the name of the estimator.
     pub fn name(self) -> &'static str {
         match self {
             Omega::LastDraw => "last draw",
@@ -84,22 +84,22 @@ impl Omega {
     }
 }
 
-/// What a team predicts from (section 6 of [`dgpc::method`]).
+/// Data from which a team predicts (section 6 of [`dgpc::method`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fusion {
-    /// Everybody's packets, concatenated: the paper's.
+    /// The packets of all agents, concatenated as in the paper.
     Concatenation,
-    /// Everybody's packets, fused as sites.
+    /// The packets of all agents, fused as sites.
     SiteFusion,
-    /// Each agent's own raw events of its region, and the packets of the others; the mean over agents.
+    /// Each agent's own raw events of its region, and the packets of the others. Scores are means over agents.
     OwnAndPackets,
 }
 
 impl Fusion {
-    /// All of them, the paper's first.
+    /// All methods, the paper's first.
     pub const ALL: [Fusion; 3] = [Fusion::Concatenation, Fusion::SiteFusion, Fusion::OwnAndPackets];
 
-    /// What it is called.
+    /// Returns the name of the method.
     pub fn name(self) -> &'static str {
         match self {
             Fusion::Concatenation => "concatenation",

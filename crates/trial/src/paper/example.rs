@@ -1,4 +1,4 @@
-//! One permutation to look at.
+//! One permutation as an example for figures.
 
 use std::collections::BTreeMap;
 
@@ -8,28 +8,28 @@ use super::choice::{Choice, Omega, Policy};
 use super::fit::{Chosen, RegionFit};
 use super::permutation::{Part, Permutation};
 
-/// What a permutation chose and predicted. All events are indices of the log.
+/// Choices and predictions of one permutation. Events are indices of the log.
 #[derive(Debug, Clone)]
 pub struct Example {
-    /// Which permutation, counted from 0.
+    /// Number of the permutation, counted from 0.
     pub permutation: usize,
-    /// What every agent did.
+    /// Region and points of every agent.
     pub agents: Vec<AgentExample>,
-    /// The held-out events of all regions and the probability of success that the team gives them, from two points of
-    /// every agent by each policy, concatenated, at the last draw of ω.
+    /// Held-out events of all regions, with the team's predictions from two points of every agent, concatenated, at the
+    /// last draw of ω. One list per policy.
     pub predictions: BTreeMap<Policy, Vec<(usize, f64)>>,
 }
 
 /// One agent's region.
 #[derive(Debug, Clone)]
 pub struct AgentExample {
-    /// Its events there.
+    /// Events of the region.
     pub part: Part,
-    /// Which of the training events became points.
+    /// Chosen points among the training events.
     pub points: BTreeMap<Choice, Vec<usize>>,
 }
 
-/// `None` where a region has nothing to learn from or to predict.
+/// Returns `None` if a region has no training or held-out events.
 pub(super) fn example(permutation: &Permutation<'_>) -> Result<Option<Example>, Error> {
     if !permutation.is_complete() {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! One agent in one permutation: what its training events in its region say, and the points that stand for them.
+//! One agent in one permutation: the posterior of its region's training events, and the chosen points.
 
 use std::collections::BTreeMap;
 
@@ -10,20 +10,20 @@ use rand_chacha::ChaCha8Rng;
 
 use super::choice::{Choice, Omega};
 
-/// Sweeps of a chain before its draws count.
+/// Sweeps of a chain before the first draw.
 pub const BURN_IN: usize = 100;
 
-/// Draws of a chain that count.
+/// Number of draws of a chain.
 pub const DRAWS: usize = 100;
 
-/// Something that follows from ω, for every draw of the Gibbs chain after its burn-in and for the mean field.
+/// A quantity that depends on ω, for every draw of the Gibbs chain and for the mean field.
 pub(super) struct Draws<T> {
     draws: Vec<T>,
     mean_field: T,
 }
 
 impl<T> Draws<T> {
-    /// Those over which predictions are averaged.
+    /// Returns the values over which predictions are averaged.
     pub(super) fn of(&self, omega: Omega) -> &[T] {
         match omega {
             Omega::LastDraw => &self.draws[DRAWS - 1..],
@@ -38,18 +38,18 @@ impl<T> Draws<T> {
     }
 }
 
-/// ω of some events, in all three ways.
+/// ω of some events by all estimators.
 pub(super) struct Fit {
     pub(super) sites: Draws<Sites>,
     pub(super) effective_draws: EffectiveDraws,
 }
 
-/// How many independent draws the draws of f are worth.
+/// Number of independent draws to which the draws of f are equivalent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectiveDraws {
-    /// The mean over events.
+    /// Mean over events.
     pub mean: f64,
-    /// The least.
+    /// Smallest number over events.
     pub least: f64,
 }
 
@@ -74,15 +74,15 @@ impl Fit {
     }
 }
 
-/// An agent's region: its fit, what its events say, and the points of every choice.
+/// An agent's region: its fit, the posterior of its events, and the points of every choice.
 pub(super) struct RegionFit {
     pub(super) fit: Fit,
-    /// The posterior of all its events.
+    /// Posterior given all events of the region.
     pub(super) own: Draws<Posterior>,
     pub(super) choices: BTreeMap<Choice, Chosen>,
 }
 
-/// Points, and what they say: variational packets, as in the paper.
+/// Chosen points, and their variational packets as in the paper.
 pub(super) struct Chosen {
     pub(super) selection: Selection,
     pub(super) packets: Draws<Summary>,
@@ -106,13 +106,13 @@ impl RegionFit {
         Ok(Self { fit, own, choices })
     }
 
-    /// The packets of a choice over which predictions are averaged.
+    /// Returns the packets of a choice over which predictions are averaged.
     pub(super) fn packets(&self, choice: Choice, omega: Omega) -> &[Summary] {
         self.choices[&choice].packets.of(omega)
     }
 }
 
-/// The mean of the probabilities that several posteriors predict, at `count` places.
+/// Returns the mean probability over several posteriors, at `count` inputs.
 pub(super) fn average(
     probabilities: impl ExactSizeIterator<Item = Result<Vec<f64>, Error>>,
     count: usize,

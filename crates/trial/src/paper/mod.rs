@@ -1,5 +1,5 @@
-//! The paper's experiment (docs/method.md, section 10): how well do one or two inducing points stand for a locality
-//! region, for the agent itself and for its team?
+//! The paper's experiment (docs/method.md, section 10): how well one or two inducing points represent a locality
+//! region, for the agent itself and for its team.
 
 mod choice;
 mod shape;
@@ -29,10 +29,10 @@ use streams::{Streams, Use};
 /// Share of every agent's events that a permutation holds out.
 const TEST_SHARE: f64 = 0.35;
 
-/// No length-scale is learned from more events of a data set than this; of longer ones, evenly spread.
+/// Largest number of events of a data set from which a length-scale is learned. Larger sets are thinned evenly.
 const LEARN_EVENTS_MAX: usize = 2000;
 
-/// The data sets, the kernel that is learned on all of them, and how often they are divided anew.
+/// The data sets, the kernel learned from all of them, and the number of their permutations.
 pub struct Experiment {
     sets: Vec<DataSet>,
     prior: Prior,
@@ -45,22 +45,22 @@ pub struct Experiment {
 pub struct AtRadius {
     /// The radius, in standardised units.
     pub radius: f64,
-    /// For every data set.
+    /// Results of every data set.
     pub sets: Vec<SetOutcome>,
 }
 
-/// What came of one data set.
+/// Results of one data set.
 #[derive(Debug, Clone)]
 pub struct SetOutcome {
     /// The region of every agent; members are indices of the log.
     pub regions: Vec<LocalityRegion>,
-    /// Every permutation.
+    /// Results of every permutation.
     pub permutations: Vec<Outcome>,
 }
 
 impl Experiment {
-    /// Learns the one length-scale of a squared-exponential kernel of unit variance with zero mean on all data sets
-    /// together, and draws the permutations.
+    /// Learns one length-scale from all data sets together, for a squared-exponential kernel of unit variance with zero
+    /// mean, and draws the permutations.
     ///
     /// # Errors
     /// As [`common_length_scales`].
@@ -76,26 +76,26 @@ impl Experiment {
         Ok(Self { sets, prior, permutations, seed })
     }
 
-    /// The data sets.
+    /// Returns the data sets.
     pub fn sets(&self) -> &[DataSet] {
         &self.sets
     }
 
-    /// The learned length-scale, in standardised units.
+    /// Returns the learned length-scale, in standardised units.
     pub fn length_scale(&self) -> f64 {
         self.prior.kernel().terms()[0].correlations()[0].length_scales()[0]
     }
 
-    /// Number of permutations of every data set.
+    /// Returns the number of permutations of every data set.
     pub fn permutations(&self) -> usize {
         self.permutations
     }
 
-    /// Runs all permutations of all data sets, in parallel; `done` is called after each. For n training events in a
-    /// region a permutation costs 200 sweeps of O(n³) for every agent, and as many for the events of all.
+    /// Runs all permutations of all data sets in parallel, and calls `done` after each. For n training events in a
+    /// region, a permutation costs 200 sweeps of O(n³) for every agent, and as many for the events of all agents.
     ///
     /// # Errors
-    /// As the samplers and fits of `dgpc`, on numbers near the end of the range.
+    /// As the samplers and fits of `dgpc`, for numbers near the limits of floating point.
     pub fn at_radius(&self, radius: f64, done: &(dyn Fn() + Sync)) -> Result<AtRadius, Error> {
         let sets = (0..self.sets.len()).into_par_iter().map(|set| {
             let regions = self.regions(set, radius)?;
@@ -106,9 +106,9 @@ impl Experiment {
         Ok(AtRadius { radius, sets: sets.collect::<Result<_, Error>>()? })
     }
 
-    /// Local NLL over [`SWEEP_LENGTH_SCALES`] and [`SWEEP_POINTS`], one list for every data set; `done` is called after
-    /// each permutation of each radius. A permutation costs a mean field, O(n³) an iteration, and the choice of points
-    /// for every agent.
+    /// Returns the local NLL over [`SWEEP_LENGTH_SCALES`] and [`SWEEP_POINTS`], one list per data set. Calls `done`
+    /// after each permutation of each radius. A permutation costs a mean field, O(n³) per iteration, and the choice of
+    /// points for every agent.
     ///
     /// # Errors
     /// As [`Experiment::at_radius`].
@@ -122,8 +122,8 @@ impl Experiment {
         (0..self.sets.len()).into_par_iter().map(rows).collect()
     }
 
-    /// The first permutation of a data set (by its place) that leaves no region without training or held-out events;
-    /// `None` without one.
+    /// Returns the first permutation of a data set in which every region has training and held-out events; `None` if
+    /// there is none.
     ///
     /// # Errors
     /// As [`Experiment::at_radius`].
@@ -167,12 +167,12 @@ impl Experiment {
 }
 
 impl SetOutcome {
-    /// The permutations in which an agent, by its place in [`DataSet::agents`], could be scored by itself.
+    /// Returns the permutations in which an agent could be scored alone. `agent` is its place in [`DataSet::agents`].
     pub fn local(&self, agent: usize) -> Vec<&LocalOutcome> {
         self.permutations.iter().filter_map(|outcome| outcome.local[agent].as_ref()).collect()
     }
 
-    /// The permutations in which the team could be scored.
+    /// Returns the permutations in which the team could be scored.
     pub fn team(&self) -> Vec<&TeamOutcome> {
         self.permutations.iter().filter_map(|outcome| outcome.team.as_ref()).collect()
     }

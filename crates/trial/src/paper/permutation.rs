@@ -1,4 +1,4 @@
-//! One permutation of one data set: every agent by itself, and the team.
+//! One permutation of one data set: every agent alone, and the team.
 
 use std::collections::BTreeMap;
 
@@ -11,25 +11,25 @@ use super::streams::Streams;
 use crate::score::Score;
 use crate::split::Split;
 
-/// What one agent's own held-out events in its region say about its points.
+/// Scores of one agent's points on its own held-out events in its region.
 #[derive(Debug, Clone)]
 pub struct LocalOutcome {
     /// Scores of the posterior at the chosen points.
     pub scores: BTreeMap<(Choice, Omega), Score>,
-    /// Scores of all training events of the region, without choosing any.
+    /// Scores of all training events of the region.
     pub all_events: BTreeMap<Omega, Score>,
     /// Bounds on the KL divergence, at the last draw of ω.
     pub bounds: BTreeMap<Choice, Bounds>,
-    /// How much the chain is worth.
+    /// Number of independent draws to which the chain is equivalent.
     pub effective_draws: EffectiveDraws,
 }
 
-/// The KL divergence of a sparse posterior from the full one, and what bounds it, in nats.
+/// The KL divergence of a sparse posterior from the full one, and its bounds, in nats.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
-    /// tr K̃, which the policy looks at.
+    /// tr K̃, the objective of the policy.
     pub trace: f64,
-    /// The divergence itself.
+    /// The divergence.
     pub kl: f64,
     /// L_upper − L_lower.
     pub gap: f64,
@@ -39,40 +39,39 @@ pub struct Bounds {
     pub paper_closed_form: f64,
 }
 
-/// What the held-out events of all regions say about the team.
+/// Scores of the team on the held-out events of all regions.
 #[derive(Debug, Clone)]
 pub struct TeamOutcome {
     /// Scores after sharing the points of a choice.
     pub scores: BTreeMap<(Choice, Fusion, Omega), Score>,
-    /// Scores of the training events of all regions in one place.
+    /// Scores with the training events of all regions in one place.
     pub centralised: BTreeMap<Omega, Score>,
 }
 
-/// What a permutation of a data set came to; `None` where it left a region without training events, or nothing to
-/// predict.
+/// Result of one permutation; `None` for an agent or team with a region without training or held-out events.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// For every agent.
+    /// Result of every agent.
     pub local: Vec<Option<LocalOutcome>>,
-    /// For the team.
+    /// Result of the team.
     pub team: Option<TeamOutcome>,
 }
 
-/// One data set, divided into what is learned from and what is predicted, region by region.
+/// One data set, divided into training and held-out events of each region.
 pub(super) struct Permutation<'a> {
     pub(super) set: &'a DataSet,
     pub(super) prior: &'a Prior,
     pub(super) streams: Streams,
-    /// For every agent.
+    /// Events of every agent's region.
     pub(super) parts: Vec<Part>,
 }
 
 /// The events of one agent's region, as indices of the log.
 #[derive(Debug, Clone)]
 pub struct Part {
-    /// Those that are learned from.
+    /// Training events.
     pub training: Vec<usize>,
-    /// Those that are predicted.
+    /// Held-out events.
     pub held_out: Vec<usize>,
 }
 
@@ -91,12 +90,12 @@ impl<'a> Permutation<'a> {
         Self { set, prior, streams, parts: regions.iter().map(part).collect() }
     }
 
-    /// Whether every region has something to learn from and to predict.
+    /// Whether every region has training and held-out events.
     pub(super) fn is_complete(&self) -> bool {
         self.parts.iter().all(|part| !part.training.is_empty() && !part.held_out.is_empty())
     }
 
-    /// Fits, chooses, shares and scores.
+    /// Fits the regions, chooses and shares points, and scores the predictions.
     pub(super) fn run(&self) -> Result<Outcome, Error> {
         let fits = self.fits()?;
         let local = fits.iter().zip(&self.parts).map(|(fit, part)| match fit {
@@ -112,7 +111,7 @@ impl<'a> Permutation<'a> {
         Ok(Outcome { local, team })
     }
 
-    /// The fit of every agent's region; `None` where it has no training events.
+    /// Returns the fit of every agent's region; `None` without training events.
     pub(super) fn fits(&self) -> Result<Vec<Option<RegionFit>>, Error> {
         let fit = |(agent, part): (usize, &Part)| {
             if part.training.is_empty() {
@@ -124,7 +123,7 @@ impl<'a> Permutation<'a> {
         self.parts.iter().enumerate().map(fit).collect()
     }
 
-    /// The held-out events of all regions.
+    /// Returns the held-out events of all regions.
     pub(super) fn held_out(&self) -> Vec<usize> {
         self.parts.iter().flat_map(|part| &part.held_out).copied().collect()
     }
@@ -145,7 +144,7 @@ impl<'a> Permutation<'a> {
         Ok(LocalOutcome { scores, all_events, bounds, effective_draws })
     }
 
-    /// The bounds of every choice, at the last draw.
+    /// Returns the bounds of every choice, at the last draw.
     fn bounds(&self, region: &RegionFit) -> Result<BTreeMap<Choice, Bounds>, Error> {
         let sites = &region.fit.sites.of(Omega::LastDraw)[0];
         let log_evidence = log_evidence(self.prior, sites)?;
@@ -172,12 +171,12 @@ impl<'a> Permutation<'a> {
         Ok(TeamOutcome { scores, centralised: self.centralised(&test)? })
     }
 
-    /// Scores of one fit of all training events.
+    /// Returns the scores with all training events in one fit.
     fn centralised(&self, test: &Observations) -> Result<BTreeMap<Omega, Score>, Error> {
         let training: Vec<usize> = self.parts.iter().flat_map(|part| &part.training).copied().collect();
         let everything = Fit::new(self.prior, &self.set.observations(&training)?, &mut self.streams.team())?;
         let score_of = |omega| {
-            // One after the other: a posterior of all events is large.
+            // The posteriors are computed one after the other, because a posterior of all events is large.
             let sites = everything.sites.of(omega).iter();
             let predicted = sites.map(|sites| Posterior::of_sites(self.prior, sites)?.probability(test.inputs()));
             Ok((omega, score(predicted, test)?))
@@ -185,7 +184,7 @@ impl<'a> Permutation<'a> {
         Omega::ALL.into_iter().map(score_of).collect()
     }
 
-    /// The score of a team that shared the points of a choice.
+    /// Returns the score of a team after sharing the points of a choice.
     fn shared(
         &self,
         fits: &[RegionFit],
@@ -219,7 +218,7 @@ impl<'a> Permutation<'a> {
     }
 }
 
-/// The score of the mean of what several posteriors predict.
+/// Returns the score of the mean prediction of several posteriors.
 pub(super) fn score(
     probabilities: impl ExactSizeIterator<Item = Result<Vec<f64>, Error>>,
     test: &Observations,

@@ -1,19 +1,19 @@
-//! What the paper claims, and whether it holds: paired differences over permutations, and rank correlations.
+//! The paper's claims and their tests: paired differences over permutations, and rank correlations.
 
 use super::choice::{Choice, Policy};
 use crate::score::Estimate;
 
-/// A statement about how good two choices are.
+/// A claim that one choice is better than another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Claim {
-    /// What should be better.
+    /// The choice that is claimed to be better.
     pub better: Choice,
-    /// What should be worse.
+    /// The choice that is claimed to be worse.
     pub worse: Choice,
 }
 
 impl Claim {
-    /// Two good points beat one; at two points, and at one, good beats random beats bad.
+    /// Returns all claims: two good points beat one; at two points and at one, good beats random and random beats bad.
     pub fn all() -> Vec<Claim> {
         let claim = |(better, points), (worse, others)| Claim {
             better: Choice { policy: better, points },
@@ -27,7 +27,7 @@ impl Claim {
         claims
     }
 
-    /// What it says in words.
+    /// Returns the claim as text.
     pub fn text(&self) -> String {
         let Claim { better, worse } = self;
         if better.policy == worse.policy {
@@ -37,15 +37,15 @@ impl Claim {
         format!("{} beats {} at {points}", better.policy.name(), worse.policy.name())
     }
 
-    /// By how much `worse` costs more than `better`, over permutations: positive where the claim holds. `cost` gives
-    /// that of a choice, permutation by permutation: NLL, or accuracy with its sign turned.
+    /// Returns the cost of `worse` minus the cost of `better`, over permutations. The difference is positive if the
+    /// claim holds. `cost` returns the cost of a choice in each permutation: NLL, or negative accuracy.
     pub fn difference(&self, cost: impl Fn(Choice) -> Vec<f64>) -> Option<Estimate> {
         let (better, worse) = (cost(self.better), cost(self.worse));
         Estimate::over(&worse.iter().zip(&better).map(|(worse, better)| worse - better).collect::<Vec<_>>())
     }
 }
 
-/// Spearman's rank correlation, equal values sharing the mean of their ranks; `None` where either side has only one
+/// Returns Spearman's rank correlation; equal values share their mean rank. Returns `None` if either side has only one
 /// value.
 pub fn rank_correlation(a: &[f64], b: &[f64]) -> Option<f64> {
     let (a, b) = (ranks(a), ranks(b));
@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rank_correlation_knows_order_only() {
+    fn rank_correlation_depends_only_on_order() {
         assert_eq!(rank_correlation(&[1.0, 2.0, 30.0], &[-5.0, 0.0, 0.1]), Some(1.0));
         assert_eq!(rank_correlation(&[1.0, 2.0, 30.0], &[3.0, 2.0, 1.0]), Some(-1.0));
         assert_eq!(rank_correlation(&[1.0, 1.0], &[3.0, 2.0]), None);

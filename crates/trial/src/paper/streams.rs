@@ -1,5 +1,5 @@
-//! Random numbers: a stream of its own for every use, so that results depend on neither threads nor what else is
-//! computed.
+//! Random numbers of the experiment. Every use has its own stream, so that results do not depend on threads or on other
+//! computations.
 
 use rand_chacha::ChaCha8Rng;
 
@@ -14,14 +14,14 @@ pub(super) struct Streams {
     pub(super) permutation: usize,
 }
 
-/// What for.
+/// Use of the random numbers.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Use {
     Tables,
     Sweep,
 }
 
-/// The place of a team among its agents.
+/// Number of the team's stream, among those of its agents.
 const TEAM: usize = 0xFFFF;
 
 impl Streams {

@@ -1,4 +1,4 @@
-//! Over which radii and numbers of points the policy pays.
+//! The benefit of the policy over radii and numbers of points.
 
 use std::collections::BTreeMap;
 
@@ -8,30 +8,30 @@ use super::choice::{Choice, Policy, RADIUS_LENGTH_SCALES};
 use super::permutation::{Permutation, score};
 use crate::score::Estimate;
 
-/// Radii that are tried, in length-scales; the middle one is the paper's ratio.
+/// Radii of the sweep in length-scales; the fourth is the paper's ratio.
 pub const SWEEP_LENGTH_SCALES: [f64; 6] = [0.5, 0.75, 1.0, RADIUS_LENGTH_SCALES, 2.0, 3.0];
 
-/// Numbers of points that are tried.
+/// Numbers of points of the sweep.
 pub const SWEEP_POINTS: [usize; 6] = [1, 2, 3, 4, 6, 8];
 
-/// One data set at one radius: local NLL with the mean field, the mean over its agents, over permutations.
+/// One data set at one radius: local NLL with the mean field, averaged over agents, over permutations.
 #[derive(Debug, Clone)]
 pub struct SweepRow {
     /// The radius in length-scales.
     pub length_scales: f64,
     /// Training events of a region, the mean over agents and permutations.
     pub events: f64,
-    /// NLL of all training events of the regions; `None` where every permutation left a region empty.
+    /// NLL of all training events of the regions; `None` if every permutation leaves a region empty.
     pub all_events: Option<Estimate>,
-    /// NLL of so many good points, or of as many as a region has events.
+    /// NLL of good points by their number. A region with fewer events uses all of them.
     pub good: BTreeMap<usize, Estimate>,
-    /// By how much the NLL of so many random points is above it.
+    /// NLL of random points minus that of good points, by their number.
     pub gain: BTreeMap<usize, Estimate>,
-    /// Permutations that left a region empty and do not count.
+    /// Number of permutations that are not counted, because they leave a region empty.
     pub skipped: usize,
 }
 
-/// One permutation of it.
+/// Results of one permutation.
 pub(super) struct SweepStep {
     events: f64,
     all_events: f64,
@@ -59,7 +59,7 @@ impl SweepRow {
     }
 }
 
-/// Runs one permutation; `None` where a region has nothing to learn from or to predict.
+/// Runs one permutation; returns `None` if a region has no training or held-out events.
 pub(super) fn step(permutation: &Permutation<'_>) -> Result<Option<SweepStep>, Error> {
     if !permutation.is_complete() {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! From two ends to the probability that a message gets through.
+//! Probability that a message over a link is received.
 
 use pingmap_agent::Link;
 
@@ -9,7 +9,7 @@ use super::acoustics::{
 use super::error::{SimulationError, within};
 use super::sea_floor::SeaFloor;
 
-/// How absorption is computed.
+/// Formula of absorption.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Absorption {
     /// [`thorp_db_per_km`].
@@ -18,18 +18,18 @@ pub enum Absorption {
     FrancoisGarrison,
 }
 
-/// What is sent, through what water, and how it is received.
+/// Properties of source, water and receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sound {
     /// Source level, dB re 1 µPa at 1 m.
     pub source_level_db: f64,
-    /// Middle of the band, kHz.
+    /// Centre of the band, kHz.
     pub frequency_khz: f64,
     /// Width of the band, kHz.
     pub bandwidth_khz: f64,
     /// Exponent of spreading, 1 (cylinder) to 2 (sphere).
     pub spreading: f64,
-    /// How absorption is computed.
+    /// Formula of absorption.
     pub absorption: Absorption,
     /// The water.
     pub water: Seawater,
@@ -37,11 +37,11 @@ pub struct Sound {
     pub wind_m_per_s: f64,
     /// Distant shipping, 0 to 1.
     pub shipping: f64,
-    /// Signal-to-noise ratio at which every other message gets through, dB.
+    /// Signal-to-noise ratio at which half of the messages are received, dB.
     pub threshold_db: f64,
-    /// Standard deviation of the level about its mean, dB: log-normal fading, as P. Qarabaqi and M. Stojanovic, IEEE J.
-    /// Oceanic Eng. 38 (2013) 701, found for slow variations. Here every message fades by itself; in the sea neighbours
-    /// in time fade alike.
+    /// Standard deviation of the level about its mean, dB. Fading is log-normal, as P. Qarabaqi and M. Stojanovic, IEEE
+    /// J. Oceanic Eng. 38 (2013) 701, found for slow variations. Messages fade independently here; in the sea, fading
+    /// is correlated in time.
     pub fading_db: f64,
     /// Loss of a message that travels against [`Sound::favoured_bearing_deg`], dB: 0 where both directions are equal. Between the two
     /// bearings the loss follows the cosine of the angle.
@@ -51,7 +51,7 @@ pub struct Sound {
 }
 
 impl Default for Sound {
-    /// A modem in the band around 25 kHz at low power, sea state 3: every other message gets through over about a
+    /// Returns a modem around 25 kHz at low power in sea state 3. Half of the messages are received at about a
     /// kilometre.
     fn default() -> Self {
         Self {
@@ -72,7 +72,7 @@ impl Default for Sound {
 }
 
 impl Sound {
-    /// Refuses numbers that no modem or water has.
+    /// Refuses physically impossible numbers.
     pub(super) fn check(&self) -> Result<(), SimulationError> {
         let Seawater { temperature_c, salinity, ph, depth_m } = self.water;
         within("source level (dB)", self.source_level_db, 0.0, 300.0)?;
@@ -92,8 +92,8 @@ impl Sound {
     }
 }
 
-/// An acoustic channel by the sonar equation (Urick 1983): signal-to-noise ratio = source level − spreading −
-/// absorption − shadow − noise in the band. A stand-in: there is no refraction, no multipath and no Doppler.
+/// An acoustic channel by the sonar equation (Urick 1983). Signal-to-noise ratio = source level − spreading −
+/// absorption − shadow − noise in the band. The model has no refraction, multipath or Doppler.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Channel {
     /// Source, water and receiver.
@@ -103,7 +103,7 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// What a message loses on its way, in dB.
+    /// Returns the transmission loss of a link, in dB.
     pub fn transmission_loss_db(&self, link: &Link) -> f64 {
         let depth = |depth_m: Option<f64>| depth_m.unwrap_or(0.0);
         let rise_m = depth(link.transmitter.depth_m) - depth(link.receiver.depth_m);
@@ -132,14 +132,13 @@ impl Channel {
         self.sound.water.sound_speed_m_per_s() / (1000.0 * self.sound.frequency_khz)
     }
 
-    /// Noise in the band at a receiver whose own noise has a spectrum level of `self_noise_db`, in dB.
+    /// Returns the noise in the band in dB, at a receiver whose own noise has the spectrum level `self_noise_db`.
     pub fn noise_db(&self, self_noise_db: f64) -> f64 {
         let ambient = ambient_noise_db(self.sound.frequency_khz, self.sound.shipping, self.sound.wind_m_per_s);
         sum_of_levels_db(&[ambient, self_noise_db]) + 10.0 * (1000.0 * self.sound.bandwidth_khz).log10()
     }
 
-    /// Probability that a message over a link is heard by a receiver of such noise of its own: Φ((ratio − threshold) /
-    /// fading).
+    /// Returns the probability that a receiver with this own noise hears a message: Φ((ratio − threshold) / fading).
     pub fn probability(&self, link: &Link, self_noise_db: f64) -> f64 {
         self.probability_at(self.sound.source_level_db - self.transmission_loss_db(link) - self.noise_db(self_noise_db))
     }
@@ -149,10 +148,10 @@ impl Channel {
         0.5 * libm::erfc(-excess / std::f64::consts::SQRT_2)
     }
 
-    /// The range at which every other message gets through where nothing shadows it, in metres; at most 1000 km.
+    /// Returns the range in metres at which half of the messages are received without shadow; at most 1000 km.
     pub fn even_odds_range_m(&self, self_noise_db: f64) -> f64 {
         let allowed_db = self.sound.source_level_db - self.noise_db(self_noise_db) - self.sound.threshold_db;
-        // Loss rises with range: halve the interval.
+        // The loss grows with range, so bisection finds the range.
         let (mut near, mut far) = (0.0, 1e6);
         for _ in 0..60 {
             let middle = 0.5 * (near + far);
@@ -190,7 +189,7 @@ mod tests {
         let ambient_db = ambient_noise_db(25.0, 0.5, sound.wind_m_per_s);
         let noise_db = 10.0 * ((10f64.powf(ambient_db / 10.0) + 10f64.powf(4.5)) * 4000.0).log10();
         let expected_db = 162.0 - loss_db - noise_db;
-        // What Φ says of that ratio, by a series: Φ(x) = ½ + φ(x)(x + x³/3 + x⁵/15 + …).
+        // Φ of that ratio by a series: Φ(x) = ½ + φ(x)(x + x³/3 + x⁵/15 + …).
         let x: f64 = (expected_db - 12.0) / 6.0;
         let (mut term, mut sum) = (x, x);
         for n in 1..60 {
@@ -203,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn even_odds_are_where_every_other_message_gets_through() {
+    fn half_of_the_messages_are_received_at_the_even_odds_range() {
         let channel = channel(0.0);
         for noise_db in [40.0, 55.0, 70.0] {
             let range_m = channel.even_odds_range_m(noise_db);
@@ -213,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_makes_it_harder_lowers_the_probability() {
+    fn loss_and_noise_lower_the_probability() {
         let channel = channel(0.0);
         let at = |channel: Channel, range_m: f64, noise_db: f64| channel.probability(&link(range_m), noise_db);
         let reference = at(channel, 900.0, 45.0);

@@ -1,6 +1,6 @@
-//! A field trial of one's own: vehicles on survey legs, a slot schedule, and an acoustic channel put together from
-//! published formulas (docs/method.md, section 11). It is a stand-in for measured data: sound travels in straight
-//! lines, without refraction or multipath.
+//! Simulated field trials: vehicles on survey legs, a slot schedule, and an acoustic channel of published formulas
+//! (docs/method.md, section 11). A simulation is a stand-in for measured data: sound travels in straight lines, without
+//! refraction or multipath.
 
 mod error;
 mod acoustics;
@@ -26,61 +26,61 @@ use crate::streams::{self, stream};
 use error::within;
 use survey::Legs;
 
-/// Most vehicles of a simulated team.
+/// Largest number of vehicles of a simulated team.
 pub const VEHICLES_MAX: usize = 64;
 
-/// Most events of a simulated trial.
+/// Largest number of events of a simulated trial.
 pub const EVENTS_MAX: usize = 1_000_000;
 
-/// Vehicles stay so far above the floor, and rise over what is in their way.
+/// Smallest altitude of a vehicle above the floor; vehicles rise over obstacles.
 const ALTITUDE_MIN_M: f64 = 3.0;
 
-/// And so far below the surface.
+/// Smallest depth of a vehicle below the surface.
 const DEPTH_MIN_M: f64 = 0.5;
 
-/// What ridge and mound leave of the water at least, metres.
+/// Smallest water depth over ridge and mound, metres.
 pub const CLEARANCE_M: f64 = ALTITUDE_MIN_M + DEPTH_MIN_M;
 
-/// Streams of random numbers: of the sea floor, and of all that happens; then one for each vehicle.
+/// Streams of random numbers: sea floor, events, then one for each vehicle.
 const FLOOR_STREAM: u64 = streams::SIMULATION;
 const EVENT_STREAM: u64 = FLOOR_STREAM + 1;
 const VEHICLE_STREAMS: u64 = FLOOR_STREAM + 2;
 
-/// A mission over water to be simulated.
+/// Parameters of a simulated mission.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simulation {
     /// Number of vehicles, 2 to [`VEHICLES_MAX`].
     pub vehicles: usize,
-    /// Number of transmissions, such that there are at most [`EVENTS_MAX`] events; vehicles take turns, and all others
+    /// Number of transmissions; limited to [`EVENTS_MAX`] events. Vehicles transmit in cyclic slots, and all others
     /// listen.
     pub slots: usize,
-    /// From one transmission to the next, seconds.
+    /// Seconds from one transmission to the next.
     pub slot_s: f64,
-    /// Side of the square they survey, metres.
+    /// Side of the square that is surveyed, metres.
     pub area_m: f64,
-    /// Speed of the vehicles.
+    /// Speed of the vehicles, m/s.
     pub speed_m_per_s: f64,
-    /// Depth at which they run where the floor allows, metres.
+    /// Depth of the vehicles in metres; less over shallow floor.
     pub depth_m: f64,
-    /// Spectrum level of a vehicle's own noise, dB re 1 µPa²/Hz: the mean over vehicles.
+    /// Spectrum level of a vehicle's own noise, dB re 1 µPa²/Hz; the mean over vehicles.
     pub self_noise_db: f64,
-    /// Its standard deviation over vehicles, dB.
+    /// Standard deviation of the own noise over vehicles, dB.
     pub self_noise_spread_db: f64,
     /// Depth of the flat sea floor, metres.
     pub water_depth_m: f64,
-    /// Height of a ridge across the area, metres; where it runs is drawn.
+    /// Height of a ridge across the area, metres; its course is random.
     pub ridge_m: f64,
-    /// Height of a mound, metres; where it is is drawn.
+    /// Height of a mound, metres; its position is random.
     pub mound_m: f64,
-    /// How far clocks are off: that of the first vehicle is right, those of the others are ahead and behind in turn. Everybody sends
-    /// when its own clock says so.
+    /// Offset of the clocks in seconds. The first vehicle's clock is right; the others are alternately ahead and
+    /// behind. Each vehicle transmits by its own clock.
     pub clock_off_s: f64,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
 impl Default for Simulation {
-    /// Three vehicles in a bay with a ridge and a mound that hide them from each other.
+    /// Returns a mission of three vehicles in a bay with a ridge and a mound, which shadow links.
     fn default() -> Self {
         Self {
             vehicles: 3,
@@ -103,27 +103,26 @@ impl Default for Simulation {
 /// A simulated trial.
 #[derive(Debug, Clone)]
 pub struct Simulated {
-    /// Its events, with depths and true probabilities.
+    /// Events with depths and true probabilities.
     pub log: EventLog,
-    /// The vehicles, and the spectrum level of their own noise, dB re 1 µPa²/Hz.
+    /// Vehicles with the spectrum level of their own noise, dB re 1 µPa²/Hz.
     pub vehicles: Vec<(VehicleId, f64)>,
-    /// Sound, and the sea floor that was drawn.
+    /// The channel with the random sea floor.
     pub channel: Channel,
     tracks: Vec<Legs>,
     simulation: Simulation,
 }
 
 impl Simulated {
-    /// Where a vehicle, by its number from 0, is at a time.
+    /// Returns the position of a vehicle at a time. `vehicle` counts from 0.
     pub fn position(&self, vehicle: usize, time_s: f64) -> Position {
         self.simulation.place(&self.tracks[vehicle], time_s, &self.channel.floor)
     }
 }
 
 impl Simulation {
-    /// Draws the sea floor, the vehicles' noise and where their tracks begin, moves them, and decides for every
-    /// transmission who hears it. Positions are rounded to a tenth of a metre and probabilities to 1e-4, and outcomes
-    /// drawn from what is then in the log. O(vehicles · slots).
+    /// Simulates a trial. Sea floor, own noise and starts of tracks are random. Positions are rounded to a tenth of a
+    /// metre and probabilities to 1e-4; outcomes are drawn from the rounded numbers. O(vehicles · slots).
     ///
     /// ```
     /// use pingmap_trial::simulate::{Simulation, Sound};
@@ -135,7 +134,7 @@ impl Simulation {
     /// ```
     ///
     /// # Errors
-    /// [`SimulationError`] for numbers that no trial can have.
+    /// Returns [`SimulationError`] for impossible numbers.
     pub fn run(&self, sound: &Sound) -> Result<Simulated, SimulationError> {
         self.check()?;
         sound.check()?;
@@ -170,7 +169,7 @@ impl Simulation {
         Ok(Simulated { log, vehicles, channel, tracks, simulation: self.clone() })
     }
 
-    /// How far a vehicle's clock is ahead of true time, in seconds; the number is from 0.
+    /// Returns the offset of a vehicle's clock from true time in seconds; positive if ahead. `vehicle` counts from 0.
     pub fn clock_ahead_s(&self, vehicle: usize) -> f64 {
         match vehicle {
             0 => 0.0,
@@ -211,13 +210,13 @@ impl Simulation {
         SeaFloor { depth_m: self.water_depth_m, ridge, mound }
     }
 
-    /// A vehicle's track, its name and the level of its own noise.
+    /// Returns a vehicle's track, name and own noise.
     fn vehicle(&self, vehicle: usize) -> (Legs, (VehicleId, f64)) {
         let mut rng: ChaCha8Rng = stream(self.seed, VEHICLE_STREAMS + vehicle as u64);
         let legs = Legs::of_vehicle(vehicle, self.area_m, &mut rng);
-        // The spread was checked: it is finite and not negative.
+        // The spread was checked to be finite and not negative.
         let noise = Normal::new(self.self_noise_db, self.self_noise_spread_db).map(|normal| normal.sample(&mut rng));
-        // Padded, so that the alphabet keeps them in order.
+        // Names are padded, so that their alphabetical order is that of their numbers.
         let digits = self.vehicles.to_string().len();
         let id = VehicleId::new(format!("auv{:0digits$}", vehicle + 1));
         (legs, (id, rounded(noise.unwrap_or(self.self_noise_db), 10.0)))

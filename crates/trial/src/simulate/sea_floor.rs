@@ -1,16 +1,16 @@
-//! The sea floor, and what hides behind it.
+//! The sea floor and its acoustic shadow.
 
 use pingmap_agent::Position;
 
 use super::acoustics::{diffraction_unit_m, knife_edge_loss_db};
 
-/// What rises less above the flat floor is the floor, and shadows nothing.
+/// Smaller rises above the flat floor cast no shadow.
 const RISE_MIN_M: f64 = 0.5;
 
-/// Steps in which a path is looked at, as a share of the width of what may lie there.
+/// Step along a path, as a share of the width of ridge or mound.
 const STEP_SHARE: f64 = 0.125;
 
-/// A flat floor with a ridge across it and a mound on it, both of Gaussian profile.
+/// A flat floor with a ridge and a mound of Gaussian profile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SeaFloor {
     /// Depth of the flat part, metres.
@@ -21,41 +21,41 @@ pub struct SeaFloor {
     pub mound: Mound,
 }
 
-/// A straight ridge without end.
+/// A straight ridge of infinite length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ridge {
-    /// A place on its crest.
+    /// Easting of a point on the crest.
     pub east_m: f64,
-    /// The same place.
+    /// Northing of a point on the crest.
     pub north_m: f64,
-    /// Which way the crest runs, radians from east towards north.
+    /// Direction of the crest, radians from east towards north.
     pub direction_rad: f64,
     /// Height of the crest above the flat floor.
     pub height_m: f64,
-    /// Distance from the crest at which it has fallen to e^−½ of that.
+    /// Distance from the crest at which the height has fallen to e^−½.
     pub width_m: f64,
 }
 
 /// A round mound.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mound {
-    /// Its top.
+    /// Easting of the top.
     pub east_m: f64,
-    /// Its top.
+    /// Northing of the top.
     pub north_m: f64,
     /// Height of the top above the flat floor.
     pub height_m: f64,
-    /// Distance from the top at which it has fallen to e^−½ of that.
+    /// Distance from the top at which the height has fallen to e^−½.
     pub width_m: f64,
 }
 
 impl SeaFloor {
-    /// Depth of the floor at a place.
+    /// Returns the depth of the floor at a position.
     pub fn depth_at_m(&self, east_m: f64, north_m: f64) -> f64 {
         self.depth_m - self.rise_at_m(east_m, north_m)
     }
 
-    /// Height above the flat floor. Where ridge and mound meet, the higher one counts.
+    /// Returns the height above the flat floor: that of ridge or mound, whichever is higher.
     fn rise_at_m(&self, east_m: f64, north_m: f64) -> f64 {
         let Self { ridge, mound, .. } = self;
         let across = (east_m - ridge.east_m) * -ridge.direction_rad.sin()
@@ -66,8 +66,8 @@ impl SeaFloor {
         ridge.max(profile(mound.height_m, away, mound.width_m))
     }
 
-    /// Loss behind what rises highest, in the units of diffraction, above or towards the straight line between two
-    /// ends, in dB. Ends without a depth are at the surface. O(distance / width of ridge or mound).
+    /// Returns the loss behind the highest obstacle between two ends, in dB. Heights are relative to the straight line,
+    /// in units of diffraction. Ends without a depth are at the surface. O(distance / width of ridge or mound).
     pub fn shadow_loss_db(&self, from: &Position, to: &Position, wavelength_m: f64) -> f64 {
         let (from_depth, to_depth) = (from.depth_m.unwrap_or(0.0), to.depth_m.unwrap_or(0.0));
         let length = (to.east_m - from.east_m).hypot(to.north_m - from.north_m);
@@ -115,18 +115,18 @@ mod tests {
     }
 
     #[test]
-    fn only_what_stands_in_the_way_shadows() {
+    fn only_obstacles_on_the_path_cast_shadows() {
         let wavelength = 0.06;
         let (left, right) = (at(0.0, 12.0), at(1000.0, 12.0));
         let loss = |ridge: f64| floor(ridge).shadow_loss_db(&left, &right, wavelength);
         assert_eq!(loss(5.0), 0.0);
         assert!((loss(18.0) - 6.0).abs() < 0.5, "the crest touches the line of sight: {}", loss(18.0));
-        // 4 m above it, half way: ν = 4 / √(0.06·500·500 / 2000).
+        // The crest is 4 m above the line, half way: ν = 4 / √(0.06·500·500 / 2000).
         assert!((loss(22.0) - knife_edge_loss_db(4.0 / 7.5f64.sqrt())).abs() < 0.3, "{}", loss(22.0));
         assert_eq!(floor(22.0).shadow_loss_db(&left, &at(350.0, 12.0), wavelength), 0.0);
-        // The flat floor shadows nothing, however near to it the ends are.
+        // The flat floor casts no shadow, even for ends close to it.
         assert_eq!(floor(0.0).shadow_loss_db(&at(0.0, 29.0), &at(1000.0, 29.0), 1.5), 0.0);
-        // Both ways alike, and an end at the other's place has nothing between.
+        // The loss is equal in both directions, and 0 between equal positions.
         assert!((floor(22.0).shadow_loss_db(&right, &left, wavelength) - loss(22.0)).abs() < 1e-9);
         assert_eq!(floor(22.0).shadow_loss_db(&left, &left, wavelength), 0.0);
     }

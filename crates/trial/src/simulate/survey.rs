@@ -3,20 +3,20 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// A track of parallel legs over a square, there and back again.
+/// A track of parallel legs over a square, driven there and back.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Legs {
     /// Corners of the track, metres.
     corners: Vec<(f64, f64)>,
     length_m: f64,
-    /// How far along the track it begins.
+    /// Distance along the track at which the vehicle starts.
     start_m: f64,
 }
 
 impl Legs {
-    /// The legs of one of several vehicles over the square from (0, 0) to (`area_m`, `area_m`): every other vehicle's
-    /// run north and south, the others' east and west, laid out from different corners, with spacings and distances
-    /// from the border that differ between the first few. Where along its track a vehicle begins is drawn.
+    /// Returns the legs of a vehicle over the square from (0, 0) to (`area_m`, `area_m`). Legs of even and odd vehicles
+    /// are perpendicular. Corners, spacings and distances from the border differ between the first few vehicles. The
+    /// start is random.
     pub(super) fn of_vehicle(vehicle: usize, area_m: f64, rng: &mut ChaCha8Rng) -> Self {
         let inset_m = area_m * (0.04 + 0.03 * (vehicle % 5) as f64);
         let spacing_m = area_m / 6.0 * (1.0 - 0.07 * (vehicle % 4) as f64);
@@ -39,9 +39,9 @@ impl Legs {
         Self { corners, length_m, start_m: rng.random::<f64>() * length_m }
     }
 
-    /// East and north after so many metres.
+    /// Returns east and north after `travelled_m` metres.
     pub(super) fn after_m(&self, travelled_m: f64) -> (f64, f64) {
-        // There and back again: fold the distance into one way.
+        // The distance is folded, because the track is driven there and back.
         let folded = (self.start_m + travelled_m) % (2.0 * self.length_m);
         let mut left = if folded > self.length_m { 2.0 * self.length_m - folded } else { folded };
         for pair in self.corners.windows(2) {
@@ -74,7 +74,7 @@ mod tests {
                 assert!((30.0..=970.0).contains(&east) && (30.0..=970.0).contains(&north), "{vehicle}: {east} {north}");
             }
             for pair in places.windows(2) {
-                // Turns cut corners: never more than the distance travelled, and seldom less.
+                // Turns cut corners, so a step is at most the travelled distance.
                 assert!(distance(pair[0], pair[1]) <= 5.0 + 1e-9);
             }
             let straight = places.windows(2).filter(|pair| distance(pair[0], pair[1]) > 5.0 - 1e-9).count();

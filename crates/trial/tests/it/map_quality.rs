@@ -1,4 +1,4 @@
-//! A regression gate on the quality of the team's map: mean NLL under a fixed model, after so many frames of 32 bytes.
+//! A regression gate on the quality of the team's map: mean NLL under a fixed model, for several numbers of frames of 32 bytes.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use pingmap_trial::{Agreed, EventLog, Mission, Plan, Score, read_splits};
 
 const FRAMES: [usize; 4] = [1, 2, 5, 10];
 
-/// Recorded values may change by so much.
+/// Largest change of the recorded values.
 const TOLERANCE: f64 = 0.001;
 
 /// The mean NLL of the team over the first two shipped splits, under the model learned from bay2.

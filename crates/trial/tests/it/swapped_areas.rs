@@ -77,8 +77,8 @@ fn mean(values: &[f64]) -> (f64, f64) {
     (mean, (variance / count).sqrt())
 }
 
-/// Returns the increase of the NLL of the second half by offsets of vehicles, with its standard error over 20 trials, and the number
-/// of trials in which offsets of receivers were accepted.
+/// Returns the increase of the NLL of the second half by offsets of vehicles, with its standard error over 20 trials. Also returns the
+/// number of trials in which offsets of receivers were accepted.
 fn added_by_offsets(spread_db: f64) -> ((f64, f64), usize) {
     let places = vec![OptionalTerm::Range, OptionalTerm::ReceiverPlace];
     let offsets = [places.clone(), vec![OptionalTerm::Receivers, OptionalTerm::Transmitters]].concat();
