@@ -1,4 +1,4 @@
-//! The area of a map: cells of one size, row by row.
+//! The area of a map: a grid of square cells.
 
 use pingmap_agent::Position;
 
@@ -12,7 +12,7 @@ const CELLS: f64 = 120.0;
 /// The most cells a map may have.
 const CELLS_MAX: f64 = 4e6;
 
-/// Square cells in rows from the south, each row from the west; metres of the log.
+/// Square cells in rows from the south, each row from the west, in metres of the log.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Area {
     pub east: (f64, f64),
@@ -23,13 +23,13 @@ pub struct Area {
 }
 
 impl Area {
-    /// The area of some places with a margin.
+    /// Returns the area that contains the positions, with a margin.
     pub fn around(places: impl Iterator<Item = Position>, cell_m: Option<f64>) -> Result<Self, BadInput> {
         let (east, north) = widened(places.map(|place| (place.east_m, place.north_m)));
         Self::of(east, north, cell_m)
     }
 
-    /// The area between two corners.
+    /// Returns the area between two opposite corners.
     pub fn between(a: Position, b: Position, cell_m: Option<f64>) -> Result<Self, BadInput> {
         let sorted = |a: f64, b: f64| (a.min(b), a.max(b));
         let (east, north) = (sorted(a.east_m, b.east_m), sorted(a.north_m, b.north_m));
@@ -53,18 +53,18 @@ impl Area {
         Ok(Self { east, north, cell_m, columns, rows })
     }
 
-    /// How many cells there are.
+    /// Returns the number of cells.
     pub fn cells(&self) -> usize {
         self.columns * self.rows
     }
 
-    /// The middle of a cell.
+    /// Returns the centre of a cell.
     pub fn middle(&self, cell: usize) -> Point {
         let (row, column) = (cell / self.columns, cell % self.columns);
         (self.east.0 + (column as f64 + 0.5) * self.cell_m, self.north.0 + (row as f64 + 0.5) * self.cell_m)
     }
 
-    /// Values of the cells as a grid.
+    /// Returns the values of the cells as a grid.
     pub fn grid<'a>(&self, values: &'a [f64]) -> Grid<'a> {
         Grid { values, columns: self.columns, east: self.east, north: self.north }
     }

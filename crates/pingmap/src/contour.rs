@@ -1,4 +1,4 @@
-//! Lines of equal probability on a grid: marching squares, joined into whole lines so that they can be dashed and
+//! Contour lines of a grid by marching squares. Segments are joined into whole lines, so that lines can be dashed and
 //! labelled.
 
 use std::collections::HashMap;
@@ -6,8 +6,8 @@ use std::collections::HashMap;
 /// A point: metres east and north on a map, or pixels on the page.
 pub type Point = (f64, f64);
 
-/// A regular grid of probabilities, row by row from the south, each row from the west.
-/// A value that is not a number leaves its cell white.
+/// A regular grid of probabilities in rows from the south, each row from the west. A cell whose value is not a number
+/// stays white.
 pub struct Grid<'a> {
     pub values: &'a [f64],
     pub columns: usize,
@@ -15,7 +15,7 @@ pub struct Grid<'a> {
     pub north: (f64, f64),
 }
 
-/// The lines on which the grid, between the centres of its cells, has the value `level`.
+/// Returns the contour lines at `level`. Values are interpolated linearly between the centres of the cells.
 pub fn contour_lines(grid: &Grid, level: f64) -> Vec<Vec<Point>> {
     let (columns, rows) = (grid.columns, grid.values.len() / grid.columns);
     let value = |column: usize, row: usize| grid.values[row * columns + column];
@@ -45,7 +45,7 @@ pub fn contour_lines(grid: &Grid, level: f64) -> Vec<Vec<Point>> {
             }
             let high = corners.map(|v| v >= level);
             let mut cut: Vec<Edge> = (0..4).filter(|&k| high[k] != high[(k + 1) % 4]).map(|k| edges[k]).collect();
-            // At a saddle the middle tells which corners belong together.
+            // At a saddle the mean of the corners decides which corners are connected.
             if cut.len() == 4 && (corners.iter().sum::<f64>() / 4.0 >= level) != high[0] {
                 cut.rotate_left(1);
             }
@@ -56,7 +56,7 @@ pub fn contour_lines(grid: &Grid, level: f64) -> Vec<Vec<Point>> {
             }
         }
     }
-    // Open lines first, from one of their ends; what is left then are closed loops.
+    // Open lines come first, each from one of its ends. The remaining lines are closed loops.
     starts.sort_by_key(|edge| links[edge].len());
     let mut lines = vec![];
     for start in starts {

@@ -1,4 +1,4 @@
-//! How files are written: whole or not at all, and there to stay.
+//! Writes files atomically and durably.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -7,26 +7,28 @@ use std::time::{Duration, SystemTime};
 
 use anyhow::Context;
 
-/// Temporary files are called like this and a random suffix.
+/// Prefix of the names of temporary files; a random suffix follows.
 const PREFIX: &str = ".pingmap-";
 
-/// A temporary file that nobody has touched for so long was left by a run that was killed.
+/// A temporary file that has not been modified for this long was left by a killed run.
 const STALE: Duration = Duration::from_secs(3600);
 
-/// Makes a folder for files to come, before any work is done for them.
+/// Creates a folder before the work whose results it will contain.
 pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
 }
 
-/// Writes a file aside, lets it reach the disk and moves it into place, so that nobody ever sees half of it, not even
-/// after the power failed. A symbolic link stays a link, and what it points to is replaced (or made, where there is
-/// nothing yet); a file that is replaced hands on its permissions; one with further names (hard links) is written to in
-/// place, so that all of them show the same; a device or pipe is written to as it is.
+/// Writes a file atomically: the bytes go to a temporary file, are synchronised to disk, and the file is renamed into
+/// place. A reader therefore never sees a partial file, not even after a power failure.
+///
+/// A symbolic link is kept, and its target is replaced or created. A replaced file keeps its permissions. A file with
+/// several hard links is overwritten in place, so that all its names show the new content. A device or pipe is written
+/// to directly.
 pub fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     replace(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Tries whether a file could be written to a folder, and leaves nothing behind.
+/// Checks that a file could be written to a folder, and leaves no file there.
 pub fn try_folder(path: &Path, folder: &Path) -> io::Result<()> {
     match path.metadata() {
         Ok(known) if !known.is_file() || names(&known) > 1 => OpenOptions::new().write(true).open(path).map(drop),
@@ -35,7 +37,7 @@ pub fn try_folder(path: &Path, folder: &Path) -> io::Result<()> {
 }
 
 fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    // A pipe behind /dev/stdout has no name that could be followed.
+    // A pipe behind /dev/stdout has no path that could be followed.
     if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
         return in_place(path, bytes);
     }
@@ -57,10 +59,10 @@ fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// What a path means once symbolic links are followed, also where the last of them points to nothing yet.
+/// Follows symbolic links to the final path, even if that path does not exist yet.
 fn behind_links(path: &Path) -> io::Result<PathBuf> {
     let mut target = path.to_owned();
-    // As many links as the system follows itself.
+    // The system follows at most 40 links, too.
     for _ in 0..40 {
         let Ok(next) = std::fs::read_link(&target) else { return Ok(target) };
         target = target.parent().unwrap_or(Path::new("")).join(next);
@@ -68,7 +70,7 @@ fn behind_links(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("too many symbolic links"))
 }
 
-/// Replaces the content of what must stay where it is.
+/// Overwrites a file, device or pipe without renaming.
 fn in_place(target: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = OpenOptions::new().write(true).open(target)?;
     if file.metadata()?.is_file() {
@@ -79,13 +81,13 @@ fn in_place(target: &Path, bytes: &[u8]) -> io::Result<()> {
     file.write_all(bytes)
 }
 
-/// Whether a file is called as temporary files are: the prefix, and six letters or digits.
+/// Whether a file name is that of a temporary file: the prefix, and six letters or digits.
 fn is_temporary(name: &str) -> bool {
     let random = name.strip_prefix(PREFIX).unwrap_or_default();
     random.len() == 6 && random.bytes().all(|letter| letter.is_ascii_alphanumeric())
 }
 
-/// Removes what earlier runs left behind when they were killed. What cannot be removed stays.
+/// Removes temporary files that killed runs left. Files that cannot be removed stay.
 fn clean_up(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     let now = SystemTime::now();
@@ -97,7 +99,8 @@ fn clean_up(folder: &Path) {
     }
 }
 
-/// Temporary files are private by default; a result may be read by whomever the umask lets.
+/// Returns a builder of temporary files. Temporary files are private by default, but the permissions of a result follow
+/// the umask.
 #[cfg(unix)]
 fn aside() -> tempfile::Builder<'static, 'static> {
     use std::os::unix::fs::PermissionsExt;
@@ -113,7 +116,7 @@ fn aside() -> tempfile::Builder<'static, 'static> {
     builder
 }
 
-/// How many names a file has.
+/// Returns the number of hard links to a file.
 #[cfg(unix)]
 fn names(metadata: &std::fs::Metadata) -> u64 {
     use std::os::unix::fs::MetadataExt;
@@ -125,7 +128,8 @@ fn names(_: &std::fs::Metadata) -> u64 {
     1
 }
 
-/// Lets the new name reach the disk, where the file system can: the file is in place already.
+/// Synchronises the folder to disk, so that the new name survives a power failure. Errors are ignored, since the file
+/// is in place already.
 fn sync_folder(folder: &Path) {
     if cfg!(unix) {
         let _ = File::open(folder).and_then(|folder| folder.sync_all());
@@ -141,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn what_killed_runs_left_is_cleaned_up_and_what_is_young_is_not() {
+    fn old_temporary_files_are_removed_and_young_ones_kept() {
         let folder = tempfile::tempdir().expect("a folder");
         let names = [".pingmap-aB3dE6", ".pingmap-aB3dE7", "old", ".pingmap-notes.txt"];
         let [old, young, other, notes] = names.map(|name| folder.path().join(name));
@@ -154,7 +158,7 @@ mod tests {
         }
         write_file(&folder.path().join("result"), b"y").expect("written");
         assert!(!old.exists() && young.exists() && other.exists() && notes.exists());
-        // They are called as this crate calls its own.
+        // The pattern matches the names of this crate's temporary files.
         let own = aside().tempfile_in(folder.path()).expect("a file");
         assert!(is_temporary(&own.path().file_name().expect("a name").to_string_lossy()), "{own:?}");
     }
@@ -172,16 +176,16 @@ mod tests {
         assert!(link.symlink_metadata().expect("there").is_symlink());
         assert_eq!((read(&real), read(&link)), ("second".into(), "second".into()));
         assert_eq!(real.metadata().expect("there").permissions().mode() & 0o777, 0o640);
-        // A link to what is not there yet makes it.
+        // A link whose target does not exist creates the target.
         symlink("new", &dangling).expect("a link");
         write_file(&dangling, b"third").expect("written");
         assert!(dangling.symlink_metadata().expect("there").is_symlink());
         assert_eq!(read(&folder.path().join("new")), "third");
-        // All names of a file show the same.
+        // All hard links of a file show the new content.
         std::fs::hard_link(&real, &hard).expect("a link");
         write_file(&hard, b"4").expect("written");
         assert_eq!((read(&real), read(&hard)), ("4".into(), "4".into()));
-        // A link to itself is an error and no endless loop.
+        // A link to itself is an error, not an endless loop.
         let ring = folder.path().join("ring");
         symlink("ring", &ring).expect("a link");
         assert!(write_file(&ring, b"5").is_err());

@@ -1,7 +1,7 @@
 //! Learn, while under way, the probability that a message from here reaches there.
 //!
-//! The command line, as a library: arguments in, calls to the crates below, words and pictures out. [`main`] is the
-//! program; [`run`] runs one command in the process, with its results written wherever one likes.
+//! The command-line interface as a library. The library parses arguments, calls the crates below, and writes text and
+//! figures. [`main`] is the program. [`run`] runs one command in the process and writes its results to any writer.
 //!
 //! ```
 //! let mut results = Vec::new();
@@ -54,14 +54,14 @@ use crate::output::{BadInput, Out};
 #[derive(Parser)]
 #[command(name = "pingmap", version)]
 struct Arguments {
-    /// Say nothing but results, warnings and errors
+    /// Print only results, warnings and errors
     #[arg(long, short, global = true)]
     quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
 
-/// Where results go, and the command line that they answer.
+/// The writer of the results, and the command line that was given.
 struct Answers<'a> {
     out: &'a mut (dyn Write + Send),
     command: Vec<String>,
@@ -87,12 +87,12 @@ impl Out for Answers<'_> {
     }
 }
 
-/// Why a command did not succeed.
+/// The reason why a command failed.
 #[derive(Debug)]
 pub struct Failure {
-    /// What was wrong, where, and what was expected.
+    /// Names the file or option, the problem and the expected input.
     pub message: String,
-    /// Exit status: 1 failure, 2 bad input; 0 where a person asked for help or the version.
+    /// Exit status: 1 failure, 2 bad input, 0 if the user asked for help or the version.
     pub status: u8,
 }
 
@@ -104,7 +104,7 @@ impl std::fmt::Display for Failure {
 
 impl std::error::Error for Failure {}
 
-/// The program: arguments from the command line, results to standard output.
+/// Runs the program: arguments from the command line, results to standard output.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     match execute(&arguments, words(std::env::args_os()), &mut std::io::stdout()) {
@@ -130,7 +130,7 @@ pub fn run(
     execute(&arguments, words(given), results)
 }
 
-/// The command line as text, behind the program's name.
+/// Returns the command line as text, without the program's name.
 fn words(arguments: impl IntoIterator<Item = OsString>) -> Vec<String> {
     arguments.into_iter().skip(1).map(|word| word.to_string_lossy().into_owned()).collect()
 }
@@ -141,7 +141,7 @@ fn execute(arguments: &Arguments, words: Vec<String>, out: &mut (dyn Write + Sen
     let mut answers = Answers { out, command: words };
     match output::with_threads(command.threads(), || command.run(&mut answers)) {
         Ok(()) => Ok(()),
-        // A reader that has seen enough, such as `head`, is not a failure.
+        // A reader that closes the pipe early, such as `head`, is not a failure.
         Err(error) if output::is_broken_pipe(&error) => Ok(()),
         Err(error) => {
             let status = if BadInput::is_behind(&error) { 2 } else { 1 };

@@ -1,4 +1,4 @@
-//! Reading logs for use: what is odd in them, thinning, and the part of one vehicle.
+//! Opens event logs: warnings about suspicious content, thinning, and the events of one vehicle.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use pingmap_trial::{EventLog, FileError, Split, open, thin};
 
 use crate::output::{BadInput, warn};
 
-/// A log before any of its events were left out.
+/// Name, size and digest of a log before any event was removed.
 pub struct WholeLog {
     pub name: String,
     pub events: usize,
@@ -22,19 +22,19 @@ impl WholeLog {
     }
 }
 
-/// Standard input, where a file is named.
+/// The file name that stands for standard input.
 pub const STANDARD_INPUT: &str = "-";
 
-/// What options are listed under that say what is read, whatever stands around them.
+/// Help heading of the options that select the input.
 pub const LOG_AND_MODEL: &str = "Log and model";
 
 /// The logs that a command reads.
 #[derive(Args)]
 pub struct Logs {
-    /// Event logs, several as one; - is standard input
+    /// Event logs, read as one log; - is standard input
     #[arg(help_heading = None::<&str>, value_name = "LOG", required_unless_present = "events")]
     logs: Vec<PathBuf>,
-    /// As logs were named before
+    /// Old spelling of the log argument
     #[arg(help_heading = None::<&str>, long, hide = true, value_name = "LOG", conflicts_with = "logs")]
     events: Vec<PathBuf>,
     /// Continue even if the log contains only one outcome, or coordinates that look like degrees
@@ -46,14 +46,14 @@ pub struct Logs {
 }
 
 impl Logs {
-    /// Reads them as one log, warns about what is odd and refuses what is nonsense.
+    /// Reads all files as one log, warns about suspicious content and refuses unusable content.
     pub fn open(&self) -> anyhow::Result<EventLog> {
         let log = self.read()?;
         for finding in log.findings() {
             match finding.is_nonsense && !self.accept_bad_log {
                 true => {
                     return Err(BadInput(format!(
-                        "{}: {}; --accept-bad-log uses the log all the same",
+                        "{}: {}; --accept-bad-log uses the log anyway",
                         self.name(),
                         finding.text
                     ))
@@ -65,7 +65,7 @@ impl Logs {
         Ok(log)
     }
 
-    /// Reads them as one log, whatever it says.
+    /// Reads all files as one log without checking its content.
     pub fn read(&self) -> anyhow::Result<EventLog> {
         let paths = self.paths();
         let mut logs = paths.iter().map(|path| read_log(path)).collect::<anyhow::Result<Vec<_>>>()?.into_iter();
@@ -78,28 +78,28 @@ impl Logs {
             if !log.reference.agrees_with(&all.reference) {
                 let (one, other) = (all.reference, log.reference);
                 let message =
-                    format!("metres of {other}, but those of the logs before are of {one}; expected one system");
+                    format!("the log uses {other}, but the logs before it use {one}; expected one reference system");
                 return Err(BadInput(format!("{}: {message}", path.display())).into());
             }
             if log.reference.is_known() != all.reference.is_known() {
-                warn("some logs say what their metres mean and others do not; they are taken for the same");
+                warn("some logs name their reference system and others do not; one system is assumed for all");
             }
             all.append(log);
         }
         Ok(all)
     }
 
-    /// The files.
+    /// Returns the paths of the files.
     pub fn paths(&self) -> Vec<&Path> {
         self.logs.iter().chain(&self.events).map(PathBuf::as_path).collect()
     }
 
-    /// All of them by name.
+    /// Returns the paths of all files, separated by commas.
     pub fn name(&self) -> String {
         self.paths().iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
     }
 
-    /// The files, without their folders.
+    /// Returns the names of the files without their folders.
     pub fn file_names(&self) -> String {
         let names =
             self.paths().into_iter().filter_map(Path::file_name).map(|name| name.to_string_lossy().into_owned());
@@ -112,7 +112,7 @@ fn read_log(path: &Path) -> anyhow::Result<EventLog> {
     Ok(EventLog::read(reader, name)?)
 }
 
-/// A file, or standard input where that is named; and what people know it by.
+/// Opens a file, or standard input for `-`. Also returns the name for messages.
 pub fn opened(path: &Path) -> Result<(Box<dyn Read + Send>, &Path), FileError> {
     if path == Path::new(STANDARD_INPUT) {
         return Ok((Box::new(std::io::stdin()), Path::new("standard input")));
@@ -125,7 +125,7 @@ pub fn open_log(path: &Path, accept_bad_log: bool) -> anyhow::Result<EventLog> {
     Logs { logs: vec![path.to_owned()], events: Vec::new(), accept_bad_log, overwrite: false }.open()
 }
 
-/// Keeps at most `events_max` events, and says so.
+/// Keeps at most `events_max` events, and warns if events were removed.
 pub fn thinned(log: EventLog, splits: Vec<Split>, events_max: usize, seed: u64) -> (EventLog, Vec<Split>) {
     let kept = thin(&log, events_max, seed);
     if kept.len() == log.events.len() {
@@ -139,7 +139,7 @@ pub fn thinned(log: EventLog, splits: Vec<Split>, events_max: usize, seed: u64) 
     (log.select(&kept), splits.iter().map(|split| split.select(&kept)).collect())
 }
 
-/// Gives ends without a depth the mean depth of a log that has depths, and says so.
+/// Gives positions without a depth the mean depth of the log, and warns about it. Does nothing for logs without depths.
 pub fn fill_depths<'a>(links: impl Iterator<Item = &'a mut Link>, log: &EventLog) {
     let Some(depth_m) = log.mean_depth_m() else { return };
     let unknown = links.flat_map(|link| [&mut link.transmitter.depth_m, &mut link.receiver.depth_m]);
@@ -149,11 +149,11 @@ pub fn fill_depths<'a>(links: impl Iterator<Item = &'a mut Link>, log: &EventLog
         filled = true;
     }
     if filled {
-        warn(format_args!("places without a depth are taken to lie at {depth_m:.1} m, the mean depth of the log"));
+        warn(format_args!("positions without a depth are assumed to lie at {depth_m:.1} m, the mean depth of the log"));
     }
 }
 
-/// The part of a log that one vehicle owns.
+/// Returns the part of a log with one receiver.
 pub fn only(log: &EventLog, vehicle: &str) -> anyhow::Result<EventLog> {
     let own = log.owned_by(&VehicleId::new(vehicle));
     if own.events.is_empty() {
@@ -164,7 +164,7 @@ pub fn only(log: &EventLog, vehicle: &str) -> anyhow::Result<EventLog> {
     Ok(own)
 }
 
-/// The first of some names, and how many more there are.
+/// Lists the first 20 names, and the number of the others.
 fn some_of(names: &[String]) -> String {
     const NAMED_MAX: usize = 20;
     match names.len().saturating_sub(NAMED_MAX) {

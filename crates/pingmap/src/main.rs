@@ -1,9 +1,9 @@
-//! The program `pingmap`; all of it is in the library of the same name.
+//! The program `pingmap`; its code is in the library of the same name.
 
 use std::process::ExitCode;
 
-/// Keeps the memory of matrices at hand: to get it from the system anew for each of them would take a quarter of the time of
-/// many a command.
+/// Reuses freed memory. Matrices are allocated and freed often, and the system's allocator would take a quarter of the
+/// run time of many commands.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

@@ -1,4 +1,4 @@
-//! Pictures of a map.
+//! Figures of a map.
 
 use pingmap_agent::{Event, Geographic};
 use pingmap_import::{Place, Reference};
@@ -9,21 +9,22 @@ use crate::names::{Join, Layer, Seen};
 use crate::success_map::{Cell, LITTLE_KNOWN, Side, SuccessMap};
 use crate::tracks;
 
-/// How a map is drawn.
+/// Content and options of the figure of a map.
 pub struct Drawn<'a> {
     pub events: &'a [Event],
     pub levels: &'a [f64],
     pub layers: &'a [Layer],
     pub title: Option<&'a str>,
-    /// What metres mean, where that is known.
+    /// Reference system of the metres, if known.
     pub reference: Option<&'a Reference>,
     /// Whether every event is drawn.
     pub with_events: bool,
-    /// What lies over everything: lines of a plan.
+    /// Lines of a plan, drawn over everything else.
     pub lines: &'a [Series<'a>],
 }
 
-/// The map as a picture with the tracks of everybody: for each side and layer one, one below the other, each in that room.
+/// Draws the map with the tracks of all vehicles. Each side and layer gets a panel of the size `room`; panels are
+/// stacked.
 pub fn figure(map: &SuccessMap, drawn: &Drawn, room: Room) -> Figure {
     let pictures = map.sides.iter().flat_map(|side| drawn.layers.iter().map(move |&layer| (side, layer)));
     stacked(pictures.map(|(side, layer)| picture(map, side, layer, drawn, room)).collect())
@@ -59,13 +60,13 @@ fn picture(map: &SuccessMap, side: &Side, layer: Layer, drawn: &Drawn, room: Roo
     grid_map(&picture, room)
 }
 
-/// Lines of a graticule, about so many each way.
+/// Approximate number of graticule lines in each direction.
 const LINES: f64 = 4.0;
 
-/// Points along such a line.
+/// Points along each line of the graticule.
 const POINTS: usize = 64;
 
-/// Parallels and meridians over the area at round minutes, by their names.
+/// Returns parallels and meridians over the area at round minutes, each with its label.
 fn graticule(map: &SuccessMap, reference: &Reference) -> Vec<(String, Vec<Point>)> {
     let (east, north) = (map.area.east, map.area.north);
     let corners = [(east.0, north.0), (east.1, north.0), (east.0, north.1), (east.1, north.1)];
@@ -75,7 +76,7 @@ fn graticule(map: &SuccessMap, reference: &Reference) -> Vec<(String, Vec<Point>
         corners.iter().map(of).fold((f64::MAX, f64::MIN), |(low, high), degrees| (low.min(degrees), high.max(degrees)))
     };
     let (latitudes, longitudes) = (span(|place| place.latitude_deg), span(|place| place.longitude_deg));
-    // Areas across the meridian where days meet have none.
+    // Areas across the antimeridian get no graticule.
     if corners.len() < 4 || longitudes.1 - longitudes.0 > 180.0 {
         return Vec::new();
     }
@@ -86,7 +87,7 @@ fn graticule(map: &SuccessMap, reference: &Reference) -> Vec<(String, Vec<Point>
     };
     let between = |(low, high): Point, share: f64| low + (high - low) * share;
     let meridian = |degrees: f64| {
-        // From the north on, as parallels from the east: where neither axis has its numbers.
+        // Meridians start in the north and parallels in the east, away from the numbers of the axes.
         let points = line(&|share| Geographic::new(between(latitudes, 1.0 - share), degrees));
         (minutes(degrees, ["E", "W"]), points)
     };
@@ -97,9 +98,9 @@ fn graticule(map: &SuccessMap, reference: &Reference) -> Vec<(String, Vec<Point>
     round(latitudes).into_iter().map(parallel).chain(round(longitudes).into_iter().map(meridian)).collect()
 }
 
-/// Round numbers of degrees between two.
+/// Returns round numbers of degrees between two limits.
 fn round((low, high): Point) -> Vec<f64> {
-    // Minutes, and tenths and hundredths of them; degrees beyond.
+    // In minutes: hundredths, tenths and whole minutes, then whole degrees.
     const STEPS: [f64; 14] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0];
     let wanted = (high - low) * 60.0 / LINES;
     let step = STEPS.into_iter().find(|step| *step >= wanted).unwrap_or(600.0);
@@ -108,7 +109,7 @@ fn round((low, high): Point) -> Vec<f64> {
     (first..=last).map(|n| n as f64 * step / 60.0).collect()
 }
 
-/// Degrees and decimal minutes, as charts have them.
+/// Formats an angle in degrees and decimal minutes, as on charts.
 fn minutes(degrees: f64, [positive, negative]: [&str; 2]) -> String {
     let half = if degrees < 0.0 { negative } else { positive };
     let hundredths = (degrees.abs() * 6000.0).round() as u64;
@@ -156,7 +157,7 @@ fn places(map: &SuccessMap, seen: Seen) -> Vec<(String, Point)> {
     map.at.iter().map(|place| (name.to_owned(), (place.east_m, place.north_m))).collect()
 }
 
-/// Where messages were heard, and where they were missed: from the transmitter to the receiver.
+/// Returns the links of heard and of missed messages, from the transmitter to the receiver.
 fn links(drawn: &Drawn) -> [Vec<(Point, Point)>; 2] {
     let pair = |event: &Event| {
         let [from, to] = event.link.ends().map(|end| (end.east_m, end.north_m));

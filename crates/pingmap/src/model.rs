@@ -1,4 +1,4 @@
-//! The model that links are read with: from a file, or learned; in words, and for programs.
+//! The model that a command uses, from a file or learned, and its description as text and JSON.
 
 use std::path::Path;
 
@@ -12,23 +12,23 @@ use crate::log::WholeLog;
 use crate::options::ModelSource;
 use crate::output::{BadInput, count, read_text, spinner, warn};
 
-/// What a result was made of, for programs.
+/// Digests of the inputs of a result.
 #[derive(Serialize, JsonSchema)]
 pub struct MadeOf {
-    /// By which the events are known again, whatever the file and the order of its lines.
+    /// Digest of the events. It does not depend on the file or the order of lines.
     pub log_digest: String,
-    /// Of the model that all was read with, if there is one.
+    /// Digest of the model, if one model was used throughout.
     pub model_digest: Option<String>,
 }
 
 impl MadeOf {
-    /// A whole log, and what a team agreed on beforehand.
+    /// Returns the digests of a whole log and of the shared model.
     pub fn given(log: &WholeLog, agreed: &Agreed) -> Self {
         Self { log_digest: log.digest.clone(), model_digest: agreed_model(agreed).map(Model::digest) }
     }
 }
 
-/// The model that a team agreed on beforehand.
+/// Returns the model that all members of a team share, if there is one.
 pub fn agreed_model(agreed: &Agreed) -> Option<&Model> {
     match agreed {
         Agreed::Nothing => None,
@@ -37,14 +37,14 @@ pub fn agreed_model(agreed: &Agreed) -> Option<&Model> {
     }
 }
 
-/// What links are read with, and how it was learned if it was.
+/// A model, and the result of learning if it was learned.
 pub struct Known {
     pub model: Model,
     pub fit: Option<LearnedModel>,
 }
 
 impl Known {
-    /// The model file that the user names, or the best of a few structures learned from all of a log.
+    /// Opens the model file that the user names, or learns the best of a few structures from the whole log.
     pub fn new(source: &ModelSource, log: &EventLog, limits: Limits) -> anyhow::Result<Self> {
         if let Some(path) = &source.model {
             return Ok(Self { model: open_model(path, log)?.model, fit: None });
@@ -57,7 +57,7 @@ impl Known {
         Ok(Self { model: fit.model.clone(), fit: Some(fit) })
     }
 
-    /// The model in one line.
+    /// Describes the model in one line.
     pub fn describe(&self, events: usize, dense: bool) -> String {
         let inference = if dense { "dense mean field" } else { "sparse mean field" };
         let source = match &self.fit {
@@ -76,26 +76,26 @@ impl Known {
     }
 }
 
-/// Variance of the path term.
+/// Returns the variance of the path term.
 pub fn path_variance(model: &Model) -> f64 {
     model.prior.kernel().terms().first().map_or(0.0, dgpc::Term::variance)
 }
 
-/// "698 events", "10000 of 12972 events"; `noun` is what one is called.
+/// Formats counts such as "698 events" or "10000 of 12972 events".
 pub fn of_events(used: usize, all: usize, noun: &str) -> String {
     if used == all { count(all, noun) } else { format!("{used} of {}", count(all, noun)) }
 }
 
-/// As how many independent events those count that a model was learned from.
+/// Returns the effective number of events from which a model was learned.
 pub fn counted(fit: &LearnedModel) -> f64 {
     fit.learned.fit.weights().iter().sum()
 }
 
-/// Warns of a search that is not what it should be.
+/// Warns if the search stopped early, or if the calibration of variances failed or reached its bound.
 pub fn warn_of_search(fit: &LearnedModel) {
     match &fit.learned.calibration {
         Calibration::AtBound(factor) => warn(format_args!(
-            "{}: its variances were multiplied by {factor:.2}, nearly the end of what is tried",
+            "{}: its variances were multiplied by {factor:.2}, close to the limit of the search",
             fit.structure
         )),
         Calibration::Failed(why) => {
@@ -104,14 +104,14 @@ pub fn warn_of_search(fit: &LearnedModel) {
         _ => {}
     }
     if fit.learned.stop == Stop::IterationsMax {
-        warn(format_args!("{}: the search for its numbers stopped before its end", fit.structure));
+        warn(format_args!("{}: the search for its parameters stopped before it converged", fit.structure));
     }
 }
 
-/// How many of a chart's scales a log may lie from its origin.
+/// Largest distance between a log and the origin of a chart, as a multiple of the chart's scale.
 const FRAME_SCALES: f64 = 10.0;
 
-/// Reads a model file, and checks that it is for a chart such as this log's.
+/// Opens a model file, and checks that its chart suits the log.
 pub fn open_model(path: &Path, log: &EventLog) -> anyhow::Result<ModelFile> {
     let file = read_model(path)?;
     Ok(ModelFile { model: fitting(file.model, path, log)?, ..file })
@@ -123,27 +123,27 @@ pub fn read_model(path: &Path) -> anyhow::Result<ModelFile> {
     Ok(ModelFile::parse(&read_text(path)?).map_err(|error| bad(&error))?)
 }
 
-/// What is said where nothing is really held out.
+/// Warning that no event is held out from this model.
 pub const HAS_SEEN_LOG: &str =
-    "THE MODEL WAS LEARNED FROM THIS VERY LOG, its held-out events included: scores flatter it";
+    "THE MODEL WAS LEARNED FROM THIS LOG, including the held-out events: scores are too good";
 
-/// What a model was learned from, if its file says so.
+/// Returns the digest of the log from which a model was learned, if its file contains it.
 pub fn log_digest(file: &ModelFile) -> Option<&str> {
     file.learned.as_ref()?.log_digest.as_deref()
 }
 
-/// All logs that a model and its place were learned from, as far as its file says.
+/// Returns the digests of all logs behind a model and its site prior, if its file contains them.
 pub fn log_digests(file: &ModelFile) -> impl Iterator<Item = &str> {
     log_digest(file).into_iter().chain(file.site_log_digests.iter().map(String::as_str))
 }
 
-/// A model from a file, if it is for a chart such as this log's.
+/// Checks that a model's chart, reference system and inputs suit the log, and returns the model.
 pub fn fitting(model: Model, path: &Path, log: &EventLog) -> anyhow::Result<Model> {
     let bad = |message: &dyn std::fmt::Display| BadInput(format!("{}: {message}", path.display()));
     let (of_model, of_log) = (model.chart.reference, log.reference);
     if !of_model.agrees_with(&of_log) {
         let message = format!(
-            "the model's metres are those of {of_model}, the log's those of {of_log}; expected one system for both (pingmap import --origin, --crs)"
+            "the model uses {of_model}, but the log uses {of_log}; expected one reference system (pingmap import --origin, --crs)"
         );
         return Err(bad(&message).into());
     }
@@ -162,18 +162,18 @@ pub fn fitting(model: Model, path: &Path, log: &EventLog) -> anyhow::Result<Mode
     }
     match (model.inputs, log.inputs()) {
         (InputSpec::PositionsAndDepths, InputSpec::Positions) => {
-            Err(bad(&"the model reads depths, but the events have none; expected columns tx_depth_m and rx_depth_m")
+            Err(bad(&"the model uses depths, but the events have none; expected columns tx_depth_m and rx_depth_m")
                 .into())
         }
         (InputSpec::Positions, InputSpec::PositionsAndDepths) => {
-            warn(format_args!("{}: the model does not read depths; those of the log are ignored", path.display()));
+            warn(format_args!("{}: the model does not use depths; those of the log are ignored", path.display()));
             Ok(model)
         }
         _ => Ok(model),
     }
 }
 
-/// Why a search ended, in words.
+/// Describes why a search ended.
 pub fn stop_words(stop: &Stop) -> String {
     match stop {
         Stop::Converged => "converged".to_owned(),
@@ -183,46 +183,46 @@ pub fn stop_words(stop: &Stop) -> String {
     }
 }
 
-/// A kernel for programs: the path term's shape, typical length-scale and variance, and all terms.
+/// A kernel in JSON: shape, typical length-scale and variance of the path term, and all terms.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct KernelJson {
-    /// How the path term falls with distance.
+    /// Shape of the path term's covariance over distance.
     pub shape: Option<String>,
-    /// Whether it takes both directions of a link for the same.
+    /// Whether the path term has equal values for both directions of a link.
     pub reciprocal: Option<bool>,
     /// Typical length-scale of the path term.
     pub length_scale_m: f64,
-    /// Its variance.
+    /// Variance of the path term.
     pub variance: Option<f64>,
-    /// All terms, which are added.
+    /// All terms. The kernel is their sum.
     terms: Vec<TermJson>,
-    /// What the columns are about; where that is not said elsewhere.
+    /// The meaning of the columns, where no other field contains it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inputs: Option<&'static str>,
 }
 
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct TermJson {
-    /// Its variance.
+    /// Variance of the term.
     variance: f64,
-    /// Whether it takes both directions of a link for the same.
+    /// Whether the term has equal values for both directions of a link.
     reciprocal: bool,
     #[serde(flatten)]
     first: CorrelationJson,
-    /// Further correlations that the first one is multiplied by.
+    /// Further correlations, by which the first is multiplied.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     times: Vec<CorrelationJson>,
 }
 
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct CorrelationJson {
-    /// How it falls with distance.
+    /// Shape of the covariance over distance.
     shape: String,
-    /// Which columns of an event it compares.
+    /// Columns of an event that the correlation compares.
     columns: Vec<String>,
-    /// One for each column that is a place; labels have none.
+    /// One length-scale in metres for each spatial column; correlations over labels have none.
     length_scales_m: Vec<f64>,
-    /// Of the time.
+    /// Length-scale in seconds of the time column.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     length_scales_s: Vec<f64>,
 }
@@ -258,22 +258,22 @@ impl KernelJson {
     }
 }
 
-/// A prior mean and its numbers, for programs.
+/// A prior mean and its parameters in JSON.
 #[derive(Debug, Serialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum PriorMeanJson {
     /// Even odds.
     Zero,
-    /// The same everywhere.
+    /// Constant odds.
     Constant {
-        /// The log-odds that a message gets through.
+        /// Log-odds that a message is received.
         log_odds: f64,
     },
-    /// Falling with range on a straight line.
+    /// Odds that fall linearly with range.
     Range {
-        /// The log-odds at range 0.
+        /// Log-odds at range 0.
         intercept: f64,
-        /// By how much they fall with every metre.
+        /// Decrease of the log-odds per metre.
         slope_per_m: f64,
     },
 }

@@ -1,4 +1,4 @@
-//! Values of options that have names to choose from.
+//! Option values that are chosen from a list of names.
 
 use std::ffi::OsStr;
 
@@ -10,7 +10,7 @@ use pingmap_agent::{Criterion, MeanStructure, OptionalTerm, PathInputs, Sharing,
 use pingmap_trial::DivideBy;
 use pingmap_trial::paper::Policy;
 
-/// The shapes of kernels, by their names; one with a parameter takes it after a colon.
+/// Parses the names of kernel shapes. A shape's parameter follows its name after a colon.
 #[derive(Clone)]
 pub struct ShapeParser;
 
@@ -19,7 +19,7 @@ impl TypedValueParser for ShapeParser {
 
     fn parse_ref(&self, command: &Command, option: Option<&Arg>, value: &OsStr) -> Result<Shape, clap::Error> {
         let name = value.to_string_lossy();
-        // What is no name at all is refused with a list of all names.
+        // A value without a colon must be a known name; the error lists all names.
         let name = if name.contains(':') { name } else { names().parse_ref(command, option, value)?.into() };
         name.parse()
             .map_err(|error| clap::Error::raw(ErrorKind::ValueValidation, format!("{error}\n")).with_cmd(command))
@@ -34,16 +34,16 @@ fn names() -> PossibleValuesParser {
     PossibleValuesParser::new(shapes())
 }
 
-/// The shapes of terms over places.
+/// Returns the shapes of terms over positions.
 fn shapes() -> impl Iterator<Item = &'static str> {
     Shape::ALL.iter().filter(|shape| !shape.is_of_labels()).map(|shape| shape.name())
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum InputsName {
-    /// The positions of both ends, one length-scale for all
+    /// The positions of both ends, with one common length-scale
     Raw,
-    /// Where the link lies, and which way and how far it reaches; a length-scale for each coordinate
+    /// Midpoint, direction and length of the link, with one length-scale per coordinate
     Link,
 }
 
@@ -79,16 +79,16 @@ impl TermsName {
     }
 }
 
-/// What decides which events are held out.
+/// How held-out events are chosen.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum DivideByName {
-    /// Of every vehicle a share of its own events: neighbours of what is learned from
+    /// A random share of every vehicle's own events, so that held-out events have neighbours among the training events
     Random,
     /// A share of 20 blocks of time
     Time,
     /// The farthest links
     Range,
-    /// Every vehicle's own events in turn
+    /// Each vehicle's own events, one vehicle after the other
     Vehicle,
 }
 
@@ -105,23 +105,23 @@ impl DivideByName {
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum AdditionName {
-    /// Nothing
+    /// No term
     None,
-    /// Loss over the range as a curve
+    /// Loss over the range as a smooth curve
     Range,
-    /// Noise at the place of the receiver
+    /// Noise at the position of the receiver
     ReceiverPlace,
-    /// An offset of every receiver: ears differ
+    /// An offset of every receiver, since receivers differ
     Receivers,
     /// An offset of every transmitter
     Transmitters,
-    /// Water that changes slowly, everywhere alike
+    /// A slow change with time that is common to all links
     Time,
-    /// An offset of every kind of message, where the log tells kinds apart
+    /// An offset of every message kind, if the log has kinds
     Kinds,
-    /// Loss over the range with steps and teeth, instead of a smooth curve
+    /// Loss over the range with steps and notches instead of a smooth curve
     RoughRange,
-    /// Walls and quays: a second path term over the raw ends
+    /// Obstacles such as walls and quays: a second path term over the positions of both ends
     Walls,
 }
 
@@ -145,7 +145,7 @@ impl AdditionName {
 pub enum MeanName {
     /// Even odds
     Zero,
-    /// The same odds everywhere
+    /// Constant odds
     Constant,
     /// Odds that fall with range
     Range,
@@ -180,26 +180,26 @@ impl CriterionName {
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LearnName {
-    /// Somebody who saw the training events of all, beforehand
+    /// One model, learned offline from every vehicle's training events
     Pooled,
-    /// Every vehicle by itself, from its own events and what it received
+    /// Every vehicle learns its own model, from its own events and the received data
     Own,
-    /// Both, side by side
+    /// Both models, reported side by side
     Both,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ShareName {
-    /// Summaries of all events, at inducing points
+    /// Summaries of all events at inducing points
     Summaries,
     /// Reports of single outcomes
     Reports,
-    /// Reports, and summaries of events that no report can carry
+    /// Reports, and summaries of events that reports cannot carry
     Both,
 }
 
 impl ShareName {
-    /// The options of every vehicle.
+    /// Returns the sharing options of every vehicle.
     pub fn sharing(self) -> Sharing {
         match self {
             ShareName::Summaries => Sharing::summaries(),
@@ -211,16 +211,16 @@ impl ShareName {
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum PolicyName {
-    /// Leave as little prior variance unexplained as possible
+    /// Points that leave the least prior variance unexplained
     Good,
-    /// Leave as much as possible
+    /// Points that leave the most prior variance unexplained
     Bad,
-    /// Draw the points uniformly
+    /// Points drawn uniformly
     Random,
 }
 
 impl PolicyName {
-    /// The policy.
+    /// Returns the policy.
     pub fn policy(self) -> Policy {
         match self {
             PolicyName::Good => Policy::Good,
@@ -230,27 +230,27 @@ impl PolicyName {
     }
 }
 
-/// What the place does that a map is seen from.
+/// Role of the position that a map is seen from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Seen {
     /// Transmits
     Tx,
     /// Receives
     Rx,
-    /// Both, one map each
+    /// Both roles, one map each
     Both,
-    /// Both, where the less probable direction counts
+    /// Both roles, with the less probable direction in each cell
     Worst,
 }
 
-/// The same where there is one answer.
+/// Role of a position where one map is expected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum SeenOnce {
     /// Transmits
     Tx,
     /// Receives
     Rx,
-    /// Both, where the less probable direction counts
+    /// Both roles, with the less probable direction
     Worst,
 }
 
@@ -264,29 +264,29 @@ impl SeenOnce {
     }
 }
 
-/// What the colours of a map say.
+/// Quantity that the colours of a map show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Layer {
-    /// The probability, hatched where little is known of it
+    /// The probability, hatched where the data say little about it
     Probability,
-    /// The lower end of the interval that holds it, nine in ten times
+    /// The lower end of the 90 % interval of the probability
     Lower,
-    /// The upper end
+    /// The upper end of that interval
     Upper,
-    /// How wide that interval is
+    /// The width of that interval
     Width,
 }
 
-/// Which of several places count.
+/// How several positions are combined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Join {
-    /// All at once
+    /// All links succeed
     All,
-    /// Any of them
+    /// At least one link succeeds
     Any,
 }
 
-/// What the user calls a value of one of the enumerations above.
+/// Returns the name of an enumeration's value on the command line.
 pub fn name_of(value: &impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }

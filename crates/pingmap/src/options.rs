@@ -17,10 +17,10 @@ use crate::output::BadInput;
 use crate::reference::ReferenceOptions;
 use crate::values::*;
 
-/// What options are listed under that say where results go, whatever stands around them.
+/// Help heading of the options that select the output.
 pub const RESULT: &str = "Result";
 
-/// What a map is learned from, and how.
+/// Options that select the data and the model of a map.
 #[derive(Args)]
 pub struct Source {
     #[command(flatten)]
@@ -37,13 +37,13 @@ pub struct Source {
 }
 
 impl Source {
-    /// All files that are read.
+    /// Returns the paths of all input files.
     pub fn inputs(&self) -> Vec<&Path> {
         self.logs.paths().into_iter().chain(self.model.model.as_deref()).collect()
     }
 }
 
-/// What links are read with: a model file, or what is learned.
+/// A model file, or the options of learning a model from the log.
 #[derive(Args)]
 pub struct ModelSource {
     /// Model file, as `pingmap learn` writes it; learned from the events if not given
@@ -53,55 +53,56 @@ pub struct ModelSource {
     pub kernel: Kernel,
 }
 
-/// Kernel and prior mean, as far as they are given. What is not given is learned.
+/// Kernel and prior mean. Options that are not given are learned.
 #[derive(Args)]
 #[command(next_help_heading = "Model, where no file is given")]
 #[group(id = "Kernel", multiple = true)]
 pub struct Kernel {
-    /// How covariance falls with distance
+    /// How the covariance falls with distance
     #[arg(long = "kernel", value_parser = ShapeParser)]
     pub shape: Option<Shape>,
-    /// What the path term measures distance over
+    /// Inputs of the path term
     #[arg(long, value_enum)]
     pub inputs: Option<InputsName>,
-    /// Whether the two directions of a path behave alike
+    /// Whether the two directions of a path have equal probabilities
     #[arg(long, value_enum, value_name = "YES|NO")]
     pub reciprocal: Option<YesNo>,
-    /// What the log-odds are a sum of
+    /// Terms whose sum is the log-odds
     #[arg(long, value_enum)]
     pub terms: Option<TermsName>,
-    /// What may be added to that if the events ask for it, in the order in which it is tried; all if not given
+    /// Terms that may be added if the events support them, in the order in which they are tried; all if not given
     #[arg(long, value_enum, value_delimiter = ',', num_args = 1..)]
     pub additions: Option<Vec<AdditionName>>,
-    /// What is expected before the first event; odds that fall with range if not given
+    /// Prior mean of the log-odds before the first event; it falls with range if not given
     #[arg(long, value_enum, conflicts_with = "conservative_range_m")]
     pub prior_mean: Option<MeanName>,
-    /// The range that is trusted before the first event: even odds there, falling with range; learning starts from it
+    /// Range with even odds before the first event; odds fall with range, and learning starts from this prior mean
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub conservative_range_m: Option<f64>,
-    /// Log-odds that such a prior loses per kilometre; four over the conservative range if not given
+    /// Fall of that prior mean in log-odds per kilometre; four over the conservative range if not given
     #[arg(long, value_parser = positive, allow_negative_numbers = true, requires = "conservative_range_m")]
     pub conservative_slope_per_km: Option<f64>,
-    /// Fix every length-scale
+    /// Fix the length-scale of every term
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub length_scale_m: Option<f64>,
     /// Fix the variance of every term
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub variance: Option<f64>,
-    /// Fix how alike outcomes at one place are that follow one another: correlation, seconds over which it fades,
-    /// metres a second below which vehicles lie still; or `none`. Learned where vehicles lay still, if not given
+    /// Fix the correlation of successive outcomes at one position: correlation, its time constant in seconds, and the
+    /// speed in metres a second below which vehicles count as stationary; or `none`. Learned from stationary vehicles
+    /// if not given
     #[arg(long, value_parser = fading, value_name = "C,S,M_PER_S")]
     pub fading: Option<Fading>,
-    /// What decides among kernels and prior means
+    /// Criterion for the choice of kernel and prior mean
     #[arg(long, value_enum, default_value_t = CriterionName::LeaveOneOut)]
     pub criterion: CriterionName,
-    /// Learn kernel and prior mean from at most so many events, spread evenly over the log
+    /// Largest number of events from which kernel and prior mean are learned, spread evenly over the log
     #[arg(long, default_value_t = Learning::default().events_max, value_parser = events)]
     pub learn_events_max: usize,
 }
 
 impl Kernel {
-    /// The parts that are given.
+    /// Returns the parts of the structure that the options fix.
     pub fn given(&self) -> StructureConstraints {
         let conservative = self.conservative_range_m.map(|range_m| {
             MeanStructure::conservative(range_m, self.conservative_slope_per_km.map(|slope| slope / 1000.0))
@@ -115,7 +116,8 @@ impl Kernel {
         }
     }
 
-    /// What may be added. Who says what the terms over places are has said so of all of them.
+    /// Returns the terms that may be added. If `--terms` is given, it decides about the common terms, so they are left
+    /// out.
     fn additions(&self) -> Vec<OptionalTerm> {
         match &self.additions {
             Some(names) => names.iter().filter_map(|name| name.addition()).collect(),
@@ -126,7 +128,7 @@ impl Kernel {
         }
     }
 
-    /// Learning with these structures to choose from.
+    /// Returns the options of learning that chooses among these structures.
     pub fn learning(&self, structures: Vec<Structure>, limits: Limits) -> Learning {
         let Self { length_scale_m, variance, fading, learn_events_max: events_max, .. } = *self;
         let additions = self.additions();
@@ -135,61 +137,62 @@ impl Kernel {
     }
 }
 
-/// Bounds on work, and the seed.
+/// Limits of the work, and the seed.
 #[derive(Args)]
 #[command(next_help_heading = "Work")]
 pub struct Work {
-    /// Seed of everything random
+    /// Seed of all random numbers
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Use at most so many events, drawn at random; vehicles with few keep theirs
+    /// Largest number of events, drawn at random; vehicles with few events keep all of theirs
     #[arg(long, default_value_t = 100_000, value_parser = events)]
     pub events_max: usize,
-    /// Fit exactly up to so many events, and with inducing points beyond
+    /// Largest number of events of an exact fit; larger logs use inducing points
     #[arg(long, default_value_t = Limits::default().dense_events_max, value_parser = dense_events)]
     pub dense_events_max: usize,
-    /// Inducing points of a fit that is not exact
+    /// Inducing points of a sparse fit
     #[arg(long, default_value_t = Limits::default().inducing_points_max, value_parser = inducing_points)]
     pub inducing_points_max: usize,
-    /// Worker threads; 0 takes one per core. Results do not depend on it
+    /// Worker threads; 0 uses one per core. Results do not depend on it
     #[arg(long, default_value_t = 0, value_parser = threads)]
     pub threads: usize,
 }
 
 impl Work {
-    /// The bounds of one vehicle.
+    /// Returns the limits of one vehicle.
     pub fn limits(&self) -> Limits {
         let Self { events_max, dense_events_max, inducing_points_max, .. } = *self;
         Limits { events_max, dense_events_max, inducing_points_max, ..Limits::default() }
     }
 }
 
-/// Who and when is asked about, where the model tells vehicles or times apart.
+/// Vehicles and time of the queried link, for models that distinguish vehicles or times.
 #[derive(Args)]
 #[command(next_help_heading = "Who and when")]
 pub struct Asked {
-    /// Who transmits: a vehicle of the log, a typical one, or a new one that may be any
+    /// Transmitter: a vehicle of the log, a typical vehicle, or a new vehicle with an unknown offset
     #[arg(long, value_name = "NAME|typical|new", default_value = TYPICAL)]
     pub transmitter: String,
-    /// Who receives, likewise
+    /// Receiver: a vehicle of the log, a typical vehicle, or a new vehicle with an unknown offset
     #[arg(long, value_name = "NAME|typical|new", default_value = TYPICAL)]
     pub receiver: String,
-    /// When: the end of the log, a typical time, another day that may be any, or a time of the log in seconds
+    /// Time: the end of the log, a typical time, an unknown other day, or a time of the log in seconds
     #[arg(long, value_name = "end|typical|another-day|SECONDS", default_value = "end", value_parser = Moment::parse, allow_negative_numbers = true)]
     pub time: Moment,
-    /// What kind of message: one of the log, or a typical one
+    /// Kind of message: a kind of the log, or a typical one
     #[arg(long, value_name = "NAME|typical", default_value = TYPICAL)]
     pub kind: String,
-    /// Do not cap predictions beyond the longest observed range (by default they never exceed the prediction at that range)
+    /// Do not cap predictions beyond the longest observed range; by default they never exceed the prediction at that
+    /// range
     #[arg(long)]
     pub no_range_cap: bool,
 }
 
-/// The name of nobody in particular.
+/// Option value that selects a typical vehicle or message kind.
 const TYPICAL: &str = "typical";
 
 impl Asked {
-    /// The attempt over this link that is asked about.
+    /// Returns a function from a link to its query with these options.
     pub fn attempt(&self, log: &EventLog) -> Result<impl Fn(Link) -> LinkQuery + use<>, BadInput> {
         let (transmitter, receiver) =
             (party("--transmitter", &self.transmitter, log)?, party("--receiver", &self.receiver, log)?);
@@ -205,7 +208,7 @@ impl Asked {
     }
 }
 
-/// The kind of message that the option names.
+/// Returns the message kind that the option names.
 fn kind(name: &str, log: &EventLog) -> Result<Kind, BadInput> {
     let known: BTreeSet<&str> =
         log.events.iter().filter_map(|event| event.kind.as_ref()).map(|kind| kind.as_str()).collect();
@@ -220,7 +223,7 @@ fn kind(name: &str, log: &EventLog) -> Result<Kind, BadInput> {
     }
 }
 
-/// The party that an option names.
+/// Returns the vehicle that the option names.
 fn party(option: &str, name: &str, log: &EventLog) -> Result<Vehicle, BadInput> {
     let mut known: Vec<&VehicleId> =
         log.events.iter().flat_map(|event| [&event.transmitter_id, &event.receiver_id]).collect();

@@ -1,4 +1,4 @@
-//! How results, warnings and files leave the program.
+//! Prints results, warnings and progress.
 
 use std::fmt::Display;
 use std::io::Write;
@@ -13,7 +13,7 @@ use pingmap_import::ImportError;
 use pingmap_trial::{FileError, ReplayError};
 use serde::Serialize;
 
-/// The input is at fault, in words for people. Exit status 2.
+/// An error in the user's input, as a message. Exit status 2.
 #[derive(Debug)]
 pub struct BadInput(pub String);
 
@@ -26,7 +26,7 @@ impl Display for BadInput {
 impl std::error::Error for BadInput {}
 
 impl BadInput {
-    /// Whether an error comes from bad input rather than from a failure.
+    /// Whether bad input caused the error. Other errors are failures of the program or the system.
     pub fn is_behind(error: &anyhow::Error) -> bool {
         error.chain().any(|cause| {
             let nothing_held_out = matches!(cause.downcast_ref(), Some(ReplayError::NothingHeldOut { .. }));
@@ -35,28 +35,28 @@ impl BadInput {
     }
 }
 
-/// Reads a file of text.
+/// Reads a text file.
 pub fn read_text(path: &Path) -> anyhow::Result<String> {
     let text = std::fs::read_to_string(path);
     Ok(text.map_err(|error| BadInput(format!("{}: cannot read it: {error}", path.display())))?)
 }
 
-/// Whether the reader of standard output went away.
+/// Whether the reader of standard output closed it.
 pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
     let broken = |cause: &std::io::Error| cause.kind() == std::io::ErrorKind::BrokenPipe;
     error.chain().any(|cause| cause.downcast_ref().is_some_and(broken))
 }
 
-/// Where results go, which knows what was asked.
+/// The writer of results. It also returns the command line that requested them.
 pub trait Out: Write + Send {
-    /// The command line.
+    /// Returns the arguments of the command line.
     fn command(&self) -> &[String];
 
-    /// All commands and options.
+    /// Returns all commands and options.
     fn definition(&self) -> clap::Command;
 }
 
-/// Where results go.
+/// A writer of results.
 pub type Results<'a> = &'a mut dyn Out;
 
 /// Prints a result.
@@ -65,13 +65,13 @@ pub fn print(out: Results, text: &str) -> anyhow::Result<()> {
     Ok(out.flush()?)
 }
 
-/// Prints one JSON object, its keys in alphabetical order, with the version and the command line that it was made with.
+/// Prints one JSON object with the version and the command line added. Keys are in alphabetical order.
 pub fn print_json(out: Results, value: &impl Serialize) -> anyhow::Result<()> {
     let text = json_text(out, value)?;
     print(out, &text)
 }
 
-/// The same as text.
+/// Returns the text that [`print_json`] prints.
 pub fn json_text(out: &dyn Out, value: &impl Serialize) -> anyhow::Result<String> {
     let mut value = serde_json::to_value(value)?;
     if let Some(object) = value.as_object_mut() {
@@ -81,10 +81,10 @@ pub fn json_text(out: &dyn Out, value: &impl Serialize) -> anyhow::Result<String
     Ok(serde_json::to_string_pretty(&value)?)
 }
 
-/// Whether nothing but results, warnings and errors is said.
+/// Whether notes and progress are suppressed.
 static IS_QUIET: AtomicBool = AtomicBool::new(false);
 
-/// Says nothing from now on but results, warnings and errors.
+/// Suppresses notes and progress from now on. Results, warnings and errors are still printed.
 pub fn be_quiet(quiet: bool) {
     IS_QUIET.store(quiet, Ordering::Relaxed);
 }
@@ -93,29 +93,29 @@ fn is_quiet() -> bool {
     IS_QUIET.load(Ordering::Relaxed)
 }
 
-/// Says something that is not a result.
+/// Prints a note to standard error, unless notes are suppressed.
 pub fn note(text: impl Display) {
     if !is_quiet() {
         eprintln!("{text}");
     }
 }
 
-/// Says that something is odd but not wrong.
+/// Prints a warning to standard error.
 pub fn warn(text: impl Display) {
     eprintln!("warning: {text}");
 }
 
-/// "1 event", "2 events".
+/// Formats a number and a noun, such as "1 event" or "2 events".
 pub fn count(number: usize, noun: &str) -> String {
     if number == 1 { format!("1 {noun}") } else { format!("{number} {noun}s") }
 }
 
-/// A table with plain rules; the first column left-aligned, the others right-aligned.
+/// Formats a table with plain rules. The first column is left-aligned, the others right-aligned.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     table_of(header, rows)
 }
 
-/// The same with a header of any kind of text.
+/// Formats a table as [`table`] does, with a header of any text type.
 pub fn table_of(header: &[impl ToString], rows: &[Vec<String>]) -> String {
     let mut table = Table::new();
     table.load_preset("     --            ").set_header(header.iter().map(|name| name.to_string()));
@@ -129,7 +129,7 @@ pub fn table_of(header: &[impl ToString], rows: &[Vec<String>]) -> String {
     table.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n")
 }
 
-/// A progress bar on standard error, shown only to people.
+/// Returns a progress bar on standard error. It is hidden unless standard error is a terminal.
 pub fn progress(steps: u64, what: &'static str) -> ProgressBar {
     let bar = if is_quiet() { ProgressBar::hidden() } else { ProgressBar::new(steps).with_message(what) };
     if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len} {elapsed} (left: {eta})") {
@@ -139,7 +139,7 @@ pub fn progress(steps: u64, what: &'static str) -> ProgressBar {
     bar
 }
 
-/// The same for files that are read.
+/// Returns a progress bar that counts bytes.
 pub fn progress_of_bytes(bytes: u64, what: &'static str) -> ProgressBar {
     let bar = progress(bytes, what);
     if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {bytes}/{total_bytes} {elapsed} (left: {eta})") {
@@ -148,25 +148,25 @@ pub fn progress_of_bytes(bytes: u64, what: &'static str) -> ProgressBar {
     bar
 }
 
-/// The same for work of unknown length.
+/// Returns a progress indicator for work of unknown length.
 pub fn spinner(what: &'static str) -> ProgressBar {
     let bar = if is_quiet() { ProgressBar::hidden() } else { ProgressBar::new_spinner().with_message(what) };
     bar.enable_steady_tick(Duration::from_millis(200));
     bar
 }
 
-/// Runs something on so many worker threads, 0 = one per core.
+/// Runs a function on a pool of `threads` worker threads; 0 uses one per core.
 pub fn with_threads(threads: usize, run: impl FnOnce() -> anyhow::Result<()> + Send) -> anyhow::Result<()> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start worker threads")?;
     pool.install(run)
 }
 
-/// CSV with numbers in the shortest form that reads back the same.
+/// Formats numbers as CSV, each in the shortest form that parses to an equal number.
 pub fn csv_text(header: &[&str], rows: &[Vec<f64>]) -> anyhow::Result<String> {
     csv_of_text(header, rows.iter().map(|row| row.iter().map(ToString::to_string).collect::<Vec<_>>()))
 }
 
-/// CSV of fields as they are.
+/// Formats fields as CSV.
 pub fn csv_of_text(header: &[impl AsRef<[u8]>], rows: impl IntoIterator<Item = Vec<String>>) -> anyhow::Result<String> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(header)?;

@@ -1,4 +1,5 @@
-//! Where results are to be written: tried before the work, so that nothing is destroyed and nothing is late.
+//! Output targets. A target is checked before the work, so that no file is overwritten by mistake and errors come
+//! early.
 
 use std::fs::{File, Metadata};
 use std::io::{Read, Seek, SeekFrom};
@@ -10,14 +11,14 @@ use crate::figure::Image;
 use crate::files::{make_folder, try_folder, write_file};
 use crate::output::{BadInput, Results, note, print};
 
-/// Standard output, where a file is named.
+/// The file name that stands for standard output.
 pub const STANDARD_OUTPUT: &str = "-";
 
-/// So much of a file tells who wrote it.
+/// Bytes at the start and at the end of a file that are searched for signs of its writer.
 const LOOKED_AT_BYTES: u64 = 1 << 20;
 const LAST_BYTES: u64 = 1 << 16;
 
-/// A kind of file that pingmap writes, known by its first megabyte and its end.
+/// A kind of file that pingmap writes. It is recognised by the first megabyte and the end of the text.
 #[derive(Clone, Copy)]
 pub struct Kind(fn(&str) -> bool);
 
@@ -67,7 +68,7 @@ impl Kind {
         file.by_ref().take(LOOKED_AT_BYTES).read_to_end(&mut bytes)?;
         let length = file.metadata()?.len();
         if length > LOOKED_AT_BYTES {
-            // What a large file ends with tells, too.
+            // The end of a large file may contain a sign of its writer, too.
             file.seek(SeekFrom::Start((length - LAST_BYTES).max(LOOKED_AT_BYTES)))?;
             file.read_to_end(&mut bytes)?;
         }
@@ -75,12 +76,12 @@ impl Kind {
     }
 }
 
-/// The ending of a file's name, in small letters.
+/// Returns the extension of a file name in lower case.
 pub fn ending(path: &Path) -> String {
     path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase()
 }
 
-/// Which kind of picture a file is to be, if any.
+/// Returns the image format that the extension requests, if any.
 pub fn picture(path: &Path) -> Result<Option<Image>, BadInput> {
     match Image::of(&ending(path)) {
         Some(image) if !image.is_possible() => Err(BadInput(format!(
@@ -91,26 +92,26 @@ pub fn picture(path: &Path) -> Result<Option<Image>, BadInput> {
     }
 }
 
-/// Our columns, perhaps below what metres mean.
+/// Whether a text has the columns of an event log, with or without a line about the reference system.
 fn is_event_log(text: &str) -> bool {
     let header = text.lines().find(|line| !line.starts_with("# reference system:"));
     header.is_some_and(|header| header.starts_with("time_s,tx_id,rx_id,tx_easting_m,"))
 }
 
-/// Nothing but zeros and ones below names.
+/// Whether all lines after the header contain only zeros and ones.
 fn is_splits(text: &str) -> bool {
     let mut lines = text.lines().skip(1).peekable();
     lines.peek().is_some() && lines.all(|line| !line.is_empty() && line.bytes().all(|byte| b"01,".contains(&byte)))
 }
 
-/// Where a result goes.
+/// Path of a result.
 pub struct Target<'a> {
     path: &'a Path,
 }
 
 impl<'a> Target<'a> {
-    /// Makes sure that a file can be written, is none of those that are read, and replaces none that somebody else wrote, unless
-    /// that is wanted.
+    /// Checks that a file can be written, is not an input, and was written by pingmap if it exists. With `overwrite`
+    /// the last check is skipped.
     pub fn new(path: &'a Path, kind: Kind, inputs: &[&Path], overwrite: bool) -> anyhow::Result<Self> {
         if path == Path::new(STANDARD_OUTPUT) {
             return Ok(Self { path });
@@ -132,7 +133,7 @@ impl<'a> Target<'a> {
                     return Err(BadInput(format!("{name} {message}")).into());
                 }
             }
-            // A device or pipe, or nothing yet.
+            // A device or pipe, or a new file.
             _ => {}
         }
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -143,7 +144,7 @@ impl<'a> Target<'a> {
         Ok(Self { path })
     }
 
-    /// The page of a report with its pictures, and their folder, which is made.
+    /// Creates the folder of a report and checks its page and figures.
     pub fn page(folder: &Path, overwrite: bool) -> anyhow::Result<()> {
         make_folder(folder)?;
         for picture in ["map.png", "packets.png", "online.png"] {
@@ -152,7 +153,7 @@ impl<'a> Target<'a> {
         Target::new(&folder.join("index.html"), Kind::PAGE, &[], overwrite).map(drop)
     }
 
-    /// Makes sure that one JSON object beside the result does not go where the result goes.
+    /// Refuses standard output as the target if a JSON object is printed there, too.
     pub fn beside_json(self, json: bool) -> anyhow::Result<Self> {
         if json && self.is_standard_output() {
             let message =
@@ -162,12 +163,12 @@ impl<'a> Target<'a> {
         Ok(self)
     }
 
-    /// Whether results go to standard output.
+    /// Whether the result goes to standard output.
     pub fn is_standard_output(&self) -> bool {
         self.path == Path::new(STANDARD_OUTPUT)
     }
 
-    /// Writes the result, to standard output as it is.
+    /// Writes the result to the file or to standard output.
     pub fn write(&self, bytes: &[u8], results: Results) -> anyhow::Result<()> {
         if self.is_standard_output() {
             results.write_all(bytes)?;
@@ -176,7 +177,7 @@ impl<'a> Target<'a> {
         write_file(self.path, bytes)
     }
 
-    /// Writes a result of text, or prints it where that fails: nothing that took an hour is lost.
+    /// Writes a text, or prints it if writing fails, so that the result of long work is not lost.
     pub fn write_or_print(&self, text: &str, results: Results) -> anyhow::Result<()> {
         let written = self.write(text.as_bytes(), results);
         if written.is_err() && !self.is_standard_output() {
@@ -186,7 +187,8 @@ impl<'a> Target<'a> {
         written
     }
 
-    /// What is said of the result: on standard output, unless that is where the result goes.
+    /// Prints a message about the result: to standard output, or to standard error if the result goes to standard
+    /// output.
     pub fn tell(&self, text: &str, results: Results) -> anyhow::Result<()> {
         if self.is_standard_output() {
             note(text);
@@ -196,7 +198,7 @@ impl<'a> Target<'a> {
     }
 }
 
-/// Whether two names are of one file: by way of links of either kind, too.
+/// Whether two paths lead to one file, also through symbolic or hard links.
 fn is_same(a: &Path, b: &Path) -> bool {
     match (a.metadata(), b.metadata()) {
         (Ok(known_a), Ok(known_b)) => match (identity(&known_a), identity(&known_b)) {
@@ -207,7 +209,7 @@ fn is_same(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// By which a system that has such numbers knows a file.
+/// Returns device and inode of a file, on systems that have them.
 #[cfg(unix)]
 fn identity(file: &Metadata) -> Option<(u64, u64)> {
     use std::os::unix::fs::MetadataExt;

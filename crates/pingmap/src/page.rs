@@ -1,13 +1,13 @@
-//! A page for browsers, phones and paper: headings, words, tables, pictures. Everything is in one file.
+//! A page for browsers and printing with headings, text, tables and figures, all in one file.
 
 use std::fmt::Write;
 
 use crate::figure::Figure;
 
-/// A page that is being written.
+/// A page under construction.
 pub struct Page {
     html: String,
-    /// Pictures so far: names within them must differ from one to the next.
+    /// Number of figures so far. SVG ids must differ between figures.
     figures: usize,
 }
 
@@ -18,7 +18,7 @@ impl Page {
     }
 
     pub fn heading(&mut self, text: &str) {
-        // Writing to a String cannot fail.
+        // Writing to a String never fails.
         let _ = writeln!(self.html, "<h2>{}</h2>", escape(text));
     }
 
@@ -26,12 +26,12 @@ impl Page {
         let _ = writeln!(self.html, "<p>{}</p>", escape(text));
     }
 
-    /// What a hurried reader should take away.
+    /// Adds a paragraph with the main result.
     pub fn conclusion(&mut self, text: &str) {
         let _ = writeln!(self.html, "<p class=\"conclusion\">{}</p>", escape(text));
     }
 
-    /// A table that scrolls by itself where it is wider than the page.
+    /// Adds a table. A table wider than the page gets a scroll bar of its own.
     pub fn table(&mut self, header: &[impl AsRef<str>], rows: &[Vec<String>]) {
         let head: String =
             header.iter().map(|cell| format!("<th scope=\"col\">{}</th>", escape(cell.as_ref()))).collect();
@@ -46,7 +46,7 @@ impl Page {
         );
     }
 
-    /// Facts by their names.
+    /// Adds a table of names and facts.
     pub fn facts(&mut self, facts: &[(&str, String)]) {
         let rows = facts
             .iter()
@@ -58,7 +58,7 @@ impl Page {
         );
     }
 
-    /// A picture, and what those are told who do not see it.
+    /// Adds a figure with a caption, which is also its text alternative.
     pub fn figure(&mut self, figure: &Figure, said: &str) {
         self.figures += 1;
         let svg = with_names_of_its_own(&figure.svg(false), self.figures);
@@ -69,17 +69,17 @@ impl Page {
         );
     }
 
-    /// The page.
+    /// Returns the finished page.
     pub fn finish(self) -> String {
         self.html + "</body>\n</html>\n"
     }
 }
 
-/// Puts a number behind the names within a picture: on one page they must differ.
+/// Appends a number to the ids within an SVG, because ids must differ on one page.
 fn with_names_of_its_own(svg: &str, number: usize) -> String {
     let names = svg.split(" id=\"").skip(1).filter_map(|rest| rest.split('"').next());
     let mut names: Vec<&str> = names.collect();
-    // Longer ones first, lest a name that begins another one is found in it.
+    // Longer ids come first, since a shorter id may be the beginning of a longer one.
     names.sort_by_key(|name| std::cmp::Reverse(name.len()));
     names.dedup();
     names.into_iter().fold(svg.to_owned(), |svg, name| {
@@ -93,8 +93,8 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Colours are those of the reader's device, light or dark; pictures keep their white paper. What is wide scrolls by itself, and on paper
-/// nothing is cut in two.
+/// Colours follow the reader's device, light or dark; figures keep a white background. Wide tables scroll. In print no
+/// figure or row is divided between pages.
 const HEAD: &str = "<!DOCTYPE html>
 <html lang=\"en\">
 <head>
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_in_pictures_differ_from_one_to_the_next() {
+    fn ids_in_figures_are_unique() {
         let svg = "<clipPath id=\"clip\"/><clipPath id=\"clip2\"/><g clip-path=\"url(#clip)\"/><g clip-path=\"url(#clip2)\"/>";
         let second = with_names_of_its_own(svg, 2);
         let expected = "<clipPath id=\"clip-of-2\"/><clipPath id=\"clip2-of-2\"/><g clip-path=\"url(#clip-of-2)\"/><g clip-path=\"url(#clip2-of-2)\"/>";
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn what_people_call_things_is_no_markup() {
+    fn names_are_escaped() {
         let mut page = Page::new("a < b");
         page.table(&["<name>"], &[vec!["\"x\" & y".into()]]);
         page.facts(&[("log", "<script>".into())]);

@@ -1,4 +1,4 @@
-//! What metres of a log mean: by its own word, by that of a model, or by an option; and places as people name them.
+//! Reference systems of logs, from the log, a model or an option; and conversion of places to positions.
 
 use clap::Args;
 use pingmap_agent::{Position, ReferenceSystem};
@@ -10,28 +10,28 @@ use serde::Serialize;
 use crate::output::BadInput;
 use crate::values::{crs, origin};
 
-/// Where on Earth a log is.
+/// Options that give the reference system of a log.
 #[derive(Args)]
 #[command(next_help_heading = "Where on Earth")]
 pub struct ReferenceOptions {
-    /// Latitude and longitude of (0, 0) of the log, where it does not say so itself
+    /// Latitude and longitude of (0, 0) of the log, if the log does not contain them
     #[arg(long, value_name = "LAT,LON", value_parser = origin, allow_hyphen_values = true)]
     origin: Option<ReferenceSystem>,
-    /// Reference system of the log's eastings and northings, such as EPSG:32619, where it does not say so itself
+    /// Reference system of the log's eastings and northings, such as EPSG:32619, if the log does not name it
     #[arg(long, value_name = "EPSG:CODE", value_parser = crs, conflicts_with = "origin")]
     crs: Option<ReferenceSystem>,
 }
 
 impl ReferenceOptions {
-    /// Tells a log what its metres mean.
+    /// Sets the log's reference system if an option gives it.
     ///
     /// # Errors
-    /// Where the log says otherwise, or lies so far from its origin that a plane is no map of it.
+    /// Fails if the log names another system, or has events too far from its origin for a plane.
     pub fn tell(&self, log: &mut EventLog) -> anyhow::Result<()> {
         if let Some(told) = self.origin.or(self.crs) {
             if !log.reference.agrees_with(&told) {
                 let known = log.reference;
-                return Err(BadInput(format!("metres are those of {known} by the log, and of {told} by option")).into());
+                return Err(BadInput(format!("the log uses {known}, but the option names {told}")).into());
             }
             log.reference = told;
         }
@@ -40,16 +40,16 @@ impl ReferenceOptions {
     }
 }
 
-/// How to reckon with a reference system.
+/// Returns the conversion for a reference system.
 pub fn reference(system: ReferenceSystem) -> Result<Reference, BadInput> {
     Reference::of(system).map_err(|error| BadInput(error.to_string()))
 }
 
-/// Where a place is that an option names, in metres of a log.
+/// Converts a place that an option names to metres of the log.
 pub fn position(option: &str, place: Place, reference: &Reference) -> Result<Position, BadInput> {
     let metres = reference.metres(place).map(|(east_m, north_m)| Position::new(east_m, north_m));
     let said = match reference.system() {
-        ReferenceSystem::Unknown => "nobody said where the log's metres are: expected metres, or --origin or --crs",
+        ReferenceSystem::Unknown => "the log has no reference system; expected metres, or --origin or --crs",
         _ => "that is not on the log's map",
     };
     let metres = metres.ok_or_else(|| BadInput(format!("{option}: {said}")))?;
@@ -63,7 +63,7 @@ pub fn position(option: &str, place: Place, reference: &Reference) -> Result<Pos
     Ok(metres)
 }
 
-/// The same of several places; as deep as they say, or else as `depth_m`, which nobody has where the log has no depths.
+/// Converts several places. Depths that are not given are `depth_m`; a depth is an error if the log has no depths.
 pub fn positions(
     option: &str,
     places: &[(Place, Option<f64>)],
@@ -79,18 +79,18 @@ pub fn positions(
     places.iter().map(of).collect()
 }
 
-/// A place for programs.
+/// A position in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct PlaceJson {
-    /// In metres of the log.
+    /// Easting in metres of the log.
     pub easting_m: f64,
-    /// In metres of the log.
+    /// Northing in metres of the log.
     pub northing_m: f64,
-    /// Below the surface; where depths count.
+    /// Depth below the surface in metres, if the log has depths.
     pub depth_m: Option<f64>,
-    /// Where it is known what metres mean.
+    /// Latitude, if the reference system is known.
     pub latitude_deg: Option<f64>,
-    /// Where it is known what metres mean.
+    /// Longitude, if the reference system is known.
     pub longitude_deg: Option<f64>,
 }
 
@@ -107,10 +107,10 @@ impl PlaceJson {
     }
 }
 
-/// A plane tangent to the Earth is no map of it farther out than this.
+/// Largest distance from the origin of a tangent plane.
 const ORIGIN_DISTANCE_MAX_M: f64 = 1e5;
 
-/// Checks that (0, 0) of a log is near its events, where that is a place.
+/// Checks that the origin of a log is near its events, if the origin is a latitude and longitude.
 fn check_near_origin(log: &EventLog) -> anyhow::Result<()> {
     if !matches!(log.reference, ReferenceSystem::About(_)) {
         return Ok(());

@@ -1,4 +1,4 @@
-//! A track that is planned, and when messages are sent on it.
+//! A planned track, and the messages that are sent along it.
 
 use pingmap_agent::Position;
 use pingmap_import::{Reference, Waypoint};
@@ -9,30 +9,31 @@ use crate::reference::position;
 /// Waypoints with straight lines between them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Route {
-    /// When each is reached, and where it is.
+    /// Arrival time and position of each waypoint.
     pub waypoints: Vec<(f64, Position)>,
-    /// What each is called, if anything.
+    /// Name of each waypoint, if given.
     pub names: Vec<Option<String>>,
 }
 
-/// A message that is sent on the way.
+/// A message that is sent along the track.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sending {
-    /// From which waypoint on it is sent.
+    /// Index of the waypoint at which the leg begins.
     pub leg: usize,
     pub time_s: f64,
     pub position: Position,
 }
 
-/// The most messages of a plan.
+/// Largest number of messages of a plan.
 const SENDINGS_MAX: f64 = 20_000.0;
 
 impl Route {
-    /// Waypoints by their times, or else one after the other at this speed from time 0 on; as deep as the list says, or else
-    /// as `depth_m`.
+    /// Creates a route. Waypoints without times are reached at the given speed, from time 0 on. Depths that are not
+    /// given are `depth_m`.
     ///
     /// # Errors
-    /// For a single waypoint, some with and others without a time, times that do not rise, and places that are on no map.
+    /// Fails for a single waypoint, for times at only some waypoints, for times that do not rise, and for places
+    /// outside the reference system.
     pub fn new(
         list: &[Waypoint],
         reference: &Reference,
@@ -41,7 +42,7 @@ impl Route {
     ) -> Result<Self, BadInput> {
         let bad = |message: String| Err(BadInput(format!("--along: {message}")));
         if list.len() < 2 {
-            return bad("one waypoint is no track; expected at least two".into());
+            return bad("one waypoint is not a track; expected at least two".into());
         }
         let timed = list.iter().filter(|waypoint| waypoint.time_s.is_some()).count();
         if timed != 0 && timed != list.len() {
@@ -67,25 +68,25 @@ impl Route {
         Ok(Self { waypoints, names: list.iter().map(|waypoint| waypoint.name.clone()).collect() })
     }
 
-    /// How long it takes.
+    /// Returns the time from the first to the last waypoint.
     pub fn duration_s(&self) -> f64 {
         self.waypoints[self.waypoints.len() - 1].0 - self.waypoints[0].0
     }
 
-    /// Length of the leg that begins at a waypoint.
+    /// Returns the length of the leg that begins at a waypoint.
     pub fn length_m(&self, leg: usize) -> f64 {
         distance_m(self.waypoints[leg].1, self.waypoints[leg + 1].1)
     }
 
-    /// How many legs there are.
+    /// Returns the number of legs.
     pub fn legs(&self) -> usize {
         self.waypoints.len() - 1
     }
 
-    /// Messages every so many seconds, from the first waypoint on.
+    /// Returns messages every `every_s` seconds, from the first waypoint on.
     ///
     /// # Errors
-    /// For more of them than anybody asks for.
+    /// Fails for more than 20,000 messages.
     pub fn sendings(&self, every_s: f64) -> Result<Vec<Sending>, BadInput> {
         let count = (self.duration_s() / every_s + 1e-9).floor() + 1.0;
         if count > SENDINGS_MAX {
@@ -135,20 +136,20 @@ mod tests {
     }
 
     #[test]
-    fn messages_are_sent_on_the_straight_lines_between() {
+    fn messages_are_sent_along_straight_legs() {
         let route =
             route(&[waypoint(0.0, 0.0, None), waypoint(30.0, 40.0, None), waypoint(30.0, 140.0, None)]).unwrap();
         assert_eq!((route.duration_s(), route.length_m(1), route.legs()), (75.0, 100.0, 2));
         let sendings = route.sendings(12.5).unwrap();
         assert_eq!(sendings.len(), 7);
         assert_eq!(sendings[1], Sending { leg: 0, time_s: 12.5, position: Position::new(15.0, 20.0) });
-        // At a waypoint the next leg begins; the last message is at the end.
+        // A leg begins at its waypoint. The last message is sent at the end.
         assert_eq!((sendings[2].leg, sendings[2].position), (1, Position::new(30.0, 40.0)));
         assert_eq!((sendings[6].leg, sendings[6].position), (1, Position::new(30.0, 140.0)));
     }
 
     #[test]
-    fn what_is_no_track_is_refused() {
+    fn invalid_tracks_are_refused() {
         let (here, there) = (waypoint(0.0, 0.0, Some(5.0)), waypoint(9.0, 0.0, Some(5.0)));
         assert!(route(std::slice::from_ref(&here)).unwrap_err().0.contains("at least two"));
         assert!(route(&[here.clone(), there]).unwrap_err().0.contains("rising"));
@@ -157,7 +158,7 @@ mod tests {
         assert!(timed.sendings(1.0).unwrap_err().0.contains("--every-s"));
         let deep = Waypoint { depth_m: Some(3.0), ..here };
         assert!(route(&[deep, waypoint(9.0, 0.0, Some(9.0))]).unwrap_err().0.contains("no depths"));
-        // Two waypoints at one place are a stop of no length, and nothing is divided by it.
+        // Two waypoints at one position are a leg of length 0, which divides nothing by 0.
         let stop = route(&[waypoint(0.0, 0.0, None), waypoint(0.0, 0.0, None)]).unwrap();
         assert_eq!(stop.sendings(10.0).unwrap()[0].position, Position::new(0.0, 0.0));
     }

@@ -1,4 +1,4 @@
-//! How long nothing gets through on a planned track.
+//! The longest silences on a planned track: periods in which no message is received.
 
 use dgpc::rand::RngExt;
 use dgpc::{Matrix, success_probability};
@@ -10,38 +10,39 @@ use crate::names::Join;
 use crate::route::{Route, Sending};
 use crate::success_map::{Asked, normals};
 
-/// The longest time between messages that get through; the track begins and ends with one.
+/// The longest time between received messages. The start and the end of the track count as received messages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Silence {
-    /// Half of all missions have a longer one.
+    /// Median over missions.
     pub median_s: f64,
-    /// One in ten has.
+    /// The 90 % quantile over missions.
     pub likely_s: f64,
 }
 
-/// Silences on the whole track, and on each leg by itself.
+/// The longest silences on the whole track and on each leg.
 pub struct Silences {
     pub whole: Silence,
     pub legs: Vec<Silence>,
 }
 
-/// Functions are drawn at so many messages at most, and taken to be straight between them.
+/// Largest number of messages at which functions are drawn. Log-odds are interpolated linearly between these nodes.
 const NODES_MAX: usize = 600;
 
-/// Missions for each function that is drawn.
+/// Simulated missions per drawn function.
 const MISSIONS: usize = 4;
 
-/// Log-odds of every message to each of several places, as they may be: functions drawn from the posterior, as wide as intervals are, so
-/// that what is not known of neighbours goes wrong for all of them at once.
+/// Functions of the log-odds of every message to each of several places, drawn from the posterior with the width of the
+/// intervals. Uncertainty that messages share is therefore the same for all messages of one function.
 pub struct Drawn {
-    /// For each place: a row for each node, a column for each function.
+    /// For each place a matrix with a row per node and a column per function.
     places: Vec<Matrix>,
-    /// Which messages are nodes, rising.
+    /// Indices of the messages that are nodes, in rising order.
     nodes: Vec<usize>,
 }
 
 impl Drawn {
-    /// Draws for these attempts, a list of equal length for each place. O(n²) for each node, O(M³) for M nodes of all places together.
+    /// Draws functions at these attempts, given as one list of equal length per place. O(n²) per node for n events,
+    /// O(M³) for the M nodes of all places together.
     pub fn new(agent: &mut Agent, attempts: &[Vec<LinkQuery>]) -> anyhow::Result<Self> {
         let length = attempts[0].len();
         let wanted = (NODES_MAX / attempts.len()).clamp(2, length.max(2));
@@ -64,12 +65,12 @@ impl Drawn {
         Ok(Self { places: (0..attempts.len()).map(of).collect(), nodes })
     }
 
-    /// How many functions were drawn.
+    /// Returns the number of functions.
     pub fn functions(&self) -> usize {
         self.places[0].columns()
     }
 
-    /// Probabilities of all messages to a place, by one of the functions.
+    /// Returns the probabilities of all messages to a place under one function.
     pub fn probabilities(&self, place: usize, function: usize) -> Vec<f64> {
         let log_odds = self.places[place].column(function);
         let mut probabilities = Vec::with_capacity(self.nodes.last().map_or(0, |last| last + 1));
@@ -86,8 +87,8 @@ impl Drawn {
 }
 
 impl Silences {
-    /// Plays missions on the track: a function drawn, then every message for itself. Those to several places get through where `asked`
-    /// says that they do.
+    /// Simulates missions on the track. Each mission uses one function, and outcomes are independent given that
+    /// function. `asked` says whether all places or any place must receive a message.
     pub fn new(drawn: &Drawn, asked: &Asked, route: &Route, sendings: &[Sending], seed: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut longest: Vec<Vec<f64>> = vec![Vec::new(); route.legs() + 1];
@@ -124,7 +125,7 @@ impl Silence {
     }
 }
 
-/// The longest time without any of these times, which rise, between two.
+/// Returns the longest interval without any of the rising times `received_s`, between two moments.
 pub fn longest_gap_s(received_s: &[f64], from_s: f64, to_s: f64) -> f64 {
     let mut last_s = from_s;
     let mut longest_s = 0.0_f64;
@@ -159,7 +160,7 @@ mod tests {
         assert!(between.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12) && between.len() == 7, "{between:?}");
     }
 
-    /// With the same probability everywhere, against the exact distribution of the longest run of misses.
+    /// Compares with the exact distribution of the longest run of misses under a constant probability.
     #[test]
     fn silences_are_those_of_runs_of_misses() {
         let messages = 51;
@@ -173,8 +174,9 @@ mod tests {
         let log_odds = (p / (1.0 - p)).ln();
         let nodes: Vec<usize> = (0..messages).collect();
         let found = Silences::new(&drawn(&vec![log_odds; messages], &nodes), &asked, &route, &sendings, 1);
-        // P(no run of more than k misses), message by message: by how many were missed since the last that got through. A run of k at
-        // the rim makes a gap of k intervals, one within k + 1.
+        // P(no run of more than k misses), by recursion over the messages. The state is the number of misses since the
+        // last reception. A run of k misses makes a gap of k intervals at either end of the track, and of k + 1 within
+        // it.
         let shorter = |gap: usize| {
             let mut since = vec![0.0; gap + 1];
             (since[0], since[1.min(gap)]) = (p, if gap >= 1 { 1.0 - p } else { 0.0 });
@@ -192,7 +194,7 @@ mod tests {
                 }
                 since = next;
             }
-            // At the end of the track what was missed counts to the last message, which is the end itself.
+            // Misses at the end of the track count up to the last message, which is the end itself.
             since.iter().sum::<f64>()
         };
         let quantile = |share: f64| (0..messages).find(|&gap| shorter(gap) >= share).unwrap() as f64 * 10.0;

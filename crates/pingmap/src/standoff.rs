@@ -1,35 +1,36 @@
-//! How far one may go in each direction.
+//! The range up to which messages get through, for each direction.
 
 use pingmap_agent::{Agent, Position};
 
 use crate::success_map::{Asked, Cell, predicted};
 
-/// How far one may go on one bearing.
+/// The range with sufficient probability on one bearing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
-    /// Clockwise from the north of the log.
+    /// Clockwise from the north of the log, in degrees.
     pub bearing_deg: f64,
-    /// Up to here the probability is at least what is wanted; the farthest that was looked at where it stays so.
+    /// The probability is sufficient up to this range. At most the largest range that was tested.
     pub range_m: f64,
-    /// Up to here the lower end of its interval is, too.
+    /// The lower end of the probability's interval is sufficient up to this range.
     pub range_lower_m: f64,
 }
 
-/// Bearings that are looked at.
+/// Number of bearings.
 pub const BEARINGS: usize = 72;
 
-/// Ranges that are looked at on each.
+/// Number of ranges on each bearing.
 const STEPS: usize = 150;
 
 impl Ray {
-    /// The place on this bearing so far from another.
+    /// Returns the position on this bearing at this range.
     pub fn place(&self, from: Position, range_m: f64) -> (f64, f64) {
         let (sin, cos) = self.bearing_deg.to_radians().sin_cos();
         (from.east_m + range_m * sin, from.north_m + range_m * cos)
     }
 }
 
-/// Rays from the first of the places that are asked about: all that lies nearer on them is as probable as wanted. O(bearings · n²).
+/// Returns the rays from the first queried place. On each ray the probability is sufficient at all nearer ranges.
+/// O(bearings · n²) for n events.
 pub fn standoff(agent: &mut Agent, asked: &Asked, (probability, range_max_m): (f64, f64)) -> anyhow::Result<Vec<Ray>> {
     let step_m = range_max_m / STEPS as f64;
     let from = asked.at[0];
@@ -52,7 +53,7 @@ pub fn standoff(agent: &mut Agent, asked: &Asked, (probability, range_max_m): (f
     Ok(rays)
 }
 
-/// Where values first fall below a level, in steps; between two of them as a straight line has it.
+/// Returns the first crossing below a level, in steps; linearly interpolated.
 fn first_below(values: &[f64], level: f64) -> f64 {
     match values.iter().position(|&value| value < level) {
         None => (values.len() - 1) as f64,

@@ -10,44 +10,44 @@ use crate::area::Area;
 use crate::names::{Join, Seen};
 use crate::output::BadInput;
 
-/// Probabilities whose contours are drawn if nobody says otherwise.
+/// Default levels of the contours.
 pub const LEVELS: [f64; 2] = [0.5, 0.9];
 
-/// A cell is little known where what was observed took away less than this share of the variance of its log-odds.
+/// The map hatches a cell if the data explain less than this share of the variance of its log-odds.
 pub const LITTLE_KNOWN: f64 = 1.0 / 3.0;
 
-/// Functions drawn to see how much what is not known of several links has in common.
+/// Functions drawn to estimate the correlation between links.
 const DRAWS: usize = 256;
 
 /// Seed of these draws.
 const SEED: u64 = 1;
 
-/// What is asked of a map.
+/// The queries of a map.
 pub struct Asked<'a> {
-    /// The places it is seen from.
+    /// Positions that the map is seen from.
     pub at: &'a [Position],
     pub seen: Seen,
-    /// Whether all of several places count, or any.
+    /// Whether all of several positions are needed, or any.
     pub join: Join,
     /// Depth of the cells.
     pub depth_m: Option<f64>,
-    /// The attempt over a link that is asked about.
+    /// Returns the query for a link.
     pub attempt: &'a dyn Fn(Link) -> LinkQuery,
 }
 
-/// What is predicted of a cell.
+/// Prediction for a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
     pub probability: f64,
-    /// Where the probability lies: nine in ten do.
+    /// Ends of the 90 % interval of the probability.
     pub lower: f64,
     pub upper: f64,
-    /// Share of the variance of the log-odds that what was observed took away.
+    /// Share of the variance of the log-odds that the data explain.
     pub explained: f64,
 }
 
 impl Cell {
-    /// Width of its interval.
+    /// Returns the width of the interval.
     pub fn width(&self) -> f64 {
         self.upper - self.lower
     }
@@ -60,17 +60,17 @@ pub struct Side {
 }
 
 impl Side {
-    /// One number of every cell.
+    /// Returns one number of every cell.
     pub fn values(&self, of: impl Fn(&Cell) -> f64) -> Vec<f64> {
         self.cells.iter().map(of).collect()
     }
 
-    /// Share of the area for which something holds.
+    /// Returns the share of the cells that satisfy a predicate.
     pub fn share(&self, holds: impl Fn(&Cell) -> bool) -> f64 {
         self.cells.iter().filter(|cell| holds(cell)).count() as f64 / self.cells.len() as f64
     }
 
-    /// Median width of the intervals.
+    /// Returns the median width of the intervals.
     pub fn interval_width(&self) -> f64 {
         let mut widths = self.values(Cell::width);
         widths.sort_by(f64::total_cmp);
@@ -78,17 +78,17 @@ impl Side {
     }
 }
 
-/// Probability of success between some places and every cell of an area.
+/// Probabilities of success between some positions and every cell of an area.
 pub struct SuccessMap {
     pub area: Area,
     pub at: Vec<Position>,
     pub join: Join,
-    /// One, or both directions.
+    /// One side, or two for both directions.
     pub sides: Vec<Side>,
 }
 
 impl SuccessMap {
-    /// Predicts every cell. O(cells · places · n²).
+    /// Predicts every cell. O(cells · positions · n²) for n events.
     pub fn new(agent: &mut Agent, area: Area, asked: &Asked) -> anyhow::Result<Self> {
         if asked.at.is_empty() {
             return Err(BadInput("expected a place that the map is seen from".into()).into());
@@ -113,14 +113,14 @@ impl SuccessMap {
     }
 }
 
-/// What is predicted of some places.
+/// Predicts links between the queried positions and each of `middles`.
 pub fn predicted(agent: &mut Agent, asked: &Asked, seen: Seen, middles: &[Position]) -> anyhow::Result<Vec<Cell>> {
     let of_places = asked.at.iter().map(|&at| from_one(agent, asked, (seen, at), middles));
     let of_places = of_places.collect::<anyhow::Result<Vec<_>>>()?;
     all_joined(agent, asked.join, &of_places)
 }
 
-/// What is predicted of several places together, from what is predicted of each of them.
+/// Combines the predictions for several positions into one prediction per cell.
 pub fn all_joined(agent: &mut Agent, join: Join, of_places: &[Vec<(Cell, LinkQuery)>]) -> anyhow::Result<Vec<Cell>> {
     if let [one] = of_places {
         return Ok(one.iter().map(|(cell, _)| *cell).collect());
@@ -134,7 +134,7 @@ pub fn all_joined(agent: &mut Agent, join: Join, of_places: &[Vec<(Cell, LinkQue
     (0..of_places[0].len()).map(cell).collect()
 }
 
-/// The same from one place, and of which attempt it is.
+/// Predicts links between one position and each of `middles`. Also returns the query of each prediction.
 pub fn from_one(
     agent: &mut Agent,
     asked: &Asked,
@@ -159,7 +159,7 @@ pub fn from_one(
             let (from, to) = (attempts(&from)?, attempts(&to)?);
             let worst = |(a, b): ((Cell, LinkQuery), (Cell, LinkQuery))| {
                 let (less, more) = if a.0.probability <= b.0.probability { (a, b) } else { (b, a) };
-                // The least of two is no more probable than either may be.
+                // The smaller of two probabilities is at most as large as either.
                 let (lower, upper) = (less.0.lower.min(more.0.lower), less.0.upper.min(more.0.upper));
                 let explained = less.0.explained.min(more.0.explained);
                 (Cell { lower, upper, explained, ..less.0 }, less.1)
@@ -169,7 +169,7 @@ pub fn from_one(
     })
 }
 
-/// Standard normal numbers, the same for every cell, so that a map is as smooth as what it shows.
+/// Returns standard normal numbers. They are equal for every cell, so that draws add no noise to the map.
 pub fn normals(places: usize) -> Matrix {
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
     let half = Matrix::from_fn(places, DRAWS / 2, |_, _| StandardNormal.sample(&mut random));
@@ -179,10 +179,10 @@ pub fn normals(places: usize) -> Matrix {
     })
 }
 
-/// All, or any, of several attempts. What is not known of them has much in common, so that they get through together more often than a
-/// product of their probabilities says: by how much more is seen from functions drawn from the posterior.
+/// Combines several attempts: all succeed, or any succeeds. Uncertainty that links share makes joint success more
+/// probable than the product of the probabilities. The ratio is estimated from functions drawn from the posterior.
 fn joined(join: Join, cells: &[Cell], draws: &Matrix) -> Cell {
-    // Any of them is not all failing.
+    // At least one attempt succeeds if not all of them fail.
     let of = |p: f64| if join == Join::All { p } else { 1.0 - p };
     let back = of;
     let columns = draws.columns() as f64;
@@ -196,7 +196,7 @@ fn joined(join: Join, cells: &[Cell], draws: &Matrix) -> Cell {
     let least = cells.iter().map(|cell| of(cell.probability)).fold(1.0, f64::min);
     let common = if apart > 0.0 { (together / columns / apart).max(1.0) } else { 1.0 };
     let probability = back((product(|cell| cell.probability) * common).min(least));
-    // Nothing is more probable than each of all, nor less than each of any.
+    // The probability of all is at most the smallest. The probability of any is at least the largest.
     let bounds = cells
         .iter()
         .fold((1.0_f64, 1.0_f64), |(lower, upper), cell| (lower.min(of(cell.lower)), upper.min(of(cell.upper))));
@@ -220,14 +220,14 @@ mod tests {
         Cell { probability, lower: probability / 2.0, upper: (1.0 + probability) / 2.0, explained: 0.5 }
     }
 
-    /// Log-odds of two attempts: normal about nought, the same of both or each of its own.
+    /// Log-odds of two attempts, normal about 0; equal or independent.
     fn draws(alike: bool) -> Matrix {
         let normals = normals(2);
         Matrix::from_fn(2, DRAWS, |place, draw| 3.0 * normals.column(draw)[if alike { 0 } else { place }])
     }
 
     #[test]
-    fn what_is_known_of_each_alone_multiplies() {
+    fn probabilities_multiply_without_uncertainty() {
         let certain = Matrix::from_fn(2, DRAWS, |_, _| 0.0);
         let all = joined(Join::All, &[cell(0.6), cell(0.5)], &certain);
         assert!((all.probability - 0.3).abs() < 1e-12 && all.lower <= 0.3 && (0.3..=0.75).contains(&all.upper));
@@ -235,9 +235,9 @@ mod tests {
         assert!((any.probability - 0.8).abs() < 1e-12 && any.lower <= 0.8 && any.upper >= 0.8, "{any:?}");
     }
 
-    /// E[σ(f)²] for f = 3z by a fine sum, against the independent product E[σ(f)]² = 1/4.
+    /// Compares E[σ(f)²] for f = 3z by numerical integration with the independent product E[σ(f)]² = 1/4.
     #[test]
-    fn what_is_not_known_of_two_has_something_in_common() {
+    fn shared_uncertainty_makes_joint_success_more_probable() {
         let step = 0.01;
         let density = |z: f64| (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
         let square = |z: f64| success_probability(3.0 * z, 0.0).powi(2) * density(z) * step;

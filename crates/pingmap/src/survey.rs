@@ -1,4 +1,4 @@
-//! A log, and what one vehicle that owned all of it would know.
+//! The model and posterior that are learned from all events of a log.
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -11,10 +11,10 @@ use crate::model::{Known, MadeOf, read_model};
 use crate::options::{Asked, Source};
 use crate::output::{note, spinner, warn};
 
-/// A log as a command reads it.
+/// An event log that was read for a command.
 pub struct Opened {
     log: EventLog,
-    /// Of all of it, whatever part is used.
+    /// Digest of the whole log, including events that are not used.
     digest: String,
 }
 
@@ -26,17 +26,17 @@ impl Deref for Opened {
     }
 }
 
-/// A log and what was learned from all of it.
+/// An event log, and the model and posterior learned from it.
 pub struct Survey {
     pub log: EventLog,
     digest: String,
     pub known: Known,
-    /// One vehicle that owns all of it.
+    /// An agent that recorded all events.
     pub agent: Agent,
 }
 
 impl Survey {
-    /// Reads a log, and keeps one vehicle's events if asked to.
+    /// Reads a log, and keeps only one vehicle's events if requested.
     pub fn open(source: &Source) -> anyhow::Result<Opened> {
         let Source { logs, vehicle, work, .. } = source;
         let mut log = logs.open()?;
@@ -57,7 +57,7 @@ impl Survey {
         Ok(Opened { log: thinned(log, Vec::new(), work.events_max, work.seed).0, digest })
     }
 
-    /// Learns from a log that [`Survey::open`] read.
+    /// Learns from a log that [`Survey::open`] returned.
     pub fn learn(Opened { log, digest }: Opened, source: &Source) -> anyhow::Result<Self> {
         let Source { model, work, .. } = source;
         let known = Known::new(model, &log, work.limits())?;
@@ -71,25 +71,25 @@ impl Survey {
         Ok(Self { log, digest, known, agent })
     }
 
-    /// The same, without a cap beyond the longest link of the log if that is requested.
+    /// Sets whether predictions beyond the longest observed link are capped.
     pub fn capped(mut self, asked: &Asked) -> Self {
         let allow_extrapolated_increase = asked.no_range_cap;
         self.agent.set_options(AgentOptions { allow_extrapolated_increase, ..*self.agent.options() });
         self
     }
 
-    /// What all that follows from it was made of.
+    /// Returns the digests of the log and the model.
     pub fn made_of(&self) -> MadeOf {
         MadeOf { log_digest: self.digest.clone(), model_digest: Some(self.model().digest()) }
     }
 
-    /// The model.
+    /// Returns the model.
     pub fn model(&self) -> &Model {
         &self.known.model
     }
 }
 
-/// One vehicle that owns all of these events, after it learned from them.
+/// Returns an agent that recorded all events and learned from them.
 pub fn all_in_one(
     model: &Model,
     events: impl IntoIterator<Item = Event>,
@@ -103,7 +103,7 @@ pub fn all_in_one(
     agent.rebuild().map(|()| agent)
 }
 
-/// Warns of a fit that is not what it should be.
+/// Warns if the fit did not converge.
 fn warn_of_quality(quality: &FitQuality) {
     if !quality.converged {
         warn(format_args!("the fit stopped before its fixed point: tilts still change by {:.1e}", quality.change));

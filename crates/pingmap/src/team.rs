@@ -1,4 +1,4 @@
-//! Team files, and the files that they name.
+//! Opens team files and the files that they name.
 
 use std::fmt::Display;
 use std::path::Path;
@@ -11,8 +11,8 @@ use pingmap_trial::EventLog;
 use crate::model::{fitting, log_digests, read_model};
 use crate::output::{BadInput, count, read_text, warn};
 
-/// Reads a team file for the use of a log: its model must be for such a chart, and who is not a member only listens. Also
-/// returns the digests of what its model was learned from.
+/// Opens a team file for use with a log. The model must suit the log's chart. Vehicles that are not members only
+/// listen. Also returns the digests of the logs from which the model was learned.
 pub fn open_team(path: &Path, log: &EventLog) -> anyhow::Result<(Team, Vec<String>)> {
     let (mut team, digests) = read_with_digests(path)?;
     team.model = fitting(team.model, path, log)?;
@@ -21,17 +21,20 @@ pub fn open_team(path: &Path, log: &EventLog) -> anyhow::Result<(Team, Vec<Strin
     let beyond = log.events.iter().filter(|event| team.grid.time_cell(event.time_s) == 0).count();
     if beyond > 0 && columns().any(|&column| column == team.model.inputs.time()) {
         let events = count(beyond, "event");
-        warn(format_args!("{}: {events} beyond the time of its grid; they are encoded without a time", path.display()));
+        warn(format_args!(
+            "{}: {events} outside the team's time grid; they are encoded without a time",
+            path.display()
+        ));
     }
     let strangers = log.vehicles().into_iter().filter(|id| team.number(id).is_none());
     let strangers: Vec<String> = strangers.map(|id| id.to_string()).collect();
     if !strangers.is_empty() {
-        warn(format_args!("{}: not members, and only listening: {}", path.display(), strangers.join(", ")));
+        warn(format_args!("{}: not members, so they only listen: {}", path.display(), strangers.join(", ")));
     }
     Ok((team, digests))
 }
 
-/// Reads a team file, and the model and key beside it.
+/// Reads a team file, and the model and key files that it names.
 pub fn read_team(path: &Path) -> anyhow::Result<Team> {
     Ok(read_with_digests(path)?.0)
 }
@@ -46,7 +49,7 @@ fn read_with_digests(path: &Path) -> anyhow::Result<(Team, Vec<String>)> {
     Ok((file.team(model.model, key).map_err(|error| bad(&error))?, digests))
 }
 
-/// Reads a team's key, and warns if others can do so too.
+/// Reads a team's key, and warns if other users can read it.
 pub fn open_key(path: &Path) -> anyhow::Result<Key> {
     if is_readable_by_others(path) {
         warn(format_args!("{}: others on this machine can read the key (chmod 600 changes that)", path.display()));

@@ -1,4 +1,4 @@
-//! Where everybody was: the area of a log, and its tracks as lines to be drawn.
+//! The extent of positions, and the tracks of vehicles as lines of a figure.
 
 use std::collections::BTreeMap;
 
@@ -7,8 +7,8 @@ use pingmap_agent::{Event, Link, VehicleId};
 use crate::contour::Point;
 use crate::figure::{Mark, Series, Style};
 
-/// The area of some places, with a margin of a twentieth and at least 50 m; never narrower than half its length,
-/// so that a straight survey line still makes a picture.
+/// Returns the extent of positions with a margin of a twentieth, at least 50 m. The shorter side is at least half the
+/// longer one, so that a straight survey line makes a usable figure.
 pub fn widened(places: impl Iterator<Item = Point>) -> (Point, Point) {
     let (mut east, mut north) = ((f64::MAX, f64::MIN), (f64::MAX, f64::MIN));
     for place in places {
@@ -23,7 +23,8 @@ pub fn widened(places: impl Iterator<Item = Point>) -> (Point, Point) {
     (widen(east), widen(north))
 }
 
-/// Everybody's positions in time, transmitting or receiving; who stays in place has one.
+/// Returns the positions of each vehicle in order of time. Successive equal positions are merged, so a stationary
+/// vehicle has one position.
 pub fn tracks(events: &[Event]) -> BTreeMap<&VehicleId, Vec<Point>> {
     let mut in_time: Vec<&Event> = events.iter().collect();
     in_time.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -46,14 +47,14 @@ const COLORS: [&str; 4] = ["#d7301f", "#1b9e77", "#984ea3", "#ff7f00"];
 const DASHES: [&[f64]; 4] = [&[], &[8.0, 4.0], &[2.0, 3.0], &[10.0, 3.0, 2.0, 3.0]];
 const MARKS: [Mark; 4] = [Mark::Square, Mark::Triangle, Mark::Diamond, Mark::Dot];
 
-/// The style of the n-th vehicle: of the first sixteen no two share colour and marker, nor colour and dashes.
+/// Returns the style of the n-th vehicle. Of the first sixteen, no two share colour and marker, nor colour and dashes.
 pub fn style(n: usize) -> Style<'static> {
     let round = n / COLORS.len();
     let pick = |shift: usize| (n + shift) % COLORS.len();
     Style { color: COLORS[pick(0)], width: 1.6, dash: DASHES[pick(2 * round + round / 2)], mark: MARKS[pick(round)] }
 }
 
-/// Tracks ready to be drawn.
+/// Returns the tracks as series of a figure.
 pub fn tracks_as_series<'a>(tracks: &'a BTreeMap<&VehicleId, Vec<Point>>) -> Vec<Series<'a>> {
     let series = tracks.iter().enumerate();
     series.map(|(n, (id, points))| Series { name: id.as_str(), points, style: style(n) }).collect()

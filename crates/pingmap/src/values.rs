@@ -1,9 +1,9 @@
-//! Values of options that are numbers, times or places, within bounds.
+//! Parsers of option values: numbers, times and places within bounds.
 
 use pingmap_agent::{Bounds, Fading, ReferenceSystem, bounds};
 use pingmap_import::{Place, Reference};
 
-/// A time that is asked about.
+/// The time of a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Moment {
     End,
@@ -28,7 +28,7 @@ impl Moment {
     }
 }
 
-/// A whole number within bounds.
+/// Parses a whole number within bounds.
 fn count(text: &str, bounds: Bounds) -> Result<usize, String> {
     text.parse().ok().and_then(|number| bounds.check_count(number)).ok_or_else(|| format!("expected {bounds}"))
 }
@@ -57,17 +57,17 @@ pub fn frame_bytes(text: &str) -> Result<usize, String> {
     count(text, bounds::FRAME_BYTES)
 }
 
-/// Bytes that a message of a host's has left over.
+/// Bytes left over in a message of the host.
 pub fn piggyback_bytes(text: &str) -> Result<usize, String> {
     count(text, bounds::PIGGYBACK_BYTES)
 }
 
-/// What bounds it has is for others to say.
+/// Parses a whole number. The caller checks its bounds.
 pub fn whole_number(text: &str) -> Result<usize, String> {
     text.parse().map_err(|_| "expected a whole number, not negative".to_owned())
 }
 
-/// A number within bounds.
+/// Parses a number within bounds.
 fn number(text: &str, bounds: Bounds) -> Result<f64, String> {
     text.parse().ok().and_then(|number| bounds.check(number)).ok_or_else(|| format!("expected {bounds}"))
 }
@@ -80,7 +80,7 @@ pub fn positive(text: &str) -> Result<f64, String> {
     number(text, bounds::POSITIVE)
 }
 
-/// Millimetres on paper: from half a column to a poster.
+/// Width of print in millimetres.
 pub fn print_width(text: &str) -> Result<f64, String> {
     let width = text.parse().ok().filter(|width: &f64| (30.0..=1200.0).contains(width));
     width.ok_or_else(|| "expected a number from 30 to 1200".to_owned())
@@ -121,10 +121,10 @@ pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
         .map(|part| part.trim().parse::<f64>().ok().and_then(|x| bounds::COORDINATE_M.check(x)))
         .collect();
     let numbers = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
-    numbers.ok_or_else(|| format!("expected {N} numbers, at most 1e9 from zero, with commas between them"))
+    numbers.ok_or_else(|| format!("expected {N} numbers, each at most 1e9 in magnitude, separated by commas"))
 }
 
-/// The place of (0, 0).
+/// Parses the latitude and longitude of (0, 0).
 pub fn origin(text: &str) -> Result<ReferenceSystem, String> {
     let found = text.parse().ok().filter(|system| matches!(system, ReferenceSystem::About(_)));
     found.ok_or_else(|| {
@@ -133,13 +133,13 @@ pub fn origin(text: &str) -> Result<ReferenceSystem, String> {
     })
 }
 
-/// A reference system by its number.
+/// Parses a reference system by its number.
 pub fn crs(text: &str) -> Result<ReferenceSystem, String> {
     let reference = Reference::epsg(text).map_err(|error| error.to_string())?;
     Ok(reference.system())
 }
 
-/// A place in metres or degrees, and a depth if one is given.
+/// Parses a place in metres or degrees, with an optional depth.
 pub fn place(text: &str) -> Result<(Place, Option<f64>), String> {
     let expected =
         || "expected EAST,NORTH in metres, or degrees such as 41.52N,70.67W, and perhaps a depth in metres".to_owned();
@@ -150,7 +150,7 @@ pub fn place(text: &str) -> Result<(Place, Option<f64>), String> {
     Ok((format!("{a},{b}").parse().map_err(|_| expected())?, depth_m))
 }
 
-/// Two opposite corners of an area.
+/// Parses two opposite corners of an area.
 pub fn corners(text: &str) -> Result<(Place, Place), String> {
     let expected = || "expected two opposite corners, such as 0,0,1500,900 or 41.5N,70.7W,41.6N,70.6W".to_owned();
     let parts: Vec<&str> = text.split(',').collect();
@@ -166,7 +166,7 @@ pub fn quadruple(text: &str) -> Result<[f64; 4], String> {
     numbers(text)
 }
 
-/// How outcomes at one place fade: correlation, seconds, metres a second, or `none`.
+/// Parses fading: correlation, seconds, metres a second; or `none`.
 pub fn fading(text: &str) -> Result<Fading, String> {
     if text == "none" {
         return Ok(Fading::NONE);

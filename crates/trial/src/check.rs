@@ -266,8 +266,8 @@ fn silences(log: &EventLog) -> Vec<Finding> {
     for id in log.vehicles() {
         let mut own: Vec<&Event> = log.events.iter().filter(|event| event.receiver_id == id).collect();
         own.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        // If another receiver heard a message, the silent receiver was deaf, not the water opaque. Without other
-        // receivers of its senders, a silence must be much less probable to be reported.
+        // If another receiver heard a message, the receiver caused the silence, not the water. Without other receivers
+        // of its senders, a silence must be much less probable to be reported.
         let senders: HashSet<&VehicleId> = own.iter().map(|event| &event.transmitter_id).collect();
         let is_witness = |event: &Event| event.receiver_id != id && senders.contains(&event.transmitter_id);
         let has_witnesses = log.events.iter().any(is_witness);

@@ -254,8 +254,8 @@ impl Mission {
         listener.links_of_packets()
     }
 
-    /// Returns the traffic of the first `frames` packets, and its effect on `team`, which [`Mission::after_sharing`]
-    /// returned.
+    /// Returns the traffic of the first `frames` packets. The share of received events is that of `team`, the result of
+    /// [`Mission::after_sharing`].
     pub fn traffic(&self, frames: usize, team: &[Agent]) -> Traffic {
         let vehicles = self.packets.len().max(1) as f64;
         let reports = self.sent(frames).flatten().filter(|packet| ReportLayout::of(packet).is_some()).count();

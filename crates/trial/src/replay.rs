@@ -75,7 +75,7 @@ pub struct Calibrated {
     /// One vehicle with all raw events.
     pub centralised: Calibration,
     /// Latent variance of the team divided by that with all raw events, for every held-out event and vehicle, in
-    /// ascending order. A ratio below 1 shows that the team counts data more than once.
+    /// ascending order. Below 1 the team is more certain than if it counted each event once.
     pub variance_ratios: Vec<f64>,
 }
 

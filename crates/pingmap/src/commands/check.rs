@@ -1,4 +1,4 @@
-//! `pingmap check`: whether a log can be trusted.
+//! `pingmap check`: finds problems in event logs.
 
 use clap::Args;
 use pingmap_trial::{EventLog, Finding, PairCount, RangeBin};
@@ -8,16 +8,16 @@ use serde::Serialize;
 use crate::log::Logs;
 use crate::output::{BadInput, Results, count, print, print_json, table};
 
-/// Bins of the table over range.
+/// Number of range bins in the table.
 const BINS: usize = 8;
 
-/// Look at event logs: who was heard by whom, share heard over range, and all that is odd
+/// Check event logs: counts for each pair of vehicles, share heard over range, and suspicious content
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap check log.csv --strict")]
 pub struct Options {
     #[command(flatten)]
     pub logs: Logs,
-    /// Exit status 2 where anything is odd
+    /// Exit with status 2 if anything is suspicious
     #[arg(long)]
     pub strict: bool,
     /// Print one JSON object instead of tables
@@ -63,7 +63,7 @@ fn text(log: &EventLog, findings: &[Finding]) -> String {
     let bins: Vec<Vec<String>> = log.over_range(BINS).iter().map(bin).collect();
     let line = |finding: &Finding| format!("{} {}\n", if finding.is_nonsense { "!!" } else { "! " }, finding.text);
     let found = match findings {
-        [] => "Nothing odd.".to_owned(),
+        [] => "Nothing suspicious.".to_owned(),
         _ => findings.iter().map(line).collect(),
     };
     format!(
@@ -74,44 +74,44 @@ fn text(log: &EventLog, findings: &[Finding]) -> String {
     )
 }
 
-/// What was found, for programs.
+/// Result of the checks in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct CheckedJson {
     /// Version of this object.
     schema: u32,
-    /// Events of all logs together.
+    /// Number of events of all logs.
     events: usize,
-    /// By which the events are known again, whatever the file and the order of its lines.
+    /// Digest of the events. It does not depend on the file or the order of lines.
     log_digest: String,
-    /// From whom to whom, by name.
+    /// Counts for each transmitter and receiver, ordered by name.
     pairs: Vec<PairJson>,
-    /// By range, from near to far, in bins of about as many events.
+    /// Counts over range, from near to far, in bins of about equal numbers of events.
     over_range: Vec<BinJson>,
-    /// What is odd.
+    /// Suspicious content.
     findings: Vec<FindingJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct PairJson {
-    /// Who sent.
+    /// Name of the transmitter.
     transmitter: String,
-    /// Who was to hear it.
+    /// Name of the receiver.
     receiver: String,
-    /// Events that were heard.
+    /// Number of events that were heard.
     heard: usize,
-    /// Events that were missed.
+    /// Number of events that were missed.
     missed: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct BinJson {
-    /// The nearest range of the bin.
+    /// Smallest range of the bin in metres.
     from_m: f64,
-    /// The farthest one.
+    /// Largest range of the bin in metres.
     to_m: f64,
-    /// Events of these ranges.
+    /// Number of events in the bin.
     events: usize,
-    /// Those of them that were heard.
+    /// Number of these events that were heard.
     heard: usize,
 }
 
@@ -119,9 +119,9 @@ pub struct BinJson {
 pub struct FindingJson {
     /// Name of the check, as in the documentation.
     check: &'static str,
-    /// Whether a map of this log would be nonsense: such logs are refused.
+    /// Whether a map of this log would be meaningless. Such logs are refused.
     is_nonsense: bool,
-    /// What was found, for people.
+    /// The finding as a sentence.
     text: String,
 }
 

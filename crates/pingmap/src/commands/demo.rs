@@ -1,4 +1,4 @@
-//! `pingmap demo`: a replay of the field trial that is built in.
+//! `pingmap demo`: replays the built-in field trial.
 
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ const TRIAL: &str = "bay3";
 
 const SEED: u64 = 1;
 
-/// Replay a field trial that comes with pingmap, print the scores and write a report with maps
+/// Replay a built-in field trial, print the scores and write a report with maps
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap demo --out report")]
 pub struct Options {
@@ -28,7 +28,7 @@ pub struct Options {
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
-    /// Worker threads; 0 takes one per core. Results do not depend on it
+    /// Worker threads; 0 uses one per core. Results do not depend on it
     #[arg(long, default_value_t = 0, value_parser = threads)]
     pub threads: usize,
 }
@@ -44,7 +44,7 @@ impl Options {
         note(
             "Three underwater vehicles record which of each other's messages they hear. Each learns from the events it",
         );
-        note("received, sends a few packets that sum them up, and predicts events that nobody learned from.\n");
+        note("received, sends a few packets that summarise them, and predicts held-out events.\n");
         let plan = Plan { calibration: true, ..Plan::new(Learning::default(), SEED) };
         let splits = Division::random(3, 0.35).splits(&log, SEED)?;
         let whole = WholeLog::of(&log, format!("{TRIAL}, built in"));

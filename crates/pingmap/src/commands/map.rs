@@ -1,4 +1,4 @@
-//! `pingmap map`: the probability of success seen from a place, or from several.
+//! `pingmap map`: maps the probability of success between one or several positions and every cell of an area.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ use crate::success_map::{Asked, LEVELS, LITTLE_KNOWN, Side, SuccessMap};
 use crate::survey::Survey;
 use crate::values::{corners, not_negative, open_share, place, positive, print_width};
 
-/// Draw the probability of success seen from a place, or from several
+/// Draw the probability of success seen from one position, or from several
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  pingmap map log.csv --at 700,510 -o map.png\n  pingmap map log.csv --at 41.52N,70.67W --as worst --layers probability,width -o map.svg\n  pingmap map log.csv --at 0,0 --at 800,0 --join all --model model.toml -o both.tif"
@@ -35,32 +35,33 @@ pub struct Options {
     pub drawing: Drawing,
     #[command(flatten)]
     pub source: Source,
-    /// File for the map; its ending says what it is: .png, .svg, .pdf, .csv (the grid), .geojson, .kml (areas, contours and tracks) or .tif
-    /// (GeoTIFF, a band for each number). The grid goes to standard output for -
+    /// File for the map; its extension selects the format: .png, .svg, .pdf, .csv (the grid), .geojson, .kml (areas,
+    /// contours and tracks) or .tif (GeoTIFF, a band for each number). For - the grid goes to standard output
     #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "map.png")]
     pub output: PathBuf,
-    /// Print what was drawn as one JSON object
+    /// Print a description of the map as one JSON object
     #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 
-/// What is looked at.
+/// The view that a map shows.
 #[derive(Args)]
 #[command(next_help_heading = "View")]
 pub struct View {
-    /// A place the map is seen from: metres of the log, or degrees such as 41.52N,70.67W, and perhaps a depth. Several: seen from all
+    /// Position that the map is seen from: metres of the log, or degrees such as 41.52N,70.67W, with an optional depth.
+    /// Repeat the option for several positions
     #[arg(long, value_name = "PLACE", value_parser = place, allow_hyphen_values = true, required = true)]
     pub at: Vec<(Place, Option<f64>)>,
-    /// Whether that place transmits, receives, or does both: as two maps, or as one of the worse direction
+    /// Whether that position transmits, receives, or does both: as two maps, or as one map of the worse direction
     #[arg(long = "as", value_enum, default_value_t = Seen::Tx)]
     pub seen: Seen,
-    /// Of several places: whether all of them count at once, or any
+    /// Whether all of several positions are needed, or any
     #[arg(long, value_enum, default_value_t = Join::All)]
     pub join: Join,
-    /// Two opposite corners of the area, as places; that of the log if not given
+    /// Two opposite corners of the area; the area of the log if not given
     #[arg(long, value_name = "CORNER,CORNER", value_parser = corners, allow_hyphen_values = true)]
     pub bounds: Option<(Place, Place)>,
-    /// Depth of what is elsewhere on the map, where the log has depths; their mean if not given
+    /// Depth of the cells, if the log has depths; the mean depth of the log if not given
     #[arg(long, value_name = "METRES", value_parser = not_negative, allow_negative_numbers = true)]
     pub depth: Option<f64>,
     /// Width of a grid cell; the longer side has 120 cells if not given
@@ -68,23 +69,24 @@ pub struct View {
     pub cell_m: Option<f64>,
 }
 
-/// How it is drawn.
+/// Options of the drawing.
 #[derive(Args)]
 #[command(next_help_heading = "Drawing")]
 pub struct Drawing {
-    /// Probabilities whose contours are drawn, rising
+    /// Levels of the contours, rising
     #[arg(long, value_name = "P,…", value_delimiter = ',', value_parser = open_share, default_values_t = LEVELS)]
     pub levels: Vec<f64>,
-    /// What the colours of a picture say, one below the other
+    /// Quantities that the colours show, one picture for each, stacked
     #[arg(long, value_enum, value_delimiter = ',', default_value = "probability")]
     pub layers: Vec<Layer>,
-    /// Draw where messages were heard and missed
+    /// Draw the events of the log, heard and missed
     #[arg(long)]
     pub with_events: bool,
-    /// What stands above the picture
+    /// Title above the picture
     #[arg(long, value_name = "TEXT")]
     pub title: Option<String>,
-    /// How wide the picture is to be in print, with letters of 9 points where there is room; PNG then have 300 dots an inch
+    /// Width of the picture in print, with letters of 9 points where there is room; PNG files then have 300 dots per
+    /// inch
     #[arg(long, value_name = "MM", value_parser = print_width, allow_negative_numbers = true)]
     pub width_mm: Option<f64>,
 }
@@ -108,7 +110,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let reference = reference(log.reference)?;
     if format.is_on_earth() && !log.reference.is_known() {
         let message = format!(
-            "{}: nobody said where the log's metres are; expected --origin LAT,LON, the place of (0, 0), or --crs EPSG:CODE",
+            "{}: the log has no reference system; expected --origin LAT,LON, the position of (0, 0), or --crs EPSG:CODE",
             options.output.display()
         );
         return Err(BadInput(message).into());
@@ -170,7 +172,7 @@ fn bytes(
     }
 }
 
-/// What was drawn.
+/// Description of a map in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct MapJson<'a> {
     /// Version of this object.
@@ -179,61 +181,64 @@ pub struct MapJson<'a> {
     made_of: MadeOf,
     /// The file that was written.
     file: &'a Path,
-    /// The first place it is seen from, in metres of the log.
+    /// The first position that the map is seen from, in metres of the log.
     at: [f64; 2],
-    /// All of them.
+    /// All positions that the map is seen from.
     places: Vec<PlaceJson>,
-    /// Who sends: `tx` the place asked about, `rx` the others, `both` each in turn, `worst` whichever direction is worse.
+    /// Role of these positions: `tx` transmits, `rx` receives, `both` both roles on two maps, `worst` the less probable
+    /// direction.
     #[serde(rename = "as")]
     seen: String,
-    /// Of several places: whether `all` of them are to hear, or `any`.
+    /// Combination of several positions: `all` of them are needed, or `any`.
     join: String,
-    /// What metres mean; `unknown` where nobody said so.
+    /// Reference system of the metres; `unknown` if the log does not name it.
     reference_system: String,
-    /// How many events the answer rests on.
+    /// Number of events from which the map was learned.
     events_used: usize,
-    /// The kernel that all was computed with.
+    /// Kernel of the model.
     kernel: KernelJson,
-    /// Cells from west to east.
+    /// Number of columns, from west to east.
     columns: usize,
-    /// Cells from south to north.
+    /// Number of rows, from south to north.
     rows: usize,
-    /// Side of a cell.
+    /// Side of a cell in metres.
     cell_m: f64,
-    /// Where it begins and ends, west to east.
+    /// Western and eastern edge of the map in metres.
     east_m: [f64; 2],
-    /// Where it begins and ends, south to north.
+    /// Southern and northern edge of the map in metres.
     north_m: [f64; 2],
-    /// Of the first side, as what follows.
+    /// Share of the area above each level, for the first side. `interval_width` and `share_little_known` are also for the
+    /// first side.
     share_above: Vec<ShareAbove>,
-    /// Median width over the map of the intervals that hold nine in ten of the probabilities.
+    /// Median width of the cells' 90 % intervals.
     interval_width: f64,
-    /// Share of the area of which little is known beyond the prior.
+    /// Share of the area in which the data say little beyond the prior.
     share_little_known: f64,
-    /// Every direction that was asked for.
+    /// All sides of the map.
     sides: Vec<SideJson>,
 }
 
-/// One direction.
+/// One side of a map: one direction, or the worse direction.
 #[derive(Serialize, JsonSchema)]
 pub struct SideJson {
-    /// Who sends: `tx` the place asked about, `rx` the others, `both` each in turn, `worst` whichever direction is worse.
+    /// Role of the positions: `tx` transmits, `rx` receives, `both` both roles on two maps, `worst` the less probable
+    /// direction.
     #[serde(rename = "as")]
     seen: String,
-    /// How much of the area has a probability at least as high as each level.
+    /// Share of the area above each level.
     share_above: Vec<ShareAbove>,
-    /// Median width over the map of the intervals that hold nine in ten of the probabilities.
+    /// Median width of the cells' 90 % intervals.
     interval_width: f64,
-    /// Share of the area of which little is known beyond the prior.
+    /// Share of the area in which the data say little beyond the prior.
     share_little_known: f64,
 }
 
-/// Share of the map's area where success is at least this probable.
+/// Share of the area in which the probability is at least a level.
 #[derive(Serialize, JsonSchema)]
 struct ShareAbove {
     /// The level.
     probability: f64,
-    /// How much of the area reaches it.
+    /// Share of the area that reaches the level.
     share: f64,
 }
 
@@ -289,7 +294,7 @@ enum Format {
 }
 
 impl Format {
-    /// What such a file is known by.
+    /// Returns the kind of file of this format.
     fn kind(self) -> Kind {
         match self {
             Format::Picture(image) => Kind::of(image),
@@ -300,7 +305,7 @@ impl Format {
         }
     }
 
-    /// Whether it says where on Earth things are.
+    /// Whether the format needs positions on Earth.
     fn is_on_earth(self) -> bool {
         matches!(self, Format::GeoJson | Format::Kml | Format::GeoTiff)
     }

@@ -1,5 +1,4 @@
-//! The list of commands. Each is a module with its options, `Options`, which know how many threads they take and how to
-//! run.
+//! The commands. Each is a module with a type `Options`, which runs the command and returns its number of threads.
 
 pub mod check;
 pub mod demo;
@@ -29,7 +28,7 @@ macro_rules! commands {
         }
 
         impl Command {
-            /// Worker threads, 0 = one per core.
+            /// Returns the number of worker threads, 0 for one per core.
             pub fn threads(&self) -> usize {
                 match self {
                     $(Command::$name(options) => options.threads()),*

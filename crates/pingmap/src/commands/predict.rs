@@ -1,4 +1,4 @@
-//! `pingmap predict`: probability of success over links.
+//! `pingmap predict`: predicts the probability of success over links.
 
 use std::path::{Path, PathBuf};
 
@@ -22,8 +22,9 @@ use crate::survey::Survey;
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap predict log.csv --links links.csv --model model.toml -o predicted.csv")]
 pub struct Options {
-    /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m, or tx_latitude_deg and so on; who and when in tx_id,
-    /// rx_id and time_s where it has these; - is standard input. Its columns stand before what is predicted
+    /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m, or tx_latitude_deg and so on. Optional
+    /// columns tx_id, rx_id and time_s select vehicles and time; - is standard input. All columns are copied to the
+    /// output
     #[arg(long)]
     pub links: PathBuf,
     #[command(flatten)]
@@ -58,10 +59,10 @@ impl Options {
     }
 }
 
-/// What is predicted of a link: the probability, between which ends nine in ten lie, and what both were made from.
+/// Columns of a prediction: probability, 90 % interval, and mean and variance of the log-odds.
 const COLUMNS: [&str; 5] = ["probability", "lower", "upper", "log_odds_mean", "log_odds_variance"];
 
-/// Where both ends are: in metres of the log, and in degrees where these are known.
+/// Columns of the positions of both ends: metres of the log, and degrees if the reference system is known.
 const PLACES: [&str; 8] = [
     "tx_easting_m",
     "tx_northing_m",
@@ -73,38 +74,39 @@ const PLACES: [&str; 8] = [
     "rx_longitude_deg",
 ];
 
-/// Links and what is predicted of them.
+/// Links and their predictions.
 struct Predictions {
     survey: Survey,
     reference: Reference,
     table: AttemptTable,
     jitter: f64,
-    /// In the order of [`COLUMNS`].
+    /// Values of [`COLUMNS`].
     predicted: Vec<[f64; 5]>,
 }
 
-/// The same for programs.
+/// Predictions in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct PredictionsJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
-    /// What metres mean; `unknown` where nobody said so.
+    /// Reference system of the metres; `unknown` if the log does not name it.
     reference_system: String,
-    /// How many events the answer rests on.
+    /// Number of events from which the map was learned.
     events_used: usize,
-    /// What was added to the kernel matrix's diagonal to factorise it; 0 in the ordinary case.
+    /// Number added to the kernel matrix's diagonal to factorise the matrix; usually 0.
     jitter: f64,
-    /// The kernel that all was computed with.
+    /// Kernel of the model.
     kernel: KernelJson,
-    /// A row for each link that was asked about: its own columns, then `probability`, `lower`, `upper`, `log_odds_mean` and `log_odds_variance`.
+    /// A row for each link: the columns of the input, then `probability`, `lower`, `upper`, `log_odds_mean` and
+    /// `log_odds_variance`.
     predictions: Vec<Map<String, Value>>,
 }
 
 impl Predictions {
     fn compute(options: &Options) -> anyhow::Result<Self> {
-        // What is asked comes first: learning takes a while, and a slip of the pen should not wait for it.
+        // Options are checked before learning, which takes longer.
         let log = Survey::open(&options.source)?;
         let reference = reference(log.reference)?;
         let nowhere = Position::new(0.0, 0.0);
@@ -114,7 +116,7 @@ impl Predictions {
         let replaced: Vec<&str> = table.header.iter().map(String::as_str).filter(is_predicted).collect();
         if !replaced.is_empty() {
             let (path, columns) = (options.links.display(), replaced.join(", "));
-            warn(format_args!("{path}: what stood in {columns} is replaced by what is predicted now"));
+            warn(format_args!("{path}: predictions replace the values of {columns}"));
         }
         let mut survey = Survey::learn(log, &options.source)?.capped(&options.asked);
         fill_depths(table.attempts.iter_mut().map(|attempt| &mut attempt.link), &survey.log);
@@ -130,7 +132,7 @@ impl Predictions {
         Ok(Self { survey, reference, table, jitter, predicted })
     }
 
-    /// In the order of [`PLACES`], as far as they are known.
+    /// Returns the values of [`PLACES`], as far as they are known.
     fn places(&self, link: &Link) -> [Option<f64>; 8] {
         let [tx, rx] = link.ends();
         let in_degrees = |end: &Position| {
@@ -142,7 +144,7 @@ impl Predictions {
         [tx_east, tx_north, rx_east, rx_north, tx_latitude, tx_longitude, rx_latitude, rx_longitude]
     }
 
-    /// The columns of the input, places in the other form where both are known, and behind them what is predicted.
+    /// Formats the columns of the input, then missing columns of positions, then the predictions.
     fn csv(&self) -> anyhow::Result<String> {
         let is_there = |name: &str| self.table.header.iter().any(|column| column.eq_ignore_ascii_case(name));
         let is_known = |n: usize| n < 4 || self.reference.system().is_known();
@@ -155,7 +157,7 @@ impl Predictions {
         let rows = self.table.rows.iter().zip(&self.table.attempts).zip(&self.predicted);
         let rows = rows.map(|((fields, attempt), numbers)| {
             let places = self.places(&attempt.link);
-            // A place on no map of the Earth has no degrees.
+            // A position outside the projection has no latitude and longitude.
             let places =
                 added.iter().map(|&n| places[n].map_or_else(String::new, |number| number.to_string())).collect();
             [of(fields), places, numbers.map(|number| number.to_string()).to_vec()].concat()
@@ -172,7 +174,7 @@ impl Predictions {
             object.extend(places.filter_map(|(name, number)| Some(((*name).to_owned(), json!(number?)))));
             object.extend(depths(&attempt.link));
             object.extend(COLUMNS.iter().zip(numbers).map(|(name, number)| ((*name).to_owned(), json!(number))));
-            // As these were called before.
+            // Earlier names of these values.
             let before =
                 [("mean", mean), ("variance", variance), ("probability_low", lower), ("probability_high", upper)];
             for (name, number) in before {
@@ -192,12 +194,12 @@ impl Predictions {
     }
 }
 
-/// Whether a column of the input is called as one that is predicted.
+/// Whether a column of the input has the name of a predicted column.
 fn is_predicted(name: &&str) -> bool {
     COLUMNS.iter().any(|column| column.eq_ignore_ascii_case(name))
 }
 
-/// A field of the input: numbers as such, but for names; codes such as 007 are no numbers.
+/// Returns a field of the input as a JSON value. Names and codes such as 007 stay text.
 fn said(column: &str, field: &str) -> Value {
     let is_name = ["tx_id", "rx_id", "kind"].iter().any(|name| name.eq_ignore_ascii_case(column));
     let begins_as_code = |rest: &str| rest.starts_with(|letter: char| letter.is_ascii_digit());
@@ -208,7 +210,7 @@ fn said(column: &str, field: &str) -> Value {
     }
 }
 
-/// How deep both ends of a link are, where depths count.
+/// Returns the depths of both ends, if known.
 fn depths(link: &Link) -> impl Iterator<Item = (String, Value)> {
     let depths = [("tx_depth_m", link.transmitter.depth_m), ("rx_depth_m", link.receiver.depth_m)];
     depths.into_iter().filter_map(|(name, depth_m)| Some((name.to_owned(), json!(depth_m?))))

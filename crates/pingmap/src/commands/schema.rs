@@ -1,4 +1,4 @@
-//! `pingmap schema`: what the objects are made of that commands print with `--json`.
+//! `pingmap schema`: prints the JSON Schema of each command's output.
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -9,16 +9,16 @@ use serde_json::json;
 use super::{check, import, learn, map, packet, plan, predict, replay, reproduce, select, simulate, team};
 use crate::output::{BadInput, Results, print};
 
-/// Print the JSON Schema of what a command prints with --json
+/// Print the JSON Schema of the output of a command with --json
 #[derive(Args)]
 #[command(after_help = "Example: pingmap schema \"plan track\"")]
 pub struct Options {
-    /// The command; a list of all if not given
+    /// The command; prints the names of all commands with a schema if not given
     #[arg(value_parser = PossibleValuesParser::new(SCHEMAS.iter().map(|(name, _)| *name)))]
     pub command: Option<String>,
 }
 
-/// An object by the command that prints it.
+/// Name of a command, and the schema of its output.
 type Printed = (&'static str, fn() -> Schema);
 
 const SCHEMAS: [Printed; 20] = [
@@ -55,22 +55,22 @@ impl Options {
             return print(results, &names.join("\n"));
         };
         let found = SCHEMAS.iter().find(|(known, _)| known == name);
-        let (_, schema) = found.ok_or_else(|| BadInput(format!("no command {name} prints an object")))?;
+        let (_, schema) = found.ok_or_else(|| BadInput(format!("no command {name} prints JSON")))?;
         let mut schema = schema();
         schema.insert("title".into(), format!("pingmap {name}").into());
-        schema.insert("description".into(), format!("What pingmap {name} prints with --json.").into());
+        schema.insert("description".into(), format!("Output of pingmap {name} with --json.").into());
         print(results, &serde_json::to_string_pretty(&schema)?)
     }
 }
 
-/// The schema of an object, with what every object says of itself.
+/// Returns the schema of a type, with the fields that all outputs have.
 fn of<T: JsonSchema>() -> Schema {
     let mut schema = SchemaSettings::default().for_serialize().into_generator().into_root_schema_for::<T>();
     let of_all = [
         ("version", json!({"type": "string", "description": "Version of pingmap."})),
         (
             "command",
-            json!({"type": "array", "items": {"type": "string"}, "description": "The command line that it answers."}),
+            json!({"type": "array", "items": {"type": "string"}, "description": "The command line that printed the object."}),
         ),
     ];
     for (name, said) in of_all {

@@ -1,4 +1,4 @@
-//! `pingmap select`: the inducing points that sum up a locality region.
+//! `pingmap select`: chooses the inducing points of a locality region.
 
 use clap::Args;
 use pingmap_agent::{Event, Limits, Link, Position};
@@ -15,38 +15,38 @@ use crate::output::{BadInput, Results, count, note, print, print_json, spinner, 
 use crate::reference::{PlaceJson, ReferenceOptions, reference};
 use crate::values::{dense_events, inducing_points, positive, quadruple, threads};
 
-/// Choose the inducing points that sum up a locality region, with the certificate of the choice
+/// Choose the inducing points that summarise a locality region, with the certificate of the choice
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap select log.csv --vehicle auv1 --points 3")]
 pub struct Options {
     #[command(flatten)]
     pub logs: Logs,
-    /// The vehicle whose events are summed up
+    /// Vehicle whose events are summarised
     #[arg(long)]
     pub vehicle: String,
-    /// Centre of the locality region, in metres; the vehicle's event with most of its own events around it if not given
+    /// Centre of the locality region, in metres; if not given, the vehicle's event with the most own events around it
     #[arg(long, value_name = "TX_EAST,TX_NORTH,RX_EAST,RX_NORTH", value_parser = quadruple, allow_hyphen_values = true)]
     pub centre: Option<[f64; 4]>,
     /// Radius of the locality region over all coordinates of both ends; 1.384 length-scales if not given
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub radius_m: Option<f64>,
-    /// How many inducing points
+    /// Number of inducing points
     #[arg(long, default_value_t = 2, value_parser = inducing_points)]
     pub points: usize,
-    /// Which points to choose
+    /// Policy of the choice
     #[arg(long, value_enum, default_value_t = PolicyName::Good)]
     pub policy: PolicyName,
     #[command(flatten)]
     pub reference: ReferenceOptions,
     #[command(flatten)]
     pub model: ModelSource,
-    /// Seed of everything random
+    /// Seed of all random numbers
     #[arg(help_heading = "Work", long, default_value_t = 1)]
     pub seed: u64,
-    /// Sum up at most so many events of the region, those nearest to its centre
+    /// Largest number of events that are summarised, those nearest to the centre
     #[arg(help_heading = "Work", long, default_value_t = 1000, value_parser = dense_events)]
     pub events_max: usize,
-    /// Worker threads; 0 takes one per core. Results do not depend on it
+    /// Worker threads; 0 uses one per core. Results do not depend on it
     #[arg(help_heading = "Work", long, default_value_t = 0, value_parser = threads)]
     pub threads: usize,
     /// Print one JSON object instead of tables
@@ -68,7 +68,7 @@ impl Options {
     }
 }
 
-/// The points, and what they were chosen under.
+/// The chosen points, with the log and model.
 struct Selected {
     log_digest: String,
     reference: Reference,
@@ -76,32 +76,32 @@ struct Selected {
     choice: RegionChoice,
 }
 
-/// The same for programs.
+/// The choice of inducing points in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct SelectedJson<'a> {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
-    /// What metres mean; `unknown` where nobody said so.
+    /// Reference system of the metres; `unknown` if the log does not name it.
     reference_system: String,
-    /// Whose region.
+    /// Vehicle whose events are summarised.
     vehicle: &'a str,
-    /// How points were chosen.
+    /// Policy of the choice.
     policy: String,
-    /// Radius of the locality region.
+    /// Radius of the locality region in metres.
     radius_m: f64,
-    /// Events in it.
+    /// Number of events in the region.
     events_in_region: usize,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     seed: u64,
-    /// The kernel that all was computed with.
+    /// Kernel of the model.
     kernel: KernelJson,
-    /// What it is summed up by.
+    /// The chosen points.
     inducing_points: Vec<PointJson>,
     /// tr K̃ with these points: the prior variance that they leave unexplained.
     trace: f64,
-    /// The same without any points.
+    /// tr K̃ without any points.
     trace_before: f64,
     /// Bounds on the divergence from the posterior with all events of the region.
     certificate: CertificateJson,
@@ -109,23 +109,23 @@ pub struct SelectedJson<'a> {
 
 #[derive(Serialize, JsonSchema)]
 pub struct PointJson {
-    /// When it was.
+    /// Time of the event in seconds.
     time_s: f64,
-    /// The transmitter's place.
+    /// Easting of the transmitter in metres.
     tx_easting_m: f64,
-    /// The transmitter's place.
+    /// Northing of the transmitter in metres.
     tx_northing_m: f64,
-    /// The receiver's place.
+    /// Easting of the receiver in metres.
     rx_easting_m: f64,
-    /// The receiver's place.
+    /// Northing of the receiver in metres.
     rx_northing_m: f64,
-    /// The same place, where it is known what metres mean.
+    /// Latitude of the transmitter, if the reference system is known.
     tx_latitude_deg: Option<f64>,
-    /// The same place, where it is known what metres mean.
+    /// Longitude of the transmitter, if the reference system is known.
     tx_longitude_deg: Option<f64>,
-    /// The same place, where it is known what metres mean.
+    /// Latitude of the receiver, if the reference system is known.
     rx_latitude_deg: Option<f64>,
-    /// The same place, where it is known what metres mean.
+    /// Longitude of the receiver, if the reference system is known.
     rx_longitude_deg: Option<f64>,
     /// 1 heard, 0 missed.
     success: u8,
@@ -133,15 +133,15 @@ pub struct PointJson {
 
 #[derive(Serialize, JsonSchema)]
 pub struct CertificateJson {
-    /// The divergence itself, in nats.
+    /// The divergence in nats.
     kl: f64,
-    /// Upper less lower bound on the evidence: the certificate, in nats.
+    /// Upper minus lower bound on the evidence: the certificate, in nats.
     gap: f64,
     /// A bound that vanishes with the trace, in nats.
     closed_form: f64,
-    /// The paper's closed form.
+    /// The closed form of the paper.
     paper: f64,
-    /// What was added to a diagonal to factorise it; 0 in the ordinary case.
+    /// Number added to a diagonal to factorise a matrix; usually 0.
     jitter: f64,
 }
 
@@ -242,7 +242,7 @@ impl Selected {
     }
 }
 
-/// An empty region is for the user to mend.
+/// An empty region is an error of the user's input.
 fn of_vehicle(error: SelectionError, vehicle: &str) -> anyhow::Error {
     match error {
         SelectionError::NoEvents { radius_m } => {

@@ -1,4 +1,5 @@
-//! `pingmap completions` and `pingmap man`: what shells and readers of manuals want, from the definitions of the options themselves.
+//! `pingmap completions` and `pingmap man`: shell completions and manual pages, generated from the definitions of the
+//! options.
 
 use std::path::PathBuf;
 
@@ -9,11 +10,11 @@ use crate::files::make_folder;
 use crate::output::{BadInput, Results, note};
 use crate::outputs::{Kind, Target};
 
-/// Print what a shell completes commands and options with
+/// Print the completion script of a shell
 #[derive(Args)]
 #[command(after_help = "Example: pingmap completions bash > /usr/share/bash-completion/completions/pingmap")]
 pub struct Completions {
-    /// For which shell
+    /// Name of the shell
     #[arg(value_enum)]
     shell: Shell,
 }
@@ -31,7 +32,7 @@ impl Completions {
     }
 }
 
-/// Print the manual page, or write those of all commands to a folder
+/// Print the manual page, or write the pages of all commands to a folder
 #[derive(Args)]
 #[command(after_help = "Example: pingmap man | man -l -")]
 pub struct Man {
@@ -56,7 +57,9 @@ impl Man {
             return Ok(results.flush()?);
         };
         if folder.exists() && !folder.is_dir() {
-            return Err(BadInput(format!("{} is no folder; expected one for the pages", folder.display())).into());
+            return Err(
+                BadInput(format!("{} is not a folder; expected a folder for the pages", folder.display())).into()
+            );
         }
         make_folder(folder)?;
         for name in pages(&definition, String::new()) {
@@ -68,7 +71,7 @@ impl Man {
     }
 }
 
-/// What the pages of a command and of those below it are called.
+/// Returns the file names of the pages of a command and its subcommands.
 fn pages(command: &clap::Command, above: String) -> Vec<String> {
     let name = above + command.get_name();
     let below = command.get_subcommands().filter(|command| !command.is_hide_set());

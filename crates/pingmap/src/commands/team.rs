@@ -1,4 +1,4 @@
-//! `pingmap team`: writes what a team must agree on.
+//! `pingmap team`: writes a team configuration.
 
 use std::path::{Path, PathBuf};
 
@@ -17,8 +17,7 @@ use crate::outputs::{Kind, Target};
 use crate::team::open_key;
 use crate::values::{frame_bytes, mission_s, positive, time};
 
-/// Write what a team must agree on before the mission: members, grid, frames, and the model that packets are formed
-/// under
+/// Write the team configuration that is fixed before the mission: members, grid, frames, and the model of the packets
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap team log.csv --model model.toml --frame-bytes 32 -o team.toml")]
 pub struct Options {
@@ -27,34 +26,35 @@ pub struct Options {
     /// Model file, as `pingmap learn` writes it
     #[arg(long, value_name = "FILE", default_value = "model.toml")]
     pub model: PathBuf,
-    /// File with the team's key, 64 hexadecimal digits, if packets are to be authenticated
+    /// File with the team's key of 64 hexadecimal digits, if packets are to be authenticated
     #[arg(long, value_name = "FILE")]
     pub key_file: Option<PathBuf>,
     /// Bytes of a frame
     #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
     pub frame_bytes: usize,
-    /// Number of the key epoch: to be raised whenever a key is used for another mission, or a vehicle lost its memory
+    /// Number of the key epoch. Raise it if a key is used for another mission, or if a vehicle lost its memory
     #[arg(long, default_value_t = 0)]
     pub epoch: u32,
-    /// Side of a cell of the grid; the finest that holds the log if not given
+    /// Side of a cell of the grid; the finest that covers the log if not given
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub cell_m: Option<f64>,
-    /// When the mission begins, in seconds of its events' clock: packets say when what they tell was true; the log's first
-    /// event if not given
+    /// Start of the mission in seconds of the events' clock, from which packets count time; the log's first event if
+    /// not given
     #[arg(long, value_parser = time, allow_negative_numbers = true)]
     pub start_s: Option<f64>,
-    /// How long the mission lasts at most; later receptions are encoded without a time. As long as the log if not given
+    /// Longest duration of the mission; later receptions are encoded without a time. The duration of the log if not
+    /// given
     #[arg(long, value_parser = mission_s, allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
-    /// File for the team; it names the model file as seen from its own folder
+    /// File for the team; it contains the path of the model file relative to its own folder
     #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "team.toml")]
     pub output: PathBuf,
-    /// Print what was agreed on as one JSON object
+    /// Print the configuration as one JSON object
     #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 
-/// What was agreed on.
+/// A team configuration in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct TeamJson<'a> {
     /// Version of this object.
@@ -63,39 +63,39 @@ pub struct TeamJson<'a> {
     made_of: MadeOf,
     /// The team file that was written.
     file: &'a Path,
-    /// What all packets of the team are known by.
+    /// Digest of the team configuration.
     team_digest: String,
-    /// By which numbers packets name vehicles.
+    /// Members and their numbers in packets.
     members: Vec<MemberJson<'a>>,
     /// Bytes of a frame.
     frame_bytes: usize,
-    /// Number of the key epoch: packets of another one are foreign.
+    /// Number of the key epoch. Packets of another epoch are refused.
     epoch: u32,
-    /// Whether packets are authenticated with a secret.
+    /// Whether packets are authenticated with a key.
     is_authenticated: bool,
-    /// Side of a cell east and north.
+    /// Side of a cell east and north in metres.
     cell_m: f64,
-    /// Height of a cell.
+    /// Height of a cell in metres.
     depth_cell_m: f64,
-    /// When the first cell of time begins.
+    /// Start of the first time cell in seconds.
     start_s: f64,
-    /// Length of a cell of time.
+    /// Length of a time cell in seconds.
     time_cell_s: f64,
-    /// When the first slot begins.
+    /// Start of the first slot in seconds.
     slots_start_s: f64,
-    /// Length of a slot.
+    /// Length of a slot in seconds.
     slot_s: f64,
-    /// Whether the log keeps to an order of sending, which is the team's then.
+    /// Whether the log contains a transmission schedule, which is then the team's.
     slots_from_log: bool,
-    /// What metres mean; `unknown` where nobody said so.
+    /// Reference system of the metres; `unknown` if the log does not name it.
     reference_system: String,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct MemberJson<'a> {
-    /// Its number.
+    /// Number of the member.
     member: u8,
-    /// Its name.
+    /// Name of the vehicle.
     vehicle: &'a str,
 }
 
@@ -124,7 +124,7 @@ fn write(options: &Options, results: Results) -> anyhow::Result<()> {
         team.grid.cell_m = cell_m;
         let outside = log.events.iter().filter(|event| !team.quantizer().holds(&event.link)).count();
         if outside > 0 {
-            warn(format_args!("{} beyond the grid: they cannot be shared", count(outside, "event")));
+            warn(format_args!("{} outside the grid: they cannot be shared", count(outside, "event")));
         }
     }
     team.grid = team.grid.spanning(log.events.iter().map(|event| event.time_s));
@@ -151,7 +151,7 @@ fn write(options: &Options, results: Results) -> anyhow::Result<()> {
     note(format_args!("team: {output}, cells of {cell_m} m, and of {time_cell_s} s from {start_s} s on"));
     let Slots { start_s, duration_s, .. } = team.slots;
     if is_kept {
-        note(format_args!("slots: as the log keeps them, {duration_s} s each, from {start_s} s on"));
+        note(format_args!("slots: from the log, {duration_s} s each, from {start_s} s on"));
     } else {
         warn(format_args!(
             "no TDMA schedule found in the log. Add one under [slots]; without it missed receptions cannot be shared as reports"
@@ -185,7 +185,7 @@ impl<'a> TeamJson<'a> {
     }
 }
 
-/// The name of a file as the team file beside it says it.
+/// Returns the path of a file relative to the folder of the team file.
 fn beside(path: &Path, team_file: &Path) -> anyhow::Result<String> {
     let absolute = std::path::absolute(path)?;
     let team_file = std::path::absolute(team_file)?;

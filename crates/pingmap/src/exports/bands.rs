@@ -7,21 +7,21 @@ use geo_types::{LineString, MultiPolygon};
 use super::export::Export;
 use crate::success_map::Side;
 
-/// The area where the probability is between two levels, in degrees: outer rings run counter-clockwise, holes clockwise.
+/// An area with a probability between two levels, in degrees. Outer rings run counter-clockwise, holes clockwise.
 pub(super) struct Band {
     pub(super) from: f64,
     pub(super) to: f64,
     pub(super) polygons: MultiPolygon<f64>,
 }
 
-/// The bands of a side, from the least probable on; none that is nowhere.
+/// Returns the non-empty bands of a side, the least probable first.
 pub(super) fn bands(export: &Export, side: &Side) -> anyhow::Result<Vec<Band>> {
     let area = &export.map.area;
     let mut limits = vec![0.0];
     limits.extend(export.levels);
-    // What is certain belongs to the last band, whose upper limit it does not reach.
+    // Probability 1 belongs to the last band, so the upper limit of that band is above 1.
     limits.push(1.0 + 1e-9);
-    // The rings are between the middles of cells, and half a cell farther at the rim.
+    // Rings run between the centres of cells, and half a cell farther out at the edge of the map.
     let builder = ContourBuilder::new(area.columns, area.rows, true)
         .x_origin(area.east.0)
         .y_origin(area.north.0)
@@ -48,7 +48,7 @@ pub(super) fn bands(export: &Export, side: &Side) -> anyhow::Result<Vec<Band>> {
     Ok(bands)
 }
 
-/// Takes a ring to degrees, and lets it run as it should: with a positive sign counter-clockwise.
+/// Converts a ring to degrees and orients it: counter-clockwise for a positive sign.
 fn turned(export: &Export, ring: &mut LineString<f64>, sign: f64) -> anyhow::Result<()> {
     let pairs = ring.0.windows(2);
     let area: f64 = pairs.map(|pair| pair[0].x * pair[1].y - pair[1].x * pair[0].y).sum();

@@ -1,4 +1,4 @@
-//! What goes into a file of a map, whatever its form.
+//! The content of an exported map, independent of the file format.
 
 use pingmap_agent::{Event, Geographic, ReferenceSystem};
 use pingmap_import::Reference;
@@ -8,18 +8,18 @@ use crate::names::name_of;
 use crate::output::BadInput;
 use crate::success_map::{Side, SuccessMap};
 
-/// A map, and all that goes with it into a file.
+/// A map with the content of its file.
 pub struct Export<'a> {
     pub map: &'a SuccessMap,
-    /// Whose tracks are shown.
+    /// Events whose tracks are exported.
     pub events: &'a [Event],
     pub reference: &'a Reference,
-    /// Probabilities between which areas are filled.
+    /// Levels between which areas are filled.
     pub levels: &'a [f64],
 }
 
 impl Export<'_> {
-    /// Latitude and longitude of metres of the log.
+    /// Converts metres of the log to latitude and longitude.
     pub(super) fn degrees(&self, east_m: f64, north_m: f64) -> anyhow::Result<Geographic> {
         degrees(self.reference, (east_m, north_m))
     }
@@ -28,14 +28,14 @@ impl Export<'_> {
         self.reference.system() != ReferenceSystem::Unknown
     }
 
-    /// What stands before the names of numbers of a side: something where there are two.
+    /// Returns the prefix of the names of a side's values. The prefix is empty if the map has one side.
     pub(super) fn prefix(&self, side: &Side) -> String {
         if self.map.sides.len() == 1 { String::new() } else { format!("{}_", name_of(&side.seen)) }
     }
 }
 
-/// Latitude and longitude of metres of a log.
+/// Converts metres of a log to latitude and longitude.
 pub(super) fn degrees(reference: &Reference, (east_m, north_m): Point) -> anyhow::Result<Geographic> {
     let place = reference.geographic(east_m, north_m);
-    place.ok_or_else(|| BadInput(format!("({east_m:.0}, {north_m:.0}) m is on no map of the Earth")).into())
+    place.ok_or_else(|| BadInput(format!("({east_m:.0}, {north_m:.0}) m has no latitude and longitude")).into())
 }

@@ -9,7 +9,7 @@ use crate::contour::{Point, contour_lines};
 use crate::names::name_of;
 use crate::tracks::tracks;
 
-/// Areas between levels, contours, tracks and the places it is seen from, on WGS 84 (RFC 7946).
+/// Returns areas between levels, contours, tracks and the positions that the map is seen from.
 pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
     let map = export.map;
     let position = |(east_m, north_m): Point| -> anyhow::Result<geojson::Position> {
@@ -58,13 +58,13 @@ pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
     Ok(serde_json::to_vec_pretty(&collection)?)
 }
 
-/// All of it, with who wrote it.
+/// Returns a collection of features that names its generator.
 pub(super) fn collection(features: Vec<Feature>) -> FeatureCollection {
     let foreign_members = Some([("generator".to_owned(), json!("pingmap"))].into_iter().collect());
     FeatureCollection { bbox: None, features, foreign_members }
 }
 
-/// A shape with its kind and what is said of it.
+/// Returns a shape with its kind and properties.
 pub(super) fn feature<'a>(
     kind: &str,
     said: impl IntoIterator<Item = (&'a str, Value)>,

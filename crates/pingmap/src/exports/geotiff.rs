@@ -1,4 +1,4 @@
-//! A map as GeoTIFF (OGC 19-008r4): 32-bit numbers, a band for each, from the north-west on.
+//! A map as GeoTIFF (OGC 19-008r4): 32-bit numbers, one band per quantity, rows from the north-west.
 
 use std::io::Cursor;
 
@@ -11,10 +11,10 @@ use super::export::Export;
 use crate::output::BadInput;
 use crate::success_map::Cell;
 
-/// A number of a cell, by name.
+/// Name of a quantity of a cell, and its accessor.
 type Band = (&'static str, fn(&Cell) -> f64);
 
-/// What the bands of a side are called, and their numbers.
+/// Bands of a side.
 const BANDS: [Band; 4] = [
     ("probability", |cell| cell.probability),
     ("lower", |cell| cell.lower),
@@ -22,10 +22,10 @@ const BANDS: [Band; 4] = [
     ("explained", |cell| cell.explained),
 ];
 
-/// GDAL's own tag for what bands are called.
+/// GDAL's tag for the names of bands.
 const GDAL_METADATA: Tag = Tag::Unknown(42112);
 
-/// Every cell, with a band for each number, in the log's reference system.
+/// Returns every cell, with a band for each quantity, in the log's reference system.
 pub fn geotiff(export: &Export) -> anyhow::Result<Vec<u8>> {
     let map = export.map;
     let area = &map.area;
@@ -65,7 +65,7 @@ fn descriptions(names: &[String]) -> String {
     format!("<GDALMetadata>{}</GDALMetadata>", names.iter().enumerate().map(item).collect::<String>())
 }
 
-/// What a reference system is called in GeoTIFF.
+/// The reference system as GeoTIFF keys.
 struct GeoKeys {
     directory: Vec<u16>,
     doubles: Vec<f64>,
@@ -87,7 +87,7 @@ mod key {
     pub const SCALE_AT_NATURAL_ORIGIN: u16 = 3092;
 }
 
-/// A value that the file defines itself.
+/// Code of a value that the file itself defines.
 const USER_DEFINED: u16 = 32767;
 
 impl GeoKeys {
@@ -97,14 +97,14 @@ impl GeoKeys {
         let mut doubles = Vec::new();
         match system {
             ReferenceSystem::Unknown => {
-                return Err(BadInput("a .tif map needs the place of (0, 0): --origin or --crs".into()));
+                return Err(BadInput("a .tif map needs the position of (0, 0): --origin or --crs".into()));
             }
             ReferenceSystem::Epsg(code) => {
                 let code = u16::try_from(code).map_err(|_| BadInput(format!("a .tif map has no room for {system}")))?;
                 shorts.push((key::PROJECTED_CRS, code));
             }
             ReferenceSystem::About(Geographic { latitude_deg, longitude_deg }) => {
-                // WGS 84; a transverse Mercator projection in metres.
+                // WGS 84 with a transverse Mercator projection in metres.
                 shorts.extend([(key::GEODETIC_CRS, 4326), (key::PROJECTED_CRS, USER_DEFINED)]);
                 shorts.extend([
                     (key::PROJECTION, USER_DEFINED),
@@ -120,7 +120,8 @@ impl GeoKeys {
                 ]);
             }
         }
-        // Version 1.1.0; then for each key where its value is: here, or in the doubles.
+        // The header contains version 1.1.0. Each key then contains its value, or the index of its value in the
+        // doubles.
         let mut directory = vec![1, 1, 0, (shorts.len() + doubles.len()) as u16];
         shorts.iter().for_each(|&(key, value)| directory.extend([key, 0, 1, value]));
         let of_doubles = Tag::GeoDoubleParamsTag.to_u16();

@@ -15,7 +15,7 @@ use crate::figure::shade;
 use crate::names::name_of;
 use crate::tracks::tracks;
 
-/// The same for Google Earth and chart plotters.
+/// Returns areas between levels, tracks and the positions that the map is seen from.
 pub fn kml(export: &Export) -> anyhow::Result<Vec<u8>> {
     let map = export.map;
     let (mut styles, mut folders) = (Vec::new(), Vec::new());
@@ -53,7 +53,7 @@ pub fn kml(export: &Export) -> anyhow::Result<Vec<u8>> {
     document(styles.into_iter().chain(folders).collect())
 }
 
-/// Places, lines and areas of a plan, each with what is said of it.
+/// Returns positions, lines and areas of a plan, each with its properties.
 pub fn kml_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec<u8>> {
     let coord = |point: &(f64, f64)| -> anyhow::Result<Coord> {
         let place = degrees(reference, *point)?;
@@ -88,7 +88,7 @@ pub fn kml_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec
     document(vec![Kml::Style(style), folder("Plan".into(), elements)])
 }
 
-/// What is said of a shape beside its name, for whoever clicks on it.
+/// Returns the properties of a shape, without its name, as the data that programs show for it.
 fn data(said: &[(&'static str, Value)]) -> Option<Element> {
     let one = |(name, value): &(&'static str, Value)| {
         let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
@@ -100,7 +100,7 @@ fn data(said: &[(&'static str, Value)]) -> Option<Element> {
     (!children.is_empty()).then(|| Element { name: "ExtendedData".into(), children, ..Element::default() })
 }
 
-/// A whole document of these.
+/// Returns a document with these elements.
 fn document(elements: Vec<Kml>) -> anyhow::Result<Vec<u8>> {
     let document = Kml::Document { attrs: Default::default(), elements };
     let attrs = [("xmlns".to_owned(), "http://www.opengis.net/kml/2.2".to_owned())].into();
@@ -120,7 +120,8 @@ fn placemark(name: String, geometry: Geometry) -> Placemark {
     Placemark { name: Some(name), geometry: Some(geometry), ..Placemark::default() }
 }
 
-/// An area in the colour of its probability, through which the chart below is seen. Colours are opacity, blue, green, red.
+/// Returns the style of an area: the colour of its probability, partly transparent. Colours are opacity, blue, green,
+/// red.
 fn filled(id: &str, probability: f64) -> Style {
     let (red, green, blue) = shade(probability);
     let color = |opacity: u8| format!("{opacity:02x}{blue:02x}{green:02x}{red:02x}");
@@ -142,7 +143,7 @@ fn area(style: &str, band: &Band) -> Placemark {
     };
     let geometries = band.polygons.iter().map(polygon).collect();
     let geometry = Geometry::MultiGeometry(MultiGeometry { geometries, ..MultiGeometry::default() });
-    // KML wants the style before the shape; the crate's own field for it comes behind.
+    // KML requires the style before the shape, but the crate's own field writes the style after it.
     let style_url = Element { name: "styleUrl".into(), content: Some(format!("#{style}")), ..Element::default() };
     Placemark { children: vec![style_url], ..placemark(format!("{} to {}", band.from, band.to), geometry) }
 }

@@ -1,4 +1,4 @@
-//! Lines, areas and places of a plan as GeoJSON.
+//! Lines, areas and positions of a plan as GeoJSON.
 
 use geojson::{GeometryValue, Position};
 use pingmap_import::Reference;
@@ -8,24 +8,24 @@ use super::export::degrees;
 use super::geojson::{collection, feature};
 use crate::contour::Point;
 
-/// A place, a line, or the area within a line, with what is said of it.
+/// A position, a line or an area, with its properties.
 pub struct Line {
-    /// What it is.
+    /// Kind of the shape.
     pub kind: &'static str,
     pub shape: Shape,
-    /// Names and numbers.
+    /// Names and values of the properties.
     pub said: Vec<(&'static str, Value)>,
 }
 
-/// In metres of the log.
+/// A shape in metres of the log.
 pub enum Shape {
     Place(Point),
     Line(Vec<Point>),
-    /// The corners, counter-clockwise or clockwise, each once.
+    /// The corners in either direction, each once.
     Area(Vec<Point>),
 }
 
-/// The ring around an area: counter-clockwise, ending where it begins.
+/// Returns the closed ring around an area, counter-clockwise.
 pub(super) fn ring(corners: &[Point]) -> Vec<Point> {
     let mut ring = corners.to_vec();
     if twice_the_area(&ring) < 0.0 {
@@ -35,7 +35,7 @@ pub(super) fn ring(corners: &[Point]) -> Vec<Point> {
     ring
 }
 
-/// All of them on WGS 84 (RFC 7946).
+/// Returns all shapes on WGS 84 (RFC 7946).
 pub fn geojson_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec<u8>> {
     let position = |&(east_m, north_m): &Point| -> anyhow::Result<Position> {
         let place = degrees(reference, (east_m, north_m))?;
@@ -54,7 +54,7 @@ pub fn geojson_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result
     Ok(serde_json::to_vec_pretty(&collection(features))?)
 }
 
-/// Positive for corners that run counter-clockwise.
+/// Returns twice the area, positive for corners that run counter-clockwise.
 fn twice_the_area(corners: &[Point]) -> f64 {
     let next = corners.iter().cycle().skip(1);
     corners.iter().zip(next).map(|(a, b)| a.0 * b.1 - b.0 * a.1).sum()

@@ -3,10 +3,10 @@
 use super::export::Export;
 use crate::output::csv_text;
 
-/// The numbers of a cell, by name.
+/// Names of a cell's quantities.
 const NUMBERS: [&str; 4] = ["probability", "lower", "upper", "explained"];
 
-/// The grid as CSV: the middle of every cell in metres, and in degrees where these are known; and what is predicted there.
+/// Returns the grid as CSV: the centre of every cell in metres, and in degrees if known; and the cell's quantities.
 pub fn csv(export: &Export) -> anyhow::Result<Vec<u8>> {
     let map = export.map;
     let mut header = vec!["easting_m".to_owned(), "northing_m".to_owned()];

@@ -1,4 +1,4 @@
-//! A finished figure, and its files.
+//! A finished figure and its file formats.
 
 use kuva::backend::raster::RasterBackend;
 use kuva::prelude::SvgBackend;
@@ -6,21 +6,21 @@ use kuva::render::render::Scene;
 
 use super::style::{LegendPlace, Room};
 
-/// Pixels of a figure that make a millimetre on paper, where letters are as large as on a screen.
+/// Pixels of a figure per millimetre of print, if letters have the size that they have on a screen.
 const PX_PER_MM: f64 = 96.0 / MM_PER_INCH;
 
 const MM_PER_INCH: f64 = 25.4;
 
-/// What journals print pictures with.
+/// Resolution of printed figures.
 const DOTS_PER_INCH: f64 = 300.0;
 
-/// Beside smaller maps there is no room for a legend: it stands below them.
+/// Smaller maps have their legend below instead of at the right.
 const SIDE_NARROW: f64 = 340.0;
 
-/// Smaller maps cannot be read: the whole figure is made smaller instead, with its letters.
+/// Smallest side of a map. If the figure must be smaller, it is scaled with its letters.
 const SIDE_MIN: f64 = 200.0;
 
-/// A kind of file that a picture can be.
+/// An image format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Image {
     Png,
@@ -29,7 +29,7 @@ pub enum Image {
 }
 
 impl Image {
-    /// By the ending of a file's name, in small letters.
+    /// Returns the format of a file extension in lower case.
     pub fn of(ending: &str) -> Option<Self> {
         match ending {
             "png" => Some(Image::Png),
@@ -39,7 +39,7 @@ impl Image {
         }
     }
 
-    /// Whether this program can write it.
+    /// Whether this program can write the format.
     pub fn is_possible(self) -> bool {
         self != Image::Pdf || cfg!(feature = "pdf")
     }
@@ -49,10 +49,10 @@ impl Image {
 pub struct Figure(pub(super) Scene);
 
 impl Figure {
-    /// What is drawn in some room; in print so wide that letters keep their size, as far as that leaves room for the map.
+    /// Draws a figure. In print the map is as large as the width allows, and letters keep their size.
     pub fn fitted(width_mm: Option<f64>, draw: impl Fn(Room) -> Figure) -> Figure {
         let Some(width_mm) = width_mm else { return draw(Room::PLENTY) };
-        // What stands beside the map keeps its width.
+        // The parts next to the map keep their width.
         let side = |legend| {
             let [large, small] = [Room::PLENTY.side, SIDE_NARROW].map(|side| draw(Room { side, legend }).0.width);
             let grows = (large - small) / (Room::PLENTY.side - SIDE_NARROW);
@@ -65,7 +65,7 @@ impl Figure {
         draw(Room { side: side(LegendPlace::Below).max(SIDE_MIN), legend: LegendPlace::Below })
     }
 
-    /// The figure as a file, so wide in print if that is said.
+    /// Returns the figure as a file, with this width in print if given.
     pub fn file(&self, image: Image, width_mm: Option<f64>) -> anyhow::Result<Vec<u8>> {
         let Some(width_mm) = width_mm else {
             return match image {
@@ -88,11 +88,11 @@ impl Figure {
         width_mm * self.0.height / self.0.width
     }
 
-    /// The figure as SVG; `embed_font` makes it independent of installed fonts (and 3.2 MB larger).
+    /// Returns the figure as SVG. `embed_font` makes the SVG independent of installed fonts, and 3.2 MB larger.
     pub fn svg(&self, embed_font: bool) -> String {
         let backend = SvgBackend::new().with_embedded_font(embed_font);
         let svg = backend.render_scene(&self.0);
-        // Without it a picture that is shown smaller is cut off instead of drawn smaller.
+        // Without a viewBox, a figure that is shown smaller is cut off instead of scaled.
         match svg.split_once("<svg ") {
             Some((before, rest)) if !rest.split('>').next().is_some_and(|head| head.contains("viewBox")) => {
                 format!("{before}<svg viewBox=\"0 0 {} {}\" {rest}", self.0.width, self.0.height)
@@ -101,12 +101,12 @@ impl Figure {
         }
     }
 
-    /// The figure as PNG bytes, two pixels per SVG unit.
+    /// Returns the figure as PNG bytes, two pixels per SVG unit.
     pub fn png(&self) -> anyhow::Result<Vec<u8>> {
         self.png_scaled(2.0)
     }
 
-    /// The figure as PNG bytes, so many pixels per SVG unit.
+    /// Returns the figure as PNG bytes, `scale` pixels per SVG unit.
     pub fn png_scaled(&self, scale: f32) -> anyhow::Result<Vec<u8>> {
         let raster = RasterBackend::new().with_scale(scale);
         raster.render_scene(&self.0).map_err(|error| anyhow::anyhow!("cannot draw: {error}"))
@@ -120,23 +120,23 @@ impl Figure {
     }
 
     #[cfg(not(feature = "pdf"))]
-    #[expect(clippy::unused_self, reason = "as where there is PDF")]
+    #[expect(clippy::unused_self, reason = "same signature as with PDF")]
     fn pdf(&self, _: f64) -> anyhow::Result<Vec<u8>> {
         Err(anyhow::anyhow!("this pingmap was built without PDF"))
     }
 }
 
-/// An SVG of that size on paper.
+/// Sets the size of an SVG in print.
 fn with_width(svg: &str, width_mm: f64, height_mm: f64) -> String {
     let sized = svg.split_once(" width=\"").and_then(|(before, rest)| {
-        // Between quotation marks: the width, `height=`, the height.
+        // The four parts between quotation marks: the width, `height=`, the height, the rest.
         let after = rest.splitn(4, '"').nth(3)?;
         Some(format!("{before} width=\"{width_mm:.2}mm\" height=\"{height_mm:.2}mm\"{after}"))
     });
     sized.unwrap_or_else(|| svg.to_owned())
 }
 
-/// A PNG that says how large it is on paper.
+/// Sets the resolution of a PNG.
 fn with_dots_per_inch(bytes: &[u8], dots_per_inch: f64) -> anyhow::Result<Vec<u8>> {
     let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info()?;
     let mut pixels = vec![0; reader.output_buffer_size().unwrap_or_default()];

@@ -1,4 +1,4 @@
-//! A figure under construction: axes, what is drawn inside them, and a legend.
+//! A figure under construction: axes, the content within them, and a legend.
 
 use kuva::prelude::{Layout, LinePlot, Plot};
 use kuva::render::color::Color;
@@ -16,47 +16,47 @@ const ROW_PX: f64 = 20.0;
 const KEY_PX: f64 = 42.0;
 const LINK_MARK_PX: f64 = 3.0;
 
-/// Above the axes, for the name of the upright one.
+/// Room above the axes for the name of the vertical axis.
 const Y_LABEL_ROOM_PX: f64 = 30.0;
 
-/// Between the arrow heads along a track.
+/// Distance between arrow heads along a track.
 const HEADS_PX: f64 = 110.0;
 
-/// Right of the axes, for the bar of colours and its numbers.
+/// Room at the right of the axes for the colour bar and its numbers.
 pub(super) const BAR_ROOM_PX: f64 = 64.0;
 
-/// A longer title would have to be too small to be read.
+/// Largest number of letters of a title. Longer titles would be too small to read.
 const TITLE_LETTERS_MAX: usize = 160;
 
-/// Of more tracks than this the legend names none.
+/// Largest number of tracks that the legend names.
 const TRACKS_NAMED_MAX: usize = 24;
 
 /// A figure under construction.
 pub(super) struct Frame {
     pub(super) scene: Scene,
     pub(super) axes: ComputedLayout,
-    /// What is drawn inside the axes, in pixels.
+    /// Content within the axes, in pixels.
     pub(super) inside: Vec<Primitive>,
-    /// Texts inside the axes, over everything else there.
+    /// Texts within the axes, on top of all other content.
     pub(super) labels: Vec<Primitive>,
-    /// What is drawn right of everything else.
+    /// The legend, at the right of the figure.
     pub(super) legend: Vec<Primitive>,
     pub(super) rows: usize,
-    /// Room for the bar of colours between axes and legend.
+    /// Room for the colour bar between axes and legend.
     pub(super) bar_px: f64,
     legend_width: f64,
     pub(super) legend_place: LegendPlace,
 }
 
 impl Frame {
-    /// Makes map axes with one metre the same length both ways, the longer side `side` pixels.
+    /// Creates map axes with equal scales; the longer side has `side` pixels.
     pub(super) fn map(layout: Layout, east: (f64, f64), north: (f64, f64), side: f64) -> Self {
         let (width, height) = (east.1 - east.0, north.1 - north.0);
         let scale = side / width.max(height);
         Self::new(layout, (east, "east (m)"), (north, "north (m)"), (width * scale, height * scale))
     }
 
-    /// Makes axes over exactly `x` and `y`, which have names, whose data area is `size` pixels.
+    /// Creates axes over the ranges `x` and `y`, with their names. The data area has `size` pixels.
     pub(super) fn new(layout: Layout, (x, x_label): (Point, &str), (y, y_label): (Point, &str), size: Point) -> Self {
         let mut layout =
             layout.with_x_axis_min(x.0).with_x_axis_max(x.1).with_y_axis_min(y.0).with_y_axis_max(y.1).with_box_axes();
@@ -64,14 +64,14 @@ impl Frame {
             layout = layout.with_x_label(x_label);
         }
         layout.show_colorbar = false;
-        // The margins do not depend on the size, so measure them first and add them.
+        // The margins do not depend on the size. They are measured first and then added.
         let margins = ComputedLayout::from_layout(&layout);
         layout.force_margin_top = Some(margins.margin_top.max(Y_LABEL_ROOM_PX));
         layout.title = layout.title.map(|title| shortened_to(&title, TITLE_LETTERS_MAX));
         let title = layout.title.as_deref().map_or(0.0, text_width) * f64::from(layout.title_size) / f64::from(FONT_PX);
         let begins = margins.margin_left + (size.0 - title) / 2.0;
         if title > size.0 || begins < 16.0 + text_width(y_label) {
-            // It stands above the names of axis and bar instead of between them, and begins on the page.
+            // A long title stands above the names of axis and bar, and starts within the page.
             layout.force_margin_top = Some(margins.margin_top.max(Y_LABEL_ROOM_PX) + ROW_PX);
             let room = size.0 + 2.0 * (margins.margin_left - 4.0);
             layout.title_size = (f64::from(layout.title_size) * (room / title).min(1.0)) as u32;
@@ -81,9 +81,9 @@ impl Frame {
             .with_width(size.0 + margins.margin_left + margins.margin_right)
             .with_height(size.1 + margins.margin_top + margins.margin_bottom);
         let axes = ComputedLayout::from_layout(&layout);
-        // An empty line draws nothing at all; without any plot there would be no axes.
+        // An empty line draws nothing. Without a plot there would be no axes.
         let scene = render_multiple(vec![Plot::from(LinePlot::new())], layout);
-        // Upright and above its axis: rotated letters are hard to read.
+        // The name stands horizontally above its axis, because rotated letters are hard to read.
         let legend = vec![text_at((8.0, axes.margin_top - 14.0), y_label, TextAnchor::Start)];
         Self {
             scene,
@@ -98,12 +98,12 @@ impl Frame {
         }
     }
 
-    /// Where a data point is on the page.
+    /// Returns the pixel of a data point.
     pub(super) fn pixel(&self, (x, y): Point) -> Point {
         (self.axes.map_x(x), self.axes.map_y(y))
     }
 
-    /// Draws and labels the lines on which the grid has the value `level`.
+    /// Draws and labels the contour lines at `level`.
     pub(super) fn contour(&mut self, grid: &Grid, level: f64, style: Style) {
         let name = format!("{level}");
         let mut longest: Vec<Point> = vec![];
@@ -123,8 +123,9 @@ impl Frame {
         }
     }
 
-    /// Draws tracks with a marker here and there, a ring where they begin and arrow heads along them, those of who stays in place on
-    /// top, and adds them to the legend; of very many, all look alike under one name.
+    /// Draws tracks and adds them to the legend. A track has a few markers, a ring at its start and arrow heads.
+    /// Stationary vehicles are drawn on top. If there are very many tracks, all have one style and one entry of the
+    /// legend.
     pub(super) fn tracks(&mut self, tracks: &[Series]) {
         let many = tracks.len() > TRACKS_NAMED_MAX;
         let plain = Style { color: "#d7301f", width: 1.0, dash: &[], mark: Mark::Dot };
@@ -148,7 +149,7 @@ impl Frame {
         }
     }
 
-    /// A ring where a track begins, and arrow heads along it.
+    /// Draws a ring at the start of a track, and arrow heads along it.
     pub(super) fn directions(&mut self, points: &[Point], style: Style) {
         let [first, _, ..] = points else { return };
         let ring = |r, stroke: &str, width| Primitive::Circle {
@@ -188,7 +189,7 @@ impl Frame {
                     draw_line(&mut self.inside, &[from, to], group.style, 0.0);
                 }
             }
-            // Markers lie over all lines of their group.
+            // Markers lie on top of all lines of their group.
             for &(_, to) in group.pairs {
                 let at = self.pixel(to);
                 self.mark(at, LINK_MARK_PX, group.style);
@@ -205,7 +206,7 @@ impl Frame {
         draw_mark(&mut self.inside, at, radius, style);
     }
 
-    /// Writes a text centred on a point, on a white ground, moved so that it is not cut.
+    /// Writes a text centred on a point, on a white background. The text is moved if it would be cut off.
     pub(super) fn label(&mut self, at: Point, text: &str) {
         let (half, axes) = (text_width(text) / 2.0 + 3.0, &self.axes);
         let (left, right) = (axes.margin_left, axes.width - axes.margin_right);
@@ -245,7 +246,7 @@ impl Frame {
         self.rows += 1;
     }
 
-    /// Where an entry of the legend begins: left end and middle.
+    /// Returns the position of an entry of the legend: left end and vertical centre.
     pub(super) fn place(&self, entry: usize) -> Point {
         if self.legend_place == LegendPlace::Below {
             let (row, column) = (entry / 2, entry % 2);
@@ -255,7 +256,7 @@ impl Frame {
         (self.axes.width + 8.0 + self.bar_px, self.axes.margin_top + ROW_PX * (entry as f64 + 0.5))
     }
 
-    /// Puts the parts together.
+    /// Assembles the figure.
     pub(super) fn finish(mut self) -> Figure {
         let (_, last) = self.place(self.rows.saturating_sub(1));
         let bottom = if self.rows > 0 { last + ROW_PX } else { 0.0 };
@@ -283,12 +284,12 @@ impl Frame {
     }
 }
 
-/// At most about `count` of the points, evenly spread, the first among them.
+/// Returns about `count` of the points, evenly spread, including the first.
 pub(super) fn thin(points: &[Point], count: usize) -> impl Iterator<Item = &Point> {
     points.iter().step_by(points.len().div_ceil(count).max(1))
 }
 
-/// The smallest of 1, 2 or 5 times a power of ten that is not below `step`.
+/// Returns the smallest number not below `step` that is 1, 2 or 5 times a power of ten.
 pub(super) fn round_step(step: f64) -> f64 {
     let power = 10.0_f64.powf(step.log10().floor());
     let factor = [1.0, 2.0, 5.0].into_iter().find(|f| f * power >= step);

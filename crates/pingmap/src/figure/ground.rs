@@ -1,4 +1,4 @@
-//! What lies under everything else on a map: colours and their bar, hatching, a graticule, north and scale.
+//! The background of a map: colours with their bar, hatching, graticule, north arrow and scale.
 
 use kuva::prelude::ColorMap;
 use kuva::render::color::Color;
@@ -9,10 +9,10 @@ use super::marks::{draw_line, polygon, text_at, text_width};
 use super::style::{LegendPlace, Mark, Style};
 use crate::contour::{Grid, Point};
 
-/// As many shades as the eye tells apart, and more: equal neighbours join.
+/// Number of shades, more than the eye distinguishes. Equal neighbours are joined.
 const SHADES: f64 = 200.0;
 
-/// Between lines of hatching, across.
+/// Distance between lines of hatching.
 const HATCH_PX: f64 = 9.0;
 const HATCH: Style = Style { color: "#ffffff", width: 0.9, dash: &[], mark: Mark::None };
 
@@ -20,21 +20,21 @@ const BAR_PX: f64 = 16.0;
 const GRATICULE: Style = Style { color: "#ffffff", width: 0.4, dash: &[], mark: Mark::None };
 const INK: Style = Style { color: "#000000", width: 1.4, dash: &[], mark: Mark::None };
 
-/// The colour of a probability: Cividis, which is read in grey and by those who see fewer colours.
+/// Returns the colour of a probability. The colour map Cividis is readable in grey and with colour blindness.
 pub fn shade(probability: f64) -> (u8, u8, u8) {
     ColorMap::Cividis.map_rgb(probability.clamp(0.0, 1.0)).unwrap_or((128, 128, 128))
 }
 
-/// Edges on whole pixels, not blended with what is behind them.
+/// Draws edges on whole pixels, without blending with the background.
 const CRISP: &str = "shape-rendering=\"crispEdges\"";
 
 impl Frame {
-    /// Fills the cells of a grid, joining equal neighbours in a row.
+    /// Fills the cells of a grid. Equal neighbours in a row are joined.
     pub(super) fn heat_map(&mut self, grid: &Grid) {
         let rows = grid.values.len() / grid.columns;
         let (left, top) = self.pixel((grid.east.0, grid.north.1));
         let (right, bottom) = self.pixel((grid.east.1, grid.north.0));
-        // Whole pixels, so that no edge is blended with what is behind it.
+        // Edges lie on whole pixels, so that they are not blended with the background.
         let x_of = |column: usize| (left + column as f64 * (right - left) / grid.columns as f64).round();
         let y_of = |row: usize| (bottom - row as f64 * (bottom - top) / rows as f64).round();
         let (mut x, mut y, mut w, mut h) = (vec![], vec![], vec![], vec![]);
@@ -47,7 +47,7 @@ impl Frame {
                     let (r, g, b) = shade(run[0]);
                     x.push(x_of(column));
                     y.push(y_of(row + 1));
-                    // Half a pixel more hides seams where a page is shown at another size.
+                    // Half a pixel more hides seams if the page is scaled.
                     w.push(x_of(column + run.len()) - x_of(column) + 0.5);
                     h.push(y_of(row) - y_of(row + 1) + 0.5);
                     fills.push(Color::Rgb(r, g, b));
@@ -61,7 +61,7 @@ impl Frame {
         self.inside.push(Primitive::GroupEnd);
     }
 
-    /// Draws what the colours say, as high as the axes and right of them.
+    /// Draws the colour bar at the right of the axes, with the same height.
     pub(super) fn color_bar(&mut self, label: &str) {
         let (top, bottom) = (self.axes.margin_top, self.axes.height - self.axes.margin_bottom);
         let left = self.axes.width - self.axes.margin_right + 18.0;
@@ -86,12 +86,12 @@ impl Frame {
             draw_line(&mut self.legend, &[(left + BAR_PX, y), (left + BAR_PX + 5.0, y)], INK, 0.0);
             self.legend.push(text_at((left + BAR_PX + 8.0, y), &format!("{share:.1}"), TextAnchor::Start));
         }
-        // Upright letters are read more easily, and all programs draw them alike.
+        // Horizontal letters are easier to read, and all programs draw them alike.
         self.legend.push(text_at((left, top - 14.0), label, TextAnchor::Start));
         self.bar_px = BAR_ROOM_PX.max(18.0 + text_width(label) - self.axes.margin_right + 8.0);
     }
 
-    /// Draws slanted lines over cells, row by row from the south as those of the grid.
+    /// Hatches cells, which are ordered as in the grid: row by row from the south.
     pub(super) fn hatch(&mut self, grid: &Grid, hatched: &[bool]) {
         let rows = grid.values.len() / grid.columns;
         let (left, top) = self.pixel((grid.east.0, grid.north.1));
@@ -102,7 +102,7 @@ impl Frame {
             let inside = (left..right).contains(&x) && y > top && y <= bottom;
             inside && hatched.get(row * grid.columns + column).is_some_and(|&is| is)
         };
-        // Lines x + y = const, looked at pixel by pixel.
+        // Lines x + y = const, tested pixel by pixel.
         let mut sum = ((left + top) / HATCH_PX).ceil() * HATCH_PX;
         while sum < right + bottom {
             let (first, last) = ((sum - bottom).max(left), (sum - top).min(right));
@@ -142,7 +142,7 @@ impl Frame {
         self.key(name, none, false);
     }
 
-    /// Draws lines of equal latitude or longitude, each with its name where it begins.
+    /// Draws lines of equal latitude or longitude, each with its name at the start.
     pub(super) fn graticule(&mut self, lines: &[(String, Vec<Point>)]) {
         for (name, points) in lines {
             let points: Vec<Point> = points.iter().map(|&point| self.pixel(point)).collect();
@@ -153,8 +153,8 @@ impl Frame {
         }
     }
 
-    /// Says where north is and how long a round number of metres, in the first corner of the lower ones and the upper right
-    /// one where the least of `shown` would be covered.
+    /// Draws the north arrow and a scale bar over a round number of metres. The scale bar is in the lower left, lower
+    /// right or upper right corner, where it covers the fewest of `shown`.
     pub(super) fn north_and_scale(&mut self, metres_wide: f64, shown: &[Point]) {
         let (left, right) = (self.axes.margin_left, self.axes.width - self.axes.margin_right);
         let (top, bottom) = (self.axes.margin_top, self.axes.height - self.axes.margin_bottom);
@@ -197,7 +197,7 @@ impl Frame {
     }
 }
 
-/// A rectangle with an edge.
+/// Returns a rectangle with an edge.
 fn outline(fill: Color, x: f64, y: f64, (width, height): Point) -> Primitive {
     let stroke = Some("#000000".into());
     Primitive::Rect { x, y, width, height, fill, stroke, stroke_width: Some(1.0), opacity: None }

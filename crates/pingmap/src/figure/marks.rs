@@ -1,4 +1,4 @@
-//! Lines, arrows, markers and texts, in pixels.
+//! Lines, arrows, markers and texts in pixels.
 
 use std::collections::HashMap;
 
@@ -8,8 +8,8 @@ use kuva::render::render::{PathData, Primitive, TextAnchor};
 use super::style::{FONT_PX, Mark, Style};
 use crate::contour::Point;
 
-/// Draws a line over a white `halo`. The dashes are cut here: the PNG writer would start the
-/// pattern anew at every vertex and would not scale it.
+/// Draws a line over a white `halo`. The dashes are cut here, because the PNG writer would restart the pattern at every
+/// vertex and would not scale it.
 pub(super) fn draw_line(out: &mut Vec<Primitive>, points: &[Point], style: Style, halo: f64) {
     let mut stroke = |points: Vec<Point>, color: &str, stroke_width: f64| {
         out.push(Primitive::PolyLine { points, stroke: color.into(), stroke_width, stroke_dasharray: None });
@@ -48,12 +48,12 @@ pub(super) fn draw_line(out: &mut Vec<Primitive>, points: &[Point], style: Style
     }
 }
 
-/// Steps in which ways are compared, and how near two of them are the same; in pixels.
+/// Step at which tracks are compared, and the distance in pixels within which two points coincide.
 const STEP_PX: f64 = 3.0;
 const SAME_PX: f64 = 2.4;
 
-/// The pieces of a way that have not been drawn before: a way that is gone twice would fill the gaps of its own dashes. O(n) for n
-/// steps.
+/// Returns the pieces of a track that are not drawn yet. A dashed line that is drawn twice would fill its own gaps.
+/// O(n) for n steps.
 pub(super) fn ways_once(points: &[Point]) -> Vec<Vec<Point>> {
     let mut seen: HashMap<(i64, i64), Vec<(usize, Point)>> = HashMap::new();
     let cell = |(x, y): Point| ((x / SAME_PX).floor() as i64, (y / SAME_PX).floor() as i64);
@@ -62,7 +62,7 @@ pub(super) fn ways_once(points: &[Point]) -> Vec<Vec<Point>> {
         let (column, row) = cell(point);
         let around = (-1..=1).flat_map(|x| (-1..=1).map(move |y| (column + x, row + y)));
         let near = |&(earlier, other): &(usize, Point)| {
-            // What was drawn just now is the way itself.
+            // The latest steps are the current piece itself.
             earlier + 6 < number && (other.0 - point.0).hypot(other.1 - point.1) < SAME_PX
         };
         let is_old = around.filter_map(|cell| seen.get(&cell)).flatten().any(near);
@@ -77,7 +77,7 @@ pub(super) fn ways_once(points: &[Point]) -> Vec<Vec<Point>> {
     pieces
 }
 
-/// The corners of a line, and points between them.
+/// Returns the corners of a line, and points between them.
 fn steps(points: &[Point]) -> Vec<Point> {
     let mut steps: Vec<Point> = points.first().copied().into_iter().collect();
     for pair in points.windows(2) {
@@ -103,15 +103,15 @@ pub(super) fn draw_head(out: &mut Vec<Primitive>, from: Point, to: Point, style:
     ));
 }
 
-/// The most letters of a name that are drawn.
+/// Largest number of letters of a name.
 const NAME_LETTERS_MAX: usize = 40;
 
-/// A name, its middle left out where it is very long.
+/// Shortens a long name by leaving out its middle.
 pub(super) fn shortened(name: &str) -> String {
     shortened_to(name, NAME_LETTERS_MAX)
 }
 
-/// The same for a text of at most so many letters.
+/// Shortens a text to at most `letters_max` letters.
 pub(super) fn shortened_to(text: &str, letters_max: usize) -> String {
     let letters: Vec<char> = text.chars().collect();
     if letters.len() <= letters_max {
@@ -136,7 +136,7 @@ pub(super) fn draw_arrow(out: &mut Vec<Primitive>, from: Point, to: Point, style
     out.push(polygon(&corners, style.color, style.color));
 }
 
-/// Draws a marker with an outline that shows on dark and light grounds.
+/// Draws a marker with an outline that is visible on dark and light backgrounds.
 pub(super) fn draw_mark(out: &mut Vec<Primitive>, (x, y): Point, radius: f64, style: Style) {
     let corners = |count: usize, turn: f64, inner: f64| -> Vec<Point> {
         let corner = |k: usize| {
@@ -206,7 +206,7 @@ pub(super) fn text_at((x, y): Point, text: &str, anchor: TextAnchor) -> Primitiv
     }
 }
 
-/// The width of a text; `kuva` keeps its measure private but sizes legends with it.
+/// Returns the width of a text. `kuva` uses its private measure for the width of legends, from which this is computed.
 pub(super) fn text_width(text: &str) -> f64 {
     let entry = LegendEntry { label: text.into(), color: String::new(), shape: LegendShape::Line, dasharray: None };
     Layout::new((0.0, 1.0), (0.0, 1.0)).with_legend_entries(vec![entry]).legend_width - 41.0

@@ -1,8 +1,8 @@
-//! Figures: a map of success probability, and maps of links. The only folder that names the plotting crate.
+//! Figures: maps of success probability, maps of links, and curves. Only this folder uses the plotting crate.
 //!
-//! `kuva` supplies the axes, the title, the colour scale and bar, and the SVG and PNG writers.
-//! Everything inside the axes is added to its public `Scene` in pixel coordinates, because its
-//! own plots have no fixed colour range, no dashed contours, no outlines and no long legend keys.
+//! `kuva` supplies the axes, the title, the colour map, and the SVG and PNG writers. Everything inside the axes is
+//! added to its public `Scene` in pixel coordinates. The crate's own plots have no fixed colour range, no dashed
+//! contours, no outlines and no long legend keys.
 
 mod style;
 mod finished;
@@ -22,29 +22,29 @@ pub use ground::shade;
 use marks::shortened;
 pub use style::{Arrows, LegendPlace, Mark, Panel, Room, Series, Style};
 
-/// Between the numbers along an axis.
+/// Smallest distance between the numbers of an axis.
 const TICK_PX_MIN: f64 = 55.0;
 
 const PANEL_TITLE_PX: u32 = 14;
 const PANEL_TITLE_ROOM_PX: f64 = 30.0;
 const PANEL_GAP_PX: f64 = 8.0;
 
-/// What a map of an area shows: a number of every cell, and what lies over it.
+/// Content of a map of an area: a value of every cell, and the layers on top.
 pub struct GridMap<'a> {
     pub title: &'a str,
-    /// What the colours say.
+    /// Name of the quantity that the colours show.
     pub bar: &'a str,
     pub grid: Grid<'a>,
     pub contours: &'a [f64],
-    /// Lines of equal latitude or longitude, by their names.
+    /// Lines of equal latitude or longitude with their names.
     pub graticule: &'a [(String, Vec<Point>)],
-    /// Cells of which little is known.
+    /// Cells about which the data say little.
     pub hatched: &'a [bool],
     pub tracks: &'a [Series<'a>],
-    /// Where messages were heard and missed, as arrows.
+    /// Links of heard and of missed messages.
     pub links: &'a [Arrows<'a>],
     pub places: &'a [(String, Point)],
-    /// Lines of a plan, over all that.
+    /// Lines of a plan, on top of all other layers.
     pub lines: &'a [Series<'a>],
 }
 
@@ -81,7 +81,7 @@ pub fn grid_map(map: &GridMap, room: Room) -> Figure {
     for (name, place) in map.places {
         let (x, y) = frame.pixel(*place);
         frame.mark((x, y), 10.0, star);
-        // A place that is not on the map has no name on it either.
+        // A position outside the map gets no name.
         if (east.0..=east.1).contains(&place.0) && (north.0..=north.1).contains(&place.1) {
             frame.label((x, y - 20.0), &shortened(name));
         }
@@ -92,10 +92,10 @@ pub fn grid_map(map: &GridMap, room: Room) -> Figure {
     frame.finish()
 }
 
-/// The most probable contour is solid, the next ones ever more broken.
+/// The most probable contour is solid; less probable ones have shorter dashes.
 const CONTOUR_DASHES: [&[f64]; 4] = [&[], &[5.0, 4.0], &[2.0, 3.0], &[8.0, 3.0, 2.0, 3.0]];
 
-/// Draws arrows (transmitter to receiver) and tracks on a map with equal scales.
+/// Draws arrows from transmitter to receiver, and tracks, on a map with equal scales.
 pub fn link_map(
     title: &str,
     east: (f64, f64),
@@ -113,15 +113,15 @@ pub fn link_map(
     frame.finish()
 }
 
-/// Draws maps of the same area one below the other, for one column of a page: axes `side` pixels wide, the legend of
-/// the last below everything.
+/// Draws maps of one area below each other, for one column of a page. The axes are `side` pixels wide. The legend of
+/// the last map is below everything.
 pub fn link_panels(panels: &[Panel], east: (f64, f64), north: (f64, f64), side: f64) -> Figure {
     let side = side * f64::max(1.0, (north.1 - north.0) / (east.1 - east.0));
     let figures = panels.iter().enumerate().map(|(n, panel)| {
         let is_last = n + 1 == panels.len();
         let mut layout = map_layout(panel.title, east, north, side).with_title_size(PANEL_TITLE_PX);
         if !is_last {
-            // The axis of the last panel is that of all.
+            // All panels share the axis of the last one.
             layout.suppress_x_ticks = true;
             layout.force_margin_bottom = Some(PANEL_GAP_PX);
         }
@@ -135,7 +135,7 @@ pub fn link_panels(panels: &[Panel], east: (f64, f64), north: (f64, f64), side: 
     stacked(figures.collect())
 }
 
-/// Puts figures one below the other.
+/// Stacks figures vertically.
 pub fn stacked(figures: Vec<Figure>) -> Figure {
     let mut figures = figures.into_iter().enumerate();
     let Some((_, Figure(mut whole))) = figures.next() else {
@@ -144,7 +144,7 @@ pub fn stacked(figures: Vec<Figure>) -> Figure {
     for (n, Figure(part)) in figures {
         let transform = Some(format!("translate(0,{})", whole.height));
         whole.elements.push(Primitive::GroupStart { transform, title: None, extra_attrs: None });
-        // Every part brings clip paths, whose names must differ.
+        // Every part has clip paths, whose ids must differ.
         let renamed = |id: &str| format!("{id}-{n}");
         let mut ids = Vec::new();
         for mut element in part.elements {
@@ -165,7 +165,7 @@ pub fn stacked(figures: Vec<Figure>) -> Figure {
     Figure(whole)
 }
 
-/// Draws curves over a common axis, each with a marker here and there.
+/// Draws curves over a common axis, each with a few markers.
 pub fn curves(title: &str, [x_label, y_label]: [&str; 2], series: &[Series], room: Room, height: f64) -> Figure {
     let points = || series.iter().flat_map(|series| series.points);
     let range = |of: fn(&Point) -> f64| {
@@ -191,7 +191,7 @@ pub fn curves(title: &str, [x_label, y_label]: [&str; 2], series: &[Series], roo
     frame.finish()
 }
 
-/// Title, axes in metres and ticks of a map, whose numbers leave room between them.
+/// Returns title, axes in metres and ticks of a map. The tick step leaves room between the numbers.
 fn map_layout(title: &str, east: Point, north: Point, side: f64) -> Layout {
     let step = round_step((east.1 - east.0).max(north.1 - north.0) / side * TICK_PX_MIN);
     Layout::new(east, north).with_title(title).with_x_tick_step(step).with_y_tick_step(step)

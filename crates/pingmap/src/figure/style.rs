@@ -1,8 +1,8 @@
-//! What is drawn, and how it looks.
+//! Elements of figures and their style.
 
 use crate::contour::Point;
 
-/// Size of ordinary letters.
+/// Size of ordinary letters in pixels.
 pub(super) const FONT_PX: u32 = 12;
 
 /// The shape of a marker.
@@ -17,7 +17,7 @@ pub enum Mark {
     Cross,
 }
 
-/// How a line and its markers look; an empty `dash` is a solid line, a zero `width` is no line.
+/// Style of a line and its markers. An empty `dash` is a solid line, a zero `width` is no line.
 #[derive(Clone, Copy)]
 pub struct Style<'a> {
     pub color: &'a str,
@@ -39,29 +39,29 @@ pub struct Arrows<'a> {
     pub name: &'a str,
     pub pairs: &'a [(Point, Point)],
     pub style: Style<'a>,
-    /// Whether they have heads.
+    /// Whether the lines have arrow heads.
     pub heads: bool,
 }
 
-/// What one of several maps of the same area shows.
+/// One of several maps of an area.
 pub struct Panel<'a> {
     pub title: &'a str,
     pub tracks: &'a [Series<'a>],
     pub links: &'a [Arrows<'a>],
 }
 
-/// Where the legend stands.
+/// Position of the legend.
 #[derive(Clone, Copy, PartialEq)]
 pub enum LegendPlace {
-    /// Right of the axes and of the colour bar, one entry below the other.
+    /// At the right of the axes and of the colour bar, in one column.
     Right,
     /// Below the axes, in two columns.
     Below,
-    /// There is none.
+    /// No legend.
     Nowhere,
 }
 
-/// What a figure may take up.
+/// Available room for a figure.
 #[derive(Clone, Copy)]
 pub struct Room {
     /// Pixels along the longer side of the axes.
@@ -70,6 +70,6 @@ pub struct Room {
 }
 
 impl Room {
-    /// Where nobody says how wide the figure is to be.
+    /// Room of a figure without a given width.
     pub const PLENTY: Room = Room { side: 640.0, legend: LegendPlace::Right };
 }

@@ -1,8 +1,8 @@
-//! Parts of pictures, as they stand in the SVG.
+//! Tests of parts of figures in their SVG.
 
 use super::*;
 
-/// The numbers of an element's attributes, of all elements of a kind: `<rect x="1" …/>`.
+/// Returns the numbers in the attributes `names` of all elements of a kind, such as `<rect x="1" …/>`.
 fn elements(svg: &str, kind: &str, names: &[&str]) -> Vec<Vec<f64>> {
     let opening = format!("<{kind} ");
     let one = |text: &str| {
@@ -13,7 +13,7 @@ fn elements(svg: &str, kind: &str, names: &[&str]) -> Vec<Vec<f64>> {
     svg.split(&opening).skip(1).filter_map(|text| one(&format!(" {text}"))).collect()
 }
 
-/// A map with a cell of each shade, driven over once east and back.
+/// Draws a map with a cell of each shade, and a track.
 fn drawn(track: &[Point], style: Style) -> String {
     let (columns, rows) = (20, 10);
     let values: Vec<f64> = (0..columns * rows).map(|n| (n * 7 % 200) as f64 / 200.0).collect();
@@ -35,7 +35,7 @@ fn drawn(track: &[Point], style: Style) -> String {
 
 const DASHED: Style = Style { color: "#d7301f", width: 1.6, dash: &[6.0, 4.0], mark: Mark::None };
 
-/// The rectangles of the map, and those of its colour bar: left, top, width, height.
+/// Returns the rectangles of the map, and those of the colour bar: left, top, width, height.
 fn rectangles(svg: &str) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let groups: Vec<&str> = svg.split("shape-rendering=\"crispEdges\"").skip(1).collect();
     let of =
@@ -53,7 +53,7 @@ fn cells_leave_no_seams_and_the_bar_is_as_high_as_the_axes() {
     };
     let (left, right) = (edge(&cells, |c| c[0], f64::min), edge(&cells, |c| c[0] + c[2], f64::max));
     let (top, bottom) = (edge(&cells, |c| c[1], f64::min), edge(&cells, |c| c[1] + c[3], f64::max));
-    // Every point within lies in a cell: where two meet they overlap.
+    // Every point inside lies in a cell. Adjacent cells overlap.
     for row in 0..100 {
         for column in 0..200 {
             let x = left + (right - left - 1.0) * (f64::from(column) + 0.37) / 200.0;
@@ -77,7 +77,7 @@ fn a_track_has_its_start_its_direction_north_and_a_scale() {
     let start_x = left + (right - left) * 100.0 / 2000.0;
     assert!(rings.iter().any(|ring| ring[2] == 8.0 && (ring[0] - start_x).abs() < 2.0), "{rings:?}: {start_x}");
     assert!(svg.contains(">N</text>") && svg.contains(">500 m</text>"), "north and scale");
-    // The scale is as long as it says.
+    // The scale bar has the stated length.
     let length_px = (right - left) * 500.0 / 2000.0;
     let lines = svg.split(" d=\"").skip(1).map(|text| text.split('"').next().unwrap_or_default());
     let of = |line: &str| -> Vec<f64> { line.split(' ').filter_map(|number| number.parse().ok()).collect() };
@@ -87,7 +87,7 @@ fn a_track_has_its_start_its_direction_north_and_a_scale() {
 }
 
 #[test]
-fn dashes_survive_a_way_that_is_gone_twice() {
+fn dashes_survive_a_track_that_is_driven_twice() {
     let dashes = |track: &[Point]| {
         let svg = drawn(track, DASHED);
         svg.split("<path ")
@@ -98,7 +98,7 @@ fn dashes_survive_a_way_that_is_gone_twice() {
     let there = [(100.0, 500.0), (1900.0, 500.0)];
     let and_back = [there[0], there[1], there[0]];
     let (once, twice) = (dashes(&there), dashes(&and_back));
-    // The same dashes, but for a few where it turns; heads that point back lie over them.
+    // The same dashes appear, except a few at the turn and below the arrow heads back.
     assert!(once > 30 && twice.abs_diff(once) <= once / 5, "{once} {twice}");
 }
 

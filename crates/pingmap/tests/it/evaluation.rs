@@ -48,11 +48,11 @@ fn contradictory_options_of_splits_are_refused() {
         assert_eq!(output.status.code(), Some(2), "{more:?}");
         assert!(stderr(&output).contains(expected), "{more:?}: {}", stderr(&output));
     };
-    refused(&["--split-by", "range", "--repeats", "3"], "--repeats changes nothing");
-    refused(&["--split-by", "vehicle", "--repeats", "3"], "--repeats changes nothing");
-    refused(&["--split-by", "vehicle", "--test-share", "0.3"], "--test-share changes nothing");
-    refused(&["--split-by", "time", "--whole-transmissions"], "blocks of time do so anyway");
-    refused(&["--split-by", "range", "--whole-transmissions"], "impossible");
+    refused(&["--split-by", "range", "--repeats", "3"], "--repeats has no effect");
+    refused(&["--split-by", "vehicle", "--repeats", "3"], "--repeats has no effect");
+    refused(&["--split-by", "vehicle", "--test-share", "0.3"], "--test-share has no effect");
+    refused(&["--split-by", "time", "--whole-transmissions"], "blocks of time always do so");
+    refused(&["--split-by", "range", "--whole-transmissions"], "receiver cannot");
     refused(&["--split-by", "weather"], "possible values: random, time, range, vehicle");
     file(
         folder.path(),
@@ -87,7 +87,7 @@ fn a_training_log_of_the_model_is_recognised() {
         for agreed in [["--model", "model.toml"], ["--team", "team.toml"]] {
             for way in [&["--frames", "1"][..], &["--online"]] {
                 let output = pingmap(folder, &[&["replay", log], &agreed[..], way].concat());
-                let loud = "LEARNED FROM THIS VERY LOG";
+                let loud = "LEARNED FROM THIS LOG";
                 assert_eq!(stderr(&output).contains(loud), known, "{log} {agreed:?} {way:?}: {}", stderr(&output));
                 assert_eq!(stdout(&output).contains(loud), known, "{log} {agreed:?} {way:?}: {}", stdout(&output));
             }

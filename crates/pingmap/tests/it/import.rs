@@ -105,7 +105,7 @@ fn an_unconfirmed_transmission_is_not_a_miss() {
     let (bare, said) = import(folder, &format!("{options} --match-s 0.5"));
     assert_eq!(bare["transmissions"]["by_reception"], 300 - unheard);
     assert_eq!((&bare["heard"], bare["transmissions"]["recorded"].as_u64()), (&found["heard"], Some(0)));
-    assert!(said.contains("auv1, auv2, auv3 sent") && said.contains("--sent"), "{said}");
+    assert!(said.contains("messages from auv1, auv2, auv3") && said.contains("--sent"), "{said}");
 }
 
 #[test]

@@ -119,7 +119,7 @@ fn a_stopped_modem_is_not_a_deaf_receiver() {
     assert!((90..=120).contains(&count(&found, "not_recording")), "{found}");
     let recorded = found["transmissions"]["recorded"].as_u64().unwrap() as usize;
     assert_eq!(missing - count(&found, "not_recording"), 2 * (400 - recorded), "{found}");
-    assert!(unexpected > 20 && said.contains("did its record end before"), "{said}");
+    assert!(unexpected > 20 && said.contains("check the end of its records"), "{said}");
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn refusals_of_log_import_name_the_missing_information() {
         }
     };
     file(folder, "letter.txt", "Dear all, the vehicles are safe.\n");
-    refused("letter.txt", &["letter.txt", "no known kind", "--heard"]);
+    refused("letter.txt", &["letter.txt", "unknown kind of file", "--heard"]);
     file(folder, "mission/more.csv", "id,name\n9,buoy\n");
     refused("mission", &["mission/ids.csv", "mission/more.csv", "both say who is meant by ids", "--ids"]);
     std::fs::remove_file(folder.join("mission/more.csv")).unwrap();
@@ -218,7 +218,7 @@ fn a_folder_of_tables_is_recognised_and_the_roles_of_files_are_printed() {
     // The vehicle and the kind of a single table must be given.
     std::fs::copy(folder.join("sorted/auv1/nav.csv"), folder.join("nav.csv")).unwrap();
     std::fs::copy(folder.join("sorted/auv1/heard.csv"), folder.join("auv1.csv")).unwrap();
-    for (arguments, words) in [("import nav.csv", "NAME="), ("import auv1.csv", "no known kind")] {
+    for (arguments, words) in [("import nav.csv", "NAME="), ("import auv1.csv", "unknown kind of file")] {
         let output = pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>());
         assert!(output.status.code() == Some(2) && stderr(&output).contains(words), "{}", stderr(&output));
     }

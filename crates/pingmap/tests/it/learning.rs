@@ -192,7 +192,7 @@ fn replay_learns_pooled_models_own_models_or_both() {
         folder.path(),
         &["replay", "events.csv", "--frames", "2", "--repeats", "2", "--learn", "both"],
     ));
-    assert!(text.contains("who learns the model") && text.contains("every vehicle, NLL"), "{text}");
+    assert!(text.contains("model learned from") && text.contains("every vehicle, NLL"), "{text}");
 }
 
 #[test]

@@ -191,7 +191,7 @@ fn completions_and_manual_pages_contain_every_command() {
     file(folder.path(), "taken", "");
     let refused = pingmap(folder.path(), &["man", "taken"]);
     assert!(
-        refused.status.code() == Some(2) && stderr(&refused).contains("taken is no folder"),
+        refused.status.code() == Some(2) && stderr(&refused).contains("taken is not a folder"),
         "{}",
         stderr(&refused)
     );

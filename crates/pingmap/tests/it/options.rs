@@ -66,10 +66,10 @@ const ONLINE: &[Case] = &[
     ("--splits", "splits.csv", "--frames 1"),
 ];
 
-/// It rarely changes the chosen model; only `learn` prints it. All commands read it in one place.
+/// The option rarely changes the chosen model; only `learn` prints it. All commands read it in one place.
 const CRITERION: Case = ("--criterion", "evidence", "");
 
-/// It rarely changes the chosen model. All commands read it in one place.
+/// The option rarely changes the chosen model. All commands read it in one place.
 const ADDITIONS: Case = ("--additions", "none", "");
 
 const LEARN: &[Case] = &[
@@ -198,6 +198,8 @@ const SIMULATE: &[Case] = &[
     ("--self-noise-spread-db", "20", ""),
     ("--threshold-db", "30", ""),
     ("--fading-db", "15", ""),
+    ("--direction-loss-db", "8", ""),
+    ("--favoured-bearing-deg", "90", "--direction-loss-db 8"),
     ("--water-depth-m", "15", "--depths"),
     ("--ridge-m", "5", ""),
     ("--mound-m", "5", ""),

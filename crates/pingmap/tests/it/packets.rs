@@ -188,7 +188,7 @@ fn reports_are_encoded_and_decoded_as_json() {
         text.contains("Report of bert, slots from 40 on") && text.contains("heard 2, missed 2, not reported 1"),
         "{text}"
     );
-    assert!(text.contains("where it was, m"), "{text}");
+    assert!(text.contains("waypoint, m"), "{text}");
     for (wrong, right, expected) in [
         ("hm-mh", "hm?mh", "expected h, m or -"),
         ("[7,200]", "[7,200,1]", "expected 2 cells"),
@@ -332,7 +332,7 @@ fn a_replay_names_the_members_that_vehicles_do_not_use() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let mut log = pingmap_trial::built_in("bay3").unwrap().unwrap();
-    // The receiver of auv3 reports the opposite of what it heard.
+    // The receiver of auv3 reports inverted outcomes.
     let of_auv3 = log.events.iter_mut().filter(|event| event.receiver_id.as_str() == "auv3");
     of_auv3.for_each(|event| event.success = !event.success);
     file(folder, "log.csv", log.to_csv());

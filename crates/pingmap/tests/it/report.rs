@@ -111,9 +111,7 @@ fn the_page_prints_on_a_few_sheets() {
         return;
     };
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    for said in
-        ["distance alone is right", "What it was made of", "little known", "probability of success", "--compare"]
-    {
+    for said in ["distance alone is right", "Provenance", "little known", "probability of success", "--compare"] {
         assert!(text.contains(said), "no {said:?} on paper: {text}");
     }
     let pages = text.matches('\u{c}').count();
@@ -129,8 +127,8 @@ fn the_report_contains_conclusions_and_provenance() {
         "&lt;c&gt;",
         "events.csv",
         "pingmap replay events.csv --frames 1,2,5",
-        "as it should be",
-        "said by the maps",
+        "perfect calibration",
+        "predicted by the maps",
         "<th scope=\"col\">share heard</th>",
         "The map of b",
     ] {
@@ -157,14 +155,9 @@ fn the_report_of_an_online_replay_contains_conclusions_and_provenance() {
     assert!(pingmap(folder, &command.split(' ').collect::<Vec<_>>()).status.success());
     let page = std::fs::read_to_string(folder.join("report/index.html")).unwrap();
     let digest = json(folder, &["check", "events.csv", "--json"])["log_digest"].as_str().unwrap().to_owned();
-    for said in [
-        "Coming events were predicted with ",
-        "a → b",
-        "What it was made of",
-        &digest,
-        command,
-        "<th scope=\"col\">share heard</th>",
-    ] {
+    for said in
+        ["The NLL of coming events is ", "a → b", "Provenance", &digest, command, "<th scope=\"col\">share heard</th>"]
+    {
         assert!(page.contains(said), "no {said:?}");
     }
 }

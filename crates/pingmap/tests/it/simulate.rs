@@ -464,7 +464,7 @@ fn a_sea_floor_without_room_for_vehicles_is_refused() {
     refused(&["--ridge-m", "30"], &["ridge", "30", "from 0 to 26.5"]);
     refused(&["--mound-m", "27"], &["mound", "27", "from 0 to 26.5"]);
     refused(&["--water-depth-m", "3"], &["water depth", "3", "from 3.5"]);
-    // If the water is shallower than the depth of the vehicles, the error names the latter.
+    // If the water is shallower than the depth of the vehicles, the error names that depth.
     refused(&["--water-depth-m", "8"], &["depth of the vehicles", "10", "from 0.5 to 5"]);
 }
 

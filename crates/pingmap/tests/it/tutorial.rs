@@ -29,7 +29,7 @@ fn the_commands_of_the_tutorial_recover_the_true_mission() {
     }
     assert!(!said[1].0.contains("--always-sends") && !said[1].0.contains("--correct-clocks"), "{}", said[1].0);
     assert!(said[1].1.contains("--origin 41.53,-70.66") && text.contains("--origin 41.53,-70.66"), "{}", said[1].1);
-    assert!(said[2].1.contains("Nothing odd"), "{}", said[2].1);
+    assert!(said[2].1.contains("Nothing suspicious"), "{}", said[2].1);
     for file in ["map.png", "doubt.png", "map.geojson", "model.toml", "standoff.png", "track.png"] {
         assert!(folder.join(file).exists(), "{file}");
     }

@@ -25,7 +25,7 @@ fn replay(content: &str, options: &[&str], warning: &str) -> Value {
 
 #[test]
 fn a_log_with_equal_outcomes_is_replayed_with_accept_bad_log() {
-    for (outcome, warning) in [("1", "no event is a miss (60 heard)"), ("0", "all of 60 events missed")] {
+    for (outcome, warning) in [("1", "no event is a miss (60 heard)"), ("0", "all of 60 events are misses")] {
         let content: String =
             log(&["a", "b"], 60)
                 .lines()

@@ -1,4 +1,4 @@
-//! Archives that were given as if they were folders.
+//! Unpacks archives that are given in place of folders.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
@@ -14,18 +14,19 @@ use crate::output::BadInput;
 const GZIP_MARK: &[u8] = &[0x1f, 0x8b];
 const ZIP_MARK: &[u8] = b"PK\x03\x04";
 
-/// Where a tar archive says that it is one.
+/// Offset and content of the mark of tar archives.
 const TAR_MARK: (usize, &[u8]) = (257, b"ustar");
 
-/// Unpacks a ZIP or tar archive, compressed with gzip or not, or a single file that is compressed so, to a folder that goes with
-/// what is returned; `None` for a file that is none of these. Nothing is written outside of that folder. `name` is what people know it by.
+/// Unpacks a ZIP or tar archive, or one file compressed with gzip, to a temporary folder. The folder is deleted when
+/// the returned value is dropped. Returns `None` for other files. Nothing is written outside the folder. Error messages
+/// contain `name`.
 pub fn unpacked(path: &Path, name: &Path) -> anyhow::Result<Option<TempDir>> {
     let fail = |error: io::Error| BadInput(format!("{}: cannot be unpacked: {error}", name.display()));
     let file = open(path).map_err(ImportError::from)?;
     unpack(name, file).map_err(|error| fail(error).into())
 }
 
-/// Whether a file that begins so is one of these.
+/// Whether a file with these first bytes is an archive or compressed.
 pub fn is_archive(head: &[u8]) -> bool {
     head.starts_with(GZIP_MARK) || head.starts_with(ZIP_MARK) || is_tar(head)
 }
@@ -71,7 +72,7 @@ mod tests {
 
     use super::*;
 
-    /// A file of `bytes`, unpacked: what lies in the folder, by name.
+    /// Unpacks a file of `bytes` and returns the names of the files in the folder.
     fn names(bytes: &[u8]) -> io::Result<Option<Vec<String>>> {
         let mut file = tempfile::tempfile()?;
         file.write_all(bytes)?;
@@ -109,7 +110,7 @@ mod tests {
         for bytes in [tar_of("a.alog"), zip_of("a.alog"), gzip_of(&tar_of("a.alog"))] {
             assert_eq!(names(&bytes).expect("an archive"), Some(vec!["a.alog".to_owned()]));
         }
-        // A single file is called as its archive was, without the ending.
+        // A compressed file is named after its archive, without the extension.
         assert_eq!(names(&gzip_of(b"% a log")).expect("an archive"), Some(vec!["all.log".to_owned()]));
         assert_eq!(names(b"% a log").expect("a file"), None);
         assert_eq!(names(b"").expect("a file"), None);
@@ -120,14 +121,14 @@ mod tests {
         let outside = std::env::temp_dir().join("pingmap-outside.alog");
         for name in ["../pingmap-outside.alog", "/tmp/pingmap-outside.alog", "a/../../pingmap-outside.alog"] {
             for bytes in [tar_of(name), zip_of(name), gzip_of(&tar_of(name))] {
-                // It may be refused, or lie within.
+                // The archive may be refused, or its file may lie within the folder.
                 let _ = names(&bytes);
                 assert!(!outside.exists(), "{name}");
             }
         }
     }
 
-    /// Every archive with a byte changed or cut off somewhere is one, or an error.
+    /// Archives with a changed byte or a missing end are unpacked or refused, without a panic.
     #[test]
     fn damaged_archives_are_errors() {
         for whole in [tar_of("a.alog"), zip_of("a.alog"), gzip_of(&tar_of("a.alog")), gzip_of(b"% a log")] {

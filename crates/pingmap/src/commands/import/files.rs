@@ -1,4 +1,4 @@
-//! The files that vehicles left, and what is said about them.
+//! The input files of an import, and the options that describe them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,70 +19,73 @@ use crate::values::{crs, origin, place};
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
 pub struct Files {
-    /// Files of known kinds, or folders or archives (ZIP, tar, gzip) of such: logs of MOOS (.alog) and its mission files, sentences of a Micro-Modem with a time in front
-    /// of each, bags of ROS 2 (MCAP, SQLite), of which #TOPIC takes topics that begin so, logs of LCM, tables (auv1.nav.csv, auv1.heard.csv, auv1.sent.csv), ids and a schedule. Without NAME= they say themselves whose they are; - is standard input
+    /// Recorded files, or folders or archives (ZIP, tar, gzip) of them: MOOS logs (.alog) and mission files,
+    /// Micro-Modem sentences with a time before each, ROS 2 bags (MCAP, SQLite), LCM logs, tables (auv1.nav.csv,
+    /// auv1.heard.csv, auv1.sent.csv), ids and a schedule. #TOPIC selects the topics of a bag with this prefix. Without
+    /// NAME= the file names its vehicle; - is standard input
     #[arg(value_name = "[NAME=]FILE[#TOPIC]")]
     records: Vec<String>,
-    /// Where a vehicle was, as a table: time, and latitude and longitude or metres. Without NAME= it has a column that says who
+    /// Tables of a vehicle's positions: time, and latitude and longitude or metres. Without NAME= a column names the
+    /// vehicle
     #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
     nav: Vec<String>,
-    /// What reached a vehicle's modem: time and source
+    /// Tables of messages that a vehicle's modem received: time and source
     #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
     heard: Vec<String>,
-    /// What a vehicle sent: time
+    /// Tables of messages that a vehicle sent: time
     #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
     sent: Vec<String>,
-    /// Where somebody stays that has no navigation: metres, or degrees such as 41.52N,70.67W; and a depth in metres
+    /// Position of a vehicle without navigation: metres, or degrees such as 41.52N,70.67W; and a depth in metres
     #[arg(long, value_name = "NAME=PLACE", value_parser = fixed)]
     fixed: Vec<(String, Fix)>,
-    /// Who may send when: a team file, its part [slots], or a table of time_s and source
+    /// Transmission schedule: a team file, its part [slots], or a table of time_s and source
     #[arg(long, value_name = "FILE")]
     schedule: Option<PathBuf>,
-    /// Who is meant by modems' ids: a table of id and name; everybody is called broadcast
+    /// Names of modem ids: a table of id and name; the name broadcast stands for all vehicles
     #[arg(long, value_name = "FILE")]
     ids: Option<PathBuf>,
-    /// From when to when a modem was listening, where its first and last reception do not tell
+    /// Interval in which a modem was listening, if its first and last reception do not show it
     #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = span)]
     listening: Vec<(String, (f64, f64))>,
-    /// What stands before the names of the modem's variables in logs of MOOS: …NMEA_IN, …MODEM_RECEIVE
+    /// Prefix of the modem's variables in MOOS logs: …NMEA_IN, …MODEM_RECEIVE
     #[arg(long, value_name = "PREFIX", default_value = MOOS_PREFIX)]
     acomms_prefix: String,
-    /// What a column is called, such as heard.source=from
+    /// Name of a column, such as heard.source=from
     #[arg(long, value_name = "WHAT=COLUMN", num_args = 1.., value_parser = two)]
     column: Vec<(String, String)>,
-    /// The same from a file, as TOML: [heard], source = "from"
+    /// Names of columns from a TOML file: [heard], source = "from"
     #[arg(long, value_name = "FILE")]
     columns: Option<PathBuf>,
-    /// Where (0, 0) of the log is; if not given where files say, or the middle of all positions in degrees, rounded
+    /// Position of (0, 0) of the log; if not given, that of the files, or the rounded mean of all positions in degrees
     #[arg(long, value_name = "LAT,LON", value_parser = origin, allow_hyphen_values = true, conflicts_with = "crs")]
     origin: Option<ReferenceSystem>,
-    /// Reference system of metres in files and log, such as EPSG:32619
+    /// Reference system of metres in the files and the log, such as EPSG:32619
     #[arg(long, value_name = "EPSG:CODE", value_parser = crs)]
     crs: Option<ReferenceSystem>,
 }
 
-/// What was in the files.
+/// Content of all input files.
 pub struct Taken {
     pub recordings: Recordings,
     pub schedule: Option<Schedule>,
     pub reference: Reference,
-    /// Where (0, 0) of the log is, if that is known, and by whose word.
+    /// Position of (0, 0) of the log, if known, and its source.
     pub origin: Option<(Geographic, OriginBy)>,
     pub skipped: SkipCounts,
-    /// Of whom members of messages say that they are from them, and nothing was recorded, how often.
+    /// Number of messages per source for which nothing else was recorded.
     pub unknown_sources: BTreeMap<VehicleId, usize>,
-    /// Files in folders that are of no known kind.
+    /// Files in folders whose kind is unknown.
     pub left_alone: Vec<PathBuf>,
 }
 
-/// Who says where (0, 0) is.
+/// Source of the position of (0, 0).
 #[derive(Clone, Copy, PartialEq)]
 pub enum OriginBy {
-    /// Whoever imports.
+    /// An option of the command.
     Option,
-    /// What vehicles recorded.
+    /// The recorded files.
     Files,
-    /// Nobody: it is the middle of all positions.
+    /// The mean of all positions.
     Nobody,
 }
 
@@ -106,10 +109,10 @@ fn fixed(text: &str) -> Result<(String, Fix), String> {
 }
 
 impl Files {
-    /// Reads them all.
+    /// Reads all files.
     pub fn take(&self) -> anyhow::Result<Taken> {
         let mut reading = self.reading()?;
-        // Unpacked as long as it is read.
+        // Unpacked archives are deleted when `_unpacked` is dropped.
         let (mut files, _unpacked) = records::with_archives(records::all(&self.records)?)?;
         records::recognise(&mut files, &reading)?;
         let found = |given: &Option<PathBuf>, kinds: &[RecordKind], option| match given {
@@ -133,7 +136,7 @@ impl Files {
         for (name, span) in &self.listening {
             let Some(recording) = recordings.get_mut(&VehicleId::new(name)).filter(|known| known.arrivals.is_some())
             else {
-                let message = format!("--listening {name}: expected a vehicle of which it is recorded what it heard");
+                let message = format!("--listening {name}: expected a vehicle with recorded receptions");
                 return Err(BadInput(message).into());
             };
             recording.listening.push(*span);
@@ -143,7 +146,7 @@ impl Files {
         Ok(Taken { recordings, schedule, reference, origin, skipped, unknown_sources, left_alone })
     }
 
-    /// Takes in all files, and tables beside them.
+    /// Reads all recorded files, and the tables of `--nav`, `--heard` and `--sent`.
     fn read(
         &self,
         files: &[RecordFile],
@@ -166,7 +169,7 @@ impl Files {
         for file in logs {
             records.take(file, bar.wrap_read(opened(&file.path)?), reading, recordings)?;
         }
-        // Metres in tables may be those of --crs; those of files that name their own (0, 0) are not.
+        // Metres in tables may use --crs. Metres of logs that name their own (0, 0) do not.
         let mut of_logs = recordings.values().flat_map(|recording| &recording.fixes);
         records.has_metres = of_logs.any(|fix| matches!(fix.place, Place::Metres(..)));
         for file in tables {
@@ -181,7 +184,7 @@ impl Files {
         Ok(())
     }
 
-    /// All files that are read.
+    /// Returns the paths of all input files.
     pub fn paths(&self) -> anyhow::Result<Vec<PathBuf>> {
         let tables = [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| whose(file).1.to_owned());
         let others = [&self.schedule, &self.ids, &self.columns].into_iter().flatten().cloned();
@@ -194,7 +197,7 @@ impl Files {
         Ok(all)
     }
 
-    /// How files are read, before anybody says who is meant by ids.
+    /// Returns the options of reading, without the names of ids.
     fn reading(&self) -> anyhow::Result<RecordReader> {
         let moos_prefix = self.acomms_prefix.clone();
         Ok(RecordReader { columns: self.columns()?, moos_prefix, ..RecordReader::default() })
@@ -223,7 +226,7 @@ impl Files {
         Ok(columns)
     }
 
-    /// What the metres of the log mean, and where (0, 0) is.
+    /// Returns the reference system of the log, and the position of (0, 0).
     fn reference(
         &self,
         recordings: &Recordings,
@@ -234,7 +237,7 @@ impl Files {
         let has_metres = places().any(|fix| matches!(fix.place, Place::Metres(..)));
         if let (Some(crs), Some((path, _)), true) = (self.crs, records.datums.first(), records.has_metres) {
             let message = format!(
-                "{}: its metres are about a place of its own, not of {crs}; expected --origin, or no --crs",
+                "{}: its metres have an origin of their own and are not of {crs}; expected --origin, or no --crs",
                 path.display()
             );
             return Err(BadInput(message).into());
@@ -267,12 +270,12 @@ impl Files {
     }
 }
 
-/// The mean of places in degrees, rounded to a hundredth so that logs of one place share it.
+/// Returns the mean of positions in degrees. It is rounded to a hundredth, so that logs of one area share it.
 fn middle(degrees: &[Geographic]) -> Geographic {
     let mean = |of: &dyn Fn(&Geographic) -> f64| {
         (degrees.iter().map(of).sum::<f64>() / degrees.len() as f64 * 100.0).round() / 100.0
     };
-    // By how far they are east of one of them: numbers jump where days meet.
+    // Longitudes jump at the antimeridian, so the mean is over differences from the first longitude.
     let from_deg = degrees[0].longitude_deg.round();
     let turn = |east_deg: f64| (east_deg + 180.0).rem_euclid(360.0) - 180.0;
     let east_deg = mean(&|place| turn(place.longitude_deg - from_deg));
@@ -285,7 +288,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_middle_is_among_the_places_where_days_meet() {
+    fn the_mean_is_between_positions_at_the_antimeridian() {
         let place = |longitude_deg| Geographic { latitude_deg: -17.0, longitude_deg };
         let found = middle(&[179.98, -179.98, -179.97].map(place));
         assert!((found.longitude_deg + 179.99).abs() < 1e-9 && found.latitude_deg == -17.0, "{found:?}");

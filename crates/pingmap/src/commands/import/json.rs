@@ -1,126 +1,133 @@
-//! What was imported, for programs.
+//! Result of an import in JSON.
 
 use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
-use pingmap_import::{ClockEstimate, EvidenceCounts, ExclusionReason, ImportResult, PairCounts};
+use pingmap_import::{ClockEstimate, ClockSegment, EvidenceCounts, ExclusionReason, ImportResult, PairCounts};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::files::Taken;
 
-/// What was imported, for programs.
+/// Result of an import in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct ImportedJson {
     /// Version of this object.
     schema: u32,
-    /// Events that were written.
+    /// Number of events that were written.
     events: usize,
-    /// Those of them that were heard.
+    /// Number of these events that were heard.
     heard: usize,
-    /// By which the events are known again, whatever the file and the order of its lines.
+    /// Digest of the events. It does not depend on the file or the order of lines.
     log_digest: String,
-    /// How it is known that something was sent.
+    /// Number of transmissions by the evidence for them.
     transmissions: ProofsJson,
-    /// From whom to whom, by name.
+    /// Counts for each transmitter and receiver, ordered by name.
     pairs: Vec<PairJson>,
-    /// What is no event since nobody knows whether it was missed, by reason.
+    /// Messages that are neither heard nor missed for certain, by reason. They yield no events.
     unknown: BTreeMap<&'static str, usize>,
-    /// What is known of the vehicles' clocks.
+    /// Estimated offsets and drifts of the vehicles' clocks.
     clocks: Vec<ClockJson>,
-    /// From the beginning of a message to the record of its reception, beside the time that sound takes.
+    /// Time from the start of a message to the record of its reception in seconds, without the travel time of sound.
     delay_s: f64,
-    /// What metres in the log mean.
+    /// Reference system of the metres in the log.
     reference: String,
-    /// Latitude and longitude of the place where both coordinates are 0, in degrees.
+    /// Latitude and longitude of (0, 0) of the log in degrees.
     origin: Option<[f64; 2]>,
-    /// What was recorded and counts as nothing.
+    /// Recorded data that yield no events.
     left_out: LeftOutJson,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct ProofsJson {
-    /// Transmissions that their sender recorded.
+    /// Transmissions that the sender recorded.
     recorded: usize,
-    /// Turns of a schedule that were taken to be used.
+    /// Slots of a schedule that are assumed to be used.
     by_turn: usize,
-    /// Transmissions that only receivers tell of.
+    /// Transmissions that only receivers recorded.
     by_reception: usize,
-    /// Turns of a schedule of which nobody heard: unknown unless every turn is said to be used.
+    /// Slots of a schedule without a reception. Their use is unknown unless `--always-sends` is given.
     turns_not_known_to_be_used: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct PairJson {
-    /// Who sent.
+    /// Name of the transmitter.
     transmitter: String,
-    /// Who was to hear it.
+    /// Name of the receiver.
     receiver: String,
-    /// Events that were heard.
+    /// Number of events that were heard.
     heard: usize,
-    /// Events that were missed.
+    /// Number of events that were missed.
     missed: usize,
-    /// What is no event, by reason.
+    /// Messages that are neither heard nor missed for certain, by reason.
     unknown: BTreeMap<&'static str, usize>,
-    /// Messages that were meant for others.
+    /// Messages to other vehicles.
     overheard: usize,
-    /// Messages that fit nothing which their sender recorded.
+    /// Receptions that match no recorded transmission of the sender.
     stray: usize,
-    /// Arrivals that were recorded twice.
+    /// Receptions that were recorded twice.
     recorded_twice: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct ClockJson {
-    /// Whose clock.
+    /// Name of the vehicle.
     vehicle: String,
-    /// Whether the others are compared with it.
+    /// Whether the other clocks are compared with this clock.
     is_reference: bool,
-    /// How far ahead it is, a piece between times when it was set; empty where nothing is known.
+    /// Offsets of the clock in pieces between adjustments. The list is empty if the offset is unknown.
     pieces: Vec<PieceJson>,
-    /// Messages that speak of it.
+    /// Number of messages that were used to compare the clock.
     messages: usize,
-    /// Half of them are off by less than this.
+    /// Median absolute residual of these messages in seconds.
     off_s_median: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct PieceJson {
-    /// The time for which `ahead_s` holds.
+    /// Time in seconds at which the offset is `ahead_s`.
     time_s: f64,
-    /// How far ahead of the reference it is then.
+    /// Offset from the reference clock in seconds; positive if ahead.
     ahead_s: f64,
-    /// How fast it gains, in microseconds a second.
+    /// Drift in microseconds per second.
     drift_ppm: f64,
+}
+
+impl PieceJson {
+    fn of(segment: &ClockSegment) -> Self {
+        Self { time_s: segment.middle_s, ahead_s: segment.offset_s, drift_ppm: 1e6 * segment.drift }
+    }
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct LeftOutJson {
-    /// Messages from somebody of whom nothing was recorded, by name.
+    /// Messages from vehicles without records, by name.
     of_unknown_vehicles: BTreeMap<String, usize>,
-    /// Messages to somebody of whom nothing was recorded, by name.
+    /// Messages to vehicles without records, by name.
     to_unknown_vehicles: BTreeMap<String, usize>,
-    /// Messages of senders that recorded no such transmission, by name, which are no events; and of senders that had no turn then, which are.
+    /// Receptions that match no transmission of a sender with records, by name; they yield no events. Receptions
+    /// outside the sender's slots are counted, too, but yield events.
     unexpected: BTreeMap<String, usize>,
-    /// Arrivals that were recorded twice.
+    /// Receptions that were recorded twice.
     recorded_twice: usize,
-    /// Messages that were meant for others.
+    /// Messages to other vehicles.
     overheard: usize,
-    /// Messages that a vehicle heard of itself.
+    /// Messages that a vehicle received from itself.
     of_itself: usize,
-    /// Transmissions that failed by the modem's own word.
+    /// Transmissions that failed according to the modem.
     not_sent: usize,
-    /// Broken arrivals that do not say whose they were.
+    /// Damaged messages without a readable sender.
     broken_of_unknown_senders: usize,
-    /// Rows and sentences that make no sense.
+    /// Rows and sentences that cannot be parsed.
     garbled: usize,
-    /// Messages in recordings whose type is not known.
+    /// Recorded messages of unknown types.
     of_no_type: usize,
     /// Files that end within a record.
     cut_off: usize,
-    /// Files in folders and archives that were left alone.
+    /// Files in folders and archives whose kind is unknown.
     files: usize,
-    /// Positions that are no place.
+    /// Positions that are invalid.
     positions: usize,
 }
 
@@ -140,15 +147,7 @@ impl ImportedJson {
         let clock = |clock: &ClockEstimate| ClockJson {
             vehicle: clock.vehicle.to_string(),
             is_reference: clock.is_reference,
-            pieces: clock
-                .segments
-                .iter()
-                .map(|piece| PieceJson {
-                    time_s: piece.middle_s,
-                    ahead_s: piece.offset_s,
-                    drift_ppm: 1e6 * piece.drift,
-                })
-                .collect(),
+            pieces: clock.segments.iter().map(PieceJson::of).collect(),
             messages: clock.comparisons,
             off_s_median: clock.median_residual_s,
         };

@@ -1,4 +1,4 @@
-//! `pingmap import`: what vehicles recorded becomes an event log.
+//! `pingmap import`: makes an event log from the vehicles' recordings.
 
 mod archives;
 mod files;
@@ -19,10 +19,11 @@ use crate::output::{BadInput, Results, print_json, warn};
 use crate::outputs::{Kind, Target};
 use crate::values::{not_negative, positive};
 
-/// Make an event log from what the vehicles recorded: where each was, what it heard, what it sent or when it was its turn
+/// Make an event log from the vehicles' recordings: positions, receptions, and transmissions or a schedule
 ///
-/// A transmission counts if its sender recorded it, if anybody received it, or if it was the sender's turn and --always-sends says that
-/// turns are used; and for receivers whose modem was at work. Whatever is neither heard nor missed for certain is left out and counted.
+/// A transmission counts if its sender or any receiver recorded it. With --always-sends every slot of the sender's
+/// schedule counts, too. A receiver counts if its modem was working. Messages that are neither heard nor missed for
+/// certain are left out and counted.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  pingmap import mission/*.alog --ids ids.csv -o events.csv\n  pingmap import --nav auv1=nav1.csv auv2=nav2.csv --heard auv1=rx1.csv auv2=rx2.csv --sent auv1=tx1.csv auv2=tx2.csv"
@@ -46,39 +47,40 @@ pub struct Options {
 #[derive(Args)]
 #[command(next_help_heading = "Decisions")]
 pub struct Decisions {
-    /// Turns of the schedule are all used: everybody's, or those of some. Else a turn that nobody heard is not known to be used
+    /// Assume that all slots of the schedule are used: by all vehicles, or by the named ones. By default the use of a
+    /// slot is unknown if no vehicle received a message in it
     #[arg(long, value_name = "NAME,…", num_args = 0..=1, require_equals = true, default_missing_value = "*", value_delimiter = ',')]
     pub always_sends: Option<Vec<String>>,
-    /// Correct times and places to this vehicle's clock
+    /// Correct times and positions to this vehicle's clock
     #[arg(long, value_name = "NAME")]
     pub correct_clocks: Option<String>,
-    /// Clocks differ by no more than this, an hour at most; 0: not at all
+    /// Largest offset between clocks in seconds, at most 3600; 0 if the clocks agree
     #[arg(long, default_value_t = Rules::default().clock_off_s_max, value_parser = clock_off_s_max, allow_negative_numbers = true)]
     pub clock_off_s_max: f64,
-    /// A reception belongs to a transmission if it came within so many seconds of when it should
+    /// Largest difference between the expected and recorded time of a reception in seconds
     #[arg(long, default_value_t = Rules::default().match_s, value_parser = positive, allow_negative_numbers = true)]
     pub match_s: f64,
-    /// How long a message lasts: for so long before and after its own a vehicle hears nothing
+    /// Duration of a message in seconds; a vehicle receives nothing this long before and after its own transmissions
     #[arg(long, default_value_t = Rules::default().message_s, value_parser = positive, allow_negative_numbers = true)]
     pub message_s: f64,
-    /// Where a vehicle was between fixes that are farther apart is not known
+    /// Largest gap between position fixes in seconds; positions within larger gaps are unknown
     #[arg(long, default_value_t = Rules::default().nav_gap_s_max, value_parser = positive, allow_negative_numbers = true)]
     pub nav_gap_s_max: f64,
     /// Speed of sound
     #[arg(long, default_value_t = Rules::default().sound_m_per_s, value_parser = positive, allow_negative_numbers = true)]
     pub sound_m_per_s: f64,
-    /// Messages to one vehicle count for the others, too
+    /// Count messages to one vehicle for the others, too
     #[arg(long)]
     pub overhear: bool,
-    /// A message of several frames counts as heard with any of them; else with all
+    /// Count a message of several frames as heard if any frame was received; by default all frames must be
     #[arg(long)]
     pub any_frame: bool,
-    /// Vehicles above this depth are at the surface and left out
+    /// Leave out vehicles above this depth, because they are at the surface
     #[arg(long, value_name = "METRES", value_parser = positive, allow_negative_numbers = true)]
     pub surfaced_above_m: Option<f64>,
 }
 
-/// Each message is compared with all that was sent so long before and after it.
+/// Parses a clock offset. The limit bounds the work, because each message is compared with all transmissions within it.
 fn clock_off_s_max(text: &str) -> Result<f64, String> {
     let expected = || "expected an hour (3600) at most: shift the times of that vehicle's files first".to_owned();
     not_negative(text).and_then(|off_s| (off_s <= 3600.0).then_some(off_s).ok_or_else(expected))
@@ -140,7 +142,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         let reasons: Vec<String> =
             imported.excluded().iter().map(|(why, count)| format!("{count} {}", why.description())).collect();
         let why = match reasons.join(", ") {
-            none if none.is_empty() => "nothing was sent by anybody known to a receiver that kept a record".to_owned(),
+            none if none.is_empty() => "no known vehicle sent a message to a receiver with records".to_owned(),
             reasons => reasons,
         };
         let message = format!("no event is left ({why}); expected some that were heard or missed for certain");

@@ -1,4 +1,4 @@
-//! Files of known kinds, and folders of such.
+//! Recorded files of known kinds, and folders of them.
 
 use std::fs::File;
 use std::io::Read;
@@ -15,32 +15,33 @@ use super::archives::{is_archive, unpacked};
 use crate::log::{self, STANDARD_INPUT};
 use crate::output::{BadInput, note, warn};
 
-/// Places of (0, 0) that lie no farther apart than this are the same, in metres.
+/// Positions of (0, 0) within this distance in metres count as equal.
 const DATUM_M_MAX: f64 = 20.0;
 
-/// A file that was given, or lies in a folder that was.
+/// A file that was given, or that lies in a given folder.
 pub struct RecordFile {
     pub path: PathBuf,
-    /// What people know it by: of what lies in an archive the archive's name and its own.
+    /// Name of the file in messages. For a file in an archive, the archive's name and its own.
     pub name: PathBuf,
-    /// What the names of topics begin with that are read.
+    /// Prefix of the topics that are read.
     pub topics: String,
     pub vehicle: Option<VehicleId>,
-    /// Whether it was given itself: it should be of a known kind.
+    /// Whether the file itself was given. The kind of a given file must be known.
     pub is_given: bool,
-    /// What it is, once [`recognise`] has looked.
+    /// Kind of the file, set by [`recognise`].
     pub kind: Option<RecordKind>,
 }
 
 impl RecordFile {
-    /// Standard input or a pipe, which is kept in a file while it is read.
+    /// Whether the file is standard input or a pipe. Such input is copied to a file first.
     fn is_stream(&self) -> bool {
         let is_pipe = || self.path.metadata().is_ok_and(|known| !known.is_file());
         self.is_given && (self.path == Path::new(STANDARD_INPUT) || is_pipe())
     }
 }
 
-/// Every file of those that are given as `[NAME=]FILE[#TOPIC]`, and of the folders among them, in the order of their names.
+/// Returns the files that are given as `[NAME=]FILE[#TOPIC]`, and all files in given folders, in the order of their
+/// names.
 pub fn all(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
     let mut files = Vec::new();
     for given in given {
@@ -53,11 +54,11 @@ pub fn all(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
     Ok(files)
 }
 
-/// Archives lie within archives to this depth at most.
+/// Largest depth of archives within archives.
 const NESTED_MAX: usize = 4;
 
-/// The same files with all that is in archives among them, and in archives within those, in their places; and the folders
-/// where that was unpacked.
+/// Replaces archives, also nested ones, by the files that they contain. Also returns the folders with the unpacked
+/// files.
 pub fn with_archives(files: Vec<RecordFile>) -> anyhow::Result<(Vec<RecordFile>, Vec<TempDir>)> {
     let (mut all, mut folders) = (Vec::new(), Vec::new());
     unpack(files, NESTED_MAX, &mut all, &mut folders)?;
@@ -84,7 +85,7 @@ fn unpack(
         let folder = match unpacked(&file.path, &file.name) {
             _ if depth == 0 => None,
             Ok(folder) => folder,
-            // In a folder what is none of the mission is left alone.
+            // Unreadable files in folders are skipped with a warning.
             Err(error) if !file.is_given => {
                 warn(error);
                 None
@@ -103,7 +104,7 @@ fn unpack(
     Ok(())
 }
 
-/// The files in a folder that is known by a name, for whom and with which topics the whole was given.
+/// Lists the files in a folder with their names. The files inherit the vehicle and topics of `whole`.
 fn in_folder(whole: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<RecordFile>) -> anyhow::Result<()> {
     let unreadable = |error: std::io::Error| BadInput(format!("{}: cannot be read: {error}", name.display()));
     let mut entries = Vec::new();
@@ -113,7 +114,7 @@ fn in_folder(whole: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<Rec
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
         let (path, name) = (entry.path(), name.join(entry.file_name()));
-        // A link to a file is one; what a link to a folder points to may be this folder itself.
+        // Links to files are followed. Links to folders are not, because they may form a loop.
         if entry.file_type().map_err(unreadable)?.is_dir() {
             in_folder(whole, &path, &name, files)?;
         } else if path.is_file() {
@@ -124,7 +125,7 @@ fn in_folder(whole: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<Rec
     Ok(())
 }
 
-/// Looks what each file is.
+/// Determines the kind of each file.
 pub fn recognise(files: &mut [RecordFile], reading: &RecordReader) -> anyhow::Result<()> {
     for file in files {
         let unreadable = |error| FileError { path: file.name.clone(), problem: Problem::Unreadable(error) };
@@ -133,7 +134,7 @@ pub fn recognise(files: &mut [RecordFile], reading: &RecordReader) -> anyhow::Re
     Ok(())
 }
 
-/// The only file of the first of these kinds that is there; said, because nobody else named it.
+/// Returns the only file of the first kind that occurs, and prints a note, because no option named the file.
 pub fn only(files: &[RecordFile], kinds: &[RecordKind], option: &str) -> anyhow::Result<Option<PathBuf>> {
     let is_there = |kind: &&RecordKind| files.iter().any(|file| file.kind == Some(**kind));
     let Some(kind) = kinds.iter().find(is_there) else { return Ok(None) };
@@ -147,35 +148,35 @@ pub fn only(files: &[RecordFile], kinds: &[RecordKind], option: &str) -> anyhow:
     Ok(Some(first.path.clone()))
 }
 
-/// Whether a file is read: in folders those of no known kind are left alone.
+/// Whether a file is read. Files in folders are skipped if their kind is unknown.
 pub fn is_read(file: &RecordFile, reading: &RecordReader) -> bool {
     let is_known = |head: Vec<u8>| is_archive(&head) || reading.kind_of(&head, &file.name).is_some();
-    // What was given may be a pipe, which can be read once.
+    // A given file may be a pipe, which can be read only once.
     file.is_given || File::open(&file.path).and_then(read_head).map_or(true, is_known)
 }
 
-/// The file, and what the names of its topics begin with, behind a `#` that is not part of its own name.
+/// Splits a file name at a `#` that is not part of the name. Returns the file and the prefix of its topics.
 fn of_topics(path: &Path) -> (&Path, String) {
     let parts = path.to_str().filter(|_| !path.exists()).and_then(|text| text.rsplit_once('#'));
     parts.map_or((path, String::new()), |(path, topics)| (Path::new(path), topics.to_owned()))
 }
 
-/// What files of known kinds told besides what vehicles recorded.
+/// Results of reading files, in addition to the recordings.
 #[derive(Default)]
 pub struct Records {
     pub skipped: SkipCounts,
-    /// Where (0, 0) is, by which file.
+    /// Positions of (0, 0), with the file that contains each.
     pub datums: Vec<(PathBuf, Geographic)>,
-    /// Whether any of them has places in metres.
+    /// Whether any file has positions in metres.
     pub has_metres: bool,
-    /// Files in folders that are of no known kind.
+    /// Files in folders whose kind is unknown.
     pub left_alone: Vec<PathBuf>,
-    /// Tables that nobody said are any, and what was made of them.
+    /// Tables whose kind was determined from their columns, as messages for the user.
     pub recognised: Vec<String>,
 }
 
 impl Records {
-    /// Takes in a file.
+    /// Reads a file.
     pub fn take(
         &mut self,
         file: &RecordFile,
@@ -186,7 +187,8 @@ impl Records {
         let RecordFile { path, name, topics, vehicle, is_given, .. } = file;
         match reading.read_record(reader, &FileSource { path, name, vehicle: vehicle.as_ref(), topics }, recordings)? {
             Some(taken) => {
-                // A table is known by the names of its columns, and its owner by its own: whoever imports sees what was made of it.
+                // The kind of a table follows from its columns and its vehicle from its name. A message shows the user
+                // both.
                 let of = taken.vehicle.map_or(String::new(), |vehicle| format!(" of {vehicle}"));
                 if matches!(taken.kind, RecordKind::Table(_)) {
                     self.recognised.push(format!("{}: {}{of}", name.display(), taken.kind.description()));
@@ -195,9 +197,9 @@ impl Records {
                 self.datums.extend(taken.datum.map(|datum| (name.clone(), datum)));
             }
             None if *is_given => {
-                let message = "of no known kind; expected a log (.alog) or mission file of MOOS, or sentences of a Micro-Modem with a time in front \
-                               of each, a bag of ROS 2 (MCAP or SQLite), a log of LCM with its types (.lcm), or a table of navigation, receptions (auv1.heard.csv) or \
-                               transmissions (auv1.sent.csv); --nav, --heard and --sent say which";
+                let message = "unknown kind of file; expected a MOOS log (.alog) or mission file, Micro-Modem sentences with a time before \
+                               each, a ROS 2 bag (MCAP or SQLite), an LCM log with its types (.lcm), or a table of navigation, receptions (auv1.heard.csv) or \
+                               transmissions (auv1.sent.csv); --nav, --heard and --sent set the kind";
                 return Err(BadInput(format!("{}: {message}", name.display())).into());
             }
             None => self.left_alone.push(name.clone()),
@@ -205,7 +207,7 @@ impl Records {
         Ok(())
     }
 
-    /// Where (0, 0) is, where files say so.
+    /// Returns the position of (0, 0) that the files contain. Fails if they disagree.
     pub fn datum(&self) -> anyhow::Result<Option<Geographic>> {
         let Some((first, datum)) = self.datums.first() else { return Ok(None) };
         let reference = Reference::about(*datum).map_err(ImportError::from)?;
@@ -216,7 +218,7 @@ impl Records {
             if off_m > DATUM_M_MAX {
                 let at = |place: &Geographic| format!("{:.5},{:.5}", place.latitude_deg, place.longitude_deg);
                 return Err(BadInput(format!(
-                    "{}: (0, 0) is {}, and {} in {}; expected one datum for all, or --origin, which holds for metres of all files",
+                    "{}: (0, 0) is {}, but {} in {}; expected one datum for all files, or --origin, which applies to all files",
                     path.display(),
                     at(other),
                     at(datum),
@@ -229,12 +231,12 @@ impl Records {
     }
 }
 
-/// Opened here, for every reader to say the same of files that are not there.
+/// Opens a file with the error messages of all readers.
 pub fn opened(path: &Path) -> Result<Box<dyn Read + Send>, ImportError> {
     Ok(log::opened(path)?.0)
 }
 
-/// The vehicle before the first `=`, if there is one, and the file.
+/// Returns the vehicle before the first `=`, if given, and the file.
 pub fn whose(file: &str) -> (Option<VehicleId>, &Path) {
     match file.split_once('=') {
         Some((name, path)) if !name.is_empty() && !name.contains(['/', '\\']) => {

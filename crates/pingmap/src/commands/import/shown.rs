@@ -1,4 +1,4 @@
-//! What was imported, for people.
+//! Summary and warnings of an import as text.
 
 use std::collections::BTreeMap;
 
@@ -8,50 +8,50 @@ use pingmap_import::{ClockEstimate, EvidenceCounts, ExclusionReason, ImportResul
 use super::files::{OriginBy, Taken};
 use crate::output::{count, table};
 
-/// Clocks that differ by more than this are worth a word.
+/// Smallest clock offset in seconds that causes a warning.
 const CLOCK_OFF_S: f64 = 0.5;
 
-/// So many files that are of no known kind are named.
+/// Largest number of files of unknown kind that are named.
 const LEFT_ALONE_NAMED_MAX: usize = 5;
 
-/// So is a modem without a sign for this share of all messages.
+/// Smallest share of messages outside a modem's records that causes a warning.
 const SILENT_SHARE: f64 = 0.1;
 
-/// What should be known before the log is used.
+/// Returns warnings that the user should read before using the log.
 pub fn warnings(imported: &ImportResult, taken: &Taken, rules: &Rules) -> Vec<String> {
     let mut warnings = Vec::new();
     if !imported.senders_by_reception.is_empty() {
         warnings.push(format!(
-            "of what {} sent only what somebody received is known, so what all missed is not in the log and the map will be optimistic: \
-             say what was sent (--sent), or when it was whose turn (--schedule)",
+            "only receptions of messages from {} are recorded, so messages that all receivers missed are not in the log and the map will be optimistic: \
+             give the transmissions (--sent) or the schedule (--schedule)",
             imported.senders_by_reception
         ));
     }
     if !imported.destinations_by_reception.is_empty() && !rules.overhear {
         warnings.push(format!(
-            "to whom {} sent only receivers know, so messages that nobody heard are left out and the map will be optimistic: say it where it \
-             is recorded what was sent, or --overhear counts everything for everybody",
+            "only receivers recorded the destinations of {}, so messages without a reception are left out and the map will be optimistic: \
+             add destinations to the recorded transmissions, or use --overhear to count every message for every receiver",
             imported.destinations_by_reception
         ));
     }
     if !imported.unconfirmed_slot_owners.is_empty() {
         warnings.push(format!(
-            "{} of {} that nobody heard may not have been used and are left out, so the map will be optimistic: say what was sent \
-             (--sent), or that all turns are used (--always-sends)",
-            count(imported.evidence.scheduled_only, "turn"),
+            "{} of {} without a reception may not have been used and are left out, so the map will be optimistic: give the transmissions \
+             (--sent), or use --always-sends if all slots are used",
+            count(imported.evidence.scheduled_only, "slot"),
             imported.unconfirmed_slot_owners
         ));
     }
     for (receiver, silent, all) in silences(&imported.pairs) {
         warnings.push(format!(
-            "{silent} of {all} messages lie before the first or after the last sign of {receiver}'s modem and are left out, whatever became \
-             of them: if it was listening, --listening {receiver}=FROM/TO says from when to when"
+            "{silent} of {all} messages lie before the first or after the last record of {receiver}'s modem and are left out: if the modem \
+             was listening, give the interval with --listening {receiver}=FROM/TO"
         ));
     }
     let off = |clock: &&ClockEstimate| clock.segments.iter().any(|piece| piece.offset_s.abs() > CLOCK_OFF_S);
     if rules.reference_clock.is_none() && imported.clocks.iter().any(|clock| off(&clock)) {
         warnings.push(
-            "clocks differ, and times and places are as recorded: --correct-clocks NAME corrects them to that of NAME"
+            "clocks differ, and times and positions are as recorded: --correct-clocks NAME corrects them to the clock of NAME"
                 .into(),
         );
     }
@@ -60,39 +60,39 @@ pub fn warnings(imported: &ImportResult, taken: &Taken, rules: &Rules) -> Vec<St
     for (name, messages) in imported.left_out.unknown_sources.iter().chain(&taken.unknown_sources) {
         let messages = count(*messages, "message");
         warnings.push(format!(
-            "{messages} from {name}, of whom nothing was recorded, left out (--ids says who is meant by an id)"
+            "{messages} from {name}, a vehicle without records, left out (--ids gives the vehicle of each id)"
         ));
     }
     for (name, messages) in imported.left_out.unknown_destinations.iter().filter(|_| !rules.overhear) {
         warnings.push(format!(
-            "{} to {name}, of whom nothing was recorded, are nobody's: if {name} is everybody, or somebody by another name, --ids says so",
+            "{} to {name}, a vehicle without records, left out: if {name} means all vehicles, or is another name of a vehicle, add it to --ids",
             count(*messages, "message")
         ));
     }
     for (name, messages) in &imported.left_out.unexpected {
         let messages = count(*messages, "message");
         warnings.push(format!(
-            "{messages} from {name} were received when it sent none by its record or had no turn: did its record end before, are clocks, ids and --match-s right?"
+            "{messages} from {name} match no recorded transmission or slot: check the end of its records, the clocks, the ids and --match-s"
         ));
     }
     warnings.extend(left_out(imported, taken));
     warnings
 }
 
-/// What stood in files and is in no event, of which there should be nothing.
+/// Warns about data that yield no event and should not occur, one warning for each kind.
 fn left_out(imported: &ImportResult, taken: &Taken) -> impl Iterator<Item = String> {
     let skipped = &taken.skipped;
     let counts = [
-        (skipped.garbled, "line", "garbled, or none of their kind, left out"),
+        (skipped.garbled, "line", "garbled or of the wrong kind left out"),
         (
             skipped.unknown_type,
             "message",
-            "in an encoding that is not read, or of types that no given definition (.lcm) has, left out",
+            "in an unsupported encoding, or of types without a definition (.lcm), left out",
         ),
-        (skipped.truncated, "file", "cut off: what stands before is read, what followed is not known"),
+        (skipped.truncated, "file", "cut off within a record: only the records before are read"),
         (skipped.without_position, "line", "of navigation without a position left out"),
         (imported.left_out.unprojected, "position", "outside of the map left out"),
-        (imported.left_out.own_messages, "message", "that vehicles heard of themselves left out"),
+        (imported.left_out.own_messages, "message", "that vehicles received from themselves left out"),
     ];
     counts
         .into_iter()
@@ -100,21 +100,22 @@ fn left_out(imported: &ImportResult, taken: &Taken) -> impl Iterator<Item = Stri
         .map(|(number, what, why)| format!("{} {why}", count(number, what)))
 }
 
-/// Vehicles whose clock no messages compare with the others', and what becomes of them.
+/// Warns about vehicles whose clock no two messages compare with another clock.
 fn unknown_clocks(imported: &ImportResult) -> Option<String> {
     let unknown = imported.clocks.iter().filter(|clock| clock.segments.is_empty());
     let names: Vec<&str> = unknown.map(|clock| clock.vehicle.as_str()).collect();
     let left_out = imported.excluded().get(&ExclusionReason::ClockUnsure).copied().unwrap_or(0);
     (!names.is_empty()).then(|| {
         format!(
-            "no two messages compare the clock of {} with the others': places stay as recorded, and for want of such comparisons and for \
-             messages that fit nothing {left_out} are left out: --clock-off-s-max 0 says that clocks agree",
+            "no two messages compare the clock of {} with the others': positions stay as recorded, and {left_out} messages are \
+             left out for this reason or because they match nothing: use --clock-off-s-max 0 if the clocks agree",
             names.join(", ")
         )
     })
 }
 
-/// Receivers whose modem gave no sign for a good part of all messages: how many, and of how many.
+/// Returns receivers with many messages outside their modem's records: the number of these messages, and of all
+/// messages.
 fn silences(pairs: &Pairs) -> Vec<(&VehicleId, usize, usize)> {
     let mut by_receiver: BTreeMap<&VehicleId, (usize, usize)> = BTreeMap::new();
     for ((_, receiver), pair) in pairs {
@@ -130,38 +131,38 @@ fn silences(pairs: &Pairs) -> Vec<(&VehicleId, usize, usize)> {
         .collect()
 }
 
-/// The pairs, what was left out and why, and the clocks.
+/// Formats the counts of each pair, the left-out messages with their reasons, and the clocks.
 pub fn summary(imported: &ImportResult, taken: &Taken, rules: &Rules) -> String {
     let events = imported.log.events.len();
     let heard = imported.log.events.iter().filter(|event| event.success).count();
     let EvidenceCounts { recorded, always_sends, received, scheduled_only } = imported.evidence;
     let mut text = format!(
-        "{} ({heard} heard, {} missed) of {}: {recorded} recorded by the sender, {always_sends} by its turn, {received} by a reception alone.\n",
+        "{} ({heard} heard, {} missed) of {}: {recorded} recorded by the sender, {always_sends} assumed from the schedule, {received} recorded only by receivers.\n",
         count(events, "event"),
         events - heard,
         count(recorded + always_sends + received, "transmission"),
     );
     if scheduled_only > 0 {
-        text += &format!("{} not known to be used.\n", count(scheduled_only, "turn"));
+        text += &format!("The use of {} is unknown.\n", count(scheduled_only, "slot"));
     }
-    text += &format!("Places: {}{}.\n", taken.reference.name(), chosen(taken));
+    text += &format!("Positions: {}{}.\n", taken.reference.name(), chosen(taken));
     text += &format!("\n{}\n", pairs(&imported.pairs));
     let times = if rules.reference_clock.is_some() {
-        "times and places are corrected"
+        "times and positions are corrected"
     } else {
-        "times and places are as recorded"
+        "times and positions are as recorded"
     };
-    text += &format!("\n{}\n\nClocks by what was sent and heard; {times}.", clocks(&imported.clocks));
+    text += &format!("\n{}\n\nClocks are compared by received messages; {times}.", clocks(&imported.clocks));
     if imported.delay_s > 0.0 {
         text += &format!(
-            " A message is recorded {:.2} s after it began, beside the time that sound takes.",
+            " A message is recorded {:.2} s after its start, in addition to the travel time of sound.",
             imported.delay_s
         );
     }
     let left_out = &imported.left_out;
     let more = [
-        (left_out.overheard, "messages meant for others (--overhear)"),
-        (taken.skipped.unattributed, "broken messages of unknown senders"),
+        (left_out.overheard, "messages to other vehicles (--overhear)"),
+        (taken.skipped.unattributed, "damaged messages of unknown senders"),
         (taken.skipped.not_sent, "transmissions that did not take place"),
     ];
     let mut more: Vec<String> =
@@ -173,24 +174,24 @@ pub fn summary(imported: &ImportResult, taken: &Taken, rules: &Rules) -> String 
     text
 }
 
-/// Files in folders that are of no known kind, by name.
+/// Names the files in folders whose kind is unknown.
 pub fn left_alone(taken: &Taken) -> Option<String> {
     let named = taken.left_alone.iter().take(LEFT_ALONE_NAMED_MAX);
     let mut names: Vec<String> = named.map(|path| path.display().to_string()).collect();
     let others = taken.left_alone.len() - names.len();
     names.extend((others > 0).then(|| format!("{others} more")));
-    (!names.is_empty()).then(|| format!("what is of no known kind ({})", names.join(", ")))
+    (!names.is_empty()).then(|| format!("files of unknown kind ({})", names.join(", ")))
 }
 
-/// Whether the origin was not said by whoever imports, and who said it.
+/// Describes the source of the origin, unless an option gave the origin.
 fn chosen(taken: &Taken) -> String {
     match taken.origin {
         Some((origin, OriginBy::Nobody)) => format!(
-            " (their middle; for other logs of this place: --origin {:.2},{:.2})",
+            " (their mean; for other logs of this area: --origin {:.2},{:.2})",
             origin.latitude_deg, origin.longitude_deg
         ),
         Some((origin, OriginBy::Files)) => {
-            format!(" (by the files: --origin {:.5},{:.5})", origin.latitude_deg, origin.longitude_deg)
+            format!(" (from the files: --origin {:.5},{:.5})", origin.latitude_deg, origin.longitude_deg)
         }
         Some((_, OriginBy::Option)) | None => String::new(),
     }
@@ -198,10 +199,10 @@ fn chosen(taken: &Taken) -> String {
 
 type Pairs = BTreeMap<(VehicleId, VehicleId), PairCounts>;
 
-/// A number that is known of a pair.
+/// A count of a pair.
 type Number = fn(&PairCounts) -> usize;
 
-/// What of a pair is no event and not unknown either.
+/// Columns for messages that yield no event although their outcome is known.
 const BESIDE: [(&str, Number); 3] = [
     ("for others", |pair| pair.overheard),
     ("fits nothing", |pair| pair.unmatched),
@@ -229,7 +230,7 @@ fn pairs(pairs: &Pairs) -> String {
 
 fn clocks(clocks: &[ClockEstimate]) -> String {
     let rows: Vec<Vec<String>> = clocks.iter().map(clock).collect();
-    table(&["clock", "ahead by (s)", "gains (ppm)", "messages", "half are off by less than (s)"], &rows)
+    table(&["clock", "ahead by (s)", "drift (ppm)", "messages", "median residual (s)"], &rows)
 }
 
 fn clock(clock: &ClockEstimate) -> Vec<String> {
@@ -238,7 +239,7 @@ fn clock(clock: &ClockEstimate) -> Vec<String> {
         pieces => pieces.iter().map(text).collect::<Vec<_>>().join(", then "),
     };
     let (ahead, gains) = if clock.is_reference {
-        ("0 (the others by it)".to_owned(), "–".to_owned())
+        ("0 (reference)".to_owned(), "–".to_owned())
     } else {
         (joined(&|piece| format!("{:+.2}", piece.offset_s)), joined(&|piece| format!("{:+.1}", 1e6 * piece.drift)))
     };

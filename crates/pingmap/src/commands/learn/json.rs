@@ -1,4 +1,4 @@
-//! What was learned, for programs.
+//! Learned models in JSON.
 
 use std::path::Path;
 
@@ -23,28 +23,28 @@ pub struct AddedJson<'a> {
     pub site_points: usize,
 }
 
-/// What was learned, for programs.
+/// Result of learning a model in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct LearnJson<'a> {
     /// Version of this object.
     pub schema: u32,
     #[serde(flatten)]
     pub made_of: MadeOf,
-    /// The model that was written.
+    /// The model file that was written.
     pub file: &'a Path,
-    /// Events of the log.
+    /// Number of events of the log.
     pub events: usize,
-    /// Those that the model is learned from.
+    /// Number of events from which the model was learned.
     pub training_events: usize,
-    /// Those that it is only tried on.
+    /// Number of events that were held out.
     pub held_out_events: usize,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// What decides between the candidates.
+    /// Criterion for the choice among the candidates.
     pub criterion: String,
-    /// All that were learned, the best first.
+    /// All candidates, the best first.
     pub candidates: Vec<CandidateJson>,
-    /// The one that was written.
+    /// The model that was written.
     pub model: ModelJson,
 }
 
@@ -52,46 +52,47 @@ pub struct LearnJson<'a> {
 pub struct CandidateJson {
     #[serde(flatten)]
     pub model: ModelJson,
-    /// How long learning it took.
+    /// Duration of learning in seconds.
     pub seconds: f64,
-    /// Mean negative log-likelihood of the events that were held out, in nats.
+    /// Mean negative log-likelihood of the held-out events, in nats.
     pub held_out_nll: Option<f64>,
-    /// How often evidence and gradient were computed.
+    /// Number of evaluations of evidence and gradient.
     pub evaluations: usize,
-    /// Why the search ended.
+    /// Reason for the end of the search.
     pub stop: String,
-    /// What all variances were multiplied by after the evidence was maximised, so that probabilities mean what they say.
+    /// Factor by which all variances were multiplied after the evidence was maximised. The factor calibrates the
+    /// probabilities.
     pub variance_factor: f64,
 }
 
-/// How alike outcomes at one place are that follow one another.
+/// Correlation of successive outcomes at one position.
 #[derive(Serialize, JsonSchema)]
 pub struct FadingJson {
-    /// Correlation of two outcomes at one place and time.
+    /// Correlation of two outcomes at equal positions and times.
     correlation: f64,
-    /// After how long it has fallen to 1/e.
+    /// Time in seconds after which the correlation falls to 1/e.
     memory_s: f64,
-    /// How fast what hides a place moves.
+    /// Speed of both ends together at which the correlation falls to 1/e, in metres per second.
     drift_m_per_s: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct ModelJson {
-    /// Its terms and prior mean, in words.
+    /// Terms and prior mean as text.
     structure: String,
-    /// Lower bound on the log probability of all outcomes, at the optimum, in nats.
+    /// Lower bound on the log probability of all outcomes at the optimum, in nats.
     evidence: f64,
     /// Mean log probability of an event given all others, in nats.
     leave_one_out: f64,
-    /// How many events it was learned from.
+    /// Number of events from which the model was learned.
     events_used: usize,
-    /// What was learned about likeness.
+    /// The learned kernel.
     kernel: KernelJson,
-    /// What is expected where nothing was heard.
+    /// The learned prior mean.
     prior_mean: PriorMeanJson,
-    /// As how many independent events those used count.
+    /// Effective number of independent events.
     events_counted: f64,
-    /// How outcomes at one place are alike.
+    /// Correlation of successive outcomes at one position.
     fading: FadingJson,
 }
 

@@ -1,4 +1,4 @@
-//! `pingmap learn`: kernel, prior mean and chart by the data.
+//! `pingmap learn`: learns kernel, prior mean and chart from a log.
 
 pub mod json;
 
@@ -23,7 +23,7 @@ use crate::reference::ReferenceOptions;
 use crate::survey::all_in_one;
 use crate::values::{open_share, site_points};
 
-/// Learn from an event log how links behave, and write it to a model file that all other commands take
+/// Learn a model of links from an event log, and write it to a model file that the other commands read
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  pingmap learn log.csv -o model.toml\n  pingmap learn monday.csv tuesday.csv --site-prior 40 -o site.toml"
@@ -34,11 +34,11 @@ pub struct Options {
     /// File for the model
     #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "model.toml")]
     pub output: PathBuf,
-    /// Also hold out this share of every vehicle's events, and print how well the rest predicts them
+    /// Also hold out this share of every vehicle's events, and print how well the other events predict them
     #[arg(long, value_parser = open_share, allow_negative_numbers = true)]
     pub test_share: Option<f64>,
-    /// Also write a site prior: the posterior of this log at this number of inducing points, as the prior of later missions in the
-    /// area. 64 points are enough for a few hundred events
+    /// Also write a site prior at this number of inducing points: the posterior of this log becomes the prior of later
+    /// missions in the area. 64 points are enough for a few hundred events
     #[arg(long, value_name = "POINTS", value_parser = site_points)]
     pub site_prior: Option<usize>,
     /// With --site-prior: learn no model. Read this model file and add the log to its site prior
@@ -95,7 +95,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let merit = |candidate: &Candidate| candidate.fit.merit(learning.criterion);
     candidates.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
 
-    // What is kept knows all events, those that were held out too.
+    // The final model is learned from all events, including the held-out ones.
     let best = if held_out.is_empty() { added.best } else { learn_again(&learning, &added.best, &log)? };
     let from = options.logs.file_names();
     let model = options.site_prior.map(|points| with_site_prior(&best.model, &log, points, limits)).transpose()?;
@@ -136,7 +136,7 @@ fn with_site_prior(model: &Model, log: &EventLog, points: usize, limits: Limits)
     let bar = spinner("fitting the site prior");
     let mut agent = all_in_one(model, log.events.iter().cloned(), limits)?;
     let known = model.site.iter().flat_map(|site| site.links()).copied();
-    // Choosing takes a matrix of as many rows as there are links to choose from.
+    // Choosing points takes a matrix with as many rows as there are candidate links.
     let spread = spread_out(log.events.len(), limits.candidates_max).into_iter().map(|n| log.events[n].link);
     let links: Vec<Link> = known.chain(spread).collect();
     let model = model.with_site_prior(agent.posterior(Which::Fused)?, &links, points)?;
@@ -175,7 +175,7 @@ fn add_to_site_prior(
     written
 }
 
-/// The structure that was chosen, learned from all events.
+/// Learns the chosen structure from all events.
 fn learn_again(learning: &Learning, chosen: &LearnedModel, log: &EventLog) -> anyhow::Result<LearnedModel> {
     let bar = spinner("learning from all events");
     let learning = Learning { structures: vec![chosen.structure], additions: Vec::new(), ..learning.clone() };
@@ -184,7 +184,7 @@ fn learn_again(learning: &Learning, chosen: &LearnedModel, log: &EventLog) -> an
     Ok(fit)
 }
 
-/// One structure and how it did.
+/// A learned structure with its duration and score.
 struct Candidate {
     fit: LearnedModel,
     seconds: f64,
@@ -216,7 +216,7 @@ impl Candidate {
     }
 }
 
-/// Training and held-out events; all are training events unless a share is to be held out.
+/// Returns training and held-out events. All events are training events unless a share is held out.
 fn divided<'a>(log: &'a EventLog, options: &Options) -> anyhow::Result<(Vec<&'a Event>, Vec<&'a Event>)> {
     let splits =
         options.test_share.map(|share| Division::random(1, share).splits(log, options.work.seed)).transpose()?;
@@ -264,7 +264,7 @@ fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, hel
     };
     let Fading { correlation, memory_s, .. } = best.model.fading;
     let fading = format!(
-        "  outcomes of vehicles that lie still alike by {correlation:.2}, for {memory_s:.0} s: {} events count as {:.0}",
+        "  outcomes of stationary vehicles correlated by {correlation:.2}, for {memory_s:.0} s: {} events count as {:.0}",
         best.events_used,
         counted(best),
     );
@@ -278,7 +278,7 @@ fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, hel
     )
 }
 
-/// A term's shape, variance and length-scales: of labels it has none.
+/// Formats a term's shape, variance and length-scales. Terms over labels have no length-scales.
 fn term_in_words(term: &Term, inputs: InputSpec) -> String {
     let names = inputs.column_names();
     let first = &term.correlations()[0];

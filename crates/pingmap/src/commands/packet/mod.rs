@@ -1,4 +1,4 @@
-//! `pingmap packet`: the bytes on the water, for people.
+//! `pingmap packet`: decodes, encodes and describes packets.
 
 pub mod report;
 pub mod schema;
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::output::{BadInput, Results, count, print, print_json, read_text, table};
 use crate::team::{model_digest, read_team, team_digest};
 
-/// Look at the bytes on the water: what a packet says, what fields it has, and the .proto of them all
+/// Decode and encode packets, and print their fields and their .proto
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  pingmap packet schema --proto > pingmap.proto\n  pingmap packet decode --team team.toml --json 7f01… > packet.json\n  pingmap packet encode --team team.toml packet.json"
@@ -28,9 +28,9 @@ pub struct Options {
 
 #[derive(Subcommand)]
 pub enum Action {
-    /// Say what a packet holds
+    /// Decode a packet
     Decode(Decode),
-    /// Turn what `decode --json` prints, or a person wrote, into a packet
+    /// Encode a packet from JSON, as `decode --json` prints it
     Encode(Encode),
     /// Print the fields of the packets and their bits
     Schema(schema::Options),
@@ -39,9 +39,9 @@ pub enum Action {
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap packet decode --team team.toml --json 7f01… > packet.json")]
 pub struct Decode {
-    /// The packet in hexadecimal
+    /// The packet in hexadecimal digits
     pub hex: String,
-    /// Team file: checks that the packet is one of the team, and says in metres what it is about
+    /// Team file: checks that the packet belongs to the team, and prints positions in metres
     #[arg(long, value_name = "FILE")]
     pub team: Option<PathBuf>,
     /// Print one JSON object instead of tables
@@ -54,7 +54,7 @@ pub struct Decode {
 pub struct Encode {
     /// JSON file
     pub file: PathBuf,
-    /// Team file: seals the packet, or puts the digest of the team's model in
+    /// Team file: authenticates the packet, or adds the digest of the team's model
     #[arg(long, value_name = "FILE")]
     pub team: Option<PathBuf>,
     /// Print one JSON object instead of the bytes in hexadecimal
@@ -76,20 +76,20 @@ impl Options {
     }
 }
 
-/// What is read first.
+/// Fields that decide how the rest is read.
 #[derive(Deserialize)]
 struct Named {
     schema: u32,
     message: String,
 }
 
-/// A packet as JSON: whole numbers only.
+/// A packet as JSON with integer fields.
 #[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PacketJson {
     /// Version of this object.
     schema: u32,
-    /// With what it was written, from which nothing follows.
+    /// Version and command line that printed the JSON. They are not read.
     #[serde(default, skip_serializing, rename = "version")]
     #[schemars(skip)]
     _version: IgnoredAny,
@@ -104,11 +104,11 @@ pub struct PacketJson {
     model_digest: Option<String>,
     /// Name of the message in the `.proto`.
     message: String,
-    /// The number of its sender in the team.
+    /// Number of the sender in the team.
     sender: u8,
-    /// Counts the sender's packets.
+    /// Counter of the sender's packets.
     counter: u16,
-    /// Check number of the team's model and of this packet; not in an authenticated one, whose tag replaces it.
+    /// Check number of the team's model and of this packet. Authenticated packets have a tag instead.
     #[serde(default)]
     model: u16,
     /// Summaries of the sender's locality regions.
@@ -118,35 +118,35 @@ pub struct PacketJson {
 #[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlockJson {
-    /// The cell of the time at which its points were true; 0 for no certain time.
+    /// Time cell of the block's posterior; 0 for no particular time.
     #[serde(default)]
     time: u8,
-    /// With a team, that time in seconds, which is not read.
+    /// Time in seconds, if a team file is given. Not read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     time_s: Option<f64>,
-    /// Its inducing points.
+    /// Inducing points of the block.
     points: Vec<PointJson>,
-    /// Levels of the correlations between its points, row by row below the diagonal.
+    /// Levels of the correlations between the points, row by row below the diagonal.
     correlations: Vec<i8>,
 }
 
-/// East, north and, in messages with depths, depth of both ends in cells; levels of information and mean. With a team,
-/// also what the cells are in metres, which is not read.
+/// An inducing point: cells of both ends, and levels of information and mean. A cell has east, north and, in messages
+/// with depths, depth. With a team file the positions in metres are added; they are not read.
 #[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointJson {
-    /// The cell of the transmitter.
+    /// Cell of the transmitter.
     tx: Vec<u8>,
-    /// The cell of the receiver.
+    /// Cell of the receiver.
     rx: Vec<u8>,
-    /// Level of how much is known there.
+    /// Level of the information.
     information: u8,
-    /// Level of the log-odds there.
+    /// Level of the mean log-odds.
     mean: i8,
-    /// The transmitter's place.
+    /// Position of the transmitter in metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     tx_m: Option<Vec<f64>>,
-    /// The receiver's place.
+    /// Position of the receiver in metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     rx_m: Option<Vec<f64>>,
 }
@@ -198,7 +198,7 @@ fn decode(options: &Decode, results: Results) -> anyhow::Result<()> {
     )
 }
 
-/// A packet without a team. An authenticated one needs the team.
+/// Decodes a packet without a team. Authenticated packets need the team.
 fn read_alone(bytes: &[u8]) -> anyhow::Result<(&'static Layout, MapMessage)> {
     MapMessage::decode(bytes, None).map_err(|error| {
         let hint = match error {
@@ -237,7 +237,7 @@ fn encode(options: &Encode, results: Results) -> anyhow::Result<()> {
     let bytes = match &listener {
         Some(listener) => {
             let bytes = listener.codec().write(layout, &message).map_err(|error| bad(&error))?;
-            // What no member of the team would take is an error here already.
+            // A packet that members of the team would refuse is an error here.
             listener.codec().read(&bytes).map_err(|refusal| bad(&refusal))?;
             bytes
         }
@@ -261,16 +261,16 @@ fn print_bytes(
     print(results, &hex)
 }
 
-/// A packet in hexadecimal.
+/// An encoded packet in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct EncodedJson<'a> {
     /// Version of this object.
     schema: u32,
     /// Name of the message in the `.proto`.
     message: &'a str,
-    /// How long it is.
+    /// Length in bytes.
     bytes: usize,
-    /// Its bytes in hexadecimal.
+    /// The packet in hexadecimal digits.
     hex: String,
     /// Digest of the team configuration, if a team file is given.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -280,7 +280,7 @@ pub struct EncodedJson<'a> {
     model_digest: Option<String>,
 }
 
-/// Somebody who can read the packets of a team.
+/// Returns an agent that can decode the packets of a team.
 fn listener(path: &Path) -> anyhow::Result<Agent> {
     Ok(Agent::new(VehicleId::new("listener"), Arc::new(read_team(path)?), AgentOptions::default()))
 }
@@ -350,7 +350,7 @@ fn point_row(number: usize, block: &BlockJson, point: &PointJson) -> Vec<String>
     ]
 }
 
-/// The bytes of hexadecimal digits.
+/// Parses hexadecimal digits.
 fn bytes_of(hex: &str) -> anyhow::Result<Vec<u8>> {
     let hex: String = hex.split_whitespace().collect();
     Ok(from_hex(&hex).ok_or_else(|| BadInput(format!("{hex:?}: expected pairs of hexadecimal digits")))?)

@@ -15,7 +15,7 @@ use crate::team::{model_digest, team_digest};
 pub struct ReportJson {
     /// Version of this object.
     schema: u32,
-    /// With what it was written, from which nothing follows.
+    /// Version and command line that printed the JSON. They are not read.
     #[serde(default, skip_serializing, rename = "version")]
     #[schemars(skip)]
     _version: IgnoredAny,
@@ -30,12 +30,12 @@ pub struct ReportJson {
     model_digest: Option<String>,
     /// Name of the message in the `.proto`.
     message: String,
-    /// The number of its sender in the team.
+    /// Number of the sender in the team.
     sender: u8,
-    /// Check number of the team's model and of this report; not in an authenticated one, whose tag replaces it.
+    /// Check number of the team's model and of this report. Authenticated reports have a tag instead.
     #[serde(default)]
     model: u16,
-    /// The slot that it begins at.
+    /// First slot of the report.
     first: u32,
     /// Whether the slots of the sender are included.
     #[serde(default)]
@@ -49,17 +49,17 @@ pub struct ReportJson {
 #[derive(Serialize, JsonSchema, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WaypointJson {
-    /// Slot at whose beginning the sender was there.
+    /// Slot at whose start the sender was at this waypoint.
     slot: u32,
     /// Cell: east, north and, in messages with depths, depth.
     cell: Vec<u8>,
-    /// With a team, the same in metres, which is not read.
+    /// Position in metres, if a team file is given. Not read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     at_m: Option<Vec<f64>>,
 }
 
 impl ReportJson {
-    /// The form that the JSON names, and the report.
+    /// Returns the layout that the JSON names, and the report.
     fn report(&self) -> Result<(&'static ReportLayout, Report), String> {
         let layout = REPORT_LAYOUTS.iter().find(|layout| layout.name == self.message);
         let layout = layout.ok_or_else(|| {
@@ -100,7 +100,7 @@ fn outcome(letter: char) -> Result<Outcome, String> {
     }
 }
 
-/// The bytes of the report in a text, as the listener's team sends it if there is one, and its form.
+/// Encodes a report from JSON text, in the layout of the listener's team if there is one. Also returns the layout.
 pub fn encode(text: &str, listener: Option<&Agent>) -> Result<(&'static ReportLayout, Vec<u8>), String> {
     let json: ReportJson = serde_json::from_str(text).map_err(|error| error.to_string())?;
     let (layout, report) = json.report()?;
@@ -108,7 +108,7 @@ pub fn encode(text: &str, listener: Option<&Agent>) -> Result<(&'static ReportLa
         return report.encode(layout, None).map(|bytes| (layout, bytes)).map_err(|error| error.to_string());
     };
     let bytes = listener.codec().write_report(&report).map_err(|error| error.to_string())?;
-    // What no member of the team would take is an error here already.
+    // A report that members of the team would refuse is an error here.
     let (written, ..) = listener.codec().read_report(&bytes).map_err(|refusal| refusal.to_string())?;
     match written == layout {
         true => Ok((layout, bytes)),
@@ -116,7 +116,7 @@ pub fn encode(text: &str, listener: Option<&Agent>) -> Result<(&'static ReportLa
     }
 }
 
-/// Says what a report holds.
+/// Prints the content of a report.
 pub fn decode(bytes: &[u8], listener: Option<&Agent>, as_json: bool, results: Results) -> anyhow::Result<()> {
     let (layout, report, _) = match listener {
         Some(listener) => listener.codec().read_report(bytes).map_err(|refusal| BadInput(refusal.to_string()))?,
@@ -134,7 +134,7 @@ pub fn decode(bytes: &[u8], listener: Option<&Agent>, as_json: bool, results: Re
     let rows = json.waypoints.iter().map(|waypoint| {
         vec![waypoint.slot.to_string(), waypoint.at_m.as_deref().map_or_else(|| cells(&waypoint.cell), metres)]
     });
-    let place = if listener.is_some() { "where it was, m" } else { "where it was, cell" };
+    let place = if listener.is_some() { "waypoint, m" } else { "waypoint, cell" };
     let [heard, missed, unreported] = [Outcome::Heard, Outcome::Missed, Outcome::Unreported].map(count);
     print(
         results,

@@ -1,4 +1,4 @@
-//! `pingmap packet schema`: which fields messages have, and their bits.
+//! `pingmap packet schema`: prints the fields of messages and their bits.
 
 use clap::Args;
 use pingmap_packet::{Layout, OutcomeCounts, PROTO, ReportLayout};
@@ -14,16 +14,16 @@ pub struct Options {
     /// Bytes of a frame
     #[arg(long, default_value_t = 32, value_parser = frame_bytes)]
     pub frame_bytes: usize,
-    /// The report, which has any length, instead of the map message
+    /// Print the report, whose length varies, instead of the map message
     #[arg(long, conflicts_with = "frame_bytes")]
     pub report: bool,
-    /// Sealed with a team's key
+    /// Include the authentication tag
     #[arg(long)]
     pub authenticated: bool,
-    /// With depths
+    /// Include depths
     #[arg(long)]
     pub depth: bool,
-    /// Print the .proto of all packets instead, as Goby and other users of DCCL load it
+    /// Print the .proto of all packets, which Goby and other users of DCCL load
     #[arg(long, conflicts_with_all = ["json", "authenticated", "depth", "frame_bytes", "report"])]
     pub proto: bool,
     /// Print one JSON object instead of tables
@@ -31,54 +31,54 @@ pub struct Options {
     pub json: bool,
 }
 
-/// The fields of a message.
+/// Fields of a message in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct SchemaJson {
     /// Version of this object.
     schema: u32,
     /// Name of the message in the `.proto`.
     message: &'static str,
-    /// Its DCCL number.
+    /// DCCL id of the message.
     id: u16,
-    /// Bytes of the message; of a report at least, and at most.
+    /// Smallest length of a report in bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     bytes_min: Option<usize>,
-    /// Bytes of the message at most.
+    /// Largest length of the message in bytes.
     bytes: usize,
-    /// Whether it ends in a proof of who wrote it.
+    /// Whether the message ends with an authentication tag.
     authenticated: bool,
-    /// Whether places have a depth.
+    /// Whether positions have depths.
     depth: bool,
-    /// Bits of the DCCL number.
+    /// Bits of the DCCL id.
     id_bits: u64,
-    /// Bits of all fields at most.
+    /// Largest number of bits of all fields and the DCCL id.
     bits_used: u64,
-    /// Every field in its order.
+    /// All fields in their order in the message.
     fields: Vec<FieldJson>,
     #[serde(flatten)]
     points: Option<PointsJson>,
 }
 
-/// What a map message holds.
+/// Points of a map message.
 #[derive(Serialize, JsonSchema)]
 pub struct PointsJson {
-    /// Bytes of the frame that it is made for.
+    /// Bytes of the frame for which the message is made.
     frame_bytes: usize,
-    /// Blocks in it at most.
+    /// Largest number of blocks.
     blocks: usize,
-    /// Points of each block.
+    /// Number of points of each block.
     points_per_block: usize,
-    /// Points of all blocks.
+    /// Number of points of all blocks.
     points: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct FieldJson {
-    /// Its name in the `.proto`.
+    /// Name of the field in the `.proto`.
     name: String,
-    /// Its bits, at most.
+    /// Largest number of bits.
     bits: u64,
-    /// Whether it lies in the head, which DCCL keeps apart.
+    /// Whether the field is in the head of the message, which DCCL encodes separately.
     in_head: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What all plans have in common: what is learned from, who is asked about, and where a plan is written.
+//! Options, log and output that all plans share.
 
 use std::path::{Path, PathBuf};
 
@@ -27,22 +27,23 @@ pub struct Common {
     pub parties: Parties,
     #[command(flatten)]
     pub source: Source,
-    /// What the place does that is asked about: a gateway that is to hear receives
+    /// Role of the position; a gateway that listens receives
     #[arg(help_heading = None::<&str>, long = "as", value_enum, default_value_t = SeenOnce::Rx)]
     pub seen: SeenOnce,
-    /// Depth of what is elsewhere, where the log has depths; their mean if not given
+    /// Depth of the other ends, if the log has depths; the mean depth of the log if not given
     #[arg(help_heading = None::<&str>, long, value_name = "METRES", value_parser = not_negative, allow_negative_numbers = true)]
     pub depth: Option<f64>,
     /// Title of the picture
     #[arg(help_heading = RESULT, long, value_name = "TEXT")]
     pub title: Option<String>,
-    /// Tracks and events of the log on top of the picture
+    /// Draw tracks and events of the log on top of the picture
     #[arg(help_heading = RESULT, long)]
     pub with_events: bool,
-    /// File for the plan; its ending says what it is: .png, .svg, .pdf, .csv, .geojson, or .kml
+    /// File for the plan; its extension selects the format: .png, .svg, .pdf, .csv, .geojson or .kml
     #[arg(help_heading = RESULT, long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// How wide the picture is to be in print, with letters of 9 points where there is room; PNG then have 300 dots an inch
+    /// Width of the picture in print, with letters of 9 points where there is room; PNG files then have 300 dots per
+    /// inch
     #[arg(help_heading = RESULT, long, value_name = "MM", value_parser = print_width, allow_negative_numbers = true)]
     pub width_mm: Option<f64>,
     /// Print one JSON object instead of tables
@@ -50,7 +51,7 @@ pub struct Common {
     pub json: bool,
 }
 
-/// How a plan is written.
+/// Output format of a plan.
 #[derive(Clone, Copy, PartialEq)]
 enum Format {
     Picture(Image),
@@ -85,7 +86,7 @@ impl Format {
     }
 }
 
-/// A log that is ready to be learned from, and what its metres mean.
+/// A log that was opened for a plan, with its reference system.
 pub struct Ready<'a> {
     common: &'a Common,
     pub log: Opened,
@@ -95,7 +96,8 @@ pub struct Ready<'a> {
 }
 
 impl Common {
-    /// Opens the log, and makes sure that the plan can be written; `files` are read beside it.
+    /// Opens the log, and checks that the plan can be written. `files` are further inputs, which must not be
+    /// overwritten.
     pub fn open(&self, files: &[&Path]) -> anyhow::Result<Ready<'_>> {
         let logs = &self.source.logs;
         let inputs: Vec<&Path> = self.source.inputs().into_iter().chain(files.iter().copied()).collect();
@@ -111,8 +113,7 @@ impl Common {
         if let (Some((Format::GeoJson | Format::Kml, _)), Some(path)) = (&output, &self.output)
             && !log.reference.is_known()
         {
-            let message =
-                "a plan on a map of the Earth needs the place of (0, 0): expected --origin LAT,LON or --crs EPSG:CODE";
+            let message = "a plan in latitude and longitude needs the position of (0, 0): expected --origin LAT,LON or --crs EPSG:CODE";
             return Err(BadInput(format!("{}: {message}", path.display())).into());
         }
         if self.depth.is_some() && !log.has_depths {
@@ -124,16 +125,16 @@ impl Common {
     }
 }
 
-/// Columns of places in degrees.
+/// Column names of positions in degrees.
 const DEGREES: [&str; 2] = ["latitude_deg", "longitude_deg"];
 
-/// Reads a list of places.
+/// Reads a list of waypoints.
 pub fn waypoints(path: &Path) -> anyhow::Result<Vec<Waypoint>> {
     let (reader, name) = opened(path)?;
     Ok(read_waypoints(reader, name)?)
 }
 
-/// How attempts are asked about.
+/// Options of the queries of a plan.
 pub struct Questions {
     seen: Seen,
     depth_m: Option<f64>,
@@ -141,13 +142,13 @@ pub struct Questions {
 }
 
 impl Questions {
-    /// What is asked of a map or a plan seen from these places.
+    /// Returns the queries of a map or plan seen from these positions.
     pub fn of<'a>(&'a self, at: &'a [Position], join: Join) -> Asked<'a> {
         Asked { at, seen: self.seen, join, depth_m: self.depth_m, attempt: &*self.attempt }
     }
 }
 
-/// What was learned, and what is asked about.
+/// The learned model, and the options of the queries.
 pub struct Learned<'a> {
     common: &'a Common,
     pub survey: Survey,
@@ -167,26 +168,26 @@ impl<'a> Ready<'a> {
     }
 }
 
-/// What goes into a file.
+/// Content of an output file.
 pub struct Written<'a> {
-    /// Where the map is seen from, and its title.
+    /// Positions that the map is seen from, how they are combined, and the title.
     pub at: &'a [Position],
     pub join: Join,
     pub title: &'a str,
     pub lines: &'a [Series<'a>],
     /// Lines and areas for other programs.
     pub shapes: Vec<Line>,
-    /// What draws a picture below the map, if there is one.
+    /// Draws a picture below the map, if there is one.
     pub below: Option<&'a dyn Fn(Room) -> Figure>,
     pub header: &'a [&'a str],
-    /// Each with the place that it is about.
+    /// Rows of the table, each with its position.
     pub rows: Vec<(Point, Vec<String>)>,
-    /// Places that the picture should show, beside those of the log.
+    /// Positions that the picture must contain, in addition to those of the log.
     pub shown: &'a [Point],
 }
 
 impl Learned<'_> {
-    /// Writes the plan, if a file was asked for.
+    /// Writes the plan, if an output file was requested.
     pub fn write(mut self, written: Written, results: Results) -> anyhow::Result<()> {
         let Some((format, target)) = self.output.take() else { return Ok(()) };
         let bytes = match format {
@@ -202,12 +203,12 @@ impl Learned<'_> {
         Ok(())
     }
 
-    /// Rows, and behind them latitude and longitude of their places, where these are known.
+    /// Formats the rows, with latitude and longitude added if the reference system is known.
     fn table(&self, written: Written) -> anyhow::Result<String> {
         let degrees: &[&str] = if self.reference.system().is_known() { &DEGREES } else { &[] };
         let header = [written.header, degrees].concat();
         let row = |((east_m, north_m), mut row): (Point, Vec<String>)| {
-            // A place on no map of the Earth has none.
+            // A position outside the projection has no latitude and longitude.
             let place = self.reference.geographic(east_m, north_m);
             let degrees =
                 place.map(|place| [place.latitude_deg, place.longitude_deg].map(|degrees| degrees.to_string()));

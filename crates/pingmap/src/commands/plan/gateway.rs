@@ -1,4 +1,4 @@
-//! `pingmap plan gateway`: which of some places is best.
+//! `pingmap plan gateway`: ranks positions for a gateway.
 
 use std::path::PathBuf;
 
@@ -26,55 +26,55 @@ use crate::values::positive;
     after_help = "Example:\n  pingmap plan gateway log.csv --model model.toml --among places.csv --along waypoints.csv"
 )]
 pub struct Options {
-    /// Table of places where the gateway may stand, in metres of the log or degrees; a column name says what each is called
+    /// Table of candidate positions, in metres of the log or degrees; an optional column name names them
     #[arg(long, value_name = "FILE")]
     pub among: PathBuf,
-    /// Table of waypoints of a track that it is to hear
+    /// Table of waypoints of the track from which the gateway is to receive
     #[arg(long, value_name = "FILE")]
     pub along: PathBuf,
-    /// Speed on the track, where its waypoints have no times
+    /// Speed on the track, if its waypoints have no times
     #[arg(long, default_value_t = 1.5, value_parser = positive, allow_negative_numbers = true)]
     pub speed_m_per_s: f64,
-    /// A message is sent every so many seconds
+    /// Interval between messages in seconds
     #[arg(long, default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
     pub every_s: f64,
     #[command(flatten)]
     pub common: Common,
 }
 
-/// A place that may be best.
+/// A candidate position of the gateway.
 struct Candidate {
     name: String,
     place: Position,
-    /// Share of the messages that get through: what is expected, and between which ends nine in ten lie.
+    /// Expected share of the messages that are received, and the ends of its 90 % interval.
     share: f64,
     share_lower: f64,
     share_upper: f64,
     lowest: f64,
     silence: Silence,
-    /// In which share of all that may be it is the best of all.
+    /// Posterior probability that this is the best candidate.
     best: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct CandidateJson {
-    /// What the table calls it.
+    /// Name in the table of candidates.
     name: String,
-    /// Where it is.
+    /// Position of the candidate.
     place: PlaceJson,
-    /// Share of the messages that is expected to get through.
+    /// Expected share of the messages that are received.
     share: f64,
-    /// One in twenty of what may be has a smaller share.
+    /// The 5 % quantile of the share.
     share_lower: f64,
-    /// One in twenty has a larger one.
+    /// The 95 % quantile of the share.
     share_upper: f64,
-    /// The least probable message.
+    /// Probability of the least probable message.
     probability_lowest: f64,
-    /// The longest silence that half of all missions exceed.
+    /// Median over missions of the longest time without a received message.
     silence_median_s: f64,
-    /// The longest silence that one mission in ten exceeds.
+    /// The 90 % quantile over missions of the longest time without a received message.
     silence_likely_s: f64,
-    /// In which share of all that may be it is the best place of all.
+    /// Posterior probability that this is the best candidate.
     best_share: f64,
 }
 
@@ -84,24 +84,25 @@ pub struct GatewayJson {
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
-    /// Who sends: `tx` the place asked about, `rx` the others, `both` each in turn, `worst` whichever direction is worse.
+    /// Role of the candidates: `tx` transmits, `rx` receives, `both` both roles on two maps, `worst` the less probable
+    /// direction.
     #[serde(rename = "as")]
     seen: String,
-    /// A message is sent every so many seconds.
+    /// Interval between messages in seconds.
     every_s: f64,
-    /// Messages on the whole track.
+    /// Number of messages on the whole track.
     messages: usize,
-    /// How many events the answer rests on.
+    /// Number of events from which the map was learned.
     events_used: usize,
-    /// The kernel that all was computed with.
+    /// Kernel of the model.
     kernel: KernelJson,
-    /// The name of the place that is advised.
+    /// Name of the best candidate.
     best: String,
-    /// From the best on.
+    /// All candidates, the best first.
     candidates: Vec<CandidateJson>,
 }
 
-/// The most places to choose from.
+/// Largest number of candidates.
 const CANDIDATES_MAX: usize = 100;
 
 impl Options {
@@ -191,7 +192,7 @@ impl Options {
     }
 }
 
-/// Places from the best on: by the share of messages that get through.
+/// Returns the candidates in descending order of their expected share of received messages.
 fn ranked(
     learned: &mut Learned,
     named: &[(String, Position)],
@@ -208,7 +209,7 @@ fn ranked(
         cells.push(of_place);
         attempts.push(asked_about);
     }
-    // All places under the same function: what is not known of the water is the same for all of them.
+    // All candidates are evaluated under the same functions, because they share the uncertainty about the water.
     let together = Drawn::new(&mut learned.survey.agent, &attempts)?;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let shares: Vec<Vec<f64>> = (0..together.functions())
@@ -280,8 +281,8 @@ fn text(candidates: &[Candidate]) -> String {
     let header = ["place", "share heard", "lowest probability", "silence (s)", "at most, 9 of 10", "best in"];
     let best = &candidates[0];
     format!(
-        "{}\n\nThe gateway stands best at {}, where {:.0} % of the messages of the track are expected to get through; of all that may be, that place is\n\
-         the best in {:.0} %.",
+        "{}\n\nThe best position for the gateway is {}: {:.0} % of the messages of the track are expected to be received. It is the\n\
+         best position with a probability of {:.0} %.",
         table(&header, &rows),
         best.name,
         100.0 * best.share,

@@ -1,4 +1,4 @@
-//! `pingmap plan`: what a map answers before a mission.
+//! `pingmap plan`: plans missions with a learned map.
 
 mod common;
 pub mod standoff;
@@ -9,7 +9,7 @@ use clap::{Args, Subcommand};
 
 use crate::output::Results;
 
-/// Plan with what was learned: how far one may go, what a track hears, where a gateway stands best
+/// Plan with a learned map: the range up to which messages are received, reception along a track, and the best gateway
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  pingmap plan standoff log.csv --at 700,510\n  pingmap plan track log.csv --at 700,510 --along waypoints.csv\n  pingmap plan gateway log.csv --among places.csv --along waypoints.csv"
@@ -21,11 +21,11 @@ pub struct Options {
 
 #[derive(Subcommand)]
 enum Action {
-    /// How far one may go from a place in each direction and still be heard
+    /// The range in each direction up to which messages are received
     Standoff(Box<standoff::Options>),
-    /// The probability along a planned track, leg by leg, and the longest silence to expect
+    /// The probability along a planned track, leg by leg, and the longest expected silence
     Track(Box<track::Options>),
-    /// Which of some places is best for a gateway
+    /// The best of several positions for a gateway
     Gateway(Box<gateway::Options>),
 }
 

@@ -1,4 +1,4 @@
-//! `pingmap plan standoff`: stay within this line to be heard.
+//! `pingmap plan standoff`: the area in which messages are received with a given probability.
 
 use clap::Args;
 use pingmap_agent::Position;
@@ -23,58 +23,59 @@ use crate::values::{open_share, place, positive};
     after_help = "Example:\n  pingmap plan standoff log.csv --model model.toml --at 700,510 --probability 0.9 -o standoff.png"
 )]
 pub struct Options {
-    /// The place one is to be heard at: metres of the log, or degrees such as 41.52N,70.67W, and perhaps a depth
+    /// Position of the listener: metres of the log, or degrees such as 41.52N,70.67W, with an optional depth
     #[arg(long, value_name = "PLACE", value_parser = place, allow_hyphen_values = true)]
     pub at: (Place, Option<f64>),
-    /// The probability that a message gets through
+    /// Required probability that a message is received
     #[arg(long, default_value_t = 0.9, value_parser = open_share)]
     pub probability: f64,
-    /// Look no farther than this; if not given, than the longest link of the log
+    /// Largest range to test; the longest link of the log if not given
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub range_max_m: Option<f64>,
     #[command(flatten)]
     pub common: Common,
 }
 
-/// The answer for programs.
+/// Ranges with sufficient probability in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct StandoffJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
-    /// The place asked about.
+    /// Queried position.
     at: PlaceJson,
-    /// Who sends: `tx` the place asked about, `rx` the others, `both` each in turn, `worst` whichever direction is worse.
+    /// Role of the position: `tx` transmits, `rx` receives, `both` both roles on two maps, `worst` the less probable
+    /// direction.
     #[serde(rename = "as")]
     seen: String,
-    /// The probability that is wanted.
+    /// Required probability.
     probability: f64,
-    /// So far was looked.
+    /// Largest tested range in metres.
     range_max_m: f64,
-    /// How many events the answer rests on.
+    /// Number of events from which the map was learned.
     events_used: usize,
-    /// The kernel that all was computed with.
+    /// Kernel of the model.
     kernel: KernelJson,
-    /// The shortest of all rays: whatever the direction.
+    /// Smallest range of all rays in metres. The probability is sufficient within it in every direction.
     range_m: f64,
-    /// The same where the lower end of the interval has that probability.
+    /// Smallest range for which the lower end of the interval is sufficient, in metres.
     range_lower_m: f64,
-    /// In every direction.
+    /// Ranges for each bearing.
     rays: Vec<RayJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct RayJson {
-    /// Clockwise from north.
+    /// Bearing in degrees, clockwise from north.
     bearing_deg: f64,
-    /// How far one may go without ever having less than the probability.
+    /// Range in metres within which the probability is always sufficient.
     range_m: f64,
-    /// The same by the lower end of the interval.
+    /// Range in metres within which the lower end of the interval is always sufficient.
     range_lower_m: f64,
 }
 
-/// Every so many rays are shown to people.
+/// Interval of the rays in the printed table.
 const SHOWN_EACH: usize = 6;
 
 impl Options {
@@ -166,12 +167,12 @@ impl Options {
         if range_m == 0.0 {
             let p = self.probability;
             return format!(
-                "{table}\n\nThere is no distance within which {seen} with a probability of {p} or more in every direction."
+                "{table}\n\nThere is no range within which {seen} with a probability of {p} or more in every direction."
             );
         }
         format!(
-            "{table}\n\nWithin {range_m:.0} m, whatever the direction, {seen} with a probability of {} or more; within {range_lower_m:.0} m even by the\n\
-             lower end of what it may be.",
+            "{table}\n\nWithin {range_m:.0} m in every direction {seen} with a probability of {} or more; within {range_lower_m:.0} m by the lower\n\
+             end of the 90 % interval, too.",
             self.probability
         )
     }

@@ -1,4 +1,4 @@
-//! `pingmap plan track`: what a planned track hears.
+//! `pingmap plan track`: the probability of reception along a planned track.
 
 use std::path::PathBuf;
 
@@ -27,26 +27,26 @@ use crate::values::{place, positive};
     after_help = "Example:\n  pingmap plan track log.csv --model model.toml --along waypoints.csv --at 700,510 --every-s 10 -o track.png"
 )]
 pub struct Options {
-    /// Table of waypoints, in metres of the log or degrees, with their times if these are known
+    /// Table of waypoints, in metres of the log or degrees, with optional times
     #[arg(long, value_name = "FILE")]
     pub along: PathBuf,
-    /// The place one is to be heard at, as a place of --along. Several: --join says which of them count
+    /// Position of the listener, as a place of --along. Repeat the option for several listeners, which --join combines
     #[arg(long, value_name = "PLACE", value_parser = place, allow_hyphen_values = true, required = true)]
     pub at: Vec<(Place, Option<f64>)>,
-    /// Of several places: whether all of them count at once, or any
+    /// Whether all of several listeners must receive a message, or any
     #[arg(long, value_enum, default_value_t = Join::All)]
     pub join: Join,
-    /// Speed on the track, where its waypoints have no times
+    /// Speed on the track, if its waypoints have no times
     #[arg(long, default_value_t = 1.5, value_parser = positive, allow_negative_numbers = true)]
     pub speed_m_per_s: f64,
-    /// A message is sent every so many seconds
+    /// Interval between messages in seconds
     #[arg(long, default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
     pub every_s: f64,
     #[command(flatten)]
     pub common: Common,
 }
 
-/// What is expected of a track, message by message and leg by leg.
+/// Predictions for a track, by message and by leg.
 struct Expected {
     route: Route,
     sendings: Vec<Sending>,
@@ -54,40 +54,40 @@ struct Expected {
     silences: Silences,
 }
 
-/// A leg, or the whole track.
+/// A leg, or the whole track, in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct LegJson {
-    /// Where it begins.
+    /// Start of the leg.
     from: PlaceJson,
-    /// Where it ends.
+    /// End of the leg.
     to: PlaceJson,
-    /// When it begins, since the first waypoint.
+    /// Time at the start, in seconds.
     start_s: f64,
-    /// When it ends.
+    /// Time at the end, in seconds.
     end_s: f64,
-    /// Messages that are sent on it.
+    /// Number of messages on the leg.
     messages: usize,
-    /// How many of them are expected to get through.
+    /// Expected number of received messages.
     received_expected: f64,
-    /// Where it is least probable that one does.
+    /// The least probable message.
     lowest: LowestJson,
-    /// The longest silence that half of all missions exceed.
+    /// Median over missions of the longest time without a received message.
     silence_median_s: f64,
-    /// The longest silence that one mission in ten exceeds.
+    /// The 90 % quantile over missions of the longest time without a received message.
     silence_likely_s: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct LowestJson {
-    /// Time, since the first waypoint.
+    /// Time of the message in seconds.
     time_s: f64,
-    /// Where.
+    /// Position at which the message is sent.
     at: PlaceJson,
-    /// The probability there.
+    /// Probability that the message is received.
     probability: f64,
-    /// The lower end of the interval that holds nine in ten.
+    /// Lower end of the 90 % interval of the probability.
     lower: f64,
-    /// Its upper end.
+    /// Upper end of that interval.
     upper: f64,
 }
 
@@ -97,22 +97,23 @@ pub struct TrackJson {
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
-    /// Who listens, or sends.
+    /// Positions of the listeners, or of the transmitters.
     places: Vec<PlaceJson>,
-    /// Who sends: `tx` the place asked about, `rx` the others, `both` each in turn, `worst` whichever direction is worse.
+    /// Role of these positions: `tx` transmits, `rx` receives, `both` both roles on two maps, `worst` the less probable
+    /// direction.
     #[serde(rename = "as")]
     seen: String,
-    /// Of several places: whether `all` of them are to hear, or `any`.
+    /// Combination of several positions: `all` of them are needed, or `any`.
     join: String,
-    /// A message is sent every so many seconds.
+    /// Interval between messages in seconds.
     every_s: f64,
-    /// How many events the answer rests on.
+    /// Number of events from which the map was learned.
     events_used: usize,
-    /// The kernel that all was computed with.
+    /// Kernel of the model.
     kernel: KernelJson,
     /// The whole track.
     whole: LegJson,
-    /// Between one waypoint and the next.
+    /// Each leg from one waypoint to the next.
     legs: Vec<LegJson>,
 }
 
@@ -137,7 +138,7 @@ impl Options {
         let written = Written {
             at: &at,
             join: self.join,
-            title: "What is heard along the track",
+            title: "Reception along the track",
             lines: &series,
             shapes: expected.shapes(&at, &name_of(&self.common.seen)),
             below: Some(&|room| expected.curve(room)),
@@ -184,7 +185,7 @@ impl Expected {
         Ok(Self { route, sendings, cells, silences })
     }
 
-    /// Messages of a leg, or all.
+    /// Returns the messages of a leg, or of the whole track.
     fn of(&self, leg: Option<usize>) -> impl Iterator<Item = (&Sending, &Cell)> {
         let all = self.sendings.iter().zip(&self.cells);
         all.filter(move |(sending, _)| leg.is_none_or(|leg| sending.leg == leg))
@@ -195,7 +196,7 @@ impl Expected {
         let (from, to) = leg.map_or((0, last), |leg| (leg, leg + 1));
         let [(start_s, from), (end_s, to)] = [self.route.waypoints[from], self.route.waypoints[to]];
         let lowest = self.of(leg).min_by(|a, b| a.1.probability.total_cmp(&b.1.probability));
-        // A leg that is over before the next message has none: what the message before it says is near enough.
+        // A leg shorter than the interval between messages may have no message. The message before it stands in for it.
         let before = self.sendings.iter().zip(&self.cells).rfind(|(sending, _)| sending.time_s <= start_s);
         let (sending, cell) = lowest.or(before).unwrap_or((&self.sendings[0], &self.cells[0]));
         let Silence { median_s, likely_s } = leg.map_or(self.silences.whole, |leg| self.silences.legs[leg]);
@@ -244,7 +245,7 @@ impl Expected {
             ["leg", "m", "messages", "expected", "lowest probability", "at (s)", "silence (s)", "at most, 9 of 10"];
         let Silence { median_s, likely_s } = self.silences.whole;
         format!(
-            "{}\n\nThe longest silence to expect on the whole track: {median_s:.0} s in half of all missions, at most {likely_s:.0} s in nine of ten.",
+            "{}\n\nThe longest silence on the whole track is at most {median_s:.0} s in half of all missions, and at most {likely_s:.0} s in 90 %.",
             table(&header, &rows)
         )
     }
@@ -259,7 +260,7 @@ impl Expected {
         self.of(None).map(row).collect()
     }
 
-    /// Probability and interval over time.
+    /// Draws probability and interval over time.
     fn curve(&self, room: Room) -> Figure {
         let line = |of: fn(&Cell) -> f64| -> Vec<Point> {
             self.of(None).map(|(sending, cell)| (sending.time_s, of(cell))).collect()
@@ -267,8 +268,8 @@ impl Expected {
         let (middle, lower, upper) = (line(|cell| cell.probability), line(|cell| cell.lower), line(|cell| cell.upper));
         let series = [
             Series { name: "probability", points: &middle, style: TRACK },
-            Series { name: "nine in ten: from", points: &lower, style: BOUND },
-            Series { name: "nine in ten: to", points: &upper, style: Style { dash: &[2.0, 3.0], ..BOUND } },
+            Series { name: "90 % interval, lower end", points: &lower, style: BOUND },
+            Series { name: "90 % interval, upper end", points: &upper, style: Style { dash: &[2.0, 3.0], ..BOUND } },
         ];
         curves("Along the track", ["time (s)", "probability of success"], &series, room, 240.0)
     }

@@ -1,4 +1,4 @@
-//! A replay for programs.
+//! A replay in JSON.
 
 use pingmap_agent::{LearnedModel, VehicleId};
 use pingmap_packet::Layout;
@@ -10,73 +10,73 @@ use super::replayed::Replayed;
 use super::scores::{CalibratedJson, OwnLearningJson, ScoresJson, SharingJson};
 use crate::model::{KernelJson, MadeOf, PriorMeanJson, path_variance, stop_words};
 
-/// Everything that was computed.
+/// Result of a replay in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct ReplayJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
-    /// What metres mean; `unknown` where nobody said so.
+    /// Reference system of the metres; `unknown` if the log does not name it.
     reference_system: String,
-    /// Events of all logs together.
+    /// Number of events of all logs together.
     events: usize,
-    /// Those of them that were replayed.
+    /// Number of these events that were replayed.
     events_used: usize,
-    /// How many vehicles there are.
+    /// Number of vehicles.
     vehicles: usize,
-    /// Their names.
+    /// Names of the vehicles.
     vehicle_ids: Vec<String>,
-    /// How often the log was divided into training and held-out events.
+    /// Number of divisions of the log into training and held-out events.
     splits: usize,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     seed: u64,
-    /// How posteriors were computed.
+    /// Methods of inference.
     inference: InferenceJson,
-    /// What is sent, and what happens to it.
+    /// Layout of the packets, and the impairments of the channel.
     packets: PacketsJson,
-    /// Whether vehicles learned their kernels each for itself (`own`) or from all events (`pooled`).
+    /// `own` if every vehicle learned its own model, `pooled` if one model was learned from all training events.
     learn: &'static str,
-    /// Whether the model was learned from these events: scores are too good then.
+    /// Whether the model was learned from these events. The scores are then too good.
     model_has_seen_log: bool,
-    /// The kernel of the first split, with numbers typical of all.
+    /// The kernel of the first split, with median length-scale and variance over the splits.
     kernel: Option<KernelJson>,
     /// The prior mean of the first split.
     prior_mean: Option<PriorMeanJson>,
-    /// The same where every vehicle learned for itself.
+    /// Scores if every vehicle learns its own model.
     own_learning: Option<OwnLearningJson>,
-    /// Without sharing, and with all events in one place.
+    /// Scores without sharing, and with all events in one place.
     scores: ScoresJson,
-    /// With so many frames from each vehicle.
+    /// Scores after each number of frames per vehicle.
     sharing: Vec<SharingJson>,
-    /// How far probabilities mean what they say.
+    /// Calibration of the probabilities.
     calibration: Option<CalibratedJson>,
-    /// Every division of the log.
+    /// Results of each split.
     per_split: Vec<SplitJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct InferenceJson {
-    /// Method for a vehicle's events.
+    /// Method for a vehicle's own events.
     own: &'static str,
-    /// Method for all events.
+    /// Method for all events together.
     centralised: &'static str,
-    /// So many events are taken one by one.
+    /// Largest number of events of a dense fit.
     dense_events_max: usize,
-    /// More are summed up by so many points at most.
+    /// Largest number of inducing points of a sparse fit.
     inducing_points_max: usize,
-    /// What packets say: the change from what was known.
+    /// Content of the summaries: the change from the prior.
     summary: &'static str,
-    /// How packets are fused.
+    /// Method of fusing summaries.
     fusion: &'static str,
 }
 
-/// A member whose data, or a part of them, a vehicle does not use.
+/// A member whose data a vehicle excludes, at least in part.
 #[derive(Serialize, JsonSchema)]
 pub struct IgnoredJson {
-    /// The vehicle that decided.
+    /// The vehicle that excludes the data.
     listener: String,
-    /// The member.
+    /// The member whose data are excluded.
     member: String,
     /// `contradicts`: its outcomes or summaries contradict those of all others. `out-of-slot`: its messages arrive outside its slots.
     /// `false-claims`: it was received in slots that it reported as unused. `wrong-track`: its reported track contradicts receptions.
@@ -97,68 +97,68 @@ impl IgnoredJson {
     }
 }
 
-/// What is sent, and what happens to it.
+/// Layout of the packets, and the impairments of the channel.
 #[derive(Serialize, JsonSchema)]
 pub struct PacketsJson {
     /// Name of the message in the `.proto`.
     message: Option<&'static str>,
-    /// How long it is.
+    /// Length of the message in bytes.
     bytes: Option<usize>,
-    /// Whether it ends in a proof of who wrote it.
+    /// Whether the message ends with an authentication tag.
     authenticated: Option<bool>,
-    /// Side of a cell of the team's chart.
+    /// Side of a cell of the team's grid in metres.
     cell_m: Option<f64>,
     /// Share of packets that are lost.
     loss: f64,
-    /// Share that arrive twice.
+    /// Share of packets that arrive twice.
     duplicate: f64,
-    /// Share that are overtaken.
+    /// Share of packets that arrive after a later one.
     reorder: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct SplitJson {
-    /// What divides it.
+    /// Name of the split.
     name: String,
-    /// Events that vehicles learned from.
+    /// Number of training events.
     training_events: usize,
-    /// Events that they were tried on.
+    /// Number of held-out events.
     held_out_events: usize,
-    /// Typical length-scale of the path term.
+    /// Typical length-scale of the path term in metres.
     length_scale_m: f64,
-    /// Its variance.
+    /// Variance of the path term.
     variance: f64,
-    /// Terms and prior mean, in words.
+    /// Terms and prior mean as text.
     structure: Option<String>,
-    /// The kernel that all was computed with.
+    /// Kernel of the model.
     kernel: KernelJson,
-    /// What is expected where nothing was heard.
+    /// Prior mean of the model.
     prior_mean: PriorMeanJson,
-    /// Lower bound on the log probability of all outcomes, at the optimum, in nats.
+    /// Lower bound on the log probability of all outcomes at the optimum, in nats.
     evidence: Option<f64>,
     /// Mean log probability of an event given all others, in nats.
     leave_one_out: Option<f64>,
-    /// How many events the kernel was learned from.
+    /// Number of events from which the kernel was learned.
     learning_events: Option<usize>,
-    /// Why the search ended.
+    /// Reason for the end of the search.
     stop: Option<String>,
-    /// Members whose data vehicles do not use after the last number of frames.
+    /// Members whose data vehicles exclude after the last number of frames.
     ignored: Vec<IgnoredJson>,
-    /// Whether every posterior did.
+    /// Whether every fit converged.
     converged: bool,
-    /// The most that was added to a kernel matrix's diagonal.
+    /// Largest number that was added to the diagonal of a kernel matrix.
     jitter_max: f64,
-    /// Mean negative log-likelihoods, in nats.
+    /// Mean negative log-likelihoods of the held-out events, in nats.
     nll: SplitNllJson,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct SplitNllJson {
-    /// By the distance alone.
+    /// Logistic regression on the distance.
     distance_only: f64,
-    /// Every vehicle by itself.
+    /// Each vehicle with its own events only.
     own: f64,
-    /// For each number of frames.
+    /// The team, for each number of frames.
     team: Vec<f64>,
     /// All events in one place.
     centralised: f64,
@@ -193,7 +193,7 @@ impl ReplayJson {
     }
 }
 
-/// The kernel of the first split, with typical numbers.
+/// Returns the kernel of the first split, with median length-scale and variance.
 fn kernel(replay: &Replay) -> Option<KernelJson> {
     let model = replay.splits.first()?.model();
     let inputs = if model.inputs.has_depths() { "positions and depths" } else { "positions" };

@@ -1,4 +1,5 @@
-//! `pingmap replay`: what each vehicle knows alone, what the team knows after sharing, what it could know at best.
+//! `pingmap replay`: scores predictions by each vehicle alone, by the team after sharing, and with all events in one
+//! place.
 
 mod replayed;
 mod tables;
@@ -27,13 +28,13 @@ use crate::values::{frame_bytes, open_share, packets, piggyback_bytes, repeats, 
 use online::OnlineMission;
 pub use replayed::Replayed;
 
-/// What options are listed under.
+/// Help headings of groups of options.
 const HELD_OUT: &str = "Held-out events";
-const ON_THE_WATER: &str = "What is sent, and what becomes of it";
+const ON_THE_WATER: &str = "Communication";
 const IN_TIME: &str = "In the order of time";
 
-/// Replay a mission: what each vehicle knows alone, what the team knows after sharing packets, what it could know at
-/// best
+/// Replay a mission, and score the predictions of each vehicle alone, of the team after sharing packets, and with all
+/// events in one place
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  pingmap replay log.csv --frames 1,5,10 --report report\n  pingmap replay log.csv --model model.toml --online"
@@ -41,12 +42,12 @@ const IN_TIME: &str = "In the order of time";
 pub struct Options {
     #[command(flatten)]
     pub logs: Logs,
-    /// CSV of fixed splits: one column a split, one row an event, 1 = held out
+    /// CSV of fixed splits: one column per split, one row per event, 1 = held out
     #[arg(help_heading = HELD_OUT, long, value_name = "FILE", conflicts_with = "Dividing")]
     pub splits: Option<PathBuf>,
     #[command(flatten)]
     pub dividing: Dividing,
-    /// Also write the splits to this file, as --splits takes them
+    /// Also write the splits to this file, in the format of --splits
     #[arg(help_heading = HELD_OUT, long, value_name = "FILE", conflicts_with = "splits")]
     pub write_splits: Option<PathBuf>,
     /// Numbers of packets that every vehicle sends
@@ -54,27 +55,28 @@ pub struct Options {
     pub frames: Vec<usize>,
     #[command(flatten)]
     pub sharing: Sharing,
-    /// Compare with other ways to use the same bytes
+    /// Compare with other uses of the same number of bytes
     #[arg(long)]
     pub compare: bool,
-    /// Show how far probabilities mean what they say: reliability, and how often intervals hold the truth where it is known
+    /// Show the calibration of the probabilities: reliability, and the coverage of intervals if the log has true
+    /// probabilities
     #[arg(long)]
     pub calibration: bool,
-    /// Run the mission in the order of time instead: every event is predicted by its receiver before it is learned
-    /// from, and packets ride on the transmissions of the log. Without --model or --team nothing is learned beforehand
+    /// Run the mission in the order of time instead. Receivers predict every event before they learn from it, and
+    /// packets are sent with the transmissions of the log. Without --model or --team no model is learned beforehand
     #[arg(help_heading = IN_TIME, long, conflicts_with_all = ["splits", "Dividing", "write_splits", "frames", "compare", "calibration", "learn", "reorder"])]
     pub online: bool,
-    /// With --online: every so many of its transmissions a vehicle may send a packet; 10 if not given, none with
-    /// --piggyback-bytes alone
+    /// With --online: a vehicle may send a packet with every N-th of its transmissions; 10 if not given, no packets if
+    /// only --piggyback-bytes is given
     #[arg(help_heading = IN_TIME, long, value_name = "TRANSMISSIONS", value_parser = packets, requires = "online")]
     pub slot_every: Option<usize>,
-    /// With --online: bytes of every transmission with the newest outcomes of its sender; two hold ten outcomes
+    /// With --online: bytes in every transmission for the newest outcomes of its sender; two bytes hold ten outcomes
     #[arg(help_heading = IN_TIME, long, value_name = "BYTES", value_parser = piggyback_bytes, requires = "online")]
     pub piggyback_bytes: Option<usize>,
     /// Also write a report with maps to this folder
     #[arg(help_heading = RESULT, long, value_name = "DIR")]
     pub report: Option<PathBuf>,
-    /// Who learns the model
+    /// The data from which models are learned
     #[arg(long, value_enum, default_value_t = LearnName::Pooled)]
     pub learn: LearnName,
     #[command(flatten)]
@@ -88,22 +90,21 @@ pub struct Options {
     pub json: bool,
 }
 
-/// How held-out events are chosen.
+/// Choice of the held-out events.
 #[derive(Args)]
 #[group(id = "Dividing", multiple = true)]
 pub struct Dividing {
-    /// What decides which events are held out: chance, blocks of time, the range (the farthest), or the receiver (each
-    /// vehicle in turn)
+    /// Rule for held-out events: random, blocks of time, the farthest ranges, or one receiver after the other
     #[arg(help_heading = HELD_OUT, long, value_enum)]
     pub split_by: Option<DivideByName>,
-    /// Number of splits, where chance decides; 3 if not given
+    /// Number of random splits; 3 if not given
     #[arg(help_heading = HELD_OUT, long, value_parser = repeats)]
     pub repeats: Option<usize>,
-    /// Share that is held out: of every vehicle's events, of blocks of time, of all ranges; 0.35 (of ranges 0.4) if not
-    /// given
+    /// Share that is held out: of every vehicle's events, of the blocks of time, or of the ranges; 0.35, or 0.4 of the
+    /// ranges, if not given
     #[arg(help_heading = HELD_OUT, long, value_parser = open_share, allow_negative_numbers = true)]
     pub test_share: Option<f64>,
-    /// Hold out all receivers of a transmission together, with random splits (blocks of time do so anyway)
+    /// With random splits: hold out all receivers of a transmission together, as blocks of time always do
     #[arg(help_heading = HELD_OUT, long)]
     pub whole_transmissions: bool,
 }
@@ -113,11 +114,11 @@ impl Dividing {
         self.division()?.splits(log, seed).map_err(|error| BadInput(error.to_string()))
     }
 
-    /// Refuses what would change nothing.
+    /// Refuses options without effect.
     fn division(&self) -> Result<Division, BadInput> {
         let by = self.split_by.map_or(DivideBy::Random, DivideByName::divide_by);
         let refuse =
-            |option: &str, what: &str| BadInput(format!("{option} changes nothing where {what}; expected without"));
+            |option: &str, what: &str| BadInput(format!("{option} has no effect if {what}; expected no {option}"));
         if self.repeats.is_some() && matches!(by, DivideBy::Range | DivideBy::Vehicle) {
             return Err(refuse("--repeats", "the range or the receiver decides what is held out"));
         }
@@ -134,7 +135,7 @@ impl Dividing {
     }
 }
 
-/// What is sent, and what happens to it on its way.
+/// Options of sharing, and impairments of the channel.
 #[derive(Args)]
 pub struct Sharing {
     /// Team file: members, model, grid, frames and key
@@ -143,26 +144,27 @@ pub struct Sharing {
     /// Bytes of a frame
     #[arg(help_heading = ON_THE_WATER, long, default_value_t = 32, value_parser = frame_bytes)]
     pub frame_bytes: usize,
-    /// File with the team's key, 64 hexadecimal digits: packets are authenticated with it, which takes 8 bytes of each
+    /// File with the team's key of 64 hexadecimal digits; packets are authenticated with it, which takes 8 bytes of
+    /// each
     #[arg(help_heading = ON_THE_WATER, long, value_name = "FILE")]
     pub key_file: Option<PathBuf>,
-    /// Share of packets that are lost on their way to a receiver
+    /// Share of packets that each receiver loses
     #[arg(help_heading = ON_THE_WATER, long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     pub loss: f64,
     /// Share of packets that arrive twice
     #[arg(help_heading = ON_THE_WATER, long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     pub duplicate: f64,
-    /// Share of packets that later ones overtake
+    /// Share of packets that arrive after a later one
     #[arg(help_heading = ON_THE_WATER, long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     pub reorder: f64,
-    /// What vehicles send: summaries of all their events, reports of single outcomes, or reports with summaries of events that no
-    /// report can carry
+    /// Content of the packets: summaries of all events, reports of single outcomes, or reports with summaries of events
+    /// that reports cannot carry
     #[arg(help_heading = ON_THE_WATER, long, value_enum, default_value_t = ShareName::Both)]
     pub share: ShareName,
 }
 
 impl Sharing {
-    /// What happens to packets.
+    /// Returns the impairments of the channel.
     pub fn water(&self) -> Water {
         let Self { loss, duplicate, reorder, .. } = *self;
         Water { loss, duplicate, reorder }
@@ -226,7 +228,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     mission.show(results, options.json, options.report.as_deref())
 }
 
-/// What is agreed on already, and whether its model was learned from this very log.
+/// Returns the shared model or team, and whether the model was learned from this log.
 fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Agreed, bool)> {
     let (agreed, digests) = match (&options.source.model, &options.sharing.team) {
         (_, Some(path)) => {
@@ -243,7 +245,7 @@ fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Agreed, bool)> {
     Ok((agreed, digests.contains(&log.digest())))
 }
 
-/// What goes with the transmissions of a log.
+/// Returns the options of sending packets with the transmissions of the log.
 fn riding(options: &Options) -> Riding {
     let slot_every = match (options.slot_every, options.piggyback_bytes) {
         (None, None) => Some(online::SLOT_EVERY),
@@ -252,7 +254,7 @@ fn riding(options: &Options) -> Riding {
     Riding { slot_every, piggyback_bytes: options.piggyback_bytes.unwrap_or(0) }
 }
 
-/// What the options say of the team and of what it sends.
+/// Returns the plan of the replay: team, sharing and learning.
 fn plan(options: &Options, agreed: Agreed) -> anyhow::Result<Plan> {
     let kernel = &options.source.kernel;
     let sharing = &options.sharing;
@@ -264,14 +266,14 @@ fn plan(options: &Options, agreed: Agreed) -> anyhow::Result<Plan> {
         sharing: sharing.share.sharing(),
         water: sharing.water(),
         compare: options.compare,
-        // A report without it would leave open whether its maps can be believed.
+        // A report always shows the calibration, so that its reader can judge the maps.
         calibration: options.calibration || options.report.is_some() && !options.online,
         ..Plan::new(kernel.learning(kernel.given().default_candidates(), options.work.limits()), options.work.seed)
     })
 }
 
 impl Replayed {
-    /// Warns, prints, and writes the report if one is wanted.
+    /// Prints warnings and results, and writes the report if requested.
     pub fn show(&self, results: Results, as_json: bool, report: Option<&Path>) -> anyhow::Result<()> {
         self.warn();
         let command = results.command().to_vec();

@@ -1,4 +1,4 @@
-//! `pingmap replay --online`: the mission in the order of time.
+//! `pingmap replay --online`: replays the mission in the order of time.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,13 +15,13 @@ use crate::model::{HAS_SEEN_LOG, MadeOf};
 use crate::output::{Results, count, note, print, print_json, progress, table};
 use crate::page::Page;
 
-/// Rows of the table.
+/// Number of parts of the mission in the table.
 const PARTS: usize = 10;
 
-/// Places along a curve.
+/// Points of a curve.
 const CURVE_POINTS: usize = 200;
 
-/// One of the things compared: a name, how its curve looks, and its part of a step.
+/// A series of the comparison: name, style of its curve, and score in a step.
 type Way = (&'static str, Style<'static>, fn(&Step) -> f64);
 
 const WAYS: [Way; 3] = [
@@ -36,15 +36,15 @@ const WAYS: [Way; 3] = [
     ),
 ];
 
-/// Transmissions between packets where nothing is said of it.
+/// Default number of transmissions between two packets of a vehicle.
 pub const SLOT_EVERY: usize = 10;
 
-/// What is replayed in the order of time.
+/// Options of a replay in the order of time.
 pub struct OnlineMission {
     pub plan: Plan,
-    /// Whether its model was learned from this very log.
+    /// Whether the model was learned from this log.
     pub has_seen_log: bool,
-    /// What goes with transmissions.
+    /// Packets and outcomes that are sent with the transmissions.
     pub riding: Riding,
     pub seed: u64,
     /// The log before thinning.
@@ -70,7 +70,7 @@ impl OnlineMission {
     fn headline(&self, online: &Online) -> String {
         let packets: usize = online.packets.values().sum();
         let model = match self.plan.agreed {
-            Agreed::Nothing => "the model is what is expected before any event; give --model for a learned one",
+            Agreed::Nothing => "the model is the prior before any event; --model gives a learned one",
             Agreed::Model(_) | Agreed::Team(_) if self.has_seen_log => HAS_SEEN_LOG,
             Agreed::Model(_) | Agreed::Team(_) => "model as given",
         };
@@ -78,7 +78,7 @@ impl OnlineMission {
         let slots = self
             .riding
             .slot_every
-            .map(|every| format!("a packet every {} of a vehicle at most", count(every, "transmission")));
+            .map(|every| format!("at most one packet of a vehicle every {}", count(every, "transmission")));
         let sent = self.riding.slot_every.map(|_| {
             let (packets, bytes) = (count(packets, "packet"), count(online.bytes, "byte"));
             format!("{packets}, {bytes}, heard {}", count(online.received, "time"))
@@ -99,25 +99,25 @@ impl OnlineMission {
 
     fn text(&self, online: &Online) -> String {
         format!(
-            "{}\n\n{}\n\nNLL: negative log-likelihood in nats of every event as its receiver saw it coming, lower is better.\nSlots are the transmissions of the log, in the order of time.",
+            "{}\n\n{}\n\nNLL: negative log-likelihood in nats of every event, predicted by its receiver beforehand; lower is better.\nSlots are the transmissions of the log, in the order of time.",
             self.headline(online),
             table(&header(), &rows(online))
         )
     }
 
-    /// What a hurried reader should take away.
+    /// Returns the main result as a sentence.
     fn conclusion(&self, online: &Online) -> String {
         let Some(Step { own, team, centralised, .. }) = Step::mean(&online.steps) else {
-            return "Nothing was heard or missed.".to_owned();
+            return "The log has no events.".to_owned();
         };
         let better = match own - centralised {
-            gap if gap <= 0.0 => "knowing what others heard brought nothing here".to_owned(),
-            gap if team >= own => format!("what was sent brought nothing, where {gap:.3} could be had"),
-            gap => format!("what was sent closed {:.0} % of what could be had", 100.0 * (own - team) / gap),
+            gap if gap <= 0.0 => "events of other vehicles do not help here".to_owned(),
+            gap if team >= own => format!("sharing does not help, although all events would gain {gap:.3} nats"),
+            gap => format!("sharing closes {:.0} % of the gap", 100.0 * (own - team) / gap),
         };
         format!(
-            "Coming events were predicted with {own:.3} nats by vehicles alone, {team:.3} with what others sent, and {centralised:.3} had all \
-             of them known everything at once: {better}."
+            "The NLL of coming events is {own:.3} nats for vehicles alone, {team:.3} for the team, and {centralised:.3} with \
+             all events at once: {better}."
         )
     }
 
@@ -139,9 +139,9 @@ impl OnlineMission {
         html.paragraph(
             "Every event is predicted by its receiver before it is learned from. NLL is the negative log-likelihood in nats: lower is better.",
         );
-        html.heading("What was heard");
+        html.heading("Received messages");
         pairs(&mut html, log);
-        html.heading("What it was made of");
+        html.heading("Provenance");
         let seed = vec![("seed", self.seed.to_string())];
         html.facts(&[of_log(log, &self.whole, &self.plan.agreed), seed, of_run(command)].concat());
         write_file(&page, html.finish().as_bytes())?;
@@ -149,7 +149,7 @@ impl OnlineMission {
     }
 }
 
-/// NLL in each part of the mission, and over all of it.
+/// Returns the NLL in each part of the mission, and over the whole mission.
 fn rows(online: &Online) -> Vec<Vec<String>> {
     let size = online.steps.len().div_ceil(PARTS).max(1);
     let row =
@@ -165,46 +165,46 @@ fn header() -> Vec<&'static str> {
     ["NLL of coming events"].into_iter().chain(WAYS.map(|(name, _, _)| name)).collect()
 }
 
-/// A mission in the order of time, for programs.
+/// A replay in the order of time in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct OnlineJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
-    /// Events of the mission.
+    /// Number of events of the mission.
     events: usize,
-    /// Every so many of its transmissions a vehicle sends a packet, if there is one worth it.
+    /// Number of its transmissions after which a vehicle may send a packet. A packet is sent only if it is useful.
     slot_every: Option<usize>,
-    /// Spare bytes of every transmission, which say what was heard of late.
+    /// Bytes in every transmission for the newest outcomes of its sender.
     piggyback_bytes: usize,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     seed: u64,
-    /// Whether the model was learned from these events: scores are too good then.
+    /// Whether the model was learned from these events. The scores are then too good.
     model_has_seen_log: bool,
-    /// Packets that each vehicle sent.
+    /// Number of packets that each vehicle sent.
     packets: BTreeMap<String, usize>,
     /// Bytes of all packets.
     bytes: usize,
-    /// Packets that counted at a receiver.
+    /// Number of receptions of packets that were accepted.
     received: usize,
-    /// Spare bytes that went with transmissions.
+    /// Bytes of piggybacked outcomes in all transmissions.
     piggyback_bytes_sent: usize,
-    /// Mean over the whole mission of the negative log-likelihood of what comes next, in nats.
+    /// Mean negative log-likelihood over the whole mission, in nats.
     nll: Option<StepJson>,
-    /// The same over time, as a running mean.
+    /// Mean negative log-likelihood up to each time, in nats.
     running_nll: Vec<StepJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct StepJson {
-    /// When.
+    /// Time in seconds.
     time_s: f64,
-    /// Every vehicle by itself.
+    /// Each vehicle with its own events only.
     own: f64,
-    /// With what others sent.
+    /// The team, with received packets.
     team: f64,
-    /// With all events in one place.
+    /// All events in one place.
     centralised: f64,
 }
 
@@ -231,7 +231,7 @@ impl OnlineJson {
 
 fn figure(online: &Online) -> Figure {
     let running = online.running(CURVE_POINTS);
-    // The mean of the first few events swings too widely to show.
+    // The mean over the first few events varies too much to show.
     let settled = &running[(running.len() / 20).min(running.len().saturating_sub(2))..];
     let points = WAYS.map(|(_, _, of)| settled.iter().map(|step| (step.time_s, of(step))).collect::<Vec<_>>());
     let series: Vec<Series> =

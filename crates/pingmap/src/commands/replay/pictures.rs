@@ -1,4 +1,4 @@
-//! The pictures of a report.
+//! Figures of a report.
 
 use std::collections::BTreeMap;
 
@@ -16,38 +16,38 @@ use crate::reference::reference;
 use crate::success_map::{Asked, LEVELS, SuccessMap};
 use crate::tracks;
 
-/// Packets of every vehicle behind the maps, if the replay went that far.
+/// Largest number of packets per vehicle behind the maps.
 const FRAMES_SHOWN: usize = 10;
 
-/// Packets of every vehicle whose points are drawn; more would hide each other.
+/// Largest number of packets per vehicle whose points are drawn; more points would hide each other.
 pub const PACKETS_DRAWN: usize = 2;
 
-/// Vehicles whose maps are drawn.
+/// Largest number of vehicles whose maps are drawn.
 const MAPS_MAX: usize = 6;
 
-/// Distances by which shares are shown.
+/// Number of range bins.
 const RANGE_BINS: usize = 12;
 
 pub struct Pictures {
-    /// Packets of every vehicle behind the maps.
+    /// Number of packets per vehicle behind the maps.
     pub frames: usize,
     pub split: String,
-    /// Whose map it is, as far as there is room for it.
+    /// Maps of the first vehicles.
     pub maps: Vec<(VehicleId, Figure)>,
-    /// How many vehicles there are.
+    /// Number of all vehicles.
     pub vehicles: usize,
-    /// `None` where all events were reported one by one.
+    /// `None` if no packet contains inducing points.
     pub packets: Option<Figure>,
     pub over_range: Figure,
 }
 
 impl Pictures {
-    /// Plays the first split once more, up to [`FRAMES_SHOWN`] packets, and draws what everybody then knows.
+    /// Replays the first split again with at most [`FRAMES_SHOWN`] packets, and draws the vehicles' predictions.
     pub fn draw(replayed: &Replayed) -> anyhow::Result<Self> {
         let counts = replayed.replay.sharing.iter().map(|sharing| sharing.frames);
         let frames = counts.clone().filter(|&frames| frames <= FRAMES_SHOWN).max().or(counts.min()).unwrap_or(0);
         let split = replayed.splits.first().context("a replay has at least one split")?;
-        // What the team had agreed on in this split.
+        // The team configuration of this split.
         let found = replayed.replay.splits.first().context("a replay has at least one split")?;
         let plan = Plan { agreed: Agreed::Team(Box::new((*found.team).clone())), ..replayed.plan.clone() };
         let mission = Mission::prepare(&replayed.log, split, &plan, frames)?;
@@ -67,7 +67,8 @@ impl Pictures {
     }
 }
 
-/// How a typical vehicle hears this one from where it was last, at the end of what it learned from.
+/// Draws the map of messages from a vehicle's last own position to typical receivers, at the time of its last own
+/// event.
 fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
     let events = &replayed.log.events;
     let last: Option<&Event> = viewer.events().last();
@@ -92,7 +93,7 @@ fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
     Ok(figure(&map, &drawn, Room::PLENTY))
 }
 
-/// Share heard over distance, and what the maps of their receivers say of the same attempts.
+/// Draws the share of heard events over range, and the receivers' mean predictions for the same events.
 fn over_range(team: &mut [Agent], replayed: &Replayed) -> anyhow::Result<Figure> {
     let mut events: Vec<&Event> = replayed.log.events.iter().collect();
     events.sort_by(|a, b| a.link.range_m().total_cmp(&b.link.range_m()));
@@ -113,12 +114,12 @@ fn over_range(team: &mut [Agent], replayed: &Replayed) -> anyhow::Result<Figure>
     }
     let series = [
         Series { name: "heard", points: &heard, style: Style { mark: Mark::Square, ..HEARD } },
-        Series { name: "said by the maps", points: &said, style: SAID },
+        Series { name: "predicted by the maps", points: &said, style: SAID },
     ];
     Ok(curves("Share heard over range", ["range (m)", "share heard"], &series, Room::PLENTY, 320.0))
 }
 
-/// Share heard over predicted probability: on the diagonal probabilities mean what they say.
+/// Draws the share of heard events over the predicted probability. Calibrated probabilities lie on the diagonal.
 pub fn calibration(calibrated: &Calibrated) -> Figure {
     let points = |calibration: &Calibration| -> Vec<Point> {
         calibration.bins.iter().filter_map(|bin: &Bin| bin.predicted().zip(bin.heard())).collect()
@@ -127,13 +128,13 @@ pub fn calibration(calibrated: &Calibrated) -> Figure {
     let (own, team, centralised) = (points(own), points(team), points(centralised));
     let diagonal = [(0.0, 0.0), (1.0, 1.0)];
     let series = [
-        Series { name: "as it should be", points: &diagonal, style: DIAGONAL },
+        Series { name: "perfect calibration", points: &diagonal, style: DIAGONAL },
         Series { name: "own events only", points: &own, style: OWN },
         Series { name: "team", points: &team, style: Style { mark: Mark::Dot, ..SAID } },
         Series { name: "all events in one place", points: &centralised, style: Style { mark: Mark::Square, ..HEARD } },
     ];
     curves(
-        "Predicted, and heard",
+        "Predicted probability and share heard",
         ["predicted probability", "share heard"],
         &series,
         Room { side: 420.0, ..Room::PLENTY },
@@ -149,7 +150,7 @@ const DIAGONAL: Style = Style { color: "#999999", width: 1.0, dash: &[], mark: M
 /// The links of packets, by sender and counter.
 type Sent = Vec<(VehicleId, u16, Vec<Link>)>;
 
-/// The inducing points that everybody sent, as arrows from transmitter to receiver over the tracks.
+/// Draws the inducing points of the first packets as arrows from transmitter to receiver, over the tracks.
 fn packets_figure(replayed: &Replayed, sent: &Sent) -> Figure {
     let mut arrows: BTreeMap<&VehicleId, Vec<(Point, Point)>> = BTreeMap::new();
     for (sender, _, links) in sent.iter().filter(|(_, counter, _)| usize::from(*counter) < PACKETS_DRAWN) {
@@ -171,7 +172,7 @@ fn packets_figure(replayed: &Replayed, sent: &Sent) -> Figure {
     let ends = replayed.log.events.iter().flat_map(|event| event.link.ends());
     let (east, north) = tracks::widened(ends.map(|end| (end.east_m, end.north_m)));
     link_map(
-        "Links that stand for all others: the first inducing points",
+        "The first inducing points: links that represent the others",
         east,
         north,
         &groups,

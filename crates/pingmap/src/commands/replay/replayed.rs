@@ -1,4 +1,4 @@
-//! A replay and all that is needed to speak about it.
+//! A replay with its inputs.
 
 use std::collections::BTreeMap;
 
@@ -10,17 +10,17 @@ use crate::log::WholeLog;
 use crate::model::warn_of_search;
 use crate::output::{note, progress, warn};
 
-/// A replay and all that is needed to speak about it.
+/// A replay with its inputs.
 pub struct Replayed {
     pub log: EventLog,
     pub splits: Vec<Split>,
     pub plan: Plan,
     pub replay: Replay,
-    /// The same with every vehicle learning by itself, if that was asked for beside the pooled one.
+    /// The replay in which every vehicle learns its own model, if it was requested in addition.
     pub own_learning: Option<Replay>,
-    /// Whether its model was learned from this very log.
+    /// Whether the model was learned from this log.
     pub has_seen_log: bool,
-    /// Whether it was asked how far probabilities mean what they say; a report shows that anyhow.
+    /// Whether the calibration is printed. A report always contains it.
     pub shows_calibration: bool,
     /// The log before thinning.
     pub whole: WholeLog,
@@ -38,14 +38,14 @@ impl Replayed {
         Ok(Self { log, splits, plan, replay, own_learning: None, has_seen_log: false, shows_calibration: false, whole })
     }
 
-    /// Replays it once more with every vehicle learning by itself.
+    /// Replays the mission again with every vehicle learning its own model.
     pub fn learn_own(&mut self, frames: &[usize]) -> anyhow::Result<()> {
         let plan = Plan { learners: Learners::Own, ..self.plan.clone() };
         self.own_learning = Some(with_progress(&self.log, &self.splits, frames, &plan)?);
         Ok(())
     }
 
-    /// Notes which members' data vehicles do not use, and in how many splits.
+    /// Prints which members' data vehicles exclude, and in how many splits.
     fn note_ignored(&self) {
         let mut splits = BTreeMap::<(&VehicleId, &VehicleId, &str), usize>::new();
         for ignored in self.replay.splits.iter().flat_map(|split| &split.ignored) {
@@ -57,17 +57,17 @@ impl Replayed {
         }
     }
 
-    /// Warns of what its reader should know.
+    /// Warns about conditions that affect the scores.
     pub fn warn(&self) {
         self.note_ignored();
         for split in &self.replay.splits {
             let (name, without) = (&split.name, &split.vehicles_without_events);
             if split.training_events == 0 {
-                warn(format_args!("split {name}: every event is held out, so that nothing can be learned"));
+                warn(format_args!("split {name}: every event is held out, so there are no training events"));
             } else if !without.is_empty() {
                 let names: Vec<&str> = without.iter().map(VehicleId::as_str).collect();
                 warn(format_args!(
-                    "split {name}: no training events for {}: knowing only what others send",
+                    "split {name}: no training events for {}: they use only received data",
                     names.join(", ")
                 ));
             }
@@ -78,14 +78,14 @@ impl Replayed {
         }
     }
 
-    /// The form of the packets.
+    /// Returns the layout of the packets.
     pub fn layout(&self) -> Option<&'static Layout> {
         let team = &self.replay.splits.first()?.team;
         team.layout(team.frame_bytes).ok()
     }
 }
 
-/// A replay with a progress bar.
+/// Replays a mission with a progress bar.
 fn with_progress(log: &EventLog, splits: &[Split], frames: &[usize], plan: &Plan) -> anyhow::Result<Replay> {
     let bar = progress((splits.len() * (1 + frames.len())) as u64, "replaying");
     let replay = pingmap_trial::replay(log, splits, frames, plan, &|| bar.inc(1))?;
@@ -93,7 +93,7 @@ fn with_progress(log: &EventLog, splits: &[Split], frames: &[usize], plan: &Plan
     Ok(replay)
 }
 
-/// Returns why data are not used, in words.
+/// Returns the reason for excluding data as text.
 fn explanation(reason: IgnoreReason) -> &'static str {
     match reason {
         IgnoreReason::Contradicts => "its outcomes or summaries contradict those of all others",

@@ -1,4 +1,4 @@
-//! The report of a replay: one self-contained HTML page, and some of its figures as PNG beside it.
+//! The report of a replay: one self-contained HTML page, and some of its figures as PNG files in the same folder.
 
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -16,7 +16,7 @@ use crate::model::MadeOf;
 use crate::output::{count, spinner};
 use crate::page::Page;
 
-/// Writes the report to a folder that is there, and returns its page.
+/// Writes the report to an existing folder, and returns the path of its page.
 pub fn write(replayed: &Replayed, command: &[String], folder: &Path) -> anyhow::Result<PathBuf> {
     let bar = spinner("drawing the report");
     let pictures = Pictures::draw(replayed)?;
@@ -38,24 +38,24 @@ fn html(replayed: &Replayed, command: &[String], pictures: &Pictures) -> String 
     scores(&mut page, replayed);
     maps(&mut page, pictures);
     the_log(&mut page, replayed, pictures);
-    page.heading("What was sent");
+    page.heading("Sent packets");
     match &pictures.packets {
-        None => page.paragraph("What each vehicle heard and missed, event by event; no inducing points."),
+        None => page.paragraph("The packets are reports of single outcomes; they contain no inducing points."),
         Some(packets) => page.figure(
             packets,
             &format!(
-                "Every arrow is an inducing point of one of the first {} packets of each vehicle, drawn from transmitter to receiver: a link \
-                 that stands for those around it.",
+                "Every arrow is an inducing point of one of the first {} packets of each vehicle, drawn from transmitter to receiver: a \
+                 link that represents those around it.",
                 pictures.frames.min(PACKETS_DRAWN)
             ),
         ),
     }
-    page.heading("What it was made of");
+    page.heading("Provenance");
     page.facts(&provenance(replayed, command));
     page.finish()
 }
 
-/// What a hurried reader should take away.
+/// Returns the main result as a sentence.
 fn conclusion(replayed: &Replayed) -> String {
     let replay = &replayed.replay;
     let percent = |share: f64| format!("{:.0} %", 100.0 * share);
@@ -64,21 +64,21 @@ fn conclusion(replayed: &Replayed) -> String {
     let map = team.unwrap_or(replay.own.accuracy.mean);
     let whose = if team.is_some() { "the map that the team shares" } else { "each vehicle's own map" };
     let held = if replayed.has_seen_log {
-        "Of events that the model has seen before, so that this flatters it"
+        "For events from which the model was learned, so that scores are too good"
     } else {
-        "Of events that nobody learned from"
+        "For held-out events"
     };
     let verdict = if map > distance {
-        format!("distance alone is right in {}, {whose} in {}", percent(distance), percent(map))
+        format!("the distance alone is right in {}, {whose} in {}", percent(distance), percent(map))
     } else {
         format!(
-            "distance alone is right in {}, and {whose} in no more than {}: here the place says little beyond the distance",
+            "the distance alone is right in {}, and {whose} only in {}: here positions add little to the distance",
             percent(distance),
             percent(map)
         )
     };
     format!(
-        "{held}, {verdict}; every vehicle by itself in {}, all events in one place in {}.",
+        "{held}, {verdict}; each vehicle's own events in {}, all events in one place in {}.",
         percent(replay.own.accuracy.mean),
         percent(centralised)
     )
@@ -95,10 +95,10 @@ fn scores(page: &mut Page, replayed: &Replayed) {
         page.paragraph("NLL of held-out events; a star marks the best of those that can be sent.");
     }
     if let Some(calibrated) = &replayed.replay.calibration {
-        page.heading("Do probabilities mean what they say?");
+        page.heading("Are probabilities calibrated?");
         page.figure(
             &calibration(calibrated),
-            "Share that was heard of held-out events, by what was predicted of them: on the grey line probabilities mean what they say.",
+            "Share of held-out events that were heard, over their predicted probability. Calibrated probabilities lie on the grey line.",
         );
         page.table(&tables::RELIABILITY_HEADER, &tables::reliability_rows(calibrated));
         tables::coverage(calibrated).lines().for_each(|line| page.paragraph(line));
@@ -113,8 +113,8 @@ fn maps(page: &mut Page, pictures: &Pictures) {
         page.figure(
             map,
             &format!(
-                "Probability that a message from the last position of {viewer} is heard, as {viewer} sees it after every vehicle sent {packets} \
-                 (split {split}). Where it is hatched the data say little."
+                "Probability that a message from the last position of {viewer} is heard, predicted by {viewer} after every vehicle sent {packets} \
+                 (split {split}). The data say little where the map is hatched."
             ),
         );
     }
@@ -124,16 +124,16 @@ fn maps(page: &mut Page, pictures: &Pictures) {
 }
 
 fn the_log(page: &mut Page, replayed: &Replayed, pictures: &Pictures) {
-    page.heading("What was heard");
+    page.heading("Received messages");
     page.figure(
         &pictures.over_range,
-        "Share of all messages that were heard, by distance, and what the maps of their receivers say of the same messages: what is near the \
-         other line for every distance may still be wrong for every place.",
+        "Share of all messages that were heard, by distance, and the predictions of their receivers' maps for the same messages. A map may be \
+         right for every distance and still wrong for every position.",
     );
     pairs(page, &replayed.log);
 }
 
-/// Who sent to whom, and what was heard of it.
+/// Adds a table with the numbers of sent and heard messages for each transmitter and receiver.
 pub fn pairs(page: &mut Page, log: &EventLog) {
     let row = |((from, to), PairCount { heard, missed }): (&(VehicleId, VehicleId), &PairCount)| {
         let share = *heard as f64 / (heard + missed) as f64;
@@ -153,7 +153,7 @@ fn provenance(replayed: &Replayed, command: &[String]) -> Vec<(&'static str, Str
     [of_log(log, whole, &plan.agreed), of_replay.to_vec(), of_run(command)].concat()
 }
 
-/// Of what log and model a page is.
+/// Returns facts about the log and the model.
 pub fn of_log(log: &EventLog, whole: &WholeLog, agreed: &Agreed) -> Vec<(&'static str, String)> {
     let MadeOf { log_digest, model_digest } = MadeOf::given(whole, agreed);
     let (used, all) = (log.events.len(), whole.events);
@@ -165,11 +165,11 @@ pub fn of_log(log: &EventLog, whole: &WholeLog, agreed: &Agreed) -> Vec<(&'stati
         ("reference system", log.reference.to_string()),
         ("events", events),
         ("vehicles", vehicles.join(", ")),
-        ("digest of the model", model_digest.unwrap_or_else(|| "none was given".into())),
+        ("digest of the model", model_digest.unwrap_or_else(|| "no model given".into())),
     ]
 }
 
-/// By what it was made, and when.
+/// Returns version, command line and date of the run.
 pub fn of_run(command: &[String]) -> Vec<(&'static str, String)> {
     vec![
         ("version", format!("pingmap {}", env!("CARGO_PKG_VERSION"))),
@@ -178,7 +178,7 @@ pub fn of_run(command: &[String]) -> Vec<(&'static str, String)> {
     ]
 }
 
-/// Now, or what builds that must be reproducible say instead (`SOURCE_DATE_EPOCH`).
+/// Returns the current date, or that of `SOURCE_DATE_EPOCH` for reproducible builds.
 fn date() -> String {
     let told = std::env::var("SOURCE_DATE_EPOCH").ok().and_then(|seconds| seconds.parse::<u64>().ok());
     let now = || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());

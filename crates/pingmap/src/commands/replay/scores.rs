@@ -1,123 +1,124 @@
-//! The scores of a replay for programs.
+//! Scores of a replay in JSON.
 
 use pingmap_trial::{Alternative, Bin, Calibrated, Calibration, Estimate, MeanScore, Replay, Sharing};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// How far probabilities mean what they say.
+/// Calibration of the probabilities.
 #[derive(Serialize, JsonSchema)]
 pub struct CalibratedJson {
-    /// Of every vehicle by itself.
+    /// Each vehicle with its own events only.
     own: CalibrationJson,
-    /// With what others sent.
+    /// The team, with received packets.
     team: CalibrationJson,
-    /// With all events in one place.
+    /// All events in one place.
     centralised: CalibrationJson,
-    /// Share of events at which the team is surer than all events would make it.
+    /// Share of held-out events at which the team has a smaller variance than a vehicle with all events.
     team_surer_than_centralised: Option<f64>,
-    /// The team's variance as a multiple of that with all events: the median.
+    /// Median ratio of the team's variance to the variance with all events.
     median_variance_ratio: Option<f64>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct CalibrationJson {
-    /// Mean distance of a bin's mean probability from its share of heard events.
+    /// Mean difference between predicted probability and share of heard events, weighted over the bins.
     expected_error: f64,
-    /// How often the interval that is to hold half of the true log-odds does; where these are known.
+    /// Coverage of the 50 % intervals of the log-odds, if the true probabilities are known.
     coverage_50: Option<f64>,
-    /// The same of the interval for nine in ten.
+    /// Coverage of the 90 % intervals of the log-odds, if the true probabilities are known.
     coverage_90: Option<f64>,
-    /// Events by their probability, a tenth each.
+    /// Held-out events in ten bins of their predicted probability.
     bins: Vec<BinJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct BinJson {
-    /// Events whose probability lay within the tenth.
+    /// Number of events in the bin.
     events: usize,
-    /// Their mean probability.
+    /// Mean predicted probability.
     predicted: Option<f64>,
-    /// The share that was heard.
+    /// Share of the events that were heard.
     heard: Option<f64>,
 }
 
-/// Scores of every vehicle learning by itself.
+/// Scores if every vehicle learns its own model.
 #[derive(Serialize, JsonSchema)]
 pub struct OwnLearningJson {
-    /// Without sharing, and with all events in one place.
+    /// Scores without sharing, and with all events in one place.
     pub scores: OwnScoresJson,
-    /// With so many frames from each vehicle.
+    /// Scores after each number of frames per vehicle.
     pub sharing: Vec<OwnSharingJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct OwnScoresJson {
-    /// Every vehicle by itself.
+    /// Each vehicle with its own events only.
     own: ScoreJson,
-    /// All events in one place, under each vehicle's kernel.
+    /// All events in one place, under each vehicle's model.
     centralised: ScoreJson,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct OwnSharingJson {
-    /// Frames of each vehicle.
+    /// Number of frames of each vehicle.
     frames: usize,
-    /// Mean over vehicles.
+    /// Mean score over the vehicles.
     team: ScoreJson,
-    /// By how much every vehicle by itself is worse.
+    /// NLL of each vehicle alone minus that of the team.
     better_than_own: DifferenceJson,
-    /// By how much all events in one place are better.
+    /// NLL of the team minus that of all events in one place.
     worse_than_centralised: DifferenceJson,
-    /// The vehicle that does worst.
+    /// NLL of the vehicle with the worst score.
     worst_vehicle_nll: f64,
-    /// (own − team) / (own − centralised); where that gap is not within its error.
+    /// (own − team) / (own − centralised), if that gap is significant.
     gap_closed: Option<f64>,
-    /// Standard error of that.
+    /// Standard error of `gap_closed`.
     gap_closed_se: Option<f64>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct ScoresJson {
-    /// The share of all that was heard, for every event.
+    /// The share of heard training events as the probability of every event.
     base_rate: ScoreJson,
-    /// By the distance alone.
+    /// Logistic regression on the distance.
     distance_only: ScoreJson,
-    /// Every vehicle by itself.
+    /// Each vehicle with its own events only.
     own: ScoreJson,
     /// All events in one place.
     centralised: ScoreJson,
-    /// Own less centralised.
+    /// NLL of own events minus that of all events in one place.
     gap: DifferenceJson,
-    /// The probabilities that a simulation drew from.
+    /// The true probabilities of a simulation.
     true_probability: Option<ScoreJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct ScoreJson {
-    /// Share of events whose more probable outcome was right.
+    /// Share of events whose more probable outcome occurred.
     acc: f64,
     /// Mean negative log-likelihood, in nats.
     nll: f64,
-    /// Standard error of that over splits.
+    /// Standard error of `nll` over splits.
     nll_se: Option<f64>,
-    /// Mean squared distance of probability and outcome.
+    /// Mean squared difference between probability and outcome.
     brier: f64,
-    /// Standard error of that over splits.
+    /// Standard error of `brier` over splits.
     brier_se: Option<f64>,
-    /// How much less probable it is to be heard from places chosen by these probabilities than from the best ones; where that is known.
+    /// Difference in true probability between the best positions and those chosen by the predictions, if the true
+    /// probabilities are known.
     regret: Option<f64>,
-    /// Standard error of that over splits.
+    /// Standard error of `regret` over splits.
     regret_se: Option<f64>,
 }
 
 /// A paired difference of NLL over splits.
 #[derive(Serialize, JsonSchema)]
 pub struct DifferenceJson {
-    /// The mean, in nats.
+    /// Mean difference in nats.
     nll: f64,
-    /// Standard error, corrected for splits that overlap.
+    /// Standard error, corrected for overlapping splits.
     nll_se: Option<f64>,
-    /// Whether it may as well be 0.
+    /// Whether the difference is not significantly different from 0.
     indistinguishable: bool,
 }
 
@@ -125,23 +126,23 @@ pub struct DifferenceJson {
 pub struct SharingJson {
     #[serde(flatten)]
     team: OwnSharingJson,
-    /// Inducing points in each frame.
+    /// Number of inducing points in each frame.
     points_per_frame: Option<usize>,
-    /// Map messages that a vehicle sent.
+    /// Mean number of map messages that a vehicle sent.
     packets_per_vehicle: f64,
-    /// Reports that it sent.
+    /// Mean number of reports that a vehicle sent.
     reports_per_vehicle: f64,
-    /// Bytes of both.
+    /// Mean number of bytes of both.
     bytes_per_vehicle: f64,
-    /// How many of all events of others a vehicle knows one by one.
+    /// Share of the other vehicles' events that a vehicle received one by one.
     remote_event_share: f64,
-    /// Other ways of filling as many bytes.
+    /// Other uses of the same number of bytes.
     alternatives: Vec<AlternativeJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct AlternativeJson {
-    /// Which way.
+    /// Name of the alternative.
     name: &'static str,
     /// Mean negative log-likelihood, in nats.
     nll: f64,

@@ -1,4 +1,4 @@
-//! A replay in words and tables.
+//! A replay as text and tables.
 
 use std::collections::BTreeMap;
 
@@ -39,20 +39,20 @@ pub fn text(replayed: &Replayed) -> String {
             &format!("\n\n{}\n\n{}", table(&RELIABILITY_HEADER, &reliability_rows(calibrated)), coverage(calibrated));
     }
     if let Some(own) = &replayed.own_learning {
-        let header = ["who learns the model", "pooled, NLL", "± s.e.", "every vehicle, NLL", "± s.e."];
+        let header = ["model learned from", "pooled, NLL", "± s.e.", "every vehicle, NLL", "± s.e."];
         text += &format!("\n\n{}", table(&header, &learner_rows(replayed, own)));
     }
     text + "\n\n" + LEGEND
 }
 
-/// What the bytes are used for: ours, then every alternative.
+/// Returns the header of the comparison: pingmap, then every alternative.
 pub fn comparison_header(replayed: &Replayed) -> Vec<String> {
     let tried = replayed.replay.sharing.first().map_or(&[][..], |sharing| &sharing.alternatives);
     let names = tried.iter().map(|(way, _)| alternative_title(*way));
     ["NLL at equal bytes", "bytes", "pingmap"].map(str::to_owned).into_iter().chain(names).collect()
 }
 
-/// NLL of each way, one row for each number of frames. The best of those that can be sent is marked.
+/// Returns the NLL of each alternative, one row for each number of frames. A star marks the best that can be sent.
 pub fn comparison_rows(replayed: &Replayed) -> Vec<Vec<String>> {
     let bytes = replayed.layout().map_or(0, |layout| layout.frame_bytes);
     let row = |sharing: &Sharing| {
@@ -70,7 +70,7 @@ pub fn comparison_rows(replayed: &Replayed) -> Vec<Vec<String>> {
     replayed.replay.sharing.iter().map(row).collect()
 }
 
-/// The model learned from pooled events beside models that every vehicle learned by itreplayed.
+/// Compares one model learned from pooled events with models that every vehicle learned from its own data.
 pub fn learner_rows(replayed: &Replayed, own: &Replay) -> Vec<Vec<String>> {
     let row = |name: &str, pooled: &MeanScore, own: &MeanScore| {
         let [pooled, own] = [pooled, own].map(|score| score_row("", score)[2..].to_vec());
@@ -89,7 +89,7 @@ pub fn learner_rows(replayed: &Replayed, own: &Replay) -> Vec<Vec<String>> {
     rows
 }
 
-/// The scores that sharing is compared with.
+/// Returns the scores without sharing, after sharing, and with all events.
 pub fn score_rows(replayed: &Replayed) -> Vec<Vec<String>> {
     let replay = &replayed.replay;
     let row = |name: &str, score: &MeanScore| {
@@ -114,7 +114,7 @@ pub fn score_header(replayed: &Replayed) -> Vec<String> {
     ["", "accuracy", "NLL", "± s.e.", "Brier"].into_iter().chain(regret).map(str::to_owned).collect()
 }
 
-/// The team for each number of frames.
+/// Returns the scores of the team for each number of frames.
 pub fn sharing_rows(replayed: &Replayed) -> Vec<Vec<String>> {
     let row = |sharing: &Sharing| {
         let name = frames_name(sharing.frames);
@@ -138,7 +138,7 @@ pub fn sharing_rows(replayed: &Replayed) -> Vec<Vec<String>> {
 pub const RELIABILITY_HEADER: [&str; 10] =
     ["predicted", "own", "mean", "heard", "team", "mean", "heard", "all", "mean", "heard"];
 
-/// Of the events whose probability lay within each tenth how many there were, what was predicted, and how many were heard.
+/// Returns the number of events in each bin of predicted probability, their mean prediction and the share heard.
 pub fn reliability_rows(calibrated: &Calibrated) -> Vec<Vec<String>> {
     let whose = [&calibrated.own, &calibrated.team, &calibrated.centralised];
     let percent = |share: Option<f64>| share.map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share));
@@ -150,7 +150,7 @@ pub fn reliability_rows(calibrated: &Calibrated) -> Vec<Vec<String>> {
     (0..calibrated.own.bins.len()).map(row).collect()
 }
 
-/// The same in a few numbers.
+/// Returns calibration errors and coverages as text.
 pub fn coverage(calibrated: &Calibrated) -> String {
     let line = |(name, of): (&str, &Calibration)| {
         let coverage = of.coverage().map_or_else(String::new, |shares| {
@@ -164,12 +164,12 @@ pub fn coverage(calibrated: &Calibrated) -> String {
     let whose = [("own", &calibrated.own), ("team", &calibrated.team), ("all", &calibrated.centralised)];
     let lines: String = whose.into_iter().map(line).collect();
     let surer = calibrated.surer().zip(calibrated.median_variance_ratio()).map(|(share, ratio)| {
-        format!("The team is surer than all raw events would make it at {:.0} % of held-out events; median ratio of variances {ratio:.2}.", 100.0 * share)
+        format!("The team's variance is below that of all raw events at {:.0} % of held-out events; the median ratio is {ratio:.2}.", 100.0 * share)
     });
     lines + &surer.unwrap_or_default()
 }
 
-/// What links are read with, in one line.
+/// Describes the model in one line.
 pub fn kernel_line(replayed: &Replayed) -> String {
     let splits = &replayed.replay.splits;
     let numbers = format!(
@@ -214,7 +214,7 @@ pub fn inference_line(replayed: &Replayed) -> String {
     )
 }
 
-/// What is sent, and what happens to it, in a few words.
+/// Describes the packets and the impairments of the channel in a few words.
 pub fn packets_line(replayed: &Replayed) -> String {
     let Water { loss, duplicate, reorder } = replayed.plan.water;
     let mut line = replayed.layout().map_or_else(String::new, |layout| {
@@ -222,7 +222,7 @@ pub fn packets_line(replayed: &Replayed) -> String {
         let authenticated = if layout.is_authenticated { ", authenticated" } else { "" };
         format!("packets of {} with up to {points} points{authenticated}", count(layout.schema().length(), "byte"))
     });
-    for (share, what) in [(loss, "lost"), (duplicate, "doubled"), (reorder, "overtaken")] {
+    for (share, what) in [(loss, "lost"), (duplicate, "duplicated"), (reorder, "reordered")] {
         if share > 0.0 {
             line += &format!(", {:.0} % {what}", 100.0 * share);
         }
@@ -259,7 +259,7 @@ pub const SHARING_HEADER: [&str; 11] = [
     "gap closed",
 ];
 
-/// What the numbers are.
+/// Explanations of the columns.
 pub const LEGEND: &str = "\
 NLL: negative log-likelihood of held-out events in nats; lower is better. Brier: mean squared error of the probability. Regret: ten
 held-out positions are compared. It is the difference in success between the best one and the one that the model prefers. Better, worse:
@@ -268,7 +268,7 @@ share of the other vehicles' events that a vehicle has received one by one. Slot
 order of time. Gap closed: position between own events only (0 %) and all raw events in one place (100 %); a dash where that gap is not
 significant. Errors allow for splits that overlap (Nadeau and Bengio 2003).";
 
-/// What an alternative is called in a table: in brackets if it cannot be sent.
+/// Returns the name of an alternative; in brackets if the alternative cannot be sent.
 fn alternative_title(way: Alternative) -> String {
     if way.is_sendable() { way.name().to_owned() } else { format!("({})", way.name()) }
 }

@@ -1,11 +1,11 @@
-//! Numbers as they stand in the cells of tables.
+//! Formats numbers for the cells of tables.
 
 use pingmap_trial::{Estimate, MeanScore};
 
-/// What stands where there is nothing to say.
+/// Content of a cell without a value.
 pub const NONE: &str = "–";
 
-/// Above zero by more than two standard errors, below it, or neither.
+/// Marks of estimates: above zero by more than two standard errors, below zero by as much, or neither.
 pub const HOLDS: &str = "✓";
 pub const FAILS: &str = "✗";
 pub const UNCLEAR: &str = "≈";
@@ -22,7 +22,7 @@ pub fn plain(value: Option<Estimate>) -> String {
     value.map_or(NONE.into(), estimate)
 }
 
-/// Bounds span orders of magnitude.
+/// Formats a bound. Bounds span orders of magnitude.
 pub fn bound(value: Option<Estimate>) -> String {
     value.map_or(NONE.into(), |value| match value.mean {
         mean if mean < 10.0 => format!("{mean:.3}"),
@@ -31,17 +31,17 @@ pub fn bound(value: Option<Estimate>) -> String {
     })
 }
 
-/// An estimate, and whether it is clear of zero.
+/// Formats an estimate over permutations with its mark.
 pub fn verdict(value: Option<Estimate>) -> String {
     value.map_or(NONE.into(), |value| format!("{} {}", mark(value), estimate(value)))
 }
 
-/// An estimate over few data sets, and whether it is clear of zero by Student's t.
+/// Formats an estimate over few data sets, with a mark by Student's t test.
 pub fn verdict_by_t(value: Option<Estimate>) -> String {
     value.map_or(NONE.into(), |value| format!("{} {}", mark_if(value.is_clear(), value), estimate(value)))
 }
 
-/// Whether an estimate over permutations is clear of zero.
+/// Returns the mark of an estimate over permutations.
 pub fn mark(value: Estimate) -> &'static str {
     mark_if(value.se.is_some_and(|se| value.mean.abs() > 2.0 * se), value)
 }
@@ -54,13 +54,13 @@ fn mark_if(is_clear: bool, value: Estimate) -> &'static str {
     }
 }
 
-/// ".1234 ± .0012".
+/// Formats an estimate such as ".1234 ± .0012".
 pub fn estimate(value: Estimate) -> String {
     let mean = decimal(value.mean);
     value.se.map_or(mean.clone(), |se| format!("{mean} ± {}", decimal(se)))
 }
 
-/// Four decimals, without the zero before the point.
+/// Formats a number with four decimals, without the zero before the point.
 pub fn decimal(value: f64) -> String {
     let text = format!("{:.4}", value.abs());
     let text = text.strip_prefix('0').unwrap_or(&text);

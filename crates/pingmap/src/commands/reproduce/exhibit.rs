@@ -1,32 +1,32 @@
-//! What of the experiment is wanted.
+//! Parts of the experiment that can be requested.
 
 use clap::ValueEnum;
 
 /// A table or figure of the paper's experiment.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Exhibit {
-    /// Everything, and a page that holds it
+    /// Everything, and a page with all of it
     All,
     /// Table: events of every agent
     Events,
-    /// Tables: what one or two points of its region tell an agent about its own held-out events
+    /// Tables: predictions of an agent's held-out events from one or two points of its region
     Local,
-    /// Tables: what everybody's points tell the team
+    /// Tables: predictions of the team from the points of all agents
     Team,
     /// Table: bounds on the KL divergence, and whether they order the policies as NLL does
     Certificate,
-    /// Tables: radius and number of points beyond the paper's
+    /// Tables: larger radii and more points than in the paper
     Sweep,
     /// Figure: tracks, and the local events of one region
     Tracks,
     /// Figure: good, random and bad points of that region
     Points,
-    /// Figure: what the team predicts right and wrong
+    /// Figure: right and wrong predictions of the team
     Predictions,
 }
 
 impl Exhibit {
-    /// The names of its figures' files.
+    /// Returns the file names of the exhibit's figures.
     pub fn pictures(self) -> &'static [&'static str] {
         match self {
             Exhibit::All => &["tracks", "points", "predictions"],
@@ -37,7 +37,7 @@ impl Exhibit {
         }
     }
 
-    /// Whether it is a figure, or holds some.
+    /// Whether the exhibit contains figures.
     pub fn has_pictures(self) -> bool {
         !self.pictures().is_empty()
     }

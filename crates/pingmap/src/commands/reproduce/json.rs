@@ -1,4 +1,4 @@
-//! The same numbers for programs.
+//! Results of the experiment in JSON.
 
 use std::collections::BTreeMap;
 
@@ -16,22 +16,22 @@ use super::scores::{
     TeamScoreJson, by_omega, estimates,
 };
 
-/// Everything that was computed.
+/// Result of a reproduction in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct ReproductionJson {
     /// Version of this object.
     schema: u32,
-    /// What these numbers are not.
+    /// Limits of the comparison with the paper.
     caveat: String,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     seed: u64,
-    /// How often every data set was divided anew.
+    /// Number of random divisions of each data set.
     permutations: usize,
-    /// The length-scale that all data sets have in common, in standardised units.
+    /// The length-scale of all data sets, in standardised units.
     length_scale: f64,
-    /// What was put in the places of the paper's data sets.
+    /// Data sets in place of the paper's.
     data_sets: Vec<DataSetJson>,
-    /// The tables of the paper, a radius each.
+    /// The tables of the paper for each radius.
     radii: Vec<RadiusJson>,
     /// NLL over the radius.
     sweep: Vec<SweepJson>,
@@ -39,130 +39,130 @@ pub struct ReproductionJson {
 
 #[derive(Serialize, JsonSchema)]
 pub struct DataSetJson {
-    /// Its name.
+    /// Name of the data set.
     data_set: String,
-    /// By which its events are known again, whatever the file and the order of its lines.
+    /// Digest of the events. It does not depend on the file or the order of lines.
     log_digest: String,
-    /// Its vehicles.
+    /// Vehicles of the data set.
     agents: Vec<AgentJson>,
 }
 
-/// Events of an agent.
+/// Number of events of an agent.
 #[derive(Serialize, JsonSchema)]
 pub struct AgentJson {
-    /// Its name.
+    /// Name of the agent.
     agent: String,
     #[serde(flatten)]
     events: EventsJson,
-    /// What the paper says.
+    /// Numbers in the paper.
     published: Option<EventsJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct EventsJson {
-    /// Messages that were missed.
+    /// Number of messages that were missed.
     failures: usize,
-    /// Messages that were heard.
+    /// Number of messages that were heard.
     successes: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct RadiusJson {
-    /// The radius of regions, in standardised units.
+    /// Radius of the regions, in standardised units.
     radius: f64,
-    /// The same in length-scales.
+    /// Radius in length-scales.
     length_scales: f64,
-    /// Each data set.
+    /// Results of each data set.
     data_sets: Vec<SetJson>,
 }
 
 /// One data set at one radius.
 #[derive(Serialize, JsonSchema)]
 pub struct SetJson {
-    /// Its name.
+    /// Name of the data set.
     data_set: String,
-    /// Each agent by itself.
+    /// Results of each agent alone.
     agents: Vec<LocalJson>,
-    /// All together.
+    /// Results of the team.
     team: TeamJson,
-    /// What the paper claims of it, and what was found.
+    /// The paper's claims with the measured differences.
     claims: Vec<ClaimJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct ClaimJson {
-    /// Of whom.
+    /// The agent, or the team.
     who: String,
-    /// What.
+    /// The claim.
     claim: String,
-    /// In mean negative log-likelihood.
+    /// Difference of the mean negative log-likelihood.
     nll_difference: Option<EstimateJson>,
-    /// In accuracy.
+    /// Difference of the accuracy.
     acc_difference: Option<EstimateJson>,
-    /// The same by the paper.
+    /// Differences in the paper.
     published: DifferencesJson,
 }
 
-/// An agent by itself.
+/// Results of one agent alone.
 #[derive(Serialize, JsonSchema)]
 pub struct LocalJson {
-    /// Its name.
+    /// Name of the agent.
     agent: String,
-    /// Its locality region.
+    /// The agent's locality region.
     region: RegionJson,
-    /// Permutations that left the region empty and do not count.
+    /// Number of permutations that are not counted, because they leave the region empty.
     skipped: usize,
-    /// How many independent draws the chain is worth.
+    /// Number of independent draws to which the chain is equivalent.
     effective_draws: Option<DrawsJson>,
-    /// By policy and number of points.
+    /// Scores by policy and number of points.
     scores: Vec<LocalScoreJson>,
-    /// With all events of the region.
+    /// Scores with all events of the region.
     all_events: Vec<OmegaScoreJson>,
     /// Bounds on the divergence from the posterior with all events.
     certificate: Vec<CertificateJson>,
-    /// How well each bound ranks what the scores rank.
+    /// Rank correlation between each bound and the NLL.
     rank_correlation_with_nll: BTreeMap<&'static str, Option<EstimateJson>>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct RegionJson {
-    /// Its centre, in standardised units.
+    /// Centre in standardised units.
     centre_standardised: Vec<f64>,
-    /// Events in it.
+    /// Number of events in the region.
     events: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct TeamJson {
-    /// Permutations that left a region empty and do not count.
+    /// Number of permutations that are not counted, because they leave a region empty.
     skipped: usize,
-    /// By fusion, policy and number of points.
+    /// Scores by fusion, policy and number of points.
     scores: Vec<TeamScoreJson>,
-    /// With all events in one place.
+    /// Scores with all events in one place.
     centralised: Vec<OmegaScoreJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct SweepJson {
-    /// Its name.
+    /// Name of the data set.
     data_set: String,
-    /// By radius.
+    /// Results by radius.
     rows: Vec<SweepRowJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct SweepRowJson {
-    /// The radius in length-scales.
+    /// Radius in length-scales.
     length_scales: f64,
-    /// Training events in a region, mean over agents and permutations.
+    /// Training events in a region; the mean over agents and permutations.
     training_events: f64,
-    /// Permutations that left a region empty and do not count.
+    /// Number of permutations that are not counted, because they leave a region empty.
     skipped: usize,
     /// NLL of all training events of the regions.
     all_events: Option<EstimateJson>,
-    /// NLL of so many good points.
+    /// NLL of good points, by their number.
     good: Vec<PointsJson>,
-    /// By how much the NLL of as many random points is above it.
+    /// NLL of random points minus that of good points, by their number.
     random_minus_good: Vec<PointsJson>,
 }
 

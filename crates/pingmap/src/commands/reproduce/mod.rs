@@ -1,4 +1,4 @@
-//! `pingmap reproduce`: the paper's experiment, beside its published figures.
+//! `pingmap reproduce`: repeats the paper's experiment and compares the results with the published figures.
 
 mod exhibit;
 mod published;
@@ -28,23 +28,23 @@ use exhibit::Exhibit;
 use results::Computed;
 use table::Table;
 
-/// Run the experiment of the paper that pingmap comes from: its tables and figures, beside the published ones
+/// Run the experiment of the paper behind pingmap, and print its tables and figures next to the published ones
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  pingmap reproduce --out docs\n  pingmap reproduce team --data log.csv --permutations 10"
 )]
 pub struct Options {
-    /// What to compute
+    /// Part of the experiment to compute
     #[arg(value_enum, default_value_t = Exhibit::All)]
     pub exhibit: Exhibit,
-    /// An event log in the place of the paper's next data set (to be given once for each), or a folder whose CSV files
-    /// are taken in alphabetical order; depths are left out. Three simulated trials that come with pingmap if not given
+    /// Event log in place of the paper's next data set, or a folder of CSV files, read in alphabetical order. Repeat
+    /// the option for each data set. Depths are ignored. Three built-in simulated trials if not given
     #[arg(long, value_name = "DIR|FILE")]
     pub data: Vec<PathBuf>,
-    /// How often every data set is divided anew into training and held-out events
+    /// Number of random divisions of each data set into training and held-out events
     #[arg(long, default_value_t = 100, value_parser = repeats, allow_negative_numbers = true)]
     pub permutations: usize,
-    /// Seed of everything random
+    /// Seed of all random numbers
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Folder for the figures and, with `all`, the page reproduction.md
@@ -59,7 +59,7 @@ pub struct Options {
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
-    /// Worker threads; 0 takes one per core. Results do not depend on it
+    /// Worker threads; 0 uses one per core. Results do not depend on it
     #[arg(long, default_value_t = 0, value_parser = threads)]
     pub threads: usize,
 }
@@ -99,7 +99,7 @@ fn run(options: &Options, out: Results) -> anyhow::Result<()> {
     print(out, &format!("{}\n\n{}\n\n{}", page::caveat(&results), page::kernel_line(&results), tables.join("\n")))
 }
 
-/// Writes the figures that were asked for, and with everything the page.
+/// Writes the requested figures, and the page with `all`.
 fn write(options: &Options, results: &Computed, figures: &Path) -> anyhow::Result<()> {
     let exhibit = options.exhibit;
     if !exhibit.has_pictures() {
@@ -145,7 +145,7 @@ fn tables(results: &Computed, exhibit: Exhibit) -> Vec<Table> {
     tables
 }
 
-/// The event logs in the places of the paper's data sets.
+/// Returns the event logs in place of the paper's data sets.
 fn data_sets(paths: &[PathBuf], accept_bad_log: bool) -> anyhow::Result<Vec<DataSet>> {
     if paths.is_empty() {
         let set = |name: &str| {
@@ -165,7 +165,7 @@ fn data_sets(paths: &[PathBuf], accept_bad_log: bool) -> anyhow::Result<Vec<Data
     Ok(sets)
 }
 
-/// The event logs of a folder, by name; files of splits lie beside them.
+/// Returns the event logs of a folder, ordered by name. Files of splits in the folder are skipped.
 fn csv_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let bad = |why: String| BadInput(format!("{}: {why}", folder.display()));
     let entries = std::fs::read_dir(folder).map_err(|error| bad(format!("cannot read the folder: {error}")))?;
@@ -183,7 +183,7 @@ fn csv_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The command that these options were.
+/// Returns the command line of these options.
 fn command(options: &Options) -> String {
     let mut command = format!("pingmap reproduce {}", name_of(&options.exhibit));
     for path in &options.data {
@@ -194,7 +194,7 @@ fn command(options: &Options) -> String {
     command
 }
 
-/// A path as a shell takes it.
+/// Quotes a path for the shell.
 fn quoted(path: &Path) -> String {
     let text = path.display().to_string();
     let is_plain = text.chars().all(|letter| letter.is_alphanumeric() || "._-/".contains(letter));

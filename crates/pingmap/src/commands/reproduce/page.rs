@@ -1,4 +1,4 @@
-//! The page that holds everything, in Markdown.
+//! The page of the experiment in Markdown.
 
 use pingmap_trial::paper::{AtRadius, BURN_IN, DRAWS, RADIUS, RADIUS_LENGTH_SCALES};
 
@@ -8,36 +8,36 @@ use super::results::Computed;
 use super::table::Table;
 use super::tables;
 
-/// The folder of the figures, beside the page.
+/// Name of the figures' folder, next to the page.
 pub const FIGURES: &str = "reproduction";
 
-/// What must be said before any figure.
+/// Returns the limits of the comparison with the paper.
 pub fn caveat(results: &Computed) -> String {
     if results.built_in {
-        return "The paper's field data are not public: three simulated trials of the same team sizes and numbers of events stand in \
-                their places, so what can agree is the shape of the results, not their figures."
+        return "The paper's field data are not public: three simulated trials of the same team sizes and numbers of events are used \
+                instead, so only the shape of the results can agree, not their figures."
             .into();
     }
     let names: Vec<&str> = results.experiment.sets().iter().map(|set| set.name.as_str()).collect();
     format!(
-        "The data are {}: only where they are the paper's own can figures agree with the published ones.",
+        "The data are {}: figures can agree with the published ones only for the paper's own data.",
         names.join(", ")
     )
 }
 
-/// The kernel and the radii.
+/// Describes the kernel and the radii.
 pub fn kernel_line(results: &Computed) -> String {
     let length_scale = results.experiment.length_scale();
     format!(
         "Squared-exponential kernel of unit variance, zero mean, one length-scale learned on all data sets together: ℓ = {length_scale:.3} \
-         (the paper's: {}). Regions have the paper's ratio r/ℓ = {RADIUS_LENGTH_SCALES}, r = {:.3}, and beside it the paper's radius \
+         (the paper's: {}). Regions have the paper's ratio r/ℓ = {RADIUS_LENGTH_SCALES}, r = {:.3}, and also the paper's radius \
          r = {RADIUS}.",
         published::LENGTH_SCALE,
         RADIUS_LENGTH_SCALES * length_scale
     )
 }
 
-/// `command` is what makes the page.
+/// Returns the page. `command` is the command line that writes it.
 pub fn markdown(results: &Computed, pictures: &[Picture], command: &str) -> String {
     let permutations = results.experiment.permutations();
     let mut page = format!(
@@ -46,7 +46,7 @@ pub fn markdown(results: &Computed, pictures: &[Picture], command: &str) -> Stri
          McMahon, \"Decentralized Gaussian Process Classification and an Application in Subsea Robotics\". What is computed and how is in \
          [method.md](method.md#10-the-papers-experiment).\n\n{}\n\n\
          Every agent's events are divided 65/35 into training and held-out events, {permutations} times at random. Figures are means over \
-         permutations ± their standard errors over the permutations (Monte-Carlo over divisions of one data set: nothing is said of other trials); NLL in nats, lower is better. ω comes from {BURN_IN} sweeps of Gibbs sampling and {DRAWS} \
+         permutations ± their standard errors over the permutations (Monte Carlo over divisions of one data set, not over trials); NLL in nats, lower is better. ω comes from {BURN_IN} sweeps of Gibbs sampling and {DRAWS} \
          more: the last draw (the paper's choice), the average of predictions over the {DRAWS} draws, and the mean field.\n\n",
         caveat(results),
         results.seed,

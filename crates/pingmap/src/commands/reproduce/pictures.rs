@@ -1,4 +1,4 @@
-//! The figures: tracks with the events of one region, the points that stand for them, and what the team then predicts.
+//! Figures: tracks with the events of one region, the chosen points, and the team's predictions.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,14 +14,13 @@ use crate::figure::{Arrows, Figure, Mark, Panel, Style, link_panels};
 use crate::files::write_file;
 use crate::tracks;
 
-/// Width of the axes, such that a figure is a column of a two-column page wide and its smallest letters have 7 points
-/// there.
+/// Width of the axes. The figure is as wide as a column of a two-column page, where its smallest letters have 7 points.
 const AXES_PX: f64 = 350.0;
 
 /// PNG pixels per SVG unit: 300 dots per inch at column width.
 const PNG_SCALE: f32 = 2.5;
 
-/// A figure with its file name and what to write below it.
+/// A figure with its file name and caption.
 pub struct Picture {
     pub name: &'static str,
     pub caption: String,
@@ -29,15 +28,14 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Writes SVG and PNG.
+    /// Writes the figure as SVG and PNG.
     pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
         write_file(&folder.join(format!("{}.svg", self.name)), self.figure.svg(false).as_bytes())?;
         write_file(&folder.join(format!("{}.png", self.name)), &self.figure.png_scaled(PNG_SCALE)?)
     }
 }
 
-/// The figures that were asked for; none where no permutation leaves every region something to learn from and to
-/// predict.
+/// Draws the requested figures. Returns none if every permutation leaves a region without training or held-out events.
 pub fn draw(results: &Computed, exhibit: Exhibit) -> Vec<Picture> {
     let (Some(set), Some(example)) = (results.experiment.sets().first(), &results.example) else {
         return Vec::new();
@@ -102,7 +100,7 @@ fn points(set: &DataSet, agent: usize, example: &Example) -> Picture {
         titles.iter().zip(&links).map(|(title, links)| Panel { title, tracks: &[], links }).collect();
     let (east, north) = extent(local.heard.iter().chain(&local.missed));
     let caption = format!(
-        "The same events, and the two of them that stand for all by each policy, as arrows from transmitter to receiver ({}, {}).",
+        "The same events, and the two points that each policy chooses, as arrows from transmitter to receiver ({}, {}).",
         set.name,
         set.agents()[agent].id
     );
@@ -141,7 +139,7 @@ fn predictions(set: &DataSet, example: &Example) -> Picture {
         titles.iter().zip(&links).map(|(title, links)| Panel { title, tracks: &[], links }).collect();
     let (east, north) = extent(parts.values().flat_map(|(right, wrong)| right.iter().chain(wrong)));
     let caption = format!(
-        "What the team of {} predicts of the held-out events of all regions from two points of every agent, concatenated, at p > ½ \
+        "Predictions of the team of {} for the held-out events of all regions, from two points of every agent, concatenated, at p > ½ \
          (permutation {}). The receiver is marked.",
         set.name,
         example.permutation + 1
@@ -149,7 +147,7 @@ fn predictions(set: &DataSet, example: &Example) -> Picture {
     Picture { name: "predictions", caption, figure: link_panels(&panels, east, north, AXES_PX) }
 }
 
-/// The training events of a region.
+/// Training events of a region.
 struct LocalEvents {
     heard: Vec<Pair>,
     missed: Vec<Pair>,
@@ -177,7 +175,7 @@ fn ends(set: &DataSet, event: usize) -> Pair {
     (point(link.transmitter), point(link.receiver))
 }
 
-/// The area of some links with a margin, not narrower than half its length.
+/// Returns the extent of some links with a margin; the shorter side is at least half the longer one.
 fn extent<'a>(pairs: impl Iterator<Item = &'a Pair>) -> (Point, Point) {
     tracks::widened(pairs.flat_map(|&(from, to)| [from, to]))
 }

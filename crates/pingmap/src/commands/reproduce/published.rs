@@ -1,5 +1,5 @@
-//! What the paper reports: the figures of its tables, for comparison. "Decentralized Gaussian Process Classification
-//! and an Application in Subsea Robotics", Gao, He, Stilwell and McMahon, section IV. It gives no standard errors.
+//! The figures of the paper's tables, for comparison: "Decentralized Gaussian Process Classification and an Application
+//! in Subsea Robotics", Gao, He, Stilwell and McMahon, section IV. The paper gives no standard errors.
 
 use pingmap_trial::paper::statistics::Metric;
 use pingmap_trial::paper::{Choice, Policy};
@@ -11,33 +11,33 @@ pub const LENGTH_SCALE: f64 = 0.289;
 const EVENTS: [&[(usize, usize)]; 3] =
     [&[(248, 198), (219, 227)], &[(366, 197), (336, 227)], &[(132, 119), (105, 130), (103, 109)]];
 
-/// For good, random and bad: ACC and NLL of one point, of two points.
+/// Accuracy and NLL of one and of two points, for good, random and bad points.
 type PaperTable = [[(f64, f64); 2]; 3];
 
-/// Agents 1 and 2 of data set 1; there are no tables of the others.
+/// Agents 1 and 2 of data set 1. The paper has no tables of the other data sets.
 const LOCAL: [PaperTable; 2] = [
     [[(0.6498, 0.6685), (0.6552, 0.6280)], [(0.6458, 0.6546), (0.6489, 0.6444)], [(0.6427, 0.6558), (0.6455, 0.6499)]],
     [[(0.7152, 0.5902), (0.7272, 0.5588)], [(0.5747, 0.6706), (0.6249, 0.6353)], [(0.4838, 0.7004), (0.4835, 0.7029)]],
 ];
 
-/// The teams of the three data sets.
+/// Teams of the three data sets.
 const TEAM: [PaperTable; 3] = [
     [[(0.6844, 0.6315), (0.6941, 0.5815)], [(0.5972, 0.6674), (0.6504, 0.6296)], [(0.5606, 0.6765), (0.5620, 0.6765)]],
     [[(0.7442, 0.5020), (0.7442, 0.4918)], [(0.7485, 0.5756), (0.7493, 0.5327)], [(0.7433, 0.6320), (0.7437, 0.6111)]],
     [[(0.7101, 0.6267), (0.7270, 0.5976)], [(0.6979, 0.6433), (0.6967, 0.6273)], [(0.6947, 0.6550), (0.6981, 0.6532)]],
 ];
 
-/// A score of the paper's.
+/// A score in the paper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PublishedScore {
-    /// Share of events predicted rightly.
+    /// Share of events whose more probable outcome occurred.
     pub accuracy: f64,
     /// Mean negative log-likelihood, in nats.
     pub nll: f64,
 }
 
 impl PublishedScore {
-    /// What should be low.
+    /// Returns the score such that lower is better.
     pub fn cost(self, metric: Metric) -> f64 {
         match metric {
             Metric::Nll => self.nll,
@@ -46,28 +46,28 @@ impl PublishedScore {
     }
 }
 
-/// The paper's data set in a place, if it has as many agents as the one that stands there now.
+/// One of the paper's data sets.
 #[derive(Clone, Copy)]
 pub struct Published(usize);
 
 impl Published {
-    /// `place` counts from 0.
+    /// Returns the paper's data set at a place, counted from 0, if the numbers of agents agree.
     pub fn at(place: usize, agents: usize) -> Option<Self> {
         EVENTS.get(place).filter(|set| set.len() == agents).map(|_| Self(place))
     }
 
-    /// Failures and successes.
+    /// Returns the failures and successes of an agent.
     pub fn events(self, agent: usize) -> (usize, usize) {
         EVENTS[self.0][agent]
     }
 
-    /// Of an agent by itself.
+    /// Returns the score of one agent alone.
     pub fn local(self, agent: usize, choice: Choice) -> Option<PublishedScore> {
         let tables = if self.0 == 0 { LOCAL.as_slice() } else { &[] };
         tables.get(agent).and_then(|table| entry(table, choice))
     }
 
-    /// Of the team.
+    /// Returns the score of the team.
     pub fn team(self, choice: Choice) -> Option<PublishedScore> {
         entry(&TEAM[self.0], choice)
     }

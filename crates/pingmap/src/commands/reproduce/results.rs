@@ -1,4 +1,4 @@
-//! What was computed, and who is scored.
+//! Computed results, and the agents and teams that are scored.
 
 use pingmap_trial::Estimate;
 use pingmap_trial::paper::statistics::{BoundOf, Metric, local_difference, team_difference};
@@ -11,17 +11,17 @@ use super::exhibit::Exhibit;
 use super::published::Published;
 use crate::output::progress;
 
-/// The experiment, as far as it was asked for.
+/// The experiment, with the parts that were requested.
 pub struct Computed {
     pub experiment: Experiment,
-    /// Whether the data are those that come with pingmap.
+    /// Whether the data are the built-in ones.
     pub built_in: bool,
     pub seed: u64,
-    /// At the paper's ratio of radius to length-scale, and at its radius.
+    /// Results at the paper's ratio of radius to length-scale, and at the paper's radius.
     pub radii: Vec<AtRadius>,
-    /// For every data set.
+    /// Results of the sweep for every data set.
     pub sweep: Vec<Vec<SweepRow>>,
-    /// A permutation of the first data set to look at.
+    /// A permutation of the first data set for the figures.
     pub example: Option<Example>,
 }
 
@@ -43,7 +43,7 @@ impl Computed {
         Ok(Self { experiment, built_in, seed, radii, sweep, example })
     }
 
-    /// The data sets, their outcomes at one radius, and the paper's data sets in their places.
+    /// Returns the data sets, their outcomes at one radius, and the corresponding data sets of the paper.
     pub fn sets<'a>(
         &'a self,
         at: &'a AtRadius,
@@ -53,7 +53,7 @@ impl Computed {
     }
 }
 
-/// Who is scored: an agent by itself, or the team with packets concatenated.
+/// The subject of a score: one agent alone, or the team with concatenated packets.
 #[derive(Clone, Copy)]
 pub enum Who {
     Agent(usize),
@@ -61,7 +61,7 @@ pub enum Who {
 }
 
 impl Who {
-    /// Everybody in a data set.
+    /// Returns all agents of a data set, and the team.
     pub fn all(set: &DataSet) -> impl Iterator<Item = Who> {
         (0..set.agents().len()).map(Who::Agent).chain([Who::Team])
     }
@@ -73,7 +73,7 @@ impl Who {
         }
     }
 
-    /// By how much a claim holds, with the paper's ω and fusion.
+    /// Returns the difference that a claim is about, with the paper's ω and fusion.
     pub fn difference(self, outcome: &SetOutcome, claim: &Claim, metric: Metric) -> Option<Estimate> {
         match self {
             Who::Agent(agent) => local_difference(&outcome.local(agent), claim, metric),
@@ -81,7 +81,7 @@ impl Who {
         }
     }
 
-    /// The same difference in the paper's tables.
+    /// Returns the difference in the paper's tables.
     pub fn published_difference(self, published: Option<Published>, claim: &Claim, metric: Metric) -> Option<f64> {
         let cost = |choice| {
             let score = match self {
@@ -94,7 +94,7 @@ impl Who {
     }
 }
 
-/// The numbers of [`pingmap_trial::paper::Bounds`]: their key in JSON, what people call them, and where they are.
+/// Bounds of [`pingmap_trial::paper::Bounds`]: key in JSON, name in tables, and accessor.
 pub const BOUNDS: [(&str, &str, BoundOf); 5] = [
     ("trace", "tr K̃", |bounds| bounds.trace),
     ("kl", "KL", |bounds| bounds.kl),

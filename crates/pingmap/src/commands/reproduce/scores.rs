@@ -1,4 +1,4 @@
-//! The scores of a reproduction for programs.
+//! Scores of a reproduction in JSON.
 
 use std::collections::BTreeMap;
 
@@ -13,9 +13,9 @@ use super::results::BOUNDS;
 
 #[derive(Serialize, JsonSchema)]
 pub struct DifferencesJson {
-    /// In mean negative log-likelihood.
+    /// Difference of the mean negative log-likelihood.
     pub nll_difference: Option<f64>,
-    /// In accuracy.
+    /// Difference of the accuracy.
     pub acc_difference: Option<f64>,
 }
 
@@ -23,45 +23,45 @@ pub struct DifferencesJson {
 pub struct DrawsJson {
     /// Mean over permutations.
     pub mean: f64,
-    /// The least of all.
+    /// Smallest number over permutations.
     pub least: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct LocalScoreJson {
-    /// How points were chosen.
+    /// Policy of the choice of points.
     policy: &'static str,
-    /// How many.
+    /// Number of points.
     points: usize,
-    /// Which ω weighted them.
+    /// Estimator of ω.
     omega: &'static str,
-    /// What was found.
+    /// Measured score.
     score: Option<ScoreJson>,
-    /// What the paper says.
+    /// Score in the paper.
     published: Option<PublishedJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct OmegaScoreJson {
-    /// Which ω weighted the events.
+    /// Estimator of ω.
     omega: &'static str,
-    /// What was found.
+    /// Measured score.
     score: Option<ScoreJson>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct CertificateJson {
-    /// How points were chosen.
+    /// Policy of the choice of points.
     policy: &'static str,
-    /// How many.
+    /// Number of points.
     points: usize,
-    /// Each bound, in nats.
+    /// Mean of each bound, in nats.
     bounds: BTreeMap<&'static str, Option<EstimateJson>>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct TeamScoreJson {
-    /// How summaries were fused.
+    /// Method of fusing the summaries.
     pub fusion: &'static str,
     #[serde(flatten)]
     pub score: LocalScoreJson,
@@ -69,7 +69,7 @@ pub struct TeamScoreJson {
 
 #[derive(Serialize, JsonSchema)]
 pub struct PointsJson {
-    /// How many.
+    /// Number of points.
     pub points: usize,
     /// Mean negative log-likelihood, in nats.
     pub nll: EstimateJson,
@@ -77,9 +77,9 @@ pub struct PointsJson {
 
 #[derive(Serialize, JsonSchema)]
 pub struct EstimateJson {
-    /// The mean.
+    /// Mean over permutations.
     mean: f64,
-    /// Its standard error.
+    /// Standard error of the mean.
     se: Option<f64>,
 }
 
@@ -87,11 +87,11 @@ pub struct EstimateJson {
 pub struct ScoreJson {
     /// Accuracy.
     acc: f64,
-    /// Its standard error.
+    /// Standard error of `acc`.
     acc_se: Option<f64>,
     /// Mean negative log-likelihood, in nats.
     nll: f64,
-    /// Its standard error.
+    /// Standard error of `nll`.
     nll_se: Option<f64>,
 }
 

@@ -1,8 +1,8 @@
-//! A table, ready to be printed or written as Markdown.
+//! A table that can be printed or written as Markdown.
 
 use crate::output;
 
-/// A table, and what has to be said about it.
+/// A table with a note.
 pub struct Table {
     pub title: String,
     pub header: Vec<String>,
@@ -28,7 +28,7 @@ impl Table {
         format!("{}\n\n{table}\n{note}", self.title)
     }
 
-    /// Names of vehicles and files may hold what Markdown takes for the border of a cell or for HTML.
+    /// Formats the table as Markdown. Names may contain characters that Markdown reads as cell borders or HTML.
     pub fn markdown(&self) -> String {
         let escaped = |cell: &String| cell.replace('&', "&amp;").replace('<', "&lt;").replace('|', "\\|");
         let line = |cells: &[String]| format!("| {} |\n", cells.iter().map(escaped).collect::<Vec<_>>().join(" | "));

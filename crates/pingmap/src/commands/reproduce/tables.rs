@@ -1,4 +1,4 @@
-//! The tables.
+//! Tables of the experiment.
 
 use dgpc::LocalityRegion;
 use pingmap_trial::paper::statistics::{
@@ -16,7 +16,7 @@ use super::results::{BOUNDS, Computed, Who};
 use super::table::Table;
 use crate::output::count;
 
-/// Failures and successes of every agent.
+/// Returns the failures and successes of every agent.
 pub fn events(results: &Computed) -> Table {
     let mut rows = Vec::new();
     for (place, set) in results.experiment.sets().iter().enumerate() {
@@ -35,11 +35,11 @@ pub fn events(results: &Computed) -> Table {
         }
     }
     let header = ["data set", "agent", "failures", "successes", "published failures", "published successes"];
-    let note = "In brackets the place among the paper's data sets.";
+    let note = "The number in brackets is the place among the paper's data sets.";
     Table::new("Events, by the agent that received them or should have", &header, rows, note)
 }
 
-/// Where the regions are, and how many events they hold.
+/// Returns the centres of the regions, and their numbers of events.
 pub fn regions(results: &Computed) -> Table {
     let mut rows = Vec::new();
     for (place, set) in results.experiment.sets().iter().enumerate() {
@@ -61,15 +61,15 @@ pub fn regions(results: &Computed) -> Table {
     }
     let header = ["agent", "radius", "centre: transmitter → receiver (m)", "events", "skipped", "effective draws"];
     let note = format!(
-        "The centre is the agent's event with most of its own events within the radius, held out or not, the first of equals (of more than a \
+        "The centre is the agent's event with the most own events within the radius, held out or not; the first of equals (of more than a \
          thousand events, a thousand are tried). The regions of a data set hold at most {REGION_EVENTS_MAX} events together, in equal shares, those nearest to the centres. A permutation \
-         that leaves the region without training or held-out events is skipped. Effective draws: what the {DRAWS} draws of the chain are \
-         worth for the latent function at an event, mean over events and permutations (and the least)."
+         that leaves the region without training or held-out events is skipped. Effective draws: the number of independent draws to which the {DRAWS} draws of the chain are \
+         equivalent for the latent function at an event; mean over events and permutations (and the least)."
     );
     Table::new("Locality regions", &header, rows, note)
 }
 
-/// The link at the centre of a region.
+/// Formats the link at the centre of a region.
 fn centre_m(set: &DataSet, region: &LocalityRegion) -> String {
     // The centre is one of the members.
     let nearest = region.members.iter().find(|&&event| set.standardised(event) == region.centre);
@@ -80,7 +80,7 @@ fn centre_m(set: &DataSet, region: &LocalityRegion) -> String {
     })
 }
 
-/// By how much the paper's claims hold, in NLL and in accuracy.
+/// Returns the differences that the paper's claims are about, in NLL and in accuracy.
 pub fn claims(results: &Computed, at: &AtRadius) -> Vec<Table> {
     Metric::ALL.into_iter().map(|metric| claims_in(results, at, metric)).collect()
 }
@@ -124,8 +124,8 @@ fn claims_in(results: &Computed, at: &AtRadius, metric: Metric) -> Table {
         failures => format!("clearly fails: {}", failures.join("; ")),
     };
     let note = format!(
-        "Paired differences over permutations, positive where the claim holds, packets concatenated, ω the last draw. ± is the error of \
-         having divided one data set only so many times, which more permutations make as small as one likes; it says nothing of other \
+        "Paired differences over permutations, positive where the claim holds, packets concatenated, ω the last draw. ± is the error of dividing \
+         one data set a limited number of times, which vanishes with more permutations; it does not describe other \
          trials. {HOLDS} holds and {FAILS} fails by more than two of these errors, {UNCLEAR} neither. The last row takes the data set as \
          the unit: mean and error over the teams, and {HOLDS} or {FAILS} by Student's t at 5 %. In square brackets the same difference in the paper's tables, \
          which give no standard errors. The order {failures}."
@@ -133,7 +133,7 @@ fn claims_in(results: &Computed, at: &AtRadius, metric: Metric) -> Table {
     Table::new(title, &header, rows, note)
 }
 
-/// For how many a claim holds, and for how many clearly or clearly not.
+/// Number of agents or teams for which a claim holds, with the number of significant results.
 #[derive(Clone, Default)]
 struct Holding {
     of: usize,
@@ -156,7 +156,7 @@ impl Holding {
     }
 }
 
-/// What points tell an agent about its own held-out events in the region.
+/// Returns the scores of an agent's predictions for its own held-out events in the region.
 pub fn local(results: &Computed, at: &AtRadius) -> Vec<Table> {
     let tables = results.sets(at).map(|(set, outcome, published)| {
         let mut rows = Vec::new();
@@ -205,7 +205,7 @@ fn local_row(
     ]
 }
 
-/// What everybody's points tell the team, with the paper's ω and beside it the others.
+/// Returns the scores of the team's predictions, with the paper's ω and with the others.
 pub fn team(results: &Computed, at: &AtRadius) -> Vec<Table> {
     results
         .sets(at)
@@ -268,7 +268,7 @@ fn team_omegas(outcome: &SetOutcome, title: &str) -> Table {
     Table::new(format!("{title}, other ω"), &header, Choice::all().map(row).collect(), "")
 }
 
-/// The bounds, and whether they order the choices as NLL does.
+/// Returns the bounds, and whether they order the choices as NLL does.
 pub fn certificate(results: &Computed, at: &AtRadius) -> Vec<Table> {
     let mut rows = Vec::new();
     let mut orders = Vec::new();
@@ -297,7 +297,7 @@ pub fn certificate(results: &Computed, at: &AtRadius) -> Vec<Table> {
     vec![bounds, Table::new(format!("Does the bound order the choices? {radius}"), &header, orders, note)]
 }
 
-/// Radius and number of points beyond the paper's.
+/// Returns the results for larger radii and more points than in the paper.
 pub fn sweep(results: &Computed) -> Vec<Table> {
     if results.sweep.is_empty() {
         return Vec::new();
@@ -307,7 +307,7 @@ pub fn sweep(results: &Computed) -> Vec<Table> {
     [sweep_marks(results)].into_iter().chain(tables).collect()
 }
 
-/// Where the policy pays, at a glance.
+/// Returns a table of marks: whether good points are better than random ones.
 fn sweep_marks(results: &Computed) -> Table {
     let row = |(place, length_scales): (usize, f64)| {
         let marks = |points: usize| -> String {
@@ -361,7 +361,7 @@ fn choice_text(choice: Choice) -> String {
     format!("{} {}", if choice.points == 1 { "one" } else { "two" }, choice.policy.name())
 }
 
-/// Which radius a table is for.
+/// Names the radius of a table.
 pub fn radius_text(results: &Computed, at: &AtRadius) -> String {
     let ratio = at.radius / results.experiment.length_scale();
     format!("r = {:.3} ({ratio:.3} ℓ)", at.radius)

@@ -1,4 +1,4 @@
-//! A bag of ROS 2 as a simulated vehicle would have recorded it.
+//! ROS 2 bags as simulated vehicles would have recorded them.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -8,14 +8,14 @@ use mcap::{McapResult, Writer};
 
 use super::modem::{Fix, Said};
 
-/// The types, as ROS 2 describes them.
+/// Definitions of the message types in ROS 2.
 const NAV_SAT_FIX: &str = "std_msgs/Header header\nsensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\nfloat64 altitude\n\
     float64[9] position_covariance\nuint8 position_covariance_type\n";
 const ODOMETRY: &str = "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n\
     geometry_msgs/TwistWithCovariance twist\n";
 const STRING: &str = "string data\n";
 
-/// Fields one after the other, each at a multiple of its size, behind four bytes that say so.
+/// CDR encoding: each field at a multiple of its size, after a header of four bytes.
 struct Cdr(Vec<u8>);
 
 impl Cdr {
@@ -36,7 +36,7 @@ impl Cdr {
     }
 }
 
-/// How it is written, and the header that all positions have.
+/// Starts a message with the header of all positions.
 fn headed(time_ns: u64, frame: &str) -> Cdr {
     let mut cdr = Cdr::new();
     cdr.put(&((time_ns / 1_000_000_000) as u32).to_le_bytes());
@@ -49,7 +49,7 @@ fn nav_sat_fix(time_ns: u64, fix: &Fix) -> Vec<u8> {
     let mut cdr = headed(time_ns, "gps");
     cdr.put(&0i8.to_le_bytes());
     cdr.put(&1u16.to_le_bytes());
-    // The altitude, which is above the ellipsoid and no depth, and the covariance: not known.
+    // The altitude above the ellipsoid and the covariance are unknown.
     for number in [fix.latitude_deg, fix.longitude_deg, 0.0].into_iter().chain([0.0; 9]) {
         cdr.put(&number.to_le_bytes());
     }
@@ -60,7 +60,7 @@ fn nav_sat_fix(time_ns: u64, fix: &Fix) -> Vec<u8> {
 fn odometry(time_ns: u64, fix: &Fix) -> Vec<u8> {
     let mut cdr = headed(time_ns, "odom");
     cdr.text("base_link");
-    // Where it is, how it is turned, how sure that is; how it moves, and how sure that is.
+    // Orientation, pose covariance, twist and twist covariance.
     let rest = [0.0, 0.0, 0.0, 1.0].into_iter().chain([0.0; 36]).chain([0.0; 6]).chain([0.0; 36]);
     for number in [fix.east_m, fix.north_m, -fix.depth_m].into_iter().chain(rest) {
         cdr.put(&number.to_le_bytes());
@@ -68,7 +68,8 @@ fn odometry(time_ns: u64, fix: &Fix) -> Vec<u8> {
     cdr.0
 }
 
-/// The bag of a vehicle: `NAME/odom`, `NAME/fix`, and what host and modem said in `NAME/modem`.
+/// Writes the bag of a vehicle. Its topics are `NAME/odom`, `NAME/fix`, and `NAME/modem` with the sentences between
+/// host and modem.
 pub fn bag(name: &str, said: &[Said], fixes: &[Fix], (start_s, ahead_s): (f64, f64)) -> McapResult<Vec<u8>> {
     let time_ns = |time_s: f64| ((start_s + time_s + ahead_s) * 1e3).round().max(0.0) as u64 * 1_000_000;
     let mut bytes = Vec::new();

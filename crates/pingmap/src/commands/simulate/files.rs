@@ -1,4 +1,4 @@
-//! What the vehicles of a simulated trial would have recorded.
+//! The files that the vehicles of a simulated trial would have recorded.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -18,31 +18,31 @@ use crate::values::origin;
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
 pub struct Files {
-    /// Folder for files as the vehicles would have recorded them, for `pingmap import`: positions in latitude and longitude, what each
-    /// heard, the schedule, and who is meant by modems' ids. The event log then has the times of these files
+    /// Folder for files as the vehicles would have recorded them, for `pingmap import`: positions in latitude and
+    /// longitude, receptions, the schedule, and the modem ids. The event log then uses the times of these files
     #[arg(long = "as-files", value_name = "FOLDER")]
     folder: Option<PathBuf>,
-    /// As what files: tables; logs of MOOS; a table of navigation and a capture of what host and modem said; or bags of ROS 2
+    /// Kind of these files: tables; MOOS logs; a table of navigation and a capture of modem sentences; or ROS 2 bags
     #[arg(long, value_enum, requires = "folder", default_value_t = FileKind::Tables)]
     files: FileKind,
-    /// Clocks are off by so much, but for the first vehicle's: ahead and behind in turn
+    /// Offset of the clocks in seconds, except the first vehicle's; vehicles are alternately ahead and behind
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub clock_off_s: f64,
-    /// A vehicle that stops recording what it hears, and after which share of the mission
+    /// A vehicle that stops recording receptions, and the share of the mission after which it stops
     #[arg(long, value_name = "NAME=SHARE", requires = "folder", value_parser = stop)]
     stops: Option<(String, f64)>,
-    /// Also write what each vehicle sent
+    /// Also write the transmissions of each vehicle
     #[arg(long, requires = "folder")]
     with_sent: bool,
-    /// Where (0, 0) of the log is
+    /// Latitude and longitude of (0, 0) of the log
     #[arg(long, value_name = "LAT,LON", requires = "folder", value_parser = origin, allow_hyphen_values = true, default_value = "41.52,-70.67")]
     origin: ReferenceSystem,
-    /// When the mission begins
+    /// Start of the mission
     #[arg(long, value_name = "TIME", requires = "folder", value_parser = time, default_value = "2026-05-03T12:00:00Z")]
     start: f64,
 }
 
-/// In what files vehicles record.
+/// Kinds of files that vehicles record.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum FileKind {
     Tables,
@@ -61,19 +61,19 @@ fn stop(text: &str) -> Result<(String, f64), String> {
 }
 
 impl Files {
-    /// Makes sure that nothing is replaced, unless that is wanted.
+    /// Refuses a folder that contains files, unless `overwrite` is set.
     pub fn check(&self, overwrite: bool) -> anyhow::Result<()> {
         let Some(folder) = self.folder.as_ref().filter(|folder| folder.exists() && !overwrite) else { return Ok(()) };
         let name = folder.display();
         let mut inside = std::fs::read_dir(folder).with_context(|| format!("cannot look into {name}"))?;
         if inside.next().is_some() {
-            let message = "is not empty; expected another folder, or --overwrite to replace what stands in the way";
+            let message = "is not empty; expected another folder, or --overwrite to replace its files";
             return Err(BadInput(format!("{name} {message}")).into());
         }
         Ok(())
     }
 
-    /// Writes the files, if any are wanted, and gives the log their times.
+    /// Writes the files, if a folder was given, and changes the log's times and reference system to those of the files.
     pub fn write(&self, simulation: &Simulation, trial: &mut Simulated) -> anyhow::Result<()> {
         let Some(folder) = &self.folder else { return Ok(()) };
         let reference = Reference::of(self.origin).map_err(|error| BadInput(error.to_string()))?;
@@ -114,18 +114,18 @@ impl Files {
         Ok(())
     }
 
-    /// A true time by a vehicle's clock, as it writes it.
+    /// Formats a time as the vehicle's clock shows it.
     fn stamp(&self, simulation: &Simulation, vehicle: usize, time_s: f64) -> String {
         time_in_words(self.start + time_s + simulation.clock_ahead_s(vehicle))
     }
 
-    /// Until when a vehicle recorded what its modem said.
+    /// Returns the time at which a vehicle stops recording sentences of its modem.
     fn until_s(&self, simulation: &Simulation, name: &str) -> f64 {
         let stop = self.stops.as_ref().filter(|(stops, _)| stops == name);
         stop.map_or(f64::INFINITY, |(_, share)| share * simulation.slot_s * simulation.slots as f64)
     }
 
-    /// Where a vehicle was, every second.
+    /// Returns the positions of a vehicle, one per second.
     fn fixes(
         &self,
         simulation: &Simulation,
@@ -134,14 +134,15 @@ impl Files {
         reference: &Reference,
     ) -> anyhow::Result<Vec<Fix>> {
         let mut fixes = Vec::new();
-        // By no clock there is another turn before it ends.
+        // No clock is so far ahead that another slot begins before this time.
         let end_s = simulation.slot_s * (simulation.slots as f64 + 0.4);
         for second in 0..=end_s as u64 {
             let time_s = second as f64;
             let Position { east_m, north_m, depth_m } = trial.position(vehicle, time_s);
             let place = reference.geographic(east_m, north_m);
-            let place = place
-                .ok_or_else(|| BadInput(format!("--origin: no map holds an area of {} m there", simulation.area_m)))?;
+            let place = place.ok_or_else(|| {
+                BadInput(format!("--origin: no projection covers an area of {} m there", simulation.area_m))
+            })?;
             let (latitude_deg, longitude_deg) = (place.latitude_deg, place.longitude_deg);
             let depth_m = depth_m.unwrap_or_default();
             fixes.push(Fix { time_s, east_m, north_m, depth_m, latitude_deg, longitude_deg });

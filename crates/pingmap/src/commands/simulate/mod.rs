@@ -1,4 +1,4 @@
-//! `pingmap simulate`: a field trial of one's own.
+//! `pingmap simulate`: simulates a field trial.
 
 mod bag;
 mod files;
@@ -21,13 +21,13 @@ use crate::output::{BadInput, Results, count, print_json, table};
 use crate::outputs::{Kind, Target};
 use crate::values::{sea_state, whole_number};
 
-/// Make up a field trial: vehicles on survey legs, a slot schedule, and an acoustic channel of published formulas
+/// Simulate a field trial: vehicles on survey legs, a slot schedule, and an acoustic channel of published formulas
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  pingmap simulate --vehicles 3 -o log.csv\n  pingmap simulate --as-files mission -o truth.csv"
 )]
 pub struct Options {
-    /// Number of vehicles; they take turns to transmit, and all others listen
+    /// Number of vehicles; they transmit in cyclic slots, and all others listen
     #[arg(long, default_value_t = Simulation::default().vehicles, value_parser = whole_number, allow_negative_numbers = true)]
     pub vehicles: usize,
     /// Number of transmissions
@@ -42,16 +42,16 @@ pub struct Options {
     /// Speed of the vehicles
     #[arg(long, default_value_t = Simulation::default().speed_m_per_s, allow_negative_numbers = true)]
     pub speed_m_per_s: f64,
-    /// Depth at which they run; they rise where the floor does
+    /// Depth of the vehicles; they rise over shallow floor
     #[arg(long, default_value_t = Simulation::default().depth_m, allow_negative_numbers = true)]
     pub depth_m: f64,
-    /// Seed of everything random: sea floor, tracks, noise, outcomes
+    /// Seed of sea floor, tracks, noise and outcomes
     #[arg(long, default_value_t = Simulation::default().seed)]
     pub seed: u64,
     /// File for the event log
     #[arg(long, short, value_name = "FILE", default_value = "trial.csv")]
     pub output: PathBuf,
-    /// Also write the depths of both ends; pingmap then learns from six numbers instead of four
+    /// Also write the depths of both ends; pingmap then learns from six inputs instead of four
     #[arg(long)]
     pub depths: bool,
     #[command(flatten)]
@@ -71,7 +71,7 @@ pub struct Options {
 #[derive(Args)]
 #[command(next_help_heading = "Sound")]
 pub struct Sound {
-    /// Middle of the band
+    /// Centre of the band
     #[arg(long, default_value_t = simulate::Sound::default().frequency_khz, allow_negative_numbers = true)]
     pub frequency_khz: f64,
     /// Width of the band
@@ -83,7 +83,7 @@ pub struct Sound {
     /// Exponent of spreading: 1 for a cylinder, 2 for a sphere
     #[arg(long, default_value_t = simulate::Sound::default().spreading, allow_negative_numbers = true)]
     pub spreading: f64,
-    /// How absorption is computed
+    /// Formula of absorption
     #[arg(long, value_enum, default_value_t = AbsorptionName::FrancoisGarrison)]
     pub absorption: AbsorptionName,
     /// Temperature of the water
@@ -98,7 +98,7 @@ pub struct Sound {
     /// Sea state, 0 to 6
     #[arg(long, default_value_t = 3.0, value_parser = sea_state, allow_negative_numbers = true)]
     pub sea_state: f64,
-    /// Wind, instead of that of the sea state
+    /// Wind speed in place of the sea state's
     #[arg(long, conflicts_with = "sea_state", allow_negative_numbers = true)]
     pub wind_m_per_s: Option<f64>,
     /// Distant shipping: 0 none, 1 heavy
@@ -107,10 +107,10 @@ pub struct Sound {
     /// Noise of a receiving vehicle, dB re 1 µPa²/Hz; the mean over vehicles
     #[arg(long, default_value_t = Simulation::default().self_noise_db, allow_negative_numbers = true)]
     pub self_noise_db: f64,
-    /// Standard deviation of that over vehicles
+    /// Standard deviation of the noise over vehicles
     #[arg(long, default_value_t = Simulation::default().self_noise_spread_db, allow_negative_numbers = true)]
     pub self_noise_spread_db: f64,
-    /// Signal-to-noise ratio at which every other message gets through
+    /// Signal-to-noise ratio at which half of the messages are received
     #[arg(long, default_value_t = simulate::Sound::default().threshold_db, allow_negative_numbers = true)]
     pub threshold_db: f64,
     /// Standard deviation of the level about its mean
@@ -130,7 +130,7 @@ pub struct Floor {
     /// Depth of the flat floor
     #[arg(long, default_value_t = Simulation::default().water_depth_m, allow_negative_numbers = true)]
     pub water_depth_m: f64,
-    /// Height of a ridge across the area; four fifths of the depth if not given, as far as that leaves vehicles room
+    /// Height of a ridge across the area; if not given, four fifths of the depth, limited by the vehicles' clearance
     #[arg(long, allow_negative_numbers = true)]
     pub ridge_m: Option<f64>,
     /// Height of a mound; three quarters of the depth if not given
@@ -155,7 +155,7 @@ impl Options {
         run(self, results)
     }
 
-    /// The mission.
+    /// Returns the simulated mission.
     pub fn simulation(&self) -> Simulation {
         let Self { vehicles, slots, slot_s, area_m, speed_m_per_s, depth_m, seed, .. } = *self;
         let Sound { self_noise_db, self_noise_spread_db, .. } = self.sound;
@@ -179,7 +179,7 @@ impl Options {
         }
     }
 
-    /// Source, water and receivers.
+    /// Returns the properties of source, water and receivers.
     pub fn sound(&self) -> simulate::Sound {
         let Sound { frequency_khz, bandwidth_khz, source_level_db, spreading, shipping, .. } = self.sound;
         let Sound { direction_loss_db, favoured_bearing_deg, .. } = self.sound;
@@ -205,7 +205,7 @@ impl Options {
     }
 }
 
-/// What must be said of such a trial.
+/// Disclaimer about simulated trials.
 const STAND_IN: &str =
     "simulated, a stand-in for a field trial: sound travels in straight lines, without refraction or multipath";
 
@@ -219,7 +219,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let text = trial.log.to_csv();
     let written = target.write(text.as_bytes(), results);
     if options.json {
-        // As whoever reads it will see it: numbers are rounded, and depths may not be there.
+        // The JSON describes the log as a reader gets it: numbers are rounded, and depths may be missing.
         let log = EventLog::read(text.as_bytes(), &options.output)?;
         print_json(results, &SimulatedJson::of(&simulation, &trial, &log))?;
     } else {
@@ -249,64 +249,64 @@ fn summary(simulation: &Simulation, trial: &Simulated) -> String {
     )
 }
 
-/// What was made up, for programs.
+/// A simulated trial in JSON.
 #[derive(Serialize, JsonSchema)]
 pub struct SimulatedJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
     made_of: MadeOf,
-    /// What it is not.
+    /// Disclaimer about simulated trials.
     note: &'static str,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     seed: u64,
-    /// Events of the log.
+    /// Number of events of the log.
     events: usize,
-    /// Who took part.
+    /// Vehicles of the trial.
     vehicles: Vec<VehicleJson>,
     /// A ridge across the area.
     ridge: RidgeJson,
-    /// A mound in it.
+    /// A mound in the area.
     mound: MoundJson,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct VehicleJson {
-    /// Its name.
+    /// Name of the vehicle.
     vehicle: String,
-    /// Spectrum level of its own noise, in dB re 1 µPa²/Hz.
+    /// Spectrum level of the vehicle's own noise, in dB re 1 µPa²/Hz.
     self_noise_db: f64,
-    /// Over flat ground it hears half of all messages at this range.
+    /// Range in metres at which the vehicle hears half of all messages over a flat floor.
     even_odds_range_m: f64,
-    /// Messages that it was to hear.
+    /// Number of messages to the vehicle.
     events: usize,
-    /// Those that it heard.
+    /// Number of these messages that it heard.
     successes: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct RidgeJson {
-    /// A place on its crest.
+    /// Easting of a point on the crest in metres.
     easting_m: f64,
-    /// A place on its crest.
+    /// Northing of a point on the crest in metres.
     northing_m: f64,
-    /// Where its crest runs, from east to north.
+    /// Direction of the crest in radians, from east to north.
     direction_rad: f64,
-    /// Its height.
+    /// Height in metres.
     height_m: f64,
-    /// Standard deviation of its profile.
+    /// Standard deviation of the profile in metres.
     width_m: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct MoundJson {
-    /// Its top.
+    /// Easting of the top in metres.
     easting_m: f64,
-    /// Its top.
+    /// Northing of the top in metres.
     northing_m: f64,
-    /// Its height.
+    /// Height in metres.
     height_m: f64,
-    /// Standard deviation of its profile.
+    /// Standard deviation of the profile in metres.
     width_m: f64,
 }
 
@@ -347,7 +347,7 @@ impl SimulatedJson {
     }
 }
 
-/// How many events a vehicle owns, and how many of them it heard.
+/// Returns the number of events that a vehicle received or missed, and the number that it heard.
 fn events_and_heard(trial: &Simulated, id: &VehicleId) -> (usize, usize) {
     let own = || trial.log.events.iter().filter(|event| event.receiver_id == *id);
     (own().count(), own().filter(|event| event.success).count())

@@ -1,4 +1,4 @@
-//! What the host and the modem of a simulated vehicle would have said to each other, and logs that hold it.
+//! Sentences between the host and the modem of a simulated vehicle, and logs that contain them.
 
 use std::fmt::Write;
 
@@ -6,32 +6,32 @@ use pingmap_agent::{Event, VehicleId};
 use pingmap_import::{nmea_checksum, time_in_words};
 use pingmap_trial::simulate::{Simulated, Simulation};
 
-/// From the beginning of a message until it is decoded and recorded.
+/// Time in seconds from the start of a message until it is decoded and recorded.
 pub const DELAY_S: f64 = 1.2;
 
-/// Speed of sound in all files.
+/// Speed of sound in all files, in metres per second.
 pub const SOUND_M_PER_S: f64 = 1500.0;
 
-/// What modems call everybody.
+/// Broadcast address of the modems.
 pub const BROADCAST: u32 = 63;
 
-/// A sentence, when it was said (in truth), and whether the host said it.
+/// A sentence, its true time, and whether the host sent it.
 pub struct Said {
     pub time_s: f64,
     pub by_host: bool,
     pub sentence: String,
 }
 
-/// A modem says so often that it is there, in seconds.
+/// Interval of the modem's status sentences in seconds.
 const REVISION_EVERY_S: f64 = 60.0;
 
-/// From the cycle's packet to that of the data.
+/// Time in seconds from the cycle packet to the data packet.
 const CYCLE_S: f64 = 1.0;
 
-/// Frames of rate 0 have so many bytes.
+/// Bytes of a frame at rate 0.
 const FRAME_BYTES: usize = 32;
 
-/// All that was said at a vehicle, until it stopped recording, in the order of time.
+/// Returns all sentences at a vehicle in the order of time, until the vehicle stopped recording.
 pub fn said(simulation: &Simulation, trial: &Simulated, vehicle: usize, until_s: f64) -> Vec<Said> {
     let mut all = Vec::new();
     let mut say = |time_s: f64, sentence: String| {
@@ -62,7 +62,7 @@ fn number_of(trial: &Simulated, name: &VehicleId) -> usize {
     trial.vehicles.iter().position(|(id, _)| id == name).unwrap_or_default() + 1
 }
 
-/// A cycle, and its data of one frame at rate 0.
+/// Adds the sentences of a cycle with one data frame at rate 0.
 fn send(begin_s: f64, id: usize, say: &mut impl FnMut(f64, String)) {
     let data = "00".repeat(FRAME_BYTES);
     for (after_s, sentence) in [
@@ -81,7 +81,8 @@ fn send(begin_s: f64, id: usize, say: &mut impl FnMut(f64, String)) {
     }
 }
 
-/// What comes of a message: its data, or nothing, or one of the ways in which a modem says that there was something.
+/// Adds the sentences of a reception. A missed message leaves no trace, a damaged packet, a timeout or only a cycle
+/// packet.
 fn receive(event: &Event, number: usize, source: usize, say: &mut impl FnMut(f64, String)) {
     let arrival_s = event.time_s + event.link.range_m() / SOUND_M_PER_S;
     let statistics = |mode: usize| {
@@ -107,13 +108,13 @@ fn receive(event: &Event, number: usize, source: usize, say: &mut impl FnMut(f64
     }
 }
 
-/// As a capture: the host's time before each sentence.
+/// Formats the sentences as a capture: each after the host's time.
 pub fn capture(said: &[Said], start_s: f64, ahead_s: f64) -> String {
     let line = |said: &Said| format!("{} {}\n", time_in_words(start_s + said.time_s + ahead_s), said.sentence);
     said.iter().map(line).collect()
 }
 
-/// Where a vehicle was, by what it wrote itself.
+/// A position that a vehicle recorded.
 pub struct Fix {
     pub time_s: f64,
     pub east_m: f64,
@@ -123,7 +124,8 @@ pub struct Fix {
     pub longitude_deg: f64,
 }
 
-/// As a log of MOOS, with what else stands in one: turns that are announced to everybody, and others' reports, which no modem received.
+/// Formats the sentences and positions as a MOOS log. The log also contains announced slots and the reports of other
+/// vehicles, which no modem received.
 pub fn moos_log(name: &str, said: &[Said], fixes: &[Fix], (start_s, ahead_s): (f64, f64)) -> String {
     let mut rows: Vec<(f64, String)> = Vec::new();
     for Fix { time_s, east_m, north_m, depth_m, latitude_deg, longitude_deg } in fixes {
