@@ -18,11 +18,12 @@ mod inference;
 mod send;
 mod agent;
 
+pub use agent::ignore_reason::IgnoreReason;
 pub use agent::intervals::INTERVAL_WIDENING;
 pub use agent::options::AgentOptions;
 pub use agent::prediction::{PredictOptions, Prediction};
 pub use agent::state::{Agent, Which};
-pub use agent::status::{MemberStatus, OutOfSlot, Status};
+pub use agent::status::{MemberStatus, Status};
 pub use codec::quantizer::SummaryQuantizer;
 pub use codec::receipt::{Counts, Receipt, Refusal};
 pub use codec::team_codec::TeamCodec;

@@ -11,8 +11,8 @@ use std::time::Instant;
 
 use dgpc::Shape;
 use pingmap_agent::{
-    Agent, AgentOptions, Chart, Event, InputSpec, Link, Model, Position, PredictOptions, Receipt, Sharing, Team,
-    VehicleId, Which,
+    Agent, AgentOptions, Chart, Event, IgnoreReason, InputSpec, Link, Model, Position, PredictOptions, Receipt,
+    Sharing, Team, VehicleId, Which,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -55,7 +55,12 @@ fn exclude(fleet: &mut [Agent], link: &Link) {
     assert_eq!(listener.receive(&lie, Some(0.0)), Receipt::Accepted);
     let lie_ms = query_ms(&mut listener);
     let status = listener.status();
-    let excluded: Vec<_> = status.members.iter().filter(|(_, member)| member.is_excluded).map(|(id, _)| id).collect();
+    let excluded: Vec<_> = status
+        .members
+        .iter()
+        .filter(|(_, member)| member.is_ignored(IgnoreReason::Contradicts))
+        .map(|(id, _)| id)
+        .collect();
     println!("a false packet: first query {lie_ms:.0} ms; excluded: {excluded:?}");
     if let Some(honest) = honest {
         listener.receive(&honest, Some(0.0));

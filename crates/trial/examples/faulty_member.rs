@@ -12,7 +12,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, AgentOptions, Event, Key, Learning, PredictOptions, Sharing, Team, VehicleId};
+use pingmap_agent::{
+    Agent, AgentError, AgentOptions, Event, IgnoreReason, Key, Learning, PredictOptions, Sharing, Team, VehicleId,
+};
 use pingmap_packet::{Block, Cell, MapMessage, Outcome as Reported, Point, Waypoint};
 use pingmap_trial::{Agreed, EventLog, Mission, Plan, Score, Split, read_splits};
 use rand::{Rng, RngExt, SeedableRng};
@@ -153,8 +155,8 @@ fn listen<'a>(
     let id: &VehicleId = mission.vehicles[faulty].id();
     let discrepancy = doubting.discrepancy(id)?.unwrap_or(0.0);
     let members = doubting.status().members;
-    let is_excluded = members.get(id).is_some_and(|member| member.is_excluded);
-    let excluded = members.values().filter(|member| member.is_excluded).count();
+    let is_excluded = members.get(id).is_some_and(|member| member.is_ignored(IgnoreReason::Contradicts));
+    let excluded = members.values().filter(|member| member.is_ignored(IgnoreReason::Contradicts)).count();
     Ok(Outcome { nll, is_excluded, others_excluded: excluded - usize::from(is_excluded), discrepancy })
 }
 

@@ -41,7 +41,7 @@ pub use check::{Finding, PairCount, RangeBin, is_everybody};
 pub use decision::Decisions;
 pub use division::{DivideBy, Division, DivisionError};
 pub use event_log::{EventLog, REQUIRED_COLUMNS};
-pub use ignored::{IgnoreReason, Ignored};
+pub use ignored::Ignored;
 pub use learning::{Added, learn_additions, learn_all, learn_best};
 pub use mission::{Agreed, Learners, Mission, Plan, Traffic};
 pub use online::{Online, Riding, Step, online};

@@ -1,6 +1,7 @@
 //! One vehicle.
 
 pub(crate) mod options;
+pub(crate) mod ignore_reason;
 pub(crate) mod state;
 #[cfg(feature = "learn")]
 pub(crate) mod adapt;

@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use dgpc::{Posterior, Sites};
 
+use crate::agent::ignore_reason::IgnoreReason;
 use crate::agent::options::AgentOptions;
 use crate::codec::receipt::{Counts, Receipt};
 use crate::codec::team_codec::TeamCodec;
@@ -68,6 +69,8 @@ pub struct Agent {
     pub(crate) posteriors: Posteriors,
     pub(crate) counts: Counts,
     pub(crate) last_heard_s: BTreeMap<u8, f64>,
+    /// Times since when data of members are not used.
+    pub(crate) ignored_since_s: BTreeMap<(u8, IgnoreReason), f64>,
     /// Data of all members that are not muted; computed on demand after a change.
     accepted: OnceLock<AcceptedData>,
     /// Whether the posteriors include all data.
@@ -98,6 +101,7 @@ impl Agent {
             options,
             counts: Counts::default(),
             last_heard_s: BTreeMap::new(),
+            ignored_since_s: BTreeMap::new(),
             accepted: OnceLock::new(),
             is_current: false,
             longest_cache: OnceLock::new(),
@@ -356,6 +360,7 @@ impl Agent {
         self.longest_cache.take();
         self.interval_cache.take();
         self.is_current = true;
+        self.note_ignored();
         Ok(())
     }
 
@@ -368,6 +373,7 @@ impl Agent {
         self.posteriors.update(&self.memory, data)?;
         self.longest_cache.take();
         self.is_current = true;
+        self.note_ignored();
         Ok(())
     }
 

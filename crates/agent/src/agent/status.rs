@@ -1,7 +1,8 @@
 //! The state of a vehicle, for its operator.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
+use crate::agent::ignore_reason::IgnoreReason;
 use crate::agent::state::Agent;
 use crate::codec::receipt::Counts;
 use crate::inference::fitting::FitQuality;
@@ -40,27 +41,22 @@ pub struct Status {
 pub struct MemberStatus {
     /// Time of the last packet of the member that counted, in seconds.
     pub last_heard_s: Option<f64>,
-    /// Whether the vehicle ignores the member at the request of its host.
-    pub is_muted: bool,
-    /// Whether the member is excluded because its data contradict those of all others.
-    pub is_excluded: bool,
-    /// Whether its reports of unused slots are ignored because the vehicle received it in at least three of them.
-    pub has_false_claims: bool,
-    /// Whether its reported track is ignored because most receptions of the member contradict it.
-    pub has_wrong_track: bool,
+    /// Reasons why the vehicle does not use data of the member, or a part of them. Each has the time of the vehicle's clock since when, in
+    /// seconds. Empty if all data count.
+    pub ignored: BTreeMap<IgnoreReason, f64>,
     /// Number of counters of the member that stand on different packets: two vehicles use its number, or it lost its memory.
     pub conflicts: usize,
     /// Number of its frames that are ahead of the vehicle's clock and wait for it: the clock of the member or of the vehicle is wrong.
     pub waiting_frames: usize,
-    /// Set if the member's messages arrive outside its slots.
-    pub out_of_slot: Option<OutOfSlot>,
+    /// The clock offset in slots that fits receptions of the member outside its slots, if only one does; positive where messages arrive late.
+    pub clock_offset_slots: Option<i32>,
 }
 
-/// A member whose last four messages arrived outside its slots: its clock or its schedule is wrong. Its outcomes are ignored meanwhile.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct OutOfSlot {
-    /// The clock offset in slots that fits, if only one does; positive where messages arrive late.
-    pub offset_slots: Option<i32>,
+impl MemberStatus {
+    /// Returns whether the vehicle does not use data of the member for this reason.
+    pub fn is_ignored(&self, reason: IgnoreReason) -> bool {
+        self.ignored.contains_key(&reason)
+    }
 }
 
 impl Agent {
@@ -68,16 +64,16 @@ impl Agent {
     pub fn status(&self) -> Status {
         let memory = &self.memory;
         let slots = &self.team().slots;
-        let out_of_slot = memory.conformance.out_of_slot(slots);
+        let now_s = memory.clock.latest_s();
+        let since = |key: &(u8, IgnoreReason)| (key.1, self.ignored_since_s.get(key).copied().unwrap_or(now_s));
+        let offsets = memory.conformance.out_of_slot(slots);
+        let reasons = self.ignore_reasons();
         let member = |number: u8, id: &VehicleId| MemberStatus {
             last_heard_s: self.last_heard_s.get(&number).copied(),
-            is_muted: memory.muted.contains(&number),
-            is_excluded: self.posteriors.excluded.contains(&number),
-            has_false_claims: !memory.claims.is_reliable(number),
-            has_wrong_track: memory.located().wrong_tracks.contains(&number),
+            ignored: reasons.range((number, IgnoreReason::Muted)..=(number, IgnoreReason::Ahead)).map(since).collect(),
             conflicts: memory.packets.conflicts(number),
             waiting_frames: memory.clock.waiting_of(number),
-            out_of_slot: out_of_slot.get(id).map(|&offset_slots| OutOfSlot { offset_slots }),
+            clock_offset_slots: offsets.get(id).copied().flatten(),
         };
         let others = self.team().members.iter().filter(|(number, _)| Some(**number) != memory.own);
         Status {
@@ -91,6 +87,34 @@ impl Agent {
             counts: self.counts,
             fit: self.posteriors.own_fit.as_ref().map(|own| FitQuality::of(&own.fit)),
             is_dense: memory.events.len() <= self.team().limits.dense_events_max,
+        }
+    }
+
+    /// Returns the members whose data the vehicle does not use, with each reason.
+    fn ignore_reasons(&self) -> BTreeSet<(u8, IgnoreReason)> {
+        let memory = &self.memory;
+        let out_of_slot = memory.conformance.out_of_slot(&self.team().slots);
+        let mut reasons = BTreeSet::new();
+        for (&number, id) in self.team().members.iter().filter(|(number, _)| Some(**number) != memory.own) {
+            let all = [
+                (IgnoreReason::Muted, memory.muted.contains(&number)),
+                (IgnoreReason::Contradicts, self.posteriors.excluded.contains(&number)),
+                (IgnoreReason::OutOfSlot, out_of_slot.contains_key(id)),
+                (IgnoreReason::FalseClaims, !memory.claims.is_reliable(number)),
+                (IgnoreReason::WrongTrack, memory.located().wrong_tracks.contains(&number)),
+                (IgnoreReason::Ahead, memory.clock.waiting_of(number) > 0),
+            ];
+            reasons.extend(all.into_iter().filter(|(_, applies)| *applies).map(|(reason, _)| (number, reason)));
+        }
+        reasons
+    }
+
+    /// Notes since when data of members are not used.
+    pub(crate) fn note_ignored(&mut self) {
+        let (reasons, now_s) = (self.ignore_reasons(), self.memory.clock.latest_s());
+        self.ignored_since_s.retain(|key, _| reasons.contains(key));
+        for key in reasons {
+            self.ignored_since_s.entry(key).or_insert(now_s);
         }
     }
 }

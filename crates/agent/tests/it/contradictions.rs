@@ -43,7 +43,7 @@ fn claims_of_a_member_that_was_received_in_three_of_its_unused_slots_do_not_coun
         let reports = claims(&trip, |slot| missed.contains(&slot) || heard[..contradictions].contains(&slot));
         let mut agent = trip.vehicle(0);
         receive_all(&mut agent, &reports);
-        assert_eq!(member(&agent, &name(1)).has_false_claims, !is_reliable, "{contradictions}");
+        assert_eq!(member(&agent, &name(1)).is_ignored(IgnoreReason::FalseClaims), !is_reliable, "{contradictions}");
         // Without claims the misses count.
         let is_equal = own_probabilities(&mut agent) == own_probabilities(&mut trip.vehicle(0));
         assert_eq!(is_equal, !is_reliable, "{contradictions}");
@@ -61,10 +61,10 @@ fn false_claims_are_found_in_any_order_of_reports_and_events() {
     for event in trip.events(0).into_iter().rev() {
         last.record(event).unwrap();
     }
-    assert!(member(&last, &name(1)).has_false_claims);
+    assert!(member(&last, &name(1)).is_ignored(IgnoreReason::FalseClaims));
     assert_eq!(own_probabilities(&mut first), own_probabilities(&mut last));
     let mut restored = restored(&first, &first.snapshot());
-    assert!(member(&restored, &name(1)).has_false_claims);
+    assert!(member(&restored, &name(1)).is_ignored(IgnoreReason::FalseClaims));
     assert_eq!(own_probabilities(&mut restored), own_probabilities(&mut first));
 }
 
@@ -86,15 +86,21 @@ fn a_wrong_track_locates_no_events_and_discredits_no_other_member() {
         agent
     };
     let mut correct = receive(&trip.reports_of(1));
-    assert!(!member(&correct, &name(1)).has_wrong_track && !member(&correct, &name(2)).has_wrong_track);
+    assert!(
+        !member(&correct, &name(1)).is_ignored(IgnoreReason::WrongTrack)
+            && !member(&correct, &name(2)).is_ignored(IgnoreReason::WrongTrack)
+    );
     let expected = test_probabilities(&mut correct);
     let mut agent = receive(&reports_off_by(&trip, 1, 60));
-    assert!(member(&agent, &name(1)).has_wrong_track && !member(&agent, &name(2)).has_wrong_track);
+    assert!(
+        member(&agent, &name(1)).is_ignored(IgnoreReason::WrongTrack)
+            && !member(&agent, &name(2)).is_ignored(IgnoreReason::WrongTrack)
+    );
     assert_eq!(excluded(&agent), []);
     // The vehicle knows from its own events where the member was.
     assert!(largest_difference(&test_probabilities(&mut agent), &expected) < 0.01);
     // Positions off by one waypoint cell are within the resolution.
-    assert!(!member(&receive(&reports_off_by(&trip, 1, 1)), &name(1)).has_wrong_track);
+    assert!(!member(&receive(&reports_off_by(&trip, 1, 1)), &name(1)).is_ignored(IgnoreReason::WrongTrack));
 }
 
 #[test]

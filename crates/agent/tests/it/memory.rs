@@ -246,7 +246,9 @@ fn muting_ignores_stored_and_later_packets_until_unmuting() {
     agent.mute(&one);
     receive_all(&mut agent, packets.iter().flatten());
     assert!(largest_difference(&test_probabilities(&mut agent), &without) < 1e-9);
-    assert!(member(&agent, &one).is_muted && !member(&agent, &two).is_muted);
+    assert!(
+        member(&agent, &one).is_ignored(IgnoreReason::Muted) && !member(&agent, &two).is_ignored(IgnoreReason::Muted)
+    );
     agent.unmute(&one);
     assert!(largest_difference(&test_probabilities(&mut agent), &with) < 1e-9);
     assert_eq!(agent.snapshot(), both.snapshot());

@@ -1,5 +1,7 @@
 //! Muting: a muted member has no effect of any kind.
 
+use std::sync::Arc;
+
 use crate::common::trip::*;
 use crate::common::*;
 use pingmap_agent::*;
@@ -81,4 +83,25 @@ proptest! {
         all.iter().for_each(|(_, message)| receive(&mut believing, message));
         prop_assert_eq!(results(muting), results(believing));
     }
+}
+
+#[test]
+fn the_status_names_each_reason_and_since_when() {
+    let team = Arc::new(team(3, model()));
+    let mut agent = vehicle(&team, 0, walk(0, 20, 0.0));
+    let link = test_links()[0];
+    assert!(member(&agent, &name(1)).ignored.is_empty());
+    agent.mute(&name(1));
+    agent.probability(link).unwrap();
+    // The clock stands at the last event, which is the 20th in steps of ten seconds.
+    let since = [(IgnoreReason::Muted, 190.0)].into();
+    assert_eq!(member(&agent, &name(1)).ignored, since);
+    agent.record_all(walk(0, 30, 0.0).into_iter().skip(20)).unwrap();
+    agent.refit().unwrap();
+    assert_eq!(member(&agent, &name(1)).ignored, since, "the reason is older than the new events");
+    agent.unmute(&name(1));
+    assert!(member(&agent, &name(1)).ignored.is_empty());
+    agent.probability(link).unwrap();
+    agent.mute(&name(1));
+    assert_eq!(member(&agent, &name(1)).ignored, [(IgnoreReason::Muted, 290.0)].into());
 }

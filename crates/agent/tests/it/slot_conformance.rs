@@ -25,7 +25,8 @@ fn listener(trip: &Trip, late: impl Fn(usize, u32) -> i64) -> Agent {
 /// Offsets of the members that are out of slot.
 fn out_of_slot(agent: &Agent) -> Vec<(VehicleId, Option<i32>)> {
     let members = agent.status().members.into_iter();
-    members.filter_map(|(id, member)| Some((id, member.out_of_slot?.offset_slots))).collect()
+    let members = members.filter(|(_, member)| member.is_ignored(IgnoreReason::OutOfSlot));
+    members.map(|(id, member)| (id, member.clock_offset_slots)).collect()
 }
 
 /// The time from the first reception of vehicle 3 outside its slots to the next one within.

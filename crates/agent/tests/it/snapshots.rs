@@ -48,7 +48,10 @@ fn a_snapshot_keeps_muted_members() {
     let snapshot = agent.snapshot();
     assert_ne!(snapshot, unmuted);
     let mut again = restored(&agent, &snapshot);
-    assert!(member(&again, &name(1)).is_muted && !member(&again, &name(2)).is_muted);
+    assert!(
+        member(&again, &name(1)).is_ignored(IgnoreReason::Muted)
+            && !member(&again, &name(2)).is_ignored(IgnoreReason::Muted)
+    );
     assert_eq!(again.snapshot(), snapshot);
     assert_eq!(rebuilt_probabilities(&mut again), rebuilt_probabilities(&mut agent));
     assert_eq!(again.status().live_packets, packets[1].len());
@@ -62,7 +65,10 @@ fn muted_members_are_kept_under_a_new_epoch() {
     agent.mute(&name(1));
     let next = Arc::new(Team { epoch: 1, ..team(3, model()) });
     let again = Agent::restore(name(0), next, AgentOptions::default(), &agent.snapshot()).unwrap();
-    assert!(member(&again, &name(1)).is_muted && !member(&again, &name(2)).is_muted);
+    assert!(
+        member(&again, &name(1)).is_ignored(IgnoreReason::Muted)
+            && !member(&again, &name(2)).is_ignored(IgnoreReason::Muted)
+    );
 }
 
 #[test]
@@ -72,7 +78,10 @@ fn muted_members_are_kept_by_name_where_another_team_numbers_them_otherwise() {
     let members = [(0, name(0)), (1, name(2)), (2, name(1))];
     let renumbered = Arc::new(Team { members: Members::new(members.into()), ..team(3, model()) });
     let again = Agent::restore(name(0), renumbered, AgentOptions::default(), &agent.snapshot()).unwrap();
-    assert!(member(&again, &name(1)).is_muted && !member(&again, &name(2)).is_muted);
+    assert!(
+        member(&again, &name(1)).is_ignored(IgnoreReason::Muted)
+            && !member(&again, &name(2)).is_ignored(IgnoreReason::Muted)
+    );
 }
 
 /// A snapshot of a vehicle that recorded, received and sent something.

@@ -289,7 +289,7 @@ fn run(seed: u64) -> Outcomes {
     let all_events = SLOTS * (fleet.agents.len() - 1);
     for agent in fleet.honest() {
         let status = agent.status();
-        for (id, _) in status.members.iter().filter(|(_, member)| member.is_excluded) {
+        for (id, _) in status.members.iter().filter(|(_, member)| member.is_ignored(IgnoreReason::Contradicts)) {
             let is_faulty = fault != Fault::None && *id == faulty;
             *(if is_faulty { &mut faulty_excluded } else { &mut honest_excluded }) += 1;
         }

@@ -196,7 +196,7 @@ pub fn remote_events(agent: &Agent) -> (usize, usize) {
 /// Members that the vehicle excludes.
 pub fn excluded(agent: &Agent) -> Vec<VehicleId> {
     let members = agent.status().members.into_iter();
-    members.filter(|(_, member)| member.is_excluded).map(|(id, _)| id).collect()
+    members.filter(|(_, member)| member.is_ignored(IgnoreReason::Contradicts)).map(|(id, _)| id).collect()
 }
 
 /// The status of one member.

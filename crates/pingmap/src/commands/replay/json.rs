@@ -82,6 +82,8 @@ pub struct IgnoredJson {
     /// `false-claims`: it was received in slots that it reported as unused. `wrong-track`: its reported track contradicts receptions.
     /// `ahead`: some of its frames are ahead of the vehicle's clock.
     reason: &'static str,
+    /// Time of the vehicle's clock since when, in seconds.
+    since_s: f64,
     /// Discrepancy of the member in standard deviations.
     discrepancy: Option<f64>,
 }
@@ -92,6 +94,7 @@ impl IgnoredJson {
             listener: ignored.listener.to_string(),
             member: ignored.member.to_string(),
             reason: ignored.reason.name(),
+            since_s: ignored.since_s,
             discrepancy: ignored.discrepancy,
         }
     }

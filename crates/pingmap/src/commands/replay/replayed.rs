@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
 use pingmap_packet::Layout;
-use pingmap_trial::{EventLog, IgnoreReason, Learners, Plan, Replay, Split};
+use pingmap_trial::{EventLog, Learners, Plan, Replay, Split};
 
 use crate::log::WholeLog;
 use crate::model::warn_of_search;
@@ -49,7 +49,7 @@ impl Replayed {
     fn note_ignored(&self) {
         let mut splits = BTreeMap::<(&VehicleId, &VehicleId, &str), usize>::new();
         for ignored in self.replay.splits.iter().flat_map(|split| &split.ignored) {
-            *splits.entry((&ignored.listener, &ignored.member, explanation(ignored.reason))).or_default() += 1;
+            *splits.entry((&ignored.listener, &ignored.member, ignored.reason.description())).or_default() += 1;
         }
         for ((listener, member, explanation), count) in splits {
             let of = self.replay.splits.len();
@@ -91,15 +91,4 @@ fn with_progress(log: &EventLog, splits: &[Split], frames: &[usize], plan: &Plan
     let replay = pingmap_trial::replay(log, splits, frames, plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
     Ok(replay)
-}
-
-/// Returns the reason for excluding data as text.
-fn explanation(reason: IgnoreReason) -> &'static str {
-    match reason {
-        IgnoreReason::Contradicts => "its outcomes or summaries contradict those of all others",
-        IgnoreReason::OutOfSlot => "its messages arrive outside its slots",
-        IgnoreReason::FalseClaims => "it was received in slots that it reported as unused (its other data count)",
-        IgnoreReason::WrongTrack => "its reported track contradicts receptions (its outcomes count)",
-        IgnoreReason::Ahead => "some of its frames are ahead of the clock (its other data count)",
-    }
 }
