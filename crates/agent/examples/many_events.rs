@@ -1,4 +1,5 @@
-//! Measures the time that a vehicle with many events takes: `cargo run --release -p pingmap-agent --example many_events [events]`.
+//! Measures the time that a vehicle with many events takes: `cargo run --release -p pingmap-agent --example many_events
+//! [events]`.
 
 #![allow(clippy::print_stdout, reason = "the measurements are its output")]
 

@@ -1,8 +1,8 @@
 //! One vehicle of a team as a state machine without input or output, and the types that it shares with other crates.
 //!
-//! An [`Event`] records one transmission as its receiver observed it. A [`Model`] turns a [`LinkQuery`] into the inputs of the method. A
-//! [`Team`] holds everything that its members fix before the mission. An [`Agent`] records the events of one vehicle, exchanges frames,
-//! and predicts links.
+//! An [`Event`] records one transmission as its receiver observed it. A [`Model`] turns a [`LinkQuery`] into the inputs
+//! of the method. A [`Team`] holds everything that its members fix before the mission. An [`Agent`] records the events
+//! of one vehicle, exchanges frames, and predicts links.
 
 #![forbid(unsafe_code)]
 

@@ -19,8 +19,8 @@ fn stripes(count: u32) -> dgpc::Result<Observations> {
 /// # Errors
 /// None with these numbers.
 pub fn main() -> dgpc::Result<()> {
-    // The template with one length-scale for each column. The search starts from it, and parameters stay at its values if
-    // the events contain no information about them.
+    // The template with one length-scale for each column. The search starts from it, and parameters stay at its values
+    // if the events contain no information about them.
     let kernel = Kernel::new(vec![Term::new(Shape::SquaredExponential, 4.0, &[0, 1], &[1.0, 1.0])?])?;
     let template = Prior::new(kernel, PriorMean::Constant(0.0))?;
 

@@ -1,5 +1,5 @@
-//! A stream of messages, each with only the evidence that the messages before it lack. Messages may be lost, repeated or
-//! reordered. Receivers of the same set of messages have the same posterior.
+//! A stream of messages, each with only the evidence that the messages before it lack. Messages may be lost, repeated
+//! or reordered. Receivers of the same set of messages have the same posterior.
 //!
 //!     cargo run -p dgpc --example stream_of_residuals
 

@@ -1,7 +1,7 @@
 //! Choice of the inducing points that summarise a region best (section 5 of [`crate::method`]).
 //!
-//! All policies use one number: tr K̃, the prior variance at the candidates that the chosen points leave unexplained. It
-//! bounds the KL divergence from the full posterior (see [`crate::Certificate`]).
+//! All policies use one number: tr K̃, the prior variance at the candidates that the chosen points leave unexplained.
+//! It bounds the KL divergence from the full posterior (see [`crate::Certificate`]).
 
 use rand::{Rng, RngExt};
 
@@ -61,7 +61,8 @@ impl Candidates {
         Ok(Self { gram: kernel.gram(inputs)?, floor: vec![0.0; variance.len()], variance, absorbed: 0, jitter: 0.0 })
     }
 
-    /// Creates candidates given f at the points `known`. No choice is then spent on variance that these explain. O(N²M).
+    /// Creates candidates given f at the points `known`. No choice is then spent on variance that these explain.
+    /// O(N²M).
     ///
     /// # Errors
     /// As [`Candidates::new`]; [`crate::Error::NotPositiveDefinite`] if known points coincide too closely for any small
@@ -80,8 +81,8 @@ impl Candidates {
 
     /// Creates candidates for the residual of `own` beyond `public` ([`Posterior::residual`]). O(n²N + N²n).
     ///
-    /// Choosing a candidate reduces the variance there to that of `own`. The choice is greedy for the largest reduction of
-    /// `public`'s total variance at all candidates.
+    /// Choosing a candidate reduces the variance there to that of `own`. The choice is greedy for the largest reduction
+    /// of `public`'s total variance at all candidates.
     ///
     /// # Errors
     /// [`Error::DifferentPriors`], and as [`Posterior::latent`].
@@ -92,9 +93,8 @@ impl Candidates {
         Self::towards(public, &own.latent(inputs)?.variance, inputs)
     }
 
-    /// Creates candidates as [`Candidates::for_residual`] does, from the known `variance` of the sender's own posterior at
-    /// the candidates, N. O(n²N + N²n) for n rows of `public`.
-    /// of `public`.
+    /// Creates candidates as [`Candidates::for_residual`] does, from the known `variance` of the sender's own posterior
+    /// at the candidates, N. O(n²N + N²n) for n rows of `public`. of `public`.
     ///
     /// [`Error::SizeMismatch`] if the numbers of variances and candidates differ, and as [`Posterior::latent`].
     /// [`Error::SizeMismatch`] for another number of variances than candidates, and as [`Posterior::latent`].
@@ -106,8 +106,8 @@ impl Candidates {
         Ok(Self { gram, variance: prior_variance, floor, absorbed, jitter: public.jitter() })
     }
 
-    /// Updates the covariance by the evidence that the `public` of [`Candidates::towards`] has absorbed since. O(n²N + N²m)
-    /// for m new rows of its n rows.
+    /// Updates the covariance by the evidence that the `public` of [`Candidates::towards`] has absorbed since. O(n²N +
+    /// N²m) for m new rows of its n rows.
     ///
     /// `inputs` are those of the candidates. The candidates must not have been conditioned on any point.
     ///
@@ -120,9 +120,9 @@ impl Candidates {
         Ok(())
     }
 
-    /// Returns the indices of the distinct candidates, in order. Given the distinct ones before it, a distinct candidate
-    /// keeps at least the share `share_min` of its prior variance, such as [`DISTINCT_SHARE`]. O(N²) for each distinct
-    /// candidate.
+    /// Returns the indices of the distinct candidates, in order. Given the distinct ones before it, a distinct
+    /// candidate keeps at least the share `share_min` of its prior variance, such as [`DISTINCT_SHARE`]. O(N²) for each
+    /// distinct candidate.
     pub fn distinct(&self, share_min: f64) -> Vec<usize> {
         let mut remaining = Remainder::new(&self.gram);
         let mut kept = Vec::new();
@@ -176,9 +176,9 @@ impl Candidates {
 
     /// Returns the `points` candidates with the smallest tr K̃ (the paper's *good* points).
     ///
-    /// The choice is exact for one and two points. More points are chosen greedily and then exchanged until no single swap
-    /// reduces the trace. O(N²) for one point, O(N³) for two. More points cost O(N³), plus O(N·points²·log points) for each
-    /// round of exchange.
+    /// The choice is exact for one and two points. More points are chosen greedily and then exchanged until no single
+    /// swap reduces the trace. O(N²) for one point, O(N³) for two. More points cost O(N³), plus O(N·points²·log points)
+    /// for each round of exchange.
     pub fn minimise_trace(&self, points: usize) -> Selection {
         self.choose(points, Aim::Small)
     }
@@ -205,8 +205,8 @@ impl Candidates {
         Selection { indices, trace: remaining.trace() }
     }
 
-    /// Returns the `points` candidates of the greedy choice, in the order of choice. Prefixes of the result are the greedy
-    /// choices of fewer points. O(N²·points), or O(N³ + N·points²) if that is less.
+    /// Returns the `points` candidates of the greedy choice, in the order of choice. Prefixes of the result are the
+    /// greedy choices of fewer points. O(N²·points), or O(N³ + N·points²) if that is less.
     pub fn greedy(&self, points: usize) -> Selection {
         self.greedy_towards(points, Aim::Small)
     }
@@ -246,10 +246,11 @@ impl Candidates {
         selection
     }
 
-    /// Tries an exchange at each of the given places of a selection, in order. Returns whether anything changed. `remaining` must
-    /// be conditioned on the points at all other places.
+    /// Tries an exchange at each of the given places of a selection, in order. Returns whether anything changed.
+    /// `remaining` must be conditioned on the points at all other places.
     ///
-    /// The places are halved recursively. A round then conditions on O(points · log points) points instead of O(points²).
+    /// The places are halved recursively. A round then conditions on O(points · log points) points instead of
+    /// O(points²).
     fn exchange(
         &self,
         remaining: &mut Reductions<'_>,

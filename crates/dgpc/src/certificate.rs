@@ -15,8 +15,8 @@ use crate::sites::Sites;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Certificate {
-    /// tr K̃: the prior variance at the events that the inducing points leave unexplained. The selection policies minimise
-    /// it.
+    /// tr K̃: the prior variance at the events that the inducing points leave unexplained. The selection policies
+    /// minimise it.
     pub trace: f64,
     /// Lower bound on log p(y | ω), up to a constant that all bounds share.
     pub lower: f64,

@@ -2,9 +2,10 @@
 
 /// Returns the number of independent draws that would estimate the mean as well as these draws of a chain do.
 ///
-/// The estimate is n / (1 + 2 Σ ρ_t) with the autocorrelations ρ_t (Geyer's initial monotone sequence). The sum ends where
-/// the sum of a pair of neighbours is no longer positive, and the sums of pairs are made to decrease monotonically. The
-/// result is at most n·log₁₀ n. It is n for draws that are all equal, and for fewer than four draws. O(n²) at worst.
+/// The estimate is n / (1 + 2 Σ ρ_t) with the autocorrelations ρ_t (Geyer's initial monotone sequence). The sum ends
+/// where the sum of a pair of neighbours is no longer positive, and the sums of pairs are made to decrease
+/// monotonically. The result is at most n·log₁₀ n. It is n for draws that are all equal, and for fewer than four draws.
+/// O(n²) at worst.
 ///
 /// ```
 /// // When every value is repeated four times, the effective sample size is about a quarter.

@@ -10,7 +10,8 @@ use crate::parts::stretches;
 use crate::posterior::Posterior;
 use crate::shift::determined;
 
-/// Lower bound on the variance of an outcome. With it, one outcome alone contradicts by at most 3.2 standard deviations.
+/// Lower bound on the variance of an outcome. With it, one outcome alone contradicts by at most 3.2 standard
+/// deviations.
 const OUTCOME_VARIANCE_MIN: f64 = 0.1;
 
 /// Number of times that the outcomes are halved, in their order, to test each part separately.
@@ -19,16 +20,16 @@ const HALVINGS: u32 = 3;
 const PART_MIN: usize = 16;
 
 impl Posterior {
-    /// Returns how strongly reported outcomes contradict this posterior, in standard deviations. The posterior must not hold
-    /// these outcomes.
+    /// Returns how strongly reported outcomes contradict this posterior, in standard deviations. The posterior must not
+    /// hold these outcomes.
     ///
     /// Three alternatives are tested: a reporter of failures alone, of successes alone, and of the opposite of each
-    /// outcome. Each is tested on all outcomes, and on halves, quarters and eighths, in order, of at least 16 outcomes. The
-    /// result is the largest statistic, or 0 if all are negative.
+    /// outcome. Each is tested on all outcomes, and on halves, quarters and eighths, in order, of at least 16 outcomes.
+    /// The result is the largest statistic, or 0 if all are negative.
     ///
     /// Only determined inputs count. There, this posterior explains at least half of the prior variance of f, or of the
-    /// deviation of f from its mean. Elsewhere the result would only show that the prior was wrong. An offset of f that all
-    /// outcomes share, normal with mean 0 and standard deviation `offset_sd`, is not a contradiction either.
+    /// deviation of f from its mean. Elsewhere the result would only show that the prior was wrong. An offset of f that
+    /// all outcomes share, normal with mean 0 and standard deviation `offset_sd`, is not a contradiction either.
     ///
     /// Let p be the expected outcomes and Σ the covariance of the outcomes y about p. The statistic is
     /// aᵀΣ⁻¹(y − p)/√(aᵀΣ⁻¹a) for a = −p, 1 − p and 1 − 2p. It has mean 0 and variance 1 if the outcomes follow this
@@ -87,8 +88,8 @@ impl ReportedOutcomes {
         Self { expected, residual, scatter_sd, slope, covariance, offset_sd }
     }
 
-    /// Returns the largest of the three statistics of a part. Σ = D½(I + WCW)D½, with D the variances given f and W = D^−½
-    /// times the slopes.
+    /// Returns the largest of the three statistics of a part. Σ = D½(I + WCW)D½, with D the variances given f and W =
+    /// D^−½ times the slopes.
     fn contradiction(&self, part: Range<usize>) -> Result<f64> {
         let mut middle = Matrix::from_fn(part.len(), part.len(), |row, column| {
             let (row, column) = (part.start + row, part.start + column);

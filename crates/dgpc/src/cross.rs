@@ -10,7 +10,8 @@ use crate::linalg::{
 };
 use crate::parts::{BLOCK, blocks, on_parts, parts};
 
-/// Largest number of covariances that are kept in memory, 59 MB. Further covariances are computed each time they are needed.
+/// Largest number of covariances that are kept in memory, 59 MB. Further covariances are computed each time they are
+/// needed.
 const KEPT_MAX: usize = 7 << 20;
 
 /// The covariances K_NM of N events with M inducing points.
@@ -78,8 +79,8 @@ impl Sums {
         Self { precision: Matrix::zeros(points, points), shift: vec![0.0; points] }
     }
 
-    /// Adds a block of events with the given features (an event a row), ω and κ̃. The work matrix `scratch` is resized to the
-    /// size of the features. O(M²) an event.
+    /// Adds a block of events with the given features (an event a row), ω and κ̃. The work matrix `scratch` is resized
+    /// to the size of the features. O(M²) an event.
     pub(crate) fn add(&mut self, features: &Matrix, omega: &[f64], shift: &[f64], scratch: &mut Matrix) {
         add_scaled(1.0, &features.transposed_times(shift), &mut self.shift);
         let roots: Vec<f64> = omega.iter().map(|omega| omega.sqrt()).collect();
@@ -112,8 +113,8 @@ pub(crate) fn condense(cross: &Cross<'_>, cholesky: &Cholesky, omega: &[f64], sh
     Ok(total)
 }
 
-/// Returns diag(K_NN − ΦΦᵀ), N: the prior variance of every event that the inducing points leave unexplained. Values that
-/// rounding made negative become 0. O(NM²).
+/// Returns diag(K_NN − ΦΦᵀ), N: the prior variance of every event that the inducing points leave unexplained. Values
+/// that rounding made negative become 0. O(NM²).
 pub(crate) fn residual(cross: &Cross<'_>, cholesky: &Cholesky) -> Result<Vec<f64>> {
     let of_part = |part: Range<usize>| -> Result<Vec<f64>> {
         let (mut residual, mut features) = (Vec::with_capacity(part.len()), Matrix::default());

@@ -16,10 +16,12 @@ pub struct Evidence {
     pub gradient: Vec<f64>,
 }
 
-/// Returns the evidence bound of events and of messages from peers, and its gradient. The cost is that of [`crate::fit`].
+/// Returns the evidence bound of events and of messages from peers, and its gradient. The cost is that of
+/// [`crate::fit`].
 ///
-/// A message counts with its kernel-free factor, whatever prior it was formed under. E then bounds the log of a marginal
-/// likelihood in which the factors replace the likelihood of the events behind them. Inducing points stay in place.
+/// A message counts with its kernel-free factor, whatever prior it was formed under. E then bounds the log of a
+/// marginal likelihood in which the factors replace the likelihood of the events behind them. Inducing points stay in
+/// place.
 ///
 /// # Errors
 /// As [`crate::fit`].

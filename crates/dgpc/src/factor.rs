@@ -8,8 +8,9 @@ use crate::linalg::Matrix;
 
 /// A Gaussian factor exp(−½fᵀPf + ηᵀf) on f at M points. It depends on no kernel and no prior mean.
 ///
-/// [`crate::Summary::factor`] computes it, and [`crate::Summary::from_factor`] reads it under any prior. Its numbers are
-/// badly scaled if points are close to each other. To convert between two known priors, use [`crate::Summary::under`].
+/// [`crate::Summary::factor`] computes it, and [`crate::Summary::from_factor`] reads it under any prior. Its numbers
+/// are badly scaled if points are close to each other. To convert between two known priors, use
+/// [`crate::Summary::under`].
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Factor {

@@ -91,8 +91,8 @@ impl Gibbs {
     /// Runs one sweep: draws ω given f, then f given ω and the outcomes.
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`] if I + Ω^½KΩ^½ cannot be factorised, and [`Error::NotFinite`] if f overflows. Both
-    /// occur only with numbers near the end of the floating-point range.
+    /// [`Error::NotPositiveDefinite`] if I + Ω^½KΩ^½ cannot be factorised, and [`Error::NotFinite`] if f overflows.
+    /// Both occur only with numbers near the end of the floating-point range.
     pub fn sweep<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Result<()> {
         for ((omega, &latent), &weight) in self.omega.iter_mut().zip(&self.latent).zip(self.observations.weights()) {
             *omega = (0..weight as u64).map(|_| polya_gamma::sample(rng, latent)).sum::<Result<f64>>()?;

@@ -1,5 +1,5 @@
-//! Choice of inducing points among so large a number of inputs that their covariance does not fit into memory (section 5 of
-//! [`crate::method`]).
+//! Choice of inducing points among so large a number of inputs that their covariance does not fit into memory (section
+//! 5 of [`crate::method`]).
 
 use crate::candidates::{DISTINCT_SHARE, Selection};
 use crate::error::{Result, positive};
@@ -12,8 +12,8 @@ const ROUNDING_SHARE: f64 = 1e-10;
 
 /// Chooses `points` of `inputs` greedily, with tr K̃ summed over at most `judges_max` inputs, the judges.
 ///
-/// The judges are spread evenly. If all inputs are judges, the choice is that of [`crate::Candidates::greedy`]. The trace in
-/// the result is over all inputs. After the judges are fully explained, the points of largest variance follow.
+/// The judges are spread evenly. If all inputs are judges, the choice is that of [`crate::Candidates::greedy`]. The
+/// trace in the result is over all inputs. After the judges are fully explained, the points of largest variance follow.
 /// O(NJ·points) time and NJ memory for N inputs and J judges.
 ///
 /// ```
@@ -87,8 +87,8 @@ fn choose(
     Ok(Selection { indices, trace: remaining.variance.iter().map(|variance| variance.max(0.0)).sum() })
 }
 
-/// The remaining covariance of all inputs, K̃ = K − UUᵀ, represented by its diagonal and the columns of U. Columns of K are
-/// computed when they are needed.
+/// The remaining covariance of all inputs, K̃ = K − UUᵀ, represented by its diagonal and the columns of U. Columns of K
+/// are computed when they are needed.
 struct RemainingCovariance<'a> {
     kernel: &'a Kernel,
     inputs: &'a Inputs,

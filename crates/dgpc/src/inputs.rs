@@ -121,8 +121,8 @@ pub(crate) fn check_column(column: usize) -> Result<()> {
 /// Returns at most `count_max` of the indices below `count`, in ascending order and spread over the whole range.
 ///
 /// The indices look random but are always the same. A periodic schedule of events therefore does not alias with them.
-/// If fewer than a third of the indices are wanted, the range is cut into `count_max` equal parts and one index comes from
-/// each. Otherwise every index is equally likely.
+/// If fewer than a third of the indices are wanted, the range is cut into `count_max` equal parts and one index comes
+/// from each. Otherwise every index is equally likely.
 ///
 /// ```
 /// assert_eq!(dgpc::spread_out(3, 5), [0, 1, 2]);

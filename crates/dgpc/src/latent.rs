@@ -23,9 +23,9 @@ pub struct Latent {
 impl Latent {
     /// Starts from the prior moments at every point and lets `learned` update them in blocks.
     ///
-    /// `learned` receives a block of points, their means and variances, and a work area that successive blocks share. It
-    /// costs `work_each` multiply-adds a point. Variances that rounding made negative become 0. All results are checked
-    /// to be finite.
+    /// `learned` receives a block of points, their means and variances, and a work area that successive blocks share.
+    /// It costs `work_each` multiply-adds a point. Variances that rounding made negative become 0. All results are
+    /// checked to be finite.
     pub(crate) fn in_blocks<R: Default>(
         prior: &Prior,
         inputs: &Inputs,
@@ -66,8 +66,8 @@ fn clipped(variance: f64) -> f64 {
     if variance < 0.0 { 0.0 } else { variance }
 }
 
-/// Weight and scale of each normal distribution function in the mixture that approximates the logistic function (Monahan
-/// and Stefanski 1992, eight terms): |σ(x) − Σ weight · Φ(scale · x)| < 2.1e-9 for every x.
+/// Weight and scale of each normal distribution function in the mixture that approximates the logistic function
+/// (Monahan and Stefanski 1992, eight terms): |σ(x) − Σ weight · Φ(scale · x)| < 2.1e-9 for every x.
 const MIXTURE: [(f64, f64); 8] = [
     (0.003246343272134, 1.365340806296348),
     (0.051517477033972, 1.059523971016916),
@@ -82,8 +82,8 @@ const MIXTURE: [(f64, f64); 8] = [
 /// Returns ∫ σ(f) N(f; mean, variance) df: the probability of success for a latent function of this mean and variance.
 ///
 /// The absolute error is below 3e-9 for every mean and variance, because the mixture's error is uniform in f. The exact
-/// value lies between σ(mean) and ½, because averaging over a symmetric density pulls towards ½. The result is clamped to
-/// that interval. This keeps the far tails correct, where the mixture alone would decrease too fast.
+/// value lies between σ(mean) and ½, because averaging over a symmetric density pulls towards ½. The result is clamped
+/// to that interval. This keeps the far tails correct, where the mixture alone would decrease too fast.
 ///
 /// The result is NaN if an argument is NaN. [`crate::Posterior::latent`] returns no NaN.
 ///

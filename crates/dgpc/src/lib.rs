@@ -10,11 +10,12 @@
 //!    * choose inducing points from [`Candidates`] for a [`LocalityRegion`], and certify the choice ([`Certificate`]);
 //!    * condense the events into a [`Summary`], or send only its [`Posterior::residual`] beyond the peers' knowledge;
 //!    * fuse the summaries of its peers ([`Fit::posterior_with`], [`Posterior::absorb_summaries`]);
-//! 4. **learn** the prior itself from its events and from the summaries of its peers: `learn`, with the feature `learn`.
+//! 4. **learn** the prior itself from its events and from the summaries of its peers: `learn`, with the feature
+//!    `learn`.
 //!
 //! The crate is pure: it has no input or output, no clock and no global state. The caller passes in the random number
-//! generator. The crate starts threads only with the feature `parallel`. Inputs have any dimension, and their meaning is
-//! left to the caller. The module [`method`] describes the mathematics; the documentation cites its sections.
+//! generator. The crate starts threads only with the feature `parallel`. Inputs have any dimension, and their meaning
+//! is left to the caller. The module [`method`] describes the mathematics; the documentation cites its sections.
 //!
 //! # Fit and predict
 //!

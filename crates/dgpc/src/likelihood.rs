@@ -17,8 +17,8 @@ const PRECISION_MIN: f64 = 1e-8;
 
 /// Events, and messages as further Gaussian observations.
 ///
-/// A message with kernel-free factor (P, η) at Z, P = RRᵀ, is the observation of Rᵀf(Z) with unit noise. It acts as M more
-/// events with ω = 1 and κ = R⁻¹η.
+/// A message with kernel-free factor (P, η) at Z, P = RRᵀ, is the observation of Rᵀf(Z) with unit noise. It acts as M
+/// more events with ω = 1 and κ = R⁻¹η.
 pub(crate) struct Likelihood<'a> {
     pub(crate) observations: &'a Observations,
     /// The inducing points of all messages, stacked.
@@ -128,8 +128,9 @@ impl<'a> Likelihood<'a> {
         mean.gradient(&self.support, &weights)
     }
 
-    /// Returns the gradient by the kernel's parameters, from the lower triangle of the derivative by [`Likelihood::gram`].
-    /// Overwrites `weights` with the derivative by the gram matrix of the events and the messages' points.
+    /// Returns the gradient by the kernel's parameters, from the lower triangle of the derivative by
+    /// [`Likelihood::gram`]. Overwrites `weights` with the derivative by the gram matrix of the events and the
+    /// messages' points.
     pub(crate) fn gram_gradient(&self, kernel: &Kernel, weights: &mut Matrix) -> Vec<f64> {
         if self.has_messages() {
             weights.mirror_lower();

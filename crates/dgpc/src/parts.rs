@@ -13,8 +13,8 @@ const PARTS_MAX: usize = 16;
 /// Smallest number of multiply-adds in one part, when there are several.
 const PART_WORK: usize = 1 << 25;
 
-/// Splits `events` into parts of whole blocks, in order. The number of parts depends on the work alone, not on the number
-/// of threads. Sums over the parts therefore do not depend on the number of threads either.
+/// Splits `events` into parts of whole blocks, in order. The number of parts depends on the work alone, not on the
+/// number of threads. Sums over the parts therefore do not depend on the number of threads either.
 pub(crate) fn parts(events: usize, work_each: usize) -> Vec<Range<usize>> {
     let count = (events.saturating_mul(work_each) / PART_WORK).clamp(1, PARTS_MAX);
     let length = events.div_ceil(count).next_multiple_of(BLOCK).max(BLOCK);

@@ -1,8 +1,8 @@
 //! The Pólya-Gamma distribution: exact draws from PG(1, c), and moments (section 1 of [`crate::method`]).
 //!
-//! The sampler is Devroye's rejection method for the Jacobi distribution J*(1, z) with z = |c|/2 and PG(1, c) =
-//! J*(1, z)/4 (Polson, Scott and Windle 2013, section 4). The proposal is an inverse Gaussian left of 0.64 and an
-//! exponential right of it. The density is an alternating series whose partial sums bracket it, so that a few terms decide
+//! The sampler is Devroye's rejection method for the Jacobi distribution J*(1, z) with z = |c|/2 and PG(1, c) = J*(1,
+//! z)/4 (Polson, Scott and Windle 2013, section 4). The proposal is an inverse Gaussian left of 0.64 and an exponential
+//! right of it. The density is an alternating series whose partial sums bracket it, so that a few terms decide
 //! acceptance exactly. All masses are compared as logarithms: nothing overflows or cancels at any finite c.
 
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -51,8 +51,8 @@ fn rate(z: f64) -> f64 {
     PI * PI / 8.0 + 0.5 * z * z
 }
 
-/// The share of the proposal's mass left of [`SPLIT`], with an interpolated value that nearly always suffices. The exact
-/// share costs more than the rest of a draw.
+/// The share of the proposal's mass left of [`SPLIT`], with an interpolated value that nearly always suffices. The
+/// exact share costs more than the rest of a draw.
 struct LeftShare {
     z: f64,
     near: f64,
@@ -77,7 +77,8 @@ impl LeftShare {
     }
 }
 
-/// The share at every multiple of 1/[`TABLE_PER_UNIT`] up to z = 16. Beyond z = 16, all but 1e-12 of the mass lies left.
+/// The share at every multiple of 1/[`TABLE_PER_UNIT`] up to z = 16. Beyond z = 16, all but 1e-12 of the mass lies
+/// left.
 static TABLE: LazyLock<Vec<f64>> =
     LazyLock::new(|| (0..=TABLE_END as u32).map(|n| left_share(f64::from(n) / TABLE_PER_UNIT)).collect());
 
@@ -85,8 +86,8 @@ const TABLE_END: f64 = 16.0 * TABLE_PER_UNIT;
 
 const TABLE_PER_UNIT: f64 = 64.0;
 
-/// Bound on the interpolation error. A straight line between neighbours is off by at most h²/8 max |f″| with h = 1/64. The
-/// largest |f″| is 0.261, at z = 0.
+/// Bound on the interpolation error. A straight line between neighbours is off by at most h²/8 max |f″| with h = 1/64.
+/// The largest |f″| is 0.261, at z = 0.
 const TABLE_ERROR: f64 = 0.3 / (8.0 * TABLE_PER_UNIT * TABLE_PER_UNIT);
 
 /// Returns the exact share of the proposal's mass left of [`SPLIT`].

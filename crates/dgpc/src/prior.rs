@@ -43,7 +43,8 @@ impl Prior {
         self.mean.check_columns(inputs)
     }
 
-    /// Returns whether `a` and `b` agree, point by point, in all columns that the kernel or the mean uses. O(N · columns).
+    /// Returns whether `a` and `b` agree, point by point, in all columns that the kernel or the mean uses. O(N ·
+    /// columns).
     pub fn sees_alike(&self, a: &Inputs, b: &Inputs) -> bool {
         let columns = self.columns();
         let value = |row: &[f64], column: usize| row.get(column).copied();

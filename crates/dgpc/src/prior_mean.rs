@@ -17,8 +17,8 @@ pub enum PriorMean {
     Range(RangeMean),
 }
 
-/// Log-odds that fall with the distance between two sets of columns: μ₀ = intercept − slope · ‖x\[from\] − x\[to\]‖. The
-/// odds are even at distance intercept / slope. Use it to encode a conservative communication range.
+/// Log-odds that fall with the distance between two sets of columns: μ₀ = intercept − slope · ‖x\[from\] − x\[to\]‖.
+/// The odds are even at distance intercept / slope. Use it to encode a conservative communication range.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct RangeMean {
@@ -142,8 +142,8 @@ impl PriorMean {
         }
     }
 
-    /// Returns the learned parameters. A constant mean has its constant, and a range mean has its intercept. A falling range
-    /// mean also has the logarithm of its slope. A slope that is not positive is not learned.
+    /// Returns the learned parameters. A constant mean has its constant, and a range mean has its intercept. A falling
+    /// range mean also has the logarithm of its slope. A slope that is not positive is not learned.
     pub fn parameter_values(&self) -> Vec<f64> {
         match self {
             PriorMean::Zero => Vec::new(),
@@ -166,8 +166,8 @@ impl PriorMean {
     /// Returns the mean with other parameters, in the order of [`PriorMean::parameter_values`].
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] if the number of parameters differs, [`Error::NotFinite`] for a parameter that is not finite,
-    /// and [`Error::OutOfRange`] if the slope leaves the floating-point range.
+    /// [`Error::SizeMismatch`] if the number of parameters differs, [`Error::NotFinite`] for a parameter that is not
+    /// finite, and [`Error::OutOfRange`] if the slope leaves the floating-point range.
     pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
         match (self, parameters) {
             (PriorMean::Zero, []) => Ok(PriorMean::Zero),

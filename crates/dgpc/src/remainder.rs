@@ -28,16 +28,16 @@ impl<'a> Remainder<'a> {
         self.variance.iter().map(|variance| variance.max(0.0)).sum()
     }
 
-    /// Removes `share` of the variance at a point, and the covariances that go with it. The variance there must be positive.
-    /// O(Nm).
+    /// Removes `share` of the variance at a point, and the covariances that go with it. The variance there must be
+    /// positive. O(Nm).
     pub(crate) fn take(&mut self, point: usize, share: f64) {
         let column = self.scaled(point, share, self.gram.column(point), &self.columns);
         self.variance.iter_mut().zip(&column).for_each(|(variance, u)| *variance -= u * u);
         self.columns.push(column);
     }
 
-    /// Returns √(share/k̃_pp) (whole_p − Σⱼ u_jp partsⱼ). With `whole` a column of K and `parts` the columns of U, this is
-    /// the new column of U.
+    /// Returns √(share/k̃_pp) (whole_p − Σⱼ u_jp partsⱼ). With `whole` a column of K and `parts` the columns of U, this
+    /// is the new column of U.
     fn scaled(&self, point: usize, share: f64, whole: &[f64], parts: &[Vec<f64>]) -> Vec<f64> {
         let mut column = whole.to_vec();
         for (taken, part) in self.columns.iter().zip(parts) {

@@ -7,8 +7,8 @@ use crate::linalg::{Cholesky, Matrix, product};
 use crate::posterior::Posterior;
 use crate::summary::Summary;
 
-/// The shift of the latent function by some summaries, at their inducing points one after the other, and the uncertainty
-/// there without them.
+/// The shift of the latent function by some summaries, at their inducing points one after the other, and the
+/// uncertainty there without them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shift {
     /// Mean with the summaries minus mean without them.
@@ -23,8 +23,8 @@ pub struct Shift {
 /// only shows that the prior was wrong, which is no surprise.
 const EXPLAINED_SHARE: f64 = 0.5;
 
-/// Smallest share of a value's prior variance that its deviation from the mean must have. Below it, deviations are rounding
-/// errors.
+/// Smallest share of a value's prior variance that its deviation from the mean must have. Below it, deviations are
+/// rounding errors.
 const DIFFERENCE_SHARE: f64 = 0.01;
 
 /// Returns whether enough of the prior variance is explained for a comparison.
@@ -60,15 +60,15 @@ pub(crate) fn determined(covariance: &Matrix, prior_covariance: &Matrix) -> Vec<
 }
 
 impl Shift {
-    /// Returns the largest shift, in standard deviations without the summaries. Points count if at least half of the prior
-    /// variance is explained without the summaries. Without such points the result is 0.
+    /// Returns the largest shift, in standard deviations without the summaries. Points count if at least half of the
+    /// prior variance is explained without the summaries. Without such points the result is 0.
     ///
     /// Two kinds of shift are examined. The first is that of the function itself, minus a common offset. The offset is
-    /// normal with mean 0 and standard deviation `offset_sd`, and is estimated from the points. The second is that of the
-    /// deviation from the mean over the points.
+    /// normal with mean 0 and standard deviation `offset_sd`, and is estimated from the points. The second is that of
+    /// the deviation from the mean over the points.
     ///
-    /// If the summaries come from the same latent function, the shift at a point is normal. Its variance is then smaller
-    /// than the variance without the summaries. The result therefore rarely exceeds 3.
+    /// If the summaries come from the same latent function, the shift at a point is normal. Its variance is then
+    /// smaller than the variance without the summaries. The result therefore rarely exceeds 3.
     pub fn largest(&self, offset_sd: f64) -> f64 {
         let [value, about_mean] = determined_masks(&self.covariance, &self.prior_covariance);
         self.largest_of_values(&value, offset_sd).max(self.largest_about_mean(&about_mean))
@@ -107,8 +107,8 @@ impl Posterior {
         Ok(Shift { mean, covariance: factor.covariance, prior_covariance: factor.prior_covariance })
     }
 
-    /// Returns the shift that `summaries` have caused. This posterior must hold them. The moments without them are computed
-    /// by downdating the moments with them, at the cost of [`Posterior::shift_by`].
+    /// Returns the shift that `summaries` have caused. This posterior must hold them. The moments without them are
+    /// computed by downdating the moments with them, at the cost of [`Posterior::shift_by`].
     ///
     /// # Errors
     /// As [`Posterior::shift_by`], and [`crate::Error::NotPositiveDefinite`] for summaries that the posterior does not

@@ -21,8 +21,8 @@ impl Sites {
     /// Creates the sites of `observations` at the given ω (N).
     ///
     /// # Errors
-    /// [`crate::Error::SizeMismatch`] if the number of ω differs from the number of events, [`crate::Error::OutOfRange`]
-    /// for an ω that is not finite and positive.
+    /// [`crate::Error::SizeMismatch`] if the number of ω differs from the number of events,
+    /// [`crate::Error::OutOfRange`] for an ω that is not finite and positive.
     pub fn new(observations: &Observations, omega: Vec<f64>) -> Result<Self> {
         same_size("Pólya-Gamma variables, one per event", observations.len(), omega.len())?;
         for &omega in &omega {

@@ -36,8 +36,8 @@ impl Summary {
         Self::from_whitened(prior, inducing_points, Matrix::zeros(points, points), vec![0.0; points])
     }
 
-    /// Creates a summary from its whitened parts, Ĝ (M×M, positive semi-definite) and b̂ (M). Only the symmetric part of
-    /// Ĝ is used. O(M³).
+    /// Creates a summary from its whitened parts, Ĝ (M×M, positive semi-definite) and b̂ (M). Only the symmetric part
+    /// of Ĝ is used. O(M³).
     ///
     /// # Errors
     /// As [`Summary::empty`], [`Error::SizeMismatch`], and [`Error::NotFinite`]. Negative eigenvalues of Ĝ are not
@@ -56,8 +56,8 @@ impl Summary {
         Ok(Self { prior: prior.clone(), inducing_points: inducing_points.clone(), cholesky, precision, shift })
     }
 
-    /// Creates the variational summary of `sites` (the paper's): G = K_MN Ω K_NM, b = K_MN κ̃. It is additive over events.
-    /// It ignores the part of the prior variance that the inducing points do not explain. O(NM²).
+    /// Creates the variational summary of `sites` (the paper's): G = K_MN Ω K_NM, b = K_MN κ̃. It is additive over
+    /// events. It ignores the part of the prior variance that the inducing points do not explain. O(NM²).
     ///
     /// # Errors
     /// As [`Summary::empty`].
@@ -67,8 +67,8 @@ impl Summary {
         Ok(summary)
     }
 
-    /// Creates the marginal summary of `sites`: the exact message of these events about f(Z), with (K̃ + Ω⁻¹)⁻¹ in place
-    /// of Ω. It is never overconfident, and not additive over events. O(N³ + NM²).
+    /// Creates the marginal summary of `sites`: the exact message of these events about f(Z), with (K̃ + Ω⁻¹)⁻¹ in
+    /// place of Ω. It is never overconfident, and not additive over events. O(N³ + NM²).
     ///
     /// # Errors
     /// As [`Summary::empty`].
@@ -176,9 +176,9 @@ impl Summary {
     /// Returns the message that turns the posterior of `known` at Z into the posterior of this summary. A receiver that
     /// holds `known` lacks exactly this message.
     ///
-    /// `known` can be more certain than this summary, because messages were rounded or the fit moved since. The residual
-    /// takes no precision back: the difference of the precisions is clipped to positive semi-definite. The shift is
-    /// chosen so that the means agree nevertheless. O(M³).
+    /// `known` can be more certain than this summary, because messages were rounded or the fit moved since. The
+    /// residual takes no precision back: the difference of the precisions is clipped to positive semi-definite. The
+    /// shift is chosen so that the means agree nevertheless. O(M³).
     ///
     /// # Errors
     /// [`Error::DifferentPriors`] or [`Error::DifferentInducingPoints`], and as [`Summary::moments`].

@@ -18,10 +18,12 @@ impl Summary {
         self.cholesky().lower_times(self.whitened_shift())
     }
 
-    /// Returns the mean (M) and covariance (M×M) of f(Z) given this message alone: μ₀ + L(I+Ĝ)⁻¹b̂ and L(I+Ĝ)⁻¹Lᵀ. O(M³).
+    /// Returns the mean (M) and covariance (M×M) of f(Z) given this message alone: μ₀ + L(I+Ĝ)⁻¹b̂ and L(I+Ĝ)⁻¹Lᵀ.
+    /// O(M³).
     ///
     /// # Errors
-    /// [`crate::Error::NotPositiveDefinite`] if I + Ĝ is not, for example after subtracting events that were never added.
+    /// [`crate::Error::NotPositiveDefinite`] if I + Ĝ is not, for example after subtracting events that were never
+    /// added.
     pub fn moments(&self) -> Result<(Vec<f64>, Matrix)> {
         let total = self.total()?;
         let mut mean = self.whitened_shift().to_vec();

@@ -1,15 +1,16 @@
 //! Imports the recordings of underwater vehicles into one event log.
 //!
-//! After a mission, each vehicle leaves files in the time of its own clock. They hold its positions, the messages that it received, and
-//! perhaps those that it transmitted. A TDMA schedule may exist as well.
+//! After a mission, each vehicle leaves files in the time of its own clock. They hold its positions, the messages that
+//! it received, and perhaps those that it transmitted. A TDMA schedule may exist as well.
 //!
-//! [`RecordReader`] reads the files into one [`Recording`] for each vehicle. [`join`] aligns the clocks and assigns receptions to
-//! transmissions. The result lists every transmission with each receiver that could have decoded it. An event holds both positions, and
-//! whether the message was decoded.
+//! [`RecordReader`] reads the files into one [`Recording`] for each vehicle. [`join`] aligns the clocks and assigns
+//! receptions to transmissions. The result lists every transmission with each receiver that could have decoded it. An
+//! event holds both positions, and whether the message was decoded.
 //!
-//! The log serves to estimate the probability that a message, *once transmitted*, is decoded by a *listening* receiver. A transmission
-//! counts only with evidence that it took place ([`TransmissionEvidence`]). It counts only for receivers that were listening. Every exclusion
-//! criterion ([`ExclusionReason`]) is independent of the outcome, so that it removes successes and misses alike.
+//! The log serves to estimate the probability that a message, *once transmitted*, is decoded by a *listening* receiver.
+//! A transmission counts only with evidence that it took place ([`TransmissionEvidence`]). It counts only for receivers
+//! that were listening. Every exclusion criterion ([`ExclusionReason`]) is independent of the outcome, so that it
+//! removes successes and misses alike.
 //!
 //! ```
 //! use std::path::Path;
@@ -28,7 +29,7 @@
 //! let rules = Rules { nav_gap_s_max: 60.0, ..Rules::default() };
 //! let imported = join(&recordings, None, &Reference::unknown(), &rules)?;
 //! let outcomes: Vec<bool> = imported.log.events.iter().map(|event| event.success).collect();
-//! // The first and the last reception define when b's modem was active. They depend on the outcome, so they do not count.
+//! // The first and the last reception define when b's modem was active. They depend on the outcome and do not count.
 //! assert_eq!(outcomes, [true, false]);
 //! # Ok::<(), pingmap_import::ImportError>(())
 //! ```

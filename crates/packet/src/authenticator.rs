@@ -49,8 +49,8 @@ impl Key {
     /// Parses a key of 64 hexadecimal digits. White space around the digits is ignored.
     ///
     /// # Errors
-    /// [`Error::Kind`] for any other text, and the errors of [`Key::new`]. The error does not contain the text, which may
-    /// be a secret.
+    /// [`Error::Kind`] for any other text, and the errors of [`Key::new`]. The error does not contain the text, which
+    /// may be a secret.
     pub fn parse(text: &str) -> Result<Self, Error> {
         let mut bytes = from_hex(text.trim()).unwrap_or_default();
         let key = <[u8; KEY_BYTES]>::try_from(bytes.as_slice());
@@ -65,9 +65,9 @@ impl Key {
 
     /// Returns the 8-byte tag of a frame whose tag field contains zeros.
     ///
-    /// The first 6 bytes are keyed BLAKE3 over the length of `context` (8 bytes), `context` and the frame. `context` holds
-    /// the settings that both ends share without sending them. The last 2 bytes are the same digest over an empty context:
-    /// they distinguish another context from a forgery.
+    /// The first 6 bytes are keyed BLAKE3 over the length of `context` (8 bytes), `context` and the frame. `context`
+    /// holds the settings that both ends share without sending them. The last 2 bytes are the same digest over an empty
+    /// context: they distinguish another context from a forgery.
     pub(crate) fn tag(&self, context: &[u8], frame: &[u8]) -> [u8; 8] {
         let digest = |context: &[u8]| {
             let mut hasher = blake3::Hasher::new_keyed(&self.0.frames);
@@ -111,8 +111,8 @@ pub struct Authenticator<'a> {
 /// Bits of an authentication tag.
 pub(crate) const TAG_BITS: u32 = 64;
 
-/// Writes the tag into a message, if the message has a tag field. `place` is the first bit of that field, which contains
-/// zeros until then.
+/// Writes the tag into a message, if the message has a tag field. `place` is the first bit of that field, which
+/// contains zeros until then.
 pub(crate) fn authenticate(
     mut message: Vec<u8>,
     place: Option<usize>,
@@ -130,7 +130,8 @@ pub(crate) fn authenticate(
     }
 }
 
-/// Checks the tag of a decoded message. Each message has exactly one encoding, so the received bytes are checked directly.
+/// Checks the tag of a decoded message. Each message has exactly one encoding, so the received bytes are checked
+/// directly.
 pub(crate) fn check_tag(
     message: &[u8],
     place: Option<usize>,

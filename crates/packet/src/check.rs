@@ -28,8 +28,8 @@ impl Schema {
     /// * The longest form has at most [`Schema::bytes_max`] bytes.
     ///
     /// # Errors
-    /// [`Error::Schema`] with the field and the requirement that it violates. [`Error::TooLong`] if the longest form does
-    /// not fit.
+    /// [`Error::Schema`] with the field and the requirement that it violates. [`Error::TooLong`] if the longest form
+    /// does not fit.
     pub fn check(&self) -> Result<(), Error> {
         if self.id.is_some_and(|id| id > ID_MAX) {
             return Err(Error::Schema { field: self.name.clone(), expected: "an id of at most 32767" });
@@ -85,7 +85,8 @@ fn number_problem(number: &Number) -> Option<&'static str> {
     if !is_ordered || !resolution.is_finite() || resolution <= 0.0 {
         return Some("finite bounds in order and a positive resolution");
     }
-    // DCCL compares logarithms. The quotient itself is compared as well: its logarithm may be rounded down to the limit.
+    // DCCL compares logarithms. The quotient itself is compared as well: its logarithm may be rounded down to the
+    // limit.
     let is_countable = libm::log2(max - min) - libm::log2(resolution) <= f64::from(f64::MANTISSA_DIGITS);
     if !is_countable || (max - min) / resolution >= CODES_MAX {
         return Some("at most 2^53 values between its bounds");

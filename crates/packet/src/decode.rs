@@ -14,8 +14,8 @@ impl Schema {
     /// Decodes `bytes`, which must contain one message and nothing else.
     ///
     /// # Errors
-    /// The errors of [`Schema::check`], and [`Error`] for another id, for too few or too many bytes, and for a field with a
-    /// value outside its bounds.
+    /// The errors of [`Schema::check`], and [`Error`] for another id, for too few or too many bytes, and for a field
+    /// with a value outside its bounds.
     pub fn decode(&self, bytes: &[u8]) -> Result<Fields, Error> {
         self.check()?;
         self.read(bytes)
@@ -30,8 +30,8 @@ impl Schema {
         }
     }
 
-    /// Decodes the message at the start of `bytes`, and returns it with its length in bytes. Like [`Schema::read`], it does
-    /// not check the schema.
+    /// Decodes the message at the start of `bytes`, and returns it with its length in bytes. Like [`Schema::read`], it
+    /// does not check the schema.
     pub(crate) fn read_first(&self, bytes: &[u8]) -> Result<(Fields, usize), Error> {
         let mut reader = Reader { bits: BitReader::new(bytes), length: bytes.len() };
         if let Some(expected) = self.id {

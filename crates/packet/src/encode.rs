@@ -12,8 +12,8 @@ impl Schema {
     /// Encodes the message: id and head, then body, each padded to a whole byte.
     ///
     /// # Errors
-    /// The errors of [`Schema::check`], and [`Error`] with the field's name, its bounds and a value that does not fit. The
-    /// encoder never truncates a value.
+    /// The errors of [`Schema::check`], and [`Error`] with the field's name, its bounds and a value that does not fit.
+    /// The encoder never truncates a value.
     pub fn encode(&self, message: &Fields) -> Result<Vec<u8>, Error> {
         self.check()?;
         self.write(message)

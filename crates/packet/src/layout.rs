@@ -46,8 +46,8 @@ pub struct Layout {
     pub frame_bytes: usize,
     /// Whether links have depths.
     pub has_depth: bool,
-    /// Whether the message has an authentication tag of 8 bytes. The tag then covers the digest of the team's settings, and
-    /// there is no check number.
+    /// Whether the message has an authentication tag of 8 bytes. The tag then covers the digest of the team's settings,
+    /// and there is no check number.
     pub is_authenticated: bool,
     /// Number of blocks.
     pub blocks: usize,
@@ -214,16 +214,16 @@ impl Layout {
         self.head_bits() + self.proof_bits()
     }
 
-    /// Returns the length of the message in bytes, without building [`Layout::schema`]. All messages of a form have equal
-    /// length.
+    /// Returns the length of the message in bytes, without building [`Layout::schema`]. All messages of a form have
+    /// equal length.
     pub fn length(&self) -> usize {
         self.body_start().saturating_add(self.body_bits()).div_ceil(8)
     }
 
     /// Returns the bytes of a message with zeros in place of the check number `model`, without decoding and encoding.
     ///
-    /// The check number is computed from these bytes. Bytes after the message, for example zeros added by a modem, are cut
-    /// off. An authenticated message has no check number and is returned unchanged. The function accepts any bytes.
+    /// The check number is computed from these bytes. Bytes after the message, for example zeros added by a modem, are
+    /// cut off. An authenticated message has no check number and is returned unchanged. The function accepts any bytes.
     pub fn with_model_zeroed(&self, bytes: &[u8]) -> Vec<u8> {
         let mut message = bytes[..bytes.len().min(self.length())].to_vec();
         if !self.is_authenticated {
@@ -232,7 +232,8 @@ impl Layout {
         message
     }
 
-    /// Encodes these values. The schemas of [`LAYOUTS`] are known to be valid; only the schema of another layout is checked.
+    /// Encodes these values. The schemas of [`LAYOUTS`] are known to be valid; only the schema of another layout is
+    /// checked.
     pub(crate) fn encode(&self, values: &Fields) -> Result<Vec<u8>, Error> {
         let schema = self.schema();
         if !LAYOUTS.contains(self) {
@@ -276,7 +277,8 @@ impl Layout {
         LOCATION.into_iter().chain(depths.into_iter().flatten()).chain(STATISTICS)
     }
 
-    /// Returns the DCCL schema of the message. All numbers are integers; the team's chart and quantizer define their meaning.
+    /// Returns the DCCL schema of the message. All numbers are integers; the team's chart and quantizer define their
+    /// meaning.
     pub fn schema(&self) -> Schema {
         let all = |name, kind, count| Field::repeated(name, kind, count, count);
         let mut fields =

@@ -1,16 +1,16 @@
 //! Messages of pingmap as bits, for acoustic modems.
 //!
-//! * [`Schema`], [`Fields`], [`Value`]: a subset of DCCL (codec version 4, and 3 where it is identical). It suffices for
-//!   the messages of pingmap and most messages of a fleet. Values out of bounds are refused in both directions, with the
-//!   name of the field; the reference implementation does not refuse them.
+//! * [`Schema`], [`Fields`], [`Value`]: a subset of DCCL (codec version 4, and 3 where it is identical). It suffices
+//!   for the messages of pingmap and most messages of a fleet. Values out of bounds are refused in both directions,
+//!   with the name of the field; the reference implementation does not refuse them.
 //! * [`MapMessage`]: a summary of a vehicle's map, in frames of 32, 64 or 256 bytes. The file `proto/pingmap.proto` of
 //!   this crate describes the same message as [`Layout::schema`].
 //! * [`Report`]: the outcomes of a vehicle, slot by slot, and its waypoints. Reports have any length.
 //! * [`OutcomeBitmap`]: the newest outcomes in a few unused bits of a message that a host sends anyway.
 //! * [`Key`]: authentication of whole frames.
 //!
-//! The crate handles integers only. The team's chart and quantizer define the meaning of a cell or a level. The crate does
-//! no I/O, does not panic and does not need `std`.
+//! The crate handles integers only. The team's chart and quantizer define the meaning of a cell or a level. The crate
+//! does no I/O, does not panic and does not need `std`.
 //!
 //! ```
 //! use pingmap_packet::{Block, Layout, MapMessage};

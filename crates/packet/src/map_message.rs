@@ -41,8 +41,8 @@ pub struct MapMessage {
     pub sender: u8,
     /// Counter of the sender's messages. A value never repeats under one key.
     pub counter: u16,
-    /// Check number of the team's settings and of this message, at most 14 bits. An authenticated message does not contain
-    /// it; the decoder then sets it to 0.
+    /// Check number of the team's settings and of this message, at most 14 bits. An authenticated message does not
+    /// contain it; the decoder then sets it to 0.
     pub model: u16,
     /// Blocks of inducing points, [`Layout::blocks`] of them.
     pub blocks: Vec<Block>,
@@ -60,8 +60,8 @@ impl MapMessage {
         authenticate(layout.encode(&self.fields(layout)?)?, layout.tag_place(), auth)
     }
 
-    /// Decodes `bytes`, and returns the message and its form. Modems may fill a frame with zeros; zeros after the message are
-    /// ignored.
+    /// Decodes `bytes`, and returns the message and its form. Modems may fill a frame with zeros; zeros after the
+    /// message are ignored.
     ///
     /// # Errors
     /// * [`Error::Id`] for another type of message.

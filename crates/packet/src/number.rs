@@ -2,7 +2,8 @@
 
 use crate::schema::Number;
 
-/// Largest distance of a bound from a multiple of the resolution. DCCL uses the same tolerance for rounding errors of doubles.
+/// Largest distance of a bound from a multiple of the resolution. DCCL uses the same tolerance for rounding errors of
+/// doubles.
 const NEARLY: f64 = 1e-10;
 
 impl Number {
@@ -40,8 +41,8 @@ impl Number {
         libm::floor(value * inverse + 0.5) / inverse
     }
 
-    /// Returns the code of a value, or `None` outside the quantised bounds. Quantising may move a bound by the last bit of a
-    /// double, and the bound itself must have a code.
+    /// Returns the code of a value, or `None` outside the quantised bounds. Quantising may move a bound by the last bit
+    /// of a double, and the bound itself must have a code.
     pub(crate) fn code(&self, value: f64) -> Option<u64> {
         if !value.is_finite() || (self.integer && value != libm::floor(value)) {
             return None;

@@ -6,9 +6,9 @@ use crate::error::Error;
 
 /// The newest outcomes that a vehicle recorded, in 7 to 64 bits.
 ///
-/// The lowest six bits are the number of the newest slot, modulo [`OutcomeBitmap::SLOT_MODULUS`]. Each following bit is the
-/// outcome of one slot, from the newest slot back: 1 for heard, 0 for missed. Slots in which the vehicle could not receive are
-/// left out. The slot number identifies the slots even if the host message waited in a queue.
+/// The lowest six bits are the number of the newest slot, modulo [`OutcomeBitmap::SLOT_MODULUS`]. Each following bit is
+/// the outcome of one slot, from the newest slot back: 1 for heard, 0 for missed. Slots in which the vehicle could not
+/// receive are left out. The slot number identifies the slots even if the host message waited in a queue.
 ///
 /// ```
 /// use pingmap_packet::OutcomeBitmap;

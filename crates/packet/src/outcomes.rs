@@ -27,7 +27,8 @@ pub(crate) struct Coded {
 /// Coding of outcomes that are all reported: one bit each, heard 1, from the lowest bit of the first byte on.
 const PLAIN: u8 = 0;
 
-/// Coding with five outcomes in each byte: digits to base 3 (missed 0, heard 1, unreported 2), the first outcome lowest.
+/// Coding with five outcomes in each byte: digits to base 3 (missed 0, heard 1, unreported 2), the first outcome
+/// lowest.
 const WITH_GAPS: u8 = 1;
 
 /// Number of outcomes in a byte with gaps.

@@ -57,7 +57,8 @@ pub const REPORT_LAYOUTS: [ReportLayout; 4] = [
 /// Position of the sender at the start of a slot. Between waypoints the track is a straight line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Waypoint {
-    /// Number of slots since the previous waypoint. For the first waypoint, the number of slots from it to [`Report::first`].
+    /// Number of slots since the previous waypoint. For the first waypoint, the number of slots from it to
+    /// [`Report::first`].
     pub slots: u8,
     /// Cell from west to east.
     pub east: u8,
@@ -76,11 +77,11 @@ pub struct Report {
     pub model: u16,
     /// Number of the first slot with an outcome. The first waypoint counts from it.
     pub first: u32,
-    /// Whether the outcomes include the sender's own slots: heard means used, missed means unused. Otherwise the sender used
-    /// all its slots.
+    /// Whether the outcomes include the sender's own slots: heard means used, missed means unused. Otherwise the sender
+    /// used all its slots.
     pub includes_own_slots: bool,
-    /// Outcomes of the transmissions that the sender could hear in slots from `first` on. Unreported outcomes at the end are
-    /// not sent.
+    /// Outcomes of the transmissions that the sender could hear in slots from `first` on. Unreported outcomes at the
+    /// end are not sent.
     pub outcomes: Vec<Outcome>,
     /// Positions of the sender, in the order of time.
     pub waypoints: Vec<Waypoint>,
@@ -100,7 +101,8 @@ impl ReportLayout {
 
     /// Returns the length in bytes of a report with these numbers of outcomes and waypoints.
     pub fn length(&self, outcomes: OutcomeCounts, waypoints: usize) -> usize {
-        // Check number or tag, first slot, coding, unused bits, own slots included, number of bytes, number of waypoints.
+        // Check number or tag, first slot, coding, unused bits, own slots included, number of bytes, number of
+        // waypoints.
         let fixed = if self.is_authenticated { TAG_BITS as usize } else { 14 } + 18 + 2 + 3 + 1 + 8 + 5;
         let waypoint = if self.has_depth { 30 } else { 24 };
         let body = fixed + 8 * outcomes.bytes() + waypoint * waypoints;
@@ -176,12 +178,12 @@ impl Report {
         authenticate(layout.schema().write(&self.fields(layout)?)?, layout.tag_place(), auth)
     }
 
-    /// Decodes the report at the start of `bytes`, and returns its form, the report and its length in bytes. Zeros or other
-    /// messages may follow the report.
+    /// Decodes the report at the start of `bytes`, and returns its form, the report and its length in bytes. Zeros or
+    /// other messages may follow the report.
     ///
     /// # Errors
-    /// The errors of [`MapMessage::decode`](crate::MapMessage::decode), and [`Error::Padding`] for outcomes in a form that the
-    /// encoder does not write.
+    /// The errors of [`MapMessage::decode`](crate::MapMessage::decode), and [`Error::Padding`] for outcomes in a form
+    /// that the encoder does not write.
     pub fn decode(
         bytes: &[u8],
         auth: Option<Authenticator<'_>>,

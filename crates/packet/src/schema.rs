@@ -25,7 +25,8 @@ pub struct Field {
     pub kind: Kind,
     /// The allowed number of occurrences.
     pub rule: Rule,
-    /// Whether the field is in the head of the message. Fields of an inner message are in the same part as the inner message.
+    /// Whether the field is in the head of the message. Fields of an inner message are in the same part as the inner
+    /// message.
     pub in_head: bool,
     /// Whether an optional number has a presence bit of its own (`codec: "dccl.presence"`).
     pub presence: bool,
@@ -77,8 +78,8 @@ pub enum Kind {
     Message(Vec<Field>),
 }
 
-/// Bounds and resolution of a number. Every multiple of the resolution between the bounds has a code. The bounds are multiples
-/// of the resolution.
+/// Bounds and resolution of a number. Every multiple of the resolution between the bounds has a code. The bounds are
+/// multiples of the resolution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Number {
     /// Smallest value.
@@ -129,8 +130,8 @@ impl Kind {
         Kind::Number(Number { min, max, resolution: 1.0, integer: true })
     }
 
-    /// Returns the kind of a number with this distance between neighbouring values (10^−precision, or the `resolution` of the
-    /// `.proto`).
+    /// Returns the kind of a number with this distance between neighbouring values (10^−precision, or the `resolution`
+    /// of the `.proto`).
     pub fn decimal(min: f64, max: f64, resolution: f64) -> Self {
         Kind::Number(Number { min, max, resolution, integer: false })
     }

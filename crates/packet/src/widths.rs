@@ -7,8 +7,8 @@ use alloc::{format, vec};
 use crate::schema::{Field, Kind, Rule, Schema};
 
 impl Schema {
-    /// Returns the id at the start of these bytes. An id below 128 in two bytes is not valid, so each message has exactly one
-    /// encoding.
+    /// Returns the id at the start of these bytes. An id below 128 in two bytes is not valid, so each message has
+    /// exactly one encoding.
     pub fn id_of(bytes: &[u8]) -> Option<u16> {
         let (&first, rest) = bytes.split_first()?;
         if first & 1 == 0 {
@@ -35,8 +35,8 @@ impl Schema {
             .unwrap_or(usize::MAX)
     }
 
-    /// Returns the largest number of bits of every field, in the order of declaration. Head and body are each padded to a
-    /// whole byte in addition.
+    /// Returns the largest number of bits of every field, in the order of declaration. Head and body are each padded to
+    /// a whole byte in addition.
     pub fn bits(&self) -> Vec<(&str, u64)> {
         self.fields.iter().map(|field| (field.name.as_str(), field.bits_max())).collect()
     }

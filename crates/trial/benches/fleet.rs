@@ -1,6 +1,8 @@
-//! Measures memory and time of a vehicle in a fleet of 100 vehicles with 500 events each, by the number of packets that count.
+//! Measures memory and time of a vehicle in a fleet of 100 vehicles with 500 events each, by the number of packets that
+//! count.
 //!
-//! Positions are random at every event, so reports would need one waypoint for each event. The fleet therefore sends summaries alone.
+//! Positions are random at every event, so reports would need one waypoint for each event. The fleet therefore sends
+//! summaries alone.
 //!
 //!     cargo bench -p pingmap-trial --bench fleet
 

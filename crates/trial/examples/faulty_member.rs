@@ -1,11 +1,13 @@
-//! Measures the damage by one faulty member, and the benefit of excluding it, with summaries, with reports, and with both.
+//! Measures the damage by one faulty member, and the benefit of excluding it, with summaries, with reports, and with
+//! both.
 //!
-//! In every split each vehicle in turn is the faulty member. With `majority`, every member but one has the fault. The program prints the mean NLL of all other vehicles over all held-out
-//! events: from own events alone, from the ten authenticated packets of every member, and with exclusion by default. Three more columns
-//! follow: how often the faulty member was excluded, how many other members were excluded, and the range of the faulty member's
-//! discrepancy.
+//! In every split each vehicle in turn is the faulty member. With `majority`, every member but one has the fault. The
+//! program prints the mean NLL of all other vehicles over all held-out events: from own events alone, from the ten
+//! authenticated packets of every member, and with exclusion by default. Three more columns follow: how often the
+//! faulty member was excluded, how many other members were excluded, and the range of the faulty member's discrepancy.
 //!
-//! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv [summaries|reports|both|majority]`
+//! `cargo run --release -p pingmap-trial --example faulty_member -- events.csv splits.csv
+//! [summaries|reports|both|majority]`
 
 #![allow(clippy::print_stdout, reason = "what it measures is its output")]
 

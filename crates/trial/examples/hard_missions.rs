@@ -1,11 +1,11 @@
 //! Measures a team in two hard missions: with a deaf member, and with noise that rises during the mission.
 //!
-//! * A deaf vehicle travels 50 m from the last receiver of the log and misses everything. The program prints the NLL of the others
-//!   with and without it, over the splits.
-//! * The outcomes of the log are drawn again from its true probabilities. From half time on the log-odds are 2.5 lower. The program
-//!   prints the excess NLL of the next 35 events over the true probabilities, predicted during the mission, mean over ten draws. The
-//!   team has no model, or that of an earlier mission in the same area, in which noise rose as well. Two more rows are without
-//!   rising noise, for comparison.
+//! * A deaf vehicle travels 50 m from the last receiver of the log and misses everything. The program prints the NLL of
+//!   the others with and without it, over the splits.
+//! * The outcomes of the log are drawn again from its true probabilities. From half time on the log-odds are 2.5 lower.
+//!   The program prints the excess NLL of the next 35 events over the true probabilities, predicted during the mission,
+//!   mean over ten draws. The team has no model, or that of an earlier mission in the same area, in which noise rose as
+//!   well. Two more rows are without rising noise, for comparison.
 //!
 //! `cargo run --release -p pingmap-trial --example hard_missions -- events.csv splits.csv [packets]`
 
@@ -61,7 +61,8 @@ fn with_a_deaf_vehicle(log: &EventLog, splits: &[Split]) -> (EventLog, Vec<Split
     (EventLog { events, true_probability: None, ..log.clone() }, splits)
 }
 
-/// Returns the NLL of all events in one place, of own events and of the team. The last two are means over the vehicles of the log.
+/// Returns the NLL of all events in one place, of own events and of the team. The last two are means over the vehicles
+/// of the log.
 fn scores(log: &EventLog, split: &Split, vehicles: usize, packets: usize) -> Result<[f64; 3], Failure> {
     let mission = Mission::prepare(log, split, &Plan::new(Learning::default(), 1), packets)?;
     let nll = |predicted: &Vec<f64>| Score::new(predicted, &mission.outcomes).map_or(f64::NAN, |score| score.nll);

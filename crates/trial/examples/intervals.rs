@@ -1,12 +1,12 @@
 //! Measures the coverage of 90 % intervals of the probability, learned from all training events.
 //!
-//! The program compares intervals of the mean field, of expectation propagation, and of vehicles, on held-out links of each trial: two
-//! splits of a log, or one split of a simulated trial. It prints the share of true probabilities within 0.01 of the interval: over all
-//! links, over the half with lower variance, and over the half with higher variance. Median width and mean interval score
-//! (width + 20 · distance outside, lower is better) follow.
+//! The program compares intervals of the mean field, of expectation propagation, and of vehicles, on held-out links of
+//! each trial: two splits of a log, or one split of a simulated trial. It prints the share of true probabilities within
+//! 0.01 of the interval: over all links, over the half with lower variance, and over the half with higher variance.
+//! Median width and mean interval score (width + 20 · distance outside, lower is better) follow.
 //!
-//! The factor by which vehicles widen their intervals was chosen on bay3 and on simulated trials with seeds 1 to 20. The simulated trials
-//! here have other seeds.
+//! The factor by which vehicles widen their intervals was chosen on bay3 and on simulated trials with seeds 1 to 20.
+//! The simulated trials here have other seeds.
 //!
 //! `cargo run --release -p pingmap-trial --example intervals -- [events.csv splits.csv]… [number of simulated trials]`
 
@@ -23,7 +23,8 @@ use rayon::prelude::*;
 
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// Coverage over all links, over the half with lower variance, over the half with higher variance; median width; interval score.
+/// Coverage over all links, over the half with lower variance, over the half with higher variance; median width;
+/// interval score.
 type Row = [f64; 5];
 
 const KINDS: [&str; 3] = ["mean field", "expectation propagation", "vehicles"];

@@ -1,10 +1,11 @@
-//! Simulates a long mission, and measures block by block the cost of an event for a vehicle, the size of its snapshot, and the NLL of
-//! the team.
+//! Simulates a long mission, and measures block by block the cost of an event for a vehicle, the size of its snapshot,
+//! and the NLL of the team.
 //!
-//! Vehicles send in turn. Every tenth transmission of a vehicle carries a frame of 32 bytes to each vehicle that hears it. For every event
-//! the receiver predicts the link, records the event, and refits if a refit is due. The first 100 transmissions of a block are predicted
-//! from the data before the block. The program prints their mean NLL: by own events, by the team, by all events in one place, and by the
-//! true probabilities. The column "a fit" is the time of one fixed fit of 750 events, because the speed of a machine varies.
+//! Vehicles send in turn. Every tenth transmission of a vehicle carries a frame of 32 bytes to each vehicle that hears
+//! it. For every event the receiver predicts the link, records the event, and refits if a refit is due. The first 100
+//! transmissions of a block are predicted from the data before the block. The program prints their mean NLL: by own
+//! events, by the team, by all events in one place, and by the true probabilities. The column "a fit" is the time of
+//! one fixed fit of 750 events, because the speed of a machine varies.
 //!
 //! `cargo run --release -p pingmap-trial --example long_mission -- [slots] [blocks]`
 

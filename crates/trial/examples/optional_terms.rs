@@ -1,5 +1,6 @@
-//! Measures the benefit of optional terms. For each split the program prints the accepted terms and the NLL of held-out events.
-//! Predictions use all events in one place, each vehicle's own events (mean), or those of the team after `packets` packets each.
+//! Measures the benefit of optional terms. For each split the program prints the accepted terms and the NLL of held-out
+//! events. Predictions use all events in one place, each vehicle's own events (mean), or those of the team after
+//! `packets` packets each.
 //!
 //! `cargo run --release -p pingmap-trial --example optional_terms -- events.csv splits.csv [packets]`
 

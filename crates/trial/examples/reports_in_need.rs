@@ -1,15 +1,17 @@
 //! Measures reports under adverse conditions.
 //!
-//! The program prints the NLL of held-out events by own events, by the team after ten packets of each vehicle, and by all events in one
-//! place. They are means over vehicles and splits. Four more columns are the mean predicted probability minus the share of received
-//! messages, for these three and for the true probabilities. The last column is the share of splits in which the last vehicle detects its
-//! clock offset. Unused slots are neither training nor held-out events.
+//! The program prints the NLL of held-out events by own events, by the team after ten packets of each vehicle, and by
+//! all events in one place. They are means over vehicles and splits. Four more columns are the mean predicted
+//! probability minus the share of received messages, for these three and for the true probabilities. The last column is
+//! the share of splits in which the last vehicle detects its clock offset. Unused slots are neither training nor
+//! held-out events.
 //!
 //! Vehicles send in turn, in slots of ten seconds from second 10 on, as in the logs of this repository.
 //!
-//! * A position error is a vector of fixed length that turns once in half an hour, in different directions for different vehicles.
-//! * With a clock offset the last vehicle attributes slots to wrong senders. It records a miss of each sender that it expected and did not
-//!   receive, and wrong times for received messages.
+//! * A position error is a vector of fixed length that turns once in half an hour, in different directions for
+//!   different vehicles.
+//! * With a clock offset the last vehicle attributes slots to wrong senders. It records a miss of each sender that it
+//!   expected and did not receive, and wrong times for received messages.
 //! * Unused slots are one in ten. Without a report of its sender, each listener records an unused slot as a miss.
 //!
 //! `cargo run --release -p pingmap-trial --example reports_in_need -- events.csv splits.csv [packets]`

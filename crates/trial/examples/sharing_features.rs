@@ -1,11 +1,12 @@
-//! Measures the benefit of each feature of sharing: the mean NLL of the team for several numbers of frames, and the paired difference
-//! that the feature makes. A positive difference means that the feature lowers the NLL.
+//! Measures the benefit of each feature of sharing: the mean NLL of the team for several numbers of frames, and the
+//! paired difference that the feature makes. A positive difference means that the feature lowers the NLL.
 //!
-//! With `events.csv:splits.csv` the errors are those between overlapping splits of one log. Logs without splits count as one mission each,
-//! divided twice by whole transmissions, and the errors are those between missions. One model is learned for each split, and all
-//! variants use it.
+//! With `events.csv:splits.csv` the errors are those between overlapping splits of one log. Logs without splits count
+//! as one mission each, divided twice by whole transmissions, and the errors are those between missions. One model is
+//! learned for each split, and all variants use it.
 //!
-//! `cargo run --release -p pingmap-trial --example sharing_features -- [loss=SHARE] [model=model.toml] events.csv:splits.csv | events.csv…`
+//! `cargo run --release -p pingmap-trial --example sharing_features -- [loss=SHARE] [model=model.toml]
+//! events.csv:splits.csv | events.csv…`
 
 #![allow(clippy::print_stdout, reason = "what it measures is its output")]
 

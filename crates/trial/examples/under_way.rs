@@ -1,15 +1,16 @@
 //! Measures the benefit of frames and piggybacked outcomes during a mission.
 //!
-//! The program predicts every event from the vehicle's own earlier events, and from all earlier events of all vehicles without delay. It
-//! prints both mean NLLs, and the share of their gap that three kinds of sharing close: frames, ideal frames, and two piggybacked bytes
-//! on every transmission. An ideal frame carries all earlier events of its sender at exact positions. The last two columns contain the
-//! share of remote events that is known when a frame is received, and the same for piggybacked bytes.
+//! The program predicts every event from the vehicle's own earlier events, and from all earlier events of all vehicles
+//! without delay. It prints both mean NLLs, and the share of their gap that three kinds of sharing close: frames, ideal
+//! frames, and two piggybacked bytes on every transmission. An ideal frame carries all earlier events of its sender at
+//! exact positions. The last two columns contain the share of remote events that is known when a frame is received, and
+//! the same for piggybacked bytes.
 //!
-//! A vehicle sends a frame of 32 bytes on every n-th of its transmissions. Vehicles that heard the transmission by the log receive it.
-//! Shares have jackknife standard errors: between tenths of a mission, or between missions.
+//! A vehicle sends a frame of 32 bytes on every n-th of its transmissions. Vehicles that heard the transmission by the
+//! log receive it. Shares have jackknife standard errors: between tenths of a mission, or between missions.
 //!
-//! `cargo run --release -p pingmap-trial --example under_way -- n model.toml [without=FEATURE,…] events.csv…` (`-` for no model; a
-//! feature is a field of `Sharing`)
+//! `cargo run --release -p pingmap-trial --example under_way -- n model.toml [without=FEATURE,…] events.csv…` (`-` for
+//! no model; a feature is a field of `Sharing`)
 
 #![allow(clippy::print_stdout, reason = "what it measures is its output")]
 
@@ -58,7 +59,8 @@ struct Scores {
 }
 
 impl Scores {
-    /// Returns the percentages of the gap between own and all events that frames, ideal frames and piggybacked bytes close.
+    /// Returns the percentages of the gap between own and all events that frames, ideal frames and piggybacked bytes
+    /// close.
     fn closed(&self) -> [f64; 3] {
         [self.team, self.ideal, self.piggyback].map(|nll| 100.0 * (self.own - nll) / (self.own - self.all))
     }

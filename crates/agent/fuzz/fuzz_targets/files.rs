@@ -1,4 +1,5 @@
-//! Reads any text as a model file and as a team file. It is refused, or it is written and read back to the same model or team.
+//! Reads any text as a model file and as a team file. It is refused, or it is written and read back to the same model
+//! or team.
 
 #![no_main]
 

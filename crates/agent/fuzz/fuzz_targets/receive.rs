@@ -1,4 +1,5 @@
-//! Receives any bytes as frames and as piggybacked outcomes. Every prediction stays a probability, and refused bytes change nothing.
+//! Receives any bytes as frames and as piggybacked outcomes. Every prediction stays a probability, and refused bytes
+//! change nothing.
 
 #![no_main]
 

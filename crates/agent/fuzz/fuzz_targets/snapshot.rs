@@ -1,4 +1,5 @@
-//! Restores a vehicle from any bytes with a valid check. They are refused, or the snapshot of the vehicle restores the same vehicle.
+//! Restores a vehicle from any bytes with a valid check. They are refused, or the snapshot of the vehicle restores the
+//! same vehicle.
 
 #![no_main]
 
@@ -15,7 +16,8 @@ static TEAM: LazyLock<Arc<Team>> = LazyLock::new(|| {
     Arc::new(Team { limits: Limits { events_max: 20, ..team.limits }, ..team })
 });
 
-/// The beginning of a snapshot. In that of an empty vehicle three counts follow (senders, muted members and entries), and the check.
+/// The beginning of a snapshot. In that of an empty vehicle three counts follow (senders, muted members and entries),
+/// and the check.
 static HEAD: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let mut head = Agent::new(VehicleId::new("a"), TEAM.clone(), AgentOptions::default()).snapshot();
     head.truncate(head.len() - (2 + 2 + 8 + 32));

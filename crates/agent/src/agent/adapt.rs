@@ -13,9 +13,10 @@ use crate::model::learning::{LearnedModel, Learning};
 use crate::model::link_model::Model;
 
 impl Agent {
-    /// Learns a model of its own from its own events and from what others said that it believes, and from then on predicts under that.
-    /// What it sends stays under the team's model. The first time every structure is tried; later the chosen one goes
-    /// on from its last optimum, at the cost of one search that never ends worse in E than it began.
+    /// Learns a model of its own from its own events and from what others said that it believes, and from then on
+    /// predicts under that. What it sends stays under the team's model. The first time every structure is tried; later
+    /// the chosen one goes on from its last optimum, at the cost of one search that never ends worse in E than it
+    /// began.
     ///
     /// # Errors
     /// As [`Learning::best`].

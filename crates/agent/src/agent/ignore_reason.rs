@@ -6,9 +6,11 @@
 pub enum IgnoreReason {
     /// The host of the vehicle muted the member.
     Muted,
-    /// Its outcomes or summaries contradict those of all others: its discrepancy exceeds the threshold ([`Agent::discrepancy`](crate::Agent::discrepancy)).
+    /// Its outcomes or summaries contradict those of all others: its discrepancy exceeds the threshold
+    /// ([`Agent::discrepancy`](crate::Agent::discrepancy)).
     Contradicts,
-    /// Its last four messages arrived outside its slots: its clock or its schedule is wrong. Its outcomes and reports do not count.
+    /// Its last four messages arrived outside its slots: its clock or its schedule is wrong. Its outcomes and reports
+    /// do not count.
     OutOfSlot,
     /// The vehicle received it in at least three slots that it reported as unused. Its other data count.
     FalseClaims,

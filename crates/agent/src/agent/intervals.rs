@@ -11,14 +11,14 @@ use crate::types::query::LinkQuery;
 /// Standard deviations that contain nine in ten of a normal distribution, to either side of its mean.
 const REACH: f64 = 1.644_854;
 
-/// Factor on the standard deviations of intervals. It allows for learned hyperparameters and for edges that no kernel represents. It was
-/// chosen on simulated trials such that intervals of 90 % contain that share (docs/evaluation.md).
+/// Factor on the standard deviations of intervals. It allows for learned hyperparameters and for edges that no kernel
+/// represents. It was chosen on simulated trials such that intervals of 90 % contain that share (docs/evaluation.md).
 pub const INTERVAL_WIDENING: f64 = 1.7;
 
 impl Agent {
-    /// Returns the posterior by expectation propagation, begun at the last fit. Its variances are not too small where all outcomes are
-    /// equal, as those of the mean field are. The result is kept until data change. Ten to thirty iterations of [`Agent::refit`]; without
-    /// a fit, the fused posterior.
+    /// Returns the posterior by expectation propagation, begun at the last fit. Its variances are not too small where
+    /// all outcomes are equal, as those of the mean field are. The result is kept until data change. Ten to thirty
+    /// iterations of [`Agent::refit`]; without a fit, the fused posterior.
     ///
     /// # Errors
     /// [`AgentError::Method`] for a numerical failure.
@@ -43,9 +43,9 @@ impl Agent {
         Ok(posterior)
     }
 
-    /// Returns the log-odds of each query from which its interval follows: the moments by expectation propagation, with standard deviations
-    /// [`INTERVAL_WIDENING`] times as large. O(n²) a query. The first call after a change costs ten to thirty iterations of
-    /// [`Agent::refit`].
+    /// Returns the log-odds of each query from which its interval follows: the moments by expectation propagation, with
+    /// standard deviations [`INTERVAL_WIDENING`] times as large. O(n²) a query. The first call after a change costs ten
+    /// to thirty iterations of [`Agent::refit`].
     ///
     /// # Errors
     /// As [`Agent::predict`].
@@ -57,8 +57,8 @@ impl Agent {
         self.widened(&evaluated_at)
     }
 
-    /// The interval of each prediction. It contains the predicted probability. Where the prediction was capped it reaches down to the
-    /// lower end for the whole link.
+    /// The interval of each prediction. It contains the predicted probability. Where the prediction was capped it
+    /// reaches down to the lower end for the whole link.
     pub(crate) fn intervals(&mut self, capped: &[CappedPrediction]) -> Result<Vec<(f64, f64)>, AgentError> {
         let evaluated_at: Vec<LinkQuery> = capped.iter().map(|capped| capped.evaluated_at).collect();
         let queries: Vec<LinkQuery> = capped.iter().map(|capped| capped.query).collect();

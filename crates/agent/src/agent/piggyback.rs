@@ -11,12 +11,13 @@ use crate::types::event::VehicleId;
 const AGE_MAX: u32 = OutcomeBitmap::SLOT_MODULUS * 3 / 4 - 1;
 
 impl Agent {
-    /// Returns 7 to 64 bits with the vehicle's newest outcomes, for the next message of its host at `time_s`. Two bytes hold ten outcomes.
-    /// They are the newest consecutive slots in which the vehicle could receive and recorded an outcome; the newest of them is at most 47
-    /// slots old. A receiver locates these events by the transmitter positions in its own events. O(log N).
+    /// Returns 7 to 64 bits with the vehicle's newest outcomes, for the next message of its host at `time_s`. Two bytes
+    /// hold ten outcomes. They are the newest consecutive slots in which the vehicle could receive and recorded an
+    /// outcome; the newest of them is at most 47 slots old. A receiver locates these events by the transmitter
+    /// positions in its own events. O(log N).
     ///
-    /// `None` without such slots, for a vehicle that is no member or does not send reports, and in a team without piggybacking; see
-    /// [`Team::piggyback`](crate::Team::piggyback).
+    /// `None` without such slots, for a vehicle that is no member or does not send reports, and in a team without
+    /// piggybacking; see [`Team::piggyback`](crate::Team::piggyback).
     pub fn piggyback(&self, time_s: f64, n_bits: usize) -> Option<u64> {
         let sender = self.memory.own.filter(|_| self.team().has_piggyback() && self.options.sharing.reports)?;
         let count = OutcomeBitmap::outcomes_in(n_bits).ok()?;
@@ -36,8 +37,9 @@ impl Agent {
         Some(OutcomeBitmap { slot_mod: (newest % OutcomeBitmap::SLOT_MODULUS) as u8, outcomes }.encode())
     }
 
-    /// Stores the outcomes that a member piggybacked on a message, which was received at `time_s`. Slot numbers mean the latest slots with
-    /// these numbers that had begun by then. The bits are not authenticated: a report about the same slot replaces them.
+    /// Stores the outcomes that a member piggybacked on a message, which was received at `time_s`. Slot numbers mean
+    /// the latest slots with these numbers that had begun by then. The bits are not authenticated: a report about the
+    /// same slot replaces them.
     pub fn receive_piggyback(&mut self, sender: &VehicleId, time_s: f64, bits: u64, n_bits: usize) -> Receipt {
         self.advance_clock(Some(time_s));
         let effect = match self.read_piggyback(time_s, bits, n_bits) {

@@ -22,13 +22,13 @@ pub struct Prediction {
     pub interval: Option<(f64, f64)>,
 }
 
-/// What [`Agent::predict`] computes.
+/// Options of [`Agent::predict`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PredictOptions {
     /// The posterior that predictions follow from.
     pub posterior: Which,
-    /// Whether to compute intervals; always from the fused posterior. The first call after a change costs ten to thirty iterations of
-    /// [`Agent::refit`].
+    /// Whether to compute intervals; always from the fused posterior. The first call after a change costs ten to thirty
+    /// iterations of [`Agent::refit`].
     pub intervals: bool,
 }
 
@@ -63,8 +63,9 @@ impl Agent {
 
     /// Predicts each query. Absorbs new data, up to a limit, and fits nothing: see [`Agent::refit_due`]. O(n²) a query.
     ///
-    /// Far from all data the probability returns to even odds. The prediction for a link longer than every observed link is therefore the
-    /// smallest of three: its own, and those of its two parts of the longest observed length, at the transmitter and at the receiver.
+    /// Far from all data the probability returns to even odds. A link longer than every observed link has two parts of
+    /// the longest observed length, one at the transmitter and one at the receiver. The prediction for the link is
+    /// therefore the smallest of three: its own, and those of these parts.
     /// [`AgentOptions::allow_extrapolated_increase`](crate::AgentOptions::allow_extrapolated_increase) turns that off.
     ///
     /// # Errors
@@ -100,9 +101,9 @@ impl Agent {
         Ok(capped.into_iter().map(|capped| capped.prediction).collect())
     }
 
-    /// Draws joint log-odds of these queries by expectation propagation: one column for each column of standard normals. Normals that are
-    /// [`INTERVAL_WIDENING`](crate::INTERVAL_WIDENING) times as large give draws that spread as the intervals of [`Agent::predict`] do.
-    /// O(Mn² + M²n + M³) for M queries.
+    /// Draws joint log-odds of these queries by expectation propagation: one column for each column of standard
+    /// normals. Normals that are [`INTERVAL_WIDENING`](crate::INTERVAL_WIDENING) times as large give draws that spread
+    /// as the intervals of [`Agent::predict`] do. O(Mn² + M²n + M³) for M queries.
     ///
     /// # Errors
     /// As [`Agent::predict`], and for normals with another number of rows than queries.

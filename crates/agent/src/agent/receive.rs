@@ -6,8 +6,9 @@ use crate::codec::receipt::Receipt;
 use crate::types::event::{Link, VehicleId};
 
 impl Agent {
-    /// Receives a frame. The next prediction uses its content. `time_s` is the present time, which advances the vehicle's clock; `None` if
-    /// it is unknown. A frame that is more than ten minutes or two cycles ahead of the clock waits for it. O(log N + length).
+    /// Receives a frame. The next prediction uses its content. `time_s` is the present time, which advances the
+    /// vehicle's clock; `None` if it is unknown. A frame that is more than ten minutes or two cycles ahead of the clock
+    /// waits for it. O(log N + length).
     pub fn receive(&mut self, bytes: &[u8], time_s: Option<f64>) -> Receipt {
         self.advance_clock(time_s);
         let effect = self.memory.insert_frame(bytes, None);

@@ -11,13 +11,14 @@ use crate::send::summary_planner::SummaryPlanner;
 use crate::store::entry::Entry;
 
 impl Agent {
-    /// Returns the next frame of at most `frame_bytes` bytes, and of at most the team's; `None` if nothing is worth a frame. `time_s` is
-    /// the time at which it will leave, or `None` if that is unknown.
+    /// Returns the next frame of at most `frame_bytes` bytes, and of at most the team's; `None` if nothing is worth a
+    /// frame. `time_s` is the time at which it will leave, or `None` if that is unknown.
     ///
-    /// The frame is a report as long as one is worth sending: single outcomes by slot, and the vehicle's track. Otherwise it is a summary
-    /// of the events that no report can carry: those without a slot, and those before the report window. The method fits nothing; a host
-    /// with time for [`Agent::refit`] calls it before. A host that can lose its memory stores an [`Agent::snapshot`] or an [`Entry::Sent`]
-    /// before the frame leaves, because a counter must not be used twice.
+    /// The frame is a report as long as one is worth sending: single outcomes by slot, and the vehicle's track.
+    /// Otherwise it is a summary of the events that no report can carry: those without a slot, and those before the
+    /// report window. The method fits nothing; a host with time for [`Agent::refit`] calls it before. A host that can
+    /// lose its memory stores an [`Agent::snapshot`] or an [`Entry::Sent`] before the frame leaves, because a counter
+    /// must not be used twice.
     ///
     /// # Errors
     /// [`AgentError::NotAMember`], [`AgentError::CountersUsedUp`], and [`AgentError::Team`] for a frame below 32 bytes.
@@ -78,7 +79,8 @@ impl Agent {
         Ok(Some(self.memory.codec.write(layout, &message)?))
     }
 
-    /// Returns the candidate report after which the mean divergence is smallest: see [`SummaryPlanner::mean_divergence`].
+    /// Returns the candidate report after which the mean divergence is smallest: see
+    /// [`SummaryPlanner::mean_divergence`].
     fn plan_report(&self, layout: &Layout, reports: &ReportPlanner<'_>) -> Result<Option<ReportMessage>, AgentError> {
         let mut candidates = reports.reports();
         let Some(mut best) = candidates.pop() else { return Ok(None) };

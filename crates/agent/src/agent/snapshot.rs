@@ -12,7 +12,7 @@ use crate::team::canonical::{Reader, Writer, checksum};
 use crate::team::config::Team;
 use crate::types::event::{Event, Link, MessageKind, Position, VehicleId};
 
-/// What every snapshot begins with.
+/// First bytes of every snapshot.
 const MAGIC: &[u8; 8] = b"pingmapS";
 
 /// Version of a snapshot. Others are refused.
@@ -22,9 +22,10 @@ const SNAPSHOT_VERSION: u16 = 5;
 const CHECK_BYTES: usize = 32;
 
 impl Agent {
-    /// Returns everything that the vehicle must not lose: events, positions, packets and reports that it received and sent, piggybacked
-    /// outcomes, unused slots, muted members, the latest counter of each sender, and the clock. A learned model and the counts are not part of it. The
-    /// snapshot ends with a checksum, which is keyed where the team has a key. It depends on the set of entries, not on their order.
+    /// Returns everything that the vehicle must not lose: events, positions, packets and reports that it received and
+    /// sent, piggybacked outcomes, unused slots, muted members, the latest counter of each sender, and the clock. A
+    /// learned model and the counts are not part of it. The snapshot ends with a checksum, which is keyed where the
+    /// team has a key. It depends on the set of entries, not on their order.
     pub fn snapshot(&self) -> Vec<u8> {
         let mut out = Writer::default();
         MAGIC.iter().for_each(|&byte| out.u8(byte));
@@ -52,9 +53,9 @@ impl Agent {
         bytes
     }
 
-    /// Restores the vehicle of a snapshot. Under another team configuration, a new epoch for example, it keeps its events and positions
-    /// and begins to share again from nothing. Packets that cannot be decoded are left out and counted in [`Status`](crate::Status). Fits
-    /// nothing: see [`Agent::refit_due`].
+    /// Restores the vehicle of a snapshot. Under another team configuration, a new epoch for example, it keeps its
+    /// events and positions and begins to share again from nothing. Packets that cannot be decoded are left out and
+    /// counted in [`Status`](crate::Status). Fits nothing: see [`Agent::refit_due`].
     ///
     /// # Errors
     /// [`AgentError::Snapshot`] for bytes that are no snapshot, damaged, of another vehicle, of another version, or
@@ -84,7 +85,7 @@ impl Agent {
     }
 }
 
-/// What a snapshot says.
+/// Content of a snapshot.
 struct Contents<'a> {
     vehicle: &'a str,
     digest: &'a [u8],

@@ -20,12 +20,12 @@ use crate::types::event::{Event, Position, VehicleId};
 
 /// One vehicle of a team, as a state machine without input or output, clock, or threads.
 ///
-/// A host records what the vehicle observes, passes on received frames, asks for the next frame to send, and asks for predictions. Events
-/// may arrive late and in any order. Packets may be lost, repeated and reordered.
+/// A host records what the vehicle observes, passes on received frames, asks for the next frame to send, and asks for
+/// predictions. Events may arrive late and in any order. Packets may be lost, repeated and reordered.
 ///
-/// The vehicle stores a set of entries ([`Entry`]). Two posteriors follow from it: one of its own events, and one that fuses these with
-/// the data of other members. Queries absorb new data at O(n²) an event, for n events and inducing points. Only [`Agent::refit`] fits
-/// again; [`Agent::refit_due`] tells when.
+/// The vehicle stores a set of entries ([`Entry`]). Two posteriors follow from it: one of its own events, and one that
+/// fuses these with the data of other members. Queries absorb new data at O(n²) an event, for n events and inducing
+/// points. Only [`Agent::refit`] fits again; [`Agent::refit_due`] tells when.
 ///
 /// ```
 /// use pingmap_agent::*;
@@ -92,7 +92,8 @@ pub enum Which {
 }
 
 impl Agent {
-    /// Creates a vehicle without any data. A vehicle that is no member of the team receives and predicts, but sends nothing.
+    /// Creates a vehicle without any data. A vehicle that is no member of the team receives and predicts, but sends
+    /// nothing.
     pub fn new(id: VehicleId, team: Arc<Team>, options: AgentOptions) -> Self {
         Self {
             posteriors: Posteriors::new(&team.model),
@@ -140,9 +141,9 @@ impl Agent {
         self.memory.events.iter()
     }
 
-    /// Ignores a member until [`Agent::unmute`]. No frame of the member has any effect: no outcome, unused slot, position, summary, or
-    /// acknowledgement. Its frames are stored all the same, so that muting may come before or after them. O(N) for N events.
-    /// Unknown names, and the vehicle's own, change nothing.
+    /// Ignores a member until [`Agent::unmute`]. No frame of the member has any effect: no outcome, unused slot,
+    /// position, summary, or acknowledgement. Its frames are stored all the same, so that muting may come before or
+    /// after them. O(N) for N events. Unknown names, and the vehicle's own, change nothing.
     pub fn mute(&mut self, member: &VehicleId) {
         self.set_muted(member, true);
     }
@@ -160,10 +161,11 @@ impl Agent {
         self.posteriors.nothing_to_send = None;
     }
 
-    /// Returns the discrepancy of a member: the largest standardised shift of the posterior by its summaries, or the contradiction of its
-    /// outcomes ([`Posterior::contradiction`]), whichever is larger. A common offset of one standard deviation of 0.5 logits is allowed
-    /// for, because receivers differ. A member is excluded above [`Team::exclusion_threshold_sd`]. `None` for an unknown or muted member,
-    /// and for one without data. O(Mn²) for M inducing points of its packets; O(n³) if it sent outcomes. See section 8 of the method.
+    /// Returns the discrepancy of a member: the largest standardised shift of the posterior by its summaries, or the
+    /// contradiction of its outcomes ([`Posterior::contradiction`]), whichever is larger. A common offset of one
+    /// standard deviation of 0.5 logits is allowed for, because receivers differ. A member is excluded above
+    /// [`Team::exclusion_threshold_sd`]. `None` for an unknown or muted member, and for one without data. O(Mn²) for M
+    /// inducing points of its packets; O(n³) if it sent outcomes. See section 8 of the method.
     ///
     /// # Errors
     /// [`AgentError::Method`] for a numerical failure.
@@ -197,8 +199,8 @@ impl Agent {
         self.is_current = false;
     }
 
-    /// Records an event of which the vehicle is the receiver. Beyond [`Limits::events_max`](crate::Limits::events_max) the events that
-    /// were recorded first are forgotten, a sixteenth at a time. O(log N).
+    /// Records an event of which the vehicle is the receiver. Beyond [`Limits::events_max`](crate::Limits::events_max)
+    /// the events that were recorded first are forgotten, a sixteenth at a time. O(log N).
     ///
     /// # Errors
     /// [`AgentError::NotMine`] for an event of another receiver, unless [`AgentOptions::record_all_receivers`] is set.
@@ -229,8 +231,8 @@ impl Agent {
         Ok(())
     }
 
-    /// Records positions of the vehicle by time, from its navigation; one a slot is enough. The positions in its own events are known
-    /// without that. Reports need positions. O(N) for N positions.
+    /// Records positions of the vehicle by time, from its navigation; one a slot is enough. The positions in its own
+    /// events are known without that. Reports need positions. O(N) for N positions.
     ///
     /// # Errors
     /// [`AgentError::NoTime`] and [`AgentError::Nowhere`] for numbers out of bounds; then none is recorded.
@@ -243,8 +245,8 @@ impl Agent {
         Ok(())
     }
 
-    /// Records that the vehicle did not transmit in its own slots at these times. Its next reports include that, so that other members do
-    /// not count these slots as missed.
+    /// Records that the vehicle did not transmit in its own slots at these times. Its next reports include that, so
+    /// that other members do not count these slots as missed.
     ///
     /// # Errors
     /// [`AgentError::NotMyTurn`] for a time outside the vehicle's own slots; then nothing is recorded.
@@ -287,7 +289,8 @@ impl Agent {
     /// Applies an entry of a journal. Entries may come in any order, and repeatedly. Fits nothing.
     ///
     /// # Errors
-    /// As [`Agent::record`], and [`AgentError::NumberTooLarge`]. A frame of another team is no error: the receipt says so.
+    /// As [`Agent::record`], and [`AgentError::NumberTooLarge`]. A frame of another team is no error: the receipt says
+    /// so.
     pub fn apply(&mut self, entry: Entry) -> Result<Receipt, AgentError> {
         if let Entry::Observed { event, .. } = &entry {
             self.check_receiver(event)?;
@@ -335,9 +338,9 @@ impl Agent {
         self.posteriors.refit_due(&self.team().limits)
     }
 
-    /// Fits own and remote events again, beginning at the last fit, and detects faulty members. O(N³) an iteration up to
-    /// [`Limits::dense_events_max`](crate::Limits::dense_events_max) events; beyond that O(NM²) with M inducing points, or O(M²) for each
-    /// changed event if these are less than a sixteenth.
+    /// Fits own and remote events again, beginning at the last fit, and detects faulty members. O(N³) an iteration up
+    /// to [`Limits::dense_events_max`](crate::Limits::dense_events_max) events; beyond that O(NM²) with M inducing
+    /// points, or O(M²) for each changed event if these are less than a sixteenth.
     ///
     /// # Errors
     /// [`AgentError::Method`] for a numerical failure.
@@ -345,8 +348,8 @@ impl Agent {
         self.fit(RefitStart::Incremental)
     }
 
-    /// Fits everything from nothing, in canonical order. The result depends only on the events, the packets that count and the models.
-    /// As expensive as a first [`Agent::refit`], plus O(n³).
+    /// Fits everything from nothing, in canonical order. The result depends only on the events, the packets that count
+    /// and the models. As expensive as a first [`Agent::refit`], plus O(n³).
     ///
     /// # Errors
     /// [`AgentError::Method`] for a numerical failure.

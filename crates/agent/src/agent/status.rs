@@ -14,8 +14,8 @@ use crate::types::event::VehicleId;
 pub struct Status {
     /// Every other member.
     pub members: BTreeMap<VehicleId, MemberStatus>,
-    /// Offset of the vehicle's own clock in slots, positive where it is ahead: all members that it receives lie outside their slots by
-    /// this offset. `None` where nothing shows an offset.
+    /// Offset of the vehicle's own clock in slots, positive where it is ahead: all members that it receives lie outside
+    /// their slots by this offset. `None` where nothing shows an offset.
     pub own_clock_offset_slots: Option<i32>,
     /// Number of events that the vehicle recorded.
     pub own_events: usize,
@@ -41,14 +41,17 @@ pub struct Status {
 pub struct MemberStatus {
     /// Time of the last packet of the member that counted, in seconds.
     pub last_heard_s: Option<f64>,
-    /// Reasons why the vehicle does not use data of the member, or a part of them. Each has the time of the vehicle's clock since when, in
-    /// seconds. Empty if all data count.
+    /// Reasons why the vehicle does not use data of the member, or a part of them. Each has the time of the vehicle's
+    /// clock since when, in seconds. Empty if all data count.
     pub ignored: BTreeMap<IgnoreReason, f64>,
-    /// Number of counters of the member that stand on different packets: two vehicles use its number, or it lost its memory.
+    /// Number of counters of the member that stand on different packets: two vehicles use its number, or it lost its
+    /// memory.
     pub conflicts: usize,
-    /// Number of its frames that are ahead of the vehicle's clock and wait for it: the clock of the member or of the vehicle is wrong.
+    /// Number of its frames that are ahead of the vehicle's clock and wait for it: the clock of the member or of the
+    /// vehicle is wrong.
     pub waiting_frames: usize,
-    /// The clock offset in slots that fits receptions of the member outside its slots, if only one does; positive where messages arrive late.
+    /// The clock offset in slots that fits receptions of the member outside its slots, if only one does; positive where
+    /// messages arrive late.
     pub clock_offset_slots: Option<i32>,
 }
 
@@ -60,7 +63,8 @@ impl MemberStatus {
 }
 
 impl Agent {
-    /// Returns the state of the vehicle and of every other member, as of the last update. O(members · remote events) at most.
+    /// Returns the state of the vehicle and of every other member, as of the last update. O(members · remote events) at
+    /// most.
     pub fn status(&self) -> Status {
         let memory = &self.memory;
         let slots = &self.team().slots;

@@ -1,7 +1,7 @@
 //! Quantises summaries to the levels of a packet, and back (docs/method.md, section 8).
 //!
-//! Every combination of levels is a positive semi-definite Ĝ. Its diagonal is positive, and any partial correlations between −1 and 1
-//! give a correlation matrix.
+//! Every combination of levels is a positive semi-definite Ĝ. Its diagonal is positive, and any partial correlations
+//! between −1 and 1 give a correlation matrix.
 
 use dgpc::{Candidates, DISTINCT_SHARE, Inputs, Matrix, Summary, spread_out};
 use pingmap_packet::{Block, CORRELATION_LEVELS, INFORMATION_LEVELS, Layout, MEAN_LEVELS, Point, TIME_CELLS};
@@ -12,11 +12,12 @@ use crate::team::grid::Grid;
 use crate::types::event::{Event, Link};
 use crate::types::query::{Kind, LinkQuery, Time, Vehicle};
 
-/// Whitened precision at the lowest and at the highest information level. Successive levels differ by a constant factor.
+/// Whitened precision at the lowest and at the highest information level. Successive levels differ by a constant
+/// factor.
 const INFORMATION_RANGE: (f64, f64) = (0.02, 1000.0);
 
-/// Step of the lower levels of the whitened mean. The three highest levels are [`FAR_MEANS`], for a prior mean that is far off. Larger
-/// means are clipped; later packets transmit the rest.
+/// Step of the lower levels of the whitened mean. The three highest levels are [`FAR_MEANS`], for a prior mean that is
+/// far off. Larger means are clipped; later packets transmit the rest.
 const MEAN_STEP: f64 = 1.0 / 6.0;
 
 /// Mean level above which a point is sent even if it has no information.
@@ -28,8 +29,8 @@ const FAR_MEANS: [f64; 3] = [3.2, 6.0, 12.0];
 /// Partial correlations at levels from 1 up.
 const CORRELATIONS: [f64; CORRELATION_LEVELS as usize] = [0.3, 0.6, 0.93];
 
-/// Share of its prior variance that a point must keep, given the points before it, for a receiver to accept it. It is half of the
-/// share that a sender requires, so that rounding differences between machines refuse no packet.
+/// Share of its prior variance that a point must keep, given the points before it, for a receiver to accept it. It is
+/// half of the share that a sender requires, so that rounding differences between machines refuse no packet.
 const RECEIVER_DISTINCT_SHARE: f64 = 0.5 * DISTINCT_SHARE;
 
 /// Converts between summaries and blocks of cells and levels, under one model and grid.
@@ -52,8 +53,9 @@ impl Team {
         SummaryQuantizer { receiver: self.members.get(&sender).map_or(Vehicle::New, Vehicle::from), ..self.quantizer() }
     }
 
-    /// Returns the candidates for inducing points of a vehicle with these events: their links within the grid, for a typical transmitter and
-    /// kind of message, spread over time if they exceed [`Limits::candidates_max`](crate::Limits::candidates_max).
+    /// Returns the candidates for inducing points of a vehicle with these events: their links within the grid, for a
+    /// typical transmitter and kind of message, spread over time if they exceed
+    /// [`Limits::candidates_max`](crate::Limits::candidates_max).
     pub fn candidates<'a>(&self, events: impl IntoIterator<Item = &'a Event>) -> Vec<LinkQuery> {
         let quantizer = self.quantizer();
         let held: Vec<&Event> = events.into_iter().filter(|event| quantizer.holds(&event.link)).collect();
@@ -69,11 +71,13 @@ impl SummaryQuantizer<'_> {
         self.point(link).is_some()
     }
 
-    /// Encodes a block with inducing points at these links in a time cell. Returns the block and the summary that it decodes to.
+    /// Encodes a block with inducing points at these links in a time cell. Returns the block and the summary that it
+    /// decodes to.
     ///
-    /// `summarize` returns the summary at some inputs. Links outside the grid are omitted, and of the others only as many are used as a
-    /// block has points. Links with equal cells, or that the kernel cannot distinguish, are used once. Points below the lowest information
-    /// level are omitted, and `summarize` is called again for the others. Returns `None` if no point remains.
+    /// `summarize` returns the summary at some inputs. Links outside the grid are omitted, and of the others only as
+    /// many are used as a block has points. Links with equal cells, or that the kernel cannot distinguish, are used
+    /// once. Points below the lowest information level are omitted, and `summarize` is called again for the others.
+    /// Returns `None` if no point remains.
     ///
     /// # Errors
     /// Errors of `summarize`, and errors as of [`SummaryQuantizer::decode`].
@@ -115,8 +119,8 @@ impl SummaryQuantizer<'_> {
     /// # Errors
     /// * [`dgpc::Error::SizeMismatch`] if the number of correlations is not the number of pairs of points.
     /// * [`dgpc::Error::OutOfRange`] for a level that no packet can carry.
-    /// * [`dgpc::Error::NotPositiveDefinite`] if points coincide, or are so close that the kernel cannot distinguish them. No correct
-    ///   sender sends such points. Fused with other data they would be lost in rounding.
+    /// * [`dgpc::Error::NotPositiveDefinite`] if points coincide, or are so close that the kernel cannot distinguish
+    ///   them. No correct sender sends such points. Fused with other data they would be lost in rounding.
     pub fn decode(&self, block: &Block) -> dgpc::Result<Summary> {
         check_levels(block)?;
         let present: Vec<usize> =
@@ -151,7 +155,8 @@ impl SummaryQuantizer<'_> {
         points.iter().map(link).collect()
     }
 
-    /// Returns the query of an inducing point: a typical transmitter, the quantizer's receiver, and the middle of a time cell.
+    /// Returns the query of an inducing point: a typical transmitter, the quantizer's receiver, and the middle of a
+    /// time cell.
     pub fn query(&self, time: u8, link: Link) -> LinkQuery {
         LinkQuery { receiver: self.receiver, when: self.grid.when(time), ..LinkQuery::from(link) }
     }
@@ -302,8 +307,8 @@ fn correlation_factor(size: usize, partial: impl Fn(usize, usize) -> f64) -> Vec
     (0..size).map(row).collect()
 }
 
-/// Returns the partial correlations of a positive semi-definite matrix, each given the points before both. They have the order of a
-/// block: (2, 1), (3, 1), (3, 2) and so on.
+/// Returns the partial correlations of a positive semi-definite matrix, each given the points before both. They have
+/// the order of a block: (2, 1), (3, 1), (3, 2) and so on.
 fn partial_correlations(matrix: &Matrix) -> Vec<f64> {
     let size = matrix.rows();
     let mut partials = Vec::new();
@@ -315,7 +320,8 @@ fn partial_correlations(matrix: &Matrix) -> Vec<f64> {
             let scale = (matrix[(i, i)] * matrix[(j, j)]).sqrt();
             let correlation = if scale > 0.0 { matrix[(i, j)] / scale } else { 0.0 };
             let explained: f64 = row[..j].iter().zip(&rows[j]).map(|(a, b)| a * b).sum();
-            // Below this limit point j is a linear combination of the points before it, and its partial correlation is undefined.
+            // Below this limit point j is a linear combination of the points before it, and its partial correlation is
+            // undefined.
             let resolved = rows[j][j] > 1e-6;
             row[j] = if resolved { (correlation - explained) / rows[j][j] } else { 0.0 };
             partials.push(if remainder > 1e-9 { (row[j] / remainder.sqrt()).clamp(-1.0, 1.0) } else { 0.0 });

@@ -51,12 +51,12 @@ pub enum Refusal {
         /// Name of the form in the `.proto`.
         name: &'static str,
     },
-    /// The packet was formed under another team configuration, for example with another model, grid or epoch. Its sender uses another team
-    /// file. A plain packet may also be damaged; its number is then arbitrary.
+    /// The packet was formed under another team configuration, for example with another model, grid or epoch. Its
+    /// sender uses another team file. A plain packet may also be damaged; its number is then arbitrary.
     #[error("formed under another team configuration{}", difference_in_words(*found, *expected))]
     OtherTeam {
-        /// Number of the team configuration in an intact plain packet. `None` for an authenticated packet, which shows that the sender has
-        /// the team's key but not which configuration it uses.
+        /// Number of the team configuration in an intact plain packet. `None` for an authenticated packet, which shows
+        /// that the sender has the team's key but not which configuration it uses.
         found: Option<u16>,
         /// Number of this team's configuration.
         expected: u16,
@@ -98,15 +98,15 @@ pub enum Refusal {
     /// The sender has sent a full window of later packets or reports.
     #[error("older than the window of its sender")]
     TooOld,
-    /// Another packet has the same sender and counter. Two vehicles use one number, or the sender restarted without its memory. Neither
-    /// packet counts.
+    /// Another packet has the same sender and counter. Two vehicles use one number, or the sender restarted without its
+    /// memory. Neither packet counts.
     #[error("another packet of the same sender has counter {counter}")]
     Conflict {
         /// The counter.
         counter: u16,
     },
-    /// The report or the piggybacked outcomes contain a slot that is ahead of this vehicle's clock: one of the two clocks is wrong. They
-    /// count as soon as the clock allows the slot.
+    /// The report or the piggybacked outcomes contain a slot that is ahead of this vehicle's clock: one of the two
+    /// clocks is wrong. They count as soon as the clock allows the slot.
     #[error("slot {slot} is ahead of this vehicle's clock, which allows slots up to {latest}: it waits")]
     SlotAhead {
         /// The slot.
@@ -114,8 +114,8 @@ pub enum Refusal {
         /// Latest slot that the clock allows.
         latest: u32,
     },
-    /// The counter is larger than the schedule allows its sender by this vehicle's clock. The packet counts as soon as the clock allows the
-    /// counter.
+    /// The counter is larger than the schedule allows its sender by this vehicle's clock. The packet counts as soon as
+    /// the clock allows the counter.
     #[error("counter {counter} is ahead of this vehicle's clock, which allows counters up to {largest}: it waits")]
     CounterAhead {
         /// The counter.
@@ -123,15 +123,16 @@ pub enum Refusal {
         /// Largest counter that the clock allows.
         largest: u16,
     },
-    /// The packet has this vehicle's own number, but the vehicle did not send it. Another vehicle uses the number, or this vehicle sent it
-    /// before it lost its memory. The next own packet gets a counter that is a full window larger.
+    /// The packet has this vehicle's own number, but the vehicle did not send it. Another vehicle uses the number, or
+    /// this vehicle sent it before it lost its memory. The next own packet gets a counter that is a full window larger.
     #[error("duplicate vehicle number: received a packet under this vehicle's own number, counter {counter}")]
     OwnNumber {
         /// The counter.
         counter: u16,
     },
-    /// A report or piggybacked outcomes have this vehicle's own number, but the vehicle did not send them. Another vehicle uses the number,
-    /// or this vehicle sent them before it lost its memory. The report is stored as an own report.
+    /// A report or piggybacked outcomes have this vehicle's own number, but the vehicle did not send them. Another
+    /// vehicle uses the number, or this vehicle sent them before it lost its memory. The report is stored as an own
+    /// report.
     #[error("duplicate vehicle number: received a report or outcomes under this vehicle's own number")]
     OwnReport,
     /// The frame was recorded as transmitted by this vehicle, but it has another number.

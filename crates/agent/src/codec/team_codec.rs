@@ -112,8 +112,8 @@ impl TeamCodec {
         Ok(((message.sender, message.counter), Packet { bytes, summaries, longest_m }))
     }
 
-    /// Decodes a report of the team. Returns its sender, and its outcomes, unused slots and waypoints by slot. Outcomes after the last
-    /// numbered slot are ignored.
+    /// Decodes a report of the team. Returns its sender, and its outcomes, unused slots and waypoints by slot. Outcomes
+    /// after the last numbered slot are ignored.
     pub(crate) fn decode_report(&self, bytes: &[u8]) -> Result<(u8, Report), Refusal> {
         let (_, message, length) = self.read_report(bytes)?;
         let max = self.team.frame_bytes;
@@ -140,8 +140,8 @@ impl TeamCodec {
         Ok((message.sender, Report { bytes, first: message.first, outcomes, unused, waypoints }))
     }
 
-    /// Returns the slots, from `first` on, that the outcomes in a report of this member stand for. These are the slots in which it could
-    /// receive another member. Its own slots are among them if `includes_own_slots` is set.
+    /// Returns the slots, from `first` on, that the outcomes in a report of this member stand for. These are the slots
+    /// in which it could receive another member. Its own slots are among them if `includes_own_slots` is set.
     pub(crate) fn slots_of(&self, member: u8, first: u32, includes_own_slots: bool) -> impl Iterator<Item = u32> {
         let id = self.team.members.get(&member);
         let slots = first..id.map_or(first, |_| self.team.slots.end());
@@ -160,15 +160,16 @@ impl TeamCodec {
         (0..=newest.min(self.team.slots.end())).rev().filter(move |&slot| self.is_heard_by(slot, member))
     }
 
-    /// Returns the key of an event: the number of its receiver, and its slot. `None` for an event outside the schedule or with a vehicle
-    /// that is not a member.
+    /// Returns the key of an event: the number of its receiver, and its slot. `None` for an event outside the schedule
+    /// or with a vehicle that is not a member.
     pub(crate) fn slot_of(&self, event: &Event) -> Option<EventKey> {
         let slot = self.team.slots.sent_in(event.time_s, &event.transmitter_id)?;
         let receiver = self.team.number(&event.receiver_id)?;
         self.is_heard_by(slot, receiver).then_some((receiver, slot))
     }
 
-    /// Returns whether a member could receive another member in a slot. A transmitter that is not a member reports no track.
+    /// Returns whether a member could receive another member in a slot. A transmitter that is not a member reports no
+    /// track.
     pub(crate) fn is_heard_by(&self, slot: u32, member: u8) -> bool {
         let slots = &self.team.slots;
         self.team.members.get(&member).is_some_and(|id| slots.is_heard_by(slot, id))
@@ -194,7 +195,8 @@ impl TeamCodec {
         ReportLayout::new(self.team.model.inputs.has_depths(), self.team.key.is_some())
     }
 
-    /// Encodes a summary packet. It is authenticated if the team has a key. A plain packet contains the number of the team configuration.
+    /// Encodes a summary packet. It is authenticated if the team has a key. A plain packet contains the number of the
+    /// team configuration.
     ///
     /// # Errors
     /// [`pingmap_packet::Error`] for a value that the form cannot represent.
@@ -225,9 +227,9 @@ impl TeamCodec {
 /// Bits of a configuration number and of a check number.
 const NUMBER_MASK: u16 = 0x3fff;
 
-/// Returns the check number of a plain packet: 14 bits of the digest of the packet with its field `model` set to zero. The field contains
-/// the exclusive or of the check number and the configuration number. A receiver thus recovers the configuration number of an intact
-/// packet.
+/// Returns the check number of a plain packet: 14 bits of the digest of the packet with its field `model` set to zero.
+/// The field contains the exclusive or of the check number and the configuration number. A receiver thus recovers the
+/// configuration number of an intact packet.
 fn check_number(unnumbered: &[u8]) -> u16 {
     let digest = digest(unnumbered);
     u16::from_le_bytes([digest[0], digest[1]]) & NUMBER_MASK

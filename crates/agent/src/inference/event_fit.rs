@@ -36,7 +36,8 @@ pub(crate) struct EventFit {
     changes_since_fit: usize,
     /// Remote events of the fit, as they were located.
     pub(crate) remote: Arc<RemoteEvents>,
-    /// Identity of the sites of own events. Two fits that share it have equal sites for all own events that both contain.
+    /// Identity of the sites of own events. Two fits that share it have equal sites for all own events that both
+    /// contain.
     sites_id: Arc<()>,
 }
 
@@ -66,8 +67,9 @@ impl EventFit {
 
     /// Returns the summary of the own events with these numbers; `None` for a dense fit.
     ///
-    /// If `previous` is a summary of similar events, it is updated at O(M²) for each event that only one of both contains. From frame to
-    /// frame this is cheap, because few outcomes are delivered in between. Otherwise the cost is that of [`Fit::summary_of_part`].
+    /// If `previous` is a summary of similar events, it is updated at O(M²) for each event that only one of both
+    /// contains. From frame to frame this is cheap, because few outcomes are delivered in between. Otherwise the cost
+    /// is that of [`Fit::summary_of_part`].
     pub(crate) fn partial_summary(
         &self,
         numbers: &BTreeSet<u64>,
@@ -114,13 +116,14 @@ impl EventFit {
         kept
     }
 
-    /// Returns [`EventFit::changes_since_fit`] after all events but the kept ones are removed and `new` events are added.
+    /// Returns [`EventFit::changes_since_fit`] after all events but the kept ones are removed and `new` events are
+    /// added.
     fn changes_after(&self, kept: &HashMap<EventSource, usize>, new: usize) -> usize {
         self.changes_since_fit + self.sources.len() - kept.len() + new
     }
 
-    /// Returns the fit without the events that are not kept, and with new events. Sites of kept events stay as they are. `None` for a
-    /// dense fit.
+    /// Returns the fit without the events that are not kept, and with new events. Sites of kept events stay as they
+    /// are. `None` for a dense fit.
     fn amended(
         &self,
         kept: &HashMap<EventSource, usize>,
@@ -169,10 +172,11 @@ pub(crate) struct PreviousFit<'a> {
     pub(crate) may_be_amended: bool,
 }
 
-/// Fits own events and accepted remote events, given the summaries in `messages`. Starts at the previous fit, if there is one.
+/// Fits own events and accepted remote events, given the summaries in `messages`. Starts at the previous fit, if there
+/// is one.
 ///
-/// A sparse fit is amended if few events were added or removed since all events were fitted together. The cost of an event then does
-/// not depend on the number of events.
+/// A sparse fit is amended if few events were added or removed since all events were fitted together. The cost of an
+/// event then does not depend on the number of events.
 pub(crate) fn fit_events(
     memory: &Memory,
     prior: &Prior,

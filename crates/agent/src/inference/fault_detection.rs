@@ -15,8 +15,8 @@ use crate::types::query::LinkQuery;
 /// Share of the exclusion threshold above which a member is a suspect as soon as any member exceeds the threshold.
 const SUSPECT_SHARE: f64 = 0.6;
 
-/// Standard deviation of the offset between receivers, in logits. A common offset of all data of one member is no discrepancy up to this
-/// size, because hydrophones differ.
+/// Standard deviation of the offset between receivers, in logits. A common offset of all data of one member is no
+/// discrepancy up to this size, because hydrophones differ.
 const RECEIVER_OFFSET_SD: f64 = 0.5;
 
 /// Maximum number of remote events of a member that are compared with a posterior.
@@ -35,11 +35,12 @@ const FOLDS: usize = 4;
 type Exclusion = (BTreeSet<u8>, [Posterior; 2]);
 
 impl Posteriors {
-    /// Detects faulty members. Returns the excluded members with the posteriors without them, or `None` if they are unchanged.
+    /// Detects faulty members. Returns the excluded members with the posteriors without them, or `None` if they are
+    /// unchanged.
     ///
-    /// Between fits, only members with new packets are examined: O(M n²) for M inducing points of their packets. If one of them exceeds
-    /// the threshold or was excluded, all members are examined. After a fit, all members are examined at O(n³) for each member with remote
-    /// events. Every new exclusion, and every readmission, takes O(n³).
+    /// Between fits, only members with new packets are examined: O(M n²) for M inducing points of their packets. If one
+    /// of them exceeds the threshold or was excluded, all members are examined. After a fit, all members are examined
+    /// at O(n³) for each member with remote events. Every new exclusion, and every readmission, takes O(n³).
     pub(crate) fn detect_faulty_members(
         &self,
         memory: &Memory,
@@ -60,9 +61,10 @@ impl Posteriors {
 
     /// Examines all members and excludes faulty ones, one at a time, until no remaining member exceeds the threshold.
     ///
-    /// A faulty member that claims high certainty increases the discrepancies of correct members, and its own may be smaller. If one member
-    /// exceeds the threshold, all members near it are therefore suspects. The suspect that contradicts the vehicle's own events most is
-    /// excluded. The result depends only on the accepted data and the last fit.
+    /// A faulty member that claims high certainty increases the discrepancies of correct members, and its own may be
+    /// smaller. If one member exceeds the threshold, all members near it are therefore suspects. The suspect that
+    /// contradicts the vehicle's own events most is excluded. The result depends only on the accepted data and the last
+    /// fit.
     fn examine_all(&self, memory: &Memory, data: &AcceptedData) -> Result<Option<Exclusion>, AgentError> {
         let threshold = memory.codec.team.exclusion_threshold_sd;
         let mut excluded = BTreeSet::new();
@@ -87,7 +89,8 @@ impl Posteriors {
         }
     }
 
-    /// Returns whether any of these members is faulty: its discrepancy exceeds the threshold twice, or once and its data harm.
+    /// Returns whether any of these members is faulty: its discrepancy exceeds the threshold twice, or once and its
+    /// data harm.
     fn is_any_faulty(
         &self,
         memory: &Memory,
@@ -103,11 +106,12 @@ impl Posteriors {
         Ok(false)
     }
 
-    /// Returns whether the data of a member worsen predictions of the vehicle's own events by more than three standard errors.
+    /// Returns whether the data of a member worsen predictions of the vehicle's own events by more than three standard
+    /// errors.
     ///
-    /// A kernel that does not represent the water makes correct members look discrepant, but their data do little harm to predictions. Each
-    /// quarter of the own events, in the order of time, is predicted from the others with and without the member's data. Without own events the
-    /// answer is true. O(n³).
+    /// A kernel that does not represent the water makes correct members look discrepant, but their data do little harm
+    /// to predictions. Each quarter of the own events, in the order of time, is predicted from the others with and
+    /// without the member's data. Without own events the answer is true. O(n³).
     fn is_harmful(&self, memory: &Memory, trusted: &AcceptedData, member: u8) -> Result<bool, AgentError> {
         let others = trusted.without(&BTreeSet::from([member]));
         let events: Vec<&RecordedEvent> = memory.counting_events().collect();
@@ -164,8 +168,9 @@ impl Posteriors {
         }
     }
 
-    /// Returns the discrepancy of a trusted member. `posterior` includes the data of all trusted members, and `others` are these data
-    /// without the member's. Packets are subtracted from `posterior`. With remote events, the posterior of the others is computed: O(n³).
+    /// Returns the discrepancy of a trusted member. `posterior` includes the data of all trusted members, and `others`
+    /// are these data without the member's. Packets are subtracted from `posterior`. With remote events, the posterior
+    /// of the others is computed: O(n³).
     fn discrepancy_of_trusted(
         &self,
         memory: &Memory,
@@ -198,16 +203,17 @@ fn observations(memory: &Memory, member_data: &AcceptedData) -> dgpc::Result<Obs
     memory.codec.team.model.observations_among(&events, &spread_out(events.len(), EXAMINED_EVENTS_MAX))
 }
 
-/// Returns the discrepancy of a member's data from a posterior without them, in standard deviations. It is the larger one of two: the
-/// shift by its packets, and the contradiction of its outcomes.
+/// Returns the discrepancy of a member's data from a posterior without them, in standard deviations. It is the larger
+/// one of two: the shift by its packets, and the contradiction of its outcomes.
 fn discrepancy_from(memory: &Memory, posterior: &Posterior, member_data: &AcceptedData) -> Result<f64, AgentError> {
     let of_packets = packet_discrepancy(posterior, memory, member_data, Posterior::shift_by)?;
     let observations = observations(memory, member_data)?;
     Ok(of_packets.max(posterior.contradiction(&observations, RECEIVER_OFFSET_SD)?))
 }
 
-/// Returns the largest shift of a posterior by the packets of a member, in standard deviations of the posterior without them. `shift` is
-/// [`Posterior::shift_of`] for a posterior that includes the packets, and [`Posterior::shift_by`] for one that does not.
+/// Returns the largest shift of a posterior by the packets of a member, in standard deviations of the posterior without
+/// them. `shift` is [`Posterior::shift_of`] for a posterior that includes the packets, and [`Posterior::shift_by`] for
+/// one that does not.
 fn packet_discrepancy(
     posterior: &Posterior,
     memory: &Memory,

@@ -26,7 +26,8 @@ impl FitQuality {
 /// Tolerance of the tilts, on the scale of the latent function. It is far below the uncertainty of any prediction.
 const TOLERANCE: f64 = 1e-6;
 
-/// Maximum number of iterations of a sparse fit with a warm start. It bounds the time of a refit; the next refit continues the iteration.
+/// Maximum number of iterations of a sparse fit with a warm start. It bounds the time of a refit; the next refit
+/// continues the iteration.
 const WARM_ITERATIONS_MAX: usize = 4;
 
 /// A warm start: the result of an earlier fit from which a new one starts.
@@ -40,7 +41,8 @@ pub(crate) struct WarmStart<'a> {
     pub(crate) new: &'a [usize],
 }
 
-/// Fits `observations`, given the summaries in `messages`. The fit is dense up to [`Limits::dense_events_max`] events, and sparse above.
+/// Fits `observations`, given the summaries in `messages`. The fit is dense up to [`Limits::dense_events_max`] events,
+/// and sparse above.
 ///
 /// A sparse fit with a warm start has a limited number of iterations. It may end before its fixed point: see
 /// [`FitQuality::converged`].
@@ -76,7 +78,8 @@ pub(crate) fn fit(
     dgpc::fit(prior, observations, &options.inducing_points(&candidates.select(&chosen.indices)))
 }
 
-/// Absorbs an event into the own and the fused posterior. If the vehicle has its own model, the event has a different site under it.
+/// Absorbs an event into the own and the fused posterior. If the vehicle has its own model, the event has a different
+/// site under it.
 pub(crate) fn absorb_event(
     observation: &Observations,
     own: &mut Posterior,

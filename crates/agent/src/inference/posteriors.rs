@@ -136,8 +136,8 @@ impl Posteriors {
         }
     }
 
-    /// Absorbs new data, O(n²) for each event and inducing point. After a fit, or where included data no longer count, the posteriors are
-    /// rebuilt, O(n³). Nothing is fitted.
+    /// Absorbs new data, O(n²) for each event and inducing point. After a fit, or where included data no longer count,
+    /// the posteriors are rebuilt, O(n³). Nothing is fitted.
     pub(crate) fn update(&mut self, memory: &Memory, data: &AcceptedData) -> Result<(), AgentError> {
         self.include(memory, &data.without(&self.excluded))?;
         if let Some((excluded, [own, fused])) = self.detect_faulty_members(memory, data)? {
@@ -191,8 +191,8 @@ impl Posteriors {
         own.chain(trusted.packets.iter().copied()).collect()
     }
 
-    /// Returns the own and the fused posterior with these data of other members, in canonical order: equal to the bit to a rebuild. Remote
-    /// events since the last fit are not included.
+    /// Returns the own and the fused posterior with these data of other members, in canonical order: equal to the bit
+    /// to a rebuild. Remote events since the last fit are not included.
     pub(crate) fn own_and_fused(&self, memory: &Memory, trusted: &AcceptedData) -> Result<[Posterior; 2], AgentError> {
         let (mut own, mut fused) = self.at_fit(memory, trusted)?;
         let mut pending: Vec<&RecordedEvent> = self.included.pending_own.iter().collect();
@@ -217,7 +217,8 @@ impl Posteriors {
         Ok((own, fused))
     }
 
-    /// Returns the fused posterior of the last fit and these data, without the own events with these numbers, and without events since.
+    /// Returns the fused posterior of the last fit and these data, without the own events with these numbers, and
+    /// without events since.
     pub(crate) fn fused_at_fit(
         &self,
         memory: &Memory,
@@ -241,7 +242,8 @@ impl Posteriors {
         Ok(fit.posterior_of(is_in, &messages)?)
     }
 
-    /// Updates the summary of the own events that reports have delivered. The cost follows the change since the last frame.
+    /// Updates the summary of the own events that reports have delivered. The cost follows the change since the last
+    /// frame.
     pub(crate) fn update_shared_summary(
         &mut self,
         memory: &Memory,
@@ -254,7 +256,8 @@ impl Posteriors {
         Ok(())
     }
 
-    /// Returns the posterior that a listener can compute from the vehicle's summary packets and from its outcomes of these slots.
+    /// Returns the posterior that a listener can compute from the vehicle's summary packets and from its outcomes of
+    /// these slots.
     pub(crate) fn shared_of(&self, memory: &Memory, is_shared: &dyn Fn(u32) -> bool) -> Result<Posterior, AgentError> {
         let model = &memory.codec.team.model;
         let site: Vec<&Summary> = model.site_summary().into_iter().collect();

@@ -17,23 +17,25 @@ use crate::types::limits::Limits;
 pub(crate) enum RefitStart {
     /// Starts at the previous fit. Amends it if few events changed and it is sparse.
     Incremental,
-    /// Starts at the previous fit and fits all events. It takes fewer iterations than a cold start, and the result is equal to the
-    /// tolerance of a fit.
+    /// Starts at the previous fit and fits all events. It takes fewer iterations than a cold start, and the result is
+    /// equal to the tolerance of a fit.
     Warm,
     /// Starts from nothing. The result does not depend on earlier fits, to the bit.
     Cold,
 }
 
 impl Posteriors {
-    /// Returns whether more events were added or removed since the last fit than the refit threshold, as of the last update.
+    /// Returns whether more events were added or removed since the last fit than the refit threshold, as of the last
+    /// update.
     pub(crate) fn refit_due(&self, limits: &Limits) -> bool {
         let [absorbed, waiting] = self.included.pending_remote;
         let fitted = self.last_fit().map_or(0, |fit| fit.sources.len());
         self.included.pending_own.len() + self.included.forgotten + absorbed + waiting > limits.refit_threshold(fitted)
     }
 
-    /// Fits own events and the data of trusted members, then detects faulty members under that fit. If the excluded members changed, fits
-    /// once more. The site of an event depends on all events of its fit, so wrong events would otherwise still have an effect.
+    /// Fits own events and the data of trusted members, then detects faulty members under that fit. If the excluded
+    /// members changed, fits once more. The site of an event depends on all events of its fit, so wrong events would
+    /// otherwise still have an effect.
     pub(crate) fn refit(&mut self, memory: &Memory, data: &AcceptedData, start: RefitStart) -> Result<(), AgentError> {
         if start == RefitStart::Cold {
             self.excluded.clear();
@@ -51,8 +53,9 @@ impl Posteriors {
         }
     }
 
-    /// Fits own events under the team's model, and then own events with the data of trusted members. The second fit uses the vehicle's own
-    /// model if it has one. Otherwise it uses the team's model, and is omitted without remote events. Existing fits of equal data are kept.
+    /// Fits own events under the team's model, and then own events with the data of trusted members. The second fit
+    /// uses the vehicle's own model if it has one. Otherwise it uses the team's model, and is omitted without remote
+    /// events. Existing fits of equal data are kept.
     fn fit_trusted(&mut self, memory: &Memory, trusted: &AcceptedData, start: RefitStart) -> Result<(), AgentError> {
         let has_untrusted = start == RefitStart::Incremental && self.has_fitted_untrusted(trusted);
         let start = if has_untrusted { RefitStart::Warm } else { start };
@@ -97,15 +100,15 @@ impl Posteriors {
         Ok(())
     }
 
-    /// Returns whether the last fit has events of members without trusted events. The fit is then not amended, because the sites of all its
-    /// events depend on them.
+    /// Returns whether the last fit has events of members without trusted events. The fit is then not amended, because
+    /// the sites of all its events depend on them.
     fn has_fitted_untrusted(&self, trusted: &AcceptedData) -> bool {
         let members: BTreeSet<u8> = trusted.events.keys().map(|key| key.0).collect();
         self.last_fit().is_some_and(|fit| fit.remote.keys().any(|key| !members.contains(&key.0)))
     }
 
-    /// Returns whether the remote events of the last fit equal the trusted ones, with equal positions. Under the vehicle's own model the
-    /// packets of the fit must equal the trusted ones too.
+    /// Returns whether the remote events of the last fit equal the trusted ones, with equal positions. Under the
+    /// vehicle's own model the packets of the fit must equal the trusted ones too.
     fn has_fitted(&self, trusted: &AcceptedData) -> bool {
         self.last_fit().map_or(trusted.events.is_empty(), |fit| fit.remote == trusted.events)
             && self.own_model.as_ref().is_none_or(|own| own.packets == trusted.packets)

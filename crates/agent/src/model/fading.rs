@@ -1,5 +1,5 @@
-//! Fading: the correlation of successive outcomes of one link, and the weights of events that follow from it (docs/method.md,
-//! section 8).
+//! Fading: the correlation of successive outcomes of one link, and the weights of events that follow from it
+//! (docs/method.md, section 8).
 
 use std::collections::BTreeMap;
 
@@ -11,9 +11,10 @@ use crate::types::event::{Event, VehicleId};
 /// The correlation of outcomes of one transmitter at one receiver while both are nearly stationary.
 ///
 /// It is the correlation that remains after the position is accounted for. For two outcomes t seconds apart it is
-/// correlation · exp(−t/memory_s − (v/drift_m_per_s)²). Here v is the sum of the mean speeds of both ends between the outcomes, in
-/// metres per second. Moorings and drifting vehicles repeat a transmission every few seconds, so each outcome carries less information
-/// than an isolated one. For vehicles under way time and position change together, and the kernel models their correlation.
+/// correlation · exp(−t/memory_s − (v/drift_m_per_s)²). Here v is the sum of the mean speeds of both ends between the
+/// outcomes, in metres per second. Moorings and drifting vehicles repeat a transmission every few seconds, so each
+/// outcome carries less information than an isolated one. For vehicles under way time and position change together, and
+/// the kernel models their correlation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fading {
@@ -26,7 +27,8 @@ pub struct Fading {
 }
 
 impl Default for Fading {
-    /// Returns the fading that is assumed without data. Under it 300 outcomes in 300 seconds at one position count as 44.
+    /// Returns the fading that is assumed without data. Under it 300 outcomes in 300 seconds at one position count as
+    /// 44.
     fn default() -> Self {
         Self { correlation: 0.35, memory_s: 10.0, drift_m_per_s: 0.15 }
     }
@@ -51,7 +53,8 @@ const PRIOR_WEIGHT: f64 = 30.0;
 #[cfg(feature = "learn")]
 const CORRELATION_MAX: f64 = 0.95;
 
-/// Largest number of earlier outcomes of a pair that are compared with a new one. With more of them its weight is close to zero anyway.
+/// Largest number of earlier outcomes of a pair that are compared with a new one. With more of them its weight is close
+/// to zero anyway.
 const EARLIER_MAX: usize = 1000;
 
 impl Fading {
@@ -69,9 +72,9 @@ impl Fading {
 
     /// Computes the weight of every event, N values.
     ///
-    /// The weight is 1/(1 + 2Σc), with c the correlations with earlier events of the same pair of vehicles. The weights of steady
-    /// repetitions add up to the effective sample size of their mean. Takes O(N log N), plus O(1) for every pair of outcomes within the
-    /// largest lag. An event has at most a thousand such pairs.
+    /// The weight is 1/(1 + 2Σc), with c the correlations with earlier events of the same pair of vehicles. The weights
+    /// of steady repetitions add up to the effective sample size of their mean. Takes O(N log N), plus O(1) for every
+    /// pair of outcomes within the largest lag. An event has at most a thousand such pairs.
     pub fn weights(&self, events: &[&Event]) -> Vec<f64> {
         let mut weights = vec![1.0; events.len()];
         for indices in group_by_pair(events).into_values() {
@@ -95,9 +98,10 @@ impl Fading {
 
     /// Estimates fading from the residuals of predictions of `events`. `probabilities` has one entry per event.
     ///
-    /// The estimate is a least-squares fit to products of standardised residuals. Each product is of two outcomes of one pair of vehicles,
-    /// and the products of each outcome have weight 1 together. The present fading enters as a prior with the weight of thirty
-    /// outcomes. The drift does not change. The cost is that of [`Fading::weights`] with a largest lag of two minutes.
+    /// The estimate is a least-squares fit to products of standardised residuals. Each product is of two outcomes of
+    /// one pair of vehicles, and the products of each outcome have weight 1 together. The present fading enters as a
+    /// prior with the weight of thirty outcomes. The drift does not change. The cost is that of [`Fading::weights`]
+    /// with a largest lag of two minutes.
     #[cfg(feature = "learn")]
     pub(crate) fn reestimate(&self, events: &[&Event], probabilities: &[f64]) -> Self {
         let residual = |n: usize| {

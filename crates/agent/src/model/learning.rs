@@ -19,7 +19,8 @@ const EVIDENCE_FACTOR: f64 = 2.0;
 /// Smallest share of the total weight that fading must remove, or change, before the model is learned again.
 const WEIGHT_CHANGE_MIN: f64 = 0.02;
 
-/// Tolerance of a search with an added term, in nats per event. It is far below the smallest gain for which the term is added.
+/// Tolerance of a search with an added term, in nats per event. It is far below the smallest gain for which the term is
+/// added.
 const ADDITION_TOLERANCE: f64 = 1e-6;
 
 /// The criterion for the choice among structures.
@@ -36,7 +37,8 @@ pub enum Criterion {
 pub struct Learning {
     /// Candidate structures.
     pub structures: Vec<Structure>,
-    /// Optional terms to add to the chosen structure, in order of trial. [`LearnedModel::improves_on`] decides about each.
+    /// Optional terms to add to the chosen structure, in order of trial. [`LearnedModel::improves_on`] decides about
+    /// each.
     pub additions: Vec<OptionalTerm>,
     /// Criterion for the choice among the structures.
     pub criterion: Criterion,
@@ -90,18 +92,20 @@ impl LearnedModel {
         self.learned.optimum_evidence
     }
 
-    /// Returns the weighted mean leave-one-out log predictive probability of the events used, in nats. Returns 0 without events.
+    /// Returns the weighted mean leave-one-out log predictive probability of the events used, in nats. Returns 0
+    /// without events.
     pub fn leave_one_out(&self) -> f64 {
         let (fit, weights) = (&self.learned.fit, self.learned.fit.weights());
         let sum: f64 = fit.leave_one_out().iter().zip(weights).map(|(log, weight)| weight * log).sum();
         if weights.is_empty() { 0.0 } else { sum / weights.iter().sum::<f64>() }
     }
 
-    /// Returns true if this model predicts better than `before` by enough to keep `addition`, the term that only this model has.
+    /// Returns true if this model predicts better than `before` by enough to keep `addition`, the term that only this
+    /// model has.
     ///
-    /// Both models must be fits of the same events. The mean gain of leave-one-out predictions must exceed a threshold. The threshold is
-    /// 0.001 nats per event, or one standard error of the paired gains if that is larger. For an uncommon term the gain in corrected
-    /// evidence per event must also exceed twice the threshold.
+    /// Both models must be fits of the same events. The mean gain of leave-one-out predictions must exceed a threshold.
+    /// The threshold is 0.001 nats per event, or one standard error of the paired gains if that is larger. For an
+    /// uncommon term the gain in corrected evidence per event must also exceed twice the threshold.
     pub fn improves_on(&self, addition: OptionalTerm, before: &LearnedModel) -> bool {
         let [after, before] = [self, before].map(|model| &model.learned.fit);
         let pairs = after.leave_one_out().into_iter().zip(before.leave_one_out());
@@ -131,7 +135,8 @@ impl LearnedModel {
 }
 
 impl Learning {
-    /// Returns the prior of a structure before learning, with the fixed parameters. `scale_m` is the scale of the chart, in metres.
+    /// Returns the prior of a structure before learning, with the fixed parameters. `scale_m` is the scale of the
+    /// chart, in metres.
     ///
     /// # Errors
     /// As [`Structure::template`]. [`dgpc::Error::OutOfRange`] for a fixed parameter that is not finite and positive.
@@ -146,10 +151,12 @@ impl Learning {
 
     /// Learns the parameters of one structure from `events` and from the summaries of others in `messages`.
     ///
-    /// An earlier fit of the same structure is a warm start. It reduces the work to one search, whose result is never worse in E.
+    /// An earlier fit of the same structure is a warm start. It reduces the work to one search, whose result is never
+    /// worse in E.
     ///
     /// # Errors
-    /// [`dgpc::Error`] for a position that is not finite, or for a scale or fixed parameter that is not finite and positive.
+    /// [`dgpc::Error`] for a position that is not finite, or for a scale or fixed parameter that is not finite and
+    /// positive.
     pub fn fit<'a>(
         &self,
         structure: &Structure,
@@ -189,7 +196,8 @@ impl Learning {
         })
     }
 
-    /// Learns every structure, selects the best fit by [`Learning::criterion`], and adds the [`Learning::additions`] that improve it.
+    /// Learns every structure, selects the best fit by [`Learning::criterion`], and adds the [`Learning::additions`]
+    /// that improve it.
     ///
     /// # Errors
     /// As [`Learning::fit`]. [`dgpc::Error::OutOfRange`] without structures.
@@ -219,10 +227,11 @@ impl Learning {
         self.additions.iter().copied().filter(|&addition| has_kinds || addition != OptionalTerm::Kinds).collect()
     }
 
-    /// Estimates fading from the residuals of a learned model, and learns the model again if the weights of events change.
+    /// Estimates fading from the residuals of a learned model, and learns the model again if the weights of events
+    /// change.
     ///
-    /// The model stays as it is if fading is fixed, or if the present fading reduces the total weight by less than 2 %. Its parameters stay
-    /// if the new fading changes the weights by less than 2 % in total.
+    /// The model stays as it is if fading is fixed, or if the present fading reduces the total weight by less than 2 %.
+    /// Its parameters stay if the new fading changes the weights by less than 2 % in total.
     ///
     /// # Errors
     /// As [`Learning::fit`].
@@ -269,7 +278,8 @@ impl Learning {
     fn search_options(&self, structure: &Structure) -> LearnOptions<'static> {
         let mut hyper_prior = HyperPrior::default();
         if let MeanStructure::Conservative { .. } = structure.mean {
-            // With a standard deviation of 1, more than a few events are needed to move the intercept that the user fixed.
+            // With a standard deviation of 1, more than a few events are needed to move the intercept that the user
+            // fixed.
             hyper_prior = hyper_prior.intercept(1.0);
         }
         if self.length_scale_m.is_some() {

@@ -21,7 +21,8 @@ pub const MODEL_SCHEMA: u32 = 5;
 /// Name of the time column.
 pub(crate) const TIME: &str = "time";
 
-/// The input columns of a query: raw positions, and quantities computed from them. Kernel terms use a subset of the columns.
+/// The input columns of a query: raw positions, and quantities computed from them. Kernel terms use a subset of the
+/// columns.
 ///
 /// | columns | meaning |
 /// |---|---|
@@ -179,11 +180,11 @@ impl Model {
 
     /// Returns the model with a site prior that summarizes `learned`, a posterior under this model.
     ///
-    /// The site prior has up to `points_max` of the links as inducing points. They are chosen to minimize the remaining prior variance of
-    /// all links. The links are those of typical vehicles at a typical time, so offsets of vehicles and of one day are integrated out.
-    /// A site prior that the model already has is part of `learned`, and therefore of the new one. Takes O(N²m + mn²) time, and memory
-    /// for 2N² numbers. Here N is the number of links, m the number of chosen ones, and n the number of events and points of
-    /// the posterior.
+    /// The site prior has up to `points_max` of the links as inducing points. They are chosen to minimize the remaining
+    /// prior variance of all links. The links are those of typical vehicles at a typical time, so offsets of vehicles
+    /// and of one day are integrated out. A site prior that the model already has is part of `learned`, and therefore
+    /// of the new one. Takes O(N²m + mn²) time, and memory for 2N² numbers. Here N is the number of links, m the number
+    /// of chosen ones, and n the number of events and points of the posterior.
     ///
     /// # Errors
     /// [`dgpc::Error`] for a position that is not finite, and for a posterior under another prior.
@@ -200,7 +201,8 @@ impl Model {
         Ok(Self { schema: MODEL_SCHEMA, site: Some(Arc::new(site)), ..self.clone() })
     }
 
-    /// Returns the link with the depths that the model uses. Without depth columns depths are removed, else an unknown depth becomes 0.
+    /// Returns the link with the depths that the model uses. Without depth columns depths are removed, else an unknown
+    /// depth becomes 0.
     fn normalize_depths(&self, link: &Link) -> Link {
         let end = |end: Position| {
             let depth_m = self.inputs.has_depths().then_some(end.depth_m.unwrap_or(0.0));
@@ -254,7 +256,8 @@ impl Model {
         Observations::weighted(inputs, outcomes, indices.iter().map(weight).collect())
     }
 
-    /// Returns one event as an observation, with its weight given earlier events of its receiver. `earlier` starts with the latest.
+    /// Returns one event as an observation, with its weight given earlier events of its receiver. `earlier` starts with
+    /// the latest.
     ///
     /// # Errors
     /// As [`Model::observations`].
@@ -267,7 +270,8 @@ impl Model {
         Observations::weighted(self.inputs([event.query()])?, vec![event.success], vec![weight])
     }
 
-    /// Returns a model with one isotropic kernel term over both positions, reciprocal if requested, and a zero prior mean.
+    /// Returns a model with one isotropic kernel term over both positions, reciprocal if requested, and a zero prior
+    /// mean.
     ///
     /// # Errors
     /// [`dgpc::Error::OutOfRange`] for a length-scale or variance that is not finite and positive.
@@ -288,7 +292,8 @@ impl Model {
         Ok(Self::new(chart, inputs, prior))
     }
 
-    /// Computes the inputs of links or queries, one row each. Columns are those of [`InputSpec`], about the chart's origin.
+    /// Computes the inputs of links or queries, one row each. Columns are those of [`InputSpec`], about the chart's
+    /// origin.
     ///
     /// # Errors
     /// [`dgpc::Error::NotFinite`] with the row and column of the first NaN or infinity.

@@ -6,8 +6,8 @@ use crate::types::event::Link;
 
 /// Knowledge from earlier missions at a site.
 ///
-/// It is a summary of the latent function at some links, for typical vehicles at a typical time. Offsets of single vehicles and of
-/// one day are integrated out. A mission that begins with a site prior treats it as part of the prior.
+/// It is a summary of the latent function at some links, for typical vehicles at a typical time. Offsets of single
+/// vehicles and of one day are integrated out. A mission that begins with a site prior treats it as part of the prior.
 #[derive(Debug, Clone)]
 pub struct SitePrior {
     /// Inducing points, M links.
@@ -19,8 +19,8 @@ pub struct SitePrior {
 }
 
 impl SitePrior {
-    /// Returns the site prior with M links and their inputs. The summary is given by its whitened precision (M×M) and shift (M)
-    /// under `prior`.
+    /// Returns the site prior with M links and their inputs. The summary is given by its whitened precision (M×M) and
+    /// shift (M) under `prior`.
     ///
     /// # Errors
     /// [`dgpc::Error`] for a precision that is not valid.

@@ -11,7 +11,8 @@ const RANGE_FACTOR: f64 = 1.0 / 8.0;
 const WALLS_FACTOR: f64 = 1.0 / 4.5;
 
 impl Structure {
-    /// Returns `template` with the parameters of `known`, a prior of structure `other`, in all terms that both structures have.
+    /// Returns `template` with the parameters of `known`, a prior of structure `other`, in all terms that both
+    /// structures have.
     ///
     /// `template` is the template of this structure.
     ///
@@ -35,9 +36,10 @@ impl Structure {
 
     /// Returns starting points of a search in addition to the template or the warm start.
     ///
-    /// `warm_start` holds the starting prior and the earlier structure that its parameters come from. A new range term yields the template
-    /// with a much shorter length-scale of that term. The other parameters are not taken over, because other terms may have compensated
-    /// for the missing one. New walls yield two starts, each with one of the two length-scales shortened.
+    /// `warm_start` holds the starting prior and the earlier structure that its parameters come from. A new range term
+    /// yields the template with a much shorter length-scale of that term. The other parameters are not taken over,
+    /// because other terms may have compensated for the missing one. New walls yield two starts, each with one of the
+    /// two length-scales shortened.
     pub(crate) fn further_starts(
         &self,
         template: &Prior,

@@ -47,8 +47,8 @@ pub enum MeanStructure {
 const CONSERVATIVE_LOSS: f64 = 4.0;
 
 impl MeanStructure {
-    /// Returns a prior mean with even odds at `range_m` metres. Log-odds decrease by `slope_per_m` per metre, by default by four over the
-    /// range.
+    /// Returns a prior mean with even odds at `range_m` metres. Log-odds decrease by `slope_per_m` per metre, by
+    /// default by four over the range.
     pub fn conservative(range_m: f64, slope_per_m: Option<f64>) -> Self {
         Self::Conservative { range_m, slope_per_m: slope_per_m.unwrap_or(CONSERVATIVE_LOSS / range_m) }
     }
@@ -209,7 +209,8 @@ impl Part {
 }
 
 impl Structure {
-    /// Returns the prior before learning. Its length-scales and slopes are proportional to `scale_m`, the scale of the chart in metres.
+    /// Returns the prior before learning. Its length-scales and slopes are proportional to `scale_m`, the scale of the
+    /// chart in metres.
     ///
     /// # Errors
     /// [`dgpc::Error::OutOfRange`] for a scale that is not finite and positive, or a conservative range that is not
@@ -318,8 +319,8 @@ pub struct StructureConstraints {
 impl StructureConstraints {
     /// Returns the structure with which learning starts.
     ///
-    /// Unless fixed otherwise, it has a reciprocal path term over link coordinates and odds that decrease with range. Learning adds further
-    /// terms as [`OptionalTerm`]s.
+    /// Unless fixed otherwise, it has a reciprocal path term over link coordinates and odds that decrease with range.
+    /// Learning adds further terms as [`OptionalTerm`]s.
     pub fn default_candidates(&self) -> Vec<Structure> {
         let structure = |terms| Structure {
             shape: self.shape.unwrap_or(Shape::Matern32),
@@ -332,7 +333,8 @@ impl StructureConstraints {
         vec![structure(self.terms.unwrap_or(Terms::Path))]
     }
 
-    /// Returns [`StructureConstraints::default_candidates`], followed by all structures that differ from them in one part of the kernel.
+    /// Returns [`StructureConstraints::default_candidates`], followed by all structures that differ from them in one
+    /// part of the kernel.
     pub fn all_candidates(&self) -> Vec<Structure> {
         let default = self.default_candidates();
         let mut all = default.clone();

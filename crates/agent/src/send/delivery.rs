@@ -56,9 +56,9 @@ struct SentReport {
 }
 
 impl DeliveryEstimate {
-    /// Estimates delivery of the reports of `sender`. A report of a member that lists the slot of a frame as heard acknowledges that
-    /// frame. Every other transmission is lost with probability .3. Reports of `ignored` members acknowledge nothing. O(reported slots)
-    /// for each other member.
+    /// Estimates delivery of the reports of `sender`. A report of a member that lists the slot of a frame as heard
+    /// acknowledges that frame. Every other transmission is lost with probability .3. Reports of `ignored` members
+    /// acknowledge nothing. O(reported slots) for each other member.
     pub(crate) fn new(memory: &Memory, sender: u8, ignored: &BTreeSet<u8>) -> Self {
         let members = memory.codec.team.members.keys().copied().filter(|&number| number != sender);
         let mut receivers: Vec<Option<u8>> =
@@ -138,13 +138,14 @@ impl SentReport {
     }
 }
 
-/// Returns the outcome of a slot in the reports of a member. Piggybacked outcomes are not authenticated and do not count.
+/// Returns the outcome of a slot in the reports of a member. Piggybacked outcomes are not authenticated and do not
+/// count.
 fn outcome(memory: &Memory, receiver: u8, slot: u32) -> Option<ReportedOutcome> {
     memory.reports.reports_of(receiver)?.outcomes.get(&slot).copied()
 }
 
-/// Returns the slots that a report covers. The range of own slots runs from its first slot to its last waypoint. Own slots that turned out
-/// to be unused are excluded, unless the report lists them as unused.
+/// Returns the slots that a report covers. The range of own slots runs from its first slot to its last waypoint. Own
+/// slots that turned out to be unused are excluded, unless the report lists them as unused.
 fn slots_of(memory: &Memory, sender: u8, report: &Report) -> Vec<(Subject, Range<u32>)> {
     let mut covered: Vec<(Subject, Range<u32>)> =
         report.outcomes.iter().map(|&(slot, _)| (Subject::Reception, slot..slot + 1)).collect();

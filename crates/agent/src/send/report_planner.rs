@@ -14,7 +14,8 @@ use crate::track::simplification::TrackSimplifier;
 /// Candidate reports have at least this share of the value of the best one.
 const VALUE_SHARE_MIN: f64 = 0.5;
 
-/// Maximum number of candidate reports from either end of the new slots. Each candidate takes a fraction of the time of a fit.
+/// Maximum number of candidate reports from either end of the new slots. Each candidate takes a fraction of the time of
+/// a fit.
 const CANDIDATES_MAX: usize = 4;
 
 /// A slot that a report may contain.
@@ -82,7 +83,8 @@ struct SlotRange {
 }
 
 impl<'a> ReportPlanner<'a> {
-    /// Prepares the reports that fit into `frame_bytes` bytes. O(slots of the report window), each with a segment of the track.
+    /// Prepares the reports that fit into `frame_bytes` bytes. O(slots of the report window), each with a segment of
+    /// the track.
     pub(crate) fn new(memory: &'a Memory, sender: u8, frame_bytes: usize, delivery: DeliveryEstimate) -> Self {
         let team = &memory.codec.team;
         let simplifier = TrackSimplifier {
@@ -109,9 +111,9 @@ impl<'a> ReportPlanner<'a> {
         Self { memory, sender, frame_bytes, delivery, entries, waypoints, parts, sums }
     }
 
-    /// Returns candidate reports for the next frame, the one of largest value last. Where all new slots take several frames, the
-    /// candidates also contain some of these frames, counted from the first slot and from the last one. Empty where nothing is worth
-    /// sending.
+    /// Returns candidate reports for the next frame, the one of largest value last. Where all new slots take several
+    /// frames, the candidates also contain some of these frames, counted from the first slot and from the last one.
+    /// Empty where nothing is worth sending.
     pub(crate) fn reports(&self) -> Vec<ReportMessage> {
         let Some(best) = self.best_range() else { return Vec::new() };
         let mut ranges = Vec::new();
@@ -135,7 +137,8 @@ impl<'a> ReportPlanner<'a> {
         ranges.max_by(|a, b| a.value.total_cmp(&b.value))
     }
 
-    /// Returns full frames that begin or end at an entry of larger value than its neighbour, so that the rest stays in one piece.
+    /// Returns full frames that begin or end at an entry of larger value than its neighbour, so that the rest stays in
+    /// one piece.
     fn boundary_ranges(&self) -> Vec<SlotRange> {
         let value = |index: usize| self.entries[index].value;
         let worth: Vec<usize> = (0..self.entries.len()).filter(|&index| value(index) > 0.0).collect();
@@ -244,7 +247,8 @@ impl<'a> ReportPlanner<'a> {
     }
 }
 
-/// Returns the slots between the first and the last waypoint in which the vehicle could receive another member or transmit.
+/// Returns the slots between the first and the last waypoint in which the vehicle could receive another member or
+/// transmit.
 fn slot_entries(memory: &Memory, sender: u8, waypoints: &[(u32, Cell)], delivery: &DeliveryEstimate) -> Vec<SlotEntry> {
     let (Some(&(begin, _)), Some(&(end, _))) = (waypoints.first(), waypoints.last()) else { return Vec::new() };
     let team = &memory.codec.team;

@@ -9,8 +9,8 @@ pub struct Sharing {
     pub reports: bool,
     /// Use reports of other members as acknowledgements, so that delivered outcomes are not sent again.
     pub acknowledgements: bool,
-    /// Compare several candidate reports by the divergence that remains after them. Otherwise the most valuable report is sent: the one
-    /// with the most expected new deliveries.
+    /// Compare several candidate reports by the divergence that remains after them. Otherwise the most valuable report
+    /// is sent: the one with the most expected new deliveries.
     pub report_candidates: bool,
     /// Compare several candidate summaries. Otherwise the inducing points come from all events.
     pub summary_candidates: bool,

@@ -18,10 +18,12 @@ enum PointSelection {
     Coverage,
 }
 
-/// Divisors of the candidates that give the pools: all candidates, and the third and the eighth with the largest divergence.
+/// Divisors of the candidates that give the pools: all candidates, and the third and the eighth with the largest
+/// divergence.
 const POOL_DIVISORS: [usize; 3] = [1, 3, 8];
 
-/// Rules with the divisors of their pools. The second rule is tried if no packet of the first one reaches the minimum gain.
+/// Rules with the divisors of their pools. The second rule is tried if no packet of the first one reaches the minimum
+/// gain.
 const SELECTIONS: [(PointSelection, &[usize]); 2] =
     [(PointSelection::VarianceReduction, &POOL_DIVISORS), (PointSelection::Coverage, &[8])];
 
@@ -60,7 +62,8 @@ struct OwnPredictions {
 }
 
 impl<'a> SummaryPlanner<'a> {
-    /// Creates a planner with these candidates. `posteriors` must be up to date with the memory: see [`Posteriors::update`].
+    /// Creates a planner with these candidates. `posteriors` must be up to date with the memory: see
+    /// [`Posteriors::update`].
     pub(crate) fn new(
         quantizer: SummaryQuantizer<'a>,
         layout: &'a Layout,
@@ -69,8 +72,8 @@ impl<'a> SummaryPlanner<'a> {
         min_gain_nats: f64,
     ) -> dgpc::Result<Self> {
         let inputs = quantizer.model.inputs(&queries)?;
-        // Without events since the fit, the fit already has the latent function at its events. Predictions of the posterior would take as
-        // long as the rest of planning.
+        // Without events since the fit, the fit already has the latent function at its events. Predictions of the
+        // posterior would take as long as the rest of planning.
         let own_fit = posteriors.own_fit.as_ref().filter(|_| posteriors.absorbed_own().is_empty());
         let of_fit = own_fit.and_then(|own_fit| own_fit.fit.latent_at_events(&inputs));
         let latent = of_fit.map_or_else(|| posteriors.own.latent(&inputs), Ok)?;
@@ -78,10 +81,11 @@ impl<'a> SummaryPlanner<'a> {
         Ok(Self { quantizer, layout, own: &posteriors.own, queries, inputs, own_predictions, min_gain_nats })
     }
 
-    /// Returns the best packet for a listener with the posterior `shared`; `None` if no packet reaches the minimum gain.
+    /// Returns the best packet for a listener with the posterior `shared`; `None` if no packet reaches the minimum
+    /// gain.
     ///
-    /// For each rule, one packet is formed from each pool. The result is the packet after which the mean divergence is smallest. `sharing`
-    /// can restrict the search to the first pool.
+    /// For each rule, one packet is formed from each pool. The result is the packet after which the mean divergence is
+    /// smallest. `sharing` can restrict the search to the first pool.
     pub(crate) fn plan(&self, shared: &Posterior, sharing: Sharing) -> dgpc::Result<Option<PlannedSummary>> {
         if self.queries.is_empty() {
             return Ok(None);
@@ -112,22 +116,22 @@ impl<'a> SummaryPlanner<'a> {
         Ok(None)
     }
 
-    /// Returns the mean Kullback-Leibler divergence of the predictions of `shared` from those of the own posterior, in nats. The mean is
-    /// over the candidates; 0 without any.
+    /// Returns the mean Kullback-Leibler divergence of the predictions of `shared` from those of the own posterior, in
+    /// nats. The mean is over the candidates; 0 without any.
     pub(crate) fn mean_divergence(&self, shared: &Posterior) -> dgpc::Result<f64> {
         Ok(mean(&self.divergences(shared)?))
     }
 
-    /// Returns the candidates that come first in `order`: one in `divisor` of all, and as many more as a block has points. The result is
-    /// in ascending order.
+    /// Returns the candidates that come first in `order`: one in `divisor` of all, and as many more as a block has
+    /// points. The result is in ascending order.
     fn most_divergent(&self, order: &[usize], divisor: usize) -> Vec<usize> {
         let mut pool = order[..order.len().min(order.len() / divisor + self.layout.points)].to_vec();
         pool.sort_unstable();
         pool
     }
 
-    /// Forms the blocks of a packet with points from `pool`, in the time cell of the pool. Each block is the residual of the own posterior,
-    /// given `shared` and the blocks before it. Returns also `shared` with all blocks.
+    /// Forms the blocks of a packet with points from `pool`, in the time cell of the pool. Each block is the residual
+    /// of the own posterior, given `shared` and the blocks before it. Returns also `shared` with all blocks.
     fn form_blocks(
         &self,
         shared: &Posterior,
@@ -167,8 +171,8 @@ impl<'a> SummaryPlanner<'a> {
         Ok((PlannedSummary { blocks, summaries, divergence_nats: f64::NAN }, shared))
     }
 
-    /// Returns the variances of the own posterior at the inputs of a pool. The predictions at the candidates are used if the model does
-    /// not depend on time.
+    /// Returns the variances of the own posterior at the inputs of a pool. The predictions at the candidates are used
+    /// if the model does not depend on time.
     fn own_variance(&self, pool: &[usize], inputs: &Inputs) -> dgpc::Result<Vec<f64>> {
         if self.own.prior().sees_alike(inputs, &self.inputs.select(pool)) {
             return Ok(pool.iter().map(|&index| self.own_predictions.variance[index]).collect());
@@ -176,7 +180,8 @@ impl<'a> SummaryPlanner<'a> {
         Ok(self.own.latent(inputs)?.variance)
     }
 
-    /// Returns the Kullback-Leibler divergence of the predictions of `shared` from those of the own posterior, at every candidate.
+    /// Returns the Kullback-Leibler divergence of the predictions of `shared` from those of the own posterior, at every
+    /// candidate.
     fn divergences(&self, shared: &Posterior) -> dgpc::Result<Vec<f64>> {
         let shared = shared.probability(&self.inputs)?;
         let divergence = |(&p, &q): (&f64, &f64)| divergence_term(p, q) + divergence_term(1.0 - p, 1.0 - q);

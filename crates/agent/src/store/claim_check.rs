@@ -5,11 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Number of contradicted claims at which no claim of a member counts any longer.
 const CONTRADICTIONS_MAX: usize = 3;
 
-/// Claims that the vehicle's own receptions contradict: a member reported that it did not transmit in a slot, but the vehicle recorded a
-/// reception in it. The content depends on the set of claims and receptions, not on their order.
+/// Claims that the vehicle's own receptions contradict: a member reported that it did not transmit in a slot, but the
+/// vehicle recorded a reception in it. The content depends on the set of claims and receptions, not on their order.
 ///
-/// A host that fails to log its transmissions makes such claims by accident. Single contradictions are allowed for. Receptions that other
-/// members report do not count here, because a faulty receiver could discredit every other member.
+/// A host that fails to log its transmissions makes such claims by accident. Single contradictions are allowed for.
+/// Receptions that other members report do not count here, because a faulty receiver could discredit every other
+/// member.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ClaimCheck {
     contradicted: BTreeMap<u8, BTreeSet<u32>>,
@@ -21,7 +22,8 @@ impl ClaimCheck {
         self.contradicted.entry(member).or_default().insert(slot);
     }
 
-    /// Removes contradictions of a member whose claims or receptions are no longer stored. Returns whether its claims count again.
+    /// Removes contradictions of a member whose claims or receptions are no longer stored. Returns whether its claims
+    /// count again.
     pub(crate) fn retain(&mut self, member: u8, is_contradicted: impl Fn(u32) -> bool) -> bool {
         let was_reliable = self.is_reliable(member);
         if let Some(slots) = self.contradicted.get_mut(&member) {

@@ -7,15 +7,17 @@ use crate::store::entry::Entry;
 use crate::team::config::Team;
 use crate::team::slots::Slots;
 
-/// Smallest lead of a slot over the vehicle's clock that is accepted, in seconds. Clocks differ, and hosts record events late.
+/// Smallest lead of a slot over the vehicle's clock that is accepted, in seconds. Clocks differ, and hosts record
+/// events late.
 const SLOT_LEAD_S: f64 = 600.0;
 
-/// The same lead in cycles of the schedule, for schedules with long cycles.
+/// Smallest accepted lead in cycles of the schedule. It exceeds [`SLOT_LEAD_S`] where cycles are long.
 const SLOT_LEAD_CYCLES: f64 = 2.0;
 
 /// Counters that are accepted in addition to those that the schedule allows a sender.
 ///
-/// A sender that lost its memory skips one window of counters, which is at most this number ([`crate::bounds::WINDOW`]).
+/// A sender that lost its memory skips one window of counters, which is at most this number
+/// ([`crate::bounds::WINDOW`]).
 pub const COUNTER_LEAD: u16 = 1024;
 
 /// Frames that a sender may transmit in each of its slots. The longest packet of the WHOI Micro-Modem holds eight.
@@ -35,9 +37,10 @@ pub(crate) enum FrameNumber {
 
 /// The latest time that the vehicle knows, and the frames that are ahead of it.
 ///
-/// The windows of a sender follow its latest slot and its latest counter. A frame from a wrong clock or with a wrong counter would end
-/// these windows for all correct frames. A vehicle therefore accepts a number only if its own clock allows it. Other frames wait. Each
-/// sender has at most [`WAITING_MAX`] waiting frames, those with the smallest numbers. The clock begins with the first slot.
+/// The windows of a sender follow its latest slot and its latest counter. A frame from a wrong clock or with a wrong
+/// counter would end these windows for all correct frames. A vehicle therefore accepts a number only if its own clock
+/// allows it. Other frames wait. Each sender has at most [`WAITING_MAX`] waiting frames, those with the smallest
+/// numbers. The clock begins with the first slot.
 #[derive(Debug, Clone)]
 pub(crate) struct Clock {
     latest_s: f64,
@@ -54,7 +57,8 @@ impl Clock {
         self.latest_s
     }
 
-    /// Advances the clock to a time. An earlier time changes nothing. Returns the waiting frames that the clock allows now.
+    /// Advances the clock to a time. An earlier time changes nothing. Returns the waiting frames that the clock allows
+    /// now.
     pub(crate) fn advance_to(&mut self, time_s: f64, team: &Team) -> Vec<Entry> {
         if time_s.is_nan() || time_s <= self.latest_s {
             return Vec::new();

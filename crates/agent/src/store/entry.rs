@@ -7,8 +7,8 @@ use crate::types::event::{Event, Position, VehicleId};
 /// Largest number of an entry, plus one.
 const NUMBER_MAX: u64 = 1 << 48;
 
-/// One entry of a vehicle's memory. The memory is the set of its entries: they may be applied in any order, in parts, and more than
-/// once.
+/// One entry of a vehicle's memory. The memory is the set of its entries: they may be applied in any order, in parts,
+/// and more than once.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Entry {
@@ -53,8 +53,9 @@ pub enum Entry {
     Sent {
         /// Number of frames transmitted before it.
         number: u64,
-        /// The slot of the transmission, if it is one of the vehicle's own; see [`Slots::next_slot`](crate::Slots::next_slot). A report
-        /// that lists this slot as heard acknowledges the frame.
+        /// The slot of the transmission, if it is one of the vehicle's own; see
+        /// [`Slots::next_slot`](crate::Slots::next_slot). A report that lists this slot as heard acknowledges the
+        /// frame.
         slot: Option<u32>,
         /// Bytes of the frame.
         bytes: Vec<u8>,

@@ -1,4 +1,5 @@
-//! Locates events of other members: their reports give the outcome and the slot, and tracks give the positions of both ends.
+//! Locates events of other members: their reports give the outcome and the slot, and tracks give the positions of both
+//! ends.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -21,7 +22,8 @@ pub(crate) fn is_among(events: &RemoteEvents, (key, event): (&EventKey, &Arc<Eve
     events.get(key).is_some_and(|other| is_same(other, event))
 }
 
-/// Returns a predicate equal to [`is_among`] for a series of events in the order of their keys. O(events) for the whole series.
+/// Returns a predicate equal to [`is_among`] for a series of events in the order of their keys. O(events) for the whole
+/// series.
 pub(crate) fn among(events: &RemoteEvents) -> impl FnMut((&EventKey, &Arc<Event>)) -> bool {
     let mut events = events.iter().peekable();
     move |(key, event)| {
@@ -50,7 +52,8 @@ pub(crate) struct LocatedEvents {
 }
 
 impl LocatedEvents {
-    /// Creates the located events. If nothing changed, they share their memory with `before`, so that later comparisons are cheap.
+    /// Creates the located events. If nothing changed, they share their memory with `before`, so that later comparisons
+    /// are cheap.
     fn new(
         events: RemoteEvents,
         before: &Self,
@@ -155,10 +158,11 @@ struct PositionSources<'a> {
     observed: BTreeMap<u8, Track>,
 }
 
-/// Locates the events that other members reported. Positions of both ends come from reported tracks and from the vehicle's own track. For
-/// piggybacked outcomes, and for members whose tracks are wrong, they come from the transmitter positions in the vehicle's own events.
-/// Neither depends on the outcome. Events in slots without change stay as they were, unless own events give positions. O(own positions +
-/// remote events), and a logarithm for each change.
+/// Locates the events that other members reported. Positions of both ends come from reported tracks and from the
+/// vehicle's own track. For piggybacked outcomes, and for members whose tracks are wrong, they come from the
+/// transmitter positions in the vehicle's own events. Neither depends on the outcome. Events in slots without change
+/// stay as they were, unless own events give positions. O(own positions + remote events), and a logarithm for each
+/// change.
 pub(crate) fn locate_events(evidence: SlotEvidence<'_>, track: Track, previous: &Previous) -> LocatedEvents {
     let SlotEvidence { codec, own, events, reports, muted, .. } = evidence;
     let mut wrong_tracks = members_with_wrong_tracks(codec, events, reports);
@@ -251,7 +255,8 @@ impl PositionSources<'_> {
         is_used.then(|| reported_position(self.codec, self.reports, member, slot)).flatten()
     }
 
-    /// Returns the position between two observed positions, if these are close in time. The path between them need not be straight.
+    /// Returns the position between two observed positions, if these are close in time. The path between them need not
+    /// be straight.
     fn observed_at(&self, member: u8, time_s: f64) -> Option<Position> {
         self.observed.get(&member)?.at_within(time_s, 2.0 * self.codec.team.extrapolation_s_max)
     }

@@ -12,7 +12,8 @@ use crate::types::event::Event;
 pub(crate) struct RecordedEvent {
     /// Number of events recorded before it.
     pub(crate) number: u64,
-    /// Receiver and slot, if the event is between members and in a slot. They do not change, because a team's schedule is fixed.
+    /// Receiver and slot, if the event is between members and in a slot. They do not change, because a team's schedule
+    /// is fixed.
     pub(crate) key: Option<EventKey>,
     pub(crate) event: Event,
 }
@@ -39,10 +40,11 @@ pub(crate) struct EventChange {
     pub(crate) forgotten: usize,
 }
 
-/// The stored events: those with the largest numbers. The content depends only on the set of inserted events, not on their order.
+/// The stored events: those with the largest numbers. The content depends only on the set of inserted events, not on
+/// their order.
 ///
-/// Events are forgotten by number, because clocks may be set back. They are forgotten a sixteenth at a time, because each time needs a
-/// refit. Clones share their memory.
+/// Events are forgotten by number, because clocks may be set back. They are forgotten a sixteenth at a time, because
+/// each time needs a refit. Clones share their memory.
 #[derive(Debug, Clone)]
 pub(crate) struct Events {
     events_max: usize,
@@ -66,8 +68,9 @@ impl Events {
         }
     }
 
-    /// Inserts events with these numbers. Two events with one number cannot come from one vehicle; then the first one in canonical order
-    /// is kept. Searches in O(log N) for one event, and moves up to N events in memory. O(N log N) for many events.
+    /// Inserts events with these numbers. Two events with one number cannot come from one vehicle; then the first one
+    /// in canonical order is kept. Searches in O(log N) for one event, and moves up to N events in memory. O(N log N)
+    /// for many events.
     pub(crate) fn insert(&mut self, new: Vec<RecordedEvent>) -> EventChange {
         let mut change = EventChange::default();
         let mut added = Vec::new();
@@ -115,7 +118,8 @@ impl Events {
         }
     }
 
-    /// Replaces the stored event of the same number if `recorded` precedes it in canonical order. Returns whether it did.
+    /// Replaces the stored event of the same number if `recorded` precedes it in canonical order. Returns whether it
+    /// did.
     fn replace_if_earlier(&mut self, recorded: &RecordedEvent) -> bool {
         let in_order = Arc::make_mut(&mut self.in_order);
         let index = in_order.iter().position(|stored| stored.number == recorded.number);

@@ -23,7 +23,8 @@ use crate::store::slot_evidence::SlotEvidence;
 use crate::track::position_track::Track;
 use crate::types::event::{Event, Position, VehicleId};
 
-/// Events, positions, packets and reports. It changes only by [`Memory::apply`] and depends on the set of entries alone.
+/// Events, positions, packets and reports. It changes only by [`Memory::apply`] and depends on the set of entries
+/// alone.
 #[derive(Debug, Clone)]
 pub(crate) struct Memory {
     pub(crate) codec: TeamCodec,
@@ -112,7 +113,8 @@ impl Memory {
         }
     }
 
-    /// Returns the observation of an own event. Its weight follows from the events before it, because repeated outcomes are correlated.
+    /// Returns the observation of an own event. Its weight follows from the events before it, because repeated outcomes
+    /// are correlated.
     pub(crate) fn observation(&self, event: &Event) -> dgpc::Result<Observations> {
         self.codec.team.model.observation_given_earlier(event, self.events.before(event))
     }
@@ -177,8 +179,8 @@ impl Memory {
         Ok(self.reassess(change, &spans))
     }
 
-    /// Compares the claims of a member about these slots with the vehicle's own receptions. Returns whether its claims no longer count from
-    /// now on. O(members log N) for each slot.
+    /// Compares the claims of a member about these slots with the vehicle's own receptions. Returns whether its claims
+    /// no longer count from now on. O(members log N) for each slot.
     fn check_claims(&mut self, member: u8, slots: &[u32]) -> bool {
         let was_reliable = self.claims.is_reliable(member);
         for &slot in slots {
@@ -189,7 +191,8 @@ impl Memory {
         was_reliable != self.claims.is_reliable(member)
     }
 
-    /// Forgets contradictions by claims or receptions that are no longer stored. Returns whether the claims of the member count again.
+    /// Forgets contradictions by claims or receptions that are no longer stored. Returns whether the claims of the
+    /// member count again.
     fn forget_claims(&mut self, member: u8) -> bool {
         let mut claims = std::mem::take(&mut self.claims);
         let counts_again = claims.retain(member, |slot| self.is_contradicted_claim(member, slot));
@@ -212,8 +215,8 @@ impl Memory {
         self.effect(member, Receipt::Accepted, vec![EVERY_SLOT]).change
     }
 
-    /// Decides again which own events between these times count, and which of the new ones do. Events that begin to count are new;
-    /// events that no longer count are forgotten. O(log N) for each event in these spans.
+    /// Decides again which own events between these times count, and which of the new ones do. Events that begin to
+    /// count are new; events that no longer count are forgotten. O(log N) for each event in these spans.
     fn reassess(&mut self, mut change: EventChange, spans: &[(f64, f64)]) -> EventChange {
         let numbers: BTreeSet<u64> = change.new.iter().map(|recorded| recorded.number).collect();
         let evidence = self.evidence();
@@ -242,8 +245,8 @@ impl Memory {
         change
     }
 
-    /// Returns the outcomes of the vehicle by slot, from a time on. Outcomes of members outside their slots are omitted, heard and missed
-    /// alike. If a slot has several outcomes, the last one in canonical order counts.
+    /// Returns the outcomes of the vehicle by slot, from a time on. Outcomes of members outside their slots are
+    /// omitted, heard and missed alike. If a slot has several outcomes, the last one in canonical order counts.
     pub(crate) fn outcomes_since(&self, own: u8, time_s: f64) -> BTreeMap<u32, bool> {
         let keeps_slots = |event: &Event| !self.conformance.is_out_of_slot(&event.transmitter_id, event.time_s);
         let conforming = self.events.since(time_s).iter().filter(|recorded| keeps_slots(&recorded.event));
@@ -264,8 +267,8 @@ impl Memory {
         self.events.since(time_s).iter().filter(|recorded| !self.excluded.contains(&recorded.number))
     }
 
-    /// Returns the length of the longest link of an own event that counts, in metres; `None` without such events. O(1) if all own events
-    /// count.
+    /// Returns the length of the longest link of an own event that counts, in metres; `None` without such events. O(1)
+    /// if all own events count.
     pub(crate) fn longest_m(&self) -> Option<f64> {
         if self.excluded.is_empty() {
             return (self.events.len() > 0).then(|| self.events.longest_m());
@@ -367,15 +370,16 @@ impl Memory {
         self.located.get_or_locate(|previous| locate_events(self.evidence(), self.track(), previous))
     }
 
-    /// Advances the vehicle's clock to a time: of an own event, an own position, a reception or a transmission. Returns the effects of the
-    /// frames that waited for it.
+    /// Advances the vehicle's clock to a time: of an own event, an own position, a reception or a transmission. Returns
+    /// the effects of the frames that waited for it.
     pub(crate) fn advance_clock(&mut self, time_s: f64) -> Vec<ReceiveEffect> {
         let allowed = self.clock.advance_to(time_s, &self.codec.team);
         let applied = allowed.into_iter().filter_map(|entry| self.apply(entry).ok());
         applied.filter_map(|applied| if let Applied::Frame(effect) = applied { Some(effect) } else { None }).collect()
     }
 
-    /// Checks the number of a frame against the vehicle's clock. A frame that is ahead waits. The vehicle's own frames pass.
+    /// Checks the number of a frame against the vehicle's clock. A frame that is ahead waits. The vehicle's own frames
+    /// pass.
     fn check_number(
         &mut self,
         sender: u8,
@@ -398,8 +402,8 @@ impl Memory {
         SlotEvidence { codec, own: *own, events, reports, conformance, claims, muted }
     }
 
-    /// Stores a frame that was received, or transmitted by the vehicle itself. A frame of another team changes nothing, nor does a
-    /// transmitted frame of another sender.
+    /// Stores a frame that was received, or transmitted by the vehicle itself. A frame of another team changes nothing,
+    /// nor does a transmitted frame of another sender.
     pub(crate) fn insert_frame(&mut self, bytes: &[u8], sent: Option<Transmission>) -> ReceiveEffect {
         if ReportLayout::of(bytes).is_some() {
             return self.insert_report(bytes, sent);
@@ -446,8 +450,8 @@ impl Memory {
         self.effect(sender, receipt, [slots, of_claims].concat())
     }
 
-    /// Stores outcomes that a member piggybacked. They belong to the slots, from `newest` backwards, in which it could receive another
-    /// member.
+    /// Stores outcomes that a member piggybacked. They belong to the slots, from `newest` backwards, in which it could
+    /// receive another member.
     pub(crate) fn insert_piggyback(&mut self, sender: &VehicleId, newest: u32, outcomes: &[bool]) -> ReceiveEffect {
         let number = self.codec.team.number(sender);
         let refused = |refusal| ReceiveEffect::refused(number, refusal);
@@ -503,8 +507,8 @@ impl Memory {
         others.flat_map(|sender| self.packets.accepted(sender).map(move |(counter, _)| (sender, counter)))
     }
 
-    /// Returns the content as entries. Applied to an empty memory they give an equal memory, except for the latest counters of senders and
-    /// the clock: see [`Packets::advance_to`] and [`Memory::advance_clock`].
+    /// Returns the content as entries. Applied to an empty memory they give an equal memory, except for the latest
+    /// counters of senders and the clock: see [`Packets::advance_to`] and [`Memory::advance_clock`].
     pub(crate) fn entries(&self) -> impl Iterator<Item = Entry> {
         let events = self.events.recorded().iter();
         let observed =

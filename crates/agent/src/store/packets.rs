@@ -75,11 +75,12 @@ struct Sender {
     versions: BTreeMap<u16, Vec<Version>>,
 }
 
-/// The stored packets by sender. Insertion is commutative, associative and idempotent: the content depends on the set of packets that
-/// arrived, not on their order or number.
+/// The stored packets by sender. Insertion is commutative, associative and idempotent: the content depends on the set
+/// of packets that arrived, not on their order or number.
 ///
-/// The packets of a sender that lie in a window up to its latest counter count. [`Clock`](crate::store::clock::Clock) bounds the counters. A sender forms each packet against its own
-/// packets in the same window. The content of packets that a receiver drops is therefore sent again.
+/// The packets of a sender that lie in a window up to its latest counter count. [`Clock`](crate::store::clock::Clock)
+/// bounds the counters. A sender forms each packet against its own packets in the same window. The content of packets
+/// that a receiver drops is therefore sent again.
 #[derive(Debug, Clone)]
 pub(crate) struct Packets {
     window: u16,
@@ -146,8 +147,8 @@ impl Packets {
         sender.advance_to(latest, window);
     }
 
-    /// Returns the largest counter of a packet that has the vehicle's own number but that the vehicle did not send. Another
-    /// vehicle sent it, or this vehicle did before it lost its memory.
+    /// Returns the largest counter of a packet that has the vehicle's own number but that the vehicle did not send.
+    /// Another vehicle sent it, or this vehicle did before it lost its memory.
     pub(crate) fn foreign_counter(&self, own: u8) -> Option<u16> {
         let sender = self.senders.get(&own)?;
         let foreign = |(&counter, versions): (&u16, &Vec<Version>)| {
@@ -156,8 +157,8 @@ impl Packets {
         sender.versions.iter().rev().find_map(foreign)
     }
 
-    /// Returns the counter of the vehicle's next packet. It is above its latest counter. It is at least a full window above
-    /// [`Packets::foreign_counter`], so that every receiver has then forgotten the foreign packets.
+    /// Returns the counter of the vehicle's next packet. It is above its latest counter. It is at least a full window
+    /// above [`Packets::foreign_counter`], so that every receiver has then forgotten the foreign packets.
     pub(crate) fn next_counter(&self, own: u8) -> u32 {
         let after_latest = self.latest(own).map_or(0, |latest| u32::from(latest) + 1);
         let after_foreign = self.foreign_counter(own).map_or(0, |foreign| u32::from(foreign) + u32::from(self.window));

@@ -12,11 +12,12 @@ use crate::types::event::{Event, Link, Position};
 /// Minimum number of receptions that contradict a track.
 const CONTRADICTIONS_MIN: usize = 3;
 
-/// Returns the members whose reported tracks are wrong: most receptions of the member, and three at least, contradict its track. Tracks of
-/// such members locate no events. O(own events · log waypoints).
+/// Returns the members whose reported tracks are wrong: most receptions of the member, and three at least, contradict
+/// its track. Tracks of such members locate no events. O(own events · log waypoints).
 ///
 /// A reception contradicts a track if the transmitter position in the vehicle's event is farther from the track than
-/// [`tolerance_m`]. Slots between two reports and after the last waypoint are not compared, because the track is not exact there.
+/// [`tolerance_m`]. Slots between two reports and after the last waypoint are not compared, because the track is not
+/// exact there.
 pub(crate) fn members_with_wrong_tracks(codec: &TeamCodec, events: &Events, reports: &Reports) -> BTreeSet<u8> {
     let tolerance_m = tolerance_m(codec);
     let mut receptions = BTreeMap::<u8, (usize, usize)>::new();
@@ -33,13 +34,14 @@ pub(crate) fn members_with_wrong_tracks(codec: &TeamCodec, events: &Events, repo
     receptions.into_iter().filter(|(_, counts)| is_wrong(counts)).map(|(member, _)| member).collect()
 }
 
-/// Returns the largest distance, in metres, between a correct track and a position: the diagonal of a waypoint cell and twice the tolerance
-/// of track simplification.
+/// Returns the largest distance, in metres, between a correct track and a position: the diagonal of a waypoint cell and
+/// twice the tolerance of track simplification.
 fn tolerance_m(codec: &TeamCodec) -> f64 {
     2.0 * (0.25 * codec.team.grid.cell_m * std::f64::consts::SQRT_2 + codec.team.track_tolerance_m)
 }
 
-/// Returns the horizontal distance between the transmitter position of an event and the member's reported track, in metres.
+/// Returns the horizontal distance between the transmitter position of an event and the member's reported track, in
+/// metres.
 fn distance_from_track_m(codec: &TeamCodec, reports: &Reports, member: u8, slot: u32, event: &Event) -> Option<f64> {
     if !reports.reports_of(member)?.track.is_exact_at(slot) {
         return None;

@@ -55,7 +55,8 @@ impl ReceivedReports {
         self.track.add(&report.waypoints);
     }
 
-    /// Removes a report. `others` are all other reports, in the order of their first slots. None of them begins before this one.
+    /// Removes a report. `others` are all other reports, in the order of their first slots. None of them begins before
+    /// this one.
     fn remove<'a>(&mut self, report: &Report, others: impl Iterator<Item = &'a Report>) {
         for (slot, _) in &report.outcomes {
             self.outcomes.remove(slot);
@@ -104,8 +105,8 @@ pub(crate) enum Insertion {
     Stale,
 }
 
-/// Reports by sender. The store keeps the reports of each sender with the latest first slots. Its content depends on the set of arrivals,
-/// not on their order or number.
+/// Reports by sender. The store keeps the reports of each sender with the latest first slots. Its content depends on
+/// the set of arrivals, not on their order or number.
 #[derive(Debug, Clone)]
 pub(crate) struct Reports {
     per_sender_max: usize,
@@ -122,8 +123,8 @@ impl Reports {
         }
     }
 
-    /// Stores a report that was received, or transmitted by the vehicle itself. O(log N + length). If an old report is removed for it, reports
-    /// that overlap the old one are added again.
+    /// Stores a report that was received, or transmitted by the vehicle itself. O(log N + length). If an old report is
+    /// removed for it, reports that overlap the old one are added again.
     pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<Transmission>) -> Insertion {
         let max = self.per_sender_max;
         report.unused.iter().for_each(|&slot| self.insert_unused(sender, slot));
@@ -204,7 +205,8 @@ impl Reports {
         sender.flat_map(|sender| sender.piggybacked.iter().map(|(&slot, &outcome)| (slot, outcome)))
     }
 
-    /// Returns the outcomes of a sender by slot, and whether each was piggybacked. A reported outcome replaces a piggybacked one.
+    /// Returns the outcomes of a sender by slot, and whether each was piggybacked. A reported outcome replaces a
+    /// piggybacked one.
     pub(crate) fn outcomes(&self, sender: u8, slots: Range<u32>) -> impl Iterator<Item = (u32, ReportedOutcome, bool)> {
         self.senders.get(&sender).into_iter().flat_map(move |sender| {
             let (reported, piggybacked) = (&sender.content.outcomes, &sender.piggybacked);

@@ -1,4 +1,5 @@
-//! Detects members whose messages arrive outside their slots: their clock, or their schedule, differs from the vehicle's.
+//! Detects members whose messages arrive outside their slots: their clock, or their schedule, differs from the
+//! vehicle's.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,8 +10,8 @@ use crate::types::event::{Event, VehicleId};
 /// Number of consecutive receptions outside its slots which show that a member does not conform to the schedule.
 const RUN: usize = 4;
 
-/// Minimum number of recorded misses in slot for each miss outside its sender's slot. With fewer of them the vehicle itself does not use
-/// the schedule.
+/// Minimum number of recorded misses in slot for each miss outside its sender's slot. With fewer of them the vehicle
+/// itself does not use the schedule.
 const MISSES_PER_OUTLIER: usize = 8;
 
 /// Largest clock offset that is examined, in slots.
@@ -24,7 +25,8 @@ struct Reception {
     is_in_slot: bool,
 }
 
-/// The vehicle's own receptions and misses in comparison with the schedule. Its content depends on the set of events alone.
+/// The vehicle's own receptions and misses in comparison with the schedule. Its content depends on the set of events
+/// alone.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct SlotConformance {
     /// Receptions of each member, in the order of time.
@@ -36,8 +38,8 @@ pub(crate) struct SlotConformance {
 }
 
 impl SlotConformance {
-    /// Adds an event of the vehicle with another member under a fixed schedule. Returns the times between which other events of that
-    /// member may change: they may now count, or no longer. O(log N) for an event that is the latest.
+    /// Adds an event of the vehicle with another member under a fixed schedule. Returns the times between which other
+    /// events of that member may change: they may now count, or no longer. O(log N) for an event that is the latest.
     pub(crate) fn insert(&mut self, slots: &Slots, number: u64, event: &Event) -> Option<(f64, f64)> {
         if slots.explicit.is_some() || slots.number(event.time_s).is_none() {
             return None;
@@ -74,8 +76,8 @@ impl SlotConformance {
         self.outliers < RUN || !self.is_active()
     }
 
-    /// Returns whether a member did not conform to the schedule at a time. The last reception by then, or the first of all, is then one of
-    /// four consecutive receptions outside its slots. O(log N).
+    /// Returns whether a member did not conform to the schedule at a time. The last reception by then, or the first of
+    /// all, is then one of four consecutive receptions outside its slots. O(log N).
     pub(crate) fn is_out_of_slot(&self, id: &VehicleId, time_s: f64) -> bool {
         if self.is_clean() {
             return false;
@@ -87,22 +89,22 @@ impl SlotConformance {
         runs.any(|run| run.iter().all(|reception| !reception.is_in_slot))
     }
 
-    /// Returns whether a member did not conform to the schedule at a time although another one did. If nobody did, the vehicle's own clock is
-    /// wrong, and the slot numbers of the member may be right. O(members log N).
+    /// Returns whether a member did not conform to the schedule at a time although another one did. If nobody did, the
+    /// vehicle's own clock is wrong, and the slot numbers of the member may be right. O(members log N).
     pub(crate) fn is_only_member_out(&self, id: &VehicleId, time_s: f64) -> bool {
         self.is_out_of_slot(id, time_s) && self.receptions.keys().any(|other| !self.is_out_of_slot(other, time_s))
     }
 
-    /// Returns the members whose latest receptions lie outside their slots. Each has the clock offset in slots that fits these, if only one
-    /// does. An offset is positive where messages arrive late.
+    /// Returns the members whose latest receptions lie outside their slots. Each has the clock offset in slots that
+    /// fits these, if only one does. An offset is positive where messages arrive late.
     pub(crate) fn out_of_slot(&self, slots: &Slots) -> BTreeMap<VehicleId, Option<i32>> {
         let is_out = |id: &VehicleId| self.is_out_of_slot(id, f64::INFINITY);
         let members = self.receptions.iter().filter(|(id, _)| is_out(id));
         members.map(|(id, receptions)| (id.clone(), offset(slots, id, &receptions[receptions.len() - RUN..]))).collect()
     }
 
-    /// Returns the offset of the vehicle's own clock in slots. All members that it receives, two at least, are then out of slot by that
-    /// offset. With one other member nothing shows whose clock is wrong.
+    /// Returns the offset of the vehicle's own clock in slots. All members that it receives, two at least, are then out
+    /// of slot by that offset. With one other member nothing shows whose clock is wrong.
     pub(crate) fn own_offset(&self, slots: &Slots) -> Option<i32> {
         let members = self.out_of_slot(slots);
         let offset = *members.values().next()?;
@@ -111,7 +113,8 @@ impl SlotConformance {
     }
 }
 
-/// Returns the offset of less than half a cycle that puts all these receptions into slots of their sender, if there is only one.
+/// Returns the offset of less than half a cycle that puts all these receptions into slots of their sender, if there is
+/// only one.
 fn offset(slots: &Slots, id: &VehicleId, receptions: &[Reception]) -> Option<i32> {
     let max = ((slots.cycle_slots() as i32 - 1) / 2).min(OFFSET_MAX);
     let fits = |offset: &i32| {

@@ -24,8 +24,8 @@ pub(crate) struct SlotEvidence<'a> {
 }
 
 impl SlotEvidence<'_> {
-    /// Returns whether a member transmitted in its slot: it does not deny it, its claims do not count, or another vehicle heard it. The
-    /// answer is the same for every receiver, whatever it recorded. O(members log N).
+    /// Returns whether a member transmitted in its slot: it does not deny it, its claims do not count, or another
+    /// vehicle heard it. The answer is the same for every receiver, whatever it recorded. O(members log N).
     pub(crate) fn is_transmission(&self, transmitter: u8, slot: u32) -> bool {
         let is_denied = self.reports.is_unused(transmitter, slot)
             && !self.muted.contains(&transmitter)
@@ -46,15 +46,16 @@ impl SlotEvidence<'_> {
         })
     }
 
-    /// Returns whether a member conformed to the schedule in a slot, as far as the vehicle received it. O(members log N).
+    /// Returns whether a member conformed to the schedule in a slot, as far as the vehicle received it. O(members log
+    /// N).
     pub(crate) fn keeps_slots(&self, member: u8, slot: u32) -> bool {
         let team = &self.codec.team;
         let Some((id, time_s)) = team.members.get(&member).zip(team.slots.begin_s(slot)) else { return true };
         !self.conformance.is_only_member_out(id, time_s)
     }
 
-    /// Returns whether an event that the vehicle recorded counts. Outcomes of a member outside its slots do not count. Its misses cannot
-    /// count, so its receptions do not count either. O(members log N).
+    /// Returns whether an event that the vehicle recorded counts. Outcomes of a member outside its slots do not count.
+    /// Its misses cannot count, so its receptions do not count either. O(members log N).
     pub(crate) fn counts(&self, RecordedEvent { key, event, .. }: &RecordedEvent) -> bool {
         let is_own = self.own_id() == Some(&event.receiver_id);
         if is_own && self.conformance.is_out_of_slot(&event.transmitter_id, event.time_s) {

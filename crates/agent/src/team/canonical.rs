@@ -1,7 +1,7 @@
 //! Canonical byte encoding of digests and snapshots: each value has exactly one encoding.
 //!
-//! Whole numbers and IEEE doubles are little-endian. A text follows its length in bytes. Numbers are never formatted as decimal text,
-//! so no library release changes a byte.
+//! Whole numbers and IEEE doubles are little-endian. A text follows its length in bytes. Numbers are never formatted as
+//! decimal text, so no library release changes a byte.
 
 use pingmap_packet::Key;
 

@@ -15,7 +15,8 @@ use crate::types::limits::Limits;
 /// Schema version of `team.toml`. A newer version is refused.
 pub const TEAM_SCHEMA: u32 = 4;
 
-/// Number of inducing points in all live packets together, by which the default of [`Team::packets_per_sender_max`] is computed.
+/// Number of inducing points in all live packets together, by which the default of [`Team::packets_per_sender_max`] is
+/// computed.
 const DEFAULT_LIVE_POINTS: usize = 2560;
 
 /// The team configuration: everything that a team fixes before the mission.
@@ -27,7 +28,8 @@ pub struct Team {
     pub model: Model,
     /// Cells of position and time.
     pub grid: Grid,
-    /// Largest frame, in bytes: 32, 64, 256, or another capacity of the link. A summary packet has the largest form that fits.
+    /// Largest frame, in bytes: 32, 64, 256, or another capacity of the link. A summary packet has the largest form
+    /// that fits.
     pub frame_bytes: usize,
     /// Transmission schedule.
     pub slots: Slots,
@@ -35,25 +37,29 @@ pub struct Team {
     pub key: Option<Key>,
     /// Number of the key epoch. Packets of another epoch are foreign, and counters begin again at 0.
     pub epoch: u32,
-    /// Number of summary packets of each sender that count: a window of counters up to its latest. It bounds the memory of every vehicle.
-    /// The sender sends the content of older packets again.
+    /// Number of summary packets of each sender that count: a window of counters up to its latest. It bounds the memory
+    /// of every vehicle. The sender sends the content of older packets again.
     pub packets_per_sender_max: u16,
-    /// Number of reports of each sender that count: those with the latest first slots. It bounds the memory of every vehicle.
+    /// Number of reports of each sender that count: those with the latest first slots. It bounds the memory of every
+    /// vehicle.
     pub reports_per_sender_max: u16,
-    /// Maximum number of transmissions of an outcome in reports. A transmission in a slot that turned out to be unused does not count.
+    /// Maximum number of transmissions of an outcome in reports. A transmission in a slot that turned out to be unused
+    /// does not count.
     pub transmissions_max: u8,
-    /// Whether to send and accept piggybacked outcomes, which are not authenticated. `None` stands for true in a team without a key, and
-    /// for false in a team with a key.
+    /// Whether to send and accept piggybacked outcomes, which are not authenticated. `None` stands for true in a team
+    /// without a key, and for false in a team with a key.
     pub piggyback: Option<bool>,
     /// Largest deviation of a reported track from the vehicle's own track, in metres.
     pub track_tolerance_m: f64,
-    /// Maximum duration for which a reported track is extrapolated, in seconds. Gaps between reports are interpolated up to twice this
-    /// duration.
+    /// Maximum duration for which a reported track is extrapolated, in seconds. Gaps between reports are interpolated
+    /// up to twice this duration.
     pub extrapolation_s_max: f64,
-    /// Minimum gain of a summary packet, in nats per event. The gain is the decrease of the mean Kullback-Leibler divergence between the
-    /// sender's posterior and the posterior that a listener can compute. The mean is over the sender's own events.
+    /// Minimum gain of a summary packet, in nats per event. The gain is the decrease of the mean Kullback-Leibler
+    /// divergence between the sender's posterior and the posterior that a listener can compute. The mean is over the
+    /// sender's own events.
     pub min_gain_nats: f64,
-    /// Threshold of exclusion, in standard deviations. A member with a larger [discrepancy](crate::Agent::discrepancy) is excluded.
+    /// Threshold of exclusion, in standard deviations. A member with a larger [discrepancy](crate::Agent::discrepancy)
+    /// is excluded.
     pub exclusion_threshold_sd: f64,
     /// Limits on the computing time and memory of each vehicle.
     pub limits: Limits,
@@ -116,8 +122,8 @@ pub enum TeamError {
         /// Name of the vehicle.
         name: VehicleId,
     },
-    /// A team file cannot represent the team. Causes are invalid members or slots, numbers out of range, a key without a file name, and a
-    /// file name without a key.
+    /// A team file cannot represent the team. Causes are invalid members or slots, numbers out of range, a key without
+    /// a file name, and a file name without a key.
     #[error("the team cannot be written to a file without loss: {problem}")]
     Unwritable {
         /// Description of the loss.
@@ -132,8 +138,8 @@ pub enum TeamError {
 }
 
 impl Team {
-    /// Creates a team with default settings. Members are numbered in the order given. Frames have 32 bytes, there is no key, and the grid
-    /// covers all these positions.
+    /// Creates a team with default settings. Members are numbered in the order given. Frames have 32 bytes, there is no
+    /// key, and the grid covers all these positions.
     ///
     /// # Errors
     /// [`TeamError::Members`] for no member or more than 256. [`TeamError::SameName`] for two members with one name.
@@ -207,8 +213,8 @@ pub(crate) const DEFAULT_FRAME_BYTES: usize = 32;
 /// Default of [`Slots::duration_s`].
 pub(crate) const DEFAULT_SLOT_S: f64 = 10.0;
 
-/// Default of [`Team::exclusion_threshold_sd`]. It lies between the discrepancies of correct members and those of members that report
-/// every outcome as a miss.
+/// Default of [`Team::exclusion_threshold_sd`]. It lies between the discrepancies of correct members and those of
+/// members that report every outcome as a miss.
 pub(crate) const DEFAULT_EXCLUSION_THRESHOLD_SD: f64 = 4.5;
 
 /// Default of [`Team::reports_per_sender_max`].
@@ -226,8 +232,8 @@ pub(crate) const DEFAULT_TRACK_TOLERANCE_CELLS: f64 = 0.5;
 /// Default of [`Team::min_gain_nats`].
 pub(crate) const DEFAULT_MIN_GAIN_NATS: f64 = 3e-5;
 
-/// Returns the default of [`Team::packets_per_sender_max`]: the live packets of all other members have about [`DEFAULT_LIVE_POINTS`]
-/// inducing points together. The result is from 2 to 64.
+/// Returns the default of [`Team::packets_per_sender_max`]: the live packets of all other members have about
+/// [`DEFAULT_LIVE_POINTS`] inducing points together. The result is from 2 to 64.
 pub(crate) fn default_packets_per_sender_max(members: usize, frame_bytes: usize) -> u16 {
     let points = Layout::for_frame(frame_bytes, false, false).map_or(1, Layout::points_in_all);
     (DEFAULT_LIVE_POINTS / points / members.saturating_sub(1).max(1)).clamp(2, 64) as u16

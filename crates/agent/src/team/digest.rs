@@ -1,4 +1,5 @@
-//! Digests of team configurations and models, and the canonical bytes that they cover (docs/protocol.md, "Team configuration").
+//! Digests of team configurations and models, and the canonical bytes that they cover (docs/protocol.md, "Team
+//! configuration").
 
 use dgpc::{Correlation, Prior, PriorMean, Reflection};
 use pingmap_packet::{Key, digest, to_hex};
@@ -14,8 +15,8 @@ use crate::types::chart::Chart;
 use crate::types::event::{Link, VehicleId};
 use crate::types::reference_system::{Geographic, ReferenceSystem};
 
-/// Version of the protocol: of packets, quantisation levels and the digest. The digest covers it, so packets of another version belong
-/// to another team.
+/// Version of the protocol: of packets, quantisation levels and the digest. The digest covers it, so packets of another
+/// version belong to another team.
 pub const PROTOCOL_VERSION: u16 = 5;
 
 impl Team {
@@ -65,8 +66,8 @@ impl Team {
 }
 
 impl Model {
-    /// Returns the digest of the model, as 32 hexadecimal digits. It covers everything that predictions depend on, but neither the file
-    /// nor settings for learning alone.
+    /// Returns the digest of the model, as 32 hexadecimal digits. It covers everything that predictions depend on, but
+    /// neither the file nor settings for learning alone.
     pub fn digest(&self) -> String {
         let mut out = Writer::default();
         out.text("pingmap model");
@@ -118,7 +119,8 @@ fn write_prior(out: &mut Writer, prior: &Prior) {
     }
 }
 
-/// Writes the links of a site prior, then its whitened precision and shift. Without a site prior the list of links is empty.
+/// Writes the links of a site prior, then its whitened precision and shift. Without a site prior the list of links is
+/// empty.
 fn write_site_prior(out: &mut Writer, site: Option<&SitePrior>) {
     let links = site.map_or(&[][..], SitePrior::links);
     out.u32(links.len() as u32);

@@ -136,7 +136,8 @@ impl SlotsLayout {
     }
 }
 
-/// Schema version of a team file. It is read first, so that a newer file is refused as newer and not for an unknown key.
+/// Schema version of a team file. It is read first, so that a newer file is refused as newer and not for an unknown
+/// key.
 #[derive(Deserialize)]
 struct SchemaVersion {
     schema: u32,
@@ -157,8 +158,8 @@ impl TeamFile {
         }
     }
 
-    /// Returns the text of the team file. `model_file` and `key_file` are the names of the other files, and `log_digest` identifies the
-    /// log from which the model was learned.
+    /// Returns the text of the team file. `model_file` and `key_file` are the names of the other files, and
+    /// `log_digest` identifies the log from which the model was learned.
     ///
     /// # Errors
     /// [`TeamError::Unwritable`] for a team that no file can represent.
@@ -215,7 +216,8 @@ impl TeamFile {
     /// Returns the team, given the contents of the model file and the key file.
     ///
     /// # Errors
-    /// [`TeamError`] for a value out of range, with its key and the expected range. [`TeamError`] for invalid members, slots or frames.
+    /// [`TeamError`] for a value out of range, with its key and the expected range. [`TeamError`] for invalid members,
+    /// slots or frames.
     pub fn team(&self, model: Model, key: Option<Key>) -> Result<Team, TeamError> {
         let mut members = BTreeMap::new();
         for (name, &number) in &self.members {

@@ -9,7 +9,8 @@ use crate::types::query::Time;
 
 /// The division of a team's chart and mission into cells.
 ///
-/// The chart has 64 × 64 horizontal cells about its origin and 32 depth cells from the surface down. The mission has 63 time cells.
+/// The chart has 64 × 64 horizontal cells about its origin and 32 depth cells from the surface down. The mission has 63
+/// time cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
     /// Horizontal side of a cell, in metres.
@@ -82,8 +83,8 @@ impl Grid {
         }
     }
 
-    /// Replaces the time cells by the shortest ones that contain all these times. Their length is rounded up to two significant digits.
-    /// Times that are not finite are ignored. Without a finite time the grid is unchanged.
+    /// Replaces the time cells by the shortest ones that contain all these times. Their length is rounded up to two
+    /// significant digits. Times that are not finite are ignored. Without a finite time the grid is unchanged.
     #[must_use]
     pub fn spanning(self, times_s: impl IntoIterator<Item = f64>) -> Self {
         let finite = times_s.into_iter().filter(|time_s| time_s.is_finite());
@@ -122,14 +123,14 @@ impl Grid {
         self.point_cells().position(chart, cell, has_depth)
     }
 
-    /// Returns the waypoint cell of a position; `None` outside the grid. Waypoint cells are a quarter as wide and half as high as the
-    /// cells of inducing points.
+    /// Returns the waypoint cell of a position; `None` outside the grid. Waypoint cells are a quarter as wide and half
+    /// as high as the cells of inducing points.
     pub fn waypoint_cell(&self, chart: &Chart, position: &Position) -> Option<Cell> {
         self.waypoint_cells().cell(chart, position)
     }
 
-    /// Returns a waypoint cell and cells around it: a pattern of five by five. The outermost ones are about `distance_m` away in each
-    /// axis. The stride is at least one cell.
+    /// Returns a waypoint cell and cells around it: a pattern of five by five. The outermost ones are about
+    /// `distance_m` away in each axis. The stride is at least one cell.
     pub(crate) fn waypoint_cells_about(&self, cell: Cell, distance_m: f64) -> impl Iterator<Item = Cell> {
         let stride = (distance_m / self.waypoint_cells().side_m / 2.0).clamp(1.0, f64::from(u8::MAX)) as i32;
         let about = move |index: u8| (-2..=2).filter_map(move |n| u8::try_from(i32::from(index) + n * stride).ok());
@@ -158,7 +159,8 @@ impl Grid {
     }
 }
 
-/// Returns the smallest number with two significant digits above `value`. Returns 1 for a value that is not positive and finite.
+/// Returns the smallest number with two significant digits above `value`. Returns 1 for a value that is not positive
+/// and finite.
 fn round_up(value: f64) -> f64 {
     if !(value.is_finite() && value > 0.0) {
         return 1.0;

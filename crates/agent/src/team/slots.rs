@@ -8,7 +8,8 @@ use crate::types::event::VehicleId;
 
 /// A TDMA schedule: a fixed cycle of senders, or an explicit list of transmissions.
 ///
-/// Slots are numbered by time, from [`Slots::start_s`] on. A vehicle that misses messages therefore keeps the right slot number.
+/// Slots are numbered by time, from [`Slots::start_s`] on. A vehicle that misses messages therefore keeps the right
+/// slot number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slots {
     /// Beginning of slot 0, in seconds.
@@ -17,8 +18,8 @@ pub struct Slots {
     pub duration_s: f64,
     /// Senders of one cycle, from slot 0 on. An empty name continues the slot before it.
     pub order: Vec<VehicleId>,
-    /// Transmissions in the order of time, in place of a cycle: for logs without a known schedule. The number of a slot is then its
-    /// index in this list.
+    /// Transmissions in the order of time, in place of a cycle: for logs without a known schedule. The number of a slot
+    /// is then its index in this list.
     pub explicit: Option<Arc<[ScheduledTransmission]>>,
 }
 
@@ -50,21 +51,22 @@ impl Slots {
         if start_s.is_finite() { Self { start_s, ..self } } else { self }
     }
 
-    /// Returns the slot of a time. If an explicit schedule has several transmissions at that time, returns the last of them. Returns
-    /// `None` before the first slot, after the last numbered slot, and for a time that is not finite.
+    /// Returns the slot of a time. If an explicit schedule has several transmissions at that time, returns the last of
+    /// them. Returns `None` before the first slot, after the last numbered slot, and for a time that is not finite.
     pub fn number(&self, time_s: f64) -> Option<u32> {
         let index = self.index(time_s);
         (time_s.is_finite() && (0.0..f64::from(SLOTS)).contains(&index)).then_some(index as u32)
     }
 
-    /// Returns the latest slot that has begun at a time: the last slot of the schedule after its end. `None` before the first slot.
+    /// Returns the latest slot that has begun at a time: the last slot of the schedule after its end. `None` before the
+    /// first slot.
     pub(crate) fn latest(&self, time_s: f64) -> Option<u32> {
         let index = self.index(time_s).min(f64::from(self.end()) - 1.0);
         (index >= 0.0).then_some(index as u32)
     }
 
-    /// Returns an upper bound on the number of slots of a member up to this one: its slots in all cycles that have begun, and at least one
-    /// a cycle. An explicit schedule counts the slots of all members.
+    /// Returns an upper bound on the number of slots of a member up to this one: its slots in all cycles that have
+    /// begun, and at least one a cycle. An explicit schedule counts the slots of all members.
     pub(crate) fn transmissions(&self, latest: u32, member: Option<&VehicleId>) -> u32 {
         if self.explicit.is_some() {
             return latest.saturating_add(1);
@@ -133,8 +135,8 @@ impl Slots {
         begin.filter(|&begin| self.sender(begin) == Some(id))
     }
 
-    /// Returns the slot of a transmission of this vehicle at this time or, outside its slots, its next slot. `None` before the first
-    /// slot, and for a vehicle without further slots.
+    /// Returns the slot of a transmission of this vehicle at this time or, outside its slots, its next slot. `None`
+    /// before the first slot, and for a vehicle without further slots.
     pub fn next_slot(&self, time_s: f64, id: &VehicleId) -> Option<u32> {
         let next = || {
             let near = if self.explicit.is_some() { usize::MAX } else { self.cycle_slots() };
@@ -144,7 +146,8 @@ impl Slots {
         self.sent_in(time_s, id).or_else(next)
     }
 
-    /// Returns the times at which a transmission of this slot may have been recorded: from its beginning to the end of its cycle.
+    /// Returns the times at which a transmission of this slot may have been recorded: from its beginning to the end of
+    /// its cycle.
     pub(crate) fn span_s(&self, number: u32) -> Option<(f64, f64)> {
         let begin_s = self.begin_s(number)?;
         let length_s = if self.explicit.is_some() { SAME_S } else { self.duration_s * self.cycle_slots() as f64 };

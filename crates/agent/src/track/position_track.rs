@@ -7,8 +7,8 @@ use crate::types::event::Position;
 pub(crate) struct Track(Vec<(f64, Position)>);
 
 impl Track {
-    /// Creates a track from positions in any order. If there are several positions at one time, the first one in the bitwise order of their
-    /// coordinates counts.
+    /// Creates a track from positions in any order. If there are several positions at one time, the first one in the
+    /// bitwise order of their coordinates counts.
     pub(crate) fn new(mut fixes: Vec<(f64, Position)>) -> Self {
         let coordinates = |position: &Position| {
             [position.east_m, position.north_m, position.depth_m.unwrap_or(f64::NEG_INFINITY)].map(f64::to_bits)
@@ -38,8 +38,8 @@ impl Track {
         self.at_within(time_s, f64::INFINITY)
     }
 
-    /// Returns the position at a time, as [`Track::at`]. `None` also where the neighbouring positions are more than `gap_s_max` seconds
-    /// apart.
+    /// Returns the position at a time, as [`Track::at`]. `None` also where the neighbouring positions are more than
+    /// `gap_s_max` seconds apart.
     pub(crate) fn at_within(&self, time_s: f64, gap_s_max: f64) -> Option<Position> {
         let after = self.0.partition_point(|fix| fix.0 < time_s);
         let next = self.0.get(after)?;
@@ -51,8 +51,8 @@ impl Track {
     }
 }
 
-/// Returns the position at a time on the straight line through two positions, at constant velocity. Extrapolates outside the interval.
-/// If both positions have one time, returns the second one.
+/// Returns the position at a time on the straight line through two positions, at constant velocity. Extrapolates
+/// outside the interval. If both positions have one time, returns the second one.
 pub(crate) fn interpolate(from: &(f64, Position), to: &(f64, Position), time_s: f64) -> Position {
     let share = if to.0 > from.0 { (time_s - from.0) / (to.0 - from.0) } else { 1.0 };
     let along = |a: f64, b: f64| a + share * (b - a);

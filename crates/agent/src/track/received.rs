@@ -14,8 +14,9 @@ use crate::types::event::Position;
 pub(crate) struct ReceivedTrack {
     /// Cells of the waypoints by slot. If reports contain different cells for one slot, the smallest counts.
     waypoints: BTreeMap<u32, Cell>,
-    /// Last slot of the longest segment by the first slot of the segment. A segment joins consecutive waypoints of one report, between
-    /// which the member moved in a straight line. Between the waypoints of two reports there may be others, in reports that were lost.
+    /// Last slot of the longest segment by the first slot of the segment. A segment joins consecutive waypoints of one
+    /// report, between which the member moved in a straight line. Between the waypoints of two reports there may be
+    /// others, in reports that were lost.
     segments: BTreeMap<u32, u32>,
 }
 
@@ -47,10 +48,10 @@ impl ReceivedTrack {
 
     /// Returns the position of the member at the beginning of a slot. `centre` returns the centre of a waypoint cell.
     ///
-    /// The position is interpolated within a segment, and between waypoints that are at most 2 · `extrapolation_s_max` apart. After the
-    /// last waypoint, and after a waypoint before a longer gap, it is extrapolated for `extrapolation_s_max`. Extrapolation uses the
-    /// velocity of the preceding segment at constant depth; without a preceding segment the member is at rest. Returns `None` for other
-    /// slots. O(log waypoints).
+    /// The position is interpolated within a segment, and between waypoints that are at most 2 · `extrapolation_s_max`
+    /// apart. After the last waypoint, and after a waypoint before a longer gap, it is extrapolated for
+    /// `extrapolation_s_max`. Extrapolation uses the velocity of the preceding segment at constant depth; without a
+    /// preceding segment the member is at rest. Returns `None` for other slots. O(log waypoints).
     pub(crate) fn at(
         &self,
         slot: u32,
@@ -87,11 +88,11 @@ impl ReceivedTrack {
         before.zip(after).is_some_and(|((&before, _), (&after, _))| before == after || self.is_segment(before, after))
     }
 
-    /// Returns the range of slots in which positions can change when the waypoints of one report are added or removed. The result is
-    /// equal before and after the change.
+    /// Returns the range of slots in which positions can change when the waypoints of one report are added or removed.
+    /// The result is equal before and after the change.
     ///
-    /// The range begins at the waypoint before them. It ends at the second waypoint after them, because positions after a segment are
-    /// extrapolated along it.
+    /// The range begins at the waypoint before them. It ends at the second waypoint after them, because positions after
+    /// a segment are extrapolated along it.
     pub(crate) fn range_affected_by(&self, waypoints: &[(u32, Cell)]) -> Range<u32> {
         let (Some(&(first, _)), Some(&(last, _))) = (waypoints.first(), waypoints.last()) else { return 0..0 };
         let before = self.waypoints.range(..first).next_back();

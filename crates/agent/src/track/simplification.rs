@@ -1,4 +1,5 @@
-//! Simplifies a track to few waypoints: a minimum-link path within a tolerance (Imai and Iri), then dynamic programming over grid cells.
+//! Simplifies a track to few waypoints: a minimum-link path within a tolerance (Imai and Iri), then dynamic programming
+//! over grid cells.
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
@@ -62,10 +63,12 @@ pub(crate) struct TrackSimplifier<'a> {
 }
 
 impl TrackSimplifier<'_> {
-    /// Returns the waypoints of a track from slot `begin` on, by connected parts. A part ends where the track leaves the grid.
+    /// Returns the waypoints of a track from slot `begin` on, by connected parts. A part ends where the track leaves
+    /// the grid.
     ///
-    /// Each segment reaches as far as the tolerance allows. Among paths with that number of segments, the result has the smallest sum of
-    /// squared deviations. Waypoints that were sent before (`fixed`) stay. O(slots · slots of a segment).
+    /// Each segment reaches as far as the tolerance allows. Among paths with that number of segments, the result has
+    /// the smallest sum of squared deviations. Waypoints that were sent before (`fixed`) stay. O(slots · slots of a
+    /// segment).
     pub(crate) fn simplify(&self, track: &Track, fixed: &BTreeMap<u32, Cell>, begin: u32) -> Vec<Vec<(u32, Cell)>> {
         let samples = self.samples(track, fixed, begin);
         samples.chunk_by(|_, next| !next.begins_part).map(|part| self.waypoints_of_part(part)).collect()
@@ -212,7 +215,8 @@ impl TrackSimplifier<'_> {
         to
     }
 
-    /// Returns the sum of squared deviations of a segment at these samples, in m². `None` if one deviation exceeds the tolerance.
+    /// Returns the sum of squared deviations of a segment at these samples, in m². `None` if one deviation exceeds the
+    /// tolerance.
     fn deviation_m2(&self, ends: &[(f64, Position); 2], samples: &[Sample]) -> Option<f64> {
         samples.iter().try_fold(0.0, |sum, sample| {
             let at = interpolate(&ends[0], &ends[1], sample.time_s);
@@ -373,8 +377,8 @@ mod tests {
         let position = |angle: f64| Position::new(radius_m * angle.cos(), radius_m * angle.sin());
         let fixes = (0..stops).map(|slot| (10.0 * f64::from(slot), position(step * f64::from(slot))));
         let (_, waypoints, ..) = simplified(fixes.collect(), tolerance_m);
-        // A chord between points on the circle deviates most in its middle. A chord between points outside may deviate by the tolerance on
-        // both sides.
+        // A chord between points on the circle deviates most in its middle. A chord between points outside may deviate
+        // by the tolerance on both sides.
         let whole_steps = |half_cosine: f64| (2.0 * half_cosine.acos() / step).floor();
         let (on_circle, outside) = (
             whole_steps(1.0 - tolerance_m / radius_m),

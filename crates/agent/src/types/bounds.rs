@@ -1,7 +1,7 @@
 //! Bounds on the numbers in files and on the command line.
 //!
-//! Every number has a smallest and a largest value. A mistyped number therefore neither overflows when it is squared nor requests more
-//! memory than is available.
+//! Every number has a smallest and a largest value. A mistyped number therefore neither overflows when it is squared
+//! nor requests more memory than is available.
 
 use std::fmt;
 
@@ -51,7 +51,8 @@ pub const LENGTH_M: Bounds = Bounds::new(1e-6, 1e9, "a number of metres from 1e-
 /// Positive numbers that a user enters: lengths, variances, slopes.
 pub const POSITIVE: Bounds = Bounds::new(1e-6, 1e9, "a number above 0, from 1e-6 to 1e9");
 
-/// Variances and length-scales of a model. The interval is wider than [`POSITIVE`], because learning may exceed those bounds.
+/// Variances and length-scales of a model. The interval is wider than [`POSITIVE`], because learning may exceed those
+/// bounds.
 pub const KERNEL_NUMBER: Bounds = Bounds::new(1e-15, 1e15, "a positive number from 1e-15 to 1e15");
 
 /// Log-odds, or log-odds per metre.
@@ -87,8 +88,8 @@ pub const EVENTS: Bounds = Bounds::new(1.0, 1e7, "a whole number from 1 to 10000
 /// Numbers of events of a dense fit. The fit takes 24 bytes for each pair of events.
 pub const DENSE_EVENTS: Bounds = Bounds::new(1.0, 20_000.0, "a whole number from 1 to 20000");
 
-/// Numbers of inducing points of a fit or of a selection. Learning selects them from four times as many candidates. The selection
-/// takes two square matrices with one row per candidate.
+/// Numbers of inducing points of a fit or of a selection. Learning selects them from four times as many candidates. The
+/// selection takes two square matrices with one row per candidate.
 pub const INDUCING_POINTS: Bounds = Bounds::new(1.0, 4000.0, "a whole number from 1 to 4000");
 
 /// Numbers of events that are candidates for inducing points.

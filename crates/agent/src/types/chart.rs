@@ -5,14 +5,14 @@ use crate::types::reference_system::ReferenceSystem;
 
 /// The common coordinate frame of a team.
 ///
-/// The method uses metres about `origin`. Columns are never scaled separately, so swapping the two ends of a link preserves distances.
-/// The origin only keeps numbers small: UTM northings have seven digits before the decimal point.
+/// The method uses metres about `origin`. Columns are never scaled separately, so swapping the two ends of a link
+/// preserves distances. The origin only keeps numbers small: UTM northings have seven digits before the decimal point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chart {
     /// Origin of the method's coordinates, in metres of the log.
     pub origin: Position,
-    /// Typical distance of positions from the origin, in metres. Learning expects length-scales of this order. The scale is fixed with
-    /// the chart, so vehicles with different data have equal expectations.
+    /// Typical distance of positions from the origin, in metres. Learning expects length-scales of this order. The
+    /// scale is fixed with the chart, so vehicles with different data have equal expectations.
     pub scale_m: f64,
     /// Reference system of the log's coordinates.
     pub reference: ReferenceSystem,
@@ -33,9 +33,9 @@ fn round_to_two_digits(number: f64) -> f64 {
 impl Chart {
     /// Returns a chart about the mean of `positions`.
     ///
-    /// The origin is rounded to 100 m, so that logs of one site share it. Without positions it is (0, 0). The scale is the
-    /// root-mean-square distance of the positions from their mean, rounded to two digits. It is [`SCALE_FALLBACK_M`] if all positions
-    /// coincide.
+    /// The origin is rounded to 100 m, so that logs of one site share it. Without positions it is (0, 0). The scale is
+    /// the root-mean-square distance of the positions from their mean, rounded to two digits. It is
+    /// [`SCALE_FALLBACK_M`] if all positions coincide.
     pub fn about(positions: impl IntoIterator<Item = Position>) -> Self {
         let positions: Vec<Position> = positions.into_iter().collect();
         let count = positions.len().max(1) as f64;

@@ -93,7 +93,8 @@ impl Link {
         Self { transmitter: self.receiver, receiver: self.transmitter }
     }
 
-    /// Returns the first `range_m` metres of the link, from the transmitter on. Returns the link unchanged if it is not longer.
+    /// Returns the first `range_m` metres of the link, from the transmitter on. Returns the link unchanged if it is not
+    /// longer.
     #[must_use]
     pub fn shortened_to(&self, range_m: f64) -> Self {
         let Self { transmitter: from, receiver: to } = *self;

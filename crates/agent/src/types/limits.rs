@@ -4,21 +4,22 @@ use serde::{Deserialize, Serialize};
 
 use crate::types::bounds::{self, Bounds};
 
-/// Limits on computing time and memory. The number of packets has its own limit, [`crate::Team::packets_per_sender_max`], which must be
-/// equal in the whole team.
+/// Limits on computing time and memory. The number of packets has its own limit,
+/// [`crate::Team::packets_per_sender_max`], which must be equal in the whole team.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
     /// Maximum number of own events that a vehicle stores. It stores the latest events.
     pub events_max: usize,
-    /// Maximum number of events of a dense fit, which takes O(N³). Fits of more events use M inducing points and take O(NM²).
+    /// Maximum number of events of a dense fit, which takes O(N³). Fits of more events use M inducing points and take
+    /// O(NM²).
     pub dense_events_max: usize,
     /// Maximum number of inducing points of a sparse fit.
     pub inducing_points_max: usize,
     /// Maximum number of events that are candidates for inducing points. [`dgpc::spread_out`] spreads them over time.
     pub candidates_max: usize,
-    /// Maximum number of events that posteriors absorb one at a time after the last fit. It holds for own and for remote events
-    /// separately. Further events wait for the next fit. See [`Limits::refit_threshold`].
+    /// Maximum number of events that posteriors absorb one at a time after the last fit. It holds for own and for
+    /// remote events separately. Further events wait for the next fit. See [`Limits::refit_threshold`].
     pub pending_events_max: usize,
     /// Maximum number of past slots that a report may contain.
     pub report_window_slots: usize,
@@ -63,8 +64,9 @@ impl Limits {
 
     /// Returns the number of changed events above which a fit of `events` events is repeated.
     ///
-    /// Changed events are those that were added or removed since the fit. The threshold is a sixteenth of `events`, at least 8 and at
-    /// most [`Limits::pending_events_max`]. An event that is absorbed after a fit is represented nearly as well as a fitted event.
+    /// Changed events are those that were added or removed since the fit. The threshold is a sixteenth of `events`, at
+    /// least 8 and at most [`Limits::pending_events_max`]. An event that is absorbed after a fit is represented nearly
+    /// as well as a fitted event.
     pub fn refit_threshold(&self, events: usize) -> usize {
         (events / FITTED_PER_PENDING).max(PENDING_MIN).min(self.pending_events_max)
     }

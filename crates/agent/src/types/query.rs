@@ -16,7 +16,8 @@ pub enum Vehicle {
     Named(Label),
 }
 
-/// The numeric form of a name in the inputs: 48 bits of the name's digest. All vehicles compute equal labels without prior agreement.
+/// The numeric form of a name in the inputs: 48 bits of the name's digest. All vehicles compute equal labels without
+/// prior agreement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Label(u64);
 
@@ -94,7 +95,8 @@ pub enum Time {
 const ANOTHER_DAY_S: f64 = 1e300;
 
 impl Time {
-    /// Returns the two input columns of the time: seconds, and the label of the water. The label is negative at a typical time.
+    /// Returns the two input columns of the time: seconds, and the label of the water. The label is negative at a
+    /// typical time.
     pub(crate) fn columns(self) -> [f64; 2] {
         match self {
             Time::Typical => [0.0, TYPICAL_LABEL],

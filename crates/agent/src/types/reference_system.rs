@@ -48,8 +48,8 @@ pub enum ReferenceSystem {
     /// Metres about an unknown origin.
     #[default]
     Unknown,
-    /// Metres east and north of a point. The projection is transverse Mercator about the point, on WGS 84, with scale factor one.
-    /// Lengths within 9 km have a relative error below one millionth.
+    /// Metres east and north of a point. The projection is transverse Mercator about the point, on WGS 84, with scale
+    /// factor one. Lengths within 9 km have a relative error below one millionth.
     About(Geographic),
     /// Eastings and northings of a projected system, given by its EPSG code.
     Epsg(u32),
@@ -68,8 +68,8 @@ impl ReferenceSystem {
         *self != ReferenceSystem::Unknown
     }
 
-    /// Returns true if both systems can be equal. Unknown systems agree with every system. Origins agree within one metre, because they
-    /// may come from rounded numbers.
+    /// Returns true if both systems can be equal. Unknown systems agree with every system. Origins agree within one
+    /// metre, because they may come from rounded numbers.
     pub fn agrees_with(&self, other: &Self) -> bool {
         match (self, other) {
             (ReferenceSystem::Unknown, _) | (_, ReferenceSystem::Unknown) => true,

@@ -68,7 +68,8 @@ fn a_frame_with_any_changed_bit_is_refused_and_changes_nothing() {
     let counts = counts(&agent);
     let refused = counts.forged + counts.malformed + counts.other_team;
     assert_eq!((counts.accepted, refused), (1, 8 * bytes.len() as u64));
-    // A change in 48 bits of the tag looks like another configuration, and a change of the message id like another form.
+    // A change in 48 bits of the tag looks like another configuration, and a change of the message id like another
+    // form.
     assert!(counts.forged > counts.malformed && counts.other_team >= 48, "{counts:?}");
     assert_eq!((agent.snapshot(), test_probabilities(&mut agent)), before);
     assert_eq!(agent.receive(&bytes, Some(0.0)), Receipt::Accepted);

@@ -47,7 +47,7 @@ fn position(member: usize, time_s: f64) -> Position {
     Position::new(400.0 * angle.sin(), 300.0 * (1.3 * angle).cos())
 }
 
-/// What a member records in a slot of another one.
+/// The event that a member records in a slot of another member.
 fn event(receiver: usize, slot: usize) -> Event {
     let (transmitter, time_s) = (slot % 3, SLOT_S * slot as f64);
     let link = Link { transmitter: position(transmitter, time_s), receiver: position(receiver, time_s) };
@@ -60,7 +60,7 @@ fn events(receiver: usize, slots: std::ops::Range<usize>) -> impl Iterator<Item 
     slots.filter(move |slot| slot % 3 != receiver).map(move |slot| event(receiver, slot))
 }
 
-/// Allocated bytes of each operation of a vehicle with so many events.
+/// Allocated bytes of each operation of a vehicle.
 #[derive(Debug, PartialEq)]
 struct Cost {
     record: usize,

@@ -1,8 +1,8 @@
 //! Bytes on which all vehicles of a team must agree: packets, digests, snapshots, team files and model files.
 //!
-//! They consist of whole numbers and short decimals, never of the results of fits. A change of any of them raises the version that it
-//! belongs to, and stands in CHANGELOG.md. `PINGMAP_WRITE_GOLDEN=1 cargo nextest run -p pingmap-agent golden` writes the files in
-//! `tests/golden` again.
+//! They consist of whole numbers and short decimals, never of the results of fits. A change of any of them raises the
+//! version that it belongs to, and stands in CHANGELOG.md. `PINGMAP_WRITE_GOLDEN=1 cargo nextest run -p pingmap-agent
+//! golden` writes the files in `tests/golden` again.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -108,8 +108,8 @@ fn report(team: &Team, includes_own_slots: bool) -> Report {
     }
 }
 
-/// A snapshot of a vehicle that recorded, received and sent something. One packet is in conflict with another, one is unconfirmed, and
-/// one member is muted.
+/// A snapshot of a vehicle that recorded, received and sent something. One packet is in conflict with another, one is
+/// unconfirmed, and one member is muted.
 fn snapshot(team: Team) -> Vec<u8> {
     let has_depth = team.model.inputs.has_depths();
     let [ada, bob, eve] = names();
@@ -214,8 +214,8 @@ fn comments_of_a_model_file_do_not_change_the_digest() {
     assert_eq!(Team { model, ..authenticated() }.digest(), authenticated().digest());
 }
 
-/// A file with one changed bit is refused, gives the same team, or gives another digest. Values that members need not agree on may
-/// change.
+/// A file with one changed bit is refused, gives the same team, or gives another digest. Values that members need not
+/// agree on may change.
 #[test]
 fn no_changed_bit_of_a_file_gives_another_team_with_the_same_digest() {
     let (model, team) = (model_file(), team_file());

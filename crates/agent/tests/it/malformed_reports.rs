@@ -23,7 +23,8 @@ fn a_vehicle_that_stores_few_reports_sends_as_many_and_then_stops() {
         let mut agent = trip.vehicle(0);
         agent.set_options(AgentOptions { sharing, ..*agent.options() });
         let frames = frames(&mut agent, 100);
-        // A report displaces another one only if it holds something new. Summaries describe what reports no longer hold.
+        // A report displaces another one only if it holds something new. Summaries describe what reports no longer
+        // hold.
         assert!(frames.len() < if sharing.summaries { 60 } else { 10 }, "{max}: {}", frames.len());
         let mut listener = trip.vehicle(1);
         receive_all(&mut listener, &frames);

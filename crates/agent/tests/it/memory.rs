@@ -8,8 +8,8 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-/// Frames that vehicle 0 may receive: packets of all members, its own number among them, from two vehicles under each number; and
-/// packets without content, under near and far counters.
+/// Frames that vehicle 0 may receive: packets of all members, its own number among them, from two vehicles under each
+/// number; and packets without content, under near and far counters.
 fn received_frames(fleet: &Fleet) -> Vec<Vec<u8>> {
     let mut all = fleet.packets(3);
     for number in 0..fleet.events.len() {

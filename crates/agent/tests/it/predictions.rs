@@ -87,7 +87,8 @@ fn the_prediction_returns_to_even_odds_beyond_all_data_only_if_allowed() {
     let [part, far] = [longest_m, 30.0 * longest_m].map(|range_m| link([0.0, 0.0, range_m, 0.0]));
     let capped = agent.probability(far).unwrap();
     assert_eq!(capped.to_bits(), agent.probability(part).unwrap().to_bits());
-    // A reciprocal kernel predicts the same for both directions. The lower end of the interval is that of the whole link.
+    // A reciprocal kernel predicts the same for both directions. The lower end of the interval is that of the whole
+    // link.
     assert!((agent.probability(far.swapped()).unwrap() - capped).abs() < 1e-9);
     let [near, beyond] = [part, far].map(|link| intervals(&mut agent, [link])[0]);
     assert!(beyond.0 <= near.0 && beyond.1 == near.1, "{near:?} {beyond:?}");

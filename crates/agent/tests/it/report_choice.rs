@@ -11,8 +11,8 @@ use pingmap_packet::{Outcome, ReportLayout};
 /// Slots of a leg.
 const LEG: u32 = 20;
 
-/// Two vehicles that transmit in turn. Vehicle 1 does not move. Vehicle 0 moves to and fro near it, except on an excursion beyond its
-/// range.
+/// Two vehicles that transmit in turn. Vehicle 1 does not move. Vehicle 0 moves to and fro near it, except on an
+/// excursion beyond its range.
 struct Pair {
     team: Arc<Team>,
     slots: u32,

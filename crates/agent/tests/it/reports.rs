@@ -1,4 +1,5 @@
-//! Reports: single outcomes by slot. Every listener predicts as a station with all events, in spite of losses and delays.
+//! Reports: single outcomes by slot. Every listener predicts as a station with all events, in spite of losses and
+//! delays.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -150,7 +151,8 @@ fn stationary(outcomes: [&[bool]; 2]) -> (Trip, Vec<Agent>) {
     (trip, agents)
 }
 
-/// Lets vehicle 2 record that it heard vehicle 0 in slot 0. Without an outcome it does not know whether the schedule is in use.
+/// Lets vehicle 2 record that it heard vehicle 0 in slot 0. Without an outcome it does not know whether the schedule is
+/// in use.
 fn record_slot_0(trip: &Trip, third: &mut Agent) {
     let link = Link { transmitter: trip.at(0, 0), receiver: trip.at(2, 0) };
     third.record(Event { transmitter_id: name(0), ..event_at(2, 0.0, link, true) }).unwrap();

@@ -1,4 +1,5 @@
-//! Slot conformance: a member whose messages arrive outside its slots is detected, and its outcomes do not count meanwhile.
+//! Slot conformance: a member whose messages arrive outside its slots is detected, and its outcomes do not count
+//! meanwhile.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -316,8 +317,8 @@ proptest! {
         prop_assert_eq!(frames(&mut in_order, 100), frames(&mut unordered, 100));
     }
 
-    /// Exclusion follows from the times of receptions alone. Inverted outcomes of all other members change nothing, and neither do
-    /// misses of the member itself.
+    /// Exclusion follows from the times of receptions alone. Inverted outcomes of all other members change nothing, and
+    /// neither do misses of the member itself.
     #[test]
     fn exclusion_does_not_depend_on_other_outcomes(
         hears in prop::collection::vec(any::<bool>(), SLOTS as usize), from in 0..100u32,

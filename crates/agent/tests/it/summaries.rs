@@ -96,7 +96,8 @@ proptest! {
         let mut sender = vehicle(&team, 0, events);
         let mut listener = vehicle(&team, 1, []);
         receive_all(&mut listener, &frames(&mut sender, packets_max));
-        // Over 110 000 cases the smallest ratio was 0.63, and one in 5000 was below 0.7. Levels of information are 20 % apart.
+        // Over 110 000 cases the smallest ratio was 0.63, and one in 5000 was below 0.7. Levels of information are 20 %
+        // apart.
         let newest = newest(&sender);
         let ratio = variance_ratio(&mut listener, &mut sender, &newest);
         prop_assert!(ratio >= 0.55, "{}", ratio);
@@ -119,8 +120,8 @@ fn variance_ratio(listener: &mut Agent, sender: &mut Agent, links: &[Link]) -> f
     of_listener.iter().zip(&of_sender).map(|(listener, sender)| listener / sender).fold(1.0, f64::min)
 }
 
-/// The ratio of variances at the newest packet of a sender that loses its memory, but not its events, before each packet. The sender
-/// receives its last packet again, or it does not.
+/// The ratio of variances at the newest packet of a sender that loses its memory, but not its events, before each
+/// packet. The sender receives its last packet again, or it does not.
 fn ratio_after_memory_losses(receives_itself: bool) -> f64 {
     let team = Arc::new(team(2, model()));
     let mut listener = vehicle(&team, 1, []);

@@ -144,7 +144,8 @@ fn thinned_candidates_come_from_every_transmitter() {
 
 #[test]
 fn many_certain_events_with_a_sharp_edge_are_worth_frames() {
-    // Links are heard within 700 m and missed beyond, in a square of 2 km. Five certain points are wrong around themselves.
+    // Links are heard within 700 m and missed beyond, in a square of 2 km. Five certain points are wrong around
+    // themselves.
     let chart = Chart { scale_m: 800.0, ..Chart::about([]) };
     let learning = Learning::default();
     let path = learning.structures.iter().find(|structure| structure.terms == Terms::Path).unwrap();

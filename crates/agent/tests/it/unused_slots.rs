@@ -74,7 +74,7 @@ fn own_probability(agent: &mut Agent) -> f64 {
     agent.predict([link], PredictOptions::own()).unwrap()[0].probability
 }
 
-/// The same after a fit from nothing.
+/// The probability after a fit from nothing.
 fn probability(agent: &mut Agent) -> f64 {
     agent.rebuild().unwrap();
     own_probability(agent)

@@ -24,8 +24,8 @@ impl Anderson {
         *self = Self::new();
     }
 
-    /// Returns the combination of stored images whose residual is smallest in the linear model, given F(`point`) = `image`.
-    /// Returns `image` itself if no step is stored. O(N · depth²).
+    /// Returns the combination of stored images whose residual is smallest in the linear model, given F(`point`) =
+    /// `image`. Returns `image` itself if no step is stored. O(N · depth²).
     pub(crate) fn propose(&mut self, point: &[f64], image: &[f64]) -> Vec<f64> {
         let difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
         let residual = difference(image, point);

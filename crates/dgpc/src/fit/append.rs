@@ -7,8 +7,8 @@ use crate::observations::Observations;
 use crate::posterior::Posterior;
 use crate::sites::Sites;
 
-/// Appends the results for new events, and returns their sites. Each site is that of the event given `known` and all events
-/// before it. The caller appends the variances that inducing points leave unexplained. O(n²) an event.
+/// Appends the results for new events, and returns their sites. Each site is that of the event given `known` and all
+/// events before it. The caller appends the variances that inducing points leave unexplained. O(n²) an event.
 pub(super) fn append(mean_field: &mut MeanField, mut known: Posterior, new: &Observations) -> Result<Sites> {
     let (sites, tilts) = absorb_with_tilts(&mut known, new)?;
     let latent = known.latent(new.inputs())?;

@@ -57,9 +57,9 @@ pub struct Fit {
 /// Fits `observations` by mean field: finds the ω that maximise the evidence bound E, and the Gaussian posterior that
 /// belongs to them.
 ///
-/// A dense fit costs O(N³) an iteration and 4N² numbers of memory. With [`FitOptions::inducing_points`] it costs O(NM²) an
-/// iteration and O(N + M²) memory, plus at most 59 MB of covariances. N counts events and the observations that messages
-/// represent.
+/// A dense fit costs O(N³) an iteration and 4N² numbers of memory. With [`FitOptions::inducing_points`] it costs O(NM²)
+/// an iteration and O(N + M²) memory, plus at most 59 MB of covariances. N counts events and the observations that
+/// messages represent.
 ///
 /// ```
 /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -107,9 +107,9 @@ impl Fit {
 
     /// Returns the fitted posterior: of the events, and of the messages that the fit was given.
     ///
-    /// At the events, a dense fit's posterior has the moments [`Fit::mean`] and [`Fit::variance`]. A sparse fit's posterior
-    /// has these means up to the convergence error of the iteration. O(n³) for n events of a dense fit or M inducing points
-    /// of a sparse fit, plus the inducing points of the messages.
+    /// At the events, a dense fit's posterior has the moments [`Fit::mean`] and [`Fit::variance`]. A sparse fit's
+    /// posterior has these means up to the convergence error of the iteration. O(n³) for n events of a dense fit or M
+    /// inducing points of a sparse fit, plus the inducing points of the messages.
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
@@ -118,8 +118,8 @@ impl Fit {
     }
 
     /// Returns the posterior of the events and of `summaries`, which replace the messages of the fit. `&[]` gives the
-    /// posterior of the events alone. The sites of the events stay as they are. Summaries of another prior are read under
-    /// the prior of the fit. The cost is that of [`Fit::posterior`].
+    /// posterior of the events alone. The sites of the events stay as they are. Summaries of another prior are read
+    /// under the prior of the fit. The cost is that of [`Fit::posterior`].
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
@@ -127,11 +127,11 @@ impl Fit {
         posterior_of(&self.prior, &self.mean_field.sites, self.condensed.as_ref(), summaries)
     }
 
-    /// Returns the posterior of some of the events, given by their indices, and of `summaries`. A receiver that holds only
-    /// these events knows this posterior. The sites are those of the fit with all events.
+    /// Returns the posterior of some of the events, given by their indices, and of `summaries`. A receiver that holds
+    /// only these events knows this posterior. The sites are those of the fit with all events.
     ///
-    /// In addition to the O(n³) of [`Fit::posterior`], a sparse fit costs O(mM²) for m events. m counts the included or the
-    /// excluded events, whichever are fewer.
+    /// In addition to the O(n³) of [`Fit::posterior`], a sparse fit costs O(mM²) for m events. m counts the included or
+    /// the excluded events, whichever are fewer.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -154,8 +154,8 @@ impl Fit {
 
     /// Returns the summary of some of the events of a sparse fit at its inducing points, or `None` for a dense fit.
     ///
-    /// The included events are summed up, or the excluded events are subtracted from the total, whichever are fewer. To go
-    /// from one part to another, use [`Summary::observe`] and [`Summary::forget`] with [`Fit::sites`]. O(mM²).
+    /// The included events are summed up, or the excluded events are subtracted from the total, whichever are fewer. To
+    /// go from one part to another, use [`Summary::observe`] and [`Summary::forget`] with [`Fit::sites`]. O(mM²).
     ///
     /// # Errors
     /// As [`Summary::variational`].
@@ -179,13 +179,14 @@ impl Fit {
         (0..is_named.len()).filter(|&event| !is_named[event]).collect()
     }
 
-    /// Returns this sparse fit without the events at the indices `removed`, and with the events `new` appended. Returns `None`
-    /// for a dense fit.
+    /// Returns this sparse fit without the events at the indices `removed`, and with the events `new` appended. Returns
+    /// `None` for a dense fit.
     ///
-    /// Each new event gets its site given all events before it, at the existing inducing points. The remaining events keep
-    /// their sites, so the result differs slightly from a new fit of all events. Their [`Fit::mean`] and [`Fit::variance`]
-    /// are those of the old fit. [`Fit::evidence`], [`Fit::iterations`], [`Fit::change`] and [`Fit::converged`] are those of
-    /// the old fit, too. O(mM²) for m events that are removed or added, however many remain.
+    /// Each new event gets its site given all events before it, at the existing inducing points. The remaining events
+    /// keep their sites, so the result differs slightly from a new fit of all events. Their [`Fit::mean`] and
+    /// [`Fit::variance`] are those of the old fit. [`Fit::evidence`], [`Fit::iterations`], [`Fit::change`] and
+    /// [`Fit::converged`] are those of the old fit, too. O(mM²) for m events that are removed or added, however many
+    /// remain.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -225,9 +226,9 @@ impl Fit {
 
     /// Runs expectation propagation from the sites of this fit, with `summaries` in place of the messages of the fit.
     ///
-    /// The variances of the mean field are too small, by a factor of several if all outcomes are equal. Those of expectation
-    /// propagation are nearly those of the exact posterior. It takes 10 to 30 iterations, each at the
-    /// cost of an iteration of the fit.
+    /// The variances of the mean field are too small, by a factor of several if all outcomes are equal. Those of
+    /// expectation propagation are nearly those of the exact posterior. It takes 10 to 30 iterations, each at the cost
+    /// of an iteration of the fit.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -273,11 +274,11 @@ impl Fit {
         &self.mean_field.variance
     }
 
-    /// Returns the moments of [`Fit::posterior`] at points that are events of this fit. The moments are known from the fit,
-    /// so nothing is solved.
+    /// Returns the moments of [`Fit::posterior`] at points that are events of this fit. The moments are known from the
+    /// fit, so nothing is solved.
     ///
-    /// Points and events are compared in the columns that the prior uses. Returns `None` if a point is not an event. Also
-    /// returns `None` for a sparse fit, because its posterior has other variances. O(N · columns).
+    /// Points and events are compared in the columns that the prior uses. Returns `None` if a point is not an event.
+    /// Also returns `None` for a sparse fit, because its posterior has other variances. O(N · columns).
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -351,12 +352,12 @@ impl Fit {
         cavity::leave_one_out(&self.mean_field)
     }
 
-    /// Returns the corrected evidence: expectation propagation's estimate of the log marginal likelihood at the mean field's
-    /// sites.
+    /// Returns the corrected evidence: expectation propagation's estimate of the log marginal likelihood at the mean
+    /// field's sites.
     ///
-    /// The Gaussian site of each event bounds the event's likelihood from below. The corrected evidence replaces the site by
-    /// the likelihood itself, integrated against the posterior of all other events. The result is not a bound, but it is
-    /// much nearer to the log marginal likelihood than E. O(N) (section 7 of [`crate::method`]).
+    /// The Gaussian site of each event bounds the event's likelihood from below. The corrected evidence replaces the
+    /// site by the likelihood itself, integrated against the posterior of all other events. The result is not a bound,
+    /// but it is much nearer to the log marginal likelihood than E. O(N) (section 7 of [`crate::method`]).
     pub fn corrected_evidence(&self) -> f64 {
         cavity::corrected_evidence(&self.mean_field)
     }

@@ -13,8 +13,8 @@ use crate::linalg::Matrix;
 use crate::prior::Prior;
 use crate::sites::Sites;
 
-/// Walks from one posterior to the next until no tilt changes by more than the tolerance. On return, the engine holds the
-/// posterior of the returned sites.
+/// Walks from one posterior to the next until no tilt changes by more than the tolerance. On return, the engine holds
+/// the posterior of the returned sites.
 pub(super) fn iterate(
     engine: &mut Sparse<'_>,
     prior: &Prior,
@@ -182,7 +182,8 @@ impl FixedPoint {
     }
 }
 
-/// Scales Ĝ and b̂ to coordinates in which steps of different directions are comparable: units of the initial precision.
+/// Scales Ĝ and b̂ to coordinates in which steps of different directions are comparable: units of the initial
+/// precision.
 struct Scale(Vec<f64>);
 
 impl Scale {

@@ -10,16 +10,16 @@ const OMEGA_MIN: f64 = 1e-8;
 /// Largest number of directions of the conjugate gradients.
 const DIRECTIONS_MAX: usize = 30;
 
-/// Bounds on the relative residual at which the system counts as solved. Within them the limit is the largest entry of the
-/// right-hand side. For ordinary weights and tilts that entry is about the residual in ln c, so that errors decrease
-/// quadratically.
+/// Bounds on the relative residual at which the system counts as solved. Within them the limit is the largest entry of
+/// the right-hand side. For ordinary weights and tilts that entry is about the residual in ln c, so that errors
+/// decrease quadratically.
 const SHARES: (f64, f64) = (1e-5, 1e-2);
 
 /// A pass, with the derivative of its images by its tilts.
 ///
-/// With u = c² and h = −dω/du, the image of u changes by A·diag(h) times the change of u, A = 2 diag(m)·Σ·diag(m) + Σ∘Σ.
-/// In ln c the derivative is diag(1/u′)·A·diag(hu), with u′ the image. With S = diag(h·u/u′)^½ on both sides of A it is
-/// symmetric.
+/// With u = c² and h = −dω/du, the image of u changes by A·diag(h) times the change of u, A = 2 diag(m)·Σ·diag(m) +
+/// Σ∘Σ. In ln c the derivative is diag(1/u′)·A·diag(hu), with u′ the image. With S = diag(h·u/u′)^½ on both sides of A
+/// it is symmetric.
 pub(super) struct Newton<'a> {
     /// B⁻¹ = I − Ω^½ΣΩ^½.
     pub(super) inverse: &'a Matrix,
@@ -31,8 +31,8 @@ pub(super) struct Newton<'a> {
 }
 
 impl Newton<'_> {
-    /// Returns the ln c that would equal its image if the image were linear. Returns `None` if rounding spoils the solution.
-    /// O(N²) a direction; a handful of directions is usually enough.
+    /// Returns the ln c that would equal its image if the image were linear. Returns `None` if rounding spoils the
+    /// solution. O(N²) a direction; a handful of directions is usually enough.
     pub(super) fn step(&self) -> Option<Vec<f64>> {
         let (log_tilts, Pass { weights, tilts, images, .. }) = (self.log_tilts, self.pass);
         let of_events = |entry: &dyn Fn(usize) -> f64| (0..log_tilts.len()).map(entry).collect::<Vec<f64>>();

@@ -17,8 +17,8 @@ use crate::summary::Summary;
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct FitOptions<'a> {
-    /// Messages of peers about the same latent function; none by default. Messages count with their kernel-free factors,
-    /// whatever prior they were formed under.
+    /// Messages of peers about the same latent function; none by default. Messages count with their kernel-free
+    /// factors, whatever prior they were formed under.
     pub messages: &'a [&'a Summary],
     /// Inducing points that support the posterior, in place of all events: O(NM²) an iteration instead of O(N³). The
     /// inducing points of the messages are added to them.

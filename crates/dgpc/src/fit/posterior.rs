@@ -8,7 +8,8 @@ use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
 
-/// Returns the posterior of the sites and of `summaries` of any prior. If `condensed` is given, it represents the sites.
+/// Returns the posterior of the sites and of `summaries` of any prior. If `condensed` is given, it represents the
+/// sites.
 pub(super) fn posterior_of(
     prior: &Prior,
     sites: &Sites,

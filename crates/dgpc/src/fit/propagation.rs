@@ -199,8 +199,8 @@ impl Cavity {
         Self { mean: (mean - explained * kappa) / share, explained: explained / share, residual }
     }
 
-    /// Moves the site of event `n` by `step` towards the site that matches the moments of cavity times likelihood. Returns
-    /// the change of a full step.
+    /// Moves the site of event `n` by `step` towards the site that matches the moments of cavity times likelihood.
+    /// Returns the change of a full step.
     fn move_site(&self, site: (&mut f64, &mut f64), events: &Observations, n: usize, step: f64) -> f64 {
         let Cavity { mean, explained, residual } = *self;
         let (slope, curvature) = tilted(events.outcomes()[n], events.weights()[n], mean, explained + residual);

@@ -6,8 +6,9 @@ use crate::polya_gamma;
 use crate::posterior::Posterior;
 use crate::sites::Sites;
 
-/// Returns the sites of more events given the posterior `known`, which stays fixed. Each event has its own fixed point of
-/// c² = E f², given `known` and itself alone. Other effects of the events are left to the next full fit. O(n²) an event.
+/// Returns the sites of more events given the posterior `known`, which stays fixed. Each event has its own fixed point
+/// of c² = E f², given `known` and itself alone. Other effects of the events are left to the next full fit. O(n²) an
+/// event.
 ///
 /// # Errors
 /// As [`Posterior::latent`]; [`crate::Error::OutOfRange`] if the latent function is so far from zero that ω vanishes.
@@ -17,8 +18,8 @@ pub fn sites_given(known: &Posterior, observations: &Observations) -> Result<Sit
 
 /// Absorbs more events into the posterior `known` and returns their sites. O(n²) an event.
 ///
-/// The events are absorbed in order, eight at a time. The site of each event is its site given the posterior before these
-/// eight events. The sites therefore depend slightly on the order.
+/// The events are absorbed in order, eight at a time. The site of each event is its site given the posterior before
+/// these eight events. The sites therefore depend slightly on the order.
 ///
 /// # Errors
 /// As [`sites_given`] and [`Posterior::absorb_events`]. Earlier groups of events stay absorbed after an error.

@@ -25,8 +25,8 @@ pub(crate) fn solve(
     fixed_point.mean_field(engine, likelihood)
 }
 
-/// Returns the fixed point, and the gradient of E there by all learned parameters of the prior. At the fixed point E does
-/// not change with the tilts to first order. The gradient at fixed ω is therefore the total gradient.
+/// Returns the fixed point, and the gradient of E there by all learned parameters of the prior. At the fixed point E
+/// does not change with the tilts to first order. The gradient at fixed ω is therefore the total gradient.
 pub(crate) fn solve_with_gradient(
     prior: &Prior,
     likelihood: &Likelihood<'_>,

@@ -50,9 +50,9 @@ pub(super) struct Walk {
 
 /// A posterior on inducing points, whitened: S = I + Ĝ and b̂, with Ĝ = ΦᵀΩΦ, b̂ = Φᵀκ̃ and Φ = K_NM L⁻ᵀ.
 ///
-/// With S = L_S·L_Sᵀ, the features ψ = (L·L_S)⁻¹k of an event give all its moments. The posterior mean is (L_S⁻¹b̂)ᵀψ, and the
-/// explained variance is ‖ψ‖². The sum Σ ωψψᵀ is the next Ĝ in the coordinates of this posterior. A walk that visits every event
-/// once therefore leads from one posterior to the next, and needs no result of the walk before.
+/// With S = L_S·L_Sᵀ, the features ψ = (L·L_S)⁻¹k of an event give all its moments. The posterior mean is (L_S⁻¹b̂)ᵀψ,
+/// and the explained variance is ‖ψ‖². The sum Σ ωψψᵀ is the next Ĝ in the coordinates of this posterior. A walk that
+/// visits every event once therefore leads from one posterior to the next, and needs no result of the walk before.
 pub(super) struct Sparse<'a> {
     pub(super) points: &'a Inputs,
     pub(super) cross: Cross<'a>,
@@ -122,8 +122,8 @@ impl<'a> Sparse<'a> {
         Ok(Self { points, cross, cholesky, prior_mean, residual, messages, precision, inner, weights })
     }
 
-    /// Makes the first walk, from the prior: `rule` gives the ω and κ of every event. The walk also computes the variances
-    /// that the inducing points leave unexplained.
+    /// Makes the first walk, from the prior: `rule` gives the ω and κ of every event. The walk also computes the
+    /// variances that the inducing points leave unexplained.
     pub(super) fn begin(&mut self, prior: &Prior, rule: impl Fn(usize) -> (f64, f64) + Sync) -> Result<Walk> {
         let inputs = self.cross.inputs();
         let diagonals = on_parts(self.cross.parts(), |part| prior.kernel().diagonal(&inputs.slice(part)));
@@ -139,8 +139,8 @@ impl<'a> Sparse<'a> {
 
     /// Visits every event once and sums up the new sites. O(NM²).
     ///
-    /// `rule` receives the event's index, its moments under this posterior and its entries of `state`, which it may change.
-    /// It returns the event's new site.
+    /// `rule` receives the event's index, its moments under this posterior and its entries of `state`, which it may
+    /// change. It returns the event's new site.
     pub(super) fn walk<const K: usize>(
         &self,
         state: [&mut [f64]; K],
@@ -152,8 +152,8 @@ impl<'a> Sparse<'a> {
         })
     }
 
-    /// Visits every event as [`Sparse::walk`] does. `rule` receives only the posterior mean minus the prior mean, and the
-    /// explained variance.
+    /// Visits every event as [`Sparse::walk`] does. `rule` receives only the posterior mean minus the prior mean, and
+    /// the explained variance.
     fn visit<const K: usize>(
         &self,
         mut state: [&mut [f64]; K],

@@ -10,8 +10,8 @@ use crate::linalg::{Matrix, add_scaled, lower_gram, product};
 use crate::parts::{blocks, on_parts};
 use crate::prior::Prior;
 
-/// Returns ∂E/∂(log parameters of the kernel, parameters of the prior mean) at the sites of `fixed_point`. The engine must hold
-/// the posterior of these sites. O(NM²).
+/// Returns ∂E/∂(log parameters of the kernel, parameters of the prior mean) at the sites of `fixed_point`. The engine
+/// must hold the posterior of these sites. O(NM²).
 pub(super) fn gradient(
     engine: &Sparse<'_>,
     fixed_point: &FixedPoint,
@@ -81,8 +81,8 @@ impl<'a> Slope<'a> {
         Self { engine, fixed_point, prior, likelihood, weights, gamma, explained, by_points }
     }
 
-    /// Returns the gradient by the covariances with some of the events, and α = κ̃ − Ωδ of these events. δ is the posterior
-    /// mean minus the prior mean.
+    /// Returns the gradient by the covariances with some of the events, and α = κ̃ − Ωδ of these events. δ is the
+    /// posterior mean minus the prior mean.
     fn of_part(&self, part: Range<usize>) -> Result<(Vec<f64>, Vec<f64>)> {
         let (kernel, inputs) = (self.prior.kernel(), self.engine.cross.inputs());
         let (mut gradient, mut alpha) = (vec![0.0; kernel.parameter_count()], Vec::with_capacity(part.len()));

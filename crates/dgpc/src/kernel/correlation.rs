@@ -8,7 +8,8 @@ use crate::inputs::{Inputs, check_column};
 use crate::linalg::dot;
 use crate::parameter::Parameter;
 
-/// The correlation of two points over some columns: a shape of their distance, with each column divided by its length-scale.
+/// The correlation of two points over some columns: a shape of their distance, with each column divided by its
+/// length-scale.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Correlation {
@@ -28,12 +29,12 @@ impl PartialEq for Correlation {
 }
 
 impl Correlation {
-    /// Creates a correlation over `columns` with one length-scale per column. Each length-scale is learned separately (see
-    /// [`Correlation::tied`]).
+    /// Creates a correlation over `columns` with one length-scale per column. Each length-scale is learned separately
+    /// (see [`Correlation::tied`]).
     ///
     /// # Errors
-    /// * [`Error::OutOfRange`] for a length-scale that is not finite and positive, and for a parameter of the shape outside
-    ///   its range.
+    /// * [`Error::OutOfRange`] for a length-scale that is not finite and positive, and for a parameter of the shape
+    ///   outside its range.
     /// * [`Error::OutOfRange`] for an empty list of columns, and for a column beyond [`crate::COLUMN_MAX`].
     /// * [`Error::NotFinite`] for a length-scale whose reciprocal overflows.
     /// * [`Error::SizeMismatch`] if the numbers of length-scales and columns differ.
@@ -64,8 +65,8 @@ impl Correlation {
         Self::new(shape, columns, &vec![length_scale; columns.len()])?.tied(&vec![0; columns.len()])
     }
 
-    /// Ties the length-scales of columns that have the same number in `ties` (one per column). Tied length-scales are one
-    /// parameter when the kernel is learned.
+    /// Ties the length-scales of columns that have the same number in `ties` (one per column). Tied length-scales are
+    /// one parameter when the kernel is learned.
     ///
     /// # Errors
     /// [`Error::SizeMismatch`] if the numbers of ties and columns differ, [`Error::UnequalLengthScales`] if tied
@@ -181,8 +182,8 @@ impl Correlation {
     /// Ties the columns that the reflection exchanges.
     ///
     /// # Errors
-    /// [`Error::NotReciprocal`] if the reflection maps a column to a column outside the correlation, or exchanges columns of
-    /// different length-scales.
+    /// [`Error::NotReciprocal`] if the reflection maps a column to a column outside the correlation, or exchanges
+    /// columns of different length-scales.
     pub(super) fn tied_by(mut self, reflection: &Reflection) -> Result<Self> {
         for place in 0..self.columns.len() {
             let (column, length_scale) = (self.columns[place], self.length_scales[place]);
@@ -224,8 +225,8 @@ impl Correlation {
 
     /// Adds weighted sums over the pairs of point `n` of `points` and `others` from `first` on to `sums`.
     ///
-    /// The weights multiply three kinds of terms: the correlation, its derivative by r² times each column's part of r², and
-    /// its derivatives by the shape's parameters.
+    /// The weights multiply three kinds of terms: the correlation, its derivative by r² times each column's part of r²,
+    /// and its derivatives by the shape's parameters.
     pub(super) fn add_slopes(
         &self,
         (points, n): (&Scaled, usize),

@@ -1,8 +1,8 @@
 //! Covariance functions (section 7 of [`crate::method`]).
 //!
-//! A [`Kernel`] is a sum of [`Term`]s. A term is a variance times one or more [`Correlation`]s, each over its own columns.
-//! With a [`Reflection`] the term is reciprocal. A correlation is a [`Shape`] of the scaled distance. A new shape needs
-//! changes in `shape.rs`, which holds names and parameters, and in `formula.rs` only.
+//! A [`Kernel`] is a sum of [`Term`]s. A term is a variance times one or more [`Correlation`]s, each over its own
+//! columns. With a [`Reflection`] the term is reciprocal. A correlation is a [`Shape`] of the scaled distance. A new
+//! shape needs changes in `shape.rs`, which holds names and parameters, and in `formula.rs` only.
 
 mod formula;
 mod reflection;
@@ -183,7 +183,8 @@ impl Kernel {
         })
     }
 
-    /// Returns Σ_ij W_ij ∂k(x_i, x_j)/∂(log parameters) for a symmetric W, N×N. Only its lower triangle is read. O(N²d).
+    /// Returns Σ_ij W_ij ∂k(x_i, x_j)/∂(log parameters) for a symmetric W, N×N. Only its lower triangle is read.
+    /// O(N²d).
     pub(crate) fn gram_gradient(&self, inputs: &Inputs, weights: &Matrix) -> Vec<f64> {
         let pairs = self.pairs(inputs, inputs);
         let panels = stretches(0..inputs.len(), PANEL).collect();

@@ -3,8 +3,8 @@
 use crate::error::{Error, Result};
 use crate::inputs::check_column;
 
-/// An involution x → Rx of the inputs that exchanges columns or changes their sign. An example is the exchange of the two
-/// ends of a link.
+/// An involution x → Rx of the inputs that exchanges columns or changes their sign. An example is the exchange of the
+/// two ends of a link.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(
     feature = "serde",
@@ -51,8 +51,8 @@ impl Reflection {
         Ok(reflection)
     }
 
-    /// Creates the reflection that exchanges the columns of each pair: `swap(&[(0, 2), (1, 3)])` turns (a, b, c, d) into
-    /// (c, d, a, b).
+    /// Creates the reflection that exchanges the columns of each pair: `swap(&[(0, 2), (1, 3)])` turns (a, b, c, d)
+    /// into (c, d, a, b).
     ///
     /// # Errors
     /// As [`Reflection::new`].

@@ -26,8 +26,8 @@ impl Scaled {
         widest(SquaredDistances { from: self, n, to: others, first, out });
     }
 
-    /// Adds Σ wᵢ · (part of r² in that coordinate), over the same pairs, to the sum of every coordinate. If a weight is zero,
-    /// an infinite part of r² does not count.
+    /// Adds Σ wᵢ · (part of r² in that coordinate), over the same pairs, to the sum of every coordinate. If a weight is
+    /// zero, an infinite part of r² does not count.
     pub(super) fn add_weighted_squares(
         &self,
         n: usize,

@@ -9,8 +9,8 @@ use crate::inputs::Inputs;
 use crate::linalg::add_scaled;
 use crate::parameter::Parameter;
 
-/// One term of a kernel: a variance times a correlation, or times a product of several correlations over their own columns.
-/// With a reflection R the term is reciprocal: ½[k(x, x′) + k(x, Rx′)].
+/// One term of a kernel: a variance times a correlation, or times a product of several correlations over their own
+/// columns. With a reflection R the term is reciprocal: ½[k(x, x′) + k(x, Rx′)].
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Term {
@@ -76,12 +76,12 @@ impl Term {
         Ok(self)
     }
 
-    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] (section 7 of [`crate::method`]). Its diagonal then depends on x.
-    /// Columns that the reflection exchanges become tied.
+    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] (section 7 of [`crate::method`]). Its diagonal then depends
+    /// on x. Columns that the reflection exchanges become tied.
     ///
     /// # Errors
-    /// [`crate::Error::NotReciprocal`] if the result would not be positive definite. This is so if the reflection maps a
-    /// column to a column outside the correlation, or exchanges columns of different length-scales.
+    /// [`crate::Error::NotReciprocal`] if the result would not be positive definite. This is so if the reflection maps
+    /// a column to a column outside the correlation, or exchanges columns of different length-scales.
     pub fn reciprocal(mut self, reflection: Reflection) -> Result<Self> {
         let tied = self.correlations.into_iter().map(|correlation| correlation.tied_by(&reflection));
         self.correlations = tied.collect::<Result<_>>()?;
@@ -108,11 +108,12 @@ impl Term {
         Ok(term)
     }
 
-    /// Returns the term with one length-scale of its first correlation multiplied by a positive factor. `number` counts the
-    /// untied length-scales from 0.
+    /// Returns the term with one length-scale of its first correlation multiplied by a positive factor. `number` counts
+    /// the untied length-scales from 0.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] if there is no such length-scale, or if the product leaves the floating-point range.
+    /// [`crate::Error::OutOfRange`] if there is no such length-scale, or if the product leaves the floating-point
+    /// range.
     pub fn with_length_scale_times(&self, number: usize, factor: f64) -> Result<Self> {
         let mut term = self.clone();
         term.correlations[0] = term.correlations[0].with_length_scale_times(number, factor)?;

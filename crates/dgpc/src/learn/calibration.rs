@@ -31,8 +31,8 @@ pub enum Calibration {
     NotAsked,
     /// All variances were multiplied by this factor.
     Factor(f64),
-    /// All variances were multiplied by this factor, which is the smallest or the largest allowed factor. The optimal factor
-    /// is outside the allowed range.
+    /// All variances were multiplied by this factor, which is the smallest or the largest allowed factor. The optimal
+    /// factor is outside the allowed range.
     AtBound(f64),
     /// The corrected evidence could not be computed, for the given reason. The variances are those that maximise E.
     Failed(String),
@@ -94,8 +94,9 @@ fn tilts_near(tried: &[Try], log: f64) -> Vec<f64> {
     tried[0].tilts.iter().zip(&second.tilts).map(|(first, second)| first * (second / first).powf(share)).collect()
 }
 
-/// Predicts the logarithm with the lowest cost from tries that are sorted by cost. From three tries it is the minimum of
-/// the parabola through them. With two tries, or a concave parabola, it is one step from the second beyond the first.
+/// Predicts the logarithm with the lowest cost from tries that are sorted by cost. From three tries it is the minimum
+/// of the parabola through them. With two tries, or a concave parabola, it is one step from the second beyond the
+/// first.
 fn lowest(tried: &[Try]) -> f64 {
     let [first, second, others @ ..] = tried else { return FIRST };
     let bottom = others.first().and_then(|third| {

@@ -12,12 +12,12 @@ use crate::observations::Observations;
 use crate::parts::on_parts;
 use crate::prior::Prior;
 
-/// Returns the template with all length-scales multiplied by the factor that maximises the sum of E over several sets of
-/// events.
+/// Returns the template with all length-scales multiplied by the factor that maximises the sum of E over several sets
+/// of events.
 ///
-/// The sets are independent draws of one prior, such as trials in different waters. No other parameter is learned, and no
-/// hyperprior is used. Seven factors from 1/8 to 8 are compared. The best factor is then refined to four digits by Brent's
-/// method. Every evaluation fits all sets exactly, O(N³) each.
+/// The sets are independent draws of one prior, such as trials in different waters. No other parameter is learned, and
+/// no hyperprior is used. Seven factors from 1/8 to 8 are compared. The best factor is then refined to four digits by
+/// Brent's method. Every evaluation fits all sets exactly, O(N³) each.
 ///
 /// # Errors
 /// As [`crate::fit`].

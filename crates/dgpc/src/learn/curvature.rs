@@ -19,8 +19,8 @@ impl Curvature {
         Self { curvatures: vec![curvature; size], steps: (0..size).map(step).collect(), is_measured: false }
     }
 
-    /// Computes the curvature from a matrix of second derivatives. Negative eigenvalues are replaced by their absolute values,
-    /// so that steps decrease the cost there, too. Curvatures below `least` are raised to `least`.
+    /// Computes the curvature from a matrix of second derivatives. Negative eigenvalues are replaced by their absolute
+    /// values, so that steps decrease the cost there, too. Curvatures below `least` are raised to `least`.
     pub(super) fn of(hessian: &Matrix, least: f64) -> Result<Self> {
         let (values, directions) = symmetric_eigen("curvature of a search", hessian)?;
         let curvatures: Vec<f64> = values.iter().map(|value| value.abs().max(least)).collect();
@@ -45,13 +45,14 @@ impl Curvature {
         place
     }
 
-    /// Transforms a gradient by coordinates to a gradient by steps. Half of its squared norm is the decrease that a quadratic
-    /// cost of this curvature still offers.
+    /// Transforms a gradient by coordinates to a gradient by steps. Half of its squared norm is the decrease that a
+    /// quadratic cost of this curvature still offers.
     pub(super) fn by_steps(&self, gradient: &[f64]) -> Vec<f64> {
         self.steps.iter().map(|direction| dot(direction, gradient)).collect()
     }
 
-    /// Returns the increase of a quadratic cost of this curvature from its minimum at one of two places to the other place.
+    /// Returns the increase of a quadratic cost of this curvature from its minimum at one of two places to the other
+    /// place.
     pub(super) fn rise(&self, a: &[f64], b: &[f64]) -> f64 {
         let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
         let along =

@@ -6,11 +6,11 @@ use crate::prior::Prior;
 
 /// A distribution over priors: independent normal distributions of the parameters about the template's values.
 ///
-/// All parameters but the intercept are distributed on the logarithmic scale. The standard deviations determine how far the
-/// data may move each parameter. A parameter with standard deviation 0 is fixed.
+/// All parameters but the intercept are distributed on the logarithmic scale. The standard deviations determine how far
+/// the data may move each parameter. A parameter with standard deviation 0 is fixed.
 ///
-/// The default is weak: a length-scale may change by a factor of 4.5 for half a nat. It is strong enough to keep parameters
-/// at the template's value if the events contain no information about them.
+/// The default is weak: a length-scale may change by a factor of 4.5 for half a nat. It is strong enough to keep
+/// parameters at the template's value if the events contain no information about them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct HyperPrior {

@@ -33,8 +33,8 @@ use search::{Search, SearchEnd};
 pub struct Start {
     /// The prior from which the search started.
     pub prior: Prior,
-    /// E plus the log density of the hyperprior at the end, on [`Learned::start_events`] events. `None` if E could not be
-    /// computed.
+    /// E plus the log density of the hyperprior at the end, on [`Learned::start_events`] events. `None` if E could not
+    /// be computed.
     pub objective: Option<f64>,
 }
 
@@ -79,15 +79,15 @@ const RACE_MARGIN: f64 = 5.0;
 /// Finds the parameters of `template` that maximise E plus the log density of [`LearnOptions::hyper_prior`], then
 /// calibrates the variances.
 ///
-/// The optimiser is L-BFGS in the logarithms of length-scales and variances. Messages of peers count as in [`crate::fit`].
-/// The search has several stages:
+/// The optimiser is L-BFGS in the logarithms of length-scales and variances. Messages of peers count as in
+/// [`crate::fit`]. The search has several stages:
 ///
 /// 1. *Starts.* The template, a third of all its length-scales, and a third of each alone are compared on few events.
-/// 2. *Race.* The best end of these races against the template and [`LearnOptions::further_starts`] on more events, because
-///    few events may favour another optimum. A start is dropped if it leads to the same optimum as an earlier one, or to
-///    one that is clearly worse than the best.
-/// 3. *Search.* There is a search on all events from each remaining start, and each end is calibrated. The result is the end
-///    of the greatest corrected evidence ([`Fit::corrected_evidence`]) after calibration.
+/// 2. *Race.* The best end of these races against the template and [`LearnOptions::further_starts`] on more events,
+///    because few events may favour another optimum. A start is dropped if it leads to the same optimum as an earlier
+///    one, or to one that is clearly worse than the best.
+/// 3. *Search.* There is a search on all events from each remaining start, and each end is calibrated. The result is
+///    the end of the greatest corrected evidence ([`Fit::corrected_evidence`]) after calibration.
 /// 4. *Second round.* A sparse search is repeated with inducing points that suit the prior from the first round.
 ///
 /// The search uses at most [`LearnOptions::search_events_max`] events. [`Learned::fit`] is the fit of all events.
@@ -147,8 +147,8 @@ fn learn_from_all(template: &Prior, observations: &Observations, options: &Learn
     }
     again.extend_from_slice(options.further_starts);
     let again = race(template, again, observations, options)?;
-    // Points for length-scales shorter than the start's also serve the start's. Points for long length-scales would hide
-    // short ones.
+    // Points for length-scales shorter than the start's also serve the start's. Points for long length-scales would
+    // hide short ones.
     let points = inducing_points(&again[0].with_length_scales_times(1.0 / 3.0)?, &likelihood, options)?;
     let is_sparse = points.is_some();
     let mut learned = learn_from(template, &again, &likelihood, points, options)?;
@@ -182,9 +182,9 @@ fn compare_starts(template: &Prior, few: &Likelihood<'_>, options: &LearnOptions
 
 /// Returns the priors from which a search on all events is worthwhile.
 ///
-/// The starts are compared by searches on fewer events. A start is dropped if it leads to the end of an earlier start, or to
-/// one that is clearly worse than the best. The first start comes from an earlier search and is replaced by its end in the
-/// race. The others stay where they are, because fewer events may lead them elsewhere than all events do.
+/// The starts are compared by searches on fewer events. A start is dropped if it leads to the end of an earlier start,
+/// or to one that is clearly worse than the best. The first start comes from an earlier search and is replaced by its
+/// end in the race. The others stay where they are, because fewer events may lead them elsewhere than all events do.
 fn race(
     template: &Prior,
     starts: Vec<Prior>,
@@ -342,8 +342,8 @@ fn finish(search: &Search<'_>, found: SearchEnd, points: Option<&Inputs>, option
 
 /// Returns inducing points for all events, or `None` if a dense fit is possible.
 ///
-/// The points suit the prior. If it needs fewer points than allowed, the points suit shorter length-scales instead. A prior
-/// that is too smooth needs few points, and with few points shorter length-scales could not be found.
+/// The points suit the prior. If it needs fewer points than allowed, the points suit shorter length-scales instead. A
+/// prior that is too smooth needs few points, and with few points shorter length-scales could not be found.
 fn inducing_points(prior: &Prior, likelihood: &Likelihood<'_>, options: &LearnOptions<'_>) -> Result<Option<Inputs>> {
     if likelihood.events() <= options.dense_events_max {
         return Ok(None);

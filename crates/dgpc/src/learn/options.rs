@@ -13,39 +13,40 @@ pub struct LearnOptions<'a> {
     pub messages: &'a [&'a Summary],
     /// Distribution of the parameters about the template's values.
     pub hyper_prior: HyperPrior,
-    /// The only start, apart from `further_starts`: an earlier [`crate::Learned::optimum`], of the template's structure. The
-    /// new optimum is never worse in E, over the events of the search. Without a warm start there are several starts.
+    /// The only start, apart from `further_starts`: an earlier [`crate::Learned::optimum`], of the template's
+    /// structure. The new optimum is never worse in E, over the events of the search. Without a warm start there are
+    /// several starts.
     pub warm_start: Option<&'a Prior>,
-    /// Initial tilts of the first fits, one per event, such as [`crate::Fit::tilts`] under a similar prior. They change only
-    /// the duration of these fits.
+    /// Initial tilts of the first fits, one per event, such as [`crate::Fit::tilts`] under a similar prior. They change
+    /// only the duration of these fits.
     pub tilts: Option<&'a [f64]>,
-    /// Further starts, of the template's structure. With a warm start they are always searched. Otherwise a further start is
-    /// dropped if it leads to the same optimum or loses the race ([`LearnOptions::race_events_max`]).
+    /// Further starts, of the template's structure. With a warm start they are always searched. Otherwise a further
+    /// start is dropped if it leads to the same optimum or loses the race ([`LearnOptions::race_events_max`]).
     pub further_starts: &'a [Prior],
     /// Largest number of events on which the starts are compared. The default is 150.
     pub start_events_max: usize,
     /// Number of events in the race, which decides from which starts all events are searched. The default is 500.
     ///
-    /// The race takes place if there are at least twice as many events. With 0 there is no race, and all starts are searched.
-    /// Races on 250 events have hidden the better of two optima.
+    /// The race takes place if there are at least twice as many events. With 0 there is no race, and all starts are
+    /// searched. Races on 250 events have hidden the better of two optima.
     pub race_events_max: usize,
-    /// Largest number of events in the search, spread evenly. The default is 4000. The result is then fitted to all events.
-    /// More events would still change the parameters, but not noticeably the predictions.
+    /// Largest number of events in the search, spread evenly. The default is 4000. The result is then fitted to all
+    /// events. More events would still change the parameters, but not noticeably the predictions.
     pub search_events_max: usize,
-    /// Largest number of events for which E is that of a dense fit, O(N³) an evaluation. The default is 1200. Beyond it, E is
-    /// that of a sparse fit, O(NM²).
+    /// Largest number of events for which E is that of a dense fit, O(N³) an evaluation. The default is 1200. Beyond
+    /// it, E is that of a sparse fit, O(NM²).
     pub dense_events_max: usize,
     /// Largest number M of inducing points of a sparse fit, chosen greedily among the events. The default is 256. The
     /// inducing points of the messages are added to them.
     pub inducing_points_max: usize,
     /// Largest number of steps of a search. The default is 60.
     pub iterations_max: usize,
-    /// A search ends when a step gains less than this, in nats an event. The default is 1e-7. A search also ends when the
-    /// gradient and the curvature of E predict a remaining gain of less than ten times this.
+    /// A search ends when a step gains less than this, in nats an event. The default is 1e-7. A search also ends when
+    /// the gradient and the curvature of E predict a remaining gain of less than ten times this.
     pub tolerance: f64,
     /// Whether all variances are finally multiplied by the common factor that maximises the corrected evidence
-    /// ([`crate::Fit::corrected_evidence`]). The default is true. The slack of E grows with the variance, so that E alone
-    /// leaves the variance too small.
+    /// ([`crate::Fit::corrected_evidence`]). The default is true. The slack of E grows with the variance, so that E
+    /// alone leaves the variance too small.
     pub calibrate: bool,
 }
 

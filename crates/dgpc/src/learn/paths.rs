@@ -68,8 +68,8 @@ impl Paths {
         ends
     }
 
-    /// Returns all finished paths. Each comes with the index of its first step that leads to the end of an earlier path, if
-    /// there is one.
+    /// Returns all finished paths. Each comes with the index of its first step that leads to the end of an earlier
+    /// path, if there is one.
     pub(super) fn settled(self, leads_to: impl Fn(&Step, &Step) -> bool) -> Vec<Result<(Path, Option<usize>)>> {
         let first_known = |(start, path): (usize, &OnceLock<Result<Path>>)| {
             path.get()?.as_ref().ok()?.first_to(&self.ends_before(start, &leads_to), &leads_to)
@@ -97,7 +97,8 @@ mod tests {
 
     #[test]
     fn known_ends_do_not_depend_on_the_order_of_the_searches() {
-        // Path 1 passes the end of path 0, path 2 leads to the point where path 1 ended later, and path 3 to path 2's end.
+        // Path 1 passes the end of path 0, path 2 leads to the point where path 1 ended later, and path 3 to path 2's
+        // end.
         let ways: [&[f64]; 4] = [&[0.0, 1.0], &[3.0, 1.2, 5.0], &[9.0, 5.1], &[4.0, 5.0]];
         let expected = [None, Some(1), None, Some(1)];
         for order in [[0, 1, 2, 3], [3, 2, 1, 0], [1, 3, 0, 2]] {

@@ -58,7 +58,7 @@ pub(super) struct Search<'a> {
     centre: Vec<f64>,
     /// Indices of the parameters that may move, with their standard deviations in the hyperprior.
     moving: Vec<(usize, f64)>,
-    /// The same search on fewer events, from which the curvature of the objective is computed.
+    /// This search on fewer events, from which the curvature of the objective is computed.
     few: Option<&'a Search<'a>>,
     /// Initial tilts of the first fit.
     tilts: Option<&'a [f64]>,
@@ -93,8 +93,8 @@ impl<'a> Search<'a> {
         Self { likelihood, points, template, centre, moving, few: None, tilts: None, iterations_max, tolerance }
     }
 
-    /// Scales the steps by the curvature of the objective at the first start. The curvature is computed from `few`, the same
-    /// search on fewer events. It is not used if `few` has too few events to be accurate, or too many to be cheap.
+    /// Scales the steps by the curvature of the objective at the first start. The curvature is computed from `few`, the
+    /// same search on fewer events. It is not used if `few` has too few events to be accurate, or too many to be cheap.
     pub(super) fn scaled_by_curvature_of(self, few: &'a Search<'a>) -> Self {
         let pays = (CURVATURE_EVENTS_MIN..=self.likelihood.len() / 3).contains(&few.likelihood.len());
         Self { few: pays.then_some(few), ..self }
@@ -107,8 +107,8 @@ impl<'a> Search<'a> {
 
     /// Returns the tolerance of the next fit, from the gain of the last step, in nats an event.
     ///
-    /// E does not change with the tilts to first order. Its error is a thousandth of the squared tolerance, which is a tenth
-    /// of the gain that the next step should have.
+    /// E does not change with the tilts to first order. Its error is a thousandth of the squared tolerance, which is a
+    /// tenth of the gain that the next step should have.
     fn tilt_tolerance(&self, gained: f64) -> f64 {
         let gain = self.tolerance.max(GAIN_SHARE * gained);
         (10.0 * gain.sqrt()).clamp(TILT_TOLERANCES.0, TILT_TOLERANCES.1)
@@ -119,7 +119,8 @@ impl<'a> Search<'a> {
         self.likelihood.events()
     }
 
-    /// Returns the coordinates of a prior: its moving parameters minus the template's, in units of their standard deviations.
+    /// Returns the coordinates of a prior: its moving parameters minus the template's, in units of their standard
+    /// deviations.
     fn coordinates(&self, prior: &Prior) -> Vec<f64> {
         let parameters = prior.parameter_values();
         self.moving.iter().map(|&(place, spread)| (parameters[place] - self.centre[place]) / spread).collect()
@@ -166,8 +167,8 @@ impl<'a> Search<'a> {
         Ok((slope.collect(), fit.tilts))
     }
 
-    /// Returns the curvature of −(E + log density of the hyperprior) per event at a prior. It is computed by differences of
-    /// gradients on fewer events, which takes one fit of these for every coordinate.
+    /// Returns the curvature of −(E + log density of the hyperprior) per event at a prior. It is computed by
+    /// differences of gradients on fewer events, which takes one fit of these for every coordinate.
     fn curvature(&self, few: &Search<'_>, place: &Prior) -> Result<Curvature> {
         let coordinates = self.coordinates(place);
         let (size, per_event) = (coordinates.len(), self.per_event());
@@ -199,11 +200,11 @@ impl<'a> Search<'a> {
         self.fit(prior, &FitOptions::default().tolerance(1e-5).start(tilts))
     }
 
-    /// Searches from each start to the nearest maximum, or until the search leads to the end of an earlier one. Most starts
-    /// lead to the same maximum, and the last steps to it would give no new information.
+    /// Searches from each start to the nearest maximum, or until the search leads to the end of an earlier one. Most
+    /// starts lead to the same maximum, and the last steps to it would give no new information.
     pub(super) fn run(&self, starts: &[Prior]) -> Vec<Result<SearchEnd>> {
-        // The curvature at the first start, which is the best guess, serves all starts. Far from the optimum, curvatures
-        // differ too much to be useful anyway.
+        // The curvature at the first start, which is the best guess, serves all starts. Far from the optimum,
+        // curvatures differ too much to be useful anyway.
         let measured = self.few.zip(starts.first()).and_then(|(few, start)| self.curvature(few, start).ok());
         let curvature = measured.unwrap_or_else(|| Curvature::isotropic(self.moving.len(), self.per_event()));
         let paths = Paths::new(starts.len());
@@ -229,7 +230,8 @@ impl<'a> Search<'a> {
         Ok(Path { steps, tilts, evaluations, stop })
     }
 
-    /// Converts a path to its result. `known` is the index of the step that leads to another path's end, if there is one.
+    /// Converts a path to its result. `known` is the index of the step that leads to another path's end, if there is
+    /// one.
     fn found(&self, Path { mut steps, tilts, evaluations, stop }: Path, known: Option<usize>) -> Result<SearchEnd> {
         let is_known = known.is_some();
         let Step { coordinates, objective, evaluations: so_far } = steps.swap_remove(known.unwrap_or(steps.len() - 1));
@@ -264,8 +266,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// −(E + log density of the hyperprior) per event, the cost of the optimiser. The optimiser requests cost and gradient at
-/// the same place one after the other. The memory avoids the second evaluation.
+/// −(E + log density of the hyperprior) per event, the cost of the optimiser. The optimiser requests cost and gradient
+/// at the same place one after the other. The memory avoids the second evaluation.
 struct Objective<'a> {
     search: &'a Search<'a>,
     /// Origin of the optimiser, in coordinates.
@@ -334,8 +336,8 @@ impl Objective<'_> {
         Ok((cost, gradient))
     }
 
-    /// Returns cost and gradient after the given steps. Fails if the best place so far leads to a known end, which stops the
-    /// optimiser.
+    /// Returns cost and gradient after the given steps. Fails if the best place so far leads to a known end, which
+    /// stops the optimiser.
     fn on_the_way(&self, steps: &[f64]) -> std::result::Result<(f64, Vec<f64>), argmin::core::Error> {
         let (cost, gradient) = self.at(&self.curvature.place(&self.start, steps))?;
         if self.leads_to_known_end() {
@@ -353,7 +355,8 @@ impl Objective<'_> {
         memory.steps.last().is_some_and(|best| ends().into_iter().any(|end| leads_to(best, end)))
     }
 
-    /// Returns cost and gradient at a place that is much too far away: the hyperprior, plus a cost above all sensible costs.
+    /// Returns cost and gradient at a place that is much too far away: the hyperprior, plus a cost above all sensible
+    /// costs.
     fn beyond(&self, coordinates: &[f64]) -> (f64, Vec<f64>) {
         let per_event = self.search.per_event();
         let spread: f64 = coordinates.iter().map(|x| 0.5 * x * x).sum();

@@ -38,8 +38,8 @@ impl Cholesky {
         Self { factor, jitter: 0.0 }
     }
 
-    /// Factorises `matrix`, with jitter if rounding makes the factorisation fail. The jitter on the diagonal is the smallest
-    /// sufficient one of 1e-14, 1e-13 … 1e-8, times the mean of the diagonal. [`Cholesky::jitter`] returns it.
+    /// Factorises `matrix`, with jitter if rounding makes the factorisation fail. The jitter on the diagonal is the
+    /// smallest sufficient one of 1e-14, 1e-13 … 1e-8, times the mean of the diagonal. [`Cholesky::jitter`] returns it.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`] if even the largest jitter is not sufficient.

@@ -34,12 +34,12 @@ pub(crate) fn symmetric_eigen(what: &'static str, matrix: &Matrix) -> Result<(Ve
     Ok((values, vectors))
 }
 
-/// Returns R with A = RRᵀ for a symmetric positive semi-definite A. Eigenvalues below `floor` are raised to `floor`. This
-/// includes eigenvalues that rounding made negative.
+/// Returns R with A = RRᵀ for a symmetric positive semi-definite A. Eigenvalues below `floor` are raised to `floor`.
+/// This includes eigenvalues that rounding made negative.
 ///
 /// # Errors
-/// [`Error::NegativeEigenvalue`] if an eigenvalue is more negative than rounding explains, compared with the larger of 1
-/// and the largest eigenvalue.
+/// [`Error::NegativeEigenvalue`] if an eigenvalue is more negative than rounding explains, compared with the larger of
+/// 1 and the largest eigenvalue.
 pub(crate) fn semidefinite_root(what: &'static str, matrix: &Matrix, floor: f64) -> Result<Matrix> {
     let (values, mut root) = symmetric_eigen(what, matrix)?;
     let largest = values.iter().fold(1.0f64, |a, v| a.max(v.abs()));

@@ -118,8 +118,8 @@ impl Matrix {
         }
     }
 
-    /// Enlarges a square matrix. New entries are `entry(row, column)`. Existing entries are moved only if the storage must
-    /// be enlarged, which then reserves an eighth more than needed.
+    /// Enlarges a square matrix. New entries are `entry(row, column)`. Existing entries are moved only if the storage
+    /// must be enlarged, which then reserves an eighth more than needed.
     pub(crate) fn grow(&mut self, size: usize, entry: impl FnMut(usize, usize) -> f64) {
         // The column stride is the number of rows that fit. Reserving room that exists already has no effect.
         let rows = self.0.col_stride().unsigned_abs();

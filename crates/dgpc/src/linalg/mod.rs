@@ -1,7 +1,7 @@
 //! Dense linear algebra. No other folder uses the linear-algebra crate.
 //!
-//! All functions run on the calling thread, so that results do not depend on the number of threads. `parts.rs` distributes
-//! work over threads.
+//! All functions run on the calling thread, so that results do not depend on the number of threads. `parts.rs`
+//! distributes work over threads.
 
 mod wide;
 mod panels;

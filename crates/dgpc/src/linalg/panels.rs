@@ -14,10 +14,12 @@ const PANEL: usize = 8;
 /// Rows of a panel that are processed at a time.
 const LANES: usize = 4;
 
-/// Number of columns in a stretch of successive panels. With a few hundred rows, a stretch stays in the second-level cache.
+/// Number of columns in a stretch of successive panels. With a few hundred rows, a stretch stays in the second-level
+/// cache.
 const STRETCH: usize = 256;
 
-/// Largest number of rows for which a symmetric product goes panel by panel. Beyond it, recursive halves are large enough.
+/// Largest number of rows for which a symmetric product goes panel by panel. Beyond it, recursive halves are large
+/// enough.
 pub(super) const PANELS_MAX: usize = 256;
 
 /// Replaces X by XL⁻ᵀ: solves for every row of X. The columns of X must be contiguous. O(n² rows).
@@ -112,8 +114,8 @@ fn solve_few<M: MultiplyAdd, const ROWS: usize>(factors: &[[f64; PANEL]; PANEL],
     }
 }
 
-/// Adds `factor`·XXᵀ to the lower triangle of `out`, panel by panel, for an X of at most [`PANELS_MAX`] rows. Some entries
-/// next to the diagonal in the upper triangle are overwritten, too.
+/// Adds `factor`·XXᵀ to the lower triangle of `out`, panel by panel, for an X of at most [`PANELS_MAX`] rows. Some
+/// entries next to the diagonal in the upper triangle are overwritten, too.
 pub(super) fn add_symmetric_product_by_panels(factor: f64, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
     let rows = x.nrows();
     for first in (0..rows).step_by(PANEL) {

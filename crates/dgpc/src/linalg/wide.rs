@@ -30,8 +30,8 @@ impl MultiplyAdd for Unfused {
     }
 }
 
-/// A vectorised loop. `run` and all functions that it calls must be `#[inline(always)]`. Functions that are not inlined are
-/// compiled for the oldest processor.
+/// A vectorised loop. `run` and all functions that it calls must be `#[inline(always)]`. Functions that are not inlined
+/// are compiled for the oldest processor.
 pub(crate) trait Wide {
     type Output;
 

@@ -19,8 +19,8 @@ const ROWS_MIN: usize = 16;
 
 /// A Gaussian posterior over the latent function that predicts anywhere.
 ///
-/// The posterior is a site fusion: the prior is counted once, events are sites at their own inputs, and every summary is a
-/// site at its inducing points. For events alone it is exact given ω. [`Posterior::absorb_events`] and
+/// The posterior is a site fusion: the prior is counted once, events are sites at their own inputs, and every summary
+/// is a site at its inducing points. For events alone it is exact given ω. [`Posterior::absorb_events`] and
 /// [`Posterior::absorb_summaries`] extend it.
 #[derive(Debug, Clone)]
 pub struct Posterior {
@@ -63,8 +63,8 @@ impl Posterior {
         Self::fuse(prior, sites, &[])
     }
 
-    /// Returns the posterior of summaries alone, as a receiver without own events holds it. O(n³) for n inducing points in
-    /// total.
+    /// Returns the posterior of summaries alone, as a receiver without own events holds it. O(n³) for n inducing points
+    /// in total.
     ///
     /// # Errors
     /// As [`Posterior::fuse`].
@@ -75,8 +75,8 @@ impl Posterior {
         Ok(posterior)
     }
 
-    /// Returns the posterior of own events and of the peers' summaries. It never forms K⁻¹ or an explicit precision, and
-    /// needs no jitter of its own. O(n³) for n = events + all inducing points.
+    /// Returns the posterior of own events and of the peers' summaries. It never forms K⁻¹ or an explicit precision,
+    /// and needs no jitter of its own. O(n³) for n = events + all inducing points.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Posterior, Prior, PriorMean, Shape, Summary, Term, fit};
@@ -104,8 +104,8 @@ impl Posterior {
         Ok(posterior)
     }
 
-    /// Absorbs more events. The existing sites stay as they are. The result equals [`Posterior::fuse`] with all events, up
-    /// to rounding. O(n²m + m³) for m new events in addition to n rows.
+    /// Absorbs more events. The existing sites stay as they are. The result equals [`Posterior::fuse`] with all events,
+    /// up to rounding. O(n²m + m³) for m new events in addition to n rows.
     ///
     /// # Errors
     /// As [`Posterior::fuse`]. After an error the posterior is unchanged.
@@ -158,7 +158,8 @@ impl Posterior {
         Ok((between, among))
     }
 
-    /// Returns RᵀTb̂ for all rows. It gains the effect of the new shift on all rows and of the old shift on the new rows.
+    /// Returns RᵀTb̂ for all rows. It gains the effect of the new shift on all rows and of the old shift on the new
+    /// rows.
     fn extended_target(&self, new: &NewRows, between: &Matrix, among: &Matrix) -> Vec<f64> {
         let mut old_gain = between.transposed_times(&new.shift);
         apply(&self.segments, 0, &mut old_gain, Matrix::transposed_times);
@@ -170,7 +171,8 @@ impl Posterior {
         old_target.chain(new_target).collect()
     }
 
-    /// Returns the new rows of B = I + RᵀTR: those against the old rows (transposed, n×m) and those among the new (m×m).
+    /// Returns the new rows of B = I + RᵀTR: those against the old rows (transposed, n×m) and those among the new
+    /// (m×m).
     fn rotated(&self, new: &NewRows, mut between: Matrix, mut among: Matrix) -> (Matrix, Matrix) {
         let old = self.support.len();
         rotate(&new.segments, old, &mut between);
@@ -205,12 +207,12 @@ impl Posterior {
 
     /// Returns the latent mean and variance at every point. O(n²) a point.
     ///
-    /// The points are processed in blocks, on several threads if available, so that memory does not grow with their number.
-    /// The last bits of a result may depend on the other points of the call.
+    /// The points are processed in blocks, on several threads if available, so that memory does not grow with their
+    /// number. The last bits of a result may depend on the other points of the call.
     ///
     /// # Errors
-    /// [`crate::Error::BadColumn`] if the inputs do not fit the prior, [`crate::Error::NotFinite`] if numbers near the end
-    /// of the floating-point range overflow.
+    /// [`crate::Error::BadColumn`] if the inputs do not fit the prior, [`crate::Error::NotFinite`] if numbers near the
+    /// end of the floating-point range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
         self.latent_by(None, inputs)
     }
@@ -218,8 +220,8 @@ impl Posterior {
     /// Computes [`Posterior::latent`] of many points, such as the cells of a map, 1.5 times faster.
     ///
     /// The explained part of the prior variance is solved for in single precision. The means are the same, and the
-    /// variances are within 1e-5 of the prior's variance. The probabilities are within 1e-5, too, if the prior variance is
-    /// below 100, as for all links in water. The factor is rounded first, which takes as long as one or two points.
+    /// variances are within 1e-5 of the prior's variance. The probabilities are within 1e-5, too, if the prior variance
+    /// is below 100, as for all links in water. The factor is rounded first, which takes as long as one or two points.
     ///
     /// ```
     /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
@@ -308,7 +310,8 @@ impl Posterior {
     /// O(Mn² + M²n + M³ + M²S).
     ///
     /// # Errors
-    /// As [`Posterior::latent`], and [`crate::Error::SizeMismatch`] if `normals` has another number of rows than inputs.
+    /// As [`Posterior::latent`], and [`crate::Error::SizeMismatch`] if `normals` has another number of rows than
+    /// inputs.
     pub fn draws(&self, inputs: &Inputs, normals: &Matrix) -> Result<(Matrix, f64)> {
         same_size("rows of normals", inputs.len(), normals.rows())?;
         let (mean, covariance) = self.joint(inputs)?;
@@ -331,8 +334,8 @@ impl Posterior {
         Ok((mean, covariance))
     }
 
-    /// Subtracts from the covariance of f at `inputs` the part that the support's rows from `first` on explain, given the
-    /// rows before them.
+    /// Subtracts from the covariance of f at `inputs` the part that the support's rows from `first` on explain, given
+    /// the rows before them.
     pub(crate) fn take_explained(&self, inputs: &Inputs, first: usize, covariance: &mut Matrix) -> Result<()> {
         if first == self.len() {
             return Ok(());

@@ -32,8 +32,8 @@ pub(super) struct NewRows {
 }
 
 impl NewRows {
-    /// Lays out the events first and then every summary's inducing points, as rows from `first` on. Returns `None` if there
-    /// are neither events nor summaries.
+    /// Lays out the events first and then every summary's inducing points, as rows from `first` on. Returns `None` if
+    /// there are neither events nor summaries.
     pub(super) fn lay_out(
         prior: &Prior,
         first: usize,

@@ -1,11 +1,12 @@
 //! Classic data sets, compared with the scores of two reference methods on the same splits.
 //!
-//! The reference methods are scikit-learn's Laplace approximation with learned hyperparameters, and Gibbs sampling under the
-//! same hyperparameters. All sets use one recipe: a squared-exponential kernel with one length-scale and a constant prior
-//! mean, learned with the default options, which calibrate. The predictions come from mean field or Gibbs sampling.
+//! The reference methods are scikit-learn's Laplace approximation with learned hyperparameters, and Gibbs sampling
+//! under the same hyperparameters. All sets use one recipe: a squared-exponential kernel with one length-scale and a
+//! constant prior mean, learned with the default options, which calibrate. The predictions come from mean field or
+//! Gibbs sampling.
 //!
-//! Ringnorm needs the constant mean. Far from its centre all events are of one class, which a zero mean cannot represent:
-//! its NLL is .19 instead of .13.
+//! Ringnorm needs the constant mean. Far from its centre all events are of one class, which a zero mean cannot
+//! represent: its NLL is .19 instead of .13.
 //!
 //! The tests look for the data in the folder that `PINGMAP_SHARED` names.
 
@@ -25,8 +26,8 @@ const TRAINING_EVENTS: usize = 400;
 struct Limit {
     /// The better score of the two reference methods.
     reference: f64,
-    /// Standard error of our score over the splits, as measured once. A standard error computed in every run would grow with
-    /// the very failures that these tests must detect.
+    /// Standard error of our score over the splits, as measured once. A standard error computed in every run would grow
+    /// with the very failures that these tests must detect.
     standard_error: f64,
 }
 
@@ -219,7 +220,8 @@ fn data_folder() -> Option<PathBuf> {
     Some(folder)
 }
 
-/// Reads lines of numbers separated by commas, with the class 0 or 1 last. A line that begins with a letter is a header.
+/// Reads lines of numbers separated by commas, with the class 0 or 1 last. A line that begins with a letter is a
+/// header.
 fn read_events(path: &Path) -> Observations {
     let text = std::fs::read_to_string(path).unwrap();
     let lines = text.lines().filter(|line| !line.starts_with(char::is_alphabetic));

@@ -1,5 +1,6 @@
-//! The Gibbs chain against its stationary distribution: Geweke's joint test, simulation-based calibration, and quadrature
-//! of the posterior of one or two events. Thresholds are five standard errors by batch means, or a χ² value at level 1e-6.
+//! The Gibbs chain against its stationary distribution: Geweke's joint test, simulation-based calibration, and
+//! quadrature of the posterior of one or two events. Thresholds are five standard errors by batch means, or a χ² value
+//! at level 1e-6.
 
 use crate::common::{
     BatchMeans, Dense, assert_near, chi_square_critical, cholesky, dot, gaussian_expectation, logistic, rows, seeded,
@@ -53,8 +54,8 @@ struct Geweke {
 }
 
 impl Geweke {
-    /// Alternates sweeps under `prior` with new outcomes drawn from σ(`gain` · f). With gain 1, the stationary distribution
-    /// of the chain is p(f) p(ω | f) p(y | f), so that f has exactly its prior distribution.
+    /// Alternates sweeps under `prior` with new outcomes drawn from σ(`gain` · f). With gain 1, the stationary
+    /// distribution of the chain is p(f) p(ω | f) p(y | f), so that f has exactly its prior distribution.
     fn new(prior: &Prior, inputs: &Inputs, gain: f64, seed: u64) -> Self {
         const BATCHES: usize = 200;
         const BATCH: usize = 2000;
@@ -100,8 +101,9 @@ impl Geweke {
         Self { names, scores, precision }
     }
 
-    /// Returns names, prior expectations and natural magnitudes, exact or by quadrature over one latent value. After a sweep
-    /// and a new draw of the outcomes, ω and y are independent given f: their joint density is p(f) p(ω | f) p(y | f).
+    /// Returns names, prior expectations and natural magnitudes, exact or by quadrature over one latent value. After a
+    /// sweep and a new draw of the outcomes, ω and y are independent given f: their joint density is p(f) p(ω | f) p(y
+    /// | f).
     fn expectations(joint: &Joint) -> (Vec<String>, Vec<f64>, Vec<f64>) {
         let (mut names, mut expected, mut scale) = (Vec::new(), Vec::new(), Vec::new());
         for n in 0..joint.mean.len() {
@@ -237,8 +239,8 @@ fn calibration_detects_a_wrong_prior() {
     assert!(statistics.iter().any(|&statistic| statistic > chi_square_critical(15)), "{statistics:?}");
 }
 
-/// Returns the posterior expectations of f_n and f_n² (and of f_0 f_1) of one or two weighted events. The integrals use the
-/// trapezoid rule over whitened f.
+/// Returns the posterior expectations of f_n and f_n² (and of f_0 f_1) of one or two weighted events. The integrals use
+/// the trapezoid rule over whitened f.
 fn quadrature(prior: &Prior, observations: &Observations) -> Vec<f64> {
     const STEPS: i32 = 400;
     let joint = Joint::new(prior, observations.inputs());
@@ -405,8 +407,8 @@ fn a_chain_without_events_does_nothing() {
     assert!(chain.latent().is_empty() && chain.sites().unwrap().is_empty());
 }
 
-/// Compares 90 % intervals of the probability with the quantiles of a long chain, for expectation propagation and for mean
-/// field. Some events have only equal outcomes around them, others have mixed outcomes.
+/// Compares 90 % intervals of the probability with the quantiles of a long chain, for expectation propagation and for
+/// mean field. Some events have only equal outcomes around them, others have mixed outcomes.
 #[test]
 fn propagation_intervals_agree_with_a_long_chain() {
     let inputs = line(&(0..40).map(|n| 0.1 * f64::from(n)).collect::<Vec<_>>());

@@ -65,8 +65,8 @@ fn labels_agree_with_indicator_columns() {
     }
 }
 
-/// Compares with central differences by the variances, the length-scales of Matérn 3/2 and 1/2, the intercept and the log
-/// slope. The fits are dense, and sparse with some inducing points that have no label.
+/// Compares with central differences by the variances, the length-scales of Matérn 3/2 and 1/2, the intercept and the
+/// log slope. The fits are dense, and sparse with some inducing points that have no label.
 #[test]
 fn the_gradient_of_the_evidence_agrees_with_differences() {
     let events = Observations::new(inputs(), outcomes()).unwrap();

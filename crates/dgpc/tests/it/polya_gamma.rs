@@ -1,8 +1,8 @@
-//! The Pólya-Gamma sampler against its distribution: moments from the gamma series, the Laplace transform in closed form,
-//! and the distribution function from the theta series of its density.
+//! The Pólya-Gamma sampler against its distribution: moments from the gamma series, the Laplace transform in closed
+//! form, and the distribution function from the theta series of its density.
 //!
-//! Thresholds are five standard errors, or the Kolmogorov-Smirnov critical value at level 1e-6. No choice of seed makes a
-//! correct sampler fail.
+//! Thresholds are five standard errors, or the Kolmogorov-Smirnov critical value at level 1e-6. No choice of seed makes
+//! a correct sampler fail.
 
 use crate::common::seeded;
 use dgpc::polya_gamma;
@@ -157,7 +157,8 @@ impl Law {
         const CELLS: usize = 20_000;
         // Density of ln x.
         let density = |u: f64| (ln_density(c, u.exp()) + u).exp();
-        // The density of ln x has one mode, near the mean. Beyond these ends it is below 1e-18 of the value at the mean.
+        // The density of ln x has one mode, near the mean. Beyond these ends it is below 1e-18 of the value at the
+        // mean.
         let [mean, variance, _] = cumulants(c);
         let stride = 0.1 * variance.sqrt() / mean;
         let end = |direction: f64| {

@@ -8,8 +8,9 @@ use crate::assemble::vehicles::transmission::{Transmission, TransmissionEvidence
 
 /// Raises the evidence of received transmissions, and fills in destinations and kinds that the sender did not record.
 ///
-/// A destination from a reception holds for all receivers, so that exclusion by destination does not depend on the outcome. Returns the
-/// senders whose destinations only receptions state. Their transmissions without a reception may have had any destination.
+/// A destination from a reception holds for all receivers, so that exclusion by destination does not depend on the
+/// outcome. Returns the senders whose destinations only receptions state. Their transmissions without a reception may
+/// have had any destination.
 pub(crate) fn complete_from_receptions(
     fleet: &Fleet,
     sent: &mut [Vec<Transmission>],

@@ -21,10 +21,12 @@ use crate::model::schedule::Schedule;
 /// Largest number of rounds that match messages and fit clocks in turn.
 const ROUNDS_MAX: usize = 30;
 
-/// Joins the recordings of all vehicles into one event log. O(n log n) in the number of records, times the number of vehicles.
+/// Joins the recordings of all vehicles into one event log. O(n log n) in the number of records, times the number of
+/// vehicles.
 ///
 /// # Errors
-/// [`ImportError::Inconsistent`] if no vehicle recorded receptions, a vehicle has no navigation, or a name belongs to no vehicle.
+/// [`ImportError::Inconsistent`] if no vehicle recorded receptions, a vehicle has no navigation, or a name belongs to
+/// no vehicle.
 pub fn join(
     recordings: &Recordings,
     schedule: Option<&Schedule>,
@@ -82,8 +84,8 @@ impl<'a> Join<'a> {
 
     /// Handles messages without a transmission, and matches again.
     ///
-    /// A sender's own record is complete, so an unmatched message makes a recorded transmission ambiguous. For other senders, the message
-    /// is evidence of another transmission.
+    /// A sender's own record is complete, so an unmatched message makes a recorded transmission ambiguous. For other
+    /// senders, the message is evidence of another transmission.
     fn process_unmatched(&mut self) {
         for (sender, sent) in self.sent.iter_mut().enumerate() {
             let vehicle = &self.fleet.vehicles[sender];
@@ -149,7 +151,8 @@ fn named_pairs(fleet: &Fleet, pairs: PairTable) -> BTreeMap<(VehicleId, VehicleI
 
 /// Estimates a first offset of each clock.
 ///
-/// For an undocumented sender, the receptions of one receiver stand in for its transmissions: of the receiver with the most of them.
+/// For an undocumented sender, the receptions of one receiver stand in for its transmissions: of the receiver with the
+/// most of them.
 fn guess_clocks(fleet: &Fleet, sent: &[Vec<Transmission>], documented_senders: &BTreeSet<usize>) -> FleetClocks {
     let messages =
         |receiver: usize, sender: usize| fleet.vehicles[receiver].messages.get(&sender).map_or(&[][..], Vec::as_slice);

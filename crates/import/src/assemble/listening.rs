@@ -32,7 +32,8 @@ impl TransmissionTimes {
 
 /// Returns the first reason to exclude a transmission for a receiver; `None` if it counts as heard or missed.
 ///
-/// `link` holds the positions of both vehicles. The function does not use the outcome, so it excludes successes and misses alike.
+/// `link` holds the positions of both vehicles. The function does not use the outcome, so it excludes successes and
+/// misses alike.
 pub(crate) fn exclusion_reason(
     fleet: &Fleet,
     clocks: &FleetClocks,
@@ -68,7 +69,8 @@ pub(crate) fn exclusion_reason(
     if bands.is_some_and(|(sender_band, receiver_band)| bands_differ(sender_band, receiver_band)) {
         return Some(ExclusionReason::OtherMode);
     }
-    // The sender's own clock matters only for its position. Its transmission may be timed by another clock, `sent.clock`.
+    // The sender's own clock matters only for its position. Its transmission may be timed by another clock,
+    // `sent.clock`.
     let is_unsure = |clock: usize| !clocks.clocks[clock].is_known;
     if sent.ambiguous_at.contains(&receiver) || is_unsure(sent.clock) || is_unsure(receiver) {
         return Some(ExclusionReason::ClockUnsure);

@@ -20,7 +20,8 @@ type Timeline = Vec<(f64, usize)>;
 /// Largest distance, in seconds, at which an unmatched message makes the nearest open transmission ambiguous.
 const AMBIGUITY_S: f64 = 10.0;
 
-/// Largest distance, in seconds, at which a broken packet belongs to a transmission, for example as the cycle before its data.
+/// Largest distance, in seconds, at which a broken packet belongs to a transmission, for example as the cycle before
+/// its data.
 const CYCLE_S: f64 = 5.0;
 
 /// Matches the messages that all receivers have of all senders.
@@ -34,7 +35,8 @@ pub(crate) fn match_all(fleet: &Fleet, clocks: &FleetClocks, sent: &[Vec<Transmi
     table
 }
 
-/// Assigns each message of a sender to the nearest transmission, if one is near enough. A transmission gets one message. O(n log n).
+/// Assigns each message of a sender to the nearest transmission, if one is near enough. A transmission gets one
+/// message. O(n log n).
 fn match_pair(
     fleet: &Fleet,
     clocks: &FleetClocks,
@@ -43,7 +45,8 @@ fn match_pair(
 ) -> Matches {
     let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { return Matches::new() };
     let expected = timeline(fleet, clocks, sender, sent.iter().enumerate(), receiver);
-    // A decoded message takes precedence over a broken one, however near: the first path may break and a later path may not.
+    // A decoded message takes precedence over a broken one, however near: the first path may break and a later path may
+    // not.
     let mut best: BTreeMap<usize, (bool, f64, usize)> = BTreeMap::new();
     for (index, message) in messages.iter().enumerate() {
         let near = nearest(&expected, message.time_s).filter(|near| near.0 <= fleet.rules.match_s);
@@ -92,8 +95,9 @@ pub(crate) fn receptions<'a>(fleet: &Fleet, sent: &'a [Vec<Transmission>], match
 
 /// Marks transmissions as ambiguous for a sender that recorded all of its transmissions.
 ///
-/// A decoded message that fits none of them belongs to an unknown one of the open transmissions, those without a message. The outcome
-/// of the nearest open transmission is therefore uncertain for this receiver. Returns the number of such messages by receiver.
+/// A decoded message that fits none of them belongs to an unknown one of the open transmissions, those without a
+/// message. The outcome of the nearest open transmission is therefore uncertain for this receiver. Returns the number
+/// of such messages by receiver.
 pub(crate) fn mark_ambiguous(
     fleet: &Fleet,
     clocks: &FleetClocks,
@@ -107,7 +111,8 @@ pub(crate) fn mark_ambiguous(
         let matched: BTreeSet<usize> = matches.values().copied().collect();
         let open = sent.iter().enumerate().filter(|(index, _)| !matches.contains_key(index));
         let open = timeline(fleet, clocks, sender, open, receiver);
-        // A broken packet is a miss, whichever transmission it belongs to. It may be a cycle before the data of the same sender.
+        // A broken packet is a miss, whichever transmission it belongs to. It may be a cycle before the data of the
+        // same sender.
         let is_unmatched = |(index, message): &(usize, &Message)| !matched.contains(index) && message.is_any_decoded();
         for (_, message) in messages.iter().enumerate().filter(is_unmatched) {
             *unmatched.entry(receiver).or_default() += 1;
@@ -121,8 +126,8 @@ pub(crate) fn mark_ambiguous(
 
 /// Adds a transmission for each unmatched message of a sender, and returns their number.
 ///
-/// Decoded messages come first, then broken ones far from any transmission. If several receivers have one message, the receiver with
-/// the most messages of this sender provides the transmission.
+/// Decoded messages come first, then broken ones far from any transmission. If several receivers have one message, the
+/// receiver with the most messages of this sender provides the transmission.
 pub(crate) fn add_received(fleet: &Fleet, clocks: &FleetClocks, sender: usize, sent: &mut Vec<Transmission>) -> usize {
     let mut receivers: Vec<usize> = fleet.receivers().filter(|&receiver| receiver != sender).collect();
     let count = |receiver: usize| fleet.vehicles[receiver].messages.get(&sender).map_or(0, Vec::len);

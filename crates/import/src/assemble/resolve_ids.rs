@@ -9,8 +9,9 @@ use crate::model::recording::{Arrival, Recordings};
 
 /// Replaces the id of each modem by the vehicle whose recording states this id as its own.
 ///
-/// It also decides about [`reported`](crate::Recording::reported) arrivals: many messages have a source member. A reported arrival
-/// becomes an arrival if a recording of its source exists. Returns the number of other reported arrivals by source.
+/// It also decides about [`reported`](crate::Recording::reported) arrivals: many messages have a source member. A
+/// reported arrival becomes an arrival if a recording of its source exists. Returns the number of other reported
+/// arrivals by source.
 ///
 /// # Errors
 /// [`ImportError::Inconsistent`] if two vehicles state the same id.

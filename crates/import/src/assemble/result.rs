@@ -29,11 +29,11 @@ pub struct ImportResult {
     pub clock_warnings: Vec<String>,
     /// Counts of records that are in no event.
     pub left_out: LeftOutCounts,
-    /// Senders whose transmissions are known by receptions only, separated by commas. Their messages that all receivers missed
-    /// are not in the log.
+    /// Senders whose transmissions are known by receptions only, separated by commas. Their messages that all receivers
+    /// missed are not in the log.
     pub senders_by_reception: String,
-    /// Senders whose destinations are known by receptions only, separated by commas. Their messages that all receivers missed
-    /// are excluded.
+    /// Senders whose destinations are known by receptions only, separated by commas. Their messages that all receivers
+    /// missed are excluded.
     pub destinations_by_reception: String,
     /// Senders with scheduled slots that may have stayed unused, separated by commas.
     pub unconfirmed_slot_owners: String,
@@ -105,8 +105,8 @@ pub struct LeftOutCounts {
     pub own_messages: usize,
     /// Messages to other vehicles.
     pub overheard: usize,
-    /// Received messages without a matching transmission, by sender. If the sender recorded its transmissions, they are no
-    /// events. If it only has a schedule, they are.
+    /// Received messages without a matching transmission, by sender. If the sender recorded its transmissions, they are
+    /// no events. If it only has a schedule, they are.
     pub unexpected: BTreeMap<VehicleId, usize>,
     /// Fixes that the reference system cannot convert to metres.
     pub unprojected: usize,

@@ -15,7 +15,8 @@ const SLOTS_MAX: f64 = 1e7;
 /// Checks a fleet before its clocks are estimated.
 ///
 /// # Errors
-/// [`ImportError::Inconsistent`] if no vehicle recorded receptions, a vehicle has no navigation, a name is unknown, or times are far apart.
+/// [`ImportError::Inconsistent`] if no vehicle recorded receptions, a vehicle has no navigation, a name is unknown, or
+/// times are far apart.
 pub(crate) fn check_inputs(fleet: &Fleet, schedule: Option<&Schedule>) -> Result<(), ImportError> {
     if fleet.receivers().next().is_none() {
         return fail(

@@ -21,8 +21,8 @@ pub struct Recording {
     pub sent: Option<Vec<SentMessage>>,
     /// Receptions; `None` if no such record exists, so that the vehicle is no receiver.
     pub arrivals: Option<Vec<Arrival>>,
-    /// Possible receptions in messages with named members, one list for each file. [`crate::resolve_modem_ids`] accepts those from
-    /// vehicles with a recording.
+    /// Possible receptions in messages with named members, one list for each file. [`crate::resolve_modem_ids`] accepts
+    /// those from vehicles with a recording.
     pub reported: Vec<Vec<Arrival>>,
     /// Times of the first and the last record of its modem, for each file.
     pub modem_activity: Vec<(f64, f64)>,
@@ -138,8 +138,8 @@ impl Recording {
         before.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, band)| band.as_str())
     }
 
-    /// Extends the activity of the modem to a time. `record` is the index of the file's entry in `modem_activity`; a new entry is
-    /// appended if none exists.
+    /// Extends the activity of the modem to a time. `record` is the index of the file's entry in `modem_activity`; a
+    /// new entry is appended if none exists.
     pub(crate) fn extend_activity(&mut self, record: usize, time_s: f64) {
         match self.modem_activity.get_mut(record) {
             Some((from_s, to_s)) => (*from_s, *to_s) = (from_s.min(time_s), to_s.max(time_s)),

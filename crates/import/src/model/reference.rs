@@ -120,7 +120,8 @@ impl Reference {
         }
     }
 
-    /// Converts a place to metres of the log. Returns `None` outside of the projection, and for degrees if the origin is unknown.
+    /// Converts a place to metres of the log. Returns `None` outside of the projection, and for degrees if the origin
+    /// is unknown.
     pub fn metres(&self, place: Place) -> Option<(f64, f64)> {
         let (east_m, north_m) = match place {
             Place::Metres(east_m, north_m) => (east_m, north_m),
@@ -134,7 +135,8 @@ impl Reference {
         Some((bounds::COORDINATE_M.check(east_m)?, bounds::COORDINATE_M.check(north_m)?))
     }
 
-    /// Converts metres of the log to latitude and longitude. Returns `None` if the origin is unknown, or outside of the projection.
+    /// Converts metres of the log to latitude and longitude. Returns `None` if the origin is unknown, or outside of the
+    /// projection.
     pub fn geographic(&self, east_m: f64, north_m: f64) -> Option<Geographic> {
         let (ellipsoid, plane) = self.projections.as_ref()?;
         let mut point = (east_m, north_m, 0.0);
@@ -158,8 +160,8 @@ mod tests {
         }
     }
 
-    /// Compares with two properties of WGS 84: a quarter of a meridian is 10 001 965.729 m long. A central meridian of UTM has the easting
-    /// 500 000 and the scale 0.9996.
+    /// Compares with two properties of WGS 84: a quarter of a meridian is 10 001 965.729 m long. A central meridian of
+    /// UTM has the easting 500 000 and the scale 0.9996.
     #[test]
     fn projections_agree_with_known_lengths_on_the_ellipsoid() {
         let equator = Reference::about(Geographic::new(0.0, -69.0).unwrap()).unwrap();

@@ -81,7 +81,8 @@ struct OrderChange {
 }
 
 impl Schedule {
-    /// Reads `[slots]` of a team file, a TOML file with `[slots]` only, or a table with the columns `time_s` and `source`.
+    /// Reads `[slots]` of a team file, a TOML file with `[slots]` only, or a table with the columns `time_s` and
+    /// `source`.
     ///
     /// # Errors
     /// [`ImportError`] with the value that was found and what was expected.

@@ -20,7 +20,8 @@ pub enum TableKind {
     Transmissions,
 }
 
-/// The role of a column, and its usual names in lower case. If several names are present, the first of the list is used.
+/// The role of a column, and its usual names in lower case. If several names are present, the first of the list is
+/// used.
 pub type Role = (&'static str, &'static [&'static str]);
 
 const TIME_NAMES: &[&str] = &[
@@ -104,7 +105,8 @@ pub(crate) fn role_of(kind: TableKind, name: &str) -> Option<&'static str> {
 pub struct Columns(BTreeMap<(TableKind, &'static str), String>);
 
 impl Columns {
-    /// Assigns a column to a role, such as `from modem` to `heard.source`. An empty name means that the table has no such column.
+    /// Assigns a column to a role, such as `from modem` to `heard.source`. An empty name means that the table has no
+    /// such column.
     ///
     /// # Errors
     /// [`ImportError::Role`] for an unknown role.

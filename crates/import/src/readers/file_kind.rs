@@ -79,7 +79,8 @@ pub fn read_head(reader: impl Read) -> io::Result<Vec<u8>> {
 impl RecordReader {
     /// Detects the kind of a file from its beginning; `None` for an unknown kind.
     ///
-    /// The content decides. A table of times and vehicles may hold receptions, transmissions or a schedule; then the file name decides.
+    /// The content decides. A table of times and vehicles may hold receptions, transmissions or a schedule; then the
+    /// file name decides.
     pub fn kind_of(&self, head: &[u8], name: &Path) -> Option<RecordKind> {
         if head.starts_with(mcap_file::MAGIC) {
             return Some(RecordKind::Mcap);

@@ -7,9 +7,11 @@ use pingmap_agent::VehicleId;
 use crate::readers::record_reader::RecordReader;
 
 impl RecordReader {
-    /// Returns the owner of a table by its file name, such as `auv1.nav.csv`, or by its folder or archive, such as `auv1/logs/nav.csv`.
+    /// Returns the owner of a table by its file name, such as `auv1.nav.csv`, or by its folder or archive, such as
+    /// `auv1/logs/nav.csv`.
     ///
-    /// Words for the content and for the date are removed from a name. The rest is the owner, or a modem id of the owner.
+    /// Words for the content and for the date are removed from a name. The rest is the owner, or a modem id of the
+    /// owner.
     pub fn owner(&self, path: &Path) -> Option<VehicleId> {
         let names = path.components().rev().filter_map(|part| match part {
             Component::Normal(name) => name.to_str(),
@@ -69,7 +71,8 @@ fn bare(name: &str) -> &str {
 
 /// Returns the number of words at the beginning that form a date, with a time of day if present.
 ///
-/// Dates are `20260503`, `20260503T120000Z`, `2026 05 03` and `2026 05 03T12 00 00`. Other numbers belong to names of vehicles.
+/// Dates are `20260503`, `20260503T120000Z`, `2026 05 03` and `2026 05 03T12 00 00`. Other numbers belong to names of
+/// vehicles.
 fn day(words: &[&str]) -> usize {
     let digits = |word: &str, lengths: &[usize]| {
         let plain: String = word.chars().filter(|letter| !matches!(letter, 'T' | 'Z')).collect();

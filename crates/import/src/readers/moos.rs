@@ -47,7 +47,8 @@ pub(crate) fn datum_of_mission(head: &str) -> Option<Geographic> {
 /// Needs O(rows) time. Memory holds one row, the receptions and transmissions, and at most one fix per second.
 ///
 /// # Errors
-/// The outer error reports a file that cannot be read. The inner error, as text, reports a log with relative times but without a start.
+/// The outer error reports a file that cannot be read. The inner error, as text, reports a log with relative times but
+/// without a start.
 pub(crate) fn read(reader: impl BufRead, ids: &ModemIds, prefix: &str) -> io::Result<Result<ParsedFile, String>> {
     let mut lines = Lines::new(reader);
     let mut log = AlogParser { prefix: prefix.to_owned(), ..AlogParser::default() };

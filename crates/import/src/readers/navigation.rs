@@ -114,7 +114,8 @@ impl Navigation {
 
     /// Estimates the datum, the place of (0, 0), from a position in both forms.
     ///
-    /// It uses the position nearest to (0, 0). The error grows with its distance, because the log may stem from another projection.
+    /// It uses the position nearest to (0, 0). The error grows with its distance, because the log may stem from another
+    /// projection.
     pub(crate) fn datum(&self) -> Option<Geographic> {
         let (place, (east_m, north_m)) = self.datum_pair?;
         let mut datum = place;
@@ -133,8 +134,8 @@ impl Navigation {
         Geographic::new(rounded(datum.latitude_deg), rounded(datum.longitude_deg))
     }
 
-    /// Returns the fixes in degrees, or those in metres if they are more than twice as many. A satellite receiver works at the surface
-    /// only.
+    /// Returns the fixes in degrees, or those in metres if they are more than twice as many. A satellite receiver works
+    /// at the surface only.
     pub(crate) fn into_fixes(self) -> Vec<Fix> {
         if self.in_metres.len() > 2 * self.in_degrees.len() { self.in_metres } else { self.in_degrees }
     }

@@ -71,11 +71,12 @@ impl RecordReader {
 
     /// Detects the kind of a file and reads it; `None` for an unknown kind.
     ///
-    /// The owner of the records is `source.vehicle`, or the vehicle that the file states. A MOOS log states it in `NODE_REPORT_LOCAL`.
-    /// Another log states the id of its modem, which `ids` resolves. A table states it in a column or in its name.
+    /// The owner of the records is `source.vehicle`, or the vehicle that the file states. A MOOS log states it in
+    /// `NODE_REPORT_LOCAL`. Another log states the id of its modem, which `ids` resolves. A table states it in a column
+    /// or in its name.
     ///
-    /// SQLite is read from the path, other formats from `reader`. Ids, schedules and types are only detected. O(lines) time; holds one line
-    /// or message.
+    /// SQLite is read from the path, other formats from `reader`. Ids, schedules and types are only detected. O(lines)
+    /// time; holds one line or message.
     ///
     /// # Errors
     /// [`ImportError`] if the file cannot be read, or does not state its owner or its times.

@@ -14,7 +14,8 @@ use crate::readers::columns::{RoleTable, TableKind};
 use crate::readers::record_reader::RecordReader;
 
 impl RecordReader {
-    /// Reads a table. Its rows belong to `vehicle`, or to the vehicles in its column `vehicle`. O(rows) time; holds one row.
+    /// Reads a table. Its rows belong to `vehicle`, or to the vehicles in its column `vehicle`. O(rows) time; holds one
+    /// row.
     ///
     /// # Errors
     /// [`ImportError`] with file, line, column, value and what was expected.

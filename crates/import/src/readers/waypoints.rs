@@ -25,8 +25,8 @@ pub struct Waypoint {
     pub depth_m: Option<f64>,
 }
 
-/// Reads a list of places from a table with the column names of navigation. Only the position is required. The column `name` holds the name
-/// of each place.
+/// Reads a list of places from a table with the column names of navigation. Only the position is required. The column
+/// `name` holds the name of each place.
 ///
 /// # Errors
 /// [`ImportError`] with file, line, column, value and what was expected; also for a list without places.

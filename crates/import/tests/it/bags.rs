@@ -99,7 +99,8 @@ fn an_lcm_log_is_read_with_its_types() {
     let Place::Degrees(place) = last.place else { panic!("degrees") };
     assert!((place.latitude_deg - 41.52 - 120.0 / 111_066.0).abs() < 1e-12 && last.depth_m == Some(7.5));
     assert_eq!((recording.fixes.len(), last.time_s), (61, START_S + 60.0));
-    // Further cases: a prefix of channels, an unknown type, a truncated log, missing types, a damaged log, an invalid definition.
+    // Further cases: a prefix of channels, an unknown type, a truncated log, missing types, a damaged log, an invalid
+    // definition.
     assert!(read_log(&types, &log, "AUV1_NAV").unwrap().0.arrivals.is_none());
     let (recording, summary) =
         read_log(b"package pm; struct modem_t { int64_t utime; string nmea; }", &log, "").unwrap();
@@ -128,7 +129,8 @@ fn a_truncated_bag_is_read_and_an_invalid_one_is_refused() {
             Err(error) => assert!(error.to_string().contains("cut.mcap"), "{error}"),
         }
     }
-    // Only files that lack nothing but a part of the index at their end count as complete. The reader does not use the index.
+    // Only files that lack nothing but a part of the index at their end count as complete. The reader does not use the
+    // index.
     assert!(at_most == 61 && cut_off > count / 3, "{at_most} {cut_off} of {count}");
     let mut garbled = whole;
     garbled[900..1400].fill(0xa5);

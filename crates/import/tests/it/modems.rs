@@ -213,7 +213,8 @@ fn satellite_fixes_in_a_capture_set_the_clock() {
 #[test]
 fn a_packet_that_broke_before_a_complete_message_is_not_its_frame() {
     let named = "CACST,1,120000.0000,0,9000,60,200,150,0,0,0,0,0,1,1,63,0,3,1,1,120,15,-1,-1,-1,180";
-    // An announcement whose own packet broke, by either sentence, and an earlier attempt that the sender's record contains.
+    // An announcement whose own packet broke, by either sentence, and an earlier attempt that the sender's record
+    // contains.
     let cases = [
         [(0.0, "CACYC,0,1,63,0,0,1"), (0.6, "CAMSG,BAD_CRC,0"), (1.5, "CARXD,1,63,0,1,AA")],
         [(0.0, "CACYC,0,1,63,0,0,1"), (0.6, named), (1.5, "CARXD,1,63,0,1,AA")],

@@ -7,7 +7,8 @@ use pingmap_import::{
     ExclusionReason, ImportError, ImportResult, RecordReader, Recordings, Reference, Rules, Schedule, TableKind, join,
 };
 
-/// Joins vehicles a, b and c, 300 m apart, from the transmissions of a and the receptions of b and c. Their modems listen all the time.
+/// Joins vehicles a, b and c, 300 m apart, from the transmissions of a and the receptions of b and c. Their modems
+/// listen all the time.
 fn join_listening(sent: &str, heard: [&str; 2], rules: &Rules) -> ImportResult {
     join_records(sent, heard, Some((0.0, 2000.0)), rules)
 }
@@ -67,14 +68,15 @@ fn destination_and_kind_do_not_depend_on_the_outcome() {
     let to = |n: u32| format!(",{}", if n.is_multiple_of(2) { "b" } else { "c" });
     let both = heard_table(",to", mostly, to);
     let found = join_listening(&sent_table("", no_fields), [&both, &both], &Rules::default());
-    // Messages that a receiver heard have a known destination, and both receivers heard them. Unheard messages have an unknown destination.
-    // Only heard messages remain, and the result names the sender.
+    // Messages that a receiver heard have a known destination, and both receivers heard them. Unheard messages have an
+    // unknown destination. Only heard messages remain, and the result names the sender.
     assert_eq!((pair_counts(&found, "b"), pair_counts(&found, "c")), ((34, 0, 33), (33, 0, 33)));
     assert_eq!(found.destinations_by_reception, "a");
     let overheard =
         join_listening(&sent_table("", no_fields), [&both, &both], &Rules { overhear: true, ..Rules::default() });
     assert_eq!(pair_counts(&overheard, "b"), (67, 33, 0));
-    // The sender's record of destinations takes precedence. Otherwise heard and missed messages would have different destinations.
+    // The sender's record of destinations takes precedence. Otherwise heard and missed messages would have different
+    // destinations.
     let either = |n: u32| if n.is_multiple_of(2) { ",b".to_owned() } else { ",".to_owned() };
     let b_only = heard_table(",to", mostly, |_| ",b".to_owned());
     let found =
@@ -214,7 +216,8 @@ fn transmissions_in_another_band_are_excluded() {
 
 #[test]
 fn bands_in_tables_and_carriers_of_a_band_exclude_transmissions() {
-    // Sender a records the band of each message, receiver b its own band in the navigation table, and receiver c no band.
+    // Sender a records the band of each message, receiver b its own band in the navigation table, and receiver c no
+    // band.
     let band = |n: u32| format!(",{}", if n.is_multiple_of(2) { "low" } else { "high" });
     let both = heard_table("", mostly, no_fields);
     let mut recordings = records(&sent_table(",band", band), [&both, &both], Some((0.0, 2000.0)));
@@ -253,7 +256,8 @@ fn bands_in_tables_and_carriers_of_a_band_exclude_transmissions() {
 
 #[test]
 fn a_clock_that_satellites_set_during_the_mission_has_two_segments() {
-    // The clock of b is 4 s ahead until the vehicle surfaces half-way, and right afterwards. Receiver b reports when it has a fix.
+    // The clock of b is 4 s ahead until the vehicle surfaces half-way, and right afterwards. Receiver b reports when it
+    // has a fix.
     let ahead_s = |n: u32| if n < 50 { 4.0 } else { 0.0 };
     let both = heard_table("", mostly, no_fields);
     let of_b: String =

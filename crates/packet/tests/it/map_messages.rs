@@ -379,7 +379,8 @@ fn messages_of_another_length_are_refused() {
     }
 }
 
-/// A layout outside `LAYOUTS` may describe an invalid message. Encoding then gives an error instead of unreadable bytes.
+/// A layout outside `LAYOUTS` may describe an invalid message. Encoding then gives an error instead of unreadable
+/// bytes.
 #[test]
 fn the_schema_of_an_unknown_layout_is_checked() {
     for layout in &LAYOUTS {
@@ -407,8 +408,8 @@ fn a_key_is_required_exactly_for_authenticated_messages() {
     }
 }
 
-/// Deployed vehicles cannot follow a change of the format. An intended change needs another version of the protocol, an entry in
-/// CHANGELOG.md, and new golden bytes (`PINGMAP_WRITE_GOLDEN=1`).
+/// Deployed vehicles cannot follow a change of the format. An intended change needs another version of the protocol, an
+/// entry in CHANGELOG.md, and new golden bytes (`PINGMAP_WRITE_GOLDEN=1`).
 #[test]
 fn encodings_match_the_golden_bytes() {
     let frame = |layout| {

@@ -128,8 +128,8 @@ fn examples() -> Vec<(&'static ReportLayout, Report)> {
     REPORT_LAYOUTS.iter().enumerate().map(example).collect()
 }
 
-/// Deployed vehicles cannot follow a change of the format. An intended change needs another version of the protocol, an entry in
-/// CHANGELOG.md, and new golden bytes (`PINGMAP_WRITE_GOLDEN=1`).
+/// Deployed vehicles cannot follow a change of the format. An intended change needs another version of the protocol, an
+/// entry in CHANGELOG.md, and new golden bytes (`PINGMAP_WRITE_GOLDEN=1`).
 #[test]
 fn encodings_match_the_golden_bytes() {
     let line = |(layout, report): (&ReportLayout, Report)| {

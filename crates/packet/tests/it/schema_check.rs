@@ -4,7 +4,8 @@ use crate::generators::{any_schemas, is_fixed, message, number, schema_of};
 use pingmap_packet::*;
 use proptest::prelude::*;
 
-/// Whether all fields are in an allowed part and have room for an element. The rules are repeated here without counting bits.
+/// Whether all fields are in an allowed part and have room for an element. The rules are repeated here without counting
+/// bits.
 fn is_valid(field: &Field, is_in_head: bool) -> bool {
     let is_in_place = if is_in_head { is_fixed(field) } else { !field.in_head };
     let has_room = !matches!(field.rule, Rule::Repeated { max: 0, .. });

@@ -119,8 +119,8 @@ proptest! {
         }
     }
 
-    /// A decimal multiple of the resolution is only nearly a multiple in doubles. No value between such bounds may be refused
-    /// or lost.
+    /// A decimal multiple of the resolution is only nearly a multiple in doubles. No value between such bounds may be
+    /// refused or lost.
     #[test]
     fn decimal_bounds_and_the_values_between_them_round_trip(
         (resolution, low, steps) in (select(&DECIMALS[..]), -3000..3000, 0..2000),

@@ -207,8 +207,8 @@ pub struct MapJson<'a> {
     east_m: [f64; 2],
     /// Southern and northern edge of the map in metres.
     north_m: [f64; 2],
-    /// Share of the area above each level, for the first side. `interval_width` and `share_little_known` are also for the
-    /// first side.
+    /// Share of the area above each level, for the first side. `interval_width` and `share_little_known` are also for
+    /// the first side.
     share_above: Vec<ShareAbove>,
     /// Median width of the cells' 90 % intervals.
     interval_width: f64,

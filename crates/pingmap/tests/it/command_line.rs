@@ -15,8 +15,8 @@ fn demo_prints_scores_and_writes_a_report_from_any_folder() {
     }
     let report = folder.path().join("pingmap-report");
     let page = std::fs::read_to_string(report.join("index.html")).unwrap();
-    // The page has three maps, the success rate over range, and calibration. It has inducing points only if summaries were sent, which
-    // depends on the last digits.
+    // The page has three maps, the success rate over range, and calibration. It has inducing points only if summaries
+    // were sent, which depends on the last digits.
     let has_points = page.contains("Every arrow is an inducing point");
     assert_eq!(has_points, !page.contains("they contain no inducing points"));
     assert_eq!(has_points, report.join("packets.png").exists());
@@ -285,8 +285,8 @@ fn a_closed_pipe_is_no_failure() {
     assert!(child.wait().unwrap().success());
 }
 
-/// Asserts bounds on the mean NLL of the ten splits. On bay2, lake2 and bay3 the true probabilities reach .178, .282 and .217, and
-/// distance alone .261, .349 and .452.
+/// Asserts bounds on the mean NLL of the ten splits. On bay2, lake2 and bay3 the true probabilities reach .178, .282
+/// and .217, and distance alone .261, .349 and .452.
 fn field_trial(name: &str, centralised_max: f64) {
     let events = format!("trials/{name}.csv");
     let (Some(events), Some(splits)) = (shared_data(&events), shared_data(&format!("trials/{name}.splits.csv"))) else {

@@ -6,7 +6,8 @@ use crate::common::mission::*;
 use crate::common::*;
 use pingmap_trial::EventLog;
 
-/// Returns the number of events up to the first and from the last recorded reception of their receiver. One receiver stops recording.
+/// Returns the number of events up to the first and from the last recorded reception of their receiver. One receiver
+/// stops recording.
 fn outside(log: &EventLog, (stops, after_s): (&str, f64)) -> usize {
     let start_s = log.events[0].time_s - 10.0;
     let of = |id: pingmap_agent::VehicleId| {
@@ -100,8 +101,8 @@ fn an_unconfirmed_transmission_is_not_a_miss() {
     let (some, _) = import(folder, &format!("{options} --schedule mission/schedule.toml --always-sends=auv1,auv2"));
     assert!(count(&some, "not_known_sent") > 0 && count(&some, "not_known_sent") < count(&found, "not_known_sent"));
     compare(folder);
-    // Without a schedule transmissions are known from their receptions, and are the same. Common receptions tie the clocks together, but
-    // the delay of a record remains unknown.
+    // Without a schedule transmissions are known from their receptions, and are the same. Common receptions tie the
+    // clocks together, but the delay of a record remains unknown.
     let (bare, said) = import(folder, &format!("{options} --match-s 0.5"));
     assert_eq!(bare["transmissions"]["by_reception"], 300 - unheard);
     assert_eq!((&bare["heard"], bare["transmissions"]["recorded"].as_u64()), (&found["heard"], Some(0)));

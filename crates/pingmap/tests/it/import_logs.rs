@@ -115,7 +115,8 @@ fn a_stopped_modem_is_not_a_deaf_receiver() {
     let (found, said) = import(folder, "mission --ids mission/ids.csv --correct-clocks auv1");
     let missing = compare(folder);
     let unexpected = found["left_out"]["unexpected"]["auv3"].as_u64().unwrap();
-    // One vehicle stops recording for the last 160 of 400 messages. Its own transmissions among them, a third, are not in the log.
+    // One vehicle stops recording for the last 160 of 400 messages. Its own transmissions among them, a third, are not
+    // in the log.
     assert!((90..=120).contains(&count(&found, "not_recording")), "{found}");
     let recorded = found["transmissions"]["recorded"].as_u64().unwrap() as usize;
     assert_eq!(missing - count(&found, "not_recording"), 2 * (400 - recorded), "{found}");

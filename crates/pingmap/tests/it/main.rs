@@ -1,7 +1,7 @@
 //! Tests of the program and of the library, in one binary. Each file tests one subject.
 //!
-//! Tests that need the shared data folder read its path from `PINGMAP_SHARED`, and print a message if they are skipped without it.
-//! `PINGMAP_WRITE_GOLDEN=1` rewrites the schemas in docs.
+//! Tests that need the shared data folder read its path from `PINGMAP_SHARED`, and print a message if they are skipped
+//! without it. `PINGMAP_WRITE_GOLDEN=1` rewrites the schemas in docs.
 
 #![allow(clippy::unwrap_used)]
 

@@ -31,8 +31,8 @@ fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap()
 }
 
-/// Returns metres east and north of the origin by the radii of curvature of the ellipsoid. The error within two kilometres is below a
-/// decimetre.
+/// Returns metres east and north of the origin by the radii of curvature of the ellipsoid. The error within two
+/// kilometres is below a decimetre.
 fn metres((latitude_deg, longitude_deg): (f64, f64)) -> (f64, f64) {
     let (a, f) = (6_378_137.0, 1.0 / 298.257_223_563);
     let e2: f64 = f * (2.0 - f);

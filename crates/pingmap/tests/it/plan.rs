@@ -219,9 +219,9 @@ const GATEWAYS: [(f64, f64); 9] = [
 
 const TRACK: &str = "x,y\n200,350\n1200,350\n1200,750\n200,750\n200,1050\n1200,1050\n";
 
-/// Simulates a mission, and then missions on a new track. Returns the share of missions whose longest silence is at most the predicted
-/// median, and at most the predicted quantile of 90 %. Then returns the loss of the recommended gateway, and of an average gateway, in
-/// comparison with the best.
+/// Simulates a mission, and then missions on a new track. Returns the share of missions whose longest silence is at
+/// most the predicted median, and at most the predicted quantile of 90 %. Then returns the loss of the recommended
+/// gateway, and of an average gateway, in comparison with the best.
 fn announced_and_true(seed: u64, slots: usize, options: &[&str]) -> [f64; 4] {
     let folder = tempfile::tempdir().unwrap();
     let mission = Simulation { slots, seed, self_noise_spread_db: 0.0, ..Default::default() };

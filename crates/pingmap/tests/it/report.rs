@@ -1,4 +1,5 @@
-//! The report page in a browser: screens of two sizes, dark mode, print. Without Chromium the tests are skipped with a message.
+//! The report page in a browser: screens of two sizes, dark mode, print. Without Chromium the tests are skipped with a
+//! message.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -52,8 +53,8 @@ const PROBE: &str = "<script>addEventListener('load', () => {
   parent.postMessage([wide, room, out, inner, style.backgroundColor, style.color].join(';'), '*');
 });</script>";
 
-/// Returns the measurements of the page in a frame of this width: width of the page, width of the frame, number of elements that
-/// overflow, number of tables that scroll, and colours.
+/// Returns the measurements of the page in a frame of this width: width of the page, width of the frame, number of
+/// elements that overflow, number of tables that scroll, and colours.
 fn measured(folder: &Path, page: &str, width: u32, more: &[&str]) -> Option<Vec<String>> {
     file(folder, "probe.html", page.replace("</body>", &format!("{PROBE}</body>")));
     let frame = format!(

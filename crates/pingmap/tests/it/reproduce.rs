@@ -47,8 +47,8 @@ fn estimate(cell: &str) -> Option<(f64, f64)> {
     Some((mean.parse().ok()?, error.parse().ok()?))
 }
 
-/// Eight of the hundred permutations must agree with all hundred up to their standard errors. The length-scale, the data, the regions
-/// and the text must be equal.
+/// Eight of the hundred permutations must agree with all hundred up to their standard errors. The length-scale, the
+/// data, the regions and the text must be equal.
 #[test]
 fn the_page_matches_the_output_of_the_command() {
     let Some(page) = page() else { return };
@@ -97,8 +97,8 @@ fn the_page_matches_the_output_of_the_command() {
     }
 }
 
-/// Parses cells like "6 of 7" for every claim, in their order. The first claim is that two good points beat one. The others are that good
-/// points beat random ones, and random ones beat bad ones, at two points and at one.
+/// Parses cells like "6 of 7" for every claim, in their order. The first claim is that two good points beat one. The
+/// others are that good points beat random ones, and random ones beat bad ones, at two points and at one.
 fn holding(page: &str, name: &str) -> Vec<(usize, usize)> {
     let rows = rows(page);
     let is_it = |title: &str| title.contains("in NLL") && title.contains("(1.384 ℓ)");

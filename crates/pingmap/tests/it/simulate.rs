@@ -1,4 +1,5 @@
-//! `pingmap simulate`: reproducibility, outcomes that follow the true probabilities, and agreement with published formulas.
+//! `pingmap simulate`: reproducibility, outcomes that follow the true probabilities, and agreement with published
+//! formulas.
 
 use crate::common::{HEADER, file, json, pingmap, stderr, stdout};
 use std::collections::BTreeMap;

@@ -21,7 +21,8 @@ pub(crate) fn log_splits_and_packets() -> Result<(EventLog, Vec<Split>, usize), 
     Ok((log, splits, packets))
 }
 
-/// Returns the sharing options with these features turned off: fields of [`Sharing`](pingmap_agent::Sharing), separated by commas.
+/// Returns the sharing options with these features turned off: fields of [`Sharing`](pingmap_agent::Sharing), separated
+/// by commas.
 #[allow(dead_code, reason = "not every program has switches")]
 pub fn sharing_without(features: &str) -> Result<pingmap_agent::Sharing, String> {
     let mut sharing = pingmap_agent::Sharing::default();

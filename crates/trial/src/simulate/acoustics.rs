@@ -170,7 +170,8 @@ mod tests {
 
     #[test]
     fn edge_loss_agrees_with_fresnel_integrals() {
-        // |F(ν)|² from the Fresnel integrals: 6.02 dB at ν = 0, 13.9 at 1, 19.0 at 2; the approximation is good to half a dB.
+        // |F(ν)|² from the Fresnel integrals: 6.02 dB at ν = 0, 13.9 at 1, 19.0 at 2. The approximation is good to half
+        // a dB.
         near(knife_edge_loss_db(0.0), 6.02, 0.5);
         near(knife_edge_loss_db(1.0), 13.9, 0.5);
         near(knife_edge_loss_db(2.0), 19.0, 0.5);

@@ -43,8 +43,8 @@ pub struct Sound {
     /// J. Oceanic Eng. 38 (2013) 701, found for slow variations. Messages fade independently here; in the sea, fading
     /// is correlated in time.
     pub fading_db: f64,
-    /// Loss of a message that travels against [`Sound::favoured_bearing_deg`], dB: 0 where both directions are equal. Between the two
-    /// bearings the loss follows the cosine of the angle.
+    /// Loss of a message that travels against [`Sound::favoured_bearing_deg`], dB: 0 where both directions are equal.
+    /// Between the two bearings the loss follows the cosine of the angle.
     pub direction_loss_db: f64,
     /// Bearing of propagation without that loss, in degrees clockwise from north.
     pub favoured_bearing_deg: f64,

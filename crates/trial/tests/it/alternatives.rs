@@ -3,8 +3,8 @@
 use pingmap_agent::{Event, Learning, Link, MeanStructure, Position, ReferenceSystem, StructureConstraints, VehicleId};
 use pingmap_trial::{Alternative, EventLog, Learners, Mission, Plan, Split};
 
-/// Returns a log in which `a` hears `b` over each of these links `repeats` times, and then `b` hears `a` over each link once. The split
-/// holds out the events of `b`.
+/// Returns a log in which `a` hears `b` over each of these links `repeats` times, and then `b` hears `a` over each link
+/// once. The split holds out the events of `b`.
 fn log(links: &[Link], repeats: usize) -> (EventLog, Split) {
     let event = |n: usize, receiver: &str, transmitter: &str, link: Link| Event {
         time_s: 60.0 * n as f64,

@@ -14,8 +14,8 @@ const PROBABILITY: f64 = 0.7;
 /// The quantile of the normal distribution for [`PROBABILITY`].
 const QUANTILE: f64 = 0.524_400_512_7;
 
-/// Parameters of simulated fading. An outcome is a success if a normal process is below [`QUANTILE`]. A `share` of the variance of the
-/// process is correlated over `memory_s` seconds.
+/// Parameters of simulated fading. An outcome is a success if a normal process is below [`QUANTILE`]. A `share` of the
+/// variance of the process is correlated over `memory_s` seconds.
 #[derive(Clone, Copy, Debug)]
 struct Drawn {
     share: f64,
@@ -56,7 +56,8 @@ fn counted(fading: Fading, events: &[Event]) -> f64 {
     fading.weights(&events.iter().collect::<Vec<_>>()).iter().sum()
 }
 
-/// Returns the effective number of independent outcomes among 300, from the variance of the share of successes over the draws.
+/// Returns the effective number of independent outcomes among 300, from the variance of the share of successes over the
+/// draws.
 fn effective_count(drawn: Drawn, draws: usize) -> f64 {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut off = || {

@@ -1,4 +1,5 @@
-//! A whole team under way in simulated water: frames are lost, repeated and delayed, vehicles restart, and one member may be faulty.
+//! A whole team under way in simulated water: frames are lost, repeated and delayed, vehicles restart, and one member
+//! may be faulty.
 //!
 //! The test runs 100 seeds. `FLEET_SEEDS=10000 cargo nextest run --release -p pingmap-trial fleet` runs more.
 
@@ -61,7 +62,7 @@ const FAULTS: [Fault; 11] = [
     Fault::Flood,
 ];
 
-/// The same vehicle, restored from its snapshot.
+/// A vehicle restored from the snapshot of `agent`.
 fn restored(agent: &Agent) -> Agent {
     let team = Arc::new(agent.team().clone());
     Agent::restore(agent.id().clone(), team, *agent.options(), &agent.snapshot()).unwrap()
@@ -87,7 +88,8 @@ impl Fleet {
         let vehicles = 3 + (seed % 2) as usize;
         let simulation =
             Simulation { vehicles, slots: SLOTS, slot_s: SLOT_S, seed: 5000 + seed, ..Simulation::default() };
-        // In half of the runs messages travel better one way than the other, which the model of the team cannot represent.
+        // In half of the runs messages travel better one way than the other, which the model of the team cannot
+        // represent.
         let direction_loss_db = if seed / FAULTS.len() as u64 % 2 == 1 { 8.0 } else { 0.0 };
         let sound = Sound { direction_loss_db, favoured_bearing_deg: (seed * 37 % 360) as f64, ..Sound::default() };
         let trial = simulation.run(&sound).unwrap();
@@ -308,8 +310,9 @@ fn run(seed: u64) -> Outcomes {
     Outcomes { seed, fault, own_nll, team_nll, honest_excluded, faulty_excluded }
 }
 
-/// A receiver with 60 to 90 own events cannot always tell a faulty receiver from bad water. Of 1000 seeds 19 exceed the bound, all of
-/// them with a member that is deaf, hears all, or is random. The mean over the runs with each fault is far below the bound.
+/// A receiver with 60 to 90 own events cannot always tell a faulty receiver from bad water. Of 1000 seeds 19 exceed the
+/// bound, all of them with a member that is deaf, hears all, or is random. The mean over the runs with each fault is
+/// far below the bound.
 #[test]
 fn a_faulty_member_harms_only_itself() {
     let seeds = std::env::var("FLEET_SEEDS").map_or(100, |seeds| seeds.parse().unwrap());

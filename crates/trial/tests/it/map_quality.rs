@@ -1,4 +1,5 @@
-//! A regression gate on the quality of the team's map: mean NLL under a fixed model, for several numbers of frames of 32 bytes.
+//! A regression gate on the quality of the team's map: mean NLL under a fixed model, for several numbers of frames of
+//! 32 bytes.
 
 use std::path::Path;
 

@@ -5,7 +5,8 @@ use std::path::Path;
 use pingmap_agent::*;
 use pingmap_trial::{EventLog, learn_additions, learn_all};
 
-/// Returns the structures tried, in order, with the bits of their learned parameters. The last entry is the best structure.
+/// Returns the structures tried, in order, with the bits of their learned parameters. The last entry is the best
+/// structure.
 fn tried(log: &EventLog, threads: usize) -> Vec<(Structure, Vec<u64>)> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let learning = Learning::default();

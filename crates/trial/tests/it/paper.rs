@@ -1,8 +1,8 @@
 //! The paper's experiment, implemented a second time from the formulas alone.
 //!
-//! This implementation uses a plain reader of the file, dense matrices, brute force over all pairs of points, and quadrature. It shares
-//! two things with the experiment under test: the random number generators, and the learned length-scale. A separate test checks the
-//! length-scale.
+//! This implementation uses a plain reader of the file, dense matrices, brute force over all pairs of points, and
+//! quadrature. It shares two things with the experiment under test: the random number generators, and the learned
+//! length-scale. A separate test checks the length-scale.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -111,7 +111,8 @@ fn region(inputs: &[Input], own: &[usize], radius: f64) -> Vec<usize> {
     best
 }
 
-/// Returns which events a permutation holds out. Each permutation has one random stream, and the receivers draw from it in turn.
+/// Returns which events a permutation holds out. Each permutation has one random stream, and the receivers draw from it
+/// in turn.
 fn held_out(events: &Events, permutation: usize) -> Vec<bool> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     rng.set_stream(permutation as u64);
@@ -394,8 +395,8 @@ fn score_of(moments: impl Iterator<Item = (f64, f64)>, success: &[bool]) -> Scor
     Score { accuracy: right / count, nll: nll / count, brier: brier / count, regret: None }
 }
 
-/// Returns ∫ σ(f) N(f; mean, variance) df by the trapezoidal rule over twelve standard deviations to each side. The integrand is smooth
-/// and vanishes at both ends, so the error falls faster than any power of the step.
+/// Returns ∫ σ(f) N(f; mean, variance) df by the trapezoidal rule over twelve standard deviations to each side. The
+/// integrand is smooth and vanishes at both ends, so the error falls faster than any power of the step.
 fn success_probability(mean: f64, variance: f64) -> f64 {
     let step = 0.006;
     let node = |n: i32| {
@@ -503,7 +504,8 @@ fn all_held_out(parts: &[Part]) -> (Vec<Input>, Vec<bool>) {
     (inputs, parts.iter().flat_map(|part| part.success.clone()).collect())
 }
 
-/// Site fusion combines the packets of all agents. The other fusion combines an agent's own events with the packets of the others.
+/// Site fusion combines the packets of all agents. The other fusion combines an agent's own events with the packets of
+/// the others.
 #[test]
 fn fusion_counts_the_prior_once() {
     let choice = Choice { policy: Policy::Good, points: 2 };

@@ -1,5 +1,5 @@
-//! Offsets of vehicles in missions where they are confounded with positions. Each vehicle stays in its own area in the first half of a
-//! mission, and in another area in the second half.
+//! Offsets of vehicles in missions where they are confounded with positions. Each vehicle stays in its own area in the
+//! first half of a mission, and in another area in the second half.
 
 use dgpc::Posterior;
 use pingmap_agent::*;
@@ -56,8 +56,8 @@ fn trial(seed: u64, spread_db: f64) -> [EventLog; 2] {
     })
 }
 
-/// Returns the NLL of the second half under a model learned from the first half with these optional terms, and whether the model has
-/// offsets of receivers.
+/// Returns the NLL of the second half under a model learned from the first half with these optional terms, and whether
+/// the model has offsets of receivers.
 fn nll([first, second]: &[EventLog; 2], additions: Vec<OptionalTerm>) -> (f64, bool) {
     let learning = Learning { additions, ..Learning::default() };
     let events: Vec<&Event> = first.events.iter().collect();
@@ -77,8 +77,8 @@ fn mean(values: &[f64]) -> (f64, f64) {
     (mean, (variance / count).sqrt())
 }
 
-/// Returns the increase of the NLL of the second half by offsets of vehicles, with its standard error over 20 trials. Also returns the
-/// number of trials in which offsets of receivers were accepted.
+/// Returns the increase of the NLL of the second half by offsets of vehicles, with its standard error over 20 trials.
+/// Also returns the number of trials in which offsets of receivers were accepted.
 fn added_by_offsets(spread_db: f64) -> ((f64, f64), usize) {
     let places = vec![OptionalTerm::Range, OptionalTerm::ReceiverPlace];
     let offsets = [places.clone(), vec![OptionalTerm::Receivers, OptionalTerm::Transmitters]].concat();

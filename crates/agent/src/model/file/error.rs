@@ -98,8 +98,8 @@ pub enum ModelFileError {
         /// Number in the text.
         value: f64,
     },
-    /// The model cannot be represented in a file. Its chart origin may have a depth, or its kernel may use another reflection than
-    /// swapping the ends. Its columns or numbers may also be out of bounds.
+    /// The model cannot be represented in a file. Its chart origin may have a depth, or its kernel may use another
+    /// reflection than swapping the ends. Its columns or numbers may also be out of bounds.
     #[error("this model cannot be represented in a file: {0}")]
     Unwritable(String),
     /// Only one of latitude and longitude is given.

@@ -49,7 +49,8 @@ pub struct Provenance {
 ///
 /// let learning = Learning::default();
 /// let prior = learning.template(&learning.structures[0], InputSpec::Positions, 490.0)?;
-/// let file = ModelFile { model: Model::new(Chart::about([]), InputSpec::Positions, prior), learned: None, site_log_digests: Vec::new() };
+/// let model = Model::new(Chart::about([]), InputSpec::Positions, prior);
+/// let file = ModelFile { model, learned: None, site_log_digests: Vec::new() };
 /// assert_eq!(ModelFile::parse(&file.write()?)?, file);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -143,7 +144,8 @@ fn read<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, ModelFileError> {
     toml::from_str(text).map_err(|error| ModelFileError::Syntax(error.to_string().trim_end().to_owned()))
 }
 
-/// The schema version of a text. It is read first, so that a newer file yields [`ModelFileError::Newer`] and not an unknown key.
+/// The schema version of a text. It is read first, so that a newer file yields [`ModelFileError::Newer`] and not an
+/// unknown key.
 #[derive(Deserialize)]
 struct SchemaVersion {
     schema: u32,

@@ -39,7 +39,8 @@ impl SitePriorLayout {
     /// Returns the site prior under this model.
     ///
     /// # Errors
-    /// [`ModelFileError`] for lists of different sizes, for numbers out of bounds, and for a precision that is not positive semi-definite.
+    /// [`ModelFileError`] for lists of different sizes, for numbers out of bounds, and for a precision that is not
+    /// positive semi-definite.
     pub(crate) fn read(&self, model: &Model) -> Result<SitePrior, ModelFileError> {
         let points = self.links.len();
         let size = points as f64;

@@ -44,7 +44,8 @@ struct CorrelationLayout {
     /// Length-scales of the time column, in seconds. Label columns have no length-scale.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     length_scale_s: Option<LengthScales>,
-    /// Ties of length-scales: columns with equal numbers share one learned length-scale. The list is empty if all columns or none share it.
+    /// Ties of length-scales: columns with equal numbers share one learned length-scale. The list is empty if all
+    /// columns or none share it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     ties: Vec<usize>,
 }

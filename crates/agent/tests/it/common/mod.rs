@@ -15,7 +15,8 @@ use proptest::prelude::*;
 /// Half a side of the square in which all test vehicles move, in metres.
 pub const REACH_M: f64 = 600.0;
 
-/// Returns a configuration with this number of random cases, times `CASES_TIMES` if that is set. Failing cases are printed and not stored.
+/// Returns a configuration with this number of random cases, times `CASES_TIMES` if that is set. Failing cases are
+/// printed and not stored.
 pub fn cases(count: u32) -> ProptestConfig {
     let times =
         std::env::var("CASES_TIMES").map_or(1, |times| times.parse::<u32>().expect("CASES_TIMES is a number").max(1));
@@ -65,8 +66,8 @@ pub fn summaries_alone() -> AgentOptions {
     AgentOptions { sharing: Sharing::summaries(), ..AgentOptions::default() }
 }
 
-/// Events of one receiver along a walk. It hears transmitters within 450 m. The transmitter is not a member of the team, so that the
-/// events have no slots.
+/// Events of one receiver along a walk. It hears transmitters within 450 m. The transmitter is not a member of the
+/// team, so that the events have no slots.
 pub fn walk(receiver: usize, count: usize, phase: f64) -> Vec<Event> {
     let event = |n: usize| {
         let t = n as f64 * 0.37 + phase;
@@ -114,7 +115,7 @@ pub fn events(agent: &Agent) -> Vec<Event> {
     agent.events().cloned().collect()
 }
 
-/// The same vehicle, restored from a snapshot with the same options.
+/// A vehicle restored from a snapshot with the options of `agent`.
 pub fn restored(agent: &Agent, snapshot: &[u8]) -> Agent {
     let team = Arc::new(agent.team().clone());
     let mut restored = Agent::restore(agent.id().clone(), team, *agent.options(), snapshot).unwrap();

@@ -19,8 +19,8 @@ pub fn slot_s(slot: u32) -> f64 {
     SLOT_S * f64::from(slot)
 }
 
-/// A mission in which members transmit in the order of their numbers. Every vehicle moves straight from one corner to the next. Corners
-/// are centres of waypoint cells, so that reported tracks are exact.
+/// A mission in which members transmit in the order of their numbers. Every vehicle moves straight from one corner to
+/// the next. Corners are centres of waypoint cells, so that reported tracks are exact.
 #[derive(Debug, Clone)]
 pub struct Trip {
     pub team: Arc<Team>,
@@ -50,7 +50,7 @@ impl Trip {
         Trip { team: Arc::new(team), ..self.clone() }
     }
 
-    /// The same with an explicit schedule in place of the cycle. Every other member may listen to a transmission.
+    /// This trip with an explicit schedule in place of the cycle. Every other member may listen to a transmission.
     pub fn with_explicit_schedule(&self) -> Trip {
         let scheduled = |slot| ScheduledTransmission {
             time_s: slot_s(slot),
@@ -62,7 +62,7 @@ impl Trip {
         self.with_team(|team| team.slots.explicit = Some(explicit.into()))
     }
 
-    /// The same for a team that excludes no member. Random outcomes may contradict those of all others.
+    /// This trip for a team that excludes no member. Random outcomes may contradict those of all others.
     pub fn without_exclusion(&self) -> Trip {
         self.with_team(|team| team.exclusion_threshold_sd = 1e9)
     }
@@ -98,9 +98,9 @@ impl Trip {
         (0..self.slots).filter_map(|slot| self.event(slot, receiver)).collect()
     }
 
-    /// Events that the host of vehicle 0 records by its own clock and schedule. Messages of a member arrive
-    /// `late` slots after their slot. The host records a miss in every slot in which it does not receive the member that the slot
-    /// belongs to.
+    /// Events that the host of vehicle 0 records by its own clock and schedule. Messages of a member arrive `late`
+    /// slots after their slot. The host records a miss in every slot in which it does not receive the member that the
+    /// slot belongs to.
     pub fn recorded(&self, late: impl Fn(usize, u32) -> i64) -> Vec<Event> {
         let mut receptions = Vec::new();
         for slot in 0..self.slots {
@@ -139,7 +139,7 @@ impl Trip {
         self.vehicle_with_events(number, self.events(number))
     }
 
-    /// The same with other events.
+    /// A vehicle with other events.
     pub fn vehicle_with_events(&self, number: usize, events: impl IntoIterator<Item = Event>) -> Agent {
         let mut agent = vehicle_with(&self.team, number, reports_alone(), events);
         agent.record_positions(self.positions(number)).unwrap();
@@ -174,7 +174,8 @@ impl Trip {
     }
 }
 
-/// Whether the track turns at the second of three corners by at least a cell in a slot. Otherwise the waypoint could be left out.
+/// Whether the track turns at the second of three corners by at least a cell in a slot. Otherwise the waypoint could be
+/// left out.
 fn has_turn(corners: &[Cell]) -> bool {
     let off = |along: fn(&Cell) -> u8| {
         let [before, at, after] = [0, 1, 2].map(|corner| i32::from(along(&corners[corner])));

@@ -128,8 +128,8 @@ pub(crate) fn assert_near_matrix(what: &str, found: &Dense, expected: &Dense, to
 /// The one-sided standard normal quantile of level 1e-6.
 const NORMAL_QUANTILE: f64 = 4.753_424;
 
-/// Returns the critical value of χ² at level 1e-6 by Wilson and Hilferty's approximation. It is too large by less than 1 %
-/// here.
+/// Returns the critical value of χ² at level 1e-6 by Wilson and Hilferty's approximation. It is too large by less than
+/// 1 % here.
 pub(crate) fn chi_square_critical(degrees: usize) -> f64 {
     let k = degrees as f64;
     let spread = 2.0 / (9.0 * k);

@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Returns ∫ g(z) N(z; 0, 1) dz by the trapezoid rule. σ has its poles at a distance of π/√variance. At that distance this
-/// step is exact to rounding.
+/// Returns ∫ g(z) N(z; 0, 1) dz by the trapezoid rule. σ has its poles at a distance of π/√variance. At that distance
+/// this step is exact to rounding.
 fn normal_expectation(g: impl Fn(f64) -> f64) -> f64 {
     let at = |i: i32| {
         let z = 0.1 * f64::from(i);
@@ -46,8 +46,8 @@ impl Integral {
         integral.ln()
     }
 
-    /// Returns mean and covariance of a Gaussian close to the posterior of z, by plain steps of the mean field. It serves as
-    /// a proposal only, so the estimate is unbiased whatever its values.
+    /// Returns mean and covariance of a Gaussian close to the posterior of z, by plain steps of the mean field. It
+    /// serves as a proposal only, so the estimate is unbiased whatever its values.
     fn proposal(&self) -> (Vec<f64>, Dense) {
         let size = self.signs.len();
         let identity: Dense = (0..size).map(|i| (0..size).map(|j| f64::from(u8::from(i == j))).collect()).collect();
@@ -76,9 +76,9 @@ impl Integral {
 
     /// Returns an importance-sampling estimate and its standard error.
     ///
-    /// The proposal is Student's t with twelve degrees of freedom, slightly wider than the Gaussian. Its tails are heavier
-    /// than those of the integrand, which decreases at least like the prior. The weights are therefore bounded, and the
-    /// standard error is reliable.
+    /// The proposal is Student's t with twelve degrees of freedom, slightly wider than the Gaussian. Its tails are
+    /// heavier than those of the integrand, which decreases at least like the prior. The weights are therefore bounded,
+    /// and the standard error is reliable.
     fn by_sampling(&self, rng: &mut ChaCha8Rng, draws: usize) -> (f64, f64) {
         const DEGREES: f64 = 12.0;
         let size = self.signs.len();
@@ -125,8 +125,8 @@ fn prior_means() -> [PriorMean; 3] {
 
 /// Returns the largest acceptable slack of E, in nats an event.
 ///
-/// The measured slack at variance 1 is up to .008 under a zero prior mean and up to .027 under other means. At variance 4 it
-/// is up to .053 and .091. A prior mean can make f large with certainty, and the Gaussian site fits worst there.
+/// The measured slack at variance 1 is up to .008 under a zero prior mean and up to .027 under other means. At variance
+/// 4 it is up to .053 and .091. A prior mean can make f large with certainty, and the Gaussian site fits worst there.
 fn slack_max(variance: f64, mean: &PriorMean) -> f64 {
     match (variance > 1.0, mean) {
         (false, PriorMean::Zero) => 0.01,

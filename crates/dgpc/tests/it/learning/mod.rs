@@ -70,8 +70,8 @@ fn evidence_of(prior: &Prior, events: &Observations, messages: &[&Summary]) -> f
     dgpc::fit(prior, events, &FitOptions::default().messages(messages)).unwrap().evidence()
 }
 
-/// Returns the standard deviation of every parameter, in the documented order of [`Prior::parameter_values`] and with the
-/// documented values of [`HyperPrior`].
+/// Returns the standard deviation of every parameter, in the documented order of [`Prior::parameter_values`] and with
+/// the documented values of [`HyperPrior`].
 fn spread_of(prior: &Prior, spread: &HyperPrior) -> Vec<f64> {
     let of_term = |term: &Term| {
         let of_correlation = |correlation: &Correlation| {

@@ -28,8 +28,8 @@ fn process_prior(variance: f64, length_scales: &[f64]) -> Prior {
     prior(vec![term(Shape::SquaredExponential, variance, length_scales)], PriorMean::Zero)
 }
 
-/// Learns from the template with every length-scale 1 and variance 4. Asserts that the result is not worse than the true
-/// prior, which must hold for any data.
+/// Learns from the template with every length-scale 1 and variance 4. Asserts that the result is not worse than the
+/// true prior, which must hold for any data.
 fn learn_process(events: &Observations, truth: &Prior, options: &LearnOptions<'_>) -> Learned {
     let template = process_prior(4.0, &vec![1.0; length_scales(truth).len()]);
     let learned = learn(&template, events, options).unwrap();
@@ -42,8 +42,8 @@ fn learn_process(events: &Observations, truth: &Prior, options: &LearnOptions<'_
 
 /// Nine of the seeds 1 to 40 have all four length-scales within 25 %, and this test uses two of them.
 ///
-/// On average (of the logarithm) the learned length-scales are 10 to 23 % too long, because E favours smooth functions. Their
-/// scatter is 15 to 25 %. The variance is 3.0 on average, and 4.4 after calibration, with a scatter of 25 %.
+/// On average (of the logarithm) the learned length-scales are 10 to 23 % too long, because E favours smooth functions.
+/// Their scatter is 15 to 25 %. The variance is 3.0 on average, and 4.4 after calibration, with a scatter of 25 %.
 #[test]
 fn four_length_scales_are_recovered() {
     let scales = [0.5, 0.7, 1.0, 1.5];
@@ -81,8 +81,8 @@ fn sparse_learning_agrees_with_dense_learning() {
     }
 }
 
-/// In four dimensions 150 points explain less of the variance. The learned prior is then too smooth, and slightly worse for
-/// the full posterior.
+/// In four dimensions 150 points explain less of the variance. The learned prior is then too smooth, and slightly worse
+/// for the full posterior.
 #[test]
 fn few_inducing_points_cost_little() {
     let scales = [0.5, 0.7, 1.0, 1.5];

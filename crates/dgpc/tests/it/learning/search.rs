@@ -134,8 +134,8 @@ fn initial_tilts_do_not_change_the_result() {
     assert!(matches!(few, Err(Error::SizeMismatch { expected: 90, found: 89, .. })), "{few:?}");
 }
 
-/// E must not decrease from a warm start. This does not apply to a start found from few events: it may have more E on all
-/// events and a lower density of the hyperprior.
+/// E must not decrease from a warm start. This does not apply to a start found from few events: it may have more E on
+/// all events and a lower density of the hyperprior.
 #[test]
 fn all_events_overrule_a_start_from_few_events() {
     let template = prior(vec![term(Shape::SquaredExponential, 4.0, &[1.0])], PriorMean::Zero);
@@ -154,7 +154,8 @@ fn all_events_overrule_a_start_from_few_events() {
     }
 }
 
-/// On the last of these data sets, ten events lead to a maximum that is 3 nats worse than the maximum near the template.
+/// On the last of these data sets, ten events lead to a maximum that is 3 nats worse than the maximum near the
+/// template.
 #[test]
 fn comparing_starts_is_never_worse_than_starting_at_the_template() {
     for seed in (900..912).chain([1929, 2511]) {

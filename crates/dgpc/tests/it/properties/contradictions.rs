@@ -7,7 +7,8 @@ use proptest::prelude::*;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
-/// Computes [`Posterior::contradiction`] from the covariance of the outcomes. All outcomes must be at determined inputs.
+/// Computes [`Posterior::contradiction`] from the covariance of the outcomes. All outcomes must be at determined
+/// inputs.
 fn contradiction_by_definition(posterior: &Posterior, reported: &Observations, offset_sd: f64) -> f64 {
     let (mean, covariance) = posterior.joint(reported.inputs()).unwrap();
     let (count, covariance) = (reported.len(), rows(&covariance));
@@ -88,9 +89,9 @@ fn line_posterior() -> (Posterior, Inputs) {
     (own.posterior().unwrap(), line(&(0..40).map(|n| 0.1 + 0.24 * f64::from(n)).collect::<Vec<_>>()))
 }
 
-/// Draws functions from the posterior and outcomes from the functions. True outcomes contradict about as rarely as a normal
-/// number exceeds the limit. False reports of the same outcomes nearly always contradict. Without the covariance of f,
-/// correlated outcomes of neighbouring points would count as independent contradictions.
+/// Draws functions from the posterior and outcomes from the functions. True outcomes contradict about as rarely as a
+/// normal number exceeds the limit. False reports of the same outcomes nearly always contradict. Without the covariance
+/// of f, correlated outcomes of neighbouring points would count as independent contradictions.
 #[test]
 fn true_outcomes_rarely_contradict_and_false_ones_do() {
     const DRAWS: usize = 500;

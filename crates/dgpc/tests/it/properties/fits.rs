@@ -206,8 +206,8 @@ proptest! {
     }
 }
 
-/// Under a prior of very large variance, accelerated steps often lower E and are rejected. After any number of iterations
-/// the fit must return an accepted step.
+/// Under a prior of very large variance, accelerated steps often lower E and are rejected. After any number of
+/// iterations the fit must return an accepted step.
 #[test]
 fn every_number_of_iterations_returns_an_accepted_step() {
     let kernel = |variance| Kernel::new(vec![Term::isotropic(Shape::SquaredExponential, variance, 1.0, 1).unwrap()]);

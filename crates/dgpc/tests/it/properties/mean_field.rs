@@ -52,8 +52,8 @@ proptest! {
         }
     }
 
-    /// Newton's method converges quadratically only with the correct derivatives. An error of one percent is then below 1e-9
-    /// after three steps. One more pass detects the convergence.
+    /// Newton's method converges quadratically only with the correct derivatives. An error of one percent is then below
+    /// 1e-9 after three steps. One more pass detects the convergence.
     #[test]
     fn newton_steps_converge_quadratically(problem in problems(3..=16), signs in vec(any::<bool>(), 16), with_message in any::<bool>()) {
         let message = message(&problem);
@@ -109,7 +109,8 @@ proptest! {
         let marginal = if gram.len() == 1 {
             gaussian_expectation(mean[0], gram[0][0], |f| likelihood(0, f))
         } else {
-            // f₁ given f₀ is Gaussian, too. The outer rule is as fine as the inner one, although a coarser one would suffice.
+            // f₁ given f₀ is Gaussian, too. The outer rule is as fine as the inner one, although a coarser one would
+            // suffice.
             let slope = gram[1][0] / gram[0][0];
             let rest = (gram[1][1] - slope * gram[1][0]).max(0.0);
             let inner = |f0: f64| {

@@ -125,7 +125,8 @@ proptest! {
         let gram = rows(&kernel.gram(&inputs).unwrap());
         let slack = 1e-8 * trace(&gram);
         for points in 0..5 {
-            // If all inputs are judges, the result is that of the greedy choice in memory, except for ties within rounding.
+            // If all inputs are judges, the result is that of the greedy choice in memory, except for ties within
+            // rounding.
             let whole = Candidates::new(kernel, &inputs).unwrap().greedy(points);
             let judged = dgpc::greedy_judged(kernel, &inputs, points, inputs.len()).unwrap();
             prop_assert!((judged.trace - whole.trace).abs() < 1e-6 * trace(&gram), "{judged:?}, {whole:?}");
@@ -209,8 +210,8 @@ proptest! {
 
 #[test]
 fn known_points_are_not_chosen_as_a_pair() {
-    // The conditional variance of a known point is a rounding error of either sign. Two negative variances have a positive
-    // determinant.
+    // The conditional variance of a known point is a rounding error of either sign. Two negative variances have a
+    // positive determinant.
     for seed in 0..2000 {
         use rand::RngExt;
         let mut rng = seeded(seed);

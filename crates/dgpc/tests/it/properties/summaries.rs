@@ -85,8 +85,8 @@ proptest! {
             assert_near("shift", found.shift(), expected.shift(), 1e-8);
             assert_same_message(&moved.under(&problem.prior).unwrap(), &summary, 1e-8);
         }
-        // With Z = X a summary is the likelihood itself under any prior. Reading it under another prior is equivalent to
-        // fusing the events under that prior.
+        // With Z = X a summary is the likelihood itself under any prior. Reading it under another prior is equivalent
+        // to fusing the events under that prior.
         let z = problem.inputs().select(&problem.spread(16));
         let sites = problem.sites.select(&problem.spread(16));
         let summary = Summary::variational(&problem.prior, &sites, &z).unwrap().under(&other).unwrap();

@@ -119,7 +119,8 @@ pub(crate) struct Peak {
     pub(crate) rival_s: Option<f64>,
 }
 
-/// Finds the difference with the most others within `within_s` seconds. Among rivals it prefers the smallest absolute difference.
+/// Finds the difference with the most others within `within_s` seconds. Among rivals it prefers the smallest absolute
+/// difference.
 ///
 /// Returns `None` if no two differences lie close to each other. O(n log n).
 pub(crate) fn find_peak(mut differences_s: Vec<f64>, within_s: f64) -> Option<Peak> {
@@ -145,7 +146,8 @@ pub(crate) fn find_peak(mut differences_s: Vec<f64>, within_s: f64) -> Option<Pe
 
 /// Fits all known clocks to the comparisons, one clock after the other until the offsets converge.
 ///
-/// Each segment gets an offset, and a drift if it has enough comparisons. The reference clock does not change. O(rounds · comparisons).
+/// Each segment gets an offset, and a drift if it has enough comparisons. The reference clock does not change. O(rounds
+/// · comparisons).
 pub(crate) fn fit(clocks: &mut [Clock], comparisons: &[Comparison], reference: usize) {
     for _ in 0..ROUNDS_MAX {
         let mut change_s = 0f64;
@@ -214,7 +216,8 @@ mod tests {
         let around = |middle: f64, count: usize| (0..count).map(move |n| middle + 0.01 * n as f64);
         let found = find_peak(around(3.0, 20).chain(around(-4.0, 5)).collect(), 0.5).unwrap();
         assert!((found.difference_s - 3.1).abs() < 0.02 && found.count == 20 && found.rival_s.is_none(), "{found:?}");
-        // With a cycle of ten seconds, a shift by one cycle fits nearly as well. The smallest shift is chosen and the other is the rival.
+        // With a cycle of ten seconds, a shift by one cycle fits nearly as well. The smallest shift is chosen and the
+        // other is the rival.
         let found = find_peak(around(-7.0, 20).chain(around(3.0, 19)).collect(), 0.5).unwrap();
         assert!((found.difference_s - 3.1).abs() < 0.02 && found.rival_s.is_some(), "{found:?}");
         assert_eq!(find_peak(vec![1.0, 5.0], 0.5), None);
@@ -222,7 +225,8 @@ mod tests {
 
     #[test]
     fn fit_finds_drift_and_steps_of_clocks_that_are_compared_in_a_chain() {
-        // Clock 1 is right. Clock 0 is 2 s ahead and gains 20 ppm. Clock 2 is compared with clock 0 only; it is 3 s behind until 4000 s.
+        // Clock 1 is right. Clock 0 is 2 s ahead and gains 20 ppm. Clock 2 is compared with clock 0 only; it is 3 s
+        // behind until 4000 s.
         let offset = |clock: usize, time_s: f64| match clock {
             0 => 2.0 + 2e-5 * time_s,
             2 if time_s < 4000.0 => -3.0,

@@ -22,7 +22,8 @@ pub(crate) struct FleetClocks {
 /// Longest travel time of sound that is considered, in seconds.
 const TRAVEL_S_MAX: f64 = 60.0;
 
-/// The clocks of the earlier and the later time of comparisons, and whether the earlier time derives from a reception, too.
+/// The clocks of the earlier and the later time of comparisons, and whether the earlier time derives from a reception,
+/// too.
 type ClockPair = (usize, usize, bool);
 
 impl FleetClocks {
@@ -34,8 +35,8 @@ impl FleetClocks {
 
     /// Estimates a constant offset for each clock, before any reception is matched to a transmission.
     ///
-    /// The offset of a pair of clocks is the one at which most receptions fit a transmission. A spanning tree from the reference clock
-    /// combines the pairs, those with the most receptions first.
+    /// The offset of a pair of clocks is the one at which most receptions fit a transmission. A spanning tree from the
+    /// reference clock combines the pairs, those with the most receptions first.
     pub(crate) fn guess(fleet: &Fleet, sent: &[Vec<Transmission>]) -> Self {
         let peaks = pair_peaks(fleet, sent);
         let named = fleet.rules.reference_clock.as_ref().and_then(|name| fleet.index_of(name));
@@ -202,7 +203,8 @@ fn pair_peaks(fleet: &Fleet, sent: &[Vec<Transmission>]) -> BTreeMap<ClockPair, 
     peaks.collect()
 }
 
-/// Estimates the recording delay as half of the round trip by the clocks of both ends: the median over all pairs, in seconds.
+/// Estimates the recording delay as half of the round trip by the clocks of both ends: the median over all pairs, in
+/// seconds.
 ///
 /// Returns 0 if no pair of vehicles heard each other.
 fn round_trip_delay_s(peaks: &BTreeMap<ClockPair, Peak>) -> f64 {

@@ -114,7 +114,8 @@ impl<'a> Fleet<'a> {
         syncs.sort_by(|a, b| a.0.total_cmp(&b.0));
         let interval_s = median(syncs.windows(2).map(|pair| pair[1].0 - pair[0].0).collect());
         let silence_s = SATELLITE_SILENCE_S.max(SATELLITE_SILENCE_INTERVALS * interval_s);
-        // The clock is set continuously while the vehicle receives satellites, so only the first fix after a loss matters.
+        // The clock is set continuously while the vehicle receives satellites, so only the first fix after a loss
+        // matters.
         let is_resync = |pair: &&[(f64, bool)]| pair[1].1 && (!pair[0].1 || pair[1].0 - pair[0].0 > silence_s);
         syncs.windows(2).filter(is_resync).map(|pair| pair[1].0).collect()
     }
@@ -146,10 +147,11 @@ impl<'a> Fleet<'a> {
     }
 }
 
-/// Returns the intervals in which a modem was active: from its first to its last record in each file, and as stated by the user.
+/// Returns the intervals in which a modem was active: from its first to its last record in each file, and as stated by
+/// the user.
 ///
-/// If a message bounds such an interval, the message lies outside of it. It is recorded only because it was heard, so that it would
-/// always count as a success.
+/// If a message bounds such an interval, the message lies outside of it. It is recorded only because it was heard, so
+/// that it would always count as a success.
 fn active_spans(recording: &Recording, messages: &BTreeMap<usize, Vec<Message>>, match_s: f64) -> Vec<(f64, f64)> {
     let without_bounding_messages = |&(from_s, to_s): &(f64, f64)| {
         let (mut after_s, mut before_s) = (from_s, to_s);

@@ -36,7 +36,8 @@ impl Track {
         }
     }
 
-    /// Interpolates the position at a time. Returns `None` if the fixes around it are more than `gap_s_max` seconds apart.
+    /// Interpolates the position at a time. Returns `None` if the fixes around it are more than `gap_s_max` seconds
+    /// apart.
     pub(crate) fn at(&self, time_s: f64, gap_s_max: f64) -> Option<Position> {
         if self.fixed.is_some() {
             return self.fixed;
@@ -57,7 +58,8 @@ impl Track {
         })
     }
 
-    /// Estimates the position at any time, for the travel time of sound: interpolated across any gap, else the nearest fix.
+    /// Estimates the position at any time, for the travel time of sound: interpolated across any gap, else the nearest
+    /// fix.
     pub(crate) fn near(&self, time_s: f64) -> Option<Position> {
         let next = self.fixes.partition_point(|fix| fix.0 < time_s);
         let nearest = self.fixes.get(next).or_else(|| self.fixes.last()).map(|fix| fix.1);

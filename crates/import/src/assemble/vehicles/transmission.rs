@@ -92,7 +92,8 @@ pub(crate) struct Reception<'a> {
 
 /// Returns the transmissions of each vehicle in the order of time.
 ///
-/// A vehicle with a record of its transmissions has exactly those. Another vehicle has the slots that the schedule gives it.
+/// A vehicle with a record of its transmissions has exactly those. Another vehicle has the slots that the schedule
+/// gives it.
 pub(crate) fn known_transmissions(fleet: &Fleet, schedule: Option<&Schedule>) -> Vec<Vec<Transmission>> {
     let span_s = fleet.span_s();
     let margin_s = fleet.rules.clock_off_s_max;

@@ -88,7 +88,8 @@ mod tests {
 
     #[test]
     fn fields_are_aligned_to_their_size_in_both_byte_orders() {
-        // A string of two characters with its zero byte, two single bytes, and an eight-byte number, aligned to offset 16.
+        // A string of two characters with its zero byte, two single bytes, and an eight-byte number, aligned to offset
+        // 16.
         let mut little = vec![0, 1, 0, 0, 3, 0, 0, 0, b'h', b'i', 0, 7, 9, 0, 0, 0, 0, 0, 0, 0];
         little.extend(1.5f64.to_le_bytes());
         let mut message = CdrReader::new(&little).unwrap();

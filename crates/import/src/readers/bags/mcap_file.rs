@@ -16,7 +16,8 @@ pub(crate) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 /// Longest record, in bytes.
 const RECORD_BYTES_MAX: usize = 1 << 26;
 
-/// Reads a file from its beginning to its end, or to the point where it is truncated. Memory holds one message, or one compressed chunk.
+/// Reads a file from its beginning to its end, or to the point where it is truncated. Memory holds one message, or one
+/// compressed chunk.
 ///
 /// # Errors
 /// The problem with the file, and what was expected.

@@ -12,7 +12,8 @@ use crate::readers::bags::bag_parser::{BagParser, TopicFormat};
 /// The first bytes of an SQLite database.
 pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
 
-/// Reads the messages of a bag in the order of their records. Opens the file read-only. Returns `None` if the database is not a bag.
+/// Reads the messages of a bag in the order of their records. Opens the file read-only. Returns `None` if the database
+/// is not a bag.
 ///
 /// # Errors
 /// The problem with the file, and what was expected.

@@ -10,8 +10,8 @@ use crate::readers::modem::micromodem::Micromodem;
 use crate::readers::modem::nmea::Sentence;
 use crate::readers::sink::Sink;
 
-/// Reads a capture. Lines without a sentence are skipped. Those with an invalid sentence or time are counted. O(lines) time; holds one
-/// line.
+/// Reads a capture. Lines without a sentence are skipped. Those with an invalid sentence or time are counted. O(lines)
+/// time; holds one line.
 pub(crate) fn read(reader: impl BufRead, ids: &ModemIds) -> io::Result<ParsedFile> {
     let (mut lines, mut modem, mut parsed) = (Lines::new(reader), Micromodem::default(), ParsedFile::default());
     while let Some(line) = lines.next()? {
@@ -39,8 +39,8 @@ fn has_fix(sentence: &Sentence) -> Option<bool> {
     }
 }
 
-/// Parses the time before a sentence, such as `1777809600.25`, `[2026-05-03T12:00:00Z]` or `2026-05-03 12:00:00Z,RX,`. Any text may follow
-/// the time.
+/// Parses the time before a sentence, such as `1777809600.25`, `[2026-05-03T12:00:00Z]` or `2026-05-03 12:00:00Z,RX,`.
+/// Any text may follow the time.
 pub(crate) fn time_before(front: &str) -> Option<f64> {
     let front = front.trim_start_matches([' ', '\t', '[', '(', '"']);
     let is_end = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | ']' | ')' | '"' | '<' | '>' | '|');

@@ -1,10 +1,11 @@
 //! A state machine over the sentences between a host and its WHOI Micro-Modem.
 //!
-//! A transmission requires the modem's own report (`CATXF`, or `CAXST` with mode 0). Cycle requests and the host's data are not sufficient.
-//! A reception is a sentence with data for the host (`CARXD`, `CAMUA`, `CARDP`). For a broken message, only the statistics name the sender
-//! (`CACST`, mode 1).
+//! A transmission requires the modem's own report (`CATXF`, or `CAXST` with mode 0). Cycle requests and the host's data
+//! are not sufficient. A reception is a sentence with data for the host (`CARXD`, `CAMUA`, `CARDP`). For a broken
+//! message, only the statistics name the sender (`CACST`, mode 1).
 //!
-//! The announcement of another vehicle does not count as activity of this modem. Otherwise the activity would depend on receptions.
+//! The announcement of another vehicle does not count as activity of this modem. Otherwise the activity would depend on
+//! receptions.
 
 use std::collections::BTreeSet;
 
@@ -272,7 +273,8 @@ impl Micromodem {
         sink.recording.sent.get_or_insert_default().push(sent);
     }
 
-    /// Absorbs transmit statistics. An error mode means that there was no transmission. From version 6 on, the first field is the version.
+    /// Absorbs transmit statistics. An error mode means that there was no transmission. From version 6 on, the first
+    /// field is the version.
     fn absorb_transmit_statistics(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
         let shift = usize::from(sentence.field(0).len() < 3);
         let Some(mode) = sentence.number(3 + shift) else { return };
@@ -364,7 +366,8 @@ impl Micromodem {
         incoming
     }
 
-    /// Absorbs receive statistics with mode 0 (good), 1 (broken) or 2 (no packet). From version 6 on, the first field is the version.
+    /// Absorbs receive statistics with mode 0 (good), 1 (broken) or 2 (no packet). From version 6 on, the first field
+    /// is the version.
     fn absorb_receive_statistics(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
         let shift = usize::from(sentence.number(0).is_some_and(|version| version >= 6));
         let at = |index: usize| sentence.field(index + shift);
@@ -390,8 +393,8 @@ impl Micromodem {
         let is_whole = incoming.is_whole();
         let IncomingMessage { time_s, decoded_s, source, destination, kind, decoded, frames, is_broken, .. } = incoming;
         let (last, count) = (decoded.last().copied().unwrap_or(0), decoded.len() as u32);
-        // If all announced frames are decoded, an earlier broken packet was not one of them. It was an announcement, or an earlier attempt.
-        // Otherwise the broken frames are additional frames of this message.
+        // If all announced frames are decoded, an earlier broken packet was not one of them. It was an announcement, or
+        // an earlier attempt. Otherwise the broken frames are additional frames of this message.
         let (time_s, frames) = match decoded_s.filter(|_| is_whole) {
             Some(decoded_s) => (decoded_s, frames.max(last)),
             None => (time_s, frames.max(last).max(u32::from(is_broken) + count)),

@@ -8,7 +8,8 @@ pub(crate) struct Sentence<'a> {
 }
 
 impl<'a> Sentence<'a> {
-    /// Parses the sentence that starts at the first `$` of a text. Returns `None` without a sentence, or with a wrong checksum.
+    /// Parses the sentence that starts at the first `$` of a text. Returns `None` without a sentence, or with a wrong
+    /// checksum.
     pub(crate) fn parse(text: &'a str) -> Option<Self> {
         let body = &text[text.find('$')? + 1..];
         let (body, sum) = match body.split_once('*') {

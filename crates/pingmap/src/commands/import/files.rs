@@ -19,10 +19,10 @@ use crate::values::{crs, origin, place};
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
 pub struct Files {
-    /// Recorded files, or folders or archives (ZIP, tar, gzip) of them: MOOS logs (.alog) and mission files,
-    /// Micro-Modem sentences with a time before each, ROS 2 bags (MCAP, SQLite), LCM logs, tables (auv1.nav.csv,
-    /// auv1.heard.csv, auv1.sent.csv), ids and a schedule. #TOPIC selects the topics of a bag with this prefix. Without
-    /// NAME= the file names its vehicle; - is standard input
+    /// Recorded files, or folders or archives (ZIP, tar, gzip) of them. Kinds of files: MOOS logs (.alog) and mission
+    /// files, Micro-Modem sentences with a time before each, ROS 2 bags (MCAP, SQLite), LCM logs, tables, ids and a
+    /// schedule. Tables have names such as auv1.nav.csv, auv1.heard.csv and auv1.sent.csv. #TOPIC selects the topics of
+    /// a bag with this prefix. Without NAME= the file names its vehicle; - is standard input
     #[arg(value_name = "[NAME=]FILE[#TOPIC]")]
     records: Vec<String>,
     /// Tables of a vehicle's positions: time, and latitude and longitude or metres. Without NAME= a column names the

@@ -78,9 +78,9 @@ pub struct IgnoredJson {
     listener: String,
     /// The member whose data are excluded.
     member: String,
-    /// `contradicts`: its outcomes or summaries contradict those of all others. `out-of-slot`: its messages arrive outside its slots.
-    /// `false-claims`: it was received in slots that it reported as unused. `wrong-track`: its reported track contradicts receptions.
-    /// `ahead`: some of its frames are ahead of the vehicle's clock.
+    /// `contradicts`: its outcomes or summaries contradict those of all others. `out-of-slot`: its messages arrive
+    /// outside its slots. `false-claims`: it was received in slots that it reported as unused. `wrong-track`: its
+    /// reported track contradicts receptions. `ahead`: some of its frames are ahead of the vehicle's clock.
     reason: &'static str,
     /// Time of the vehicle's clock since when, in seconds.
     since_s: f64,

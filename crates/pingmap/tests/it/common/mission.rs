@@ -49,8 +49,8 @@ pub fn import(folder: &Path, options: &str) -> (serde_json::Value, String) {
     (serde_json::from_str(&without_command(stdout(&output))).unwrap(), stderr(&output))
 }
 
-/// Asserts that every imported event is a true event: same outcome, positions to 1 m, times to 0.1 s. Returns the number of true events
-/// that are missing.
+/// Asserts that every imported event is a true event: same outcome, positions to 1 m, times to 0.1 s. Returns the
+/// number of true events that are missing.
 pub fn compare(folder: &Path) -> usize {
     let (truth, found) = (read(folder, "truth.csv"), read(folder, "events.csv"));
     assert!(found.has_depths);

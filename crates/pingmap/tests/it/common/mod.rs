@@ -48,7 +48,8 @@ pub fn file(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
     path
 }
 
-/// Returns a log of `count` events between the named vehicles on two crossing tracks: received within 500 m, missed beyond.
+/// Returns a log of `count` events between the named vehicles on two crossing tracks: received within 500 m, missed
+/// beyond.
 pub fn log(vehicles: &[&str], count: usize) -> String {
     let mut text = format!("{HEADER}\n");
     for n in 0..count {
@@ -77,8 +78,8 @@ pub fn shared_data(file: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// Returns the results of GDAL, PROJ and the KML schema for these files, by `geo.py`. Prints that the check is skipped without a Python
-/// installation that has them; `.ci/run` makes one.
+/// Returns the results of GDAL, PROJ and the KML schema for these files, by `geo.py`. Prints that the check is skipped
+/// without a Python installation that has them; `.ci/run` makes one.
 pub fn opened_by_others(folder: &Path, names: &[&str]) -> Option<serde_json::Value> {
     let Some(python) = std::env::var_os("PINGMAP_GEO_PYTHON") else {
         let message =
