@@ -94,10 +94,10 @@ impl Candidates {
     }
 
     /// Creates candidates as [`Candidates::for_residual`] does, from the known `variance` of the sender's own posterior
-    /// at the candidates, N. O(n²N + N²n) for n rows of `public`. of `public`.
+    /// at the candidates, N. O(n²N + N²n) for n rows of `public`.
     ///
+    /// # Errors
     /// [`Error::SizeMismatch`] if the numbers of variances and candidates differ, and as [`Posterior::latent`].
-    /// [`Error::SizeMismatch`] for another number of variances than candidates, and as [`Posterior::latent`].
     pub fn towards(public: &Posterior, variance: &[f64], inputs: &Inputs) -> Result<Self> {
         same_size("variances, one per candidate", inputs.len(), variance.len())?;
         let (_, gram) = public.joint(inputs)?;
