@@ -34,8 +34,8 @@ pub(crate) fn members_with_wrong_tracks(codec: &TeamCodec, events: &Events, repo
     receptions.into_iter().filter(|(_, counts)| is_wrong(counts)).map(|(member, _)| member).collect()
 }
 
-/// Returns the largest distance, in metres, between a correct track and a position. It is twice the sum of half the
-/// diagonal of a waypoint cell and the tolerance of track simplification.
+/// Returns the largest distance, in metres, between a correct track and a position. It is twice the sum of the diagonal
+/// of a waypoint cell and the tolerance of track simplification.
 fn tolerance_m(codec: &TeamCodec) -> f64 {
     2.0 * (0.25 * codec.team.grid.cell_m * std::f64::consts::SQRT_2 + codec.team.track_tolerance_m)
 }
