@@ -310,7 +310,7 @@ fn run(seed: u64) -> Outcomes {
     Outcomes { seed, fault, own_nll, team_nll, honest_excluded, faulty_excluded }
 }
 
-/// A receiver with 60 to 90 own events cannot always tell a faulty receiver from bad water. Of 1000 seeds 19 exceed the
+/// A receiver with 60 to 90 own events cannot always tell a faulty receiver from bad water. Of 1000 seeds 22 exceed the
 /// bound, all of them with a member that is deaf, hears all, or is random. The mean over the runs with each fault is
 /// far below the bound.
 #[test]
