@@ -78,7 +78,7 @@ impl Alternative {
 
     /// Returns the content of a vehicle's first `frames` frames.
     fn say(self, mission: &Mission, place: usize, agent: &Agent, frames: usize) -> Result<Said, AgentError> {
-        if agent.team().number(agent.id()).is_none() || agent.events().len() == 0 {
+        if !agent.team().is_member(agent.id()) || agent.events().len() == 0 {
             return Ok(Said::Summaries(Vec::new()));
         }
         let sent = |sharing: Sharing| {

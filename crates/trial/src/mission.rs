@@ -372,7 +372,7 @@ pub(crate) const CENTRALISED: &str = "\u{0}all events";
 /// Returns up to `frames` packets of a vehicle; none if the vehicle is not a member.
 pub(crate) fn send(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, AgentError> {
     let mut packets = Vec::new();
-    if agent.team().number(agent.id()).is_some() {
+    if agent.team().is_member(agent.id()) {
         while packets.len() < frames
             && let Some(packet) = agent.next_frame(None, agent.team().frame_bytes)?
         {

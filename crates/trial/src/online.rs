@@ -140,7 +140,7 @@ impl<'a> Run<'a> {
         let recent = self.vehicles.get_mut(sender).and_then(|agent| agent.piggyback(time_s, n_bits));
         self.online.piggyback_bytes += recent.map_or(0, |_| self.riding.piggyback_bytes);
         let packet = match self.vehicles.get_mut(sender) {
-            Some(agent) if is_due && agent.team().number(agent.id()).is_some() => {
+            Some(agent) if is_due && agent.team().is_member(agent.id()) => {
                 // The time of a slot is known in advance, so there is time to refit before sending.
                 agent.refit()?;
                 agent.next_frame(Some(time_s), frame_bytes)?

@@ -15,7 +15,7 @@ use pingmap_agent::{
 /// First byte of piggybacked outcomes in the input of this target.
 const PIGGYBACK: u8 = 0xff;
 
-/// Largest number of frames that one vehicle receives.
+/// Largest number of frames for one vehicle.
 const FRAMES_MAX: usize = 16;
 
 fn listener(inputs: InputSpec, length_scale_m: f64, key: Option<Key>) -> Agent {

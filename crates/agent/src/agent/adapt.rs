@@ -13,10 +13,9 @@ use crate::model::learning::{LearnedModel, Learning};
 use crate::model::link_model::Model;
 
 impl Agent {
-    /// Learns a model of its own from its own events and from what others said that it believes, and from then on
-    /// predicts under that. What it sends stays under the team's model. The first time every structure is tried; later
-    /// the chosen one goes on from its last optimum, at the cost of one search that never ends worse in E than it
-    /// began.
+    /// Learns the vehicle's own model from its own events and from the data of trusted members. Predictions are under
+    /// this model from then on. Frames stay under the team's model. The first call tries every structure. Later calls
+    /// continue from the last optimum of the chosen structure, at the cost of one search, and never lower the evidence.
     ///
     /// # Errors
     /// As [`Learning::best`].

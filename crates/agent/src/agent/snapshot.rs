@@ -22,10 +22,10 @@ const SNAPSHOT_VERSION: u16 = 5;
 const CHECK_BYTES: usize = 32;
 
 impl Agent {
-    /// Returns everything that the vehicle must not lose: events, positions, packets and reports that it received and
-    /// sent, piggybacked outcomes, unused slots, muted members, the latest counter of each sender, and the clock. A
-    /// learned model and the counts are not part of it. The snapshot ends with a checksum, which is keyed where the
-    /// team has a key. It depends on the set of entries, not on their order.
+    /// Returns everything that the vehicle must not lose. The snapshot contains events, positions, received and sent
+    /// frames, piggybacked outcomes and unused slots. It also contains muted members, the latest counter of each
+    /// sender, and the clock. A learned model and the counts are not part of it. The snapshot ends with a checksum,
+    /// which is keyed where the team has a key. It depends on the set of entries, not on their order.
     pub fn snapshot(&self) -> Vec<u8> {
         let mut out = Writer::default();
         MAGIC.iter().for_each(|&byte| out.u8(byte));

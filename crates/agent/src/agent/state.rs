@@ -142,7 +142,7 @@ impl Agent {
     }
 
     /// Ignores a member until [`Agent::unmute`]. No frame of the member has any effect: no outcome, unused slot,
-    /// position, summary, or acknowledgement. Its frames are stored all the same, so that muting may come before or
+    /// position, summary, or acknowledgement. The vehicle still stores its frames, so that muting may come before or
     /// after them. O(N) for N events. Unknown names, and the vehicle's own, change nothing.
     pub fn mute(&mut self, member: &VehicleId) {
         self.set_muted(member, true);

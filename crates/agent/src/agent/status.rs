@@ -1,6 +1,6 @@
 //! The state of a vehicle, for its operator.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use crate::agent::ignore_reason::IgnoreReason;
 use crate::agent::state::Agent;
@@ -69,19 +69,17 @@ impl Agent {
         let memory = &self.memory;
         let slots = &self.team().slots;
         let now_s = memory.clock.latest_s();
-        let since = |key: &(u8, IgnoreReason)| (key.1, self.ignored_since_s.get(key).copied().unwrap_or(now_s));
+        let since_s = |key: (u8, IgnoreReason)| self.ignored_since_s.get(&key).copied().unwrap_or(now_s);
         let offsets = memory.conformance.out_of_slot(slots);
-        let reasons = self.ignore_reasons();
         let member = |number: u8, id: &VehicleId| MemberStatus {
             last_heard_s: self.last_heard_s.get(&number).copied(),
-            ignored: reasons.range((number, IgnoreReason::Muted)..=(number, IgnoreReason::Ahead)).map(since).collect(),
+            ignored: self.ignore_reasons(number, id).map(|reason| (reason, since_s((number, reason)))).collect(),
             conflicts: memory.packets.conflicts(number),
             waiting_frames: memory.clock.waiting_of(number),
             clock_offset_slots: offsets.get(id).copied().flatten(),
         };
-        let others = self.team().members.iter().filter(|(number, _)| Some(**number) != memory.own);
         Status {
-            members: others.map(|(&number, id)| (id.clone(), member(number, id))).collect(),
+            members: self.other_members().map(|(&number, id)| (id.clone(), member(number, id))).collect(),
             own_clock_offset_slots: memory.conformance.own_offset(slots),
             own_events: memory.events.len(),
             located_events: memory.located().events.len(),
@@ -94,31 +92,30 @@ impl Agent {
         }
     }
 
-    /// Returns the members whose data the vehicle does not use, with each reason.
-    fn ignore_reasons(&self) -> BTreeSet<(u8, IgnoreReason)> {
+    /// Returns the numbers and names of all other members.
+    fn other_members(&self) -> impl Iterator<Item = (&u8, &VehicleId)> {
+        self.team().members.iter().filter(|(number, _)| Some(**number) != self.memory.own)
+    }
+
+    /// Returns the reasons why the vehicle does not use data of a member.
+    fn ignore_reasons(&self, number: u8, id: &VehicleId) -> impl Iterator<Item = IgnoreReason> {
         let memory = &self.memory;
-        let out_of_slot = memory.conformance.out_of_slot(&self.team().slots);
-        let mut reasons = BTreeSet::new();
-        for (&number, id) in self.team().members.iter().filter(|(number, _)| Some(**number) != memory.own) {
-            let all = [
-                (IgnoreReason::Muted, memory.muted.contains(&number)),
-                (IgnoreReason::Contradicts, self.posteriors.excluded.contains(&number)),
-                (IgnoreReason::OutOfSlot, out_of_slot.contains_key(id)),
-                (IgnoreReason::FalseClaims, !memory.claims.is_reliable(number)),
-                (IgnoreReason::WrongTrack, memory.located().wrong_tracks.contains(&number)),
-                (IgnoreReason::Ahead, memory.clock.waiting_of(number) > 0),
-            ];
-            reasons.extend(all.into_iter().filter(|(_, applies)| *applies).map(|(reason, _)| (number, reason)));
-        }
-        reasons
+        let all = [
+            (IgnoreReason::Muted, memory.muted.contains(&number)),
+            (IgnoreReason::Contradicts, self.posteriors.excluded.contains(&number)),
+            (IgnoreReason::OutOfSlot, memory.conformance.is_out_of_slot(id, f64::INFINITY)),
+            (IgnoreReason::FalseClaims, !memory.claims.is_reliable(number)),
+            (IgnoreReason::WrongTrack, memory.located().wrong_tracks.contains(&number)),
+            (IgnoreReason::Ahead, memory.clock.waiting_of(number) > 0),
+        ];
+        all.into_iter().filter(|(_, applies)| *applies).map(|(reason, _)| reason)
     }
 
     /// Notes since when data of members are not used.
     pub(crate) fn note_ignored(&mut self) {
-        let (reasons, now_s) = (self.ignore_reasons(), self.memory.clock.latest_s());
-        self.ignored_since_s.retain(|key, _| reasons.contains(key));
-        for key in reasons {
-            self.ignored_since_s.entry(key).or_insert(now_s);
-        }
+        let now_s = self.memory.clock.latest_s();
+        let keys = |(&number, id)| self.ignore_reasons(number, id).map(move |reason| (number, reason));
+        let since_s = |key| (key, self.ignored_since_s.get(&key).copied().unwrap_or(now_s));
+        self.ignored_since_s = self.other_members().flat_map(keys).map(since_s).collect();
     }
 }

@@ -173,7 +173,7 @@ impl TeamCodec {
     pub(crate) fn is_heard_by(&self, slot: u32, member: u8) -> bool {
         let slots = &self.team.slots;
         self.team.members.get(&member).is_some_and(|id| slots.is_heard_by(slot, id))
-            && slots.sender(slot).is_some_and(|sender| self.team.number(sender).is_some())
+            && slots.sender(slot).is_some_and(|sender| self.team.is_member(sender))
     }
 
     /// Encodes a report: see [`TeamCodec::write`].

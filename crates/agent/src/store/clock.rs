@@ -66,25 +66,40 @@ impl Clock {
         self.latest_s = time_s;
         let mut allowed = Vec::new();
         for (&sender, waiting) in &mut self.waiting {
-            waiting.retain(|(number, _), entry| {
-                let is_ahead = check(time_s, team, sender, *number).is_err();
-                allowed.extend((!is_ahead).then(|| entry.clone()));
-                is_ahead
-            });
+            let is_ahead =
+                |((number, _), _): &((FrameNumber, Vec<u8>), Entry)| check(time_s, team, sender, *number).is_err();
+            let (ahead, due): (BTreeMap<_, _>, BTreeMap<_, _>) =
+                std::mem::take(waiting).into_iter().partition(is_ahead);
+            *waiting = ahead;
+            allowed.extend(due.into_values());
         }
         allowed
     }
 
-    /// Checks the number of a frame of this sender. O(members of a cycle).
+    /// Admits a frame of this sender if the clock allows its number. Otherwise the frame, as `entry` returns it, waits.
+    /// O(members of a cycle).
     ///
     /// # Errors
     /// [`Refusal::SlotAhead`] or [`Refusal::CounterAhead`].
-    pub(crate) fn check(&self, team: &Team, sender: u8, number: FrameNumber) -> Result<(), Refusal> {
-        check(self.latest_s, team, sender, number)
+    pub(crate) fn admit(
+        &mut self,
+        team: &Team,
+        sender: u8,
+        number: FrameNumber,
+        entry: impl FnOnce() -> Entry,
+    ) -> Result<(), Refusal> {
+        check(self.latest_s, team, sender, number).inspect_err(|_| self.wait(sender, number, entry()))
     }
 
-    /// Stores a frame until the clock allows its number. `bytes` distinguish frames with one number.
-    pub(crate) fn wait(&mut self, sender: u8, number: FrameNumber, bytes: Vec<u8>, entry: Entry) {
+    fn wait(&mut self, sender: u8, number: FrameNumber, entry: Entry) {
+        // The bytes distinguish frames with one number.
+        let bytes = match &entry {
+            Entry::Piggyback { outcomes, .. } => outcomes.iter().map(|&heard| heard.into()).collect(),
+            Entry::Received { bytes, .. } => bytes.clone(),
+            Entry::Observed { .. } | Entry::Navigated { .. } | Entry::UnusedSlot { .. } | Entry::Sent { .. } => {
+                Vec::new()
+            }
+        };
         let waiting = self.waiting.entry(sender).or_default();
         waiting.insert((number, bytes), entry);
         if waiting.len() > WAITING_MAX {

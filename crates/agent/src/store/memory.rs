@@ -134,8 +134,7 @@ impl Memory {
         let mut spans = Vec::new();
         let team = self.codec.team.clone();
         let is_compared = |recorded: &&RecordedEvent| {
-            own_id.as_ref() == Some(&recorded.event.receiver_id)
-                && team.number(&recorded.event.transmitter_id).is_some()
+            own_id.as_ref() == Some(&recorded.event.receiver_id) && team.is_member(&recorded.event.transmitter_id)
         };
         if change.forgotten > 0 {
             let first = self.events.first_number();
@@ -378,9 +377,9 @@ impl Memory {
         applied.filter_map(|applied| if let Applied::Frame(effect) = applied { Some(effect) } else { None }).collect()
     }
 
-    /// Checks the number of a frame against the vehicle's clock. A frame that is ahead waits. The vehicle's own frames
+    /// Admits a frame if the vehicle's clock allows its number. Otherwise the frame waits. The vehicle's own frames
     /// pass.
-    fn check_number(
+    fn admit(
         &mut self,
         sender: u8,
         number: FrameNumber,
@@ -390,10 +389,8 @@ impl Memory {
         if sent.is_some() {
             return Ok(());
         }
-        self.clock.check(&self.codec.team, sender, number).inspect_err(|_| {
-            let entry = Entry::Received { time_s: None, bytes: bytes.to_vec() };
-            self.clock.wait(sender, number, bytes.to_vec(), entry);
-        })
+        let entry = || Entry::Received { time_s: None, bytes: bytes.to_vec() };
+        self.clock.admit(&self.codec.team, sender, number, entry)
     }
 
     /// Returns everything that shows how slots were used.
@@ -416,7 +413,7 @@ impl Memory {
         if sent.is_some() && sender != self.own {
             return ReceiveEffect::refused(sender, Refusal::NotSentByMe { number: key.0 });
         }
-        if let Err(refusal) = self.check_number(key.0, FrameNumber::Counter(key.1), &packet.bytes, sent) {
+        if let Err(refusal) = self.admit(key.0, FrameNumber::Counter(key.1), &packet.bytes, sent) {
             return ReceiveEffect::refused(sender, refusal);
         }
         let outcome = self.packets.insert(key, packet, sent);
@@ -433,7 +430,7 @@ impl Memory {
             return ReceiveEffect::refused(Some(sender), Refusal::NotSentByMe { number: sender });
         }
         let latest = report.latest_slot().min(self.codec.team.slots.end().saturating_sub(1));
-        if let Err(refusal) = self.check_number(sender, FrameNumber::Slot(latest), &report.bytes, sent) {
+        if let Err(refusal) = self.admit(sender, FrameNumber::Slot(latest), &report.bytes, sent) {
             return ReceiveEffect::refused(Some(sender), refusal);
         }
         // Unused slots of an old report count too.
@@ -462,11 +459,8 @@ impl Memory {
         if Some(number) == self.own {
             return refused(Refusal::OwnReport);
         }
-        let number_of_outcomes = FrameNumber::Slot(newest);
-        if let Err(refusal) = self.clock.check(&self.codec.team, number, number_of_outcomes) {
-            let bytes = outcomes.iter().map(|&heard| heard.into()).collect();
-            let entry = Entry::Piggyback { sender: sender.clone(), newest, outcomes: outcomes.to_vec() };
-            self.clock.wait(number, number_of_outcomes, bytes, entry);
+        let entry = || Entry::Piggyback { sender: sender.clone(), newest, outcomes: outcomes.to_vec() };
+        if let Err(refusal) = self.clock.admit(&self.codec.team, number, FrameNumber::Slot(newest), entry) {
             return refused(refusal);
         }
         let slots: Vec<(u32, bool)> = self.codec.slots_back(number, newest).zip(outcomes.iter().copied()).collect();

@@ -55,8 +55,8 @@ impl ReceivedReports {
         self.track.add(&report.waypoints);
     }
 
-    /// Removes a report. `others` are all other reports, in the order of their first slots. None of them begins before
-    /// this one.
+    /// Removes a report. `others` are all other reports, in the order of their first slots. The removed report has
+    /// the smallest first slot.
     fn remove<'a>(&mut self, report: &Report, others: impl Iterator<Item = &'a Report>) {
         for (slot, _) in &report.outcomes {
             self.outcomes.remove(slot);

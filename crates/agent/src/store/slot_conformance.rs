@@ -89,8 +89,8 @@ impl SlotConformance {
         runs.any(|run| run.iter().all(|reception| !reception.is_in_slot))
     }
 
-    /// Returns whether a member did not conform to the schedule at a time although another one did. If nobody did, the
-    /// vehicle's own clock is wrong, and the slot numbers of the member may be right. O(members log N).
+    /// Returns whether a member did not conform to the schedule at a time although another one did. If no member did,
+    /// the vehicle's own clock is wrong, and the slot numbers of the member may be right. O(members log N).
     pub(crate) fn is_only_member_out(&self, id: &VehicleId, time_s: f64) -> bool {
         self.is_out_of_slot(id, time_s) && self.receptions.keys().any(|other| !self.is_out_of_slot(other, time_s))
     }

@@ -191,6 +191,11 @@ impl Team {
         self.members.number(id)
     }
 
+    /// Returns whether a vehicle is a member. O(log members).
+    pub fn is_member(&self, id: &VehicleId) -> bool {
+        self.number(id).is_some()
+    }
+
     /// Returns whether the team sends and accepts piggybacked outcomes: see [`Team::piggyback`].
     pub fn has_piggyback(&self) -> bool {
         self.piggyback.unwrap_or(self.key.is_none())

@@ -65,8 +65,9 @@ impl Slots {
         (index >= 0.0).then_some(index as u32)
     }
 
-    /// Returns an upper bound on the number of slots of a member up to this one: its slots in all cycles that have
-    /// begun, and at least one a cycle. An explicit schedule counts the slots of all members.
+    /// Returns an upper bound on the number of slots of a member up to `latest`. The bound counts the member's slots in
+    /// all cycles that have begun, and at least one in each cycle. An explicit schedule counts the slots of all
+    /// members.
     pub(crate) fn transmissions(&self, latest: u32, member: Option<&VehicleId>) -> u32 {
         if self.explicit.is_some() {
             return latest.saturating_add(1);

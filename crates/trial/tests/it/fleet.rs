@@ -105,10 +105,13 @@ impl Fleet {
         Self { trial, team: team.clone(), agents, stations, sent: Vec::new(), delayed: Vec::new(), fault, rng }
     }
 
-    /// The time and the position that a vehicle believes in.
-    fn believed(&self, vehicle: usize, time_s: f64, at: Position) -> (f64, Position) {
-        let fault = if vehicle == 0 { self.fault } else { Fault::None };
-        match fault {
+    fn fault_of(&self, vehicle: usize) -> Fault {
+        if vehicle == 0 { self.fault } else { Fault::None }
+    }
+
+    /// The time and the position that the clock and the navigation of a vehicle give.
+    fn measured(&self, vehicle: usize, time_s: f64, at: Position) -> (f64, Position) {
+        match self.fault_of(vehicle) {
             Fault::WrongDatum => (time_s, Position { east_m: at.east_m + 300.0, ..at }),
             Fault::Mirrored => (time_s, Position { east_m: 1400.0 - at.east_m, ..at }),
             Fault::ClockAhead if time_s == SLOT_S * 31.0 => (time_s + 5.0 * 3600.0, at),
@@ -117,10 +120,9 @@ impl Fleet {
     }
 
     fn recorded(&mut self, receiver: usize, event: &Event) -> Event {
-        let (time_s, at) = self.believed(receiver, event.time_s, event.link.receiver);
+        let (time_s, at) = self.measured(receiver, event.time_s, event.link.receiver);
         let random = self.rng.random::<bool>();
-        let fault = if receiver == 0 { self.fault } else { Fault::None };
-        let success = match fault {
+        let success = match self.fault_of(receiver) {
             Fault::Deaf => false,
             Fault::AllHeard => true,
             Fault::Random => random,
@@ -135,7 +137,7 @@ impl Fleet {
         let time_s = SLOT_S * (slot + 1) as f64;
         let (count, sender) = (self.agents.len(), slot % self.agents.len());
         for vehicle in 0..count {
-            let fix = self.believed(vehicle, time_s, self.trial.position(vehicle, time_s));
+            let fix = self.measured(vehicle, time_s, self.trial.position(vehicle, time_s));
             self.agents[vehicle].record_positions([fix]).unwrap();
         }
         for (_, receiver, frame) in self.delayed.extract_if(.., |(due, ..)| *due <= slot) {
@@ -168,17 +170,21 @@ impl Fleet {
     /// Delivers frames: most at once, some of them twice, some late.
     fn deliver(&mut self, slot: usize, receiver: usize, frames: &[Vec<u8>]) {
         for frame in frames {
-            match self.rng.random_range(0..10) {
-                0 => self.delayed.push((slot + 1 + self.rng.random_range(0..6), receiver, frame.clone())),
-                1 => (0..2).for_each(|_| drop(self.agents[receiver].receive(frame, Some(SLOT_S * (slot + 1) as f64)))),
-                _ => drop(self.agents[receiver].receive(frame, Some(SLOT_S * (slot + 1) as f64))),
-            }
+            let copies = match self.rng.random_range(0..10) {
+                0 => {
+                    self.delayed.push((slot + 1 + self.rng.random_range(0..6), receiver, frame.clone()));
+                    0
+                }
+                1 => 2,
+                _ => 1,
+            };
+            (0..copies).for_each(|_| drop(self.agents[receiver].receive(frame, Some(SLOT_S * (slot + 1) as f64))));
         }
     }
 
     /// The frames that a member sends.
     fn frames(&mut self, sender: usize, time_s: f64) -> Vec<Vec<u8>> {
-        let fault = if sender == 0 { self.fault } else { Fault::None };
+        let fault = self.fault_of(sender);
         let agent = &mut self.agents[sender];
         if fault == Fault::UnusedClaims {
             agent.record_unused_slots([time_s]).unwrap();
@@ -237,7 +243,7 @@ impl Fleet {
         self.agents.iter_mut().skip(faulty)
     }
 
-    /// The expected NLL of the honest members over the second half of the trial: alone and with what they received.
+    /// The expected NLL of the honest members over all links of the mission: from own events, and from all data.
     fn scores(&mut self) -> [f64; 2] {
         let end = SLOTS * (self.agents.len() - 1);
         let queries: Vec<Link> = self.trial.log.events[..end].iter().map(|event| event.link).collect();
