@@ -1,6 +1,6 @@
 //! Draws, sweeps, fits and predictions.
 
-use dgpc::{FitOptions, Gibbs, Inputs, Latent, Posterior, fit, polya_gamma, spread_out};
+use dgpc::{FitOptions, Gibbs, Posterior, fit, polya_gamma, spread_out};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -58,17 +58,8 @@ pub fn sparse_iterations(size: usize, points: usize) -> Box<dyn FnMut() -> f64> 
 
 /// Makes 10 000 predictions from a fit of `size` events; returns their loss.
 pub fn predictions(size: usize) -> Box<dyn FnMut() -> f64> {
-    predictions_by(size, Posterior::latent)
-}
-
-/// Makes the same predictions in bulk.
-pub fn predictions_in_bulk(size: usize) -> Box<dyn FnMut() -> f64> {
-    predictions_by(size, Posterior::latent_in_bulk)
-}
-
-fn predictions_by(size: usize, latent: fn(&Posterior, &Inputs) -> dgpc::Result<Latent>) -> Box<dyn FnMut() -> f64> {
     let (prior, test) = (truth(), synthetic(10_000));
     let fitted = fit(&prior, &synthetic(size), &FitOptions::default()).expect("a fit");
     let posterior = Posterior::of_sites(&prior, fitted.sites()).expect("a posterior");
-    Box::new(move || loss(&latent(&posterior, test.inputs()).expect("places that fit").probability(), &test))
+    Box::new(move || loss(&posterior.latent(test.inputs()).expect("places that fit").probability(), &test))
 }

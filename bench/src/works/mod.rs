@@ -44,8 +44,6 @@ pub const WORKS: &[Work] = &[
     Work::long("learn 100000", 1, learning::sparse),
     Work::short("predict 10000 from 446", 1, || inference::predictions(446)),
     Work::long("predict 10000 from 1000", 1, || inference::predictions(1000)),
-    Work::short("predict 10000 in bulk from 446", 1, || inference::predictions_in_bulk(446)),
-    Work::long("predict 10000 in bulk from 1000", 1, || inference::predictions_in_bulk(1000)),
     Work::short("agent: next frame of 32 bytes", 1, || agent::next_frame(32)),
     Work::short("agent: next frame of 256 bytes", 1, || agent::next_frame(256)),
     Work::short("agent: record and query", 48, || agent::record_and_query(48)),

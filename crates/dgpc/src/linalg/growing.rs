@@ -73,33 +73,4 @@ impl GrowingCholesky {
     pub(crate) fn solve_rows(&self, x: &mut Matrix) {
         solve_rows(self.0.factor.t(), x.0.as_mut());
     }
-
-    /// Returns the factor in single precision, or `None` if an entry leaves the range of single precision. O(n²).
-    pub(crate) fn single(&self) -> Option<Single> {
-        let (size, factor) = (self.0.size(), &self.0.factor);
-        let upper = Mat::from_fn(size, size, |i, j| if i <= j { factor[(i, j)] as f32 } else { 0.0 });
-        (0..size)
-            .all(|i| upper[(i, i)].is_normal() && upper.col_as_slice(i).iter().all(|x| x.is_finite()))
-            .then_some(Single { upper })
-    }
-}
-
-/// A factor in single precision, for faster solves where half the digits are enough.
-pub(crate) struct Single {
-    /// Lᵀ.
-    upper: Mat<f32>,
-}
-
-impl Single {
-    /// Returns ‖L⁻¹k‖² for every row k of K, or `None` if a number leaves the range of single precision. O(n² rows).
-    pub(crate) fn squared_norms_of_solved(&self, k: &Matrix) -> Option<Vec<f64>> {
-        let mut x = k.0.map(|&entry| entry as f32);
-        triangular_solve::solve_lower_triangular_in_place(self.upper.transpose(), x.transpose_mut(), Par::Seq);
-        let mut norms = vec![0.0; k.rows()];
-        for column in 0..x.ncols() {
-            let entries = norms.iter_mut().zip(x.col_as_slice(column));
-            entries.for_each(|(norm, &entry)| *norm += f64::from(entry) * f64::from(entry));
-        }
-        norms.iter().all(|norm: &f64| norm.is_finite()).then_some(norms)
-    }
 }

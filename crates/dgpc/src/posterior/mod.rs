@@ -8,7 +8,7 @@ use crate::error::{Result, same_size};
 use crate::inputs::Inputs;
 use crate::latent::Latent;
 use crate::linalg::{
-    Cholesky, GrowingCholesky, Matrix, Single, add_symmetric_product, dot, squared_norm, squared_norms_of_rows,
+    Cholesky, GrowingCholesky, Matrix, add_symmetric_product, dot, squared_norm, squared_norms_of_rows,
 };
 use crate::prior::Prior;
 use crate::sites::Sites;
@@ -214,36 +214,16 @@ impl Posterior {
     /// [`crate::Error::BadColumn`] if the inputs do not fit the prior, [`crate::Error::NotFinite`] if numbers near the
     /// end of the floating-point range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
-        self.latent_by(None, inputs)
-    }
-
-    /// Computes [`Posterior::latent`] of many points, such as the cells of a map, 1.5 times faster.
-    ///
-    /// The explained part of the prior variance is solved for in single precision. The means are the same, and the
-    /// variances are within 1e-5 of the prior's variance. The probabilities are within 1e-5, too, if the prior variance
-    /// is below 100, as for all links in water. The factor is rounded first, which takes as long as one or two points.
-    ///
-    /// ```
-    /// use dgpc::{FitOptions, Inputs, Kernel, Observations, Prior, PriorMean, Shape, Term, fit};
-    ///
-    /// let events = Observations::new(Inputs::from_rows(&[[0.0], [1.0], [2.0]])?, vec![true, true, false])?;
-    /// let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, 4.0, 1.0, 1)?])?;
-    /// let posterior = fit(&Prior::new(kernel, PriorMean::Zero)?, &events, &FitOptions::default())?.posterior()?;
-    /// let cells = Inputs::new((0..500).map(|n| f64::from(n) * 0.01).collect(), 1)?;
-    /// let (quick, exact) = (posterior.latent_in_bulk(&cells)?, posterior.latent(&cells)?);
-    /// assert_eq!(quick.mean, exact.mean);
-    /// assert!(quick.probability().iter().zip(exact.probability()).all(|(quick, exact)| (quick - exact).abs() < 1e-5));
-    /// # Ok::<(), dgpc::Error>(())
-    /// ```
-    ///
-    /// # Errors
-    /// As [`Posterior::latent`].
-    pub fn latent_in_bulk(&self, inputs: &Inputs) -> Result<Latent> {
-        if inputs.len() < ROWS_MIN {
-            self.latent(inputs)
-        } else {
-            self.latent_by(self.cholesky.single().as_ref(), inputs)
-        }
+        Latent::in_blocks(&self.prior, inputs, self.len() * self.len(), |block, mean, variance, features| {
+            let (learned, explained) = if block.len() < ROWS_MIN {
+                self.moments_of_few(block)?
+            } else {
+                self.moments_of_many(block, features)?
+            };
+            mean.iter_mut().zip(learned).for_each(|(mean, learned)| *mean += learned);
+            variance.iter_mut().zip(explained).for_each(|(variance, explained)| *variance -= explained);
+            Ok(())
+        })
     }
 
     /// Returns the probability of success at every point. See [`Posterior::latent`].
@@ -252,19 +232,6 @@ impl Posterior {
     /// As [`Posterior::latent`].
     pub fn probability(&self, inputs: &Inputs) -> Result<Vec<f64>> {
         Ok(self.latent(inputs)?.probability())
-    }
-
-    fn latent_by(&self, single: Option<&Single>, inputs: &Inputs) -> Result<Latent> {
-        Latent::in_blocks(&self.prior, inputs, self.len() * self.len(), |block, mean, variance, features| {
-            let (learned, explained) = if block.len() < ROWS_MIN {
-                self.moments_of_few(block)?
-            } else {
-                self.moments_of_many(single, block, features)?
-            };
-            mean.iter_mut().zip(learned).for_each(|(mean, learned)| *mean += learned);
-            variance.iter_mut().zip(explained).for_each(|(variance, explained)| *variance -= explained);
-            Ok(())
-        })
     }
 
     /// Returns, at every point, the mean minus the prior mean, and the explained part of the prior variance.
@@ -276,20 +243,12 @@ impl Posterior {
     }
 
     /// Computes the moments as [`Posterior::moments_of_few`], but with points in rows, which is faster for many points.
-    fn moments_of_many(
-        &self,
-        single: Option<&Single>,
-        inputs: &Inputs,
-        features: &mut Matrix,
-    ) -> Result<(Vec<f64>, Vec<f64>)> {
+    fn moments_of_many(&self, inputs: &Inputs, features: &mut Matrix) -> Result<(Vec<f64>, Vec<f64>)> {
         features.resize(inputs.len(), self.len());
         self.prior.kernel().write_cross(inputs, &self.support, features)?;
         whiten_columns(&self.segments, features);
         let mean = features.times(&self.weights);
         rotate_columns(&self.segments, features);
-        if let Some(explained) = single.and_then(|single| single.squared_norms_of_solved(features)) {
-            return Ok((mean, explained));
-        }
         self.cholesky.solve_rows(features);
         Ok((mean, squared_norms_of_rows(features)))
     }

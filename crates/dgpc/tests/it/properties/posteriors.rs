@@ -239,42 +239,12 @@ fn predictions_of_many_points_agree_with_predictions_of_few() {
     posterior.absorb_summaries(&[&other]).unwrap();
     posterior.absorb_events(&sites(70, 1)).unwrap();
     let points = line(&(0..150).map(|n| f64::from(n) * 0.15 - 1.0).collect::<Vec<_>>());
-    let (many, bulk) = (posterior.latent(&points).unwrap(), posterior.latent_in_bulk(&points).unwrap());
+    let many = posterior.latent(&points).unwrap();
     for first in (0..150).step_by(10) {
         let few = posterior.latent(&points.slice(first..first + 10)).unwrap();
         for n in 0..10 {
             assert!((few.mean[n] - many.mean[first + n]).abs() < 1e-10);
             assert!((few.variance[n] - many.variance[first + n]).abs() < 1e-10);
-            assert!((few.variance[n] - bulk.variance[first + n]).abs() < 3e-5);
-        }
-    }
-}
-
-/// Bulk predictions use single precision. The loss of accuracy is far below any practical relevance.
-#[test]
-fn bulk_predictions_agree_with_exact_predictions() {
-    let places: Vec<f64> = (0..400).map(|n| (f64::from(n) * 0.618_034).fract() * 20.0).collect();
-    let outcomes = places.iter().map(|x| x.sin() > 0.3 * (5.0 * x).cos()).collect();
-    let events = Observations::new(line(&places), outcomes).unwrap();
-    let points = line(&(0..200).map(|n| f64::from(n) * 0.13 - 2.0).collect::<Vec<_>>());
-    let largest_difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    // The priors range from ordinary ones to one of extreme variance, and to one beyond single precision.
-    for (variance, length_scale) in [(4.0, 1.0), (30.0, 0.2), (100.0, 5.0), (1e4, 3.0), (1e100, 1.0)] {
-        let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, variance, length_scale, 1).unwrap()]).unwrap();
-        let prior = Prior::new(kernel, PriorMean::Constant(0.4)).unwrap();
-        let sites = Sites::new(&events, (0..400).map(|n| 0.01 + 0.24 * f64::from(n % 9) / 8.0).collect()).unwrap();
-        let message = Summary::variational(&prior, &sites, &line(&[1.0, 5.0, 9.0, 13.0])).unwrap();
-        for posterior in [Posterior::of_sites(&prior, &sites), Posterior::fuse(&prior, &Sites::empty(1), &[&message])] {
-            let posterior = posterior.unwrap();
-            let (bulk, exact) = (posterior.latent_in_bulk(&points).unwrap(), posterior.latent(&points).unwrap());
-            assert_eq!(bulk.mean, exact.mean);
-            let difference = largest_difference(&bulk.variance, &exact.variance) / variance;
-            assert!(difference < 1e-5, "{variance} {length_scale}: variances {difference:e} of the prior's apart");
-            let difference = largest_difference(&bulk.probability(), &exact.probability());
-            assert!(
-                difference < 1e-5 || variance == 1e4,
-                "{variance} {length_scale}: probabilities {difference:e} apart"
-            );
         }
     }
 }
