@@ -42,7 +42,7 @@ impl ReferenceOptions {
 
 /// Returns the conversion for a reference system.
 pub fn reference(system: ReferenceSystem) -> Result<Reference, BadInput> {
-    Reference::of(system).map_err(|error| BadInput(error.to_string()))
+    Reference::new(system).map_err(|error| BadInput(error.to_string()))
 }
 
 /// Converts a place that an option names to metres of the log.

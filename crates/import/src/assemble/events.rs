@@ -19,24 +19,27 @@ pub(crate) type PairTable = BTreeMap<(usize, usize), PairCounts>;
 pub(crate) fn make_events(
     fleet: &Fleet,
     clocks: &FleetClocks,
-    sent: &[Vec<Transmission>],
+    transmissions: &[Vec<Transmission>],
     matched: &MatchTable,
 ) -> (EventLog, PairTable) {
-    let transmission_times = TransmissionTimes::new(fleet, clocks, sent);
+    let transmission_times = TransmissionTimes::new(fleet, clocks, transmissions);
     let mut events = Vec::new();
     let mut pairs = PairTable::new();
-    for (sender, all) in sent.iter().enumerate() {
+    for (sender, sender_transmissions) in transmissions.iter().enumerate() {
         for receiver in fleet.receivers().filter(|&receiver| receiver != sender) {
-            let [from, to] = [sender, receiver].map(|vehicle| fleet.vehicles[vehicle].name.clone());
+            let [sender_name, receiver_name] = [sender, receiver].map(|vehicle| fleet.vehicles[vehicle].name.clone());
             let pair = pairs.entry((receiver, sender)).or_default();
             let matches = matched.get(&(receiver, sender));
-            for (index, sent) in all.iter().enumerate() {
-                if sent.destination.as_ref().is_some_and(|destination| *destination != to) && !fleet.rules.overhear {
+            for (index, transmission) in sender_transmissions.iter().enumerate() {
+                if transmission.destination.as_ref().is_some_and(|destination| *destination != receiver_name)
+                    && !fleet.rules.overhear
+                {
                     pair.overheard += 1;
                     continue;
                 }
-                let (time_s, link) = time_and_link(fleet, clocks, (sender, sent), receiver);
-                let reason = exclusion_reason(fleet, clocks, &transmission_times, (sender, sent), (receiver, link));
+                let (time_s, link) = time_and_link(fleet, clocks, (sender, transmission), receiver);
+                let reason =
+                    exclusion_reason(fleet, clocks, &transmission_times, (sender, transmission), (receiver, link));
                 if let Some(reason) = reason {
                     *pair.excluded.entry(reason).or_default() += 1;
                     continue;
@@ -44,17 +47,18 @@ pub(crate) fn make_events(
                 let Some(link) = link else { continue };
                 let message = matches.and_then(|matches| matches.get(&index));
                 let message = message.map(|&message| &fleet.vehicles[receiver].messages[&sender][message]);
-                let success = message.is_some_and(|message| message.is_heard(sent.frames, fleet.rules.any_frame));
+                let success =
+                    message.is_some_and(|message| message.is_decoded(transmission.frames, fleet.rules.any_frame));
                 *if success { &mut pair.heard } else { &mut pair.missed } += 1;
-                let kind = sent.kind.clone();
-                let [transmitter_id, receiver_id] = [from.clone(), to.clone()];
+                let kind = transmission.kind.clone();
+                let [transmitter_id, receiver_id] = [sender_name.clone(), receiver_name.clone()];
                 events.push(Event { time_s, transmitter_id, receiver_id, link, kind, success });
             }
         }
     }
     events.sort_by(|a, b| {
-        let by_time = a.time_s.total_cmp(&b.time_s);
-        by_time.then_with(|| (&a.transmitter_id, &a.receiver_id).cmp(&(&b.transmitter_id, &b.receiver_id)))
+        let time_order = a.time_s.total_cmp(&b.time_s);
+        time_order.then_with(|| (&a.transmitter_id, &a.receiver_id).cmp(&(&b.transmitter_id, &b.receiver_id)))
     });
     (event_log(events), pairs)
 }
@@ -84,15 +88,15 @@ fn event_log(mut events: Vec<Event>) -> EventLog {
 fn time_and_link(
     fleet: &Fleet,
     clocks: &FleetClocks,
-    (sender, sent): (usize, &Transmission),
+    (sender, transmission): (usize, &Transmission),
     receiver: usize,
 ) -> (f64, Option<Link>) {
-    let recorded_s = clocks.begin_s(sent);
+    let recorded_s = clocks.begin_s(transmission);
     let is_corrected = fleet.rules.reference_clock.is_some();
-    let time_s = if is_corrected { clocks.true_s(sent) } else { recorded_s };
+    let time_s = if is_corrected { clocks.true_s(transmission) } else { recorded_s };
     let position = |vehicle: usize| {
-        let local_s = if is_corrected { clocks.local_s(sent, vehicle) } else { recorded_s };
-        fleet.vehicles[vehicle].track.at(local_s, fleet.rules.nav_gap_s_max)
+        let local_s = if is_corrected { clocks.local_s(transmission, vehicle) } else { recorded_s };
+        fleet.vehicles[vehicle].track.position(local_s, fleet.rules.nav_gap_s_max)
     };
     let ends = position(sender).zip(position(receiver));
     (time_s, ends.map(|(transmitter, receiver)| Link { transmitter, receiver }))

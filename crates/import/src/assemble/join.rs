@@ -12,7 +12,7 @@ use crate::assemble::result::{ClockEstimate, EvidenceCounts, ImportResult, LeftO
 use crate::assemble::rules::Rules;
 use crate::assemble::validation::{check_inputs, check_reference_clock};
 use crate::assemble::vehicles::fleet::Fleet;
-use crate::assemble::vehicles::transmission::{Transmission, known_transmissions, senders};
+use crate::assemble::vehicles::transmission::{Transmission, documented_transmissions, senders};
 use crate::model::error::ImportError;
 use crate::model::recording::Recordings;
 use crate::model::reference::Reference;
@@ -39,8 +39,8 @@ pub fn join(
     check_reference_clock(&fleet, &join.clocks)?;
     join.fit_clocks();
     join.process_unmatched();
-    let destinations_by_reception = join.complete_transmissions();
-    let mut result = join.into_result(&destinations_by_reception);
+    let undocumented_destinations = join.complete_transmissions();
+    let mut result = join.into_result(&undocumented_destinations);
     result.log.reference = reference.system();
     Ok(result)
 }
@@ -49,7 +49,7 @@ pub fn join(
 struct Join<'a> {
     fleet: &'a Fleet<'a>,
     /// The transmissions of each vehicle, in the order of time.
-    sent: Vec<Vec<Transmission>>,
+    transmissions: Vec<Vec<Transmission>>,
     /// Senders with a record of their transmissions or slots in the schedule.
     documented_senders: BTreeSet<usize>,
     clocks: FleetClocks,
@@ -63,21 +63,21 @@ struct Join<'a> {
 impl<'a> Join<'a> {
     /// Collects the transmissions and estimates a first offset of each clock.
     fn new(fleet: &'a Fleet<'a>, schedule: Option<&Schedule>) -> Self {
-        let sent = known_transmissions(fleet, schedule);
-        let documented_senders = senders(&sent);
-        let clocks = guess_clocks(fleet, &sent, &documented_senders);
+        let transmissions = documented_transmissions(fleet, schedule);
+        let documented_senders = senders(&transmissions);
+        let clocks = initial_clocks(fleet, &transmissions, &documented_senders);
         let (matched, unexpected, unmatched) = (MatchTable::new(), BTreeMap::new(), BTreeMap::new());
-        Self { fleet, sent, documented_senders, clocks, matched, unexpected, unmatched }
+        Self { fleet, transmissions, documented_senders, clocks, matched, unexpected, unmatched }
     }
 
     /// Matches messages to transmissions and fits the clocks, in turn until the matches do not change.
     fn fit_clocks(&mut self) {
         for _ in 0..ROUNDS_MAX {
-            let matched = match_all(self.fleet, &self.clocks, &self.sent);
+            let matched = match_all(self.fleet, &self.clocks, &self.transmissions);
             if matched == self.matched {
                 break;
             }
-            self.clocks.improve(self.fleet, &receptions(self.fleet, &self.sent, &matched));
+            self.clocks.refit(self.fleet, &receptions(self.fleet, &self.transmissions, &matched));
             self.matched = matched;
         }
     }
@@ -87,32 +87,32 @@ impl<'a> Join<'a> {
     /// A sender's own record is complete, so an unmatched message makes a recorded transmission ambiguous. For other
     /// senders, the message is evidence of another transmission.
     fn process_unmatched(&mut self) {
-        for (sender, sent) in self.sent.iter_mut().enumerate() {
+        for (sender, transmissions) in self.transmissions.iter_mut().enumerate() {
             let vehicle = &self.fleet.vehicles[sender];
-            let count = if vehicle.recording.sent.is_some() {
-                let by_receiver = mark_ambiguous(self.fleet, &self.clocks, sender, sent);
+            let count = if vehicle.recording.transmissions.is_some() {
+                let by_receiver = mark_ambiguous(self.fleet, &self.clocks, sender, transmissions);
                 let count = by_receiver.values().sum();
                 self.unmatched.extend(by_receiver.into_iter().map(|(receiver, count)| ((receiver, sender), count)));
                 count
             } else {
-                add_received(self.fleet, &self.clocks, sender, sent)
+                add_received(self.fleet, &self.clocks, sender, transmissions)
             };
             if count > 0 && self.documented_senders.contains(&sender) {
                 self.unexpected.insert(vehicle.name.clone(), count);
             }
         }
-        self.matched = match_all(self.fleet, &self.clocks, &self.sent);
+        self.matched = match_all(self.fleet, &self.clocks, &self.transmissions);
     }
 
     /// Completes the transmissions by their receptions. Returns the senders whose destinations only receptions state.
     fn complete_transmissions(&mut self) -> BTreeSet<usize> {
-        complete_from_receptions(self.fleet, &mut self.sent, &self.matched)
+        complete_from_receptions(self.fleet, &mut self.transmissions, &self.matched)
     }
 
     /// Makes the events and collects all counts.
-    fn into_result(self, destinations_by_reception: &BTreeSet<usize>) -> ImportResult {
-        let Self { fleet, sent, documented_senders, clocks, matched, unexpected, unmatched } = self;
-        let (log, mut pairs) = make_events(fleet, &clocks, &sent, &matched);
+    fn into_result(self, undocumented_destinations: &BTreeSet<usize>) -> ImportResult {
+        let Self { fleet, transmissions, documented_senders, clocks, matched, unexpected, unmatched } = self;
+        let (log, mut pairs) = make_events(fleet, &clocks, &transmissions, &matched);
         for (key, pair) in &mut pairs {
             pair.duplicates = fleet.duplicates.get(key).copied().unwrap_or(0);
             pair.unmatched = unmatched.get(key).copied().unwrap_or(0);
@@ -126,18 +126,18 @@ impl<'a> Join<'a> {
             unexpected,
             unprojected: fleet.vehicles.iter().map(|vehicle| vehicle.track.unprojected).sum(),
         };
-        let senders_by_reception = senders(&sent).difference(&documented_senders).copied().collect();
+        let undocumented_senders = senders(&transmissions).difference(&documented_senders).copied().collect();
         ImportResult {
             log,
             pairs: named_pairs(fleet, pairs),
-            evidence: EvidenceCounts::new(&sent),
-            clocks: ClockEstimate::all(fleet, &clocks, &receptions(fleet, &sent, &matched)),
+            evidence: EvidenceCounts::new(&transmissions),
+            clocks: ClockEstimate::all(fleet, &clocks, &receptions(fleet, &transmissions, &matched)),
             delay_s: clocks.delay_s,
             clock_warnings: clocks.warnings,
             left_out,
-            senders_by_reception: fleet.names(&senders_by_reception),
-            destinations_by_reception: fleet.names(destinations_by_reception),
-            unconfirmed_slot_owners: fleet.names(&unconfirmed_slot_owners(&sent)),
+            undocumented_senders: fleet.names(&undocumented_senders),
+            undocumented_destinations: fleet.names(undocumented_destinations),
+            unconfirmed_slot_owners: fleet.names(&unconfirmed_slot_owners(&transmissions)),
         }
     }
 }
@@ -153,20 +153,24 @@ fn named_pairs(fleet: &Fleet, pairs: PairTable) -> BTreeMap<(VehicleId, VehicleI
 ///
 /// For an undocumented sender, the receptions of one receiver stand in for its transmissions: of the receiver with the
 /// most of them.
-fn guess_clocks(fleet: &Fleet, sent: &[Vec<Transmission>], documented_senders: &BTreeSet<usize>) -> FleetClocks {
+fn initial_clocks(
+    fleet: &Fleet,
+    transmissions: &[Vec<Transmission>],
+    documented_senders: &BTreeSet<usize>,
+) -> FleetClocks {
     let messages =
         |receiver: usize, sender: usize| fleet.vehicles[receiver].messages.get(&sender).map_or(&[][..], Vec::as_slice);
-    let mut provisional = sent.to_vec();
-    for sender in (0..sent.len()).filter(|sender| !documented_senders.contains(sender)) {
+    let mut initial_transmissions = transmissions.to_vec();
+    for sender in (0..transmissions.len()).filter(|sender| !documented_senders.contains(sender)) {
         let Some(receiver) = fleet.receivers().max_by_key(|&receiver| messages(receiver, sender).len()) else {
             continue;
         };
-        let derive =
+        let derive_transmission =
             |message| Transmission::from_reception(message, receiver, fleet.travel_s(sender, receiver, message.time_s));
-        provisional[sender] = messages(receiver, sender).iter().map(derive).collect();
-        provisional[sender].sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        initial_transmissions[sender] = messages(receiver, sender).iter().map(derive_transmission).collect();
+        initial_transmissions[sender].sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     }
-    let mut clocks = FleetClocks::guess(fleet, &provisional);
-    clocks.search_segments(fleet, &provisional);
+    let mut clocks = FleetClocks::estimate_offsets(fleet, &initial_transmissions);
+    clocks.search_segments(fleet, &initial_transmissions);
     clocks
 }

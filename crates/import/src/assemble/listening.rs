@@ -13,15 +13,17 @@ pub(crate) struct TransmissionTimes(Vec<Vec<f64>>);
 
 impl TransmissionTimes {
     /// Collects the transmissions with evidence.
-    pub(crate) fn new(fleet: &Fleet, clocks: &FleetClocks, sent: &[Vec<Transmission>]) -> Self {
-        let own = |(sender, sent): (usize, &Vec<Transmission>)| {
-            let certain = sent.iter().filter(|sent| sent.evidence != TransmissionEvidence::ScheduledOnly);
-            let mut times: Vec<f64> = certain.map(|sent| clocks.local_s(sent, sender)).collect();
+    pub(crate) fn new(fleet: &Fleet, clocks: &FleetClocks, transmissions: &[Vec<Transmission>]) -> Self {
+        let sorted_times = |(sender, transmissions): (usize, &Vec<Transmission>)| {
+            let confirmed = transmissions
+                .iter()
+                .filter(|transmission| transmission.evidence != TransmissionEvidence::UnconfirmedSlot);
+            let mut times: Vec<f64> = confirmed.map(|transmission| clocks.local_s(transmission, sender)).collect();
             times.sort_by(f64::total_cmp);
             times
         };
-        debug_assert_eq!(fleet.vehicles.len(), sent.len());
-        Self(sent.iter().enumerate().map(own).collect())
+        debug_assert_eq!(fleet.vehicles.len(), transmissions.len());
+        Self(transmissions.iter().enumerate().map(sorted_times).collect())
     }
 
     fn has_within(&self, vehicle: usize, from_s: f64, to_s: f64) -> bool {
@@ -38,18 +40,18 @@ pub(crate) fn exclusion_reason(
     fleet: &Fleet,
     clocks: &FleetClocks,
     transmission_times: &TransmissionTimes,
-    (sender, sent): (usize, &Transmission),
+    (sender, transmission): (usize, &Transmission),
     (receiver, link): (usize, Option<Link>),
 ) -> Option<ExclusionReason> {
-    if sent.evidence == TransmissionEvidence::ScheduledOnly {
-        return Some(ExclusionReason::NotKnownSent);
+    if transmission.evidence == TransmissionEvidence::UnconfirmedSlot {
+        return Some(ExclusionReason::SlotUseUnknown);
     }
     let rules = fleet.rules;
-    if sent.destination_unknown && !rules.overhear {
+    if transmission.destination_unknown && !rules.overhear {
         return Some(ExclusionReason::DestinationUnknown);
     }
     let recording = fleet.vehicles[receiver].recording;
-    let arrival_s = clocks.expected_s(fleet, (sender, sent), receiver);
+    let arrival_s = clocks.expected_s(fleet, (sender, transmission), receiver);
     let begin_s = arrival_s - clocks.delay_s;
     let is_active = |span: &(f64, f64)| span.0 <= arrival_s && arrival_s <= span.1;
     if !fleet.vehicles[receiver].active_spans.iter().any(is_active) {
@@ -64,16 +66,19 @@ pub(crate) fn exclusion_reason(
         return Some(interval.2);
     }
     let band_of = |vehicle: usize, time_s| fleet.vehicles[vehicle].recording.band(time_s);
-    let sender_band = sent.band.as_deref().or_else(|| band_of(sender, clocks.local_s(sent, sender)));
+    let sender_band = transmission.band.as_deref().or_else(|| band_of(sender, clocks.local_s(transmission, sender)));
     let bands = sender_band.zip(band_of(receiver, begin_s));
     if bands.is_some_and(|(sender_band, receiver_band)| bands_differ(sender_band, receiver_band)) {
         return Some(ExclusionReason::OtherMode);
     }
     // The sender's own clock matters only for its position. Its transmission may be timed by another clock,
     // `sent.clock`.
-    let is_unsure = |clock: usize| !clocks.clocks[clock].is_known;
-    if sent.ambiguous_at.contains(&receiver) || is_unsure(sent.clock) || is_unsure(receiver) {
-        return Some(ExclusionReason::ClockUnsure);
+    let is_undetermined = |clock: usize| !clocks.clocks[clock].is_determined;
+    if transmission.ambiguous_receivers.contains(&receiver)
+        || is_undetermined(transmission.clock)
+        || is_undetermined(receiver)
+    {
+        return Some(ExclusionReason::ClockUncertain);
     }
     let Some(link) = link else { return Some(ExclusionReason::NoNavigation) };
     let is_surfaced = |depth_m: f64| rules.surfaced_above_m.is_some_and(|above_m| depth_m < above_m);

@@ -25,11 +25,11 @@ const AMBIGUITY_S: f64 = 10.0;
 const CYCLE_S: f64 = 5.0;
 
 /// Matches the messages that all receivers have of all senders.
-pub(crate) fn match_all(fleet: &Fleet, clocks: &FleetClocks, sent: &[Vec<Transmission>]) -> MatchTable {
+pub(crate) fn match_all(fleet: &Fleet, clocks: &FleetClocks, transmissions: &[Vec<Transmission>]) -> MatchTable {
     let mut table = MatchTable::new();
     for receiver in fleet.receivers() {
         for &sender in fleet.vehicles[receiver].messages.keys() {
-            table.insert((receiver, sender), match_pair(fleet, clocks, (sender, &sent[sender]), receiver));
+            table.insert((receiver, sender), match_pair(fleet, clocks, (sender, &transmissions[sender]), receiver));
         }
     }
     table
@@ -40,21 +40,21 @@ pub(crate) fn match_all(fleet: &Fleet, clocks: &FleetClocks, sent: &[Vec<Transmi
 fn match_pair(
     fleet: &Fleet,
     clocks: &FleetClocks,
-    (sender, sent): (usize, &[Transmission]),
+    (sender, transmissions): (usize, &[Transmission]),
     receiver: usize,
 ) -> Matches {
     let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { return Matches::new() };
-    let expected = timeline(fleet, clocks, sender, sent.iter().enumerate(), receiver);
+    let expected = timeline(fleet, clocks, sender, transmissions.iter().enumerate(), receiver);
     // A decoded message takes precedence over a broken one, however near: the first path may break and a later path may
     // not.
     let mut best: BTreeMap<usize, (bool, f64, usize)> = BTreeMap::new();
     for (index, message) in messages.iter().enumerate() {
-        let near = nearest(&expected, message.time_s).filter(|near| near.0 <= fleet.rules.match_s);
-        let Some((distance_s, transmission)) = near else { continue };
+        let nearest = nearest(&expected, message.time_s).filter(|(distance_s, _)| *distance_s <= fleet.rules.match_s);
+        let Some((distance_s, transmission)) = nearest else { continue };
         let candidate = (!message.is_any_decoded(), distance_s, index);
-        let known = best.entry(transmission).or_insert(candidate);
-        if (candidate.0, candidate.1) < (known.0, known.1) {
-            *known = candidate;
+        let best_candidate = best.entry(transmission).or_insert(candidate);
+        if (candidate.0, candidate.1) < (best_candidate.0, best_candidate.1) {
+            *best_candidate = candidate;
         }
     }
     best.into_iter().map(|(transmission, (_, _, message))| (transmission, message)).collect()
@@ -64,11 +64,12 @@ fn timeline<'a>(
     fleet: &Fleet,
     clocks: &FleetClocks,
     sender: usize,
-    sent: impl Iterator<Item = (usize, &'a Transmission)>,
+    transmissions: impl Iterator<Item = (usize, &'a Transmission)>,
     receiver: usize,
 ) -> Timeline {
-    let mut times: Timeline =
-        sent.map(|(index, sent)| (clocks.expected_s(fleet, (sender, sent), receiver), index)).collect();
+    let mut times: Timeline = transmissions
+        .map(|(index, transmission)| (clocks.expected_s(fleet, (sender, transmission), receiver), index))
+        .collect();
     times.sort_by(|a, b| a.0.total_cmp(&b.0));
     times
 }
@@ -76,18 +77,22 @@ fn timeline<'a>(
 /// Returns the distance in seconds to the nearest transmission, and its index.
 fn nearest(timeline: &[(f64, usize)], time_s: f64) -> Option<(f64, usize)> {
     let after = timeline.partition_point(|entry| entry.0 < time_s);
-    let near = timeline[after.saturating_sub(1)..].iter().take(2);
-    near.map(|&(at_s, index)| ((at_s - time_s).abs(), index)).min_by(|a, b| a.0.total_cmp(&b.0))
+    let neighbours = timeline[after.saturating_sub(1)..].iter().take(2);
+    neighbours.map(|&(at_s, index)| ((at_s - time_s).abs(), index)).min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 /// Returns the reception of each matched transmission.
-pub(crate) fn receptions<'a>(fleet: &Fleet, sent: &'a [Vec<Transmission>], matched: &MatchTable) -> Vec<Reception<'a>> {
+pub(crate) fn receptions<'a>(
+    fleet: &Fleet,
+    transmissions: &'a [Vec<Transmission>],
+    matched: &MatchTable,
+) -> Vec<Reception<'a>> {
     let mut receptions = Vec::new();
     for (&(receiver, sender), matches) in matched {
         let messages = &fleet.vehicles[receiver].messages[&sender];
-        receptions.extend(matches.iter().map(|(&transmission, &message)| {
+        receptions.extend(matches.iter().map(|(&index, &message)| {
             let time_s = messages[message].time_s;
-            Reception { sender, sent: &sent[sender][transmission], receiver, time_s }
+            Reception { sender, transmission: &transmissions[sender][index], receiver, time_s }
         }));
     }
     receptions
@@ -102,22 +107,24 @@ pub(crate) fn mark_ambiguous(
     fleet: &Fleet,
     clocks: &FleetClocks,
     sender: usize,
-    sent: &mut [Transmission],
+    transmissions: &mut [Transmission],
 ) -> BTreeMap<usize, usize> {
     let mut unmatched = BTreeMap::new();
     for receiver in fleet.receivers().filter(|&receiver| receiver != sender) {
         let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { continue };
-        let matches = match_pair(fleet, clocks, (sender, sent), receiver);
+        let matches = match_pair(fleet, clocks, (sender, transmissions), receiver);
         let matched: BTreeSet<usize> = matches.values().copied().collect();
-        let open = sent.iter().enumerate().filter(|(index, _)| !matches.contains_key(index));
+        let open = transmissions.iter().enumerate().filter(|(index, _)| !matches.contains_key(index));
         let open = timeline(fleet, clocks, sender, open, receiver);
         // A broken packet is a miss, whichever transmission it belongs to. It may be a cycle before the data of the
         // same sender.
         let is_unmatched = |(index, message): &(usize, &Message)| !matched.contains(index) && message.is_any_decoded();
         for (_, message) in messages.iter().enumerate().filter(is_unmatched) {
             *unmatched.entry(receiver).or_default() += 1;
-            if let Some((_, index)) = nearest(&open, message.time_s).filter(|near| near.0 <= AMBIGUITY_S) {
-                sent[index].ambiguous_at.insert(receiver);
+            if let Some((_, index)) =
+                nearest(&open, message.time_s).filter(|(distance_s, _)| *distance_s <= AMBIGUITY_S)
+            {
+                transmissions[index].ambiguous_receivers.insert(receiver);
             }
         }
     }
@@ -128,31 +135,37 @@ pub(crate) fn mark_ambiguous(
 ///
 /// Decoded messages come first, then broken ones far from any transmission. If several receivers have one message, the
 /// receiver with the most messages of this sender provides the transmission.
-pub(crate) fn add_received(fleet: &Fleet, clocks: &FleetClocks, sender: usize, sent: &mut Vec<Transmission>) -> usize {
+pub(crate) fn add_received(
+    fleet: &Fleet,
+    clocks: &FleetClocks,
+    sender: usize,
+    transmissions: &mut Vec<Transmission>,
+) -> usize {
     let mut receivers: Vec<usize> = fleet.receivers().filter(|&receiver| receiver != sender).collect();
     let count = |receiver: usize| fleet.vehicles[receiver].messages.get(&sender).map_or(0, Vec::len);
     receivers.sort_by_key(|&receiver| Reverse(count(receiver)));
-    let before = sent.len();
+    let documented = transmissions.len();
     for is_decoded in [true, false] {
         for &receiver in &receivers {
             let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { continue };
-            let matched: BTreeSet<usize> = match_pair(fleet, clocks, (sender, sent), receiver).into_values().collect();
-            let expected = timeline(fleet, clocks, sender, sent.iter().enumerate(), receiver);
+            let matched: BTreeSet<usize> =
+                match_pair(fleet, clocks, (sender, transmissions), receiver).into_values().collect();
+            let expected = timeline(fleet, clocks, sender, transmissions.iter().enumerate(), receiver);
             let mut latest_s = f64::NEG_INFINITY;
             for (index, message) in messages.iter().enumerate() {
                 let is_near = || {
-                    let near = nearest(&expected, message.time_s).is_some_and(|near| near.0 <= CYCLE_S);
-                    near || message.time_s - latest_s <= CYCLE_S
+                    nearest(&expected, message.time_s).is_some_and(|(distance_s, _)| distance_s <= CYCLE_S)
+                        || message.time_s - latest_s <= CYCLE_S
                 };
                 let is_open = message.is_any_decoded() == is_decoded && !matched.contains(&index);
                 if is_open && (is_decoded || !is_near()) {
                     latest_s = message.time_s;
                     let travel_s = fleet.travel_s(sender, receiver, message.time_s);
-                    sent.push(Transmission::from_reception(message, receiver, travel_s));
+                    transmissions.push(Transmission::from_reception(message, receiver, travel_s));
                 }
             }
         }
     }
-    sent.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    sent.len() - before
+    transmissions.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    transmissions.len() - documented
 }

@@ -38,21 +38,21 @@ pub fn resolve_modem_ids(recordings: &mut Recordings) -> Result<BTreeMap<Vehicle
             replace(&mut arrival.source);
             arrival.destination.as_mut().map(replace);
         }
-        for sent in recording.sent.iter_mut().flatten() {
-            sent.destination.as_mut().map(replace);
+        for transmission in recording.transmissions.iter_mut().flatten() {
+            transmission.destination.as_mut().map(replace);
         }
     }
     let names: BTreeSet<VehicleId> = recordings.keys().cloned().collect();
     let mut unknown_sources = BTreeMap::new();
     for recording in recordings.values_mut() {
         for reported in std::mem::take(&mut recording.reported) {
-            let (known, others): (Vec<Arrival>, Vec<Arrival>) =
+            let (accepted, rejected): (Vec<Arrival>, Vec<Arrival>) =
                 reported.into_iter().partition(|arrival| names.contains(&arrival.source));
-            others.into_iter().for_each(|arrival| *unknown_sources.entry(arrival.source).or_default() += 1);
+            rejected.into_iter().for_each(|arrival| *unknown_sources.entry(arrival.source).or_default() += 1);
             let record = recording.modem_activity.len();
-            known.iter().for_each(|arrival| recording.extend_activity(record, arrival.time_s));
-            if !known.is_empty() {
-                recording.arrivals.get_or_insert_default().extend(known);
+            accepted.iter().for_each(|arrival| recording.extend_activity(record, arrival.time_s));
+            if !accepted.is_empty() {
+                recording.arrivals.get_or_insert_default().extend(accepted);
             }
         }
     }

@@ -31,10 +31,10 @@ pub struct ImportResult {
     pub left_out: LeftOutCounts,
     /// Senders whose transmissions are known by receptions only, separated by commas. Their messages that all receivers
     /// missed are not in the log.
-    pub senders_by_reception: String,
+    pub undocumented_senders: String,
     /// Senders whose destinations are known by receptions only, separated by commas. Their messages that all receivers
     /// missed are excluded.
-    pub destinations_by_reception: String,
+    pub undocumented_destinations: String,
     /// Senders with scheduled slots that may have stayed unused, separated by commas.
     pub unconfirmed_slot_owners: String,
 }
@@ -73,21 +73,22 @@ pub struct EvidenceCounts {
     /// Transmissions that their sender recorded.
     pub recorded: usize,
     /// Scheduled slots of senders that use every slot.
-    pub always_sends: usize,
+    pub assumed_slots: usize,
     /// Transmissions that are known by a reception only.
     pub received: usize,
     /// Scheduled slots that may have stayed unused.
-    pub scheduled_only: usize,
+    pub unconfirmed_slots: usize,
 }
 
 impl EvidenceCounts {
-    pub(crate) fn new(sent: &[Vec<Transmission>]) -> Self {
-        let count = |evidence| sent.iter().flatten().filter(|sent| sent.evidence == evidence).count();
+    pub(crate) fn new(transmissions: &[Vec<Transmission>]) -> Self {
+        let count =
+            |evidence| transmissions.iter().flatten().filter(|transmission| transmission.evidence == evidence).count();
         Self {
             recorded: count(TransmissionEvidence::Recorded),
-            always_sends: count(TransmissionEvidence::AlwaysSends),
+            assumed_slots: count(TransmissionEvidence::AssumedSlot),
             received: count(TransmissionEvidence::Received),
-            scheduled_only: count(TransmissionEvidence::ScheduledOnly),
+            unconfirmed_slots: count(TransmissionEvidence::UnconfirmedSlot),
         }
     }
 }
@@ -132,12 +133,14 @@ impl ClockEstimate {
     pub(crate) fn all(fleet: &Fleet, clocks: &FleetClocks, receptions: &[Reception]) -> Vec<Self> {
         let comparisons = clocks.comparisons(fleet, receptions);
         let estimate = |(index, clock): (usize, &Clock)| {
-            let own = comparisons.iter().filter(|comparison| [comparison.early.0, comparison.late.0].contains(&index));
-            let residuals_s: Vec<f64> = own.map(|comparison| comparison.residual_s(&clocks.clocks).abs()).collect();
+            let own_comparisons =
+                comparisons.iter().filter(|comparison| [comparison.start.0, comparison.arrival.0].contains(&index));
+            let residuals_s: Vec<f64> =
+                own_comparisons.map(|comparison| comparison.residual_s(&clocks.clocks).abs()).collect();
             Self {
                 vehicle: fleet.vehicles[index].name.clone(),
                 is_reference: index == clocks.reference,
-                segments: if clock.is_known { clock.segments().copied().collect() } else { Vec::new() },
+                segments: if clock.is_determined { clock.segments().copied().collect() } else { Vec::new() },
                 comparisons: residuals_s.len(),
                 median_residual_s: median(residuals_s),
             }

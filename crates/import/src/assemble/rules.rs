@@ -10,7 +10,7 @@ pub struct Rules {
     /// Speed of sound, in metres per second.
     pub sound_m_per_s: f64,
     /// Upper limit of the difference between two clocks, in seconds. At 0 the clocks agree, and none is estimated.
-    pub clock_off_s_max: f64,
+    pub clock_offset_s_max: f64,
     /// Largest difference between the expected and the recorded arrival of one message, in seconds.
     pub match_s: f64,
     /// The vehicle whose clock is right: times and positions are corrected to it. With `None` they stay as recorded.
@@ -40,7 +40,7 @@ pub enum SlotUse {
     /// All vehicles.
     AllSenders,
     /// The listed vehicles.
-    Listed(BTreeSet<VehicleId>),
+    SomeSenders(BTreeSet<VehicleId>),
 }
 
 impl SlotUse {
@@ -48,7 +48,7 @@ impl SlotUse {
         match self {
             SlotUse::NoSender => false,
             SlotUse::AllSenders => true,
-            SlotUse::Listed(vehicles) => vehicles.contains(vehicle),
+            SlotUse::SomeSenders(vehicles) => vehicles.contains(vehicle),
         }
     }
 }
@@ -58,7 +58,7 @@ impl Default for Rules {
     fn default() -> Self {
         Self {
             sound_m_per_s: 1500.0,
-            clock_off_s_max: 10.0,
+            clock_offset_s_max: 10.0,
             match_s: 1.0,
             reference_clock: None,
             nav_gap_s_max: 30.0,

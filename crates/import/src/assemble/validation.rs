@@ -43,8 +43,10 @@ fn check_vehicle(fleet: &Fleet, vehicle: &Vehicle) -> Result<(), ImportError> {
         ));
     };
     let received = vehicle.recording.arrivals.iter().flatten().map(|arrival| arrival.time_s);
-    let mut times = received.chain(vehicle.recording.sent.iter().flatten().map(|sent| sent.time_s)).peekable();
-    let margin_s = fleet.rules.clock_off_s_max + fleet.rules.nav_gap_s_max;
+    let mut times = received
+        .chain(vehicle.recording.transmissions.iter().flatten().map(|transmission| transmission.time_s))
+        .peekable();
+    let margin_s = fleet.rules.clock_offset_s_max + fleet.rules.nav_gap_s_max;
     if times.peek().is_some() && !times.any(|time_s| from_s - margin_s <= time_s && time_s <= to_s + margin_s) {
         let [from, to] = [from_s, to_s].map(time_in_words);
         return fail(format!(
@@ -61,11 +63,11 @@ fn check_names(fleet: &Fleet) -> Result<(), ImportError> {
     if let Some(name) = fleet.rules.reference_clock.as_ref().filter(is_unknown) {
         return fail(format!("no vehicle is called {name}; expected one of {}", fleet.all_names()));
     }
-    if let SlotUse::Listed(listed) = &fleet.rules.slot_use
+    if let SlotUse::SomeSenders(listed) = &fleet.rules.slot_use
         && let Some(name) = listed.iter().find(is_unknown)
     {
         return fail(format!(
-            "no vehicle is called {name}, which is said to use every slot; expected one of {}",
+            "no vehicle is called {name}, which --always-transmits names; expected one of {}",
             fleet.all_names()
         ));
     }
@@ -97,11 +99,11 @@ fn check_schedule(fleet: &Fleet, schedule: &Schedule) -> Result<(), ImportError>
 /// # Errors
 /// [`ImportError::Inconsistent`] if no two messages do so.
 pub(crate) fn check_reference_clock(fleet: &Fleet, clocks: &FleetClocks) -> Result<(), ImportError> {
-    let is_alone = clocks.clocks.len() > 1 && clocks.clocks.iter().filter(|clock| clock.is_known).count() == 1;
+    let is_isolated = clocks.clocks.len() > 1 && clocks.clocks.iter().filter(|clock| clock.is_determined).count() == 1;
     match &fleet.rules.reference_clock {
-        Some(name) if is_alone => fail(format!(
+        Some(name) if is_isolated => fail(format!(
             "no two messages compare the clock of {name} with another clock, so no clock can be corrected to it; expected a vehicle that \
-             heard others or was heard by them (or --clock-off-s-max 0, if clocks agree)"
+             heard others or was heard by them (or --clock-offset-s-max 0, if clocks agree)"
         )),
         _ => Ok(()),
     }

@@ -5,7 +5,7 @@
 #[non_exhaustive]
 pub enum ExclusionReason {
     /// Only a schedule lists the transmission. No receiver recorded it and no record shows that it took place.
-    NotKnownSent,
+    SlotUseUnknown,
     /// The sender addresses single vehicles, and no reception states the destination of this message.
     DestinationUnknown,
     /// The receiver's modem was not active yet or not active any more.
@@ -17,7 +17,7 @@ pub enum ExclusionReason {
     /// The receiver used another rate or band, or was ranging.
     OtherMode,
     /// The offset between the two clocks is unknown, or an unmatched message makes the outcome ambiguous.
-    ClockUnsure,
+    ClockUncertain,
     /// The position of the sender or the receiver is unknown.
     NoNavigation,
     /// The sender or the receiver was at the surface.
@@ -27,13 +27,13 @@ pub enum ExclusionReason {
 impl ExclusionReason {
     /// All reasons, in the order of the checks.
     pub const ALL: [ExclusionReason; 9] = [
-        ExclusionReason::NotKnownSent,
+        ExclusionReason::SlotUseUnknown,
         ExclusionReason::DestinationUnknown,
         ExclusionReason::NotRecording,
         ExclusionReason::Transmitting,
         ExclusionReason::Rebooting,
         ExclusionReason::OtherMode,
-        ExclusionReason::ClockUnsure,
+        ExclusionReason::ClockUncertain,
         ExclusionReason::NoNavigation,
         ExclusionReason::Surfaced,
     ];
@@ -41,13 +41,13 @@ impl ExclusionReason {
     /// Describes the reason in at most four words, for tables.
     pub fn description(self) -> &'static str {
         match self {
-            ExclusionReason::NotKnownSent => "not known to be sent",
-            ExclusionReason::DestinationUnknown => "to whom unknown",
-            ExclusionReason::NotRecording => "modem silent",
-            ExclusionReason::Transmitting => "itself sending",
+            ExclusionReason::SlotUseUnknown => "slot use unknown",
+            ExclusionReason::DestinationUnknown => "destination unknown",
+            ExclusionReason::NotRecording => "not recording",
+            ExclusionReason::Transmitting => "transmitting",
             ExclusionReason::Rebooting => "rebooting",
             ExclusionReason::OtherMode => "other mode",
-            ExclusionReason::ClockUnsure => "clock unsure",
+            ExclusionReason::ClockUncertain => "clock uncertain",
             ExclusionReason::NoNavigation => "no navigation",
             ExclusionReason::Surfaced => "surfaced",
         }
@@ -56,13 +56,13 @@ impl ExclusionReason {
     /// Returns the key of the reason in JSON.
     pub fn key(self) -> &'static str {
         match self {
-            ExclusionReason::NotKnownSent => "not_known_sent",
+            ExclusionReason::SlotUseUnknown => "slot_use_unknown",
             ExclusionReason::DestinationUnknown => "destination_unknown",
             ExclusionReason::NotRecording => "not_recording",
             ExclusionReason::Transmitting => "transmitting",
             ExclusionReason::Rebooting => "rebooting",
             ExclusionReason::OtherMode => "other_mode",
-            ExclusionReason::ClockUnsure => "clock_unsure",
+            ExclusionReason::ClockUncertain => "clock_uncertain",
             ExclusionReason::NoNavigation => "no_navigation",
             ExclusionReason::Surfaced => "surfaced",
         }

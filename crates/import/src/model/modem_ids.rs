@@ -34,7 +34,7 @@ impl ModemIds {
     }
 
     /// Returns the vehicle that the table lists with an id.
-    pub fn vehicle_of(&self, id: &str) -> Option<VehicleId> {
+    pub fn lookup(&self, id: &str) -> Option<VehicleId> {
         self.0.get(&normalized(id)).cloned().flatten()
     }
 

@@ -8,11 +8,11 @@ use crate::model::recording::Recording;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct SkipCounts {
     /// Fixes without a position.
-    pub without_position: usize,
+    pub missing_positions: usize,
     /// Broken receptions from an unknown sender.
     pub unattributed: usize,
     /// Transmissions that did not take place by the sender's own record.
-    pub not_sent: usize,
+    pub failed_transmissions: usize,
     /// Lines or messages that cannot be parsed.
     pub garbled: usize,
     /// Messages of unknown types.
@@ -26,9 +26,9 @@ impl SkipCounts {
     #[must_use]
     pub fn sum(self, other: Self) -> Self {
         Self {
-            without_position: self.without_position + other.without_position,
+            missing_positions: self.missing_positions + other.missing_positions,
             unattributed: self.unattributed + other.unattributed,
-            not_sent: self.not_sent + other.not_sent,
+            failed_transmissions: self.failed_transmissions + other.failed_transmissions,
             garbled: self.garbled + other.garbled,
             unknown_type: self.unknown_type + other.unknown_type,
             truncated: self.truncated + other.truncated,

@@ -18,7 +18,7 @@ pub struct Recording {
     /// The position of a station that does not move.
     pub fixed: Option<Fix>,
     /// Transmissions by the vehicle's own record; `None` if no such record exists.
-    pub sent: Option<Vec<SentMessage>>,
+    pub transmissions: Option<Vec<TransmissionRecord>>,
     /// Receptions; `None` if no such record exists, so that the vehicle is no receiver.
     pub arrivals: Option<Vec<Arrival>>,
     /// Possible receptions in messages with named members, one list for each file. [`crate::resolve_modem_ids`] accepts
@@ -51,7 +51,7 @@ pub struct Fix {
 
 /// A transmission in the record of its sender.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SentMessage {
+pub struct TransmissionRecord {
     /// Start of the transmission, in seconds.
     pub time_s: f64,
     /// Destination; `None` for a broadcast.
@@ -98,7 +98,7 @@ impl Recording {
         let Recording {
             fixes,
             fixed,
-            sent,
+            transmissions,
             arrivals,
             reported,
             modem_activity,
@@ -110,8 +110,8 @@ impl Recording {
         } = other;
         self.fixes.extend(fixes);
         self.fixed = fixed.or(self.fixed);
-        if let Some(sent) = sent {
-            self.sent.get_or_insert_default().extend(sent);
+        if let Some(transmissions) = transmissions {
+            self.transmissions.get_or_insert_default().extend(transmissions);
         }
         if let Some(arrivals) = arrivals {
             self.arrivals.get_or_insert_default().extend(arrivals);

@@ -25,14 +25,16 @@ impl FromStr for Place {
     fn from_str(text: &str) -> Result<Self, &'static str> {
         let (a, b) = text.split_once(',').ok_or(PLACE)?;
         let (a, b) = (a.trim(), b.trim());
-        let degrees = |text: &str, halves: [char; 2]| {
-            let half = halves.into_iter().position(|half| text.ends_with([half, half.to_ascii_lowercase()]))?;
+        let degrees = |text: &str, hemispheres: [char; 2]| {
+            let hemisphere = hemispheres
+                .into_iter()
+                .position(|hemisphere| text.ends_with([hemisphere, hemisphere.to_ascii_lowercase()]))?;
             let number = text[..text.len() - 1].trim().parse::<f64>().ok().filter(|number| *number >= 0.0)?;
-            Some(if half == 0 { number } else { -number })
+            Some(if hemisphere == 0 { number } else { -number })
         };
         let metres = |text: &str| text.parse::<f64>().ok().and_then(|number| bounds::COORDINATE_M.check(number));
-        let of_degrees = degrees(a, ['N', 'S']).zip(degrees(b, ['E', 'W']));
-        match of_degrees {
+        let place_in_degrees = degrees(a, ['N', 'S']).zip(degrees(b, ['E', 'W']));
+        match place_in_degrees {
             Some((a, b)) => Geographic::new(a, b).map(Place::Degrees).ok_or(PLACE),
             None => metres(a).zip(metres(b)).map(|(a, b)| Place::Metres(a, b)).ok_or(PLACE),
         }
@@ -71,7 +73,7 @@ impl Reference {
     ///
     /// # Errors
     /// [`ReferenceError::Unknown`] if the system does not exist, or its unit is not the metre.
-    pub fn of(system: ReferenceSystem) -> Result<Self, ReferenceError> {
+    pub fn new(system: ReferenceSystem) -> Result<Self, ReferenceError> {
         let plane = match system {
             ReferenceSystem::Unknown => return Ok(Self::unknown()),
             ReferenceSystem::About(Geographic { latitude_deg, longitude_deg }) => Proj::from_proj_string(&format!(
@@ -79,27 +81,27 @@ impl Reference {
             )),
             ReferenceSystem::Epsg(_) => Proj::from_user_string(&system.to_string()),
         };
-        let in_metres = |plane: &Proj| !plane.is_latlong() && !plane.is_geocent() && plane.to_meter() == 1.0;
+        let is_in_metres = |plane: &Proj| !plane.is_latlong() && !plane.is_geocent() && plane.to_meter() == 1.0;
         let ellipsoid = Proj::from_proj_string("+proj=longlat +datum=WGS84 +no_defs").ok();
-        let projections = ellipsoid.zip(plane.ok().filter(in_metres)).ok_or(ReferenceError::Unknown { system })?;
+        let projections = ellipsoid.zip(plane.ok().filter(is_in_metres)).ok_or(ReferenceError::Unknown { system })?;
         Ok(Self { system, projections: Some(projections) })
     }
 
     /// Makes a system of metres east and north of an origin ([`ReferenceSystem::About`]).
     ///
     /// # Errors
-    /// Those of [`Reference::of`].
-    pub fn about(origin: Geographic) -> Result<Self, ReferenceError> {
-        Self::of(ReferenceSystem::About(origin))
+    /// Those of [`Reference::new`].
+    pub fn with_origin(origin: Geographic) -> Result<Self, ReferenceError> {
+        Self::new(ReferenceSystem::About(origin))
     }
 
     /// Makes a projected reference system from its EPSG code, such as `EPSG:32619` for UTM zone 19 north.
     ///
     /// # Errors
-    /// Those of [`Reference::of`], and [`ReferenceError::NoName`].
+    /// Those of [`Reference::new`], and [`ReferenceError::NoName`].
     pub fn epsg(name: &str) -> Result<Self, ReferenceError> {
         match name.parse()? {
-            system @ ReferenceSystem::Epsg(_) => Self::of(system),
+            system @ ReferenceSystem::Epsg(_) => Self::new(system),
             _ => Err(NoReferenceSystem(name.to_owned()).into()),
         }
     }
@@ -152,11 +154,13 @@ mod tests {
     #[test]
     fn conversion_to_degrees_and_back_keeps_metres() {
         let origin = Geographic::new(41.52, -70.67).unwrap();
-        for reference in [Reference::about(origin).unwrap(), Reference::epsg("epsg:32619").unwrap()] {
+        for reference in [Reference::with_origin(origin).unwrap(), Reference::epsg("epsg:32619").unwrap()] {
             let (east_m, north_m) = reference.metres(Place::Degrees(origin)).unwrap();
             let found = reference.geographic(east_m + 1500.0, north_m - 900.0).unwrap();
-            let (again_east, again_north) = reference.metres(Place::Degrees(found)).unwrap();
-            assert!((again_east - east_m - 1500.0).abs() < 1e-6 && (again_north - north_m + 900.0).abs() < 1e-6);
+            let (returned_east_m, returned_north_m) = reference.metres(Place::Degrees(found)).unwrap();
+            assert!(
+                (returned_east_m - east_m - 1500.0).abs() < 1e-6 && (returned_north_m - north_m + 900.0).abs() < 1e-6
+            );
         }
     }
 
@@ -164,7 +168,7 @@ mod tests {
     /// UTM has the easting 500 000 and the scale 0.9996.
     #[test]
     fn projections_agree_with_known_lengths_on_the_ellipsoid() {
-        let equator = Reference::about(Geographic::new(0.0, -69.0).unwrap()).unwrap();
+        let equator = Reference::with_origin(Geographic::new(0.0, -69.0).unwrap()).unwrap();
         let (_, north_m) = equator.metres(Place::Degrees(Geographic::new(45.0, -69.0).unwrap())).unwrap();
         assert!((north_m - 4_984_944.378).abs() < 0.01, "{north_m}");
         let utm = Reference::epsg("EPSG:32619").unwrap();

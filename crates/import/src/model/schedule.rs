@@ -91,8 +91,8 @@ impl Schedule {
         let mut text = String::new();
         reader.read_to_string(&mut text).map_err(|error| fail(format!("cannot be read as text: {error}")))?;
         match toml::from_str::<TeamFile>(&text) {
-            Ok(TeamFile { slots }) => Self::cyclic(&slots, ids).map_err(fail),
-            Err(_) if !text.contains('=') => Self::listed(&text, path, ids),
+            Ok(TeamFile { slots }) => Self::from_slot_table(&slots, ids).map_err(fail),
+            Err(_) if !text.contains('=') => Self::from_table(&text, path, ids),
             Err(error) => Err(fail(format!(
                 "{}; expected [slots] with start_s, duration_s and order, or a table with the columns time_s and source",
                 error.to_string().trim_end()
@@ -100,7 +100,7 @@ impl Schedule {
         }
     }
 
-    fn cyclic(slots: &SlotTable, ids: &ModemIds) -> Result<Self, String> {
+    fn from_slot_table(slots: &SlotTable, ids: &ModemIds) -> Result<Self, String> {
         if slots.at_will {
             return Err(
                 "at_will: a team without fixed slots has no schedule; expected records of its transmissions (--sent)"
@@ -116,14 +116,14 @@ impl Schedule {
             orders.push((change.from_s.seconds("from_s")?, change.order.iter().map(name).collect()));
         }
         if orders.iter().any(|(_, order)| order.is_empty()) {
-            return Err("order: found no member; expected the members in turn".into());
+            return Err("order: found no member; expected the members in the order of their slots".into());
         }
         orders.sort_by(|a, b| a.0.total_cmp(&b.0));
         let SlotTable { duration_s, restarts_daily, .. } = *slots;
         Ok(Self::Cyclic { duration_s, restarts_daily, orders })
     }
 
-    fn listed(text: &str, path: &Path, ids: &ModemIds) -> Result<Self, ImportError> {
+    fn from_table(text: &str, path: &Path, ids: &ModemIds) -> Result<Self, ImportError> {
         let mut table = Table::new(text.as_bytes(), path, &["time_s", "source"])?;
         let mut slots = Vec::new();
         while table.next()? {
@@ -137,12 +137,12 @@ impl Schedule {
 
     /// Lists the owners of slots, with repetitions.
     pub fn senders(&self) -> impl Iterator<Item = &VehicleId> {
-        let (orders, listed): (&[_], &[_]) = match self {
+        let (orders, slots): (&[_], &[_]) = match self {
             Schedule::Cyclic { orders, .. } => (orders, &[]),
-            Schedule::Explicit(listed) => (&[], listed),
+            Schedule::Explicit(slots) => (&[], slots),
         };
         let cyclic = orders.iter().flat_map(|(_, order)| order).filter(|name| !name.as_str().is_empty());
-        cyclic.chain(listed.iter().map(|(_, sender)| sender))
+        cyclic.chain(slots.iter().map(|(_, sender)| sender))
     }
 
     /// Returns an upper limit of the number of slots between two times.
@@ -152,7 +152,7 @@ impl Schedule {
                 let start_s = orders.iter().map(|(start_s, _)| *start_s).fold(f64::INFINITY, f64::min);
                 (to_s - from_s.max(start_s)) / duration_s
             }
-            Schedule::Explicit(listed) => listed.len() as f64,
+            Schedule::Explicit(slots) => slots.len() as f64,
         }
     }
 
@@ -160,12 +160,12 @@ impl Schedule {
     pub fn slot_starts_s(&self, sender: &VehicleId, from_s: f64, to_s: f64) -> Vec<f64> {
         let is_within = |time_s: &f64| (from_s..=to_s).contains(time_s);
         let Schedule::Cyclic { duration_s, restarts_daily, orders } = self else {
-            let Schedule::Explicit(listed) = self else { return Vec::new() };
-            return listed.iter().filter(|slot| slot.1 == *sender).map(|slot| slot.0).filter(is_within).collect();
+            let Schedule::Explicit(slots) = self else { return Vec::new() };
+            return slots.iter().filter(|slot| slot.1 == *sender).map(|slot| slot.0).filter(is_within).collect();
         };
         let mut starts = Vec::new();
-        for (place, (start_s, order)) in orders.iter().enumerate() {
-            let end_s = orders.get(place + 1).map_or(f64::INFINITY, |next| next.0);
+        for (index, (start_s, order)) in orders.iter().enumerate() {
+            let end_s = orders.get(index + 1).map_or(f64::INFINITY, |next| next.0);
             // With a daily restart, earlier days have no effect on the requested one.
             let midnight_s = (from_s / DAY_S).floor() * DAY_S;
             let mut begin_s = if *restarts_daily { start_s.max(midnight_s) } else { *start_s };
@@ -176,8 +176,8 @@ impl Schedule {
                 let first = ((from_s - begin_s) / duration_s).floor().max(0.0) as u64;
                 let slots = (first..).map(|slot| (slot, begin_s + slot as f64 * duration_s));
                 let slots = slots.take_while(|slot| slot.1 < until_s.min(end_s) && slot.1 <= last_s);
-                let own = slots.filter(|slot| order[(slot.0 % order.len() as u64) as usize] == *sender);
-                starts.extend(own.map(|slot| slot.1).filter(is_within));
+                let own_slots = slots.filter(|slot| order[(slot.0 % order.len() as u64) as usize] == *sender);
+                starts.extend(own_slots.map(|slot| slot.1).filter(is_within));
                 begin_s = until_s;
             }
         }
@@ -231,7 +231,7 @@ mod tests {
     fn an_invalid_schedule_is_refused() {
         for (text, words) in [
             ("[slots]\nstart_s = 0\nduration_s = 0\norder = ['a']", "0.01 s to a day"),
-            ("[slots]\nstart_s = 0\nduration_s = 10\norder = []", "members in turn"),
+            ("[slots]\nstart_s = 0\nduration_s = 10\norder = []", "members in the order of their slots"),
             ("[slots]\nstart_s = 'noon'\nduration_s = 10\norder = ['a']", "start_s"),
             ("[slots]\nduration_s = 10\norder = ['a']", "start_s"),
             ("[slots]\nstart_s = 0\nduration_s = 10\nat_will = true\norder = ['a']", "--sent"),

@@ -95,7 +95,7 @@ impl TableKind {
 }
 
 /// Returns the role that a column name has in tables of a kind.
-pub(crate) fn role_of(kind: TableKind, name: &str) -> Option<&'static str> {
+pub(crate) fn column_role(kind: TableKind, name: &str) -> Option<&'static str> {
     let name = name.to_lowercase();
     kind.roles().iter().find(|(_, names)| names.contains(&name.as_str())).map(|(role, _)| *role)
 }

@@ -7,7 +7,7 @@ use pingmap_trial::Table;
 
 use crate::readers::bags::{mcap_file, sqlite};
 use crate::readers::columns::{RoleTable, TableKind};
-use crate::readers::file_owner::{HEARD_WORDS, SCHEDULE_WORDS, SENT_WORDS, words_of};
+use crate::readers::file_owner::{RECEPTION_WORDS, SCHEDULE_WORDS, TRANSMISSION_WORDS, split_words};
 use crate::readers::lcm::log;
 use crate::readers::lcm::types::LcmTypes;
 use crate::readers::modem::capture;
@@ -49,19 +49,19 @@ impl RecordKind {
     /// Describes the kind in a few words.
     pub fn description(self) -> &'static str {
         match self {
-            Self::MoosLog => "a log of MOOS",
-            Self::MoosMission => "a mission file of MOOS",
-            Self::ModemCapture => "sentences of a Micro-Modem and its host",
-            Self::Mcap => "a bag of ROS 2 (MCAP)",
-            Self::Sqlite => "a bag of ROS 2 (SQLite)",
-            Self::Lcm => "a log of LCM",
-            Self::LcmTypes => "types of LCM",
+            Self::MoosLog => "MOOS log",
+            Self::MoosMission => "MOOS mission file",
+            Self::ModemCapture => "Micro-Modem sentences",
+            Self::Mcap => "ROS 2 bag (MCAP)",
+            Self::Sqlite => "ROS 2 bag (SQLite)",
+            Self::Lcm => "LCM log",
+            Self::LcmTypes => "LCM message types",
             Self::Table(TableKind::Navigation) => "navigation",
             Self::Table(TableKind::Receptions) => "receptions",
             Self::Table(TableKind::Transmissions) => "transmissions",
-            Self::ModemIds => "who is meant by ids",
-            Self::Schedule => "who may send when",
-            Self::TeamFile => "a team file, with who may send when",
+            Self::ModemIds => "vehicle of each modem id",
+            Self::Schedule => "schedule",
+            Self::TeamFile => "team file with a schedule",
         }
     }
 }
@@ -81,7 +81,7 @@ impl RecordReader {
     ///
     /// The content decides. A table of times and vehicles may hold receptions, transmissions or a schedule; then the
     /// file name decides.
-    pub fn kind_of(&self, head: &[u8], name: &Path) -> Option<RecordKind> {
+    pub fn detect_kind(&self, head: &[u8], name: &Path) -> Option<RecordKind> {
         if head.starts_with(mcap_file::MAGIC) {
             return Some(RecordKind::Mcap);
         } else if head.starts_with(sqlite::MAGIC) {
@@ -96,46 +96,50 @@ impl RecordReader {
             Some(RecordKind::ModemCapture)
         } else if LcmTypes::is_definition(&text) {
             Some(RecordKind::LcmTypes)
-        } else if moos::datum_of_mission(&text).is_some() {
+        } else if moos::mission_datum(&text).is_some() {
             Some(RecordKind::MoosMission)
-        } else if let Some(agreed) = toml::from_str::<toml::Table>(&text).ok().filter(|file| file.contains_key("slots"))
+        } else if let Some(config) = toml::from_str::<toml::Table>(&text).ok().filter(|file| file.contains_key("slots"))
         {
-            let is_team = agreed.contains_key("model_file");
+            let is_team = config.contains_key("model_file");
             Some(if is_team { RecordKind::TeamFile } else { RecordKind::Schedule })
         } else {
-            self.kind_of_table(head, name)
+            self.detect_table_kind(head, name)
         }
     }
 
-    fn kind_of_table(&self, head: &[u8], name: &Path) -> Option<RecordKind> {
+    fn detect_table_kind(&self, head: &[u8], name: &Path) -> Option<RecordKind> {
         let table = Table::new(head, name, &[]).ok()?;
         if table.has("id") && table.has("name") && table.header().len() == 2 {
             return Some(RecordKind::ModemIds);
         }
         // Event logs and predictions, which pingmap writes itself, are not recordings. Backup files are skipped.
-        let is_of_links = LINK_COLUMNS.iter().any(|column| table.has(column));
+        let is_link_table = LINK_COLUMNS.iter().any(|column| table.has(column));
         let is_backup = name.to_str().is_some_and(|name| [".bak", ".orig", "~"].iter().any(|end| name.ends_with(end)));
-        if is_of_links || table.has("probability") || is_backup {
+        if is_link_table || table.has("probability") || is_backup {
             return None;
         }
-        let named = |kind| RoleTable::new(head, name, kind, &self.columns).ok();
-        let has = |named: &Option<RoleTable>, roles: &[&str]| {
-            named.as_ref().is_some_and(|named| roles.iter().all(|role| named.has(role)))
+        let role_table = |kind| RoleTable::new(head, name, kind, &self.columns).ok();
+        let has = |table: &Option<RoleTable>, roles: &[&str]| {
+            table.as_ref().is_some_and(|table| roles.iter().all(|role| table.has(role)))
         };
-        let [nav, heard, sent] = [TableKind::Navigation, TableKind::Receptions, TableKind::Transmissions].map(named);
-        let is_of = |words: &[&str]| words_of(name).iter().any(|word| words.contains(&word.as_str()));
-        let has_position = has(&nav, &["latitude", "longitude"]) || has(&nav, &["easting", "northing"]);
+        let [navigation, receptions, transmissions] =
+            [TableKind::Navigation, TableKind::Receptions, TableKind::Transmissions].map(role_table);
+        let has_word = |words: &[&str]| split_words(name).iter().any(|word| words.contains(&word.as_str()));
+        let has_position = has(&navigation, &["latitude", "longitude"]) || has(&navigation, &["easting", "northing"]);
         if has_position {
-            let is_navigation = has(&nav, &["time"]) && !has(&heard, &["source"]);
+            let is_navigation = has(&navigation, &["time"]) && !has(&receptions, &["source"]);
             return is_navigation.then_some(RecordKind::Table(TableKind::Navigation));
-        } else if has(&sent, &["time", "sent"]) || has(&sent, &["time"]) && is_of(SENT_WORDS) {
+        } else if has(&transmissions, &["time", "sent"])
+            || has(&transmissions, &["time"]) && has_word(TRANSMISSION_WORDS)
+        {
             return Some(RecordKind::Table(TableKind::Transmissions));
-        } else if has(&heard, &["time", "source"]) {
-            let is_heard = is_of(HEARD_WORDS) || ["vehicle", "good", "frame"].iter().any(|role| has(&heard, &[role]));
-            let is_schedule = is_of(SCHEDULE_WORDS).then_some(RecordKind::Schedule);
-            return if is_heard { Some(RecordKind::Table(TableKind::Receptions)) } else { is_schedule };
+        } else if has(&receptions, &["time", "source"]) {
+            let is_reception_table =
+                has_word(RECEPTION_WORDS) || ["vehicle", "good", "frame"].iter().any(|role| has(&receptions, &[role]));
+            let is_schedule = has_word(SCHEDULE_WORDS).then_some(RecordKind::Schedule);
+            return if is_reception_table { Some(RecordKind::Table(TableKind::Receptions)) } else { is_schedule };
         }
-        has(&sent, &["time", "destination"]).then_some(RecordKind::Table(TableKind::Transmissions))
+        has(&transmissions, &["time", "destination"]).then_some(RecordKind::Table(TableKind::Transmissions))
     }
 }
 
@@ -147,22 +151,22 @@ mod tests {
     use super::*;
 
     fn kind(text: &str, name: &str) -> Option<RecordKind> {
-        RecordReader::default().kind_of(text.as_bytes(), Path::new(name))
+        RecordReader::default().detect_kind(text.as_bytes(), Path::new(name))
     }
 
     #[test]
     fn the_kind_of_a_table_follows_from_its_columns_or_else_its_name() {
-        let [nav, heard, sent] =
+        let [navigation, receptions, transmissions] =
             [TableKind::Navigation, TableKind::Receptions, TableKind::Transmissions].map(RecordKind::Table);
         for (text, name, expected) in [
-            ("time,lat,lon\n1,2,3\n", "anything", Some(nav)),
-            ("# of a day\nTime;X;Y;depth\n", "rx.csv", Some(nav)),
-            ("time,source,good\n", "a.csv", Some(heard)),
-            ("time,src,receiver\n", "a.csv", Some(heard)),
-            ("time,source,destination\n", "auv1.heard.csv", Some(heard)),
-            ("time,source,destination\n", "auv1_TX.csv", Some(sent)),
-            ("time,destination\n", "a.csv", Some(sent)),
-            ("time\n1\n", "sent.csv", Some(sent)),
+            ("time,lat,lon\n1,2,3\n", "anything", Some(navigation)),
+            ("# of a day\nTime;X;Y;depth\n", "rx.csv", Some(navigation)),
+            ("time,source,good\n", "a.csv", Some(receptions)),
+            ("time,src,receiver\n", "a.csv", Some(receptions)),
+            ("time,source,destination\n", "auv1.heard.csv", Some(receptions)),
+            ("time,source,destination\n", "auv1_TX.csv", Some(transmissions)),
+            ("time,destination\n", "a.csv", Some(transmissions)),
+            ("time\n1\n", "sent.csv", Some(transmissions)),
             ("time_s,source\n", "turns.csv", Some(RecordKind::Schedule)),
             ("start = 1\n[slots]\n", "a", Some(RecordKind::Schedule)),
             ("name;id\n", "a", Some(RecordKind::ModemIds)),

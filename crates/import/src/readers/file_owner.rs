@@ -17,13 +17,15 @@ impl RecordReader {
             Component::Normal(name) => name.to_str(),
             _ => None,
         });
-        let owner = names.map(bare).find(|name| !name.is_empty()).unwrap_or_default();
-        (!owner.is_empty()).then(|| self.ids.vehicle_of(owner).unwrap_or_else(|| VehicleId::new(owner)))
+        let owner = names.map(strip_generic_words).find(|name| !name.is_empty()).unwrap_or_default();
+        (!owner.is_empty()).then(|| self.ids.lookup(owner).unwrap_or_else(|| VehicleId::new(owner)))
     }
 }
 
-pub(crate) const HEARD_WORDS: &[&str] = &["heard", "rx", "receive", "received", "reception", "receptions", "arrivals"];
-pub(crate) const SENT_WORDS: &[&str] = &["sent", "tx", "transmit", "transmitted", "transmission", "transmissions"];
+pub(crate) const RECEPTION_WORDS: &[&str] =
+    &["heard", "rx", "receive", "received", "reception", "receptions", "arrivals"];
+pub(crate) const TRANSMISSION_WORDS: &[&str] =
+    &["sent", "tx", "transmit", "transmitted", "transmission", "transmissions"];
 pub(crate) const SCHEDULE_WORDS: &[&str] = &["schedule", "slots", "turns", "tdma"];
 const NAVIGATION_WORDS: &[&str] = &["nav", "navigation", "position", "positions", "track", "gps", "fixes"];
 const OTHER_WORDS: &[&str] = &[
@@ -32,33 +34,33 @@ const OTHER_WORDS: &[&str] = &[
 ];
 
 /// Returns whether a character separates the words of a name.
-fn is_between(c: char) -> bool {
+fn is_separator(c: char) -> bool {
     matches!(c, '.' | '_' | '-' | ' ')
 }
 
 /// Returns the words of a file name, in lower case.
-pub(crate) fn words_of(path: &Path) -> Vec<String> {
+pub(crate) fn split_words(path: &Path) -> Vec<String> {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_lowercase();
-    name.split(is_between).map(str::to_owned).collect()
+    name.split(is_separator).map(str::to_owned).collect()
 }
 
 /// Removes the words for the content and the date from both ends of a name.
-fn bare(name: &str) -> &str {
+fn strip_generic_words(name: &str) -> &str {
     let is_word = |word: &str| {
         let word = word.to_lowercase();
-        let all = [HEARD_WORDS, SENT_WORDS, SCHEDULE_WORDS, NAVIGATION_WORDS, OTHER_WORDS];
+        let all = [RECEPTION_WORDS, TRANSMISSION_WORDS, SCHEDULE_WORDS, NAVIGATION_WORDS, OTHER_WORDS];
         all.iter().any(|words| words.contains(&word.as_str()))
     };
-    let all: Vec<&str> = name.split(is_between).filter(|word| !word.is_empty()).collect();
+    let all: Vec<&str> = name.split(is_separator).filter(|word| !word.is_empty()).collect();
     let mut words = all.as_slice();
     while let (Some(first), Some(last)) = (words.first(), words.last()) {
         if is_word(first) {
             words = &words[1..];
         } else if is_word(last) {
             words = &words[..words.len() - 1];
-        } else if day(words) > 0 {
-            words = &words[day(words)..];
-        } else if let Some(at) = (0..words.len()).find(|&at| at + day(&words[at..]) == words.len()) {
+        } else if date_length(words) > 0 {
+            words = &words[date_length(words)..];
+        } else if let Some(at) = (0..words.len()).find(|&at| at + date_length(&words[at..]) == words.len()) {
             words = &words[..at];
         } else {
             // All words are slices of the name, so the result extends from the first to the end of the last.
@@ -73,22 +75,24 @@ fn bare(name: &str) -> &str {
 ///
 /// Dates are `20260503`, `20260503T120000Z`, `2026 05 03` and `2026 05 03T12 00 00`. Other numbers belong to names of
 /// vehicles.
-fn day(words: &[&str]) -> usize {
-    let digits = |word: &str, lengths: &[usize]| {
+fn date_length(words: &[&str]) -> usize {
+    let matches_digits = |word: &str, lengths: &[usize]| {
         let plain: String = word.chars().filter(|letter| !matches!(letter, 'T' | 'Z')).collect();
         lengths.contains(&plain.len()) && plain.bytes().all(|byte| byte.is_ascii_digit())
     };
-    let is = |at: usize, lengths: &[usize]| words.get(at).is_some_and(|word| digits(word, lengths));
+    let has_digits = |at: usize, lengths: &[usize]| words.get(at).is_some_and(|word| matches_digits(word, lengths));
     let is_year = words.first().is_some_and(|word| word.starts_with("19") || word.starts_with("20"));
-    let of_day = match () {
-        () if is_year && is(0, &[8, 12, 14]) => 1,
-        () if is_year && is(0, &[4]) && is(1, &[2]) && is(2, &[2, 4]) => 3,
+    let date_words = match () {
+        () if is_year && has_digits(0, &[8, 12, 14]) => 1,
+        () if is_year && has_digits(0, &[4]) && has_digits(1, &[2]) && has_digits(2, &[2, 4]) => 3,
         () => return 0,
     };
     match () {
-        () if is(of_day, &[4, 6]) => of_day + 1,
-        () if is(of_day, &[2]) && is(of_day + 1, &[2]) => of_day + 2 + usize::from(is(of_day + 2, &[2])),
-        () => of_day,
+        () if has_digits(date_words, &[4, 6]) => date_words + 1,
+        () if has_digits(date_words, &[2]) && has_digits(date_words + 1, &[2]) => {
+            date_words + 2 + usize::from(has_digits(date_words + 2, &[2]))
+        }
+        () => date_words,
     }
 }
 

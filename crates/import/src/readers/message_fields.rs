@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-use crate::readers::columns::{TableKind, role_of};
+use crate::readers::columns::{TableKind, column_role};
 
 /// The fields of a position, a reception or a transmission.
 #[derive(Debug, Default, PartialEq)]
@@ -20,9 +20,9 @@ pub(crate) struct MessageFields {
     pub(crate) frames: Option<u32>,
     pub(crate) kind: Option<String>,
     /// Whether a satellite receiver states that it has no fix.
-    pub(crate) without_fix: bool,
+    pub(crate) has_no_fix: bool,
     /// Whether the fields are ambiguous or invalid: two sources, or a value of the wrong type.
-    pub(crate) is_unclear: bool,
+    pub(crate) is_ambiguous: bool,
     /// Texts that may contain the sentences of a modem.
     pub(crate) texts: Vec<String>,
 }
@@ -39,7 +39,7 @@ impl MessageFields {
                 Value::String(text) => fields.text(name, text),
                 // `sensor_msgs/NavSatFix` states the lack of a fix in `status.status`.
                 Value::Object(inner) if name == "status" => {
-                    fields.without_fix = inner.get("status").and_then(Value::as_i64).is_some_and(|status| status < 0);
+                    fields.has_no_fix = inner.get("status").and_then(Value::as_i64).is_some_and(|status| status < 0);
                 }
                 _ => {}
             }
@@ -49,7 +49,7 @@ impl MessageFields {
 
     /// Sets the field that a member's name denotes, from a number. The first of several positions counts.
     pub(crate) fn number(&mut self, name: &str, number: f64) {
-        let place = match role_of(TableKind::Navigation, name) {
+        let place = match column_role(TableKind::Navigation, name) {
             Some("latitude") => Some(&mut self.latitude),
             Some("longitude") => Some(&mut self.longitude),
             Some("easting") => Some(&mut self.easting),
@@ -62,7 +62,7 @@ impl MessageFields {
             return;
         }
         let whole = (number >= 0.0 && number.fract() == 0.0 && number < 9e15).then_some(number as u64);
-        match role_of(TableKind::Receptions, name) {
+        match column_role(TableKind::Receptions, name) {
             // A negative number stands for no source.
             Some("source") => self.set_source(whole.map(|whole| whole.to_string())),
             Some("destination") => self.destination = self.destination.take().or(whole.map(|whole| whole.to_string())),
@@ -76,7 +76,7 @@ impl MessageFields {
 
     /// Sets the field that a member's name denotes, from a Boolean.
     pub(crate) fn flag(&mut self, name: &str, flag: bool) {
-        match role_of(TableKind::Receptions, name) {
+        match column_role(TableKind::Receptions, name) {
             Some("good") => self.good = self.good.or(Some(flag)),
             _ if name.eq_ignore_ascii_case("sent") => self.sent = self.sent.or(Some(flag)),
             _ => {}
@@ -86,30 +86,30 @@ impl MessageFields {
     /// Sets the field that a member's name denotes, from a text.
     pub(crate) fn text(&mut self, name: &str, text: &str) {
         let is_number = text.parse::<f64>().ok();
-        match role_of(TableKind::Receptions, name) {
+        match column_role(TableKind::Receptions, name) {
             Some("source") => self.set_source(Some(text.to_owned()).filter(|text| !text.is_empty())),
             Some("destination") => self.destination = self.destination.take().or(Some(text.to_owned())),
             Some("good") => match pingmap_trial::flag(text) {
                 Some(flag) => self.flag(name, flag),
-                None => self.is_unclear = true,
+                None => self.is_ambiguous = true,
             },
             Some("frame" | "frames") => match is_number {
                 Some(number) => self.number(name, number),
-                None => self.is_unclear |= !text.is_empty(),
+                None => self.is_ambiguous |= !text.is_empty(),
             },
             _ if name.eq_ignore_ascii_case("kind") => self.kind = self.kind.take().or(Some(text.to_owned())),
-            _ if matches!(role_of(TableKind::Navigation, name), Some("time" | "vehicle") | None) => {
+            _ if matches!(column_role(TableKind::Navigation, name), Some("time" | "vehicle") | None) => {
                 self.texts.push(text.to_owned());
             }
             _ => match is_number {
                 Some(number) => self.number(name, number),
-                None => self.is_unclear |= !text.is_empty(),
+                None => self.is_ambiguous |= !text.is_empty(),
             },
         }
     }
 
     fn set_source(&mut self, source: Option<String>) {
-        self.is_unclear |= self.source.is_some() && source.is_some();
+        self.is_ambiguous |= self.source.is_some() && source.is_some();
         self.source = self.source.take().or(source);
     }
 
@@ -138,7 +138,7 @@ mod tests {
         let place =
             MessageFields::from_json(r#"{"lat":41.5,"lon":"-70.5","depth":null,"status":{"status":-1}}"#).unwrap();
         assert_eq!(
-            (place.latitude, place.longitude, place.depth, place.without_fix),
+            (place.latitude, place.longitude, place.depth, place.has_no_fix),
             (Some(41.5), Some(-70.5), None, true)
         );
         assert_eq!(MessageFields::from_json("[1]"), None);
@@ -151,11 +151,11 @@ mod tests {
         let mut twice = MessageFields::default();
         twice.number("src", -1.0);
         twice.number("src", 2.0);
-        assert!(!twice.is_unclear && twice.source.as_deref() == Some("2"));
+        assert!(!twice.is_ambiguous && twice.source.as_deref() == Some("2"));
         twice.number("src", 3.0);
-        assert!(twice.is_unclear);
+        assert!(twice.is_ambiguous);
         for wrong in [r#"{"latitude":"here"}"#, r#"{"source":2,"good":"perhaps"}"#, r#"{"source":2,"frame":"first"}"#] {
-            assert!(MessageFields::from_json(wrong).unwrap().is_unclear, "{wrong}");
+            assert!(MessageFields::from_json(wrong).unwrap().is_ambiguous, "{wrong}");
         }
         let frame = |text| MessageFields::from_json(text).unwrap().received_frame();
         assert_eq!(frame(r#"{"frame":0,"frames":3}"#), Err(()));

@@ -31,13 +31,13 @@ pub(crate) fn is_alog(head: &str) -> bool {
 }
 
 /// Returns the datum in a mission file, from its lines `LatOrigin = …` and `LongOrigin = …`.
-pub(crate) fn datum_of_mission(head: &str) -> Option<Geographic> {
+pub(crate) fn mission_datum(head: &str) -> Option<Geographic> {
     let value = |key: &str| {
-        let of_key = |line: &str| {
+        let value_in_line = |line: &str| {
             let (name, value) = line.split("//").next()?.split_once('=')?;
             name.trim().eq_ignore_ascii_case(key).then(|| value.trim().parse::<f64>().ok())?
         };
-        head.lines().find_map(of_key)
+        head.lines().find_map(value_in_line)
     };
     Geographic::new(value("LatOrigin")?, value("LongOrigin")?)
 }
@@ -137,7 +137,7 @@ impl AlogParser {
                 },
                 "MODEM_RECEIVE" | "MODEM_TRANSMIT" => {
                     self.host_recording.arrivals.get_or_insert_default();
-                    self.host_recording.sent.get_or_insert_default();
+                    self.host_recording.transmissions.get_or_insert_default();
                     let (transmission, mut sink) =
                         (ModemTransmission::parse(value), Sink { recording: &mut self.host_recording, ids });
                     if name == "MODEM_RECEIVE" {
@@ -211,13 +211,13 @@ mod tests {
         let fix = parsed.recording.fixes[0];
         assert_eq!((fix.place, fix.depth_m), (Place::Metres(10.5, -4.0), None));
         assert_eq!((parsed.recording.fixes.len(), parsed.skipped.garbled), (1, 1));
-        assert!(parsed.recording.arrivals.is_none() && parsed.recording.sent.is_none());
+        assert!(parsed.recording.arrivals.is_none() && parsed.recording.transmissions.is_none());
     }
 
     #[test]
     fn a_mission_file_states_its_datum() {
         let text = "ServerHost = localhost\nLatOrigin  = 43.8253 // the bay\nlongorigin = -70.3304\n";
-        assert_eq!(datum_of_mission(text), Some(Geographic { latitude_deg: 43.8253, longitude_deg: -70.3304 }));
-        assert_eq!(datum_of_mission("LatOrigin = 43"), None);
+        assert_eq!(mission_datum(text), Some(Geographic { latitude_deg: 43.8253, longitude_deg: -70.3304 }));
+        assert_eq!(mission_datum("LatOrigin = 43"), None);
     }
 }

@@ -27,8 +27,8 @@ pub(crate) struct Navigation {
     degrees: [TimedValue; 2],
     metres: [TimedValue; 2],
     depth: TimedValue,
-    in_degrees: Vec<Fix>,
-    in_metres: Vec<Fix>,
+    degree_fixes: Vec<Fix>,
+    metre_fixes: Vec<Fix>,
     /// The latest position in each form, with its time.
     latest_degrees: Option<(f64, Geographic)>,
     latest_metres: Option<(f64, (f64, f64))>,
@@ -56,11 +56,11 @@ impl Navigation {
         }
         let pair = if is_degrees { &mut self.degrees } else { &mut self.metres };
         pair[index] = Some((time_s, value));
-        let together = |pair: [TimedValue; 2]| {
+        let simultaneous = |pair: [TimedValue; 2]| {
             let (first, second) = pair[0].zip(pair[1])?;
             ((first.0 - second.0).abs() <= PAIR_S).then_some((first.1, second.1))
         };
-        let Some((first, second)) = together(*pair) else { return true };
+        let Some((first, second)) = simultaneous(*pair) else { return true };
         *pair = [None; 2];
         if is_degrees {
             return self.add_degrees(time_s, (first, second), None);
@@ -102,14 +102,14 @@ impl Navigation {
                 self.datum_pair = Some((degrees, metres));
             }
         }
-        let fixes = if matches!(place, Place::Degrees(_)) { &mut self.in_degrees } else { &mut self.in_metres };
+        let fixes = if matches!(place, Place::Degrees(_)) { &mut self.degree_fixes } else { &mut self.metre_fixes };
         if fixes.last().is_none_or(|last| !(0.0..FIX_INTERVAL_S_MIN).contains(&(time_s - last.time_s))) {
             fixes.push(Fix { time_s, place, depth_m });
         }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
-        self.in_degrees.is_empty() && self.in_metres.is_empty()
+        self.degree_fixes.is_empty() && self.metre_fixes.is_empty()
     }
 
     /// Estimates the datum, the place of (0, 0), from a position in both forms.
@@ -120,7 +120,7 @@ impl Navigation {
         let (place, (east_m, north_m)) = self.datum_pair?;
         let mut datum = place;
         for _ in 0..4 {
-            let (x_m, y_m) = Reference::about(datum).ok()?.metres(Place::Degrees(place))?;
+            let (x_m, y_m) = Reference::with_origin(datum).ok()?.metres(Place::Degrees(place))?;
             // Approximate length of a degree of latitude. The remaining error shrinks with every iteration.
             let metres_a_degree = 111_200.0;
             datum = Geographic::new(
@@ -130,14 +130,14 @@ impl Navigation {
             )?;
         }
         // Rounds to 0.1 m, which restores the digits of the mission file.
-        let rounded = |degrees: f64| (degrees * 1e6).round() / 1e6;
-        Geographic::new(rounded(datum.latitude_deg), rounded(datum.longitude_deg))
+        let round = |degrees: f64| (degrees * 1e6).round() / 1e6;
+        Geographic::new(round(datum.latitude_deg), round(datum.longitude_deg))
     }
 
     /// Returns the fixes in degrees, or those in metres if they are more than twice as many. A satellite receiver works
     /// at the surface only.
     pub(crate) fn into_fixes(self) -> Vec<Fix> {
-        if self.in_metres.len() > 2 * self.in_degrees.len() { self.in_metres } else { self.in_degrees }
+        if self.metre_fixes.len() > 2 * self.degree_fixes.len() { self.metre_fixes } else { self.degree_fixes }
     }
 }
 
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn coordinates_form_positions_that_determine_the_datum() {
         let origin = Geographic::new(43.8253, -70.3304).unwrap();
-        let reference = Reference::about(origin).unwrap();
+        let reference = Reference::with_origin(origin).unwrap();
         let mut navigation = Navigation::default();
         for n in 0..100 {
             let (time_s, east_m) = (0.1 * f64::from(n), 10.0 * f64::from(n) - 600.0);
@@ -164,8 +164,8 @@ mod tests {
             );
         }
         let datum = navigation.datum().unwrap();
-        let off_m = reference.metres(Place::Degrees(datum)).unwrap();
-        assert!(off_m.0.hypot(off_m.1) < 0.001, "{off_m:?}");
+        let error_m = reference.metres(Place::Degrees(datum)).unwrap();
+        assert!(error_m.0.hypot(error_m.1) < 0.001, "{error_m:?}");
         assert!(!navigation.absorb_coordinate(11.0, "X", "nan") && !navigation.absorb_coordinate(11.0, "LAT", "here"));
         let fixes = navigation.into_fixes();
         assert!((9..=11).contains(&fixes.len()) && fixes[1].depth_m == Some(12.0), "{}", fixes.len());

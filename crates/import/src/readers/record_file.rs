@@ -62,7 +62,7 @@ impl RecordReader {
         let fail = |problem: String| ImportError::Content { file: name.display().to_string(), problem };
         let unreadable = |error| FileError { path: name.to_owned(), problem: Problem::Unreadable(error) };
         let mut bytes = read_head(&mut reader).map_err(unreadable)?;
-        if self.kind_of(&bytes, name) == Some(RecordKind::LcmTypes) {
+        if self.detect_kind(&bytes, name) == Some(RecordKind::LcmTypes) {
             reader.take(TYPES_BYTES_MAX).read_to_end(&mut bytes).map_err(unreadable)?;
             self.lcm_types.read(&String::from_utf8_lossy(&bytes)).map_err(fail)?;
         }
@@ -84,22 +84,24 @@ impl RecordReader {
         &self,
         reader: impl Read,
         source: &FileSource,
-        into: &mut Recordings,
+        recordings: &mut Recordings,
     ) -> Result<Option<FileSummary>, ImportError> {
         let &FileSource { path, name, topics, .. } = source;
         let unreadable = |error| FileError { path: name.to_owned(), problem: Problem::Unreadable(error) };
         let fail = |problem: String| ImportError::Content { file: name.display().to_string(), problem };
         let mut reader = BufReader::new(reader);
         let head = read_head(&mut reader).map_err(unreadable)?;
-        let Some(kind) = self.kind_of(&head, name) else { return Ok(None) };
-        let only = |datum| FileSummary { kind, vehicle: None, datum, skipped: SkipCounts::default() };
+        let Some(kind) = self.detect_kind(&head, name) else { return Ok(None) };
+        let summary = |datum| FileSummary { kind, vehicle: None, datum, skipped: SkipCounts::default() };
         let text = head.as_slice().chain(reader);
         let parsed = match kind {
-            RecordKind::MoosMission => return Ok(Some(only(moos::datum_of_mission(&String::from_utf8_lossy(&head))))),
+            RecordKind::MoosMission => return Ok(Some(summary(moos::mission_datum(&String::from_utf8_lossy(&head))))),
             RecordKind::LcmTypes | RecordKind::ModemIds | RecordKind::Schedule | RecordKind::TeamFile => {
-                return Ok(Some(only(None)));
+                return Ok(Some(summary(None)));
             }
-            RecordKind::Table(table) => return self.read_detected_table((table, &head), text, source, into).map(Some),
+            RecordKind::Table(table) => {
+                return self.read_detected_table((table, &head), text, source, recordings).map(Some);
+            }
             RecordKind::MoosLog => moos::read(text, &self.ids, &self.moos_prefix).map_err(unreadable)?.map_err(fail)?,
             RecordKind::ModemCapture => capture::read(text, &self.ids).map_err(unreadable)?,
             RecordKind::Lcm => log::read(text, &self.lcm_types, &self.ids, topics).map_err(fail)?,
@@ -115,13 +117,13 @@ impl RecordReader {
         if recording == Recording::default() {
             return Ok(Some(FileSummary { kind, vehicle: None, datum, skipped }));
         }
-        let by_modem = || recording.modem_ids.iter().find_map(|id| self.ids.vehicle_of(id));
+        let by_modem = || recording.modem_ids.iter().find_map(|id| self.ids.lookup(id));
         let Some(vehicle) = source.vehicle.cloned().or(own_name).or_else(by_modem) else {
             return Err(fail(
                 "does not state its vehicle; expected NAME= in front of it, or its modem's id in --ids".into(),
             ));
         };
-        into.entry(vehicle.clone()).or_default().append(recording);
+        recordings.entry(vehicle.clone()).or_default().append(recording);
         Ok(Some(FileSummary { kind, vehicle: Some(vehicle), datum, skipped }))
     }
 
@@ -131,17 +133,17 @@ impl RecordReader {
         (table, head): (TableKind, &[u8]),
         text: impl Read,
         &FileSource { name, vehicle, .. }: &FileSource,
-        into: &mut Recordings,
+        recordings: &mut Recordings,
     ) -> Result<FileSummary, ImportError> {
-        let names_all = RoleTable::new(head, name, table, &self.columns)?.has("vehicle");
-        let vehicle = vehicle.cloned().or_else(|| if names_all { None } else { self.owner(name) });
-        if vehicle.is_none() && !names_all {
+        let has_vehicle_column = RoleTable::new(head, name, table, &self.columns)?.has("vehicle");
+        let vehicle = vehicle.cloned().or_else(|| if has_vehicle_column { None } else { self.owner(name) });
+        if vehicle.is_none() && !has_vehicle_column {
             return Err(ImportError::Content {
                 file: name.display().to_string(),
                 problem: "does not state its vehicle; expected NAME= in front of it, a name such as auv1.nav.csv, or a column vehicle".into(),
             });
         }
-        let skipped = self.read_table(table, (text, name), vehicle.as_ref(), into)?;
+        let skipped = self.read_table(table, (text, name), vehicle.as_ref(), recordings)?;
         Ok(FileSummary { kind: RecordKind::Table(table), vehicle, datum: None, skipped })
     }
 }

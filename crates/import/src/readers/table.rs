@@ -8,7 +8,7 @@ use pingmap_agent::{Geographic, VehicleId, bounds};
 
 use crate::model::error::ImportError;
 use crate::model::parsed_file::SkipCounts;
-use crate::model::recording::{Arrival, Fix, Recording, Recordings, SentMessage};
+use crate::model::recording::{Arrival, Fix, Recording, Recordings, TransmissionRecord};
 use crate::model::reference::Place;
 use crate::readers::columns::{RoleTable, TableKind};
 use crate::readers::record_reader::RecordReader;
@@ -24,7 +24,7 @@ impl RecordReader {
         kind: TableKind,
         (reader, path): (impl Read, &Path),
         vehicle: Option<&VehicleId>,
-        into: &mut Recordings,
+        recordings: &mut Recordings,
     ) -> Result<SkipCounts, ImportError> {
         let mut row = RoleTable::new(reader, path, kind, &self.columns)?;
         row.require(kind, &["time"])?;
@@ -34,19 +34,19 @@ impl RecordReader {
         let mut skipped = SkipCounts::default();
         // The modem may be off between two files, so each file has its own entry of activity.
         let records: BTreeMap<VehicleId, usize> =
-            into.iter().map(|(name, recording)| (name.clone(), recording.modem_activity.len())).collect();
+            recordings.iter().map(|(name, recording)| (name.clone(), recording.modem_activity.len())).collect();
         if let (Some(vehicle), true) = (vehicle, kind != TableKind::Navigation) {
             // A table without rows is a record, too: nothing was received or transmitted.
-            start_record(kind, into.entry(vehicle.clone()).or_default());
+            start_record(kind, recordings.entry(vehicle.clone()).or_default());
         }
         self.require_columns(kind, &row)?;
         while row.table.next()? {
-            let whose = match vehicle {
+            let owner = match vehicle {
                 Some(vehicle) => vehicle.clone(),
                 None => self.ids.resolve(row.text("vehicle")).ok_or_else(|| row.bad("vehicle", "one vehicle"))?,
             };
-            let record = records.get(&whose).copied().unwrap_or(0);
-            let recording = into.entry(whose).or_default();
+            let record = records.get(&owner).copied().unwrap_or(0);
+            let recording = recordings.entry(owner).or_default();
             start_record(kind, recording);
             match kind {
                 TableKind::Navigation => add_fix(&row, recording, &mut skipped)?,
@@ -102,17 +102,17 @@ impl RecordReader {
         skipped: &mut SkipCounts,
     ) -> Result<(), ImportError> {
         if row.flag("sent")? == Some(false) {
-            skipped.not_sent += 1;
+            skipped.failed_transmissions += 1;
             return Ok(());
         }
-        let sent = SentMessage {
+        let transmission = TransmissionRecord {
             time_s: row.time_s()?,
             destination: self.ids.resolve(row.text("destination")),
             frames: row.positive_integer("frames")?,
             kind: row.table.kind()?,
             band: Some(row.table.field("band").to_owned()).filter(|band| !band.is_empty()),
         };
-        recording.sent.get_or_insert_default().push(sent);
+        recording.transmissions.get_or_insert_default().push(transmission);
         Ok(())
     }
 }
@@ -121,7 +121,7 @@ fn start_record(kind: TableKind, recording: &mut Recording) {
     match kind {
         TableKind::Navigation => {}
         TableKind::Receptions => drop(recording.arrivals.get_or_insert_default()),
-        TableKind::Transmissions => drop(recording.sent.get_or_insert_default()),
+        TableKind::Transmissions => drop(recording.transmissions.get_or_insert_default()),
     }
 }
 
@@ -134,7 +134,7 @@ fn add_fix(row: &RoleTable, recording: &mut Recording, skipped: &mut SkipCounts)
         recording.set_band(time_s, row.text("band").to_owned());
     }
     let Some((place, depth_m)) = read_position(row)? else {
-        skipped.without_position += 1;
+        skipped.missing_positions += 1;
         return Ok(());
     };
     recording.fixes.push(Fix { time_s, place, depth_m });
@@ -143,16 +143,16 @@ fn add_fix(row: &RoleTable, recording: &mut Recording, skipped: &mut SkipCounts)
 
 /// Checks that a table has columns for positions, in degrees or in metres.
 pub(crate) fn require_position(row: &RoleTable) -> Result<(), ImportError> {
-    let in_degrees = row.has("latitude") || row.has("longitude");
-    row.require(TableKind::Navigation, if in_degrees { &["latitude", "longitude"] } else { &["easting", "northing"] })
+    let has_degrees = row.has("latitude") || row.has("longitude");
+    row.require(TableKind::Navigation, if has_degrees { &["latitude", "longitude"] } else { &["easting", "northing"] })
 }
 
 /// Reads the position and the depth of a row; `None` if a coordinate is empty.
 pub(crate) fn read_position(row: &RoleTable) -> Result<Option<(Place, Option<f64>)>, ImportError> {
-    let in_degrees = row.has("latitude");
-    let (first, second) = if in_degrees { ("latitude", "longitude") } else { ("easting", "northing") };
+    let has_degrees = row.has("latitude");
+    let (first, second) = if has_degrees { ("latitude", "longitude") } else { ("easting", "northing") };
     let (Some(a), Some(b)) = (row.number(first)?, row.number(second)?) else { return Ok(None) };
-    let place = if in_degrees {
+    let place = if has_degrees {
         let place =
             Geographic::new(a, b).ok_or_else(|| row.bad(first, "degrees: latitudes to 90, longitudes to 180"))?;
         Place::Degrees(place)

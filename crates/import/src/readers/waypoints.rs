@@ -35,10 +35,10 @@ pub fn read_waypoints(reader: impl Read, path: &Path) -> Result<Vec<Waypoint>, I
     require_position(&row)?;
     let mut waypoints = Vec::new();
     while row.table.next()? {
-        let placed = read_position(&row)?;
-        let in_degrees = row.has("latitude");
+        let position = read_position(&row)?;
+        let has_degrees = row.has("latitude");
         let (place, depth_m) =
-            placed.ok_or_else(|| row.bad(if in_degrees { "latitude" } else { "easting" }, "a place"))?;
+            position.ok_or_else(|| row.bad(if has_degrees { "latitude" } else { "easting" }, "a place"))?;
         if let Place::Metres(east_m, north_m) = place {
             for (role, number) in [("easting", east_m), ("northing", north_m)] {
                 bounds::COORDINATE_M.check(number).ok_or_else(|| row.bad(role, bounds::COORDINATE_M.words))?;
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn an_invalid_place_is_refused_with_its_line() {
-        for (text, said) in [
+        for (text, message) in [
             ("x,y\n", "no places"),
             ("x\n1\n", "northing_m"),
             ("x,y\n1,2\n1,\n", "line 3"),
@@ -83,7 +83,7 @@ mod tests {
             ("x,y,time_s\n1,2,noon\n", "noon"),
         ] {
             let error = read(text).unwrap_err();
-            assert!(error.contains(said), "{text}: {error}");
+            assert!(error.contains(message), "{text}: {error}");
         }
     }
 }

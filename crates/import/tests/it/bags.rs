@@ -47,8 +47,9 @@ fn assert_modem_records(recording: &Recording) {
     let times: Vec<f64> = arrivals.iter().map(|arrival| arrival.time_s - START_S).collect();
     assert_eq!(times, [3.0, 13.0, 23.0, 33.0, 43.0, 53.0]);
     assert!(arrivals.iter().all(|arrival| arrival.source.as_str() == "2" && arrival.good));
-    let sent: Vec<f64> = recording.sent.iter().flatten().map(|sent| sent.time_s - START_S).collect();
-    assert_eq!(sent, [8.0, 18.0, 28.0, 38.0, 48.0, 58.0]);
+    let transmitted_s: Vec<f64> =
+        recording.transmissions.iter().flatten().map(|transmission| transmission.time_s - START_S).collect();
+    assert_eq!(transmitted_s, [8.0, 18.0, 28.0, 38.0, 48.0, 58.0]);
     assert_eq!((recording.modem_activity[0].0, recording.modem_ids.len()), (START_S, 1));
 }
 

@@ -29,11 +29,11 @@ fn capture(sentences: &[(f64, &str)]) -> (Recording, SkipCounts) {
 /// Lists the transmissions: time, destination, number of frames, kind.
 fn transmissions(recording: &Recording) -> Vec<(f64, String, Option<u32>, String)> {
     let text = |text: Option<String>| text.unwrap_or_default();
-    let fields = |sent: &pingmap_import::SentMessage| {
-        let to = sent.destination.as_ref().map(ToString::to_string);
-        (sent.time_s, text(to), sent.frames, text(sent.kind.as_ref().map(ToString::to_string)))
+    let fields = |transmission: &pingmap_import::TransmissionRecord| {
+        let to = transmission.destination.as_ref().map(ToString::to_string);
+        (transmission.time_s, text(to), transmission.frames, text(transmission.kind.as_ref().map(ToString::to_string)))
     };
-    recording.sent.iter().flatten().map(fields).collect()
+    recording.transmissions.iter().flatten().map(fields).collect()
 }
 
 /// A reception: time, source, frame, number of frames, and whether it was decoded.
@@ -93,7 +93,7 @@ fn finished_messages_are_transmissions_and_requests_are_not() {
         transmissions(&recording),
         expected.map(|(time_s, to, frames, kind)| (time_s, to.into(), frames, kind.into()))
     );
-    assert_eq!((skipped.not_sent, recording.arrivals.as_ref().map(Vec::len)), (2, Some(0)));
+    assert_eq!((skipped.failed_transmissions, recording.arrivals.as_ref().map(Vec::len)), (2, Some(0)));
     assert_eq!((recording.modem_activity[0], recording.modem_ids.len()), ((0.0, 103.0), 1));
 }
 
@@ -183,7 +183,7 @@ fn a_modem_that_starts_ranges_or_acknowledges_is_deaf() {
     assert_eq!(recording.deaf_intervals, expected);
     // Only the modem's own reports count.
     assert_eq!(recording.bands, [(31.1, "2".to_owned())]);
-    assert!(recording.sent.unwrap().is_empty());
+    assert!(recording.transmissions.unwrap().is_empty());
     // Carrier and bandwidth determine band 0. In other bands they are ignored.
     let (recording, _) = capture(&[
         (1.0, "CACFG,BND,0"),
@@ -256,7 +256,7 @@ fn statistics_revoke_only_their_own_message_and_stale_data_are_not_sent() {
         // Ranging.
         (300.0, "CAPGT,1,25000"),
     ]);
-    assert_eq!(transmissions(&recording).iter().map(|sent| sent.0).collect::<Vec<_>>(), [0.1]);
+    assert_eq!(transmissions(&recording).iter().map(|transmission| transmission.0).collect::<Vec<_>>(), [0.1]);
     assert_eq!(recording.deaf_intervals.last(), Some(&(300.0, 305.0, ExclusionReason::OtherMode)));
 }
 
@@ -274,7 +274,7 @@ fn a_wrong_checksum_is_garbled_and_the_content_determines_the_kind() {
         ("1 $GPGGA,1,2,3\n", None),
         ("", None),
     ] {
-        assert_eq!(RecordReader::default().kind_of(text.as_bytes(), Path::new("file")), kind, "{text}");
+        assert_eq!(RecordReader::default().detect_kind(text.as_bytes(), Path::new("file")), kind, "{text}");
     }
 }
 
@@ -318,19 +318,19 @@ fn goby_transmissions_are_records_of_its_host() {
 #[test]
 fn modem_ids_resolve_to_the_vehicles_that_state_them() {
     let mut recordings = Recordings::new();
-    let mut take = |vehicle: &str, text: &str| {
+    let mut read = |vehicle: &str, text: &str| {
         let vehicle = VehicleId::new(vehicle);
         RecordReader::default()
             .read_record(text.as_bytes(), &FileSource::new(Path::new("f"), Some(&vehicle)), &mut recordings)
             .unwrap();
     };
-    take("ada", "1 $CACFG,SRC,1\n5 $CARXD,2,1,0,1,AA\n");
-    take("bob", "1 $CACFG,SRC,2\n3 $CATXD,2,1,0,1\n4 $CATXF,1\n");
+    read("ada", "1 $CACFG,SRC,1\n5 $CARXD,2,1,0,1,AA\n");
+    read("bob", "1 $CACFG,SRC,2\n3 $CATXD,2,1,0,1\n4 $CATXF,1\n");
     resolve_modem_ids(&mut recordings).unwrap();
-    let of = |name: &str| recordings[&VehicleId::new(name)].clone();
-    let arrival = of("ada").arrivals.unwrap().remove(0);
+    let recording_of = |name: &str| recordings[&VehicleId::new(name)].clone();
+    let arrival = recording_of("ada").arrivals.unwrap().remove(0);
     assert_eq!((arrival.source.as_str(), arrival.destination.unwrap().as_str()), ("bob", "ada"));
-    assert_eq!(of("bob").sent.unwrap()[0].destination, Some(VehicleId::new("ada")));
+    assert_eq!(recording_of("bob").transmissions.unwrap()[0].destination, Some(VehicleId::new("ada")));
     recordings.get_mut(&VehicleId::new("bob")).unwrap().modem_ids.insert("1".into());
     let error = resolve_modem_ids(&mut recordings).unwrap_err().to_string();
     assert!(error.contains("ada and bob") && error.contains("id is 1"), "{error}");

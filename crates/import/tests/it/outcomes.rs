@@ -9,28 +9,33 @@ use pingmap_import::{
 
 /// Joins vehicles a, b and c, 300 m apart, from the transmissions of a and the receptions of b and c. Their modems
 /// listen all the time.
-fn join_listening(sent: &str, heard: [&str; 2], rules: &Rules) -> ImportResult {
-    join_records(sent, heard, Some((0.0, 2000.0)), rules)
+fn join_tables(transmissions: &str, receptions: [&str; 2], rules: &Rules) -> ImportResult {
+    join_records(transmissions, receptions, Some((0.0, 2000.0)), rules)
 }
 
 /// Joins them with an optional interval in which b and c listen, as stated by the user.
-fn join_records(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>, rules: &Rules) -> ImportResult {
-    join(&records(sent, heard, listening), None, &Reference::unknown(), rules).unwrap()
+fn join_records(
+    transmissions: &str,
+    receptions: [&str; 2],
+    listening: Option<(f64, f64)>,
+    rules: &Rules,
+) -> ImportResult {
+    join(&records(transmissions, receptions, listening), None, &Reference::unknown(), rules).unwrap()
 }
 
-fn records(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>) -> Recordings {
+fn records(transmissions: &str, receptions: [&str; 2], listening: Option<(f64, f64)>) -> Recordings {
     let mut recordings = Recordings::new();
-    let mut take = |kind, vehicle: &str, text: &str| {
+    let mut read = |kind, vehicle: &str, text: &str| {
         let table = (text.as_bytes(), Path::new("table"));
         RecordReader::default().read_table(kind, table, Some(&VehicleId::new(vehicle)), &mut recordings).unwrap();
     };
     for (vehicle, east_m) in [("a", 0), ("b", 300), ("c", -300)] {
         let line = |n: u32| format!("{},{east_m},0\n", 20 * n);
-        take(TableKind::Navigation, vehicle, &format!("t,x,y\n{}", (0..80).map(line).collect::<String>()));
+        read(TableKind::Navigation, vehicle, &format!("t,x,y\n{}", (0..80).map(line).collect::<String>()));
     }
-    take(TableKind::Transmissions, "a", sent);
-    for (vehicle, heard) in ["b", "c"].into_iter().zip(heard) {
-        take(TableKind::Receptions, vehicle, heard);
+    read(TableKind::Transmissions, "a", transmissions);
+    for (vehicle, receptions) in ["b", "c"].into_iter().zip(receptions) {
+        read(TableKind::Receptions, vehicle, receptions);
     }
     for vehicle in ["b", "c"] {
         recordings.get_mut(&VehicleId::new(vehicle)).unwrap().listening.extend(listening);
@@ -39,13 +44,13 @@ fn records(sent: &str, heard: [&str; 2], listening: Option<(f64, f64)>) -> Recor
 }
 
 /// Makes a table of one hundred transmissions, one every ten seconds.
-fn sent_table(more: &str, of: impl Fn(u32) -> String) -> String {
-    format!("t{more}\n{}", (1..=100).map(|n| format!("{}{}\n", 10 * n, of(n))).collect::<String>())
+fn transmission_table(more: &str, fields: impl Fn(u32) -> String) -> String {
+    format!("t{more}\n{}", (1..=100).map(|n| format!("{}{}\n", 10 * n, fields(n))).collect::<String>())
 }
 
 /// Makes a table of the messages that are heard, with further columns.
-fn heard_table(more: &str, is_heard: impl Fn(u32) -> bool, of: impl Fn(u32) -> String) -> String {
-    let lines = (1..=100).filter(|n| is_heard(*n)).map(|n| format!("{}.2,a{}\n", 10 * n, of(n)));
+fn reception_table(more: &str, is_heard: impl Fn(u32) -> bool, fields: impl Fn(u32) -> String) -> String {
+    let lines = (1..=100).filter(|n| is_heard(*n)).map(|n| format!("{}.2,a{}\n", 10 * n, fields(n)));
     format!("t,source{more}\n{}", lines.collect::<String>())
 }
 
@@ -54,42 +59,48 @@ fn no_fields(_: u32) -> String {
 }
 
 /// A choice of messages: the first and the last, and two of three in between.
-fn mostly(n: u32) -> bool {
+fn two_of_three(n: u32) -> bool {
     !n.is_multiple_of(3)
 }
 
-fn pair_counts(imported: &ImportResult, to: &str) -> (usize, usize, usize) {
-    let pair = &imported.pairs[&(VehicleId::new("a"), VehicleId::new(to))];
+fn pair_counts(imported: &ImportResult, destination: &str) -> (usize, usize, usize) {
+    let pair = &imported.pairs[&(VehicleId::new("a"), VehicleId::new(destination))];
     (pair.heard, pair.missed, pair.excluded.values().sum())
 }
 
 #[test]
-fn destination_and_kind_do_not_depend_on_the_outcome() {
-    let to = |n: u32| format!(",{}", if n.is_multiple_of(2) { "b" } else { "c" });
-    let both = heard_table(",to", mostly, to);
-    let found = join_listening(&sent_table("", no_fields), [&both, &both], &Rules::default());
+fn destination_and_kind_are_independent_of_the_outcome() {
+    let destination = |n: u32| format!(",{}", if n.is_multiple_of(2) { "b" } else { "c" });
+    let receptions = reception_table(",to", two_of_three, destination);
+    let found = join_tables(&transmission_table("", no_fields), [&receptions, &receptions], &Rules::default());
     // Messages that a receiver heard have a known destination, and both receivers heard them. Unheard messages have an
     // unknown destination. Only heard messages remain, and the result names the sender.
     assert_eq!((pair_counts(&found, "b"), pair_counts(&found, "c")), ((34, 0, 33), (33, 0, 33)));
-    assert_eq!(found.destinations_by_reception, "a");
-    let overheard =
-        join_listening(&sent_table("", no_fields), [&both, &both], &Rules { overhear: true, ..Rules::default() });
+    assert_eq!(found.undocumented_destinations, "a");
+    let overheard = join_tables(
+        &transmission_table("", no_fields),
+        [&receptions, &receptions],
+        &Rules { overhear: true, ..Rules::default() },
+    );
     assert_eq!(pair_counts(&overheard, "b"), (67, 33, 0));
     // The sender's record of destinations takes precedence. Otherwise heard and missed messages would have different
     // destinations.
-    let either = |n: u32| if n.is_multiple_of(2) { ",b".to_owned() } else { ",".to_owned() };
-    let b_only = heard_table(",to", mostly, |_| ",b".to_owned());
-    let found =
-        join_listening(&sent_table(",to", either), [&b_only, &heard_table("", mostly, no_fields)], &Rules::default());
+    let destination = |n: u32| if n.is_multiple_of(2) { ",b".to_owned() } else { ",".to_owned() };
+    let receptions_of_b = reception_table(",to", two_of_three, |_| ",b".to_owned());
+    let found = join_tables(
+        &transmission_table(",to", destination),
+        [&receptions_of_b, &reception_table("", two_of_three, no_fields)],
+        &Rules::default(),
+    );
     assert_eq!((pair_counts(&found, "b"), pair_counts(&found, "c")), ((67, 33, 0), (33, 17, 0)));
-    assert_eq!(found.destinations_by_reception, "");
+    assert_eq!(found.undocumented_destinations, "");
     // If only receptions state kinds, only heard messages have one. No event gets a kind then.
-    let kinds = heard_table(",kind", mostly, |_| ",short".into());
-    let found = join_listening(&sent_table("", no_fields), [&kinds, &kinds], &Rules::default());
+    let kinds = reception_table(",kind", two_of_three, |_| ",short".into());
+    let found = join_tables(&transmission_table("", no_fields), [&kinds, &kinds], &Rules::default());
     assert!(found.log.events.iter().all(|event| event.kind.is_none()));
     // If every message was heard by a receiver, all events get a kind.
-    let rest = heard_table(",kind", |n| !mostly(n) || n == 1 || n == 100, |_| ",short".into());
-    let found = join_listening(&sent_table("", no_fields), [&kinds, &rest], &Rules::default());
+    let other_receptions = reception_table(",kind", |n| !two_of_three(n) || n == 1 || n == 100, |_| ",short".into());
+    let found = join_tables(&transmission_table("", no_fields), [&kinds, &other_receptions], &Rules::default());
     assert!(
         found.log.events.iter().all(|event| event.kind.is_some())
             && found.log.events.iter().any(|event| !event.success)
@@ -98,14 +109,14 @@ fn destination_and_kind_do_not_depend_on_the_outcome() {
 
 #[test]
 fn an_unmatched_message_makes_the_nearest_transmission_ambiguous() {
-    let late = |n: u32| if n == 50 || n == 53 { "61" } else { "2" };
+    let tenths = |n: u32| if n == 50 || n == 53 { "61" } else { "2" };
     let lines = (1..=100)
-        .filter(|n| mostly(*n))
-        .map(|n| format!("{}.{},a\n", if late(n) == "61" { 10 * n + 1 } else { 10 * n }, late(n)));
-    let heard_late = format!("t,source\n{}", lines.collect::<String>());
-    let found = join_listening(
-        &sent_table("", no_fields),
-        [&heard_late, &heard_table("", mostly, no_fields)],
+        .filter(|n| two_of_three(*n))
+        .map(|n| format!("{}.{},a\n", if tenths(n) == "61" { 10 * n + 1 } else { 10 * n }, tenths(n)));
+    let late_receptions = format!("t,source\n{}", lines.collect::<String>());
+    let found = join_tables(
+        &transmission_table("", no_fields),
+        [&late_receptions, &reception_table("", two_of_three, no_fields)],
         &Rules::default(),
     );
     assert_eq!((pair_counts(&found, "b"), pair_counts(&found, "c")), ((65, 33, 2), (67, 33, 0)));
@@ -119,30 +130,31 @@ fn receptions_that_bound_the_modem_activity_do_not_count() {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (seed >> 33) as f64 / 2f64.powi(31) < share
     };
-    let (mut heard_of, mut all, mut at_ends) = (0.0, 0.0, 0.0);
+    let (mut heard_events, mut events, mut bounding_receptions) = (0.0, 0.0, 0.0);
     for _ in 0..150 {
         let outcomes: Vec<bool> = (0..=100).map(|_| is_heard()).collect();
         // Each short record contains ten messages, so the first and the last reception matter.
-        let of = |n: u32| n.is_multiple_of(10) && outcomes[n as usize];
-        let few = format!("t\n{}", (1..=10).map(|n| format!("{}\n", 100 * n)).collect::<String>());
+        let is_received = |n: u32| n.is_multiple_of(10) && outcomes[n as usize];
+        let ten_transmissions = format!("t\n{}", (1..=10).map(|n| format!("{}\n", 100 * n)).collect::<String>());
         let found = join_records(
-            &few,
-            [&heard_table("", of, no_fields), &heard_table("", of, no_fields)],
+            &ten_transmissions,
+            [&reception_table("", is_received, no_fields), &reception_table("", is_received, no_fields)],
             None,
             &Rules::default(),
         );
         let (heard, missed, _) = pair_counts(&found, "b");
-        (heard_of, all) = (heard_of + heard as f64, all + (heard + missed) as f64);
-        at_ends += f64::from((1..=100).filter(|n| of(*n)).count() > 1) * 2.0;
+        (heard_events, events) = (heard_events + heard as f64, events + (heard + missed) as f64);
+        bounding_receptions += f64::from((1..=100).filter(|n| is_received(*n)).count() > 1) * 2.0;
     }
-    let off = (heard_of - share * all) / (share * (1.0 - share) * all).sqrt();
-    assert!(off.abs() < 4.0, "{heard_of} of {all}: {off} deviations");
+    let deviation = (heard_events - share * events) / (share * (1.0 - share) * events).sqrt();
+    assert!(deviation.abs() < 4.0, "{heard_events} of {events}: {deviation} deviations");
     // The bias would be visible if these receptions counted.
-    let off = (heard_of + at_ends - share * (all + at_ends)) / (share * (1.0 - share) * (all + at_ends)).sqrt();
-    assert!(off > 8.0, "{off}");
+    let deviation = (heard_events + bounding_receptions - share * (events + bounding_receptions))
+        / (share * (1.0 - share) * (events + bounding_receptions)).sqrt();
+    assert!(deviation > 8.0, "{deviation}");
     // Two files of one receiver, with a gap between them.
-    let all = heard_table("", mostly, no_fields);
-    let lines: Vec<&str> = all.lines().collect();
+    let receptions = reception_table("", two_of_three, no_fields);
+    let lines: Vec<&str> = receptions.lines().collect();
     let mut recordings = Recordings::new();
     for part in [&lines[1..20], &lines[40..]] {
         let text = format!("{}\n{}", lines[0], part.join("\n"));
@@ -158,15 +170,18 @@ fn a_packet_that_broke_near_a_message_is_a_miss_of_that_message() {
     let broken = |n: u32| n.is_multiple_of(3);
     let line = |n: u32| if broken(n) { format!("{}.3,a,0\n", 10 * n - 2) } else { format!("{}.2,a,1\n", 10 * n) };
     let text = format!("t,source,good\n{}", (1..=100).map(line).collect::<String>());
-    let found =
-        join_listening(&sent_table("", no_fields), [&text, &heard_table("", |_| true, no_fields)], &Rules::default());
+    let found = join_tables(
+        &transmission_table("", no_fields),
+        [&text, &reception_table("", |_| true, no_fields)],
+        &Rules::default(),
+    );
     assert_eq!((pair_counts(&found, "b"), pair_counts(&found, "c")), ((67, 33, 0), (100, 0, 0)));
     assert!(found.left_out.unexpected.is_empty());
     // The result is equal without a record of the transmissions.
     let mut recordings = Recordings::new();
-    for (vehicle, heard) in [("b", &text), ("c", &heard_table("", |_| true, no_fields))] {
+    for (vehicle, receptions) in [("b", &text), ("c", &reception_table("", |_| true, no_fields))] {
         let vehicle = VehicleId::new(vehicle);
-        let table = (heard.as_bytes(), Path::new("t"));
+        let table = (receptions.as_bytes(), Path::new("t"));
         RecordReader::default().read_table(TableKind::Receptions, table, Some(&vehicle), &mut recordings).unwrap();
         recordings.get_mut(&vehicle).unwrap().listening.push((0.0, 2000.0));
     }
@@ -184,19 +199,22 @@ fn a_packet_that_broke_near_a_message_is_a_miss_of_that_message() {
 
 #[test]
 fn duplicate_records_count_once_and_arrivals_without_frames_are_complete() {
-    let once = sent_table("", no_fields);
-    let twice = once.clone() + once.split_once('\n').unwrap().1;
-    let both = heard_table("", mostly, no_fields);
-    assert_eq!(pair_counts(&join_listening(&twice, [&both, &both], &Rules::default()), "b"), (67, 33, 0));
-    let of_three = sent_table(",frames", |_| ",3".into());
-    assert_eq!(pair_counts(&join_listening(&of_three, [&both, &both], &Rules::default()), "b"), (67, 33, 0));
+    let table = transmission_table("", no_fields);
+    let duplicated = table.clone() + table.split_once('\n').unwrap().1;
+    let receptions = reception_table("", two_of_three, no_fields);
+    assert_eq!(pair_counts(&join_tables(&duplicated, [&receptions, &receptions], &Rules::default()), "b"), (67, 33, 0));
+    let three_frames = transmission_table(",frames", |_| ",3".into());
+    assert_eq!(
+        pair_counts(&join_tables(&three_frames, [&receptions, &receptions], &Rules::default()), "b"),
+        (67, 33, 0)
+    );
 }
 
 #[test]
 fn transmissions_in_another_band_are_excluded() {
     let mut recordings = records(
-        &sent_table("", no_fields),
-        [&heard_table("", mostly, no_fields), &heard_table("", mostly, no_fields)],
+        &transmission_table("", no_fields),
+        [&reception_table("", two_of_three, no_fields), &reception_table("", two_of_three, no_fields)],
         Some((0.0, 2000.0)),
     );
     let mut tune = |vehicle: &str, bands: &[(f64, &str)]| {
@@ -219,8 +237,8 @@ fn bands_in_tables_and_carriers_of_a_band_exclude_transmissions() {
     // Sender a records the band of each message, receiver b its own band in the navigation table, and receiver c no
     // band.
     let band = |n: u32| format!(",{}", if n.is_multiple_of(2) { "low" } else { "high" });
-    let both = heard_table("", mostly, no_fields);
-    let mut recordings = records(&sent_table(",band", band), [&both, &both], Some((0.0, 2000.0)));
+    let receptions = reception_table("", two_of_three, no_fields);
+    let mut recordings = records(&transmission_table(",band", band), [&receptions, &receptions], Some((0.0, 2000.0)));
     let line = |n: u32| format!("{},300,0,{}\n", 20 * n, if n < 25 { "low" } else { "high" });
     let tuned = format!("t,x,y,band\n{}", (0..80).map(line).collect::<String>());
     let table = (tuned.as_bytes(), Path::new("table"));
@@ -230,7 +248,7 @@ fn bands_in_tables_and_carriers_of_a_band_exclude_transmissions() {
     let imported = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
     assert_eq!((pair_counts(&imported, "b").2, pair_counts(&imported, "c").2), (25 + 26, 0));
     // The order of the rows has no effect.
-    let mut reversed = records(&sent_table(",band", band), [&both, &both], Some((0.0, 2000.0)));
+    let mut reversed = records(&transmission_table(",band", band), [&receptions, &receptions], Some((0.0, 2000.0)));
     let (header, lines) = tuned.split_once('\n').unwrap();
     let lines: Vec<&str> = lines.lines().rev().collect();
     let tuned = format!("{header}\n{}\n", lines.join("\n"));
@@ -238,19 +256,21 @@ fn bands_in_tables_and_carriers_of_a_band_exclude_transmissions() {
     RecordReader::default()
         .read_table(TableKind::Navigation, table, Some(&VehicleId::new("b")), &mut reversed)
         .unwrap();
-    let again = join(&reversed, None, &Reference::unknown(), &Rules::default()).unwrap();
-    assert_eq!(again.pairs, imported.pairs);
+    let reversed_import = join(&reversed, None, &Reference::unknown(), &Rules::default()).unwrap();
+    assert_eq!(reversed_import.pairs, imported.pairs);
     // A band number without a carrier is compatible with any carrier. Different carriers are different bands.
-    for (of_b, left_out) in [("0", 0), ("0\u{1f}25000", 0), ("0\u{1f}10000", 100), ("0\u{1f}\u{1f}4000", 0), ("1", 100)]
+    for (band_of_b, left_out) in
+        [("0", 0), ("0\u{1f}25000", 0), ("0\u{1f}10000", 100), ("0\u{1f}\u{1f}4000", 0), ("1", 100)]
     {
-        let mut recordings = records(&sent_table("", no_fields), [&both, &both], Some((0.0, 2000.0)));
+        let mut recordings =
+            records(&transmission_table("", no_fields), [&receptions, &receptions], Some((0.0, 2000.0)));
         let mut tune = |vehicle: &str, band: &str| {
             recordings.get_mut(&VehicleId::new(vehicle)).unwrap().bands = vec![(0.0, band.to_owned())];
         };
         tune("a", "0\u{1f}25000\u{1f}4000");
-        tune("b", of_b);
+        tune("b", band_of_b);
         let imported = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
-        assert_eq!(pair_counts(&imported, "b").2, left_out, "{of_b:?}");
+        assert_eq!(pair_counts(&imported, "b").2, left_out, "{band_of_b:?}");
     }
 }
 
@@ -259,11 +279,16 @@ fn a_clock_that_satellites_set_during_the_mission_has_two_segments() {
     // The clock of b is 4 s ahead until the vehicle surfaces half-way, and right afterwards. Receiver b reports when it
     // has a fix.
     let ahead_s = |n: u32| if n < 50 { 4.0 } else { 0.0 };
-    let both = heard_table("", mostly, no_fields);
-    let of_b: String =
-        (1..=100).filter(|n| mostly(*n)).map(|n| format!("{},a\n", f64::from(10 * n) + 0.2 + ahead_s(n))).collect();
-    let mut recordings =
-        records(&sent_table("", no_fields), [&format!("t,source\n{of_b}"), &both], Some((0.0, 2000.0)));
+    let receptions = reception_table("", two_of_three, no_fields);
+    let rows_of_b: String = (1..=100)
+        .filter(|n| two_of_three(*n))
+        .map(|n| format!("{},a\n", f64::from(10 * n) + 0.2 + ahead_s(n)))
+        .collect();
+    let mut recordings = records(
+        &transmission_table("", no_fields),
+        [&format!("t,source\n{rows_of_b}"), &receptions],
+        Some((0.0, 2000.0)),
+    );
     let without = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
     // Without the reports, the step is unknown, and the receptions before it match nothing.
     assert!(pair_counts(&without, "b").0 < 40, "{:?}", pair_counts(&without, "b"));
@@ -284,11 +309,12 @@ fn a_clock_that_satellites_set_during_the_mission_has_two_segments() {
 #[test]
 fn records_without_an_event_are_counted_for_each_pair() {
     // Every fourth message is addressed to c. One reception is a duplicate, and one matches no transmission.
-    let to = |n: u32| format!(",{}", if n.is_multiple_of(4) { "c" } else { "" });
-    let both = heard_table("", mostly, no_fields);
-    let of_b = format!("{both}100.3,a\n504,a\n");
-    let found = join_listening(&sent_table(",to", to), [&of_b, &both], &Rules::default());
-    let pair_counts = |to: &str| &found.pairs[&(VehicleId::new("a"), VehicleId::new(to))];
+    let destination = |n: u32| format!(",{}", if n.is_multiple_of(4) { "c" } else { "" });
+    let receptions = reception_table("", two_of_three, no_fields);
+    let receptions_of_b = format!("{receptions}100.3,a\n504,a\n");
+    let found =
+        join_tables(&transmission_table(",to", destination), [&receptions_of_b, &receptions], &Rules::default());
+    let pair_counts = |destination: &str| &found.pairs[&(VehicleId::new("a"), VehicleId::new(destination))];
     assert_eq!((pair_counts("b").overheard, pair_counts("b").duplicates, pair_counts("b").unmatched), (25, 1, 1));
     assert_eq!((pair_counts("c").overheard, pair_counts("c").duplicates, pair_counts("c").unmatched), (0, 0, 0));
     assert_eq!((found.left_out.overheard, found.left_out.duplicates), (25, 1));

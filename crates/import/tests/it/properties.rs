@@ -6,7 +6,7 @@ use std::path::Path;
 use pingmap_agent::VehicleId;
 use pingmap_import::{
     Arrival, FileSource, Fix, ModemIds, Place, RecordReader, Recording, Recordings, Reference, Rules, Schedule,
-    SentMessage, TableKind, join, parse_time, time_in_words,
+    TableKind, TransmissionRecord, join, parse_time, time_in_words,
 };
 use proptest::prelude::*;
 
@@ -59,18 +59,21 @@ impl Fleet {
     fn simulate(&self) -> (Recordings, Truth) {
         let vehicles = self.ahead_s.len();
         let mut all =
-            vec![Recording { sent: Some(Vec::new()), arrivals: Some(Vec::new()), ..Recording::default() }; vehicles];
+            vec![
+                Recording { transmissions: Some(Vec::new()), arrivals: Some(Vec::new()), ..Recording::default() };
+                vehicles
+            ];
         let (mut truth, mut time_s) = (Truth::new(), 20.0);
         for &(sender, gap_s, heard) in &self.messages {
             time_s += gap_s;
-            let sent = SentMessage {
+            let record = TransmissionRecord {
                 time_s: self.clock(sender, time_s),
                 destination: None,
                 frames: None,
                 kind: None,
                 band: None,
             };
-            all[sender].sent.as_mut().unwrap().push(sent);
+            all[sender].transmissions.as_mut().unwrap().push(record);
             for receiver in (0..vehicles).filter(|&receiver| receiver != sender) {
                 let is_heard = heard >> receiver & 1 == 1;
                 truth.push((time_s, sender, receiver, is_heard));
@@ -108,16 +111,16 @@ proptest! {
         }).collect();
         prop_assert_eq!(found.len() + imported.excluded().values().sum::<usize>(), truth.len());
         // Only messages of vehicles with an unknown clock are left out.
-        let known: BTreeSet<VehicleId> =
+        let determined: BTreeSet<VehicleId> =
             imported.clocks.iter().filter(|clock| !clock.segments.is_empty()).map(|clock| clock.vehicle.clone()).collect();
-        let of_known = |sender: usize, receiver: usize| known.contains(&vehicle_name(sender)) && known.contains(&vehicle_name(receiver));
-        prop_assert_eq!(found.len(), truth.iter().filter(|event| of_known(event.1, event.2)).count());
-        for (time_s, sender, receiver, heard) in truth.into_iter().filter(|event| of_known(event.1, event.2)) {
-            let by_first_s = fleet.clock(0, time_s);
-            let is_it = |event: &&(f64, VehicleId, VehicleId, bool, _)| {
-                event.1 == vehicle_name(sender) && event.2 == vehicle_name(receiver) && (event.0 - by_first_s).abs() < 0.1
+        let are_determined = |sender: usize, receiver: usize| determined.contains(&vehicle_name(sender)) && determined.contains(&vehicle_name(receiver));
+        prop_assert_eq!(found.len(), truth.iter().filter(|event| are_determined(event.1, event.2)).count());
+        for (time_s, sender, receiver, heard) in truth.into_iter().filter(|event| are_determined(event.1, event.2)) {
+            let reference_time_s = fleet.clock(0, time_s);
+            let is_same_event = |event: &&(f64, VehicleId, VehicleId, bool, _)| {
+                event.1 == vehicle_name(sender) && event.2 == vehicle_name(receiver) && (event.0 - reference_time_s).abs() < 0.1
             };
-            let event = found.iter().find(is_it);
+            let event = found.iter().find(is_same_event);
             prop_assert!(event.is_some_and(|event| event.3 == heard), "{time_s} {sender} {receiver} {heard}: {event:?}");
             let link: pingmap_agent::Link = event.unwrap().4;
             let (a, b) = (place(sender, time_s), place(receiver, time_s));
@@ -138,7 +141,7 @@ proptest! {
             let by = offset(arrivals.len());
             arrivals.rotate_left(by);
             arrivals.reverse();
-            recording.sent.as_mut().unwrap().reverse();
+            recording.transmissions.as_mut().unwrap().reverse();
         }
         let log = |recordings: &Recordings| {
             join(recordings, None, &Reference::unknown(), &Rules::default()).unwrap().log.digest()
@@ -204,7 +207,7 @@ proptest! {
             // Each transmission was finished, and the number of each frame lies within its message.
             for recording in recordings.values() {
                 let finished = capture.matches("TXF").count() + capture.matches("XST").count();
-                prop_assert!(content != capture.as_bytes() || recording.sent.iter().flatten().count() <= finished);
+                prop_assert!(content != capture.as_bytes() || recording.transmissions.iter().flatten().count() <= finished);
                 for arrival in recording.arrivals.iter().flatten() {
                     prop_assert!(arrival.frame.zip(arrival.frames).is_none_or(|(frame, frames)| 1 <= frame && frame <= frames));
                 }

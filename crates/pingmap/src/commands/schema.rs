@@ -24,7 +24,7 @@ type Printed = (&'static str, fn() -> Schema);
 const SCHEMAS: [Printed; 20] = [
     ("check", of::<check::CheckedJson>),
     ("demo", of::<replay::json::ReplayJson>),
-    ("import", of::<import::json::ImportedJson>),
+    ("import", of::<import::json::ImportJson>),
     ("learn", of::<learn::json::LearnJson>),
     ("learn --update", of::<learn::json::AddedJson>),
     ("map", of::<map::MapJson>),

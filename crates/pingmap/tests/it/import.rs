@@ -8,16 +8,16 @@ use pingmap_trial::EventLog;
 
 /// Returns the number of events up to the first and from the last recorded reception of their receiver. One receiver
 /// stops recording.
-fn outside(log: &EventLog, (stops, after_s): (&str, f64)) -> usize {
+fn outside_recording(log: &EventLog, (stops, after_s): (&str, f64)) -> usize {
     let start_s = log.events[0].time_s - 10.0;
-    let of = |id: pingmap_agent::VehicleId| {
+    let unrecorded = |id: pingmap_agent::VehicleId| {
         let own = || log.events.iter().filter(|event| event.receiver_id == id);
         let until_s = if id.as_str() == stops { start_s + after_s - 2.5 } else { f64::INFINITY };
         let recorded = own().filter(|event| event.success && event.time_s < until_s).map(|event| event.time_s);
         let span = recorded.fold((f64::MAX, f64::MIN), |(from, to), time_s| (from.min(time_s), to.max(time_s)));
         own().filter(|event| event.time_s <= span.0 || event.time_s >= span.1).count()
     };
-    log.vehicles().into_iter().map(of).sum()
+    log.vehicles().into_iter().map(unrecorded).sum()
 }
 
 #[test]
@@ -25,19 +25,20 @@ fn imported_events_match_the_true_mission_except_unknown_ones() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     simulate(folder, "--clock-off-s 3 --stops auv3=0.6");
-    let options = files(&["nav", "heard"]) + " --schedule mission/schedule.toml --always-sends --correct-clocks auv1";
-    let (found, said) = import(folder, &options);
+    let options =
+        files(&["nav", "heard"]) + " --schedule mission/schedule.toml --always-transmits --correct-clocks auv1";
+    let (found, warnings) = import(folder, &options);
     let missing = compare(folder);
     // The missing events are those before the first or after the last recorded reception of a receiver.
     assert_eq!(missing, count(&found, "not_recording"));
-    assert_eq!(missing, outside(&read(folder, "truth.csv"), ("auv3", 0.6 * 4000.0)));
-    assert_eq!(found["unknown"].as_object().unwrap().len(), 1);
-    assert!(!said.contains("optimistic") && !said.contains("clocks differ"), "{said}");
+    assert_eq!(missing, outside_recording(&read(folder, "truth.csv"), ("auv3", 0.6 * 4000.0)));
+    assert_eq!(found["excluded"].as_object().unwrap().len(), 1);
+    assert!(!warnings.contains("optimistic") && !warnings.contains("clocks differ"), "{warnings}");
     // Clock offsets and the delay of a record are estimated.
-    for (clock, ahead_s) in [(0, 0.0), (1, 3.0), (2, -3.0)] {
-        let piece = &found["clocks"][clock]["pieces"][0];
-        assert!((piece["ahead_s"].as_f64().unwrap() - ahead_s).abs() < 0.01, "{piece}");
-        assert!(piece["drift_ppm"].as_f64().unwrap().abs() < 2.0, "{piece}");
+    for (clock, offset_s) in [(0, 0.0), (1, 3.0), (2, -3.0)] {
+        let segment = &found["clocks"][clock]["segments"][0];
+        assert!((segment["offset_s"].as_f64().unwrap() - offset_s).abs() < 0.01, "{segment}");
+        assert!(segment["drift_ppm"].as_f64().unwrap().abs() < 2.0, "{segment}");
     }
     assert!((found["delay_s"].as_f64().unwrap() - 1.2).abs() < 0.01);
     // With a wrong --listening the silence counts as misses, and the share of received messages is far too low.
@@ -60,7 +61,7 @@ fn records_of_transmissions_replace_a_schedule() {
     let (found, _) = import(folder, &(files(&["nav", "heard", "sent"]) + " --correct-clocks auv1"));
     assert_eq!(compare(folder), count(&found, "not_recording"));
     assert_eq!(found["transmissions"]["recorded"], 300);
-    // Records take precedence over a schedule, so --always-sends is not needed.
+    // Records take precedence over a schedule, so --always-transmits is not needed.
     let options = files(&["nav", "heard", "sent"]) + " --correct-clocks auv1 --schedule mission/schedule.toml";
     assert_eq!(import(folder, &options).0, found);
     // One table may contain the records of all vehicles in any order.
@@ -73,8 +74,8 @@ fn records_of_transmissions_replace_a_schedule() {
     let options = files(&["heard", "sent"]) + " --nav all.csv --correct-clocks auv1";
     assert_eq!(import(folder, &options).0["log_digest"], found["log_digest"]);
     // Without --correct-clocks the outcomes are the same, and a warning names the option.
-    let (as_recorded, said) = import(folder, &files(&["nav", "heard", "sent"]));
-    assert!(said.contains("--correct-clocks"), "{said}");
+    let (as_recorded, warnings) = import(folder, &files(&["nav", "heard", "sent"]));
+    assert!(warnings.contains("--correct-clocks"), "{warnings}");
     assert_eq!((&as_recorded["events"], &as_recorded["heard"]), (&found["events"], &found["heard"]));
     assert_ne!(as_recorded["log_digest"], found["log_digest"]);
 }
@@ -85,7 +86,7 @@ fn an_unconfirmed_transmission_is_not_a_miss() {
     let folder = folder.path();
     simulate(folder, "--clock-off-s 2 --slots 300");
     let truth = read(folder, "truth.csv");
-    let unheard = {
+    let unreceived = {
         let mut by_slot: BTreeMap<i64, bool> = BTreeMap::new();
         for event in &truth.events {
             *by_slot.entry((event.time_s / 10.0).round() as i64).or_default() |= event.success;
@@ -93,20 +94,27 @@ fn an_unconfirmed_transmission_is_not_a_miss() {
         by_slot.values().filter(|heard| !**heard).count()
     };
     let options = files(&["nav", "heard"]) + " --correct-clocks auv1";
-    let (found, said) = import(folder, &format!("{options} --schedule mission/schedule.toml"));
-    assert_eq!(found["transmissions"]["turns_not_known_to_be_used"], unheard);
-    assert!(said.contains("optimistic") && said.contains("--always-sends"), "{said}");
+    let (found, warnings) = import(folder, &format!("{options} --schedule mission/schedule.toml"));
+    assert_eq!(found["transmissions"]["slots_of_unknown_use"], unreceived);
+    assert!(warnings.contains("optimistic") && warnings.contains("--always-transmits"), "{warnings}");
     compare(folder);
-    // --always-sends may apply to some vehicles.
-    let (some, _) = import(folder, &format!("{options} --schedule mission/schedule.toml --always-sends=auv1,auv2"));
-    assert!(count(&some, "not_known_sent") > 0 && count(&some, "not_known_sent") < count(&found, "not_known_sent"));
+    // --always-transmits may apply to some vehicles.
+    let (partial, _) =
+        import(folder, &format!("{options} --schedule mission/schedule.toml --always-transmits=auv1,auv2"));
+    assert!(
+        count(&partial, "slot_use_unknown") > 0
+            && count(&partial, "slot_use_unknown") < count(&found, "slot_use_unknown")
+    );
     compare(folder);
     // Without a schedule transmissions are known from their receptions, and are the same. Common receptions tie the
     // clocks together, but the delay of a record remains unknown.
-    let (bare, said) = import(folder, &format!("{options} --match-s 0.5"));
-    assert_eq!(bare["transmissions"]["by_reception"], 300 - unheard);
-    assert_eq!((&bare["heard"], bare["transmissions"]["recorded"].as_u64()), (&found["heard"], Some(0)));
-    assert!(said.contains("messages from auv1, auv2, auv3") && said.contains("--sent"), "{said}");
+    let (without_schedule, warnings) = import(folder, &format!("{options} --match-s 0.5"));
+    assert_eq!(without_schedule["transmissions"]["by_reception"], 300 - unreceived);
+    assert_eq!(
+        (&without_schedule["heard"], without_schedule["transmissions"]["recorded"].as_u64()),
+        (&found["heard"], Some(0))
+    );
+    assert!(warnings.contains("messages from auv1, auv2, auv3") && warnings.contains("--sent"), "{warnings}");
 }
 
 #[test]
@@ -155,10 +163,10 @@ fn import_accepts_fixed_receivers_renamed_columns_and_projections() {
     file(folder, "heard.csv", format!("Time\tFROM\tTo\tOK\n{}", heard.collect::<String>()));
     file(folder, "columns.toml", "[nav]\ntime = \"when\"\nlatitude = \"wide\"\n");
     let options = "--nav auv=nav.csv --sent auv=sent.csv --heard gate=heard.csv --columns columns.toml --column nav.longitude=long_";
-    let (found, said) = import(folder, &format!("{options} --fixed gate=41.5205N,70.672W"));
+    let (found, warnings) = import(folder, &format!("{options} --fixed gate=41.5205N,70.672W"));
     // The first and the last reception only bound the time in which the receiver listened.
     assert_eq!((found["events"].as_u64(), count(&found, "not_recording")), (Some(56), 2), "{found}");
-    assert_eq!(found["heard"], 37, "{said}");
+    assert_eq!(found["heard"], 37, "{warnings}");
     let log = read(folder, "events.csv");
     let range_m = log.events[0].link.range_m();
     assert!((range_m - 173.3).abs() < 3.0, "two thousandths of a degree at this latitude: {range_m}");

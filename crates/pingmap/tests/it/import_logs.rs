@@ -13,22 +13,22 @@ fn all_log_formats_give_the_same_mission() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     simulate(folder, "--clock-off-s 3 --files alog");
-    let (of_moos, said) = import(folder, "mission --ids mission/ids.csv --correct-clocks auv1");
+    let (moos, warnings) = import(folder, "mission --ids mission/ids.csv --correct-clocks auv1");
     // Modems record their transmissions and their activity, so no event is unknown. Only the clocks need an option.
-    assert_eq!((compare(folder), of_moos["events"].as_u64()), (0, Some(800)));
-    assert_eq!(of_moos["transmissions"]["recorded"], 400);
-    assert!(of_moos["unknown"].as_object().unwrap().is_empty() && said.is_empty(), "{said}");
-    assert!((of_moos["origin"][0].as_f64().unwrap() - 41.52).abs() < 1e-6, "{}", of_moos["origin"]);
+    assert_eq!((compare(folder), moos["events"].as_u64()), (0, Some(800)));
+    assert_eq!(moos["transmissions"]["recorded"], 400);
+    assert!(moos["excluded"].as_object().unwrap().is_empty() && warnings.is_empty(), "{warnings}");
+    assert!((moos["origin"][0].as_f64().unwrap() - 41.52).abs() < 1e-6, "{}", moos["origin"]);
     // A log of the shore station without records of reception has no effect.
     file(
         folder,
         "mission/shore.alog",
         "%% LOG FILE: shore\n%% LOGSTART 1777809600\n1 NODE_REPORT uF NAME=auv1,X=1,Y=2\n",
     );
-    assert_eq!(import(folder, "mission --ids mission/ids.csv --correct-clocks auv1").0, of_moos);
+    assert_eq!(import(folder, "mission --ids mission/ids.csv --correct-clocks auv1").0, moos);
     // Without the option the only warning is about the clocks.
-    let (_, said) = import(folder, "mission --ids mission/ids.csv");
-    assert!(said.contains("--correct-clocks") && said.lines().count() == 1, "{said}");
+    let (_, warnings) = import(folder, "mission --ids mission/ids.csv");
+    assert!(warnings.contains("--correct-clocks") && warnings.lines().count() == 1, "{warnings}");
     std::fs::remove_file(folder.join("mission/shore.alog")).unwrap();
     // Without the table of ids the address of broadcasts is unknown.
     std::fs::rename(folder.join("mission/ids.csv"), folder.join("ids.csv")).unwrap();
@@ -41,26 +41,26 @@ fn all_log_formats_give_the_same_mission() {
     simulate(folder, "--clock-off-s 3 --files capture");
     let nav = files(&["nav"]);
     let captures = [1, 2, 3].map(|id| format!("auv{id}=mission/auv{id}.nmea")).join(" ");
-    let (of_modems, _) = import(folder, &format!("{captures} {nav} --correct-clocks auv1"));
-    assert_eq!((compare(folder), &of_modems["pairs"]), (0, &of_moos["pairs"]));
+    let (captures_import, _) = import(folder, &format!("{captures} {nav} --correct-clocks auv1"));
+    assert_eq!((compare(folder), &captures_import["pairs"]), (0, &moos["pairs"]));
     // Captures contain the id of the modem, and the table of ids contains the name.
     let captures = [1, 2, 3].map(|id| format!("mission/auv{id}.nmea")).join(" ");
-    assert_eq!(import(folder, &format!("{captures} {nav} --correct-clocks auv1")).0, of_modems);
+    assert_eq!(import(folder, &format!("{captures} {nav} --correct-clocks auv1")).0, captures_import);
     for id in 1..=3 {
         std::fs::create_dir(folder.join(format!("auv{id}"))).unwrap();
         std::fs::copy(folder.join(format!("mission/auv{id}.nmea")), folder.join(format!("auv{id}/modem.txt"))).unwrap();
     }
-    let (of_folders, _) = import(folder, &format!("auv1=auv1 auv2=auv2 auv3=auv3 {nav} --correct-clocks auv1"));
-    assert_eq!(of_folders, of_modems);
+    let (folders_import, _) = import(folder, &format!("auv1=auv1 auv2=auv2 auv3=auv3 {nav} --correct-clocks auv1"));
+    assert_eq!(folders_import, captures_import);
     // Bags of ROS 2: only the topics name the vehicle.
     simulate(folder, "--clock-off-s 3 --files mcap");
     let bags = [1, 2, 3].map(|id| format!("auv{id}=mission/auv{id}.mcap")).join(" ");
     let options = "--ids mission/ids.csv --origin 41.52,-70.67 --correct-clocks auv1";
-    let (of_bags, _) = import(folder, &format!("{bags} {options}"));
-    assert_eq!((compare(folder), &of_bags["pairs"]), (0, &of_moos["pairs"]));
+    let (bags_import, _) = import(folder, &format!("{bags} {options}"));
+    assert_eq!((compare(folder), &bags_import["pairs"]), (0, &moos["pairs"]));
     let topics = [1, 2, 3].map(|id| format!("auv{id}=mission/auv{id}.mcap#/auv{id}/")).join(" ");
-    assert_eq!(import(folder, &format!("{topics} {options}")).0, of_bags);
-    archives_are_folders(folder, "--ids mission/ids.csv --correct-clocks auv1", &of_moos);
+    assert_eq!(import(folder, &format!("{topics} {options}")).0, bags_import);
+    archives_are_folders(folder, "--ids mission/ids.csv --correct-clocks auv1", &moos);
     // A mission may consist of a MOOS log and tables.
     simulate(folder, "--clock-off-s 3 --files alog");
     std::fs::rename(folder.join("mission/auv1.alog"), folder.join("one.alog")).unwrap();
@@ -112,7 +112,7 @@ fn a_stopped_modem_is_not_a_deaf_receiver() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     simulate(folder, "--clock-off-s 2 --files alog --stops auv3=0.6");
-    let (found, said) = import(folder, "mission --ids mission/ids.csv --correct-clocks auv1");
+    let (found, warnings) = import(folder, "mission --ids mission/ids.csv --correct-clocks auv1");
     let missing = compare(folder);
     let unexpected = found["left_out"]["unexpected"]["auv3"].as_u64().unwrap();
     // One vehicle stops recording for the last 160 of 400 messages. Its own transmissions among them, a third, are not
@@ -120,7 +120,7 @@ fn a_stopped_modem_is_not_a_deaf_receiver() {
     assert!((90..=120).contains(&count(&found, "not_recording")), "{found}");
     let recorded = found["transmissions"]["recorded"].as_u64().unwrap() as usize;
     assert_eq!(missing - count(&found, "not_recording"), 2 * (400 - recorded), "{found}");
-    assert!(unexpected > 20 && said.contains("check the end of its records"), "{said}");
+    assert!(unexpected > 20 && warnings.contains("check the end of its records"), "{warnings}");
 }
 
 #[test]
@@ -138,7 +138,10 @@ fn refusals_of_log_import_name_the_missing_information() {
     file(folder, "letter.txt", "Dear all, the vehicles are safe.\n");
     refused("letter.txt", &["letter.txt", "unknown kind of file", "--heard"]);
     file(folder, "mission/more.csv", "id,name\n9,buoy\n");
-    refused("mission", &["mission/ids.csv", "mission/more.csv", "both say who is meant by ids", "--ids"]);
+    refused(
+        "mission",
+        &["mission/ids.csv", "mission/more.csv", "are files of one kind (vehicle of each modem id)", "--ids"],
+    );
     std::fs::remove_file(folder.join("mission/more.csv")).unwrap();
     refused("nowhere", &["nowhere", "cannot be read"]);
     file(folder, "late.alog", "%% LOG FILE: a\n1.5 NAV_X p 1\n");
@@ -177,14 +180,14 @@ fn a_folder_of_tables_is_recognised_and_the_roles_of_files_are_printed() {
     assert_eq!((&whole["log_digest"], &whole["pairs"]), (&by_options["log_digest"], &by_options["pairs"]));
     assert_eq!(whole["left_out"]["files"], 2);
     let arguments = format!("import mission {options}");
-    let said = stderr(&pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>()));
+    let warnings = stderr(&pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>()));
     for line in [
         "auv2.sent.csv: transmissions of auv2",
         "auv1.nav.csv: navigation of auv1",
-        "ids.csv: who is meant by ids",
-        "schedule.toml: who may send",
+        "ids.csv: vehicle of each modem id",
+        "schedule.toml: schedule",
     ] {
-        assert!(said.contains(line), "{line}: {said}");
+        assert!(warnings.contains(line), "{line}: {warnings}");
     }
     // One folder for each vehicle, a modem id in place of a name, and an archive on standard input.
     for (id, name) in [(1, "auv1"), (2, "auv2"), (3, "3")] {
@@ -264,7 +267,7 @@ fn other_files_in_a_mission_folder_are_ignored() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     simulate(folder, "--with-sent --slots 120");
-    let alone = import(folder, "mission").0;
+    let without_other_files = import(folder, "mission").0;
     // The folder contains a broken archive, a backup file and a team file.
     std::fs::write(folder.join("mission/photos.zip"), b"PK\x03\x04nothing").unwrap();
     std::fs::copy(folder.join("mission/auv1.heard.csv"), folder.join("mission/auv1.heard.csv~")).unwrap();
@@ -273,9 +276,12 @@ fn other_files_in_a_mission_folder_are_ignored() {
         "model_file = \"m.toml\"\n[slots]\nstart_s = 0\nduration_s = 1\norder = []\n",
     )
     .unwrap();
-    let (odd, said) = import(folder, "mission");
-    assert_eq!((&odd["log_digest"], &odd["left_out"]["files"]), (&alone["log_digest"], &2.into()));
-    assert!(said.contains("mission/photos.zip: cannot be unpacked"), "{said}");
+    let (with_other_files, warnings) = import(folder, "mission");
+    assert_eq!(
+        (&with_other_files["log_digest"], &with_other_files["left_out"]["files"]),
+        (&without_other_files["log_digest"], &2.into())
+    );
+    assert!(warnings.contains("mission/photos.zip: cannot be unpacked"), "{warnings}");
     std::fs::rename(folder.join("mission/auv1.nav.csv"), folder.join("mission/auv1.nav.xyz~")).unwrap();
     let output = pingmap(folder, &["import", "mission", "--ids", "mission/ids.csv"]);
     assert!(output.status.code() == Some(2) && stderr(&output).contains("nav.xyz~"), "{}", stderr(&output));

@@ -24,10 +24,10 @@ fn the_commands_of_the_tutorial_recover_the_true_mission() {
         said.push((stderr(&output), stdout(&output)));
     }
     // The first import names an option for each of three unknowns. The second import resolves two of them.
-    for option in ["--always-sends", "--correct-clocks", "--listening auv3"] {
+    for option in ["--always-transmits", "--correct-clocks", "--listening auv3"] {
         assert!(said[0].0.contains(option), "{option}: {}", said[0].0);
     }
-    assert!(!said[1].0.contains("--always-sends") && !said[1].0.contains("--correct-clocks"), "{}", said[1].0);
+    assert!(!said[1].0.contains("--always-transmits") && !said[1].0.contains("--correct-clocks"), "{}", said[1].0);
     assert!(said[1].1.contains("--origin 41.53,-70.66") && text.contains("--origin 41.53,-70.66"), "{}", said[1].1);
     assert!(said[2].1.contains("Nothing suspicious"), "{}", said[2].1);
     for file in ["map.png", "doubt.png", "map.geojson", "model.toml", "standoff.png", "track.png"] {

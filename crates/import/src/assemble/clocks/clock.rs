@@ -26,7 +26,7 @@ pub struct Clock {
     /// Start of each segment by this clock, and the segment.
     segments: Vec<(f64, ClockSegment)>,
     /// Whether any comparison determines the offset.
-    pub is_known: bool,
+    pub is_determined: bool,
 }
 
 /// The offset of a clock between two times at which it was set.
@@ -47,11 +47,11 @@ impl ClockSegment {
 }
 
 impl Clock {
-    /// Returns a clock with one offset in all segments, and a new segment at each time in `set_s`.
-    pub(crate) fn constant(offset_s: f64, set_s: &[f64], is_known: bool) -> Self {
+    /// Returns a clock with one offset in all segments, and a new segment at each time in `sync_times_s`.
+    pub(crate) fn constant(offset_s: f64, sync_times_s: &[f64], is_determined: bool) -> Self {
         let segment = ClockSegment { offset_s, ..ClockSegment::default() };
-        let starts = [f64::NEG_INFINITY].into_iter().chain(set_s.iter().copied());
-        Self { segments: starts.map(|start_s| (start_s, segment)).collect(), is_known }
+        let starts = [f64::NEG_INFINITY].into_iter().chain(sync_times_s.iter().copied());
+        Self { segments: starts.map(|start_s| (start_s, segment)).collect(), is_determined }
     }
 
     /// Returns the offset at the moment when this clock shows `time_s`, in seconds.
@@ -70,19 +70,19 @@ impl Clock {
 
     /// Sets the offset of each segment to the peak of its comparisons. A segment without a peak keeps its offset.
     ///
-    /// `own` is the index of this clock in `clocks`.
-    pub(crate) fn search(&mut self, own: usize, comparisons: &[Comparison], clocks: &[Clock], within_s: f64) {
+    /// `index` is the index of this clock in `clocks`.
+    pub(crate) fn search(&mut self, index: usize, comparisons: &[Comparison], clocks: &[Clock], half_width_s: f64) {
         let mut offsets_s: Vec<Vec<f64>> = vec![Vec::new(); self.segments.len()];
-        for Comparison { early, late } in comparisons {
-            let (time_s, offset_s) = if late.0 == own {
-                (late.1, late.1 - early.1 + clocks[early.0].offset_s(early.1))
+        for Comparison { start, arrival } in comparisons {
+            let (time_s, offset_s) = if arrival.0 == index {
+                (arrival.1, arrival.1 - start.1 + clocks[start.0].offset_s(start.1))
             } else {
-                (early.1, clocks[late.0].offset_s(late.1) - (late.1 - early.1))
+                (start.1, clocks[arrival.0].offset_s(arrival.1) - (arrival.1 - start.1))
             };
             offsets_s[self.segment_index(time_s)].push(offset_s);
         }
         for ((_, segment), offsets_s) in self.segments.iter_mut().zip(offsets_s) {
-            if let Some(peak) = find_peak(offsets_s, within_s) {
+            if let Some(peak) = find_peak(offsets_s, half_width_s) {
                 *segment = ClockSegment { offset_s: peak.difference_s, ..ClockSegment::default() };
             }
         }
@@ -93,20 +93,20 @@ impl Clock {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Comparison {
     /// Index of the clock at the start of the message, and its reading in seconds.
-    pub(crate) early: (usize, f64),
+    pub(crate) start: (usize, f64),
     /// Index of the clock at the reception, and its reading in seconds.
-    pub(crate) late: (usize, f64),
+    pub(crate) arrival: (usize, f64),
 }
 
 impl Comparison {
     pub(crate) fn difference_s(&self) -> f64 {
-        self.late.1 - self.early.1
+        self.arrival.1 - self.start.1
     }
 
     /// Returns the difference that the clock models do not explain, in seconds.
     pub(crate) fn residual_s(&self, clocks: &[Clock]) -> f64 {
         let offset_s = |(clock, time_s): (usize, f64)| clocks[clock].offset_s(time_s);
-        self.difference_s() - (offset_s(self.late) - offset_s(self.early))
+        self.difference_s() - (offset_s(self.arrival) - offset_s(self.start))
     }
 }
 
@@ -119,28 +119,28 @@ pub(crate) struct Peak {
     pub(crate) rival_s: Option<f64>,
 }
 
-/// Finds the difference with the most others within `within_s` seconds. Among rivals it prefers the smallest absolute
-/// difference.
+/// Finds the difference with the most others within `half_width_s` seconds. Among rivals it prefers the smallest
+/// absolute difference.
 ///
 /// Returns `None` if no two differences lie close to each other. O(n log n).
-pub(crate) fn find_peak(mut differences_s: Vec<f64>, within_s: f64) -> Option<Peak> {
+pub(crate) fn find_peak(mut differences_s: Vec<f64>, half_width_s: f64) -> Option<Peak> {
     differences_s.sort_by(f64::total_cmp);
     let mut end = 0;
     let windows: Vec<(f64, usize)> = (0..differences_s.len())
         .map(|begin| {
-            while end < differences_s.len() && differences_s[end] <= differences_s[begin] + 2.0 * within_s {
+            while end < differences_s.len() && differences_s[end] <= differences_s[begin] + 2.0 * half_width_s {
                 end += 1;
             }
             (differences_s[begin + (end - begin) / 2], end - begin)
         })
         .collect();
-    let most = windows.iter().map(|window| window.1).max().filter(|most| *most >= 2)?;
-    let rivals = || windows.iter().filter(|window| window.1 as f64 >= RIVAL_SHARE * most as f64);
-    let smallest = rivals().min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?.0;
+    let count_max = windows.iter().map(|window| window.1).max().filter(|count_max| *count_max >= 2)?;
+    let rivals = || windows.iter().filter(|window| window.1 as f64 >= RIVAL_SHARE * count_max as f64);
+    let rival_min_s = rivals().min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?.0;
     // The smallest rival may lie on the slope of its peak, so the fullest window around it is the peak.
-    let around = rivals().filter(|window| (window.0 - smallest).abs() <= 2.0 * within_s);
-    let (difference_s, count) = *around.max_by_key(|window| window.1)?;
-    let rival_s = rivals().map(|window| window.0).find(|rival_s| (rival_s - difference_s).abs() > 4.0 * within_s);
+    let peak_windows = rivals().filter(|window| (window.0 - rival_min_s).abs() <= 2.0 * half_width_s);
+    let (difference_s, count) = *peak_windows.max_by_key(|window| window.1)?;
+    let rival_s = rivals().map(|window| window.0).find(|rival_s| (rival_s - difference_s).abs() > 4.0 * half_width_s);
     Some(Peak { difference_s, count, rival_s })
 }
 
@@ -152,24 +152,24 @@ pub(crate) fn fit(clocks: &mut [Clock], comparisons: &[Comparison], reference: u
     for _ in 0..ROUNDS_MAX {
         let mut change_s = 0f64;
         for clock in (0..clocks.len()).filter(|&clock| clock != reference) {
-            if !clocks[clock].is_known {
+            if !clocks[clock].is_determined {
                 continue;
             }
             let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); clocks[clock].segments.len()];
             for comparison in comparisons {
-                let Comparison { early, late } = *comparison;
-                let (time_s, offset_s) = match (early.0 == clock, late.0 == clock) {
-                    (false, true) => (late.1, comparison.difference_s() + clocks[early.0].offset_s(early.1)),
-                    (true, false) => (early.1, clocks[late.0].offset_s(late.1) - comparison.difference_s()),
+                let Comparison { start, arrival } = *comparison;
+                let (time_s, offset_s) = match (start.0 == clock, arrival.0 == clock) {
+                    (false, true) => (arrival.1, comparison.difference_s() + clocks[start.0].offset_s(start.1)),
+                    (true, false) => (start.1, clocks[arrival.0].offset_s(arrival.1) - comparison.difference_s()),
                     _ => continue,
                 };
                 points[clocks[clock].segment_index(time_s)].push((time_s, offset_s));
             }
             for (index, points) in points.iter().enumerate().filter(|(_, points)| !points.is_empty()) {
-                let fitted = fit_line(points);
+                let fitted_segment = fit_line(points);
                 let segment = &mut clocks[clock].segments[index].1;
-                change_s = change_s.max((fitted.offset_s - segment.offset_at_s(fitted.middle_s)).abs());
-                *segment = fitted;
+                change_s = change_s.max((fitted_segment.offset_s - segment.offset_at_s(fitted_segment.middle_s)).abs());
+                *segment = fitted_segment;
             }
         }
         if change_s < CHANGE_S_MAX {
@@ -197,11 +197,11 @@ fn fit_line(points: &[(f64, f64)]) -> ClockSegment {
         };
         let total = sum(&|_| 1.0);
         let (time_s, offset_s) = (sum(&|point| point.0 - middle_s) / total, sum(&|point| point.1) / total);
-        let (across, along) = (
+        let (covariance, variance) = (
             sum(&|point| (point.0 - middle_s - time_s) * (point.1 - offset_s)),
             sum(&|point| (point.0 - middle_s - time_s).powi(2)),
         );
-        let drift = if has_drift && along > 0.0 { across / along } else { 0.0 };
+        let drift = if has_drift && variance > 0.0 { covariance / variance } else { 0.0 };
         segment = ClockSegment { middle_s, offset_s: offset_s - drift * time_s, drift };
     }
     segment
@@ -213,12 +213,12 @@ mod tests {
 
     #[test]
     fn the_peak_is_the_fullest_window_and_names_a_rival() {
-        let around = |middle: f64, count: usize| (0..count).map(move |n| middle + 0.01 * n as f64);
-        let found = find_peak(around(3.0, 20).chain(around(-4.0, 5)).collect(), 0.5).unwrap();
+        let cluster = |middle: f64, count: usize| (0..count).map(move |n| middle + 0.01 * n as f64);
+        let found = find_peak(cluster(3.0, 20).chain(cluster(-4.0, 5)).collect(), 0.5).unwrap();
         assert!((found.difference_s - 3.1).abs() < 0.02 && found.count == 20 && found.rival_s.is_none(), "{found:?}");
         // With a cycle of ten seconds, a shift by one cycle fits nearly as well. The smallest shift is chosen and the
         // other is the rival.
-        let found = find_peak(around(-7.0, 20).chain(around(3.0, 19)).collect(), 0.5).unwrap();
+        let found = find_peak(cluster(-7.0, 20).chain(cluster(3.0, 19)).collect(), 0.5).unwrap();
         assert!((found.difference_s - 3.1).abs() < 0.02 && found.rival_s.is_some(), "{found:?}");
         assert_eq!(find_peak(vec![1.0, 5.0], 0.5), None);
     }
@@ -238,10 +238,10 @@ mod tests {
         for n in 0..200 {
             let true_s = 40.0 * f64::from(n);
             // One message in ten is a late echo.
-            let late_s = if n % 10 == 0 { 0.6 } else { 0.0 };
-            let echo = |(clock, time_s): (usize, f64)| (clock, time_s + late_s);
-            comparisons.push(Comparison { early: at(1, true_s), late: echo(at(0, true_s)) });
-            comparisons.push(Comparison { early: at(0, true_s + 7.0), late: at(2, true_s + 7.0) });
+            let echo_delay_s = if n % 10 == 0 { 0.6 } else { 0.0 };
+            let echo = |(clock, time_s): (usize, f64)| (clock, time_s + echo_delay_s);
+            comparisons.push(Comparison { start: at(1, true_s), arrival: echo(at(0, true_s)) });
+            comparisons.push(Comparison { start: at(0, true_s + 7.0), arrival: at(2, true_s + 7.0) });
         }
         let mut clocks =
             [Clock::constant(2.0, &[], true), Clock::constant(0.0, &[], true), Clock::constant(0.0, &[4000.0], true)];

@@ -66,8 +66,9 @@ impl<'a> Fleet<'a> {
 
     fn count_unknown_destinations(&mut self, recording: &Recording, indices: &BTreeMap<&VehicleId, usize>) {
         let received = recording.arrivals.iter().flatten().filter_map(|arrival| arrival.destination.as_ref());
-        let sent = recording.sent.iter().flatten().filter_map(|sent| sent.destination.as_ref());
-        for destination in received.chain(sent).filter(|destination| !indices.contains_key(destination)) {
+        let transmitted =
+            recording.transmissions.iter().flatten().filter_map(|transmission| transmission.destination.as_ref());
+        for destination in received.chain(transmitted).filter(|destination| !indices.contains_key(destination)) {
             *self.unknown_destinations.entry(destination.clone()).or_default() += 1;
         }
     }
@@ -101,11 +102,11 @@ impl<'a> Fleet<'a> {
     }
 
     /// Estimates the travel time of sound between two vehicles, in seconds; 0 if a position is unknown.
-    pub(crate) fn travel_s(&self, from: usize, to: usize, time_s: f64) -> f64 {
-        let at = |vehicle: usize| self.vehicles[vehicle].track.near(time_s);
-        let Some((a, b)) = at(from).zip(at(to)) else { return 0.0 };
-        let deep_m = a.depth_m.zip(b.depth_m).map_or(0.0, |(a, b)| a - b);
-        (a.east_m - b.east_m).hypot(a.north_m - b.north_m).hypot(deep_m) / self.rules.sound_m_per_s
+    pub(crate) fn travel_s(&self, sender: usize, receiver: usize, time_s: f64) -> f64 {
+        let position = |vehicle: usize| self.vehicles[vehicle].track.estimate(time_s);
+        let Some((a, b)) = position(sender).zip(position(receiver)) else { return 0.0 };
+        let depth_difference_m = a.depth_m.zip(b.depth_m).map_or(0.0, |(a, b)| a - b);
+        (a.east_m - b.east_m).hypot(a.north_m - b.north_m).hypot(depth_difference_m) / self.rules.sound_m_per_s
     }
 
     /// Returns the times at which satellites set a vehicle's clock, except for the first.
@@ -131,7 +132,9 @@ impl<'a> Fleet<'a> {
             let recording = vehicle.recording;
             let fixes = recording.fixes.iter().map(|fix| fix.time_s);
             let arrivals = recording.arrivals.iter().flatten().map(|arrival| arrival.time_s);
-            fixes.chain(arrivals).chain(recording.sent.iter().flatten().map(|sent| sent.time_s))
+            fixes
+                .chain(arrivals)
+                .chain(recording.transmissions.iter().flatten().map(|transmission| transmission.time_s))
         });
         times.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), time_s| (from.min(time_s), to.max(time_s)))
     }
@@ -153,7 +156,7 @@ impl<'a> Fleet<'a> {
 /// If a message bounds such an interval, the message lies outside of it. It is recorded only because it was heard, so
 /// that it would always count as a success.
 fn active_spans(recording: &Recording, messages: &BTreeMap<usize, Vec<Message>>, match_s: f64) -> Vec<(f64, f64)> {
-    let without_bounding_messages = |&(from_s, to_s): &(f64, f64)| {
+    let exclude_bounding_messages = |&(from_s, to_s): &(f64, f64)| {
         let (mut after_s, mut before_s) = (from_s, to_s);
         for message in messages.values().flatten() {
             if message.time_s == from_s {
@@ -165,6 +168,6 @@ fn active_spans(recording: &Recording, messages: &BTreeMap<usize, Vec<Message>>,
         }
         (after_s, before_s)
     };
-    let active = recording.modem_activity.iter().map(without_bounding_messages);
+    let active = recording.modem_activity.iter().map(exclude_bounding_messages);
     active.chain(recording.listening.iter().copied()).collect()
 }

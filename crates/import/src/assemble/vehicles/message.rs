@@ -59,7 +59,7 @@ impl Message {
     }
 
     /// Returns whether the message counts as heard. `frames_sent` is the number of frames by the sender's record.
-    pub(crate) fn is_heard(&self, frames_sent: Option<u32>, any_frame: bool) -> bool {
+    pub(crate) fn is_decoded(&self, frames_sent: Option<u32>, any_frame: bool) -> bool {
         let frames = self.frames.max(frames_sent.unwrap_or(0)) as usize;
         self.is_whole || if any_frame { !self.decoded.is_empty() } else { self.decoded.len() >= frames }
     }
@@ -76,7 +76,7 @@ pub(crate) fn assemble_messages(mut arrivals: Vec<&Arrival>, rules: &Rules) -> (
             continue;
         };
         let is_duplicate = arrival.frame == latest.frame && arrival.time_s - latest.last_s <= rules.duplicate_s;
-        let is_next = arrival.frame.zip(latest.frame).is_some_and(|(frame, before)| frame > before)
+        let is_next = arrival.frame.zip(latest.frame).is_some_and(|(frame, previous)| frame > previous)
             && arrival.time_s - latest.last_s <= FRAME_S_MAX
             && arrival.destination == latest.destination;
         if is_duplicate || is_next {
@@ -99,7 +99,7 @@ mod tests {
 
     fn heard(arrivals: &[Arrival], any_frame: bool) -> (Vec<(f64, bool)>, usize) {
         let (messages, duplicates) = assemble_messages(arrivals.iter().collect(), &Rules::default());
-        (messages.iter().map(|message| (message.time_s, message.is_heard(None, any_frame))).collect(), duplicates)
+        (messages.iter().map(|message| (message.time_s, message.is_decoded(None, any_frame))).collect(), duplicates)
     }
 
     #[test]
@@ -115,10 +115,10 @@ mod tests {
         let broken = [arrival(10.0, Some(1), None, true), arrival(11.0, Some(2), None, false)];
         assert_eq!(heard(&broken, false), (vec![(10.0, false)], 0));
         let (first, _) = assemble_messages(broken[..1].iter().collect(), &Rules::default());
-        assert!(first[0].is_heard(Some(1), false) && !first[0].is_heard(Some(2), false));
+        assert!(first[0].is_decoded(Some(1), false) && !first[0].is_decoded(Some(2), false));
         // An arrival without a frame number stands for the whole message. Frames far apart belong to two messages.
         let (whole, _) = assemble_messages([arrival(10.0, None, None, true)].iter().collect(), &Rules::default());
-        assert!(whole[0].is_heard(Some(3), false));
+        assert!(whole[0].is_decoded(Some(3), false));
         let two = [arrival(20.2, Some(1), Some(2), true), arrival(50.2, Some(2), Some(2), true)];
         assert_eq!(heard(&two, false), (vec![(20.2, false), (50.2, false)], 0));
     }

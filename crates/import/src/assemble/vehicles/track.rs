@@ -16,16 +16,17 @@ pub(crate) struct Track {
 impl Track {
     /// Converts the fixes of a recording to metres. O(n log n).
     pub(crate) fn new(recording: &Recording, reference: &Reference) -> Self {
-        let position = |place, depth_m| {
+        let projected_position = |place, depth_m| {
             let (east_m, north_m) = reference.metres(place)?;
             Some(Position { east_m, north_m, depth_m })
         };
-        let projected = recording.fixes.iter().filter_map(|fix| Some((fix.time_s, position(fix.place, fix.depth_m)?)));
+        let projected =
+            recording.fixes.iter().filter_map(|fix| Some((fix.time_s, projected_position(fix.place, fix.depth_m)?)));
         let mut fixes: Vec<(f64, Position)> = projected.collect();
         let unprojected = recording.fixes.len() - fixes.len();
         fixes.sort_by(|a, b| a.0.total_cmp(&b.0));
         fixes.dedup_by_key(|fix| fix.0);
-        Self { fixes, fixed: recording.fixed.and_then(|fix| position(fix.place, fix.depth_m)), unprojected }
+        Self { fixes, fixed: recording.fixed.and_then(|fix| projected_position(fix.place, fix.depth_m)), unprojected }
     }
 
     /// Returns the times of the first and the last fix; an unbounded span for a fixed vehicle.
@@ -38,32 +39,32 @@ impl Track {
 
     /// Interpolates the position at a time. Returns `None` if the fixes around it are more than `gap_s_max` seconds
     /// apart.
-    pub(crate) fn at(&self, time_s: f64, gap_s_max: f64) -> Option<Position> {
+    pub(crate) fn position(&self, time_s: f64, gap_s_max: f64) -> Option<Position> {
         if self.fixed.is_some() {
             return self.fixed;
         }
         let next = self.fixes.partition_point(|fix| fix.0 < time_s);
-        let after = self.fixes.get(next)?;
-        if after.0 == time_s {
-            return Some(after.1);
+        let following = self.fixes.get(next)?;
+        if following.0 == time_s {
+            return Some(following.1);
         }
-        let before = &self.fixes[next.checked_sub(1)?];
-        let gap_s = after.0 - before.0;
-        let share = (time_s - before.0) / gap_s;
-        let between = |from: f64, to: f64| from + share * (to - from);
+        let previous = &self.fixes[next.checked_sub(1)?];
+        let gap_s = following.0 - previous.0;
+        let share = (time_s - previous.0) / gap_s;
+        let interpolate = |from: f64, to: f64| from + share * (to - from);
         (gap_s <= gap_s_max).then(|| Position {
-            east_m: between(before.1.east_m, after.1.east_m),
-            north_m: between(before.1.north_m, after.1.north_m),
-            depth_m: before.1.depth_m.zip(after.1.depth_m).map(|(from, to)| between(from, to)),
+            east_m: interpolate(previous.1.east_m, following.1.east_m),
+            north_m: interpolate(previous.1.north_m, following.1.north_m),
+            depth_m: previous.1.depth_m.zip(following.1.depth_m).map(|(from, to)| interpolate(from, to)),
         })
     }
 
     /// Estimates the position at any time, for the travel time of sound: interpolated across any gap, else the nearest
     /// fix.
-    pub(crate) fn near(&self, time_s: f64) -> Option<Position> {
+    pub(crate) fn estimate(&self, time_s: f64) -> Option<Position> {
         let next = self.fixes.partition_point(|fix| fix.0 < time_s);
         let nearest = self.fixes.get(next).or_else(|| self.fixes.last()).map(|fix| fix.1);
-        self.fixed.or_else(|| self.at(time_s, f64::INFINITY)).or(nearest)
+        self.fixed.or_else(|| self.position(time_s, f64::INFINITY)).or(nearest)
     }
 }
 
@@ -79,12 +80,12 @@ mod tests {
         let fixes =
             vec![fix(20.0, 40.0, Some(2.0)), fix(0.0, 0.0, Some(1.0)), fix(100.0, 200.0, None), fix(0.0, 7.0, None)];
         let track = Track::new(&Recording { fixes, ..Recording::default() }, &Reference::unknown());
-        let at = |time_s| track.at(time_s, 30.0).map(|position| (position.east_m, position.depth_m));
+        let position = |time_s| track.position(time_s, 30.0).map(|position| (position.east_m, position.depth_m));
         assert_eq!(
-            [0.0, 10.0, 20.0, 100.0].map(at),
+            [0.0, 10.0, 20.0, 100.0].map(position),
             [Some((0.0, Some(1.0))), Some((20.0, Some(1.5))), Some((40.0, Some(2.0))), Some((200.0, None))]
         );
-        assert_eq!([-1.0, 60.0, 100.5, f64::NAN].map(at), [None; 4]);
-        assert_eq!(track.near(300.0).map(|position| position.east_m), Some(200.0));
+        assert_eq!([-1.0, 60.0, 100.5, f64::NAN].map(position), [None; 4]);
+        assert_eq!(track.estimate(300.0).map(|position| position.east_m), Some(200.0));
     }
 }

@@ -6,7 +6,7 @@ use pingmap_agent::{MessageKind, VehicleId};
 
 use crate::assemble::vehicles::fleet::{Fleet, Vehicle};
 use crate::assemble::vehicles::message::Message;
-use crate::model::recording::SentMessage;
+use crate::model::recording::TransmissionRecord;
 use crate::model::schedule::Schedule;
 
 /// The evidence that a transmission took place, from the strongest to none.
@@ -15,11 +15,11 @@ pub enum TransmissionEvidence {
     /// The sender recorded the transmission.
     Recorded,
     /// The schedule gives the slot to a sender that uses every slot.
-    AlwaysSends,
+    AssumedSlot,
     /// A receiver recorded the message.
     Received,
     /// The schedule gives the slot to the sender; no record shows that the slot was used.
-    ScheduledOnly,
+    UnconfirmedSlot,
 }
 
 /// A transmission, or a scheduled slot that may have stayed unused.
@@ -40,7 +40,7 @@ pub(crate) struct Transmission {
     /// Whether it may have been addressed to one vehicle that no record names.
     pub(crate) destination_unknown: bool,
     /// Receivers with an unmatched message of the same sender at about that time.
-    pub(crate) ambiguous_at: BTreeSet<usize>,
+    pub(crate) ambiguous_receivers: BTreeSet<usize>,
 }
 
 impl Transmission {
@@ -50,21 +50,21 @@ impl Transmission {
             is_reception_time: true,
             destination: message.destination.clone(),
             kind: message.kind.clone(),
-            ..Self::by_sender(message.time_s - travel_s, receiver, TransmissionEvidence::Received)
+            ..Self::new(message.time_s - travel_s, receiver, TransmissionEvidence::Received)
         }
     }
 
-    fn from_record(sent: &SentMessage, sender: usize) -> Self {
+    fn from_record(record: &TransmissionRecord, sender: usize) -> Self {
         Self {
-            destination: sent.destination.clone(),
-            frames: sent.frames,
-            kind: sent.kind.clone(),
-            band: sent.band.clone(),
-            ..Self::by_sender(sent.time_s, sender, TransmissionEvidence::Recorded)
+            destination: record.destination.clone(),
+            frames: record.frames,
+            kind: record.kind.clone(),
+            band: record.band.clone(),
+            ..Self::new(record.time_s, sender, TransmissionEvidence::Recorded)
         }
     }
 
-    fn by_sender(time_s: f64, clock: usize, evidence: TransmissionEvidence) -> Self {
+    fn new(time_s: f64, clock: usize, evidence: TransmissionEvidence) -> Self {
         Self {
             time_s,
             clock,
@@ -75,7 +75,7 @@ impl Transmission {
             kind: None,
             band: None,
             destination_unknown: false,
-            ambiguous_at: BTreeSet::new(),
+            ambiguous_receivers: BTreeSet::new(),
         }
     }
 }
@@ -84,7 +84,7 @@ impl Transmission {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reception<'a> {
     pub(crate) sender: usize,
-    pub(crate) sent: &'a Transmission,
+    pub(crate) transmission: &'a Transmission,
     pub(crate) receiver: usize,
     /// Time of the reception by the receiver's clock, in seconds.
     pub(crate) time_s: f64,
@@ -94,33 +94,37 @@ pub(crate) struct Reception<'a> {
 ///
 /// A vehicle with a record of its transmissions has exactly those. Another vehicle has the slots that the schedule
 /// gives it.
-pub(crate) fn known_transmissions(fleet: &Fleet, schedule: Option<&Schedule>) -> Vec<Vec<Transmission>> {
+pub(crate) fn documented_transmissions(fleet: &Fleet, schedule: Option<&Schedule>) -> Vec<Vec<Transmission>> {
     let span_s = fleet.span_s();
-    let margin_s = fleet.rules.clock_off_s_max;
-    let of_vehicle = |(sender, vehicle): (usize, &Vehicle)| {
-        let mut sent: Vec<Transmission> = match (&vehicle.recording.sent, schedule, vehicle.track.span_s()) {
-            (Some(sent), ..) => sent.iter().map(|sent| Transmission::from_record(sent, sender)).collect(),
-            (None, Some(schedule), Some(track_s)) => {
-                let uses_all = fleet.rules.slot_use.includes(vehicle.name);
-                let evidence =
-                    if uses_all { TransmissionEvidence::AlwaysSends } else { TransmissionEvidence::ScheduledOnly };
-                let (from_s, to_s) = (track_s.0.max(span_s.0 - margin_s), track_s.1.min(span_s.1 + margin_s));
-                let starts = schedule.slot_starts_s(vehicle.name, from_s, to_s);
-                starts.into_iter().map(|time_s| Transmission::by_sender(time_s, sender, evidence)).collect()
-            }
-            _ => Vec::new(),
-        };
-        sent.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let margin_s = fleet.rules.clock_offset_s_max;
+    let vehicle_transmissions = |(sender, vehicle): (usize, &Vehicle)| {
+        let mut transmissions: Vec<Transmission> =
+            match (&vehicle.recording.transmissions, schedule, vehicle.track.span_s()) {
+                (Some(records), ..) => records.iter().map(|record| Transmission::from_record(record, sender)).collect(),
+                (None, Some(schedule), Some(track_s)) => {
+                    let is_always_used = fleet.rules.slot_use.includes(vehicle.name);
+                    let evidence = if is_always_used {
+                        TransmissionEvidence::AssumedSlot
+                    } else {
+                        TransmissionEvidence::UnconfirmedSlot
+                    };
+                    let (from_s, to_s) = (track_s.0.max(span_s.0 - margin_s), track_s.1.min(span_s.1 + margin_s));
+                    let starts = schedule.slot_starts_s(vehicle.name, from_s, to_s);
+                    starts.into_iter().map(|time_s| Transmission::new(time_s, sender, evidence)).collect()
+                }
+                _ => Vec::new(),
+            };
+        transmissions.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         // A duplicate record describes the same transmission.
-        sent.dedup_by(|next, sent| {
-            next.time_s - sent.time_s <= fleet.rules.duplicate_s && next.evidence == TransmissionEvidence::Recorded
+        transmissions.dedup_by(|next, previous| {
+            next.time_s - previous.time_s <= fleet.rules.duplicate_s && next.evidence == TransmissionEvidence::Recorded
         });
-        sent
+        transmissions
     };
-    fleet.vehicles.iter().enumerate().map(of_vehicle).collect()
+    fleet.vehicles.iter().enumerate().map(vehicle_transmissions).collect()
 }
 
 /// Returns the vehicles with at least one transmission.
-pub(crate) fn senders(sent: &[Vec<Transmission>]) -> BTreeSet<usize> {
-    (0..sent.len()).filter(|&sender| !sent[sender].is_empty()).collect()
+pub(crate) fn senders(transmissions: &[Vec<Transmission>]) -> BTreeSet<usize> {
+    (0..transmissions.len()).filter(|&sender| !transmissions[sender].is_empty()).collect()
 }

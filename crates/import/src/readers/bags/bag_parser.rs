@@ -6,7 +6,7 @@ use pingmap_agent::MessageKind;
 
 use crate::model::modem_ids::ModemIds;
 use crate::model::parsed_file::ParsedFile;
-use crate::model::recording::{Arrival, SentMessage};
+use crate::model::recording::{Arrival, TransmissionRecord};
 use crate::readers::bags::cdr::CdrReader;
 use crate::readers::message_fields::MessageFields;
 use crate::readers::modem::micromodem::Micromodem;
@@ -122,7 +122,7 @@ impl<'a> BagParser<'a> {
         let (latitude_deg, longitude_deg) = (cdr.f64()?, cdr.f64()?);
         self.parsed.recording.clock_syncs.push((time_s, status >= 0));
         if status < 0 {
-            self.parsed.skipped.without_position += 1;
+            self.parsed.skipped.missing_positions += 1;
             return Some(());
         }
         self.add_position(time_s, (0, name), (latitude_deg, longitude_deg), None)
@@ -168,9 +168,9 @@ impl<'a> BagParser<'a> {
             if self.is_echo(time_s, name, line) {
                 continue;
             }
-            let into = Sink { recording: &mut self.parsed.recording, ids: self.ids };
+            let sink = Sink { recording: &mut self.parsed.recording, ids: self.ids };
             match Sentence::parse(line) {
-                Some(sentence) => self.modem.absorb(time_s, &sentence, into),
+                Some(sentence) => self.modem.absorb(time_s, &sentence, sink),
                 None => self.parsed.skipped.garbled += 1,
             }
         }
@@ -178,7 +178,7 @@ impl<'a> BagParser<'a> {
 
     /// Returns whether another topic held the same sentence recently.
     fn is_echo(&mut self, time_s: f64, name: &str, line: &str) -> bool {
-        self.recent_lines.retain(|(then_s, ..)| (time_s - then_s).abs() <= ECHO_S);
+        self.recent_lines.retain(|(earlier_s, ..)| (time_s - earlier_s).abs() <= ECHO_S);
         let is_same = |(_, topic, other): &(f64, String, String)| topic != name && other == line;
         if let Some(index) = self.recent_lines.iter().position(is_same) {
             // An echo cancels one occurrence only, so a sentence that the modem repeats is kept.
@@ -196,20 +196,20 @@ impl<'a> BagParser<'a> {
 
     /// Absorbs the named fields of a message.
     pub(crate) fn absorb_fields(&mut self, time_s: f64, name: &str, fields: &MessageFields) {
-        if fields.is_unclear {
+        if fields.is_ambiguous {
             self.count_garbled(true);
             return;
         }
         self.absorb_position(time_s, name, fields);
         let destination = self.ids.resolve(fields.destination.as_deref().unwrap_or_default());
-        let is_name = |kind: &&String| !kind.is_empty() && !kind.contains(char::is_control);
-        let kind = fields.kind.as_ref().filter(is_name).map(MessageKind::new);
+        let is_printable = |kind: &&String| !kind.is_empty() && !kind.contains(char::is_control);
+        let kind = fields.kind.as_ref().filter(is_printable).map(MessageKind::new);
         let frames = fields.frames;
         match (fields.sent, &fields.source, fields.received_frame()) {
             (Some(true), ..) => {
                 Sink { recording: &mut self.parsed.recording, ids: self.ids }.record_activity(time_s);
-                let sent = SentMessage { time_s, destination, frames, kind, band: None };
-                self.parsed.recording.sent.get_or_insert_default().push(sent);
+                let record = TransmissionRecord { time_s, destination, frames, kind, band: None };
+                self.parsed.recording.transmissions.get_or_insert_default().push(record);
             }
             (_, Some(_), Err(())) => self.count_garbled(true),
             (_, Some(source), Ok(frame)) => {
@@ -218,8 +218,8 @@ impl<'a> BagParser<'a> {
                 self.reported.extend(self.ids.resolve(source).map(arrival));
             }
             (Some(false), None, _) => {
-                self.parsed.recording.sent.get_or_insert_default();
-                self.parsed.skipped.not_sent += 1;
+                self.parsed.recording.transmissions.get_or_insert_default();
+                self.parsed.skipped.failed_transmissions += 1;
             }
             (None, None, _) => {}
         }
@@ -230,8 +230,8 @@ impl<'a> BagParser<'a> {
 
     fn absorb_position(&mut self, time_s: f64, name: &str, fields: &MessageFields) {
         let places = [fields.latitude.zip(fields.longitude), fields.easting.zip(fields.northing)];
-        if fields.without_fix && places[0].is_some() {
-            self.parsed.skipped.without_position += 1;
+        if fields.has_no_fix && places[0].is_some() {
+            self.parsed.skipped.missing_positions += 1;
             return;
         }
         for (form, place) in places.into_iter().enumerate() {
@@ -331,8 +331,11 @@ mod tests {
             ],
         )
         .unwrap();
-        let sent = reported.recording.sent.unwrap();
-        assert_eq!((sent.len(), sent[0].destination.as_ref().map(|to| to.as_str())), (1, Some("auv2")));
+        let transmissions = reported.recording.transmissions.unwrap();
+        assert_eq!(
+            (transmissions.len(), transmissions[0].destination.as_ref().map(|to| to.as_str())),
+            (1, Some("auv2"))
+        );
         assert_eq!(
             (reported.recording.reported.concat().len(), reported.recording.fixes.len(), reported.skipped.garbled),
             (1, 1, 1)

@@ -6,27 +6,27 @@
 pub(crate) struct CdrReader<'a> {
     /// The message without its first four bytes, the encapsulation header.
     bytes: &'a [u8],
-    at: usize,
-    is_little: bool,
+    offset: usize,
+    is_little_endian: bool,
 }
 
 impl<'a> CdrReader<'a> {
     /// Starts at the first field; `None` if the encoding is not plain CDR.
     pub(crate) fn new(message: &'a [u8]) -> Option<Self> {
         let (kind, bytes) = message.split_at_checked(4)?;
-        let is_little = match kind[..2] {
+        let is_little_endian = match kind[..2] {
             [0, 0] => false,
             [0, 1] => true,
             _ => return None,
         };
-        Some(Self { bytes, at: 0, is_little })
+        Some(Self { bytes, offset: 0, is_little_endian })
     }
 
     fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
-        let begin = self.at.next_multiple_of(N);
-        let mut bytes: [u8; N] = self.bytes.get(begin..begin.checked_add(N)?)?.try_into().ok()?;
-        self.at = begin + N;
-        if !self.is_little {
+        let start = self.offset.next_multiple_of(N);
+        let mut bytes: [u8; N] = self.bytes.get(start..start.checked_add(N)?)?.try_into().ok()?;
+        self.offset = start + N;
+        if !self.is_little_endian {
             bytes.reverse();
         }
         Some(bytes)
@@ -51,8 +51,8 @@ impl<'a> CdrReader<'a> {
     /// Reads a sequence of bytes.
     pub(crate) fn bytes(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()? as usize;
-        let bytes = self.bytes.get(self.at..self.at.checked_add(length)?)?;
-        self.at += length;
+        let bytes = self.bytes.get(self.offset..self.offset.checked_add(length)?)?;
+        self.offset += length;
         Some(bytes)
     }
 

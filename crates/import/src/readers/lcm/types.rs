@@ -64,7 +64,7 @@ const NUMBERS: [(&str, usize); 8] = [
 ];
 
 /// Parses a size in decimal or C hexadecimal notation.
-fn size_of(text: &str) -> Option<usize> {
+fn parse_size(text: &str) -> Option<usize> {
     match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
         Some(digits) => usize::from_str_radix(digits, 16).ok(),
         None => text.parse().ok(),
@@ -206,7 +206,7 @@ impl Struct {
                     Some("[") => {
                         let size = tokens.next().ok_or("an array without a size")?;
                         let value = constants.get(size).copied().unwrap_or(size);
-                        dimensions.push(match size_of(value) {
+                        dimensions.push(match parse_size(value) {
                             Some(size) => Dimension::Fixed(size, value.to_owned()),
                             None => Dimension::Member(value.to_owned()),
                         });

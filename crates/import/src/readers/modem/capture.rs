@@ -15,8 +15,8 @@ use crate::readers::sink::Sink;
 pub(crate) fn read(reader: impl BufRead, ids: &ModemIds) -> io::Result<ParsedFile> {
     let (mut lines, mut modem, mut parsed) = (Lines::new(reader), Micromodem::default(), ParsedFile::default());
     while let Some(line) = lines.next()? {
-        let Some((front, _)) = line.split_once('$') else { continue };
-        match (time_before(front), Sentence::parse(line)) {
+        let Some((prefix, _)) = line.split_once('$') else { continue };
+        match (leading_time(prefix), Sentence::parse(line)) {
             (Some(time_s), Some(sentence)) if sentence.name.starts_with("GP") || sentence.name.starts_with("GN") => {
                 parsed.recording.clock_syncs.extend(has_fix(&sentence).map(|has_fix| (time_s, has_fix)));
             }
@@ -41,10 +41,10 @@ fn has_fix(sentence: &Sentence) -> Option<bool> {
 
 /// Parses the time before a sentence, such as `1777809600.25`, `[2026-05-03T12:00:00Z]` or `2026-05-03 12:00:00Z,RX,`.
 /// Any text may follow the time.
-pub(crate) fn time_before(front: &str) -> Option<f64> {
-    let front = front.trim_start_matches([' ', '\t', '[', '(', '"']);
+pub(crate) fn leading_time(prefix: &str) -> Option<f64> {
+    let prefix = prefix.trim_start_matches([' ', '\t', '[', '(', '"']);
     let is_end = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | ']' | ')' | '"' | '<' | '>' | '|');
-    let (first, rest) = front.split_at(front.find(is_end).unwrap_or(front.len()));
+    let (first, rest) = prefix.split_at(prefix.find(is_end).unwrap_or(prefix.len()));
     let second = || {
         let rest = rest.strip_prefix(' ')?;
         let (time, rest) = rest.split_at(rest.find(is_end).unwrap_or(rest.len()));
@@ -55,8 +55,8 @@ pub(crate) fn time_before(front: &str) -> Option<f64> {
 }
 
 /// Parses a time, and a fraction of three or six digits behind a comma. Digits in a field of their own are no fraction.
-fn parse_with_fraction(time: &str, behind: &str) -> Option<f64> {
-    let fraction = behind.strip_prefix(',').unwrap_or("");
+fn parse_with_fraction(time: &str, suffix: &str) -> Option<f64> {
+    let fraction = suffix.strip_prefix(',').unwrap_or("");
     let (fraction, rest) = fraction.split_at(fraction.find(|c: char| !c.is_ascii_digit()).unwrap_or(fraction.len()));
     let is_fraction =
         matches!(fraction.len(), 3 | 6) && time.contains('T') && !time.contains('.') && !rest.starts_with([',', ';']);
@@ -68,7 +68,7 @@ fn parse_with_fraction(time: &str, behind: &str) -> Option<f64> {
 pub(crate) fn is_capture(head: &str) -> bool {
     head.lines().any(|line| {
         let sentence = Sentence::parse(line).filter(|sentence| matches!(sentence.name.get(..2), Some("CA" | "CC")));
-        sentence.is_some() && line.split_once('$').is_some_and(|(front, _)| time_before(front).is_some())
+        sentence.is_some() && line.split_once('$').is_some_and(|(prefix, _)| leading_time(prefix).is_some())
     })
 }
 
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn times_in_many_formats_are_parsed() {
-        for front in [
+        for prefix in [
             "1777809600.25 ",
             "[1777809600.25] ",
             "2026-05-03T12:00:00.25Z\t",
@@ -90,11 +90,11 @@ mod tests {
             "2026-05-03 12:00:00,250 INFO ",
             "2026-05-03T12:00:00,250 ",
         ] {
-            assert_eq!(time_before(front), Some(1_777_809_600.25), "{front:?}");
+            assert_eq!(leading_time(prefix), Some(1_777_809_600.25), "{prefix:?}");
         }
-        assert_eq!(time_before("2026-05-03 12:00:00,1,"), time_before("2026-05-03 12:00:00 "));
-        for front in ["", "RX ", "12:00:00 ", "[", "\u{fffd}"] {
-            assert_eq!(time_before(front), None, "{front:?}");
+        assert_eq!(leading_time("2026-05-03 12:00:00,1,"), leading_time("2026-05-03 12:00:00 "));
+        for prefix in ["", "RX ", "12:00:00 ", "[", "\u{fffd}"] {
+            assert_eq!(leading_time(prefix), None, "{prefix:?}");
         }
     }
 }

@@ -3,7 +3,7 @@
 use pingmap_agent::MessageKind;
 
 use crate::model::exclusion::ExclusionReason;
-use crate::model::recording::SentMessage;
+use crate::model::recording::TransmissionRecord;
 use crate::readers::sink::{FrameInfo, Sink};
 
 /// A transmission, with the fields that matter here.
@@ -42,11 +42,11 @@ impl ModemTransmission {
     }
 
     fn is_message(&self) -> bool {
-        !self.is_of_another_kind() && self.frames > 0
+        !self.has_no_data() && self.frames > 0
     }
 
     /// Returns whether the transmission is of a type without data.
-    fn is_of_another_kind(&self) -> bool {
+    fn has_no_data(&self) -> bool {
         !matches!(self.kind.as_deref(), None | Some("DATA" | "MICROMODEM_MINI_DATA" | "DRIVER_SPECIFIC"))
     }
 
@@ -69,7 +69,7 @@ impl ModemTransmission {
 
     /// Records that this transmission was sent.
     pub(crate) fn record_transmission(&self, time_s: f64, sink: &mut Sink) {
-        if self.is_of_another_kind() {
+        if self.has_no_data() {
             // Ranging or an acknowledgement: the modem is deaf meanwhile.
             sink.record_activity(time_s);
             sink.recording.deaf_intervals.push((time_s, time_s + RANGING_S, ExclusionReason::OtherMode));
@@ -78,14 +78,14 @@ impl ModemTransmission {
         sink.add_modem_id(source);
         sink.record_activity(time_s);
         let to = self.destination.as_deref().filter(|to| *to != BROADCAST).unwrap_or("");
-        let sent = SentMessage {
+        let record = TransmissionRecord {
             time_s,
             destination: sink.ids.resolve(to),
             frames: Some(self.frames),
             kind: self.message_kind(),
             band: None,
         };
-        sink.recording.sent.get_or_insert_default().push(sent);
+        sink.recording.transmissions.get_or_insert_default().push(record);
     }
 }
 
@@ -151,7 +151,7 @@ impl<'a> Iterator for Fields<'a> {
                     return Some((self.depth, key, value));
                 }
                 // Skips an unexpected character.
-                Some(sign) => self.rest = &self.rest[sign.len_utf8()..],
+                Some(character) => self.rest = &self.rest[character.len_utf8()..],
                 None => return None,
             }
         }

@@ -13,7 +13,7 @@ use pingmap_agent::MessageKind;
 
 use crate::model::exclusion::ExclusionReason;
 use crate::model::parsed_file::SkipCounts;
-use crate::model::recording::{BAND_PARTS, SentMessage};
+use crate::model::recording::{BAND_PARTS, TransmissionRecord};
 use crate::readers::modem::nmea::Sentence;
 use crate::readers::sink::{FrameInfo, Sink};
 
@@ -53,7 +53,7 @@ pub(crate) struct Micromodem {
     reset_s: Option<f64>,
     /// Number of broken messages without a sender, and of messages that were not transmitted.
     unattributed: usize,
-    not_sent: usize,
+    failed_transmissions: usize,
 }
 
 /// An announcement: the source will send a number of frames at a rate.
@@ -73,8 +73,8 @@ struct OutgoingMessage {
     destination: String,
     kind: Option<MessageKind>,
     /// Number of frames by the host's sentences, and by the modem's echo.
-    by_host: u32,
-    by_echo: u32,
+    host_frames: u32,
+    echo_frames: u32,
 }
 
 /// A message that is being received frame by frame.
@@ -117,7 +117,7 @@ impl Micromodem {
         self.has_sentences = true;
         // A host with a modem records receptions and transmissions, so both records exist even if they are empty.
         sink.recording.arrivals.get_or_insert_default();
-        sink.recording.sent.get_or_insert_default();
+        sink.recording.transmissions.get_or_insert_default();
         match sentence.name {
             "CARXD" | "CAMSG" | "CACST" | "CAMUA" | "CARDP" => self.absorb_reception(time_s, sentence, &mut sink),
             "CACYC" | "CCCYC" => self.absorb_cycle(time_s, sentence, &mut sink),
@@ -129,7 +129,7 @@ impl Micromodem {
                 sink.record_activity(time_s);
             }
             name if name.starts_with("CC") || name.starts_with("CA") => {
-                self.absorb_sending(time_s, sentence, &mut sink)
+                self.absorb_transmission(time_s, sentence, &mut sink)
             }
             _ => {}
         }
@@ -139,7 +139,7 @@ impl Micromodem {
     pub(crate) fn finish(&mut self, mut sink: Sink, skipped: &mut SkipCounts) {
         self.finish_incoming(&mut sink);
         skipped.unattributed += self.unattributed;
-        skipped.not_sent += self.not_sent;
+        skipped.failed_transmissions += self.failed_transmissions;
     }
 
     /// Absorbs a report of the modem's own state.
@@ -148,10 +148,10 @@ impl Micromodem {
             "CCMSC" => return,
             "CAMSC" => {
                 self.reset_s = Some(time_s);
-                self.forget_outgoing();
+                self.drop_outgoing();
             }
             "CAREV" if sentence.field(1) == "INIT" => {
-                self.forget_outgoing();
+                self.drop_outgoing();
                 let from_s = self.reset_s.take().unwrap_or(time_s - START_S);
                 sink.recording.deaf_intervals.push((from_s, time_s, ExclusionReason::Rebooting));
             }
@@ -183,11 +183,11 @@ impl Micromodem {
         self.cycle = Some(Cycle { time_s, source, rate, frames: sentence.number(5).filter(|frames| *frames > 0) });
     }
 
-    fn cycle_of(&self, source: &str, time_s: f64) -> Option<&Cycle> {
+    fn latest_cycle(&self, source: &str, time_s: f64) -> Option<&Cycle> {
         self.cycle.as_ref().filter(|cycle| cycle.source == source && time_s - cycle.time_s <= MESSAGE_S_MAX)
     }
 
-    fn absorb_sending(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
+    fn absorb_transmission(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
         match sentence.name {
             "CADRQ" => sink.add_modem_id(sentence.field(1)),
             "CATXD" => sink.add_modem_id(sentence.field(0)),
@@ -202,7 +202,7 @@ impl Micromodem {
         let is_stale =
             |outgoing: &OutgoingMessage| time_s - outgoing.begin_s.unwrap_or(outgoing.time_s) > MESSAGE_S_MAX;
         if self.outgoing.as_ref().is_some_and(is_stale) {
-            self.forget_outgoing();
+            self.drop_outgoing();
         }
         match sentence.name {
             "CATXD" | "CAMUC" | "CATDP" => self.absorb_data(time_s, sentence),
@@ -222,15 +222,15 @@ impl Micromodem {
             }
             "CAXST" => self.absorb_transmit_statistics(time_s, sentence, sink),
             "CAERR" if sentence.fields.contains(&"DATA_TIMEOUT") => {
-                self.forget_outgoing();
+                self.drop_outgoing();
             }
             _ => {}
         }
     }
 
     /// Drops data that the modem will not transmit any more.
-    fn forget_outgoing(&mut self) {
-        self.not_sent += usize::from(self.outgoing.take().is_some());
+    fn drop_outgoing(&mut self) {
+        self.failed_transmissions += usize::from(self.outgoing.take().is_some());
     }
 
     /// Absorbs data for transmission, from the host or from the modem's echo.
@@ -252,25 +252,26 @@ impl Micromodem {
             |outgoing: &OutgoingMessage| outgoing.begin_s.is_some() || time_s - outgoing.time_s > MESSAGE_S_MAX;
         if self.outgoing.as_ref().is_none_or(is_new) {
             let destination = sentence.field(destination).to_owned();
-            self.outgoing = Some(OutgoingMessage { time_s, begin_s: None, destination, kind, by_host: 0, by_echo: 0 });
+            self.outgoing =
+                Some(OutgoingMessage { time_s, begin_s: None, destination, kind, host_frames: 0, echo_frames: 0 });
         }
         let Some(outgoing) = &mut self.outgoing else { return };
-        *if is_echo { &mut outgoing.by_echo } else { &mut outgoing.by_host } += 1;
+        *if is_echo { &mut outgoing.echo_frames } else { &mut outgoing.host_frames } += 1;
     }
 
     /// Records the transmission that the modem has finished.
     fn finish_outgoing(&mut self, time_s: f64, sink: &mut Sink) {
         let Some(outgoing) = self.outgoing.take() else { return };
         self.finished_s = Some(time_s);
-        let frames = outgoing.by_host.max(outgoing.by_echo);
-        let sent = SentMessage {
+        let frames = outgoing.host_frames.max(outgoing.echo_frames);
+        let record = TransmissionRecord {
             time_s: outgoing.begin_s.unwrap_or(time_s),
             destination: sink.ids.resolve(&outgoing.destination),
             frames: (frames > 0).then_some(frames),
             kind: outgoing.kind,
             band: None,
         };
-        sink.recording.sent.get_or_insert_default().push(sent);
+        sink.recording.transmissions.get_or_insert_default().push(record);
     }
 
     /// Absorbs transmit statistics. An error mode means that there was no transmission. From version 6 on, the first
@@ -284,11 +285,11 @@ impl Micromodem {
             self.finished_s = None;
             return;
         }
-        let sent = sink.recording.sent.get_or_insert_default();
+        let transmissions = sink.recording.transmissions.get_or_insert_default();
         if self.outgoing.take().is_some() {
-            self.not_sent += 1;
+            self.failed_transmissions += 1;
         } else if self.finished_s.take().is_some_and(|finished_s| time_s - finished_s <= FRAME_S_MAX) {
-            self.not_sent += usize::from(sent.pop().is_some());
+            self.failed_transmissions += usize::from(transmissions.pop().is_some());
         }
     }
 
@@ -307,8 +308,8 @@ impl Micromodem {
             }
             "CAMSG" => {
                 let is_broken = sentence.field(0).to_uppercase().replace(' ', "_") == "BAD_CRC";
-                let is_known = self.broken_s.is_some_and(|broken_s| time_s - broken_s <= FRAME_S_MAX);
-                if is_broken && !is_known {
+                let is_counted = self.broken_s.is_some_and(|broken_s| time_s - broken_s <= FRAME_S_MAX);
+                if is_broken && !is_counted {
                     self.broken_s = Some(time_s);
                     self.unattributed += 1;
                 }
@@ -345,7 +346,7 @@ impl Micromodem {
         if self.incoming.as_ref().is_some_and(|incoming| incoming.source != source) {
             self.finish_incoming(sink);
         }
-        let cycle = self.cycle_of(source, time_s);
+        let cycle = self.latest_cycle(source, time_s);
         let (frames, kind) = cycle.map_or((0, None), |cycle| (cycle.frames.unwrap_or(0), rate_kind(&cycle.rate)));
         // A frame that broke shortly before belongs to this message.
         let broken_s = self.broken_s.take().filter(|broken_s| time_s - broken_s <= FRAME_S_MAX);

@@ -20,7 +20,7 @@ const TAR_MARK: (usize, &[u8]) = (257, b"ustar");
 /// Unpacks a ZIP or tar archive, or one file compressed with gzip, to a temporary folder. The folder is deleted when
 /// the returned value is dropped. Returns `None` for other files. Nothing is written outside the folder. Error messages
 /// contain `name`.
-pub fn unpacked(path: &Path, name: &Path) -> anyhow::Result<Option<TempDir>> {
+pub fn unpack_archive(path: &Path, name: &Path) -> anyhow::Result<Option<TempDir>> {
     let fail = |error: io::Error| BadInput(format!("{}: cannot be unpacked: {error}", name.display()));
     let file = open(path).map_err(ImportError::from)?;
     unpack(name, file).map_err(|error| fail(error).into())

@@ -11,7 +11,7 @@ use pingmap_import::{
     SkipCounts, TIME, TableKind, parse_time, resolve_modem_ids,
 };
 
-use super::records::{self, RecordFile, Records, opened, whose};
+use super::records::{self, RecordFile, Records, open, split_vehicle};
 use crate::log::STANDARD_INPUT;
 use crate::output::{BadInput, note, progress_of_bytes, read_text};
 use crate::values::{crs, origin, place};
@@ -45,13 +45,13 @@ pub struct Files {
     #[arg(long, value_name = "FILE")]
     ids: Option<PathBuf>,
     /// Interval in which a modem was listening, if its first and last reception do not show it
-    #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = span)]
+    #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = named_interval)]
     listening: Vec<(String, (f64, f64))>,
     /// Prefix of the modem's variables in MOOS logs: …NMEA_IN, …MODEM_RECEIVE
     #[arg(long, value_name = "PREFIX", default_value = MOOS_PREFIX)]
     acomms_prefix: String,
     /// Name of a column, such as heard.source=from
-    #[arg(long, value_name = "WHAT=COLUMN", num_args = 1.., value_parser = two)]
+    #[arg(long, value_name = "ROLE=COLUMN", num_args = 1.., value_parser = split_value)]
     column: Vec<(String, String)>,
     /// Names of columns from a TOML file: [heard], source = "from"
     #[arg(long, value_name = "FILE")]
@@ -65,132 +65,134 @@ pub struct Files {
 }
 
 /// Content of all input files.
-pub struct Taken {
+pub struct Inputs {
     pub recordings: Recordings,
     pub schedule: Option<Schedule>,
     pub reference: Reference,
     /// Position of (0, 0) of the log, if known, and its source.
-    pub origin: Option<(Geographic, OriginBy)>,
+    pub origin: Option<(Geographic, OriginSource)>,
     pub skipped: SkipCounts,
     /// Number of messages per source for which nothing else was recorded.
     pub unknown_sources: BTreeMap<VehicleId, usize>,
     /// Files in folders whose kind is unknown.
-    pub left_alone: Vec<PathBuf>,
+    pub unknown_files: Vec<PathBuf>,
 }
 
 /// Source of the position of (0, 0).
 #[derive(Clone, Copy, PartialEq)]
-pub enum OriginBy {
+pub enum OriginSource {
     /// An option of the command.
     Option,
     /// The recorded files.
     Files,
     /// The mean of all positions.
-    Nobody,
+    Mean,
 }
 
-fn two(text: &str) -> Result<(String, String), String> {
+fn split_value(text: &str) -> Result<(String, String), String> {
     let (name, value) = text.split_once('=').ok_or("expected a name, = and a value")?;
     Ok((name.to_owned(), value.to_owned()))
 }
 
-fn span(text: &str) -> Result<(String, (f64, f64)), String> {
-    let (name, span) = two(text)?;
-    let span = span.split_once('/').and_then(|(from, to)| Some((parse_time(from)?, parse_time(to)?)));
-    let span =
-        span.filter(|(from_s, to_s)| from_s <= to_s).ok_or_else(|| format!("expected NAME=FROM/TO with {TIME}"))?;
-    Ok((name, span))
+fn named_interval(text: &str) -> Result<(String, (f64, f64)), String> {
+    let (name, interval) = split_value(text)?;
+    let interval = interval.split_once('/').and_then(|(from, to)| Some((parse_time(from)?, parse_time(to)?)));
+    let interval =
+        interval.filter(|(from_s, to_s)| from_s <= to_s).ok_or_else(|| format!("expected NAME=FROM/TO with {TIME}"))?;
+    Ok((name, interval))
 }
 
 fn fixed(text: &str) -> Result<(String, Fix), String> {
-    let (name, value) = two(text)?;
+    let (name, value) = split_value(text)?;
     let (place, depth_m) = place(&value).map_err(|error| format!("NAME=PLACE: {error}"))?;
     Ok((name, Fix { time_s: 0.0, place, depth_m }))
 }
 
 impl Files {
     /// Reads all files.
-    pub fn take(&self) -> anyhow::Result<Taken> {
-        let mut reading = self.reading()?;
+    pub fn read(&self) -> anyhow::Result<Inputs> {
+        let mut reader = self.reader()?;
         // Unpacked archives are deleted when `_unpacked` is dropped.
-        let (mut files, _unpacked) = records::with_archives(records::all(&self.records)?)?;
-        records::recognise(&mut files, &reading)?;
-        let found = |given: &Option<PathBuf>, kinds: &[RecordKind], option| match given {
+        let (mut files, _unpacked) = records::unpack_archives(records::list_files(&self.records)?)?;
+        records::detect_kinds(&mut files, &reader)?;
+        let find = |given: &Option<PathBuf>, kinds: &[RecordKind], option| match given {
             Some(path) => Ok(Some(path.clone())),
-            None => records::only(&files, kinds, option),
+            None => records::single_file(&files, kinds, option),
         };
-        if let Some(path) = found(&self.ids, &[RecordKind::ModemIds], "--ids")? {
-            reading.ids = ModemIds::read(opened(&path)?, &path)?;
+        if let Some(path) = find(&self.ids, &[RecordKind::ModemIds], "--ids")? {
+            reader.ids = ModemIds::read(open(&path)?, &path)?;
         }
-        let schedule = found(&self.schedule, &[RecordKind::Schedule, RecordKind::TeamFile], "--schedule")?;
-        let schedule = schedule.map(|path| Schedule::read(opened(&path)?, &path, &reading.ids)).transpose()?;
+        let schedule = find(&self.schedule, &[RecordKind::Schedule, RecordKind::TeamFile], "--schedule")?;
+        let schedule = schedule.map(|path| Schedule::read(open(&path)?, &path, &reader.ids)).transpose()?;
         for file in files.iter().filter(|file| file.kind == Some(RecordKind::LcmTypes)) {
-            reading.read_lcm_types(opened(&file.path)?, &file.name)?;
+            reader.read_lcm_types(open(&file.path)?, &file.name)?;
         }
         let (mut recordings, mut records) = (Recordings::new(), Records::default());
-        self.read(&files, &reading, &mut records, &mut recordings)?;
+        self.read_records(&files, &reader, &mut records, &mut recordings)?;
         let unknown_sources = resolve_modem_ids(&mut recordings)?;
         for (name, fix) in &self.fixed {
             recordings.entry(VehicleId::new(name)).or_default().fixed = Some(*fix);
         }
-        for (name, span) in &self.listening {
-            let Some(recording) = recordings.get_mut(&VehicleId::new(name)).filter(|known| known.arrivals.is_some())
+        for (name, interval) in &self.listening {
+            let Some(recording) =
+                recordings.get_mut(&VehicleId::new(name)).filter(|recording| recording.arrivals.is_some())
             else {
                 let message = format!("--listening {name}: expected a vehicle with recorded receptions");
                 return Err(BadInput(message).into());
             };
-            recording.listening.push(*span);
+            recording.listening.push(*interval);
         }
         let (reference, origin) = self.reference(&recordings, &records)?;
-        let Records { skipped, left_alone, .. } = records;
-        Ok(Taken { recordings, schedule, reference, origin, skipped, unknown_sources, left_alone })
+        let Records { skipped, unknown_files, .. } = records;
+        Ok(Inputs { recordings, schedule, reference, origin, skipped, unknown_sources, unknown_files })
     }
 
     /// Reads all recorded files, and the tables of `--nav`, `--heard` and `--sent`.
-    fn read(
+    fn read_records(
         &self,
         files: &[RecordFile],
-        reading: &RecordReader,
+        reader: &RecordReader,
         records: &mut Records,
         recordings: &mut Recordings,
     ) -> anyhow::Result<()> {
         let (tables, logs): (Vec<&RecordFile>, Vec<&RecordFile>) =
             files.iter().partition(|file| matches!(file.kind, Some(RecordKind::Table(_))));
-        let named = || {
+        let option_tables = || {
             let kinds = [
                 (TableKind::Navigation, &self.nav),
                 (TableKind::Receptions, &self.heard),
                 (TableKind::Transmissions, &self.sent),
             ];
-            kinds.into_iter().flat_map(|(kind, files)| files.iter().map(move |file| (kind, whose(file))))
+            kinds.into_iter().flat_map(|(kind, files)| files.iter().map(move |file| (kind, split_vehicle(file))))
         };
-        let paths = files.iter().map(|file| file.path.as_path()).chain(named().map(|(_, (_, path))| path));
+        let paths = files.iter().map(|file| file.path.as_path()).chain(option_tables().map(|(_, (_, path))| path));
         let bar = progress_of_bytes(paths.filter_map(|path| Some(path.metadata().ok()?.len())).sum(), "reading");
         for file in logs {
-            records.take(file, bar.wrap_read(opened(&file.path)?), reading, recordings)?;
+            records.read_file(file, bar.wrap_read(open(&file.path)?), reader, recordings)?;
         }
         // Metres in tables may use --crs. Metres of logs that name their own (0, 0) do not.
-        let mut of_logs = recordings.values().flat_map(|recording| &recording.fixes);
-        records.has_metres = of_logs.any(|fix| matches!(fix.place, Place::Metres(..)));
+        let mut log_fixes = recordings.values().flat_map(|recording| &recording.fixes);
+        records.has_metres = log_fixes.any(|fix| matches!(fix.place, Place::Metres(..)));
         for file in tables {
-            records.take(file, bar.wrap_read(opened(&file.path)?), reading, recordings)?;
+            records.read_file(file, bar.wrap_read(open(&file.path)?), reader, recordings)?;
         }
-        for (kind, (vehicle, path)) in named() {
-            let table = (bar.wrap_read(opened(path)?), path);
-            records.skipped = records.skipped.sum(reading.read_table(kind, table, vehicle.as_ref(), recordings)?);
+        for (kind, (vehicle, path)) in option_tables() {
+            let table = (bar.wrap_read(open(path)?), path);
+            records.skipped = records.skipped.sum(reader.read_table(kind, table, vehicle.as_ref(), recordings)?);
         }
         bar.finish_and_clear();
-        records.recognised.iter().for_each(note);
+        records.detected_tables.iter().for_each(note);
         Ok(())
     }
 
     /// Returns the paths of all input files.
     pub fn paths(&self) -> anyhow::Result<Vec<PathBuf>> {
-        let tables = [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| whose(file).1.to_owned());
-        let others = [&self.schedule, &self.ids, &self.columns].into_iter().flatten().cloned();
-        let (reading, records) = (self.reading()?, records::all(&self.records)?);
-        let records = records.into_iter().filter(|file| records::is_read(file, &reading)).map(|file| file.path);
-        let all: Vec<PathBuf> = records.chain(tables).chain(others).collect();
+        let tables =
+            [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| split_vehicle(file).1.to_owned());
+        let other_files = [&self.schedule, &self.ids, &self.columns].into_iter().flatten().cloned();
+        let (reader, records) = (self.reader()?, records::list_files(&self.records)?);
+        let records = records.into_iter().filter(|file| records::is_read(file, &reader)).map(|file| file.path);
+        let all: Vec<PathBuf> = records.chain(tables).chain(other_files).collect();
         if all.iter().filter(|path| *path == Path::new(STANDARD_INPUT)).count() > 1 {
             return Err(BadInput("standard input (-) is named twice; expected once".into()).into());
         }
@@ -198,7 +200,7 @@ impl Files {
     }
 
     /// Returns the options of reading, without the names of ids.
-    fn reading(&self) -> anyhow::Result<RecordReader> {
+    fn reader(&self) -> anyhow::Result<RecordReader> {
         let moos_prefix = self.acomms_prefix.clone();
         Ok(RecordReader { columns: self.columns()?, moos_prefix, ..RecordReader::default() })
     }
@@ -220,8 +222,8 @@ impl Files {
                 }
             }
         }
-        for (what, column) in &self.column {
-            columns.assign(what, column)?;
+        for (role, column) in &self.column {
+            columns.assign(role, column)?;
         }
         Ok(columns)
     }
@@ -231,8 +233,8 @@ impl Files {
         &self,
         recordings: &Recordings,
         records: &Records,
-    ) -> anyhow::Result<(Reference, Option<(Geographic, OriginBy)>)> {
-        let about = |origin| Reference::about(origin).map_err(ImportError::from);
+    ) -> anyhow::Result<(Reference, Option<(Geographic, OriginSource)>)> {
+        let with_origin = |origin| Reference::with_origin(origin).map_err(ImportError::from);
         let places = || recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.fixed));
         let has_metres = places().any(|fix| matches!(fix.place, Place::Metres(..)));
         if let (Some(crs), Some((path, _)), true) = (self.crs, records.datums.first(), records.has_metres) {
@@ -242,21 +244,21 @@ impl Files {
             );
             return Err(BadInput(message).into());
         }
-        if let Some(told) = self.origin.or(self.crs) {
-            let origin = match told {
-                ReferenceSystem::About(place) => Some((place, OriginBy::Option)),
+        if let Some(system) = self.origin.or(self.crs) {
+            let origin = match system {
+                ReferenceSystem::About(place) => Some((place, OriginSource::Option)),
                 _ => None,
             };
-            return Ok((Reference::of(told).map_err(ImportError::from)?, origin));
+            return Ok((Reference::new(system).map_err(ImportError::from)?, origin));
         }
         if let Some(datum) = records.datum()? {
-            return Ok((about(datum)?, Some((datum, OriginBy::Files))));
+            return Ok((with_origin(datum)?, Some((datum, OriginSource::Files))));
         }
-        let in_degrees = |fix: &Fix| match fix.place {
+        let degrees = |fix: &Fix| match fix.place {
             Place::Degrees(place) => Some(place),
             Place::Metres(..) => None,
         };
-        let degrees: Vec<Geographic> = places().filter_map(in_degrees).collect();
+        let degrees: Vec<Geographic> = places().filter_map(degrees).collect();
         if degrees.is_empty() {
             return Ok((Reference::unknown(), None));
         }
@@ -265,21 +267,21 @@ impl Files {
                            the metres, or --crs";
             return Err(BadInput(message.into()).into());
         }
-        let middle = middle(&degrees);
-        Ok((about(middle)?, Some((middle, OriginBy::Nobody))))
+        let mean = mean_position(&degrees);
+        Ok((with_origin(mean)?, Some((mean, OriginSource::Mean))))
     }
 }
 
 /// Returns the mean of positions in degrees. It is rounded to a hundredth, so that logs of one area share it.
-fn middle(degrees: &[Geographic]) -> Geographic {
+fn mean_position(degrees: &[Geographic]) -> Geographic {
     let mean = |of: &dyn Fn(&Geographic) -> f64| {
         (degrees.iter().map(of).sum::<f64>() / degrees.len() as f64 * 100.0).round() / 100.0
     };
     // Longitudes jump at the antimeridian, so the mean is over differences from the first longitude.
     let from_deg = degrees[0].longitude_deg.round();
-    let turn = |east_deg: f64| (east_deg + 180.0).rem_euclid(360.0) - 180.0;
-    let east_deg = mean(&|place| turn(place.longitude_deg - from_deg));
-    let longitude_deg = (turn(from_deg + east_deg) * 100.0).round() / 100.0;
+    let wrap_deg = |east_deg: f64| (east_deg + 180.0).rem_euclid(360.0) - 180.0;
+    let east_deg = mean(&|place| wrap_deg(place.longitude_deg - from_deg));
+    let longitude_deg = (wrap_deg(from_deg + east_deg) * 100.0).round() / 100.0;
     Geographic { latitude_deg: mean(&|place| place.latitude_deg), longitude_deg }
 }
 
@@ -290,7 +292,7 @@ mod tests {
     #[test]
     fn the_mean_is_between_positions_at_the_antimeridian() {
         let place = |longitude_deg| Geographic { latitude_deg: -17.0, longitude_deg };
-        let found = middle(&[179.98, -179.98, -179.97].map(place));
+        let found = mean_position(&[179.98, -179.98, -179.97].map(place));
         assert!((found.longitude_deg + 179.99).abs() < 1e-9 && found.latitude_deg == -17.0, "{found:?}");
     }
 }

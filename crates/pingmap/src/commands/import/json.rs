@@ -7,11 +7,11 @@ use pingmap_import::{ClockEstimate, ClockSegment, EvidenceCounts, ExclusionReaso
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::files::Taken;
+use super::files::Inputs;
 
 /// Result of an import in JSON.
 #[derive(Serialize, JsonSchema)]
-pub struct ImportedJson {
+pub struct ImportJson {
     /// Version of this object.
     schema: u32,
     /// Number of events that were written.
@@ -21,11 +21,11 @@ pub struct ImportedJson {
     /// Digest of the events. It does not depend on the file or the order of lines.
     log_digest: String,
     /// Number of transmissions by the evidence for them.
-    transmissions: ProofsJson,
+    transmissions: EvidenceJson,
     /// Counts for each transmitter and receiver, ordered by name.
     pairs: Vec<PairJson>,
     /// Messages that are neither heard nor missed for certain, by reason. They yield no events.
-    unknown: BTreeMap<&'static str, usize>,
+    excluded: BTreeMap<&'static str, usize>,
     /// Estimated offsets and drifts of the vehicles' clocks.
     clocks: Vec<ClockJson>,
     /// Time from the start of a message to the record of its reception in seconds, without the travel time of sound.
@@ -39,15 +39,15 @@ pub struct ImportedJson {
 }
 
 #[derive(Serialize, JsonSchema)]
-pub struct ProofsJson {
+pub struct EvidenceJson {
     /// Transmissions that the sender recorded.
     recorded: usize,
     /// Slots of a schedule that are assumed to be used.
-    by_turn: usize,
+    by_slot: usize,
     /// Transmissions that only receivers recorded.
     by_reception: usize,
-    /// Slots of a schedule without a reception. Their use is unknown unless `--always-sends` is given.
-    turns_not_known_to_be_used: usize,
+    /// Slots of a schedule without a reception. Their use is unknown unless `--always-transmits` is given.
+    slots_of_unknown_use: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -61,13 +61,13 @@ pub struct PairJson {
     /// Number of events that were missed.
     missed: usize,
     /// Messages that are neither heard nor missed for certain, by reason.
-    unknown: BTreeMap<&'static str, usize>,
+    excluded: BTreeMap<&'static str, usize>,
     /// Messages to other vehicles.
     overheard: usize,
     /// Receptions that match no recorded transmission of the sender.
-    stray: usize,
+    unmatched: usize,
     /// Receptions that were recorded twice.
-    recorded_twice: usize,
+    duplicates: usize,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -76,80 +76,80 @@ pub struct ClockJson {
     vehicle: String,
     /// Whether the other clocks are compared with this clock.
     is_reference: bool,
-    /// Offsets of the clock in pieces between adjustments. The list is empty if the offset is unknown.
-    pieces: Vec<PieceJson>,
+    /// Offset of the clock in each segment between adjustments. The list is empty if the offset is unknown.
+    segments: Vec<SegmentJson>,
     /// Number of messages that were used to compare the clock.
     messages: usize,
     /// Median absolute residual of these messages in seconds.
-    off_s_median: f64,
+    median_residual_s: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
-pub struct PieceJson {
-    /// Time in seconds at which the offset is `ahead_s`.
+pub struct SegmentJson {
+    /// Time in seconds at which the offset is `offset_s`.
     time_s: f64,
     /// Offset from the reference clock in seconds; positive if ahead.
-    ahead_s: f64,
+    offset_s: f64,
     /// Drift in microseconds per second.
     drift_ppm: f64,
 }
 
-impl PieceJson {
-    fn of(segment: &ClockSegment) -> Self {
-        Self { time_s: segment.middle_s, ahead_s: segment.offset_s, drift_ppm: 1e6 * segment.drift }
+impl SegmentJson {
+    fn new(segment: &ClockSegment) -> Self {
+        Self { time_s: segment.middle_s, offset_s: segment.offset_s, drift_ppm: 1e6 * segment.drift }
     }
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct LeftOutJson {
     /// Messages from vehicles without records, by name.
-    of_unknown_vehicles: BTreeMap<String, usize>,
+    unknown_sources: BTreeMap<String, usize>,
     /// Messages to vehicles without records, by name.
-    to_unknown_vehicles: BTreeMap<String, usize>,
+    unknown_destinations: BTreeMap<String, usize>,
     /// Receptions that match no transmission of a sender with records, by name; they yield no events. Receptions
     /// outside the sender's slots are counted, too, but yield events.
     unexpected: BTreeMap<String, usize>,
     /// Receptions that were recorded twice.
-    recorded_twice: usize,
+    duplicates: usize,
     /// Messages to other vehicles.
     overheard: usize,
     /// Messages that a vehicle received from itself.
-    of_itself: usize,
+    own_messages: usize,
     /// Transmissions that failed according to the modem.
-    not_sent: usize,
+    failed_transmissions: usize,
     /// Damaged messages without a readable sender.
-    broken_of_unknown_senders: usize,
+    unattributed: usize,
     /// Rows and sentences that cannot be parsed.
     garbled: usize,
     /// Recorded messages of unknown types.
-    of_no_type: usize,
+    unknown_type: usize,
     /// Files that end within a record.
-    cut_off: usize,
+    truncated: usize,
     /// Files in folders and archives whose kind is unknown.
     files: usize,
     /// Positions that are invalid.
     positions: usize,
 }
 
-impl ImportedJson {
-    pub fn of(imported: &ImportResult, taken: &Taken) -> Self {
-        let EvidenceCounts { recorded, always_sends, received, scheduled_only } = imported.evidence;
+impl ImportJson {
+    pub fn new(imported: &ImportResult, inputs: &Inputs) -> Self {
+        let EvidenceCounts { recorded, assumed_slots, received, unconfirmed_slots } = imported.evidence;
         let pair = |((from, to), pair): (&(VehicleId, VehicleId), &PairCounts)| PairJson {
             transmitter: from.to_string(),
             receiver: to.to_string(),
             heard: pair.heard,
             missed: pair.missed,
-            unknown: keys(&pair.excluded),
+            excluded: keys(&pair.excluded),
             overheard: pair.overheard,
-            stray: pair.unmatched,
-            recorded_twice: pair.duplicates,
+            unmatched: pair.unmatched,
+            duplicates: pair.duplicates,
         };
         let clock = |clock: &ClockEstimate| ClockJson {
             vehicle: clock.vehicle.to_string(),
             is_reference: clock.is_reference,
-            pieces: clock.segments.iter().map(PieceJson::of).collect(),
+            segments: clock.segments.iter().map(SegmentJson::new).collect(),
             messages: clock.comparisons,
-            off_s_median: clock.median_residual_s,
+            median_residual_s: clock.median_residual_s,
         };
         let left_out = &imported.left_out;
         let named = |names: &BTreeMap<VehicleId, usize>| {
@@ -160,32 +160,32 @@ impl ImportedJson {
             events: imported.log.events.len(),
             heard: imported.log.events.iter().filter(|event| event.success).count(),
             log_digest: imported.log.digest(),
-            transmissions: ProofsJson {
+            transmissions: EvidenceJson {
                 recorded,
-                by_turn: always_sends,
+                by_slot: assumed_slots,
                 by_reception: received,
-                turns_not_known_to_be_used: scheduled_only,
+                slots_of_unknown_use: unconfirmed_slots,
             },
             pairs: imported.pairs.iter().map(pair).collect(),
-            unknown: keys(&imported.excluded()),
+            excluded: keys(&imported.excluded()),
             clocks: imported.clocks.iter().map(clock).collect(),
             delay_s: imported.delay_s,
-            reference: taken.reference.name(),
-            origin: taken.origin.map(|(origin, _)| [origin.latitude_deg, origin.longitude_deg]),
+            reference: inputs.reference.name(),
+            origin: inputs.origin.map(|(origin, _)| [origin.latitude_deg, origin.longitude_deg]),
             left_out: LeftOutJson {
-                of_unknown_vehicles: named(&left_out.unknown_sources),
-                to_unknown_vehicles: named(&left_out.unknown_destinations),
+                unknown_sources: named(&left_out.unknown_sources),
+                unknown_destinations: named(&left_out.unknown_destinations),
                 unexpected: named(&left_out.unexpected),
-                recorded_twice: left_out.duplicates,
+                duplicates: left_out.duplicates,
                 overheard: left_out.overheard,
-                of_itself: left_out.own_messages,
-                not_sent: taken.skipped.not_sent,
-                broken_of_unknown_senders: taken.skipped.unattributed,
-                garbled: taken.skipped.garbled,
-                of_no_type: taken.skipped.unknown_type,
-                cut_off: taken.skipped.truncated,
-                files: taken.left_alone.len(),
-                positions: taken.skipped.without_position + left_out.unprojected,
+                own_messages: left_out.own_messages,
+                failed_transmissions: inputs.skipped.failed_transmissions,
+                unattributed: inputs.skipped.unattributed,
+                garbled: inputs.skipped.garbled,
+                unknown_type: inputs.skipped.unknown_type,
+                truncated: inputs.skipped.truncated,
+                files: inputs.unknown_files.len(),
+                positions: inputs.skipped.missing_positions + left_out.unprojected,
             },
         }
     }

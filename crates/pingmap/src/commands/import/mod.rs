@@ -4,7 +4,7 @@ mod archives;
 mod files;
 pub mod json;
 mod records;
-mod shown;
+mod summary;
 
 use std::path::{Path, PathBuf};
 
@@ -13,15 +13,15 @@ use pingmap_agent::VehicleId;
 use pingmap_import::{ImportResult, Rules, SlotUse, join};
 
 use self::files::Files;
-use self::json::ImportedJson;
-use self::shown::{left_alone, summary, warnings};
+use self::json::ImportJson;
+use self::summary::{summary, unknown_files, warnings};
 use crate::output::{BadInput, Results, print_json, warn};
 use crate::outputs::{Kind, Target};
 use crate::values::{not_negative, positive};
 
 /// Make an event log from the vehicles' recordings: positions, receptions, and transmissions or a schedule
 ///
-/// A transmission counts if its sender or any receiver recorded it. With --always-sends every slot of the sender's
+/// A transmission counts if its sender or any receiver recorded it. With --always-transmits every slot of the sender's
 /// schedule counts, too. A receiver counts if its modem was working. Messages that are neither heard nor missed for
 /// certain are left out and counted.
 #[derive(Args)]
@@ -50,13 +50,13 @@ pub struct Decisions {
     /// Assume that all slots of the schedule are used: by all vehicles, or by the named ones. By default the use of a
     /// slot is unknown if no vehicle received a message in it
     #[arg(long, value_name = "NAME,…", num_args = 0..=1, require_equals = true, default_missing_value = "*", value_delimiter = ',')]
-    pub always_sends: Option<Vec<String>>,
+    pub always_transmits: Option<Vec<String>>,
     /// Correct times and positions to this vehicle's clock
     #[arg(long, value_name = "NAME")]
     pub correct_clocks: Option<String>,
     /// Largest offset between clocks in seconds, at most 3600; 0 if the clocks agree
-    #[arg(long, default_value_t = Rules::default().clock_off_s_max, value_parser = clock_off_s_max, allow_negative_numbers = true)]
-    pub clock_off_s_max: f64,
+    #[arg(long, default_value_t = Rules::default().clock_offset_s_max, value_parser = clock_offset_s_max, allow_negative_numbers = true)]
+    pub clock_offset_s_max: f64,
     /// Largest difference between the expected and recorded time of a reception in seconds
     #[arg(long, default_value_t = Rules::default().match_s, value_parser = positive, allow_negative_numbers = true)]
     pub match_s: f64,
@@ -81,22 +81,22 @@ pub struct Decisions {
 }
 
 /// Parses a clock offset. The limit bounds the work, because each message is compared with all transmissions within it.
-fn clock_off_s_max(text: &str) -> Result<f64, String> {
+fn clock_offset_s_max(text: &str) -> Result<f64, String> {
     let expected = || "expected an hour (3600) at most: shift the times of that vehicle's files first".to_owned();
-    not_negative(text).and_then(|off_s| (off_s <= 3600.0).then_some(off_s).ok_or_else(expected))
+    not_negative(text).and_then(|offset_s| (offset_s <= 3600.0).then_some(offset_s).ok_or_else(expected))
 }
 
 impl Decisions {
     fn rules(&self) -> Rules {
-        let Self { clock_off_s_max, match_s, message_s, nav_gap_s_max, sound_m_per_s, .. } = *self;
-        let slot_use = match &self.always_sends {
+        let Self { clock_offset_s_max, match_s, message_s, nav_gap_s_max, sound_m_per_s, .. } = *self;
+        let slot_use = match &self.always_transmits {
             None => SlotUse::NoSender,
             Some(names) if names.iter().any(|name| name == "*") => SlotUse::AllSenders,
-            Some(names) => SlotUse::Listed(names.iter().map(VehicleId::new).collect()),
+            Some(names) => SlotUse::SomeSenders(names.iter().map(VehicleId::new).collect()),
         };
         Rules {
             sound_m_per_s,
-            clock_off_s_max,
+            clock_offset_s_max,
             match_s,
             reference_clock: self.correct_clocks.as_ref().map(VehicleId::new),
             nav_gap_s_max,
@@ -126,13 +126,13 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     let target =
         Target::new(&options.output, Kind::EVENT_LOG, &inputs, options.overwrite)?.beside_json(options.json)?;
-    let taken = options.files.take()?;
-    let joined = join(&taken.recordings, taken.schedule.as_ref(), &taken.reference, &rules);
-    if let (Err(_), Some(left_alone)) = (&joined, left_alone(&taken)) {
-        warn(format_args!("left alone: {left_alone}"));
+    let inputs = options.files.read()?;
+    let joined = join(&inputs.recordings, inputs.schedule.as_ref(), &inputs.reference, &rules);
+    if let (Err(_), Some(unknown_files)) = (&joined, unknown_files(&inputs)) {
+        warn(format_args!("left out: {unknown_files}"));
     }
     let imported: ImportResult = joined?;
-    for warning in warnings(&imported, &taken, &rules) {
+    for warning in warnings(&imported, &inputs, &rules) {
         warn(warning);
     }
     for finding in imported.log.findings().into_iter().filter(|_| !imported.log.events.is_empty()) {
@@ -150,9 +150,9 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     }
     let written = target.write(imported.log.to_csv().as_bytes(), results);
     if options.json {
-        print_json(results, &ImportedJson::of(&imported, &taken))?;
+        print_json(results, &ImportJson::new(&imported, &inputs))?;
     } else {
-        target.tell(&format!("{}: {}", options.output.display(), summary(&imported, &taken, &rules)), results)?;
+        target.tell(&format!("{}: {}", options.output.display(), summary(&imported, &inputs, &rules)), results)?;
     }
     written
 }

@@ -11,7 +11,7 @@ use pingmap_import::{
 use pingmap_trial::{FileError, Problem};
 use tempfile::TempDir;
 
-use super::archives::{is_archive, unpacked};
+use super::archives::{is_archive, unpack_archive};
 use crate::log::{self, STANDARD_INPUT};
 use crate::output::{BadInput, note, warn};
 
@@ -28,28 +28,28 @@ pub struct RecordFile {
     pub vehicle: Option<VehicleId>,
     /// Whether the file itself was given. The kind of a given file must be known.
     pub is_given: bool,
-    /// Kind of the file, set by [`recognise`].
+    /// Kind of the file, set by [`detect_kinds`].
     pub kind: Option<RecordKind>,
 }
 
 impl RecordFile {
     /// Whether the file is standard input or a pipe. Such input is copied to a file first.
     fn is_stream(&self) -> bool {
-        let is_pipe = || self.path.metadata().is_ok_and(|known| !known.is_file());
+        let is_pipe = || self.path.metadata().is_ok_and(|metadata| !metadata.is_file());
         self.is_given && (self.path == Path::new(STANDARD_INPUT) || is_pipe())
     }
 }
 
 /// Returns the files that are given as `[NAME=]FILE[#TOPIC]`, and all files in given folders, in the order of their
 /// names.
-pub fn all(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
+pub fn list_files(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
     let mut files = Vec::new();
-    for given in given {
-        let (vehicle, path) = whose(given);
-        let (path, topics) = of_topics(path);
-        let whole =
+    for argument in given {
+        let (vehicle, path) = split_vehicle(argument);
+        let (path, topics) = split_topics(path);
+        let file =
             RecordFile { path: path.to_owned(), name: path.to_owned(), topics, vehicle, is_given: true, kind: None };
-        if path.is_dir() { in_folder(&whole, path, path, &mut files)? } else { files.push(whole) }
+        if path.is_dir() { list_folder(&file, path, path, &mut files)? } else { files.push(file) }
     }
     Ok(files)
 }
@@ -59,7 +59,7 @@ const NESTED_MAX: usize = 4;
 
 /// Replaces archives, also nested ones, by the files that they contain. Also returns the folders with the unpacked
 /// files.
-pub fn with_archives(files: Vec<RecordFile>) -> anyhow::Result<(Vec<RecordFile>, Vec<TempDir>)> {
+pub fn unpack_archives(files: Vec<RecordFile>) -> anyhow::Result<(Vec<RecordFile>, Vec<TempDir>)> {
     let (mut all, mut folders) = (Vec::new(), Vec::new());
     unpack(files, NESTED_MAX, &mut all, &mut folders)?;
     Ok((all, folders))
@@ -74,7 +74,7 @@ fn unpack(
     for mut file in files {
         if file.is_stream() {
             let folder = tempfile::tempdir()?;
-            let mut stream = opened(&file.path)?;
+            let mut stream = open(&file.path)?;
             if file.path == Path::new(STANDARD_INPUT) {
                 file.name = "standard input".into();
             }
@@ -82,7 +82,7 @@ fn unpack(
             std::io::copy(&mut stream, &mut File::create_new(&file.path)?)?;
             folders.push(folder);
         }
-        let folder = match unpacked(&file.path, &file.name) {
+        let folder = match unpack_archive(&file.path, &file.name) {
             _ if depth == 0 => None,
             Ok(folder) => folder,
             // Unreadable files in folders are skipped with a warning.
@@ -96,16 +96,16 @@ fn unpack(
             all.push(file);
             continue;
         };
-        let mut inside = Vec::new();
-        in_folder(&file, folder.path(), &file.name, &mut inside)?;
+        let mut content = Vec::new();
+        list_folder(&file, folder.path(), &file.name, &mut content)?;
         folders.push(folder);
-        unpack(inside, depth - 1, all, folders)?;
+        unpack(content, depth - 1, all, folders)?;
     }
     Ok(())
 }
 
-/// Lists the files in a folder with their names. The files inherit the vehicle and topics of `whole`.
-fn in_folder(whole: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<RecordFile>) -> anyhow::Result<()> {
+/// Lists the files in a folder with their names. The files inherit the vehicle and topics of `parent`.
+fn list_folder(parent: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<RecordFile>) -> anyhow::Result<()> {
     let unreadable = |error: std::io::Error| BadInput(format!("{}: cannot be read: {error}", name.display()));
     let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
@@ -116,9 +116,9 @@ fn in_folder(whole: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<Rec
         let (path, name) = (entry.path(), name.join(entry.file_name()));
         // Links to files are followed. Links to folders are not, because they may form a loop.
         if entry.file_type().map_err(unreadable)?.is_dir() {
-            in_folder(whole, &path, &name, files)?;
+            list_folder(parent, &path, &name, files)?;
         } else if path.is_file() {
-            let (topics, vehicle) = (whole.topics.clone(), whole.vehicle.clone());
+            let (topics, vehicle) = (parent.topics.clone(), parent.vehicle.clone());
             files.push(RecordFile { path, name, topics, vehicle, is_given: false, kind: None });
         }
     }
@@ -126,37 +126,40 @@ fn in_folder(whole: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<Rec
 }
 
 /// Determines the kind of each file.
-pub fn recognise(files: &mut [RecordFile], reading: &RecordReader) -> anyhow::Result<()> {
+pub fn detect_kinds(files: &mut [RecordFile], reader: &RecordReader) -> anyhow::Result<()> {
     for file in files {
         let unreadable = |error| FileError { path: file.name.clone(), problem: Problem::Unreadable(error) };
-        file.kind = reading.kind_of(&read_head(opened(&file.path)?).map_err(unreadable)?, &file.name);
+        file.kind = reader.detect_kind(&read_head(open(&file.path)?).map_err(unreadable)?, &file.name);
     }
     Ok(())
 }
 
 /// Returns the only file of the first kind that occurs, and prints a note, because no option named the file.
-pub fn only(files: &[RecordFile], kinds: &[RecordKind], option: &str) -> anyhow::Result<Option<PathBuf>> {
-    let is_there = |kind: &&RecordKind| files.iter().any(|file| file.kind == Some(**kind));
-    let Some(kind) = kinds.iter().find(is_there) else { return Ok(None) };
-    let mut of_kind = files.iter().filter(|file| file.kind == Some(*kind));
-    let Some(first) = of_kind.next() else { return Ok(None) };
-    if let Some(other) = of_kind.next() {
+pub fn single_file(files: &[RecordFile], kinds: &[RecordKind], option: &str) -> anyhow::Result<Option<PathBuf>> {
+    let occurs = |kind: &&RecordKind| files.iter().any(|file| file.kind == Some(**kind));
+    let Some(kind) = kinds.iter().find(occurs) else { return Ok(None) };
+    let mut matching = files.iter().filter(|file| file.kind == Some(*kind));
+    let Some(first) = matching.next() else { return Ok(None) };
+    if let Some(other) = matching.next() {
         let (first, other, words) = (first.name.display(), other.name.display(), kind.description());
-        return Err(BadInput(format!("{first} and {other} both say {words}; expected one, or {option}")).into());
+        return Err(BadInput(format!(
+            "{first} and {other} are files of one kind ({words}); expected one such file, or {option}"
+        ))
+        .into());
     }
     note(format_args!("{}: {}", first.name.display(), kind.description()));
     Ok(Some(first.path.clone()))
 }
 
 /// Whether a file is read. Files in folders are skipped if their kind is unknown.
-pub fn is_read(file: &RecordFile, reading: &RecordReader) -> bool {
-    let is_known = |head: Vec<u8>| is_archive(&head) || reading.kind_of(&head, &file.name).is_some();
+pub fn is_read(file: &RecordFile, reader: &RecordReader) -> bool {
+    let is_readable = |head: Vec<u8>| is_archive(&head) || reader.detect_kind(&head, &file.name).is_some();
     // A given file may be a pipe, which can be read only once.
-    file.is_given || File::open(&file.path).and_then(read_head).map_or(true, is_known)
+    file.is_given || File::open(&file.path).and_then(read_head).map_or(true, is_readable)
 }
 
 /// Splits a file name at a `#` that is not part of the name. Returns the file and the prefix of its topics.
-fn of_topics(path: &Path) -> (&Path, String) {
+fn split_topics(path: &Path) -> (&Path, String) {
     let parts = path.to_str().filter(|_| !path.exists()).and_then(|text| text.rsplit_once('#'));
     parts.map_or((path, String::new()), |(path, topics)| (Path::new(path), topics.to_owned()))
 }
@@ -170,31 +173,31 @@ pub struct Records {
     /// Whether any file has positions in metres.
     pub has_metres: bool,
     /// Files in folders whose kind is unknown.
-    pub left_alone: Vec<PathBuf>,
+    pub unknown_files: Vec<PathBuf>,
     /// Tables whose kind was determined from their columns, as messages for the user.
-    pub recognised: Vec<String>,
+    pub detected_tables: Vec<String>,
 }
 
 impl Records {
-    /// Reads a file.
-    pub fn take(
+    /// Reads a file into the recordings.
+    pub fn read_file(
         &mut self,
         file: &RecordFile,
-        reader: impl std::io::Read,
-        reading: &RecordReader,
+        content: impl Read,
+        reader: &RecordReader,
         recordings: &mut Recordings,
     ) -> anyhow::Result<()> {
         let RecordFile { path, name, topics, vehicle, is_given, .. } = file;
-        match reading.read_record(reader, &FileSource { path, name, vehicle: vehicle.as_ref(), topics }, recordings)? {
-            Some(taken) => {
+        match reader.read_record(content, &FileSource { path, name, vehicle: vehicle.as_ref(), topics }, recordings)? {
+            Some(summary) => {
                 // The kind of a table follows from its columns and its vehicle from its name. A message shows the user
                 // both.
-                let of = taken.vehicle.map_or(String::new(), |vehicle| format!(" of {vehicle}"));
-                if matches!(taken.kind, RecordKind::Table(_)) {
-                    self.recognised.push(format!("{}: {}{of}", name.display(), taken.kind.description()));
+                let owner = summary.vehicle.map_or(String::new(), |vehicle| format!(" of {vehicle}"));
+                if matches!(summary.kind, RecordKind::Table(_)) {
+                    self.detected_tables.push(format!("{}: {}{owner}", name.display(), summary.kind.description()));
                 }
-                self.skipped = self.skipped.sum(taken.skipped);
-                self.datums.extend(taken.datum.map(|datum| (name.clone(), datum)));
+                self.skipped = self.skipped.sum(summary.skipped);
+                self.datums.extend(summary.datum.map(|datum| (name.clone(), datum)));
             }
             None if *is_given => {
                 let message = "unknown kind of file; expected a MOOS log (.alog) or mission file, Micro-Modem sentences with a time before \
@@ -202,7 +205,7 @@ impl Records {
                                transmissions (auv1.sent.csv); --nav, --heard and --sent set the kind";
                 return Err(BadInput(format!("{}: {message}", name.display())).into());
             }
-            None => self.left_alone.push(name.clone()),
+            None => self.unknown_files.push(name.clone()),
         }
         Ok(())
     }
@@ -210,12 +213,12 @@ impl Records {
     /// Returns the position of (0, 0) that the files contain. Fails if they disagree.
     pub fn datum(&self) -> anyhow::Result<Option<Geographic>> {
         let Some((first, datum)) = self.datums.first() else { return Ok(None) };
-        let reference = Reference::about(*datum).map_err(ImportError::from)?;
+        let reference = Reference::with_origin(*datum).map_err(ImportError::from)?;
         for (path, other) in &self.datums {
-            let off_m = reference
+            let distance_m = reference
                 .metres(Place::Degrees(*other))
                 .map_or(f64::INFINITY, |(east_m, north_m)| east_m.hypot(north_m));
-            if off_m > DATUM_M_MAX {
+            if distance_m > DATUM_M_MAX {
                 let at = |place: &Geographic| format!("{:.5},{:.5}", place.latitude_deg, place.longitude_deg);
                 return Err(BadInput(format!(
                     "{}: (0, 0) is {}, but {} in {}; expected one datum for all files, or --origin, which applies to all files",
@@ -232,12 +235,12 @@ impl Records {
 }
 
 /// Opens a file with the error messages of all readers.
-pub fn opened(path: &Path) -> Result<Box<dyn Read + Send>, ImportError> {
+pub fn open(path: &Path) -> Result<Box<dyn Read + Send>, ImportError> {
     Ok(log::opened(path)?.0)
 }
 
 /// Returns the vehicle before the first `=`, if given, and the file.
-pub fn whose(file: &str) -> (Option<VehicleId>, &Path) {
+pub fn split_vehicle(file: &str) -> (Option<VehicleId>, &Path) {
     match file.split_once('=') {
         Some((name, path)) if !name.is_empty() && !name.contains(['/', '\\']) => {
             (Some(VehicleId::new(name)), Path::new(path))

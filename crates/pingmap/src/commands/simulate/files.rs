@@ -76,7 +76,7 @@ impl Files {
     /// Writes the files, if a folder was given, and changes the log's times and reference system to those of the files.
     pub fn write(&self, simulation: &Simulation, trial: &mut Simulated) -> anyhow::Result<()> {
         let Some(folder) = &self.folder else { return Ok(()) };
-        let reference = Reference::of(self.origin).map_err(|error| BadInput(error.to_string()))?;
+        let reference = Reference::new(self.origin).map_err(|error| BadInput(error.to_string()))?;
         let known =
             trial.vehicles.iter().any(|(id, _)| self.stops.as_ref().is_none_or(|(name, _)| name == id.as_str()));
         if !known {

@@ -68,7 +68,7 @@ pub fn compare(folder: &Path) -> usize {
     truth.len() - found.len()
 }
 
-/// Returns the number of events that are unknown for this reason.
+/// Returns the number of events that are excluded for this reason.
 pub fn count(value: &serde_json::Value, key: &str) -> usize {
-    value["unknown"][key].as_u64().unwrap_or(0) as usize
+    value["excluded"][key].as_u64().unwrap_or(0) as usize
 }

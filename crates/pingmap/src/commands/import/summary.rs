@@ -5,51 +5,52 @@ use std::collections::BTreeMap;
 use pingmap_agent::VehicleId;
 use pingmap_import::{ClockEstimate, EvidenceCounts, ExclusionReason, ImportResult, PairCounts, Rules};
 
-use super::files::{OriginBy, Taken};
+use super::files::{Inputs, OriginSource};
 use crate::output::{count, table};
 
 /// Smallest clock offset in seconds that causes a warning.
-const CLOCK_OFF_S: f64 = 0.5;
+const CLOCK_OFFSET_S: f64 = 0.5;
 
 /// Largest number of files of unknown kind that are named.
-const LEFT_ALONE_NAMED_MAX: usize = 5;
+const UNKNOWN_FILES_NAMED_MAX: usize = 5;
 
 /// Smallest share of messages outside a modem's records that causes a warning.
-const SILENT_SHARE: f64 = 0.1;
+const INACTIVE_SHARE: f64 = 0.1;
 
 /// Returns warnings that the user should read before using the log.
-pub fn warnings(imported: &ImportResult, taken: &Taken, rules: &Rules) -> Vec<String> {
+pub fn warnings(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Vec<String> {
     let mut warnings = Vec::new();
-    if !imported.senders_by_reception.is_empty() {
+    if !imported.undocumented_senders.is_empty() {
         warnings.push(format!(
             "only receptions of messages from {} are recorded, so messages that all receivers missed are not in the log and the map will be optimistic: \
              give the transmissions (--sent) or the schedule (--schedule)",
-            imported.senders_by_reception
+            imported.undocumented_senders
         ));
     }
-    if !imported.destinations_by_reception.is_empty() && !rules.overhear {
+    if !imported.undocumented_destinations.is_empty() && !rules.overhear {
         warnings.push(format!(
             "only receivers recorded the destinations of {}, so messages without a reception are left out and the map will be optimistic: \
              add destinations to the recorded transmissions, or use --overhear to count every message for every receiver",
-            imported.destinations_by_reception
+            imported.undocumented_destinations
         ));
     }
     if !imported.unconfirmed_slot_owners.is_empty() {
         warnings.push(format!(
             "{} of {} without a reception may not have been used and are left out, so the map will be optimistic: give the transmissions \
-             (--sent), or use --always-sends if all slots are used",
-            count(imported.evidence.scheduled_only, "slot"),
+             (--sent), or use --always-transmits if all slots are used",
+            count(imported.evidence.unconfirmed_slots, "slot"),
             imported.unconfirmed_slot_owners
         ));
     }
-    for (receiver, silent, all) in silences(&imported.pairs) {
+    for (receiver, excluded, all) in inactive_receivers(&imported.pairs) {
         warnings.push(format!(
-            "{silent} of {all} messages lie before the first or after the last record of {receiver}'s modem and are left out: if the modem \
+            "{excluded} of {all} messages lie before the first or after the last record of {receiver}'s modem and are left out: if the modem \
              was listening, give the interval with --listening {receiver}=FROM/TO"
         ));
     }
-    let off = |clock: &&ClockEstimate| clock.segments.iter().any(|piece| piece.offset_s.abs() > CLOCK_OFF_S);
-    if rules.reference_clock.is_none() && imported.clocks.iter().any(|clock| off(&clock)) {
+    let has_large_offset =
+        |clock: &&ClockEstimate| clock.segments.iter().any(|segment| segment.offset_s.abs() > CLOCK_OFFSET_S);
+    if rules.reference_clock.is_none() && imported.clocks.iter().any(|clock| has_large_offset(&clock)) {
         warnings.push(
             "clocks differ, and times and positions are as recorded: --correct-clocks NAME corrects them to the clock of NAME"
                 .into(),
@@ -57,7 +58,7 @@ pub fn warnings(imported: &ImportResult, taken: &Taken, rules: &Rules) -> Vec<St
     }
     warnings.extend(imported.clock_warnings.iter().cloned());
     warnings.extend(unknown_clocks(imported));
-    for (name, messages) in imported.left_out.unknown_sources.iter().chain(&taken.unknown_sources) {
+    for (name, messages) in imported.left_out.unknown_sources.iter().chain(&inputs.unknown_sources) {
         let messages = count(*messages, "message");
         warnings.push(format!(
             "{messages} from {name}, a vehicle without records, left out (--ids gives the vehicle of each id)"
@@ -75,13 +76,13 @@ pub fn warnings(imported: &ImportResult, taken: &Taken, rules: &Rules) -> Vec<St
             "{messages} from {name} match no recorded transmission or slot: check the end of its records, the clocks, the ids and --match-s"
         ));
     }
-    warnings.extend(left_out(imported, taken));
+    warnings.extend(left_out(imported, inputs));
     warnings
 }
 
 /// Warns about data that yield no event and should not occur, one warning for each kind.
-fn left_out(imported: &ImportResult, taken: &Taken) -> impl Iterator<Item = String> {
-    let skipped = &taken.skipped;
+fn left_out(imported: &ImportResult, inputs: &Inputs) -> impl Iterator<Item = String> {
+    let skipped = &inputs.skipped;
     let counts = [
         (skipped.garbled, "line", "garbled or of the wrong kind left out"),
         (
@@ -90,7 +91,7 @@ fn left_out(imported: &ImportResult, taken: &Taken) -> impl Iterator<Item = Stri
             "in an unsupported encoding, or of types without a definition (.lcm), left out",
         ),
         (skipped.truncated, "file", "cut off within a record: only the records before are read"),
-        (skipped.without_position, "line", "of navigation without a position left out"),
+        (skipped.missing_positions, "line", "of navigation without a position left out"),
         (imported.left_out.unprojected, "position", "outside of the map left out"),
         (imported.left_out.own_messages, "message", "that vehicles received from themselves left out"),
     ];
@@ -104,11 +105,11 @@ fn left_out(imported: &ImportResult, taken: &Taken) -> impl Iterator<Item = Stri
 fn unknown_clocks(imported: &ImportResult) -> Option<String> {
     let unknown = imported.clocks.iter().filter(|clock| clock.segments.is_empty());
     let names: Vec<&str> = unknown.map(|clock| clock.vehicle.as_str()).collect();
-    let left_out = imported.excluded().get(&ExclusionReason::ClockUnsure).copied().unwrap_or(0);
+    let left_out = imported.excluded().get(&ExclusionReason::ClockUncertain).copied().unwrap_or(0);
     (!names.is_empty()).then(|| {
         format!(
             "no two messages compare the clock of {} with the others': positions stay as recorded, and {left_out} messages are \
-             left out for this reason or because they match nothing: use --clock-off-s-max 0 if the clocks agree",
+             left out for this reason or because they match nothing: use --clock-offset-s-max 0 if the clocks agree",
             names.join(", ")
         )
     })
@@ -116,36 +117,36 @@ fn unknown_clocks(imported: &ImportResult) -> Option<String> {
 
 /// Returns receivers with many messages outside their modem's records: the number of these messages, and of all
 /// messages.
-fn silences(pairs: &Pairs) -> Vec<(&VehicleId, usize, usize)> {
+fn inactive_receivers(pairs: &Pairs) -> Vec<(&VehicleId, usize, usize)> {
     let mut by_receiver: BTreeMap<&VehicleId, (usize, usize)> = BTreeMap::new();
     for ((_, receiver), pair) in pairs {
         let counts = by_receiver.entry(receiver).or_default();
         counts.0 += pair.excluded.get(&ExclusionReason::NotRecording).copied().unwrap_or(0);
         counts.1 += pair.heard + pair.missed + pair.excluded.values().sum::<usize>();
     }
-    let many = |counts: &(usize, usize)| counts.0 as f64 > SILENT_SHARE * counts.1 as f64;
+    let is_large = |counts: &(usize, usize)| counts.0 as f64 > INACTIVE_SHARE * counts.1 as f64;
     by_receiver
         .into_iter()
-        .filter(|(_, counts)| many(counts))
+        .filter(|(_, counts)| is_large(counts))
         .map(|(name, counts)| (name, counts.0, counts.1))
         .collect()
 }
 
 /// Formats the counts of each pair, the left-out messages with their reasons, and the clocks.
-pub fn summary(imported: &ImportResult, taken: &Taken, rules: &Rules) -> String {
+pub fn summary(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> String {
     let events = imported.log.events.len();
     let heard = imported.log.events.iter().filter(|event| event.success).count();
-    let EvidenceCounts { recorded, always_sends, received, scheduled_only } = imported.evidence;
+    let EvidenceCounts { recorded, assumed_slots, received, unconfirmed_slots } = imported.evidence;
     let mut text = format!(
-        "{} ({heard} heard, {} missed) of {}: {recorded} recorded by the sender, {always_sends} assumed from the schedule, {received} recorded only by receivers.\n",
+        "{} ({heard} heard, {} missed) of {}: {recorded} recorded by the sender, {assumed_slots} assumed from the schedule, {received} recorded only by receivers.\n",
         count(events, "event"),
         events - heard,
-        count(recorded + always_sends + received, "transmission"),
+        count(recorded + assumed_slots + received, "transmission"),
     );
-    if scheduled_only > 0 {
-        text += &format!("The use of {} is unknown.\n", count(scheduled_only, "slot"));
+    if unconfirmed_slots > 0 {
+        text += &format!("The use of {} is unknown.\n", count(unconfirmed_slots, "slot"));
     }
-    text += &format!("Positions: {}{}.\n", taken.reference.name(), chosen(taken));
+    text += &format!("Positions: {}{}.\n", inputs.reference.name(), origin_note(inputs));
     text += &format!("\n{}\n", pairs(&imported.pairs));
     let times = if rules.reference_clock.is_some() {
         "times and positions are corrected"
@@ -160,40 +161,40 @@ pub fn summary(imported: &ImportResult, taken: &Taken, rules: &Rules) -> String 
         );
     }
     let left_out = &imported.left_out;
-    let more = [
+    let counts = [
         (left_out.overheard, "messages to other vehicles (--overhear)"),
-        (taken.skipped.unattributed, "damaged messages of unknown senders"),
-        (taken.skipped.not_sent, "transmissions that did not take place"),
+        (inputs.skipped.unattributed, "damaged messages of unknown senders"),
+        (inputs.skipped.failed_transmissions, "transmissions that did not take place"),
     ];
-    let mut more: Vec<String> =
-        more.iter().filter(|more| more.0 > 0).map(|(number, what)| format!("{number} {what}")).collect();
-    more.extend(left_alone(taken));
-    if !more.is_empty() {
-        text += &format!("\nLeft out: {}.", more.join(", "));
+    let mut left_out_counts: Vec<String> =
+        counts.iter().filter(|count| count.0 > 0).map(|(number, what)| format!("{number} {what}")).collect();
+    left_out_counts.extend(unknown_files(inputs));
+    if !left_out_counts.is_empty() {
+        text += &format!("\nLeft out: {}.", left_out_counts.join(", "));
     }
     text
 }
 
 /// Names the files in folders whose kind is unknown.
-pub fn left_alone(taken: &Taken) -> Option<String> {
-    let named = taken.left_alone.iter().take(LEFT_ALONE_NAMED_MAX);
+pub fn unknown_files(inputs: &Inputs) -> Option<String> {
+    let named = inputs.unknown_files.iter().take(UNKNOWN_FILES_NAMED_MAX);
     let mut names: Vec<String> = named.map(|path| path.display().to_string()).collect();
-    let others = taken.left_alone.len() - names.len();
+    let others = inputs.unknown_files.len() - names.len();
     names.extend((others > 0).then(|| format!("{others} more")));
     (!names.is_empty()).then(|| format!("files of unknown kind ({})", names.join(", ")))
 }
 
 /// Describes the source of the origin, unless an option gave the origin.
-fn chosen(taken: &Taken) -> String {
-    match taken.origin {
-        Some((origin, OriginBy::Nobody)) => format!(
+fn origin_note(inputs: &Inputs) -> String {
+    match inputs.origin {
+        Some((origin, OriginSource::Mean)) => format!(
             " (their mean; for other logs of this area: --origin {:.2},{:.2})",
             origin.latitude_deg, origin.longitude_deg
         ),
-        Some((origin, OriginBy::Files)) => {
+        Some((origin, OriginSource::Files)) => {
             format!(" (from the files: --origin {:.5},{:.5})", origin.latitude_deg, origin.longitude_deg)
         }
-        Some((_, OriginBy::Option)) | None => String::new(),
+        Some((_, OriginSource::Option)) | None => String::new(),
     }
 }
 
@@ -203,10 +204,10 @@ type Pairs = BTreeMap<(VehicleId, VehicleId), PairCounts>;
 type Number = fn(&PairCounts) -> usize;
 
 /// Columns for messages that yield no event although their outcome is known.
-const BESIDE: [(&str, Number); 3] = [
-    ("for others", |pair| pair.overheard),
-    ("fits nothing", |pair| pair.unmatched),
-    ("recorded twice", |pair| pair.duplicates),
+const OTHER_COUNTS: [(&str, Number); 3] = [
+    ("other destination", |pair| pair.overheard),
+    ("unmatched", |pair| pair.unmatched),
+    ("duplicates", |pair| pair.duplicates),
 ];
 
 fn pairs(pairs: &Pairs) -> String {
@@ -216,13 +217,14 @@ fn pairs(pairs: &Pairs) -> String {
         .collect();
     let mut header = vec!["from → to", "heard", "missed"];
     header.extend(reasons.iter().map(|reason| reason.description()));
-    let more: Vec<_> = BESIDE.into_iter().filter(|(_, number)| pairs.values().any(|pair| number(pair) > 0)).collect();
-    header.extend(more.iter().map(|(words, _)| *words));
+    let columns: Vec<_> =
+        OTHER_COUNTS.into_iter().filter(|(_, number)| pairs.values().any(|pair| number(pair) > 0)).collect();
+    header.extend(columns.iter().map(|(words, _)| *words));
     let row = |((from, to), pair): (&(_, _), &PairCounts)| {
         let mut row = vec![format!("{from} → {to}"), pair.heard.to_string(), pair.missed.to_string()];
         let or_dash = |number: usize| if number > 0 { number.to_string() } else { "–".into() };
         row.extend(reasons.iter().map(|reason| or_dash(pair.excluded.get(reason).copied().unwrap_or(0))));
-        row.extend(more.iter().map(|(_, number)| or_dash(number(pair))));
+        row.extend(columns.iter().map(|(_, number)| or_dash(number(pair))));
         row
     };
     table(&header, &pairs.iter().map(row).collect::<Vec<_>>())
@@ -230,23 +232,26 @@ fn pairs(pairs: &Pairs) -> String {
 
 fn clocks(clocks: &[ClockEstimate]) -> String {
     let rows: Vec<Vec<String>> = clocks.iter().map(clock).collect();
-    table(&["clock", "ahead by (s)", "drift (ppm)", "messages", "median residual (s)"], &rows)
+    table(&["clock", "offset (s)", "drift (ppm)", "messages", "median residual (s)"], &rows)
 }
 
 fn clock(clock: &ClockEstimate) -> Vec<String> {
     let joined = |text: &dyn Fn(&pingmap_import::ClockSegment) -> String| match clock.segments.as_slice() {
         [] => "unknown".to_owned(),
-        pieces => pieces.iter().map(text).collect::<Vec<_>>().join(", then "),
+        segments => segments.iter().map(text).collect::<Vec<_>>().join(", then "),
     };
-    let (ahead, gains) = if clock.is_reference {
+    let (offset, drift) = if clock.is_reference {
         ("0 (reference)".to_owned(), "–".to_owned())
     } else {
-        (joined(&|piece| format!("{:+.2}", piece.offset_s)), joined(&|piece| format!("{:+.1}", 1e6 * piece.drift)))
+        (
+            joined(&|segment| format!("{:+.2}", segment.offset_s)),
+            joined(&|segment| format!("{:+.1}", 1e6 * segment.drift)),
+        )
     };
     vec![
         clock.vehicle.to_string(),
-        ahead,
-        gains,
+        offset,
+        drift,
         clock.comparisons.to_string(),
         format!("{:.3}", clock.median_residual_s),
     ]
