@@ -91,7 +91,7 @@ fn time_and_link(
     (sender, transmission): (usize, &Transmission),
     receiver: usize,
 ) -> (f64, Option<Link>) {
-    let recorded_s = clocks.begin_s(transmission);
+    let recorded_s = clocks.start_s(transmission);
     let is_corrected = fleet.rules.reference_clock.is_some();
     let time_s = if is_corrected { clocks.true_s(transmission) } else { recorded_s };
     let position = |vehicle: usize| {

@@ -131,7 +131,7 @@ impl<'a> Join<'a> {
             log,
             pairs: named_pairs(fleet, pairs),
             evidence: EvidenceCounts::new(&transmissions),
-            clocks: ClockEstimate::all(fleet, &clocks, &receptions(fleet, &transmissions, &matched)),
+            clocks: ClockEstimate::fleet_estimates(fleet, &clocks, &receptions(fleet, &transmissions, &matched)),
             delay_s: clocks.delay_s,
             clock_warnings: clocks.warnings,
             left_out,

@@ -52,22 +52,22 @@ pub(crate) fn exclusion_reason(
     }
     let recording = fleet.vehicles[receiver].recording;
     let arrival_s = clocks.expected_s(fleet, (sender, transmission), receiver);
-    let begin_s = arrival_s - clocks.delay_s;
+    let start_s = arrival_s - clocks.delay_s;
     let is_active = |span: &(f64, f64)| span.0 <= arrival_s && arrival_s <= span.1;
     if !fleet.vehicles[receiver].active_spans.iter().any(is_active) {
         return Some(ExclusionReason::NotRecording);
     }
-    if transmission_times.has_within(receiver, begin_s - rules.message_s, begin_s + rules.message_s) {
+    if transmission_times.has_within(receiver, start_s - rules.message_s, start_s + rules.message_s) {
         return Some(ExclusionReason::Transmitting);
     }
     let overlaps =
-        |interval: &&(f64, f64, ExclusionReason)| interval.0 <= begin_s + rules.message_s && begin_s <= interval.1;
+        |interval: &&(f64, f64, ExclusionReason)| interval.0 <= start_s + rules.message_s && start_s <= interval.1;
     if let Some(interval) = recording.deaf_intervals.iter().find(overlaps) {
         return Some(interval.2);
     }
-    let band_of = |vehicle: usize, time_s| fleet.vehicles[vehicle].recording.band(time_s);
-    let sender_band = transmission.band.as_deref().or_else(|| band_of(sender, clocks.local_s(transmission, sender)));
-    let bands = sender_band.zip(band_of(receiver, begin_s));
+    let band = |vehicle: usize, time_s| fleet.vehicles[vehicle].recording.band(time_s);
+    let sender_band = transmission.band.as_deref().or_else(|| band(sender, clocks.local_s(transmission, sender)));
+    let bands = sender_band.zip(band(receiver, start_s));
     if bands.is_some_and(|(sender_band, receiver_band)| bands_differ(sender_band, receiver_band)) {
         return Some(ExclusionReason::OtherMode);
     }

@@ -76,9 +76,9 @@ fn timeline<'a>(
 
 /// Returns the distance in seconds to the nearest transmission, and its index.
 fn nearest(timeline: &[(f64, usize)], time_s: f64) -> Option<(f64, usize)> {
-    let after = timeline.partition_point(|entry| entry.0 < time_s);
-    let neighbours = timeline[after.saturating_sub(1)..].iter().take(2);
-    neighbours.map(|&(at_s, index)| ((at_s - time_s).abs(), index)).min_by(|a, b| a.0.total_cmp(&b.0))
+    let next_index = timeline.partition_point(|entry| entry.0 < time_s);
+    let neighbours = timeline[next_index.saturating_sub(1)..].iter().take(2);
+    neighbours.map(|&(expected_s, index)| ((expected_s - time_s).abs(), index)).min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 /// Returns the reception of each matched transmission.

@@ -42,11 +42,11 @@ pub struct ImportResult {
 impl ImportResult {
     /// Returns how often each reason for exclusion occurred, over all pairs.
     pub fn excluded(&self) -> BTreeMap<ExclusionReason, usize> {
-        let mut all = BTreeMap::new();
+        let mut counts = BTreeMap::new();
         for (&reason, &count) in self.pairs.values().flat_map(|pair| &pair.excluded) {
-            *all.entry(reason).or_default() += count;
+            *counts.entry(reason).or_default() += count;
         }
-        all
+        counts
     }
 }
 
@@ -130,7 +130,7 @@ pub struct ClockEstimate {
 
 impl ClockEstimate {
     /// Returns an estimate for each vehicle, in the order of the fleet.
-    pub(crate) fn all(fleet: &Fleet, clocks: &FleetClocks, receptions: &[Reception]) -> Vec<Self> {
+    pub(crate) fn fleet_estimates(fleet: &Fleet, clocks: &FleetClocks, receptions: &[Reception]) -> Vec<Self> {
         let comparisons = clocks.comparisons(fleet, receptions);
         let estimate = |(index, clock): (usize, &Clock)| {
             let own_comparisons =

@@ -48,9 +48,9 @@ fn check_vehicle(fleet: &Fleet, vehicle: &Vehicle) -> Result<(), ImportError> {
         .peekable();
     let margin_s = fleet.rules.clock_offset_s_max + fleet.rules.nav_gap_s_max;
     if times.peek().is_some() && !times.any(|time_s| from_s - margin_s <= time_s && time_s <= to_s + margin_s) {
-        let [from, to] = [from_s, to_s].map(time_in_words);
+        let [start, end] = [from_s, to_s].map(time_in_words);
         return fail(format!(
-            "{name}: its navigation is from {from} to {to}, but none of its receptions and transmissions is; expected times of one \
+            "{name}: its navigation is from {start} to {end}, but none of its receptions and transmissions is; expected times of one \
              kind in both"
         ));
     }
@@ -79,9 +79,9 @@ fn check_schedule(fleet: &Fleet, schedule: &Schedule) -> Result<(), ImportError>
     let (from_s, to_s) = fleet.span_s();
     let slots = schedule.slots_between(from_s, to_s);
     if slots > SLOTS_MAX {
-        let [from, to] = [from_s, to_s].map(time_in_words);
+        let [start, end] = [from_s, to_s].map(time_in_words);
         return fail(format!(
-            "the schedule has {slots:.0} slots between the first and the last record, {from} to {to}; expected at most {SLOTS_MAX:.0} (is a \
+            "the schedule has {slots:.0} slots between the first and the last record, {start} to {end}; expected at most {SLOTS_MAX:.0} (is a \
              time far from the rest?)"
         ));
     }

@@ -23,10 +23,10 @@ pub enum ImportError {
     #[error(transparent)]
     Reference(#[from] ReferenceError),
     /// A column was assigned to an unknown role.
-    #[error("{given:?} is no role of a column; expected {expected}")]
+    #[error("{role:?} is no role of a column; expected {expected}")]
     Role {
         /// The unknown role.
-        given: String,
+        role: String,
         /// All roles.
         expected: String,
     },

@@ -16,7 +16,7 @@ pub struct Recording {
     /// Positions.
     pub fixes: Vec<Fix>,
     /// The position of a station that does not move.
-    pub fixed: Option<Fix>,
+    pub station: Option<Fix>,
     /// Transmissions by the vehicle's own record; `None` if no such record exists.
     pub transmissions: Option<Vec<TransmissionRecord>>,
     /// Receptions; `None` if no such record exists, so that the vehicle is no receiver.
@@ -97,7 +97,7 @@ impl Recording {
     pub(crate) fn append(&mut self, other: Recording) {
         let Recording {
             fixes,
-            fixed,
+            station,
             transmissions,
             arrivals,
             reported,
@@ -109,7 +109,7 @@ impl Recording {
             clock_syncs,
         } = other;
         self.fixes.extend(fixes);
-        self.fixed = fixed.or(self.fixed);
+        self.station = station.or(self.station);
         if let Some(transmissions) = transmissions {
             self.transmissions.get_or_insert_default().extend(transmissions);
         }
@@ -134,8 +134,8 @@ impl Recording {
 
     /// Returns the band of the modem at a time, if it was recorded before.
     pub(crate) fn band(&self, time_s: f64) -> Option<&str> {
-        let before = self.bands.iter().filter(|(from_s, _)| *from_s <= time_s);
-        before.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, band)| band.as_str())
+        let earlier_bands = self.bands.iter().filter(|(from_s, _)| *from_s <= time_s);
+        earlier_bands.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, band)| band.as_str())
     }
 
     /// Extends the activity of the modem to a time. `record` is the index of the file's entry in `modem_activity`; a

@@ -168,17 +168,17 @@ impl Schedule {
             let end_s = orders.get(index + 1).map_or(f64::INFINITY, |next| next.0);
             // With a daily restart, earlier days have no effect on the requested one.
             let midnight_s = (from_s / DAY_S).floor() * DAY_S;
-            let mut begin_s = if *restarts_daily { start_s.max(midnight_s) } else { *start_s };
-            while begin_s < end_s.min(to_s) {
-                let midnight_s = (begin_s / DAY_S).floor() * DAY_S + DAY_S;
-                let until_s = if *restarts_daily { midnight_s } else { f64::INFINITY };
-                let last_s = until_s.min(end_s).min(to_s);
-                let first = ((from_s - begin_s) / duration_s).floor().max(0.0) as u64;
-                let slots = (first..).map(|slot| (slot, begin_s + slot as f64 * duration_s));
-                let slots = slots.take_while(|slot| slot.1 < until_s.min(end_s) && slot.1 <= last_s);
+            let mut cycle_start_s = if *restarts_daily { start_s.max(midnight_s) } else { *start_s };
+            while cycle_start_s < end_s.min(to_s) {
+                let midnight_s = (cycle_start_s / DAY_S).floor() * DAY_S + DAY_S;
+                let cycle_end_s = if *restarts_daily { midnight_s } else { f64::INFINITY };
+                let last_s = cycle_end_s.min(end_s).min(to_s);
+                let first = ((from_s - cycle_start_s) / duration_s).floor().max(0.0) as u64;
+                let slots = (first..).map(|slot| (slot, cycle_start_s + slot as f64 * duration_s));
+                let slots = slots.take_while(|slot| slot.1 < cycle_end_s.min(end_s) && slot.1 <= last_s);
                 let own_slots = slots.filter(|slot| order[(slot.0 % order.len() as u64) as usize] == *sender);
                 starts.extend(own_slots.map(|slot| slot.1).filter(is_within));
-                begin_s = until_s;
+                cycle_start_s = cycle_end_s;
             }
         }
         starts

@@ -112,11 +112,11 @@ impl Columns {
     /// [`ImportError::Role`] for an unknown role.
     pub fn assign(&mut self, role: &str, column: &str) -> Result<(), ImportError> {
         let kinds = [TableKind::Navigation, TableKind::Receptions, TableKind::Transmissions];
-        let all = || kinds.iter().flat_map(|kind| kind.roles().iter().map(move |(role, _)| (*kind, *role)));
+        let all_roles = || kinds.iter().flat_map(|kind| kind.roles().iter().map(move |(role, _)| (*kind, *role)));
         let full_name = |(kind, role): (TableKind, &str)| format!("{}.{role}", kind.name());
-        let Some(key) = all().find(|key| full_name(*key) == role.trim()) else {
-            let expected = all().map(full_name).collect::<Vec<_>>().join(", ");
-            return Err(ImportError::Role { given: role.to_owned(), expected });
+        let Some(key) = all_roles().find(|key| full_name(*key) == role.trim()) else {
+            let expected = all_roles().map(full_name).collect::<Vec<_>>().join(", ");
+            return Err(ImportError::Role { role: role.to_owned(), expected });
         };
         self.0.insert(key, column.trim().to_lowercase());
         Ok(())

@@ -48,11 +48,11 @@ pub(crate) fn split_words(path: &Path) -> Vec<String> {
 fn strip_generic_words(name: &str) -> &str {
     let is_word = |word: &str| {
         let word = word.to_lowercase();
-        let all = [RECEPTION_WORDS, TRANSMISSION_WORDS, SCHEDULE_WORDS, NAVIGATION_WORDS, OTHER_WORDS];
-        all.iter().any(|words| words.contains(&word.as_str()))
+        let generic_words = [RECEPTION_WORDS, TRANSMISSION_WORDS, SCHEDULE_WORDS, NAVIGATION_WORDS, OTHER_WORDS];
+        generic_words.iter().any(|words| words.contains(&word.as_str()))
     };
-    let all: Vec<&str> = name.split(is_separator).filter(|word| !word.is_empty()).collect();
-    let mut words = all.as_slice();
+    let words_in_name: Vec<&str> = name.split(is_separator).filter(|word| !word.is_empty()).collect();
+    let mut words = words_in_name.as_slice();
     while let (Some(first), Some(last)) = (words.first(), words.last()) {
         if is_word(first) {
             words = &words[1..];
@@ -60,12 +60,13 @@ fn strip_generic_words(name: &str) -> &str {
             words = &words[..words.len() - 1];
         } else if date_length(words) > 0 {
             words = &words[date_length(words)..];
-        } else if let Some(at) = (0..words.len()).find(|&at| at + date_length(&words[at..]) == words.len()) {
-            words = &words[..at];
+        } else if let Some(index) = (0..words.len()).find(|&index| index + date_length(&words[index..]) == words.len())
+        {
+            words = &words[..index];
         } else {
             // All words are slices of the name, so the result extends from the first to the end of the last.
-            let at = |word: &str| word.as_ptr() as usize - name.as_ptr() as usize;
-            return &name[at(first)..at(last) + last.len()];
+            let index = |word: &str| word.as_ptr() as usize - name.as_ptr() as usize;
+            return &name[index(first)..index(last) + last.len()];
         }
     }
     ""
@@ -80,7 +81,8 @@ fn date_length(words: &[&str]) -> usize {
         let plain: String = word.chars().filter(|letter| !matches!(letter, 'T' | 'Z')).collect();
         lengths.contains(&plain.len()) && plain.bytes().all(|byte| byte.is_ascii_digit())
     };
-    let has_digits = |at: usize, lengths: &[usize]| words.get(at).is_some_and(|word| matches_digits(word, lengths));
+    let has_digits =
+        |index: usize, lengths: &[usize]| words.get(index).is_some_and(|word| matches_digits(word, lengths));
     let is_year = words.first().is_some_and(|word| word.starts_with("19") || word.starts_with("20"));
     let date_words = match () {
         () if is_year && has_digits(0, &[8, 12, 14]) => 1,

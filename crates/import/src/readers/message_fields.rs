@@ -148,12 +148,12 @@ mod tests {
     fn ambiguous_members_are_reported_as_unclear() {
         // A counter is not a flag. A message with two sources is ambiguous.
         assert_eq!(MessageFields::from_json(r#"{"sent":1}"#).unwrap(), MessageFields::default());
-        let mut twice = MessageFields::default();
-        twice.number("src", -1.0);
-        twice.number("src", 2.0);
-        assert!(!twice.is_ambiguous && twice.source.as_deref() == Some("2"));
-        twice.number("src", 3.0);
-        assert!(twice.is_ambiguous);
+        let mut fields = MessageFields::default();
+        fields.number("src", -1.0);
+        fields.number("src", 2.0);
+        assert!(!fields.is_ambiguous && fields.source.as_deref() == Some("2"));
+        fields.number("src", 3.0);
+        assert!(fields.is_ambiguous);
         for wrong in [r#"{"latitude":"here"}"#, r#"{"source":2,"good":"perhaps"}"#, r#"{"source":2,"frame":"first"}"#] {
             assert!(MessageFields::from_json(wrong).unwrap().is_ambiguous, "{wrong}");
         }

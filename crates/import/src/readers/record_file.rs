@@ -117,8 +117,8 @@ impl RecordReader {
         if recording == Recording::default() {
             return Ok(Some(FileSummary { kind, vehicle: None, datum, skipped }));
         }
-        let by_modem = || recording.modem_ids.iter().find_map(|id| self.ids.lookup(id));
-        let Some(vehicle) = source.vehicle.cloned().or(own_name).or_else(by_modem) else {
+        let modem_owner = || recording.modem_ids.iter().find_map(|id| self.ids.lookup(id));
+        let Some(vehicle) = source.vehicle.cloned().or(own_name).or_else(modem_owner) else {
             return Err(fail(
                 "does not state its vehicle; expected NAME= in front of it, or its modem's id in --ids".into(),
             ));

@@ -17,9 +17,9 @@ fn path(name: &str) -> PathBuf {
 /// Changes some bytes of a file and truncates it.
 fn damaged(bytes: &[u8], changes: &[(prop::sample::Index, u8)], end: prop::sample::Index) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
-    for (at, byte) in changes {
-        let at = at.index(bytes.len());
-        bytes[at] = *byte;
+    for (index, byte) in changes {
+        let index = index.index(bytes.len());
+        bytes[index] = *byte;
     }
     bytes.truncate(end.index(bytes.len() + 1).max(16));
     bytes
@@ -118,21 +118,21 @@ fn an_lcm_log_is_read_with_its_types() {
 #[test]
 fn a_truncated_bag_is_read_and_an_invalid_one_is_refused() {
     let whole = std::fs::read(path("ros2.mcap")).unwrap();
-    let (mut at_most, mut cut_off, lengths) = (0, 0, (8..whole.len()).step_by(97));
+    let (mut fixes_max, mut truncated, lengths) = (0, 0, (8..whole.len()).step_by(97));
     let count = lengths.len();
     for length in lengths {
         match read(&whole[..length], Path::new("cut.mcap"), "") {
             Ok((recording, summary)) => {
                 assert!(recording.fixes.len() <= 61, "{length}");
-                at_most = at_most.max(recording.fixes.len());
-                cut_off += summary.skipped.truncated;
+                fixes_max = fixes_max.max(recording.fixes.len());
+                truncated += summary.skipped.truncated;
             }
             Err(error) => assert!(error.to_string().contains("cut.mcap"), "{error}"),
         }
     }
     // Only files that lack nothing but a part of the index at their end count as complete. The reader does not use the
     // index.
-    assert!(at_most == 61 && cut_off > count / 3, "{at_most} {cut_off} of {count}");
+    assert!(fixes_max == 61 && truncated > count / 3, "{fixes_max} {truncated} of {count}");
     let mut garbled = whole;
     garbled[900..1400].fill(0xa5);
     let error = read(&garbled, Path::new("garbled.mcap"), "").unwrap_err().to_string();

@@ -30,8 +30,13 @@ fn capture(sentences: &[(f64, &str)]) -> (Recording, SkipCounts) {
 fn transmissions(recording: &Recording) -> Vec<(f64, String, Option<u32>, String)> {
     let text = |text: Option<String>| text.unwrap_or_default();
     let fields = |transmission: &pingmap_import::TransmissionRecord| {
-        let to = transmission.destination.as_ref().map(ToString::to_string);
-        (transmission.time_s, text(to), transmission.frames, text(transmission.kind.as_ref().map(ToString::to_string)))
+        let destination = transmission.destination.as_ref().map(ToString::to_string);
+        (
+            transmission.time_s,
+            text(destination),
+            transmission.frames,
+            text(transmission.kind.as_ref().map(ToString::to_string)),
+        )
     };
     recording.transmissions.iter().flatten().map(fields).collect()
 }
@@ -40,8 +45,10 @@ fn transmissions(recording: &Recording) -> Vec<(f64, String, Option<u32>, String
 type Reception<'a> = (f64, &'a str, Option<u32>, Option<u32>, bool);
 
 fn receptions(recording: &Recording) -> Vec<Reception<'_>> {
-    let all = recording.arrivals.iter().flatten();
-    all.map(|arrival| (arrival.time_s, arrival.source.as_str(), arrival.frame, arrival.frames, arrival.good)).collect()
+    let arrivals = recording.arrivals.iter().flatten();
+    arrivals
+        .map(|arrival| (arrival.time_s, arrival.source.as_str(), arrival.frame, arrival.frames, arrival.good))
+        .collect()
 }
 
 #[test]
@@ -91,7 +98,7 @@ fn finished_messages_are_transmissions_and_requests_are_not() {
     ];
     assert_eq!(
         transmissions(&recording),
-        expected.map(|(time_s, to, frames, kind)| (time_s, to.into(), frames, kind.into()))
+        expected.map(|(time_s, destination, frames, kind)| (time_s, destination.into(), frames, kind.into()))
     );
     assert_eq!((skipped.failed_transmissions, recording.arrivals.as_ref().map(Vec::len)), (2, Some(0)));
     assert_eq!((recording.modem_activity[0], recording.modem_ids.len()), ((0.0, 103.0), 1));
@@ -280,31 +287,31 @@ fn a_wrong_checksum_is_garbled_and_the_content_determines_the_kind() {
 
 #[test]
 fn goby_transmissions_are_records_of_its_host() {
-    let rows = |more: &str| {
+    let rows = |additional_rows: &str| {
         format!(
             "%% LOG FILE: a\n%% LOGSTART 1777809600\n\
              10 ACOMMS_MODEM_TRANSMIT pAcommsHandler @PB[goby.acomms.protobuf.ModemTransmission] src: 1 dest: 0 rate: 1 type: DATA frame: \"a\" frame: \"b\"\n\
              20 ACOMMS_MODEM_RECEIVE pAcommsHandler src: 2 dest: 1 rate: 1 type: DATA frame: \"a\" frame: \"\" [micromodem.protobuf.frame_with_bad_crc]: 1\n\
              30 ACOMMS_MODEM_RECEIVE pAcommsHandler src: 2 dest: 1 type: ACK acked_frame: 0\n\
-             40 ACOMMS_MAC_SLOT_START pAcommsHandler src: 1 dest: 2 type: DATA frame: \"x\"\n{more}"
+             40 ACOMMS_MAC_SLOT_START pAcommsHandler src: 1 dest: 2 type: DATA frame: \"x\"\n{additional_rows}"
         )
     };
     let (recording, _) = read_text(&rows(""));
-    let at = 1_777_809_600.0;
-    assert_eq!(transmissions(&recording), [(at + 10.0, String::new(), Some(2), "rate 1".into())]);
-    assert_eq!(receptions(&recording), [(at + 20.0, "2", Some(1), Some(2), true)]);
+    let start_s = 1_777_809_600.0;
+    assert_eq!(transmissions(&recording), [(start_s + 10.0, String::new(), Some(2), "rate 1".into())]);
+    assert_eq!(receptions(&recording), [(start_s + 20.0, "2", Some(1), Some(2), true)]);
     assert!(recording.modem_ids.contains("1"));
     // The modem's own sentences take precedence.
     let (recording, _) = read_text(&rows("50 ACOMMS_NMEA_IN p $CARXD,3,1,0,1,AA\n"));
     assert_eq!(
         (transmissions(&recording).len(), receptions(&recording)),
-        (0, vec![(at + 50.0, "3", Some(1), Some(1), true)])
+        (0, vec![(start_s + 50.0, "3", Some(1), Some(1), true)])
     );
     // A vehicle that acknowledges or ranges is deaf meanwhile.
     let (recording, _) = read_text(&rows("50 ACOMMS_MODEM_TRANSMIT p src: 1 dest: 2 type: MICROMODEM_TWO_WAY_PING\n"));
     assert_eq!(
         (transmissions(&recording).len(), &recording.deaf_intervals[..]),
-        (1, &[(at + 50.0, at + 55.0, ExclusionReason::OtherMode)][..])
+        (1, &[(start_s + 50.0, start_s + 55.0, ExclusionReason::OtherMode)][..])
     );
     // The prefix of the variables is configurable.
     let reading = RecordReader { moos_prefix: "MM_".into(), ..RecordReader::default() };

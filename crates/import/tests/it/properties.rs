@@ -58,7 +58,7 @@ impl Fleet {
 
     fn simulate(&self) -> (Recordings, Truth) {
         let vehicles = self.ahead_s.len();
-        let mut all =
+        let mut recordings =
             vec![
                 Recording { transmissions: Some(Vec::new()), arrivals: Some(Vec::new()), ..Recording::default() };
                 vehicles
@@ -73,7 +73,7 @@ impl Fleet {
                 kind: None,
                 band: None,
             };
-            all[sender].transmissions.as_mut().unwrap().push(record);
+            recordings[sender].transmissions.as_mut().unwrap().push(record);
             for receiver in (0..vehicles).filter(|&receiver| receiver != sender) {
                 let is_heard = heard >> receiver & 1 == 1;
                 truth.push((time_s, sender, receiver, is_heard));
@@ -82,10 +82,10 @@ impl Fleet {
                 let (time_s, source) = (self.clock(receiver, arrival_s), vehicle_name(sender));
                 let (destination, frame, frames, kind) = (None, None, None, None);
                 let arrival = Arrival { time_s, source, destination, frame, frames, good: true, kind };
-                all[receiver].arrivals.as_mut().unwrap().extend(is_heard.then_some(arrival));
+                recordings[receiver].arrivals.as_mut().unwrap().extend(is_heard.then_some(arrival));
             }
         }
-        for (vehicle, recording) in all.iter_mut().enumerate() {
+        for (vehicle, recording) in recordings.iter_mut().enumerate() {
             recording.listening.push((-100.0, time_s + 100.0));
             for second in 0..(time_s + 30.0) as u32 {
                 let (east_m, north_m) = place(vehicle, f64::from(second));
@@ -93,7 +93,7 @@ impl Fleet {
                 recording.fixes.push(Fix { time_s, place, depth_m: None });
             }
         }
-        ((0..vehicles).map(vehicle_name).zip(all).collect(), truth)
+        ((0..vehicles).map(vehicle_name).zip(recordings).collect(), truth)
     }
 }
 

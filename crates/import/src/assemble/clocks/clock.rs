@@ -127,11 +127,11 @@ pub(crate) fn find_peak(mut differences_s: Vec<f64>, half_width_s: f64) -> Optio
     differences_s.sort_by(f64::total_cmp);
     let mut end = 0;
     let windows: Vec<(f64, usize)> = (0..differences_s.len())
-        .map(|begin| {
-            while end < differences_s.len() && differences_s[end] <= differences_s[begin] + 2.0 * half_width_s {
+        .map(|first| {
+            while end < differences_s.len() && differences_s[end] <= differences_s[first] + 2.0 * half_width_s {
                 end += 1;
             }
-            (differences_s[begin + (end - begin) / 2], end - begin)
+            (differences_s[first + (end - first) / 2], end - first)
         })
         .collect();
     let count_max = windows.iter().map(|window| window.1).max().filter(|count_max| *count_max >= 2)?;
@@ -233,15 +233,15 @@ mod tests {
             2 => 0.5,
             _ => 0.0,
         };
-        let at = |clock: usize, true_s: f64| (clock, true_s + offset(clock, true_s));
+        let reading = |clock: usize, true_s: f64| (clock, true_s + offset(clock, true_s));
         let mut comparisons = Vec::new();
         for n in 0..200 {
             let true_s = 40.0 * f64::from(n);
             // One message in ten is a late echo.
             let echo_delay_s = if n % 10 == 0 { 0.6 } else { 0.0 };
             let echo = |(clock, time_s): (usize, f64)| (clock, time_s + echo_delay_s);
-            comparisons.push(Comparison { start: at(1, true_s), arrival: echo(at(0, true_s)) });
-            comparisons.push(Comparison { start: at(0, true_s + 7.0), arrival: at(2, true_s + 7.0) });
+            comparisons.push(Comparison { start: reading(1, true_s), arrival: echo(reading(0, true_s)) });
+            comparisons.push(Comparison { start: reading(0, true_s + 7.0), arrival: reading(2, true_s + 7.0) });
         }
         let mut clocks =
             [Clock::constant(2.0, &[], true), Clock::constant(0.0, &[], true), Clock::constant(0.0, &[4000.0], true)];

@@ -106,20 +106,20 @@ impl FleetClocks {
     }
 
     /// Returns the start of a transmission by the clock that its time is of, in seconds.
-    pub(crate) fn begin_s(&self, transmission: &Transmission) -> f64 {
+    pub(crate) fn start_s(&self, transmission: &Transmission) -> f64 {
         transmission.time_s - if transmission.is_reception_time { self.delay_s } else { 0.0 }
     }
 
     /// Returns the start of a transmission by the reference clock, in seconds.
     pub(crate) fn true_s(&self, transmission: &Transmission) -> f64 {
-        let begin_s = self.begin_s(transmission);
-        begin_s - self.clocks[transmission.clock].offset_s(begin_s)
+        let start_s = self.start_s(transmission);
+        start_s - self.clocks[transmission.clock].offset_s(start_s)
     }
 
     /// Returns the start of a transmission by the clock of a vehicle, in seconds.
     pub(crate) fn local_s(&self, transmission: &Transmission, vehicle: usize) -> f64 {
         if transmission.clock == vehicle {
-            return self.begin_s(transmission);
+            return self.start_s(transmission);
         }
         let true_s = self.true_s(transmission);
         true_s + self.clocks[vehicle].offset_s(true_s)
@@ -136,9 +136,9 @@ impl FleetClocks {
     /// Returns a comparison of two clocks for each reception.
     pub(crate) fn comparisons(&self, fleet: &Fleet, receptions: &[Reception]) -> Vec<Comparison> {
         let comparison = |&Reception { sender, transmission, receiver, time_s }: &Reception| {
-            let begin_s = self.begin_s(transmission);
-            let travel_s = fleet.travel_s(sender, receiver, begin_s);
-            Comparison { start: (transmission.clock, begin_s), arrival: (receiver, time_s - travel_s - self.delay_s) }
+            let start_s = self.start_s(transmission);
+            let travel_s = fleet.travel_s(sender, receiver, start_s);
+            Comparison { start: (transmission.clock, start_s), arrival: (receiver, time_s - travel_s - self.delay_s) }
         };
         receptions
             .iter()
@@ -213,7 +213,9 @@ fn pair_peaks(fleet: &Fleet, transmissions: &[Vec<Transmission>]) -> BTreeMap<Cl
     for (pair, comparison) in candidates(fleet, transmissions) {
         differences_s.entry(pair).or_default().push(comparison.difference_s());
     }
-    let peaks = differences_s.into_iter().filter_map(|(pair, all)| Some((pair, find_peak(all, fleet.rules.match_s)?)));
+    let peaks = differences_s
+        .into_iter()
+        .filter_map(|(pair, differences_s)| Some((pair, find_peak(differences_s, fleet.rules.match_s)?)));
     peaks.collect()
 }
 

@@ -88,13 +88,13 @@ impl<'a> Fleet<'a> {
                 None => *self.unknown_sources.entry(arrival.source.clone()).or_default() += 1,
             }
         }
-        let mut all = BTreeMap::new();
+        let mut messages_by_sender = BTreeMap::new();
         for (source, arrivals) in by_source {
             let (messages, duplicates) = assemble_messages(arrivals, self.rules);
             self.duplicates.extend((duplicates > 0).then_some(((indices[name], source), duplicates)));
-            all.insert(source, messages);
+            messages_by_sender.insert(source, messages);
         }
-        all
+        messages_by_sender
     }
 
     pub(crate) fn index_of(&self, name: &VehicleId) -> Option<usize> {
@@ -136,7 +136,9 @@ impl<'a> Fleet<'a> {
                 .chain(arrivals)
                 .chain(recording.transmissions.iter().flatten().map(|transmission| transmission.time_s))
         });
-        times.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), time_s| (from.min(time_s), to.max(time_s)))
+        times.fold((f64::INFINITY, f64::NEG_INFINITY), |(first_s, last_s), time_s| {
+            (first_s.min(time_s), last_s.max(time_s))
+        })
     }
 
     /// Lists names, separated by commas.
@@ -157,16 +159,16 @@ impl<'a> Fleet<'a> {
 /// that it would always count as a success.
 fn active_spans(recording: &Recording, messages: &BTreeMap<usize, Vec<Message>>, match_s: f64) -> Vec<(f64, f64)> {
     let exclude_bounding_messages = |&(from_s, to_s): &(f64, f64)| {
-        let (mut after_s, mut before_s) = (from_s, to_s);
+        let (mut start_s, mut end_s) = (from_s, to_s);
         for message in messages.values().flatten() {
             if message.time_s == from_s {
-                after_s = from_s + match_s;
+                start_s = from_s + match_s;
             }
             if message.last_s == to_s {
-                before_s = before_s.min(message.time_s - match_s);
+                end_s = end_s.min(message.time_s - match_s);
             }
         }
-        (after_s, before_s)
+        (start_s, end_s)
     };
     let active = recording.modem_activity.iter().map(exclude_bounding_messages);
     active.chain(recording.listening.iter().copied()).collect()

@@ -97,7 +97,7 @@ mod tests {
         Arrival { time_s, source: VehicleId::new("a"), destination: None, frame, frames, good, kind: None }
     }
 
-    fn heard(arrivals: &[Arrival], any_frame: bool) -> (Vec<(f64, bool)>, usize) {
+    fn outcomes(arrivals: &[Arrival], any_frame: bool) -> (Vec<(f64, bool)>, usize) {
         let (messages, duplicates) = assemble_messages(arrivals.iter().collect(), &Rules::default());
         (messages.iter().map(|message| (message.time_s, message.is_decoded(None, any_frame))).collect(), duplicates)
     }
@@ -109,26 +109,26 @@ mod tests {
             arrival(11.0, Some(2), None, true),
             arrival(12.0, Some(3), None, true),
         ];
-        assert_eq!(heard(&whole, false), (vec![(10.0, true)], 0));
-        assert_eq!(heard(&whole[..2], false), (vec![(10.0, false)], 0));
-        assert_eq!(heard(&whole[..2], true), (vec![(10.0, true)], 0));
+        assert_eq!(outcomes(&whole, false), (vec![(10.0, true)], 0));
+        assert_eq!(outcomes(&whole[..2], false), (vec![(10.0, false)], 0));
+        assert_eq!(outcomes(&whole[..2], true), (vec![(10.0, true)], 0));
         let broken = [arrival(10.0, Some(1), None, true), arrival(11.0, Some(2), None, false)];
-        assert_eq!(heard(&broken, false), (vec![(10.0, false)], 0));
+        assert_eq!(outcomes(&broken, false), (vec![(10.0, false)], 0));
         let (first, _) = assemble_messages(broken[..1].iter().collect(), &Rules::default());
         assert!(first[0].is_decoded(Some(1), false) && !first[0].is_decoded(Some(2), false));
         // An arrival without a frame number stands for the whole message. Frames far apart belong to two messages.
         let (whole, _) = assemble_messages([arrival(10.0, None, None, true)].iter().collect(), &Rules::default());
         assert!(whole[0].is_decoded(Some(3), false));
         let two = [arrival(20.2, Some(1), Some(2), true), arrival(50.2, Some(2), Some(2), true)];
-        assert_eq!(heard(&two, false), (vec![(20.2, false), (50.2, false)], 0));
+        assert_eq!(outcomes(&two, false), (vec![(20.2, false), (50.2, false)], 0));
     }
 
     #[test]
     fn a_retransmission_is_a_new_message_and_an_echo_is_a_duplicate() {
         let sent_again =
             [arrival(10.0, None, None, true), arrival(10.2, None, None, true), arrival(14.0, None, None, true)];
-        assert_eq!(heard(&sent_again, false), (vec![(10.0, true), (14.0, true)], 1));
+        assert_eq!(outcomes(&sent_again, false), (vec![(10.0, true), (14.0, true)], 1));
         let frames_again = [arrival(10.0, Some(1), None, true), arrival(14.0, Some(1), None, false)];
-        assert_eq!(heard(&frames_again, false), (vec![(10.0, true), (14.0, false)], 0));
+        assert_eq!(outcomes(&frames_again, false), (vec![(10.0, true), (14.0, false)], 0));
     }
 }

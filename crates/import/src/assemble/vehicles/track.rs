@@ -26,7 +26,7 @@ impl Track {
         let unprojected = recording.fixes.len() - fixes.len();
         fixes.sort_by(|a, b| a.0.total_cmp(&b.0));
         fixes.dedup_by_key(|fix| fix.0);
-        Self { fixes, fixed: recording.fixed.and_then(|fix| projected_position(fix.place, fix.depth_m)), unprojected }
+        Self { fixes, fixed: recording.station.and_then(|fix| projected_position(fix.place, fix.depth_m)), unprojected }
     }
 
     /// Returns the times of the first and the last fix; an unbounded span for a fixed vehicle.
@@ -51,11 +51,11 @@ impl Track {
         let previous = &self.fixes[next.checked_sub(1)?];
         let gap_s = following.0 - previous.0;
         let share = (time_s - previous.0) / gap_s;
-        let interpolate = |from: f64, to: f64| from + share * (to - from);
+        let interpolate = |a: f64, b: f64| a + share * (b - a);
         (gap_s <= gap_s_max).then(|| Position {
             east_m: interpolate(previous.1.east_m, following.1.east_m),
             north_m: interpolate(previous.1.north_m, following.1.north_m),
-            depth_m: previous.1.depth_m.zip(following.1.depth_m).map(|(from, to)| interpolate(from, to)),
+            depth_m: previous.1.depth_m.zip(following.1.depth_m).map(|(a, b)| interpolate(a, b)),
         })
     }
 

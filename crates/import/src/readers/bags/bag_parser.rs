@@ -298,15 +298,15 @@ mod tests {
 
     #[test]
     fn a_sentence_that_two_topics_repeat_counts_once() {
-        let twice = [(10.0, "/rx", FROM_2), (10.1, "/log", FROM_2)];
-        assert_eq!((arrivals(&twice[..1]), arrivals(&twice)), (1, 1));
+        let echoed = [(10.0, "/rx", FROM_2), (10.1, "/log", FROM_2)];
+        assert_eq!((arrivals(&echoed[..1]), arrivals(&echoed)), (1, 1));
         // No echoes: the same topic, another sender, a later time.
         assert_eq!(arrivals(&[(10.0, "/rx", FROM_2), (11.0, "/rx", FROM_2)]), 2);
         assert_eq!(arrivals(&[(10.0, "/rx", FROM_2), (10.1, "/log", FROM_3)]), 2);
         assert_eq!(arrivals(&[(10.0, "/rx", FROM_2), (13.0, "/log", FROM_2)]), 2);
         // The modem repeats a sentence, and another topic echoes both.
-        let both = [(10.0, "/rx", FROM_2), (11.0, "/rx", FROM_2), (10.1, "/log", FROM_2), (11.1, "/log", FROM_2)];
-        assert_eq!(arrivals(&both), 2);
+        let repeated = [(10.0, "/rx", FROM_2), (11.0, "/rx", FROM_2), (10.1, "/log", FROM_2), (11.1, "/log", FROM_2)];
+        assert_eq!(arrivals(&repeated), 2);
     }
 
     #[test]
@@ -333,7 +333,7 @@ mod tests {
         .unwrap();
         let transmissions = reported.recording.transmissions.unwrap();
         assert_eq!(
-            (transmissions.len(), transmissions[0].destination.as_ref().map(|to| to.as_str())),
+            (transmissions.len(), transmissions[0].destination.as_ref().map(|destination| destination.as_str())),
             (1, Some("auv2"))
         );
         assert_eq!(

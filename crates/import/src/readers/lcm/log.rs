@@ -1,4 +1,6 @@
 //! LCM logs. An event holds a channel and a message, whose fingerprint identifies its type.
+//!
+//! The reader is written by hand, because no maintained crate decodes LCM logs with types known only at run time.
 
 use std::io::{self, Read};
 
@@ -74,7 +76,8 @@ fn read_event(reader: &mut impl Read, message: &mut Vec<u8>) -> io::Result<Event
         return Err(io::Error::other("an event does not begin with 0xEDA1DA01"));
     }
     let Ok(head) = <[u8; 28]>::try_from(head) else { return Ok(Event::Truncated) };
-    let number = |from: usize| u32::from_be_bytes([head[from], head[from + 1], head[from + 2], head[from + 3]]);
+    let number =
+        |offset: usize| u32::from_be_bytes([head[offset], head[offset + 1], head[offset + 2], head[offset + 3]]);
     let time_us = (u64::from(number(12)) << 32) | u64::from(number(16));
     let (channel_bytes, message_bytes) = (number(20) as usize, number(24) as usize);
     if channel_bytes > CHANNEL_BYTES_MAX || message_bytes > MESSAGE_BYTES_MAX {

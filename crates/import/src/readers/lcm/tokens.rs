@@ -12,9 +12,9 @@ pub(crate) fn split_tokens(text: &str) -> Vec<String> {
         } else {
             let is_part = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.' | '-' | '+');
             let end = if is_part(first) { rest.find(|c| !is_part(c)).unwrap_or(rest.len()) } else { first.len_utf8() };
-            let (token, after) = rest.split_at(end);
+            let (token, remainder) = rest.split_at(end);
             tokens.extend((!token.trim().is_empty()).then(|| token.to_owned()));
-            rest = after;
+            rest = remainder;
         }
     }
     tokens

@@ -58,12 +58,12 @@ impl ModemTransmission {
     /// Records the reception of this transmission.
     pub(crate) fn record_reception(&self, time_s: f64, sink: &mut Sink) {
         let Some(source) = self.source.as_deref().filter(|_| self.is_message()) else { return };
-        let to = self.destination.as_deref().filter(|to| *to != BROADCAST).unwrap_or("");
+        let destination = self.destination.as_deref().filter(|destination| *destination != BROADCAST).unwrap_or("");
         let (frames, good) = (Some(self.frames), self.bad_frames < self.frames);
         // The text states the number of bad frames, but not their indices.
         for frame in 1..=self.frames.saturating_sub(self.bad_frames).max(1) {
             let part = FrameInfo { frame: Some(frame), frames, good, kind: self.message_kind() };
-            sink.add_arrival(time_s, (source, to), part);
+            sink.add_arrival(time_s, (source, destination), part);
         }
     }
 
@@ -77,10 +77,10 @@ impl ModemTransmission {
         let Some(source) = self.source.as_deref().filter(|_| self.is_message()) else { return };
         sink.add_modem_id(source);
         sink.record_activity(time_s);
-        let to = self.destination.as_deref().filter(|to| *to != BROADCAST).unwrap_or("");
+        let destination = self.destination.as_deref().filter(|destination| *destination != BROADCAST).unwrap_or("");
         let record = TransmissionRecord {
             time_s,
-            destination: sink.ids.resolve(to),
+            destination: sink.ids.resolve(destination),
             frames: Some(self.frames),
             kind: self.message_kind(),
             band: None,

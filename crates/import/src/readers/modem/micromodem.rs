@@ -44,12 +44,12 @@ pub(crate) struct Micromodem {
     /// Time at which the latest transmission finished.
     finished_s: Option<f64>,
     /// Start of a packet without data.
-    control_begin_s: Option<f64>,
-    /// Time of a broken frame whose sender is not known yet.
+    control_start_s: Option<f64>,
+    /// Time of a broken frame without a sender so far.
     broken_s: Option<f64>,
     /// Number, carrier and bandwidth of its band; empty if not reported.
     band: [String; 3],
-    /// Time at which it was told to restart.
+    /// Time of the command to restart.
     reset_s: Option<f64>,
     /// Number of broken messages without a sender, and of messages that were not transmitted.
     unattributed: usize,
@@ -69,7 +69,7 @@ struct Cycle {
 #[derive(Debug)]
 struct OutgoingMessage {
     time_s: f64,
-    begin_s: Option<f64>,
+    start_s: Option<f64>,
     destination: String,
     kind: Option<MessageKind>,
     /// Number of frames by the host's sentences, and by the modem's echo.
@@ -200,22 +200,22 @@ impl Micromodem {
         }
         sink.record_activity(time_s);
         let is_stale =
-            |outgoing: &OutgoingMessage| time_s - outgoing.begin_s.unwrap_or(outgoing.time_s) > MESSAGE_S_MAX;
+            |outgoing: &OutgoingMessage| time_s - outgoing.start_s.unwrap_or(outgoing.time_s) > MESSAGE_S_MAX;
         if self.outgoing.as_ref().is_some_and(is_stale) {
             self.drop_outgoing();
         }
         match sentence.name {
             "CATXD" | "CAMUC" | "CATDP" => self.absorb_data(time_s, sentence),
             "CATXP" => match &mut self.outgoing {
-                Some(outgoing) => outgoing.begin_s = Some(time_s),
-                None => self.control_begin_s = Some(time_s),
+                Some(outgoing) => outgoing.start_s = Some(time_s),
+                None => self.control_start_s = Some(time_s),
             },
             "CATXF" if self.outgoing.is_some() => self.finish_outgoing(time_s, sink),
             "CATXF" => {
                 // A cycle or an acknowledgement: no message, but the modem is deaf while it transmits.
-                let begin_s = self.control_begin_s.take().filter(|begin_s| time_s - begin_s <= MESSAGE_S_MAX);
+                let start_s = self.control_start_s.take().filter(|start_s| time_s - start_s <= MESSAGE_S_MAX);
                 sink.recording.deaf_intervals.push((
-                    begin_s.unwrap_or(time_s - PACKET_S_MAX),
+                    start_s.unwrap_or(time_s - PACKET_S_MAX),
                     time_s,
                     ExclusionReason::Transmitting,
                 ));
@@ -249,11 +249,11 @@ impl Micromodem {
         let cycle = self.cycle.as_ref().filter(|cycle| time_s - cycle.time_s <= MESSAGE_S_MAX);
         let kind = kind.or_else(|| rate_kind(&cycle?.rate));
         let is_new =
-            |outgoing: &OutgoingMessage| outgoing.begin_s.is_some() || time_s - outgoing.time_s > MESSAGE_S_MAX;
+            |outgoing: &OutgoingMessage| outgoing.start_s.is_some() || time_s - outgoing.time_s > MESSAGE_S_MAX;
         if self.outgoing.as_ref().is_none_or(is_new) {
             let destination = sentence.field(destination).to_owned();
             self.outgoing =
-                Some(OutgoingMessage { time_s, begin_s: None, destination, kind, host_frames: 0, echo_frames: 0 });
+                Some(OutgoingMessage { time_s, start_s: None, destination, kind, host_frames: 0, echo_frames: 0 });
         }
         let Some(outgoing) = &mut self.outgoing else { return };
         *if is_echo { &mut outgoing.echo_frames } else { &mut outgoing.host_frames } += 1;
@@ -265,7 +265,7 @@ impl Micromodem {
         self.finished_s = Some(time_s);
         let frames = outgoing.host_frames.max(outgoing.echo_frames);
         let record = TransmissionRecord {
-            time_s: outgoing.begin_s.unwrap_or(time_s),
+            time_s: outgoing.start_s.unwrap_or(time_s),
             destination: sink.ids.resolve(&outgoing.destination),
             frames: (frames > 0).then_some(frames),
             kind: outgoing.kind,
@@ -298,8 +298,9 @@ impl Micromodem {
             "CARXD" => {
                 let (source, destination) = (sentence.field(0), sentence.field(1));
                 let Some(frame) = sentence.number(3).filter(|frame| *frame > 0) else { return };
-                let begins = |incoming: &IncomingMessage| incoming.decoded.last().is_some_and(|last| frame <= *last);
-                if self.incoming.as_ref().is_some_and(begins) {
+                let starts_new_message =
+                    |incoming: &IncomingMessage| incoming.decoded.last().is_some_and(|last| frame <= *last);
+                if self.incoming.as_ref().is_some_and(starts_new_message) {
                     self.finish_incoming(sink);
                 }
                 let incoming = self.extend_incoming(time_s, (source, destination), sink);
@@ -371,18 +372,18 @@ impl Micromodem {
     /// is the version.
     fn absorb_receive_statistics(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
         let shift = usize::from(sentence.number(0).is_some_and(|version| version >= 6));
-        let at = |index: usize| sentence.field(index + shift);
-        let source = at(13);
-        if at(0) != "1" || source.parse::<u32>().is_err() {
+        let field = |index: usize| sentence.field(index + shift);
+        let source = field(13);
+        if field(0) != "1" || source.parse::<u32>().is_err() {
             return;
         }
-        let frames = at(17).parse().unwrap_or(0);
-        let kind = rate_kind(at(12));
+        let frames = field(17).parse().unwrap_or(0);
+        let kind = rate_kind(field(12));
         // A packet that breaks after a complete message belongs to another message.
         if self.incoming.as_ref().is_some_and(IncomingMessage::is_whole) {
             self.finish_incoming(sink);
         }
-        let incoming = self.extend_incoming(time_s, (source, at(14)), sink);
+        let incoming = self.extend_incoming(time_s, (source, field(14)), sink);
         incoming.frames = incoming.frames.max(frames);
         incoming.kind = incoming.kind.take().or(kind);
         incoming.is_broken = true;

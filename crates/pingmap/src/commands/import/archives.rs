@@ -83,7 +83,7 @@ mod tests {
         entries.collect::<io::Result<Vec<String>>>().map(Some)
     }
 
-    fn tar_of(name: &str) -> Vec<u8> {
+    fn tar_archive(name: &str) -> Vec<u8> {
         let mut header = tar::Header::new_ustar();
         header.as_mut_bytes()[..name.len()].copy_from_slice(name.as_bytes());
         header.set_size(2);
@@ -92,14 +92,14 @@ mod tests {
         [header.as_bytes().as_slice(), b"hi", &[0; 510], &[0; 1024]].concat()
     }
 
-    fn zip_of(name: &str) -> Vec<u8> {
+    fn zip_archive(name: &str) -> Vec<u8> {
         let mut zip = zip::ZipWriter::new(io::Cursor::new(Vec::new()));
         zip.start_file(name, zip::write::SimpleFileOptions::default()).expect("a file");
         zip.write_all(b"hi").expect("written");
         zip.finish().expect("an archive").into_inner()
     }
 
-    fn gzip_of(bytes: &[u8]) -> Vec<u8> {
+    fn gzip_file(bytes: &[u8]) -> Vec<u8> {
         let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         gzip.write_all(bytes).expect("written");
         gzip.finish().expect("an archive")
@@ -107,11 +107,11 @@ mod tests {
 
     #[test]
     fn archives_of_every_kind_are_unpacked_and_nothing_else_is() {
-        for bytes in [tar_of("a.alog"), zip_of("a.alog"), gzip_of(&tar_of("a.alog"))] {
+        for bytes in [tar_archive("a.alog"), zip_archive("a.alog"), gzip_file(&tar_archive("a.alog"))] {
             assert_eq!(names(&bytes).expect("an archive"), Some(vec!["a.alog".to_owned()]));
         }
         // A compressed file is named after its archive, without the extension.
-        assert_eq!(names(&gzip_of(b"% a log")).expect("an archive"), Some(vec!["all.log".to_owned()]));
+        assert_eq!(names(&gzip_file(b"% a log")).expect("an archive"), Some(vec!["all.log".to_owned()]));
         assert_eq!(names(b"% a log").expect("a file"), None);
         assert_eq!(names(b"").expect("a file"), None);
     }
@@ -120,7 +120,7 @@ mod tests {
     fn nothing_is_written_outside_of_the_folder() {
         let outside = std::env::temp_dir().join("pingmap-outside.alog");
         for name in ["../pingmap-outside.alog", "/tmp/pingmap-outside.alog", "a/../../pingmap-outside.alog"] {
-            for bytes in [tar_of(name), zip_of(name), gzip_of(&tar_of(name))] {
+            for bytes in [tar_archive(name), zip_archive(name), gzip_file(&tar_archive(name))] {
                 // The archive may be refused, or its file may lie within the folder.
                 let _ = names(&bytes);
                 assert!(!outside.exists(), "{name}");
@@ -131,7 +131,9 @@ mod tests {
     /// Archives with a changed byte or a missing end are unpacked or refused, without a panic.
     #[test]
     fn damaged_archives_are_errors() {
-        for whole in [tar_of("a.alog"), zip_of("a.alog"), gzip_of(&tar_of("a.alog")), gzip_of(b"% a log")] {
+        for whole in
+            [tar_archive("a.alog"), zip_archive("a.alog"), gzip_file(&tar_archive("a.alog")), gzip_file(b"% a log")]
+        {
             let step = whole.len() / 60 + 1;
             for at in (0..whole.len()).step_by(step) {
                 let mut changed = whole.clone();

@@ -36,7 +36,7 @@ pub struct Files {
     #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
     sent: Vec<String>,
     /// Position of a vehicle without navigation: metres, or degrees such as 41.52N,70.67W; and a depth in metres
-    #[arg(long, value_name = "NAME=PLACE", value_parser = fixed)]
+    #[arg(long, value_name = "NAME=PLACE", value_parser = parse_station)]
     fixed: Vec<(String, Fix)>,
     /// Transmission schedule: a team file, its part [slots], or a table of time_s and source
     #[arg(long, value_name = "FILE")]
@@ -45,7 +45,7 @@ pub struct Files {
     #[arg(long, value_name = "FILE")]
     ids: Option<PathBuf>,
     /// Interval in which a modem was listening, if its first and last reception do not show it
-    #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = named_interval)]
+    #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = parse_interval)]
     listening: Vec<(String, (f64, f64))>,
     /// Prefix of the modem's variables in MOOS logs: …NMEA_IN, …MODEM_RECEIVE
     #[arg(long, value_name = "PREFIX", default_value = MOOS_PREFIX)]
@@ -94,7 +94,7 @@ fn split_value(text: &str) -> Result<(String, String), String> {
     Ok((name.to_owned(), value.to_owned()))
 }
 
-fn named_interval(text: &str) -> Result<(String, (f64, f64)), String> {
+fn parse_interval(text: &str) -> Result<(String, (f64, f64)), String> {
     let (name, interval) = split_value(text)?;
     let interval = interval.split_once('/').and_then(|(from, to)| Some((parse_time(from)?, parse_time(to)?)));
     let interval =
@@ -102,7 +102,7 @@ fn named_interval(text: &str) -> Result<(String, (f64, f64)), String> {
     Ok((name, interval))
 }
 
-fn fixed(text: &str) -> Result<(String, Fix), String> {
+fn parse_station(text: &str) -> Result<(String, Fix), String> {
     let (name, value) = split_value(text)?;
     let (place, depth_m) = place(&value).map_err(|error| format!("NAME=PLACE: {error}"))?;
     Ok((name, Fix { time_s: 0.0, place, depth_m }))
@@ -131,7 +131,7 @@ impl Files {
         self.read_records(&files, &reader, &mut records, &mut recordings)?;
         let unknown_sources = resolve_modem_ids(&mut recordings)?;
         for (name, fix) in &self.fixed {
-            recordings.entry(VehicleId::new(name)).or_default().fixed = Some(*fix);
+            recordings.entry(VehicleId::new(name)).or_default().station = Some(*fix);
         }
         for (name, interval) in &self.listening {
             let Some(recording) =
@@ -235,7 +235,7 @@ impl Files {
         records: &Records,
     ) -> anyhow::Result<(Reference, Option<(Geographic, OriginSource)>)> {
         let with_origin = |origin| Reference::with_origin(origin).map_err(ImportError::from);
-        let places = || recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.fixed));
+        let places = || recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.station));
         let has_metres = places().any(|fix| matches!(fix.place, Place::Metres(..)));
         if let (Some(crs), Some((path, _)), true) = (self.crs, records.datums.first(), records.has_metres) {
             let message = format!(

@@ -134,9 +134,9 @@ pub struct LeftOutJson {
 impl ImportJson {
     pub fn new(imported: &ImportResult, inputs: &Inputs) -> Self {
         let EvidenceCounts { recorded, assumed_slots, received, unconfirmed_slots } = imported.evidence;
-        let pair = |((from, to), pair): (&(VehicleId, VehicleId), &PairCounts)| PairJson {
-            transmitter: from.to_string(),
-            receiver: to.to_string(),
+        let pair = |((sender, receiver), pair): (&(VehicleId, VehicleId), &PairCounts)| PairJson {
+            transmitter: sender.to_string(),
+            receiver: receiver.to_string(),
             heard: pair.heard,
             missed: pair.missed,
             excluded: keys(&pair.excluded),

@@ -219,12 +219,12 @@ impl Records {
                 .metres(Place::Degrees(*other))
                 .map_or(f64::INFINITY, |(east_m, north_m)| east_m.hypot(north_m));
             if distance_m > DATUM_M_MAX {
-                let at = |place: &Geographic| format!("{:.5},{:.5}", place.latitude_deg, place.longitude_deg);
+                let coordinates = |place: &Geographic| format!("{:.5},{:.5}", place.latitude_deg, place.longitude_deg);
                 return Err(BadInput(format!(
                     "{}: (0, 0) is {}, but {} in {}; expected one datum for all files, or --origin, which applies to all files",
                     path.display(),
-                    at(other),
-                    at(datum),
+                    coordinates(other),
+                    coordinates(datum),
                     first.display()
                 ))
                 .into());

@@ -98,7 +98,7 @@ fn left_out(imported: &ImportResult, inputs: &Inputs) -> impl Iterator<Item = St
     counts
         .into_iter()
         .filter(|(number, ..)| *number > 0)
-        .map(|(number, what, why)| format!("{} {why}", count(number, what)))
+        .map(|(number, noun, explanation)| format!("{} {explanation}", count(number, noun)))
 }
 
 /// Warns about vehicles whose clock no two messages compare with another clock.
@@ -167,7 +167,7 @@ pub fn summary(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Strin
         (inputs.skipped.failed_transmissions, "transmissions that did not take place"),
     ];
     let mut left_out_counts: Vec<String> =
-        counts.iter().filter(|count| count.0 > 0).map(|(number, what)| format!("{number} {what}")).collect();
+        counts.iter().filter(|count| count.0 > 0).map(|(number, noun)| format!("{number} {noun}")).collect();
     left_out_counts.extend(unknown_files(inputs));
     if !left_out_counts.is_empty() {
         text += &format!("\nLeft out: {}.", left_out_counts.join(", "));
@@ -179,8 +179,8 @@ pub fn summary(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Strin
 pub fn unknown_files(inputs: &Inputs) -> Option<String> {
     let named = inputs.unknown_files.iter().take(UNKNOWN_FILES_NAMED_MAX);
     let mut names: Vec<String> = named.map(|path| path.display().to_string()).collect();
-    let others = inputs.unknown_files.len() - names.len();
-    names.extend((others > 0).then(|| format!("{others} more")));
+    let remaining = inputs.unknown_files.len() - names.len();
+    names.extend((remaining > 0).then(|| format!("{remaining} more")));
     (!names.is_empty()).then(|| format!("files of unknown kind ({})", names.join(", ")))
 }
 
@@ -220,8 +220,8 @@ fn pairs(pairs: &Pairs) -> String {
     let columns: Vec<_> =
         OTHER_COUNTS.into_iter().filter(|(_, number)| pairs.values().any(|pair| number(pair) > 0)).collect();
     header.extend(columns.iter().map(|(words, _)| *words));
-    let row = |((from, to), pair): (&(_, _), &PairCounts)| {
-        let mut row = vec![format!("{from} → {to}"), pair.heard.to_string(), pair.missed.to_string()];
+    let row = |((sender, receiver), pair): (&(_, _), &PairCounts)| {
+        let mut row = vec![format!("{sender} → {receiver}"), pair.heard.to_string(), pair.missed.to_string()];
         let or_dash = |number: usize| if number > 0 { number.to_string() } else { "–".into() };
         row.extend(reasons.iter().map(|reason| or_dash(pair.excluded.get(reason).copied().unwrap_or(0))));
         row.extend(columns.iter().map(|(_, number)| or_dash(number(pair))));
