@@ -8,7 +8,7 @@ use pingmap_packet::{Block, Layout};
 use rand::seq::index::sample;
 use rayon::prelude::*;
 
-use crate::mission::{Mission, probabilities, send};
+use crate::mission::{Mission, probabilities, send_frames};
 use crate::streams::{self, stream};
 
 /// An alternative use of the bytes of a frame. All alternatives quantise positions and values as our packets do.
@@ -84,7 +84,7 @@ impl Alternative {
         let sent = |sharing: Sharing| {
             let mut agent = agent.clone();
             agent.set_options(AgentOptions { sharing, ..*agent.options() });
-            send(&mut agent, frames)
+            send_frames(&mut agent, frames)
         };
         let speaker = Speaker::new(mission, agent)?;
         if speaker.queries.is_empty() {

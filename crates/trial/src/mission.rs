@@ -209,7 +209,7 @@ impl Mission {
         };
         let learn_vehicle = |id: VehicleId| {
             let agent = learn(id.clone(), &|event| event.receiver_id == id)?;
-            let packets = send(&mut agent.clone(), frames_max)?;
+            let packets = send_frames(&mut agent.clone(), frames_max)?;
             Ok((agent, packets))
         };
         let (vehicles, centralised) = rayon::join(
@@ -342,13 +342,16 @@ impl Mission {
 }
 
 /// Returns the probability of each query.
-pub(crate) fn probabilities(agent: &mut Agent, queries: &[LinkQuery]) -> Result<Vec<f64>, AgentError> {
+///
+/// # Errors
+/// Returns [`AgentError`] for a numerical failure.
+pub fn probabilities(agent: &mut Agent, queries: &[LinkQuery]) -> Result<Vec<f64>, AgentError> {
     let predictions = agent.predict(queries, PredictOptions::default())?;
     Ok(predictions.into_iter().map(|prediction| prediction.probability).collect())
 }
 
 /// Returns the events of each transmission, in the order of time.
-pub(crate) fn transmissions<'a>(events: impl IntoIterator<Item = &'a Event>) -> Vec<Vec<&'a Event>> {
+pub fn transmissions<'a>(events: impl IntoIterator<Item = &'a Event>) -> Vec<Vec<&'a Event>> {
     let mut events: Vec<&Event> = events.into_iter().collect();
     events.sort_by(|a, b| a.canonical_order(b));
     let is_same = |a: &&Event, b: &&Event| a.time_s == b.time_s && a.transmitter_id == b.transmitter_id;
@@ -369,8 +372,12 @@ pub(crate) fn slots_of<'a>(events: impl IntoIterator<Item = &'a Event>) -> Slots
 /// A name that no vehicle of a log has.
 pub(crate) const CENTRALISED: &str = "\u{0}all events";
 
-/// Returns up to `frames` packets of a vehicle; none if the vehicle is not a member.
-pub(crate) fn send(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, AgentError> {
+/// Returns up to `frames` packets of a vehicle; none if the vehicle is not a member. There are fewer if no further data
+/// are worth a frame.
+///
+/// # Errors
+/// Returns [`AgentError`] for a numerical failure.
+pub fn send_frames(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, AgentError> {
     let mut packets = Vec::new();
     if agent.team().is_member(agent.id()) {
         while packets.len() < frames

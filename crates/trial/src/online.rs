@@ -176,13 +176,13 @@ impl<'a> Run<'a> {
                         agent.predict([event.query()], PredictOptions::own())?[0].probability,
                         agent.probability(event.query())?,
                     ));
-                    learn(agent, event)?;
+                    record_and_refit(agent, [event.clone()])?;
                 }
                 Ok(predicted)
             },
             || -> Result<Vec<f64>, AgentError> {
                 let all = probabilities(centralised, &events.iter().map(|event| event.query()).collect::<Vec<_>>())?;
-                events.iter().try_for_each(|event| learn(centralised, event))?;
+                events.iter().try_for_each(|&event| record_and_refit(centralised, [event.clone()]))?;
                 Ok(all)
             },
         );
@@ -206,8 +206,11 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Records an event, and refits if a refit is due.
-fn learn(agent: &mut Agent, event: &Event) -> Result<(), AgentError> {
-    agent.record(event.clone())?;
+/// Records events, and refits if a refit is due.
+///
+/// # Errors
+/// Returns [`AgentError`] for an event of another receiver and for a numerical failure.
+pub fn record_and_refit(agent: &mut Agent, events: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
+    agent.record_all(events)?;
     if agent.refit_due() { agent.refit() } else { Ok(()) }
 }

@@ -1,39 +1,74 @@
-//! Measures reports under adverse conditions.
-//!
-//! The program prints the NLL of held-out events by own events, by the team after ten packets of each vehicle, and by
-//! all events in one place. They are means over vehicles and splits. Four more columns are the mean predicted
-//! probability minus the share of received messages, for these three and for the true probabilities. The last column is
-//! the share of splits in which the last vehicle detects its clock offset. Unused slots are neither training nor
-//! held-out events.
-//!
-//! Vehicles send in turn, in slots of ten seconds from second 10 on, as in the logs of this repository.
-//!
-//! * A position error is a vector of fixed length that turns once in half an hour, in different directions for
-//!   different vehicles.
-//! * With a clock offset the last vehicle attributes slots to wrong senders. It records a miss of each sender that it
-//!   expected and did not receive, and wrong times for received messages.
-//! * Unused slots are one in ten. Without a report of its sender, each listener records an unused slot as a miss.
-//!
-//! `cargo run --release -p pingmap-trial --example reports_in_need -- events.csv splits.csv [packets]`
-
-#![allow(clippy::print_stdout, reason = "what it measures is its output")]
-
-mod common;
+//! Reports under adverse conditions.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
 use std::sync::Arc;
 
-use common::{Failure, log_splits_and_packets};
+use clap::Args;
 use pingmap_agent::{
-    Agent, AgentError, AgentOptions, Event, Learning, LinkQuery, Position, PredictOptions, Sharing, Slots, Team,
-    VehicleId,
+    Agent, AgentError, AgentOptions, Event, Learning, LinkQuery, Position, Sharing, Slots, Team, VehicleId,
 };
-use pingmap_trial::{EventLog, Mission, Plan, Score, Split};
+use pingmap_trial::{EventLog, Mission, Plan, Split, probabilities, send_frames};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use crate::agents::{agent_of_all_receivers, receive_from_others};
+use crate::arguments::Exchange;
+use crate::statistics::{column_means, columns, nll};
+
+/// Measures reports under adverse conditions.
+///
+/// The table has the NLL of held-out events by own events, by the team after the packets of each vehicle, and by all
+/// events in one place. They are means over vehicles and splits. Four more columns are the mean predicted probability
+/// minus the share of received messages, for these three and for the true probabilities. The last column is the share
+/// of splits in which the last vehicle detects its clock offset. Unused slots are neither training nor held-out events.
+///
+/// Vehicles send in turn, in slots of ten seconds from second 10 on, as in the logs of this repository.
+///
+/// * A position error is a vector of fixed length that turns once in half an hour, in different directions for
+///   different vehicles.
+///
+/// * With a clock offset the last vehicle attributes slots to wrong senders. It records a miss of each sender that it
+///   expected and did not receive, and wrong times for received messages.
+///
+/// * Unused slots are one in ten. Without a report of its sender, each listener records an unused slot as a miss.
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    exchange: Exchange,
+}
+
+impl Arguments {
+    pub(crate) fn run(&self, out: &mut dyn Write) -> anyhow::Result<()> {
+        let (log, splits) = self.exchange.log.read()?;
+        let positions = positions(&log);
+        let plan = Plan::new(Learning::default(), 1);
+        let prepare = |split: &Split| Ok(Mission::prepare(&log, split, &plan, 0)?);
+        let missions = splits.par_iter().map(prepare).collect::<anyhow::Result<Vec<_>>>()?;
+        writeln!(out, "{:26}     own    team     all  bias:  own    team     all   truth  offset detected", "")?;
+        for (name, condition) in CONDITIONS {
+            let scores = splits.par_iter().zip(&missions).enumerate().map(|(number, (split, mission))| {
+                let unused = unused_slots(condition, &log, number as u64);
+                let (log, positions, ids) = (&log, &positions, log.vehicles());
+                AdverseMission { condition, log, split, positions, ids, unused }.scores(mission, self.exchange.packets)
+            });
+            let scores = scores.collect::<anyhow::Result<Vec<_>>>()?;
+            let column = |values: fn(&Scores) -> [f64; 3]| column_means(&scores.iter().map(values).collect::<Vec<_>>());
+            let (nll, bias) = (columns(&column(|scores| scores.nll), 4), column(|scores| scores.bias));
+            let bias = bias.map(|bias| format!("{bias:+.3}")).join("  ");
+            let [truth, detected] =
+                column_means(&scores.iter().map(|one| [one.true_bias, one.detected]).collect::<Vec<_>>());
+            writeln!(out, "{name:26}  {nll}      {bias}  {truth:+.3}  {detected:15.2}")?;
+        }
+        Ok(())
+    }
+}
+
 const SLOT_S: f64 = 10.0;
+
+/// Share of slots that are not used.
+const UNUSED_SHARE: f64 = 0.1;
 
 /// An adverse condition.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,18 +123,25 @@ fn positions(log: &EventLog) -> Positions {
     positions
 }
 
-/// Results of one split, mean over vehicles.
-#[derive(Debug, Clone, Copy, Default)]
+/// Results of one split, means over vehicles.
 struct Scores {
-    own_nll: f64,
-    team_nll: f64,
-    all_nll: f64,
-    own_bias: f64,
-    team_bias: f64,
-    all_bias: f64,
+    /// NLL by own events, by the team, and by all events in one place.
+    nll: [f64; 3],
+    /// Mean predicted probability minus the share of received messages, for these three.
+    bias: [f64; 3],
     true_bias: f64,
     /// 1 if the last vehicle detects its clock offset.
     detected: f64,
+}
+
+/// Draws the slots that are not used.
+fn unused_slots(condition: Condition, log: &EventLog, seed: u64) -> BTreeSet<u64> {
+    if !matches!(condition, Condition::UnusedSlots { .. }) {
+        return BTreeSet::new();
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let last = log.events.iter().map(|event| slot(event.time_s)).max().unwrap_or_default();
+    (1..=last).filter(|_| rng.random::<f64>() < UNUSED_SHARE).collect()
 }
 
 /// A mission of this log under an adverse condition.
@@ -171,7 +213,7 @@ impl AdverseMission<'_> {
         recorded
     }
 
-    fn vehicle(&self, team: &Team, id: &VehicleId) -> Result<Agent, Failure> {
+    fn vehicle(&self, team: &Team, id: &VehicleId) -> anyhow::Result<Agent> {
         let slots = Slots { start_s: SLOT_S, ..Slots::cycle(SLOT_S, self.ids.clone()) };
         let team = Arc::new(Team { slots, ..team.clone() });
         let sharing = if self.condition == Condition::NoSchedule { Sharing::summaries() } else { Sharing::default() };
@@ -191,53 +233,41 @@ impl AdverseMission<'_> {
         Ok(agent)
     }
 
-    fn scores(&self, mission: &Mission, packets: usize) -> Result<Scores, Failure> {
-        let mut agents = self.ids.iter().map(|id| self.vehicle(&mission.team, id)).collect::<Result<Vec<_>, _>>()?;
-        let mut sent: Vec<Vec<Vec<u8>>> = Vec::new();
-        for agent in &agents {
-            let (mut agent, mut frames) = (agent.clone(), Vec::new());
-            while frames.len() < packets
-                && let Some(frame) = agent.next_frame(None, 32)?
-            {
-                frames.push(frame);
-            }
-            sent.push(frames);
-        }
+    fn scores(&self, mission: &Mission, packets: usize) -> anyhow::Result<Scores> {
+        let mut agents =
+            self.ids.iter().map(|id| self.vehicle(&mission.team, id)).collect::<anyhow::Result<Vec<_>>>()?;
+        let frames = agents.iter().map(|agent| send_frames(&mut agent.clone(), packets));
+        let frames = frames.collect::<Result<Vec<_>, _>>()?;
         let is_used = |event: &Event| !self.unused.contains(&slot(event.time_s));
-        let options = AgentOptions { record_all_receivers: true, ..AgentOptions::default() };
-        let mut all = Agent::new(VehicleId::new("shore"), mission.team.clone(), options);
+        let mut all = agent_of_all_receivers("shore", &mission.team, Sharing::default());
         all.record_all(self.training().filter(is_used))?;
         all.rebuild()?;
         let (queries, outcomes) = self.queries(mission);
-        let nll = |predicted: &[f64]| Score::new(predicted, &outcomes).map_or(f64::NAN, |score| score.nll);
-        let bias = |predicted: &[f64]| {
-            let received = outcomes.iter().filter(|received| **received).count() as f64;
-            (predicted.iter().sum::<f64>() - received) / outcomes.len() as f64
+        let received = outcomes.iter().filter(|received| **received).count() as f64;
+        let bias = |predicted: &[f64]| (predicted.iter().sum::<f64>() - received) / outcomes.len() as f64;
+        // NLL and bias of each vehicle, alone and as a member of the team.
+        let (mut own, mut team, mut detected) = (Vec::new(), Vec::new(), 0.0);
+        let score = |agent: &mut Agent| {
+            let predicted = probabilities(agent, &queries)?;
+            Ok::<_, AgentError>([nll(&predicted, &outcomes), bias(&predicted)])
         };
-        let (mut scores, count) = (Scores::default(), agents.len() as f64);
         for (number, agent) in agents.iter_mut().enumerate() {
-            let predicted = probabilities(agent, &queries)?;
-            scores.own_nll += nll(&predicted) / count;
-            scores.own_bias += bias(&predicted) / count;
-            let others = sent.iter().enumerate().filter(|&(sender, _)| sender != number);
-            for frame in others.flat_map(|(_, frames)| frames) {
-                agent.receive(frame, Some(mission.end_s));
-            }
-            agent.rebuild()?;
-            let predicted = probabilities(agent, &queries)?;
-            scores.team_nll += nll(&predicted) / count;
-            scores.team_bias += bias(&predicted) / count;
+            own.push(score(agent)?);
+            receive_from_others(agent, number, frames.len(), |sender| &frames[sender], mission.end_s)?;
+            team.push(score(agent)?);
             if agent.status().own_clock_offset_slots == Some(1) {
-                scores.detected += 1.0;
+                detected += 1.0;
             }
         }
-        let predicted = probabilities(&mut all, &queries)?;
-        (scores.all_nll, scores.all_bias) = (nll(&predicted), bias(&predicted));
-        scores.true_bias = self.log.true_probability.as_ref().map_or(f64::NAN, |truth| {
-            let truth: Vec<f64> = self.held_out().map(|n| truth[n]).collect();
-            bias(&truth)
-        });
-        Ok(scores)
+        let [own, team, all] = [column_means(&own), column_means(&team), score(&mut all)?];
+        let truth = self.log.true_probability.as_ref();
+        let true_bias = truth.map(|truth| bias(&self.held_out().map(|n| truth[n]).collect::<Vec<_>>()));
+        Ok(Scores {
+            nll: [own[0], team[0], all[0]],
+            bias: [own[1], team[1], all[1]],
+            true_bias: true_bias.unwrap_or(f64::NAN),
+            detected,
+        })
     }
 
     /// Returns the indices of held-out events in used slots.
@@ -259,38 +289,4 @@ impl AdverseMission<'_> {
         });
         queries.unzip()
     }
-}
-
-fn probabilities(agent: &mut Agent, queries: &[LinkQuery]) -> Result<Vec<f64>, AgentError> {
-    let predictions = agent.predict(queries, PredictOptions::default())?;
-    Ok(predictions.into_iter().map(|prediction| prediction.probability).collect())
-}
-
-fn main() -> Result<(), Failure> {
-    let (log, splits, packets) = log_splits_and_packets()?;
-    let positions = positions(&log);
-    let plan = Plan::new(Learning::default(), 1);
-    let prepare = |split: &Split| Ok(Mission::prepare(&log, split, &plan, 0)?);
-    let missions = splits.par_iter().map(prepare).collect::<Result<Vec<_>, Failure>>()?;
-    println!("{:26}     own    team     all  bias:  own    team     all   truth  offset detected", "");
-    for (name, condition) in CONDITIONS {
-        let of_split = |(number, (split, mission)): (usize, (&Split, &Mission))| {
-            let mut rng = ChaCha8Rng::seed_from_u64(number as u64);
-            let last = log.events.iter().map(|event| slot(event.time_s)).max().unwrap_or_default();
-            let is_unused = |_: &u64| matches!(condition, Condition::UnusedSlots { .. }) && rng.random::<f64>() < 0.1;
-            let unused = (1..=last).filter(is_unused).collect();
-            let (log, positions, ids) = (&log, &positions, log.vehicles());
-            AdverseMission { condition, log, split, positions, ids, unused }.scores(mission, packets)
-        };
-        let pairs: Vec<_> = splits.iter().zip(&missions).enumerate().collect();
-        let scores = pairs.into_par_iter().map(of_split).collect::<Result<Vec<_>, Failure>>()?;
-        let mean = |value: fn(&Scores) -> f64| scores.iter().map(value).sum::<f64>() / scores.len() as f64;
-        let nll = [mean(|scores| scores.own_nll), mean(|scores| scores.team_nll), mean(|scores| scores.all_nll)];
-        let bias = [mean(|scores| scores.own_bias), mean(|scores| scores.team_bias), mean(|scores| scores.all_bias)];
-        let nll = nll.map(|nll| format!("{nll:.4}")).join("  ");
-        let bias = bias.map(|bias| format!("{bias:+.3}")).join("  ");
-        let [truth, detected] = [mean(|scores| scores.true_bias), mean(|scores| scores.detected)];
-        println!("{name:26}  {nll}      {bias}  {truth:+.3}  {detected:15.2}");
-    }
-    Ok(())
 }
