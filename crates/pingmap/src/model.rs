@@ -4,7 +4,7 @@ use std::path::Path;
 
 use dgpc::{Calibration, Correlation, PriorMean, Stop, Term};
 use pingmap_agent::{Chart, InputSpec, LearnedModel, Limits, Link, Model, ModelFile};
-use pingmap_trial::{Agreed, EventLog, learn_best};
+use pingmap_trial::{EventLog, Preshared, learn_best};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -23,17 +23,17 @@ pub struct MadeOf {
 
 impl MadeOf {
     /// Returns the digests of a whole log and of the shared model.
-    pub fn given(log: &WholeLog, agreed: &Agreed) -> Self {
+    pub fn given(log: &WholeLog, agreed: &Preshared) -> Self {
         Self { log_digest: log.digest.clone(), model_digest: agreed_model(agreed).map(Model::digest) }
     }
 }
 
 /// Returns the model that all members of a team share, if there is one.
-pub fn agreed_model(agreed: &Agreed) -> Option<&Model> {
+pub fn agreed_model(agreed: &Preshared) -> Option<&Model> {
     match agreed {
-        Agreed::Nothing => None,
-        Agreed::Model(model) => Some(model),
-        Agreed::Team(team) => Some(&team.model),
+        Preshared::Nothing => None,
+        Preshared::Model(model) => Some(model),
+        Preshared::Team(team) => Some(&team.model),
     }
 }
 

@@ -70,69 +70,75 @@ impl Alternative {
     /// # Errors
     /// Returns [`AgentError`] for a numerical failure.
     pub fn predict(self, mission: &Mission, frames: usize) -> Result<Vec<Vec<f64>>, AgentError> {
-        let say = |(place, agent): (usize, &Agent)| self.say(mission, place, agent, frames);
-        let said = mission.vehicles.par_iter().enumerate().map(say).collect::<Result<Vec<_>, _>>()?;
-        let hear = |(place, agent): (usize, &Agent)| self.hear(mission, place, agent, &said);
-        mission.vehicles.par_iter().enumerate().map(hear).collect()
+        let send = |(place, agent): (usize, &Agent)| self.send(mission, place, agent, frames);
+        let contents = mission.vehicles.par_iter().enumerate().map(send).collect::<Result<Vec<_>, _>>()?;
+        let receive = |(place, agent): (usize, &Agent)| self.receive(mission, place, agent, &contents);
+        mission.vehicles.par_iter().enumerate().map(receive).collect()
     }
 
     /// Returns the content of a vehicle's first `frames` frames.
-    fn say(self, mission: &Mission, place: usize, agent: &Agent, frames: usize) -> Result<Said, AgentError> {
+    fn send(self, mission: &Mission, place: usize, agent: &Agent, frames: usize) -> Result<Content, AgentError> {
         if !agent.team().is_member(agent.id()) || agent.events().len() == 0 {
-            return Ok(Said::Summaries(Vec::new()));
+            return Ok(Content::Summaries(Vec::new()));
         }
         let sent = |sharing: Sharing| {
             let mut agent = agent.clone();
             agent.set_options(AgentOptions { sharing, ..*agent.options() });
             send_frames(&mut agent, frames)
         };
-        let speaker = Speaker::new(mission, agent)?;
-        if speaker.queries.is_empty() {
+        let sender = Sender::new(mission, agent)?;
+        if sender.queries.is_empty() {
             // No event lies within the grid.
-            return Ok(Said::Summaries(Vec::new()));
+            return Ok(Content::Summaries(Vec::new()));
         }
         Ok(match self {
-            Alternative::SummariesOnly => Said::Frames(sent(Sharing::summaries())?),
-            Alternative::ReportsOnly => Said::Frames(sent(Sharing::reports())?),
-            Alternative::Unrounded => Said::Summaries(speaker.unrounded(&sent(Sharing::summaries())?)?),
-            Alternative::RawEvents => Said::Events(speaker.raw_events(frames)?),
+            Alternative::SummariesOnly => Content::Frames(sent(Sharing::summaries())?),
+            Alternative::ReportsOnly => Content::Frames(sent(Sharing::reports())?),
+            Alternative::Unrounded => Content::Summaries(sender.unrounded(&sent(Sharing::summaries())?)?),
+            Alternative::RawEvents => Content::Events(sender.raw_events(frames)?),
             Alternative::RandomPoints => {
                 let mut rng = stream(mission.seed(), streams::ALTERNATIVES + place as u64);
-                let all = speaker.queries.len();
-                let mut choose = |_: &Candidates| sample(&mut rng, all, speaker.points().min(all)).into_vec();
-                Said::Summaries(speaker.residuals(frames, &mut choose)?)
+                let all = sender.queries.len();
+                let mut choose = |_: &Candidates| sample(&mut rng, all, sender.points().min(all)).into_vec();
+                Content::Summaries(sender.residuals(frames, &mut choose)?)
             }
             Alternative::BadPoints => {
-                let mut choose = |candidates: &Candidates| candidates.maximise_trace(speaker.points()).indices;
-                Said::Summaries(speaker.residuals(frames, &mut choose)?)
+                let mut choose = |candidates: &Candidates| candidates.maximise_trace(sender.points()).indices;
+                Content::Summaries(sender.residuals(frames, &mut choose)?)
             }
-            Alternative::Variational | Alternative::Concatenation => Said::Summaries(speaker.variational(frames)?),
+            Alternative::Variational | Alternative::Concatenation => Content::Summaries(sender.variational(frames)?),
         })
     }
 
     /// Returns a vehicle's predictions for the held-out events, given the content of all vehicles' frames.
-    fn hear(self, mission: &Mission, place: usize, agent: &Agent, said: &[Said]) -> Result<Vec<f64>, AgentError> {
+    fn receive(
+        self,
+        mission: &Mission,
+        place: usize,
+        agent: &Agent,
+        contents: &[Content],
+    ) -> Result<Vec<f64>, AgentError> {
         let mut agent = agent.clone();
         agent.set_options(AgentOptions { record_all_receivers: true, ..*agent.options() });
-        let others = || said.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, said)| said);
+        let others = || contents.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, content)| content);
         if matches!(self, Alternative::SummariesOnly | Alternative::ReportsOnly) {
-            others().flat_map(Said::frames).for_each(|frame| drop(agent.receive(frame, Some(mission.end_s))));
+            others().flat_map(Content::frames).for_each(|frame| drop(agent.receive(frame, Some(mission.end_s))));
             agent.rebuild()?;
             return probabilities(&mut agent, &mission.held_out);
         }
         if self == Alternative::RawEvents {
-            agent.record_all(others().flat_map(Said::events).cloned())?;
+            agent.record_all(others().flat_map(Content::events).cloned())?;
             agent.rebuild()?;
             return probabilities(&mut agent, &mission.held_out);
         }
         if self == Alternative::Concatenation {
-            let all: Vec<&Summary> = said.iter().flat_map(Said::summaries).collect();
+            let all: Vec<&Summary> = contents.iter().flat_map(Content::summaries).collect();
             let inputs = agent.team().model.inputs(&mission.held_out)?;
             return Ok(Concatenation::new(&agent.team().model.prior, &all)?.probability(&inputs)?);
         }
         let mut posterior = agent.posterior(Which::Fused)?.clone();
         // A vehicle may predict under its own model.
-        let read = others().flat_map(Said::summaries).map(|summary| summary.read_under(posterior.prior()));
+        let read = others().flat_map(Content::summaries).map(|summary| summary.read_under(posterior.prior()));
         let read: Vec<Cow<'_, Summary>> = read.collect::<Result<_, dgpc::Error>>()?;
         posterior.absorb_summaries(&read.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
         let predictions = agent.predict_from(&posterior, &mission.held_out)?;
@@ -140,28 +146,28 @@ impl Alternative {
     }
 }
 
-enum Said {
+enum Content {
     Frames(Vec<Vec<u8>>),
     Summaries(Vec<Summary>),
     Events(Vec<Event>),
 }
 
-impl Said {
+impl Content {
     fn frames(&self) -> &[Vec<u8>] {
-        if let Said::Frames(frames) = self { frames } else { &[] }
+        if let Content::Frames(frames) = self { frames } else { &[] }
     }
 
     fn summaries(&self) -> &[Summary] {
-        if let Said::Summaries(summaries) = self { summaries } else { &[] }
+        if let Content::Summaries(summaries) = self { summaries } else { &[] }
     }
 
     fn events(&self) -> &[Event] {
-        if let Said::Events(events) = self { events } else { &[] }
+        if let Content::Events(events) = self { events } else { &[] }
     }
 }
 
 /// A vehicle that sends data.
-struct Speaker<'a> {
+struct Sender<'a> {
     agent: &'a Agent,
     own: Posterior,
     layout: &'static Layout,
@@ -170,7 +176,7 @@ struct Speaker<'a> {
     inputs: Inputs,
 }
 
-impl<'a> Speaker<'a> {
+impl<'a> Sender<'a> {
     fn new(mission: &Mission, agent: &'a Agent) -> Result<Self, AgentError> {
         let queries = agent.team().candidates(agent.events());
         Ok(Self {
@@ -200,7 +206,7 @@ impl<'a> Speaker<'a> {
     ) -> Result<Vec<Summary>, AgentError> {
         let mut candidates = Candidates::new(self.agent.team().model.prior.kernel(), &self.inputs)?;
         let mut public = self.prior_posterior();
-        let mut said = Vec::new();
+        let mut summaries = Vec::new();
         for _ in 0..frames.saturating_mul(self.layout.blocks) {
             let chosen = choose(&candidates);
             candidates.condition_on(&chosen);
@@ -208,36 +214,38 @@ impl<'a> Speaker<'a> {
             let residual = |points: &Inputs| self.own.residual(&public, points);
             if let Some((_, summary)) = self.encode(&queries, &residual)? {
                 public.absorb_summaries(&[&summary])?;
-                said.push(summary);
+                summaries.push(summary);
             }
         }
-        Ok(said)
+        Ok(summaries)
     }
 
     /// Returns the summaries of these map messages without rounding.
     fn unrounded(&self, packets: &[Vec<u8>]) -> Result<Vec<Summary>, AgentError> {
         let mut public = self.prior_posterior();
-        let mut said = Vec::new();
-        let blocks =
-            packets.iter().filter_map(|packet| self.agent.codec().read(packet).ok()).flat_map(|(_, told)| told.blocks);
+        let mut summaries = Vec::new();
+        let blocks = packets
+            .iter()
+            .filter_map(|packet| self.agent.codec().read(packet).ok())
+            .flat_map(|(_, message)| message.blocks);
         for block in blocks.filter(Block::has_content) {
             let points = self.agent.team().model.inputs(self.agent.quantizer().queries(&block))?;
             let summary = self.own.residual(&public, &points)?;
             public.absorb_summaries(&[&summary])?;
-            said.push(summary);
+            summaries.push(summary);
         }
-        Ok(said)
+        Ok(summaries)
     }
 
     /// Encodes a block at these queries. Returns the block and its decoded summary.
     fn encode(
         &self,
         queries: &[LinkQuery],
-        say: &dyn Fn(&Inputs) -> dgpc::Result<Summary>,
+        summarise: &dyn Fn(&Inputs) -> dgpc::Result<Summary>,
     ) -> dgpc::Result<Option<(Block, Summary)>> {
         let links: Vec<Link> = queries.iter().map(|query| query.link).collect();
         let quantizer = self.agent.quantizer();
-        quantizer.encode(self.layout, quantizer.time_of(queries), &links, say)
+        quantizer.encode(self.layout, quantizer.time_of(queries), &links, summarise)
     }
 
     /// Returns as many events as fit into the frames, with rounded positions.
@@ -258,8 +266,8 @@ impl<'a> Speaker<'a> {
             again.extend(there.filter_map(rounded).enumerate());
         }
         // Events too close to the chosen ones to add anything fill the remaining room.
-        let is_told = |event: &&Event| chosen.indices.iter().any(|&place| self.queries[place].link == event.link);
-        let rest = self.agent.events().filter(|event| !is_told(event));
+        let is_chosen = |event: &&Event| chosen.indices.iter().any(|&place| self.queries[place].link == event.link);
+        let rest = self.agent.events().filter(|event| !is_chosen(event));
         again.extend(rest.filter_map(rounded).map(|event| (usize::MAX, event)));
         again.sort_by_key(|&(times, _)| times);
         Ok(again.into_iter().map(|(_, event)| event).take(events_max).collect())
@@ -281,13 +289,13 @@ impl<'a> Speaker<'a> {
         }
         let Some(sites) = self.agent.sites() else { return Ok(Vec::new()) };
         let regions = self.regions(sites, &packets)?;
-        let mut said = Vec::new();
+        let mut summaries = Vec::new();
         for (queries, members) in packets.iter().zip(regions) {
             let sites = sites.select(&members);
-            let say = |points: &Inputs| Summary::variational(&self.agent.team().model.prior, &sites, points);
-            said.extend(self.encode(queries, &say)?.map(|(_, summary)| summary));
+            let summarise = |points: &Inputs| Summary::variational(&self.agent.team().model.prior, &sites, points);
+            summaries.extend(self.encode(queries, &summarise)?.map(|(_, summary)| summary));
         }
-        Ok(said)
+        Ok(summaries)
     }
 
     /// Returns for every packet the events that it summarises.

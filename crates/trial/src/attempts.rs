@@ -52,7 +52,7 @@ pub fn read_attempts(
                 false => (table.metres(first)?, table.metres(second)?),
                 true => {
                     let place = Geographic::new(table.number(first)?, table.number(second)?);
-                    place.and_then(to_metres).ok_or_else(|| table.bad(first, DEGREES_KNOWN))?
+                    place.and_then(to_metres).ok_or_else(|| table.bad(first, DEGREES_EXPECTED))?
                 }
             };
             let depth = ["tx_depth_m", "rx_depth_m"][which];
@@ -70,7 +70,7 @@ pub fn read_attempts(
 }
 
 /// Expected value of columns in degrees.
-const DEGREES_KNOWN: &str = "degrees within the reference system of the log, which must be known (--origin, --crs)";
+const DEGREES_EXPECTED: &str = "degrees within the reference system of the log, which must be known (--origin, --crs)";
 
 /// Returns the query of a line. `asked` gives the values of missing columns.
 fn attempt(table: &Table, link: Link, asked: &LinkQuery) -> Result<LinkQuery, FileError> {

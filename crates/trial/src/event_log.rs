@@ -257,13 +257,13 @@ mod tests {
         let plain = read("", "");
         assert_eq!(kind(&plain), None);
         assert!(!plain.to_csv().contains("kind"));
-        let said = read(",kind", ",fast 25 kHz");
-        assert_eq!((kind(&said), said.unknown_columns.len()), (Some("fast 25 kHz"), 0));
+        let named = read(",kind", ",fast 25 kHz");
+        assert_eq!((kind(&named), named.unknown_columns.len()), (Some("fast 25 kHz"), 0));
         let made = read(",length,rate", ",32,80");
         assert_eq!(kind(&made), Some("rate 80, length 32"));
         assert_eq!(kind(&read(",rate,kind", ",80,fast")), Some("fast"));
         assert_eq!(kind(&read(",kind", ",")), None);
-        for log in [&said, &made] {
+        for log in [&named, &made] {
             let again = EventLog::read(log.to_csv().as_bytes(), Path::new("again.csv")).unwrap();
             assert_eq!((&again.events, again.digest()), (&log.events, log.digest()));
             assert_ne!(log.digest(), plain.digest());

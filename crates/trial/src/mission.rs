@@ -5,133 +5,15 @@ use std::sync::Arc;
 
 use dgpc::Latent;
 use pingmap_agent::{
-    Agent, AgentError, AgentOptions, Event, Key, LearnedModel, Learning, Limits, Link, LinkQuery, Model, OptionalTerm,
-    PredictOptions, ScheduledTransmission, Sharing, Slots, Structure, Team, VehicleId, Which,
+    Agent, AgentError, AgentOptions, Event, LearnedModel, Link, LinkQuery, PredictOptions, ScheduledTransmission,
+    Slots, Team, VehicleId, Which,
 };
 use pingmap_packet::ReportLayout;
 use rayon::prelude::*;
 
 use crate::event_log::EventLog;
-use crate::learning::learn_best;
+use crate::plan::{ModelSource, Plan};
 use crate::split::Split;
-use crate::water::Water;
-
-/// Data from which the models are learned.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Learners {
-    /// One model, learned offline from every vehicle's training events and shared by the team.
-    Pooled,
-    /// Each vehicle learns its own model from its own events and the received data. Packets use a model that is fixed
-    /// beforehand.
-    Own,
-}
-
-/// The part of the team configuration that is given.
-#[derive(Debug, Clone)]
-pub enum Agreed {
-    /// Nothing is given: the packet model is learned from the pooled training events. If every vehicle learns by
-    /// itself, the packet model is the prior of the first structure. Without training events, offsets of receivers and
-    /// a change with time are added to that prior, if they are among the additions.
-    Nothing,
-    /// The packet model is given.
-    Model(Model),
-    /// The whole configuration is given.
-    Team(Box<Team>),
-}
-
-/// Options of learning and sharing.
-#[derive(Debug, Clone)]
-pub struct Plan {
-    /// The given part of the team configuration. The rest follows from the log and the fields below.
-    pub agreed: Agreed,
-    /// Options of learning models.
-    pub learning: Learning,
-    /// Data from which the models are learned.
-    pub learners: Learners,
-    /// Limits on work and memory of every vehicle.
-    pub limits: Limits,
-    /// Bytes of a frame.
-    pub frame_bytes: usize,
-    /// Key for the authentication of packets, if any.
-    pub key: Option<Key>,
-    /// Features of sharing.
-    pub sharing: Sharing,
-    /// Impairments of the channel.
-    pub water: Water,
-    /// Whether alternative uses of the same bytes are scored, too.
-    pub compare: bool,
-    /// Whether the calibration is computed.
-    pub calibration: bool,
-    /// Seed of all random numbers.
-    pub seed: u64,
-}
-
-impl Plan {
-    /// Returns a plan with these learning options, frames of 32 bytes and no impairments.
-    pub fn new(learning: Learning, seed: u64) -> Self {
-        Self {
-            agreed: Agreed::Nothing,
-            limits: learning.limits,
-            learning,
-            learners: Learners::Pooled,
-            frame_bytes: 32,
-            key: None,
-            sharing: Sharing::default(),
-            water: Water::default(),
-            compare: false,
-            calibration: false,
-            seed,
-        }
-    }
-
-    /// Returns the team of a log, and the fit of its model if the model was learned. Without events, or if every
-    /// vehicle learns by itself, the model is the prior of the first structure.
-    ///
-    /// # Errors
-    /// Returns [`AgentError`] for a numerical failure, or if the log has more vehicles than packets can number.
-    pub fn team(
-        &self,
-        log: &EventLog,
-        training: Option<&[&Event]>,
-    ) -> Result<(Team, Option<LearnedModel>), AgentError> {
-        let (model, fit) = match &self.agreed {
-            Agreed::Team(team) => return Ok(((**team).clone(), None)),
-            Agreed::Model(model) => (model.clone(), None),
-            Agreed::Nothing => self.model(log, training)?,
-        };
-        let positions = log.events.iter().flat_map(|event| event.link.ends());
-        let team = Team::new(log.vehicles(), model, positions)?.with_frames(self.frame_bytes);
-        let team = Team {
-            grid: team.grid.spanning(log.events.iter().map(|event| event.time_s)),
-            key: self.key.clone(),
-            limits: self.limits,
-            ..team
-        };
-        Ok((team, fit))
-    }
-
-    fn model(&self, log: &EventLog, training: Option<&[&Event]>) -> dgpc::Result<(Model, Option<LearnedModel>)> {
-        let (chart, inputs) = (log.chart(), log.inputs());
-        let expected = match (self.learning.structures.first(), training) {
-            // Without learning there is no evidence that receivers are alike and that the water does not change.
-            (Some(structure), None) => Some(self.with_what_may_differ(structure)),
-            (Some(structure), Some(_)) if self.learners == Learners::Own => Some(*structure),
-            _ => None,
-        };
-        if let Some(structure) = expected {
-            let prior = self.learning.template(&structure, inputs, chart.scale_m)?;
-            return Ok((Model::new(chart, inputs, prior), None));
-        }
-        let fit = learn_best(&self.learning, chart, inputs, training.unwrap_or_default())?;
-        Ok((fit.model.clone(), Some(fit)))
-    }
-
-    fn with_what_may_differ(&self, structure: &Structure) -> Structure {
-        let may_differ = [OptionalTerm::Receivers, OptionalTerm::Time].into_iter();
-        let tried = may_differ.filter(|addition| self.learning.additions.contains(addition));
-        tried.fold(*structure, |structure, addition| structure.with(addition))
-    }
-}
 
 /// A team after learning from its training events, and the packets that it sends.
 #[derive(Debug, Clone)]
@@ -202,7 +84,7 @@ impl Mission {
             agent.record_positions(log.track(&id))?;
             agent.record_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()))?;
             agent.rebuild()?;
-            if plan.learners == Learners::Own {
+            if plan.model_source == ModelSource::Own {
                 agent.adapt(&plan.learning)?;
             }
             Ok(agent)
@@ -260,12 +142,12 @@ impl Mission {
         let vehicles = self.packets.len().max(1) as f64;
         let reports = self.sent(frames).flatten().filter(|packet| ReportLayout::of(packet).is_some()).count();
         let others = team.iter().map(|agent| self.training.len() - agent.events().len()).sum::<usize>().max(1);
-        let told = team.iter().map(|agent| agent.status().located_events).sum::<usize>();
+        let located = team.iter().map(|agent| agent.status().located_events).sum::<usize>();
         Traffic {
             packets: self.sent(frames).map(<[_]>::len).sum::<usize>() as f64 / vehicles,
             reports: reports as f64 / vehicles,
             bytes: self.sent(frames).flatten().map(Vec::len).sum::<usize>() as f64 / vehicles,
-            remote_event_share: told as f64 / others as f64,
+            remote_event_share: located as f64 / others as f64,
         }
     }
 
@@ -278,7 +160,7 @@ impl Mission {
         let receive = |(receiver, agent): (usize, &Agent)| {
             let mut agent = agent.clone();
             for (sender, packets) in self.sent(frames).enumerate().filter(|&(sender, _)| sender != receiver) {
-                for place in self.plan.water.arrivals(packets.len(), self.plan.seed, sender, receiver) {
+                for place in self.plan.impairments.arrivals(packets.len(), self.plan.seed, sender, receiver) {
                     agent.receive(&packets[place], Some(self.end_s));
                 }
             }
@@ -286,7 +168,7 @@ impl Mission {
                 // The centralised vehicle rebuilds its posterior, too.
                 agent.rebuild()?;
             }
-            if self.plan.learners == Learners::Own {
+            if self.plan.model_source == ModelSource::Own {
                 agent.adapt(&self.plan.learning)?;
             }
             Ok(agent)

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use pingmap_agent::{Agent, AgentError, AgentOptions, Event, PredictOptions, Receipt, Team, VehicleId};
 
 use crate::event_log::EventLog;
-use crate::mission::{CENTRALISED, Plan, probabilities, slots_of, transmissions};
+use crate::mission::{CENTRALISED, probabilities, slots_of, transmissions};
+use crate::plan::Plan;
 use crate::score::Score;
 
 /// Scores of predictions that were made before the events.
@@ -29,7 +30,7 @@ pub struct Online {
 
 /// Data that are sent with the transmissions of a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Riding {
+pub struct TrafficPlan {
     /// A vehicle may send a packet with every n-th of its transmissions, if the packet is useful. `None`: never.
     pub slot_every: Option<usize>,
     /// Bytes in every transmission for the newest outcomes of its sender, at most eight.
@@ -79,12 +80,12 @@ impl Step {
 ///
 /// # Errors
 /// Returns [`AgentError`] for a numerical failure.
-pub fn online(log: &EventLog, plan: &Plan, riding: Riding, step: &dyn Fn()) -> Result<Online, AgentError> {
+pub fn online(log: &EventLog, plan: &Plan, traffic: TrafficPlan, step: &dyn Fn()) -> Result<Online, AgentError> {
     let (team, _) = plan.team(log, None)?;
     // Piggybacking is requested explicitly, so a key does not turn it off.
-    let piggyback = if riding.piggyback_bytes > 0 { Some(true) } else { team.piggyback };
+    let piggyback = if traffic.piggyback_bytes > 0 { Some(true) } else { team.piggyback };
     let team = Team { slots: slots_of(&log.events), piggyback, ..team };
-    let mut mission = Run::new(log, Arc::new(team), plan, riding);
+    let mut mission = Run::new(log, Arc::new(team), plan, traffic);
     for transmission in &transmissions(&log.events) {
         mission.transmit(transmission)?;
         transmission.iter().for_each(|_| step());
@@ -95,7 +96,7 @@ pub fn online(log: &EventLog, plan: &Plan, riding: Riding, step: &dyn Fn()) -> R
 /// A mission in progress.
 struct Run<'a> {
     plan: &'a Plan,
-    riding: Riding,
+    traffic: TrafficPlan,
     vehicles: BTreeMap<VehicleId, Agent>,
     centralised: Agent,
     /// Number of transmissions of every vehicle so far.
@@ -104,13 +105,13 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(log: &EventLog, team: Arc<Team>, plan: &'a Plan, riding: Riding) -> Self {
+    fn new(log: &EventLog, team: Arc<Team>, plan: &'a Plan, traffic: TrafficPlan) -> Self {
         let options = AgentOptions { sharing: plan.sharing, ..AgentOptions::default() };
         let agent = |id: VehicleId| (id.clone(), Agent::new(id, team.clone(), options));
         let shore = AgentOptions { record_all_receivers: true, ..options };
         Self {
             plan,
-            riding,
+            traffic,
             vehicles: log.vehicles().into_iter().map(agent).collect(),
             centralised: Agent::new(VehicleId::new(CENTRALISED), team.clone(), shore),
             slots: BTreeMap::new(),
@@ -135,10 +136,10 @@ impl<'a> Run<'a> {
         let slot = self.slots.entry(sender.clone()).or_default();
         *slot += 1;
         let (slot, frame_bytes) = (*slot, self.online.team.frame_bytes);
-        let is_due = self.riding.slot_every.is_some_and(|every| slot.is_multiple_of(every));
-        let n_bits = 8 * self.riding.piggyback_bytes;
+        let is_due = self.traffic.slot_every.is_some_and(|every| slot.is_multiple_of(every));
+        let n_bits = 8 * self.traffic.piggyback_bytes;
         let recent = self.vehicles.get_mut(sender).and_then(|agent| agent.piggyback(time_s, n_bits));
-        self.online.piggyback_bytes += recent.map_or(0, |_| self.riding.piggyback_bytes);
+        self.online.piggyback_bytes += recent.map_or(0, |_| self.traffic.piggyback_bytes);
         let packet = match self.vehicles.get_mut(sender) {
             Some(agent) if is_due && agent.team().is_member(agent.id()) => {
                 // The time of a slot is known in advance, so there is time to refit before sending.
@@ -151,7 +152,7 @@ impl<'a> Run<'a> {
             *self.online.packets.entry(sender.clone()).or_default() += 1;
             self.online.bytes += packet.len();
         }
-        self.happen(events)?;
+        self.apply(events)?;
         for event in events.iter().filter(|event| event.success) {
             self.deliver(event, slot, |agent| {
                 if let Some(bits) = recent {
@@ -164,7 +165,7 @@ impl<'a> Run<'a> {
     }
 
     /// Lets all receivers of a transmission, and the centralised vehicle, predict the events and then learn from them.
-    fn happen(&mut self, events: &[&Event]) -> Result<(), AgentError> {
+    fn apply(&mut self, events: &[&Event]) -> Result<(), AgentError> {
         let (vehicles, centralised) = (&mut self.vehicles, &mut self.centralised);
         let (mine, all) = rayon::join(
             || -> Result<Vec<_>, AgentError> {
@@ -198,7 +199,7 @@ impl<'a> Run<'a> {
     fn deliver(&mut self, event: &Event, slot: usize, read: impl Fn(&mut Agent) -> Option<Receipt>) {
         let number = |id: &VehicleId| self.online.team.number(id).map_or(usize::from(u8::MAX) + 1, usize::from);
         let (sender, receiver) = (number(&event.transmitter_id), number(&event.receiver_id));
-        let times = self.plan.water.delays(slot - 1, self.plan.seed, sender, receiver).len();
+        let times = self.plan.impairments.delays(slot - 1, self.plan.seed, sender, receiver).len();
         let Some(agent) = self.vehicles.get_mut(&event.receiver_id) else { return };
         for _ in 0..times {
             self.online.received += usize::from(read(agent) == Some(Receipt::Accepted));

@@ -13,7 +13,8 @@ use crate::calibration::Calibration;
 use crate::decision::Decisions;
 use crate::event_log::EventLog;
 use crate::ignored::{Ignored, ignored_members};
-use crate::mission::{Mission, Plan, Traffic, probabilities};
+use crate::mission::{Mission, Traffic, probabilities};
+use crate::plan::Plan;
 use crate::score::{Estimate, MeanScore, Score};
 use crate::split::Split;
 
@@ -304,7 +305,7 @@ pub fn replay(
 fn mean_alternatives(scores: &[SplitScores], row: usize) -> Vec<(Alternative, f64)> {
     let tried = scores.first().map_or(&[][..], |first| &first.alternatives[row]);
     let mean = |place: usize| scores.iter().map(|s| s.alternatives[row][place].1).sum::<f64>() / scores.len() as f64;
-    tried.iter().enumerate().map(|(place, &(way, _))| (way, mean(place))).collect()
+    tried.iter().enumerate().map(|(place, &(alternative, _))| (alternative, mean(place))).collect()
 }
 
 fn replay_split(
@@ -349,7 +350,9 @@ fn replay_split(
         traffic.push(mission.traffic(frames, &agents));
         team.push(score_each(mission.predict(agents).map_err(failed)?)?);
         let tried = if plan.compare { &Alternative::ALL[..] } else { &[] };
-        let nll = |&way: &Alternative| Ok((way, score_each(way.predict(&mission, frames).map_err(failed)?)?.0.nll));
+        let nll = |&alternative: &Alternative| {
+            Ok((alternative, score_each(alternative.predict(&mission, frames).map_err(failed)?)?.0.nll))
+        };
         alternatives.push(tried.iter().map(nll).collect::<Result<Vec<_>, ReplayError>>()?);
         step();
     }

@@ -18,7 +18,7 @@ pub(crate) const PAPER: u64 = 1 << 60;
 pub(crate) const SIMULATION: u64 = 1 << 61;
 
 /// Impairments of the channel, one stream for every pair of vehicles.
-pub(crate) const WATER: u64 = 1 << 62;
+pub(crate) const CHANNEL: u64 = 1 << 62;
 
 /// Thinning of a log.
 pub(crate) const THINNING: u64 = u64::MAX;
@@ -44,7 +44,7 @@ mod tests {
             (ALTERNATIVES, 1 << 32),
             (PAPER, 1 << 59),
             (SIMULATION, 1 << 32),
-            (WATER, 1 << 61),
+            (CHANNEL, 1 << 61),
             (THINNING, 1),
         ];
         for pair in uses.windows(2) {

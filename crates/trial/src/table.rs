@@ -282,18 +282,18 @@ impl<'a> Table<'a> {
     /// # Errors
     /// As [`Table::kind`].
     pub fn kind_by(&self, columns: &[&str]) -> Result<Option<MessageKind>, FileError> {
-        let said = |column: &str| {
+        let name_in = |column: &str| {
             let value = if self.has(column) { self.field(column) } else { "" };
             let is_name = !value.contains(char::is_control);
             is_name.then_some(value).ok_or_else(|| self.bad(column, "a kind of message, without control characters"))
         };
-        let kind = said("kind")?;
+        let kind = name_in("kind")?;
         if !kind.is_empty() {
             return Ok(Some(MessageKind::new(kind)));
         }
         let mut parts = Vec::new();
         for column in columns {
-            let value = said(column)?;
+            let value = name_in(column)?;
             parts.extend((!value.is_empty()).then(|| format!("{column} {value}")));
         }
         Ok((!parts.is_empty()).then(|| MessageKind::new(parts.join(", "))))

@@ -5,7 +5,7 @@ use std::io::Write;
 use anyhow::Context;
 use clap::Args;
 use pingmap_agent::{Event, Learning, VehicleId};
-use pingmap_trial::{Agreed, EventLog, Mission, Plan, Riding, Split, Step, learn_best, online};
+use pingmap_trial::{EventLog, Mission, Plan, Preshared, Split, Step, TrafficPlan, learn_best, online};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -55,7 +55,7 @@ impl Arguments {
         }
         for (noise, name) in [(NOISE, "rising noise"), (0.0, "constant noise")] {
             let without = Plan::new(Learning::default(), 1);
-            let with = Plan { agreed: model_of_earlier_mission(&log, noise)?, ..without.clone() };
+            let with = Plan { preshared: model_of_earlier_mission(&log, noise)?, ..without.clone() };
             for (model, plan) in [("no model", without), ("with model", with)] {
                 let [own, team, all] = mean_excess(&log, noise, &plan)?;
                 writeln!(out, "{:26} {all:+.4} {own:+.4} {team:+.4}", format!("{name}, {model}"))?;
@@ -131,7 +131,7 @@ fn noisy(log: &EventLog, noise: f64, seed: u64) -> anyhow::Result<(EventLog, Vec
 
 /// Returns the excess NLL of own, team and all events over the truth, for the events after half time.
 fn excess(log: &EventLog, truth: &[f64], plan: &Plan) -> anyhow::Result<[f64; 3]> {
-    let mission = online(log, plan, Riding { slot_every: Some(10), piggyback_bytes: 0 }, &|| ())?;
+    let mission = online(log, plan, TrafficPlan { slot_every: Some(10), piggyback_bytes: 0 }, &|| ())?;
     let half_s = half_time_s(log);
     let first = mission.steps.iter().take_while(|step| step.time_s <= half_s).count();
     let after = first..(first + NEXT).min(truth.len());
@@ -150,8 +150,8 @@ fn mean_excess(log: &EventLog, noise: f64, plan: &Plan) -> anyhow::Result<[f64; 
 }
 
 /// Returns the model learned from an earlier mission in the same area.
-fn model_of_earlier_mission(log: &EventLog, noise: f64) -> anyhow::Result<Agreed> {
+fn model_of_earlier_mission(log: &EventLog, noise: f64) -> anyhow::Result<Preshared> {
     let (earlier, _) = noisy(log, noise, DRAWS + 1)?;
     let events: Vec<&Event> = earlier.events.iter().collect();
-    Ok(Agreed::Model(learn_best(&Learning::default(), log.chart(), log.inputs(), &events)?.model))
+    Ok(Preshared::Model(learn_best(&Learning::default(), log.chart(), log.inputs(), &events)?.model))
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use clap::Args;
 use pingmap_agent::{Agent, AgentOptions, Event, Learning, PredictOptions, Sharing, Team, VehicleId};
-use pingmap_trial::{Agreed, EventLog, Plan, record_and_refit, schedule, transmissions};
+use pingmap_trial::{EventLog, Plan, Preshared, record_and_refit, schedule, transmissions};
 
 use crate::agents::agent_of_all_receivers;
 use crate::arguments::{read_model, sharing_without};
@@ -51,7 +51,7 @@ impl Arguments {
     pub(crate) fn run(&self, out: &mut dyn Write) -> anyhow::Result<()> {
         let mut plan = Plan { sharing: self.sharing, ..Plan::new(Learning::default(), 1) };
         if let Some(model) = &self.model {
-            plan.agreed = Agreed::Model(read_model(model)?);
+            plan.preshared = Preshared::Model(read_model(model)?);
         }
         writeln!(
             out,

@@ -6,7 +6,7 @@ use std::slice::from_ref;
 
 use clap::Args;
 use pingmap_agent::{Learning, Model};
-use pingmap_trial::{Agreed, DivideBy, Division, Estimate, EventLog, Plan, Split, Water, replay};
+use pingmap_trial::{ChannelImpairments, DivideBy, Division, Estimate, EventLog, Plan, Preshared, Split, replay};
 
 use crate::arguments::{TrialFiles, read_model, sharing_without};
 use crate::statistics::mean;
@@ -82,9 +82,9 @@ impl Arguments {
         let mut nlls = Vec::new();
         for split in splits {
             let mut plan = Plan::new(Learning::default(), 1);
-            plan.water = Water { loss: self.loss, ..Water::default() };
+            plan.impairments = ChannelImpairments { loss: self.loss, ..ChannelImpairments::default() };
             let training: Vec<_> = split.indices(false).into_iter().map(|n| &log.events[n]).collect();
-            plan.agreed = Agreed::Model(match model {
+            plan.preshared = Preshared::Model(match model {
                 Some(model) => model.clone(),
                 None => plan.team(log, Some(&training))?.0.model,
             });

@@ -1,7 +1,7 @@
 //! Alternative uses of the same bytes.
 
 use pingmap_agent::{Event, Learning, Link, MeanStructure, Position, ReferenceSystem, StructureConstraints, VehicleId};
-use pingmap_trial::{Alternative, EventLog, Learners, Mission, Plan, Split};
+use pingmap_trial::{Alternative, EventLog, Mission, ModelSource, Plan, Split};
 
 /// Returns a log in which `a` hears `b` over each of these links `repeats` times, and then `b` hears `a` over each link
 /// once. The split holds out the events of `b`.
@@ -41,7 +41,7 @@ fn predictions_of_b(way: Alternative, links: &[Link], repeats: usize) -> Vec<f64
     let constraints = StructureConstraints { mean: Some(MeanStructure::Zero), ..StructureConstraints::default() };
     let structures = constraints.default_candidates();
     let learning = Learning { structures, ..Learning::default() };
-    let plan = Plan { learners: Learners::Own, ..Plan::new(learning, 1) };
+    let plan = Plan { model_source: ModelSource::Own, ..Plan::new(learning, 1) };
     let mission = Mission::prepare(&log, &split, &plan, 1).unwrap();
     way.predict(&mission, 1).unwrap().pop().unwrap()
 }

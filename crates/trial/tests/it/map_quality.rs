@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use pingmap_agent::{Learning, ModelFile};
-use pingmap_trial::{Agreed, EventLog, Mission, Plan, Score, read_splits};
+use pingmap_trial::{EventLog, Mission, Plan, Preshared, Score, read_splits};
 
 const FRAMES: [usize; 4] = [1, 2, 5, 10];
 
@@ -17,7 +17,7 @@ fn team_nlls(trial: &str) -> [f64; 4] {
     let log = EventLog::open(&data.join(format!("{trial}.csv"))).unwrap();
     let splits = read_splits(&data.join(format!("{trial}.splits.csv")), &log).unwrap();
     let mut plan = Plan::new(Learning::default(), 1);
-    plan.agreed = Agreed::Model(ModelFile::parse(include_str!("../golden/bay2.model.toml")).unwrap().model);
+    plan.preshared = Preshared::Model(ModelFile::parse(include_str!("../golden/bay2.model.toml")).unwrap().model);
     let mut nlls = [0.0; 4];
     for split in &splits[..2] {
         let mission = Mission::prepare(&log, split, &plan, FRAMES[3]).unwrap();

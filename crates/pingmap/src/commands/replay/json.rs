@@ -2,7 +2,7 @@
 
 use pingmap_agent::{LearnedModel, VehicleId};
 use pingmap_packet::Layout;
-use pingmap_trial::{Ignored, Learners, Replay, SplitNll, SplitSummary, Water};
+use pingmap_trial::{ChannelImpairments, Ignored, ModelSource, Replay, SplitNll, SplitSummary};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -173,7 +173,7 @@ impl ReplayJson {
         let points = replayed.layout().map(Layout::points_in_all);
         Self {
             schema: 1,
-            made_of: MadeOf::given(whole, &plan.agreed),
+            made_of: MadeOf::given(whole, &plan.preshared),
             reference_system: log.reference.to_string(),
             events: whole.events,
             events_used: log.events.len(),
@@ -183,7 +183,7 @@ impl ReplayJson {
             seed: plan.seed,
             inference: InferenceJson::of(replayed),
             packets: PacketsJson::of(replayed),
-            learn: if plan.learners == Learners::Own { "own" } else { "pooled" },
+            learn: if plan.model_source == ModelSource::Own { "own" } else { "pooled" },
             model_has_seen_log: *has_seen_log,
             kernel: kernel(replay),
             prior_mean: replay.splits.first().map(|split| PriorMeanJson::of(split.model().prior.mean())),
@@ -225,7 +225,7 @@ impl InferenceJson {
 
 impl PacketsJson {
     fn of(replayed: &Replayed) -> Self {
-        let Water { loss, duplicate, reorder } = replayed.plan.water;
+        let ChannelImpairments { loss, duplicate, reorder } = replayed.plan.impairments;
         let team = replayed.replay.splits.first().map(|split| &split.team);
         let layout = replayed.layout();
         Self {

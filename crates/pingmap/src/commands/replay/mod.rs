@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_trial::{
-    Agreed, DivideBy, Division, EventLog, Learners, Plan, Riding, Split, Water, read_splits, splits_to_csv,
+    ChannelImpairments, DivideBy, Division, EventLog, Plan, Preshared, Split, TrafficPlan, read_splits, splits_to_csv,
 };
 
 use crate::log::{Logs, WholeLog, thinned};
@@ -165,9 +165,9 @@ pub struct Sharing {
 
 impl Sharing {
     /// Returns the impairments of the channel.
-    pub fn water(&self) -> Water {
+    pub fn water(&self) -> ChannelImpairments {
         let Self { loss, duplicate, reorder, .. } = *self;
-        Water { loss, duplicate, reorder }
+        ChannelImpairments { loss, duplicate, reorder }
     }
 }
 
@@ -229,42 +229,46 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
 }
 
 /// Returns the shared model or team, and whether the model was learned from this log.
-fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Agreed, bool)> {
+fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Preshared, bool)> {
     let (agreed, digests) = match (&options.source.model, &options.sharing.team) {
         (_, Some(path)) => {
             let (team, digests) = open_team(path, log)?;
-            (Agreed::Team(Box::new(team)), digests)
+            (Preshared::Team(Box::new(team)), digests)
         }
         (Some(path), None) => {
             let file = open_model(path, log)?;
             let digests = log_digests(&file).map(str::to_owned).collect();
-            (Agreed::Model(file.model), digests)
+            (Preshared::Model(file.model), digests)
         }
-        (None, None) => (Agreed::Nothing, Vec::new()),
+        (None, None) => (Preshared::Nothing, Vec::new()),
     };
     Ok((agreed, digests.contains(&log.digest())))
 }
 
 /// Returns the options of sending packets with the transmissions of the log.
-fn riding(options: &Options) -> Riding {
+fn riding(options: &Options) -> TrafficPlan {
     let slot_every = match (options.slot_every, options.piggyback_bytes) {
         (None, None) => Some(online::SLOT_EVERY),
         (slot_every, _) => slot_every,
     };
-    Riding { slot_every, piggyback_bytes: options.piggyback_bytes.unwrap_or(0) }
+    TrafficPlan { slot_every, piggyback_bytes: options.piggyback_bytes.unwrap_or(0) }
 }
 
 /// Returns the plan of the replay: team, sharing and learning.
-fn plan(options: &Options, agreed: Agreed) -> anyhow::Result<Plan> {
+fn plan(options: &Options, agreed: Preshared) -> anyhow::Result<Plan> {
     let kernel = &options.source.kernel;
     let sharing = &options.sharing;
     Ok(Plan {
-        agreed,
-        learners: if options.learn == LearnName::Own { Learners::Own } else { Learners::Pooled },
+        preshared: agreed,
+        model_source: if options.learn == LearnName::Own {
+            pingmap_trial::ModelSource::Own
+        } else {
+            pingmap_trial::ModelSource::Pooled
+        },
         frame_bytes: sharing.frame_bytes,
         key: sharing.key_file.as_ref().map(|path| open_key(path)).transpose()?,
         sharing: sharing.share.sharing(),
-        water: sharing.water(),
+        impairments: sharing.water(),
         compare: options.compare,
         // A report always shows the calibration, so that its reader can judge the maps.
         calibration: options.calibration || options.report.is_some() && !options.online,

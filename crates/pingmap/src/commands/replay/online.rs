@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use pingmap_trial::{Agreed, EventLog, Online, Plan, Riding, Step};
+use pingmap_trial::{EventLog, Online, Plan, Preshared, Step, TrafficPlan};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -45,7 +45,7 @@ pub struct OnlineMission {
     /// Whether the model was learned from this log.
     pub has_seen_log: bool,
     /// Packets and outcomes that are sent with the transmissions.
-    pub riding: Riding,
+    pub riding: TrafficPlan,
     pub seed: u64,
     /// The log before thinning.
     pub whole: WholeLog,
@@ -69,10 +69,10 @@ impl OnlineMission {
 
     fn headline(&self, online: &Online) -> String {
         let packets: usize = online.packets.values().sum();
-        let model = match self.plan.agreed {
-            Agreed::Nothing => "the model is the prior before any event; --model gives a learned one",
-            Agreed::Model(_) | Agreed::Team(_) if self.has_seen_log => HAS_SEEN_LOG,
-            Agreed::Model(_) | Agreed::Team(_) => "model as given",
+        let model = match self.plan.preshared {
+            Preshared::Nothing => "the model is the prior before any event; --model gives a learned one",
+            Preshared::Model(_) | Preshared::Team(_) if self.has_seen_log => HAS_SEEN_LOG,
+            Preshared::Model(_) | Preshared::Team(_) => "model as given",
         };
         let vehicles = online.team.members.len();
         let slots = self
@@ -143,7 +143,7 @@ impl OnlineMission {
         pairs(&mut html, log);
         html.heading("Provenance");
         let seed = vec![("seed", self.seed.to_string())];
-        html.facts(&[of_log(log, &self.whole, &self.plan.agreed), seed, of_run(command)].concat());
+        html.facts(&[of_log(log, &self.whole, &self.plan.preshared), seed, of_run(command)].concat());
         write_file(&page, html.finish().as_bytes())?;
         Ok(page)
     }
@@ -213,7 +213,7 @@ impl OnlineJson {
         let step = |&Step { time_s, own, team, centralised }: &Step| StepJson { time_s, own, team, centralised };
         Self {
             schema: 1,
-            made_of: MadeOf::given(&mission.whole, &mission.plan.agreed),
+            made_of: MadeOf::given(&mission.whole, &mission.plan.preshared),
             events: online.steps.len(),
             slot_every: mission.riding.slot_every,
             piggyback_bytes: mission.riding.piggyback_bytes,

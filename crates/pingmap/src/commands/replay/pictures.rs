@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use anyhow::Context;
 use pingmap_agent::{Agent, Event, Link, LinkQuery, Position, PredictOptions, Time, VehicleId};
-use pingmap_trial::{Agreed, Bin, Calibrated, Calibration, Mission, Plan, RangeBin};
+use pingmap_trial::{Bin, Calibrated, Calibration, Mission, Plan, Preshared, RangeBin};
 
 use super::replayed::Replayed;
 use crate::area::Area;
@@ -49,7 +49,7 @@ impl Pictures {
         let split = replayed.splits.first().context("a replay has at least one split")?;
         // The team configuration of this split.
         let found = replayed.replay.splits.first().context("a replay has at least one split")?;
-        let plan = Plan { agreed: Agreed::Team(Box::new((*found.team).clone())), ..replayed.plan.clone() };
+        let plan = Plan { preshared: Preshared::Team(Box::new((*found.team).clone())), ..replayed.plan.clone() };
         let mission = Mission::prepare(&replayed.log, split, &plan, frames)?;
         let mut team = mission.after_sharing(frames)?;
         let vehicles = team.len();

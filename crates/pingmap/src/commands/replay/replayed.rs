@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
 use pingmap_packet::Layout;
-use pingmap_trial::{EventLog, Learners, Plan, Replay, Split};
+use pingmap_trial::{EventLog, ModelSource, Plan, Replay, Split};
 
 use crate::log::WholeLog;
 use crate::model::warn_of_search;
@@ -40,7 +40,7 @@ impl Replayed {
 
     /// Replays the mission again with every vehicle learning its own model.
     pub fn learn_own(&mut self, frames: &[usize]) -> anyhow::Result<()> {
-        let plan = Plan { learners: Learners::Own, ..self.plan.clone() };
+        let plan = Plan { model_source: ModelSource::Own, ..self.plan.clone() };
         self.own_learning = Some(with_progress(&self.log, &self.splits, frames, &plan)?);
         Ok(())
     }

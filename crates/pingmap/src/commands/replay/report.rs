@@ -5,7 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use pingmap_agent::VehicleId;
 use pingmap_import::time_in_words;
-use pingmap_trial::{Agreed, EventLog, PairCount};
+use pingmap_trial::{EventLog, PairCount, Preshared};
 
 use super::pictures::{PACKETS_DRAWN, Pictures, calibration};
 use super::replayed::Replayed;
@@ -150,11 +150,11 @@ fn provenance(replayed: &Replayed, command: &[String]) -> Vec<(&'static str, Str
         ("inference", tables::inference_line(replayed)),
         ("splits", format!("{}, seed {}", replayed.splits.len(), plan.seed)),
     ];
-    [of_log(log, whole, &plan.agreed), of_replay.to_vec(), of_run(command)].concat()
+    [of_log(log, whole, &plan.preshared), of_replay.to_vec(), of_run(command)].concat()
 }
 
 /// Returns facts about the log and the model.
-pub fn of_log(log: &EventLog, whole: &WholeLog, agreed: &Agreed) -> Vec<(&'static str, String)> {
+pub fn of_log(log: &EventLog, whole: &WholeLog, agreed: &Preshared) -> Vec<(&'static str, String)> {
     let MadeOf { log_digest, model_digest } = MadeOf::given(whole, agreed);
     let (used, all) = (log.events.len(), whole.events);
     let events = if used == all { all.to_string() } else { format!("{used} of {}", count(all, "event")) };

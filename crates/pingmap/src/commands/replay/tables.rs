@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
 use pingmap_trial::{
-    Alternative, Bin, Calibrated, Calibration, Estimate, INTERVALS, Learners, MeanScore, Replay, Sharing, Traffic,
-    Water,
+    Alternative, Bin, Calibrated, Calibration, ChannelImpairments, Estimate, INTERVALS, MeanScore, ModelSource, Replay,
+    Sharing, Traffic,
 };
 
 use super::replayed::Replayed;
@@ -177,7 +177,7 @@ pub fn kernel_line(replayed: &Replayed) -> String {
         replayed.replay.median(|split| split.model().length_scale_m()),
         replayed.replay.median(|split| path_variance(split.model())),
     );
-    if replayed.plan.learners == Learners::Own {
+    if replayed.plan.model_source == ModelSource::Own {
         return format!("every vehicle learns its own model; packets under a fixed one, {numbers}");
     }
     let Some(fit) = splits.iter().find_map(|split| split.fit.as_ref()) else {
@@ -216,7 +216,7 @@ pub fn inference_line(replayed: &Replayed) -> String {
 
 /// Describes the packets and the impairments of the channel in a few words.
 pub fn packets_line(replayed: &Replayed) -> String {
-    let Water { loss, duplicate, reorder } = replayed.plan.water;
+    let ChannelImpairments { loss, duplicate, reorder } = replayed.plan.impairments;
     let mut line = replayed.layout().map_or_else(String::new, |layout| {
         let points = layout.points_in_all();
         let authenticated = if layout.is_authenticated { ", authenticated" } else { "" };

@@ -6,7 +6,7 @@ use std::io::Write;
 
 use clap::{Args, ValueEnum};
 use pingmap_agent::{Agent, AgentError, IgnoreReason, Key, Learning, Sharing, Team};
-use pingmap_trial::{Agreed, EventLog, Mission, Plan, Split, probabilities};
+use pingmap_trial::{EventLog, Mission, Plan, Preshared, Split, probabilities};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -141,7 +141,7 @@ impl HonestTeam {
         let plan = Plan { key, sharing, ..Plan::new(Learning::default(), 1) };
         let mission = Mission::prepare(log, split, &plan, PACKETS)?;
         let team = Team { exclusion_threshold_sd: 1e9, ..(*mission.team).clone() };
-        let plan = Plan { agreed: Agreed::Team(Box::new(team)), ..plan };
+        let plan = Plan { preshared: Preshared::Team(Box::new(team)), ..plan };
         let without_exclusion = Mission::prepare(log, split, &plan, 0)?.vehicles;
         Ok(Self { mission, without_exclusion })
     }
