@@ -195,7 +195,8 @@ impl SummaryQuantizer<'_> {
     }
 }
 
-/// Checks that a block has as many correlations as pairs of points, and no level that a packet cannot carry.
+/// Checks that a block has one correlation for each pair of points, and that each quantised value fits its field in the
+/// packet.
 fn check_levels(block: &Block) -> dgpc::Result<()> {
     let points = block.points.len();
     let (expected, found) = (points * points.saturating_sub(1) / 2, block.correlations.len());

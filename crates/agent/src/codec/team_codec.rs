@@ -155,7 +155,8 @@ impl TeamCodec {
         slot < self.team.slots.end() && id.is_some() && self.team.slots.sender(slot) == id
     }
 
-    /// Returns the slots, from `newest` backwards, in which a member could receive another member.
+    /// Returns the slots of the schedule, from `newest` backwards, in which another member transmits and this member
+    /// can listen.
     pub(crate) fn slots_back(&self, member: u8, newest: u32) -> impl Iterator<Item = u32> {
         (0..=newest.min(self.team.slots.end())).rev().filter(move |&slot| self.is_heard_by(slot, member))
     }

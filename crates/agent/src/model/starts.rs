@@ -11,10 +11,8 @@ const RANGE_FACTOR: f64 = 1.0 / 8.0;
 const WALLS_FACTOR: f64 = 1.0 / 4.5;
 
 impl Structure {
-    /// Returns `template` with the parameters of `known`, a prior of structure `other`, in all terms that both
-    /// structures have.
-    ///
-    /// `template` is the template of this structure.
+    /// Returns the prior `template`, which has the structure `self`, with the parameters of the prior `known`, which
+    /// has the structure `other`. Terms that `other` lacks keep the parameters of `template`.
     ///
     /// # Errors
     /// As [`Structure::template`].

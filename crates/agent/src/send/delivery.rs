@@ -42,7 +42,7 @@ pub(crate) struct Delivery {
 }
 
 impl Delivery {
-    /// Returns whether probably no other member has received the slot.
+    /// Returns whether no other member has received the outcome of the slot, with a probability above one half.
     pub(crate) fn is_new(&self) -> bool {
         self.p_undelivered > 0.5
     }
@@ -110,7 +110,7 @@ impl DeliveryEstimate {
         index.and_then(|index| self.tables[subject as usize].get(index)).copied().unwrap_or(self.never_sent)
     }
 
-    /// Returns whether probably another member has received the outcome of a slot.
+    /// Returns whether at least one other member has received our outcome of a slot with a probability above one half.
     pub(crate) fn is_delivered(&self, slot: u32) -> bool {
         !self.get(Subject::Reception, slot).is_new()
     }

@@ -12,7 +12,8 @@ pub struct Sharing {
     /// Compare several candidate reports by the divergence that remains after them. Otherwise the most valuable report
     /// is sent: the one with the most expected new deliveries.
     pub report_candidates: bool,
-    /// Compare several candidate summaries. Otherwise the inducing points come from all events.
+    /// Compare several summaries, whose inducing points come from different pools of events, by the divergence that
+    /// remains after them. Otherwise one summary is made, whose points are chosen among all events.
     pub summary_candidates: bool,
 }
 

@@ -259,7 +259,8 @@ impl Fit {
         &self.mean_field.sites
     }
 
-    /// Returns the inducing points of a sparse fit, including those of its messages, or `None` for a dense fit.
+    /// Returns the inducing points of a sparse fit, or `None` for a dense fit. Points of the summaries that were given
+    /// to the fit are included.
     pub fn inducing_points(&self) -> Option<&Inputs> {
         self.condensed.as_ref().map(Summary::inducing_points)
     }

@@ -8,7 +8,7 @@ use crate::error::Result;
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Stop {
-    /// The gradient and the curvature of E predict almost no further gain, or E did not change any more.
+    /// The gradient and the curvature of the evidence E predict almost no further gain, or E no longer changes.
     Converged,
     /// The search took the largest allowed number of steps.
     IterationsMax,

@@ -17,7 +17,8 @@ pub(crate) type MatchTable = BTreeMap<(usize, usize), Matches>;
 /// Transmissions with the time at which one receiver should record them, in the order of that time.
 type Timeline = Vec<(f64, usize)>;
 
-/// Largest distance, in seconds, at which an unmatched message makes the nearest open transmission ambiguous.
+/// Largest distance, in seconds, at which an unmatched message makes the nearest transmission without a reception
+/// ambiguous.
 const AMBIGUITY_S: f64 = 10.0;
 
 /// Largest distance, in seconds, at which a broken packet belongs to a transmission, for example as the cycle before

@@ -6,7 +6,8 @@ use kuva::render::render::Scene;
 
 use super::style::{LegendPlace, Room};
 
-/// Pixels of a figure per millimetre of print, if letters have the size that they have on a screen.
+/// Pixels of a figure per millimetre of print. Printed letters then have the size that they have on a screen of 96
+/// pixels an inch.
 const PX_PER_MM: f64 = 96.0 / MM_PER_INCH;
 
 const MM_PER_INCH: f64 = 25.4;
