@@ -1,4 +1,4 @@
-//! Choice of the inducing points that summarise a region best (section 5 of [`crate::method`]).
+//! Choice of the inducing points that summarise a region best ([`crate::method::inducing_points`]).
 //!
 //! All policies use one number: tr K̃, the prior variance at the candidates that the chosen points leave unexplained.
 //! It bounds the KL divergence from the full posterior (see [`crate::Certificate`]).

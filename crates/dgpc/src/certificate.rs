@@ -1,5 +1,5 @@
 //! Distance of a sparse posterior from the full posterior: bounds on the log evidence given ω, and the KL certificate
-//! (section 4 of [`crate::method`]).
+//! ([`crate::method::inducing_points`]).
 
 use crate::cross::{Cross, Sums, condense, residual};
 use crate::error::{Result, finite};

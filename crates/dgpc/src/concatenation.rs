@@ -1,4 +1,4 @@
-//! Concatenation, the paper's fusion of summaries (section 6 of [`crate::method`]).
+//! Concatenation, the paper's fusion of summaries ([`crate::method::fusion`]).
 
 use crate::error::{Error, Result};
 use crate::inputs::Inputs;

@@ -1,4 +1,4 @@
-//! Test of reported outcomes against a posterior without them (section 6 of [`crate::method`]).
+//! Test of reported outcomes against a posterior without them ([`crate::method::consistency`]).
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! The evidence bound E and its exact gradient by all learned parameters of a prior (section 7 of [`crate::method`]).
+//! The evidence bound E and its exact gradient by all learned parameters of a prior ([`crate::method::learning`]).
 
 use crate::error::Result;
 use crate::fit::{Fit, FitOptions, solve_with_gradient};

@@ -1,4 +1,4 @@
-//! Kernel-free factors: summaries that depend on no prior (section 3 of [`crate::method`]).
+//! Kernel-free factors: summaries that depend on no prior ([`crate::method::summaries`]).
 
 #[cfg(feature = "serde")]
 use crate::error::Error;

@@ -1,4 +1,4 @@
-//! Gibbs sampling of ω and f (section 2 of [`crate::method`]).
+//! Gibbs sampling of ω and f ([`crate::method::inference`]).
 
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;

@@ -1,5 +1,5 @@
-//! Choice of inducing points among so large a number of inputs that their covariance does not fit into memory (section
-//! 5 of [`crate::method`]).
+//! Choice of inducing points among so large a number of inputs that their covariance does not fit into memory
+//! ([`crate::method::inducing_points`]).
 
 use crate::candidates::{DISTINCT_SHARE, Selection};
 use crate::error::{Result, positive};

@@ -1,4 +1,4 @@
-//! Moments of the latent function and the probability of success (section 6 of [`crate::method`]).
+//! Moments of the latent function and the probability of success ([`crate::method::fusion`]).
 
 use std::ops::Range;
 

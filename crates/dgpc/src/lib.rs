@@ -15,7 +15,7 @@
 //!
 //! The crate is pure: it has no input or output, no clock and no global state. The caller passes in the random number
 //! generator. The crate starts threads only with the feature `parallel`. Inputs have any dimension, and their meaning
-//! is left to the caller. The module [`method`] describes the mathematics; the documentation cites its sections.
+//! is left to the caller. The module [`method`] describes the mathematics; the documentation cites its pages.
 //!
 //! # Fit and predict
 //!
@@ -124,9 +124,7 @@ mod greedy;
 mod certificate;
 #[cfg(feature = "learn")]
 mod learn;
-
-#[doc = include_str!("../docs/method.md")]
-pub mod method {}
+pub mod method;
 
 pub use candidates::{Candidates, DISTINCT_SHARE, Selection};
 pub use certificate::{Certificate, log_evidence};

@@ -1,4 +1,4 @@
-//! The data of a fit: own events, and messages from peers (section 7 of [`crate::method`]).
+//! The data of a fit: own events, and messages from peers ([`crate::method::learning`]).
 
 use std::borrow::Cow;
 

@@ -1,4 +1,4 @@
-//! The Pólya-Gamma distribution: exact draws from PG(1, c), and moments (section 1 of [`crate::method`]).
+//! The Pólya-Gamma distribution: exact draws from PG(1, c), and moments ([`crate::method::likelihood`]).
 //!
 //! The sampler is Devroye's rejection method for the Jacobi distribution J*(1, z) with z = |c|/2 and PG(1, c) = J*(1,
 //! z)/4 (Polson, Scott and Windle 2013, section 4). The proposal is an inverse Gaussian left of 0.64 and an exponential

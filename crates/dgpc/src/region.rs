@@ -1,4 +1,4 @@
-//! Locality regions: sets of events for a summary (section 5 of [`crate::method`]).
+//! Locality regions: sets of events for a summary ([`crate::method::inducing_points`]).
 
 use crate::error::{Result, not_negative, same_size};
 use crate::inputs::{Inputs, spread_out};

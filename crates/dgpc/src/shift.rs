@@ -1,5 +1,5 @@
-//! Shift of a posterior by summaries: the change of the mean relative to the remaining uncertainty (section 6 of
-//! [`crate::method`]).
+//! Shift of a posterior by summaries: the change of the mean relative to the remaining uncertainty
+//! ([`crate::method::consistency`]).
 
 use crate::error::{Error, Result};
 use crate::inputs::Inputs;

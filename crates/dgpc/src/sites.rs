@@ -8,8 +8,8 @@ use crate::prior_mean::PriorMean;
 /// Gaussian sites of N events.
 ///
 /// Given ω, the likelihood of event n is proportional to exp(κ_n f_n − ½ ω_n f_n²). Both numbers include the event's
-/// weight. Sites depend on no kernel and no prior mean; κ̃ = κ − Ωμ₀ follows from them under any prior mean (sections 1
-/// and 2 of [`crate::method`]).
+/// weight. Sites depend on no kernel and no prior mean; κ̃ = κ − Ωμ₀ follows from them under any prior mean
+/// ([`crate::method::likelihood`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sites {
     inputs: Inputs,

@@ -1,4 +1,4 @@
-//! Summaries: Gaussian messages about the latent function at a few inducing points (section 3 of [`crate::method`]).
+//! Summaries: Gaussian messages about the latent function at a few inducing points ([`crate::method::summaries`]).
 
 use std::borrow::Cow;
 

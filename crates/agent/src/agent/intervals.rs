@@ -12,7 +12,8 @@ use crate::types::query::LinkQuery;
 const REACH: f64 = 1.644_854;
 
 /// Factor on the standard deviations of intervals. It allows for learned hyperparameters and for edges that no kernel
-/// represents. It was chosen on simulated trials such that intervals of 90 % contain that share (docs/evaluation.md).
+/// represents. It was chosen on simulated trials such that intervals of 90 % contain that share
+/// (docs/evaluation/intervals.md).
 pub const INTERVAL_WIDENING: f64 = 1.7;
 
 impl Agent {

@@ -1,4 +1,4 @@
-//! A vehicle's memory as bytes: equal memories are equal bytes (docs/protocol.md, "Snapshots").
+//! A vehicle's memory as bytes: equal memories are equal bytes (docs/reference/protocol.md, "Snapshots").
 
 use std::sync::Arc;
 

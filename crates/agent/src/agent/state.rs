@@ -165,7 +165,7 @@ impl Agent {
     /// contradiction of its outcomes ([`Posterior::contradiction`]), whichever is larger. A common offset of one
     /// standard deviation of 0.5 logits is allowed for, because receivers differ. A member is excluded above
     /// [`Team::exclusion_threshold_sd`]. `None` for an unknown or muted member, and for one without data. O(Mn²) for M
-    /// inducing points of its packets; O(n³) if it sent outcomes. See section 8 of the method.
+    /// inducing points of its packets; O(n³) if it sent outcomes. See docs/method/faulty-members.md.
     ///
     /// # Errors
     /// [`AgentError::Method`] for a numerical failure.

@@ -1,4 +1,4 @@
-//! Quantises summaries to the levels of a packet, and back (docs/method.md, section 8).
+//! Quantises summaries to the levels of a packet, and back (docs/method/packets.md).
 //!
 //! Every combination of levels is a positive semi-definite Ĝ. Its diagonal is positive, and any partial correlations
 //! between −1 and 1 give a correlation matrix.

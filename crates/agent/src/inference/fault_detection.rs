@@ -1,4 +1,4 @@
-//! Detects faulty members: members whose data contradict the data of all others (docs/method.md, section 8).
+//! Detects faulty members: members whose data contradict the data of all others (docs/method/faulty-members.md).
 
 use std::collections::BTreeSet;
 

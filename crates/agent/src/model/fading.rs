@@ -1,5 +1,5 @@
 //! Fading: the correlation of successive outcomes of one link, and the weights of events that follow from it
-//! (docs/method.md, section 8).
+//! (docs/method/repeats.md).
 
 use std::collections::BTreeMap;
 

@@ -1,5 +1,5 @@
-//! Learning of a model from events: the parameters of one structure, and the choice among several (section 7 of
-//! [`dgpc::method`]).
+//! Learning of a model from events: the parameters of one structure, and the choice among several
+//! ([`dgpc::method::learning`]).
 
 use dgpc::{HyperPrior, LearnOptions, Learned, Prior, PriorMean, Summary, spread_out};
 

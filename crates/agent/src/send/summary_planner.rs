@@ -1,4 +1,4 @@
-//! Chooses the next summary packet: inducing points, and the summary at these points (section 6 of [`dgpc::method`]).
+//! Chooses the next summary packet: inducing points, and the summary at these points ([`dgpc::method::increments`]).
 
 use dgpc::{Candidates, Inputs, Posterior, Summary};
 use pingmap_packet::{Block, Layout};

@@ -1,5 +1,5 @@
-//! Digests of team configurations and models, and the canonical bytes that they cover (docs/protocol.md, "Team
-//! configuration").
+//! Digests of team configurations and models, and the canonical bytes that they cover
+//! (docs/reference/protocol.md, "Team configuration").
 
 use dgpc::{Correlation, Prior, PriorMean, Reflection};
 use pingmap_packet::{Key, digest, to_hex};
@@ -38,7 +38,7 @@ impl Team {
         digest(&self.canonical_bytes())
     }
 
-    /// Returns the bytes that [`Team::digest`] covers. docs/protocol.md specifies them.
+    /// Returns the bytes that [`Team::digest`] covers. docs/reference/protocol.md specifies them.
     pub fn canonical_bytes(&self) -> Vec<u8> {
         let mut out = Writer::default();
         out.text("pingmap team configuration");

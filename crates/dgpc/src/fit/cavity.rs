@@ -1,5 +1,5 @@
-//! Cavities: the latent function at an event given all other events, without a second fit (section 7 of
-//! [`crate::method`]).
+//! Cavities: the latent function at an event given all other events, without a second fit
+//! ([`crate::method::learning`]).
 
 use super::mean_field::MeanField;
 use crate::latent::success_probability;

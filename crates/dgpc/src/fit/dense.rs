@@ -1,5 +1,5 @@
-//! Full Gaussian posterior of a mean field, and the gradient of its evidence bound (sections 2 and 7 of
-//! [`crate::method`]).
+//! Full Gaussian posterior of a mean field, and the gradient of its evidence bound ([`crate::method::inference`] and
+//! [`crate::method::learning`]).
 
 use super::newton::Newton;
 use super::pass::Pass;

@@ -1,4 +1,4 @@
-//! Fixed point of a dense mean field, iterated in its tilts (section 2 of [`crate::method`]).
+//! Fixed point of a dense mean field, iterated in its tilts ([`crate::method::inference`]).
 
 use super::anderson::Anderson;
 use super::dense::Dense;

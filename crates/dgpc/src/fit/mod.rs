@@ -1,5 +1,5 @@
-//! Fitting: mean field from events and a prior to sites, a posterior and the evidence bound (sections 2 and 7 of
-//! [`crate::method`]).
+//! Fitting: mean field from events and a prior to sites, a posterior and the evidence bound
+//! ([`crate::method::inference`] and [`crate::method::learning`]).
 
 mod append;
 mod anderson;
@@ -348,7 +348,7 @@ impl Fit {
     /// Returns the approximate leave-one-out log predictive probabilities ln p(y_n | all other events), N, in nats.
     ///
     /// Each event's own site is removed from its posterior, without a second fit. The result is optimistic because ω_n
-    /// depends on y_n, and more so for larger variances. Weights do not count. O(N) (section 7 of [`crate::method`]).
+    /// depends on y_n, and more so for larger variances. Weights do not count. O(N) ([`crate::method::learning`]).
     pub fn leave_one_out(&self) -> Vec<f64> {
         cavity::leave_one_out(&self.mean_field)
     }
@@ -358,7 +358,7 @@ impl Fit {
     ///
     /// The Gaussian site of each event bounds the event's likelihood from below. The corrected evidence replaces the
     /// site by the likelihood itself, integrated against the posterior of all other events. The result is not a bound,
-    /// but it is much nearer to the log marginal likelihood than E. O(N) (section 7 of [`crate::method`]).
+    /// but it is much nearer to the log marginal likelihood than E. O(N) ([`crate::method::learning`]).
     pub fn corrected_evidence(&self) -> f64 {
         cavity::corrected_evidence(&self.mean_field)
     }

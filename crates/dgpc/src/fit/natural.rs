@@ -1,4 +1,4 @@
-//! Fixed point of a sparse mean field, iterated in the sums Ĝ and b̂ of its events (section 2 of [`crate::method`]).
+//! Fixed point of a sparse mean field, iterated in the sums Ĝ and b̂ of its events ([`crate::method::inference`]).
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Newton's step towards the fixed point of the mean field (section 2 of [`crate::method`]).
+//! Newton's step towards the fixed point of the mean field ([`crate::method::inference`]).
 
 use super::pass::Pass;
 use crate::linalg::{Matrix, MultiplyAdd, Wide, add_scaled, dot, squared_norm, widest};

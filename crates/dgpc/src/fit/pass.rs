@@ -1,4 +1,4 @@
-//! One pass of the dense mean-field iteration, from tilts to their images (section 2 of [`crate::method`]).
+//! One pass of the dense mean-field iteration, from tilts to their images ([`crate::method::inference`]).
 
 use super::mean_field::{TILT_MIN, TILT_START, omega};
 use super::options::FitOptions;

@@ -1,4 +1,4 @@
-//! Expectation propagation: Gaussian sites that match the moments of the likelihood (section 2 of [`crate::method`]).
+//! Expectation propagation: Gaussian sites that match the moments of the likelihood ([`crate::method::inference`]).
 
 use super::dense::Dense;
 use super::mean_field::MeanField;

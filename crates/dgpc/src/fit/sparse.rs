@@ -1,5 +1,5 @@
 //! The Gaussian posterior of sites on M inducing points, and its update by a walk over the events, block by block
-//! (sections 2 and 3 of [`crate::method`]).
+//! ([`crate::method::inference`] and [`crate::method::summaries`]).
 
 use std::ops::Range;
 

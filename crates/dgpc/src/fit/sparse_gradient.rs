@@ -1,4 +1,4 @@
-//! Gradient of the evidence bound of a sparse mean field by the prior's parameters (section 7 of [`crate::method`]).
+//! Gradient of the evidence bound of a sparse mean field by the prior's parameters ([`crate::method::learning`]).
 
 use std::ops::Range;
 

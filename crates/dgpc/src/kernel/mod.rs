@@ -1,4 +1,4 @@
-//! Covariance functions (section 7 of [`crate::method`]).
+//! Covariance functions ([`crate::method::kernels`]).
 //!
 //! A [`Kernel`] is a sum of [`Term`]s. A term is a variance times one or more [`Correlation`]s, each over its own
 //! columns. With a [`Reflection`] the term is reciprocal. A correlation is a [`Shape`] of the scaled distance. A new

@@ -76,7 +76,7 @@ impl Term {
         Ok(self)
     }
 
-    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] (section 7 of [`crate::method`]). Its diagonal then depends
+    /// Makes the term reciprocal: ½[k(x, x′) + k(x, Rx′)] ([`crate::method::kernels`]). Its diagonal then depends
     /// on x. Columns that the reflection exchanges become tied.
     ///
     /// # Errors

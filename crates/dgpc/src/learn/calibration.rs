@@ -1,4 +1,4 @@
-//! Calibration of the variances, which E alone leaves too small (section 7 of [`crate::method`]).
+//! Calibration of the variances, which E alone leaves too small ([`crate::method::learning`]).
 
 use super::search::Search;
 use crate::error::{Result, finite};

@@ -1,4 +1,4 @@
-//! Curvature of the objective of a search (section 7 of [`crate::method`]).
+//! Curvature of the objective of a search ([`crate::method::learning`]).
 
 use crate::error::Result;
 use crate::linalg::{Matrix, dot, symmetric_eigen};

@@ -1,4 +1,4 @@
-//! Learning a prior from events: the parameters that maximise the evidence bound E (section 7 of [`crate::method`]).
+//! Learning a prior from events: the parameters that maximise the evidence bound E ([`crate::method::learning`]).
 //!
 //! No other folder uses the optimiser crate.
 

@@ -1,4 +1,4 @@
-//! The search for the optimal prior: L-BFGS over the evidence bound (section 7 of [`crate::method`]).
+//! The search for the optimal prior: L-BFGS over the evidence bound ([`crate::method::learning`]).
 
 use std::cell::RefCell;
 

@@ -1,4 +1,4 @@
-//! Fusion of own events and the summaries of peers (section 6 of [`crate::method`]).
+//! Fusion of own events and the summaries of peers ([`crate::method::fusion`]).
 
 mod rows;
 

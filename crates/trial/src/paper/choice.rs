@@ -59,7 +59,7 @@ impl Choice {
     }
 }
 
-/// Estimator of ω (section 2 of [`dgpc::method`]).
+/// Estimator of ω ([`dgpc::method::inference`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Omega {
     /// The last draw of a Gibbs chain, as in the paper.
@@ -84,7 +84,7 @@ impl Omega {
     }
 }
 
-/// Data from which a team predicts (section 6 of [`dgpc::method`]).
+/// Data from which a team predicts ([`dgpc::method::fusion`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fusion {
     /// The packets of all agents, concatenated as in the paper.

@@ -1,4 +1,4 @@
-//! The paper's experiment (docs/method.md, section 10): how well one or two inducing points represent a locality
+//! The paper's experiment (docs/paper-experiment.md): how well one or two inducing points represent a locality
 //! region, for the agent itself and for its team.
 
 mod choice;

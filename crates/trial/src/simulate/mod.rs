@@ -1,5 +1,5 @@
 //! Simulated field trials: vehicles on survey legs, a slot schedule, and an acoustic channel of published formulas
-//! (docs/method.md, section 11). A simulation is a stand-in for measured data: sound travels in straight lines, without
+//! (docs/method/simulation.md). A simulation is a stand-in for measured data: sound travels in straight lines, without
 //! refraction or multipath.
 
 mod error;

@@ -7,7 +7,7 @@ use dgpc::*;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-/// Returns E of section 7 of [`dgpc::method`] at arbitrary tilts, by dense formulas.
+/// Returns E of [`dgpc::method::learning`] at arbitrary tilts, by dense formulas.
 fn evidence_bound(problem: &Problem, tilts: &[f64]) -> f64 {
     let (gram, count) = (problem.gram(), tilts.len());
     let weights = problem.observations.weights();

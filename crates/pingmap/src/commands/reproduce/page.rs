@@ -43,8 +43,8 @@ pub fn markdown(results: &Computed, pictures: &[Picture], command: &str) -> Stri
     let mut page = format!(
         "{}\n\n# The paper's experiment, run again\n\n\
          Written by `{command}` (seed {}, {permutations} permutations, pingmap {}). \"Published\" are the figures of Gao, He, Stilwell and \
-         McMahon, \"Decentralized Gaussian Process Classification and an Application in Subsea Robotics\". What is computed and how is in \
-         [method.md](method.md#10-the-papers-experiment).\n\n{}\n\n\
+         McMahon, \"Decentralized Gaussian Process Classification and an Application in Subsea Robotics\". \
+         [The paper's experiment](paper-experiment.md) describes the computation.\n\n{}\n\n\
          Every agent's events are divided 65/35 into training and held-out events, {permutations} times at random. Figures are means over \
          permutations ± their standard errors over the permutations (Monte Carlo over divisions of one data set, not over trials); NLL in nats, lower is better. ω comes from {BURN_IN} sweeps of Gibbs sampling and {DRAWS} \
          more: the last draw (the paper's choice), the average of predictions over the {DRAWS} draws, and the mean field.\n\n",
