@@ -2,7 +2,7 @@
 
 use pingmap_agent::Position;
 
-use crate::contour::{Grid, Point};
+use crate::grid::{Grid, Point};
 use crate::output::BadInput;
 use crate::tracks::widened;
 

@@ -31,8 +31,8 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 /// Checks that a file could be written to a folder, and leaves no file there.
 pub fn try_folder(path: &Path, folder: &Path) -> io::Result<()> {
     match path.metadata() {
-        Ok(known) if !known.is_file() || names(&known) > 1 => OpenOptions::new().write(true).open(path).map(drop),
-        _ => aside().tempfile_in(folder).map(drop),
+        Ok(known) if !known.is_file() || hard_links(&known) > 1 => OpenOptions::new().write(true).open(path).map(drop),
+        _ => temporary_file().tempfile_in(folder).map(drop),
     }
 }
 
@@ -43,12 +43,12 @@ fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
     let target = behind_links(path)?;
     let known = target.metadata().ok();
-    if known.as_ref().is_some_and(|metadata| names(metadata) > 1) {
+    if known.as_ref().is_some_and(|metadata| hard_links(metadata) > 1) {
         return in_place(&target, bytes);
     }
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     clean_up(folder);
-    let mut file = aside().tempfile_in(folder)?;
+    let mut file = temporary_file().tempfile_in(folder)?;
     file.write_all(bytes)?;
     if let Some(metadata) = known {
         file.as_file().set_permissions(metadata.permissions())?;
@@ -102,7 +102,7 @@ fn clean_up(folder: &Path) {
 /// Returns a builder of temporary files. Temporary files are private by default, but the permissions of a result follow
 /// the umask.
 #[cfg(unix)]
-fn aside() -> tempfile::Builder<'static, 'static> {
+fn temporary_file() -> tempfile::Builder<'static, 'static> {
     use std::os::unix::fs::PermissionsExt;
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX).permissions(std::fs::Permissions::from_mode(0o666));
@@ -110,7 +110,7 @@ fn aside() -> tempfile::Builder<'static, 'static> {
 }
 
 #[cfg(not(unix))]
-fn aside() -> tempfile::Builder<'static, 'static> {
+fn temporary_file() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX);
     builder
@@ -118,13 +118,13 @@ fn aside() -> tempfile::Builder<'static, 'static> {
 
 /// Returns the number of hard links to a file.
 #[cfg(unix)]
-fn names(metadata: &std::fs::Metadata) -> u64 {
+fn hard_links(metadata: &std::fs::Metadata) -> u64 {
     use std::os::unix::fs::MetadataExt;
     metadata.nlink()
 }
 
 #[cfg(not(unix))]
-fn names(_: &std::fs::Metadata) -> u64 {
+fn hard_links(_: &std::fs::Metadata) -> u64 {
     1
 }
 
@@ -159,7 +159,7 @@ mod tests {
         write_file(&folder.path().join("result"), b"y").expect("written");
         assert!(!old.exists() && young.exists() && other.exists() && notes.exists());
         // The pattern matches the names of this crate's temporary files.
-        let own = aside().tempfile_in(folder.path()).expect("a file");
+        let own = temporary_file().tempfile_in(folder.path()).expect("a file");
         assert!(is_temporary(&own.path().file_name().expect("a name").to_string_lossy()), "{own:?}");
     }
 

@@ -15,36 +15,38 @@
 // In the order of the flow: each module uses only those above it.
 mod output;
 mod files;
-mod outputs;
-mod contour;
+mod output_target;
+mod grid;
 mod figure;
-mod names;
-mod values;
+mod cli_enums;
+mod cli_parsers;
 mod log;
 mod reference;
 mod options;
 mod model;
 mod team;
 mod tracks;
-mod survey;
+mod learned_map;
 mod area;
 mod success_map;
 mod route;
-mod silence;
+mod outage;
 mod standoff;
 mod map_figure;
 mod page;
 mod exports;
 mod commands;
+mod short_help;
 
 use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::{ArgAction, CommandFactory, FromArgMatches, Parser};
 
 use crate::commands::Command;
 use crate::output::{BadInput, Out};
+use crate::short_help::with_short_help;
 
 /// Learn, while under way, the probability that a message from here reaches there.
 ///
@@ -52,11 +54,20 @@ use crate::output::{BadInput, Out};
 /// rx_northing_m and success (1 heard, 0 missed), one line per attempted transmission. Results go to standard output,
 /// everything else to standard error. Exit status: 0 success, 1 failure, 2 bad input.
 #[derive(Parser)]
-#[command(name = "pingmap", version)]
+#[command(
+    name = "pingmap",
+    version,
+    disable_version_flag = true,
+    max_term_width = 100,
+    after_long_help = "Example:\n  pingmap demo --out report"
+)]
 struct Arguments {
     /// Print only results, warnings and errors
-    #[arg(long, short, global = true)]
+    #[arg(long, short, global = true, hide_short_help = true)]
     quiet: bool,
+    /// Print the version
+    #[arg(long, short = 'V', action = ArgAction::Version, hide_short_help = true)]
+    version: Option<bool>,
     #[command(subcommand)]
     command: Command,
 }
@@ -83,8 +94,13 @@ impl Out for Answers<'_> {
     }
 
     fn definition(&self) -> clap::Command {
-        Arguments::command()
+        definition()
     }
+}
+
+/// Returns all commands and options.
+fn definition() -> clap::Command {
+    with_short_help(Arguments::command())
 }
 
 /// The reason why a command failed.
@@ -106,7 +122,8 @@ impl std::error::Error for Failure {}
 
 /// Runs the program: arguments from the command line, results to standard output.
 pub fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = definition().get_matches();
+    let arguments = Arguments::from_arg_matches(&arguments).unwrap_or_else(|error| error.exit());
     match execute(&arguments, words(std::env::args_os()), &mut std::io::stdout()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
@@ -125,7 +142,9 @@ pub fn run(
     results: &mut (dyn Write + Send),
 ) -> Result<(), Failure> {
     let given: Vec<OsString> = arguments.into_iter().map(Into::into).collect();
-    let arguments = Arguments::try_parse_from(&given)
+    let arguments = definition()
+        .try_get_matches_from(&given)
+        .and_then(|matches| Arguments::from_arg_matches(&matches))
         .map_err(|error| Failure { status: error.exit_code().try_into().unwrap_or(2), message: error.to_string() })?;
     execute(&arguments, words(given), results)
 }

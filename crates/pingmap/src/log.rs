@@ -40,9 +40,6 @@ pub struct Logs {
     /// Continue even if the log contains only one outcome, or coordinates that look like degrees
     #[arg(help_heading = LOG_AND_MODEL, long)]
     pub accept_bad_log: bool,
-    /// Replace files that pingmap did not write
-    #[arg(help_heading = LOG_AND_MODEL, long)]
-    pub overwrite: bool,
 }
 
 impl Logs {
@@ -122,7 +119,7 @@ pub fn opened(path: &Path) -> Result<(Box<dyn Read + Send>, &Path), FileError> {
 
 /// Reads one log, as [`Logs::open`] does.
 pub fn open_log(path: &Path, accept_bad_log: bool) -> anyhow::Result<EventLog> {
-    Logs { logs: vec![path.to_owned()], events: Vec::new(), accept_bad_log, overwrite: false }.open()
+    Logs { logs: vec![path.to_owned()], events: Vec::new(), accept_bad_log }.open()
 }
 
 /// Keeps at most `events_max` events, and warns if events were removed.

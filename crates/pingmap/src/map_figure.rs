@@ -3,14 +3,14 @@
 use pingmap_agent::{Event, Geographic};
 use pingmap_import::{Place, Reference};
 
-use crate::contour::Point;
+use crate::cli_enums::{Join, Layer, Seen};
 use crate::figure::{Arrows, Figure, GridMap, Mark, Room, Series, Style, grid_map, stacked};
-use crate::names::{Join, Layer, Seen};
+use crate::grid::Point;
 use crate::success_map::{Cell, LITTLE_KNOWN, Side, SuccessMap};
 use crate::tracks;
 
 /// Content and options of the figure of a map.
-pub struct Drawn<'a> {
+pub struct FigureContent<'a> {
     pub events: &'a [Event],
     pub levels: &'a [f64],
     pub layers: &'a [Layer],
@@ -25,14 +25,14 @@ pub struct Drawn<'a> {
 
 /// Draws the map with the tracks of all vehicles. Each side and layer gets a panel of the size `room`; panels are
 /// stacked.
-pub fn figure(map: &SuccessMap, drawn: &Drawn, room: Room) -> Figure {
-    let pictures = map.sides.iter().flat_map(|side| drawn.layers.iter().map(move |&layer| (side, layer)));
-    stacked(pictures.map(|(side, layer)| picture(map, side, layer, drawn, room)).collect())
+pub fn figure(map: &SuccessMap, content: &FigureContent, room: Room) -> Figure {
+    let pictures = map.sides.iter().flat_map(|side| content.layers.iter().map(move |&layer| (side, layer)));
+    stacked(pictures.map(|(side, layer)| picture(map, side, layer, content, room)).collect())
 }
 
-fn picture(map: &SuccessMap, side: &Side, layer: Layer, drawn: &Drawn, room: Room) -> Figure {
-    let tracks = tracks::tracks(drawn.events);
-    let [heard, missed] = links(drawn);
+fn picture(map: &SuccessMap, side: &Side, layer: Layer, content: &FigureContent, room: Room) -> Figure {
+    let tracks = tracks::tracks(content.events);
+    let [heard, missed] = links(content);
     let arrows = |name, pairs, mark, color| Arrows {
         name,
         pairs,
@@ -43,19 +43,19 @@ fn picture(map: &SuccessMap, side: &Side, layer: Layer, drawn: &Drawn, room: Roo
         [arrows("heard here", &heard, Mark::Dot, "#d0f0ff"), arrows("missed here", &missed, Mark::Cross, "#000000")];
     let values = side.values(|cell| number(layer, cell));
     let hatched: Vec<bool> = side.cells.iter().map(|cell| cell.explained < LITTLE_KNOWN).collect();
-    let title = drawn.title.map_or_else(|| question(map, side.seen), str::to_owned);
+    let title = content.title.map_or_else(|| question(map, side.seen), str::to_owned);
     let is_probability = layer != Layer::Width;
     let picture = GridMap {
         title: &title,
         bar: bar(layer),
         grid: map.area.grid(&values),
-        graticule: &drawn.reference.map(|reference| graticule(map, reference)).unwrap_or_default(),
-        contours: if is_probability { drawn.levels } else { &[] },
+        graticule: &content.reference.map(|reference| graticule(map, reference)).unwrap_or_default(),
+        contours: if is_probability { content.levels } else { &[] },
         hatched: if layer == Layer::Probability { &hatched } else { &[] },
         tracks: &tracks::tracks_as_series(&tracks),
-        links: if drawn.with_events { &links } else { &[] },
+        links: if content.with_events { &links } else { &[] },
         places: &places(map, side.seen),
-        lines: drawn.lines,
+        lines: content.lines,
     };
     grid_map(&picture, room)
 }
@@ -158,11 +158,11 @@ fn places(map: &SuccessMap, seen: Seen) -> Vec<(String, Point)> {
 }
 
 /// Returns the links of heard and of missed messages, from the transmitter to the receiver.
-fn links(drawn: &Drawn) -> [Vec<(Point, Point)>; 2] {
+fn links(content: &FigureContent) -> [Vec<(Point, Point)>; 2] {
     let pair = |event: &Event| {
         let [from, to] = event.link.ends().map(|end| (end.east_m, end.north_m));
         (event.success, (from, to))
     };
-    let (heard, missed): (Vec<_>, Vec<_>) = drawn.events.iter().map(pair).partition(|(success, _)| *success);
+    let (heard, missed): (Vec<_>, Vec<_>) = content.events.iter().map(pair).partition(|(success, _)| *success);
     [heard, missed].map(|events: Vec<_>| events.into_iter().map(|(_, pair)| pair).collect())
 }

@@ -3,25 +3,24 @@
 use std::path::Path;
 
 use dgpc::{Calibration, Correlation, PriorMean, Stop, Term};
-use pingmap_agent::{Chart, InputSpec, LearnedModel, Limits, Link, Model, ModelFile};
+use pingmap_agent::{Chart, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile};
 use pingmap_trial::{EventLog, Preshared, learn_best};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::log::WholeLog;
-use crate::options::ModelSource;
 use crate::output::{BadInput, count, read_text, spinner, warn};
 
 /// Digests of the inputs of a result.
 #[derive(Serialize, JsonSchema)]
-pub struct MadeOf {
+pub struct InputDigests {
     /// Digest of the events. It does not depend on the file or the order of lines.
     pub log_digest: String,
     /// Digest of the model, if one model was used throughout.
     pub model_digest: Option<String>,
 }
 
-impl MadeOf {
+impl InputDigests {
     /// Returns the digests of a whole log and of the shared model.
     pub fn given(log: &WholeLog, agreed: &Preshared) -> Self {
         Self { log_digest: log.digest.clone(), model_digest: agreed_model(agreed).map(Model::digest) }
@@ -38,19 +37,19 @@ pub fn agreed_model(agreed: &Preshared) -> Option<&Model> {
 }
 
 /// A model, and the result of learning if it was learned.
-pub struct Known {
+pub struct ModelAndFit {
     pub model: Model,
     pub fit: Option<LearnedModel>,
 }
 
-impl Known {
-    /// Opens the model file that the user names, or learns the best of a few structures from the whole log.
-    pub fn new(source: &ModelSource, log: &EventLog, limits: Limits) -> anyhow::Result<Self> {
-        if let Some(path) = &source.model {
+impl ModelAndFit {
+    /// Opens the model file, or learns a model from the whole log if there is none.
+    pub fn new(path: Option<&Path>, log: &EventLog, limits: Limits) -> anyhow::Result<Self> {
+        if let Some(path) = path {
             return Ok(Self { model: open_model(path, log)?.model, fit: None });
         }
         let bar = spinner("learning");
-        let learning = source.kernel.learning(source.kernel.given().default_candidates(), limits);
+        let learning = Learning { limits, ..Learning::default() };
         let fit = learn_best(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?;
         bar.finish_and_clear();
         warn_of_search(&fit);

@@ -11,14 +11,12 @@ use pingmap_agent::{
 };
 use pingmap_trial::EventLog;
 
+use crate::cli_enums::*;
+use crate::cli_parsers::*;
 use crate::log::{LOG_AND_MODEL, Logs};
-use crate::names::*;
 use crate::output::BadInput;
+pub use crate::output_target::RESULT;
 use crate::reference::ReferenceOptions;
-use crate::values::*;
-
-/// Help heading of the options that select the output.
-pub const RESULT: &str = "Result";
 
 /// Options that select the data and the model of a map.
 #[derive(Args)]
@@ -31,7 +29,7 @@ pub struct Source {
     #[command(flatten)]
     pub reference: ReferenceOptions,
     #[command(flatten)]
-    pub model: ModelSource,
+    pub model: ModelFileOption,
     #[command(flatten)]
     pub work: Work,
 }
@@ -39,26 +37,31 @@ pub struct Source {
 impl Source {
     /// Returns the paths of all input files.
     pub fn inputs(&self) -> Vec<&Path> {
-        self.logs.paths().into_iter().chain(self.model.model.as_deref()).collect()
+        self.logs.paths().into_iter().chain(self.model.path()).collect()
     }
 }
 
-/// A model file, or the options of learning a model from the log.
+/// A model file.
 #[derive(Args)]
-pub struct ModelSource {
-    /// Model file, as `pingmap learn` writes it; learned from the events if not given
-    #[arg(help_heading = LOG_AND_MODEL, long, value_name = "FILE", conflicts_with = "Kernel")]
-    pub model: Option<PathBuf>,
-    #[command(flatten)]
-    pub kernel: Kernel,
+pub struct ModelFileOption {
+    /// Model file of `pingmap learn`; if not given, a model is learned from the log
+    #[arg(help_heading = LOG_AND_MODEL, long, value_name = "FILE")]
+    model: Option<PathBuf>,
 }
 
-/// Kernel and prior mean. Options that are not given are learned.
+impl ModelFileOption {
+    /// Returns the path of the model file, if given.
+    pub fn path(&self) -> Option<&Path> {
+        self.model.as_deref()
+    }
+}
+
+/// Kernel and prior mean of a model that is learned. Options that are not given are learned.
 #[derive(Args)]
-#[command(next_help_heading = "Model, where no file is given")]
-#[group(id = "Kernel", multiple = true)]
-pub struct Kernel {
-    /// How the covariance falls with distance
+#[command(next_help_heading = "Model options")]
+#[group(id = "ModelOptions", multiple = true)]
+pub struct ModelOptions {
+    /// Shape of the covariance over distance
     #[arg(long = "kernel", value_parser = ShapeParser)]
     pub shape: Option<Shape>,
     /// Inputs of the path term
@@ -79,7 +82,7 @@ pub struct Kernel {
     /// Range with even odds before the first event; odds fall with range, and learning starts from this prior mean
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub conservative_range_m: Option<f64>,
-    /// Fall of that prior mean in log-odds per kilometre; four over the conservative range if not given
+    /// Decrease of that prior mean in log-odds per kilometre; four over the conservative range if not given
     #[arg(long, value_parser = positive, allow_negative_numbers = true, requires = "conservative_range_m")]
     pub conservative_slope_per_km: Option<f64>,
     /// Fix the length-scale of every term
@@ -101,9 +104,9 @@ pub struct Kernel {
     pub learn_events_max: usize,
 }
 
-impl Kernel {
+impl ModelOptions {
     /// Returns the parts of the structure that the options fix.
-    pub fn given(&self) -> StructureConstraints {
+    pub fn constraints(&self) -> StructureConstraints {
         let conservative = self.conservative_range_m.map(|range_m| {
             MeanStructure::conservative(range_m, self.conservative_slope_per_km.map(|slope| slope / 1000.0))
         });
@@ -139,7 +142,7 @@ impl Kernel {
 
 /// Limits of the work, and the seed.
 #[derive(Args)]
-#[command(next_help_heading = "Work")]
+#[command(next_help_heading = "Computation")]
 pub struct Work {
     /// Seed of all random numbers
     #[arg(long, default_value_t = 1)]
@@ -168,8 +171,8 @@ impl Work {
 
 /// Vehicles and time of the queried link, for models that distinguish vehicles or times.
 #[derive(Args)]
-#[command(next_help_heading = "Who and when")]
-pub struct Asked {
+#[command(next_help_heading = "Vehicles and time")]
+pub struct QueryOptions {
     /// Transmitter: a vehicle of the log, a typical vehicle, or a new vehicle with an unknown offset
     #[arg(long, value_name = "NAME|typical|new", default_value = TYPICAL)]
     pub transmitter: String,
@@ -191,7 +194,7 @@ pub struct Asked {
 /// Option value that selects a typical vehicle or message kind.
 const TYPICAL: &str = "typical";
 
-impl Asked {
+impl QueryOptions {
     /// Returns a function from a link to its query with these options.
     pub fn attempt(&self, log: &EventLog) -> Result<impl Fn(Link) -> LinkQuery + use<>, BadInput> {
         let (transmitter, receiver) =

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Context;
-use comfy_table::{CellAlignment, Table};
+use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table, Width};
 use indicatif::{ProgressBar, ProgressStyle};
 use pingmap_import::ImportError;
 use pingmap_trial::{FileError, ReplayError};
@@ -65,6 +65,31 @@ pub fn print(out: Results, text: &str) -> anyhow::Result<()> {
     Ok(out.flush()?)
 }
 
+/// Largest number of columns of printed texts and tables.
+const COLUMNS_MAX: usize = 100;
+
+/// Prints a text, and breaks its long lines between words.
+pub fn print_text(out: Results, text: &str) -> anyhow::Result<()> {
+    print(out, &text.lines().map(wrapped).collect::<Vec<_>>().join("\n"))
+}
+
+/// Breaks a long line between words. The parts are indented like the line.
+fn wrapped(line: &str) -> String {
+    if line.chars().count() <= COLUMNS_MAX {
+        return line.to_owned();
+    }
+    let indent = &line[..line.len() - line.trim_start().len()];
+    let mut text = String::new();
+    let mut columns = COLUMNS_MAX;
+    for word in line.split_whitespace() {
+        let width = word.chars().count();
+        let separator = if columns + 1 + width > COLUMNS_MAX { format!("\n{indent}") } else { " ".to_owned() };
+        columns = if separator == " " { columns + 1 + width } else { indent.len() + width };
+        text = text + &separator + word;
+    }
+    text.trim_start_matches('\n').to_owned()
+}
+
 /// Prints one JSON object with the version and the command line added. Keys are in alphabetical order.
 pub fn print_json(out: Results, value: &impl Serialize) -> anyhow::Result<()> {
     let text = json_text(out, value)?;
@@ -110,7 +135,8 @@ pub fn count(number: usize, noun: &str) -> String {
     if number == 1 { format!("1 {noun}") } else { format!("{number} {noun}s") }
 }
 
-/// Formats a table with plain rules. The first column is left-aligned, the others right-aligned.
+/// Formats a table with plain rules. The first column is left-aligned, the others right-aligned. Names and headers are
+/// broken between words if the table is too wide.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     table_of(header, rows)
 }
@@ -119,14 +145,28 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
 pub fn table_of(header: &[impl ToString], rows: &[Vec<String>]) -> String {
     let mut table = Table::new();
     table.load_preset("     --            ").set_header(header.iter().map(|name| name.to_string()));
+    table.set_content_arrangement(ContentArrangement::Dynamic).set_width(COLUMNS_MAX as u16);
     rows.iter().for_each(|row| {
         table.add_row(row);
     });
     for column in table.column_iter_mut() {
         let alignment = if column.index == 0 { CellAlignment::Left } else { CellAlignment::Right };
         column.set_cell_alignment(alignment);
+        column.set_padding((1, 0));
+        let cells = rows.iter().filter_map(|row| row.get(column.index)).map(String::as_str);
+        if let Some(width) = width_of_numbers(cells, &header[column.index].to_string()) {
+            column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(width as u16 + 1)));
+        }
     }
     table.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n")
+}
+
+/// Returns the smallest width of a column of numbers: that of its numbers and of the words of its header. Other columns
+/// have none.
+fn width_of_numbers<'a>(cells: impl Iterator<Item = &'a str> + Clone, header: &'a str) -> Option<usize> {
+    let are_numbers = !cells.clone().any(|cell| cell.starts_with(char::is_alphabetic));
+    let widths = cells.chain(header.split_whitespace()).map(|text| text.chars().count());
+    widths.max().filter(|_| are_numbers)
 }
 
 /// Returns a progress bar on standard error. It is hidden unless standard error is a terminal.

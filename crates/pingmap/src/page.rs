@@ -59,13 +59,13 @@ impl Page {
     }
 
     /// Adds a figure with a caption, which is also its text alternative.
-    pub fn figure(&mut self, figure: &Figure, said: &str) {
+    pub fn figure(&mut self, figure: &Figure, caption: &str) {
         self.figures += 1;
         let svg = with_names_of_its_own(&figure.svg(false), self.figures);
-        let said = escape(said);
+        let caption = escape(caption);
         let _ = writeln!(
             self.html,
-            "<figure role=\"img\" aria-label=\"{said}\">{svg}<figcaption>{said}</figcaption></figure>"
+            "<figure role=\"img\" aria-label=\"{caption}\">{svg}<figcaption>{caption}</figcaption></figure>"
         );
     }
 

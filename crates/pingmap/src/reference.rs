@@ -7,12 +7,12 @@ use pingmap_trial::EventLog;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::cli_parsers::{crs, origin};
 use crate::output::BadInput;
-use crate::values::{crs, origin};
 
 /// Options that give the reference system of a log.
 #[derive(Args)]
-#[command(next_help_heading = "Where on Earth")]
+#[command(next_help_heading = "Reference system")]
 pub struct ReferenceOptions {
     /// Latitude and longitude of (0, 0) of the log, if the log does not contain them
     #[arg(long, value_name = "LAT,LON", value_parser = origin, allow_hyphen_values = true)]
@@ -27,13 +27,13 @@ impl ReferenceOptions {
     ///
     /// # Errors
     /// Fails if the log names another system, or has events too far from its origin for a plane.
-    pub fn tell(&self, log: &mut EventLog) -> anyhow::Result<()> {
-        if let Some(told) = self.origin.or(self.crs) {
-            if !log.reference.agrees_with(&told) {
+    pub fn apply(&self, log: &mut EventLog) -> anyhow::Result<()> {
+        if let Some(given) = self.origin.or(self.crs) {
+            if !log.reference.agrees_with(&given) {
                 let known = log.reference;
-                return Err(BadInput(format!("the log uses {known}, but the option names {told}")).into());
+                return Err(BadInput(format!("the log uses {known}, but the option names {given}")).into());
             }
-            log.reference = told;
+            log.reference = given;
         }
         reference(log.reference)?;
         check_near_origin(log)
@@ -48,17 +48,17 @@ pub fn reference(system: ReferenceSystem) -> Result<Reference, BadInput> {
 /// Converts a place that an option names to metres of the log.
 pub fn position(option: &str, place: Place, reference: &Reference) -> Result<Position, BadInput> {
     let metres = reference.metres(place).map(|(east_m, north_m)| Position::new(east_m, north_m));
-    let said = match reference.system() {
+    let reason = match reference.system() {
         ReferenceSystem::Unknown => "the log has no reference system; expected metres, or --origin or --crs",
         _ => "that is not on the log's map",
     };
-    let metres = metres.ok_or_else(|| BadInput(format!("{option}: {said}")))?;
+    let metres = metres.ok_or_else(|| BadInput(format!("{option}: {reason}")))?;
     let distance_m = metres.east_m.hypot(metres.north_m);
     if matches!(reference.system(), ReferenceSystem::About(_)) && distance_m > ORIGIN_DISTANCE_MAX_M {
         let distance_km = distance_m / 1000.0;
-        let said =
+        let reason =
             format!("that is {distance_km:.0} km from the origin; expected at most 100 km (another hemisphere?)");
-        return Err(BadInput(format!("{option}: {said}")));
+        return Err(BadInput(format!("{option}: {reason}")));
     }
     Ok(metres)
 }
@@ -121,7 +121,7 @@ fn check_near_origin(log: &EventLog) -> anyhow::Result<()> {
         let farthest_km = farthest_m / 1000.0;
         let message = format!(
             "the origin is the place of (0, 0), but events lie up to {farthest_km:.0} km from there; expected at most 100 km (are \
-             these UTM coordinates? --crs EPSG:CODE says so)"
+             these UTM coordinates? then give --crs EPSG:CODE)"
         );
         return Err(BadInput(message).into());
     }

@@ -2,7 +2,7 @@
 
 use pingmap_agent::{Agent, Position};
 
-use crate::success_map::{Asked, Cell, predicted};
+use crate::success_map::{Cell, MapQuery, predicted};
 
 /// The range with sufficient probability on one bearing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,19 +31,23 @@ impl Ray {
 
 /// Returns the rays from the first queried place. On each ray the probability is sufficient at all nearer ranges.
 /// O(bearings · n²) for n events.
-pub fn standoff(agent: &mut Agent, asked: &Asked, (probability, range_max_m): (f64, f64)) -> anyhow::Result<Vec<Ray>> {
+pub fn standoff(
+    agent: &mut Agent,
+    query: &MapQuery,
+    (probability, range_max_m): (f64, f64),
+) -> anyhow::Result<Vec<Ray>> {
     let step_m = range_max_m / STEPS as f64;
-    let from = asked.at[0];
+    let from = query.at[0];
     let mut rays = Vec::with_capacity(BEARINGS);
     for n in 0..BEARINGS {
         let bearing_deg = n as f64 * 360.0 / BEARINGS as f64;
         let ray = Ray { bearing_deg, range_m: 0.0, range_lower_m: 0.0 };
         let place = |step: usize| {
             let (east_m, north_m) = ray.place(from, step as f64 * step_m);
-            Position { depth_m: asked.depth_m, ..Position::new(east_m, north_m) }
+            Position { depth_m: query.depth_m, ..Position::new(east_m, north_m) }
         };
         let places: Vec<Position> = (0..=STEPS).map(place).collect();
-        let cells = predicted(agent, asked, asked.seen, &places)?;
+        let cells = predicted(agent, query, query.seen, &places)?;
         let up_to = |of: fn(&Cell) -> f64| {
             let values: Vec<f64> = cells.iter().map(of).collect();
             first_below(&values, probability) * step_m

@@ -7,7 +7,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::area::Area;
-use crate::names::{Join, Seen};
+use crate::cli_enums::{Join, Seen};
 use crate::output::BadInput;
 
 /// Default levels of the contours.
@@ -23,7 +23,7 @@ const DRAWS: usize = 256;
 const SEED: u64 = 1;
 
 /// The queries of a map.
-pub struct Asked<'a> {
+pub struct MapQuery<'a> {
     /// Positions that the map is seen from.
     pub at: &'a [Position],
     pub seen: Seen,
@@ -89,11 +89,11 @@ pub struct SuccessMap {
 
 impl SuccessMap {
     /// Predicts every cell. O(cells · positions · n²) for n events.
-    pub fn new(agent: &mut Agent, area: Area, asked: &Asked) -> anyhow::Result<Self> {
-        if asked.at.is_empty() {
+    pub fn new(agent: &mut Agent, area: Area, query: &MapQuery) -> anyhow::Result<Self> {
+        if query.at.is_empty() {
             return Err(BadInput("expected a place that the map is seen from".into()).into());
         }
-        let directions = match asked.seen {
+        let directions = match query.seen {
             Seen::Both => vec![Seen::Tx, Seen::Rx],
             one => vec![one],
         };
@@ -103,21 +103,21 @@ impl SuccessMap {
             for row in 0..area.rows {
                 let middles = (0..area.columns).map(|column| area.middle(row * area.columns + column));
                 let middles: Vec<Position> = middles
-                    .map(|(east_m, north_m)| Position { depth_m: asked.depth_m, ..Position::new(east_m, north_m) })
+                    .map(|(east_m, north_m)| Position { depth_m: query.depth_m, ..Position::new(east_m, north_m) })
                     .collect();
-                cells.extend(predicted(agent, asked, seen, &middles)?);
+                cells.extend(predicted(agent, query, seen, &middles)?);
             }
             sides.push(Side { seen, cells });
         }
-        Ok(Self { area, at: asked.at.to_vec(), join: asked.join, sides })
+        Ok(Self { area, at: query.at.to_vec(), join: query.join, sides })
     }
 }
 
 /// Predicts links between the queried positions and each of `middles`.
-pub fn predicted(agent: &mut Agent, asked: &Asked, seen: Seen, middles: &[Position]) -> anyhow::Result<Vec<Cell>> {
-    let of_places = asked.at.iter().map(|&at| from_one(agent, asked, (seen, at), middles));
+pub fn predicted(agent: &mut Agent, query: &MapQuery, seen: Seen, middles: &[Position]) -> anyhow::Result<Vec<Cell>> {
+    let of_places = query.at.iter().map(|&at| from_one(agent, query, (seen, at), middles));
     let of_places = of_places.collect::<anyhow::Result<Vec<_>>>()?;
-    all_joined(agent, asked.join, &of_places)
+    all_joined(agent, query.join, &of_places)
 }
 
 /// Combines the predictions for several positions into one prediction per cell.
@@ -137,12 +137,12 @@ pub fn all_joined(agent: &mut Agent, join: Join, of_places: &[Vec<(Cell, LinkQue
 /// Predicts links between one position and each of `middles`. Also returns the query of each prediction.
 pub fn from_one(
     agent: &mut Agent,
-    asked: &Asked,
+    query: &MapQuery,
     (seen, at): (Seen, Position),
     middles: &[Position],
 ) -> anyhow::Result<Vec<(Cell, LinkQuery)>> {
     let mut attempts = |link: &dyn Fn(Position) -> Link| -> anyhow::Result<Vec<(Cell, LinkQuery)>> {
-        let attempts: Vec<LinkQuery> = middles.iter().map(|&middle| (asked.attempt)(link(middle))).collect();
+        let attempts: Vec<LinkQuery> = middles.iter().map(|&middle| (query.attempt)(link(middle))).collect();
         let predictions = agent.predict(attempts.iter().copied(), PredictOptions::with_intervals())?;
         let cell = |Prediction { probability, explained, interval, .. }| {
             let (lower, upper) = interval.unwrap_or((probability, probability));

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use pingmap_agent::{Event, Link, VehicleId};
 
-use crate::contour::Point;
 use crate::figure::{Mark, Series, Style};
+use crate::grid::Point;
 
 /// Returns the extent of positions with a margin of a twentieth, at least 50 m. The shorter side is at least half the
 /// longer one, so that a straight survey line makes a usable figure.

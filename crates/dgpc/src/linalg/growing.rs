@@ -1,8 +1,5 @@
 //! A Cholesky factor to which rows can be appended.
 
-use faer::linalg::triangular_solve;
-use faer::{Mat, Par};
-
 use super::cholesky::Cholesky;
 use super::matrix::{Matrix, add_symmetric_product};
 use super::panels::solve_rows;

@@ -6,12 +6,12 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::log::Logs;
-use crate::output::{BadInput, Results, count, print, print_json, table};
+use crate::output::{BadInput, Results, count, print_json, print_text, table};
 
 /// Number of range bins in the table.
 const BINS: usize = 8;
 
-/// Check event logs: counts for each pair of vehicles, share heard over range, and suspicious content
+/// Check event logs for suspicious content, and count events by pair and by range
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap check log.csv --strict")]
 pub struct Options {
@@ -41,7 +41,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if options.json {
         print_json(results, &CheckedJson::of(&log, &findings))?;
     } else {
-        print(results, &text(&log, &findings))?;
+        print_text(results, &text(&log, &findings))?;
     }
     if options.strict && !findings.is_empty() {
         return Err(BadInput(format!("{}: {}", options.logs.name(), count(findings.len(), "finding"))).into());

@@ -8,10 +8,10 @@ use pingmap_agent::Learning;
 use pingmap_trial::{Division, Plan, built_in};
 
 use super::replay::Replayed;
+use crate::cli_parsers::threads;
 use crate::log::WholeLog;
 use crate::output::{Results, note};
-use crate::outputs::Target;
-use crate::values::threads;
+use crate::output_target::{Overwrite, RESULT};
 
 /// Three vehicles on survey legs in a bay with a ridge and a mound.
 const TRIAL: &str = "bay3";
@@ -23,10 +23,12 @@ const SEED: u64 = 1;
 #[command(after_help = "Example:\n  pingmap demo --out report")]
 pub struct Options {
     /// Folder for the report
-    #[arg(long, default_value = "pingmap-report", value_name = "DIR")]
+    #[arg(help_heading = RESULT, long, default_value = "pingmap-report", value_name = "DIR")]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print one JSON object instead of tables
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
     /// Worker threads; 0 uses one per core. Results do not depend on it
     #[arg(long, default_value_t = 0, value_parser = threads)]
@@ -39,7 +41,7 @@ impl Options {
     }
 
     pub fn run(&self, results: Results) -> anyhow::Result<()> {
-        Target::page(&self.out, false)?;
+        self.overwrite.report_folder(&self.out, &[])?;
         let log = built_in(TRIAL).context("the trial is built in")??;
         note(
             "Three underwater vehicles record which of each other's messages they hear. Each learns from the events it",

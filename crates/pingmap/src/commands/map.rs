@@ -8,37 +8,41 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::area::Area;
+use crate::cli_enums::{Join, Layer, Seen, name_of};
+use crate::cli_parsers::{corners, not_negative, open_share, place, positive, print_width};
 use crate::exports::{self, Export};
 use crate::figure::{Figure, Image};
-use crate::map_figure::{Drawn, figure};
-use crate::model::{KernelJson, MadeOf};
-use crate::names::{Join, Layer, Seen, name_of};
-use crate::options::{Asked as Parties, RESULT, Source};
+use crate::learned_map::LearnedMap;
+use crate::map_figure::{FigureContent, figure};
+use crate::model::{InputDigests, KernelJson};
+use crate::options::{QueryOptions, RESULT, Source};
 use crate::output::{BadInput, Results, note, print_json, spinner};
-use crate::outputs::{Kind, STANDARD_OUTPUT, Target, ending, picture};
+use crate::output_target::{Overwrite, STANDARD_OUTPUT, ending, picture};
 use crate::reference::{PlaceJson, position, positions, reference};
-use crate::success_map::{Asked, LEVELS, LITTLE_KNOWN, Side, SuccessMap};
-use crate::survey::Survey;
-use crate::values::{corners, not_negative, open_share, place, positive, print_width};
+use crate::success_map::{LEVELS, LITTLE_KNOWN, MapQuery, Side, SuccessMap};
 
 /// Draw the probability of success seen from one position, or from several
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  pingmap map log.csv --at 700,510 -o map.png\n  pingmap map log.csv --at 41.52N,70.67W --as worst --layers probability,width -o map.svg\n  pingmap map log.csv --at 0,0 --at 800,0 --join all --model model.toml -o both.tif"
+    after_long_help = "Examples:\n  pingmap map log.csv --at 700,510 -o map.png\n  pingmap map log.csv --at 41.52N,70.67W --as worst --layers probability,width -o map.svg\n  pingmap map log.csv --at 0,0 --at 800,0 --join all --model model.toml -o both.tif"
 )]
 pub struct Options {
     #[command(flatten)]
     pub view: View,
     #[command(flatten)]
-    pub asked: Parties,
+    pub query: QueryOptions,
     #[command(flatten)]
     pub drawing: Drawing,
     #[command(flatten)]
     pub source: Source,
-    /// File for the map; its extension selects the format: .png, .svg, .pdf, .csv (the grid), .geojson, .kml (areas,
-    /// contours and tracks) or .tif (GeoTIFF, a band for each number). For - the grid goes to standard output
+    /// File for the map: .png, .svg, .pdf, .csv, .geojson, .kml or .tif
+    ///
+    /// The extension selects the format. A CSV file contains the grid; GeoJSON and KML contain areas, contours and
+    /// tracks; a GeoTIFF has a band for each number. For - the grid goes to standard output.
     #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "map.png")]
     pub output: PathBuf,
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print a description of the map as one JSON object
     #[arg(help_heading = RESULT, long)]
     pub json: bool,
@@ -48,11 +52,12 @@ pub struct Options {
 #[derive(Args)]
 #[command(next_help_heading = "View")]
 pub struct View {
-    /// Position that the map is seen from: metres of the log, or degrees such as 41.52N,70.67W, with an optional depth.
-    /// Repeat the option for several positions
+    /// Position that the map is seen from; repeat the option for several positions
+    ///
+    /// A position is in metres of the log, or in degrees such as 41.52N,70.67W, with an optional depth.
     #[arg(long, value_name = "PLACE", value_parser = place, allow_hyphen_values = true, required = true)]
     pub at: Vec<(Place, Option<f64>)>,
-    /// Whether that position transmits, receives, or does both: as two maps, or as one map of the worse direction
+    /// Role of the position
     #[arg(long = "as", value_enum, default_value_t = Seen::Tx)]
     pub seen: Seen,
     /// Whether all of several positions are needed, or any
@@ -103,10 +108,8 @@ impl Options {
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let format = Format::of(&options.output)?;
-    let logs = &options.source.logs;
-    let target = Target::new(&options.output, format.kind(), &options.source.inputs(), logs.overwrite)?
-        .beside_json(options.json)?;
-    let log = Survey::open(&options.source)?;
+    let target = options.overwrite.target(&options.output, &options.source.inputs())?.with_json(options.json)?;
+    let log = LearnedMap::open(&options.source)?;
     let reference = reference(log.reference)?;
     if format.is_on_earth() && !log.reference.is_known() {
         let message = format!(
@@ -134,19 +137,19 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
             Area::around(log.events.iter().flat_map(|event| event.link.ends()).chain(at.iter().copied()), view.cell_m)?
         }
     };
-    let attempt = options.asked.attempt(&log)?;
-    let mut survey = Survey::learn(log, &options.source)?.capped(&options.asked);
+    let attempt = options.query.attempt(&log)?;
+    let mut learned_map = LearnedMap::learn(log, &options.source)?.capped(&options.query);
     let bar = spinner("drawing");
-    let asked = Asked { at: &at, seen: view.seen, join: view.join, depth_m, attempt: &attempt };
-    let map = SuccessMap::new(&mut survey.agent, area, &asked)?;
-    let bytes = bytes(format, &map, &survey, &reference, drawing)?;
+    let query = MapQuery { at: &at, seen: view.seen, join: view.join, depth_m, attempt: &attempt };
+    let map = SuccessMap::new(&mut learned_map.agent, area, &query)?;
+    let bytes = bytes(format, &map, &learned_map, &reference, drawing)?;
     bar.finish_and_clear();
     let written = target.write(&bytes, results);
     if written.is_ok() {
         note(format_args!("wrote {}", options.output.display()));
     }
     if options.json {
-        print_json(results, &MapJson::of(options, &survey, &map, &reference))?;
+        print_json(results, &MapJson::of(options, &learned_map, &map, &reference))?;
     }
     written
 }
@@ -154,17 +157,18 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
 fn bytes(
     format: Format,
     map: &SuccessMap,
-    survey: &Survey,
+    learned_map: &LearnedMap,
     reference: &Reference,
     drawing: &Drawing,
 ) -> anyhow::Result<Vec<u8>> {
     let &Drawing { ref levels, ref layers, ref title, with_events, width_mm } = drawing;
-    let events = &survey.log.events;
+    let events = &learned_map.log.events;
     let known = Some(reference).filter(|reference| reference.system().is_known());
-    let drawn = Drawn { events, levels, layers, title: title.as_deref(), reference: known, with_events, lines: &[] };
+    let content =
+        FigureContent { events, levels, layers, title: title.as_deref(), reference: known, with_events, lines: &[] };
     let export = Export { map, events, reference, levels };
     match format {
-        Format::Picture(image) => Figure::fitted(width_mm, |room| figure(map, &drawn, room)).file(image, width_mm),
+        Format::Picture(image) => Figure::fitted(width_mm, |room| figure(map, &content, room)).file(image, width_mm),
         Format::Csv => exports::csv(&export),
         Format::GeoJson => exports::geojson(&export),
         Format::Kml => exports::kml(&export),
@@ -178,7 +182,7 @@ pub struct MapJson<'a> {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
-    made_of: MadeOf,
+    digests: InputDigests,
     /// The file that was written.
     file: &'a Path,
     /// The first position that the map is seen from, in metres of the log.
@@ -256,21 +260,21 @@ impl SideJson {
 }
 
 impl<'a> MapJson<'a> {
-    fn of(options: &'a Options, survey: &Survey, map: &SuccessMap, reference: &Reference) -> Self {
+    fn of(options: &'a Options, learned_map: &LearnedMap, map: &SuccessMap, reference: &Reference) -> Self {
         let levels = &options.drawing.levels;
         let SideJson { share_above, interval_width, share_little_known, .. } = SideJson::of(&map.sides[0], levels);
         let area = &map.area;
         Self {
             schema: 1,
-            made_of: survey.made_of(),
+            digests: learned_map.digests(),
             file: &options.output,
             at: [map.at[0].east_m, map.at[0].north_m],
             places: map.at.iter().map(|place| PlaceJson::of(place, reference)).collect(),
             seen: name_of(&options.view.seen),
             join: name_of(&map.join),
             reference_system: reference.system().to_string(),
-            events_used: survey.log.events.len(),
-            kernel: KernelJson::of(survey.model()),
+            events_used: learned_map.log.events.len(),
+            kernel: KernelJson::of(learned_map.model()),
             columns: area.columns,
             rows: area.rows,
             cell_m: area.cell_m,
@@ -294,17 +298,6 @@ enum Format {
 }
 
 impl Format {
-    /// Returns the kind of file of this format.
-    fn kind(self) -> Kind {
-        match self {
-            Format::Picture(image) => Kind::of(image),
-            Format::Csv => Kind::GRID,
-            Format::GeoJson => Kind::GEO_JSON,
-            Format::Kml => Kind::KML,
-            Format::GeoTiff => Kind::GEO_TIFF,
-        }
-    }
-
     /// Whether the format needs positions on Earth.
     fn is_on_earth(self) -> bool {
         matches!(self, Format::GeoJson | Format::Kml | Format::GeoTiff)

@@ -10,30 +10,33 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use crate::learned_map::LearnedMap;
 use crate::log::{fill_depths, opened};
-use crate::model::{KernelJson, MadeOf};
-use crate::options::{Asked, RESULT, Source};
+use crate::model::{InputDigests, KernelJson};
+use crate::options::{QueryOptions, RESULT, Source};
 use crate::output::{Results, csv_of_text, json_text, spinner, warn};
-use crate::outputs::{Kind, STANDARD_OUTPUT, Target};
+use crate::output_target::{Overwrite, STANDARD_OUTPUT};
 use crate::reference::reference;
-use crate::survey::Survey;
 
 /// Predict the probability of success over links
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap predict log.csv --links links.csv --model model.toml -o predicted.csv")]
 pub struct Options {
-    /// CSV of links: tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m, or tx_latitude_deg and so on. Optional
-    /// columns tx_id, rx_id and time_s select vehicles and time; - is standard input. All columns are copied to the
-    /// output
+    /// CSV of links; - is standard input
+    ///
+    /// Columns are tx_easting_m, tx_northing_m, rx_easting_m and rx_northing_m, or tx_latitude_deg and so on. Optional
+    /// columns tx_id, rx_id and time_s select vehicles and time. All columns are copied to the output.
     #[arg(long)]
     pub links: PathBuf,
     #[command(flatten)]
-    pub asked: Asked,
+    pub query: QueryOptions,
     #[command(flatten)]
     pub source: Source,
     /// File for the result; standard output if not given
     #[arg(help_heading = RESULT, long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Write one JSON object instead of CSV
     #[arg(help_heading = RESULT, long)]
     pub json: bool,
@@ -45,11 +48,9 @@ impl Options {
     }
 
     pub fn run(&self, results: Results) -> anyhow::Result<()> {
-        let logs = &self.source.logs;
-        let kind = if self.json { Kind::PREDICTIONS_JSON } else { Kind::PREDICTIONS };
         let inputs: Vec<&Path> = self.source.inputs().into_iter().chain([self.links.as_path()]).collect();
         let output = self.output.as_deref().unwrap_or(Path::new(STANDARD_OUTPUT));
-        let target = Target::new(output, kind, &inputs, logs.overwrite)?;
+        let target = self.overwrite.target(output, &inputs)?;
         let predictions = Predictions::compute(self)?;
         let text = match self.json {
             true => json_text(results, &predictions.json())?,
@@ -76,7 +77,7 @@ const PLACES: [&str; 8] = [
 
 /// Links and their predictions.
 struct Predictions {
-    survey: Survey,
+    learned_map: LearnedMap,
     reference: Reference,
     table: AttemptTable,
     jitter: f64,
@@ -90,7 +91,7 @@ pub struct PredictionsJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
-    made_of: MadeOf,
+    digests: InputDigests,
     /// Reference system of the metres; `unknown` if the log does not name it.
     reference_system: String,
     /// Number of events from which the map was learned.
@@ -107,29 +108,29 @@ pub struct PredictionsJson {
 impl Predictions {
     fn compute(options: &Options) -> anyhow::Result<Self> {
         // Options are checked before learning, which takes longer.
-        let log = Survey::open(&options.source)?;
+        let log = LearnedMap::open(&options.source)?;
         let reference = reference(log.reference)?;
         let nowhere = Position::new(0.0, 0.0);
-        let asked = options.asked.attempt(&log)?(Link { transmitter: nowhere, receiver: nowhere });
+        let query = options.query.attempt(&log)?(Link { transmitter: nowhere, receiver: nowhere });
         let mut table =
-            read_attempts(opened(&options.links)?, &asked, &|place| reference.metres(Place::Degrees(place)))?;
+            read_attempts(opened(&options.links)?, &query, &|place| reference.metres(Place::Degrees(place)))?;
         let replaced: Vec<&str> = table.header.iter().map(String::as_str).filter(is_predicted).collect();
         if !replaced.is_empty() {
             let (path, columns) = (options.links.display(), replaced.join(", "));
             warn(format_args!("{path}: predictions replace the values of {columns}"));
         }
-        let mut survey = Survey::learn(log, &options.source)?.capped(&options.asked);
-        fill_depths(table.attempts.iter_mut().map(|attempt| &mut attempt.link), &survey.log);
+        let mut learned_map = LearnedMap::learn(log, &options.source)?.capped(&options.query);
+        fill_depths(table.attempts.iter_mut().map(|attempt| &mut attempt.link), &learned_map.log);
         let bar = spinner("predicting");
-        let predicted = survey.agent.predict(&table.attempts, PredictOptions::with_intervals())?;
+        let predicted = learned_map.agent.predict(&table.attempts, PredictOptions::with_intervals())?;
         bar.finish_and_clear();
         let row = |Prediction { mean, variance, probability, interval, .. }| {
             let (lower, upper) = interval.unwrap_or((probability, probability));
             [probability, lower, upper, mean, variance]
         };
         let predicted = predicted.into_iter().map(row).collect();
-        let jitter = survey.agent.posterior(Which::Fused)?.jitter();
-        Ok(Self { survey, reference, table, jitter, predicted })
+        let jitter = learned_map.agent.posterior(Which::Fused)?.jitter();
+        Ok(Self { learned_map, reference, table, jitter, predicted })
     }
 
     /// Returns the values of [`PLACES`], as far as they are known.
@@ -169,7 +170,8 @@ impl Predictions {
         let of = |((attempt, fields), numbers): ((&LinkQuery, &Vec<String>), &[f64; 5])| {
             let [_, lower, upper, mean, variance] = *numbers;
             let own = self.table.header.iter().zip(fields).filter(|(name, _)| !is_predicted(&name.as_str()));
-            let mut object: Map<String, Value> = own.map(|(name, field)| (name.clone(), said(name, field))).collect();
+            let mut object: Map<String, Value> =
+                own.map(|(name, field)| (name.clone(), field_value(name, field))).collect();
             let places = PLACES.iter().zip(self.places(&attempt.link));
             object.extend(places.filter_map(|(name, number)| Some(((*name).to_owned(), json!(number?)))));
             object.extend(depths(&attempt.link));
@@ -184,11 +186,11 @@ impl Predictions {
         };
         PredictionsJson {
             schema: 1,
-            made_of: self.survey.made_of(),
-            reference_system: self.survey.log.reference.to_string(),
-            events_used: self.survey.log.events.len(),
+            digests: self.learned_map.digests(),
+            reference_system: self.learned_map.log.reference.to_string(),
+            events_used: self.learned_map.log.events.len(),
             jitter: self.jitter,
-            kernel: KernelJson::of(self.survey.model()),
+            kernel: KernelJson::of(self.learned_map.model()),
             predictions: self.table.attempts.iter().zip(&self.table.rows).zip(&self.predicted).map(of).collect(),
         }
     }
@@ -200,7 +202,7 @@ fn is_predicted(name: &&str) -> bool {
 }
 
 /// Returns a field of the input as a JSON value. Names and codes such as 007 stay text.
-fn said(column: &str, field: &str) -> Value {
+fn field_value(column: &str, field: &str) -> Value {
     let is_name = ["tx_id", "rx_id", "kind"].iter().any(|name| name.eq_ignore_ascii_case(column));
     let begins_as_code = |rest: &str| rest.starts_with(|letter: char| letter.is_ascii_digit());
     let is_code = field.trim_start_matches('-').strip_prefix('0').is_some_and(begins_as_code);

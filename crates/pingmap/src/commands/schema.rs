@@ -73,9 +73,9 @@ fn of<T: JsonSchema>() -> Schema {
             json!({"type": "array", "items": {"type": "string"}, "description": "The command line that printed the object."}),
         ),
     ];
-    for (name, said) in of_all {
+    for (name, property) in of_all {
         if let Some(properties) = schema.get_mut("properties").and_then(|properties| properties.as_object_mut()) {
-            properties.insert(name.to_owned(), said);
+            properties.insert(name.to_owned(), property);
         }
         if let Some(required) = schema.get_mut("required").and_then(|required| required.as_array_mut()) {
             required.push(name.into());

@@ -7,15 +7,15 @@ use pingmap_trial::selection::{Query, RegionChoice, SelectionError, choose_point
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::cli_enums::{PolicyName, name_of};
+use crate::cli_parsers::{dense_events, inducing_points, positive, quadruple, threads};
 use crate::log::{self, Logs};
-use crate::model::{KernelJson, Known, MadeOf};
-use crate::names::{PolicyName, name_of};
-use crate::options::{ModelSource, RESULT};
-use crate::output::{BadInput, Results, count, note, print, print_json, spinner, table, warn};
+use crate::model::{InputDigests, KernelJson, ModelAndFit};
+use crate::options::{ModelFileOption, RESULT};
+use crate::output::{BadInput, Results, count, note, print_json, print_text, spinner, table, warn};
 use crate::reference::{PlaceJson, ReferenceOptions, reference};
-use crate::values::{dense_events, inducing_points, positive, quadruple, threads};
 
-/// Choose the inducing points that summarise a locality region, with the certificate of the choice
+/// Choose the inducing points that summarise a locality region, with a certificate
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap select log.csv --vehicle auv1 --points 3")]
 pub struct Options {
@@ -39,15 +39,15 @@ pub struct Options {
     #[command(flatten)]
     pub reference: ReferenceOptions,
     #[command(flatten)]
-    pub model: ModelSource,
+    pub model: ModelFileOption,
     /// Seed of all random numbers
-    #[arg(help_heading = "Work", long, default_value_t = 1)]
+    #[arg(help_heading = "Computation", long, default_value_t = 1)]
     pub seed: u64,
     /// Largest number of events that are summarised, those nearest to the centre
-    #[arg(help_heading = "Work", long, default_value_t = 1000, value_parser = dense_events)]
+    #[arg(help_heading = "Computation", long, default_value_t = 1000, value_parser = dense_events)]
     pub events_max: usize,
     /// Worker threads; 0 uses one per core. Results do not depend on it
-    #[arg(help_heading = "Work", long, default_value_t = 0, value_parser = threads)]
+    #[arg(help_heading = "Computation", long, default_value_t = 0, value_parser = threads)]
     pub threads: usize,
     /// Print one JSON object instead of tables
     #[arg(help_heading = RESULT, long)]
@@ -63,7 +63,7 @@ impl Options {
         let selected = Selected::choose(self)?;
         match self.json {
             true => print_json(results, &selected.json(self)),
-            false => print(results, &selected.text(self)),
+            false => print_text(results, &selected.text(self)),
         }
     }
 }
@@ -72,7 +72,7 @@ impl Options {
 struct Selected {
     log_digest: String,
     reference: Reference,
-    known: Known,
+    known: ModelAndFit,
     choice: RegionChoice,
 }
 
@@ -82,7 +82,7 @@ pub struct SelectedJson<'a> {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
-    made_of: MadeOf,
+    digests: InputDigests,
     /// Reference system of the metres; `unknown` if the log does not name it.
     reference_system: String,
     /// Vehicle whose events are summarised.
@@ -148,11 +148,11 @@ pub struct CertificateJson {
 impl Selected {
     fn choose(options: &Options) -> anyhow::Result<Self> {
         let mut log = options.logs.open()?;
-        options.reference.tell(&mut log)?;
+        options.reference.apply(&mut log)?;
         let reference = reference(log.reference)?;
         let own = log::only(&log, &options.vehicle)?;
         let log_digest = log.digest();
-        let known = Known::new(&options.model, &log, Limits::default())?;
+        let known = ModelAndFit::new(options.model.path(), &log, Limits::default())?;
         let centre = options.centre.map(|[tx_east, tx_north, rx_east, rx_north]| {
             let (transmitter, receiver) = (Position::new(tx_east, tx_north), Position::new(rx_east, rx_north));
             let mut link = [Link { transmitter, receiver }];
@@ -204,7 +204,10 @@ impl Selected {
         };
         SelectedJson {
             schema: 1,
-            made_of: MadeOf { log_digest: self.log_digest.clone(), model_digest: Some(self.known.model.digest()) },
+            digests: InputDigests {
+                log_digest: self.log_digest.clone(),
+                model_digest: Some(self.known.model.digest()),
+            },
             reference_system: self.reference.system().to_string(),
             vehicle: &options.vehicle,
             policy: name_of(&options.policy),

@@ -8,7 +8,7 @@ use clap_complete::Shell;
 
 use crate::files::make_folder;
 use crate::output::{BadInput, Results, note};
-use crate::outputs::{Kind, Target};
+use crate::output_target::Overwrite;
 
 /// Print the completion script of a shell
 #[derive(Args)]
@@ -38,9 +38,8 @@ impl Completions {
 pub struct Man {
     /// Folder for the pages
     folder: Option<PathBuf>,
-    /// Replace files that pingmap did not write
-    #[arg(long)]
-    overwrite: bool,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 impl Man {
@@ -63,7 +62,7 @@ impl Man {
         }
         make_folder(folder)?;
         for name in pages(&definition, String::new()) {
-            Target::new(&folder.join(name), Kind::MANUAL, &[], self.overwrite)?;
+            self.overwrite.target(&folder.join(name), &[])?;
         }
         clap_mangen::generate_to(definition, folder)?;
         note(format_args!("wrote the pages to {}", folder.display()));

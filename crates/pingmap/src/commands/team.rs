@@ -9,15 +9,17 @@ use pingmap_trial::{EventLog, schedule};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::cli_parsers::{frame_bytes, mission_s, positive, time};
 use crate::log::Logs;
-use crate::model::{MadeOf, log_digest, open_model};
+use crate::model::{InputDigests, log_digest, open_model};
 use crate::options::RESULT;
 use crate::output::{BadInput, Results, count, note, print_json, warn};
-use crate::outputs::{Kind, Target};
+use crate::output_target::Overwrite;
 use crate::team::open_key;
-use crate::values::{frame_bytes, mission_s, positive, time};
 
-/// Write the team configuration that is fixed before the mission: members, grid, frames, and the model of the packets
+/// Write the team configuration: members, grid, frames, and the model of the packets
+///
+/// The configuration is fixed before the mission.
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap team log.csv --model model.toml --frame-bytes 32 -o team.toml")]
 pub struct Options {
@@ -46,9 +48,13 @@ pub struct Options {
     /// given
     #[arg(long, value_parser = mission_s, allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
-    /// File for the team; it contains the path of the model file relative to its own folder
+    /// File for the team
+    ///
+    /// The file contains the path of the model file relative to its own folder.
     #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "team.toml")]
     pub output: PathBuf,
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print the configuration as one JSON object
     #[arg(help_heading = RESULT, long)]
     pub json: bool,
@@ -60,7 +66,7 @@ pub struct TeamJson<'a> {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
-    made_of: MadeOf,
+    digests: InputDigests,
     /// The team file that was written.
     file: &'a Path,
     /// Digest of the team configuration.
@@ -112,8 +118,7 @@ impl Options {
 fn write(options: &Options, results: Results) -> anyhow::Result<()> {
     let mut inputs = options.logs.paths();
     inputs.extend(options.key_file.as_deref().into_iter().chain([options.model.as_path()]));
-    let target =
-        Target::new(&options.output, Kind::TEAM, &inputs, options.logs.overwrite)?.beside_json(options.json)?;
+    let target = options.overwrite.target(&options.output, &inputs)?.with_json(options.json)?;
     let log = options.logs.open()?;
     let file = open_model(&options.model, &log)?;
     let key = options.key_file.as_deref().map(open_key).transpose()?;
@@ -135,8 +140,8 @@ fn write(options: &Options, results: Results) -> anyhow::Result<()> {
     let schedule = schedule(&log);
     let is_kept = schedule.is_some();
     team.slots = schedule.unwrap_or(team.slots).aligned_before(team.grid.start_s);
-    let key_name = options.key_file.as_ref().map(|path| beside(path, &options.output)).transpose()?;
-    let model_name = beside(&options.model, &options.output)?;
+    let key_name = options.key_file.as_ref().map(|path| relative_path(path, &options.output)).transpose()?;
+    let model_name = relative_path(&options.model, &options.output)?;
     let text = TeamFile::write(&team, &model_name, key_name.as_deref(), log_digest(&file));
     let text = text.map_err(bad_team)?;
     if options.json {
@@ -166,7 +171,7 @@ impl<'a> TeamJson<'a> {
         let Grid { cell_m, depth_cell_m, start_s, time_cell_s } = team.grid;
         Self {
             schema: 1,
-            made_of: MadeOf { log_digest: log.digest(), model_digest: Some(team.model.digest()) },
+            digests: InputDigests { log_digest: log.digest(), model_digest: Some(team.model.digest()) },
             file: &options.output,
             team_digest: to_hex(&team.digest()),
             members: team.members.iter().map(member).collect(),
@@ -186,7 +191,7 @@ impl<'a> TeamJson<'a> {
 }
 
 /// Returns the path of a file relative to the folder of the team file.
-fn beside(path: &Path, team_file: &Path) -> anyhow::Result<String> {
+fn relative_path(path: &Path, team_file: &Path) -> anyhow::Result<String> {
     let absolute = std::path::absolute(path)?;
     let team_file = std::path::absolute(team_file)?;
     let mut folder = team_file.parent().unwrap_or(Path::new("/"));

@@ -3,8 +3,8 @@
 use pingmap_agent::{Event, Geographic, ReferenceSystem};
 use pingmap_import::Reference;
 
-use crate::contour::Point;
-use crate::names::name_of;
+use crate::cli_enums::name_of;
+use crate::grid::Point;
 use crate::output::BadInput;
 use crate::success_map::{Side, SuccessMap};
 

@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 
 use super::bands::bands;
 use super::export::Export;
-use crate::contour::{Point, contour_lines};
-use crate::names::name_of;
+use crate::cli_enums::name_of;
+use crate::grid::Point;
 use crate::tracks::tracks;
 
 /// Returns areas between levels, contours, tracks and the positions that the map is seen from.
@@ -21,20 +21,20 @@ pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
     for side in &map.sides {
         let seen = name_of(&side.seen);
         for band in bands(export, side)? {
-            let said = [
+            let properties = [
                 ("probability_from", json!(band.from)),
                 ("probability_to", json!(band.to)),
                 ("seen_as", json!(seen)),
                 ("as", json!(seen)),
             ];
-            features.push(feature("area", said, GeometryValue::from(&band.polygons)));
+            features.push(feature("area", properties, GeometryValue::from(&band.polygons)));
         }
         let values = side.values(|cell| cell.probability);
         for &level in export.levels {
-            let lines = contour_lines(&map.area.grid(&values), level);
+            let lines = map.area.grid(&values).contour_lines(level);
             let coordinates = lines.iter().map(|points| line(points)).collect::<anyhow::Result<Vec<_>>>()?;
-            let said = [("probability", json!(level)), ("seen_as", json!(seen)), ("as", json!(seen))];
-            features.push(feature("contour", said, GeometryValue::MultiLineString { coordinates }));
+            let properties = [("probability", json!(level)), ("seen_as", json!(seen)), ("as", json!(seen))];
+            features.push(feature("contour", properties, GeometryValue::MultiLineString { coordinates }));
         }
     }
     for (id, points) in tracks(export.events) {
@@ -67,11 +67,11 @@ pub(super) fn collection(features: Vec<Feature>) -> FeatureCollection {
 /// Returns a shape with its kind and properties.
 pub(super) fn feature<'a>(
     kind: &str,
-    said: impl IntoIterator<Item = (&'a str, Value)>,
+    properties: impl IntoIterator<Item = (&'a str, Value)>,
     geometry: GeometryValue,
 ) -> Feature {
-    let mut properties = JsonObject::new();
-    properties.insert("kind".into(), json!(kind));
-    properties.extend(said.into_iter().map(|(name, value)| (name.to_owned(), value)));
-    Feature { geometry: Some(Geometry::new(geometry)), properties: Some(properties), ..Feature::default() }
+    let mut object = JsonObject::new();
+    object.insert("kind".into(), json!(kind));
+    object.extend(properties.into_iter().map(|(name, value)| (name.to_owned(), value)));
+    Feature { geometry: Some(Geometry::new(geometry)), properties: Some(object), ..Feature::default() }
 }

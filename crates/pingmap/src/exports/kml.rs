@@ -11,8 +11,8 @@ use serde_json::Value;
 use super::bands::{Band, bands};
 use super::export::{Export, degrees};
 use super::lines::{Line, Shape, ring};
+use crate::cli_enums::name_of;
 use crate::figure::shade;
-use crate::names::name_of;
 use crate::tracks::tracks;
 
 /// Returns areas between levels, tracks and the positions that the map is seen from.
@@ -72,9 +72,9 @@ pub fn kml_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec
                 Geometry::Polygon(Polygon { tessellate: true, ..Polygon::new(ring, Vec::new()) })
             }
         };
-        let name = line.said.iter().find(|(name, _)| *name == "name").and_then(|(_, name)| name.as_str());
+        let name = line.properties.iter().find(|(name, _)| *name == "name").and_then(|(_, name)| name.as_str());
         let style_url = Element { name: "styleUrl".into(), content: Some("#plan".into()), ..Element::default() };
-        let children = [style_url].into_iter().chain(data(&line.said)).collect();
+        let children = [style_url].into_iter().chain(data(&line.properties)).collect();
         elements
             .push(Kml::Placemark(Placemark { children, ..placemark(name.unwrap_or(line.kind).to_owned(), geometry) }));
     }
@@ -89,14 +89,14 @@ pub fn kml_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec
 }
 
 /// Returns the properties of a shape, without its name, as the data that programs show for it.
-fn data(said: &[(&'static str, Value)]) -> Option<Element> {
+fn data(properties: &[(&'static str, Value)]) -> Option<Element> {
     let one = |(name, value): &(&'static str, Value)| {
         let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         let value = Element { name: "value".into(), content: Some(text), ..Element::default() };
         let attrs = [("name".to_owned(), (*name).to_owned())].into();
         Element { name: "Data".into(), attrs, children: vec![value], ..Element::default() }
     };
-    let children: Vec<Element> = said.iter().filter(|(name, _)| *name != "name").map(one).collect();
+    let children: Vec<Element> = properties.iter().filter(|(name, _)| *name != "name").map(one).collect();
     (!children.is_empty()).then(|| Element { name: "ExtendedData".into(), children, ..Element::default() })
 }
 

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::export::degrees;
 use super::geojson::{collection, feature};
-use crate::contour::Point;
+use crate::grid::Point;
 
 /// A position, a line or an area, with its properties.
 pub struct Line {
@@ -14,7 +14,7 @@ pub struct Line {
     pub kind: &'static str,
     pub shape: Shape,
     /// Names and values of the properties.
-    pub said: Vec<(&'static str, Value)>,
+    pub properties: Vec<(&'static str, Value)>,
 }
 
 /// A shape in metres of the log.
@@ -48,7 +48,7 @@ pub fn geojson_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result
             Shape::Line(points) => GeometryValue::LineString { coordinates: positions(points)? },
             Shape::Area(corners) => GeometryValue::Polygon { coordinates: vec![positions(&ring(corners))?] },
         };
-        Ok(feature(line.kind, line.said.iter().cloned(), geometry))
+        Ok(feature(line.kind, line.properties.iter().cloned(), geometry))
     };
     let features = lines.iter().map(one).collect::<anyhow::Result<Vec<_>>>()?;
     Ok(serde_json::to_vec_pretty(&collection(features))?)

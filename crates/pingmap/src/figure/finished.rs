@@ -59,9 +59,9 @@ impl Figure {
             let grows = (large - small) / (Room::PLENTY.side - SIDE_NARROW);
             Room::PLENTY.side + (width_mm * PX_PER_MM - large) / grows
         };
-        let beside = side(LegendPlace::Right);
-        if beside >= SIDE_NARROW {
-            return draw(Room { side: beside, legend: LegendPlace::Right });
+        let right_side = side(LegendPlace::Right);
+        if right_side >= SIDE_NARROW {
+            return draw(Room { side: right_side, legend: LegendPlace::Right });
         }
         draw(Room { side: side(LegendPlace::Below).max(SIDE_MIN), legend: LegendPlace::Below })
     }

@@ -10,7 +10,7 @@ use super::marks::{
     draw_arrow, draw_head, draw_line, draw_mark, shortened, shortened_to, text_at, text_width, ways_once,
 };
 use super::style::{Arrows, FONT_PX, LegendPlace, Mark, Series, Style};
-use crate::contour::{Grid, Point, contour_lines};
+use crate::grid::{Grid, Point};
 
 const ROW_PX: f64 = 20.0;
 const KEY_PX: f64 = 42.0;
@@ -107,7 +107,7 @@ impl Frame {
     pub(super) fn contour(&mut self, grid: &Grid, level: f64, style: Style) {
         let name = format!("{level}");
         let mut longest: Vec<Point> = vec![];
-        for line in contour_lines(grid, level) {
+        for line in grid.contour_lines(level) {
             let line: Vec<Point> = line.iter().map(|&point| self.pixel(point)).collect();
             self.line(&line, style, 2.0);
             if line.len() > longest.len() {

@@ -7,7 +7,7 @@ use kuva::render::render::{Primitive, TextAnchor};
 use super::frame::{BAR_ROOM_PX, Frame, round_step};
 use super::marks::{draw_line, polygon, text_at, text_width};
 use super::style::{LegendPlace, Mark, Style};
-use crate::contour::{Grid, Point};
+use crate::grid::{Grid, Point};
 
 /// Number of shades, more than the eye distinguishes. Equal neighbours are joined.
 const SHADES: f64 = 200.0;

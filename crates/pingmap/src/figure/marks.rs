@@ -6,7 +6,7 @@ use kuva::prelude::{Layout, LegendEntry, LegendShape};
 use kuva::render::render::{PathData, Primitive, TextAnchor};
 
 use super::style::{FONT_PX, Mark, Style};
-use crate::contour::Point;
+use crate::grid::Point;
 
 /// Draws a line over a white `halo`. The dashes are cut here, because the PNG writer would restart the pattern at every
 /// vertex and would not scale it.

@@ -15,7 +15,7 @@ mod tests;
 use kuva::prelude::Layout;
 use kuva::render::render::{Primitive, Scene};
 
-use crate::contour::{Grid, Point};
+use crate::grid::{Grid, Point};
 pub use finished::{Figure, Image};
 use frame::{Frame, round_step, thin};
 pub use ground::shade;

@@ -1,6 +1,6 @@
 //! Elements of figures and their style.
 
-use crate::contour::Point;
+use crate::grid::Point;
 
 /// Size of ordinary letters in pixels.
 pub(super) const FONT_PX: u32 = 12;

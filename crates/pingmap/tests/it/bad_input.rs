@@ -237,7 +237,7 @@ fn results_follow_symbolic_links_and_do_not_replace_devices() {
     file(folder.path(), "links.csv", "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n0,0,1,1\n");
     let target = file(folder.path(), "target.csv", "");
     let predict = |output: &str| {
-        let command = ["predict", "events.csv", "--links", "links.csv", "-o", output];
+        let command = ["predict", "events.csv", "--links", "links.csv", "-o", output, "--overwrite"];
         assert!(pingmap(folder.path(), &command).status.success(), "{output}");
     };
     #[cfg(unix)]
@@ -300,7 +300,7 @@ fn many_unknown_columns_give_a_short_warning() {
         .map(|(n, line)| format!("{line}{}\n", if n == 0 { &header } else { &zeros }))
         .collect();
     file(folder.path(), "events.csv", wide);
-    let output = pingmap(folder.path(), &["select", "events.csv", "--vehicle", "a", "--length-scale-m", "300"]);
+    let output = pingmap(folder.path(), &["select", "events.csv", "--vehicle", "a"]);
     assert!(output.status.success(), "{}", stderr(&output));
     let warning = stderr(&output);
     assert!(warning.contains("extra19 and 199980 more") && warning.len() < 2000, "{} characters", warning.len());

@@ -50,17 +50,17 @@ fn findings_are_printed_and_unusable_logs_are_refused() {
     for command in [&["learn", "heard.csv"][..], &["map", "heard.csv", "--at", "0,0"], &["team", "heard.csv"]] {
         let output = pingmap(folder, command);
         assert_eq!(output.status.code(), Some(2), "{command:?}");
-        let said = stderr(&output);
+        let message = stderr(&output);
         assert!(
-            said.contains("heard.csv") && said.contains("pingmap import") && said.contains("--accept-bad-log"),
-            "{said}"
+            message.contains("heard.csv") && message.contains("pingmap import") && message.contains("--accept-bad-log"),
+            "{message}"
         );
         let output = pingmap(folder, &[command, &["--accept-bad-log"]].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         assert!(stderr(&output).contains("no event is a miss"));
     }
     // Other findings are warnings.
-    let output = pingmap(folder, &["team", "case.csv"]);
+    let output = pingmap(folder, &["team", "case.csv", "--overwrite"]);
     assert!(output.status.success() && stderr(&output).contains("warning: case.csv: B and b"), "{}", stderr(&output));
 }
 
@@ -92,8 +92,10 @@ fn several_logs_are_read_as_one() {
     assert_eq!(found["log_digest"], all);
     // Every command accepts several logs. The old option for logs still works.
     let map = |logs: &[&str]| {
-        let output =
-            pingmap(folder, &[&["map"], logs, &["--at", "500,200", "--cell-m", "200", "-o", "map.csv"]].concat());
+        let output = pingmap(
+            folder,
+            &[&["map"], logs, &["--at", "500,200", "--cell-m", "200", "-o", "map.csv", "--overwrite"]].concat(),
+        );
         assert!(output.status.success(), "{}", stderr(&output));
         std::fs::read(folder.join("map.csv")).unwrap()
     };

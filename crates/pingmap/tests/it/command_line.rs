@@ -1,6 +1,6 @@
 //! The commands on good input.
 
-use crate::common::{file, json, log, pingmap, shared_data, stderr, stdout, two_splits};
+use crate::common::{QUICK, file, json, learn, log, pingmap, shared_data, stderr, stdout, two_splits};
 use serde_json::Value;
 use std::path::Path;
 
@@ -44,7 +44,7 @@ fn a_report_draws_the_sent_inducing_points() {
 fn results_do_not_depend_on_the_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let run = |threads| {
-        let mut object = json(folder.path(), &["demo", "--json", "--threads", threads]);
+        let mut object = json(folder.path(), &["demo", "--json", "--threads", threads, "--overwrite"]);
         assert_eq!(object["command"][3], threads);
         object.as_object_mut().unwrap().remove("command");
         object
@@ -113,12 +113,21 @@ fn predict_appends_probabilities_and_intervals_to_the_links() {
     assert!(pingmap(folder.path(), &[&command[..], &["-o", "out.csv"]].concat()).status.success());
     assert_eq!(std::fs::read_to_string(folder.path().join("out.csv")).unwrap(), text);
     let object = json(folder.path(), &[&command[..], &["--json"]].concat());
-    let said = |key: &str| object["predictions"][1][key].as_f64().unwrap();
+    let message = |key: &str| object["predictions"][1][key].as_f64().unwrap();
     assert_eq!(
-        [said("log_odds_variance"), said("log_odds_mean"), said("upper"), said("lower"), said("probability")],
+        [
+            message("log_odds_variance"),
+            message("log_odds_mean"),
+            message("upper"),
+            message("lower"),
+            message("probability")
+        ],
         far[..]
     );
-    assert_eq!([said("variance"), said("mean"), said("probability_high"), said("probability_low")], far[..4]);
+    assert_eq!(
+        [message("variance"), message("mean"), message("probability_high"), message("probability_low")],
+        far[..4]
+    );
     // Columns of earlier predictions are replaced with a warning.
     let again = pingmap(folder.path(), &["predict", "events.csv", "--links", "out.csv"]);
     assert_eq!(stdout(&again), text);
@@ -187,10 +196,9 @@ fn links_and_waypoints_are_read_from_standard_input() {
     file(folder.path(), "events.csv", log(&["a", "b"], 100));
     file(folder.path(), "links.csv", "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n0,0,500,300\n");
     file(folder.path(), "track.csv", "x,y\n500,200\n500,800\n");
-    for (command, name) in [
-        ("predict events.csv --additions none --links ", "links.csv"),
-        ("plan track events.csv --additions none --at 500,300 --along ", "track.csv"),
-    ] {
+    for (command, name) in
+        [("predict events.csv --links ", "links.csv"), ("plan track events.csv --at 500,300 --along ", "track.csv")]
+    {
         let arguments = |name| format!("{command}{name}");
         let from_file = pingmap(folder.path(), &arguments(name).split(' ').collect::<Vec<_>>());
         let piped = std::process::Command::new(env!("CARGO_BIN_EXE_pingmap"))
@@ -211,10 +219,10 @@ fn json_output_keeps_additional_columns_of_links() {
     let links =
         "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m,tx_id,time_s,note\n0,0,500,300,a,12.5,by the quay\n";
     file(folder.path(), "links.csv", links);
-    let command = ["predict", "events.csv", "--links", "links.csv", "--additions", "none", "--json"];
+    let command = ["predict", "events.csv", "--links", "links.csv", "--json"];
     let of = json(folder.path(), &command)["predictions"][0].clone();
-    let said = (of["tx_id"].as_str(), of["time_s"].as_f64(), of["note"].as_str(), of["rx_easting_m"].as_f64());
-    assert_eq!(said, (Some("a"), Some(12.5), Some("by the quay"), Some(500.0)));
+    let message = (of["tx_id"].as_str(), of["time_s"].as_f64(), of["note"].as_str(), of["rx_easting_m"].as_f64());
+    assert_eq!(message, (Some("a"), Some(12.5), Some("by the quay"), Some(500.0)));
 }
 
 #[test]
@@ -224,9 +232,10 @@ fn predictions_are_reciprocal_by_default() {
     let header = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m";
     file(folder.path(), "links.csv", format!("{header}\n300,200,500,600\n500,600,300,200\n"));
     // The model has the path term alone, because noise at the receiver is not reciprocal.
-    let command = ["predict", "events.csv", "--links", "links.csv", "--terms", "path", "--json"];
+    let command = ["predict", "events.csv", "--links", "links.csv", "--model", "model.toml", "--json"];
     let both = |options: &[&str]| {
-        let object = json(folder.path(), &[&command[..], options].concat());
+        learn(folder.path(), &[QUICK, options].concat(), "model.toml");
+        let object = json(folder.path(), &command);
         [0, 1].map(|n: usize| object["predictions"][n]["probability"].as_f64().unwrap())
     };
     let [there, back] = both(&[]);

@@ -22,7 +22,8 @@ fn written_splits_give_the_same_scores() {
     let mut scores = Vec::new();
     for (by, splits, held_out) in [("random", 2, 31), ("time", 2, 32), ("range", 1, 36), ("vehicle", 3, 30)] {
         let repeats: &[&str] = if splits == 2 { &["--repeats", "2"] } else { &[] };
-        let result = replay(folder, &[&["--split-by", by, "--write-splits", "splits.csv"], repeats].concat());
+        let result =
+            replay(folder, &[&["--split-by", by, "--write-splits", "splits.csv", "--overwrite"], repeats].concat());
         let again = replay(folder, &["--splits", "splits.csv"]);
         assert_eq!(result["splits"], splits, "{by}");
         let found = result["per_split"][0]["held_out_events"].as_u64().unwrap();
@@ -34,7 +35,7 @@ fn written_splits_give_the_same_scores() {
     // The name of a vehicle, and so of a split, may need quotes.
     let named = log(&["a", "b"], 60).replace(",a,", ",\"a,1\",");
     file(folder, "events.csv", named);
-    let result = replay(folder, &["--split-by", "vehicle", "--write-splits", "splits.csv"]);
+    let result = replay(folder, &["--split-by", "vehicle", "--write-splits", "splits.csv", "--overwrite"]);
     assert_eq!(result["per_split"][0]["name"], "a,1");
     assert_eq!(replay(folder, &["--splits", "splits.csv"])["scores"], result["scores"]);
 }

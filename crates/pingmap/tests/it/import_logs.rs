@@ -32,7 +32,7 @@ fn all_log_formats_give_the_same_mission() {
     std::fs::remove_file(folder.join("mission/shore.alog")).unwrap();
     // Without the table of ids the address of broadcasts is unknown.
     std::fs::rename(folder.join("mission/ids.csv"), folder.join("ids.csv")).unwrap();
-    let arguments = ["import", "mission", "--correct-clocks", "auv1"];
+    let arguments = ["import", "mission", "--correct-clocks", "auv1", "--overwrite"];
     let output = pingmap(folder, &arguments);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("to 63") && stderr(&output).contains("--ids"), "{}", stderr(&output));
@@ -102,7 +102,7 @@ fn archives_are_folders(folder: &Path, options: &str, expected: &serde_json::Val
     let whole = std::fs::read(folder.join("all.tgz")).unwrap();
     file(folder, "cut.tgz", "");
     std::fs::write(folder.join("cut.tgz"), &whole[..whole.len() / 2]).unwrap();
-    let output = pingmap(folder, &["import", "cut.tgz"]);
+    let output = pingmap(folder, &["import", "cut.tgz", "--overwrite"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("cut.tgz") && stderr(&output).contains("unpacked"), "{}", stderr(&output));
 }
@@ -179,7 +179,7 @@ fn a_folder_of_tables_is_recognised_and_the_roles_of_files_are_printed() {
     let whole = import(folder, &format!("mission {options}")).0;
     assert_eq!((&whole["log_digest"], &whole["pairs"]), (&by_options["log_digest"], &by_options["pairs"]));
     assert_eq!(whole["left_out"]["files"], 2);
-    let arguments = format!("import mission {options}");
+    let arguments = format!("import mission {options} --overwrite");
     let warnings = stderr(&pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>()));
     for line in [
         "auv2.sent.csv: transmissions of auv2",
@@ -210,19 +210,23 @@ fn a_folder_of_tables_is_recognised_and_the_roles_of_files_are_printed() {
             .stdin(File::open(folder.join("sorted.tar")).unwrap());
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).output().unwrap()
     };
-    let output = child(&format!("import - --ids mission/ids.csv {options} --json"));
+    let output = child(&format!("import - --ids mission/ids.csv {options} --json --overwrite"));
     let piped: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
     assert_eq!(piped["log_digest"], by_options["log_digest"], "{}", stderr(&output));
     assert!(stderr(&output).contains("standard input/3/nav.csv: navigation of auv3"), "{}", stderr(&output));
     // Standard input and standard output can be named once.
-    for (arguments, words) in [("import - -", "named twice"), ("import sorted -o - --json", "--json and -o -")] {
+    for (arguments, words) in
+        [("import - - --overwrite", "named twice"), ("import sorted -o - --json", "--json and -o -")]
+    {
         let output = child(arguments);
         assert!(output.status.code() == Some(2) && stderr(&output).contains(words), "{}", stderr(&output));
     }
     // The vehicle and the kind of a single table must be given.
     std::fs::copy(folder.join("sorted/auv1/nav.csv"), folder.join("nav.csv")).unwrap();
     std::fs::copy(folder.join("sorted/auv1/heard.csv"), folder.join("auv1.csv")).unwrap();
-    for (arguments, words) in [("import nav.csv", "NAME="), ("import auv1.csv", "unknown kind of file")] {
+    for (arguments, words) in
+        [("import nav.csv --overwrite", "NAME="), ("import auv1.csv --overwrite", "unknown kind of file")]
+    {
         let output = pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>());
         assert!(output.status.code() == Some(2) && stderr(&output).contains(words), "{}", stderr(&output));
     }
@@ -283,7 +287,7 @@ fn other_files_in_a_mission_folder_are_ignored() {
     );
     assert!(warnings.contains("mission/photos.zip: cannot be unpacked"), "{warnings}");
     std::fs::rename(folder.join("mission/auv1.nav.csv"), folder.join("mission/auv1.nav.xyz~")).unwrap();
-    let output = pingmap(folder, &["import", "mission", "--ids", "mission/ids.csv"]);
+    let output = pingmap(folder, &["import", "mission", "--ids", "mission/ids.csv", "--overwrite"]);
     assert!(output.status.code() == Some(2) && stderr(&output).contains("nav.xyz~"), "{}", stderr(&output));
     std::fs::rename(folder.join("mission/auv1.nav.xyz~"), folder.join("mission/auv1.nav.csv")).unwrap();
 }

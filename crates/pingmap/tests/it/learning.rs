@@ -2,14 +2,16 @@
 
 use std::path::Path;
 
-use crate::common::{HEADER, file, json, log, pingmap, stderr, stdout};
+use crate::common::{HEADER, file, json, learn, log, pingmap, stderr, stdout};
 use serde_json::Value;
 
 /// Learns from a small log, and returns the text of the model file.
 fn learned(folder: &Path, options: &[&str]) -> String {
     file(folder, "events.csv", log(&["a", "b"], 120));
-    let output =
-        pingmap(folder, &[&["learn", "events.csv", "--kernel", "matern32", "--inputs", "raw"], options].concat());
+    let output = pingmap(
+        folder,
+        &[&["learn", "events.csv", "--kernel", "matern32", "--inputs", "raw", "--overwrite"], options].concat(),
+    );
     assert!(output.status.success(), "{}", stderr(&output));
     std::fs::read_to_string(folder.join("model.toml")).unwrap()
 }
@@ -41,8 +43,11 @@ fn learn_prints_every_candidate_and_writes_the_best() {
     // The written model was learned from all events.
     assert!(candidates.iter().any(|candidate| candidate["structure"] == result["model"]["structure"]));
     assert_eq!(result["model"]["events_used"], 120);
-    let text = stdout(&pingmap(folder.path(), &["learn", "events.csv", "--terms", "path", "--kernel", "matern32"]));
-    for expected in ["E / event", "leave-one-out", "range mean", "Matérn 3/2, ", "Chosen by"] {
+    let text = stdout(&pingmap(
+        folder.path(),
+        &["learn", "events.csv", "--terms", "path", "--kernel", "matern32", "--overwrite"],
+    ));
+    for expected in ["E: evidence bound", "leave-one-out", "range mean", "Matérn 3/2, ", "Chosen by"] {
         assert!(text.contains(expected), "{expected:?} is missing: {text}");
     }
 }
@@ -118,7 +123,8 @@ fn an_invalid_model_file_is_refused_with_the_reason() {
     expect(with("scale_m = ", "scale_m = -"), &["scale_m", "1e-6"]);
     file(folder.path(), "changed.toml", b"\xff\xfe");
     expect(refused(folder.path(), &select), &["cannot read it"]);
-    let both = refused(folder.path(), &[&select[..], &["--kernel", "matern52"]].concat());
+    let replay = ["replay", "events.csv", "--model", "changed.toml", "--kernel", "matern52"];
+    let both = refused(folder.path(), &replay);
     assert!(both.contains("'--model <FILE>' cannot be used with") && both.contains("--kernel"), "{both}");
 }
 
@@ -129,25 +135,19 @@ fn a_conservative_range_has_even_odds_before_learning() {
     file(folder.path(), "events.csv", format!("{HEADER}\n1,a,b,0,0,0,100,1\n"));
     let header = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m";
     file(folder.path(), "links.csv", format!("{header}\n9000,0,9000,250\n9000,0,9000,500\n9000,0,9000,1000\n"));
-    let command = [
-        "predict",
-        "events.csv",
-        "--links",
-        "links.csv",
-        "--json",
-        "--conservative-range-m",
-        "500",
-        "--accept-bad-log",
-    ];
+    let prior = ["--conservative-range-m", "500", "--accept-bad-log"];
+    let command =
+        ["predict", "events.csv", "--links", "links.csv", "--json", "--accept-bad-log", "--model", "model.toml"];
     let p = |more: &[&str]| {
-        let result = json(folder.path(), &[&command[..], more].concat());
+        learn(folder.path(), &[&prior[..], more].concat(), "model.toml");
+        let result = json(folder.path(), &command);
         [0, 1, 2].map(|n: usize| result["predictions"][n]["probability"].as_f64().unwrap())
     };
     let [near, there, far] = p(&[]);
     assert!(near > 0.7 && (there - 0.5).abs() < 0.1 && far < 0.2, "{near} {there} {far}");
     let [steep, _, _] = p(&["--conservative-slope-per-km", "20"]);
     assert!(steep > near, "{steep} {near}");
-    refused(folder.path(), &[&command[..], &["--prior-mean", "zero"]].concat());
+    refused(folder.path(), &[&["learn", "events.csv"], &prior[..], &["--prior-mean", "zero"]].concat());
     refused(folder.path(), &["replay", "events.csv", "--conservative-slope-per-km", "20"]);
 }
 
@@ -160,6 +160,7 @@ fn uninformative_events_keep_parameters_near_the_prior() {
         // The warning about links needs many events.
         file(folder.path(), "events.csv", format!("{HEADER}\n{}", rows.repeat(6)));
         let learn = ["learn", "events.csv", "--kernel", "matern32", "--inputs", "link", "--json", "--accept-bad-log"];
+        let learn = [&learn[..], &["--overwrite"]].concat();
         let output = pingmap(folder.path(), &learn);
         assert!(output.status.success(), "{}", stderr(&output));
         assert!(stderr(&output).contains(warning), "{warning}: {}", stderr(&output));
@@ -247,7 +248,7 @@ fn a_site_prior_improves_predictions_of_the_next_mission() {
     let seen = json(folder, &"replay second.csv --online --model both.toml --json".split(' ').collect::<Vec<_>>());
     assert_eq!(seen["model_has_seen_log"], true);
     assert!(succeeded("map --events second.csv --model both.toml --at 0,0 -o map.csv").contains("counts twice"));
-    assert!(!succeeded("map --events third.csv --model both.toml --at 0,0 -o map.csv").contains("counts twice"));
+    assert!(!succeeded("map --events third.csv --model both.toml --at 0,0 -o third-map.csv").contains("counts twice"));
     assert!(refused(folder, &["learn", "second.csv", "--update", "site.toml"]).contains("--site-prior"));
     assert!(refused(folder, &["learn", "second.csv", "--site-prior", "0"]).contains("from 1 to 256"));
 }

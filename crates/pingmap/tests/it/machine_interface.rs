@@ -158,15 +158,15 @@ fn file_name(name: &str) -> String {
 fn quiet_commands_print_only_results_and_warnings() {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "events.csv", log(&["a", "b"], 60));
-    let map = ["map", "events.csv", "--at", "0,0", "--cell-m", "200", "--terms", "path", "--additions", "none"];
-    let said = |more: &[&str]| stderr(&pingmap(folder.path(), &[&map[..], more].concat()));
-    assert!(said(&[]).contains("wrote map.png"));
-    let warned = said(&["--quiet"]);
+    let map = ["map", "events.csv", "--at", "0,0", "--cell-m", "200", "--overwrite"];
+    let message = |more: &[&str]| stderr(&pingmap(folder.path(), &[&map[..], more].concat()));
+    assert!(message(&[]).contains("wrote map.png"));
+    let warned = message(&["--quiet"]);
     assert!(!warned.is_empty() && warned.lines().all(|line| line.starts_with("warning: ")), "{warned}");
-    assert_eq!(said(&["-q"]), warned);
+    assert_eq!(message(&["-q"]), warned);
     // The option does not change the map.
     let drawn = std::fs::read(folder.path().join("map.png")).unwrap();
-    said(&[]);
+    message(&[]);
     assert_eq!(std::fs::read(folder.path().join("map.png")).unwrap(), drawn);
 }
 
@@ -211,12 +211,13 @@ fn help_is_grouped_and_ends_with_examples() {
         let (before, examples) = text.rsplit_once("Example").unwrap_or_else(|| panic!("{command} has no example"));
         assert!(examples.contains(&format!("pingmap {command}")) && !before.is_empty(), "{command}: {examples}");
     }
+    assert!(help("learn").contains("\nModel options:\n") && !help("map").contains("--kernel"));
     let text = help("map");
     let place = |what: &str| text.find(what).unwrap_or_else(|| panic!("no {what}"));
     assert!(
-        place("\nView:") < place("\nWho and when:")
-            && place("\nWho and when:") < place("\nModel, where no file")
-            && place("\nDrawing:") < place("\nWork:"),
+        place("\nView:") < place("\nVehicles and time:")
+            && place("\nVehicles and time:") < place("\nReference system:")
+            && place("\nDrawing:") < place("\nComputation:"),
         "{text}"
     );
     // Each option is in its own group.

@@ -12,6 +12,7 @@ mod check_command;
 mod command_line;
 mod documentation;
 mod evaluation;
+mod help;
 mod import;
 mod import_logs;
 mod learning;

@@ -4,27 +4,34 @@ use std::io::{Cursor, Write as _};
 use std::path::Path;
 use std::process::Command;
 
-use crate::common::{file, json, log, opened_by_others, pingmap, stderr, stdout};
+use crate::common::{QUICK, file, json, learn, log, opened_by_others, pingmap, stderr, stdout};
 use serde_json::Value;
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::tags::Tag;
 
-/// Options of every map in these tests, for short learning times.
-const QUICK: &[&str] = &["--terms", "path", "--additions", "none", "--kernel", "matern32", "--cell-m", "50"];
+/// Options of every map in these tests, for a short computing time.
+const COARSE: &[&str] = &["--cell-m", "50", "--overwrite"];
+
+const MODEL: &[&str] = &["--model", "model.toml"];
 
 /// Latitude and longitude of (0, 0) in these tests.
 const ORIGIN: (f64, f64) = (42.3, -70.9);
 
-/// Returns a folder with a log that has an origin.
+/// Returns a folder with a log that has an origin, and a model.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let (latitude, longitude) = ORIGIN;
     file(folder.path(), "events.csv", format!("# reference system: {latitude},{longitude}\n{}", log(&["a", "b"], 120)));
+    learn(folder.path(), QUICK, "model.toml");
     folder
 }
 
 fn draw(folder: &Path, arguments: &[&str]) -> Value {
-    json(folder, &[&["map", "events.csv"], arguments, QUICK, &["--json"]].concat())
+    draw_with(folder, MODEL, arguments)
+}
+
+fn draw_with(folder: &Path, model: &[&str], arguments: &[&str]) -> Value {
+    json(folder, &[&["map", "events.csv"], arguments, model, COARSE, &["--json"]].concat())
 }
 
 fn read(folder: &Path, name: &str) -> Vec<u8> {
@@ -63,8 +70,9 @@ fn the_grid_contains_metres_degrees_and_predictions() {
     let described = draw(folder.path(), &["--at", "500,200", "-o", "map.csv", "--as", "both"]);
     let grid = String::from_utf8(read(folder.path(), "map.csv")).unwrap();
     let (header, rows) = columns(&grid);
-    let said = ["easting_m", "northing_m", "latitude_deg", "longitude_deg", "tx_probability", "tx_lower", "tx_upper"];
-    assert_eq!(header[..7], said);
+    let message =
+        ["easting_m", "northing_m", "latitude_deg", "longitude_deg", "tx_probability", "tx_lower", "tx_upper"];
+    assert_eq!(header[..7], message);
     assert_eq!(header[7..], ["tx_explained", "rx_probability", "rx_lower", "rx_upper", "rx_explained"]);
     let number = |key: &str| described[key].as_u64().unwrap() as usize;
     assert_eq!(rows.len(), number("columns") * number("rows"));
@@ -110,8 +118,9 @@ fn places_in_degrees_and_in_metres_give_the_same_map() {
 #[test]
 fn joined_directions_and_places_are_bounds() {
     let folder = folder();
+    learn(folder.path(), &[QUICK, &["--reciprocal", "no"]].concat(), "one-way.toml");
     let probabilities = |more: &[&str]| -> Vec<f64> {
-        draw(folder.path(), &[&["-o", "map.csv", "--reciprocal", "no"], more].concat());
+        draw_with(folder.path(), &["--model", "one-way.toml"], &[&["-o", "map.csv"], more].concat());
         let text = String::from_utf8(read(folder.path(), "map.csv")).unwrap();
         columns(&text).1.iter().map(|row| row[4]).collect()
     };
@@ -141,23 +150,25 @@ fn pictures_contain_their_labels() {
     let folder = folder();
     draw(folder.path(), &["--at", "500,200", "-o", "map.png", "--layers", "probability,width"]);
     assert!(read(folder.path(), "map.png").starts_with(b"\x89PNG"));
-    let svg = |more: &[&str]| {
-        draw(folder.path(), &[&["--at", "500,200", "-o", "map.svg"], more].concat());
+    let svg_with = |model: &[&str], more: &[&str]| {
+        draw_with(folder.path(), model, &[&["--at", "500,200", "-o", "map.svg"], more].concat());
         String::from_utf8(read(folder.path(), "map.svg")).unwrap()
     };
-    let plain = svg(&["--as", "rx", "--length-scale-m", "200", "--bounds=-1000,-1000,2500,2500"]);
-    for said in
+    let svg = |more: &[&str]| svg_with(MODEL, more);
+    learn(folder.path(), &[QUICK, &["--length-scale-m", "200"]].concat(), "short.toml");
+    let plain = svg_with(&["--model", "short.toml"], &["--as", "rx", "--bounds=-1000,-1000,2500,2500"]);
+    for message in
         ["receiver", "little known beyond the prior", "probability of success", "42°18", "70°54", "500 m", "viewBox"]
     {
-        assert!(plain.contains(said), "no {said}");
+        assert!(plain.contains(message), "no {message}");
     }
     assert!(!plain.contains("rotate(-90"), "letters stand upright");
     let titled =
         svg(&["--title", "Bay & <quay>", "--with-events", "--levels", "0.25,0.75", "--layers", "probability,lower"]);
-    for said in ["Bay &amp; &lt;quay&gt;", "heard here", "missed here", "contour 0.25", "lower end"] {
-        assert!(titled.contains(said), "no {said}");
+    for message in ["Bay &amp; &lt;quay&gt;", "heard here", "missed here", "contour 0.25", "lower end"] {
+        assert!(titled.contains(message), "no {message}");
     }
-    assert!(!titled.contains("contour 0.9"), "a contour nobody asked for");
+    assert!(!titled.contains("contour 0.9"), "a contour that was not requested");
     // Long names are truncated.
     let long = "n".repeat(5000);
     file(folder.path(), "events.csv", log(&[&long, "b"], 60));
@@ -189,10 +200,10 @@ fn pictures_have_the_requested_width() {
     let reader = png::Decoder::new(Cursor::new(png)).read_info().unwrap();
     assert_eq!(reader.info().pixel_dims.map(|dots| dots.xppu), Some(11811), "300 dots an inch");
     assert!(reader.info().width.abs_diff(2126) <= 1, "{}", reader.info().width);
-    // The command replaces its own file.
+    // The command replaces its file with --overwrite.
     drawn("map.png", "90");
     let arguments = ["map", "events.csv", "--at", "500,200", "-o", "map.pdf", "--width-mm", "180"];
-    let output = pingmap(folder.path(), &[&arguments[..], QUICK].concat());
+    let output = pingmap(folder.path(), &[&arguments[..], MODEL, COARSE].concat());
     if cfg!(feature = "pdf") {
         assert!(output.status.success(), "{}", stderr(&output));
         let pdf = String::from_utf8_lossy(&read(folder.path(), "map.pdf")).into_owned();
@@ -280,7 +291,7 @@ fn a_geotiff_has_the_cells_and_the_position_of_the_map() {
 }
 
 /// Returns the output of an installed program, or prints that the check is skipped.
-fn said_by(program: &str, arguments: &[&str], folder: &Path) -> Option<String> {
+fn output_of(program: &str, arguments: &[&str], folder: &Path) -> Option<String> {
     let Ok(output) = Command::new(program).args(arguments).current_dir(folder).output() else {
         let message = format!("skipped: there is no {program}\n");
         std::io::stderr().write_all(message.as_bytes()).unwrap();
@@ -296,34 +307,38 @@ fn other_programs_open_maps() {
     for name in ["map.tif", "map.geojson", "map.kml"] {
         draw(folder.path(), &["--at", "500,200", "--bounds", "0,0,1000,1000", "-o", name]);
     }
-    if let Some(said) = said_by("gdalinfo", &["map.tif"], folder.path()) {
+    if let Some(message) = output_of("gdalinfo", &["map.tif"], folder.path()) {
         assert!(
-            said.contains("Transverse") && said.contains("Description = probability") && !said.contains("ERROR"),
-            "{said}"
+            message.contains("Transverse")
+                && message.contains("Description = probability")
+                && !message.contains("ERROR"),
+            "{message}"
         );
         // Upper left corner in degrees, minutes and seconds: 1000 m north of the origin.
-        assert!(said.contains("70d54' 0.00\"W, 42d18'32."), "{said}");
+        assert!(message.contains("70d54' 0.00\"W, 42d18'32."), "{message}");
     }
     for (name, layer) in [("map.geojson", "map"), ("map.kml", "Tracks")] {
-        if let Some(said) = said_by("ogrinfo", &["-al", "-so", name], folder.path()) {
-            assert!(said.contains(layer) && !said.contains("ERROR") && !said.contains("Warning"), "{said}");
-            let features: u32 =
-                said.lines().filter_map(|line| line.strip_prefix("Feature Count: ")?.trim().parse::<u32>().ok()).sum();
-            assert!(features >= 6, "{said}");
+        if let Some(message) = output_of("ogrinfo", &["-al", "-so", name], folder.path()) {
+            assert!(message.contains(layer) && !message.contains("ERROR") && !message.contains("Warning"), "{message}");
+            let features: u32 = message
+                .lines()
+                .filter_map(|line| line.strip_prefix("Feature Count: ")?.trim().parse::<u32>().ok())
+                .sum();
+            assert!(features >= 6, "{message}");
         }
     }
-    if let Some(said) = opened_by_others(folder.path(), &["map.tif", "map.geojson", "map.kml"]) {
-        let grid = &said["map.tif"];
+    if let Some(message) = opened_by_others(folder.path(), &["map.tif", "map.geojson", "map.kml"]) {
+        let grid = &message["map.tif"];
         let first = ["degrees", "metres"].map(|key| [0, 1].map(|n: usize| grid[key][n].as_f64().unwrap()));
         let [[longitude, latitude], [east_m, north_m]] = first;
         // PROJ and the ellipsoid give the same centre of the north-western cell.
         let (x_m, y_m) = metres((latitude, longitude));
         assert!((x_m - east_m).hypot(y_m - north_m) < 1.0 && (east_m, north_m) == (25.0, 975.0), "{grid}");
         assert_eq!(grid["bands"], serde_json::json!(["probability", "lower", "upper", "explained"]));
-        assert_eq!(said["map.kml"]["schema_errors"], serde_json::json!([]));
+        assert_eq!(message["map.kml"]["schema_errors"], serde_json::json!([]));
         let shapes = |layer: &Value| layer["shapes"].as_u64().unwrap();
         for name in ["map.geojson", "map.kml"] {
-            let layers = said[name]["layers"].as_object().unwrap();
+            let layers = message[name]["layers"].as_object().unwrap();
             assert!(layers.values().map(shapes).sum::<u64>() >= 6, "{name}: {layers:?}");
         }
     }
@@ -346,22 +361,22 @@ fn a_map_has_the_digest_of_the_whole_log_and_refuses_distant_places() {
     let folder = folder();
     let digest = |command: &[&str]| json(folder.path(), command)["log_digest"].as_str().unwrap().to_owned();
     let whole = digest(&["check", "events.csv", "--json"]);
-    let of_part = [&["map", "events.csv", "--at", "0,0", "--events-max", "50"], QUICK, &["--json"]].concat();
+    let of_part = [&["map", "events.csv", "--at", "0,0", "--events-max", "50"], MODEL, COARSE, &["--json"]].concat();
     assert_eq!(digest(&of_part), whole);
     // A place in another hemisphere is refused.
     let (latitude, longitude) = ORIGIN;
     let at = format!("{latitude}N,{}E", longitude.abs());
-    let output = pingmap(folder.path(), &["map", "events.csv", "--at", &at]);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.code() == Some(2) && said.contains("--at") && said.contains("100 km"), "{said}");
-    // A large file is recognised as a file of pingmap.
-    let (learning, _) = QUICK.split_at(QUICK.len() - 2);
+    let output = pingmap(folder.path(), &["map", "events.csv", "--at", &at, "--overwrite"]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && message.contains("--at") && message.contains("100 km"), "{message}");
+    // A large file is replaced with --overwrite only.
     let geojson = ["-o", "map.geojson", "--at", "500,200", "--cell-m", "12", "--as", "both"];
     let levels = ["--levels", ".05,.1,.15,.2,.25,.3,.35,.4,.45,.5,.55,.6,.65,.7,.75,.8,.85,.9,.95", "--json"];
-    for _ in 0..2 {
-        json(folder.path(), &[&["map", "events.csv"], &geojson[..], learning, &levels].concat());
-    }
+    let large = [&["map", "events.csv"], &geojson[..], MODEL, &levels].concat();
+    json(folder.path(), &large);
     assert!(read(folder.path(), "map.geojson").len() > 1 << 20);
+    assert_eq!(pingmap(folder.path(), &large).status.code(), Some(2));
+    json(folder.path(), &[&large[..], &["--overwrite"]].concat());
 }
 
 #[test]
@@ -380,6 +395,7 @@ fn a_log_in_utm_coordinates_has_correct_degrees() {
         format!("{},{},{}\n", fields[..3].join(","), places.join(","), fields[7])
     });
     file(folder.path(), "events.csv", shifted.collect::<String>());
+    learn(folder.path(), QUICK, "model.toml");
     draw(folder.path(), &["--at", "500500,4683200", "--crs", "EPSG:32619", "-o", "map.csv"]);
     let text = String::from_utf8(read(folder.path(), "map.csv")).unwrap();
     let (_, rows) = columns(&text);
@@ -389,7 +405,7 @@ fn a_log_in_utm_coordinates_has_correct_degrees() {
         6_378_137.0 * a[2].to_radians().cos() / (1.0 - 0.006_694_38 * a[2].to_radians().sin().powi(2)).sqrt();
     assert!(((b[3] - a[3]).to_radians() * parallel_m - 50.0 / 0.9996).abs() < 0.05, "{a:?} {b:?}");
     draw(folder.path(), &["--at", "500500,4683200", "--crs", "EPSG:32619", "-o", "map.tif"]);
-    if let Some(said) = said_by("gdalinfo", &["map.tif"], folder.path()) {
-        assert!(said.contains("UTM zone 19N") && said.contains("69d"), "{said}");
+    if let Some(message) = output_of("gdalinfo", &["map.tif"], folder.path()) {
+        assert!(message.contains("UTM zone 19N") && message.contains("69d"), "{message}");
     }
 }

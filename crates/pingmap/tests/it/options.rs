@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// One option, its value, and the other options that it needs for an effect.
 type Case = (&'static str, &'static str, &'static str);
 
-/// Options of the model, for all commands that learn one. All cases use a log of two vehicles.
+/// Options of the model, for the commands that learn one as requested. All cases use a log of two vehicles.
 const MODEL: &[Case] = &[
     ("--kernel", "matern52", ""),
     ("--inputs", "raw", ""),
@@ -22,11 +22,13 @@ const MODEL: &[Case] = &[
     ("--variance", "9", ""),
     ("--fading", "0.9,1000,100", ""),
     ("--learn-events-max", "20", ""),
-    ("--events-max", "12", ""),
 ];
 
+/// The largest number of events.
+const EVENTS: &[Case] = &[("--events-max", "12", "")];
+
 /// Options of the choice of events.
-const THINNED: &[Case] = &[("--seed", "9", "--events-max 12")];
+const THINNED: &[Case] = &[EVENTS[0], ("--seed", "9", "--events-max 12")];
 
 const GIVEN: &[Case] = &[("--model", "other.toml", "")];
 
@@ -73,7 +75,7 @@ const CRITERION: Case = ("--criterion", "evidence", "");
 const ADDITIONS: Case = ("--additions", "none", "");
 
 const LEARN: &[Case] = &[
-    ("--output", "other.toml", ""),
+    ("--output", "elsewhere.toml", ""),
     ("--test-share", "0.3", ""),
     ("--site-prior", "8", ""),
     ("--update", "other.toml", "--site-prior 8"),
@@ -92,8 +94,7 @@ const ASKED: &[Case] = &[
     ("--kind", "fast", "--model offsets.toml"),
 ];
 
-const NO_CAP: &[Case] =
-    &[("--no-range-cap", "", "--prior-mean zero --kernel squared-exponential --length-scale-m 100")];
+const NO_CAP: &[Case] = &[("--no-range-cap", "", "--model short.toml")];
 
 const PREDICT: &[Case] = &[
     ("--vehicle", "ada", ""),
@@ -106,7 +107,7 @@ const PREDICT: &[Case] = &[
 const MAP: &[Case] = &[
     ("--vehicle", "ada", ""),
     ("--at", "300,300", ""),
-    ("--as", "rx", "--reciprocal no"),
+    ("--as", "rx", "--model one-way.toml"),
     ("--output", "map.svg", ""),
     ("--origin", "44.1,9.8", "--output map.geojson --origin 44,9"),
     ("--crs", "EPSG:32619", "--output map.csv"),
@@ -158,8 +159,8 @@ const GATEWAY: &[Case] = &[
     ("--every-s", "20", ""),
 ];
 
-/// Options of the model that all plans have, tried with one plan.
-const OF_ALL_PLANS: [&[Case]; 6] = [STANDOFF, ASKED, GIVEN, MODEL, WORK, THINNED];
+/// Options that all plans have, tried with one plan.
+const OF_ALL_PLANS: [&[Case]; 5] = [STANDOFF, ASKED, GIVEN, WORK, THINNED];
 
 const SELECT: &[Case] = &[
     ("--vehicle", "bob", ""),
@@ -236,7 +237,7 @@ const IMPORT: &[Case] = &[
     ("--overhear", "", "--column heard.destination=addressee"),
     ("--any-frame", "", "--column heard.frame=part"),
     ("--surfaced-above-m", "9.9", ""),
-    ("--output", "imported.csv", ""),
+    ("--output", "elsewhere.csv", ""),
     ("--json", "", ""),
 ];
 
@@ -275,9 +276,9 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
         ("replay events.csv --repeats 1 --frames 1", vec![REPLAY, GIVEN, MODEL, WORK, THINNED]),
         ("replay events.csv --model model.toml", vec![ONLINE]),
         ("check events.csv", vec![&[("--json", "", "")]]),
-        ("learn events.csv", vec![LEARN, MODEL, WORK, THINNED]),
-        ("predict events.csv --links links.csv", vec![PREDICT, ASKED, NO_CAP, GIVEN, MODEL, WORK, THINNED]),
-        ("map events.csv --at 500,200 --cell-m 150", vec![MAP, ASKED, NO_CAP, GIVEN, MODEL, WORK, THINNED]),
+        ("learn events.csv --output learned.toml", vec![LEARN, MODEL, WORK, THINNED]),
+        ("predict events.csv --links links.csv", vec![PREDICT, ASKED, NO_CAP, GIVEN, WORK, THINNED]),
+        ("map events.csv --at 500,200 --cell-m 150", vec![MAP, ASKED, NO_CAP, GIVEN, WORK, THINNED]),
         ("map deep.csv --at 500,200 --cell-m 150 --model deep.toml", vec![DEEP]),
         ("predict events.csv --links places.csv --origin 44,9", vec![&[("--origin", "44.001,9", "")]]),
         ("plan standoff deep.csv --at 500,200 --probability 0.4 --model deep.toml", vec![DEEP]),
@@ -285,12 +286,15 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
         ("plan track events.csv --at 9000,200 --along track.csv", vec![NO_CAP]),
         ("plan track events.csv --at 500,200 --along track.csv --model model.toml", vec![PLAN, TRACK]),
         ("plan gateway events.csv --among other-track.csv --along track.csv --model model.toml", vec![PLAN, GATEWAY]),
-        ("select events.csv --vehicle ada --radius-m 400", vec![SELECT, GIVEN, MODEL]),
+        ("select events.csv --vehicle ada --radius-m 400", vec![SELECT, GIVEN, EVENTS]),
         ("simulate --slots 300", vec![SIMULATE]),
-        ("import --nav nav.csv --heard heard.csv --schedule schedule.toml --ids ids.csv", vec![IMPORT]),
+        (
+            "import --nav nav.csv --heard heard.csv --schedule schedule.toml --ids ids.csv --output imported.csv",
+            vec![IMPORT],
+        ),
         ("reproduce local --permutations 2", vec![REPRODUCE]),
         ("reproduce points --permutations 2", vec![&[("--out", "page", "")]]),
-        ("team events.csv", vec![TEAM]),
+        ("team events.csv --output new-team.toml", vec![TEAM]),
         ("packet decode PACKET", vec![DECODE]),
         ("packet encode packet.json", vec![ENCODE]),
         ("packet schema", vec![SCHEMA]),
@@ -319,6 +323,8 @@ fn prepare(folder: &Path) {
     for arguments in [
         "learn events.csv",
         "learn events.csv --kernel rational-quadratic --output other.toml",
+        "learn events.csv --reciprocal no --output one-way.toml",
+        "learn events.csv --prior-mean zero --kernel squared-exponential --length-scale-m 100 --output short.toml",
         "learn deep.csv --output deep.toml",
         "team events.csv --epoch 3 --frame-bytes 64",
     ] {
@@ -405,11 +411,11 @@ fn outcome(template: &Path, arguments: &str) -> Outcome {
     let arguments = arguments.replace("PACKET", PACKET);
     let output = pingmap(folder.path(), &arguments.split_whitespace().collect::<Vec<_>>());
     let timed = |line: &&str| !line.contains("seconds");
-    let said = without_command(stdout(&output));
-    let said = said.lines().filter(timed).collect::<Vec<_>>().join("\n");
+    let message = without_command(stdout(&output));
+    let message = message.lines().filter(timed).collect::<Vec<_>>().join("\n");
     let mut files = BTreeMap::new();
     collect(folder.path(), Path::new(""), &mut files);
-    (output.status.code(), said, files)
+    (output.status.code(), message, files)
 }
 
 fn collect(folder: &Path, name: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {

@@ -1,4 +1,4 @@
-//! Output files: other files are not overwritten, and outputs are checked before the work.
+//! Output files: existing files are not overwritten, and outputs are checked before the work.
 
 use std::path::Path;
 
@@ -38,8 +38,8 @@ fn input_files_are_never_overwritten() {
         COMMANDS.iter().filter(|(command, name)| command.contains("events.csv") && name.ends_with("csv"))
     {
         for name in ["events.csv", "./events.csv"] {
-            let (status, _, said) = run(folder, &format!("{command}{name}"));
-            assert!(status == Some(2) && said.contains("is read and would be written"), "{command}: {said}");
+            let (status, _, message) = run(folder, &format!("{command}{name}"));
+            assert!(status == Some(2) && message.contains("is read and would be written"), "{command}: {message}");
         }
         // --overwrite does not allow it either.
         assert_eq!(run(folder, &format!("{command}events.csv --overwrite")).0, Some(2));
@@ -50,31 +50,42 @@ fn input_files_are_never_overwritten() {
 }
 
 #[test]
-fn only_files_of_pingmap_are_replaced_without_overwrite() {
+fn existing_files_are_replaced_only_with_overwrite() {
     let folder = prepared();
     let folder = folder.path();
     for (command, name) in COMMANDS {
-        file(folder, name, "years of work\n");
-        let (status, _, said) = run(folder, &format!("{command}{name}"));
-        assert!(status == Some(2) && said.contains(name) && said.contains("--overwrite"), "{command}: {said}");
-        assert_eq!(std::fs::read(folder.join(name)).unwrap(), b"years of work\n", "{command}");
-        let (status, _, said) = run(folder, &format!("{command}{name} --overwrite"));
-        assert_eq!(status, Some(0), "{command}: {said}");
-        // Own files and empty files are replaced.
-        assert_eq!(run(folder, &format!("{command}{name}")).0, Some(0), "{command}");
-        file(folder, name, "");
-        assert_eq!(run(folder, &format!("{command}{name}")).0, Some(0), "{command}");
+        for content in ["years of work\n", ""] {
+            file(folder, name, content);
+            let (status, printed, message) = run(folder, &format!("{command}{name}"));
+            let expected = format!("{name} exists; expected another name, or --overwrite");
+            assert!(status == Some(2) && message.contains(&expected), "{command}: {message}");
+            // The refusal comes before the work.
+            assert!(printed.is_empty() && message.lines().count() == 1, "{command}: {message}");
+            assert_eq!(std::fs::read(folder.join(name)).unwrap(), content.as_bytes(), "{command}");
+        }
+        let (status, _, message) = run(folder, &format!("{command}{name} --overwrite"));
+        assert_eq!(status, Some(0), "{command}: {message}");
+        // The files of the command itself are no exception.
+        let written = std::fs::read(folder.join(name)).unwrap();
+        assert!(!written.is_empty(), "{command}");
+        assert_eq!(run(folder, &format!("{command}{name}")).0, Some(2), "{command}");
+        assert_eq!(std::fs::read(folder.join(name)).unwrap(), written, "{command}");
     }
-    // A page in the folder of a report may belong to others.
+    // The same rule holds for the pages of reports.
     std::fs::create_dir(folder.join("site")).unwrap();
     file(&folder.join("site"), "index.html", "<!DOCTYPE html><title>my site</title>");
-    let (status, _, said) = run(folder, "replay events.csv --model model.toml --frames 1 --repeats 1 --report site");
-    assert!(status == Some(2) && said.contains("index.html"), "{said}");
-    for _ in 0..2 {
-        let report =
-            "replay events.csv --model model.toml --frames 1 --repeats 1 --report report --write-splits splits.csv";
-        assert_eq!(run(folder, report).0, Some(0));
-    }
+    let replay = "replay events.csv --model model.toml --frames 1 --repeats 1 --report";
+    let (status, _, message) = run(folder, &format!("{replay} site"));
+    assert!(status == Some(2) && message.contains("index.html") && message.contains("--overwrite"), "{message}");
+    let report = format!("{replay} report --write-splits splits.csv");
+    assert_eq!(run(folder, &report).0, Some(0));
+    assert_eq!(run(folder, &report).0, Some(2));
+    assert_eq!(run(folder, &format!("{report} --overwrite")).0, Some(0));
+    // An input is not replaced even if it has the name of a page.
+    std::fs::copy(folder.join("events.csv"), folder.join("site/index.html")).unwrap();
+    let of_page = "replay site/index.html --model model.toml --frames 1 --repeats 1 --report site --overwrite";
+    let (status, _, message) = run(folder, of_page);
+    assert!(status == Some(2) && message.contains("is read and would be written"), "{message}");
 }
 
 #[test]
@@ -82,13 +93,13 @@ fn an_output_that_cannot_be_written_is_refused_before_the_work() {
     let folder = prepared();
     let folder = folder.path();
     for (command, name) in COMMANDS {
-        let (status, printed, said) = run(folder, &format!("{command}nowhere/{name}"));
-        assert!(status == Some(1) && said.contains("there is no folder nowhere"), "{command}: {said}");
+        let (status, printed, message) = run(folder, &format!("{command}nowhere/{name}"));
+        assert!(status == Some(1) && message.contains("there is no folder nowhere"), "{command}: {message}");
         // The refusal comes before all other messages.
-        assert!(printed.is_empty() && said.lines().count() == 1, "{command}: {said}");
+        assert!(printed.is_empty() && message.lines().count() == 1, "{command}: {message}");
         std::fs::create_dir_all(folder.join("folder").join(name)).unwrap();
-        let (status, _, said) = run(folder, &format!("{command}folder/{name}"));
-        assert!(status == Some(2) && said.contains("is a folder"), "{command}: {said}");
+        let (status, _, message) = run(folder, &format!("{command}folder/{name}"));
+        assert!(status == Some(2) && message.contains("is a folder"), "{command}: {message}");
     }
 }
 
@@ -98,8 +109,8 @@ fn results_are_written_to_standard_output_for_a_dash() {
     let folder = folder.path();
     for (command, name) in COMMANDS.iter().filter(|(_, name)| !["m.png", "m.svg", "m.geojson"].contains(name)) {
         assert_eq!(run(folder, &format!("{command}{name}")).0, Some(0), "{command}");
-        let (status, printed, said) = run(folder, &format!("{command}-"));
-        assert_eq!(status, Some(0), "{command}: {said}");
+        let (status, printed, message) = run(folder, &format!("{command}-"));
+        assert_eq!(status, Some(0), "{command}: {message}");
         let seconds = |line: &&str| !line.contains("seconds");
         let of_file = std::fs::read_to_string(folder.join(name)).unwrap();
         assert!(printed.lines().filter(seconds).eq(of_file.lines().filter(seconds)), "{command}: {printed}");
@@ -130,8 +141,8 @@ fn an_input_is_recognised_under_another_name() {
         "map events.csv --model model.toml --at 0,0 -o same.png --overwrite",
         "plan standoff events.csv --model model.toml --at 0,0 -o same.png --overwrite",
     ] {
-        let (status, _, said) = run(folder, arguments);
-        assert!(status == Some(2) && said.contains("is read and would be written"), "{arguments}: {said}");
+        let (status, _, message) = run(folder, arguments);
+        assert!(status == Some(2) && message.contains("is read and would be written"), "{arguments}: {message}");
     }
 }
 
@@ -149,8 +160,8 @@ fn a_result_is_printed_if_its_file_cannot_be_written() {
         ("learn events.csv --site-prior 8 --update model.toml --json -o /dev/full", "site_points"),
         ("learn events.csv --site-prior 8 --update model.toml -o /dev/full", "# A model of how links behave"),
     ] {
-        let (status, printed, said) = run(folder, arguments);
-        assert!(status == Some(1) && said.contains("/dev/full"), "{arguments}: {said}");
+        let (status, printed, message) = run(folder, arguments);
+        assert!(status == Some(1) && message.contains("/dev/full"), "{arguments}: {message}");
         assert!(printed.contains(printed_there), "{arguments}: {printed}");
     }
 }
@@ -168,25 +179,25 @@ fn manual_pages_and_figures_do_not_replace_other_files() {
     assert_eq!(run(folder, "man man").0, Some(0));
     let all = listed();
     for name in &all {
-        let path = folder.join("man").join(name);
-        let ours = std::fs::read(&path).unwrap();
-        std::fs::write(&path, "mine").unwrap();
-        let (status, _, said) = run(folder, "man man");
-        assert!(status == Some(2) && said.contains(name.to_str().unwrap()), "{name:?}: {said}");
-        std::fs::write(&path, ours).unwrap();
+        let pages = tempfile::tempdir().unwrap();
+        std::fs::write(pages.path().join(name), "mine").unwrap();
+        let (status, _, message) = run(pages.path(), "man .");
+        assert!(status == Some(2) && message.contains(name.to_str().unwrap()), "{name:?}: {message}");
+        assert_eq!(std::fs::read(pages.path().join(name)).unwrap(), b"mine");
     }
+    assert_eq!(run(folder, "man man").0, Some(2));
     assert_eq!(run(folder, "man man --overwrite").0, Some(0));
     assert_eq!(listed(), all);
     std::fs::create_dir_all(folder.join("out/reproduction")).unwrap();
     file(folder, "out/reproduction/tracks.svg", "mine");
-    let (status, _, said) = run(folder, "reproduce tracks --permutations 1 --out out");
-    assert!(status == Some(2) && said.contains("tracks.svg") && said.contains("--overwrite"), "{said}");
+    let (status, _, message) = run(folder, "reproduce tracks --permutations 1 --out out");
+    assert!(status == Some(2) && message.contains("tracks.svg") && message.contains("--overwrite"), "{message}");
     // A log without a miss is not sufficient for the experiment.
     let heard_only = log(&["a", "b"], 60)
         .lines()
         .map(|line| line.strip_suffix(",0").map_or(line.to_owned(), |line| format!("{line},1")))
         .collect::<Vec<_>>();
     file(folder, "heard.csv", heard_only.join("\n") + "\n");
-    let (status, _, said) = run(folder, "reproduce events --data heard.csv --permutations 1 --out other");
-    assert!(status == Some(2) && said.contains("--accept-bad-log"), "{said}");
+    let (status, _, message) = run(folder, "reproduce events --data heard.csv --permutations 1 --out other");
+    assert!(status == Some(2) && message.contains("--accept-bad-log"), "{message}");
 }

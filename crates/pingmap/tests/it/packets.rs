@@ -149,7 +149,7 @@ fn the_schedule_of_a_team_is_found_in_the_log() {
     // One transmission out of its slot means that there is no schedule.
     let other = log(&["anna", "bert"], 120).replacen("\n7,bert,anna", "\n7,anna,bert", 1);
     file(folder.path(), "other.csv", other);
-    let output = pingmap(folder.path(), &["team", "other.csv"]);
+    let output = pingmap(folder.path(), &["team", "other.csv", "--overwrite"]);
     assert!(output.status.success() && stderr(&output).contains("no TDMA schedule"), "{}", stderr(&output));
 }
 
@@ -313,7 +313,8 @@ fn ten_frames_with_30_percent_loss_are_as_good_as_seven_without() {
 #[test]
 fn a_key_file_that_others_can_read_gives_a_warning() {
     let folder = team_folder(&[]);
-    let command = ["team", "events.csv", "--key-file", "team.key", "--epoch", "7", "--frame-bytes", "256"];
+    let command =
+        ["team", "events.csv", "--key-file", "team.key", "--epoch", "7", "--frame-bytes", "256", "--overwrite"];
     let warns = || stderr(&pingmap(folder.path(), &command)).contains("can read the key");
     #[cfg(unix)]
     for (mode, expected) in [(0o600, false), (0o644, true)] {
@@ -338,8 +339,11 @@ fn a_replay_names_the_members_that_vehicles_do_not_use() {
     file(folder, "log.csv", log.to_csv());
     let arguments = "replay log.csv --kernel matern32 --additions none --repeats 1 --frames 10".split(' ');
     let arguments: Vec<&str> = arguments.collect();
-    let said = stderr(&pingmap(folder, &arguments));
-    assert!(said.contains("auv1 does not use auv3 in 1 of 1 splits: its outcomes or summaries contradict"), "{said}");
+    let message = stderr(&pingmap(folder, &arguments));
+    assert!(
+        message.contains("auv1 does not use auv3 in 1 of 1 splits: its outcomes or summaries contradict"),
+        "{message}"
+    );
     let found = json(folder, &[&arguments[..], &["--json"]].concat());
     let ignored = found["per_split"][0]["ignored"].as_array().unwrap();
     let is_found = |one: &Value| one["listener"] == "auv1" && one["member"] == "auv3" && one["reason"] == "contradicts";

@@ -1,6 +1,6 @@
 //! `pingmap plan`: consistency with predictions, and comparison with simulated missions.
 
-use crate::common::{file, json, log, opened_by_others, pingmap, stderr, stdout};
+use crate::common::{QUICK, file, json, learn, log, opened_by_others, pingmap, stderr, stdout};
 use dgpc::rand::RngExt;
 use pingmap_agent::{Link, Position};
 use pingmap_trial::simulate::{Channel, Simulation, Sound};
@@ -8,11 +8,13 @@ use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use serde_json::Value;
 use std::path::Path;
 
-/// Options of every plan in these tests, for short learning times.
-const QUICK: &[&str] = &["--terms", "path", "--additions", "none", "--kernel", "matern32"];
+/// Options of every plan in these tests.
+const MODEL: &[&str] = &["--model", "model.toml", "--overwrite"];
 
+/// Learns a model, and returns the JSON object of a plan.
 fn plan(folder: &Path, arguments: &[&str]) -> Value {
-    json(folder, &[&["plan", arguments[0], "events.csv"], &arguments[1..], QUICK, &["--json"]].concat())
+    learn(folder, QUICK, "model.toml");
+    json(folder, &[&["plan", arguments[0], "events.csv"], &arguments[1..], MODEL, &["--json"]].concat())
 }
 
 fn number(value: &Value) -> f64 {
@@ -43,7 +45,7 @@ fn the_standoff_line_has_the_requested_probability() {
     }
     file(folder.path(), "links.csv", links);
     let predicted =
-        json(folder.path(), &[&["predict", "events.csv", "--links", "links.csv", "--json"], QUICK].concat());
+        json(folder.path(), &[&["predict", "events.csv", "--links", "links.csv", "--json"], MODEL].concat());
     let farthest = number(&object["range_max_m"]);
     for (ray, pair) in rays.iter().zip(predicted["predictions"].as_array().unwrap().chunks(2)) {
         let [within, beyond] = [0, 1].map(|n: usize| number(&pair[n]["probability"]));
@@ -132,10 +134,10 @@ fn plans_are_written_in_every_format() {
         is_placed(std::str::from_utf8(&read("plan.csv")).unwrap());
         let kml = String::from_utf8(read("plan.kml")).unwrap();
         assert!(kml.matches("<Placemark>").count() == kinds.len() && kml.contains("<ExtendedData>"), "{kml}");
-        if let Some(said) = opened_by_others(folder.path(), &["plan.kml", "plan.geojson"]) {
-            assert_eq!(said["plan.kml"]["schema_errors"], serde_json::json!([]));
-            assert_eq!(said["plan.kml"]["layers"]["Plan"]["shapes"], kinds.len());
-            assert_eq!(said["plan.geojson"]["layers"]["plan"]["shapes"], kinds.len());
+        if let Some(message) = opened_by_others(folder.path(), &["plan.kml", "plan.geojson"]) {
+            assert_eq!(message["plan.kml"]["schema_errors"], serde_json::json!([]));
+            assert_eq!(message["plan.kml"]["layers"]["Plan"]["shapes"], kinds.len());
+            assert_eq!(message["plan.geojson"]["layers"]["plan"]["shapes"], kinds.len());
         }
         let shapes: Value = serde_json::from_slice(&read("plan.geojson")).unwrap();
         let features = shapes["features"].as_array().unwrap();
@@ -154,7 +156,7 @@ fn plans_are_written_in_every_format() {
         }
         // Without --json the command prints a table.
         let words =
-            stdout(&pingmap(folder.path(), &[&["plan", arguments[0], "events.csv"], &arguments[1..], QUICK].concat()));
+            stdout(&pingmap(folder.path(), &[&["plan", arguments[0], "events.csv"], &arguments[1..], MODEL].concat()));
         assert!(words.contains("----") && words.lines().count() > 4, "{words}");
     }
 }
@@ -176,7 +178,7 @@ fn invalid_plans_are_refused() {
     let track = |along, more: &[&'static str]| {
         [&["plan", "track", "events.csv", "--at", "0,0", "--along", along], more].concat()
     };
-    for (arguments, said) in [
+    for (arguments, message) in [
         (track("one.csv", &[]), "at least two"),
         (track("deep.csv", &[]), "no depths"),
         (track("degrees.csv", &[]), "--origin"),
@@ -193,7 +195,7 @@ fn invalid_plans_are_refused() {
     ] {
         let output = pingmap(folder.path(), &arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
-        assert!(stderr(&output).contains(said), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains(message), "{arguments:?}: {}", stderr(&output));
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 8, "a file was left behind");
 }

@@ -58,14 +58,14 @@ const PROBE: &str = "<script>addEventListener('load', () => {
 fn measured(folder: &Path, page: &str, width: u32, more: &[&str]) -> Option<Vec<String>> {
     file(folder, "probe.html", page.replace("</body>", &format!("{PROBE}</body>")));
     let frame = format!(
-        "<!DOCTYPE html><meta name=\"color-scheme\" content=\"light dark\"><body><script>addEventListener('message', e => document.body.dataset.said = e.data);</script>\
+        "<!DOCTYPE html><meta name=\"color-scheme\" content=\"light dark\"><body><script>addEventListener('message', e => document.body.dataset.message = e.data);</script>\
          <iframe src=\"probe.html\" width=\"{width}\" height=\"900\" style=\"border:0\"></iframe></body>"
     );
     let path = file(folder, "frame.html", frame);
     let url = format!("file://{}", path.display());
     let dom = chromium(folder, &[more, &["--window-size=1600,1000", "--dump-dom", &url]].concat())?;
-    let said = dom.split("data-said=\"").nth(1).unwrap_or_else(|| panic!("nothing was measured: {dom}"));
-    Some(said.split('"').next().unwrap().split(';').map(str::to_owned).collect())
+    let message = dom.split("data-message=\"").nth(1).unwrap_or_else(|| panic!("nothing was measured: {dom}"));
+    Some(message.split('"').next().unwrap().split(';').map(str::to_owned).collect())
 }
 
 #[test]
@@ -73,12 +73,16 @@ fn the_page_fits_desktop_and_telephone_screens() {
     let folder = tempfile::tempdir().unwrap();
     let page = report(folder.path());
     for width in [1280, 400] {
-        let Some(said) = measured(folder.path(), &page, width, &[]) else { return };
-        assert_eq!((said[0].as_str(), said[1].as_str()), (&*width.to_string(), &*width.to_string()), "{said:?}");
-        assert_eq!(said[2], "0", "something sticks out of {width} pixels");
+        let Some(message) = measured(folder.path(), &page, width, &[]) else { return };
+        assert_eq!(
+            (message[0].as_str(), message[1].as_str()),
+            (&*width.to_string(), &*width.to_string()),
+            "{message:?}"
+        );
+        assert_eq!(message[2], "0", "something sticks out of {width} pixels");
         // Wide tables scroll by themselves.
-        assert!(width > 400 || said[3] != "0", "{width}: {said:?}");
-        assert_eq!(said[4], "rgb(255, 255, 255)");
+        assert!(width > 400 || message[3] != "0", "{width}: {message:?}");
+        assert_eq!(message[4], "rgb(255, 255, 255)");
     }
 }
 
@@ -87,8 +91,8 @@ fn the_page_has_a_dark_mode() {
     let folder = tempfile::tempdir().unwrap();
     let page = report(folder.path());
     let dark = ["--blink-settings=preferredColorScheme=0"];
-    let Some(said) = measured(folder.path(), &page, 800, &dark) else { return };
-    assert_eq!((said[4].as_str(), said[5].as_str()), ("rgb(21, 24, 28)", "rgb(228, 228, 228)"), "{said:?}");
+    let Some(message) = measured(folder.path(), &page, 800, &dark) else { return };
+    assert_eq!((message[4].as_str(), message[5].as_str()), ("rgb(21, 24, 28)", "rgb(228, 228, 228)"), "{message:?}");
     let shot = format!("--screenshot={}", folder.path().join("dark.png").display());
     let url = format!("file://{}", folder.path().join("report/index.html").display());
     chromium(folder.path(), &[dark[0], "--window-size=800,1200", &shot, &url]);
@@ -112,8 +116,8 @@ fn the_page_prints_on_a_few_sheets() {
         return;
     };
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    for said in ["distance alone is right", "Provenance", "little known", "probability of success", "--compare"] {
-        assert!(text.contains(said), "no {said:?} on paper: {text}");
+    for message in ["distance alone is right", "Provenance", "little known", "probability of success", "--compare"] {
+        assert!(text.contains(message), "no {message:?} on paper: {text}");
     }
     let pages = text.matches('\u{c}').count();
     assert!((3..=14).contains(&pages), "{pages} pages");
@@ -123,7 +127,7 @@ fn the_page_prints_on_a_few_sheets() {
 fn the_report_contains_conclusions_and_provenance() {
     let folder = tempfile::tempdir().unwrap();
     let page = report(folder.path());
-    for said in [
+    for message in [
         "distance alone is right in ",
         "&lt;c&gt;",
         "events.csv",
@@ -133,7 +137,7 @@ fn the_report_contains_conclusions_and_provenance() {
         "<th scope=\"col\">share heard</th>",
         "The map of b",
     ] {
-        assert!(page.contains(said), "no {said:?}");
+        assert!(page.contains(message), "no {message:?}");
     }
     assert_eq!(page.matches("<svg").count(), 6, "three maps, calibration, success rate over range, inducing points");
     assert_eq!(page.matches("viewBox").count(), 6);
@@ -156,10 +160,10 @@ fn the_report_of_an_online_replay_contains_conclusions_and_provenance() {
     assert!(pingmap(folder, &command.split(' ').collect::<Vec<_>>()).status.success());
     let page = std::fs::read_to_string(folder.join("report/index.html")).unwrap();
     let digest = json(folder, &["check", "events.csv", "--json"])["log_digest"].as_str().unwrap().to_owned();
-    for said in
+    for message in
         ["The NLL of coming events is ", "a → b", "Provenance", &digest, command, "<th scope=\"col\">share heard</th>"]
     {
-        assert!(page.contains(said), "no {said:?}");
+        assert!(page.contains(message), "no {message:?}");
     }
 }
 
@@ -174,15 +178,16 @@ fn the_report_uses_the_whole_log_and_the_origin_of_the_model() {
         stdout(&output)
     };
     run("learn events.csv --origin 41.5,-70.6 --terms path --additions none -o model.toml");
-    let replay = "replay events.csv --model model.toml --frames 1 --repeats 2 --events-max 100 --report report";
+    let replay =
+        "replay events.csv --model model.toml --frames 1 --repeats 2 --events-max 100 --report report --overwrite";
     let printed: serde_json::Value = serde_json::from_str(&run(&format!("{replay} --json"))).unwrap();
     let whole = json(folder, &["check", "events.csv", "--json"]);
     assert_eq!(printed["log_digest"], whole["log_digest"]);
     assert_eq!((printed["events"].as_u64(), printed["events_used"].as_u64()), (Some(150), Some(100)));
     assert!(printed["calibration"].is_object(), "a report shows whether its maps can be believed");
     let page = std::fs::read_to_string(folder.join("report/index.html")).unwrap();
-    for said in [whole["log_digest"].as_str().unwrap(), "100 of 150 events", "41.5", "70°"] {
-        assert!(page.contains(said), "no {said:?}");
+    for message in [whole["log_digest"].as_str().unwrap(), "100 of 150 events", "41.5", "70°"] {
+        assert!(page.contains(message), "no {message:?}");
     }
     // The text output contains calibration only with --calibration.
     assert!(

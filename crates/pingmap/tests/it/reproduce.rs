@@ -151,7 +151,10 @@ fn reproduction_does_not_depend_on_the_number_of_threads() {
     let files = ["reproduction.md", "reproduction/points.png", "reproduction/predictions.svg"];
     let run = |threads: &str| {
         let data = ["reproduce", "--data", "two.csv", "--data", "three.csv", "--permutations", "5", "--seed", "5"];
-        let output = pingmap(folder.path(), &[&data[..], &["--json", "--out", "out", "--threads", threads]].concat());
+        let output = pingmap(
+            folder.path(),
+            &[&data[..], &["--json", "--out", "out", "--overwrite", "--threads", threads]].concat(),
+        );
         assert!(output.status.success(), "{}", stderr(&output));
         let written = files.map(|name| std::fs::read(folder.path().join("out").join(name)).unwrap());
         (crate::common::without_command(stdout(&output)), written)

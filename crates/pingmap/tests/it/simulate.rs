@@ -21,7 +21,7 @@ struct Row {
 /// Simulates a trial, and returns the text of the log.
 fn simulate(options: &[&str]) -> String {
     let folder = tempfile::tempdir().unwrap();
-    let output = pingmap(folder.path(), &[&["simulate"], options].concat());
+    let output = pingmap(folder.path(), &[&["simulate", "--overwrite"], options].concat());
     assert!(output.status.success(), "{options:?}: {}", stderr(&output));
     std::fs::read_to_string(folder.path().join("trial.csv")).unwrap()
 }
@@ -168,11 +168,11 @@ fn other_commands_accept_the_log() {
         stdout(&output)
     };
     for depths in ["", " --depths"] {
-        run(&format!("simulate --slots 40{depths}"));
+        run(&format!("simulate --slots 40{depths} --overwrite"));
         assert!(run("replay trial.csv --repeats 1 --frames 1").contains("true probability"));
-        run("map --events trial.csv --at 700,700 --cell-m 200 -o map.csv");
+        run("map --events trial.csv --at 700,700 --cell-m 200 -o map.csv --overwrite");
         run("select trial.csv --vehicle auv1");
-        run("learn trial.csv");
+        run("learn trial.csv --overwrite");
         // The log itself contains links to predict.
         let text = run("predict --events trial.csv --links trial.csv");
         assert_eq!(text.lines().count(), 81, "{text}");
@@ -386,14 +386,14 @@ fn extreme_allowed_values_give_probabilities() {
     }
 }
 
-/// A log that pingmap may have written earlier.
+/// An earlier log.
 const OLDER: &str = "time_s,tx_id,rx_id,tx_easting_m,older";
 
 /// Asserts that the command refuses these options with a message that contains all of `expected`, and changes no file.
 fn refused(options: &[&str], expected: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "trial.csv", OLDER);
-    let output = pingmap(folder.path(), &[&["simulate"], options].concat());
+    let output = pingmap(folder.path(), &[&["simulate", "--overwrite"], options].concat());
     let message = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{options:?}: {message}");
     assert_eq!(stdout(&output), "", "{options:?}");

@@ -17,19 +17,27 @@ fn the_commands_of_the_tutorial_recover_the_true_mission() {
     }
     let commands: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("    pingmap ")).collect();
     assert!(commands.len() >= 6, "{commands:?}");
-    let mut said = Vec::new();
+    let mut message = Vec::new();
     for command in &commands {
         let output = pingmap(folder, &command.split_whitespace().collect::<Vec<_>>());
         assert!(output.status.success(), "{command}: {}", stderr(&output));
-        said.push((stderr(&output), stdout(&output)));
+        message.push((stderr(&output), stdout(&output)));
     }
     // The first import names an option for each of three unknowns. The second import resolves two of them.
     for option in ["--always-transmits", "--correct-clocks", "--listening auv3"] {
-        assert!(said[0].0.contains(option), "{option}: {}", said[0].0);
+        assert!(message[0].0.contains(option), "{option}: {}", message[0].0);
     }
-    assert!(!said[1].0.contains("--always-transmits") && !said[1].0.contains("--correct-clocks"), "{}", said[1].0);
-    assert!(said[1].1.contains("--origin 41.53,-70.66") && text.contains("--origin 41.53,-70.66"), "{}", said[1].1);
-    assert!(said[2].1.contains("Nothing suspicious"), "{}", said[2].1);
+    assert!(
+        !message[1].0.contains("--always-transmits") && !message[1].0.contains("--correct-clocks"),
+        "{}",
+        message[1].0
+    );
+    assert!(
+        message[1].1.contains("--origin 41.53,-70.66") && text.contains("--origin 41.53,-70.66"),
+        "{}",
+        message[1].1
+    );
+    assert!(message[2].1.contains("Nothing suspicious"), "{}", message[2].1);
     for file in ["map.png", "doubt.png", "map.geojson", "model.toml", "standoff.png", "track.png"] {
         assert!(folder.join(file).exists(), "{file}");
     }
@@ -46,7 +54,7 @@ fn assert_true_mission(folder: &Path, root: &Path) {
     assert_eq!(
         again,
         std::fs::read_to_string(root.join("examples/mission/auv2.heard.csv")).unwrap(),
-        "the page tells how"
+        "the page states how"
     );
     let [truth, found] = ["trial.csv", "events.csv"].map(|name| EventLog::open(&folder.join(name)).unwrap());
     assert!(found.events.len() > 300, "{}", found.events.len());

@@ -10,9 +10,9 @@ fn replay(content: &str, options: &[&str], warning: &str) -> Value {
     file(folder.path(), "events.csv", content);
     let command = [&["replay", "events.csv", "--frames", "1,3", "--json"], options].concat();
     let output = pingmap(folder.path(), &command);
-    let said = stderr(&output);
-    assert!(output.status.success(), "{said}");
-    assert!(said.contains(warning), "should warn of {warning:?}: {said}");
+    let message = stderr(&output);
+    assert!(output.status.success(), "{message}");
+    assert!(message.contains(warning), "should warn of {warning:?}: {message}");
     let result: Value = serde_json::from_slice(&output.stdout).unwrap();
     for score in ["base_rate", "distance_only", "own", "centralised"] {
         assert!(result["scores"][score]["nll"].as_f64().unwrap().is_finite(), "{score}: {result}");
@@ -237,12 +237,11 @@ fn results_are_written_to_a_pipe_by_its_name() {
 fn kernel_shapes_accept_a_parameter_after_a_colon() {
     let folder = tempfile::tempdir().unwrap();
     file(folder.path(), "events.csv", log(&["a", "b"], 40));
-    let select = |shape: &str| {
+    let learn = |shape: &str| {
         let fixed = ["--length-scale-m", "300", "--variance", "2", "--terms", "path", "--json"];
-        let command = [&["select", "events.csv", "--vehicle", "a", "--kernel", shape][..], &fixed].concat();
-        pingmap(folder.path(), &command)
+        pingmap(folder.path(), &[&["learn", "events.csv", "--kernel", shape][..], &fixed].concat())
     };
-    let output = select("rational-quadratic:0.5");
+    let output = learn("rational-quadratic:0.5");
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(stdout(&output).contains("rational-quadratic:"), "{}", stdout(&output));
     for (shape, expected) in [
@@ -250,7 +249,7 @@ fn kernel_shapes_accept_a_parameter_after_a_colon() {
         ("rational-quadratic:0", "from 0.001 to 1000"),
         ("matern", "matern32"),
     ] {
-        let output = select(shape);
+        let output = learn(shape);
         assert!(output.status.code() == Some(2) && stderr(&output).contains(expected), "{shape}: {}", stderr(&output));
     }
 }

@@ -12,17 +12,19 @@ use pingmap_import::{
 };
 
 use super::records::{self, RecordFile, Records, open, split_vehicle};
+use crate::cli_parsers::{crs, origin, place};
 use crate::log::STANDARD_INPUT;
 use crate::output::{BadInput, note, progress_of_bytes, read_text};
-use crate::values::{crs, origin, place};
 
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
 pub struct Files {
-    /// Recorded files, or folders or archives (ZIP, tar, gzip) of them. Kinds of files: MOOS logs (.alog) and mission
-    /// files, Micro-Modem sentences with a time before each, ROS 2 bags (MCAP, SQLite), LCM logs, tables, ids and a
-    /// schedule. Tables have names such as auv1.nav.csv, auv1.heard.csv and auv1.sent.csv. #TOPIC selects the topics of
-    /// a bag with this prefix. Without NAME= the file names its vehicle; - is standard input
+    /// Recorded files, or folders or archives of them
+    ///
+    /// Kinds of files: MOOS logs (.alog) and mission files, Micro-Modem sentences with a time before each, ROS 2 bags
+    /// (MCAP, SQLite), LCM logs, tables, ids and a schedule. Archives are ZIP, tar and gzip. Tables have names such as
+    /// auv1.nav.csv, auv1.heard.csv and auv1.sent.csv. #TOPIC selects the topics of a bag with this prefix. Without
+    /// NAME= the file names its vehicle; - is standard input.
     #[arg(value_name = "[NAME=]FILE[#TOPIC]")]
     records: Vec<String>,
     /// Tables of a vehicle's positions: time, and latitude and longitude or metres. Without NAME= a column names the
@@ -38,10 +40,14 @@ pub struct Files {
     /// Position of a vehicle without navigation: metres, or degrees such as 41.52N,70.67W; and a depth in metres
     #[arg(long, value_name = "NAME=PLACE", value_parser = parse_station)]
     fixed: Vec<(String, Fix)>,
-    /// Transmission schedule: a team file, its part [slots], or a table of time_s and source
+    /// Transmission schedule
+    ///
+    /// The file is a team file, its part [slots], or a table of time_s and source.
     #[arg(long, value_name = "FILE")]
     schedule: Option<PathBuf>,
-    /// Names of modem ids: a table of id and name; the name broadcast stands for all vehicles
+    /// Names of modem ids
+    ///
+    /// The file is a table of id and name. The name broadcast stands for all vehicles.
     #[arg(long, value_name = "FILE")]
     ids: Option<PathBuf>,
     /// Interval in which a modem was listening, if its first and last reception do not show it

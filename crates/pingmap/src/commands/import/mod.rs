@@ -15,18 +15,18 @@ use pingmap_import::{ImportResult, Rules, SlotUse, join};
 use self::files::Files;
 use self::json::ImportJson;
 use self::summary::{summary, unknown_files, warnings};
+use crate::cli_parsers::{not_negative, positive};
 use crate::output::{BadInput, Results, print_json, warn};
-use crate::outputs::{Kind, Target};
-use crate::values::{not_negative, positive};
+use crate::output_target::{Overwrite, RESULT};
 
-/// Make an event log from the vehicles' recordings: positions, receptions, and transmissions or a schedule
+/// Make an event log from the recordings of the vehicles
 ///
-/// A transmission counts if its sender or any receiver recorded it. With --always-transmits every slot of the sender's
-/// schedule counts, too. A receiver counts if its modem was working. Messages that are neither heard nor missed for
-/// certain are left out and counted.
+/// Recordings are positions, receptions, and transmissions or a schedule. A transmission counts if its sender or any
+/// receiver recorded it. With --always-transmits every slot of the sender's schedule counts, too. A receiver counts if its
+/// modem was working. Messages that are neither heard nor missed for certain are left out and counted.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  pingmap import mission/*.alog --ids ids.csv -o events.csv\n  pingmap import --nav auv1=nav1.csv auv2=nav2.csv --heard auv1=rx1.csv auv2=rx2.csv --sent auv1=tx1.csv auv2=tx2.csv"
+    after_long_help = "Examples:\n  pingmap import mission/*.alog --ids ids.csv -o events.csv\n  pingmap import --nav auv1=nav1.csv auv2=nav2.csv --heard auv1=rx1.csv auv2=rx2.csv --sent auv1=tx1.csv auv2=tx2.csv"
 )]
 pub struct Options {
     #[command(flatten)]
@@ -34,21 +34,22 @@ pub struct Options {
     #[command(flatten)]
     pub decisions: Decisions,
     /// File for the event log
-    #[arg(long, short, value_name = "FILE", default_value = "events.csv")]
+    #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "events.csv")]
     pub output: PathBuf,
-    /// Replace a file that pingmap did not write
-    #[arg(long)]
-    pub overwrite: bool,
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print one JSON object instead of a summary
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 
 #[derive(Args)]
 #[command(next_help_heading = "Decisions")]
 pub struct Decisions {
-    /// Assume that all slots of the schedule are used: by all vehicles, or by the named ones. By default the use of a
-    /// slot is unknown if no vehicle received a message in it
+    /// Assume that all slots of the schedule are used
+    ///
+    /// The option applies to all vehicles, or to the named ones. By default the use of a slot is unknown if no vehicle
+    /// received a message in it.
     #[arg(long, value_name = "NAME,…", num_args = 0..=1, require_equals = true, default_missing_value = "*", value_delimiter = ',')]
     pub always_transmits: Option<Vec<String>>,
     /// Correct times and positions to this vehicle's clock
@@ -124,8 +125,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let rules = options.decisions.rules();
     let inputs = options.files.paths()?;
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
-    let target =
-        Target::new(&options.output, Kind::EVENT_LOG, &inputs, options.overwrite)?.beside_json(options.json)?;
+    let target = options.overwrite.target(&options.output, &inputs)?.with_json(options.json)?;
     let inputs = options.files.read()?;
     let joined = join(&inputs.recordings, inputs.schedule.as_ref(), &inputs.reference, &rules);
     if let (Err(_), Some(unknown_files)) = (&joined, unknown_files(&inputs)) {
@@ -152,7 +152,10 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if options.json {
         print_json(results, &ImportJson::new(&imported, &inputs))?;
     } else {
-        target.tell(&format!("{}: {}", options.output.display(), summary(&imported, &inputs, &rules)), results)?;
+        target.print_message(
+            &format!("{}: {}", options.output.display(), summary(&imported, &inputs, &rules)),
+            results,
+        )?;
     }
     written
 }

@@ -6,7 +6,7 @@ use pingmap_agent::{Fading, LearnedModel};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::model::{KernelJson, MadeOf, PriorMeanJson, counted};
+use crate::model::{InputDigests, KernelJson, PriorMeanJson, counted};
 
 /// Events added to a site prior.
 #[derive(Serialize, JsonSchema)]
@@ -14,7 +14,7 @@ pub struct AddedJson<'a> {
     /// Version of this object.
     pub schema: u32,
     #[serde(flatten)]
-    pub made_of: MadeOf,
+    pub digests: InputDigests,
     /// The model file with the site prior.
     pub file: &'a Path,
     /// Events of the log.
@@ -29,7 +29,7 @@ pub struct LearnJson<'a> {
     /// Version of this object.
     pub schema: u32,
     #[serde(flatten)]
-    pub made_of: MadeOf,
+    pub digests: InputDigests,
     /// The model file that was written.
     pub file: &'a Path,
     /// Number of events of the log.

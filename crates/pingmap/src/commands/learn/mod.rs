@@ -13,20 +13,22 @@ use pingmap_agent::{
 use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
 
 use self::json::{AddedJson, CandidateJson, LearnJson, ModelJson};
+use crate::cli_enums::name_of;
+use crate::cli_parsers::{open_share, site_points};
+use crate::learned_map::all_in_one;
 use crate::log::{Logs, thinned};
-use crate::model::{MadeOf, counted, of_events, open_model, stop_words, warn_of_search};
-use crate::names::name_of;
-use crate::options::{Kernel, RESULT, Work};
+use crate::model::{InputDigests, counted, of_events, open_model, stop_words, warn_of_search};
+use crate::options::{ModelOptions, RESULT, Work};
 use crate::output::{BadInput, Results, note, print_json, progress, spinner, table, warn};
-use crate::outputs::{Kind, Target};
+use crate::output_target::{Overwrite, Target};
 use crate::reference::ReferenceOptions;
-use crate::survey::all_in_one;
-use crate::values::{open_share, site_points};
 
-/// Learn a model of links from an event log, and write it to a model file that the other commands read
+/// Learn a model of links from an event log, and write it to a model file
+///
+/// The other commands read the model file with --model.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  pingmap learn log.csv -o model.toml\n  pingmap learn monday.csv tuesday.csv --site-prior 40 -o site.toml"
+    after_long_help = "Examples:\n  pingmap learn log.csv -o model.toml\n  pingmap learn monday.csv tuesday.csv --site-prior 40 -o site.toml"
 )]
 pub struct Options {
     #[command(flatten)]
@@ -34,20 +36,24 @@ pub struct Options {
     /// File for the model
     #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "model.toml")]
     pub output: PathBuf,
-    /// Also hold out this share of every vehicle's events, and print how well the other events predict them
+    #[command(flatten)]
+    pub overwrite: Overwrite,
+    /// Also score predictions of this share of every vehicle's events, which is held out
     #[arg(long, value_parser = open_share, allow_negative_numbers = true)]
     pub test_share: Option<f64>,
-    /// Also write a site prior at this number of inducing points: the posterior of this log becomes the prior of later
-    /// missions in the area. 64 points are enough for a few hundred events
+    /// Also write a site prior at this number of inducing points
+    ///
+    /// The posterior of this log becomes the prior of later missions in the area. 64 points are enough for a few
+    /// hundred events.
     #[arg(long, value_name = "POINTS", value_parser = site_points)]
     pub site_prior: Option<usize>,
     /// With --site-prior: learn no model. Read this model file and add the log to its site prior
-    #[arg(long, value_name = "FILE", requires = "site_prior", conflicts_with_all = ["test_share", "Kernel"])]
+    #[arg(long, value_name = "FILE", requires = "site_prior", conflicts_with_all = ["test_share", "ModelOptions"])]
     pub update: Option<PathBuf>,
     #[command(flatten)]
     pub reference: ReferenceOptions,
     #[command(flatten)]
-    pub kernel: Kernel,
+    pub model: ModelOptions,
     #[command(flatten)]
     pub work: Work,
     /// Print one JSON object instead of tables
@@ -66,17 +72,16 @@ impl Options {
 }
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
-    let target = Target::new(&options.output, Kind::MODEL, &options.logs.paths(), options.logs.overwrite)?
-        .beside_json(options.json)?;
+    let target = options.overwrite.target(&options.output, &options.logs.paths())?.with_json(options.json)?;
     let mut log = options.logs.open()?;
-    options.reference.tell(&mut log)?;
+    options.reference.apply(&mut log)?;
     let log_digest = log.digest();
     let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
     let limits = options.work.limits();
     if let Some((base, points)) = options.update.as_deref().zip(options.site_prior) {
         return add_to_site_prior(options, &target, (&log, log_digest), (base, points), results);
     }
-    let learning = options.kernel.learning(options.kernel.given().all_candidates(), limits);
+    let learning = options.model.learning(options.model.constraints().all_candidates(), limits);
     let (training, held_out) = divided(&log, options)?;
 
     let bar = progress(learning.structures.len() as u64, "learning");
@@ -100,7 +105,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let from = options.logs.file_names();
     let model = options.site_prior.map(|points| with_site_prior(&best.model, &log, points, limits)).transpose()?;
     let model = model.unwrap_or_else(|| best.model.clone());
-    let made_of = MadeOf { log_digest: log_digest.clone(), model_digest: Some(model.digest()) };
+    let digests = InputDigests { log_digest: log_digest.clone(), model_digest: Some(model.digest()) };
     let site_log_digests = options.site_prior.map(|_| log_digest.clone()).into_iter().collect();
     let file = ModelFile { model, learned: Some(provenance(&best, from, log_digest)), site_log_digests };
     let file = file.write().map_err(|error| BadInput(error.to_string()))?;
@@ -111,19 +116,19 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
             results,
             &LearnJson {
                 schema: 1,
-                made_of,
+                digests,
                 file: &options.output,
                 events: log.events.len(),
                 training_events: training.len(),
                 held_out_events: held_out.len(),
                 seed: options.work.seed,
-                criterion: name_of(&options.kernel.criterion),
+                criterion: name_of(&options.model.criterion),
                 candidates: candidates.iter().map(Candidate::json).collect(),
                 model: ModelJson::of(&best),
             },
         )?;
     } else {
-        target.tell(&text(&candidates, &best, learning.criterion, !held_out.is_empty()), results)?;
+        target.print_message(&text(&candidates, &best, learning.criterion, !held_out.is_empty()), results)?;
     }
     if written.is_ok() {
         note(format_args!("wrote {}", options.output.display()));
@@ -157,7 +162,7 @@ fn add_to_site_prior(
         warn(format_args!("{}: already contains this log, which counts twice now", base.display()));
     }
     file.model = with_site_prior(&file.model, log, points, options.work.limits())?;
-    let made_of = MadeOf { log_digest: log_digest.clone(), model_digest: Some(file.model.digest()) };
+    let digests = InputDigests { log_digest: log_digest.clone(), model_digest: Some(file.model.digest()) };
     file.site_log_digests.push(log_digest);
     let text = file.write().map_err(|error| BadInput(error.to_string()))?;
     let written = match options.json {
@@ -166,7 +171,7 @@ fn add_to_site_prior(
     };
     let site_points = file.model.site.as_ref().map_or(0, |site| site.links().len());
     if options.json {
-        let added = AddedJson { schema: 1, made_of, file: &options.output, events: log.events.len(), site_points };
+        let added = AddedJson { schema: 1, digests, file: &options.output, events: log.events.len(), site_points };
         print_json(results, &added)?;
     }
     if written.is_ok() {
@@ -194,12 +199,10 @@ struct Candidate {
 impl Candidate {
     fn row(&self) -> Vec<String> {
         let per_event = self.fit.evidence() / self.fit.events_used.max(1) as f64;
-        let mut row = self.fit.structure.parts().to_vec();
-        row.extend([
-            format!("{per_event:.4}"),
-            format!("{:.4}", self.fit.leave_one_out()),
-            format!("{:.1}", self.seconds),
-        ]);
+        let [kernel, inputs, direction, terms, mean] = self.fit.structure.parts();
+        let first_word = |text: &str| text.split(' ').next().unwrap_or_default().to_owned();
+        let mut row = vec![kernel, first_word(&inputs), direction, terms, first_word(&mean)];
+        row.extend([format!("{per_event:.4}"), format!("{:.4}", self.fit.leave_one_out())]);
         row.extend(self.held_out_nll.map(|nll| format!("{nll:.4}")));
         row
     }
@@ -243,10 +246,9 @@ fn held_out_nll(
 }
 
 fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, held_out: bool) -> String {
-    let mut header =
-        vec!["kernel", "inputs", "direction", "terms", "prior mean", "E / event", "leave-one-out", "seconds"];
+    let mut header = vec!["kernel", "inputs", "direction", "terms", "mean", "E", "LOO"];
     if held_out {
-        header.push("held-out NLL");
+        header.push("NLL");
     }
     let by = match criterion {
         Criterion::LeaveOneOut => "leave-one-out log predictive",
@@ -269,8 +271,9 @@ fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, hel
         counted(best),
     );
     format!(
-        "{}\n\nChosen by {by}, learned from {}: {}\n{}\n{mean}\n{fading}\nE and leave-one-out in nats an event, higher is better; NLL in nats, \
-         lower is better.",
+        "{}\n\nChosen by {by}, learned from {}: {}\n{}\n{mean}\n{fading}\nE: evidence bound. LOO: leave-one-out log predictive. Both \
+         are in nats an event; higher is better. NLL: negative log-likelihood \
+         of a held-out event in nats; lower is better.",
         table(&header, &candidates.iter().map(Candidate::row).collect::<Vec<_>>()),
         of_events(best.events_used, best.events, "event"),
         best.structure,

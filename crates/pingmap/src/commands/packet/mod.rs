@@ -13,13 +13,13 @@ use schemars::JsonSchema;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
-use crate::output::{BadInput, Results, count, print, print_json, read_text, table};
+use crate::output::{BadInput, Results, count, print, print_json, print_text, read_text, table};
 use crate::team::{model_digest, read_team, team_digest};
 
 /// Decode and encode packets, and print their fields and their .proto
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  pingmap packet schema --proto > pingmap.proto\n  pingmap packet decode --team team.toml --json 7f01… > packet.json\n  pingmap packet encode --team team.toml packet.json"
+    after_long_help = "Examples:\n  pingmap packet schema --proto > pingmap.proto\n  pingmap packet decode --team team.toml --json 7f01… > packet.json\n  pingmap packet encode --team team.toml packet.json"
 )]
 pub struct Options {
     #[command(subcommand)]
@@ -178,15 +178,15 @@ fn decode(options: &Decode, results: Results) -> anyhow::Result<()> {
     }
     let sender = listener.as_ref().and_then(|listener| listener.team().members.get(&message.sender));
     let sender = sender.map_or_else(|| format!("vehicle {}", message.sender), ToString::to_string);
-    let said = json.blocks.iter().flat_map(|block| block.points.iter().map(move |point| (block, point)));
-    let said = said.filter(|(_, point)| point.information > 0);
-    let rows = said.enumerate().map(|(place, (block, point))| point_row(place + 1, block, point));
+    let points = json.blocks.iter().flat_map(|block| block.points.iter().map(move |point| (block, point)));
+    let points = points.filter(|(_, point)| point.information > 0);
+    let rows = points.enumerate().map(|(place, (block, point))| point_row(place + 1, block, point));
     let rows: Vec<Vec<String>> = rows.collect();
     let header = match listener {
         Some(_) => ["point", "time, s", "transmitter, m", "receiver, m", "information", "mean"],
         None => ["point", "time, cell", "transmitter, cell", "receiver, cell", "information", "mean"],
     };
-    print(
+    print_text(
         results,
         &format!(
             "{} of {sender}, number {}, {}\n\n{}",

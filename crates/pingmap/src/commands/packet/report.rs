@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
-use crate::output::{BadInput, Results, print, print_json, table};
+use crate::output::{BadInput, Results, print_json, print_text, table};
 use crate::team::{model_digest, team_digest};
 
 /// A report as JSON.
@@ -136,7 +136,7 @@ pub fn decode(bytes: &[u8], listener: Option<&Agent>, as_json: bool, results: Re
     });
     let place = if listener.is_some() { "waypoint, m" } else { "waypoint, cell" };
     let [heard, missed, unreported] = [Outcome::Heard, Outcome::Missed, Outcome::Unreported].map(count);
-    print(
+    print_text(
         results,
         &format!(
             "{} of {sender}, slots from {} on: heard {heard}, missed {missed}, not reported {unreported}\n{}\n\n{}",

@@ -5,8 +5,8 @@ use pingmap_packet::{Layout, OutcomeCounts, PROTO, ReportLayout};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::output::{BadInput, Results, count, print, print_json, table};
-use crate::values::frame_bytes;
+use crate::cli_parsers::frame_bytes;
+use crate::output::{BadInput, Results, count, print, print_json, print_text, table};
 
 #[derive(Args)]
 #[command(after_help = "Example:\n  pingmap packet schema --proto > pingmap.proto")]
@@ -88,7 +88,7 @@ impl Options {
             return print(results, PROTO);
         }
         let json = if self.report { self.report() } else { self.map_message()? };
-        if self.json { print_json(results, &json) } else { print(results, &text(&json)) }
+        if self.json { print_json(results, &json) } else { print_text(results, &text(&json)) }
     }
 
     fn map_message(&self) -> anyhow::Result<SchemaJson> {

@@ -7,24 +7,24 @@ use pingmap_agent::{Link, LinkQuery, Position};
 use pingmap_import::{Reference, Waypoint, read_waypoints};
 
 use crate::area::Area;
-use crate::contour::Point;
+use crate::cli_enums::{Join, Layer, Seen, SeenOnce};
+use crate::cli_parsers::{not_negative, print_width};
 use crate::exports::{Line, geojson_of_lines, kml_of_lines};
 use crate::figure::{Figure, Image, Room, Series, stacked};
+use crate::grid::Point;
+use crate::learned_map::{LearnedMap, OpenedLog};
 use crate::log::opened;
-use crate::map_figure::{Drawn, figure};
-use crate::names::{Join, Layer, Seen, SeenOnce};
-use crate::options::{Asked as Parties, RESULT, Source};
+use crate::map_figure::{FigureContent, figure};
+use crate::options::{QueryOptions, RESULT, Source};
 use crate::output::{BadInput, Results, csv_of_text, note, spinner};
-use crate::outputs::{Kind, Target, ending, picture};
+use crate::output_target::{Overwrite, Target, ending, picture};
 use crate::reference::reference;
-use crate::success_map::{Asked, SuccessMap};
-use crate::survey::{Opened, Survey};
-use crate::values::{not_negative, print_width};
+use crate::success_map::{MapQuery, SuccessMap};
 
 #[derive(Args)]
 pub struct Common {
     #[command(flatten)]
-    pub parties: Parties,
+    pub parties: QueryOptions,
     #[command(flatten)]
     pub source: Source,
     /// Role of the position; a gateway that listens receives
@@ -39,9 +39,11 @@ pub struct Common {
     /// Draw tracks and events of the log on top of the picture
     #[arg(help_heading = RESULT, long)]
     pub with_events: bool,
-    /// File for the plan; its extension selects the format: .png, .svg, .pdf, .csv, .geojson or .kml
+    /// File for the plan: .png, .svg, .pdf, .csv, .geojson or .kml
     #[arg(help_heading = RESULT, long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Width of the picture in print, with letters of 9 points where there is room; PNG files then have 300 dots per
     /// inch
     #[arg(help_heading = RESULT, long, value_name = "MM", value_parser = print_width, allow_negative_numbers = true)]
@@ -75,40 +77,30 @@ impl Format {
             ))),
         }
     }
-
-    fn kind(self) -> Kind {
-        match self {
-            Format::Picture(image) => Kind::of(image),
-            Format::Csv => Kind::PLAN,
-            Format::GeoJson => Kind::GEO_JSON,
-            Format::Kml => Kind::KML,
-        }
-    }
 }
 
 /// A log that was opened for a plan, with its reference system.
-pub struct Ready<'a> {
+pub struct OpenedPlan<'a> {
     common: &'a Common,
-    pub log: Opened,
+    pub log: OpenedLog,
     pub reference: Reference,
     pub depth_m: Option<f64>,
     output: Option<(Format, Target<'a>)>,
 }
 
 impl Common {
-    /// Opens the log, and checks that the plan can be written. `files` are further inputs, which must not be
+    /// Opens the log, and checks that the plan can be content. `files` are further inputs, which must not be
     /// overwritten.
-    pub fn open(&self, files: &[&Path]) -> anyhow::Result<Ready<'_>> {
-        let logs = &self.source.logs;
+    pub fn open(&self, files: &[&Path]) -> anyhow::Result<OpenedPlan<'_>> {
         let inputs: Vec<&Path> = self.source.inputs().into_iter().chain(files.iter().copied()).collect();
         let output = match &self.output {
             None => None,
             Some(path) => {
                 let format = Format::of(path)?;
-                Some((format, Target::new(path, format.kind(), &inputs, logs.overwrite)?))
+                Some((format, self.overwrite.target(path, &inputs)?))
             }
         };
-        let log = Survey::open(&self.source)?;
+        let log = LearnedMap::open(&self.source)?;
         let reference = reference(log.reference)?;
         if let (Some((Format::GeoJson | Format::Kml, _)), Some(path)) = (&output, &self.output)
             && !log.reference.is_known()
@@ -121,7 +113,7 @@ impl Common {
             return Err(BadInput(message.into()).into());
         }
         let depth_m = self.depth.or(log.mean_depth_m());
-        Ok(Ready { common: self, log, reference, depth_m, output })
+        Ok(OpenedPlan { common: self, log, reference, depth_m, output })
     }
 }
 
@@ -135,41 +127,41 @@ pub fn waypoints(path: &Path) -> anyhow::Result<Vec<Waypoint>> {
 }
 
 /// Options of the queries of a plan.
-pub struct Questions {
+pub struct QueryTemplate {
     seen: Seen,
     depth_m: Option<f64>,
     attempt: Box<dyn Fn(Link) -> LinkQuery>,
 }
 
-impl Questions {
+impl QueryTemplate {
     /// Returns the queries of a map or plan seen from these positions.
-    pub fn of<'a>(&'a self, at: &'a [Position], join: Join) -> Asked<'a> {
-        Asked { at, seen: self.seen, join, depth_m: self.depth_m, attempt: &*self.attempt }
+    pub fn of<'a>(&'a self, at: &'a [Position], join: Join) -> MapQuery<'a> {
+        MapQuery { at, seen: self.seen, join, depth_m: self.depth_m, attempt: &*self.attempt }
     }
 }
 
 /// The learned model, and the options of the queries.
-pub struct Learned<'a> {
+pub struct LearnedPlan<'a> {
     common: &'a Common,
-    pub survey: Survey,
+    pub learned_map: LearnedMap,
     pub reference: Reference,
-    pub questions: Questions,
+    pub queries: QueryTemplate,
     output: Option<(Format, Target<'a>)>,
 }
 
-impl<'a> Ready<'a> {
+impl<'a> OpenedPlan<'a> {
     /// Learns from the log.
-    pub fn learn(self) -> anyhow::Result<Learned<'a>> {
-        let Ready { common, log, reference, depth_m, output } = self;
+    pub fn learn(self) -> anyhow::Result<LearnedPlan<'a>> {
+        let OpenedPlan { common, log, reference, depth_m, output } = self;
         let attempt = Box::new(common.parties.attempt(&log)?);
-        let questions = Questions { seen: common.seen.seen(), depth_m, attempt };
-        let survey = Survey::learn(log, &common.source)?.capped(&common.parties);
-        Ok(Learned { common, survey, reference, questions, output })
+        let queries = QueryTemplate { seen: common.seen.seen(), depth_m, attempt };
+        let learned_map = LearnedMap::learn(log, &common.source)?.capped(&common.parties);
+        Ok(LearnedPlan { common, learned_map, reference, queries, output })
     }
 }
 
 /// Content of an output file.
-pub struct Written<'a> {
+pub struct PlanContent<'a> {
     /// Positions that the map is seen from, how they are combined, and the title.
     pub at: &'a [Position],
     pub join: Join,
@@ -186,15 +178,15 @@ pub struct Written<'a> {
     pub shown: &'a [Point],
 }
 
-impl Learned<'_> {
+impl LearnedPlan<'_> {
     /// Writes the plan, if an output file was requested.
-    pub fn write(mut self, written: Written, results: Results) -> anyhow::Result<()> {
+    pub fn write(mut self, content: PlanContent, results: Results) -> anyhow::Result<()> {
         let Some((format, target)) = self.output.take() else { return Ok(()) };
         let bytes = match format {
-            Format::Csv => self.table(written)?.into_bytes(),
-            Format::GeoJson => geojson_of_lines(&self.reference, &written.shapes)?,
-            Format::Kml => kml_of_lines(&self.reference, &written.shapes)?,
-            Format::Picture(image) => self.picture(written)?.file(image, self.common.width_mm)?,
+            Format::Csv => self.table(content)?.into_bytes(),
+            Format::GeoJson => geojson_of_lines(&self.reference, &content.shapes)?,
+            Format::Kml => kml_of_lines(&self.reference, &content.shapes)?,
+            Format::Picture(image) => self.picture(content)?.file(image, self.common.width_mm)?,
         };
         target.write(&bytes, results)?;
         if let Some(path) = &self.common.output {
@@ -204,9 +196,9 @@ impl Learned<'_> {
     }
 
     /// Formats the rows, with latitude and longitude added if the reference system is known.
-    fn table(&self, written: Written) -> anyhow::Result<String> {
+    fn table(&self, content: PlanContent) -> anyhow::Result<String> {
         let degrees: &[&str] = if self.reference.system().is_known() { &DEGREES } else { &[] };
-        let header = [written.header, degrees].concat();
+        let header = [content.header, degrees].concat();
         let row = |((east_m, north_m), mut row): (Point, Vec<String>)| {
             // A position outside the projection has no latitude and longitude.
             let place = self.reference.geographic(east_m, north_m);
@@ -216,30 +208,30 @@ impl Learned<'_> {
             row.truncate(header.len());
             row
         };
-        csv_of_text(&header, written.rows.into_iter().map(row))
+        csv_of_text(&header, content.rows.into_iter().map(row))
     }
 
-    fn picture(&mut self, written: Written) -> anyhow::Result<Figure> {
+    fn picture(&mut self, content: PlanContent) -> anyhow::Result<Figure> {
         let bar = spinner("drawing");
-        let ends = self.survey.log.events.iter().flat_map(|event| event.link.ends());
-        let shown = written.shown.iter().map(|&(east_m, north_m)| Position::new(east_m, north_m));
-        let area = Area::around(ends.chain(written.at.iter().copied()).chain(shown), None)?;
-        let asked = self.questions.of(written.at, written.join);
-        let map = SuccessMap::new(&mut self.survey.agent, area, &asked)?;
+        let ends = self.learned_map.log.events.iter().flat_map(|event| event.link.ends());
+        let shown = content.shown.iter().map(|&(east_m, north_m)| Position::new(east_m, north_m));
+        let area = Area::around(ends.chain(content.at.iter().copied()).chain(shown), None)?;
+        let query = self.queries.of(content.at, content.join);
+        let map = SuccessMap::new(&mut self.learned_map.agent, area, &query)?;
         let known = Some(&self.reference).filter(|reference| reference.system().is_known());
         let &Common { ref title, with_events, width_mm, .. } = self.common;
-        let drawn = Drawn {
-            events: if with_events { &self.survey.log.events } else { &[] },
+        let figure_content = FigureContent {
+            events: if with_events { &self.learned_map.log.events } else { &[] },
             levels: &[],
             layers: &[Layer::Probability],
-            title: Some(title.as_deref().unwrap_or(written.title)),
+            title: Some(title.as_deref().unwrap_or(content.title)),
             reference: known,
             with_events,
-            lines: written.lines,
+            lines: content.lines,
         };
-        let below = written.below;
+        let below = content.below;
         let whole = |room| {
-            let map = figure(&map, &drawn, room);
+            let map = figure(&map, &figure_content, room);
             stacked(std::iter::once(map).chain(below.map(|draw| draw(room))).collect())
         };
         let picture = Figure::fitted(width_mm, whole);

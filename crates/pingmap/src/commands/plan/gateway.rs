@@ -8,25 +8,27 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::json;
 
-use super::common::{Common, Learned, Written, waypoints};
-use crate::contour::Point;
+use super::common::{Common, LearnedPlan, PlanContent, waypoints};
+use crate::cli_enums::{Join, name_of};
+use crate::cli_parsers::positive;
 use crate::exports::{Line, Shape};
 use crate::figure::{Mark, Series, Style};
-use crate::model::{KernelJson, MadeOf};
-use crate::names::{Join, name_of};
-use crate::output::{BadInput, Results, print, print_json, spinner, table};
+use crate::grid::Point;
+use crate::model::{InputDigests, KernelJson};
+use crate::outage::{Outage, Outages, SampledFunctions};
+use crate::output::{BadInput, Results, print_json, print_text, spinner, table};
 use crate::reference::{PlaceJson, positions};
 use crate::route::{Route, Sending};
-use crate::silence::{Drawn, Silence, Silences};
 use crate::success_map::{Cell, from_one};
-use crate::values::positive;
 
 #[derive(Args)]
 #[command(
     after_help = "Example:\n  pingmap plan gateway log.csv --model model.toml --among places.csv --along waypoints.csv"
 )]
 pub struct Options {
-    /// Table of candidate positions, in metres of the log or degrees; an optional column name names them
+    /// Table of candidate positions, with an optional column name
+    ///
+    /// Positions are in metres of the log or degrees.
     #[arg(long, value_name = "FILE")]
     pub among: PathBuf,
     /// Table of waypoints of the track from which the gateway is to receive
@@ -51,7 +53,7 @@ struct Candidate {
     share_lower: f64,
     share_upper: f64,
     lowest: f64,
-    silence: Silence,
+    silence: Outage,
     /// Posterior probability that this is the best candidate.
     best: f64,
 }
@@ -83,7 +85,7 @@ pub struct GatewayJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
-    made_of: MadeOf,
+    digests: InputDigests,
     /// Role of the candidates: `tx` transmits, `rx` receives, `both` both roles on two maps, `worst` the less probable
     /// direction.
     #[serde(rename = "as")]
@@ -107,26 +109,26 @@ const CANDIDATES_MAX: usize = 100;
 
 impl Options {
     pub fn run(&self, results: Results) -> anyhow::Result<()> {
-        let ready = self.common.open(&[&self.among, &self.along])?;
+        let opened = self.common.open(&[&self.among, &self.along])?;
         let list = waypoints(&self.among)?;
         if list.len() > CANDIDATES_MAX {
             let (path, found) = (self.among.display(), list.len());
             return Err(BadInput(format!("{path}: {found} places; expected at most {CANDIDATES_MAX}")).into());
         }
         let places: Vec<_> = list.iter().map(|waypoint| (waypoint.place, waypoint.depth_m)).collect();
-        let places = positions("--among", &places, &ready.reference, ready.depth_m)?;
+        let places = positions("--among", &places, &opened.reference, opened.depth_m)?;
         let named = list.iter().enumerate().map(|(n, waypoint)| waypoint.name.clone().unwrap_or((n + 1).to_string()));
         let named: Vec<(String, Position)> = named.zip(places).collect();
-        let route = Route::new(&waypoints(&self.along)?, &ready.reference, self.speed_m_per_s, ready.depth_m)?;
+        let route = Route::new(&waypoints(&self.along)?, &opened.reference, self.speed_m_per_s, opened.depth_m)?;
         let sendings = route.sendings(self.every_s)?;
-        let mut learned = ready.learn()?;
+        let mut learned = opened.learn()?;
         let bar = spinner("comparing places");
         let candidates = ranked(&mut learned, &named, (&route, &sendings), self.common.source.work.seed)?;
         bar.finish_and_clear();
         if self.common.json {
             print_json(results, &self.json(&candidates, &learned, sendings.len()))?;
         } else {
-            print(results, &text(&candidates))?;
+            print_text(results, &text(&candidates))?;
         }
         let track: Vec<Point> = route.waypoints.iter().map(|(_, at)| (at.east_m, at.north_m)).collect();
         let others: Vec<Point> = candidates.iter().skip(1).map(|one| (one.place.east_m, one.place.north_m)).collect();
@@ -134,7 +136,7 @@ impl Options {
             Series { name: "planned track", points: &track, style: TRACK },
             Series { name: "other places", points: &others, style: OTHERS },
         ];
-        let written = Written {
+        let content = PlanContent {
             at: &[candidates[0].place],
             join: Join::All,
             title: &format!("Best for the gateway: {}", candidates[0].name),
@@ -145,10 +147,10 @@ impl Options {
             rows: candidates.iter().map(row).collect(),
             shown: &[&track[..], &others].concat(),
         };
-        learned.write(written, results)
+        learned.write(content, results)
     }
 
-    fn json(&self, candidates: &[Candidate], learned: &Learned, messages: usize) -> GatewayJson {
+    fn json(&self, candidates: &[Candidate], learned: &LearnedPlan, messages: usize) -> GatewayJson {
         let of = |one: &Candidate| CandidateJson {
             name: one.name.clone(),
             place: PlaceJson::of(&one.place, &learned.reference),
@@ -162,12 +164,12 @@ impl Options {
         };
         GatewayJson {
             schema: 1,
-            made_of: learned.survey.made_of(),
+            digests: learned.learned_map.digests(),
             seen: name_of(&self.common.seen),
             every_s: self.every_s,
             messages,
-            events_used: learned.survey.log.events.len(),
-            kernel: KernelJson::of(learned.survey.model()),
+            events_used: learned.learned_map.log.events.len(),
+            kernel: KernelJson::of(learned.learned_map.model()),
             best: candidates[0].name.clone(),
             candidates: candidates.iter().map(of).collect(),
         }
@@ -178,7 +180,7 @@ impl Options {
         let place = |one: &Candidate| Line {
             kind: "place",
             shape: Shape::Place((one.place.east_m, one.place.north_m)),
-            said: vec![
+            properties: vec![
                 ("name", json!(one.name)),
                 ("share", json!(one.share)),
                 ("best_share", json!(one.best)),
@@ -187,14 +189,14 @@ impl Options {
                 ("as", json!(seen)),
             ],
         };
-        let track = Line { kind: "track", shape: Shape::Line(track.to_vec()), said: Vec::new() };
+        let track = Line { kind: "track", shape: Shape::Line(track.to_vec()), properties: Vec::new() };
         candidates.iter().map(place).chain([track]).collect()
     }
 }
 
 /// Returns the candidates in descending order of their expected share of received messages.
 fn ranked(
-    learned: &mut Learned,
+    learned: &mut LearnedPlan,
     named: &[(String, Position)],
     (route, sendings): (&Route, &[Sending]),
     seed: u64,
@@ -203,14 +205,14 @@ fn ranked(
     let (mut cells, mut attempts): (Vec<Vec<Cell>>, Vec<Vec<LinkQuery>>) = (Vec::new(), Vec::new());
     for (_, place) in named {
         let at = [*place];
-        let asked = learned.questions.of(&at, Join::All);
-        let found = from_one(&mut learned.survey.agent, &asked, (asked.seen, *place), &on_track)?;
+        let query = learned.queries.of(&at, Join::All);
+        let found = from_one(&mut learned.learned_map.agent, &query, (query.seen, *place), &on_track)?;
         let (of_place, asked_about) = found.into_iter().unzip();
         cells.push(of_place);
         attempts.push(asked_about);
     }
     // All candidates are evaluated under the same functions, because they share the uncertainty about the water.
-    let together = Drawn::new(&mut learned.survey.agent, &attempts)?;
+    let together = SampledFunctions::new(&mut learned.learned_map.agent, &attempts)?;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let shares: Vec<Vec<f64>> = (0..together.functions())
         .map(|function| (0..named.len()).map(|place| mean(&together.probabilities(place, function))).collect())
@@ -223,8 +225,8 @@ fn ranked(
     let mut candidates = Vec::with_capacity(named.len());
     for (n, (name, place)) in named.iter().enumerate() {
         let at = [*place];
-        let asked = learned.questions.of(&at, Join::All);
-        let alone = Drawn::new(&mut learned.survey.agent, &attempts[n..=n])?;
+        let query = learned.queries.of(&at, Join::All);
+        let alone = SampledFunctions::new(&mut learned.learned_map.agent, &attempts[n..=n])?;
         let probabilities: Vec<f64> = cells[n].iter().map(|cell| cell.probability).collect();
         let mut drawn: Vec<f64> = shares.iter().map(|shares| shares[n]).collect();
         drawn.sort_by(f64::total_cmp);
@@ -237,7 +239,7 @@ fn ranked(
             share_lower: quantile(0.05).min(share),
             share_upper: quantile(0.95).max(share),
             lowest: probabilities.iter().copied().fold(1.0, f64::min),
-            silence: Silences::new(&alone, &asked, route, sendings, seed).whole,
+            silence: Outages::new(&alone, &query, route, sendings, seed).whole,
             best: best[n],
         });
     }
@@ -259,7 +261,7 @@ const HEADER: [&str; 10] = [
 ];
 
 fn row(one: &Candidate) -> (Point, Vec<String>) {
-    let Silence { median_s, likely_s } = one.silence;
+    let Outage { median_s, likely_s } = one.silence;
     let Position { east_m, north_m, .. } = one.place;
     let numbers =
         [east_m, north_m, one.share, one.share_lower, one.share_upper, one.lowest, median_s, likely_s, one.best];
@@ -281,7 +283,7 @@ fn text(candidates: &[Candidate]) -> String {
     let header = ["place", "share heard", "lowest probability", "silence (s)", "at most, 9 of 10", "best in"];
     let best = &candidates[0];
     format!(
-        "{}\n\nThe best position for the gateway is {}: {:.0} % of the messages of the track are expected to be received. It is the\n\
+        "{}\n\nThe best position for the gateway is {}: {:.0} % of the messages of the track are expected to be received. It is the \
          best position with a probability of {:.0} %.",
         table(&header, &rows),
         best.name,

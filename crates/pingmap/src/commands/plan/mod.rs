@@ -9,10 +9,10 @@ use clap::{Args, Subcommand};
 
 use crate::output::Results;
 
-/// Plan with a learned map: the range up to which messages are received, reception along a track, and the best gateway
+/// Plan with a map: standoff ranges, reception along a track, and the best gateway
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  pingmap plan standoff log.csv --at 700,510\n  pingmap plan track log.csv --at 700,510 --along waypoints.csv\n  pingmap plan gateway log.csv --among places.csv --along waypoints.csv"
+    after_long_help = "Examples:\n  pingmap plan standoff log.csv --at 700,510\n  pingmap plan track log.csv --at 700,510 --along waypoints.csv\n  pingmap plan gateway log.csv --among places.csv --along waypoints.csv"
 )]
 pub struct Options {
     #[command(subcommand)]

@@ -7,23 +7,25 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::json;
 
-use super::common::{Common, Learned, Written};
-use crate::contour::Point;
+use super::common::{Common, LearnedPlan, PlanContent};
+use crate::cli_enums::{Join, name_of};
+use crate::cli_parsers::{open_share, place, positive};
 use crate::exports::{Line, Shape};
 use crate::figure::{Mark, Series, Style};
-use crate::model::{KernelJson, MadeOf};
-use crate::names::{Join, name_of};
-use crate::output::{BadInput, Results, print, print_json, spinner, table};
+use crate::grid::Point;
+use crate::model::{InputDigests, KernelJson};
+use crate::output::{BadInput, Results, print_json, print_text, spinner, table};
 use crate::reference::{PlaceJson, positions};
 use crate::standoff::{Ray, standoff};
-use crate::values::{open_share, place, positive};
 
 #[derive(Args)]
 #[command(
     after_help = "Example:\n  pingmap plan standoff log.csv --model model.toml --at 700,510 --probability 0.9 -o standoff.png"
 )]
 pub struct Options {
-    /// Position of the listener: metres of the log, or degrees such as 41.52N,70.67W, with an optional depth
+    /// Position of the listener
+    ///
+    /// A position is in metres of the log, or in degrees such as 41.52N,70.67W, with an optional depth.
     #[arg(long, value_name = "PLACE", value_parser = place, allow_hyphen_values = true)]
     pub at: (Place, Option<f64>),
     /// Required probability that a message is received
@@ -42,7 +44,7 @@ pub struct StandoffJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
-    made_of: MadeOf,
+    digests: InputDigests,
     /// Queried position.
     at: PlaceJson,
     /// Role of the position: `tx` transmits, `rx` receives, `both` both roles on two maps, `worst` the less probable
@@ -80,18 +82,18 @@ const SHOWN_EACH: usize = 6;
 
 impl Options {
     pub fn run(&self, results: Results) -> anyhow::Result<()> {
-        let ready = self.common.open(&[])?;
-        let at = positions("--at", &[self.at], &ready.reference, ready.depth_m)?;
-        let longest_m = ready.log.events.iter().map(|event| event.link.range_m()).fold(0.0, f64::max);
+        let opened = self.common.open(&[])?;
+        let at = positions("--at", &[self.at], &opened.reference, opened.depth_m)?;
+        let longest_m = opened.log.events.iter().map(|event| event.link.range_m()).fold(0.0, f64::max);
         let range_max_m = self.range_max_m.unwrap_or(longest_m);
         if range_max_m <= 0.0 {
             return Err(BadInput("all links of the log are of length 0; expected --range-max-m".into()).into());
         }
-        let mut learned = ready.learn()?;
+        let mut learned = opened.learn()?;
         let bar = spinner("looking around");
         let rays = standoff(
-            &mut learned.survey.agent,
-            &learned.questions.of(&at, Join::All),
+            &mut learned.learned_map.agent,
+            &learned.queries.of(&at, Join::All),
             (self.probability, range_max_m),
         )?;
         bar.finish_and_clear();
@@ -101,7 +103,7 @@ impl Options {
             let object = self.json(&learned, &at[0], &rays, (range_max_m, range_m, range_lower_m));
             print_json(results, &object)?;
         } else {
-            print(results, &self.text(&rays, range_max_m, (range_m, range_lower_m)))?;
+            print_text(results, &self.text(&rays, range_max_m, (range_m, range_lower_m)))?;
         }
         let lines = [|ray: &Ray| ray.range_m, |ray: &Ray| ray.range_lower_m]
             .map(|of| rays.iter().map(|ray| ray.place(at[0], of(ray))).collect::<Vec<Point>>());
@@ -115,7 +117,7 @@ impl Options {
             let numbers = [ray.bearing_deg, ray.range_m, ray.range_lower_m, east_m, north_m];
             ((east_m, north_m), numbers.map(|number| number.to_string()).to_vec())
         };
-        let written = Written {
+        let content = PlanContent {
             at: &at,
             join: Join::All,
             title: &format!("Stay within the line to be heard with {}", self.probability),
@@ -126,12 +128,12 @@ impl Options {
             rows: rays.iter().map(row).collect(),
             shown: &lines.concat(),
         };
-        learned.write(written, results)
+        learned.write(content, results)
     }
 
     fn json(
         &self,
-        learned: &Learned,
+        learned: &LearnedPlan,
         at: &Position,
         rays: &[Ray],
         (range_max_m, range_m, range_lower_m): (f64, f64, f64),
@@ -139,13 +141,13 @@ impl Options {
         let ray = |&Ray { bearing_deg, range_m, range_lower_m }: &Ray| RayJson { bearing_deg, range_m, range_lower_m };
         StandoffJson {
             schema: 1,
-            made_of: learned.survey.made_of(),
+            digests: learned.learned_map.digests(),
             at: PlaceJson::of(at, &learned.reference),
             seen: name_of(&self.common.seen),
             probability: self.probability,
             range_max_m,
-            events_used: learned.survey.log.events.len(),
-            kernel: KernelJson::of(learned.survey.model()),
+            events_used: learned.learned_map.log.events.len(),
+            kernel: KernelJson::of(learned.learned_map.model()),
             range_m,
             range_lower_m,
             rays: rays.iter().map(ray).collect(),
@@ -171,7 +173,7 @@ impl Options {
             );
         }
         format!(
-            "{table}\n\nWithin {range_m:.0} m in every direction {seen} with a probability of {} or more; within {range_lower_m:.0} m by the lower\n\
+            "{table}\n\nWithin {range_m:.0} m in every direction {seen} with a probability of {} or more; within {range_lower_m:.0} m by the lower \
              end of the 90 % interval, too.",
             self.probability
         )
@@ -182,7 +184,7 @@ impl Options {
         let area = |n: usize, by: &str| Line {
             kind: "standoff",
             shape: Shape::Area(lines[n].clone()),
-            said: vec![
+            properties: vec![
                 ("probability", json!(self.probability)),
                 ("by", json!(by)),
                 ("seen_as", json!(seen)),
@@ -192,7 +194,7 @@ impl Options {
         let place = Line {
             kind: "place",
             shape: Shape::Place(at),
-            said: vec![("seen_from", json!(seen)), ("as", json!(seen))],
+            properties: vec![("seen_from", json!(seen)), ("as", json!(seen))],
         };
         vec![area(0, "probability"), area(1, "lower"), place]
     }

@@ -9,18 +9,18 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::json;
 
-use super::common::{Common, Learned, Written, waypoints};
-use crate::contour::Point;
+use super::common::{Common, LearnedPlan, PlanContent, waypoints};
+use crate::cli_enums::{Join, name_of};
+use crate::cli_parsers::{place, positive};
 use crate::exports::{Line, Shape};
 use crate::figure::{Figure, Mark, Room, Series, Style, curves};
-use crate::model::{KernelJson, MadeOf};
-use crate::names::{Join, name_of};
-use crate::output::{Results, print, print_json, spinner, table};
+use crate::grid::Point;
+use crate::model::{InputDigests, KernelJson};
+use crate::outage::{Outage, Outages, SampledFunctions};
+use crate::output::{Results, print_json, print_text, spinner, table};
 use crate::reference::{PlaceJson, positions};
 use crate::route::{Route, Sending};
-use crate::silence::{Drawn, Silence, Silences};
-use crate::success_map::{Asked, Cell, all_joined, from_one};
-use crate::values::{place, positive};
+use crate::success_map::{Cell, MapQuery, all_joined, from_one};
 
 #[derive(Args)]
 #[command(
@@ -30,7 +30,10 @@ pub struct Options {
     /// Table of waypoints, in metres of the log or degrees, with optional times
     #[arg(long, value_name = "FILE")]
     pub along: PathBuf,
-    /// Position of the listener, as a place of --along. Repeat the option for several listeners, which --join combines
+    /// Position of the listener; repeat the option for several listeners
+    ///
+    /// A position is in metres of the log, or in degrees such as 41.52N,70.67W, with an optional depth. --join combines
+    /// several listeners.
     #[arg(long, value_name = "PLACE", value_parser = place, allow_hyphen_values = true, required = true)]
     pub at: Vec<(Place, Option<f64>)>,
     /// Whether all of several listeners must receive a message, or any
@@ -51,7 +54,7 @@ struct Expected {
     route: Route,
     sendings: Vec<Sending>,
     cells: Vec<Cell>,
-    silences: Silences,
+    outages: Outages,
 }
 
 /// A leg, or the whole track, in JSON.
@@ -96,7 +99,7 @@ pub struct TrackJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
-    made_of: MadeOf,
+    digests: InputDigests,
     /// Positions of the listeners, or of the transmitters.
     places: Vec<PlaceJson>,
     /// Role of these positions: `tx` transmits, `rx` receives, `both` both roles on two maps, `worst` the less probable
@@ -119,23 +122,23 @@ pub struct TrackJson {
 
 impl Options {
     pub fn run(&self, results: Results) -> anyhow::Result<()> {
-        let ready = self.common.open(&[&self.along])?;
+        let opened = self.common.open(&[&self.along])?;
         let list = waypoints(&self.along)?;
-        let route = Route::new(&list, &ready.reference, self.speed_m_per_s, ready.depth_m)?;
+        let route = Route::new(&list, &opened.reference, self.speed_m_per_s, opened.depth_m)?;
         let sendings = route.sendings(self.every_s)?;
-        let at = positions("--at", &self.at, &ready.reference, ready.depth_m)?;
-        let mut learned = ready.learn()?;
+        let at = positions("--at", &self.at, &opened.reference, opened.depth_m)?;
+        let mut learned = opened.learn()?;
         let bar = spinner("playing missions");
         let expected = Expected::new(&mut learned, (&at, self.join), (route, sendings), self.common.source.work.seed)?;
         bar.finish_and_clear();
         if self.common.json {
             print_json(results, &self.json(&expected, &learned, &at))?;
         } else {
-            print(results, &expected.text())?;
+            print_text(results, &expected.text())?;
         }
         let track: Vec<Point> = expected.route.waypoints.iter().map(|(_, at)| (at.east_m, at.north_m)).collect();
         let series = [Series { name: "planned track", points: &track, style: TRACK }];
-        let written = Written {
+        let content = PlanContent {
             at: &at,
             join: self.join,
             title: "Reception along the track",
@@ -146,20 +149,20 @@ impl Options {
             rows: expected.rows(),
             shown: &track,
         };
-        learned.write(written, results)
+        learned.write(content, results)
     }
 
-    fn json(&self, expected: &Expected, learned: &Learned, at: &[Position]) -> TrackJson {
+    fn json(&self, expected: &Expected, learned: &LearnedPlan, at: &[Position]) -> TrackJson {
         let reference = &learned.reference;
         TrackJson {
             schema: 1,
-            made_of: learned.survey.made_of(),
+            digests: learned.learned_map.digests(),
             places: at.iter().map(|at| PlaceJson::of(at, reference)).collect(),
             seen: name_of(&self.common.seen),
             join: name_of(&self.join),
             every_s: self.every_s,
-            events_used: learned.survey.log.events.len(),
-            kernel: KernelJson::of(learned.survey.model()),
+            events_used: learned.learned_map.log.events.len(),
+            kernel: KernelJson::of(learned.learned_map.model()),
             whole: expected.leg(None, reference),
             legs: (0..expected.route.legs()).map(|leg| expected.leg(Some(leg), reference)).collect(),
         }
@@ -168,21 +171,22 @@ impl Options {
 
 impl Expected {
     fn new(
-        learned: &mut Learned,
+        learned: &mut LearnedPlan,
         (at, join): (&[Position], Join),
         (route, sendings): (Route, Vec<Sending>),
         seed: u64,
     ) -> anyhow::Result<Self> {
-        let asked: Asked = learned.questions.of(at, join);
+        let query: MapQuery = learned.queries.of(at, join);
         let places: Vec<Position> = sendings.iter().map(|sending| sending.position).collect();
-        let of_places = at.iter().map(|&at| from_one(&mut learned.survey.agent, &asked, (asked.seen, at), &places));
+        let of_places =
+            at.iter().map(|&at| from_one(&mut learned.learned_map.agent, &query, (query.seen, at), &places));
         let of_places = of_places.collect::<anyhow::Result<Vec<_>>>()?;
-        let cells = all_joined(&mut learned.survey.agent, join, &of_places)?;
+        let cells = all_joined(&mut learned.learned_map.agent, join, &of_places)?;
         let attempts: Vec<Vec<LinkQuery>> =
             of_places.iter().map(|place| place.iter().map(|(_, attempt)| *attempt).collect()).collect();
-        let drawn = Drawn::new(&mut learned.survey.agent, &attempts)?;
-        let silences = Silences::new(&drawn, &asked, &route, &sendings, seed);
-        Ok(Self { route, sendings, cells, silences })
+        let drawn = SampledFunctions::new(&mut learned.learned_map.agent, &attempts)?;
+        let outages = Outages::new(&drawn, &query, &route, &sendings, seed);
+        Ok(Self { route, sendings, cells, outages })
     }
 
     /// Returns the messages of a leg, or of the whole track.
@@ -199,7 +203,7 @@ impl Expected {
         // A leg shorter than the interval between messages may have no message. The message before it stands in for it.
         let before = self.sendings.iter().zip(&self.cells).rfind(|(sending, _)| sending.time_s <= start_s);
         let (sending, cell) = lowest.or(before).unwrap_or((&self.sendings[0], &self.cells[0]));
-        let Silence { median_s, likely_s } = leg.map_or(self.silences.whole, |leg| self.silences.legs[leg]);
+        let Outage { median_s, likely_s } = leg.map_or(self.outages.whole, |leg| self.outages.legs[leg]);
         LegJson {
             from: PlaceJson::of(&from, reference),
             to: PlaceJson::of(&to, reference),
@@ -243,7 +247,7 @@ impl Expected {
         let rows: Vec<Vec<String>> = (0..self.route.legs()).map(Some).chain([None]).map(row).collect();
         let header =
             ["leg", "m", "messages", "expected", "lowest probability", "at (s)", "silence (s)", "at most, 9 of 10"];
-        let Silence { median_s, likely_s } = self.silences.whole;
+        let Outage { median_s, likely_s } = self.outages.whole;
         format!(
             "{}\n\nThe longest silence on the whole track is at most {median_s:.0} s in half of all missions, and at most {likely_s:.0} s in 90 %.",
             table(&header, &rows)
@@ -278,7 +282,7 @@ impl Expected {
         let leg = |leg: usize| {
             let points = self.route.waypoints[leg..=leg + 1].iter().map(|(_, at)| (at.east_m, at.north_m)).collect();
             let found = self.leg(Some(leg), &Reference::unknown());
-            let said = vec![
+            let properties = vec![
                 ("leg", json!(leg + 1)),
                 ("messages", json!(found.messages)),
                 ("received_expected", json!(found.received_expected)),
@@ -286,12 +290,12 @@ impl Expected {
                 ("silence_median_s", json!(found.silence_median_s)),
                 ("silence_likely_s", json!(found.silence_likely_s)),
             ];
-            Line { kind: "leg", shape: Shape::Line(points), said }
+            Line { kind: "leg", shape: Shape::Line(points), properties }
         };
         let place = |at: &Position| Line {
             kind: "place",
             shape: Shape::Place((at.east_m, at.north_m)),
-            said: vec![("seen_from", json!(seen)), ("as", json!(seen))],
+            properties: vec![("seen_from", json!(seen)), ("as", json!(seen))],
         };
         (0..self.route.legs()).map(leg).chain(at.iter().map(place)).collect()
     }

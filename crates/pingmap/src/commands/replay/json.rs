@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::replayed::Replayed;
 use super::scores::{CalibratedJson, OwnLearningJson, ScoresJson, SharingJson};
-use crate::model::{KernelJson, MadeOf, PriorMeanJson, path_variance, stop_words};
+use crate::model::{InputDigests, KernelJson, PriorMeanJson, path_variance, stop_words};
 
 /// Result of a replay in JSON.
 #[derive(Serialize, JsonSchema)]
@@ -16,7 +16,7 @@ pub struct ReplayJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
-    made_of: MadeOf,
+    digests: InputDigests,
     /// Reference system of the metres; `unknown` if the log does not name it.
     reference_system: String,
     /// Number of events of all logs together.
@@ -173,7 +173,7 @@ impl ReplayJson {
         let points = replayed.layout().map(Layout::points_in_all);
         Self {
             schema: 1,
-            made_of: MadeOf::given(whole, &plan.preshared),
+            digests: InputDigests::given(whole, &plan.preshared),
             reference_system: log.reference.to_string(),
             events: whole.events,
             events_used: log.events.len(),

@@ -13,18 +13,19 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_trial::{
-    ChannelImpairments, DivideBy, Division, EventLog, Plan, Preshared, Split, TrafficPlan, read_splits, splits_to_csv,
+    ChannelImpairments, DivideBy, Division, EventLog, ModelSource, Plan, Preshared, Split, TrafficPlan, read_splits,
+    splits_to_csv,
 };
 
-use crate::log::{Logs, WholeLog, thinned};
+use crate::cli_enums::{DivideByName, LearnName, ShareName};
+use crate::cli_parsers::{frame_bytes, open_share, packets, piggyback_bytes, repeats, share};
+use crate::log::{LOG_AND_MODEL, Logs, WholeLog, thinned};
 use crate::model::{HAS_SEEN_LOG, agreed_model, log_digests, open_model};
-use crate::names::{DivideByName, LearnName, ShareName};
-use crate::options::{ModelSource, RESULT, Work};
-use crate::output::{BadInput, Results, note, print, print_json, warn};
-use crate::outputs::{Kind, Target};
+use crate::options::{ModelOptions, RESULT, Work};
+use crate::output::{BadInput, Results, note, print_json, print_text, warn};
+use crate::output_target::Overwrite;
 use crate::reference::ReferenceOptions;
 use crate::team::{open_key, open_team};
-use crate::values::{frame_bytes, open_share, packets, piggyback_bytes, repeats, share};
 use online::OnlineMission;
 pub use replayed::Replayed;
 
@@ -33,11 +34,13 @@ const HELD_OUT: &str = "Held-out events";
 const ON_THE_WATER: &str = "Communication";
 const IN_TIME: &str = "In the order of time";
 
-/// Replay a mission, and score the predictions of each vehicle alone, of the team after sharing packets, and with all
-/// events in one place
+/// Replay a mission, and score the predictions of each vehicle alone and of the team
+///
+/// The scores are those of each vehicle alone, of the team after sharing packets, and of a model with all events in one
+/// place.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  pingmap replay log.csv --frames 1,5,10 --report report\n  pingmap replay log.csv --model model.toml --online"
+    after_long_help = "Examples:\n  pingmap replay log.csv --frames 1,5,10 --report report\n  pingmap replay log.csv --model model.toml --online"
 )]
 pub struct Options {
     #[command(flatten)]
@@ -62,8 +65,10 @@ pub struct Options {
     /// probabilities
     #[arg(long)]
     pub calibration: bool,
-    /// Run the mission in the order of time instead. Receivers predict every event before they learn from it, and
-    /// packets are sent with the transmissions of the log. Without --model or --team no model is learned beforehand
+    /// Run the mission in the order of time instead
+    ///
+    /// Receivers predict every event before they learn from it, and packets are sent with the transmissions of the log.
+    /// Without --model or --team no model is learned beforehand.
     #[arg(help_heading = IN_TIME, long, conflicts_with_all = ["splits", "Dividing", "write_splits", "frames", "compare", "calibration", "learn", "reorder"])]
     pub online: bool,
     /// With --online: a vehicle may send a packet with every N-th of its transmissions; 10 if not given, no packets if
@@ -76,13 +81,18 @@ pub struct Options {
     /// Also write a report with maps to this folder
     #[arg(help_heading = RESULT, long, value_name = "DIR")]
     pub report: Option<PathBuf>,
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// The data from which models are learned
     #[arg(long, value_enum, default_value_t = LearnName::Pooled)]
     pub learn: LearnName,
     #[command(flatten)]
     pub reference: ReferenceOptions,
+    /// Model file of `pingmap learn`; if not given, models are learned from the log
+    #[arg(help_heading = LOG_AND_MODEL, long, value_name = "FILE", conflicts_with = "ModelOptions")]
+    pub model: Option<PathBuf>,
     #[command(flatten)]
-    pub source: ModelSource,
+    pub model_options: ModelOptions,
     #[command(flatten)]
     pub work: Work,
     /// Print one JSON object instead of tables
@@ -94,7 +104,7 @@ pub struct Options {
 #[derive(Args)]
 #[group(id = "Dividing", multiple = true)]
 pub struct Dividing {
-    /// Rule for held-out events: random, blocks of time, the farthest ranges, or one receiver after the other
+    /// Rule for held-out events
     #[arg(help_heading = HELD_OUT, long, value_enum)]
     pub split_by: Option<DivideByName>,
     /// Number of random splits; 3 if not given
@@ -139,7 +149,7 @@ impl Dividing {
 #[derive(Args)]
 pub struct Sharing {
     /// Team file: members, model, grid, frames and key
-    #[arg(help_heading = ON_THE_WATER, long, value_name = "FILE", conflicts_with_all = ["Kernel", "model", "frame_bytes", "key_file", "dense_events_max", "inducing_points_max"])]
+    #[arg(help_heading = ON_THE_WATER, long, value_name = "FILE", conflicts_with_all = ["ModelOptions", "model", "frame_bytes", "key_file", "dense_events_max", "inducing_points_max"])]
     pub team: Option<PathBuf>,
     /// Bytes of a frame
     #[arg(help_heading = ON_THE_WATER, long, default_value_t = 32, value_parser = frame_bytes)]
@@ -157,8 +167,7 @@ pub struct Sharing {
     /// Share of packets that arrive after a later one
     #[arg(help_heading = ON_THE_WATER, long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     pub reorder: f64,
-    /// Content of the packets: summaries of all events, reports of single outcomes, or reports with summaries of events
-    /// that reports cannot carry
+    /// Content of the packets
     #[arg(help_heading = ON_THE_WATER, long, value_enum, default_value_t = ShareName::Both)]
     pub share: ShareName,
 }
@@ -179,21 +188,23 @@ impl Options {
     pub fn run(&self, results: Results) -> anyhow::Result<()> {
         run(self, results)
     }
+
+    /// Returns the paths of all input files.
+    fn inputs(&self) -> Vec<&Path> {
+        let others = [&self.splits, &self.model, &self.sharing.team, &self.sharing.key_file];
+        self.logs.paths().into_iter().chain(others.into_iter().flatten().map(PathBuf::as_path)).collect()
+    }
 }
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
+    let inputs = options.inputs();
     if let Some(folder) = &options.report {
-        Target::page(folder, options.logs.overwrite)?;
+        options.overwrite.report_folder(folder, &inputs)?;
     }
-    let written_splits = options.write_splits.as_deref().map(|path| {
-        let mut inputs = options.logs.paths();
-        let read = [&options.splits, &options.source.model, &options.sharing.team, &options.sharing.key_file];
-        inputs.extend(read.into_iter().flatten().map(PathBuf::as_path));
-        Target::new(path, Kind::SPLITS, &inputs, options.logs.overwrite)
-    });
-    let written_splits = written_splits.transpose()?;
+    let splits_target =
+        options.write_splits.as_deref().map(|path| options.overwrite.target(path, &inputs)).transpose()?;
     let mut log = options.logs.open()?;
-    options.reference.tell(&mut log)?;
+    options.reference.apply(&mut log)?;
     let whole = WholeLog::of(&log, options.logs.name());
     let (agreed, has_seen_log) = agreed(options, &log)?;
     if let (Some(model), false) = (agreed_model(&agreed), log.reference.is_known()) {
@@ -215,7 +226,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         Some(path) => read_splits(path, &log)?,
         None => options.dividing.splits(&log, options.work.seed)?,
     };
-    if let Some(target) = written_splits {
+    if let Some(target) = splits_target {
         target.write(splits_to_csv(&splits).as_bytes(), results)?;
     }
     let (log, splits) = thinned(log, splits, options.work.events_max, options.work.seed);
@@ -230,7 +241,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
 
 /// Returns the shared model or team, and whether the model was learned from this log.
 fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Preshared, bool)> {
-    let (agreed, digests) = match (&options.source.model, &options.sharing.team) {
+    let (agreed, digests) = match (&options.model, &options.sharing.team) {
         (_, Some(path)) => {
             let (team, digests) = open_team(path, log)?;
             (Preshared::Team(Box::new(team)), digests)
@@ -256,15 +267,11 @@ fn riding(options: &Options) -> TrafficPlan {
 
 /// Returns the plan of the replay: team, sharing and learning.
 fn plan(options: &Options, agreed: Preshared) -> anyhow::Result<Plan> {
-    let kernel = &options.source.kernel;
+    let model = &options.model_options;
     let sharing = &options.sharing;
     Ok(Plan {
         preshared: agreed,
-        model_source: if options.learn == LearnName::Own {
-            pingmap_trial::ModelSource::Own
-        } else {
-            pingmap_trial::ModelSource::Pooled
-        },
+        model_source: if options.learn == LearnName::Own { ModelSource::Own } else { ModelSource::Pooled },
         frame_bytes: sharing.frame_bytes,
         key: sharing.key_file.as_ref().map(|path| open_key(path)).transpose()?,
         sharing: sharing.share.sharing(),
@@ -272,7 +279,7 @@ fn plan(options: &Options, agreed: Preshared) -> anyhow::Result<Plan> {
         compare: options.compare,
         // A report always shows the calibration, so that its reader can judge the maps.
         calibration: options.calibration || options.report.is_some() && !options.online,
-        ..Plan::new(kernel.learning(kernel.given().default_candidates(), options.work.limits()), options.work.seed)
+        ..Plan::new(model.learning(model.constraints().default_candidates(), options.work.limits()), options.work.seed)
     })
 }
 
@@ -283,7 +290,7 @@ impl Replayed {
         let command = results.command().to_vec();
         match as_json {
             true => print_json(results, &json::ReplayJson::of(self))?,
-            false => print(results, &tables::text(self))?,
+            false => print_text(results, &tables::text(self))?,
         }
         if let Some(folder) = report {
             note(format_args!("report: {}", report::write(self, &command, folder)?.display()));

@@ -11,8 +11,8 @@ use super::report::{of_log, of_run, pairs};
 use crate::figure::{Figure, Mark, Room, Series, Style, curves};
 use crate::files::write_file;
 use crate::log::WholeLog;
-use crate::model::{HAS_SEEN_LOG, MadeOf};
-use crate::output::{Results, count, note, print, print_json, progress, table};
+use crate::model::{HAS_SEEN_LOG, InputDigests};
+use crate::output::{Results, count, note, print_json, print_text, progress, table};
 use crate::page::Page;
 
 /// Number of parts of the mission in the table.
@@ -59,7 +59,7 @@ impl OnlineMission {
         let command = results.command().to_vec();
         match as_json {
             true => print_json(results, &OnlineJson::of(&online, self))?,
-            false => print(results, &self.text(&online))?,
+            false => print_text(results, &self.text(&online))?,
         }
         if let Some(folder) = report {
             note(format_args!("report: {}", self.write_report((&online, log), &command, folder)?.display()));
@@ -171,7 +171,7 @@ pub struct OnlineJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
-    made_of: MadeOf,
+    digests: InputDigests,
     /// Number of events of the mission.
     events: usize,
     /// Number of its transmissions after which a vehicle may send a packet. A packet is sent only if it is useful.
@@ -213,7 +213,7 @@ impl OnlineJson {
         let step = |&Step { time_s, own, team, centralised }: &Step| StepJson { time_s, own, team, centralised };
         Self {
             schema: 1,
-            made_of: MadeOf::given(&mission.whole, &mission.plan.preshared),
+            digests: InputDigests::given(&mission.whole, &mission.plan.preshared),
             events: online.steps.len(),
             slot_every: mission.riding.slot_every,
             piggyback_bytes: mission.riding.piggyback_bytes,

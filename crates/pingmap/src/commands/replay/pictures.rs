@@ -8,12 +8,12 @@ use pingmap_trial::{Bin, Calibrated, Calibration, Mission, Plan, Preshared, Rang
 
 use super::replayed::Replayed;
 use crate::area::Area;
-use crate::contour::Point;
+use crate::cli_enums::{Join, Layer, Seen};
 use crate::figure::{Arrows, Figure, Mark, Room, Series, Style, curves, link_map};
-use crate::map_figure::{Drawn, figure};
-use crate::names::{Join, Layer, Seen};
+use crate::grid::Point;
+use crate::map_figure::{FigureContent, figure};
 use crate::reference::reference;
-use crate::success_map::{Asked, LEVELS, SuccessMap};
+use crate::success_map::{LEVELS, MapQuery, SuccessMap};
 use crate::tracks;
 
 /// Largest number of packets per vehicle behind the maps.
@@ -75,13 +75,13 @@ fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
     let at = last.map_or(events[0].link.receiver, |event| event.link.receiver);
     let end_s = last.map(|event| event.time_s);
     let (transmitter, when) = (viewer.id().into(), end_s.map_or(Time::Typical, Time::At));
-    let asked = |link| LinkQuery { transmitter, when, ..LinkQuery::from(link) };
+    let attempt = |link| LinkQuery { transmitter, when, ..LinkQuery::from(link) };
     let ends = events.iter().flat_map(|event| event.link.ends());
     let area = Area::around(ends.chain([at]), None)?;
-    let seen = Asked { at: &[at], seen: Seen::Tx, join: Join::All, depth_m: at.depth_m, attempt: &asked };
-    let map = SuccessMap::new(viewer, area, &seen)?;
+    let query = MapQuery { at: &[at], seen: Seen::Tx, join: Join::All, depth_m: at.depth_m, attempt: &attempt };
+    let map = SuccessMap::new(viewer, area, &query)?;
     let place = reference(replayed.log.reference)?;
-    let drawn = Drawn {
+    let content = FigureContent {
         events,
         levels: &LEVELS,
         layers: &[Layer::Probability],
@@ -90,7 +90,7 @@ fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
         with_events: false,
         lines: &[],
     };
-    Ok(figure(&map, &drawn, Room::PLENTY))
+    Ok(figure(&map, &content, Room::PLENTY))
 }
 
 /// Draws the share of heard events over range, and the receivers' mean predictions for the same events.
@@ -103,18 +103,18 @@ fn over_range(team: &mut [Agent], replayed: &Replayed) -> anyhow::Result<Figure>
         let predictions = viewer.predict(own.iter().map(|&n| events[n].query()), PredictOptions::default())?;
         own.into_iter().zip(predictions).for_each(|(n, prediction)| predicted[n] = prediction.probability);
     }
-    let (mut heard, mut said) = (Vec::new(), Vec::new());
+    let (mut heard, mut mean_predicted) = (Vec::new(), Vec::new());
     let mut first = 0;
     for RangeBin { from_m, to_m, events, heard: hits } in replayed.log.over_range(RANGE_BINS) {
         let middle_m = (from_m + to_m) / 2.0;
         let of_bin = &predicted[first..first + events];
         first += events;
         heard.push((middle_m, hits as f64 / events as f64));
-        said.push((middle_m, of_bin.iter().sum::<f64>() / events as f64));
+        mean_predicted.push((middle_m, of_bin.iter().sum::<f64>() / events as f64));
     }
     let series = [
         Series { name: "heard", points: &heard, style: Style { mark: Mark::Square, ..HEARD } },
-        Series { name: "predicted by the maps", points: &said, style: SAID },
+        Series { name: "predicted by the maps", points: &mean_predicted, style: PREDICTED },
     ];
     Ok(curves("Share heard over range", ["range (m)", "share heard"], &series, Room::PLENTY, 320.0))
 }
@@ -130,7 +130,7 @@ pub fn calibration(calibrated: &Calibrated) -> Figure {
     let series = [
         Series { name: "perfect calibration", points: &diagonal, style: DIAGONAL },
         Series { name: "own events only", points: &own, style: OWN },
-        Series { name: "team", points: &team, style: Style { mark: Mark::Dot, ..SAID } },
+        Series { name: "team", points: &team, style: Style { mark: Mark::Dot, ..PREDICTED } },
         Series { name: "all events in one place", points: &centralised, style: Style { mark: Mark::Square, ..HEARD } },
     ];
     curves(
@@ -143,7 +143,7 @@ pub fn calibration(calibrated: &Calibrated) -> Figure {
 }
 
 const HEARD: Style = Style { color: "#404040", width: 1.6, dash: &[7.0, 4.0], mark: Mark::Square };
-const SAID: Style = Style { color: "#0571b0", width: 2.2, dash: &[], mark: Mark::Dot };
+const PREDICTED: Style = Style { color: "#0571b0", width: 2.2, dash: &[], mark: Mark::Dot };
 const OWN: Style = Style { color: "#d7301f", width: 1.6, dash: &[2.0, 3.0], mark: Mark::Triangle };
 const DIAGONAL: Style = Style { color: "#999999", width: 1.0, dash: &[], mark: Mark::None };
 

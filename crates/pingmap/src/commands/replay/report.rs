@@ -12,7 +12,7 @@ use super::replayed::Replayed;
 use super::tables::{self, SHARING_HEADER};
 use crate::files::write_file;
 use crate::log::WholeLog;
-use crate::model::MadeOf;
+use crate::model::InputDigests;
 use crate::output::{count, spinner};
 use crate::page::Page;
 
@@ -62,17 +62,17 @@ fn conclusion(replayed: &Replayed) -> String {
     let (distance, centralised) = (replay.distance_only.accuracy.mean, replay.centralised.accuracy.mean);
     let team = replay.sharing.last().map(|sharing| sharing.team.accuracy.mean);
     let map = team.unwrap_or(replay.own.accuracy.mean);
-    let whose = if team.is_some() { "the map that the team shares" } else { "each vehicle's own map" };
+    let map_name = if team.is_some() { "the map that the team shares" } else { "each vehicle's own map" };
     let held = if replayed.has_seen_log {
         "For events from which the model was learned, so that scores are too good"
     } else {
         "For held-out events"
     };
     let verdict = if map > distance {
-        format!("the distance alone is right in {}, {whose} in {}", percent(distance), percent(map))
+        format!("the distance alone is right in {}, {map_name} in {}", percent(distance), percent(map))
     } else {
         format!(
-            "the distance alone is right in {}, and {whose} only in {}: here positions add little to the distance",
+            "the distance alone is right in {}, and {map_name} only in {}: here positions add little to the distance",
             percent(distance),
             percent(map)
         )
@@ -155,7 +155,7 @@ fn provenance(replayed: &Replayed, command: &[String]) -> Vec<(&'static str, Str
 
 /// Returns facts about the log and the model.
 pub fn of_log(log: &EventLog, whole: &WholeLog, agreed: &Preshared) -> Vec<(&'static str, String)> {
-    let MadeOf { log_digest, model_digest } = MadeOf::given(whole, agreed);
+    let InputDigests { log_digest, model_digest } = InputDigests::given(whole, agreed);
     let (used, all) = (log.events.len(), whole.events);
     let events = if used == all { all.to_string() } else { format!("{used} of {}", count(all, "event")) };
     let vehicles: Vec<String> = log.vehicles().iter().map(VehicleId::to_string).collect();
@@ -180,7 +180,7 @@ pub fn of_run(command: &[String]) -> Vec<(&'static str, String)> {
 
 /// Returns the current date, or that of `SOURCE_DATE_EPOCH` for reproducible builds.
 fn date() -> String {
-    let told = std::env::var("SOURCE_DATE_EPOCH").ok().and_then(|seconds| seconds.parse::<u64>().ok());
+    let fixed_time_s = std::env::var("SOURCE_DATE_EPOCH").ok().and_then(|seconds| seconds.parse::<u64>().ok());
     let now = || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    time_in_words(told.unwrap_or_else(now) as f64)
+    time_in_words(fixed_time_s.unwrap_or_else(now) as f64)
 }

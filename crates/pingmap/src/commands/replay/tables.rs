@@ -28,10 +28,10 @@ pub fn text(replayed: &Replayed) -> String {
         kernel_line(replayed),
         inference_line(replayed),
         table_of(&score_header(replayed), &score_rows(replayed)),
-        table(&SHARING_HEADER, &sharing_rows(replayed)),
+        sharing_tables(replayed),
     );
     if replayed.plan.compare {
-        text += &format!("\n\n{}", table_of(&comparison_header(replayed), &comparison_rows(replayed)));
+        text += &format!("\n\n{}", comparison_table(replayed));
         text += "\n\nA star marks the best of those that can be sent.";
     }
     if let (Some(calibrated), true) = (&replayed.replay.calibration, replayed.shows_calibration) {
@@ -43,6 +43,25 @@ pub fn text(replayed: &Replayed) -> String {
         text += &format!("\n\n{}", table(&header, &learner_rows(replayed, own)));
     }
     text + "\n\n" + LEGEND
+}
+
+/// Formats the comparison with one row for pingmap and one for each alternative, so that the table is narrow.
+fn comparison_table(replayed: &Replayed) -> String {
+    let (header, rows) = (comparison_header(replayed), comparison_rows(replayed));
+    let column = |place: usize| rows.iter().map(move |row| row[place].clone());
+    let turned = (1..header.len()).map(|place| [header[place].clone()].into_iter().chain(column(place)).collect());
+    let names: Vec<String> = [header[0].clone()].into_iter().chain(column(0)).collect();
+    table_of(&names, &turned.collect::<Vec<_>>())
+}
+
+/// Formats [`sharing_rows`] as two tables, so that each is narrow: the traffic, and the scores.
+fn sharing_tables(replayed: &Replayed) -> String {
+    let (traffic, scores) = SHARING_HEADER.split_at(4);
+    let rows = sharing_rows(replayed);
+    let traffic_rows: Vec<_> = rows.iter().map(|row| row[..4].to_vec()).collect();
+    let score_rows: Vec<_> = rows.iter().map(|row| [&row[..1], &row[4..]].concat()).collect();
+    let scores = [&traffic[..1], scores].concat();
+    format!("{}\n\n{}", table(traffic, &traffic_rows), table(&scores, &score_rows))
 }
 
 /// Returns the header of the comparison: pingmap, then every alternative.
@@ -140,12 +159,12 @@ pub const RELIABILITY_HEADER: [&str; 10] =
 
 /// Returns the number of events in each bin of predicted probability, their mean prediction and the share heard.
 pub fn reliability_rows(calibrated: &Calibrated) -> Vec<Vec<String>> {
-    let whose = [&calibrated.own, &calibrated.team, &calibrated.centralised];
+    let calibrations = [&calibrated.own, &calibrated.team, &calibrated.centralised];
     let percent = |share: Option<f64>| share.map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share));
     let cells = |bin: &Bin| [bin.events.to_string(), percent(bin.predicted()), percent(bin.heard())];
     let row = |place: usize| {
         let name = format!("{} to {} %", 10 * place, 10 * place + 10);
-        std::iter::once(name).chain(whose.iter().flat_map(|of| cells(&of.bins[place]))).collect()
+        std::iter::once(name).chain(calibrations.iter().flat_map(|of| cells(&of.bins[place]))).collect()
     };
     (0..calibrated.own.bins.len()).map(row).collect()
 }
@@ -161,8 +180,8 @@ pub fn coverage(calibrated: &Calibrated) -> String {
         });
         format!("{name}: expected calibration error {:.3}{coverage}\n", of.expected_error())
     };
-    let whose = [("own", &calibrated.own), ("team", &calibrated.team), ("all", &calibrated.centralised)];
-    let lines: String = whose.into_iter().map(line).collect();
+    let calibrations = [("own", &calibrated.own), ("team", &calibrated.team), ("all", &calibrated.centralised)];
+    let lines: String = calibrations.into_iter().map(line).collect();
     let surer = calibrated.surer().zip(calibrated.median_variance_ratio()).map(|(share, ratio)| {
         format!("The team's variance is below that of all raw events at {:.0} % of held-out events; the median ratio is {ratio:.2}.", 100.0 * share)
     });
@@ -246,7 +265,7 @@ fn difference(difference: Estimate) -> String {
 
 /// Columns of [`sharing_rows`].
 pub const SHARING_HEADER: [&str; 11] = [
-    "after sharing, per vehicle",
+    "after sharing",
     "bytes",
     "reports",
     "known",
@@ -261,12 +280,12 @@ pub const SHARING_HEADER: [&str; 11] = [
 
 /// Explanations of the columns.
 pub const LEGEND: &str = "\
-NLL: negative log-likelihood of held-out events in nats; lower is better. Brier: mean squared error of the probability. Regret: ten
-held-out positions are compared. It is the difference in success between the best one and the one that the model prefers. Better, worse:
-paired differences of NLL over splits; ≈ marks those that are not significant. Reports: packets with outcomes of single events. Known:
-share of the other vehicles' events that a vehicle has received one by one. Slots: the transmissions of the log that are learned from, in
-order of time. Gap closed: position between own events only (0 %) and all raw events in one place (100 %); a dash where that gap is not
-significant. Errors allow for splits that overlap (Nadeau and Bengio 2003).";
+NLL: negative log-likelihood of held-out events in nats; lower is better. Brier: mean squared error of the probability. Regret: ten \
+held-out positions are compared. It is the difference in success between the best one and the one that the model prefers. Better, \
+worse: paired differences of NLL over splits; ≈ marks those that are not significant. Reports: packets with outcomes of single \
+events. ModelAndFit: share of the other vehicles' events that a vehicle has received one by one. Gap closed: position between own events \
+only (0 %) and all raw events in one place (100 %); a dash where that gap is not significant. Errors allow for splits that overlap \
+(Nadeau and Bengio 2003).";
 
 /// Returns the name of an alternative; in brackets if the alternative cannot be sent.
 fn alternative_title(way: Alternative) -> String {

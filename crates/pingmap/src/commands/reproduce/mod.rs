@@ -18,46 +18,49 @@ use clap::Args;
 use pingmap_trial::paper::{DataSet, Experiment};
 use pingmap_trial::{BUILT_IN, built_in};
 
+use crate::cli_enums::name_of;
+use crate::cli_parsers::{repeats, threads};
 use crate::files::{make_folder, write_file};
 use crate::log::open_log;
-use crate::names::name_of;
-use crate::output::{BadInput, Results, note, print, print_json, spinner, warn};
-use crate::outputs::{Kind, Target};
-use crate::values::{repeats, threads};
+use crate::output::{BadInput, Results, note, print_json, print_text, spinner, warn};
+use crate::output_target::{Overwrite, RESULT};
 use exhibit::Exhibit;
 use results::Computed;
 use table::Table;
 
-/// Run the experiment of the paper behind pingmap, and print its tables and figures next to the published ones
+/// Repeat the experiment of the paper, and compare the results with the published ones
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  pingmap reproduce --out docs\n  pingmap reproduce team --data log.csv --permutations 10"
+    after_long_help = "Examples:\n  pingmap reproduce --out docs\n  pingmap reproduce team --data log.csv --permutations 10"
 )]
 pub struct Options {
     /// Part of the experiment to compute
     #[arg(value_enum, default_value_t = Exhibit::All)]
     pub exhibit: Exhibit,
-    /// Event log in place of the paper's next data set, or a folder of CSV files, read in alphabetical order. Repeat
-    /// the option for each data set. Depths are ignored. Three built-in simulated trials if not given
+    /// Event log in place of the paper's next data set, or a folder of CSV files
+    ///
+    /// Repeat the option for each data set. Files of a folder are read in alphabetical order. Depths are ignored. Three
+    /// built-in simulated trials are used if the option is not given.
     #[arg(long, value_name = "DIR|FILE")]
     pub data: Vec<PathBuf>,
-    /// Number of random divisions of each data set into training and held-out events
+    /// Number of random divisions of each data set
+    ///
+    /// A division assigns each event to the training or the held-out events.
     #[arg(long, default_value_t = 100, value_parser = repeats, allow_negative_numbers = true)]
     pub permutations: usize,
     /// Seed of all random numbers
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Folder for the figures and, with `all`, the page reproduction.md
-    #[arg(long, default_value = "pingmap-reproduction", value_name = "DIR")]
+    #[arg(help_heading = RESULT, long, default_value = "pingmap-reproduction", value_name = "DIR")]
     pub out: PathBuf,
     /// Continue even if a log contains only one outcome, or coordinates that look like degrees
     #[arg(long)]
     pub accept_bad_log: bool,
-    /// Replace files that pingmap did not write
-    #[arg(long)]
-    pub overwrite: bool,
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print one JSON object instead of tables
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
     /// Worker threads; 0 uses one per core. Results do not depend on it
     #[arg(long, default_value_t = 0, value_parser = threads)]
@@ -77,15 +80,17 @@ impl Options {
 fn run(options: &Options, out: Results) -> anyhow::Result<()> {
     let sets = data_sets(&options.data, options.accept_bad_log)?;
     let figures = options.out.join(page::FIGURES);
+    let inputs: Vec<&Path> = options.data.iter().map(PathBuf::as_path).collect();
     if options.exhibit.has_pictures() {
         make_folder(&figures)?;
     }
     if options.exhibit == Exhibit::All {
-        Target::new(&options.out.join("reproduction.md"), Kind::REPRODUCTION, &[], options.overwrite)?;
+        options.overwrite.target(&options.out.join("reproduction.md"), &inputs)?;
     }
     for name in options.exhibit.pictures() {
-        Target::new(&figures.join(format!("{name}.svg")), Kind::SVG, &[], options.overwrite)?;
-        Target::new(&figures.join(format!("{name}.png")), Kind::PNG, &[], options.overwrite)?;
+        for ending in ["svg", "png"] {
+            options.overwrite.target(&figures.join(format!("{name}.{ending}")), &inputs)?;
+        }
     }
     let bar = spinner("learning the length-scale");
     let experiment = Experiment::new(sets, options.permutations, options.seed)?;
@@ -96,7 +101,7 @@ fn run(options: &Options, out: Results) -> anyhow::Result<()> {
         return print_json(out, &json::ReproductionJson::of(&results));
     }
     let tables: Vec<String> = tables(&results, options.exhibit).iter().map(Table::text).collect();
-    print(out, &format!("{}\n\n{}\n\n{}", page::caveat(&results), page::kernel_line(&results), tables.join("\n")))
+    print_text(out, &format!("{}\n\n{}\n\n{}", page::caveat(&results), page::kernel_line(&results), tables.join("\n")))
 }
 
 /// Writes the requested figures, and the page with `all`.

@@ -9,9 +9,9 @@ use pingmap_trial::paper::{AgentExample, Choice, DataSet, Example, Policy};
 
 use super::exhibit::Exhibit;
 use super::results::Computed;
-use crate::contour::Point;
 use crate::figure::{Arrows, Figure, Mark, Panel, Style, link_panels};
 use crate::files::write_file;
+use crate::grid::Point;
 use crate::tracks;
 
 /// Width of the axes. The figure is as wide as a column of a two-column page, where its smallest letters have 7 points.

@@ -6,7 +6,7 @@ use std::io::Cursor;
 use mcap::records::MessageHeader;
 use mcap::{McapResult, Writer};
 
-use super::modem::{Fix, Said};
+use super::modem::{Fix, ModemSentence};
 
 /// Definitions of the message types in ROS 2.
 const NAV_SAT_FIX: &str = "std_msgs/Header header\nsensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\nfloat64 altitude\n\
@@ -70,7 +70,12 @@ fn odometry(time_ns: u64, fix: &Fix) -> Vec<u8> {
 
 /// Writes the bag of a vehicle. Its topics are `NAME/odom`, `NAME/fix`, and `NAME/modem` with the sentences between
 /// host and modem.
-pub fn bag(name: &str, said: &[Said], fixes: &[Fix], (start_s, ahead_s): (f64, f64)) -> McapResult<Vec<u8>> {
+pub fn bag(
+    name: &str,
+    sentences: &[ModemSentence],
+    fixes: &[Fix],
+    (start_s, ahead_s): (f64, f64),
+) -> McapResult<Vec<u8>> {
     let time_ns = |time_s: f64| ((start_s + time_s + ahead_s) * 1e3).round().max(0.0) as u64 * 1_000_000;
     let mut bytes = Vec::new();
     let mut writer = Writer::new(Cursor::new(&mut bytes))?;
@@ -81,17 +86,18 @@ pub fn bag(name: &str, said: &[Said], fixes: &[Fix], (start_s, ahead_s): (f64, f
     let odometry_channel = channel("odom", "nav_msgs/msg/Odometry", ODOMETRY)?;
     let fix_channel = channel("fix", "sensor_msgs/msg/NavSatFix", NAV_SAT_FIX)?;
     let modem_channel = channel("modem", "std_msgs/msg/String", STRING)?;
-    let text = |said: &Said| {
+    let text = |sentence: &ModemSentence| {
         let mut cdr = Cdr::new();
-        cdr.text(&said.sentence);
+        cdr.text(&sentence.sentence);
         cdr.0
     };
     let fixes = fixes.iter().flat_map(|fix| {
         let time_ns = time_ns(fix.time_s);
         [(time_ns, odometry_channel, odometry(time_ns, fix)), (time_ns, fix_channel, nav_sat_fix(time_ns, fix))]
     });
-    let mut messages: Vec<(u64, u16, Vec<u8>)> =
-        fixes.chain(said.iter().map(|said| (time_ns(said.time_s), modem_channel, text(said)))).collect();
+    let mut messages: Vec<(u64, u16, Vec<u8>)> = fixes
+        .chain(sentences.iter().map(|sentence| (time_ns(sentence.time_s), modem_channel, text(sentence))))
+        .collect();
     messages.sort_by_key(|message| message.0);
     for (number, (log_time, channel_id, data)) in messages.into_iter().enumerate() {
         let header = MessageHeader { channel_id, sequence: number as u32, log_time, publish_time: log_time };

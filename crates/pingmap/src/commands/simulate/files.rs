@@ -10,16 +10,19 @@ use pingmap_import::{Reference, parse_time, time_in_words};
 use pingmap_trial::simulate::{Simulated, Simulation};
 
 use super::bag::bag;
-use super::modem::{BROADCAST, DELAY_S, Fix, SOUND_M_PER_S, capture, moos_log, said};
+use super::modem::{BROADCAST, DELAY_S, Fix, SOUND_M_PER_S, capture, moos_log, sentences};
+use crate::cli_parsers::origin;
 use crate::files::{make_folder, write_file};
 use crate::output::BadInput;
-use crate::values::origin;
+use crate::output_target::Overwrite;
 
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
 pub struct Files {
-    /// Folder for files as the vehicles would have recorded them, for `pingmap import`: positions in latitude and
-    /// longitude, receptions, the schedule, and the modem ids. The event log then uses the times of these files
+    /// Folder for files as the vehicles would have recorded them
+    ///
+    /// The files are positions in latitude and longitude, receptions, the schedule, and the modem ids, for `pingmap
+    /// import`. The event log then uses the times of these files.
     #[arg(long = "as-files", value_name = "FOLDER")]
     folder: Option<PathBuf>,
     /// Kind of these files: tables; MOOS logs; a table of navigation and a capture of modem sentences; or ROS 2 bags
@@ -61,16 +64,9 @@ fn stop(text: &str) -> Result<(String, f64), String> {
 }
 
 impl Files {
-    /// Refuses a folder that contains files, unless `overwrite` is set.
-    pub fn check(&self, overwrite: bool) -> anyhow::Result<()> {
-        let Some(folder) = self.folder.as_ref().filter(|folder| folder.exists() && !overwrite) else { return Ok(()) };
-        let name = folder.display();
-        let mut inside = std::fs::read_dir(folder).with_context(|| format!("cannot look into {name}"))?;
-        if inside.next().is_some() {
-            let message = "is not empty; expected another folder, or --overwrite to replace its files";
-            return Err(BadInput(format!("{name} {message}")).into());
-        }
-        Ok(())
+    /// Refuses a folder that contains files, unless they may be replaced.
+    pub fn check(&self, overwrite: Overwrite) -> anyhow::Result<()> {
+        self.folder.as_deref().map_or(Ok(()), |folder| overwrite.empty_folder(folder))
     }
 
     /// Writes the files, if a folder was given, and changes the log's times and reference system to those of the files.
@@ -87,20 +83,20 @@ impl Files {
         let write = |name: &str, text: String| write_file(&folder.join(name), text.as_bytes());
         for (vehicle, (id, _)) in trial.vehicles.iter().enumerate() {
             let fixes = self.fixes(simulation, trial, vehicle, &reference)?;
-            let said = || said(simulation, trial, vehicle, self.until_s(simulation, id.as_str()));
+            let sentences = || sentences(simulation, trial, vehicle, self.until_s(simulation, id.as_str()));
             let ahead_s = simulation.clock_ahead_s(vehicle);
             if matches!(self.files, FileKind::Tables | FileKind::Capture) {
                 write(&format!("{id}.nav.csv"), self.navigation(simulation, vehicle, &fixes))?;
             }
             match self.files {
                 FileKind::Alog => {
-                    write(&format!("{id}.alog"), moos_log(id.as_str(), &said(), &fixes, (self.start, ahead_s)))?;
+                    write(&format!("{id}.alog"), moos_log(id.as_str(), &sentences(), &fixes, (self.start, ahead_s)))?;
                 }
                 FileKind::Mcap => {
-                    let bytes = bag(id.as_str(), &said(), &fixes, (self.start, ahead_s)).context("a bag")?;
+                    let bytes = bag(id.as_str(), &sentences(), &fixes, (self.start, ahead_s)).context("a bag")?;
                     write_file(&folder.join(format!("{id}.mcap")), &bytes)?;
                 }
-                FileKind::Capture => write(&format!("{id}.nmea"), capture(&said(), self.start, ahead_s))?,
+                FileKind::Capture => write(&format!("{id}.nmea"), capture(&sentences(), self.start, ahead_s))?,
                 FileKind::Tables => write(&format!("{id}.heard.csv"), self.heard(simulation, trial, vehicle))?,
             }
             if self.with_sent && self.files == FileKind::Tables {

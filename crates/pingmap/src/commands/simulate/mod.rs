@@ -16,18 +16,22 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use self::files::Files;
-use crate::model::MadeOf;
+use crate::cli_parsers::{sea_state, whole_number};
+use crate::model::InputDigests;
 use crate::output::{BadInput, Results, count, print_json, table};
-use crate::outputs::{Kind, Target};
-use crate::values::{sea_state, whole_number};
+use crate::output_target::{Overwrite, RESULT};
 
-/// Simulate a field trial: vehicles on survey legs, a slot schedule, and an acoustic channel of published formulas
+/// Simulate a field trial with an acoustic channel of published formulas
+///
+/// The vehicles follow survey legs and transmit in the slots of a schedule.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  pingmap simulate --vehicles 3 -o log.csv\n  pingmap simulate --as-files mission -o truth.csv"
+    after_long_help = "Examples:\n  pingmap simulate --vehicles 3 -o log.csv\n  pingmap simulate --as-files mission -o truth.csv"
 )]
 pub struct Options {
-    /// Number of vehicles; they transmit in cyclic slots, and all others listen
+    /// Number of vehicles
+    ///
+    /// Vehicles transmit in cyclic slots, and all others listen.
     #[arg(long, default_value_t = Simulation::default().vehicles, value_parser = whole_number, allow_negative_numbers = true)]
     pub vehicles: usize,
     /// Number of transmissions
@@ -49,7 +53,7 @@ pub struct Options {
     #[arg(long, default_value_t = Simulation::default().seed)]
     pub seed: u64,
     /// File for the event log
-    #[arg(long, short, value_name = "FILE", default_value = "trial.csv")]
+    #[arg(help_heading = RESULT, long, short, value_name = "FILE", default_value = "trial.csv")]
     pub output: PathBuf,
     /// Also write the depths of both ends; pingmap then learns from six inputs instead of four
     #[arg(long)]
@@ -60,11 +64,10 @@ pub struct Options {
     pub floor: Floor,
     #[command(flatten)]
     pub files: Files,
-    /// Replace a file that pingmap did not write
-    #[arg(long)]
-    pub overwrite: bool,
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print one JSON object instead of a summary
-    #[arg(long)]
+    #[arg(help_heading = RESULT, long)]
     pub json: bool,
 }
 
@@ -211,7 +214,7 @@ const STAND_IN: &str =
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let simulation = options.simulation();
-    let target = Target::new(&options.output, Kind::EVENT_LOG, &[], options.overwrite)?.beside_json(options.json)?;
+    let target = options.overwrite.target(&options.output, &[])?.with_json(options.json)?;
     options.files.check(options.overwrite)?;
     let mut trial = simulation.run(&options.sound()).map_err(|error| BadInput(error.to_string()))?;
     trial.log.has_depths = options.depths;
@@ -223,7 +226,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         let log = EventLog::read(text.as_bytes(), &options.output)?;
         print_json(results, &SimulatedJson::of(&simulation, &trial, &log))?;
     } else {
-        target.tell(&format!("{}: {}", options.output.display(), summary(&simulation, &trial)), results)?;
+        target.print_message(&format!("{}: {}", options.output.display(), summary(&simulation, &trial)), results)?;
     }
     written
 }
@@ -255,7 +258,7 @@ pub struct SimulatedJson {
     /// Version of this object.
     schema: u32,
     #[serde(flatten)]
-    made_of: MadeOf,
+    digests: InputDigests,
     /// Disclaimer about simulated trials.
     note: &'static str,
     /// Seed of all random numbers.
@@ -325,7 +328,7 @@ impl SimulatedJson {
         let (ridge, mound) = (&trial.channel.floor.ridge, &trial.channel.floor.mound);
         Self {
             schema: 1,
-            made_of: MadeOf { log_digest: log.digest(), model_digest: None },
+            digests: InputDigests { log_digest: log.digest(), model_digest: None },
             note: STAND_IN,
             seed: simulation.seed,
             events: trial.log.events.len(),

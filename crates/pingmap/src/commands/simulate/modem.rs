@@ -16,7 +16,7 @@ pub const SOUND_M_PER_S: f64 = 1500.0;
 pub const BROADCAST: u32 = 63;
 
 /// A sentence, its true time, and whether the host sent it.
-pub struct Said {
+pub struct ModemSentence {
     pub time_s: f64,
     pub by_host: bool,
     pub sentence: String,
@@ -32,11 +32,11 @@ const CYCLE_S: f64 = 1.0;
 const FRAME_BYTES: usize = 32;
 
 /// Returns all sentences at a vehicle in the order of time, until the vehicle stopped recording.
-pub fn said(simulation: &Simulation, trial: &Simulated, vehicle: usize, until_s: f64) -> Vec<Said> {
+pub fn sentences(simulation: &Simulation, trial: &Simulated, vehicle: usize, until_s: f64) -> Vec<ModemSentence> {
     let mut all = Vec::new();
     let mut say = |time_s: f64, sentence: String| {
         let by_host = sentence.starts_with("CC");
-        all.push(Said { time_s, by_host, sentence: format!("${sentence}*{:02X}", nmea_checksum(&sentence)) });
+        all.push(ModemSentence { time_s, by_host, sentence: format!("${sentence}*{:02X}", nmea_checksum(&sentence)) });
     };
     let id = vehicle + 1;
     say(0.2, "CCCFQ,SRC".into());
@@ -53,7 +53,7 @@ pub fn said(simulation: &Simulation, trial: &Simulated, vehicle: usize, until_s:
     for (number, event) in trial.log.events.iter().enumerate().filter(|(_, event)| event.receiver_id == *name) {
         receive(event, number, number_of(trial, &event.transmitter_id), &mut say);
     }
-    all.retain(|said| said.time_s <= until_s);
+    all.retain(|sentence| sentence.time_s <= until_s);
     all.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     all
 }
@@ -109,9 +109,11 @@ fn receive(event: &Event, number: usize, source: usize, say: &mut impl FnMut(f64
 }
 
 /// Formats the sentences as a capture: each after the host's time.
-pub fn capture(said: &[Said], start_s: f64, ahead_s: f64) -> String {
-    let line = |said: &Said| format!("{} {}\n", time_in_words(start_s + said.time_s + ahead_s), said.sentence);
-    said.iter().map(line).collect()
+pub fn capture(sentences: &[ModemSentence], start_s: f64, ahead_s: f64) -> String {
+    let line = |sentence: &ModemSentence| {
+        format!("{} {}\n", time_in_words(start_s + sentence.time_s + ahead_s), sentence.sentence)
+    };
+    sentences.iter().map(line).collect()
 }
 
 /// A position that a vehicle recorded.
@@ -126,7 +128,7 @@ pub struct Fix {
 
 /// Formats the sentences and positions as a MOOS log. The log also contains announced slots and the reports of other
 /// vehicles, which no modem received.
-pub fn moos_log(name: &str, said: &[Said], fixes: &[Fix], (start_s, ahead_s): (f64, f64)) -> String {
+pub fn moos_log(name: &str, sentences: &[ModemSentence], fixes: &[Fix], (start_s, ahead_s): (f64, f64)) -> String {
     let mut rows: Vec<(f64, String)> = Vec::new();
     for Fix { time_s, east_m, north_m, depth_m, latitude_deg, longitude_deg } in fixes {
         let mut row =
@@ -142,7 +144,7 @@ pub fn moos_log(name: &str, said: &[Said], fixes: &[Fix], (start_s, ahead_s): (f
             row("ACOMMS_MAC_SLOT_START", "src: 1 type: SLOT_DATA".into());
         }
     }
-    for Said { time_s, by_host, sentence } in said {
+    for ModemSentence { time_s, by_host, sentence } in sentences {
         let variable = if *by_host { "ACOMMS_NMEA_OUT" } else { "ACOMMS_NMEA_IN" };
         rows.push((time_s + ahead_s, format!("{variable:<20} pAcommsHandler {sentence}")));
     }

@@ -43,7 +43,7 @@ pub fn files(kinds: &[&str]) -> String {
 
 /// Imports with these options, and returns the JSON object without its command line, and the warnings.
 pub fn import(folder: &Path, options: &str) -> (serde_json::Value, String) {
-    let arguments = format!("import {options} --json --quiet");
+    let arguments = format!("import {options} --json --quiet --overwrite");
     let output = pingmap(folder, &arguments.split_whitespace().collect::<Vec<_>>());
     assert!(output.status.success(), "{arguments}: {}", stderr(&output));
     (serde_json::from_str(&without_command(stdout(&output))).unwrap(), stderr(&output))

@@ -31,14 +31,23 @@ pub fn json(folder: &Path, arguments: &[&str]) -> serde_json::Value {
 }
 
 /// Removes the command line from a JSON object.
-pub fn without_command(said: String) -> String {
-    match serde_json::from_str::<serde_json::Value>(&said) {
+pub fn without_command(message: String) -> String {
+    match serde_json::from_str::<serde_json::Value>(&message) {
         Ok(mut object) => {
             object.as_object_mut().map(|object| object.remove("command"));
             serde_json::to_string_pretty(&object).expect("it is JSON")
         }
-        Err(_) => said,
+        Err(_) => message,
     }
+}
+
+/// Options of learning that make it fast: one structure without optional terms.
+pub const QUICK: &[&str] = &["--terms", "path", "--additions", "none", "--kernel", "matern32", "--inputs", "link"];
+
+/// Learns a model of `events.csv` with these options, and writes it to a file.
+pub fn learn(folder: &Path, options: &[&str], model: &str) {
+    let output = pingmap(folder, &[&["learn", "events.csv", "--overwrite", "-o", model], options].concat());
+    assert!(output.status.success(), "{options:?}: {}", stderr(&output));
 }
 
 /// Writes a file to a folder and returns its path.

@@ -1,4 +1,4 @@
-//! The longest silences on a planned track: periods in which no message is received.
+//! The longest outages on a planned track: periods in which no message is received.
 
 use dgpc::rand::RngExt;
 use dgpc::{Matrix, success_probability};
@@ -6,23 +6,23 @@ use pingmap_agent::{Agent, INTERVAL_WIDENING, LinkQuery};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use crate::names::Join;
+use crate::cli_enums::Join;
 use crate::route::{Route, Sending};
-use crate::success_map::{Asked, normals};
+use crate::success_map::{MapQuery, normals};
 
 /// The longest time between received messages. The start and the end of the track count as received messages.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Silence {
+pub struct Outage {
     /// Median over missions.
     pub median_s: f64,
     /// The 90 % quantile over missions.
     pub likely_s: f64,
 }
 
-/// The longest silences on the whole track and on each leg.
-pub struct Silences {
-    pub whole: Silence,
-    pub legs: Vec<Silence>,
+/// The longest outages on the whole track and on each leg.
+pub struct Outages {
+    pub whole: Outage,
+    pub legs: Vec<Outage>,
 }
 
 /// Largest number of messages at which functions are drawn. Log-odds are interpolated linearly between these nodes.
@@ -33,14 +33,14 @@ const MISSIONS: usize = 4;
 
 /// Functions of the log-odds of every message to each of several places, drawn from the posterior with the width of the
 /// intervals. Uncertainty that messages share is therefore the same for all messages of one function.
-pub struct Drawn {
+pub struct SampledFunctions {
     /// For each place a matrix with a row per node and a column per function.
     places: Vec<Matrix>,
     /// Indices of the messages that are nodes, in rising order.
     nodes: Vec<usize>,
 }
 
-impl Drawn {
+impl SampledFunctions {
     /// Draws functions at these attempts, given as one list of equal length per place. O(n²) per node for n events,
     /// O(M³) for the M nodes of all places together.
     pub fn new(agent: &mut Agent, attempts: &[Vec<LinkQuery>]) -> anyhow::Result<Self> {
@@ -53,12 +53,12 @@ impl Drawn {
                 (0..wanted.min(length)).map(|n| (n as f64 * step).round() as usize).collect()
             }
         };
-        let asked: Vec<LinkQuery> = attempts.iter().flat_map(|place| nodes.iter().map(|&node| place[node])).collect();
-        let normals = normals(asked.len());
+        let query: Vec<LinkQuery> = attempts.iter().flat_map(|place| nodes.iter().map(|&node| place[node])).collect();
+        let normals = normals(query.len());
         let wider = Matrix::from_fn(normals.rows(), normals.columns(), |row, draw| {
             INTERVAL_WIDENING * normals.column(draw)[row]
         });
-        let drawn = agent.draws(asked.iter().copied(), &wider)?;
+        let drawn = agent.draws(query.iter().copied(), &wider)?;
         let of = |place: usize| {
             Matrix::from_fn(nodes.len(), drawn.columns(), |node, draw| drawn.column(draw)[place * nodes.len() + node])
         };
@@ -86,16 +86,16 @@ impl Drawn {
     }
 }
 
-impl Silences {
+impl Outages {
     /// Simulates missions on the track. Each mission uses one function, and outcomes are independent given that
-    /// function. `asked` says whether all places or any place must receive a message.
-    pub fn new(drawn: &Drawn, asked: &Asked, route: &Route, sendings: &[Sending], seed: u64) -> Self {
+    /// function. `query` states whether all places or any place must receive a message.
+    pub fn new(drawn: &SampledFunctions, query: &MapQuery, route: &Route, sendings: &[Sending], seed: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut longest: Vec<Vec<f64>> = vec![Vec::new(); route.legs() + 1];
         for function in 0..drawn.functions() {
-            let places: Vec<Vec<f64>> = (0..asked.at.len()).map(|place| drawn.probabilities(place, function)).collect();
+            let places: Vec<Vec<f64>> = (0..query.at.len()).map(|place| drawn.probabilities(place, function)).collect();
             let joined = |n: usize| {
-                let of = |p: f64| if asked.join == Join::All { p } else { 1.0 - p };
+                let of = |p: f64| if query.join == Join::All { p } else { 1.0 - p };
                 of(places.iter().map(|place| of(place[n])).product())
             };
             let probabilities: Vec<f64> = (0..sendings.len()).map(joined).collect();
@@ -111,13 +111,13 @@ impl Silences {
                 }
             }
         }
-        let mut silences = longest.into_iter().map(Silence::of);
-        let whole = silences.next().unwrap_or(Silence { median_s: 0.0, likely_s: 0.0 });
-        Self { whole, legs: silences.collect() }
+        let mut outages = longest.into_iter().map(Outage::of);
+        let whole = outages.next().unwrap_or(Outage { median_s: 0.0, likely_s: 0.0 });
+        Self { whole, legs: outages.collect() }
     }
 }
 
-impl Silence {
+impl Outage {
     fn of(mut longest_s: Vec<f64>) -> Self {
         longest_s.sort_by(f64::total_cmp);
         let quantile = |share: f64| longest_s[((longest_s.len() as f64 * share) as usize).min(longest_s.len() - 1)];
@@ -141,9 +141,9 @@ mod tests {
     use super::*;
     use pingmap_agent::Position;
 
-    fn drawn(log_odds: &[f64], nodes: &[usize]) -> Drawn {
+    fn drawn(log_odds: &[f64], nodes: &[usize]) -> SampledFunctions {
         let row = |node: usize, _: usize| log_odds[node];
-        Drawn { places: vec![Matrix::from_fn(nodes.len(), 256, row)], nodes: nodes.to_vec() }
+        SampledFunctions { places: vec![Matrix::from_fn(nodes.len(), 256, row)], nodes: nodes.to_vec() }
     }
 
     #[test]
@@ -170,10 +170,11 @@ mod tests {
         let p = 0.3_f64;
         let at = [Position::new(0.0, 0.0)];
         let attempt = |link| LinkQuery::from(link);
-        let asked = Asked { at: &at, seen: crate::names::Seen::Rx, join: Join::All, depth_m: None, attempt: &attempt };
+        let query =
+            MapQuery { at: &at, seen: crate::cli_enums::Seen::Rx, join: Join::All, depth_m: None, attempt: &attempt };
         let log_odds = (p / (1.0 - p)).ln();
         let nodes: Vec<usize> = (0..messages).collect();
-        let found = Silences::new(&drawn(&vec![log_odds; messages], &nodes), &asked, &route, &sendings, 1);
+        let found = Outages::new(&drawn(&vec![log_odds; messages], &nodes), &query, &route, &sendings, 1);
         // P(no run of more than k misses), by recursion over the messages. The state is the number of misses since the
         // last reception. A run of k misses makes a gap of k intervals at either end of the track, and of k + 1 within
         // it.

@@ -7,18 +7,18 @@ use pingmap_agent::{Agent, AgentOptions, Event, FitQuality, Limits, Model, Team,
 use pingmap_trial::EventLog;
 
 use crate::log::{only, thinned};
-use crate::model::{Known, MadeOf, read_model};
-use crate::options::{Asked, Source};
+use crate::model::{InputDigests, ModelAndFit, read_model};
+use crate::options::{QueryOptions, Source};
 use crate::output::{note, spinner, warn};
 
 /// An event log that was read for a command.
-pub struct Opened {
+pub struct OpenedLog {
     log: EventLog,
     /// Digest of the whole log, including events that are not used.
     digest: String,
 }
 
-impl Deref for Opened {
+impl Deref for OpenedLog {
     type Target = EventLog;
 
     fn deref(&self) -> &EventLog {
@@ -27,22 +27,22 @@ impl Deref for Opened {
 }
 
 /// An event log, and the model and posterior learned from it.
-pub struct Survey {
+pub struct LearnedMap {
     pub log: EventLog,
     digest: String,
-    pub known: Known,
+    pub known: ModelAndFit,
     /// An agent that recorded all events.
     pub agent: Agent,
 }
 
-impl Survey {
+impl LearnedMap {
     /// Reads a log, and keeps only one vehicle's events if requested.
-    pub fn open(source: &Source) -> anyhow::Result<Opened> {
+    pub fn open(source: &Source) -> anyhow::Result<OpenedLog> {
         let Source { logs, vehicle, work, .. } = source;
         let mut log = logs.open()?;
-        source.reference.tell(&mut log)?;
+        source.reference.apply(&mut log)?;
         let digest = log.digest();
-        if let Some(path) = &source.model.model {
+        if let Some(path) = source.model.path() {
             let file = read_model(path)?;
             if file.site_log_digests.contains(&digest) {
                 warn(format_args!("{}: its site prior contains this log, which counts twice now", path.display()));
@@ -54,13 +54,13 @@ impl Survey {
         if let Some(vehicle) = vehicle {
             log = only(&log, vehicle)?;
         }
-        Ok(Opened { log: thinned(log, Vec::new(), work.events_max, work.seed).0, digest })
+        Ok(OpenedLog { log: thinned(log, Vec::new(), work.events_max, work.seed).0, digest })
     }
 
-    /// Learns from a log that [`Survey::open`] returned.
-    pub fn learn(Opened { log, digest }: Opened, source: &Source) -> anyhow::Result<Self> {
+    /// Learns from a log that [`LearnedMap::open`] returned.
+    pub fn learn(OpenedLog { log, digest }: OpenedLog, source: &Source) -> anyhow::Result<Self> {
         let Source { model, work, .. } = source;
-        let known = Known::new(model, &log, work.limits())?;
+        let known = ModelAndFit::new(model.path(), &log, work.limits())?;
         let bar = spinner("fitting");
         let mut agent = all_in_one(&known.model, log.events.iter().cloned(), work.limits())?;
         agent.posterior(Which::Fused)?;
@@ -72,15 +72,15 @@ impl Survey {
     }
 
     /// Sets whether predictions beyond the longest observed link are capped.
-    pub fn capped(mut self, asked: &Asked) -> Self {
-        let allow_extrapolated_increase = asked.no_range_cap;
+    pub fn capped(mut self, query: &QueryOptions) -> Self {
+        let allow_extrapolated_increase = query.no_range_cap;
         self.agent.set_options(AgentOptions { allow_extrapolated_increase, ..*self.agent.options() });
         self
     }
 
     /// Returns the digests of the log and the model.
-    pub fn made_of(&self) -> MadeOf {
-        MadeOf { log_digest: self.digest.clone(), model_digest: Some(self.model().digest()) }
+    pub fn digests(&self) -> InputDigests {
+        InputDigests { log_digest: self.digest.clone(), model_digest: Some(self.model().digest()) }
     }
 
     /// Returns the model.
