@@ -24,7 +24,7 @@ use crate::success_map::{LEVELS, LITTLE_KNOWN, MapQuery, Side, SuccessMap};
 /// Draw the probability of success seen from one position, or from several
 #[derive(Args)]
 #[command(
-    after_long_help = "Examples:\n  pingmap map log.csv --at 700,510 -o map.png\n  pingmap map log.csv --at 41.52N,70.67W --as worst --layers probability,width -o map.svg\n  pingmap map log.csv --at 0,0 --at 800,0 --join all --model model.toml -o both.tif"
+    after_long_help = "Examples:\n  pingmap map log.csv --at 700,510 -o map.png\n  pingmap map log.csv --origin 41.52,-70.67 --at 41.522N,70.665W --as worst --layers probability,width -o map.svg\n  pingmap map log.csv --origin 41.52,-70.67 --at 0,0 --at 800,0 --join all --model model.toml -o both.tif"
 )]
 pub struct Options {
     #[command(flatten)]

@@ -11,6 +11,7 @@ mod bad_input;
 mod check_command;
 mod command_line;
 mod documentation;
+mod documents;
 mod evaluation;
 mod help;
 mod import;

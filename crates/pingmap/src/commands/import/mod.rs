@@ -26,7 +26,7 @@ use crate::output_target::{Overwrite, RESULT};
 /// modem was working. Messages that are neither heard nor missed for certain are left out and counted.
 #[derive(Args)]
 #[command(
-    after_long_help = "Examples:\n  pingmap import mission/*.alog --ids ids.csv -o events.csv\n  pingmap import --nav auv1=nav1.csv auv2=nav2.csv --heard auv1=rx1.csv auv2=rx2.csv --sent auv1=tx1.csv auv2=tx2.csv"
+    after_long_help = "Examples:\n  pingmap import mission/*.alog --ids mission/ids.csv -o events.csv\n  pingmap import --nav auv1=nav1.csv auv2=nav2.csv --heard auv1=rx1.csv auv2=rx2.csv --sent auv1=tx1.csv auv2=tx2.csv --ids ids.csv -o pair.csv"
 )]
 pub struct Options {
     #[command(flatten)]

@@ -26,7 +26,7 @@ use crate::output_target::{Overwrite, RESULT};
 /// The vehicles follow survey legs and transmit in the slots of a schedule.
 #[derive(Args)]
 #[command(
-    after_long_help = "Examples:\n  pingmap simulate --vehicles 3 -o log.csv\n  pingmap simulate --as-files mission -o truth.csv"
+    after_long_help = "Examples:\n  pingmap simulate --vehicles 3 -o log.csv\n  pingmap simulate --files alog --as-files mission -o truth.csv"
 )]
 pub struct Options {
     /// Number of vehicles
