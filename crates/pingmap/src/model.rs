@@ -22,14 +22,14 @@ pub struct InputDigests {
 
 impl InputDigests {
     /// Returns the digests of a whole log and of the shared model.
-    pub fn given(log: &WholeLog, agreed: &Preshared) -> Self {
-        Self { log_digest: log.digest.clone(), model_digest: agreed_model(agreed).map(Model::digest) }
+    pub fn given(log: &WholeLog, preshared: &Preshared) -> Self {
+        Self { log_digest: log.digest.clone(), model_digest: preshared_model(preshared).map(Model::digest) }
     }
 }
 
 /// Returns the model that all members of a team share, if there is one.
-pub fn agreed_model(agreed: &Preshared) -> Option<&Model> {
-    match agreed {
+pub fn preshared_model(preshared: &Preshared) -> Option<&Model> {
+    match preshared {
         Preshared::Nothing => None,
         Preshared::Model(model) => Some(model),
         Preshared::Team(team) => Some(&team.model),

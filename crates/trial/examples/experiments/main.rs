@@ -1,4 +1,4 @@
-//! Experiments behind the figures of `docs/method.md` and `docs/evaluation.md`, one subcommand each.
+//! Experiments behind the figures of `docs/evaluation.md` and its pages, one subcommand each.
 //!
 //! `cargo run --release -p pingmap-trial --example experiments -- help`
 

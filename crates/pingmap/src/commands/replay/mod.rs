@@ -20,7 +20,7 @@ use pingmap_trial::{
 use crate::cli_enums::{DivideByName, LearnName, ShareName};
 use crate::cli_parsers::{frame_bytes, open_share, packets, piggyback_bytes, repeats, share};
 use crate::log::{LOG_AND_MODEL, Logs, WholeLog, thinned};
-use crate::model::{HAS_SEEN_LOG, agreed_model, log_digests, open_model};
+use crate::model::{HAS_SEEN_LOG, log_digests, open_model, preshared_model};
 use crate::options::{ModelOptions, RESULT, Work};
 use crate::output::{BadInput, Results, note, print_json, print_text, warn};
 use crate::output_target::Overwrite;
@@ -40,7 +40,7 @@ const IN_TIME: &str = "In the order of time";
 /// place.
 #[derive(Args)]
 #[command(
-    after_long_help = "Examples:\n  pingmap replay log.csv --frames 1,5,10 --report report\n  pingmap replay log.csv --model model.toml --online"
+    after_long_help = "Examples:\n  pingmap replay log.csv --frames 1,5,10 --report replay\n  pingmap replay log.csv --model model.toml --online"
 )]
 pub struct Options {
     #[command(flatten)]
@@ -174,7 +174,7 @@ pub struct Sharing {
 
 impl Sharing {
     /// Returns the impairments of the channel.
-    pub fn water(&self) -> ChannelImpairments {
+    pub fn impairments(&self) -> ChannelImpairments {
         let Self { loss, duplicate, reorder, .. } = *self;
         ChannelImpairments { loss, duplicate, reorder }
     }
@@ -206,20 +206,20 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let mut log = options.logs.open()?;
     options.reference.apply(&mut log)?;
     let whole = WholeLog::of(&log, options.logs.name());
-    let (agreed, has_seen_log) = agreed(options, &log)?;
-    if let (Some(model), false) = (agreed_model(&agreed), log.reference.is_known()) {
+    let (preshared, has_seen_log) = preshared(options, &log)?;
+    if let (Some(model), false) = (preshared_model(&preshared), log.reference.is_known()) {
         log.reference = model.chart.reference;
     }
     if options.sharing.team.is_some() {
         note("the [slots] of the team file are not used: a replay numbers the transmissions of the log");
     }
-    let plan = plan(options, agreed)?;
+    let plan = plan(options, preshared)?;
     if has_seen_log {
         warn(HAS_SEEN_LOG);
     }
     if options.online {
         let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
-        let mission = OnlineMission { plan, has_seen_log, riding: riding(options), seed: options.work.seed, whole };
+        let mission = OnlineMission { plan, has_seen_log, traffic: traffic(options), seed: options.work.seed, whole };
         return mission.run(&log, results, options.json, options.report.as_deref());
     }
     let splits = match &options.splits {
@@ -240,8 +240,8 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
 }
 
 /// Returns the shared model or team, and whether the model was learned from this log.
-fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Preshared, bool)> {
-    let (agreed, digests) = match (&options.model, &options.sharing.team) {
+fn preshared(options: &Options, log: &EventLog) -> anyhow::Result<(Preshared, bool)> {
+    let (preshared, digests) = match (&options.model, &options.sharing.team) {
         (_, Some(path)) => {
             let (team, digests) = open_team(path, log)?;
             (Preshared::Team(Box::new(team)), digests)
@@ -253,11 +253,11 @@ fn agreed(options: &Options, log: &EventLog) -> anyhow::Result<(Preshared, bool)
         }
         (None, None) => (Preshared::Nothing, Vec::new()),
     };
-    Ok((agreed, digests.contains(&log.digest())))
+    Ok((preshared, digests.contains(&log.digest())))
 }
 
 /// Returns the options of sending packets with the transmissions of the log.
-fn riding(options: &Options) -> TrafficPlan {
+fn traffic(options: &Options) -> TrafficPlan {
     let slot_every = match (options.slot_every, options.piggyback_bytes) {
         (None, None) => Some(online::SLOT_EVERY),
         (slot_every, _) => slot_every,
@@ -266,16 +266,16 @@ fn riding(options: &Options) -> TrafficPlan {
 }
 
 /// Returns the plan of the replay: team, sharing and learning.
-fn plan(options: &Options, agreed: Preshared) -> anyhow::Result<Plan> {
+fn plan(options: &Options, preshared: Preshared) -> anyhow::Result<Plan> {
     let model = &options.model_options;
     let sharing = &options.sharing;
     Ok(Plan {
-        preshared: agreed,
+        preshared,
         model_source: if options.learn == LearnName::Own { ModelSource::Own } else { ModelSource::Pooled },
         frame_bytes: sharing.frame_bytes,
         key: sharing.key_file.as_ref().map(|path| open_key(path)).transpose()?,
         sharing: sharing.share.sharing(),
-        impairments: sharing.water(),
+        impairments: sharing.impairments(),
         compare: options.compare,
         // A report always shows the calibration, so that its reader can judge the maps.
         calibration: options.calibration || options.report.is_some() && !options.online,

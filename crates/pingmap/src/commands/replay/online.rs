@@ -45,7 +45,7 @@ pub struct OnlineMission {
     /// Whether the model was learned from this log.
     pub has_seen_log: bool,
     /// Packets and outcomes that are sent with the transmissions.
-    pub riding: TrafficPlan,
+    pub traffic: TrafficPlan,
     pub seed: u64,
     /// The log before thinning.
     pub whole: WholeLog,
@@ -54,7 +54,7 @@ pub struct OnlineMission {
 impl OnlineMission {
     pub fn run(&self, log: &EventLog, results: Results, as_json: bool, report: Option<&Path>) -> anyhow::Result<()> {
         let bar = progress(log.events.len() as u64, "replaying in the order of time");
-        let online = pingmap_trial::online(log, &self.plan, self.riding, &|| bar.inc(1))?;
+        let online = pingmap_trial::online(log, &self.plan, self.traffic, &|| bar.inc(1))?;
         bar.finish_and_clear();
         let command = results.command().to_vec();
         match as_json {
@@ -76,15 +76,15 @@ impl OnlineMission {
         };
         let vehicles = online.team.members.len();
         let slots = self
-            .riding
+            .traffic
             .slot_every
             .map(|every| format!("at most one packet of a vehicle every {}", count(every, "transmission")));
-        let sent = self.riding.slot_every.map(|_| {
+        let sent = self.traffic.slot_every.map(|_| {
             let (packets, bytes) = (count(packets, "packet"), count(online.bytes, "byte"));
             format!("{packets}, {bytes}, heard {}", count(online.received, "time"))
         });
-        let is_spare = self.riding.piggyback_bytes > 0;
-        let spare = is_spare.then(|| format!("{} on each", count(self.riding.piggyback_bytes, "piggybacked byte")));
+        let is_spare = self.traffic.piggyback_bytes > 0;
+        let spare = is_spare.then(|| format!("{} on each", count(self.traffic.piggyback_bytes, "piggybacked byte")));
         let spared = is_spare.then(|| format!("{} in all", count(online.piggyback_bytes, "piggybacked byte")));
         let both =
             |one: Option<String>, other: Option<String>| one.into_iter().chain(other).collect::<Vec<_>>().join(", ");
@@ -215,8 +215,8 @@ impl OnlineJson {
             schema: 1,
             digests: InputDigests::given(&mission.whole, &mission.plan.preshared),
             events: online.steps.len(),
-            slot_every: mission.riding.slot_every,
-            piggyback_bytes: mission.riding.piggyback_bytes,
+            slot_every: mission.traffic.slot_every,
+            piggyback_bytes: mission.traffic.piggyback_bytes,
             seed: mission.seed,
             model_has_seen_log: mission.has_seen_log,
             packets: online.packets.iter().map(|(id, &count)| (id.to_string(), count)).collect(),

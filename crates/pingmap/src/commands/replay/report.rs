@@ -154,8 +154,8 @@ fn provenance(replayed: &Replayed, command: &[String]) -> Vec<(&'static str, Str
 }
 
 /// Returns facts about the log and the model.
-pub fn of_log(log: &EventLog, whole: &WholeLog, agreed: &Preshared) -> Vec<(&'static str, String)> {
-    let InputDigests { log_digest, model_digest } = InputDigests::given(whole, agreed);
+pub fn of_log(log: &EventLog, whole: &WholeLog, preshared: &Preshared) -> Vec<(&'static str, String)> {
+    let InputDigests { log_digest, model_digest } = InputDigests::given(whole, preshared);
     let (used, all) = (log.events.len(), whole.events);
     let events = if used == all { all.to_string() } else { format!("{used} of {}", count(all, "event")) };
     let vehicles: Vec<String> = log.vehicles().iter().map(VehicleId::to_string).collect();
