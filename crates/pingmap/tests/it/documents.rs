@@ -91,8 +91,8 @@ fn the_commands_of_the_team_guide_run() {
     assert!(run_page("docs/guides/team.md", ".") >= 6);
 }
 
-/// Returns the command lines in the examples of a help text. Long lines are wrapped: a line that does not start with the
-/// name of the program continues the line above.
+/// Returns the command lines in the examples of a help text. Help wraps long lines: a line that does not start with
+/// `pingmap` continues the line above.
 fn examples(help: &str) -> Vec<String> {
     let mut examples: Vec<String> = Vec::new();
     let lines = help.lines().skip_while(|line| !line.starts_with("Example")).skip(1);
@@ -105,8 +105,8 @@ fn examples(help: &str) -> Vec<String> {
     examples
 }
 
-/// Commands with examples. Those that write files for others come first. `reproduce --out docs` takes minutes: the tests
-/// of `reproduce` run it with less work.
+/// Commands with examples. Commands that write files for others come first. `reproduce --out docs` takes minutes: the
+/// tests of `reproduce` run it with less work.
 const COMMANDS: &[&str] = &[
     "simulate",
     "learn",

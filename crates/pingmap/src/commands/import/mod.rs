@@ -22,8 +22,8 @@ use crate::output_target::{Overwrite, RESULT};
 /// Make an event log from the recordings of the vehicles
 ///
 /// Recordings are positions, receptions, and transmissions or a schedule. A transmission counts if its sender or any
-/// receiver recorded it. With --always-transmits every slot of the sender's schedule counts, too. A receiver counts if its
-/// modem was working. Messages that are neither heard nor missed for certain are left out and counted.
+/// receiver recorded it. With --always-transmits every slot of the sender's schedule counts, too. A receiver counts if
+/// its modem was working. Messages that are neither heard nor missed for certain are left out and counted.
 #[derive(Args)]
 #[command(
     after_long_help = "Examples:\n  pingmap import mission/*.alog --ids mission/ids.csv -o events.csv\n  pingmap import --nav auv1=nav1.csv auv2=nav2.csv --heard auv1=rx1.csv auv2=rx2.csv --sent auv1=tx1.csv auv2=tx2.csv --ids ids.csv -o pair.csv"
