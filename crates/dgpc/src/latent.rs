@@ -66,8 +66,8 @@ fn clipped(variance: f64) -> f64 {
     if variance < 0.0 { 0.0 } else { variance }
 }
 
-/// Weight and scale of each normal distribution function in the mixture that approximates the logistic function
-/// (Monahan and Stefanski 1992, eight terms): |σ(x) − Σ weight · Φ(scale · x)| < 2.1e-9 for every x.
+/// Weight and scale of each normal distribution function in a mixture that approximates the logistic function σ
+/// (Monahan and Stefanski 1992, eight terms). The error |σ(x) − Σ weight · Φ(scale · x)| is below 2.1e-9 for every x.
 const MIXTURE: [(f64, f64); 8] = [
     (0.003246343272134, 1.365340806296348),
     (0.051517477033972, 1.059523971016916),

@@ -6,7 +6,7 @@ use crate::common::{file, pingmap, stderr, stdout};
 const COLUMNS_MAX: usize = 100;
 
 /// Every command. The empty name is the program.
-const COMMANDS: [&str; 23] = [
+pub const COMMANDS: [&str; 23] = [
     "",
     "demo",
     "import",
