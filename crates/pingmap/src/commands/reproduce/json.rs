@@ -2,17 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use pingmap_trial::Estimate;
 use pingmap_trial::paper::statistics::{Metric, bound_orders_nll, effective_draws, local_score, mean, team_score};
 use pingmap_trial::paper::{AtRadius, Choice, Claim, DataSet, EffectiveDraws, Fusion, Omega, SetOutcome, SweepRow};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::page;
-use super::published::Published;
+use super::published::{EVENTS_TABLE, Published};
 use super::results::{BOUNDS, Computed, Who};
 use super::scores::{
-    CertificateJson, DifferencesJson, DrawsJson, EstimateJson, LocalScoreJson, OmegaScoreJson, PointsJson,
+    CertificateJson, DifferencesJson, DrawsJson, EstimateJson, LocalScoreJson, OmegaScoreJson, SweepJson, SweepRowJson,
     TeamScoreJson, by_omega, estimates,
 };
 
@@ -39,6 +38,8 @@ pub struct ReproductionJson {
 
 #[derive(Serialize, JsonSchema)]
 pub struct DataSetJson {
+    /// Number of the paper's table with these events: `I`.
+    table: &'static str,
     /// Name of the data set.
     data_set: String,
     /// Digest of the events. It does not depend on the file or the order of lines.
@@ -106,6 +107,8 @@ pub struct ClaimJson {
 /// Results of one agent alone.
 #[derive(Serialize, JsonSchema)]
 pub struct LocalJson {
+    /// Number of the paper's table: `II` or `III`.
+    table: Option<&'static str>,
     /// Name of the agent.
     agent: String,
     /// The agent's locality region.
@@ -134,36 +137,14 @@ pub struct RegionJson {
 
 #[derive(Serialize, JsonSchema)]
 pub struct TeamJson {
+    /// Number of the paper's table: `IV`, `V` or `VI`.
+    table: Option<&'static str>,
     /// Number of permutations that are not counted, because they leave a region empty.
     skipped: usize,
     /// Scores by fusion, policy and number of points.
     scores: Vec<TeamScoreJson>,
     /// Scores with all events in one place.
     centralised: Vec<OmegaScoreJson>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct SweepJson {
-    /// Name of the data set.
-    data_set: String,
-    /// Results by radius.
-    rows: Vec<SweepRowJson>,
-}
-
-#[derive(Serialize, JsonSchema)]
-pub struct SweepRowJson {
-    /// Radius in length-scales.
-    length_scales: f64,
-    /// Training events in a region; the mean over agents and permutations.
-    training_events: f64,
-    /// Number of permutations that are not counted, because they leave a region empty.
-    skipped: usize,
-    /// NLL of all training events of the regions.
-    all_events: Option<EstimateJson>,
-    /// NLL of good points, by their number.
-    good: Vec<PointsJson>,
-    /// NLL of random points minus that of good points, by their number.
-    random_minus_good: Vec<PointsJson>,
 }
 
 impl ReproductionJson {
@@ -195,7 +176,12 @@ impl DataSetJson {
             events: events(set.failures_and_successes(agent)),
             published: published.map(|published| events(published.events(n))),
         });
-        Self { data_set: set.name.clone(), log_digest: set.log().digest(), agents: agents.collect() }
+        Self {
+            table: EVENTS_TABLE,
+            data_set: set.name.clone(),
+            log_digest: set.log().digest(),
+            agents: agents.collect(),
+        }
     }
 }
 
@@ -245,6 +231,7 @@ impl LocalJson {
         let choices = Choice::all().flat_map(|choice| Omega::ALL.map(|omega| (choice, omega)));
         let orders = |(key, _, of): &(&'static str, &str, _)| (*key, bound_orders_nll(&outcomes, *of));
         Self {
+            table: published.and_then(|published| published.local_table(agent)),
             agent: set.agents()[agent].id.to_string(),
             region: RegionJson { centre_standardised: region.centre.clone(), events: region.members.len() },
             skipped: outcome.permutations.len() - outcomes.len(),
@@ -270,25 +257,10 @@ impl TeamJson {
             .flat_map(|choice| Fusion::ALL.map(|fusion| (choice, fusion)))
             .flat_map(|(choice, fusion)| Omega::ALL.map(|omega| (choice, fusion, omega)));
         Self {
+            table: published.map(Published::team_table),
             skipped: outcome.permutations.len() - outcomes.len(),
             scores: keys.map(score).collect(),
             centralised: by_omega(|omega| mean(&outcomes, |outcome| outcome.centralised[&omega])),
-        }
-    }
-}
-
-impl SweepRowJson {
-    fn of(row: &SweepRow) -> Self {
-        let by_points = |all: &BTreeMap<usize, Estimate>| {
-            all.iter().map(|(&points, &nll)| PointsJson { points, nll: EstimateJson::of(nll) }).collect()
-        };
-        Self {
-            length_scales: row.length_scales,
-            training_events: row.events,
-            skipped: row.skipped,
-            all_events: row.all_events.map(EstimateJson::of),
-            good: by_points(&row.good),
-            random_minus_good: by_points(&row.gain),
         }
     }
 }

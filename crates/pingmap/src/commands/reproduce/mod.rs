@@ -6,6 +6,8 @@ mod results;
 mod cells;
 mod table;
 mod tables;
+mod claims;
+mod sweep;
 mod pictures;
 mod page;
 pub mod json;
@@ -133,7 +135,7 @@ fn tables(results: &Computed, exhibit: Exhibit) -> Vec<Table> {
     }
     if !results.radii.is_empty() {
         tables.push(tables::regions(results));
-        tables.extend(results.radii.iter().flat_map(|at| tables::claims(results, at)));
+        tables.extend(results.radii.iter().flat_map(|at| claims::claims(results, at)));
     }
     for at in &results.radii {
         if all || exhibit == Exhibit::Local {
@@ -146,7 +148,7 @@ fn tables(results: &Computed, exhibit: Exhibit) -> Vec<Table> {
             tables.extend(tables::certificate(results, at));
         }
     }
-    tables.extend(tables::sweep(results));
+    tables.extend(sweep::sweep(results));
     tables
 }
 

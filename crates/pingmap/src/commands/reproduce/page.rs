@@ -6,7 +6,7 @@ use super::pictures::Picture;
 use super::published;
 use super::results::Computed;
 use super::table::Table;
-use super::tables;
+use super::{claims, sweep, tables};
 
 /// Name of the figures' folder, next to the page.
 pub const FIGURES: &str = "reproduction";
@@ -14,8 +14,8 @@ pub const FIGURES: &str = "reproduction";
 /// Returns the limits of the comparison with the paper.
 pub fn caveat(results: &Computed) -> String {
     if results.built_in {
-        return "The paper's field data are not public: three simulated trials of the same team sizes and numbers of events are used \
-                instead, so only the shape of the results can agree, not their figures."
+        return "The paper's field data are not public. Three simulated trials of the same team sizes and numbers of events replace \
+                them. The order of the results can agree with the paper, the figures cannot."
             .into();
     }
     let names: Vec<&str> = results.experiment.sets().iter().map(|set| set.name.as_str()).collect();
@@ -29,9 +29,9 @@ pub fn caveat(results: &Computed) -> String {
 pub fn kernel_line(results: &Computed) -> String {
     let length_scale = results.experiment.length_scale();
     format!(
-        "Squared-exponential kernel of unit variance, zero mean, one length-scale learned on all data sets together: ℓ = {length_scale:.3} \
-         (the paper's: {}). Regions have the paper's ratio r/ℓ = {RADIUS_LENGTH_SCALES}, r = {:.3}, and also the paper's radius \
-         r = {RADIUS}.",
+        "The kernel is squared-exponential with unit variance, and the prior mean is zero. One length-scale is learned from all data \
+         sets together: ℓ = {length_scale:.3} (the paper's: {}). Regions have the paper's ratio r/ℓ = {RADIUS_LENGTH_SCALES}, which gives \
+         r = {:.3}, and also the paper's radius r = {RADIUS}.",
         published::LENGTH_SCALE,
         RADIUS_LENGTH_SCALES * length_scale
     )
@@ -42,12 +42,14 @@ pub fn markdown(results: &Computed, pictures: &[Picture], command: &str) -> Stri
     let permutations = results.experiment.permutations();
     let mut page = format!(
         "{}\n\n# The paper's experiment, run again\n\n\
-         Written by `{command}` (seed {}, {permutations} permutations, pingmap {}). \"Published\" are the figures of Gao, He, Stilwell and \
-         McMahon, \"Decentralized Gaussian Process Classification and an Application in Subsea Robotics\". \
-         [The paper's experiment](paper-experiment.md) describes the computation.\n\n{}\n\n\
+         Written by `{command}` (seed {}, {permutations} permutations, pingmap {}). Columns named \"published\" hold the figures of Gao, \
+         He, Stilwell and McMahon, \"Decentralized Gaussian Process Classification and an Application in Subsea Robotics\". Tables I to VI \
+         have the numbers of that paper. [The paper's experiment](paper-experiment.md) describes the computation.\n\n{}\n\n\
          Every agent's events are divided 65/35 into training and held-out events, {permutations} times at random. Figures are means over \
-         permutations ± their standard errors over the permutations (Monte Carlo over divisions of one data set, not over trials); NLL in nats, lower is better. ω comes from {BURN_IN} sweeps of Gibbs sampling and {DRAWS} \
-         more: the last draw (the paper's choice), the average of predictions over the {DRAWS} draws, and the mean field.\n\n",
+         permutations ± their standard errors. These errors describe the divisions of one data set, not other trials. \
+         [A test over twenty trials](evaluation/claims.md#claims-over-simulated-trials) examines the order of the claims.\n\n\
+         NLL is in nats, and lower is better. A Gibbs chain draws ω: {BURN_IN} sweeps of burn-in, then {DRAWS} draws. Three estimates are \
+         compared: the last draw (the paper's choice), the average of predictions over all draws, and the mean field.\n\n",
         caveat(results),
         results.seed,
         env!("CARGO_PKG_VERSION"),
@@ -62,13 +64,13 @@ pub fn markdown(results: &Computed, pictures: &[Picture], command: &str) -> Stri
     });
     let data = [tables::events(results), tables::regions(results)];
     for (heading, content) in [
-        ("Does the order hold?", everywhere(tables::claims)),
+        ("Does the order hold?", everywhere(claims::claims)),
         ("Figures", figures.collect()),
         ("Data", data.iter().map(Table::markdown).collect()),
-        ("Every agent by itself", everywhere(tables::local)),
+        ("Every agent alone", everywhere(tables::local)),
         ("The team", everywhere(tables::team)),
         ("The certificate", everywhere(tables::certificate)),
-        ("Beyond one and two points", tables::sweep(results).iter().map(Table::markdown).collect::<String>()),
+        ("Beyond one and two points", sweep::sweep(results).iter().map(Table::markdown).collect::<String>()),
     ] {
         page += &format!("## {heading}\n\n{content}");
     }

@@ -7,6 +7,15 @@ use pingmap_trial::paper::{Choice, Policy};
 /// Learned length-scale, in standardised units.
 pub const LENGTH_SCALE: f64 = 0.289;
 
+/// Number of the paper's table of events.
+pub const EVENTS_TABLE: &str = "I";
+
+/// Numbers of the paper's tables of [`LOCAL`].
+const LOCAL_TABLES: [&str; 2] = ["II", "III"];
+
+/// Numbers of the paper's tables of [`TEAM`].
+const TEAM_TABLES: [&str; 3] = ["IV", "V", "VI"];
+
 /// Failures and successes of every agent of the three data sets.
 const EVENTS: [&[(usize, usize)]; 3] =
     [&[(248, 198), (219, 227)], &[(366, 197), (336, 227)], &[(132, 119), (105, 130), (103, 109)]];
@@ -65,6 +74,16 @@ impl Published {
     pub fn local(self, agent: usize, choice: Choice) -> Option<PublishedScore> {
         let tables = if self.0 == 0 { LOCAL.as_slice() } else { &[] };
         tables.get(agent).and_then(|table| entry(table, choice))
+    }
+
+    /// Returns the number of the paper's table of one agent alone.
+    pub fn local_table(self, agent: usize) -> Option<&'static str> {
+        if self.0 == 0 { LOCAL_TABLES.get(agent).copied() } else { None }
+    }
+
+    /// Returns the number of the paper's table of the team.
+    pub fn team_table(self) -> &'static str {
+        TEAM_TABLES[self.0]
     }
 
     /// Returns the score of the team.

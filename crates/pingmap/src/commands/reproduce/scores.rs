@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use pingmap_trial::paper::statistics::mean_bound;
-use pingmap_trial::paper::{Choice, LocalOutcome, Omega};
+use pingmap_trial::paper::{Choice, LocalOutcome, Omega, SweepRow};
 use pingmap_trial::{Estimate, MeanScore};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -103,6 +103,30 @@ pub struct PublishedJson {
     pub nll: f64,
 }
 
+#[derive(Serialize, JsonSchema)]
+pub struct SweepJson {
+    /// Name of the data set.
+    pub data_set: String,
+    /// Results by radius.
+    pub rows: Vec<SweepRowJson>,
+}
+
+#[derive(Serialize, JsonSchema)]
+pub struct SweepRowJson {
+    /// Radius in length-scales.
+    length_scales: f64,
+    /// Training events in a region; the mean over agents and permutations.
+    training_events: f64,
+    /// Number of permutations that are not counted, because they leave a region empty.
+    skipped: usize,
+    /// NLL of all training events of the regions.
+    all_events: Option<EstimateJson>,
+    /// NLL of good points, by their number.
+    good: Vec<PointsJson>,
+    /// NLL of random points minus that of good points, by their number.
+    random_minus_good: Vec<PointsJson>,
+}
+
 impl CertificateJson {
     pub fn of(choice: Choice, outcomes: &[&LocalOutcome]) -> Self {
         let bound = |(key, _, of): &(&'static str, &str, _)| (*key, mean_bound(outcomes, choice, *of));
@@ -131,6 +155,22 @@ impl EstimateJson {
 impl ScoreJson {
     pub fn of(MeanScore { accuracy, nll, .. }: MeanScore) -> Self {
         Self { acc: accuracy.mean, acc_se: accuracy.se, nll: nll.mean, nll_se: nll.se }
+    }
+}
+
+impl SweepRowJson {
+    pub fn of(row: &SweepRow) -> Self {
+        let by_points = |all: &BTreeMap<usize, Estimate>| {
+            all.iter().map(|(&points, &nll)| PointsJson { points, nll: EstimateJson::of(nll) }).collect()
+        };
+        Self {
+            length_scales: row.length_scales,
+            training_events: row.events,
+            skipped: row.skipped,
+            all_events: row.all_events.map(EstimateJson::of),
+            good: by_points(&row.good),
+            random_minus_good: by_points(&row.gain),
+        }
     }
 }
 

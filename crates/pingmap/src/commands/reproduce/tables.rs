@@ -1,18 +1,13 @@
 //! Tables of the experiment.
 
 use dgpc::LocalityRegion;
-use pingmap_trial::paper::statistics::{
-    Metric, bound_orders_nll, effective_draws, local_score, mean, mean_bound, team_score,
-};
-use pingmap_trial::paper::{
-    AtRadius, Choice, Claim, DRAWS, DataSet, Fusion, Omega, REGION_EVENTS_MAX, SWEEP_LENGTH_SCALES, SWEEP_POINTS,
-    SetOutcome, SweepRow,
-};
-use pingmap_trial::{Estimate, MeanScore};
+use pingmap_trial::MeanScore;
+use pingmap_trial::paper::statistics::{bound_orders_nll, effective_draws, local_score, mean, mean_bound, team_score};
+use pingmap_trial::paper::{AtRadius, Choice, DRAWS, DataSet, Fusion, Omega, REGION_EVENTS_MAX, SetOutcome};
 
-use super::cells::{FAILS, HOLDS, NONE, UNCLEAR, accuracy, bound, decimal, mark, nll, plain, verdict, verdict_by_t};
-use super::published::{Published, PublishedScore};
-use super::results::{BOUNDS, Computed, Who};
+use super::cells::{NONE, accuracy, bound, decimal, nll, plain};
+use super::published::{EVENTS_TABLE, Published, PublishedScore};
+use super::results::{BOUNDS, Computed};
 use super::table::Table;
 use crate::output::count;
 
@@ -36,7 +31,7 @@ pub fn events(results: &Computed) -> Table {
     }
     let header = ["data set", "agent", "failures", "successes", "published failures", "published successes"];
     let note = "The number in brackets is the place among the paper's data sets.";
-    Table::new("Events, by the agent that received them or should have", &header, rows, note)
+    Table::new(numbered(Some(EVENTS_TABLE), "events of every agent as the receiver"), &header, rows, note)
 }
 
 /// Returns the centres of the regions, and their numbers of events.
@@ -61,10 +56,12 @@ pub fn regions(results: &Computed) -> Table {
     }
     let header = ["agent", "radius", "centre: transmitter → receiver (m)", "events", "skipped", "effective draws"];
     let note = format!(
-        "The centre is the agent's event with the most own events within the radius, held out or not; the first of equals (of more than a \
-         thousand events, a thousand are tried). The regions of a data set hold at most {REGION_EVENTS_MAX} events together, in equal shares, those nearest to the centres. A permutation \
-         that leaves the region without training or held-out events is skipped. Effective draws: the number of independent draws to which the {DRAWS} draws of the chain are \
-         equivalent for the latent function at an event; mean over events and permutations (and the least)."
+        "The centre is the agent's event with the most own events within the radius, held out or not; the first of equals. Of more \
+         than a thousand events, a thousand are tried. The regions of a data set hold at most {REGION_EVENTS_MAX} events together. \
+         Regions have equal shares and keep the events nearest to their centres. A permutation is skipped if it leaves a region \
+         without training or held-out events. Effective draws: the number of independent draws that are worth as much as the {DRAWS} \
+         draws of the chain, for the latent function at an event. The column shows the mean over events and permutations, and in \
+         brackets the least."
     );
     Table::new("Locality regions", &header, rows, note)
 }
@@ -80,121 +77,33 @@ fn centre_m(set: &DataSet, region: &LocalityRegion) -> String {
     })
 }
 
-/// Returns the differences that the paper's claims are about, in NLL and in accuracy.
-pub fn claims(results: &Computed, at: &AtRadius) -> Vec<Table> {
-    Metric::ALL.into_iter().map(|metric| claims_in(results, at, metric)).collect()
-}
-
-fn claims_in(results: &Computed, at: &AtRadius, metric: Metric) -> Table {
-    let claims = Claim::all();
-    let mut rows = Vec::new();
-    let mut failures = Vec::new();
-    let mut counts = [vec![Holding::default(); claims.len()], vec![Holding::default(); claims.len()]];
-    let mut of_teams = vec![Vec::new(); claims.len()];
-    for (set, outcome, published) in results.sets(at) {
-        for who in Who::all(set) {
-            let mut row = vec![who.name(set)];
-            for (n, claim) in claims.iter().enumerate() {
-                let difference = who.difference(outcome, claim, metric);
-                let theirs = who.published_difference(published, claim, metric);
-                let theirs = theirs.map_or(String::new(), |theirs| format!(" [{}]", decimal(theirs)));
-                row.push(verdict(difference) + &theirs);
-                let Some(difference) = difference else { continue };
-                let is_team = matches!(who, Who::Team);
-                counts[usize::from(is_team)][n].count(difference);
-                of_teams[n].extend(is_team.then_some(difference.mean));
-                if mark(difference) == FAILS {
-                    failures.push(format!("{} ({})", claim.text(), who.name(set)));
-                }
-            }
-            rows.push(row);
-        }
-    }
-    for (name, counts) in ["agents for which it holds", "teams for which it holds"].iter().zip(&counts) {
-        rows.push([name.to_string()].into_iter().chain(counts.iter().map(Holding::text)).collect());
-    }
-    let over_sets = of_teams.iter().map(|differences| verdict_by_t(Estimate::over(differences)));
-    rows.push(["teams, over data sets".to_owned()].into_iter().chain(over_sets).collect());
-    let texts: Vec<String> = claims.iter().map(Claim::text).collect();
-    let title = format!("Does the order hold in {}? {}", metric.name(), radius_text(results, at));
-    let header: Vec<&str> = ["difference"].into_iter().chain(texts.iter().map(String::as_str)).collect();
-    let failures = match failures.as_slice() {
-        _ if counts.iter().flatten().all(|holding| holding.of == 0) => "could not be judged anywhere".to_owned(),
-        [] => "clearly fails nowhere".to_owned(),
-        failures => format!("clearly fails: {}", failures.join("; ")),
-    };
-    let note = format!(
-        "Paired differences over permutations, positive where the claim holds, packets concatenated, ω the last draw. ± is the error of dividing \
-         one data set a limited number of times, which vanishes with more permutations; it does not describe other \
-         trials. {HOLDS} holds and {FAILS} fails by more than two of these errors, {UNCLEAR} neither. The last row takes the data set as \
-         the unit: mean and error over the teams, and {HOLDS} or {FAILS} by Student's t at 5 %. In square brackets the same difference in the paper's tables, \
-         which give no standard errors. The order {failures}."
-    );
-    Table::new(title, &header, rows, note)
-}
-
-/// Number of agents or teams for which a claim holds, with the number of significant results.
-#[derive(Clone, Default)]
-struct Holding {
-    of: usize,
-    holding: usize,
-    clearly: usize,
-    clearly_not: usize,
-}
-
-impl Holding {
-    fn count(&mut self, difference: Estimate) {
-        self.of += 1;
-        self.holding += usize::from(difference.mean > 0.0);
-        self.clearly += usize::from(mark(difference) == HOLDS);
-        self.clearly_not += usize::from(mark(difference) == FAILS);
-    }
-
-    fn text(&self) -> String {
-        let Self { of, holding, clearly, clearly_not } = self;
-        if *of == 0 { NONE.into() } else { format!("{holding} of {of} ({clearly} {HOLDS}, {clearly_not} {FAILS})") }
-    }
-}
-
-/// Returns the scores of an agent's predictions for its own held-out events in the region.
+/// Returns the scores of every agent's predictions for its own held-out events in the region: one table for each agent.
 pub fn local(results: &Computed, at: &AtRadius) -> Vec<Table> {
-    let tables = results.sets(at).map(|(set, outcome, published)| {
-        let mut rows = Vec::new();
-        for (n, agent) in set.agents().iter().enumerate() {
-            let outcomes = outcome.local(n);
-            for choice in Choice::all() {
-                let score = |omega| local_score(&outcomes, choice, omega);
-                let theirs = published.and_then(|published| published.local(n, choice));
-                rows.push(local_row(&agent.id.to_string(), &choice_text(choice), score, theirs));
-            }
-            let everything = |omega| mean(&outcomes, |outcome| outcome.all_events[&omega]);
-            rows.push(local_row(&agent.id.to_string(), "all events", everything, None));
-        }
-        let title = format!("{}: every agent by itself, {}", set.name, radius_text(results, at));
-        let header = [
-            "agent",
-            "points",
-            "ACC",
-            "NLL",
-            "published ACC",
-            "published NLL",
-            "NLL, averaged draws",
-            "NLL, mean field",
-        ];
-        Table::new(title, &header, rows, "")
-    });
-    tables.collect()
+    let header = ["points", "ACC", "NLL", "published ACC", "published NLL", "NLL, averaged draws", "NLL, mean field"];
+    let of_agent = |set: &DataSet, outcome: &SetOutcome, published: Option<Published>, n: usize| {
+        let outcomes = outcome.local(n);
+        let row = |choice| {
+            let theirs = published.and_then(|published| published.local(n, choice));
+            local_row(&choice_text(choice), |omega| local_score(&outcomes, choice, omega), theirs)
+        };
+        let everything = |omega| mean(&outcomes, |outcome| outcome.all_events[&omega]);
+        let rows = Choice::all().map(row).chain([local_row("all events", everything, None)]).collect();
+        let name = format!("{} {} alone, {}", set.name, set.agents()[n].id, radius_text(results, at));
+        let number = published.and_then(|published| published.local_table(n));
+        Table::new(numbered(number, &name), &header, rows, "")
+    };
+    let of_set =
+        |(set, outcome, published)| (0..DataSet::agents(set).len()).map(move |n| of_agent(set, outcome, published, n));
+    results.sets(at).flat_map(of_set).collect()
 }
 
 fn local_row(
-    agent: &str,
     choice: &str,
     score: impl Fn(Omega) -> Option<MeanScore>,
     published: Option<PublishedScore>,
 ) -> Vec<String> {
     let last = score(Omega::LastDraw);
     vec![
-        agent.into(),
         choice.into(),
         accuracy(last),
         nll(last),
@@ -207,13 +116,12 @@ fn local_row(
 
 /// Returns the scores of the team's predictions, with the paper's ω and with the others.
 pub fn team(results: &Computed, at: &AtRadius) -> Vec<Table> {
-    results
-        .sets(at)
-        .flat_map(|(set, outcome, published)| {
-            let title = format!("{}: the team, {}", set.name, radius_text(results, at));
-            [team_paper(outcome, published, &title), team_omegas(outcome, &title)]
-        })
-        .collect()
+    let tables = results.sets(at).flat_map(|(set, outcome, published)| {
+        let title = format!("{} team, {}", set.name, radius_text(results, at));
+        let number = published.map(Published::team_table);
+        [team_paper(outcome, published, &numbered(number, &title)), team_omegas(outcome, &title)]
+    });
+    tables.collect()
 }
 
 fn team_paper(outcome: &SetOutcome, published: Option<Published>, title: &str) -> Table {
@@ -288,73 +196,18 @@ pub fn certificate(results: &Computed, at: &AtRadius) -> Vec<Table> {
     let names: Vec<&str> = BOUNDS.iter().map(|(_, name, _)| *name).collect();
     let radius = radius_text(results, at);
     let header: Vec<&str> = ["agent", "points"].into_iter().chain(names.iter().copied()).chain(["NLL"]).collect();
-    let note = "KL divergence of the posterior at the points from that of all training events of the region, and its bounds, in nats; \
-                means over permutations, ω the last draw.";
+    let note = "KL is the divergence of the posterior at the points from that of all training events of the region. Gap, closed form \
+                and the paper's bound are bounds on it. Values are means over permutations in nats, and ω is the last draw.";
     let bounds = Table::new(format!("The certificate, {radius}"), &header, rows, note);
     let header: Vec<&str> = ["rank correlation with NLL"].into_iter().chain(names).collect();
-    let note = "Spearman's rank correlation between a bound and the NLL of held-out events over the six choices (three policies, one and \
-                two points) within a permutation; mean and standard error over permutations. At +1 the bound orders them as NLL does.";
+    let note = "Cells are Spearman's rank correlation between a bound and the NLL of held-out events, over the six choices of one \
+                permutation. They show the mean and its standard error over permutations. At +1 the bound orders the choices as NLL does.";
     vec![bounds, Table::new(format!("Does the bound order the choices? {radius}"), &header, orders, note)]
 }
 
-/// Returns the results for larger radii and more points than in the paper.
-pub fn sweep(results: &Computed) -> Vec<Table> {
-    if results.sweep.is_empty() {
-        return Vec::new();
-    }
-    let sets = results.experiment.sets().iter().zip(&results.sweep);
-    let tables = sets.flat_map(|(set, rows)| [sweep_good(set, rows), sweep_gain(set, rows)]);
-    [sweep_marks(results)].into_iter().chain(tables).collect()
-}
-
-/// Returns a table of marks: whether good points are better than random ones.
-fn sweep_marks(results: &Computed) -> Table {
-    let row = |(place, length_scales): (usize, f64)| {
-        let marks = |points: usize| -> String {
-            results.sweep.iter().map(|rows| rows[place].gain.get(&points).map_or(NONE, |gain| mark(*gain))).collect()
-        };
-        [length_scales.to_string()].into_iter().chain(SWEEP_POINTS.into_iter().map(marks)).collect()
-    };
-    let names: Vec<&str> = results.experiment.sets().iter().map(|set| set.name.as_str()).collect();
-    let note = format!(
-        "One mark for each data set, in the order {}: good points have a lower NLL than random ones by more than two standard errors \
-         ({HOLDS}), a higher one ({FAILS}), or neither ({UNCLEAR}). A region with fewer events than points takes them all.",
-        names.join(", ")
-    );
-    let rows = SWEEP_LENGTH_SCALES.into_iter().enumerate().map(row).collect();
-    Table::new("Where the policy pays", &sweep_header(&["radius / ℓ"]), rows, note)
-}
-
-fn sweep_good(set: &DataSet, rows: &[SweepRow]) -> Table {
-    let row = |row: &SweepRow| {
-        let start = [row.length_scales.to_string(), format!("{:.0}", row.events), plain(row.all_events)];
-        start.into_iter().chain(SWEEP_POINTS.into_iter().map(|points| plain(row.good.get(&points).copied()))).collect()
-    };
-    Table::new(
-        format!("{}: NLL of good points", set.name),
-        &sweep_header(&["radius / ℓ", "training events", "all events"]),
-        rows.iter().map(row).collect(),
-        "Local NLL, the mean over the agents; ω by mean field.",
-    )
-}
-
-fn sweep_gain(set: &DataSet, rows: &[SweepRow]) -> Table {
-    let row = |row: &SweepRow| {
-        let cells = SWEEP_POINTS.into_iter().map(|points| verdict(row.gain.get(&points).copied()));
-        [row.length_scales.to_string()].into_iter().chain(cells).collect()
-    };
-    let rows = rows.iter().map(row).collect();
-    Table::new(
-        format!("{}: NLL of random points minus that of good ones", set.name),
-        &sweep_header(&["radius / ℓ"]),
-        rows,
-        "",
-    )
-}
-
-fn sweep_header(first: &[&str]) -> Vec<String> {
-    let points = SWEEP_POINTS.map(|points| count(points, "point"));
-    first.iter().map(|name| name.to_string()).chain(points).collect()
+/// Returns a title with the number of the paper's table, if the paper has one.
+fn numbered(number: Option<&str>, title: &str) -> String {
+    number.map_or_else(|| title.to_owned(), |number| format!("Table {number}: {title}"))
 }
 
 fn choice_text(choice: Choice) -> String {
