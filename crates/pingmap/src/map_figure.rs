@@ -43,7 +43,7 @@ fn picture(map: &SuccessMap, side: &Side, layer: Layer, content: &FigureContent,
         [arrows("heard here", &heard, Mark::Dot, "#d0f0ff"), arrows("missed here", &missed, Mark::Cross, "#000000")];
     let values = side.values(|cell| number(layer, cell));
     let hatched: Vec<bool> = side.cells.iter().map(|cell| cell.explained < LITTLE_KNOWN).collect();
-    let title = content.title.map_or_else(|| question(map, side.seen), str::to_owned);
+    let title = content.title.map_or_else(|| question(map, side.seen, layer), str::to_owned);
     let is_probability = layer != Layer::Width;
     let picture = GridMap {
         title: &title,
@@ -135,7 +135,10 @@ fn bar(layer: Layer) -> &'static str {
     }
 }
 
-fn question(map: &SuccessMap, seen: Seen) -> String {
+fn question(map: &SuccessMap, seen: Seen, layer: Layer) -> String {
+    if layer == Layer::Width {
+        return "How uncertain is this probability?".to_owned();
+    }
     let which = match (map.at.len(), map.join) {
         (1, _) => "here",
         (_, Join::All) => "all of these",
