@@ -4,6 +4,7 @@ use pingmap_agent::{
     AgentError, Event, Key, LearnedModel, Learning, Limits, Model, OptionalTerm, Sharing, Structure, Team,
 };
 
+use crate::alternative::Alternative;
 use crate::channel_impairments::ChannelImpairments;
 use crate::event_log::EventLog;
 use crate::learning::learn_best;
@@ -50,8 +51,8 @@ pub struct Plan {
     pub sharing: Sharing,
     /// Impairments of the channel.
     pub impairments: ChannelImpairments,
-    /// Whether alternative uses of the same bytes are scored, too.
-    pub compare: bool,
+    /// Alternative uses of the same bytes that are scored, too.
+    pub alternatives: Vec<Alternative>,
     /// Whether the calibration is computed.
     pub calibration: bool,
     /// Seed of all random numbers.
@@ -70,7 +71,7 @@ impl Plan {
             key: None,
             sharing: Sharing::default(),
             impairments: ChannelImpairments::default(),
-            compare: false,
+            alternatives: Vec::new(),
             calibration: false,
             seed,
         }

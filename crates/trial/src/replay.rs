@@ -7,7 +7,7 @@ use dgpc::Latent;
 use pingmap_agent::{Agent, AgentError, Event, FitQuality, LearnedModel, Model, Team, VehicleId};
 use rayon::prelude::*;
 
-use crate::alternatives::Alternative;
+use crate::alternative::Alternative;
 use crate::baseline::{DistanceOnly, base_rate};
 use crate::calibration::Calibration;
 use crate::decision::Decisions;
@@ -157,8 +157,8 @@ pub struct Sharing {
     pub behind: Estimate,
     /// (own − team) / (own − centralised) in NLL; `None` if that gap is not significant.
     pub gap_closed: Option<Estimate>,
-    /// NLL of alternative uses of as many frames, averaged over vehicles and splits, if [`Plan::compare`] is set.
-    pub alternatives: Vec<(Alternative, f64)>,
+    /// Mean scores over vehicles of the alternative uses of as many frames in [`Plan::alternatives`].
+    pub alternatives: Vec<(Alternative, MeanScore)>,
 }
 
 /// One split and the model learned on it.
@@ -220,8 +220,8 @@ struct SplitScores {
     team: Vec<(Score, Vec<Score>)>,
     /// Traffic for each number of frames.
     traffic: Vec<Traffic>,
-    /// NLL of every alternative for each number of frames, mean over vehicles.
-    alternatives: Vec<Vec<(Alternative, f64)>>,
+    /// Score of every alternative for each number of frames, mean over vehicles.
+    alternatives: Vec<Vec<Score>>,
     calibration: Option<Calibrated>,
 }
 
@@ -272,12 +272,14 @@ pub fn replay(
         let closed = gain.mean / gap.mean;
         // Error of a ratio of two correlated means, from each split's residual: its gain minus the ratio times its gap.
         let left = paired(&|s| s.own.nll - s.team[row].0.nll - closed * (s.own.nll - s.centralised.nll))?;
+        let tried = plan.alternatives.iter().enumerate();
+        let alternatives = tried.map(|(place, &way)| Ok((way, mean(&|s| s.alternatives[row][place])?)));
         Ok(Sharing {
             frames,
             traffic: Traffic::mean(&traffic).ok_or(ReplayError::NoSplits)?,
             team,
             worst_vehicle_nll: (0..vehicles.len()).map(of_vehicle).fold(f64::NEG_INFINITY, f64::max),
-            alternatives: mean_alternatives(&scores, row),
+            alternatives: alternatives.collect::<Result<_, ReplayError>>()?,
             gain,
             behind: paired(&|s| s.team[row].0.nll - s.centralised.nll)?,
             gap_closed: (gap.mean > 0.0 && gap.is_clear()).then(|| Estimate {
@@ -299,13 +301,6 @@ pub fn replay(
         splits: scores.into_iter().map(|s| s.summary).collect(),
         vehicles,
     })
-}
-
-/// Returns the mean NLL over splits of each alternative, for one number of frames.
-fn mean_alternatives(scores: &[SplitScores], row: usize) -> Vec<(Alternative, f64)> {
-    let tried = scores.first().map_or(&[][..], |first| &first.alternatives[row]);
-    let mean = |place: usize| scores.iter().map(|s| s.alternatives[row][place].1).sum::<f64>() / scores.len() as f64;
-    tried.iter().enumerate().map(|(place, &(alternative, _))| (alternative, mean(place))).collect()
 }
 
 fn replay_split(
@@ -349,11 +344,9 @@ fn replay_split(
         ignored = ignored_members(&mut agents).map_err(failed)?;
         traffic.push(mission.traffic(frames, &agents));
         team.push(score_each(mission.predict(agents).map_err(failed)?)?);
-        let tried = if plan.compare { &Alternative::ALL[..] } else { &[] };
-        let nll = |&alternative: &Alternative| {
-            Ok((alternative, score_each(alternative.predict(&mission, frames).map_err(failed)?)?.0.nll))
-        };
-        alternatives.push(tried.iter().map(nll).collect::<Result<Vec<_>, ReplayError>>()?);
+        let tried = plan.alternatives.iter();
+        let each = tried.map(|way| Ok(score_each(way.predict(&mission, frames).map_err(failed)?)?.0));
+        alternatives.push(each.collect::<Result<Vec<_>, ReplayError>>()?);
         step();
     }
     let calibration = plan.calibration.then(|| Calibrated::of_split(&mission, frames_max, truth.as_deref()));

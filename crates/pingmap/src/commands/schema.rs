@@ -6,7 +6,7 @@ use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema};
 use serde_json::json;
 
-use super::{check, import, learn, map, packet, plan, predict, replay, reproduce, select, simulate, team};
+use super::{check, demo, import, learn, map, packet, plan, predict, replay, reproduce, select, simulate, team};
 use crate::output::{BadInput, Results, print};
 
 /// Print the JSON Schema of the output of a command with --json
@@ -23,7 +23,7 @@ type Printed = (&'static str, fn() -> Schema);
 
 const SCHEMAS: [Printed; 20] = [
     ("check", of::<check::CheckedJson>),
-    ("demo", of::<replay::json::ReplayJson>),
+    ("demo", of::<demo::json::DemoJson>),
     ("import", of::<import::json::ImportJson>),
     ("learn", of::<learn::json::LearnJson>),
     ("learn --update", of::<learn::json::AddedJson>),

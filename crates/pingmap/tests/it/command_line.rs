@@ -10,17 +10,22 @@ fn demo_prints_scores_and_writes_a_report_from_any_folder() {
     let output = pingmap(folder.path(), &["demo"]);
     assert!(output.status.success(), "{}", stderr(&output));
     let text = stdout(&output);
-    for expected in ["698 events, 3 vehicles", "distance only", "own events only", "10 packets", "gap closed"] {
+    let rows =
+        ["distance only", "own events only", "summaries, paper's scheme", "event reports", "all events in one place"];
+    for expected in ["698 events, 3 vehicles", "transmission schedule"].into_iter().chain(rows) {
         assert!(text.contains(expected), "{expected:?} is missing: {text}");
     }
+    assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     let report = folder.path().join("pingmap-report");
     let page = std::fs::read_to_string(report.join("index.html")).unwrap();
-    // The page has three maps, the success rate over range, and calibration. It has inducing points only if summaries
-    // were sent, which depends on the last digits.
-    let has_points = page.contains("Every arrow is an inducing point");
-    assert_eq!(has_points, !page.contains("they contain no inducing points"));
-    assert_eq!(has_points, report.join("packets.png").exists());
-    assert_eq!(page.matches("<svg").count(), 5 + usize::from(has_points));
+    // The page has the points of every policy, the concatenated posterior, three maps, the success rate over range, and
+    // calibration. The demo's own packets are reports.
+    assert_eq!(page.matches("<svg").count(), 7);
+    assert!(page.contains("they contain no inducing points") && !report.join("packets.png").exists());
+    for expected in ["10 packets", "gap closed", "good points", "random points", "bad points", "concatenated posterior"]
+    {
+        assert!(page.contains(expected), "{expected:?} is missing");
+    }
     assert!(page.contains("</html>") && page.contains("probability of success"));
     assert!(!page.contains("src=\""), "the page is self-contained");
     assert!(std::fs::read(report.join("map.png")).unwrap().starts_with(b"\x89PNG"));

@@ -6,15 +6,15 @@ mod tables;
 pub mod json;
 mod scores;
 mod pictures;
-mod report;
+pub mod report;
 pub mod online;
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_trial::{
-    ChannelImpairments, DivideBy, Division, EventLog, ModelSource, Plan, Preshared, Split, TrafficPlan, read_splits,
-    splits_to_csv,
+    Alternative, ChannelImpairments, DivideBy, Division, EventLog, ModelSource, Plan, Preshared, Split, TrafficPlan,
+    read_splits, splits_to_csv,
 };
 
 use crate::cli_enums::{DivideByName, LearnName, ShareName};
@@ -276,7 +276,7 @@ fn plan(options: &Options, preshared: Preshared) -> anyhow::Result<Plan> {
         key: sharing.key_file.as_ref().map(|path| open_key(path)).transpose()?,
         sharing: sharing.share.sharing(),
         impairments: sharing.impairments(),
-        compare: options.compare,
+        alternatives: if options.compare { Alternative::ALL.to_vec() } else { Vec::new() },
         // A report always shows the calibration, so that its reader can judge the maps.
         calibration: options.calibration || options.report.is_some() && !options.online,
         ..Plan::new(model.learning(model.constraints().default_candidates(), options.work.limits()), options.work.seed)
@@ -293,7 +293,7 @@ impl Replayed {
             false => print_text(results, &tables::text(self))?,
         }
         if let Some(folder) = report {
-            note(format_args!("report: {}", report::write(self, &command, folder)?.display()));
+            note(format_args!("report: {}", report::write(self, &command, folder, &|_| ())?.display()));
         }
         Ok(())
     }

@@ -16,8 +16,13 @@ use crate::model::InputDigests;
 use crate::output::{count, spinner};
 use crate::page::Page;
 
-/// Writes the report to an existing folder, and returns the path of its page.
-pub fn write(replayed: &Replayed, command: &[String], folder: &Path) -> anyhow::Result<PathBuf> {
+/// Writes the report to an existing folder, and returns the path of its page. `lead` adds sections before all others.
+pub fn write(
+    replayed: &Replayed,
+    command: &[String],
+    folder: &Path,
+    lead: &dyn Fn(&mut Page),
+) -> anyhow::Result<PathBuf> {
     let bar = spinner("drawing the report");
     let pictures = Pictures::draw(replayed)?;
     let path = folder.join("index.html");
@@ -27,14 +32,15 @@ pub fn write(replayed: &Replayed, command: &[String], folder: &Path) -> anyhow::
     if let Some(packets) = &pictures.packets {
         write_file(&folder.join("packets.png"), &packets.png()?)?;
     }
-    write_file(&path, html(replayed, command, &pictures).as_bytes())?;
+    write_file(&path, html(replayed, command, &pictures, lead).as_bytes())?;
     bar.finish_and_clear();
     Ok(path)
 }
 
-fn html(replayed: &Replayed, command: &[String], pictures: &Pictures) -> String {
+fn html(replayed: &Replayed, command: &[String], pictures: &Pictures, lead: &dyn Fn(&mut Page)) -> String {
     let mut page = Page::new("pingmap: will a message from here reach there?");
     page.conclusion(&conclusion(replayed));
+    lead(&mut page);
     scores(&mut page, replayed);
     maps(&mut page, pictures);
     the_log(&mut page, replayed, pictures);
@@ -89,7 +95,7 @@ fn scores(page: &mut Page, replayed: &Replayed) {
     page.table(&tables::score_header(replayed), &tables::score_rows(replayed));
     page.table(&SHARING_HEADER, &tables::sharing_rows(replayed));
     page.paragraph(tables::LEGEND);
-    if replayed.plan.compare {
+    if !replayed.plan.alternatives.is_empty() {
         page.heading("Other uses of the same bytes");
         page.table(&tables::comparison_header(replayed), &tables::comparison_rows(replayed));
         page.paragraph("NLL of held-out events; a star marks the best of those that can be sent.");

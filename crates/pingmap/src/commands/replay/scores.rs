@@ -207,7 +207,8 @@ impl DifferenceJson {
 
 impl SharingJson {
     pub fn of(sharing: &Sharing, points_per_frame: Option<usize>) -> Self {
-        let alternative = |&(way, nll): &(Alternative, f64)| AlternativeJson { name: way.name(), nll };
+        let alternative =
+            |(way, score): &(Alternative, MeanScore)| AlternativeJson { name: way.name(), nll: score.nll.mean };
         Self {
             team: OwnSharingJson::of(sharing),
             points_per_frame,

@@ -30,7 +30,7 @@ pub fn text(replayed: &Replayed) -> String {
         table_of(&score_header(replayed), &score_rows(replayed)),
         sharing_tables(replayed),
     );
-    if replayed.plan.compare {
+    if !replayed.plan.alternatives.is_empty() {
         text += &format!("\n\n{}", comparison_table(replayed));
         text += "\n\nA star marks the best of those that can be sent.";
     }
@@ -66,8 +66,7 @@ fn sharing_tables(replayed: &Replayed) -> String {
 
 /// Returns the header of the comparison: pingmap, then every alternative.
 pub fn comparison_header(replayed: &Replayed) -> Vec<String> {
-    let tried = replayed.replay.sharing.first().map_or(&[][..], |sharing| &sharing.alternatives);
-    let names = tried.iter().map(|(way, _)| alternative_title(*way));
+    let names = replayed.plan.alternatives.iter().map(|&way| alternative_title(way));
     ["NLL at equal bytes", "bytes", "pingmap"].map(str::to_owned).into_iter().chain(names).collect()
 }
 
@@ -76,13 +75,12 @@ pub fn comparison_rows(replayed: &Replayed) -> Vec<Vec<String>> {
     let bytes = replayed.layout().map_or(0, |layout| layout.frame_bytes);
     let row = |sharing: &Sharing| {
         let sendable = sharing.alternatives.iter().filter(|(way, _)| way.is_sendable());
-        let best = sendable.map(|(_, nll)| *nll).fold(sharing.team.nll.mean, f64::min);
+        let best = sendable.map(|(_, score)| score.nll.mean).fold(sharing.team.nll.mean, f64::min);
         let cell = |nll: f64| format!("{nll:.4}{}", if nll <= best + 5e-5 { " *" } else { "  " });
-        let ways = sharing.alternatives.iter().map(
-            |(way, nll)| {
-                if way.is_sendable() { cell(*nll) } else { format!("{nll:.4}") }
-            },
-        );
+        let ways = sharing.alternatives.iter().map(|(way, score)| match way.is_sendable() {
+            true => cell(score.nll.mean),
+            false => format!("{:.4}", score.nll.mean),
+        });
         let ours = [frames_name(sharing.frames), (bytes * sharing.frames).to_string(), cell(sharing.team.nll.mean)];
         ours.into_iter().chain(ways).collect()
     };
