@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use dgpc::Shape;
 use pingmap_agent::{
-    Agent, AgentOptions, Chart, Event, InputSpec, Link, Model, Position, PredictOptions, Sharing, Team, VehicleId,
+    Agent, AgentOptions, Chart, Event, InputSpec, Link, Model, Position, Which, Sharing, Team, VehicleId,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -23,7 +23,7 @@ fn agent(frame_bytes: usize) -> Agent {
     let team = Team::new(members, model, corners).expect("a team").with_frames(frame_bytes);
     let options = AgentOptions { sharing: Sharing::summaries(), ..AgentOptions::default() };
     let mut agent = Agent::new(VehicleId::new("alice"), Arc::new(team), options);
-    agent.record_all(events(EVENTS, 1)).expect("valid events");
+    agent.record(events(EVENTS, 1)).expect("valid events");
     agent.rebuild().expect("posteriors");
     agent
 }
@@ -62,7 +62,7 @@ pub fn record_and_query(count: usize) -> Box<dyn FnMut() -> f64> {
     Box::new(move || {
         let mut agent = agent.clone();
         let answers = new.iter().map(|event| {
-            agent.record(event.clone()).expect("a valid event");
+            agent.record([event.clone()]).expect("a valid event");
             agent.probability(link).expect("a probability")
         });
         answers.fold(f64::NAN, |_, answer| answer)
@@ -72,7 +72,7 @@ pub fn record_and_query(count: usize) -> Box<dyn FnMut() -> f64> {
 /// Refits all events from the last fit, and answers one query.
 pub fn refit_and_query() -> Box<dyn FnMut() -> f64> {
     let (mut agent, link) = (agent(32), links(1, 5)[0]);
-    agent.record_all(events(EVENTS + 8, 1).split_off(EVENTS)).expect("valid events");
+    agent.record(events(EVENTS + 8, 1).split_off(EVENTS)).expect("valid events");
     Box::new(move || {
         let mut agent = agent.clone();
         agent.refit().expect("a fit");
@@ -84,7 +84,7 @@ pub fn refit_and_query() -> Box<dyn FnMut() -> f64> {
 pub fn queries() -> Box<dyn FnMut() -> f64> {
     let (mut agent, links) = (agent(32), links(10_000, 5));
     Box::new(move || {
-        let predictions = agent.predict(&links, PredictOptions::default()).expect("predictions");
+        let predictions = agent.predict(&links, Which::Fused).expect("predictions");
         predictions.iter().map(|prediction| prediction.probability).sum::<f64>() / links.len() as f64
     })
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use pingmap_agent::{
-    Agent, AgentOptions, Chart, Event, InputSpec, Learning, Link, Model, Position, PredictOptions, Team, VehicleId,
+    Agent, AgentOptions, Chart, Event, InputSpec, Learning, Link, Model, Position, Team, VehicleId, Which,
 };
 
 /// Pseudo-random numbers from 0 to 1 with a fixed seed.
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         (0..count).try_for_each(|n| {
             let event = event(n);
             let begin = Instant::now();
-            agent.record(event)?;
+            agent.record([event])?;
             slowest_s = slowest_s.max(begin.elapsed().as_secs_f64());
             Ok::<(), Box<dyn std::error::Error>>(())
         })
@@ -59,10 +59,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("slowest record: {slowest_s:.6} s");
     timed("first refit", || agent.refit())?;
     let links: Vec<Link> = (0..1000).map(|n| event(n).link).collect();
-    timed("1000 queries", || agent.predict(&links, PredictOptions::default()))?;
-    (0..65).try_for_each(|n| agent.record(event(count + n)))?;
+    timed("1000 queries", || agent.predict(&links, Which::Fused))?;
+    (0..65).try_for_each(|n| agent.record([event(count + n)]))?;
     timed("refit after 65 more", || agent.refit())?;
-    timed("1000 queries", || agent.predict(&links, PredictOptions::default()))?;
+    timed("1000 queries", || agent.predict(&links, Which::Fused))?;
     let frame = timed("next frame", || agent.next_frame(None, 32))?;
     println!("frame: {:?} bytes", frame.map(|bytes| bytes.len()));
     let snapshot = timed("snapshot", || agent.snapshot());

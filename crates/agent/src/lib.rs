@@ -19,9 +19,9 @@ mod send;
 mod agent;
 
 pub use agent::ignore_reason::IgnoreReason;
-pub use agent::intervals::INTERVAL_WIDENING;
+pub use agent::intervals::{INTERVAL_WIDENING, Interval};
 pub use agent::options::AgentOptions;
-pub use agent::prediction::{PredictOptions, Prediction};
+pub use agent::prediction::Prediction;
 pub use agent::state::{Agent, Which};
 pub use agent::status::{MemberStatus, Status};
 pub use codec::quantizer::SummaryQuantizer;
@@ -40,7 +40,6 @@ pub use model::structure::{
     MeanStructure, OptionalTerm, OptionalTerms, PathInputs, Structure, StructureConstraints, Terms,
 };
 pub use pingmap_packet::Key;
-pub use send::sharing::Sharing;
 pub use store::clock::COUNTER_LEAD;
 pub use store::entry::Entry;
 pub use team::config::{TEAM_SCHEMA, Team, TeamError};
@@ -56,3 +55,4 @@ pub use types::event::{Event, Link, MessageKind, Position, VehicleId};
 pub use types::limits::Limits;
 pub use types::query::{Kind, Label, LinkQuery, Time, Vehicle};
 pub use types::reference_system::{Geographic, NoReferenceSystem, ReferenceSystem};
+pub use types::sharing::Sharing;

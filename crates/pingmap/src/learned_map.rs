@@ -73,8 +73,7 @@ impl LearnedMap {
 
     /// Sets whether predictions beyond the longest observed link are capped.
     pub fn capped(mut self, query: &QueryOptions) -> Self {
-        let allow_extrapolated_increase = query.no_range_cap;
-        self.agent.set_options(AgentOptions { allow_extrapolated_increase, ..*self.agent.options() });
+        self.agent.options.allow_extrapolated_increase = query.no_range_cap;
         self
     }
 
@@ -99,7 +98,7 @@ pub fn all_in_one(
     let team = Team { limits, ..Team::new([id.clone()], model.clone(), [])? };
     let mut agent =
         Agent::new(id, Arc::new(team), AgentOptions { record_all_receivers: true, ..AgentOptions::default() });
-    agent.record_all(events)?;
+    agent.record(events)?;
     agent.rebuild().map(|()| agent)
 }
 

@@ -1,7 +1,7 @@
 //! Maps of success probability, seen from one place or from several together.
 
 use dgpc::{Matrix, success_probability};
-use pingmap_agent::{Agent, Link, LinkQuery, Position, PredictOptions, Prediction};
+use pingmap_agent::{Agent, Link, LinkQuery, Position, Prediction};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -143,9 +143,9 @@ pub fn from_one(
 ) -> anyhow::Result<Vec<(Cell, LinkQuery)>> {
     let mut attempts = |link: &dyn Fn(Position) -> Link| -> anyhow::Result<Vec<(Cell, LinkQuery)>> {
         let attempts: Vec<LinkQuery> = middles.iter().map(|&middle| (query.attempt)(link(middle))).collect();
-        let predictions = agent.predict(attempts.iter().copied(), PredictOptions::with_intervals())?;
+        let predictions = agent.predict_intervals(attempts.iter().copied())?;
         let cell = |Prediction { probability, explained, interval, .. }| {
-            let (lower, upper) = interval.unwrap_or((probability, probability));
+            let (lower, upper) = interval.map_or((probability, probability), |ends| (ends.low, ends.high));
             Cell { probability, lower, upper, explained }
         };
         Ok(predictions.into_iter().map(cell).zip(attempts).collect())

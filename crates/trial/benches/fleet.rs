@@ -13,8 +13,8 @@ use std::time::Instant;
 
 use dgpc::Shape;
 use pingmap_agent::{
-    Agent, AgentOptions, Chart, Event, IgnoreReason, InputSpec, Link, Model, Position, PredictOptions, Receipt,
-    Sharing, Team, VehicleId, Which,
+    Agent, AgentOptions, Chart, Event, IgnoreReason, InputSpec, Link, Model, Position, Receipt, Sharing, Team,
+    VehicleId, Which,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -68,7 +68,7 @@ fn exclude(fleet: &mut [Agent], link: &Link) {
         listener.receive(&honest, Some(0.0));
         println!("a packet of an honest member after that: first query {:.0} ms", query_ms(&mut listener));
     }
-    listener.mute(fleet[3].id());
+    listener.set_muted(fleet[3].id(), true);
     println!("after muting a member: first query {:.0} ms", query_ms(&mut listener));
 }
 
@@ -87,7 +87,7 @@ fn report(fleet: &mut [Agent], round: usize, (send_ms, receive_us): (f64, f64), 
     let (_, first_s) = timed(|| fleet[0].probability(links[0]).unwrap());
     fleet.par_iter_mut().for_each(|agent| assert!(agent.probability(links[0]).is_ok()));
     let memory_mb = resident_bytes().saturating_sub(before) as f64 / VEHICLES as f64 / 1e6;
-    let (predictions, queries_s) = timed(|| fleet[0].predict(links, PredictOptions::default()).unwrap());
+    let (predictions, queries_s) = timed(|| fleet[0].predict(links, Which::Fused).unwrap());
     assert!(predictions.iter().all(|prediction| (0.0..=1.0).contains(&prediction.probability)));
     let (live, points) = (fleet[0].status().live_packets, fleet[0].posterior(Which::Fused).unwrap().len());
     let [first_ms, queries_ms] = [first_s, queries_s].map(|seconds| 1e3 * seconds);
@@ -128,7 +128,7 @@ fn vehicle(number: usize) -> Agent {
         link,
         kind: None,
     });
-    agent.record_all(events).unwrap();
+    agent.record(events).unwrap();
     agent.rebuild().unwrap();
     agent
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use dgpc::Latent;
 use pingmap_agent::{
-    Agent, AgentError, AgentOptions, Event, LearnedModel, Link, LinkQuery, PredictOptions, ScheduledTransmission,
-    Slots, Team, VehicleId, Which,
+    Agent, AgentError, AgentOptions, Event, LearnedModel, Link, LinkQuery, ScheduledTransmission, Slots, Team,
+    VehicleId, Which,
 };
 use pingmap_packet::ReportLayout;
 use rayon::prelude::*;
@@ -82,7 +82,7 @@ impl Mission {
         let learn = |id: VehicleId, owns: &(dyn Fn(&Event) -> bool + Sync)| -> Result<Agent, AgentError> {
             let mut agent = Agent::new(id.clone(), team.clone(), options);
             agent.record_positions(log.track(&id))?;
-            agent.record_all(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()))?;
+            agent.record(training.iter().filter(|event| owns(event)).map(|event| (*event).clone()))?;
             agent.rebuild()?;
             if plan.model_source == ModelSource::Own {
                 agent.adapt(&plan.learning)?;
@@ -210,12 +210,15 @@ impl Mission {
         Ok(agent.clone().posterior(Which::Fused)?.latent(&inputs)?)
     }
 
-    /// Returns the posterior with the larger variance of intervals: [`Agent::interval_latent`].
+    /// Returns the moments from which the agent's intervals at the held-out events follow.
     ///
     /// # Errors
     /// Returns [`AgentError`] for a numerical failure.
     pub fn interval_latent(&self, agent: &Agent) -> Result<Latent, AgentError> {
-        agent.clone().interval_latent(&self.held_out)
+        let predictions = agent.clone().predict_intervals(&self.held_out)?;
+        let moments = predictions.into_iter().filter_map(|prediction| prediction.interval);
+        let (mean, variance) = moments.map(|interval| (interval.mean, interval.variance)).unzip();
+        Ok(Latent { mean, variance })
     }
 
     pub(crate) fn predict(&self, mut team: Vec<Agent>) -> Result<Vec<Vec<f64>>, AgentError> {
@@ -228,7 +231,7 @@ impl Mission {
 /// # Errors
 /// Returns [`AgentError`] for a numerical failure.
 pub fn probabilities(agent: &mut Agent, queries: &[LinkQuery]) -> Result<Vec<f64>, AgentError> {
-    let predictions = agent.predict(queries, PredictOptions::default())?;
+    let predictions = agent.predict(queries, Which::Fused)?;
     Ok(predictions.into_iter().map(|prediction| prediction.probability).collect())
 }
 

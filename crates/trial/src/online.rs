@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, AgentOptions, Event, PredictOptions, Receipt, Team, VehicleId};
+use pingmap_agent::{Agent, AgentError, AgentOptions, Event, Receipt, Team, VehicleId, Which};
 
 use crate::event_log::EventLog;
 use crate::mission::{CENTRALISED, probabilities, slots_of, transmissions};
@@ -174,7 +174,7 @@ impl<'a> Run<'a> {
                     let Some(agent) = vehicles.get_mut(&event.receiver_id) else { continue };
                     predicted.push((
                         event,
-                        agent.predict([event.query()], PredictOptions::own())?[0].probability,
+                        agent.predict([event.query()], Which::Own)?[0].probability,
                         agent.probability(event.query())?,
                     ));
                     record_and_refit(agent, [event.clone()])?;
@@ -212,6 +212,6 @@ impl<'a> Run<'a> {
 /// # Errors
 /// Returns [`AgentError`] for an event of another receiver and for a numerical failure.
 pub fn record_and_refit(agent: &mut Agent, events: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
-    agent.record_all(events)?;
+    agent.record(events)?;
     if agent.refit_due() { agent.refit() } else { Ok(()) }
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use libfuzzer_sys::fuzz_target;
 use pingmap_agent::{
-    Agent, AgentOptions, Chart, InputSpec, Key, Link, Model, Position, PredictOptions, Receipt, Refusal, Team,
+    Agent, AgentOptions, Chart, InputSpec, Key, Link, Model, Position, Which, Receipt, Refusal, Team,
     VehicleId,
 };
 
@@ -69,12 +69,12 @@ fn receive(mut agent: Agent, bytes: &[u8]) {
         assert!(is_stored || agent.snapshot() == before, "{receipt:?}");
     }
     let team = Arc::new(agent.team().clone());
-    let restored = Agent::restore(agent.id().clone(), team, *agent.options(), &agent.snapshot());
+    let restored = Agent::restore(agent.id().clone(), team, agent.options, &agent.snapshot());
     assert_eq!(remote_events(&restored.expect("its own snapshot")), remote_events(&agent));
     let place = |east_m| Position::new(east_m, 10.0);
     let sent = agent.links_of_packets().into_iter().flat_map(|(_, _, links)| links);
     let links: Vec<Link> = sent.chain([Link { transmitter: place(-40.0), receiver: place(200.0) }]).collect();
-    let predictions = agent.predict(&links, PredictOptions::default()).expect("accepted packets leave a posterior");
+    let predictions = agent.predict(&links, Which::Fused).expect("accepted packets leave a posterior");
     assert!(predictions.iter().all(|prediction| (0.0..=1.0).contains(&prediction.probability)), "{predictions:?}");
 }
 

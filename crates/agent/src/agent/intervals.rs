@@ -2,8 +2,8 @@
 
 use dgpc::{Latent, Posterior, Summary};
 
-use crate::agent::prediction::CappedPrediction;
-use crate::agent::state::Agent;
+use crate::agent::prediction::{CappedPrediction, Prediction};
+use crate::agent::state::{Agent, Which};
 use crate::error::AgentError;
 use crate::inference::accepted::{packets_with, summaries};
 use crate::types::query::LinkQuery;
@@ -15,6 +15,19 @@ const REACH: f64 = 1.644_854;
 /// represents. It was chosen on simulated trials such that intervals of 90 % contain that share
 /// (docs/evaluation/intervals.md).
 pub const INTERVAL_WIDENING: f64 = 1.7;
+
+/// Interval that contains nine in ten of the true probabilities, and the moments that it follows from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interval {
+    /// Lower end; at most the predicted probability.
+    pub low: f64,
+    /// Upper end; at least the predicted probability.
+    pub high: f64,
+    /// Mean of the log-odds by expectation propagation.
+    pub mean: f64,
+    /// Variance of the log-odds by expectation propagation, widened by the square of [`INTERVAL_WIDENING`].
+    pub variance: f64,
+}
 
 impl Agent {
     /// Returns the posterior by expectation propagation, begun at the last fit. Its variances are not too small where
@@ -44,37 +57,35 @@ impl Agent {
         Ok(posterior)
     }
 
-    /// Returns the log-odds of each query from which its interval follows: the moments by expectation propagation, with
-    /// standard deviations [`INTERVAL_WIDENING`] times as large. O(n²) a query. The first call after a change costs ten
-    /// to thirty iterations of [`Agent::refit`].
+    /// Predicts each query with an interval, from the fused posterior. O(n²) a query. The first call after a change
+    /// costs ten to thirty iterations of [`Agent::refit`].
     ///
     /// # Errors
     /// As [`Agent::predict`].
-    pub fn interval_latent(
+    pub fn predict_intervals(
         &mut self,
         queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
-    ) -> Result<Latent, AgentError> {
-        let evaluated_at = self.evaluated_at(queries)?;
-        self.widened(&evaluated_at)
-    }
-
-    /// The interval of each prediction. It contains the predicted probability. Where the prediction was capped it
-    /// reaches down to the lower end for the whole link.
-    pub(crate) fn intervals(&mut self, capped: &[CappedPrediction]) -> Result<Vec<(f64, f64)>, AgentError> {
-        let evaluated_at: Vec<LinkQuery> = capped.iter().map(|capped| capped.evaluated_at).collect();
-        let queries: Vec<LinkQuery> = capped.iter().map(|capped| capped.query).collect();
-        let (part, whole) = (self.widened(&evaluated_at)?, self.widened(&queries)?);
+    ) -> Result<Vec<Prediction>, AgentError> {
+        let capped = self.capped(Which::Fused, queries)?;
+        let part = self.widened(capped.iter().map(|capped| capped.evaluated_at))?;
+        let whole = self.widened(capped.iter().map(|capped| capped.query))?;
         let end = |latent: &Latent, n: usize, reach: f64| {
             dgpc::success_probability(latent.mean[n] + reach * latent.variance[n].sqrt(), 0.0)
         };
-        let interval = |(n, capped): (usize, &CappedPrediction)| {
-            let low = end(&part, n, -REACH).min(end(&whole, n, -REACH)).min(capped.prediction.probability);
-            (low, end(&part, n, REACH).max(capped.prediction.probability))
+        let predicted = |(n, CappedPrediction { prediction, .. }): (usize, CappedPrediction)| {
+            let interval = Interval {
+                // Where the prediction was capped the interval reaches down to the lower end for the whole link.
+                low: end(&part, n, -REACH).min(end(&whole, n, -REACH)).min(prediction.probability),
+                high: end(&part, n, REACH).max(prediction.probability),
+                mean: part.mean[n],
+                variance: part.variance[n],
+            };
+            Prediction { interval: Some(interval), ..prediction }
         };
-        Ok(capped.iter().enumerate().map(interval).collect())
+        Ok(capped.into_iter().enumerate().map(predicted).collect())
     }
 
-    fn widened(&mut self, queries: &[LinkQuery]) -> Result<Latent, AgentError> {
+    fn widened(&mut self, queries: impl Iterator<Item = LinkQuery>) -> Result<Latent, AgentError> {
         let inputs = self.team().model.inputs(queries)?;
         let mut latent = self.interval_posterior()?.latent(&inputs)?;
         latent.variance.iter_mut().for_each(|variance| *variance *= INTERVAL_WIDENING * INTERVAL_WIDENING);

@@ -1,6 +1,6 @@
 //! Options of one vehicle.
 
-use crate::send::sharing::Sharing;
+use crate::types::sharing::Sharing;
 
 /// Options of one vehicle. Members of a team need not agree on them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

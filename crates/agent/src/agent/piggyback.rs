@@ -4,7 +4,7 @@ use pingmap_packet::OutcomeBitmap;
 
 use crate::agent::state::Agent;
 use crate::codec::receipt::{Receipt, Refusal};
-use crate::store::memory::ReceiveEffect;
+use crate::store::memory::Effect;
 use crate::types::event::VehicleId;
 
 /// Largest age of the newest slot, in slots. The rest of the modulus is the time that a message may wait in a queue.
@@ -42,10 +42,9 @@ impl Agent {
     /// same slot replaces them.
     pub fn receive_piggyback(&mut self, sender: &VehicleId, time_s: f64, bits: u64, n_bits: usize) -> Receipt {
         self.advance_clock(Some(time_s));
-        let effect = match self.read_piggyback(time_s, bits, n_bits) {
-            Ok((newest, outcomes)) => self.memory.insert_piggyback(sender, newest, &outcomes),
-            Err(refusal) => ReceiveEffect::refused(None, refusal),
-        };
+        let read = self.read_piggyback(time_s, bits, n_bits);
+        let effect = read.and_then(|(newest, outcomes)| self.memory.insert_piggyback(sender, newest, &outcomes));
+        let effect = effect.unwrap_or_else(Effect::refused);
         self.counts.count(&effect.receipt);
         self.note_effect(effect)
     }

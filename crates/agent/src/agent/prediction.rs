@@ -2,6 +2,7 @@
 
 use dgpc::{Matrix, Posterior};
 
+use crate::agent::intervals::Interval;
 use crate::agent::state::{Agent, Which};
 use crate::error::AgentError;
 use crate::model::link_model::Model;
@@ -18,30 +19,8 @@ pub struct Prediction {
     pub probability: f64,
     /// Share of the prior variance of the log-odds that the data explain: 0 far from all data, at most 1.
     pub explained: f64,
-    /// Interval that contains nine in ten of the true probabilities, if requested.
-    pub interval: Option<(f64, f64)>,
-}
-
-/// Options of [`Agent::predict`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct PredictOptions {
-    /// The posterior that predictions follow from.
-    pub posterior: Which,
-    /// Whether to compute intervals; always from the fused posterior. The first call after a change costs ten to thirty
-    /// iterations of [`Agent::refit`].
-    pub intervals: bool,
-}
-
-impl PredictOptions {
-    /// Predictions from the vehicle's own events alone.
-    pub fn own() -> Self {
-        Self { posterior: Which::Own, intervals: false }
-    }
-
-    /// Predictions with intervals.
-    pub fn with_intervals() -> Self {
-        Self { posterior: Which::Fused, intervals: true }
-    }
+    /// Interval of the probability, from [`Agent::predict_intervals`].
+    pub interval: Option<Interval>,
 }
 
 /// A prediction, and the query that it was computed for.
@@ -58,7 +37,7 @@ impl Agent {
     /// # Errors
     /// As [`Agent::predict`].
     pub fn probability(&mut self, query: impl Into<LinkQuery>) -> Result<f64, AgentError> {
-        Ok(self.predict([query], PredictOptions::default())?[0].probability)
+        Ok(self.predict([query], Which::Fused)?[0].probability)
     }
 
     /// Predicts each query. Absorbs new data, up to a limit, and fits nothing: see [`Agent::refit_due`]. O(n²) a query.
@@ -73,37 +52,14 @@ impl Agent {
     pub fn predict(
         &mut self,
         queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
-        options: PredictOptions,
+        which: Which<'_>,
     ) -> Result<Vec<Prediction>, AgentError> {
-        self.update()?;
-        let capped = match options.posterior {
-            Which::Own => self.capped(&self.posteriors.own, self.own_longest_m(), queries)?,
-            Which::Fused => self.capped(&self.posteriors.fused, self.longest_m(), queries)?,
-        };
-        let intervals = if options.intervals { Some(self.intervals(&capped)?) } else { None };
-        let mut predictions: Vec<Prediction> = capped.into_iter().map(|capped| capped.prediction).collect();
-        for (prediction, interval) in predictions.iter_mut().zip(intervals.into_iter().flatten()) {
-            prediction.interval = Some(interval);
-        }
-        Ok(predictions)
-    }
-
-    /// Predicts each query from another posterior under the vehicle's prediction model.
-    ///
-    /// # Errors
-    /// As [`Agent::predict`].
-    pub fn predict_from(
-        &self,
-        posterior: &Posterior,
-        queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
-    ) -> Result<Vec<Prediction>, AgentError> {
-        let capped = self.capped(posterior, self.longest_m(), queries)?;
-        Ok(capped.into_iter().map(|capped| capped.prediction).collect())
+        Ok(self.capped(which, queries)?.into_iter().map(|capped| capped.prediction).collect())
     }
 
     /// Draws joint log-odds of these queries by expectation propagation: one column for each column of standard
     /// normals. Normals that are [`INTERVAL_WIDENING`](crate::INTERVAL_WIDENING) times as large give draws that spread
-    /// as the intervals of [`Agent::predict`] do. O(Mn² + M²n + M³) for M queries.
+    /// as the intervals of [`Agent::predict_intervals`] do. O(Mn² + M²n + M³) for M queries.
     ///
     /// # Errors
     /// As [`Agent::predict`], and for normals with another number of rows than queries.
@@ -112,30 +68,21 @@ impl Agent {
         queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
         normals: &Matrix,
     ) -> Result<Matrix, AgentError> {
-        let evaluated_at = self.evaluated_at(queries)?;
-        let inputs = self.team().model.inputs(&evaluated_at)?;
+        let capped = self.capped(Which::Fused, queries)?;
+        let inputs = self.team().model.inputs(capped.iter().map(|capped| capped.evaluated_at))?;
         Ok(self.interval_posterior()?.draws(&inputs, normals)?.0)
     }
 
-    /// Returns the query or the shorter part of it at which each prediction is evaluated.
-    pub(crate) fn evaluated_at(
+    pub(crate) fn capped(
         &mut self,
-        queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
-    ) -> Result<Vec<LinkQuery>, AgentError> {
-        self.update()?;
-        let capped = self.capped(&self.posteriors.fused, self.longest_m(), queries)?;
-        Ok(capped.into_iter().map(|capped| capped.evaluated_at).collect())
-    }
-
-    fn capped(
-        &self,
-        posterior: &Posterior,
-        longest_m: Option<f64>,
+        which: Which<'_>,
         queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
     ) -> Result<Vec<CappedPrediction>, AgentError> {
-        let queries = queries.into_iter().map(Into::into).collect();
+        self.update()?;
+        let longest_m = if let Which::Own = which { self.own_longest_m() } else { self.longest_m() };
         let longest_m = longest_m.filter(|_| !self.options.allow_extrapolated_increase);
-        Ok(capped(&self.team().model, posterior, longest_m, queries)?)
+        let queries = queries.into_iter().map(Into::into).collect();
+        Ok(capped(&self.team().model, self.current_posterior(which), longest_m, queries)?)
     }
 
     /// Returns the length of the longest link in own events, in data of trusted members, and in the site prior.

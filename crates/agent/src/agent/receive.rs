@@ -3,6 +3,7 @@
 use crate::agent::state::Agent;
 use crate::codec::decoded::PacketKey;
 use crate::codec::receipt::Receipt;
+use crate::store::memory::Effect;
 use crate::types::event::{Link, VehicleId};
 
 impl Agent {
@@ -11,7 +12,7 @@ impl Agent {
     /// waits for it. O(log N + length).
     pub fn receive(&mut self, bytes: &[u8], time_s: Option<f64>) -> Receipt {
         self.advance_clock(time_s);
-        let effect = self.memory.insert_frame(bytes, None);
+        let effect = self.memory.insert_frame(bytes, None).unwrap_or_else(Effect::refused);
         self.counts.count(&effect.receipt);
         if effect.receipt == Receipt::Accepted {
             effect.sender.into_iter().for_each(|sender| self.note_time(sender, time_s));
@@ -28,8 +29,8 @@ impl Agent {
 
     /// Returns the links of the inducing points in each summary packet that counts, by sender and counter.
     pub fn links_of_packets(&self) -> Vec<(VehicleId, u16, Vec<Link>)> {
-        let own = self.memory.own_packets().filter_map(|(counter, _)| Some((self.memory.own?, counter)));
-        let mut keys: Vec<PacketKey> = own.chain(self.accepted().packets.iter().copied()).collect();
+        let mut keys: Vec<PacketKey> =
+            self.memory.own_packets().chain(self.accepted().packets.iter().copied()).collect();
         keys.sort_unstable();
         let links = |key: PacketKey| {
             let name = self.team().members.get(&key.0)?.clone();

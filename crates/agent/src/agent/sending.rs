@@ -3,7 +3,6 @@
 use pingmap_packet::{Layout, MapMessage, Report as ReportMessage};
 
 use crate::agent::state::Agent;
-use crate::codec::quantizer::SummaryQuantizer;
 use crate::error::AgentError;
 use crate::send::delivery::DeliveryEstimate;
 use crate::send::report_planner::ReportPlanner;
@@ -29,11 +28,12 @@ impl Agent {
         self.advance_clock(time_s);
         let slot = time_s.and_then(|time_s| self.team().slots.next_slot(time_s, &self.id));
         self.update()?;
-        if self.posteriors.nothing_to_send == Some(frame_bytes) {
+        let attempt = (frame_bytes, self.options.sharing);
+        if self.posteriors.nothing_to_send == Some(attempt) {
             return Ok(None);
         }
         let Some(bytes) = self.plan(sender, layout, frame_bytes)? else {
-            self.posteriors.nothing_to_send = Some(frame_bytes);
+            self.posteriors.nothing_to_send = Some(attempt);
             return Ok(None);
         };
         let number = self.memory.next_transmission_number();
@@ -51,7 +51,7 @@ impl Agent {
         self.posteriors.update_shared_summary(&self.memory, &|slot| delivery.is_delivered(slot))?;
         let reports = sharing.reports.then(|| ReportPlanner::new(&self.memory, sender, frame_bytes, delivery));
         if let Some(reports) = &reports
-            && let Some(report) = self.plan_report(layout, reports)?
+            && let Some(report) = self.plan_report(sender, layout, reports)?
         {
             return Ok(Some(self.memory.codec.write_report(&report)?));
         }
@@ -60,7 +60,7 @@ impl Agent {
         }
         let used_up = || AgentError::CountersUsedUp { id: self.id.clone(), epoch: self.team().epoch };
         let counter = u16::try_from(self.memory.packets.next_counter(sender)).map_err(|_| used_up())?;
-        let planner = self.summary_planner(layout)?;
+        let planner = self.summary_planner(sender, layout)?;
         let planned = match &reports {
             None => planner.plan(&self.posteriors.shared, sharing)?,
             Some(reports) => {
@@ -81,13 +81,18 @@ impl Agent {
 
     /// Returns the candidate report after which the mean divergence is smallest: see
     /// [`SummaryPlanner::mean_divergence`].
-    fn plan_report(&self, layout: &Layout, reports: &ReportPlanner<'_>) -> Result<Option<ReportMessage>, AgentError> {
+    fn plan_report(
+        &self,
+        sender: u8,
+        layout: &Layout,
+        reports: &ReportPlanner<'_>,
+    ) -> Result<Option<ReportMessage>, AgentError> {
         let mut candidates = reports.reports();
         let Some(mut best) = candidates.pop() else { return Ok(None) };
         if candidates.is_empty() || !self.options.sharing.report_candidates {
             return Ok(Some(best));
         }
-        let planner = self.summary_planner(layout)?;
+        let planner = self.summary_planner(sender, layout)?;
         let is_delivered = |slot: u32| reports.is_delivered(slot);
         let shared = self.posteriors.shared_of(&self.memory, &is_delivered)?;
         let divergence_after = |report: &ReportMessage| -> Result<f64, AgentError> {
@@ -105,14 +110,9 @@ impl Agent {
         Ok(Some(best))
     }
 
-    fn summary_planner<'a>(&'a self, layout: &'a Layout) -> Result<SummaryPlanner<'a>, AgentError> {
-        let min_gain_nats = self.team().min_gain_nats;
-        let candidates = self.team().candidates(self.events());
-        Ok(SummaryPlanner::new(self.quantizer(), layout, &self.posteriors, candidates, min_gain_nats)?)
-    }
-
-    /// Returns the quantizer of the vehicle's own summaries.
-    pub fn quantizer(&self) -> SummaryQuantizer<'_> {
-        self.memory.own.map_or_else(|| self.team().quantizer(), |number| self.team().quantizer_of(number))
+    fn summary_planner<'a>(&'a self, sender: u8, layout: &'a Layout) -> Result<SummaryPlanner<'a>, AgentError> {
+        let team = self.team();
+        let (quantizer, candidates) = (team.quantizer_of(sender), team.candidates(self.events()));
+        Ok(SummaryPlanner::new(quantizer, layout, &self.posteriors, candidates, team.min_gain_nats)?)
     }
 }

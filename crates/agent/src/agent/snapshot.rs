@@ -72,7 +72,7 @@ impl Agent {
         agent.advance_clock(Some(clock_s));
         agent.record_numbered(events)?;
         agent.record_positions(fixes)?;
-        muted.iter().for_each(|member| agent.mute(member));
+        muted.iter().for_each(|member| agent.set_muted(member, true));
         if digest == agent.memory.codec.digest() {
             for (sender, latest) in latest {
                 agent.memory.packets.advance_to(sender, latest);

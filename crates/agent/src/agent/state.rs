@@ -14,7 +14,7 @@ use crate::inference::accepted::AcceptedData;
 use crate::inference::posteriors::Posteriors;
 use crate::inference::refit::RefitStart;
 use crate::store::entry::Entry;
-use crate::store::memory::{Applied, Memory, ReceiveEffect};
+use crate::store::memory::{Effect, Memory};
 use crate::team::config::Team;
 use crate::types::event::{Event, Position, VehicleId};
 
@@ -44,7 +44,7 @@ use crate::types::event::{Event, Position, VehicleId};
 /// let mut agent = Agent::new(alice.clone(), team.clone(), AgentOptions::default());
 /// for (time_s, east_m, success) in [(10.0, 100.0, true), (30.0, 200.0, true), (50.0, 900.0, false)] {
 ///     let (transmitter_id, receiver_id) = (bob.clone(), alice.clone());
-///     agent.record(Event { time_s, transmitter_id, receiver_id, link: link(east_m), kind: None, success })?;
+///     agent.record([Event { time_s, transmitter_id, receiver_id, link: link(east_m), kind: None, success }])?;
 /// }
 /// agent.refit()?;
 ///
@@ -64,7 +64,8 @@ use crate::types::event::{Event, Position, VehicleId};
 #[derive(Debug, Clone)]
 pub struct Agent {
     pub(crate) id: VehicleId,
-    pub(crate) options: AgentOptions,
+    /// Options. They may change at any time; recorded data stay.
+    pub options: AgentOptions,
     pub(crate) memory: Memory,
     pub(crate) posteriors: Posteriors,
     pub(crate) counts: Counts,
@@ -81,14 +82,15 @@ pub struct Agent {
     pub(crate) interval_cache: OnceLock<Posterior>,
 }
 
-/// A posterior of a vehicle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Which {
+/// A posterior from which a vehicle predicts.
+#[derive(Debug, Clone, Copy)]
+pub enum Which<'a> {
     /// Of the vehicle's own events, under the team's model.
     Own,
     /// Of own events and of the data of trusted members, under the vehicle's own model if it learned one.
-    #[default]
     Fused,
+    /// A given one, under the model of [`Which::Fused`].
+    Given(&'a Posterior),
 }
 
 impl Agent {
@@ -115,17 +117,6 @@ impl Agent {
         &self.id
     }
 
-    /// Returns the options.
-    pub fn options(&self) -> &AgentOptions {
-        &self.options
-    }
-
-    /// Replaces the options. Recorded data stay.
-    pub fn set_options(&mut self, options: AgentOptions) {
-        self.options = options;
-        self.posteriors.nothing_to_send = None;
-    }
-
     /// Returns the team.
     pub fn team(&self) -> &Team {
         &self.memory.codec.team
@@ -141,19 +132,10 @@ impl Agent {
         self.memory.events.iter()
     }
 
-    /// Ignores a member until [`Agent::unmute`]. No frame of the member has any effect: no outcome, unused slot,
+    /// Mutes a member, or uses its data again. No frame of a muted member has any effect: no outcome, unused slot,
     /// position, summary, or acknowledgement. The vehicle still stores its frames, so that muting may come before or
     /// after them. O(N) for N events. Unknown names, and the vehicle's own, change nothing.
-    pub fn mute(&mut self, member: &VehicleId) {
-        self.set_muted(member, true);
-    }
-
-    /// Uses the data of a muted member again.
-    pub fn unmute(&mut self, member: &VehicleId) {
-        self.set_muted(member, false);
-    }
-
-    fn set_muted(&mut self, member: &VehicleId, is_muted: bool) {
+    pub fn set_muted(&mut self, member: &VehicleId, is_muted: bool) {
         let Some(number) = self.team().number(member).filter(|&number| Some(number) != self.memory.own) else { return };
         let change = self.memory.set_muted(number, is_muted);
         self.posteriors.note(change);
@@ -199,26 +181,16 @@ impl Agent {
         self.is_current = false;
     }
 
-    /// Records an event of which the vehicle is the receiver. Beyond [`Limits::events_max`](crate::Limits::events_max)
-    /// the events that were recorded first are forgotten, a sixteenth at a time. O(log N).
+    /// Records events of which the vehicle is the receiver, in any order. Beyond
+    /// [`Limits::events_max`](crate::Limits::events_max) the events that were recorded first are forgotten, a sixteenth
+    /// at a time. O(log N) for one event, O(N log N) for many.
     ///
     /// # Errors
     /// [`AgentError::NotMine`] for an event of another receiver, unless [`AgentOptions::record_all_receivers`] is set.
-    /// [`AgentError::NoTime`] and [`AgentError::Nowhere`] for numbers out of bounds.
-    pub fn record(&mut self, event: Event) -> Result<(), AgentError> {
-        self.record_all([event])
-    }
-
-    /// Records events in any order. O(N log N).
-    ///
-    /// # Errors
-    /// As [`Agent::record`]; then none is recorded.
-    pub fn record_all(&mut self, new: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
-        let mut numbered = Vec::new();
-        for (number, event) in (self.memory.events.next_number()..).zip(new) {
-            self.check_receiver(&event)?;
-            numbered.push((number, event));
-        }
+    /// [`AgentError::NoTime`] and [`AgentError::Nowhere`] for numbers out of bounds. Then none is recorded.
+    pub fn record(&mut self, events: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
+        let numbered: Vec<(u64, Event)> = (self.memory.events.next_number()..).zip(events).collect();
+        numbered.iter().try_for_each(|(_, event)| self.check_receiver(event))?;
         self.record_numbered(numbered)
     }
 
@@ -257,7 +229,7 @@ impl Agent {
             slot.ok_or_else(|| AgentError::NotMyTurn { id: id.clone(), time_s })
         };
         let slots = times_s.into_iter().map(slot).collect::<Result<Vec<u32>, AgentError>>()?;
-        let effect = self.memory.insert_unused_slots(&id, &slots);
+        let effect = self.memory.insert_unused_slots(&id, &slots).unwrap_or_else(Effect::refused);
         self.note_effect(effect);
         self.posteriors.nothing_to_send = None;
         Ok(())
@@ -269,7 +241,7 @@ impl Agent {
         effects.into_iter().flatten().for_each(|effect| drop(self.note_effect(effect)));
     }
 
-    pub(crate) fn note_effect(&mut self, ReceiveEffect { receipt, change, .. }: ReceiveEffect) -> Receipt {
+    pub(crate) fn note_effect(&mut self, Effect { receipt, change, .. }: Effect) -> Receipt {
         self.posteriors.note(change);
         if receipt.changes_memory() {
             self.data_changed();
@@ -295,41 +267,22 @@ impl Agent {
         if let Entry::Observed { event, .. } = &entry {
             self.check_receiver(event)?;
         }
-        if matches!(entry, Entry::Navigated { .. } | Entry::UnusedSlot { .. }) {
-            self.posteriors.nothing_to_send = None;
-        }
-        let is_sent = matches!(entry, Entry::Sent { .. });
+        let is_frame = !matches!(entry, Entry::Observed { .. } | Entry::Navigated { .. });
         let time_s = match &entry {
             Entry::Observed { event, .. } => Some(event.time_s),
             Entry::Navigated { time_s, .. } => Some(*time_s),
             Entry::Received { time_s, .. } => *time_s,
             Entry::Sent { .. } | Entry::UnusedSlot { .. } | Entry::Piggyback { .. } => None,
         };
-        let applied = self.memory.apply(entry)?;
+        let effect = self.memory.apply(entry)?;
         self.advance_clock(time_s);
-        match applied {
-            Applied::Fix => {
-                self.data_changed();
-                Ok(Receipt::Accepted)
-            }
-            Applied::Event(change) => {
-                self.data_changed();
-                self.posteriors.note(change);
-                Ok(Receipt::Accepted)
-            }
-            Applied::Frame(effect) => {
-                if is_sent {
-                    self.data_changed();
-                }
-                self.counts.count(&effect.receipt);
-                Ok(self.note_effect(effect))
-            }
+        if is_frame {
+            self.counts.count(&effect.receipt);
         }
-    }
-
-    /// Returns the numbers of the next event and of the next transmitted frame in a journal.
-    pub fn next_numbers(&self) -> (u64, u64) {
-        (self.memory.events.next_number(), self.memory.next_transmission_number())
+        // A frame that was sent again is a duplicate, but a report may acknowledge its new slot.
+        self.data_changed();
+        self.posteriors.nothing_to_send = None;
+        Ok(self.note_effect(effect))
     }
 
     /// Returns whether [`Agent::refit`] is due: since the last fit more events came or went than
@@ -360,10 +313,8 @@ impl Agent {
     fn fit(&mut self, start: RefitStart) -> Result<(), AgentError> {
         let data = self.accepted.get_or_init(|| AcceptedData::new(&self.memory));
         self.posteriors.refit(&self.memory, data, start)?;
-        self.longest_cache.take();
         self.interval_cache.take();
-        self.is_current = true;
-        self.note_ignored();
+        self.posteriors_changed();
         Ok(())
     }
 
@@ -374,22 +325,31 @@ impl Agent {
         }
         let data = self.accepted.get_or_init(|| AcceptedData::new(&self.memory));
         self.posteriors.update(&self.memory, data)?;
+        self.posteriors_changed();
+        Ok(())
+    }
+
+    fn posteriors_changed(&mut self) {
         self.longest_cache.take();
         self.is_current = true;
         self.note_ignored();
-        Ok(())
     }
 
     /// Returns a posterior, after it has absorbed new data.
     ///
     /// # Errors
     /// [`AgentError::Method`] for a numerical failure.
-    pub fn posterior(&mut self, which: Which) -> Result<&Posterior, AgentError> {
+    pub fn posterior<'a>(&'a mut self, which: Which<'a>) -> Result<&'a Posterior, AgentError> {
         self.update()?;
-        Ok(match which {
+        Ok(self.current_posterior(which))
+    }
+
+    pub(crate) fn current_posterior<'a>(&'a self, which: Which<'a>) -> &'a Posterior {
+        match which {
             Which::Own => &self.posteriors.own,
             Which::Fused => &self.posteriors.fused,
-        })
+            Which::Given(posterior) => posterior,
+        }
     }
 
     /// Returns the sites of the vehicle's own events in the last fit, under the team's model; `None` before the first.

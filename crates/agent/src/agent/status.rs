@@ -17,8 +17,12 @@ pub struct Status {
     /// Offset of the vehicle's own clock in slots, positive where it is ahead: all members that it receives lie outside
     /// their slots by this offset. `None` where nothing shows an offset.
     pub own_clock_offset_slots: Option<i32>,
-    /// Number of events that the vehicle recorded.
+    /// Number of events that the vehicle stores.
     pub own_events: usize,
+    /// Number of the next event in a journal: see [`Entry::Observed`](crate::Entry::Observed).
+    pub next_event: u64,
+    /// Number of the next transmitted frame in a journal: see [`Entry::Sent`](crate::Entry::Sent).
+    pub next_frame: u64,
     /// Number of events of other members whose positions are known.
     pub located_events: usize,
     /// Number of events of other members that wait for a position of either end.
@@ -82,6 +86,8 @@ impl Agent {
             members: self.other_members().map(|(&number, id)| (id.clone(), member(number, id))).collect(),
             own_clock_offset_slots: memory.conformance.own_offset(slots),
             own_events: memory.events.len(),
+            next_event: memory.events.next_number(),
+            next_frame: memory.next_transmission_number(),
             located_events: memory.located().events.len(),
             unlocated_events: memory.located().unlocated.len(),
             longest_link_m: self.longest_m(),

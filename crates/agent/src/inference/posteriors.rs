@@ -17,6 +17,7 @@ use crate::store::events::{EventChange, RecordedEvent};
 use crate::store::memory::Memory;
 use crate::store::reports::ReceivedReports;
 use crate::types::event::Event;
+use crate::types::sharing::Sharing;
 
 /// A model that the vehicle learned under way, and the fit of all events under it.
 #[derive(Debug)]
@@ -51,8 +52,8 @@ pub(crate) struct Posteriors {
     pub(crate) excluded: BTreeSet<u8>,
     /// Summary packets by which faulty members were detected; `None` if detection must run again.
     pub(crate) examined: Option<Arc<BTreeSet<PacketKey>>>,
-    /// The frame length for which nothing was worth sending, if nothing has changed since.
-    pub(crate) nothing_to_send: Option<usize>,
+    /// The frame length and the ways of sharing for which nothing was worth sending, if nothing has changed since.
+    pub(crate) nothing_to_send: Option<(usize, Sharing)>,
 }
 
 /// The part of the memory that the posteriors include.
@@ -144,7 +145,7 @@ impl Posteriors {
             (self.excluded, self.own, self.fused) = (excluded, own, fused);
             let trusted = data.without(&self.excluded);
             self.included.pending_own.sort_by(RecordedEvent::order);
-            self.included.packets = self.wanted(memory, &trusted);
+            self.included.packets = Self::wanted(memory, &trusted);
             self.included.remote = self.fitted_among(&trusted).map(|(&key, event)| (key, event.clone())).collect();
             self.included.pending_remote = [0, trusted.events.len() - self.included.remote.len()];
             self.included.accepted = Some(trusted.events.clone());
@@ -158,7 +159,7 @@ impl Posteriors {
 
     /// Makes the posteriors include own packets and the data of trusted members.
     fn include(&mut self, memory: &Memory, trusted: &AcceptedData) -> Result<(), AgentError> {
-        let wanted = self.wanted(memory, trusted);
+        let wanted = Self::wanted(memory, trusted);
         let reported = memory.own.and_then(|own| memory.reports.reports_of(own)).cloned();
         let has_new_reports = reported.as_ref().map(Arc::as_ptr) != self.included.reported.as_ref().map(Arc::as_ptr);
         if has_new_reports || own_of(memory, &self.included.packets) != own_of(memory, &wanted) {
@@ -186,9 +187,8 @@ impl Posteriors {
     }
 
     /// Returns the packets that the posteriors should include: own ones, and those of trusted members.
-    fn wanted(&self, memory: &Memory, trusted: &AcceptedData) -> BTreeSet<PacketKey> {
-        let own = memory.own_packets().map(|(counter, _)| (memory.own.unwrap_or_default(), counter));
-        own.chain(trusted.packets.iter().copied()).collect()
+    fn wanted(memory: &Memory, trusted: &AcceptedData) -> BTreeSet<PacketKey> {
+        memory.own_packets().chain(trusted.packets.iter().copied()).collect()
     }
 
     /// Returns the own and the fused posterior with these data of other members, in canonical order: equal to the bit
@@ -262,9 +262,7 @@ impl Posteriors {
         let model = &memory.codec.team.model;
         let site: Vec<&Summary> = model.site_summary().into_iter().collect();
         let shared: BTreeSet<u64> = memory.numbers_of(is_shared);
-        let own: Vec<PacketKey> =
-            memory.own_packets().map(|(counter, _)| (memory.own.unwrap_or_default(), counter)).collect();
-        let packets = packets_with(memory, &own);
+        let packets = packets_with(memory, &memory.own_packets().collect::<Vec<_>>());
         let mut posterior = match &self.own_fit {
             Some(own_fit) if !shared.is_empty() => {
                 let is_in =

@@ -2,7 +2,7 @@
 
 use dgpc::{Kernel, Prior, Term};
 
-use crate::model::structure::{Part, Structure};
+use crate::model::structure::{OptionalTerm, Part, Structure};
 
 /// Factor of the length-scale of the range term in a further start.
 const RANGE_FACTOR: f64 = 1.0 / 8.0;
@@ -43,7 +43,8 @@ impl Structure {
         template: &Prior,
         warm_start: Option<(&Prior, &Self)>,
     ) -> dgpc::Result<Vec<Prior>> {
-        let shorter = |prior: &Prior, part: Part, length_scale: usize, factor: f64| {
+        let shorter = |prior: &Prior, term: OptionalTerm, length_scale: usize, factor: f64| {
+            let part = Part::Other(term);
             let is_known = warm_start.is_some_and(|(_, earlier)| earlier.kernel_parts().any(|known| known == part));
             let index = self.kernel_parts().position(|own| own == part).filter(|_| !is_known)?;
             let mut terms = prior.kernel().terms().to_vec();
@@ -52,9 +53,9 @@ impl Structure {
         };
         let start = warm_start.map_or(template, |(start, _)| start);
         let further = [
-            shorter(template, Part::Range, 0, RANGE_FACTOR),
-            shorter(start, Part::Walls, 0, WALLS_FACTOR),
-            shorter(start, Part::Walls, 1, WALLS_FACTOR),
+            shorter(template, OptionalTerm::Range, 0, RANGE_FACTOR),
+            shorter(start, OptionalTerm::Walls, 0, WALLS_FACTOR),
+            shorter(start, OptionalTerm::Walls, 1, WALLS_FACTOR),
         ];
         further.into_iter().flatten().collect()
     }

@@ -171,40 +171,19 @@ const LOG_ODDS_NEAR: f64 = 3.0;
 /// Decrease of the log-odds over the scale of the chart before learning.
 const LOSS_OVER_SCALE: f64 = 4.0;
 
-/// The role of a kernel term.
+/// A term of the kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Part {
     /// Path between the ends.
     Path,
-    /// Noise at the position of the receiver.
-    ReceiverPlace,
-    /// Loss over the range.
-    Range,
-    /// Offsets of receivers.
-    Receivers,
-    /// Offsets of transmitters.
-    Transmitters,
-    /// Changes with time.
-    Time,
-    /// Offsets of message kinds.
-    Kinds,
-    /// Second path term with separate length-scales east and north.
-    Walls,
+    /// Another term. A rough range is no term of its own: it changes the range term.
+    Other(OptionalTerm),
 }
 
 impl Part {
     /// Returns the kernel term of an optional term. Returns `None` for an optional term that only changes another term.
     fn from_addition(addition: OptionalTerm) -> Option<Self> {
-        match addition {
-            OptionalTerm::Range => Some(Part::Range),
-            OptionalTerm::ReceiverPlace => Some(Part::ReceiverPlace),
-            OptionalTerm::Receivers => Some(Part::Receivers),
-            OptionalTerm::Transmitters => Some(Part::Transmitters),
-            OptionalTerm::Time => Some(Part::Time),
-            OptionalTerm::Kinds => Some(Part::Kinds),
-            OptionalTerm::RoughRange => None,
-            OptionalTerm::Walls => Some(Part::Walls),
-        }
+        (addition != OptionalTerm::RoughRange).then_some(Part::Other(addition))
     }
 }
 
@@ -234,7 +213,9 @@ impl Structure {
     pub fn can_have(&self, addition: OptionalTerm) -> bool {
         match Part::from_addition(addition) {
             Some(part) => self.kernel_parts().all(|own| own != part),
-            None => !self.additions.has(addition) && self.kernel_parts().any(|own| own == Part::Range),
+            None => {
+                !self.additions.has(addition) && self.kernel_parts().any(|own| own == Part::Other(OptionalTerm::Range))
+            }
         }
     }
 
@@ -245,25 +226,24 @@ impl Structure {
     }
 
     /// Returns the name of a kernel term in [`Structure::parts`].
-    fn part_name(&self, part: Part) -> &'static str {
-        match part {
-            Part::Path => "path",
-            Part::ReceiverPlace => "receiver place",
-            Part::Range if self.additions.has(OptionalTerm::RoughRange) => "rough range",
-            Part::Range => "range",
-            Part::Receivers => "receivers",
-            Part::Transmitters => "transmitters",
-            Part::Time => "time",
-            Part::Kinds => "kinds",
-            Part::Walls => "walls",
-        }
+    fn part_name(&self, part: Part) -> String {
+        let term = match part {
+            Part::Path => return "path".to_owned(),
+            Part::Other(OptionalTerm::Range) if self.additions.has(OptionalTerm::RoughRange) => {
+                OptionalTerm::RoughRange
+            }
+            Part::Other(term) => term,
+        };
+        term.name().replace('-', " ")
     }
 
-    /// Returns the roles of the kernel's terms, in order.
+    /// Returns the terms of the kernel, in order.
     pub(crate) fn kernel_parts(&self) -> impl Iterator<Item = Part> {
         let basic: &[Part] = match self.terms {
             Terms::Path => &[Part::Path],
-            Terms::PathReceiverRange => &[Part::Path, Part::ReceiverPlace, Part::Range],
+            Terms::PathReceiverRange => {
+                &[Part::Path, Part::Other(OptionalTerm::ReceiverPlace), Part::Other(OptionalTerm::Range)]
+            }
         };
         basic.iter().copied().chain(self.additions.iter().filter_map(Part::from_addition))
     }
@@ -276,25 +256,27 @@ impl Structure {
         };
         let rough = if self.additions.has(OptionalTerm::RoughRange) { Shape::Matern12 } else { self.shape };
         let label = |column| Term::of(OTHER_VARIANCE, Correlation::of_labels(&[column])?);
-        match part {
-            Part::Path => {
-                let correlation = match self.path_inputs {
-                    PathInputs::Raw => tied(self.shape, inputs.ends())?,
-                    PathInputs::Link => untied(self.shape, inputs.link_coordinates())?,
-                };
-                let path = Term::of(PATH_VARIANCE, correlation)?;
-                if self.reciprocal { path.reciprocal(inputs.swap_ends()?) } else { Ok(path) }
+        let Part::Other(other) = part else {
+            let correlation = match self.path_inputs {
+                PathInputs::Raw => tied(self.shape, inputs.ends())?,
+                PathInputs::Link => untied(self.shape, inputs.link_coordinates())?,
+            };
+            let path = Term::of(PATH_VARIANCE, correlation)?;
+            return if self.reciprocal { path.reciprocal(inputs.swap_ends()?) } else { Ok(path) };
+        };
+        match other {
+            OptionalTerm::ReceiverPlace => Term::of(OTHER_VARIANCE, tied(self.shape, inputs.receiver())?),
+            OptionalTerm::Range | OptionalTerm::RoughRange => {
+                Term::of(OTHER_VARIANCE, tied(rough, inputs.range()..inputs.range() + 1)?)
             }
-            Part::ReceiverPlace => Term::of(OTHER_VARIANCE, tied(self.shape, inputs.receiver())?),
-            Part::Range => Term::of(OTHER_VARIANCE, tied(rough, inputs.range()..inputs.range() + 1)?),
-            Part::Receivers => label(inputs.receiving_vehicle()),
-            Part::Transmitters => label(inputs.transmitting_vehicle()),
-            Part::Kinds => label(inputs.kind()),
-            Part::Time => {
+            OptionalTerm::Receivers => label(inputs.receiving_vehicle()),
+            OptionalTerm::Transmitters => label(inputs.transmitting_vehicle()),
+            OptionalTerm::Kinds => label(inputs.kind()),
+            OptionalTerm::Time => {
                 let memory = Correlation::new(Shape::Matern12, &[inputs.time()], &[MEMORY_S])?;
                 Term::of(OTHER_VARIANCE, memory)?.times(Correlation::of_labels(&[inputs.water()])?)
             }
-            Part::Walls => {
+            OptionalTerm::Walls => {
                 Term::of(OTHER_VARIANCE, untied(self.shape, inputs.ends())?)?.reciprocal(inputs.swap_ends()?)
             }
         }
@@ -361,7 +343,7 @@ impl Structure {
             PathInputs::Link => "link coordinates",
         };
         let direction = if self.reciprocal { "reciprocal" } else { "one-way" };
-        let terms: Vec<&str> = self.kernel_parts().map(|part| self.part_name(part)).collect();
+        let terms: Vec<String> = self.kernel_parts().map(|part| self.part_name(part)).collect();
         let mean = match self.mean {
             MeanStructure::Zero => "zero",
             MeanStructure::Constant => "constant",

@@ -1,6 +1,5 @@
 //! The choice of the next frame.
 
-pub(crate) mod sharing;
 pub(crate) mod delivery;
 pub(crate) mod report_planner;
 pub(crate) mod summary_planner;

@@ -5,9 +5,9 @@ use pingmap_packet::{Block, Layout};
 
 use crate::codec::quantizer::SummaryQuantizer;
 use crate::inference::posteriors::Posteriors;
-use crate::send::sharing::Sharing;
 use crate::types::event::Link;
 use crate::types::query::LinkQuery;
+use crate::types::sharing::Sharing;
 
 /// The rule by which points are chosen from a pool of candidates.
 #[derive(Debug, Clone, Copy)]
@@ -48,17 +48,12 @@ pub(crate) struct SummaryPlanner<'a> {
     pub(crate) queries: Vec<LinkQuery>,
     /// Inputs of the candidates.
     pub(crate) inputs: Inputs,
-    /// Predictions of the own posterior at the candidates.
-    own_predictions: OwnPredictions,
+    /// Success probability at each candidate, from the own posterior.
+    own_probability: Vec<f64>,
+    /// Variance of the log-odds at each candidate, from the own posterior.
+    own_variance: Vec<f64>,
     /// See [`crate::Team::min_gain_nats`].
     pub(crate) min_gain_nats: f64,
-}
-
-/// Predictions of the own posterior, one for each candidate.
-#[derive(Debug)]
-struct OwnPredictions {
-    probability: Vec<f64>,
-    variance: Vec<f64>,
 }
 
 impl<'a> SummaryPlanner<'a> {
@@ -77,8 +72,9 @@ impl<'a> SummaryPlanner<'a> {
         let own_fit = posteriors.own_fit.as_ref().filter(|_| posteriors.absorbed_own().is_empty());
         let of_fit = own_fit.and_then(|own_fit| own_fit.fit.latent_at_events(&inputs));
         let latent = of_fit.map_or_else(|| posteriors.own.latent(&inputs), Ok)?;
-        let own_predictions = OwnPredictions { probability: latent.probability(), variance: latent.variance };
-        Ok(Self { quantizer, layout, own: &posteriors.own, queries, inputs, own_predictions, min_gain_nats })
+        let own_probability = latent.probability();
+        let (own, own_variance) = (&posteriors.own, latent.variance);
+        Ok(Self { quantizer, layout, own, queries, inputs, own_probability, own_variance, min_gain_nats })
     }
 
     /// Returns the best packet for a listener with the posterior `shared`; `None` if no packet reaches the minimum
@@ -145,7 +141,7 @@ impl<'a> SummaryPlanner<'a> {
         let inputs = self.quantizer.model.inputs(links.iter().map(|&link| self.quantizer.query(time, link)))?;
         let mut candidates = match selection {
             PointSelection::VarianceReduction => {
-                Some(Candidates::towards(&shared, &self.own_variance(pool, &inputs)?, &inputs)?)
+                Some(Candidates::towards(&shared, &self.variance_of_pool(pool, &inputs)?, &inputs)?)
             }
             PointSelection::Coverage => None,
         };
@@ -173,9 +169,9 @@ impl<'a> SummaryPlanner<'a> {
 
     /// Returns the variances of the own posterior at the inputs of a pool. The predictions at the candidates are used
     /// if the model does not depend on time.
-    fn own_variance(&self, pool: &[usize], inputs: &Inputs) -> dgpc::Result<Vec<f64>> {
+    fn variance_of_pool(&self, pool: &[usize], inputs: &Inputs) -> dgpc::Result<Vec<f64>> {
         if self.own.prior().sees_alike(inputs, &self.inputs.select(pool)) {
-            return Ok(pool.iter().map(|&index| self.own_predictions.variance[index]).collect());
+            return Ok(pool.iter().map(|&index| self.own_variance[index]).collect());
         }
         Ok(self.own.latent(inputs)?.variance)
     }
@@ -185,7 +181,7 @@ impl<'a> SummaryPlanner<'a> {
     fn divergences(&self, shared: &Posterior) -> dgpc::Result<Vec<f64>> {
         let shared = shared.probability(&self.inputs)?;
         let divergence = |(&p, &q): (&f64, &f64)| divergence_term(p, q) + divergence_term(1.0 - p, 1.0 - q);
-        Ok(self.own_predictions.probability.iter().zip(&shared).map(divergence).collect())
+        Ok(self.own_probability.iter().zip(&shared).map(divergence).collect())
     }
 }
 

@@ -16,8 +16,8 @@ use crate::store::clock::{Clock, FrameNumber};
 use crate::store::entry::{Entry, check_event, check_number, check_position, check_time};
 use crate::store::event_location::{LocatedEventCache, LocatedEvents, locate_events};
 use crate::store::events::{EventChange, Events, RecordedEvent};
-use crate::store::packets::{InsertOutcome, Packets, Transmission, TransmissionTimes, Version};
-use crate::store::reports::{EVERY_SLOT, Insertion, ReportedOutcome, Reports};
+use crate::store::packets::{Packets, Transmission, TransmissionTimes, Version};
+use crate::store::reports::{EVERY_SLOT, ReportedOutcome, Reports};
 use crate::store::slot_conformance::SlotConformance;
 use crate::store::slot_evidence::SlotEvidence;
 use crate::track::position_track::Track;
@@ -48,25 +48,22 @@ pub(crate) struct Memory {
 
 /// Effect of an entry.
 #[derive(Debug)]
-pub(crate) enum Applied {
-    Event(EventChange),
-    Fix,
-    Frame(ReceiveEffect),
-}
-
-/// Effect of a frame.
-#[derive(Debug)]
-pub(crate) struct ReceiveEffect {
-    /// The sender, if the frame names one.
+pub(crate) struct Effect {
+    /// The sender of a frame, if the frame names one.
     pub(crate) sender: Option<u8>,
     pub(crate) receipt: Receipt,
     /// Own events that count from now on, or no longer.
     pub(crate) change: EventChange,
 }
 
-impl ReceiveEffect {
-    pub(crate) fn refused(sender: Option<u8>, refusal: Refusal) -> Self {
-        Self { sender, receipt: Receipt::Refused(refusal), change: EventChange::default() }
+impl Effect {
+    /// Effect of own data, which are never refused.
+    fn of_own_data(change: EventChange) -> Self {
+        Self { sender: None, receipt: Receipt::Accepted, change }
+    }
+
+    pub(crate) fn refused(refusal: Refusal) -> Self {
+        Self { sender: None, receipt: Receipt::Refused(refusal), change: EventChange::default() }
     }
 }
 
@@ -93,24 +90,23 @@ impl Memory {
     ///
     /// # Errors
     /// [`AgentError`] for an event or position out of bounds, or a number out of range. The memory is then unchanged.
-    pub(crate) fn apply(&mut self, entry: Entry) -> Result<Applied, AgentError> {
-        match entry {
-            Entry::Observed { number, event } => self.record(vec![(number, event)]).map(Applied::Event),
+    pub(crate) fn apply(&mut self, entry: Entry) -> Result<Effect, AgentError> {
+        let applied = match entry {
+            Entry::Observed { number, event } => Ok(Effect::of_own_data(self.record(vec![(number, event)])?)),
             Entry::Navigated { time_s, position } => {
                 self.record_positions(&[(time_s, position)])?;
-                Ok(Applied::Fix)
+                Ok(Effect::of_own_data(EventChange::default()))
             }
-            Entry::UnusedSlot { sender, slot } => Ok(Applied::Frame(self.insert_unused_slots(&sender, &[slot]))),
-            Entry::Piggyback { sender, newest, outcomes } => {
-                Ok(Applied::Frame(self.insert_piggyback(&sender, newest, &outcomes)))
-            }
-            Entry::Received { bytes, .. } => Ok(Applied::Frame(self.insert_frame(&bytes, None))),
+            Entry::UnusedSlot { sender, slot } => self.insert_unused_slots(&sender, &[slot]),
+            Entry::Piggyback { sender, newest, outcomes } => self.insert_piggyback(&sender, newest, &outcomes),
+            Entry::Received { bytes, .. } => self.insert_frame(&bytes, None),
             Entry::Sent { number, slot, bytes } => {
                 check_number(number)?;
                 let slot = slot.filter(|&slot| self.codec.is_slot_of(slot, self.own_id()));
-                Ok(Applied::Frame(self.insert_frame(&bytes, Some(Transmission { number, slot }))))
+                self.insert_frame(&bytes, Some(Transmission { number, slot }))
             }
-        }
+        };
+        Ok(applied.unwrap_or_else(Effect::refused))
     }
 
     /// Returns the observation of an own event. Its weight follows from the events before it, because repeated outcomes
@@ -275,15 +271,17 @@ impl Memory {
         self.counting_events().map(|recorded| recorded.event.link.range_m()).reduce(f64::max)
     }
 
+    fn number(&self, id: &VehicleId) -> Result<u8, Refusal> {
+        self.codec.team.number(id).ok_or_else(|| Refusal::NoMember { id: id.clone() })
+    }
+
     /// Stores that a member did not transmit in slots of its own.
-    pub(crate) fn insert_unused_slots(&mut self, sender: &VehicleId, slots: &[u32]) -> ReceiveEffect {
-        let Some(number) = self.codec.team.number(sender) else {
-            return ReceiveEffect::refused(None, Refusal::NoMember { id: sender.clone() });
-        };
+    pub(crate) fn insert_unused_slots(&mut self, sender: &VehicleId, slots: &[u32]) -> Result<Effect, Refusal> {
+        let number = self.number(sender)?;
         let slots: Vec<u32> = slots.iter().copied().filter(|&slot| self.codec.is_slot_of(slot, Some(sender))).collect();
         slots.iter().for_each(|&slot| self.reports.insert_unused(number, slot));
         let changed = self.slots_of_claims(number, &slots);
-        self.effect(number, Receipt::Accepted, changed)
+        Ok(self.effect(number, Receipt::Accepted, changed))
     }
 
     /// Checks new claims of a member. Returns the slots in which they may change which events count.
@@ -300,7 +298,7 @@ impl Memory {
     }
 
     /// Returns the effect of new evidence about these slots, and decides again which own events in them count.
-    fn effect(&mut self, sender: u8, receipt: Receipt, slots: Vec<Range<u32>>) -> ReceiveEffect {
+    fn effect(&mut self, sender: u8, receipt: Receipt, slots: Vec<Range<u32>>) -> Effect {
         let mut unused = BTreeSet::new();
         for slots in slots {
             for sender in self.reports.senders() {
@@ -310,7 +308,7 @@ impl Memory {
         }
         let spans: Vec<(f64, f64)> = unused.into_iter().filter_map(|slot| self.codec.team.slots.span_s(slot)).collect();
         let change = self.reassess(EventChange::default(), &spans);
-        ReceiveEffect { sender: Some(sender), receipt, change }
+        Effect { sender: Some(sender), receipt, change }
     }
 
     /// Records positions of the vehicle by time: all of them, or none after an error. The latest
@@ -371,14 +369,13 @@ impl Memory {
 
     /// Advances the vehicle's clock to a time: of an own event, an own position, a reception or a transmission. Returns
     /// the effects of the frames that waited for it.
-    pub(crate) fn advance_clock(&mut self, time_s: f64) -> Vec<ReceiveEffect> {
+    pub(crate) fn advance_clock(&mut self, time_s: f64) -> Vec<Effect> {
         let allowed = self.clock.advance_to(time_s, &self.codec.team);
-        let applied = allowed.into_iter().filter_map(|entry| self.apply(entry).ok());
-        applied.filter_map(|applied| if let Applied::Frame(effect) = applied { Some(effect) } else { None }).collect()
+        allowed.into_iter().filter_map(|entry| self.apply(entry).ok()).collect()
     }
 
-    /// Admits a frame if the vehicle's clock allows its number. Otherwise the frame waits. The vehicle's own frames
-    /// pass.
+    /// Admits a frame if the vehicle's clock allows its number. Otherwise the frame waits. Frames that the vehicle
+    /// transmitted pass, if they have its own number.
     fn admit(
         &mut self,
         sender: u8,
@@ -387,7 +384,8 @@ impl Memory {
         sent: Option<Transmission>,
     ) -> Result<(), Refusal> {
         if sent.is_some() {
-            return Ok(());
+            let is_own = Some(sender) == self.own;
+            return if is_own { Ok(()) } else { Err(Refusal::NotSentByMe { number: sender }) };
         }
         let entry = || Entry::Received { time_s: None, bytes: bytes.to_vec() };
         self.clock.admit(&self.codec.team, sender, number, entry)
@@ -401,83 +399,56 @@ impl Memory {
 
     /// Stores a frame that was received, or transmitted by the vehicle itself. A frame of another team changes nothing,
     /// nor does a transmitted frame of another sender.
-    pub(crate) fn insert_frame(&mut self, bytes: &[u8], sent: Option<Transmission>) -> ReceiveEffect {
+    pub(crate) fn insert_frame(&mut self, bytes: &[u8], sent: Option<Transmission>) -> Result<Effect, Refusal> {
         if ReportLayout::of(bytes).is_some() {
             return self.insert_report(bytes, sent);
         }
-        let (key, packet) = match self.codec.decode_packet(bytes) {
-            Ok(read) => read,
-            Err(refusal) => return ReceiveEffect::refused(None, refusal),
-        };
-        let sender = Some(key.0);
-        if sent.is_some() && sender != self.own {
-            return ReceiveEffect::refused(sender, Refusal::NotSentByMe { number: key.0 });
+        let (key, packet) = self.codec.decode_packet(bytes)?;
+        let (sender, counter) = key;
+        self.admit(sender, FrameNumber::Counter(counter), &packet.bytes, sent)?;
+        self.packets.insert(key, packet, sent)?;
+        if Some(sender) == self.own && sent.is_none() {
+            return Err(Refusal::OwnNumber { counter });
         }
-        if let Err(refusal) = self.admit(key.0, FrameNumber::Counter(key.1), &packet.bytes, sent) {
-            return ReceiveEffect::refused(sender, refusal);
-        }
-        let outcome = self.packets.insert(key, packet, sent);
-        ReceiveEffect { sender, receipt: self.receipt(key, outcome, sent.is_some()), change: EventChange::default() }
+        Ok(Effect { sender: Some(sender), receipt: Receipt::Accepted, change: EventChange::default() })
     }
 
-    fn insert_report(&mut self, bytes: &[u8], sent: Option<Transmission>) -> ReceiveEffect {
-        let (sender, report) = match self.codec.decode_report(bytes) {
-            Ok(read) => read,
-            Err(refusal) => return ReceiveEffect::refused(None, refusal),
-        };
-        let refused = Receipt::Refused;
-        if sent.is_some() && Some(sender) != self.own {
-            return ReceiveEffect::refused(Some(sender), Refusal::NotSentByMe { number: sender });
-        }
+    fn insert_report(&mut self, bytes: &[u8], sent: Option<Transmission>) -> Result<Effect, Refusal> {
+        let (sender, report) = self.codec.decode_report(bytes)?;
         let latest = report.latest_slot().min(self.codec.team.slots.end().saturating_sub(1));
-        if let Err(refusal) = self.admit(sender, FrameNumber::Slot(latest), &report.bytes, sent) {
-            return ReceiveEffect::refused(Some(sender), refusal);
-        }
+        self.admit(sender, FrameNumber::Slot(latest), &report.bytes, sent)?;
         // Unused slots of an old report count too.
         let unused = report.unused.clone();
         let (receipt, slots) = match self.reports.insert(sender, report, sent) {
-            Insertion::Inserted(slots) if Some(sender) == self.own && sent.is_none() => {
-                (refused(Refusal::OwnReport), slots)
-            }
-            Insertion::Inserted(slots) => (Receipt::Accepted, slots),
-            Insertion::Duplicate => (refused(Refusal::Duplicate), Vec::new()),
-            Insertion::Stale => (refused(Refusal::TooOld), Vec::new()),
+            Ok(slots) if Some(sender) == self.own && sent.is_none() => (Receipt::Refused(Refusal::OwnReport), slots),
+            Ok(slots) => (Receipt::Accepted, slots),
+            Err(refusal) => (Receipt::Refused(refusal), Vec::new()),
         };
         let of_claims = self.slots_of_claims(sender, &unused);
-        self.effect(sender, receipt, [slots, of_claims].concat())
+        Ok(self.effect(sender, receipt, [slots, of_claims].concat()))
     }
 
     /// Stores outcomes that a member piggybacked. They belong to the slots, from `newest` backwards, in which it could
     /// receive another member.
-    pub(crate) fn insert_piggyback(&mut self, sender: &VehicleId, newest: u32, outcomes: &[bool]) -> ReceiveEffect {
-        let number = self.codec.team.number(sender);
-        let refused = |refusal| ReceiveEffect::refused(number, refusal);
+    pub(crate) fn insert_piggyback(
+        &mut self,
+        sender: &VehicleId,
+        newest: u32,
+        outcomes: &[bool],
+    ) -> Result<Effect, Refusal> {
         if !self.codec.team.has_piggyback() {
-            return refused(Refusal::PiggybackDisabled);
+            return Err(Refusal::PiggybackDisabled);
         }
-        let Some(number) = number else { return refused(Refusal::NoMember { id: sender.clone() }) };
+        let number = self.number(sender)?;
         if Some(number) == self.own {
-            return refused(Refusal::OwnReport);
+            return Err(Refusal::OwnReport);
         }
         let entry = || Entry::Piggyback { sender: sender.clone(), newest, outcomes: outcomes.to_vec() };
-        if let Err(refusal) = self.clock.admit(&self.codec.team, number, FrameNumber::Slot(newest), entry) {
-            return refused(refusal);
-        }
+        self.clock.admit(&self.codec.team, number, FrameNumber::Slot(newest), entry)?;
         let slots: Vec<(u32, bool)> = self.codec.slots_back(number, newest).zip(outcomes.iter().copied()).collect();
         let is_new = self.reports.insert_piggybacked(number, slots.iter().copied());
         let receipt = if is_new { Receipt::Accepted } else { Receipt::Refused(Refusal::Duplicate) };
-        self.effect(number, receipt, slots.into_iter().map(|(slot, _)| slot..slot + 1).collect())
-    }
-
-    /// Returns the receipt of a packet.
-    fn receipt(&self, (sender, counter): PacketKey, outcome: InsertOutcome, was_sent: bool) -> Receipt {
-        Receipt::Refused(match outcome {
-            InsertOutcome::Accepted if Some(sender) == self.own && !was_sent => Refusal::OwnNumber { counter },
-            InsertOutcome::Accepted => return Receipt::Accepted,
-            InsertOutcome::Duplicate => Refusal::Duplicate,
-            InsertOutcome::Conflict => Refusal::Conflict { counter },
-            InsertOutcome::TooOld => Refusal::TooOld,
-        })
+        Ok(self.effect(number, receipt, slots.into_iter().map(|(slot, _)| slot..slot + 1).collect()))
     }
 
     /// Returns the number of the vehicle's next transmission.
@@ -488,11 +459,12 @@ impl Memory {
         last.max(reports.filter_map(|stored| stored.sent.last_number()).max()).map_or(0, |last| last + 1)
     }
 
-    /// Returns the summary packets of the vehicle that other members may store, with their counters.
-    pub(crate) fn own_packets(&self) -> impl Iterator<Item = (u16, &Version)> {
+    /// Returns the keys of the summary packets of the vehicle that other members may store.
+    pub(crate) fn own_packets(&self) -> impl Iterator<Item = PacketKey> {
         let foreign = self.own.and_then(|own| self.packets.foreign_counter(own));
-        let accepted = self.own.into_iter().flat_map(|own| self.packets.accepted(own));
-        accepted.filter(move |(counter, version)| !version.sent.is_empty() && Some(*counter) > foreign)
+        let own = self.own.into_iter().flat_map(|own| self.packets.accepted(own).map(move |packet| (own, packet)));
+        let is_stored = move |counter: u16, version: &Version| !version.sent.is_empty() && Some(counter) > foreign;
+        own.filter_map(move |(own, (counter, version))| is_stored(counter, version).then_some((own, counter)))
     }
 
     /// Returns the keys of the summary packets of other members that count, by sender and counter.
@@ -510,7 +482,8 @@ impl Memory {
         let versions = self.packets.senders().flat_map(|sender| self.packets.all(sender));
         let frames = versions.flat_map(|version| frame_entries(&version.packet.bytes, &version.sent));
         let navigated = self.fixes.iter().map(|&(time_s, position)| Entry::Navigated { time_s, position });
-        let reports = self.reports.everything().flat_map(|stored| frame_entries(&stored.report.bytes, &stored.sent));
+        let reports = self.reports.senders().flat_map(|sender| self.reports.all(sender));
+        let reports = reports.flat_map(|stored| frame_entries(&stored.report.bytes, &stored.sent));
         observed
             .chain(navigated)
             .chain(frames)

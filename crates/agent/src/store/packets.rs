@@ -4,19 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::codec::decoded::{Packet, PacketKey};
-
-/// The outcome of inserting a packet.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum InsertOutcome {
-    /// The packet counts.
-    Accepted,
-    /// The packet was stored before.
-    Duplicate,
-    /// Another packet has the same counter. Neither counts.
-    Conflict,
-    /// The counter is before the window of its sender.
-    TooOld,
-}
+use crate::codec::receipt::Refusal;
 
 /// A transmission of a frame by the vehicle itself.
 #[derive(Debug, Clone, Copy)]
@@ -50,12 +38,6 @@ impl TransmissionTimes {
 
     pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
-    }
-}
-
-impl From<Option<Transmission>> for TransmissionTimes {
-    fn from(sent: Option<Transmission>) -> Self {
-        Self(sent.map(|Transmission { number, slot }| (number, slot)).into_iter().collect())
     }
 }
 
@@ -94,19 +76,48 @@ impl Packets {
     }
 
     /// Inserts a packet that was received, or transmitted by the vehicle itself.
+    ///
+    /// # Errors
+    /// [`Refusal`] for a packet that does not count because of others. If two packets have one counter, neither counts.
     pub(crate) fn insert(
         &mut self,
         (sender, counter): PacketKey,
         packet: Packet,
         sent: Option<Transmission>,
-    ) -> InsertOutcome {
-        let window = self.window;
-        self.senders.entry(sender).or_default().insert(counter, packet, sent, window)
+    ) -> Result<(), Refusal> {
+        let sender = self.senders.entry(sender).or_default();
+        if sender.is_too_old(counter, self.window) {
+            return Err(Refusal::TooOld);
+        }
+        let versions = sender.versions.entry(counter).or_default();
+        let stored = versions.iter_mut().find(|version| version.packet.bytes == packet.bytes);
+        let is_duplicate = stored.is_some();
+        match stored {
+            Some(version) => version.sent.add(sent),
+            None => {
+                let mut version = Version { packet: Arc::new(packet), sent: TransmissionTimes::default() };
+                version.sent.add(sent);
+                versions.push(version);
+                versions.sort_by(|a, b| a.packet.bytes.cmp(&b.packet.bytes));
+                versions.truncate(2);
+            }
+        }
+        let is_conflict = versions.len() > 1;
+        sender.advance_to(counter, self.window);
+        match (is_duplicate, is_conflict) {
+            (true, _) => Err(Refusal::Duplicate),
+            (false, true) => Err(Refusal::Conflict { counter }),
+            (false, false) => Ok(()),
+        }
     }
 
     /// Returns the packets of one sender that count, in the order of their counters.
     pub(crate) fn accepted(&self, sender: u8) -> impl Iterator<Item = (u16, &Version)> {
-        self.senders.get(&sender).into_iter().flat_map(Sender::accepted)
+        let versions = self.senders.get(&sender).into_iter().flat_map(|sender| &sender.versions);
+        versions.filter_map(|(&counter, versions)| match versions.as_slice() {
+            [version] => Some((counter, version)),
+            _ => None,
+        })
     }
 
     /// Returns the packet with this key, if it counts.
@@ -130,9 +141,8 @@ impl Packets {
 
     /// Returns the number of counters of a sender that have two different packets.
     pub(crate) fn conflicts(&self, sender: u8) -> usize {
-        self.senders
-            .get(&sender)
-            .map_or(0, |sender| sender.versions.values().filter(|versions| versions.len() > 1).count())
+        let versions = self.senders.get(&sender).into_iter().flat_map(|sender| sender.versions.values());
+        versions.filter(|versions| versions.len() > 1).count()
     }
 
     /// Returns the largest counter of a sender.
@@ -142,9 +152,7 @@ impl Packets {
 
     /// Advances the latest counter of a sender to `latest`, for a counter from a snapshot.
     pub(crate) fn advance_to(&mut self, sender: u8, latest: u16) {
-        let window = self.window;
-        let sender = self.senders.entry(sender).or_default();
-        sender.advance_to(latest, window);
+        self.senders.entry(sender).or_default().advance_to(latest, self.window);
     }
 
     /// Returns the largest counter of a packet that has the vehicle's own number but that the vehicle did not send.
@@ -167,48 +175,15 @@ impl Packets {
 }
 
 impl Sender {
-    fn insert(&mut self, counter: u16, packet: Packet, sent: Option<Transmission>, window: u16) -> InsertOutcome {
-        if self.is_too_old(counter, window) {
-            return InsertOutcome::TooOld;
-        }
-        let versions = self.versions.entry(counter).or_default();
-        let stored = versions.iter_mut().find(|version| version.packet.bytes == packet.bytes);
-        let is_duplicate = stored.is_some();
-        match stored {
-            Some(version) => version.sent.add(sent),
-            None => {
-                versions.push(Version { packet: Arc::new(packet), sent: sent.into() });
-                versions.sort_by(|a, b| a.packet.bytes.cmp(&b.packet.bytes));
-                versions.truncate(2);
-            }
-        }
-        let is_conflict = versions.len() > 1;
-        self.advance_to(counter, window);
-        match (is_duplicate, is_conflict) {
-            (true, _) => InsertOutcome::Duplicate,
-            (false, true) => InsertOutcome::Conflict,
-            (false, false) => InsertOutcome::Accepted,
-        }
-    }
-
     /// Advances the latest counter, and removes packets before the window.
     fn advance_to(&mut self, counter: u16, window: u16) {
         self.latest = self.latest.max(Some(counter));
-        while let Some(entry) = self.versions.first_entry()
-            && self.latest.is_some_and(|latest| u32::from(*entry.key()) + u32::from(window) <= latest.into())
-        {
-            entry.remove();
+        while self.versions.keys().next().is_some_and(|&counter| self.is_too_old(counter, window)) {
+            self.versions.pop_first();
         }
     }
 
     fn is_too_old(&self, counter: u16, window: u16) -> bool {
         self.latest.is_some_and(|latest| u32::from(counter) + u32::from(window) <= latest.into())
-    }
-
-    fn accepted(&self) -> impl Iterator<Item = (u16, &Version)> {
-        self.versions.iter().filter_map(|(&counter, versions)| match versions.as_slice() {
-            [version] => Some((counter, version)),
-            _ => None,
-        })
     }
 }

@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::codec::decoded::Report;
+use crate::codec::receipt::Refusal;
 use crate::store::packets::{Transmission, TransmissionTimes};
 use crate::track::received::ReceivedTrack;
 
@@ -95,16 +96,6 @@ struct Sender {
     unused: BTreeSet<u32>,
 }
 
-/// Result of storing a report.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Insertion {
-    /// The report is new. Located events of these slots may change.
-    Inserted(Vec<Range<u32>>),
-    Duplicate,
-    /// The sender has sent a full window of later reports.
-    Stale,
-}
-
 /// Reports by sender. The store keeps the reports of each sender with the latest first slots. Its content depends on
 /// the set of arrivals, not on their order or number.
 #[derive(Debug, Clone)]
@@ -123,37 +114,43 @@ impl Reports {
         }
     }
 
-    /// Stores a report that was received, or transmitted by the vehicle itself. O(log N + length). If an old report is
-    /// removed for it, reports that overlap the old one are added again.
-    pub(crate) fn insert(&mut self, sender: u8, report: Report, sent: Option<Transmission>) -> Insertion {
+    /// Stores a report that was received, or transmitted by the vehicle itself. Returns the slots whose located events
+    /// may change. O(log N + length). If an old report is removed for it, reports that overlap the old one are added
+    /// again.
+    ///
+    /// # Errors
+    /// [`Refusal::Duplicate`], and [`Refusal::TooOld`] if the sender has sent a full window of later reports.
+    pub(crate) fn insert(
+        &mut self,
+        sender: u8,
+        report: Report,
+        sent: Option<Transmission>,
+    ) -> Result<Vec<Range<u32>>, Refusal> {
         let max = self.per_sender_max;
         report.unused.iter().for_each(|&slot| self.insert_unused(sender, slot));
         let sender = self.senders.entry(sender).or_default();
         let key = (report.first, report.bytes.clone());
         let report = Arc::new(report);
-        match sender.reports.entry(key.clone()) {
-            Entry::Occupied(stored) => {
-                stored.into_mut().sent.add(sent);
-                return Insertion::Duplicate;
-            }
-            Entry::Vacant(vacant) => {
-                vacant.insert(StoredReport { report: report.clone(), sent: sent.into() });
-            }
+        let is_duplicate = sender.reports.contains_key(&key);
+        let new = || StoredReport { report: report.clone(), sent: TransmissionTimes::default() };
+        sender.reports.entry(key.clone()).or_insert_with(new).sent.add(sent);
+        if is_duplicate {
+            return Err(Refusal::Duplicate);
         }
         let mut affected = vec![sender.content.range_affected_by(&report)];
         if sender.reports.len() <= max {
             Arc::make_mut(&mut sender.content).add(&report);
-            return Insertion::Inserted(affected);
+            return Ok(affected);
         }
-        let Some((removed_key, removed)) = sender.reports.pop_first() else { return Insertion::Stale };
+        let Some((removed_key, removed)) = sender.reports.pop_first() else { return Err(Refusal::TooOld) };
         if removed_key == key {
-            return Insertion::Stale;
+            return Err(Refusal::TooOld);
         }
         let content = Arc::make_mut(&mut sender.content);
         content.add(&report);
         content.remove(&removed.report, sender.reports.values().map(|stored| &*stored.report));
         affected.push(content.range_affected_by(&removed.report));
-        Insertion::Inserted(affected)
+        Ok(affected)
     }
 
     /// Returns the earliest first slot of a report of this sender that the store still accepts.
@@ -235,10 +232,5 @@ impl Reports {
     /// Returns all stored reports of one sender.
     pub(crate) fn all(&self, sender: u8) -> impl Iterator<Item = &StoredReport> {
         self.senders.get(&sender).into_iter().flat_map(|sender| sender.reports.values())
-    }
-
-    /// Returns all stored reports of every sender.
-    pub(crate) fn everything(&self) -> impl Iterator<Item = &StoredReport> {
-        self.senders.values().flat_map(|sender| sender.reports.values())
     }
 }

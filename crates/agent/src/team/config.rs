@@ -162,19 +162,22 @@ impl Team {
         Ok(Self {
             track_tolerance_m: DEFAULT_TRACK_TOLERANCE_CELLS * grid.cell_m,
             grid,
-            packets_per_sender_max: default_packets_per_sender_max(members.len(), DEFAULT_FRAME_BYTES),
+            packets_per_sender_max: default_packets_per_sender_max(members.len(), 32),
             members: Members::new(members),
             model,
-            frame_bytes: DEFAULT_FRAME_BYTES,
-            slots: Slots::cycle(DEFAULT_SLOT_S, names),
-            reports_per_sender_max: DEFAULT_REPORTS_PER_SENDER_MAX,
-            transmissions_max: DEFAULT_TRANSMISSIONS_MAX,
-            extrapolation_s_max: DEFAULT_EXTRAPOLATION_S_MAX,
+            // Every acoustic modem carries frames of this size.
+            frame_bytes: 32,
+            slots: Slots { order: names, ..Slots::default() },
+            reports_per_sender_max: 256,
+            transmissions_max: 8,
+            extrapolation_s_max: 120.0,
             piggyback: None,
             key: None,
             epoch: 0,
-            min_gain_nats: DEFAULT_MIN_GAIN_NATS,
-            exclusion_threshold_sd: DEFAULT_EXCLUSION_THRESHOLD_SD,
+            min_gain_nats: 3e-5,
+            // It lies between the discrepancies of correct members and those of members that report every outcome as a
+            // miss.
+            exclusion_threshold_sd: 4.5,
             limits: Limits::default(),
         })
     }
@@ -212,34 +215,12 @@ impl Team {
     }
 }
 
-/// Default of [`Team::frame_bytes`]. Every acoustic modem carries frames of this size.
-pub(crate) const DEFAULT_FRAME_BYTES: usize = 32;
-
-/// Default of [`Slots::duration_s`].
-pub(crate) const DEFAULT_SLOT_S: f64 = 10.0;
-
-/// Default of [`Team::exclusion_threshold_sd`]. It lies between the discrepancies of correct members and those of
-/// members that report every outcome as a miss.
-pub(crate) const DEFAULT_EXCLUSION_THRESHOLD_SD: f64 = 4.5;
-
-/// Default of [`Team::reports_per_sender_max`].
-pub(crate) const DEFAULT_REPORTS_PER_SENDER_MAX: u16 = 256;
-
-/// Default of [`Team::transmissions_max`].
-pub(crate) const DEFAULT_TRANSMISSIONS_MAX: u8 = 8;
-
-/// Default of [`Team::extrapolation_s_max`].
-pub(crate) const DEFAULT_EXTRAPOLATION_S_MAX: f64 = 120.0;
-
 /// Default of [`Team::track_tolerance_m`], in cells of the grid.
 pub(crate) const DEFAULT_TRACK_TOLERANCE_CELLS: f64 = 0.5;
 
-/// Default of [`Team::min_gain_nats`].
-pub(crate) const DEFAULT_MIN_GAIN_NATS: f64 = 3e-5;
-
 /// Returns the default of [`Team::packets_per_sender_max`]: the live packets of all other members have about
 /// [`DEFAULT_LIVE_POINTS`] inducing points together. The result is from 2 to 64.
-pub(crate) fn default_packets_per_sender_max(members: usize, frame_bytes: usize) -> u16 {
+fn default_packets_per_sender_max(members: usize, frame_bytes: usize) -> u16 {
     let points = Layout::for_frame(frame_bytes, false, false).map_or(1, Layout::points_in_all);
     (DEFAULT_LIVE_POINTS / points / members.saturating_sub(1).max(1)).clamp(2, 64) as u16
 }

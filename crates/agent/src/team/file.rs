@@ -7,19 +7,16 @@ use pingmap_packet::Key;
 use serde::{Deserialize, Serialize};
 
 use crate::model::link_model::Model;
-use crate::team::config::{
-    DEFAULT_EXCLUSION_THRESHOLD_SD, DEFAULT_EXTRAPOLATION_S_MAX, DEFAULT_FRAME_BYTES, DEFAULT_MIN_GAIN_NATS,
-    DEFAULT_REPORTS_PER_SENDER_MAX, DEFAULT_SLOT_S, DEFAULT_TRACK_TOLERANCE_CELLS, DEFAULT_TRANSMISSIONS_MAX,
-    TEAM_SCHEMA, Team, TeamError, default_packets_per_sender_max,
-};
-use crate::team::grid::{DEFAULT_TIME_CELL_S, Grid};
+use crate::team::config::{DEFAULT_TRACK_TOLERANCE_CELLS, TEAM_SCHEMA, Team, TeamError};
+use crate::team::grid::Grid;
 use crate::team::members::Members;
 use crate::team::slots::Slots;
 use crate::types::bounds::{self, Bounds};
 use crate::types::event::VehicleId;
 use crate::types::limits::Limits;
 
-/// Content of `team.toml`. The model and the key have their own files, whose names it contains.
+/// Content of `team.toml`. The model and the key have their own files, whose names it contains. Keys that the text
+/// leaves out have the defaults of [`Team::new`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TeamFile {
@@ -27,113 +24,25 @@ pub struct TeamFile {
     /// Name of the file of the packet model.
     pub model_file: String,
     /// Name of the file of the team's key, which has 64 hexadecimal digits. `None` for plain packets.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
     /// [`crate::Provenance::log_digest`] of the model, for information. It is not part of the team configuration.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log_digest: Option<String>,
-    #[serde(default)]
-    epoch: u32,
-    #[serde(default = "frame_bytes")]
-    frame_bytes: usize,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    epoch: Option<u32>,
+    frame_bytes: Option<usize>,
     packets_per_sender_max: Option<u16>,
-    #[serde(default = "reports_per_sender_max")]
-    reports_per_sender_max: u16,
-    #[serde(default = "transmissions_max")]
-    transmissions_max: u8,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reports_per_sender_max: Option<u16>,
+    transmissions_max: Option<u8>,
     piggyback: Option<bool>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     track_tolerance_m: Option<f64>,
-    #[serde(default = "extrapolation_s_max")]
-    extrapolation_s_max: f64,
-    #[serde(default = "min_gain_nats")]
-    min_gain_nats: f64,
-    #[serde(default = "exclusion_threshold_sd")]
-    exclusion_threshold_sd: f64,
-    members: BTreeMap<String, u8>,
-    grid: GridLayout,
+    extrapolation_s_max: Option<f64>,
+    min_gain_nats: Option<f64>,
+    exclusion_threshold_sd: Option<f64>,
+    members: BTreeMap<VehicleId, u8>,
+    grid: Grid,
     #[serde(default)]
-    slots: SlotsLayout,
+    slots: Slots,
     #[serde(default)]
     limits: Limits,
-}
-
-fn frame_bytes() -> usize {
-    DEFAULT_FRAME_BYTES
-}
-
-fn reports_per_sender_max() -> u16 {
-    DEFAULT_REPORTS_PER_SENDER_MAX
-}
-
-fn transmissions_max() -> u8 {
-    DEFAULT_TRANSMISSIONS_MAX
-}
-
-fn extrapolation_s_max() -> f64 {
-    DEFAULT_EXTRAPOLATION_S_MAX
-}
-
-fn exclusion_threshold_sd() -> f64 {
-    DEFAULT_EXCLUSION_THRESHOLD_SD
-}
-
-fn time_cell_s() -> f64 {
-    DEFAULT_TIME_CELL_S
-}
-
-fn min_gain_nats() -> f64 {
-    DEFAULT_MIN_GAIN_NATS
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GridLayout {
-    cell_m: f64,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    depth_cell_m: Option<f64>,
-    #[serde(default)]
-    start_s: f64,
-    #[serde(default = "time_cell_s")]
-    time_cell_s: f64,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct SlotsLayout {
-    start_s: f64,
-    duration_s: f64,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    order: Vec<String>,
-}
-
-impl Default for SlotsLayout {
-    fn default() -> Self {
-        Self { start_s: 0.0, duration_s: DEFAULT_SLOT_S, order: Vec::new() }
-    }
-}
-
-impl SlotsLayout {
-    fn of(slots: &Slots) -> Self {
-        let order = slots.order.iter().map(|name| name.as_str().to_owned()).collect();
-        Self { start_s: slots.start_s, duration_s: slots.duration_s, order }
-    }
-
-    /// Returns the slots of these members. If the file has no order, members transmit in the order of their numbers.
-    fn slots(&self, members: &BTreeMap<u8, VehicleId>) -> Result<Slots, TeamError> {
-        let is_known = |name: &VehicleId| name.as_str().is_empty() || members.values().any(|member| member == name);
-        let mut order: Vec<VehicleId> = self.order.iter().map(|name| VehicleId::new(name.as_str())).collect();
-        if let Some(name) = order.iter().find(|name| !is_known(name)) {
-            return Err(TeamError::UnknownMember { name: name.clone() });
-        }
-        if order.is_empty() {
-            order = members.values().cloned().collect();
-        }
-        let start_s = checked("slots.start_s", bounds::TIME_S, self.start_s)?;
-        Ok(Slots { start_s, ..Slots::cycle(checked("slots.duration_s", bounds::SLOT_S, self.duration_s)?, order) })
-    }
 }
 
 /// Schema version of a team file. It is read first, so that a newer file is refused as newer and not for an unknown
@@ -174,24 +83,19 @@ impl TeamFile {
             model_file: model_file.to_owned(),
             key_file: key_file.map(str::to_owned),
             log_digest: log_digest.map(str::to_owned),
-            epoch: team.epoch,
-            frame_bytes: team.frame_bytes,
+            epoch: Some(team.epoch),
+            frame_bytes: Some(team.frame_bytes),
             packets_per_sender_max: Some(team.packets_per_sender_max),
-            reports_per_sender_max: team.reports_per_sender_max,
-            transmissions_max: team.transmissions_max,
+            reports_per_sender_max: Some(team.reports_per_sender_max),
+            transmissions_max: Some(team.transmissions_max),
             piggyback: team.piggyback,
             track_tolerance_m: Some(team.track_tolerance_m),
-            extrapolation_s_max: team.extrapolation_s_max,
-            min_gain_nats: team.min_gain_nats,
-            exclusion_threshold_sd: team.exclusion_threshold_sd,
-            members: team.members.iter().map(|(&number, name)| (name.as_str().to_owned(), number)).collect(),
-            grid: GridLayout {
-                cell_m: team.grid.cell_m,
-                depth_cell_m: Some(team.grid.depth_cell_m),
-                start_s: team.grid.start_s,
-                time_cell_s: team.grid.time_cell_s,
-            },
-            slots: SlotsLayout::of(&team.slots),
+            extrapolation_s_max: Some(team.extrapolation_s_max),
+            min_gain_nats: Some(team.min_gain_nats),
+            exclusion_threshold_sd: Some(team.exclusion_threshold_sd),
+            members: team.members.iter().map(|(&number, name)| (name.clone(), number)).collect(),
+            grid: team.grid,
+            slots: team.slots.clone(),
             limits: team.limits,
         };
         let unwritable = |problem: &dyn std::fmt::Display| TeamError::Unwritable { problem: problem.to_string() };
@@ -220,62 +124,66 @@ impl TeamFile {
     /// slots or frames.
     pub fn team(&self, model: Model, key: Option<Key>) -> Result<Team, TeamError> {
         let mut members = BTreeMap::new();
-        for (name, &number) in &self.members {
-            let second = VehicleId::new(name.as_str());
+        for (second, &number) in &self.members {
             if let Some(first) = members.insert(number, second.clone()) {
-                return Err(TeamError::SameNumber { number, first, second });
+                return Err(TeamError::SameNumber { number, first, second: second.clone() });
             }
         }
-        if members.is_empty() {
-            return Err(TeamError::Members { found: 0 });
-        }
-        let window = self
-            .packets_per_sender_max
-            .unwrap_or_else(|| default_packets_per_sender_max(members.len(), self.frame_bytes));
-        for (name, limit, bounds) in self.limits.entries() {
-            checked(&format!("limits.{name}"), bounds, limit as f64)?;
-        }
-        let team = Team {
-            grid: Grid {
-                cell_m: checked("grid.cell_m", bounds::LENGTH_M, self.grid.cell_m)?,
-                depth_cell_m: checked("grid.depth_cell_m", bounds::LENGTH_M, self.grid.depth_cell_m.unwrap_or(1.0))?,
-                start_s: checked("grid.start_s", bounds::TIME_S, self.grid.start_s)?,
-                time_cell_s: checked("grid.time_cell_s", bounds::SLOT_S, self.grid.time_cell_s)?,
-            },
-            frame_bytes: self.frame_bytes,
-            slots: self.slots.slots(&members)?,
-            key,
-            epoch: self.epoch,
-            packets_per_sender_max: checked("packets_per_sender_max", bounds::WINDOW, window.into())? as u16,
-            reports_per_sender_max: checked(
-                "reports_per_sender_max",
-                bounds::WINDOW,
-                self.reports_per_sender_max.into(),
-            )? as u16,
-            transmissions_max: self.transmissions_max,
-            piggyback: self.piggyback,
-            extrapolation_s_max: checked("extrapolation_s_max", bounds::EXTRAPOLATION_S, self.extrapolation_s_max)?,
-            track_tolerance_m: checked(
-                "track_tolerance_m",
-                bounds::LENGTH_M,
-                self.track_tolerance_m.unwrap_or(DEFAULT_TRACK_TOLERANCE_CELLS * self.grid.cell_m),
-            )?,
-            exclusion_threshold_sd: checked(
-                "exclusion_threshold_sd",
-                bounds::EXCLUSION_THRESHOLD,
-                self.exclusion_threshold_sd,
-            )?,
-            min_gain_nats: checked("min_gain_nats", bounds::MIN_GAIN_NATS, self.min_gain_nats)?,
-            limits: self.limits,
-            members: Members::new(members),
-            model,
+        let default = Team::new(members.values().cloned(), model, [])?;
+        let default = match self.frame_bytes {
+            Some(frame_bytes) => default.with_frames(frame_bytes),
+            None => default,
         };
-        team.layout(team.frame_bytes)?;
-        checked("frame_bytes", bounds::FRAME_BYTES, team.frame_bytes as f64)?;
+        let tolerance_m = DEFAULT_TRACK_TOLERANCE_CELLS * self.grid.cell_m;
+        let order = if self.slots.order.is_empty() { &default.slots.order } else { &self.slots.order };
+        let team = Team {
+            slots: Slots { order: order.clone(), ..self.slots.clone() },
+            members: Members::new(members),
+            grid: self.grid,
+            key,
+            epoch: self.epoch.unwrap_or(default.epoch),
+            packets_per_sender_max: self.packets_per_sender_max.unwrap_or(default.packets_per_sender_max),
+            reports_per_sender_max: self.reports_per_sender_max.unwrap_or(default.reports_per_sender_max),
+            transmissions_max: self.transmissions_max.unwrap_or(default.transmissions_max),
+            piggyback: self.piggyback,
+            track_tolerance_m: self.track_tolerance_m.unwrap_or(tolerance_m),
+            extrapolation_s_max: self.extrapolation_s_max.unwrap_or(default.extrapolation_s_max),
+            min_gain_nats: self.min_gain_nats.unwrap_or(default.min_gain_nats),
+            exclusion_threshold_sd: self.exclusion_threshold_sd.unwrap_or(default.exclusion_threshold_sd),
+            limits: self.limits,
+            ..default
+        };
+        check(&team)?;
         Ok(team)
     }
 }
 
-fn checked(key: &str, bounds: Bounds, value: f64) -> Result<f64, TeamError> {
-    bounds.check(value).ok_or_else(|| TeamError::OutOfRange { key: key.to_owned(), expected: bounds, value })
+/// Checks the schedule and all numbers of a team.
+fn check(team: &Team) -> Result<(), TeamError> {
+    let is_known = |name: &&VehicleId| name.as_str().is_empty() || team.is_member(name);
+    if let Some(name) = team.slots.order.iter().find(|name| !is_known(name)) {
+        return Err(TeamError::UnknownMember { name: name.clone() });
+    }
+    team.layout(team.frame_bytes)?;
+    let numbers: [(&str, Bounds, f64); 13] = [
+        ("grid.cell_m", bounds::LENGTH_M, team.grid.cell_m),
+        ("grid.depth_cell_m", bounds::LENGTH_M, team.grid.depth_cell_m),
+        ("grid.start_s", bounds::TIME_S, team.grid.start_s),
+        ("grid.time_cell_s", bounds::SLOT_S, team.grid.time_cell_s),
+        ("slots.start_s", bounds::TIME_S, team.slots.start_s),
+        ("slots.duration_s", bounds::SLOT_S, team.slots.duration_s),
+        ("frame_bytes", bounds::FRAME_BYTES, team.frame_bytes as f64),
+        ("packets_per_sender_max", bounds::WINDOW, team.packets_per_sender_max.into()),
+        ("reports_per_sender_max", bounds::WINDOW, team.reports_per_sender_max.into()),
+        ("track_tolerance_m", bounds::LENGTH_M, team.track_tolerance_m),
+        ("extrapolation_s_max", bounds::EXTRAPOLATION_S, team.extrapolation_s_max),
+        ("min_gain_nats", bounds::MIN_GAIN_NATS, team.min_gain_nats),
+        ("exclusion_threshold_sd", bounds::EXCLUSION_THRESHOLD, team.exclusion_threshold_sd),
+    ];
+    let numbers = numbers.into_iter().map(|(key, bounds, value)| (key.to_owned(), bounds, value));
+    let limits = team.limits.entries().map(|(name, limit, bounds)| (format!("limits.{name}"), bounds, limit as f64));
+    match numbers.chain(limits).find(|(_, bounds, value)| bounds.check(*value).is_none()) {
+        Some((key, expected, value)) => Err(TeamError::OutOfRange { key, expected, value }),
+        None => Ok(()),
+    }
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use pingmap_packet::SLOTS;
+use serde::{Deserialize, Serialize};
 
 use crate::types::event::VehicleId;
 
@@ -10,16 +11,20 @@ use crate::types::event::VehicleId;
 ///
 /// Slots are numbered by time, from [`Slots::start_s`] on. A vehicle that misses messages therefore keeps the right
 /// slot number.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Slots {
     /// Beginning of slot 0, in seconds.
     pub start_s: f64,
     /// Length of a slot in seconds.
     pub duration_s: f64,
-    /// Senders of one cycle, from slot 0 on. An empty name continues the slot before it.
+    /// Senders of one cycle, from slot 0 on. An empty name continues the slot before it. In a team file without an
+    /// order, members transmit in the order of their numbers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub order: Vec<VehicleId>,
     /// Transmissions in the order of time, in place of a cycle: for logs without a known schedule. The number of a slot
-    /// is then its index in this list.
+    /// is then its index in this list. Files cannot contain it.
+    #[serde(skip)]
     pub explicit: Option<Arc<[ScheduledTransmission]>>,
 }
 
@@ -32,6 +37,13 @@ pub struct ScheduledTransmission {
     pub sender: VehicleId,
     /// The members that could have received it.
     pub listeners: Vec<VehicleId>,
+}
+
+impl Default for Slots {
+    /// Returns slots of ten seconds without senders.
+    fn default() -> Self {
+        Self::cycle(10.0, Vec::new())
+    }
 }
 
 /// Tolerance of times, in seconds. Times that differ by less are equal.

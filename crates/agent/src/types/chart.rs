@@ -54,27 +54,3 @@ impl Chart {
         (position.east_m - self.origin.east_m, position.north_m - self.origin.north_m)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_origin_is_round_and_central() {
-        let chart = Chart::about([Position::new(431_000.0, 4_700_020.0), Position::new(431_180.0, 4_700_000.0)]);
-        assert_eq!(chart.origin, Position::new(431_100.0, 4_700_000.0));
-        assert_eq!(chart.local_m(&Position::new(431_110.0, 4_699_990.0)), (10.0, -10.0));
-        assert_eq!(Chart::about([]).origin, Position::new(0.0, 0.0));
-    }
-
-    #[test]
-    fn the_scale_is_the_rms_distance_of_positions_from_their_mean() {
-        let square = |half: f64| [(half, half), (half, -half), (-half, half), (-half, -half)];
-        let chart = |half| Chart::about(square(half).map(|(east_m, north_m)| Position::new(east_m + 5e5, north_m)));
-        assert_eq!(chart(500.0).scale_m, 710.0);
-        assert!((chart(0.5).scale_m - 0.71).abs() < 1e-12);
-        for nowhere in [Chart::about([]), chart(0.0), Chart::about([Position::new(3.0, 4.0)])] {
-            assert_eq!(nowhere.scale_m, SCALE_FALLBACK_M);
-        }
-    }
-}

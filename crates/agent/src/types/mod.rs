@@ -6,3 +6,4 @@ pub(crate) mod query;
 pub(crate) mod reference_system;
 pub(crate) mod chart;
 pub(crate) mod limits;
+pub(crate) mod sharing;

@@ -33,7 +33,7 @@ fn team() -> Arc<Team> {
 
 fn vehicle(team: &Arc<Team>, name: &str, events: Vec<Event>) -> Agent {
     let mut agent = Agent::new(VehicleId::new(name), team.clone(), AgentOptions::default());
-    agent.record_all(events).unwrap();
+    agent.record(events).unwrap();
     agent.refit().unwrap();
     agent
 }
@@ -56,7 +56,7 @@ fn an_adapted_vehicle_predicts_better_and_continues_from_its_last_optimum() {
     assert_eq!(agent.team().model.prior, team.model.prior);
 
     // New events are absorbed under its own model until it adapts again.
-    agent.record_all(events("a", 100, 0.0).into_iter().skip(80)).unwrap();
+    agent.record(events("a", 100, 0.0).into_iter().skip(80)).unwrap();
     assert_eq!(agent.posterior(Which::Fused).unwrap().prior(), &first.model.prior);
     assert_eq!(agent.posterior(Which::Own).unwrap().prior(), &team.model.prior);
     let absorbed = probabilities(&mut agent, &links);

@@ -36,7 +36,7 @@ proptest! {
         let mut agent = vehicle(&Arc::new(team(2, model)), 0, events[..first].iter().cloned());
         agent.rebuild().unwrap();
         for (n, event) in events[first..].iter().enumerate() {
-            agent.record(event.clone()).unwrap();
+            agent.record([event.clone()]).unwrap();
             if asked >> n & 1 == 1 {
                 test_probabilities(&mut agent);
             }
@@ -66,7 +66,7 @@ fn a_refit_becomes_due_after_many_new_events() {
     let team = Arc::new(team(2, model()));
     let mut agent = vehicle(&team, 0, []);
     for event in walk(0, 70, 0.0) {
-        agent.record(event).unwrap();
+        agent.record([event]).unwrap();
         if agent.refit_due() {
             agent.refit().unwrap();
         }
@@ -95,9 +95,9 @@ fn numbers_that_are_not_finite_are_refused_and_nothing_is_recorded() {
         events[3].link.receiver.depth_m = Some(bad);
         for event in events {
             // The good event before it is not recorded either.
-            let error = agent.record_all([good.clone(), event.clone()]).unwrap_err();
+            let error = agent.record([good.clone(), event.clone()]).unwrap_err();
             assert!(matches!(error, AgentError::NoTime { .. } | AgentError::Nowhere { .. }), "{error} {event:?}");
-            assert!(agent.record(event).is_err());
+            assert!(agent.record([event]).is_err());
         }
         assert!(matches!(agent.probability(link([bad, 0.0, 0.0, 0.0])), Err(AgentError::Method(_))));
         let position = |east_m| Position::new(east_m, 0.0);
@@ -208,7 +208,7 @@ fn a_large_fit_is_amended_and_sometimes_made_again() {
     let mut fits = 0;
     for events in all[300..].chunks(5) {
         let before = agent.status().fit;
-        agent.record_all(events.iter().cloned()).unwrap();
+        agent.record(events.iter().cloned()).unwrap();
         assert!(agent.refit_due());
         agent.refit().unwrap();
         assert!(!agent.refit_due());
@@ -255,9 +255,9 @@ fn one_frame_halves_the_error_in_a_region_without_own_events() {
 fn options_can_change_without_loss_of_data() {
     let mut agent = vehicle(&Arc::new(team(2, model())), 0, walk(0, 30, 0.0));
     let before = agent.snapshot();
-    agent.set_options(AgentOptions { sharing: Sharing::reports(), ..*agent.options() });
+    agent.options.sharing = Sharing::reports();
     assert_eq!(agent.next_frame(None, 32), Ok(None), "the events have no slots, and reports need slots");
-    agent.set_options(AgentOptions { sharing: Sharing::default(), ..*agent.options() });
+    agent.options.sharing = Sharing::default();
     assert_eq!(agent.snapshot(), before);
     assert!(agent.next_frame(None, 32).unwrap().is_some());
 }

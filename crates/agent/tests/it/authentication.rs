@@ -83,7 +83,7 @@ fn an_authenticated_report_with_any_changed_bit_is_refused_and_changes_nothing()
     let link = link([0.0, 0.0, 100.0, 0.0]);
     let event =
         |n: usize| Event { transmitter_id: name(n % 3), ..event_at(2, 10.0 * n as f64, link, n.is_multiple_of(2)) };
-    sender.record_all((0..30).filter(|n| n % 3 != 2).map(event)).unwrap();
+    sender.record((0..30).filter(|n| n % 3 != 2).map(event)).unwrap();
     let report = sender.next_frame(None, 32).unwrap().unwrap();
     let mut agent = listener();
     let before = agent.snapshot();
@@ -168,7 +168,7 @@ fn counters_continue_after_a_restart_from_a_snapshot() {
         let bytes = agent.next_frame(Some(0.0), 32).unwrap().unwrap();
         counters.push(counter(&bytes, &team));
         agent = restored(&agent, &agent.snapshot());
-        agent.record_all(walk(0, 20 + 5 * n, 0.9)).unwrap();
+        agent.record(walk(0, 20 + 5 * n, 0.9)).unwrap();
         agent.refit().unwrap();
     }
     assert_eq!(counters, [0, 1, 2, 3]);

@@ -24,7 +24,7 @@ fn claims(trip: &Trip, is_claimed: impl Fn(u32) -> bool) -> Vec<Vec<u8>> {
 /// Predictions from own events after a fit from nothing.
 fn own_probabilities(agent: &mut Agent) -> Vec<u64> {
     agent.rebuild().unwrap();
-    let predicted = agent.predict(test_links(), PredictOptions::own()).unwrap();
+    let predicted = agent.predict(test_links(), Which::Own).unwrap();
     bits(&predicted.iter().map(|prediction| prediction.probability).collect::<Vec<_>>())
 }
 
@@ -59,7 +59,7 @@ fn false_claims_are_found_in_any_order_of_reports_and_events() {
     let mut last = trip.vehicle_with_events(0, []);
     receive_all(&mut last, reports.iter().rev());
     for event in trip.events(0).into_iter().rev() {
-        last.record(event).unwrap();
+        last.record([event]).unwrap();
     }
     assert!(member(&last, &name(1)).is_ignored(IgnoreReason::FalseClaims));
     assert_eq!(own_probabilities(&mut first), own_probabilities(&mut last));
@@ -115,7 +115,7 @@ fn a_wrong_track_is_found_in_any_order_of_reports_and_events() {
         last.probability(test_links()[0]).unwrap();
     }
     for event in trip.events(0) {
-        last.record(event).unwrap();
+        last.record([event]).unwrap();
         last.probability(test_links()[0]).unwrap();
     }
     assert_eq!(bits(&rebuilt_probabilities(&mut first)), bits(&rebuilt_probabilities(&mut last)));

@@ -81,16 +81,16 @@ fn cost(count: usize) -> Cost {
         success: true,
         ..event(0, 3 * n + 1)
     });
-    agent.record_all(late.chain(events(0, 12..slots))).unwrap();
+    agent.record(late.chain(events(0, 12..slots))).unwrap();
     agent.refit().unwrap();
-    other.record_all(events(1, slots - 60..slots)).unwrap();
+    other.record(events(1, slots - 60..slots)).unwrap();
     other.refit().unwrap();
     let frame = other.next_frame(Some(SLOT_S * slots as f64), 32).unwrap().unwrap();
     let query = event(0, slots + 1).query();
     agent.probability(query).unwrap();
 
     let mut records: Vec<usize> =
-        events(0, slots..slots + 24).map(|event| allocated(|| agent.record(event).unwrap()).1).collect();
+        events(0, slots..slots + 24).map(|event| allocated(|| agent.record([event]).unwrap()).1).collect();
     records.sort_unstable();
     let record = records[records.len() / 2];
     agent.probability(query).unwrap();
@@ -140,7 +140,7 @@ fn a_flood_of_frames_of_one_member_leaves_memory_and_cost_within_their_bounds() 
     let mut agent = Agent::new(names(3)[0].clone(), team.clone(), AgentOptions::default());
     let slots = 20_000;
     let now_s = Some(SLOT_S * slots as f64);
-    agent.record_all(events(0, 0..900)).unwrap();
+    agent.record(events(0, 0..900)).unwrap();
     agent.record_positions([(0.0, position(0, 0.0)), (SLOT_S * slots as f64, position(0, 0.0))]).unwrap();
     let codec = agent.codec().clone();
     // Without a flood: as many reports as a member may have.

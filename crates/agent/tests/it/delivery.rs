@@ -46,7 +46,7 @@ impl Mission {
             if sender != number {
                 let link = Link { transmitter: self.place(sender), receiver: self.place(number) };
                 let event = event_at(number, slot_s(slot), link, is_heard(slot));
-                agent.record(Event { transmitter_id: name(sender), ..event }).unwrap();
+                agent.record([Event { transmitter_id: name(sender), ..event }]).unwrap();
             }
         }
     }
@@ -113,7 +113,7 @@ fn the_switch_for_acknowledgements_makes_every_transmission_count_as_lost() {
     let mission = Mission::new(2);
     let mut agent = mission.vehicle(0, 0..PART, |_| true);
     let sharing = Sharing { acknowledgements: false, ..Sharing::reports() };
-    agent.set_options(AgentOptions { sharing, ..*agent.options() });
+    agent.options.sharing = sharing;
     mission.next_report(&mut agent, PART);
     receive_all(&mut agent, &frames(&mut mission.vehicle(1, 0..PART + 8, |_| true), 8));
     assert!(agent.next_frame(Some(slot_s(PART + 4)), 32).unwrap().is_some());
@@ -126,7 +126,7 @@ fn reports_of_a_muted_member_acknowledge_nothing() {
     mission.next_report(&mut agent, PART);
     receive_all(&mut agent, &frames(&mut mission.vehicle(1, 0..PART + 8, |_| true), 8));
     let mut muting = agent.clone();
-    muting.mute(&name(1));
+    muting.set_muted(&name(1), true);
     assert_eq!(agent.next_frame(Some(slot_s(PART + 2)), 32).unwrap(), None);
     assert!(muting.next_frame(Some(slot_s(PART + 2)), 32).unwrap().is_some());
 }
@@ -138,9 +138,9 @@ fn muting_the_only_acknowledging_member_makes_reports_worth_sending_again() {
     mission.next_report(&mut agent, PART);
     receive_all(&mut agent, &frames(&mut mission.vehicle(1, 0..PART + 8, |_| true), 8));
     assert_eq!(agent.next_frame(Some(slot_s(PART + 2)), 32).unwrap(), None);
-    agent.mute(&name(1));
+    agent.set_muted(&name(1), true);
     assert!(agent.next_frame(Some(slot_s(PART + 2)), 32).unwrap().is_some());
-    agent.unmute(&name(1));
+    agent.set_muted(&name(1), false);
     assert_eq!(agent.next_frame(Some(slot_s(PART + 4)), 32).unwrap(), None);
 }
 

@@ -22,7 +22,7 @@ fn entries_of(trip: &Trip, number: usize, unused: &BTreeSet<u32>) -> Vec<Entry> 
     for slot in 0..trip.slots {
         let time_s = slot_s(slot);
         agent.record_positions([(time_s, trip.at(number, slot))]).unwrap();
-        agent.record_all(trip.event(slot, number)).unwrap();
+        agent.record(trip.event(slot, number)).unwrap();
         if trip.sender(slot) != number {
             continue;
         }

@@ -46,7 +46,7 @@ fn a_member_that_contradicts_all_others_is_excluded_in_any_order_of_arrival() {
     receive_all(&mut without, &correct);
     assert!(largest_difference(&test_probabilities(&mut without), &orders[0]) < 1e-9);
     let mut muted = agent.clone();
-    muted.mute(&name(2));
+    muted.set_muted(&name(2), true);
     receive_all(&mut muted, faulty.iter().chain(&correct));
     assert_eq!((excluded(&muted).len(), muted.discrepancy(&name(2)).unwrap()), (0, None));
     assert!(largest_difference(&test_probabilities(&mut muted), &orders[0]) < 1e-9);

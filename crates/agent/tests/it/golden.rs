@@ -124,13 +124,13 @@ fn snapshot(team: Team) -> Vec<u8> {
         let kind = (n == 3).then(|| MessageKind::new("fast"));
         let (time_s, success) = (10.5 * f64::from(n), n % 2 == 0);
         agent
-            .record(Event { time_s, transmitter_id: bob.clone(), receiver_id: ada.clone(), link, kind, success })
+            .record([Event { time_s, transmitter_id: bob.clone(), receiver_id: ada.clone(), link, kind, success }])
             .unwrap();
     }
     let place = Position { depth_m: has_depth.then_some(1.5), ..Position::new(500_010.0, 4_900_020.0) };
     agent.record_positions([(3.0, place), (75.0, place)]).unwrap();
     let mut reporter = agent.clone();
-    reporter.set_options(reports_alone());
+    reporter.options = reports_alone();
     let own_report = reporter.next_frame(None, 32).unwrap();
     let frame = |sender, counter, shift: i8| {
         let mut message = summary(layout, sender, counter);
@@ -149,7 +149,7 @@ fn snapshot(team: Team) -> Vec<u8> {
     }
     agent.apply(Entry::UnusedSlot { sender: eve.clone(), slot: 2 }).unwrap();
     agent.apply(Entry::Piggyback { sender: eve.clone(), newest: 4, outcomes: vec![true, false] }).unwrap();
-    agent.mute(&eve);
+    agent.set_muted(&eve, true);
     let status = agent.status();
     assert_eq!((status.live_packets, status.members[&bob].conflicts), (3, 1));
     agent.snapshot()

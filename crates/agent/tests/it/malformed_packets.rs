@@ -46,7 +46,7 @@ fn check_probabilities(agent: &mut Agent) -> Result<(), TestCaseError> {
     let received = agent.links_of_packets().into_iter().flat_map(|(_, _, links)| links);
     let places: Vec<Link> = received.chain(test_links()).collect();
     for _ in 0..2 {
-        let p = agent.predict(&places, PredictOptions::default());
+        let p = agent.predict(&places, Which::Fused);
         let p = p.map_err(|error| TestCaseError::fail(error.to_string()))?;
         prop_assert!(p.iter().all(|p| (0.0..=1.0).contains(&p.probability)), "{:?}", p);
         agent.rebuild().unwrap();

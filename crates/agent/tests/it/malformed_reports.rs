@@ -21,7 +21,7 @@ fn a_vehicle_that_stores_few_reports_sends_as_many_and_then_stops() {
     for (max, sharing) in [(1, Sharing::reports()), (2, Sharing::reports()), (3, Sharing::default())] {
         let trip = trip.with_team(|team| team.reports_per_sender_max = max);
         let mut agent = trip.vehicle(0);
-        agent.set_options(AgentOptions { sharing, ..*agent.options() });
+        agent.options.sharing = sharing;
         let frames = frames(&mut agent, 100);
         // A report displaces another one only if it holds something new. Summaries describe what reports no longer
         // hold.
@@ -58,7 +58,7 @@ proptest! {
             agent.receive(&bytes, Some(slot_s(64)));
         }
         agent.rebuild().unwrap();
-        let mut restored = Agent::restore(name(0), trip.team.clone(), *agent.options(), &agent.snapshot()).unwrap();
+        let mut restored = Agent::restore(name(0), trip.team.clone(), agent.options, &agent.snapshot()).unwrap();
         restored.rebuild().unwrap();
         prop_assert_eq!(remote_events(&agent), remote_events(&restored));
         prop_assert_eq!(bits(&test_probabilities(&mut agent)), bits(&test_probabilities(&mut restored)));
@@ -118,7 +118,7 @@ fn a_report_that_corrects_piggybacked_outcomes_counts_at_once() {
     // Vehicle 0 transmits in even slots. It heard vehicle 1 between them.
     let link = trip.event(1, 0).unwrap().link;
     let seen = (0..9).map(|n| event_at(0, 20.0 * f64::from(n) - 1.0, link, true));
-    agent.record_all(seen.map(|event| Event { transmitter_id: name(1), ..event })).unwrap();
+    agent.record(seen.map(|event| Event { transmitter_id: name(1), ..event })).unwrap();
     // Outcomes of slots 14, 12, … 0, all inverted.
     let inverted = OutcomeBitmap { slot_mod: 14, outcomes: (0..8).map(|n| (14 - 2 * n) % 4 >= 2).collect() };
     let report = trip.reports_of(1).remove(0);

@@ -55,12 +55,12 @@ fn run(fleet: &Fleet, window: u16, steps: &[Step]) -> (Agent, Vec<Entry>) {
     let (mut journal, mut snapshot) = (Vec::new(), agent.snapshot());
     let mut events = fleet.events[0].iter();
     for step in steps {
-        let (number, sent_number) = agent.next_numbers();
+        let Status { next_event: number, next_frame: sent_number, .. } = agent.status();
         match step {
             Step::Record => {
                 let Some(event) = events.next() else { continue };
                 journal.push(Entry::Observed { number, event: event.clone() });
-                agent.record(event.clone()).unwrap();
+                agent.record([event.clone()]).unwrap();
             }
             Step::Receive(frame) => {
                 let bytes = frame.get(&frames).clone();
@@ -80,7 +80,7 @@ fn run(fleet: &Fleet, window: u16, steps: &[Step]) -> (Agent, Vec<Entry>) {
             Step::Predict => drop(test_probabilities(&mut agent)),
             Step::Restart => {
                 let before = agent.snapshot();
-                agent = Agent::restore(agent.id().clone(), team.clone(), *agent.options(), &snapshot).unwrap();
+                agent = Agent::restore(agent.id().clone(), team.clone(), agent.options, &snapshot).unwrap();
                 journal.iter().for_each(|entry| drop(agent.apply(entry.clone()).unwrap()));
                 assert_eq!(agent.snapshot(), before);
                 snapshot = before;
@@ -113,7 +113,8 @@ proptest! {
             other.apply(journal[place].clone()).unwrap();
         }
         prop_assert!(other.snapshot() == agent.snapshot(), "{:?}\n{:?}", agent.links_of_packets(), other.links_of_packets());
-        prop_assert_eq!(other.next_numbers(), agent.next_numbers());
+        let next_numbers = |agent: &Agent| (agent.status().next_event, agent.status().next_frame);
+        prop_assert_eq!(next_numbers(&other), next_numbers(&agent));
         // Absorbed data give the same as a rebuild from the same fit, and both vehicles predict the same.
         agent.refit().unwrap();
         let absorbed = test_probabilities(&mut agent);
@@ -159,7 +160,7 @@ fn two_equal_events_are_two_and_one_event_applied_twice_is_one() {
     for number in [0, 1, 1, 0] {
         agent.apply(Entry::Observed { number, event: event.clone() }).unwrap();
     }
-    assert_eq!((agent.events().len(), agent.next_numbers().0), (2, 2));
+    assert_eq!((agent.events().len(), agent.status().next_event), (2, 2));
     // No correct host gives one number to two events. The memory keeps the same one of them in either order.
     let other = Event { time_s: -5.0, ..event.clone() };
     let both = [[&event, &other], [&other, &event]].map(|[first, second]| {
@@ -190,18 +191,18 @@ fn events_of_other_receivers_and_numbers_out_of_bounds_are_refused() {
     let mut agent = vehicle(&Arc::new(team(2, model())), 0, walk(0, 3, 0.0));
     let before = agent.snapshot();
     let theirs = walk(1, 1, 0.0).remove(0);
-    assert!(matches!(agent.record(theirs.clone()), Err(AgentError::NotMine { .. })));
+    assert!(matches!(agent.record([theirs.clone()]), Err(AgentError::NotMine { .. })));
     let applied = agent.apply(Entry::Observed { number: 9, event: theirs.clone() });
     assert!(matches!(applied, Err(AgentError::NotMine { .. })));
     let mut far = walk(0, 1, 0.0).remove(0);
     far.link.receiver.north_m = 1.1e9;
-    assert_eq!(agent.record(far.clone()), Err(AgentError::Nowhere { value_m: 1.1e9 }));
+    assert_eq!(agent.record([far.clone()]), Err(AgentError::Nowhere { value_m: 1.1e9 }));
     far.link.receiver.north_m = 0.0;
     let number = 1 << 48;
     assert_eq!(agent.apply(Entry::Observed { number, event: far }), Err(AgentError::NumberTooLarge { number }));
     assert_eq!(agent.snapshot(), before);
-    agent.set_options(AgentOptions { record_all_receivers: true, ..*agent.options() });
-    agent.record(theirs).unwrap();
+    agent.options.record_all_receivers = true;
+    agent.record([theirs]).unwrap();
     assert_eq!(agent.events().len(), 4);
 }
 
@@ -222,7 +223,7 @@ fn two_vehicles_under_one_number_are_detected() {
     // Each of the two vehicles detects the other, and continues with counters that the other has not used.
     assert_eq!(first.receive(&packets[1][1], None), Receipt::Refused(Refusal::Conflict { counter: 1 }));
     assert_eq!(first.status().counts.conflict, 1);
-    first.record_all(walk(1, 40, 1.4)).unwrap();
+    first.record(walk(1, 40, 1.4)).unwrap();
     first.refit().unwrap();
     let bytes = first.next_frame(None, 32).unwrap().unwrap();
     assert_eq!(first.codec().read(&bytes).unwrap().1.counter, 1 + team.packets_per_sender_max);
@@ -243,18 +244,18 @@ fn muting_ignores_stored_and_later_packets_until_unmuting() {
     assert!(largest_difference(&without, &with) > 1e-3);
 
     let mut agent = listener();
-    agent.mute(&one);
+    agent.set_muted(&one, true);
     receive_all(&mut agent, packets.iter().flatten());
     assert!(largest_difference(&test_probabilities(&mut agent), &without) < 1e-9);
     assert!(
         member(&agent, &one).is_ignored(IgnoreReason::Muted) && !member(&agent, &two).is_ignored(IgnoreReason::Muted)
     );
-    agent.unmute(&one);
+    agent.set_muted(&one, false);
     assert!(largest_difference(&test_probabilities(&mut agent), &with) < 1e-9);
     assert_eq!(agent.snapshot(), both.snapshot());
-    agent.mute(&two);
-    agent.mute(&one);
-    agent.unmute(&two);
+    agent.set_muted(&two, true);
+    agent.set_muted(&one, true);
+    agent.set_muted(&two, false);
     assert!(largest_difference(&test_probabilities(&mut agent), &without) < 1e-9);
     assert_eq!(agent.status().live_packets, packets[1].len());
 }
@@ -263,7 +264,7 @@ fn muting_ignores_stored_and_later_packets_until_unmuting() {
 fn muting_unknown_names_or_the_own_name_changes_nothing() {
     let mut agent = vehicle(&Arc::new(team(2, model())), 0, walk(0, 20, 0.3));
     let before = (agent.snapshot(), agent.status());
-    agent.mute(&name(0));
-    agent.mute(&VehicleId::new("a ship"));
+    agent.set_muted(&name(0), true);
+    agent.set_muted(&VehicleId::new("a ship"), true);
     assert_eq!((agent.snapshot(), agent.status()), before);
 }

@@ -27,7 +27,7 @@ fn messages(trip: &Trip, number: usize, is_unused: impl Fn(u32) -> bool) -> Vec<
     let mut all: Vec<Message> =
         piggyback.map(|bits| Message::Piggyback { sender: name(number), time_s: end_s, bits }).into_iter().collect();
     all.extend(frames(&mut agent, 20).into_iter().map(Message::Frame));
-    agent.set_options(summaries_alone());
+    agent.options = summaries_alone();
     all.extend(frames(&mut agent, 3).into_iter().map(Message::Frame));
     all
 }
@@ -42,7 +42,7 @@ fn receive(agent: &mut Agent, message: &Message) {
 /// Predictions after a fit from nothing, and the next frame.
 fn results(mut agent: Agent) -> (Vec<u64>, Option<Vec<u8>>) {
     let probabilities = bits(&rebuilt_probabilities(&mut agent));
-    agent.set_options(AgentOptions::default());
+    agent.options = AgentOptions::default();
     (probabilities, agent.next_frame(Some(1e5), 64).unwrap())
 }
 
@@ -67,7 +67,7 @@ proptest! {
             receive(&mut muting, message);
             if index == muted_after {
                 muting.probability(test_links()[0]).unwrap();
-                muting.mute(&name(1));
+                muting.set_muted(&name(1), true);
             }
             if *number != 1 {
                 receive(&mut without, message);
@@ -78,7 +78,7 @@ proptest! {
         prop_assert_eq!(&results(restored), &expected);
         prop_assert_eq!(&results(muting.clone()), &expected);
         // Unmuting restores everything.
-        muting.unmute(&name(1));
+        muting.set_muted(&name(1), false);
         let mut believing = trip.vehicle(0);
         all.iter().for_each(|(_, message)| receive(&mut believing, message));
         prop_assert_eq!(results(muting), results(believing));
@@ -91,17 +91,17 @@ fn the_status_names_each_reason_and_since_when() {
     let mut agent = vehicle(&team, 0, walk(0, 20, 0.0));
     let link = test_links()[0];
     assert!(member(&agent, &name(1)).ignored.is_empty());
-    agent.mute(&name(1));
+    agent.set_muted(&name(1), true);
     agent.probability(link).unwrap();
     // The clock stands at the last event, which is the 20th in steps of ten seconds.
     let since = [(IgnoreReason::Muted, 190.0)].into();
     assert_eq!(member(&agent, &name(1)).ignored, since);
-    agent.record_all(walk(0, 30, 0.0).into_iter().skip(20)).unwrap();
+    agent.record(walk(0, 30, 0.0).into_iter().skip(20)).unwrap();
     agent.refit().unwrap();
     assert_eq!(member(&agent, &name(1)).ignored, since, "the reason is older than the new events");
-    agent.unmute(&name(1));
+    agent.set_muted(&name(1), false);
     assert!(member(&agent, &name(1)).ignored.is_empty());
     agent.probability(link).unwrap();
-    agent.mute(&name(1));
+    agent.set_muted(&name(1), true);
     assert_eq!(member(&agent, &name(1)).ignored, [(IgnoreReason::Muted, 290.0)].into());
 }

@@ -31,7 +31,7 @@ fn messages(trip: &Trip, number: usize) -> Vec<Message> {
         if trip.sender(slot) == number {
             messages.extend(agent.piggyback(time_s, N_BITS).map(|bits| (number, time_s, bits)));
         }
-        agent.record_all(trip.event(slot, number)).unwrap();
+        agent.record(trip.event(slot, number)).unwrap();
     }
     messages
 }
@@ -201,7 +201,7 @@ fn a_clock_that_is_slightly_behind_reads_the_same_slots() {
     let link = link([0.0, 0.0, 300.0, 0.0]);
     for slot in (2..120).step_by(4) {
         let event = event_at(1, slot_s(slot), link, slot % 3 == 0);
-        agent.record(Event { transmitter_id: name(0), ..event }).unwrap();
+        agent.record([Event { transmitter_id: name(0), ..event }]).unwrap();
     }
     for slot in (48..120).step_by(4) {
         let bits = agent.piggyback(slot_s(slot), N_BITS).unwrap();
@@ -257,7 +257,7 @@ fn a_vehicle_that_sends_no_reports_does_not_piggyback() {
     let trip = stationary(60, |_, _| Some(true));
     let mut agent = trip.vehicle(1);
     assert!(agent.piggyback(slot_s(61), N_BITS).is_some());
-    agent.set_options(summaries_alone());
+    agent.options = summaries_alone();
     assert_eq!(agent.piggyback(slot_s(61), N_BITS), None);
     let station = trip.station();
     assert_eq!(station.piggyback(slot_s(61), N_BITS), None, "it is no member");

@@ -7,10 +7,16 @@ use dgpc::Matrix;
 use pingmap_agent::*;
 use proptest::prelude::*;
 
+/// Ends of the interval of a prediction.
+fn ends(prediction: &Prediction) -> (f64, f64) {
+    let Interval { low, high, .. } = prediction.interval.unwrap();
+    (low, high)
+}
+
 /// Predicted intervals of some links.
 fn intervals(agent: &mut Agent, links: impl IntoIterator<Item = Link>) -> Vec<(f64, f64)> {
-    let predictions = agent.predict(links, PredictOptions::with_intervals()).unwrap();
-    predictions.into_iter().map(|prediction| prediction.interval.unwrap()).collect()
+    let predictions = agent.predict_intervals(links).unwrap();
+    predictions.into_iter().map(|prediction| ends(&prediction)).collect()
 }
 
 proptest! {
@@ -50,13 +56,13 @@ proptest! {
         let mut agent = vehicle(&fleet.team, 0, fleet.events[0].iter().take(fitted).cloned());
         agent.refit().unwrap();
         // The others come after the fit.
-        agent.record_all(fleet.events[0].iter().skip(fitted).cloned()).unwrap();
+        agent.record(fleet.events[0].iter().skip(fitted).cloned()).unwrap();
         receive_all(&mut agent, &fleet.packets(2));
-        let plain = agent.predict(&places, PredictOptions::default()).unwrap();
-        let with_intervals = agent.predict(&places, PredictOptions::with_intervals()).unwrap();
+        let plain = agent.predict(&places, Which::Fused).unwrap();
+        let with_intervals = agent.predict_intervals(&places).unwrap();
         for (plain, prediction) in plain.into_iter().zip(with_intervals) {
             prop_assert_eq!(plain, Prediction { interval: None, ..prediction });
-            let (low, high) = prediction.interval.unwrap();
+            let (low, high) = ends(&prediction);
             let p = prediction.probability;
             prop_assert!(0.0 <= low && low <= p && p <= high && high <= 1.0, "{} {} {}", low, p, high);
         }
@@ -65,13 +71,13 @@ proptest! {
     #[test]
     fn predictions_from_a_given_posterior_equal_those_of_the_agent(fleet in fleets(), places in prop::collection::vec(links(), 8)) {
         let mut agent = fleet.vehicle(0);
-        let own = agent.predict(&places, PredictOptions::own()).unwrap();
-        prop_assert_eq!(&own, &agent.predict(&places, PredictOptions::default()).unwrap(), "nothing was received yet");
+        let own = agent.predict(&places, Which::Own).unwrap();
+        prop_assert_eq!(&own, &agent.predict(&places, Which::Fused).unwrap(), "nothing was received yet");
         receive_all(&mut agent, &fleet.packets(2));
-        prop_assert_eq!(&agent.predict(&places, PredictOptions::own()).unwrap(), &own);
-        let fused = agent.predict(&places, PredictOptions::default()).unwrap();
+        prop_assert_eq!(&agent.predict(&places, Which::Own).unwrap(), &own);
+        let fused = agent.predict(&places, Which::Fused).unwrap();
         let posterior = agent.posterior(Which::Fused).unwrap().clone();
-        prop_assert_eq!(&agent.predict_from(&posterior, &places).unwrap(), &fused);
+        prop_assert_eq!(&agent.predict(&places, Which::Given(&posterior)).unwrap(), &fused);
         for (place, prediction) in places.iter().zip(&fused) {
             prop_assert!((0.0..=1.0).contains(&prediction.explained), "{prediction:?}");
             prop_assert!((agent.probability(place).unwrap() - prediction.probability).abs() < 1e-12);
@@ -92,7 +98,7 @@ fn the_prediction_returns_to_even_odds_beyond_all_data_only_if_allowed() {
     assert!((agent.probability(far.swapped()).unwrap() - capped).abs() < 1e-9);
     let [near, beyond] = [part, far].map(|link| intervals(&mut agent, [link])[0]);
     assert!(beyond.0 <= near.0 && beyond.1 == near.1, "{near:?} {beyond:?}");
-    agent.set_options(AgentOptions { allow_extrapolated_increase: true, ..*agent.options() });
+    agent.options.allow_extrapolated_increase = true;
     let allowed = agent.probability(far).unwrap();
     assert!(capped < 0.48 && (allowed - 0.5).abs() < 0.01, "{capped} {allowed}");
 }
@@ -117,7 +123,7 @@ fn the_interval_posterior_follows_new_data() {
     let place = test_links()[0];
     let before = intervals(&mut agent, [place]);
     assert_eq!(intervals(&mut agent, [place]), before);
-    agent.record_all((0..5).map(|n| event_at(0, 500.0 + f64::from(n), place, true))).unwrap();
+    agent.record((0..5).map(|n| event_at(0, 500.0 + f64::from(n), place, true))).unwrap();
     let after = intervals(&mut agent, [place]);
     assert!(after[0].0 > before[0].0, "{before:?} {after:?}");
     let mut restored = restored(&agent, &agent.snapshot());
@@ -132,7 +138,7 @@ fn events_explain_nearby_links_and_draws_spread_as_intervals_do() {
     let places =
         [[0.0, 0.0, 100.0, 0.0], [300.0, 0.0, 350.0, 40.0], [60_000.0, 60_000.0, 60_100.0, 60_000.0]].map(link);
     let explained = |agent: &mut Agent, links: &[Link]| {
-        let predictions = agent.predict(links, PredictOptions::default()).unwrap();
+        let predictions = agent.predict(links, Which::Fused).unwrap();
         predictions.iter().map(|prediction| prediction.explained).collect::<Vec<f64>>()
     };
     // Without events nothing is explained.
@@ -148,12 +154,13 @@ fn events_explain_nearby_links_and_draws_spread_as_intervals_do() {
     let unit = Matrix::from_fn(3, 4, |row, draw| f64::from(u8::from(row + 1 == draw)));
     let widened = Matrix::from_fn(3, 4, |row, draw| INTERVAL_WIDENING * unit.column(draw)[row]);
     let [plain, wider] = [&unit, &widened].map(|normals| agent.draws(places, normals).unwrap());
-    let latent = agent.interval_latent(places).unwrap();
-    for place in 0..3 {
+    let predicted = agent.predict_intervals(places).unwrap();
+    for (place, prediction) in predicted.into_iter().enumerate() {
+        let interval = prediction.interval.unwrap();
         let mean = plain.column(0)[place];
-        assert!((mean - latent.mean[place]).abs() < 1e-9 && (wider.column(0)[place] - mean).abs() < 1e-9);
+        assert!((mean - interval.mean).abs() < 1e-9 && (wider.column(0)[place] - mean).abs() < 1e-9);
         let spread = |draws: &Matrix| (1..4).map(|draw| (draws.column(draw)[place] - mean).powi(2)).sum::<f64>();
-        assert!((spread(&wider) / latent.variance[place] - 1.0).abs() < 1e-6, "{place}");
+        assert!((spread(&wider) / interval.variance - 1.0).abs() < 1e-6, "{place}");
         assert!((spread(&wider) / spread(&plain) - INTERVAL_WIDENING.powi(2)).abs() < 1e-6, "{place}");
     }
 }

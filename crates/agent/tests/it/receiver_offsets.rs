@@ -47,7 +47,7 @@ fn team(fit: &LearnedModel, events: &[Event]) -> Team {
 fn agent(team: &Arc<Team>, name: &str, events: &[Event]) -> Agent {
     let id = VehicleId::new(name);
     let mut agent = Agent::new(id.clone(), team.clone(), summaries_alone());
-    agent.record_all(events.iter().filter(|event| event.receiver_id == id).cloned()).unwrap();
+    agent.record(events.iter().filter(|event| event.receiver_id == id).cloned()).unwrap();
     agent.rebuild().unwrap();
     agent
 }
@@ -136,7 +136,7 @@ fn a_fast_kind_of_message_has_an_offset() {
     assert!(has(&fit, OptionalTerm::Kinds), "{}", fit.structure);
     let options = AgentOptions { record_all_receivers: true, ..AgentOptions::default() };
     let mut agent = Agent::new(VehicleId::new("all"), Arc::new(team(&fit, &events)), options);
-    agent.record_all(events.clone()).unwrap();
+    agent.record(events.clone()).unwrap();
     agent.refit().unwrap();
     let mut of = |kind| agent.probability(LinkQuery { kind, ..LinkQuery::from(east(330.0)) }).unwrap();
     let [slow, fast] = ["slow", "fast"].map(|name| of((&MessageKind::new(name)).into()));

@@ -119,7 +119,7 @@ fn summaries_describe_only_events_that_no_report_carries() {
     // Events of a buoy have no slots.
     let west = |n: u32| event_at(0, 1000.0 + f64::from(n), link([500.0, 500.0, 400.0, 500.0 + f64::from(n)]), true);
     let mut agent = pair.vehicle(0, Sharing::default());
-    agent.record_all((0..30).map(west)).unwrap();
+    agent.record((0..30).map(west)).unwrap();
     let all = frames(&mut agent, 40);
     let reports = all.iter().take_while(|bytes| is_report(bytes)).count();
     assert!(reports > 0 && reports < all.len() && all[reports..].iter().all(|bytes| !is_report(bytes)));
@@ -144,7 +144,7 @@ fn summaries_describe_events_before_the_report_window() {
 #[test]
 fn events_without_slots_are_sent_in_summaries_alone() {
     let mut agent = Pair::new(0, 0..0).vehicle(0, Sharing::default());
-    agent.record_all(walk(0, 40, 0.0)).unwrap();
+    agent.record(walk(0, 40, 0.0)).unwrap();
     let all = frames(&mut agent, 40);
     assert!(!all.is_empty() && all.iter().all(|bytes| !is_report(bytes)));
 }

@@ -155,7 +155,7 @@ fn stationary(outcomes: [&[bool]; 2]) -> (Trip, Vec<Agent>) {
 /// in use.
 fn record_slot_0(trip: &Trip, third: &mut Agent) {
     let link = Link { transmitter: trip.at(0, 0), receiver: trip.at(2, 0) };
-    third.record(Event { transmitter_id: name(0), ..event_at(2, 0.0, link, true) }).unwrap();
+    third.record([Event { transmitter_id: name(0), ..event_at(2, 0.0, link, true) }]).unwrap();
 }
 
 #[test]
@@ -184,10 +184,10 @@ fn events_of_a_muted_member_do_not_count_until_unmuting() {
     listener.refit().unwrap();
     let with_events = listener.probability(link).unwrap();
     assert!(with_events > 0.8 && with_events > before, "{before} {with_events}");
-    listener.mute(&name(0));
+    listener.set_muted(&name(0), true);
     let muted = listener.probability(link).unwrap();
     assert!((muted - before).abs() < 1e-9, "{before} {muted}");
-    listener.unmute(&name(0));
+    listener.set_muted(&name(0), false);
     assert!((listener.probability(link).unwrap() - with_events).abs() < 1e-9);
 }
 

@@ -196,7 +196,7 @@ fn reports_of_a_member_outside_its_slots_do_not_count() {
     reports.reverse();
     let mut other = trip.vehicle_with_events(0, []);
     receive_all(&mut other, &reports);
-    other.record_all(events.iter().cloned()).unwrap();
+    other.record(events.iter().cloned()).unwrap();
     assert_eq!(other.snapshot(), listener.snapshot());
     assert_eq!(remote_events(&other), (remote, 0));
     listener.rebuild().unwrap();
@@ -273,7 +273,7 @@ fn forgotten_events_do_not_show_anything() {
     let events = trip.recorded(late_at_first);
     let mut agent = trip.vehicle_with_events(0, []);
     for event in &events {
-        agent.record(event.clone()).unwrap();
+        agent.record([event.clone()]).unwrap();
     }
     assert_eq!(out_of_slot(&agent), []);
     let kept: Vec<Event> = agent.events().cloned().collect();

@@ -44,7 +44,7 @@ fn a_snapshot_keeps_muted_members() {
     let mut agent = vehicle(&team, 0, walk(0, 20, 0.3));
     receive_all(&mut agent, packets.iter().flatten());
     let unmuted = agent.snapshot();
-    agent.mute(&name(1));
+    agent.set_muted(&name(1), true);
     let snapshot = agent.snapshot();
     assert_ne!(snapshot, unmuted);
     let mut again = restored(&agent, &snapshot);
@@ -55,14 +55,14 @@ fn a_snapshot_keeps_muted_members() {
     assert_eq!(again.snapshot(), snapshot);
     assert_eq!(rebuilt_probabilities(&mut again), rebuilt_probabilities(&mut agent));
     assert_eq!(again.status().live_packets, packets[1].len());
-    again.unmute(&name(1));
+    again.set_muted(&name(1), false);
     assert_eq!(again.snapshot(), unmuted);
 }
 
 #[test]
 fn muted_members_are_kept_under_a_new_epoch() {
     let mut agent = vehicle(&Arc::new(team(3, model())), 0, walk(0, 20, 0.3));
-    agent.mute(&name(1));
+    agent.set_muted(&name(1), true);
     let next = Arc::new(Team { epoch: 1, ..team(3, model()) });
     let again = Agent::restore(name(0), next, AgentOptions::default(), &agent.snapshot()).unwrap();
     assert!(
@@ -74,7 +74,7 @@ fn muted_members_are_kept_under_a_new_epoch() {
 #[test]
 fn muted_members_are_kept_by_name_where_another_team_numbers_them_otherwise() {
     let mut agent = vehicle(&Arc::new(team(3, model())), 0, walk(0, 20, 0.3));
-    agent.mute(&name(1));
+    agent.set_muted(&name(1), true);
     let members = [(0, name(0)), (1, name(2)), (2, name(1))];
     let renumbered = Arc::new(Team { members: Members::new(members.into()), ..team(3, model()) });
     let again = Agent::restore(name(0), renumbered, AgentOptions::default(), &agent.snapshot()).unwrap();
@@ -183,7 +183,7 @@ fn a_restored_vehicle_has_the_given_options() {
     let (id, good) = snapshot(&team);
     let options = AgentOptions { allow_extrapolated_increase: true, ..reports_alone() };
     let agent = Agent::restore(id, team, options, &good).unwrap();
-    assert_eq!(*agent.options(), options);
+    assert_eq!(agent.options, options);
 }
 
 #[test]

@@ -155,7 +155,7 @@ fn busy_sender(team: &Arc<Team>, packets: usize) -> (Agent, Vec<Vec<u8>>) {
     let mut sender = vehicle(team, 0, []);
     let all = walk(0, 5 * packets, 0.0);
     let next = |events: &[Event]| {
-        sender.record_all(events.iter().cloned()).unwrap();
+        sender.record(events.iter().cloned()).unwrap();
         sender.refit().unwrap();
         sender.next_frame(None, 32).unwrap().unwrap()
     };

@@ -40,7 +40,7 @@ fn events_that_contradict_sent_packets_are_worth_frames() {
         let later = Event { time_s: event.time_s + 1000.0, success: !event.success, ..event };
         [later.clone(), later]
     });
-    agent.record_all(opposite).unwrap();
+    agent.record(opposite).unwrap();
     let error = |agent: &mut Agent, listener: &mut Agent| {
         let p = [agent, listener].map(test_probabilities);
         p[0].iter().zip(&p[1]).map(|(a, b)| (a - b).abs()).sum::<f64>() / p[0].len() as f64
@@ -56,7 +56,7 @@ fn events_that_contradict_sent_packets_are_worth_frames() {
 #[test]
 fn one_more_similar_event_is_worth_few_frames() {
     let (mut agent, packets) = exhausted(team(2, model()));
-    agent.record(walk(0, 41, 0.0).remove(40)).unwrap();
+    agent.record([walk(0, 41, 0.0).remove(40)]).unwrap();
     let more = frames(&mut agent, 40).len();
     assert!(more < packets.len(), "{more} {}", packets.len());
 }
@@ -71,7 +71,7 @@ fn events_beyond_the_grid_change_predictions_and_are_not_sent() {
     assert!(agent.probability(far(3).link).unwrap() < 0.3);
     // Events within the grid are sent, and nothing else is.
     let near = |n: usize| event_at(0, 100.0 + n as f64, link([n as f64, 0.0, 0.0, 5.0]), true);
-    agent.record_all((0..20).map(near)).unwrap();
+    agent.record((0..20).map(near)).unwrap();
     assert!(!frames(&mut agent, 5).is_empty());
     let sent = summarised_links(&agent, 0).concat();
     assert!(sent.iter().all(|link| link.transmitter.east_m.abs() < 32.0), "{sent:?}");
@@ -103,7 +103,7 @@ fn packets_correct_a_prior_that_is_far_off() {
     let event = |n: usize| event_at(0, 60.0 * n as f64, link(n as f64), true);
     let [mut sender, mut listener] =
         [0, 1].map(|number| Agent::new(name(number), team.clone(), AgentOptions::default()));
-    sender.record_all((0..60).map(event)).unwrap();
+    sender.record((0..60).map(event)).unwrap();
     while let Some(packet) = sender.next_frame(None, 32).unwrap() {
         assert_eq!(listener.receive(&packet, None), Receipt::Accepted);
     }

@@ -71,7 +71,7 @@ fn three() -> Trip {
 /// The probability of the link from vehicle 1 to vehicle 0 from own events.
 fn own_probability(agent: &mut Agent) -> f64 {
     let link = three().event(1, 0).unwrap().link;
-    agent.predict([link], PredictOptions::own()).unwrap()[0].probability
+    agent.predict([link], Which::Own).unwrap()[0].probability
 }
 
 /// The probability after a fit from nothing.
@@ -94,7 +94,7 @@ fn a_slot_that_its_member_denies_counts_if_another_member_heard_it() {
     // Vehicle 2 heard that slot, so that it was used.
     let mut witness = trip.vehicle(2);
     let link = Link { transmitter: trip.at(1, 7), receiver: trip.at(2, 7) };
-    witness.record(Event { transmitter_id: name(1), ..event_at(2, slot_s(7), link, true) }).unwrap();
+    witness.record([Event { transmitter_id: name(1), ..event_at(2, slot_s(7), link, true) }]).unwrap();
     receive_all(&mut agent, &frames(&mut witness, 20));
     assert!((probability(&mut agent) - all).abs() < 1e-9);
 }
@@ -132,7 +132,7 @@ fn an_unused_slot_counts_in_any_order_of_report_and_event() {
     receive_all(&mut first, &reports);
     let mut last = trip.vehicle_with_events(0, []);
     receive_all(&mut last, &reports);
-    last.record_all(trip.events(0)).unwrap();
+    last.record(trip.events(0)).unwrap();
     assert_eq!(probability(&mut first), probability(&mut last));
     assert_eq!(first.snapshot(), last.snapshot());
 }

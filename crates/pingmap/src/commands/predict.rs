@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pingmap_agent::{Link, LinkQuery, Position, PredictOptions, Prediction, Which};
+use pingmap_agent::{Link, LinkQuery, Position, Prediction, Which};
 use pingmap_import::{Place, Reference};
 use pingmap_trial::{AttemptTable, read_attempts};
 use schemars::JsonSchema;
@@ -122,10 +122,10 @@ impl Predictions {
         let mut learned_map = LearnedMap::learn(log, &options.source)?.capped(&options.query);
         fill_depths(table.attempts.iter_mut().map(|attempt| &mut attempt.link), &learned_map.log);
         let bar = spinner("predicting");
-        let predicted = learned_map.agent.predict(&table.attempts, PredictOptions::with_intervals())?;
+        let predicted = learned_map.agent.predict_intervals(&table.attempts)?;
         bar.finish_and_clear();
         let row = |Prediction { mean, variance, probability, interval, .. }| {
-            let (lower, upper) = interval.unwrap_or((probability, probability));
+            let (lower, upper) = interval.map_or((probability, probability), |ends| (ends.low, ends.high));
             [probability, lower, upper, mean, variance]
         };
         let predicted = predicted.into_iter().map(row).collect();

@@ -224,7 +224,7 @@ impl AdverseMission<'_> {
             (time_s + ahead_s, self.estimated(id, time_s, at))
         };
         agent.record_positions(self.positions[id].iter().map(fix))?;
-        agent.record_all(self.recorded(id))?;
+        agent.record(self.recorded(id))?;
         if self.condition == (Condition::UnusedSlots { reported: true }) {
             let own = self.unused.iter().filter(|&&slot| self.sender(slot) == *id);
             agent.record_unused_slots(own.map(|&slot| SLOT_S * slot as f64))?;
@@ -240,7 +240,7 @@ impl AdverseMission<'_> {
         let frames = frames.collect::<Result<Vec<_>, _>>()?;
         let is_used = |event: &Event| !self.unused.contains(&slot(event.time_s));
         let mut all = agent_of_all_receivers("shore", &mission.team, Sharing::default());
-        all.record_all(self.training().filter(is_used))?;
+        all.record(self.training().filter(is_used))?;
         all.rebuild()?;
         let (queries, outcomes) = self.queries(mission);
         let received = outcomes.iter().filter(|received| **received).count() as f64;

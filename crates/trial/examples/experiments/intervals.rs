@@ -4,7 +4,7 @@ use std::io::Write;
 
 use clap::Args;
 use dgpc::{Latent, success_probability};
-use pingmap_agent::{INTERVAL_WIDENING, Learning, PredictOptions};
+use pingmap_agent::{INTERVAL_WIDENING, Learning};
 use pingmap_trial::simulate::{Simulation, Sound};
 use pingmap_trial::{Division, EventLog, Mission, Plan, Split};
 use rayon::prelude::*;
@@ -95,10 +95,11 @@ fn measure(log: &EventLog, split: &Split) -> anyhow::Result<[Row; 3]> {
     let truth: Vec<f64> = split.indices(true).into_iter().map(|n| truth[n]).collect();
     let mission = Mission::prepare(log, split, &Plan::new(Learning::default(), 1), 0)?;
     let mut agent = mission.centralised.clone();
-    let mut propagated = agent.interval_latent(&mission.held_out)?;
+    let mut propagated = mission.interval_latent(&agent)?;
     propagated.variance.iter_mut().for_each(|variance| *variance /= INTERVAL_WIDENING * INTERVAL_WIDENING);
-    let predictions = agent.predict(&mission.held_out, PredictOptions::with_intervals())?;
-    let of_vehicle = predictions.iter().filter_map(|prediction| prediction.interval).collect();
+    let predictions = agent.predict_intervals(&mission.held_out)?;
+    let of_vehicle =
+        predictions.iter().filter_map(|prediction| prediction.interval).map(|ends| (ends.low, ends.high)).collect();
     let all = [intervals(&mission.latent(&agent)?), intervals(&propagated), of_vehicle];
     Ok(all.map(|intervals| row(&intervals, &truth, &propagated.variance)))
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use clap::Args;
-use pingmap_agent::{Agent, AgentOptions, Event, Learning, Position, PredictOptions, Sharing, Team, VehicleId};
+use pingmap_agent::{Agent, AgentOptions, Event, Learning, Position, Sharing, Team, VehicleId, Which};
 use pingmap_trial::simulate::{Simulation, Sound};
 use pingmap_trial::{EventLog, learn_best, probabilities, schedule};
 
@@ -123,7 +123,7 @@ impl LongMission {
             |id: VehicleId| (id.clone(), (Agent::new(id, team.clone(), AgentOptions::default()), Cost::default()));
         let shore = agent_of_all_receivers("shore", &team, Sharing::default());
         let mut reference = shore.clone();
-        reference.record_all(log.events.iter().take(REFERENCE_EVENTS).cloned())?;
+        reference.record(log.events.iter().take(REFERENCE_EVENTS).cloned())?;
         Ok(Self { vehicles: log.vehicles().into_iter().map(vehicle).collect(), shore, reference, slots: 0 })
     }
 
@@ -136,7 +136,7 @@ impl LongMission {
         let (mut own, mut team) = (Vec::new(), Vec::new());
         for event in events {
             let Some((agent, _)) = self.vehicles.get_mut(&event.receiver_id) else { continue };
-            own.push(agent.predict([event.query()], PredictOptions::own())?[0].probability);
+            own.push(agent.predict([event.query()], Which::Own)?[0].probability);
             team.push(agent.probability(event.link)?);
         }
         self.shore.rebuild()?;
@@ -159,7 +159,7 @@ impl LongMission {
                 fit.events += 1;
             }
         }
-        self.shore.record_all(block.iter().cloned())?;
+        self.shore.record(block.iter().cloned())?;
         Ok(fit)
     }
 
@@ -181,7 +181,7 @@ impl LongMission {
             let Some((agent, cost)) = self.vehicles.get_mut(&event.receiver_id) else { continue };
             let begin = Instant::now();
             agent.probability(event.link)?;
-            agent.record(event.clone())?;
+            agent.record([event.clone()])?;
             if let Some(frame) = frame.as_ref().filter(|_| event.success) {
                 agent.receive(frame, Some(time_s));
             }

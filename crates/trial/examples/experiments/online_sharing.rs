@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use clap::Args;
-use pingmap_agent::{Agent, AgentOptions, Event, Learning, PredictOptions, Sharing, Team, VehicleId};
+use pingmap_agent::{Agent, AgentOptions, Event, Learning, Sharing, Team, VehicleId, Which};
 use pingmap_trial::{EventLog, Plan, Preshared, record_and_refit, schedule, transmissions};
 
 use crate::agents::agent_of_all_receivers;
@@ -228,7 +228,7 @@ impl Run {
         let Some(losses) = self.losses.last_mut() else { return Ok(()) };
         let nll = |p: f64| nll(&[p], &[event.success]);
         let query = event.query();
-        losses.own += nll(vehicle.agent.predict([query], PredictOptions::own())?[0].probability);
+        losses.own += nll(vehicle.agent.predict([query], Which::Own)?[0].probability);
         losses.team += nll(vehicle.agent.probability(query)?);
         losses.ideal += nll(vehicle.ideal.probability(query)?);
         losses.piggyback += nll(vehicle.piggyback.probability(query)?);

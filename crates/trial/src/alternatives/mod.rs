@@ -5,7 +5,7 @@ mod sender;
 use std::borrow::Cow;
 
 use dgpc::{Concatenation, Summary};
-use pingmap_agent::{Agent, AgentError, AgentOptions, Event, Sharing, Which};
+use pingmap_agent::{Agent, AgentError, Event, Sharing, Which};
 use rayon::prelude::*;
 
 use crate::alternative::Alternative;
@@ -35,7 +35,7 @@ impl Alternative {
         }
         let sent = |sharing: Sharing| {
             let mut agent = agent.clone();
-            agent.set_options(AgentOptions { sharing, ..*agent.options() });
+            agent.options.sharing = sharing;
             send_frames(&mut agent, frames)
         };
         let sender = Sender::new(mission, agent)?;
@@ -67,7 +67,7 @@ impl Alternative {
         contents: &[Content],
     ) -> Result<Vec<f64>, AgentError> {
         let mut agent = agent.clone();
-        agent.set_options(AgentOptions { record_all_receivers: true, ..*agent.options() });
+        agent.options.record_all_receivers = true;
         let others = || contents.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, content)| content);
         if matches!(self, Alternative::SummariesOnly | Alternative::ReportsOnly) {
             others().flat_map(Content::frames).for_each(|frame| drop(agent.receive(frame, Some(mission.end_s))));
@@ -75,7 +75,7 @@ impl Alternative {
             return probabilities(&mut agent, &mission.held_out);
         }
         if self == Alternative::RawEvents {
-            agent.record_all(others().flat_map(Content::events).cloned())?;
+            agent.record(others().flat_map(Content::events).cloned())?;
             agent.rebuild()?;
             return probabilities(&mut agent, &mission.held_out);
         }
@@ -89,7 +89,7 @@ impl Alternative {
         let read = others().flat_map(Content::summaries).map(|summary| summary.read_under(posterior.prior()));
         let read: Vec<Cow<'_, Summary>> = read.collect::<Result<_, dgpc::Error>>()?;
         posterior.absorb_summaries(&read.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
-        let predictions = agent.predict_from(&posterior, &mission.held_out)?;
+        let predictions = agent.predict(&mission.held_out, Which::Given(&posterior))?;
         Ok(predictions.into_iter().map(|prediction| prediction.probability).collect())
     }
 }

@@ -1,7 +1,7 @@
 //! A vehicle that sends alternatives to our packets.
 
 use dgpc::{Candidates, Inputs, Posterior, Sites, Summary};
-use pingmap_agent::{Agent, AgentError, Event, Link, LinkQuery, VehicleId, Which};
+use pingmap_agent::{Agent, AgentError, Event, Link, LinkQuery, SummaryQuantizer, VehicleId, Which};
 use pingmap_packet::{Block, Layout};
 use rand::seq::index::sample;
 use rand_chacha::ChaCha8Rng;
@@ -23,6 +23,7 @@ pub struct Package {
 /// A vehicle that sends data.
 pub(super) struct Sender<'a> {
     agent: &'a Agent,
+    quantizer: SummaryQuantizer<'a>,
     own: Posterior,
     layout: &'static Layout,
     /// Candidate points: the queries of the vehicle's own events, and their inputs.
@@ -33,7 +34,9 @@ pub(super) struct Sender<'a> {
 impl<'a> Sender<'a> {
     pub(super) fn new(mission: &Mission, agent: &'a Agent) -> Result<Self, AgentError> {
         let queries = agent.team().candidates(agent.events());
+        let number = agent.team().number(agent.id());
         Ok(Self {
+            quantizer: number.map_or_else(|| agent.team().quantizer(), |number| agent.team().quantizer_of(number)),
             own: agent.clone().posterior(Which::Own)?.clone(),
             layout: mission.team.layout(mission.team.frame_bytes)?,
             inputs: agent.team().model.inputs(&queries)?,
@@ -94,7 +97,7 @@ impl<'a> Sender<'a> {
             .filter_map(|packet| self.agent.codec().read(packet).ok())
             .flat_map(|(_, message)| message.blocks);
         for block in blocks.filter(Block::has_content) {
-            let points = self.agent.team().model.inputs(self.agent.quantizer().queries(&block))?;
+            let points = self.agent.team().model.inputs(self.quantizer.queries(&block))?;
             let summary = self.own.residual(&public, &points)?;
             public.absorb_summaries(&[&summary])?;
             summaries.push(summary);
@@ -109,8 +112,7 @@ impl<'a> Sender<'a> {
         summarise: &dyn Fn(&Inputs) -> dgpc::Result<Summary>,
     ) -> dgpc::Result<Option<(Block, Summary)>> {
         let links: Vec<Link> = queries.iter().map(|query| query.link).collect();
-        let quantizer = self.agent.quantizer();
-        quantizer.encode(self.layout, quantizer.time_of(queries), &links, summarise)
+        self.quantizer.encode(self.layout, self.quantizer.time_of(queries), &links, summarise)
     }
 
     /// Returns as many events as fit into the frames, with rounded positions.
@@ -121,7 +123,7 @@ impl<'a> Sender<'a> {
         let events_max = frames.saturating_mul(events as usize);
         let chosen = Candidates::new(self.agent.team().model.prior.kernel(), &self.inputs)?.greedy(events_max);
         let rounded = |event: &Event| {
-            let link = self.agent.quantizer().rounded(&event.link)?;
+            let link = self.quantizer.rounded(&event.link)?;
             Some(Event { link, ..event.clone() })
         };
         // Repeated events over a link come after the first events over all links.
@@ -164,7 +166,7 @@ impl<'a> Sender<'a> {
             let sites = sites.select(&members);
             let summarise = |points: &Inputs| Summary::variational(&self.agent.team().model.prior, &sites, points);
             packages.extend(self.encode(queries, &summarise)?.map(|(block, summary)| {
-                let links = self.agent.quantizer().queries(&block).iter().map(|query| query.link).collect();
+                let links = self.quantizer.queries(&block).iter().map(|query| query.link).collect();
                 Package { sender: self.agent.id().clone(), links, summary }
             }));
         }

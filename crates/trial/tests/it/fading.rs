@@ -78,9 +78,9 @@ fn error(fading: Fading, drawn: Drawn, draws: usize) -> f64 {
     let truth = (PROBABILITY / (1.0 - PROBABILITY)).ln();
     let mut square = || {
         let mut agent = Agent::new(names[1].clone(), team.clone(), AgentOptions::default());
-        agent.record_all(mooring(&mut rng, 300, drawn)).unwrap();
+        agent.record(mooring(&mut rng, 300, drawn)).unwrap();
         agent.refit().unwrap();
-        let predicted = agent.predict([at], PredictOptions::default()).unwrap()[0];
+        let predicted = agent.predict([at], Which::Fused).unwrap()[0];
         (predicted.mean - truth).powi(2) / predicted.variance
     };
     ((0..draws).map(|_| square()).sum::<f64>() / draws as f64).sqrt()

@@ -65,7 +65,7 @@ const FAULTS: [Fault; 11] = [
 /// A vehicle restored from the snapshot of `agent`.
 fn restored(agent: &Agent) -> Agent {
     let team = Arc::new(agent.team().clone());
-    Agent::restore(agent.id().clone(), team, *agent.options(), &agent.snapshot()).unwrap()
+    Agent::restore(agent.id().clone(), team, agent.options, &agent.snapshot()).unwrap()
 }
 
 /// A team under way. The member with number 0 has the fault.
@@ -150,7 +150,7 @@ impl Fleet {
             let event = self.trial.log.events[number].clone();
             let receiver = self.agents.iter().position(|agent| *agent.id() == event.receiver_id).unwrap();
             let recorded = self.recorded(receiver, &event);
-            self.agents[receiver].record(recorded).unwrap();
+            self.agents[receiver].record([recorded]).unwrap();
             if event.success {
                 self.deliver(slot, receiver, &frames);
                 piggyback.iter().for_each(|&bits| drop(self.agents[receiver].receive_piggyback(&id, time_s, bits, 16)));
@@ -258,7 +258,7 @@ impl Fleet {
         let mut scores = [0.0; 2];
         let mut honest = 0.0;
         for agent in self.honest() {
-            for (score, options) in scores.iter_mut().zip([PredictOptions::own(), PredictOptions::default()]) {
+            for (score, options) in scores.iter_mut().zip([Which::Own, Which::Fused]) {
                 *score += nll(agent.predict(queries.iter().copied(), options).unwrap());
             }
             honest += 1.0;

@@ -96,7 +96,7 @@ pub fn vehicle_with(
     events: impl IntoIterator<Item = Event>,
 ) -> Agent {
     let mut agent = Agent::new(name(number), team.clone(), options);
-    agent.record_all(events).unwrap();
+    agent.record(events).unwrap();
     agent.refit().unwrap();
     agent
 }
@@ -105,7 +105,7 @@ pub fn vehicle_with(
 pub fn station(team: &Arc<Team>, events: impl IntoIterator<Item = Event>) -> Agent {
     let options = AgentOptions { record_all_receivers: true, ..AgentOptions::default() };
     let mut agent = Agent::new(VehicleId::new("shore"), team.clone(), options);
-    agent.record_all(events).unwrap();
+    agent.record(events).unwrap();
     agent.rebuild().unwrap();
     agent
 }
@@ -118,7 +118,7 @@ pub fn events(agent: &Agent) -> Vec<Event> {
 /// A vehicle restored from a snapshot with the options of `agent`.
 pub fn restored(agent: &Agent, snapshot: &[u8]) -> Agent {
     let team = Arc::new(agent.team().clone());
-    let mut restored = Agent::restore(agent.id().clone(), team, *agent.options(), snapshot).unwrap();
+    let mut restored = Agent::restore(agent.id().clone(), team, agent.options, snapshot).unwrap();
     restored.refit().unwrap();
     restored
 }
@@ -161,7 +161,7 @@ pub fn receive_all_at<'a>(agent: &mut Agent, frames: impl IntoIterator<Item = &'
 
 /// Predicted probabilities.
 pub fn probabilities(agent: &mut Agent, queries: impl IntoIterator<Item = impl Into<LinkQuery>>) -> Vec<f64> {
-    let predictions = agent.predict(queries, PredictOptions::default()).unwrap();
+    let predictions = agent.predict(queries, Which::Fused).unwrap();
     predictions.into_iter().map(|prediction| prediction.probability).collect()
 }
 

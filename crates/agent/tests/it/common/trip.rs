@@ -151,7 +151,7 @@ impl Trip {
         let mut agent = vehicle_with(&self.team, number, reports_alone(), []);
         let reports = (0..self.slots).filter_map(|slot| {
             agent.record_positions([(slot_s(slot), self.at(number, slot))]).unwrap();
-            agent.record_all(self.event(slot, number)).unwrap();
+            agent.record(self.event(slot, number)).unwrap();
             let is_due = slot % 5 == 4;
             is_due.then(|| agent.next_frame(Some(slot_s(slot)), agent.team().frame_bytes).unwrap()).flatten()
         });

@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dgpc::{PriorMean, Term, spread_out};
 use pingmap_agent::{
-    Criterion, Event, Fading, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, PredictOptions,
-    Provenance, Which,
+    Criterion, Event, Fading, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, Provenance, Which,
 };
 use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
 
@@ -239,7 +238,7 @@ fn held_out_nll(
     }
     let mut agent = all_in_one(model, training.iter().map(|event| (*event).clone()), limits)?;
     let attempts = held_out.iter().map(|event| event.query());
-    let predictions = agent.predict(attempts, PredictOptions::default())?;
+    let predictions = agent.predict(attempts, Which::Fused)?;
     let probabilities: Vec<f64> = predictions.iter().map(|prediction| prediction.probability).collect();
     let outcomes: Vec<bool> = held_out.iter().map(|event| event.success).collect();
     Ok(Score::new(&probabilities, &outcomes).map(|score| score.nll))

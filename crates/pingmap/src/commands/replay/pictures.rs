@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::Context;
-use pingmap_agent::{Agent, Event, Link, LinkQuery, Position, PredictOptions, Time, VehicleId};
+use pingmap_agent::{Agent, Event, Link, LinkQuery, Position, Time, VehicleId, Which};
 use pingmap_trial::{Bin, Calibrated, Calibration, Mission, Plan, Preshared, RangeBin};
 
 use super::replayed::Replayed;
@@ -100,7 +100,7 @@ fn over_range(team: &mut [Agent], replayed: &Replayed) -> anyhow::Result<Figure>
     let mut predicted = vec![0.0; events.len()];
     for viewer in team {
         let own: Vec<usize> = (0..events.len()).filter(|&n| events[n].receiver_id == *viewer.id()).collect();
-        let predictions = viewer.predict(own.iter().map(|&n| events[n].query()), PredictOptions::default())?;
+        let predictions = viewer.predict(own.iter().map(|&n| events[n].query()), Which::Fused)?;
         own.into_iter().zip(predictions).for_each(|(n, prediction)| predicted[n] = prediction.probability);
     }
     let (mut heard, mut mean_predicted) = (Vec::new(), Vec::new());

@@ -91,7 +91,7 @@ impl<'a> FaultyMember<'a> {
         let mut faulty = self.agent(self.sharing);
         faulty.record_positions(self.log.track(self.member.id()))?;
         let heard = self.member.events().map(|event| Event { success: hear(event.success), ..event.clone() });
-        faulty.record_all(heard)?;
+        faulty.record(heard)?;
         faulty.refit()?;
         send_frames(&mut faulty, PACKETS)
     }
