@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use dgpc::Shape;
 use pingmap_agent::{
-    Agent, AgentOptions, Chart, Event, InputSpec, Link, Model, Position, Which, Sharing, Team, VehicleId,
+    Agent, AgentOptions, Chart, Event, InputSpec, Link, Model, Position, Sharing, Team, VehicleId, Which,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;

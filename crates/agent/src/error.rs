@@ -9,11 +9,8 @@ use crate::types::event::VehicleId;
 #[non_exhaustive]
 pub enum AgentError {
     /// The vehicle is not a member of the team, so it cannot send.
-    #[error("{id} is not a member of the team, so it has no number to send under")]
-    NotAMember {
-        /// Name of the vehicle.
-        id: VehicleId,
-    },
+    #[error("{0} is not a member of the team, so it has no number to send under")]
+    NotAMember(VehicleId),
     /// The vehicle has used all counters of the key epoch. A counter must not be used twice under one key.
     #[error("{id} has used up all counters of key epoch {epoch}; sending needs a new epoch")]
     CountersUsedUp {
@@ -51,11 +48,8 @@ pub enum AgentError {
         value_m: f64,
     },
     /// The number of an entry is out of bounds.
-    #[error("the number of an entry must be below 2^48, found {number}")]
-    NumberTooLarge {
-        /// The number.
-        number: u64,
-    },
+    #[error("the number of an entry must be below 2^48, found {0}")]
+    NumberTooLarge(u64),
     /// The frame is too small for a packet.
     #[error(transparent)]
     Team(#[from] TeamError),

@@ -8,8 +8,7 @@ use std::sync::Arc;
 
 use libfuzzer_sys::fuzz_target;
 use pingmap_agent::{
-    Agent, AgentOptions, Chart, InputSpec, Key, Link, Model, Position, Which, Receipt, Refusal, Team,
-    VehicleId,
+    Agent, AgentOptions, Chart, InputSpec, Key, Link, Model, Position, Receipt, Refusal, Team, VehicleId, Which,
 };
 
 /// First byte of piggybacked outcomes in the input of this target.
@@ -59,9 +58,9 @@ fn receive(mut agent: Agent, bytes: &[u8]) {
             receipt,
             Receipt::Accepted
                 | Receipt::Refused(
-                    Refusal::OwnNumber { .. }
+                    Refusal::OwnNumber(_)
                         | Refusal::OwnReport
-                        | Refusal::Conflict { .. }
+                        | Refusal::Conflict(_)
                         | Refusal::CounterAhead { .. }
                         | Refusal::SlotAhead { .. }
                 )

@@ -22,7 +22,7 @@ impl Agent {
     /// # Errors
     /// [`AgentError::NotAMember`], [`AgentError::CountersUsedUp`], and [`AgentError::Team`] for a frame below 32 bytes.
     pub fn next_frame(&mut self, time_s: Option<f64>, frame_bytes: usize) -> Result<Option<Vec<u8>>, AgentError> {
-        let sender = self.memory.own.ok_or_else(|| AgentError::NotAMember { id: self.id.clone() })?;
+        let sender = self.memory.own.ok_or_else(|| AgentError::NotAMember(self.id.clone()))?;
         let frame_bytes = frame_bytes.min(self.team().frame_bytes);
         let layout = self.team().layout(frame_bytes)?;
         self.advance_clock(time_s);

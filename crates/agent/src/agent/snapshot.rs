@@ -12,13 +12,11 @@ use crate::team::canonical::{Reader, Writer, checksum};
 use crate::team::config::Team;
 use crate::types::event::{Event, Link, MessageKind, Position, VehicleId};
 
-/// First bytes of every snapshot.
 const MAGIC: &[u8; 8] = b"pingmapS";
 
 /// Version of a snapshot. Others are refused.
 const SNAPSHOT_VERSION: u16 = 5;
 
-/// Bytes of the check at the end.
 const CHECK_BYTES: usize = 32;
 
 impl Agent {
@@ -85,7 +83,6 @@ impl Agent {
     }
 }
 
-/// Content of a snapshot.
 struct Contents<'a> {
     vehicle: &'a str,
     digest: &'a [u8],

@@ -19,13 +19,13 @@ impl Receipt {
             Receipt::Refused(
                 Refusal::Malformed(_)
                     | Refusal::Forged(_)
-                    | Refusal::OtherForm { .. }
+                    | Refusal::OtherForm(_)
                     | Refusal::OtherTeam { .. }
                     | Refusal::TooLong { .. }
-                    | Refusal::UnknownSender { .. }
+                    | Refusal::UnknownSender(_)
                     | Refusal::Unusable(_)
                     | Refusal::PiggybackDisabled
-                    | Refusal::NoMember { .. }
+                    | Refusal::NoMember(_)
                     | Refusal::NoSlot { .. }
                     | Refusal::Duplicate
                     | Refusal::SlotAhead { .. }
@@ -46,11 +46,8 @@ pub enum Refusal {
     #[error("not of this team: {0}")]
     Forged(pingmap_packet::Error),
     /// The packet is intact but has a form that this team does not send. Its sender uses another team file.
-    #[error("not of this team: the team sends no packets of the form {name}")]
-    OtherForm {
-        /// Name of the form in the `.proto`.
-        name: &'static str,
-    },
+    #[error("not of this team: the team sends no packets of the form {0}")]
+    OtherForm(&'static str),
     /// The packet was formed under another team configuration, for example with another model, grid or epoch. Its
     /// sender uses another team file. A plain packet may also be damaged; its number is then arbitrary.
     #[error("formed under another team configuration{}", difference_in_words(*found, *expected))]
@@ -70,22 +67,16 @@ pub enum Refusal {
         max: usize,
     },
     /// No member has the sender's number.
-    #[error("no member has number {number}")]
-    UnknownSender {
-        /// The number.
-        number: u8,
-    },
+    #[error("no member has number {0}")]
+    UnknownSender(u8),
     /// The team does not use piggybacked outcomes: see [`crate::Team::piggyback`].
     #[error(
         "this team does not piggyback outcomes: they are not authenticated (piggyback = true in the team file allows them)"
     )]
     PiggybackDisabled,
     /// The vehicle is not a member: the sender of piggybacked outcomes, or the vehicle of an unused slot.
-    #[error("{id} is not a member of the team")]
-    NoMember {
-        /// Name of the vehicle.
-        id: VehicleId,
-    },
+    #[error("{0} is not a member of the team")]
+    NoMember(VehicleId),
     /// Piggybacked outcomes arrived at a time without a numbered slot.
     #[error("there is no numbered slot at {time_s} s")]
     NoSlot {
@@ -100,11 +91,8 @@ pub enum Refusal {
     TooOld,
     /// Another packet has the same sender and counter. Two vehicles use one number, or the sender restarted without its
     /// memory. Neither packet counts.
-    #[error("another packet of the same sender has counter {counter}")]
-    Conflict {
-        /// The counter.
-        counter: u16,
-    },
+    #[error("another packet of the same sender has counter {0}")]
+    Conflict(u16),
     /// The report or the piggybacked outcomes contain a slot that is ahead of this vehicle's clock: one of the two
     /// clocks is wrong. They count as soon as the clock allows the slot.
     #[error("slot {slot} is ahead of this vehicle's clock, which allows slots up to {latest}: it waits")]
@@ -125,22 +113,16 @@ pub enum Refusal {
     },
     /// The packet has this vehicle's own number, but the vehicle did not send it. Another vehicle uses the number, or
     /// this vehicle sent it before it lost its memory. The next own packet gets a counter that is a full window larger.
-    #[error("duplicate vehicle number: received a packet under this vehicle's own number, counter {counter}")]
-    OwnNumber {
-        /// The counter.
-        counter: u16,
-    },
+    #[error("duplicate vehicle number: received a packet under this vehicle's own number, counter {0}")]
+    OwnNumber(u16),
     /// A report or piggybacked outcomes have this vehicle's own number, but the vehicle did not send them. Another
     /// vehicle uses the number, or this vehicle sent them before it lost its memory. The report is stored as an own
     /// report.
     #[error("duplicate vehicle number: received a report or outcomes under this vehicle's own number")]
     OwnReport,
     /// The frame was recorded as transmitted by this vehicle, but it has another number.
-    #[error("sent under number {number}, which is not this vehicle's number")]
-    NotSentByMe {
-        /// The number in the packet.
-        number: u8,
-    },
+    #[error("sent under number {0}, which is not this vehicle's number")]
+    NotSentByMe(u8),
     /// The packet does not decode to a summary, because its points coincide.
     #[error("contains no usable summary: {0}")]
     Unusable(dgpc::Error),
@@ -195,13 +177,13 @@ impl Counts {
         match refusal {
             Refusal::Malformed(_) | Refusal::NoSlot { .. } => &mut self.malformed,
             Refusal::Forged(_) | Refusal::PiggybackDisabled => &mut self.forged,
-            Refusal::OtherForm { .. } | Refusal::OtherTeam { .. } | Refusal::TooLong { .. } => &mut self.other_team,
-            Refusal::UnknownSender { .. } | Refusal::NoMember { .. } => &mut self.unknown_sender,
+            Refusal::OtherForm(_) | Refusal::OtherTeam { .. } | Refusal::TooLong { .. } => &mut self.other_team,
+            Refusal::UnknownSender(_) | Refusal::NoMember(_) => &mut self.unknown_sender,
             Refusal::Duplicate => &mut self.duplicate,
             Refusal::TooOld => &mut self.too_old,
-            Refusal::Conflict { .. } => &mut self.conflict,
+            Refusal::Conflict(_) => &mut self.conflict,
             Refusal::SlotAhead { .. } | Refusal::CounterAhead { .. } => &mut self.ahead,
-            Refusal::OwnNumber { .. } | Refusal::OwnReport | Refusal::NotSentByMe { .. } => &mut self.own_number,
+            Refusal::OwnNumber(_) | Refusal::OwnReport | Refusal::NotSentByMe(_) => &mut self.own_number,
             Refusal::Unusable(_) => &mut self.unusable,
         }
     }

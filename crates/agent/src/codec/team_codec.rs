@@ -16,7 +16,6 @@ use crate::types::event::{Event, VehicleId};
 #[derive(Debug, Clone)]
 pub struct TeamCodec {
     pub(crate) team: Arc<Team>,
-    /// Digest of the team configuration.
     digest: [u8; 32],
 }
 
@@ -38,7 +37,7 @@ impl TeamCodec {
         if let Some(layout) = Layout::of(bytes)
             && !self.is_ours(layout)
         {
-            return Err(Refusal::OtherForm { name: layout.name });
+            return Err(Refusal::OtherForm(layout.name));
         }
         let (layout, message) = MapMessage::decode(bytes, self.authenticator()).map_err(|error| self.refusal(error))?;
         if !layout.is_authenticated {
@@ -57,7 +56,7 @@ impl TeamCodec {
             && (layout.has_depth != self.team.model.inputs.has_depths()
                 || layout.is_authenticated != self.team.key.is_some())
         {
-            return Err(Refusal::OtherForm { name: layout.name });
+            return Err(Refusal::OtherForm(layout.name));
         }
         let decoded = ReportMessage::decode(bytes, self.authenticator());
         let (layout, message, length) = decoded.map_err(|error| self.refusal(error))?;
@@ -77,7 +76,7 @@ impl TeamCodec {
     fn check_sender(&self, number: u8) -> Result<(), Refusal> {
         match self.team.members.contains_key(&number) {
             true => Ok(()),
-            false => Err(Refusal::UnknownSender { number }),
+            false => Err(Refusal::UnknownSender(number)),
         }
     }
 

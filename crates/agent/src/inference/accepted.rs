@@ -10,7 +10,6 @@ use crate::codec::decoded::{Packet, PacketKey};
 use crate::store::event_location::RemoteEvents;
 use crate::store::memory::Memory;
 
-/// Summary packets and located events of other members.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct AcceptedData {
     pub(crate) packets: Arc<BTreeSet<PacketKey>>,

@@ -17,7 +17,6 @@ use crate::types::limits::Limits;
 /// Smallest tilt at which a warm fit starts.
 const TILT_MIN: f64 = 1e-9;
 
-/// The source of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum EventSource {
     /// Recorded by the vehicle itself, by number.
@@ -26,7 +25,6 @@ pub(crate) enum EventSource {
     Remote(EventKey),
 }
 
-/// A fit, and the sources of its events.
 #[derive(Debug)]
 pub(crate) struct EventFit {
     pub(crate) fit: Fit,
@@ -44,7 +42,6 @@ pub(crate) struct EventFit {
 /// Summary of a part of the vehicle's own events of a sparse fit.
 #[derive(Debug, Clone)]
 pub(crate) struct PartialSummary {
-    /// Numbers of the events.
     numbers: BTreeSet<u64>,
     summary: Summary,
     /// [`EventFit::sites_id`] of the fit.

@@ -75,10 +75,8 @@ impl Posteriors {
                 true => [self.own.clone(), self.fused.clone()],
                 false => self.own_and_fused(memory, &trusted)?,
             };
-            let discrepancy = |&member: &u8| {
-                let others = trusted.without(&BTreeSet::from([member]));
-                Ok((self.discrepancy_of_trusted(memory, &posterior, &trusted, &others, member)?, member))
-            };
+            let discrepancy =
+                |&member: &u8| Ok((self.discrepancy_of_trusted(memory, &posterior, &trusted, member)?, member));
             let members = trusted.members(memory.own);
             let discrepancies = members.iter().map(discrepancy).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
             if !self.is_any_faulty(memory, &trusted, &discrepancies)? {
@@ -161,29 +159,24 @@ impl Posteriors {
         let trusted = data.without(&self.excluded);
         match self.excluded.contains(&member) {
             true => discrepancy_from(memory, &self.fused, &data.of_member(member)),
-            false => {
-                let others = trusted.without(&BTreeSet::from([member]));
-                self.discrepancy_of_trusted(memory, &self.fused, &trusted, &others, member)
-            }
+            false => self.discrepancy_of_trusted(memory, &self.fused, &trusted, member),
         }
     }
 
-    /// Returns the discrepancy of a trusted member. `posterior` includes the data of all trusted members, and `others`
-    /// are these data without the member's. Packets are subtracted from `posterior`. With remote events, the posterior
-    /// of the others is computed: O(n³).
+    /// Returns the discrepancy of a trusted member. `posterior` includes the data of all trusted members. Packets are
+    /// subtracted from it. With remote events, the posterior of the others is computed: O(n³).
     fn discrepancy_of_trusted(
         &self,
         memory: &Memory,
         posterior: &Posterior,
         trusted: &AcceptedData,
-        others: &AcceptedData,
         member: u8,
     ) -> Result<f64, AgentError> {
         let member_data = trusted.of_member(member);
         if member_data.events.is_empty() {
             return packet_discrepancy(posterior, memory, &member_data, Posterior::shift_of);
         }
-        let [_, without] = self.own_and_fused(memory, others)?;
+        let [_, without] = self.own_and_fused(memory, &trusted.without(&BTreeSet::from([member])))?;
         discrepancy_from(memory, &without, &member_data)
     }
 }

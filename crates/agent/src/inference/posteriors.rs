@@ -36,7 +36,6 @@ pub(crate) struct Posteriors {
     pub(crate) own_fit: Option<Arc<EventFit>>,
     /// The last fit of own and remote events under the team's model, if there are remote events.
     pub(crate) joint_fit: Option<Arc<EventFit>>,
-    /// Whether the last fit began from nothing.
     pub(crate) began_cold: bool,
     pub(crate) own_model: Option<Arc<OwnModel>>,
     /// Posterior of the vehicle's own events, under the team's model.
@@ -59,23 +58,18 @@ pub(crate) struct Posteriors {
 /// The part of the memory that the posteriors include.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Included {
-    /// Own events since the last fit.
     pub(crate) pending_own: Vec<RecordedEvent>,
     /// Number of these events that the posteriors include, from the first on.
     pub(crate) absorbed: usize,
     /// Number of own events that were forgotten since the last fit. The posteriors still include them.
     pub(crate) forgotten: usize,
-    /// Remote events that the posteriors include.
     remote: RemoteEvents,
-    /// Accepted remote events at the last update.
     accepted: Option<Arc<RemoteEvents>>,
     /// Numbers of remote events since the last fit: included, and waiting for the next fit.
     pub(crate) pending_remote: [usize; 2],
     /// Summary packets that the posteriors include, own ones among them.
     packets: BTreeSet<PacketKey>,
-    /// Own reports at the last update.
     reported: Option<Arc<ReceivedReports>>,
-    /// Whether the posteriors must be rebuilt.
     is_stale: bool,
 }
 

@@ -156,18 +156,15 @@ impl Fading {
 /// The product of the standardised residuals of two outcomes.
 #[cfg(feature = "learn")]
 struct ResidualProduct {
-    /// Time between the outcomes, in seconds.
     lag_s: f64,
     /// Factor by which motion reduces the correlation of the outcomes.
     motion_factor: f64,
-    /// Product of the residuals.
     product: f64,
 }
 
 /// A least-squares estimate of the correlation for one value of the time constant.
 #[cfg(feature = "learn")]
 struct MemoryFit {
-    /// Time constant, in seconds.
     memory_s: f64,
     /// Weighted sum of expected times observed products, for correlation 1.
     cross: f64,

@@ -18,7 +18,6 @@ use crate::types::query::LinkQuery;
 /// Schema version of a [`Model`]. Readers of files and messages refuse a newer version.
 pub const MODEL_SCHEMA: u32 = 5;
 
-/// Name of the time column.
 pub(crate) const TIME: &str = "time";
 
 /// The input columns of a query: raw positions, and quantities computed from them. Kernel terms use a subset of the

@@ -10,11 +10,8 @@ use crate::types::event::Link;
 /// vehicles and of one day are integrated out. A mission that begins with a site prior treats it as part of the prior.
 #[derive(Debug, Clone)]
 pub struct SitePrior {
-    /// Inducing points, M links.
     links: Vec<Link>,
-    /// Summary at the links.
     summary: Summary,
-    /// Posterior of the prior and the summary.
     posterior: Posterior,
 }
 

@@ -24,16 +24,13 @@ pub(crate) enum Subject {
 #[derive(Debug)]
 pub(crate) struct DeliveryEstimate {
     never_sent: Delivery,
-    /// First slot of the tables.
     begin: u32,
     /// One table for each [`Subject`].
     tables: [Vec<Delivery>; 2],
 }
 
-/// Delivery estimate of one slot.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Delivery {
-    /// Number of transmissions of the slot.
     pub(crate) transmissions: u32,
     /// Expected number of members that receive the slot for the first time with the next frame.
     pub(crate) expected_new_receivers: f64,

@@ -31,7 +31,6 @@ struct SlotEntry {
     is_new: bool,
 }
 
-/// The reports that a vehicle may send next.
 #[derive(Debug)]
 pub(crate) struct ReportPlanner<'a> {
     memory: &'a Memory,
@@ -46,7 +45,6 @@ pub(crate) struct ReportPlanner<'a> {
     sums: Vec<PrefixSums>,
 }
 
-/// Sums over a series of entries.
 #[derive(Debug, Clone, Copy, Default)]
 struct PrefixSums {
     /// Reported slots of other members, and own slots.

@@ -27,7 +27,6 @@ const POOL_DIVISORS: [usize; 3] = [1, 3, 8];
 const SELECTIONS: [(PointSelection, &[usize]); 2] =
     [(PointSelection::VarianceReduction, &POOL_DIVISORS), (PointSelection::Coverage, &[8])];
 
-/// A planned summary packet.
 #[derive(Debug)]
 pub(crate) struct PlannedSummary {
     pub(crate) blocks: Vec<Block>,
@@ -37,16 +36,13 @@ pub(crate) struct PlannedSummary {
     pub(crate) divergence_nats: f64,
 }
 
-/// Plans the summary packets of a vehicle.
 #[derive(Debug)]
 pub(crate) struct SummaryPlanner<'a> {
     pub(crate) quantizer: SummaryQuantizer<'a>,
     pub(crate) layout: &'a Layout,
-    /// Posterior of the vehicle's own events.
     pub(crate) own: &'a Posterior,
     /// Candidates for inducing points: queries of own events within the grid.
     pub(crate) queries: Vec<LinkQuery>,
-    /// Inputs of the candidates.
     pub(crate) inputs: Inputs,
     /// Success probability at each candidate, from the own posterior.
     own_probability: Vec<f64>,

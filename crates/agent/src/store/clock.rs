@@ -96,9 +96,7 @@ impl Clock {
         let bytes = match &entry {
             Entry::Piggyback { outcomes, .. } => outcomes.iter().map(|&heard| heard.into()).collect(),
             Entry::Received { bytes, .. } => bytes.clone(),
-            Entry::Observed { .. } | Entry::Navigated { .. } | Entry::UnusedSlot { .. } | Entry::Sent { .. } => {
-                Vec::new()
-            }
+            _ => Vec::new(),
         };
         let waiting = self.waiting.entry(sender).or_default();
         waiting.insert((number, bytes), entry);

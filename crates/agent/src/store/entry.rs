@@ -64,7 +64,7 @@ pub enum Entry {
 
 /// Checks the number of an entry.
 pub(crate) fn check_number(number: u64) -> Result<(), AgentError> {
-    if number < NUMBER_MAX { Ok(()) } else { Err(AgentError::NumberTooLarge { number }) }
+    if number < NUMBER_MAX { Ok(()) } else { Err(AgentError::NumberTooLarge(number)) }
 }
 
 /// Checks that the time and both positions of an event are finite and within bounds.

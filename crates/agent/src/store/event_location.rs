@@ -36,7 +36,6 @@ fn is_same(a: &Arc<Event>, b: &Arc<Event>) -> bool {
     Arc::ptr_eq(a, b) || a == b
 }
 
-/// Events of other members, located as far as possible.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct LocatedEvents {
     /// Located events. Events that the vehicle recorded itself are not among them.

@@ -7,7 +7,6 @@ use std::sync::Arc;
 use crate::codec::decoded::EventKey;
 use crate::types::event::Event;
 
-/// A stored event with its number.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RecordedEvent {
     /// Number of events recorded before it.

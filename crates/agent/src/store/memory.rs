@@ -46,7 +46,6 @@ pub(crate) struct Memory {
     located: LocatedEventCache,
 }
 
-/// Effect of an entry.
 #[derive(Debug)]
 pub(crate) struct Effect {
     /// The sender of a frame, if the frame names one.
@@ -272,7 +271,7 @@ impl Memory {
     }
 
     fn number(&self, id: &VehicleId) -> Result<u8, Refusal> {
-        self.codec.team.number(id).ok_or_else(|| Refusal::NoMember { id: id.clone() })
+        self.codec.team.number(id).ok_or_else(|| Refusal::NoMember(id.clone()))
     }
 
     /// Stores that a member did not transmit in slots of its own.
@@ -385,7 +384,7 @@ impl Memory {
     ) -> Result<(), Refusal> {
         if sent.is_some() {
             let is_own = Some(sender) == self.own;
-            return if is_own { Ok(()) } else { Err(Refusal::NotSentByMe { number: sender }) };
+            return if is_own { Ok(()) } else { Err(Refusal::NotSentByMe(sender)) };
         }
         let entry = || Entry::Received { time_s: None, bytes: bytes.to_vec() };
         self.clock.admit(&self.codec.team, sender, number, entry)
@@ -408,7 +407,7 @@ impl Memory {
         self.admit(sender, FrameNumber::Counter(counter), &packet.bytes, sent)?;
         self.packets.insert(key, packet, sent)?;
         if Some(sender) == self.own && sent.is_none() {
-            return Err(Refusal::OwnNumber { counter });
+            return Err(Refusal::OwnNumber(counter));
         }
         Ok(Effect { sender: Some(sender), receipt: Receipt::Accepted, change: EventChange::default() })
     }
@@ -516,7 +515,6 @@ impl Memory {
     }
 }
 
-/// All times.
 const ALL_TIMES: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
 /// Returns the entries of a frame: one for each transmission by the vehicle, or a single one for a received frame.

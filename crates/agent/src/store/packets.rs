@@ -48,10 +48,8 @@ pub(crate) struct Version {
     pub(crate) sent: TransmissionTimes,
 }
 
-/// The stored packets of one sender.
 #[derive(Debug, Clone, Default)]
 struct Sender {
-    /// Largest counter.
     latest: Option<u16>,
     /// Packets by counter. If different packets have one counter, the first two in the order of their bytes are stored.
     versions: BTreeMap<u16, Vec<Version>>,
@@ -106,7 +104,7 @@ impl Packets {
         sender.advance_to(counter, self.window);
         match (is_duplicate, is_conflict) {
             (true, _) => Err(Refusal::Duplicate),
-            (false, true) => Err(Refusal::Conflict { counter }),
+            (false, true) => Err(Refusal::Conflict(counter)),
             (false, false) => Ok(()),
         }
     }

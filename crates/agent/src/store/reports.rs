@@ -84,10 +84,8 @@ pub(crate) struct StoredReport {
     pub(crate) sent: TransmissionTimes,
 }
 
-/// The stored data of one sender.
 #[derive(Debug, Clone, Default)]
 struct Sender {
-    /// Reports by first slot and bytes.
     reports: BTreeMap<(u32, Vec<u8>), StoredReport>,
     content: Arc<ReceivedReports>,
     /// Piggybacked outcomes by slot. They are not authenticated: a report about the same slot replaces them.

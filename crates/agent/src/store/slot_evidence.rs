@@ -9,7 +9,6 @@ use crate::store::reports::Reports;
 use crate::store::slot_conformance::SlotConformance;
 use crate::types::event::VehicleId;
 
-/// Everything that shows how slots were used.
 #[derive(Clone, Copy)]
 pub(crate) struct SlotEvidence<'a> {
     pub(crate) codec: &'a TeamCodec,

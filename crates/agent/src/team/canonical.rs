@@ -5,7 +5,6 @@
 
 use pingmap_packet::Key;
 
-/// Encodes a sequence of values.
 #[derive(Debug, Default)]
 pub(crate) struct Writer(Vec<u8>);
 

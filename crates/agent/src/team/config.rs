@@ -73,17 +73,11 @@ pub enum TeamError {
     #[error("{0}")]
     Syntax(String),
     /// The text was written by a newer version of this software.
-    #[error("schema {found}, but this version reads schema {TEAM_SCHEMA}; it was written by a newer version")]
-    Newer {
-        /// Schema version of the text.
-        found: u32,
-    },
+    #[error("schema {0}, but this version reads schema {TEAM_SCHEMA}; it was written by a newer version")]
+    Newer(u32),
     /// The text was written by an older version of this software.
-    #[error("schema {found}, but this version reads schema {TEAM_SCHEMA}; write the file again with `pingmap team`")]
-    Older {
-        /// Schema version of the text.
-        found: u32,
-    },
+    #[error("schema {0}, but this version reads schema {TEAM_SCHEMA}; write the file again with `pingmap team`")]
+    Older(u32),
     /// A number is out of range.
     #[error("{key} must be {expected}, found {value}")]
     OutOfRange {
@@ -95,11 +89,8 @@ pub enum TeamError {
         value: f64,
     },
     /// The team has no members, or more than a member number of 8 bits can distinguish.
-    #[error("a team has 1 to 256 members, found {found}")]
-    Members {
-        /// Number of members.
-        found: usize,
-    },
+    #[error("a team has 1 to 256 members, found {0}")]
+    Members(usize),
     /// Two members have one number.
     #[error("members {first} and {second} both have number {number}")]
     SameNumber {
@@ -111,30 +102,18 @@ pub enum TeamError {
         second: VehicleId,
     },
     /// Two members have one name.
-    #[error("two members have the name {name}")]
-    SameName {
-        /// The name.
-        name: VehicleId,
-    },
+    #[error("two members have the name {0}")]
+    SameName(VehicleId),
     /// A slot belongs to a vehicle that is not a member.
-    #[error("slots: {name} is not a member")]
-    UnknownMember {
-        /// Name of the vehicle.
-        name: VehicleId,
-    },
+    #[error("slots: {0} is not a member")]
+    UnknownMember(VehicleId),
     /// A team file cannot represent the team. Causes are invalid members or slots, numbers out of range, a key without
     /// a file name, and a file name without a key.
-    #[error("the team cannot be written to a file without loss: {problem}")]
-    Unwritable {
-        /// Description of the loss.
-        problem: String,
-    },
+    #[error("the team cannot be written to a file without loss: {0}")]
+    Unwritable(String),
     /// No packet fits into the frame.
-    #[error("frame_bytes must be at least 32, found {found}")]
-    FrameTooSmall {
-        /// Bytes of the frame.
-        found: usize,
-    },
+    #[error("frame_bytes must be at least 32, found {0}")]
+    FrameTooSmall(usize),
 }
 
 impl Team {
@@ -153,10 +132,10 @@ impl Team {
         let members: BTreeMap<u8, VehicleId> =
             names.iter().enumerate().map_while(|(n, name)| Some((u8::try_from(n).ok()?, name.clone()))).collect();
         if members.is_empty() || members.len() < found {
-            return Err(TeamError::Members { found });
+            return Err(TeamError::Members(found));
         }
         if let Some(name) = names.iter().enumerate().find_map(|(n, name)| names[..n].contains(name).then_some(name)) {
-            return Err(TeamError::SameName { name: name.clone() });
+            return Err(TeamError::SameName(name.clone()));
         }
         let grid = Grid::covering(&model.chart, positions);
         Ok(Self {
@@ -211,7 +190,7 @@ impl Team {
     pub fn layout(&self, frame_bytes: usize) -> Result<&'static Layout, TeamError> {
         let has_depth = self.model.inputs.has_depths();
         let layout = Layout::for_frame(frame_bytes, has_depth, self.key.is_some());
-        layout.ok_or(TeamError::FrameTooSmall { found: frame_bytes })
+        layout.ok_or(TeamError::FrameTooSmall(frame_bytes))
     }
 }
 

@@ -61,8 +61,8 @@ impl TeamFile {
         let syntax = |error: toml::de::Error| TeamError::Syntax(error.to_string().trim_end().to_owned());
         let SchemaVersion { schema } = toml::from_str(text).map_err(syntax)?;
         match schema.cmp(&TEAM_SCHEMA) {
-            Ordering::Greater => Err(TeamError::Newer { found: schema }),
-            Ordering::Less => Err(TeamError::Older { found: schema }),
+            Ordering::Greater => Err(TeamError::Newer(schema)),
+            Ordering::Less => Err(TeamError::Older(schema)),
             Ordering::Equal => toml::from_str(text).map_err(syntax),
         }
     }
@@ -98,7 +98,7 @@ impl TeamFile {
             slots: team.slots.clone(),
             limits: team.limits,
         };
-        let unwritable = |problem: &dyn std::fmt::Display| TeamError::Unwritable { problem: problem.to_string() };
+        let unwritable = |problem: &dyn std::fmt::Display| TeamError::Unwritable(problem.to_string());
         let text = toml::to_string(&file).map_err(|error| unwritable(&error))?;
         if key_file.is_some() != team.key.is_some() {
             return Err(unwritable(&"a key needs the name of a key file, and the name of a key file needs a key"));
@@ -162,7 +162,7 @@ impl TeamFile {
 fn check(team: &Team) -> Result<(), TeamError> {
     let is_known = |name: &&VehicleId| name.as_str().is_empty() || team.is_member(name);
     if let Some(name) = team.slots.order.iter().find(|name| !is_known(name)) {
-        return Err(TeamError::UnknownMember { name: name.clone() });
+        return Err(TeamError::UnknownMember(name.clone()));
     }
     team.layout(team.frame_bytes)?;
     let numbers: [(&str, Bounds, f64); 13] = [

@@ -20,7 +20,6 @@ struct Sample {
     slot: u32,
     time_s: f64,
     at: Position,
-    /// Cell that contains the position.
     own: Cell,
     /// Cell of a waypoint that was sent before. It stays a waypoint.
     fixed: Option<Cell>,

@@ -135,7 +135,7 @@ fn a_vehicle_outside_the_team_receives_and_does_not_send() {
     let team = Arc::new(team(2, model()));
     let mut guest = vehicle(&team, 2, walk(2, 10, 0.5));
     let id = guest.id().clone();
-    assert_eq!(guest.next_frame(Some(0.0), 32), Err(AgentError::NotAMember { id }));
+    assert_eq!(guest.next_frame(Some(0.0), 32), Err(AgentError::NotAMember(id)));
     let before = test_probabilities(&mut guest);
     for bytes in frames(&mut vehicle(&team, 0, walk(0, 40, 0.0)), 2) {
         assert_eq!(guest.receive(&bytes, Some(7.0)), Receipt::Accepted);
@@ -148,7 +148,7 @@ fn a_vehicle_outside_the_team_receives_and_does_not_send() {
 #[test]
 fn a_frame_below_32_bytes_is_refused() {
     let mut agent = vehicle(&Arc::new(team(2, model())), 0, walk(0, 10, 0.0));
-    let small = AgentError::Team(TeamError::FrameTooSmall { found: 31 });
+    let small = AgentError::Team(TeamError::FrameTooSmall(31));
     assert_eq!(agent.next_frame(Some(0.0), 31), Err(small));
     for frame_bytes in [32, 63, 64, 255, 256, 1000] {
         let mut agent = agent.clone();

@@ -113,7 +113,7 @@ fn packets_under_another_configuration_are_refused() {
     let before = agent.snapshot();
     let mut refusal = |bytes: &[u8]| match agent.receive(bytes, Some(0.0)) {
         Receipt::Refused(Refusal::OtherTeam { found: None, .. }) => "configuration",
-        Receipt::Refused(Refusal::OtherForm { .. }) => "form",
+        Receipt::Refused(Refusal::OtherForm(_)) => "form",
         Receipt::Refused(Refusal::Forged(_)) => "forged",
         receipt => panic!("{receipt:?}"),
     };
@@ -132,7 +132,7 @@ fn a_plain_packet_names_the_number_of_its_configuration() {
     let plain = |epoch| Team { key: None, epoch, ..authenticated() };
     let mut agent = vehicle(&Arc::new(plain(0)), 0, []);
     let receipt = agent.receive(&first_packet(authenticated()), Some(0.0));
-    assert!(matches!(receipt, Receipt::Refused(Refusal::OtherForm { .. })));
+    assert!(matches!(receipt, Receipt::Refused(Refusal::OtherForm(_))));
     let mut number = |epoch, phase| {
         let mut sender = vehicle(&Arc::new(plain(epoch)), 1, walk(1, 30, phase));
         match agent.receive(&sender.next_frame(Some(0.0), 32).unwrap().unwrap(), Some(0.0)) {
@@ -182,7 +182,7 @@ fn a_vehicle_that_lost_its_memory_skips_a_window_of_counters_after_its_old_packe
     let mut reborn = vehicle(&team, 0, walk(0, 40, 0.5));
     for n in [2, 0] {
         let counter = n as u16;
-        assert_eq!(reborn.receive(&packets[n], Some(0.0)), Receipt::Refused(Refusal::OwnNumber { counter }));
+        assert_eq!(reborn.receive(&packets[n], Some(0.0)), Receipt::Refused(Refusal::OwnNumber(counter)));
         assert_eq!(reborn.receive(&packets[n], Some(0.0)), Receipt::Refused(Refusal::Duplicate));
     }
     assert_eq!(counts(&reborn).own_number, 2);

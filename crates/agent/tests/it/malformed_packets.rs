@@ -66,12 +66,12 @@ proptest! {
         for (counter, (sender, bits)) in (0..).zip(&all) {
             let before = agent.snapshot();
             let receipt = agent.receive(&scrambled(&team, empty_packet(&team, *sender, counter), bits), None);
-            let is_stored = matches!(receipt, Receipt::Accepted | Receipt::Refused(Refusal::OwnNumber { .. }));
+            let is_stored = matches!(receipt, Receipt::Accepted | Receipt::Refused(Refusal::OwnNumber(_)));
             prop_assert_eq!(is_stored, agent.snapshot() != before, "{:?}", receipt);
             // The header is valid, so that every refusal is due to the content after it.
             let expected = is_stored && (*sender == 0) == matches!(receipt, Receipt::Refused(_))
                 || matches!(receipt, Receipt::Refused(Refusal::Malformed(_) | Refusal::Unusable(_)))
-                || matches!(receipt, Receipt::Refused(Refusal::UnknownSender { number: 4 })) && *sender == 4;
+                || matches!(receipt, Receipt::Refused(Refusal::UnknownSender(4))) && *sender == 4;
             prop_assert!(expected, "{:?}", receipt);
             if counter % 5 == 4 {
                 check_probabilities(&mut agent)?;

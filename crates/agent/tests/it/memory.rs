@@ -199,7 +199,7 @@ fn events_of_other_receivers_and_numbers_out_of_bounds_are_refused() {
     assert_eq!(agent.record([far.clone()]), Err(AgentError::Nowhere { value_m: 1.1e9 }));
     far.link.receiver.north_m = 0.0;
     let number = 1 << 48;
-    assert_eq!(agent.apply(Entry::Observed { number, event: far }), Err(AgentError::NumberTooLarge { number }));
+    assert_eq!(agent.apply(Entry::Observed { number, event: far }), Err(AgentError::NumberTooLarge(number)));
     assert_eq!(agent.snapshot(), before);
     agent.options.record_all_receivers = true;
     agent.record([theirs]).unwrap();
@@ -214,14 +214,14 @@ fn two_vehicles_under_one_number_are_detected() {
     let mut listener = vehicle(&team, 0, []);
     assert_eq!(listener.receive(&packets[0][0], None), Receipt::Accepted);
     let before = test_probabilities(&mut listener);
-    assert_eq!(listener.receive(&packets[1][0], None), Receipt::Refused(Refusal::Conflict { counter: 0 }));
+    assert_eq!(listener.receive(&packets[1][0], None), Receipt::Refused(Refusal::Conflict(0)));
     assert_ne!(test_probabilities(&mut listener), before, "neither packet counts");
     assert_eq!(listener.receive(&packets[0][0], None), Receipt::Refused(Refusal::Duplicate));
     let conflicts = |agent: &Agent| member(agent, &name(1)).conflicts;
     let status = listener.status();
     assert_eq!((conflicts(&listener), status.counts.conflict, status.live_packets), (1, 1, 0));
     // Each of the two vehicles detects the other, and continues with counters that the other has not used.
-    assert_eq!(first.receive(&packets[1][1], None), Receipt::Refused(Refusal::Conflict { counter: 1 }));
+    assert_eq!(first.receive(&packets[1][1], None), Receipt::Refused(Refusal::Conflict(1)));
     assert_eq!(first.status().counts.conflict, 1);
     first.record(walk(1, 40, 1.4)).unwrap();
     first.refit().unwrap();

@@ -288,7 +288,7 @@ fn malformed_piggybacked_bits_are_refused_and_change_nothing() {
     let before = agent.snapshot();
     let stranger = VehicleId::new("a ship");
     let cases = [
-        (stranger.clone(), time_s, Refusal::NoMember { id: stranger }),
+        (stranger.clone(), time_s, Refusal::NoMember(stranger)),
         (name(0), time_s, Refusal::OwnReport),
         (name(1), -5.0, Refusal::NoSlot { time_s: -5.0 }),
     ];

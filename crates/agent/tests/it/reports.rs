@@ -268,7 +268,7 @@ fn reports_of_another_team_or_of_the_own_number_are_refused() {
     assert_eq!(twin.receive(&report, Some(slot_s(trip.slots))), Receipt::Refused(Refusal::OwnReport));
     let with_key = trip.with_team(|team| team.key = Some(key(3)));
     let mut stranger = vehicle(&with_key.team, 1, []);
-    assert!(matches!(stranger.receive(&report, None), Receipt::Refused(Refusal::OtherForm { .. })));
+    assert!(matches!(stranger.receive(&report, None), Receipt::Refused(Refusal::OtherForm(_))));
     let padded = [report.clone(), vec![0; 7]].concat();
     assert_eq!(listener.receive(&padded, None), Receipt::Accepted);
     assert_eq!(listener.receive(&report, None), Receipt::Refused(Refusal::Duplicate));

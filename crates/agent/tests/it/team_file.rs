@@ -167,7 +167,7 @@ fn keys_of_removed_features_are_refused() {
 #[test]
 fn a_newer_team_file_is_refused_with_its_version() {
     let text = with("schema = 4", "schema = 5\nfuture = true");
-    assert_eq!(read(&text).unwrap_err(), TeamError::Newer { found: 5 });
+    assert_eq!(read(&text).unwrap_err(), TeamError::Newer(5));
     assert!(read(&text).unwrap_err().to_string().contains("schema 5"));
 }
 
@@ -181,11 +181,11 @@ fn an_older_team_file_is_refused_with_its_version() {
 
 #[test]
 fn a_team_has_one_to_256_members_with_different_names() {
-    assert_eq!(Team::new([], model(), []).unwrap_err(), TeamError::Members { found: 0 });
-    assert_eq!(Team::new(names(257), model(), []).unwrap_err(), TeamError::Members { found: 257 });
+    assert_eq!(Team::new([], model(), []).unwrap_err(), TeamError::Members(0));
+    assert_eq!(Team::new(names(257), model(), []).unwrap_err(), TeamError::Members(257));
     assert_eq!(Team::new(names(256), model(), []).unwrap().members.len(), 256);
     let twins = [name(0), name(1), name(0)];
-    assert_eq!(Team::new(twins, model(), []).unwrap_err(), TeamError::SameName { name: name(0) });
+    assert_eq!(Team::new(twins, model(), []).unwrap_err(), TeamError::SameName(name(0)));
 }
 
 /// A schedule of one transmission with this number of listeners.
@@ -269,7 +269,7 @@ fn a_team_that_no_file_can_hold_is_not_written() {
     ];
     for (number, (team, key_file)) in bad.iter().enumerate() {
         let error = write(team, *key_file).unwrap_err();
-        assert!(matches!(error, TeamError::Unwritable { .. }), "{number}: {error}");
+        assert!(matches!(error, TeamError::Unwritable(_)), "{number}: {error}");
     }
     assert!(write(&good, None).is_ok());
 }

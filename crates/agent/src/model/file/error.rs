@@ -11,11 +11,8 @@ pub enum ModelFileError {
     #[error("{0}")]
     Syntax(String),
     /// A newer version of this software wrote the text.
-    #[error("schema {found}, but this version reads schema {MODEL_SCHEMA}; it was written by a newer version")]
-    Newer {
-        /// Schema version of the text.
-        found: u32,
-    },
+    #[error("schema {0}, but this version reads schema {MODEL_SCHEMA}; it was written by a newer version")]
+    Newer(u32),
     /// The sizes of links, shift and precision of a site prior do not match.
     #[error(
         "[site_prior]: expected {points} entries of shift and rows of precision; row n of precision must have n entries"

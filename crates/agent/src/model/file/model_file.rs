@@ -72,7 +72,7 @@ impl ModelFile {
     pub fn parse(text: &str) -> Result<Self, ModelFileError> {
         let version: SchemaVersion = read(text)?;
         if version.schema > MODEL_SCHEMA {
-            return Err(ModelFileError::Newer { found: version.schema });
+            return Err(ModelFileError::Newer(version.schema));
         }
         let ModelLayout { schema, depths, chart, prior_mean, fading, kernel, learned, site_prior: site } = read(text)?;
         let inputs = if depths { InputSpec::PositionsAndDepths } else { InputSpec::Positions };
@@ -151,7 +151,6 @@ struct SchemaVersion {
     schema: u32,
 }
 
-/// The layout of a model file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ModelLayout {
@@ -168,7 +167,6 @@ struct ModelLayout {
     site_prior: Option<SitePriorLayout>,
 }
 
-/// The layout of the chart in a model file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ChartLayout {
@@ -222,7 +220,6 @@ impl ChartLayout {
     }
 }
 
-/// The layout of the prior mean in a model file.
 #[derive(Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 enum MeanLayout {

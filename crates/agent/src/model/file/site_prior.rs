@@ -18,7 +18,6 @@ pub(crate) struct SitePriorLayout {
     pub(crate) log_digests: Vec<String>,
     /// Coordinates of both ends of each link: east, north (and depth), in metres.
     links: Vec<Vec<f64>>,
-    /// Whitened shift.
     shift: Vec<f64>,
     /// Whitened precision, as the rows of its lower triangle.
     precision: Vec<Vec<f64>>,

@@ -64,7 +64,6 @@ mod shape_name {
     }
 }
 
-/// The length-scales of a correlation.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum LengthScales {
