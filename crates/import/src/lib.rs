@@ -51,7 +51,7 @@ pub use model::error::ImportError;
 pub use model::exclusion::ExclusionReason;
 pub use model::modem_ids::ModemIds;
 pub use model::parsed_file::SkipCounts;
-pub use model::recording::{Arrival, Fix, Recording, Recordings, TransmissionRecord};
+pub use model::recording::{Arrival, Fix, Recording, Recordings, Reply, TransmissionRecord};
 pub use model::reference::{Place, Reference, ReferenceError};
 pub use model::schedule::Schedule;
 pub use model::time::{TIME, parse_time, time_in_words};

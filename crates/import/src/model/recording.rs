@@ -30,6 +30,8 @@ pub struct Recording {
     pub modem_ids: BTreeSet<String>,
     /// Intervals in which its modem was listening, as stated by the user.
     pub listening: Vec<(f64, f64)>,
+    /// Acknowledgements that its modem sent by itself.
+    pub replies: Vec<Reply>,
     /// Intervals in which its modem could not receive, and the reason.
     pub deaf_intervals: Vec<(f64, f64, ExclusionReason)>,
     /// Band of its modem from a time on, by the modem's own records.
@@ -62,6 +64,20 @@ pub struct TransmissionRecord {
     pub kind: Option<MessageKind>,
     /// Band of this transmission, if recorded. Otherwise the band of the modem applies.
     pub band: Option<String>,
+}
+
+/// An acknowledgement that a modem sent by itself, because it decoded a message.
+///
+/// It contains no data, so it is no transmission whose outcome counts. It is evidence of a reception: a rule that
+/// excludes the answered message for this transmission excludes successes alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reply {
+    /// Time at which the modem reported the latest frame of the answered message, in seconds.
+    pub decoded_s: f64,
+    /// Start of the transmission, in seconds.
+    pub start_s: f64,
+    /// End of the transmission, in seconds.
+    pub end_s: f64,
 }
 
 /// A message, or one frame of it, that reached a modem.
@@ -104,6 +120,7 @@ impl Recording {
             modem_activity,
             modem_ids,
             listening,
+            replies,
             deaf_intervals,
             bands,
             clock_syncs,
@@ -120,6 +137,7 @@ impl Recording {
         self.modem_activity.extend(modem_activity);
         self.modem_ids.extend(modem_ids);
         self.listening.extend(listening);
+        self.replies.extend(replies);
         self.deaf_intervals.extend(deaf_intervals);
         self.bands.extend(bands);
         self.clock_syncs.extend(clock_syncs);

@@ -5,6 +5,8 @@
 #![allow(clippy::unwrap_used)]
 
 mod bags;
+mod modem_cases;
+mod modem_replies;
 mod modems;
 mod outcomes;
 mod properties;

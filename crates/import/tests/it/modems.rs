@@ -9,7 +9,7 @@ use pingmap_import::{
 };
 
 /// Reads a file as the recording of `a`.
-fn read_text(text: &str) -> (Recording, SkipCounts) {
+pub fn read_text(text: &str) -> (Recording, SkipCounts) {
     let mut recordings = Recordings::new();
     let a = VehicleId::new("a");
     let summary = RecordReader::default().read_record(
@@ -21,13 +21,13 @@ fn read_text(text: &str) -> (Recording, SkipCounts) {
 }
 
 /// Reads a capture of sentences, each with its time.
-fn capture(sentences: &[(f64, &str)]) -> (Recording, SkipCounts) {
+pub fn capture(sentences: &[(f64, &str)]) -> (Recording, SkipCounts) {
     let line = |(time_s, sentence): &(f64, &str)| format!("{time_s} ${sentence}*{:02X}\n", nmea_checksum(sentence));
     read_text(&sentences.iter().map(line).collect::<String>())
 }
 
 /// Lists the transmissions: time, destination, number of frames, kind.
-fn transmissions(recording: &Recording) -> Vec<(f64, String, Option<u32>, String)> {
+pub fn transmissions(recording: &Recording) -> Vec<(f64, String, Option<u32>, String)> {
     let text = |text: Option<String>| text.unwrap_or_default();
     let fields = |transmission: &pingmap_import::TransmissionRecord| {
         let destination = transmission.destination.as_ref().map(ToString::to_string);
@@ -42,9 +42,9 @@ fn transmissions(recording: &Recording) -> Vec<(f64, String, Option<u32>, String
 }
 
 /// A reception: time, source, frame, number of frames, and whether it was decoded.
-type Reception<'a> = (f64, &'a str, Option<u32>, Option<u32>, bool);
+pub type Reception<'a> = (f64, &'a str, Option<u32>, Option<u32>, bool);
 
-fn receptions(recording: &Recording) -> Vec<Reception<'_>> {
+pub fn receptions(recording: &Recording) -> Vec<Reception<'_>> {
     let arrivals = recording.arrivals.iter().flatten();
     arrivals
         .map(|arrival| (arrival.time_s, arrival.source.as_str(), arrival.frame, arrival.frames, arrival.good))

@@ -3,7 +3,7 @@
 use pingmap_agent::MessageKind;
 
 use crate::model::exclusion::ExclusionReason;
-use crate::model::recording::TransmissionRecord;
+use crate::model::recording::{Reply, TransmissionRecord};
 use crate::readers::sink::{FrameInfo, Sink};
 
 /// A transmission, with the fields that matter here.
@@ -17,8 +17,11 @@ pub(crate) struct ModemTransmission {
     bad_frames: u32,
 }
 
-/// A modem that ranges or acknowledges is deaf for so long, in seconds.
+/// A modem that ranges is deaf for so long, in seconds.
 const RANGING_S: f64 = 5.0;
+
+/// Duration of an acknowledgement, in seconds.
+const REPLY_S: f64 = 3.0;
 
 /// Goby's broadcast address.
 const BROADCAST: &str = "0";
@@ -69,8 +72,11 @@ impl ModemTransmission {
 
     /// Records that this transmission was sent.
     pub(crate) fn record_transmission(&self, time_s: f64, sink: &mut Sink) {
-        if self.has_no_data() {
-            // Ranging or an acknowledgement: the modem is deaf meanwhile.
+        if self.kind.as_deref() == Some("ACK") {
+            sink.record_activity(time_s);
+            sink.recording.replies.push(Reply { decoded_s: time_s, start_s: time_s, end_s: time_s + REPLY_S });
+        } else if self.has_no_data() {
+            // Ranging: the modem is deaf meanwhile.
             sink.record_activity(time_s);
             sink.recording.deaf_intervals.push((time_s, time_s + RANGING_S, ExclusionReason::OtherMode));
         }

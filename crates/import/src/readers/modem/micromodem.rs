@@ -13,7 +13,7 @@ use pingmap_agent::MessageKind;
 
 use crate::model::exclusion::ExclusionReason;
 use crate::model::parsed_file::SkipCounts;
-use crate::model::recording::{BAND_PARTS, TransmissionRecord};
+use crate::model::recording::{BAND_PARTS, Reply, TransmissionRecord};
 use crate::readers::modem::nmea::Sentence;
 use crate::readers::sink::{FrameInfo, Sink};
 
@@ -32,6 +32,9 @@ const RANGING_S: f64 = 5.0;
 /// Duration of a packet, in seconds, if the modem reports only its end.
 const PACKET_S_MAX: f64 = 3.0;
 
+/// Longest time from a decoded message to the start of its acknowledgement, in seconds.
+const REPLY_S_MAX: f64 = 5.0;
+
 /// The state of one modem, derived from its sentences.
 #[derive(Debug, Default)]
 pub(crate) struct Micromodem {
@@ -45,6 +48,8 @@ pub(crate) struct Micromodem {
     finished_s: Option<f64>,
     /// Start of a packet without data.
     control_start_s: Option<f64>,
+    /// Time of a decoded message that the modem acknowledges.
+    acknowledged_s: Option<f64>,
     /// Time of a broken frame without a sender so far.
     broken_s: Option<f64>,
     /// Number, carrier and bandwidth of its band; empty if not reported.
@@ -108,6 +113,20 @@ fn mini_kind() -> Option<MessageKind> {
     Some(MessageKind::new("mini"))
 }
 
+/// Returns whether a decoded message makes the modem answer by itself: it requests an acknowledgement and is not
+/// addressed to another modem. The modem answers each mini-packet that is addressed to it.
+fn requests_reply(sentence: &Sentence, sink: &Sink) -> bool {
+    let (destination, flag) = match sentence.name {
+        "CARXD" => (sentence.field(1), sentence.field(2)),
+        "CAMUA" => (sentence.field(1), "1"),
+        "CARDP" => (sentence.field(1), sentence.field(3)),
+        _ => return false,
+    };
+    let own_ids = &sink.recording.modem_ids;
+    let is_own = if own_ids.is_empty() { sentence.name != "CAMUA" } else { own_ids.contains(destination) };
+    is_own && !matches!(flag, "" | "0")
+}
+
 impl Micromodem {
     /// Absorbs a sentence. The time is by the host's clock, in seconds.
     pub(crate) fn absorb(&mut self, time_s: f64, sentence: &Sentence, mut sink: Sink) {
@@ -119,12 +138,18 @@ impl Micromodem {
         sink.recording.arrivals.get_or_insert_default();
         sink.recording.transmissions.get_or_insert_default();
         match sentence.name {
-            "CARXD" | "CAMSG" | "CACST" | "CAMUA" | "CARDP" => self.absorb_reception(time_s, sentence, &mut sink),
+            "CARXD" | "CAMSG" | "CACST" | "CAMUA" | "CARDP" => {
+                if requests_reply(sentence, &sink) {
+                    self.acknowledged_s = Some(time_s);
+                }
+                self.absorb_reception(time_s, sentence, &mut sink);
+            }
             "CACYC" | "CCCYC" => self.absorb_cycle(time_s, sentence, &mut sink),
             "CAREV" | "CACFG" | "CACLK" | "CATMS" | "CATMG" | "CAMSC" | "CCMSC" => {
                 self.absorb_status(time_s, sentence, &mut sink)
             }
             "CAMPC" | "CAMPA" | "CAPDT" | "CAPNT" | "CAPGT" => {
+                self.acknowledged_s = None;
                 sink.recording.deaf_intervals.push((time_s, time_s + RANGING_S, ExclusionReason::OtherMode));
                 sink.record_activity(time_s);
             }
@@ -175,7 +200,7 @@ impl Micromodem {
     fn absorb_cycle(&mut self, time_s: f64, sentence: &Sentence, sink: &mut Sink) {
         // The announcement ends the previous message. A frame that broke earlier is not part of the announced message.
         self.finish_incoming(sink);
-        self.broken_s = None;
+        (self.broken_s, self.acknowledged_s) = (None, None);
         let (source, rate) = (sentence.field(1).to_owned(), sentence.field(3).to_owned());
         if sentence.name == "CACYC" && sink.recording.modem_ids.contains(&source) {
             sink.record_activity(time_s);
@@ -211,20 +236,23 @@ impl Micromodem {
                 None => self.control_start_s = Some(time_s),
             },
             "CATXF" if self.outgoing.is_some() => self.finish_outgoing(time_s, sink),
-            "CATXF" => {
-                // A cycle or an acknowledgement: no message, but the modem is deaf while it transmits.
-                let start_s = self.control_start_s.take().filter(|start_s| time_s - start_s <= MESSAGE_S_MAX);
-                sink.recording.deaf_intervals.push((
-                    start_s.unwrap_or(time_s - PACKET_S_MAX),
-                    time_s,
-                    ExclusionReason::Transmitting,
-                ));
-            }
+            "CATXF" => self.finish_control_packet(time_s, sink),
             "CAXST" => self.absorb_transmit_statistics(time_s, sentence, sink),
             "CAERR" if sentence.fields.contains(&"DATA_TIMEOUT") => {
                 self.drop_outgoing();
             }
             _ => {}
+        }
+    }
+
+    /// Records a packet without data. The modem is deaf while it transmits a cycle or an acknowledgement.
+    fn finish_control_packet(&mut self, end_s: f64, sink: &mut Sink) {
+        let start_s = self.control_start_s.take().filter(|start_s| end_s - start_s <= MESSAGE_S_MAX);
+        let decoded_s = self.acknowledged_s.take();
+        let start_s = start_s.unwrap_or(decoded_s.unwrap_or(f64::NEG_INFINITY).max(end_s - PACKET_S_MAX));
+        match decoded_s.filter(|decoded_s| (0.0..=REPLY_S_MAX).contains(&(start_s - decoded_s))) {
+            Some(decoded_s) => sink.recording.replies.push(Reply { decoded_s, start_s, end_s }),
+            None => sink.recording.deaf_intervals.push((start_s, end_s, ExclusionReason::Transmitting)),
         }
     }
 

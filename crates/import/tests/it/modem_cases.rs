@@ -1,0 +1,45 @@
+//! Whole imports of small recorded missions, one for each kind of modem record.
+
+use std::fs::{File, read_dir};
+use std::path::Path;
+
+use pingmap_import::{
+    FileSource, ImportResult, ModemIds, RecordReader, Recordings, Reference, Rules, SkipCounts, join, resolve_modem_ids,
+};
+
+/// Reads all files of a folder in `tests/data`, with its table of ids.
+fn read_case(name: &str) -> (Recordings, SkipCounts) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
+    let ids_path = folder.join("ids.csv");
+    let ids = ModemIds::read(File::open(&ids_path).unwrap(), &ids_path).unwrap();
+    let reader = RecordReader { ids, ..RecordReader::default() };
+    let (mut recordings, mut skipped) = (Recordings::new(), SkipCounts::default());
+    let mut paths: Vec<_> = read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    for path in paths {
+        let source = FileSource::new(&path, None);
+        let summary = reader.read_record(File::open(&path).unwrap(), &source, &mut recordings).unwrap();
+        skipped = skipped.sum(summary.unwrap_or_else(|| panic!("unknown kind: {}", path.display())).skipped);
+    }
+    resolve_modem_ids(&mut recordings).unwrap();
+    (recordings, skipped)
+}
+
+fn import_case(name: &str) -> ImportResult {
+    join(&read_case(name).0, None, &Reference::unknown(), &Rules::default()).unwrap()
+}
+
+/// Counts the events that were heard and missed.
+fn heard_and_missed(imported: &ImportResult) -> (usize, usize) {
+    let heard = imported.log.events.iter().filter(|event| event.success).count();
+    (heard, imported.log.events.len() - heard)
+}
+
+#[test]
+fn an_acknowledgement_does_not_exclude_the_message_that_it_answers() {
+    let (recordings, _) = read_case("ack-after-hearing");
+    let replies: Vec<_> = recordings.values().flat_map(|recording| &recording.replies).collect();
+    assert_eq!(replies.len(), 57);
+    assert!(replies.iter().all(|reply| (reply.start_s - reply.decoded_s - 0.3).abs() < 0.01));
+    assert_eq!(heard_and_missed(&import_case("ack-after-hearing")), (57, 33));
+}
