@@ -6,6 +6,7 @@
 
 mod bags;
 mod modem_cases;
+mod modem_data;
 mod modem_replies;
 mod modems;
 mod outcomes;

@@ -43,3 +43,20 @@ fn an_acknowledgement_does_not_exclude_the_message_that_it_answers() {
     assert!(replies.iter().all(|reply| (reply.start_s - reply.decoded_s - 0.3).abs() < 0.01));
     assert_eq!(heard_and_missed(&import_case("ack-after-hearing")), (57, 33));
 }
+
+#[test]
+fn flexible_packets_are_transmissions_and_receptions() {
+    for name in ["flexible-packets", "flexible-beside-cycles"] {
+        let imported = import_case(name);
+        assert_eq!((heard_and_missed(&imported), imported.evidence.recorded), ((51, 29), 80), "{name}");
+        assert_eq!(imported.left_out.unexpected.len(), 0, "{name}");
+    }
+    let (recordings, _) = read_case("flexible-packets");
+    let transmissions = recordings.values().flat_map(|recording| recording.transmissions.as_ref().unwrap());
+    let kinds = transmissions.map(|transmission| transmission.kind.as_ref().unwrap().to_string());
+    assert!(kinds.clone().all(|kind| kind == "rate 5") && kinds.count() == 80);
+    // The statistics of a broken packet state the rate of its mini frames.
+    let arrivals = || recordings.values().flat_map(|recording| recording.arrivals.as_ref().unwrap());
+    assert!(arrivals().all(|arrival| arrival.kind.is_some() == arrival.good));
+    assert_eq!((arrivals().count(), arrivals().filter(|arrival| arrival.good).count()), (61, 51));
+}

@@ -73,7 +73,7 @@ impl ModemTransmission {
     /// Records that this transmission was sent.
     pub(crate) fn record_transmission(&self, time_s: f64, sink: &mut Sink) {
         if self.kind.as_deref() == Some("ACK") {
-            sink.record_activity(time_s);
+            // It exists only because a message was decoded, so it does not extend the activity of the modem.
             sink.recording.replies.push(Reply { decoded_s: time_s, start_s: time_s, end_s: time_s + REPLY_S });
         } else if self.has_no_data() {
             // Ranging: the modem is deaf meanwhile.

@@ -12,14 +12,15 @@ impl<'a> Sentence<'a> {
     /// checksum.
     pub(crate) fn parse(text: &'a str) -> Option<Self> {
         let body = &text[text.find('$')? + 1..];
-        let (body, sum) = match body.split_once('*') {
-            Some((body, rest)) => (body, Some(rest.get(..2)?)),
-            None => (body.trim_end(), None),
+        let is_right = |star: usize| {
+            let sum = body.get(star + 1..star + 3).and_then(|sum| u8::from_str_radix(sum, 16).ok());
+            sum == Some(nmea_checksum(&body[..star]))
         };
-        let is_right = |sum: &str| u8::from_str_radix(sum, 16).is_ok_and(|sum| sum == nmea_checksum(body));
-        if !sum.is_none_or(is_right) {
-            return None;
-        }
+        // A text in the sentence may hold an asterisk, too.
+        let body = match (body.find('*'), body.rfind('*')) {
+            (Some(first), Some(last)) => &body[..[first, last].into_iter().find(|star| is_right(*star))?],
+            _ => body.trim_end(),
+        };
         let mut parts = body.split(',').map(str::trim);
         let name = parts.next().filter(|name| name.len() >= 4 && name.chars().all(|c| c.is_ascii_alphanumeric()))?;
         Some(Self { name, fields: parts.collect() })
@@ -52,6 +53,8 @@ mod tests {
         let sentence = Sentence::parse(&text).unwrap();
         assert_eq!((sentence.name, sentence.field(4), sentence.number(1)), ("CARXD", "00FF", Some(63)));
         assert_eq!((sentence.field(9), sentence.number(4)), ("", None));
+        let text = format!("$CARXA,1,2,0,1,2*3*{:02X}\r\n", nmea_checksum("CARXA,1,2,0,1,2*3"));
+        assert_eq!(Sentence::parse(&text).map(|sentence| sentence.field(4)), Some("2*3"));
         // A well-known sentence with its published checksum.
         assert!(Sentence::parse("$GPGLL,5300.97914,N,00259.98174,E,125926,A*28").is_some());
         assert!(Sentence::parse("$GPGLL,5300.97915,N,00259.98174,E,125926,A*28").is_none());
