@@ -60,3 +60,9 @@ fn flexible_packets_are_transmissions_and_receptions() {
     assert!(arrivals().all(|arrival| arrival.kind.is_some() == arrival.good));
     assert_eq!((arrivals().count(), arrivals().filter(|arrival| arrival.good).count()), (61, 51));
 }
+
+#[test]
+fn a_debug_log_of_goby_is_a_capture() {
+    let imported = import_case("goby-debug-log");
+    assert_eq!((heard_and_missed(&imported), imported.evidence.recorded), ((42, 18), 60));
+}
