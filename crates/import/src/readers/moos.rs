@@ -20,6 +20,9 @@ pub const MOOS_PREFIX: &str = "ACOMMS_";
 /// A time later than this many seconds before the start of the log is absolute. Other times count from the start.
 const BEFORE_START_S: f64 = 1000.0;
 
+/// A start of the log before this time (September 2001) shows a clock that was not set, in seconds.
+const SET_CLOCK_S_MIN: f64 = 1e9;
+
 /// A time beyond this is absolute even in a log without a start, in seconds.
 const ABSOLUTE_S_MIN: f64 = 1e8;
 
@@ -75,8 +78,12 @@ fn split_row(line: &str) -> Option<(f64, &str, &str)> {
     let (time, rest) = split_word(line.trim_start())?;
     let (variable, rest) = split_word(rest)?;
     let (_, value) = split_word(rest).unwrap_or((rest, ""));
-    let time_s = time.parse::<f64>().ok().filter(|time_s| time_s.abs() < 1e11)?;
-    Some((time_s, variable, value.trim_end()))
+    Some((parse_seconds(time)?, variable, value.trim_end()))
+}
+
+/// Parses a number of seconds.
+fn parse_seconds(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|time_s: &f64| time_s.abs() < 1e11)
 }
 
 /// Splits off the first word.
@@ -89,6 +96,8 @@ fn split_word(text: &str) -> Option<(&str, &str)> {
 struct AlogParser {
     prefix: String,
     start_s: Option<f64>,
+    /// Whether the times of a log with an unset clock are absolute, by its first row.
+    is_absolute: Option<bool>,
     /// Whether values start with a letter for their type (data type marking).
     is_marked: bool,
     name: Option<VehicleId>,
@@ -105,15 +114,23 @@ impl AlogParser {
     fn absorb_header(&mut self, remark: &str) {
         let mut words = remark.split_whitespace();
         match words.next() {
-            Some("LOGSTART") => self.start_s = words.next().and_then(|word| word.parse().ok()).or(self.start_s),
+            Some("LOGSTART") => self.start_s = words.next().and_then(parse_seconds).or(self.start_s),
             Some("DATATYPE") => self.is_marked = words.next() == Some("MARKING") && words.next() == Some("ON"),
             _ => {}
         }
     }
 
     /// Converts a time of the log to absolute time; `None` if the log does not state its start.
-    fn time_s(&self, time_s: f64) -> Option<f64> {
+    ///
+    /// A clock that was set after the start of the log makes relative times large. The first row is early enough to
+    /// tell whether times are relative.
+    fn time_s(&mut self, time_s: f64) -> Option<f64> {
         match self.start_s {
+            Some(start_s) if start_s < SET_CLOCK_S_MIN => {
+                let seems_absolute = start_s > BEFORE_START_S && time_s + BEFORE_START_S > start_s;
+                let is_absolute = *self.is_absolute.get_or_insert(seems_absolute);
+                Some(if is_absolute { time_s } else { start_s + time_s })
+            }
             Some(start_s) if time_s + BEFORE_START_S > start_s => Some(time_s),
             Some(start_s) => Some(start_s + time_s),
             None => (time_s > ABSOLUTE_S_MIN).then_some(time_s),
@@ -196,6 +213,15 @@ mod tests {
         assert_eq!(first_s(&format!("{header}{}", rows(["-2.5", "-2.25"]))), 1_777_809_598.25);
         assert_eq!(first_s(&format!("{header}{}", rows(["1777809610", "1777809610"]))), 1_777_809_610.0);
         assert_eq!(first_s(&rows(["1777809610", "1777809610"])), 1_777_809_610.0);
+        // The clock was set after the start of the log, from 1970 or 1980. The second log has absolute times.
+        let last_s = |start: &str, first: &str, last: &str| {
+            let rows = format!("{first} DB_CLIENTS MOOSDB p,\n{last} NAV_X p 1\n{last} NAV_Y p 2\n");
+            first_s(&format!("%% LOG FILE: a.alog\n%% LOGSTART {start}\n{rows}"))
+        };
+        assert_eq!(last_s("23.5", "0.6", "1777809576.5"), 1_777_809_600.0);
+        assert_eq!(last_s("315532800.5", "315532800.75", "1777809600"), 1_777_809_600.0);
+        assert_eq!(last_s("315532800.5", "-0.25", "1462276799.5"), 1_777_809_600.0);
+        assert!(parse("%% LOGSTART NaN\n3 NAV_X p 1\n").is_err());
         let error = parse(&rows(["3", "4"])).unwrap_err();
         assert!(error.contains("line 1") && error.contains("LOGSTART"), "{error}");
     }

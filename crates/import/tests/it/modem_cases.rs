@@ -66,3 +66,13 @@ fn a_debug_log_of_goby_is_a_capture() {
     let imported = import_case("goby-debug-log");
     assert_eq!((heard_and_missed(&imported), imported.evidence.recorded), ((42, 18), 60));
 }
+
+#[test]
+fn times_of_a_moos_log_with_an_unset_clock_count_from_its_start() {
+    let imported = import_case("logstart-in-1970");
+    let offsets: Vec<f64> =
+        imported.clocks.iter().flat_map(|clock| &clock.segments).map(|segment| segment.offset_s).collect();
+    assert!(offsets.len() == 2 && offsets.iter().all(|offset_s| offset_s.abs() < 0.01), "{offsets:?}");
+    assert_eq!(imported.left_out.unexpected.len(), 0);
+    assert_eq!(heard_and_missed(&imported), (90, 68));
+}
