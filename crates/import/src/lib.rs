@@ -50,7 +50,7 @@ pub use assemble::vehicles::transmission::TransmissionEvidence;
 pub use model::error::ImportError;
 pub use model::exclusion::ExclusionReason;
 pub use model::modem_ids::ModemIds;
-pub use model::parsed_file::SkipCounts;
+pub use model::parsed_file::{SentenceCounts, SkipCounts};
 pub use model::recording::{Arrival, Fix, Recording, Recordings, Reply, TransmissionRecord};
 pub use model::reference::{Place, Reference, ReferenceError};
 pub use model::schedule::Schedule;

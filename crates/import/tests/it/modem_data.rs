@@ -62,3 +62,27 @@ fn flexible_packets_have_mini_frames_and_data_frames() {
     assert_eq!(receptions(&recording), expected);
     assert_eq!((skipped.garbled, recording.deaf_intervals.len()), (1, 1));
 }
+
+#[test]
+fn sentences_with_unknown_names_are_counted_and_others_are_silent() {
+    let silent =
+        ["CACST,2", "CAREV,120001,AUV,2.1", "CACFG,SRC,1", "CCCFQ,ALL", "CAMFD,1,2,3,4", "CAACK,1,2,1,1", "CCCLK,1"];
+    let navigation = ["SNTTA,1,2,3,4,120000", "GPGSV,1,1,00"];
+    let unknown = ["CAJRX,1,2,3,0,00,1,1,AA", "CAJRX,1,2,3,0,00,1,1,BB", "CCTJN,0,3,0,00,AA", "CALONGNAME,1"];
+    let sentences: Vec<_> = [&silent[..], &navigation, &unknown].concat().into_iter().map(|text| (1.0, text)).collect();
+    let (recording, skipped) = capture(&sentences);
+    assert_eq!(skipped.unknown_sentences.iter().collect::<Vec<_>>(), [("CAJRX", 2), ("CCTJN", 1), ("others", 1)]);
+    // They say nothing about the activity of the modem.
+    let (without, _) = capture(&sentences[..silent.len()]);
+    assert_eq!(recording.modem_activity, without.modem_activity);
+    // The number of names is bounded, also over several files.
+    let names: Vec<String> = (0..100).map(|number| format!("CAX{number:02},1")).collect();
+    let sentences: Vec<_> = names.iter().map(|name| (1.0, name.as_str())).collect();
+    let counts = capture(&sentences).1;
+    let other_counts = capture(&[(1.0, "CAJRX,1"), (2.0, "CAX00,1")]).1;
+    for (counts, others, all) in [(counts.clone(), 68, 100), (counts.sum(other_counts), 69, 102)] {
+        let counts = counts.unknown_sentences;
+        assert_eq!((counts.iter().count(), counts.iter().map(|(_, number)| number).sum()), (33, all));
+        assert_eq!(counts.iter().find(|(name, _)| *name == "others"), Some(("others", others)));
+    }
+}

@@ -16,6 +16,7 @@ mod evaluation;
 mod help;
 mod import;
 mod import_logs;
+mod import_modems;
 mod learning;
 mod library;
 mod machine_interface;

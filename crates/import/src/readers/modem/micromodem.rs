@@ -8,11 +8,12 @@
 //! receptions.
 
 use crate::model::exclusion::ExclusionReason;
-use crate::model::parsed_file::SkipCounts;
+use crate::model::parsed_file::{SentenceCounts, SkipCounts};
 use crate::model::recording::BAND_PARTS;
 use crate::readers::modem::cycle::Cycle;
 use crate::readers::modem::nmea::Sentence;
 use crate::readers::modem::receiver::{Receiver, requests_reply};
+use crate::readers::modem::sentence_names::may_hold_data;
 use crate::readers::modem::transmitter::Transmitter;
 use crate::readers::sink::Sink;
 
@@ -35,6 +36,7 @@ pub(crate) struct Micromodem {
     band: [String; 3],
     /// Time of the command to restart.
     reset_s: Option<f64>,
+    unknown_sentences: SentenceCounts,
 }
 
 impl Micromodem {
@@ -65,6 +67,7 @@ impl Micromodem {
             | "CAMUC" | "CCTDP" | "CATDP" | "CCTFP" | "CATFP" => {
                 self.transmitter.absorb(time_s, sentence, self.cycle.as_ref(), &mut sink);
             }
+            name if may_hold_data(name) => self.unknown_sentences.add(name, 1),
             _ => {}
         }
     }
@@ -74,6 +77,7 @@ impl Micromodem {
         self.receiver.finish_incoming(&mut sink);
         skipped.unattributed += self.receiver.unattributed;
         skipped.failed_transmissions += self.transmitter.failed;
+        self.unknown_sentences.iter().for_each(|(name, number)| skipped.unknown_sentences.add(name, number));
         skipped.garbled += self.receiver.garbled + self.transmitter.garbled;
     }
 

@@ -123,6 +123,8 @@ pub struct LeftOutJson {
     garbled: usize,
     /// Recorded messages of unknown types.
     unknown_type: usize,
+    /// Modem sentences with unknown names, by name. They may hold transmissions or receptions.
+    unknown_sentences: BTreeMap<String, usize>,
     /// Files that end within a record.
     truncated: usize,
     /// Files in folders and archives whose kind is unknown.
@@ -152,6 +154,7 @@ impl ImportJson {
             median_residual_s: clock.median_residual_s,
         };
         let left_out = &imported.left_out;
+        let sentences = inputs.skipped.unknown_sentences.iter();
         let named = |names: &BTreeMap<VehicleId, usize>| {
             names.iter().map(|(name, number)| (name.to_string(), *number)).collect()
         };
@@ -183,6 +186,7 @@ impl ImportJson {
                 unattributed: inputs.skipped.unattributed,
                 garbled: inputs.skipped.garbled,
                 unknown_type: inputs.skipped.unknown_type,
+                unknown_sentences: sentences.map(|(name, number)| (name.to_owned(), number)).collect(),
                 truncated: inputs.skipped.truncated,
                 files: inputs.unknown_files.len(),
                 positions: inputs.skipped.missing_positions + left_out.unprojected,

@@ -1,5 +1,6 @@
 //! Summary and warnings of an import as text.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
@@ -13,6 +14,9 @@ const CLOCK_OFFSET_S: f64 = 0.5;
 
 /// Largest number of files of unknown kind that are named.
 const UNKNOWN_FILES_NAMED_MAX: usize = 5;
+
+/// Largest number of unknown sentences that are named.
+const SENTENCES_NAMED_MAX: usize = 8;
 
 /// Smallest share of messages outside a modem's records that causes a warning.
 const INACTIVE_SHARE: f64 = 0.1;
@@ -76,8 +80,27 @@ pub fn warnings(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Vec<
             "{messages} from {name} match no recorded transmission or slot: check the end of its records, the clocks, the ids and --match-s"
         ));
     }
+    warnings.extend(unknown_sentences(inputs));
     warnings.extend(left_out(imported, inputs));
     warnings
+}
+
+/// Warns about modem sentences that no reader absorbs, and names the most frequent ones.
+fn unknown_sentences(inputs: &Inputs) -> Option<String> {
+    let mut counts: Vec<(&str, usize)> = inputs.skipped.unknown_sentences.iter().collect();
+    counts.sort_by_key(|(_, number)| Reverse(*number));
+    let all: usize = counts.iter().map(|(_, number)| number).sum();
+    let mut names: Vec<String> =
+        counts.iter().take(SENTENCES_NAMED_MAX).map(|(name, number)| format!("{number} {name}")).collect();
+    names.extend((counts.len() > SENTENCES_NAMED_MAX).then(|| "others".to_owned()));
+    (all > 0).then(|| {
+        format!(
+            "{} of a modem left out, because their names are unknown ({}): if they are transmissions or receptions, events are missing, \
+             and --sent and --heard can add them as tables",
+            count(all, "sentence"),
+            names.join(", ")
+        )
+    })
 }
 
 /// Warns about data that yield no event and should not occur, one warning for each kind.
