@@ -1,7 +1,8 @@
 //! Prints results, warnings and progress.
 
 use std::fmt::Display;
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -35,10 +36,18 @@ impl BadInput {
     }
 }
 
+/// Longest model, team, key and other text file, in bytes.
+const TEXT_BYTES_MAX: u64 = 16 << 20;
+
 /// Reads a text file.
 pub fn read_text(path: &Path) -> anyhow::Result<String> {
-    let text = std::fs::read_to_string(path);
-    Ok(text.map_err(|error| BadInput(format!("{}: cannot read it: {error}", path.display())))?)
+    let fail = |problem: &dyn Display| BadInput(format!("{}: cannot read it: {problem}", path.display()));
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(TEXT_BYTES_MAX + 1).read_to_end(&mut bytes));
+    if read.map_err(|error| fail(&error))? as u64 > TEXT_BYTES_MAX {
+        return Err(fail(&"it is longer than 16 MB; expected a smaller file").into());
+    }
+    Ok(String::from_utf8(bytes).map_err(|error| fail(&error))?)
 }
 
 /// Whether the reader of standard output closed it.

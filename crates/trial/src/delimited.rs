@@ -5,6 +5,9 @@ use std::io::{self, BufRead, BufReader, Cursor, Read};
 /// Largest length of a header in bytes.
 const HEADER_BYTES_MAX: usize = 1 << 20;
 
+/// Longest line in bytes.
+const LINE_BYTES_MAX: usize = 1 << 20;
+
 /// A reader of the records after the remarks.
 pub(crate) type Records<'a> = csv::Reader<Box<dyn Read + 'a>>;
 
@@ -44,7 +47,8 @@ fn delimiter(header: &[u8]) -> u8 {
     counts.into_iter().rev().max_by_key(|(_, count)| *count).map_or(b',', |(delimiter, _)| delimiter)
 }
 
-/// Converts the line ends of any system to line feeds, and ends the last line, so that lines can be counted.
+/// Converts the line ends of any system to line feeds, and ends the last line, so that lines can be counted. Fails at a
+/// line that is too long.
 struct LineFeeds<R> {
     inner: R,
     /// Converted bytes, and the number of them that were read.
@@ -54,11 +58,13 @@ struct LineFeeds<R> {
     carriage_return: bool,
     /// Whether a line has begun but not ended.
     in_line: bool,
+    /// Length of the present line.
+    line_bytes: usize,
 }
 
 impl<R: Read> LineFeeds<R> {
     fn new(inner: R) -> Self {
-        Self { inner, ready: Vec::new(), handed_on: 0, carriage_return: false, in_line: false }
+        Self { inner, ready: Vec::new(), handed_on: 0, carriage_return: false, in_line: false, line_bytes: 0 }
     }
 
     /// Converts more bytes. None are ready at the end of the input.
@@ -80,6 +86,10 @@ impl<R: Read> LineFeeds<R> {
                     self.ready.push(b'\r');
                 }
                 self.carriage_return = byte == b'\r';
+                self.line_bytes = if byte == b'\n' { 0 } else { self.line_bytes + 1 };
+                if self.line_bytes > LINE_BYTES_MAX {
+                    return Err(io::Error::other("a line is longer than 1 MB; expected shorter lines"));
+                }
                 if !self.carriage_return {
                     self.ready.push(byte);
                 }
@@ -128,6 +138,16 @@ mod tests {
             LineFeeds::new(Drops(text, drop)).read_to_end(&mut found).unwrap();
             assert_eq!(String::from_utf8_lossy(&found), "a\nb\rc\r\n\n\nd\r\n", "{drop} at a time");
         }
+    }
+
+    #[test]
+    fn a_line_has_at_most_a_megabyte() {
+        let read = |length: usize| {
+            let text = format!("a\n{}\nb\n", "x".repeat(length));
+            LineFeeds::new(text.as_bytes()).read_to_end(&mut Vec::new())
+        };
+        assert!(read(LINE_BYTES_MAX).is_ok());
+        assert!(read(LINE_BYTES_MAX + 1).unwrap_err().to_string().contains("1 MB"));
     }
 
     #[test]

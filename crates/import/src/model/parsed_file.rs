@@ -49,6 +49,8 @@ pub struct SkipCounts {
     pub truncated: usize,
     /// Modem sentences that no reader absorbs, but that may hold transmissions or receptions.
     pub unknown_sentences: SentenceCounts,
+    /// Damaged places of logs, which the reader left out: chunks of MCAP files, and bytes between events of LCM logs.
+    pub damaged: usize,
 }
 
 impl SkipCounts {
@@ -65,6 +67,7 @@ impl SkipCounts {
             unknown_type: self.unknown_type + other.unknown_type,
             truncated: self.truncated + other.truncated,
             unknown_sentences,
+            damaged: self.damaged + other.damaged,
         }
     }
 }

@@ -80,16 +80,22 @@ struct OrderChange {
     order: Vec<String>,
 }
 
+/// Longest file of a schedule, in bytes.
+const TEXT_BYTES_MAX: u64 = 16 << 20;
+
 impl Schedule {
     /// Reads `[slots]` of a team file, a TOML file with `[slots]` only, or a table with the columns `time_s` and
     /// `source`.
     ///
     /// # Errors
     /// [`ImportError`] with the value that was found and what was expected.
-    pub fn read(mut reader: impl Read, path: &Path, ids: &ModemIds) -> Result<Self, ImportError> {
+    pub fn read(reader: impl Read, path: &Path, ids: &ModemIds) -> Result<Self, ImportError> {
         let fail = |problem: String| ImportError::Content { file: path.display().to_string(), problem };
         let mut text = String::new();
-        reader.read_to_string(&mut text).map_err(|error| fail(format!("cannot be read as text: {error}")))?;
+        let read = reader.take(TEXT_BYTES_MAX + 1).read_to_string(&mut text);
+        if read.map_err(|error| fail(format!("cannot be read as text: {error}")))? as u64 > TEXT_BYTES_MAX {
+            return Err(fail("longer than 16 MB; expected a schedule or a team file".into()));
+        }
         match toml::from_str::<TeamFile>(&text) {
             Ok(TeamFile { slots }) => Self::from_slot_table(&slots, ids).map_err(fail),
             Err(_) if !text.contains('=') => Self::from_table(&text, path, ids),

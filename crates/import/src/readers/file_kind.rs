@@ -5,10 +5,10 @@ use std::path::Path;
 
 use pingmap_trial::Table;
 
-use crate::readers::bags::{mcap_file, sqlite};
+use crate::readers::bags::{mcap_file, sqlite, sqlite_wal};
 use crate::readers::columns::{RoleTable, TableKind};
 use crate::readers::file_owner::{RECEPTION_WORDS, SCHEDULE_WORDS, TRANSMISSION_WORDS, split_words};
-use crate::readers::lcm::log;
+use crate::readers::lcm::events;
 use crate::readers::lcm::types::LcmTypes;
 use crate::readers::modem::capture;
 use crate::readers::moos;
@@ -31,6 +31,8 @@ pub enum RecordKind {
     Mcap,
     /// A ROS 2 bag in an SQLite file.
     Sqlite,
+    /// The write-ahead log of an SQLite file, or the index of such a log. The bag is read with it.
+    SqliteLog,
     /// An LCM log.
     Lcm,
     /// Definitions of LCM message types.
@@ -54,6 +56,7 @@ impl RecordKind {
             Self::ModemCapture => "Micro-Modem sentences",
             Self::Mcap => "ROS 2 bag (MCAP)",
             Self::Sqlite => "ROS 2 bag (SQLite)",
+            Self::SqliteLog => "write-ahead log of an SQLite bag",
             Self::Lcm => "LCM log",
             Self::LcmTypes => "LCM message types",
             Self::Table(TableKind::Navigation) => "navigation",
@@ -86,7 +89,9 @@ impl RecordReader {
             return Some(RecordKind::Mcap);
         } else if head.starts_with(sqlite::MAGIC) {
             return Some(RecordKind::Sqlite);
-        } else if head.starts_with(log::MAGIC) {
+        } else if sqlite_wal::MAGICS.iter().any(|magic| head.starts_with(magic)) {
+            return Some(RecordKind::SqliteLog);
+        } else if head.starts_with(events::MAGIC) {
             return Some(RecordKind::Lcm);
         }
         let text = String::from_utf8_lossy(head);

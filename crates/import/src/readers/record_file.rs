@@ -9,6 +9,7 @@ use pingmap_trial::{FileError, Problem};
 use crate::model::error::ImportError;
 use crate::model::parsed_file::{ParsedFile, SkipCounts};
 use crate::model::recording::{Recording, Recordings};
+use crate::readers::bags::bag_parser::BagParser;
 use crate::readers::bags::{mcap_file, sqlite};
 use crate::readers::columns::{RoleTable, TableKind};
 use crate::readers::file_kind::{RecordKind, read_head};
@@ -36,8 +37,8 @@ pub struct FileSummary {
 /// A file, and how to read it.
 #[derive(Debug, Clone, Copy)]
 pub struct FileSource<'a> {
-    /// Path of the file.
-    pub path: &'a Path,
+    /// Path of the file; `None` if it has none, for example in an archive.
+    pub path: Option<&'a Path>,
     /// Name of the file for people and in errors.
     pub name: &'a Path,
     /// Owner of the file; `None` if the file states it.
@@ -49,7 +50,7 @@ pub struct FileSource<'a> {
 impl<'a> FileSource<'a> {
     /// Describes a file of a vehicle with all its topics.
     pub fn new(path: &'a Path, vehicle: Option<&'a VehicleId>) -> Self {
-        Self { path, name: path, vehicle, topics: "" }
+        Self { path: Some(path), name: path, vehicle, topics: "" }
     }
 }
 
@@ -75,8 +76,8 @@ impl RecordReader {
     /// `NODE_REPORT_LOCAL`. Another log states the id of its modem, which `ids` resolves. A table states it in a column
     /// or in its name.
     ///
-    /// SQLite is read from the path, other formats from `reader`. Ids, schedules and types are only detected. O(lines)
-    /// time; holds one line or message.
+    /// SQLite is read from the path if there is one, other formats from `reader`. Ids, schedules and types are only
+    /// detected. O(lines) time; holds one line or message.
     ///
     /// # Errors
     /// [`ImportError`] if the file cannot be read, or does not state its owner or its times.
@@ -96,7 +97,11 @@ impl RecordReader {
         let text = head.as_slice().chain(reader);
         let parsed = match kind {
             RecordKind::MoosMission => return Ok(Some(summary(moos::mission_datum(&String::from_utf8_lossy(&head))))),
-            RecordKind::LcmTypes | RecordKind::ModemIds | RecordKind::Schedule | RecordKind::TeamFile => {
+            RecordKind::SqliteLog
+            | RecordKind::LcmTypes
+            | RecordKind::ModemIds
+            | RecordKind::Schedule
+            | RecordKind::TeamFile => {
                 return Ok(Some(summary(None)));
             }
             RecordKind::Table(table) => {
@@ -107,7 +112,7 @@ impl RecordReader {
             RecordKind::Lcm => log::read(text, &self.lcm_types, &self.ids, topics).map_err(fail)?,
             RecordKind::Mcap => mcap_file::read(text, &self.ids, topics).map_err(fail)?,
             // A database may hold other data than a bag.
-            RecordKind::Sqlite => match sqlite::read(path, &self.ids, topics).map_err(fail)? {
+            RecordKind::Sqlite => match sqlite::read(text, path, BagParser::new(&self.ids, topics)).map_err(fail)? {
                 Some(parsed) => parsed,
                 None => return Ok(None),
             },

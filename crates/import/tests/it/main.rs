@@ -5,9 +5,11 @@
 #![allow(clippy::unwrap_used)]
 
 mod bags;
+mod damaged_logs;
 mod modem_cases;
 mod modem_data;
 mod modem_replies;
 mod modems;
 mod outcomes;
 mod properties;
+mod sqlite_bags;

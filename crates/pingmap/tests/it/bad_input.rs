@@ -289,7 +289,7 @@ fn models_with_overflowing_numbers_are_refused() {
 fn many_unknown_columns_give_a_short_warning() {
     let folder = tempfile::tempdir().unwrap();
     let (mut header, mut zeros) = (String::new(), String::new());
-    for column in 0..200_000 {
+    for column in 0..80_000 {
         header += &format!(",extra{column}");
         zeros += ",0";
     }
@@ -303,7 +303,7 @@ fn many_unknown_columns_give_a_short_warning() {
     let output = pingmap(folder.path(), &["select", "events.csv", "--vehicle", "a"]);
     assert!(output.status.success(), "{}", stderr(&output));
     let warning = stderr(&output);
-    assert!(warning.contains("extra19 and 199980 more") && warning.len() < 2000, "{} characters", warning.len());
+    assert!(warning.contains("extra19 and 79980 more") && warning.len() < 2000, "{} characters", warning.len());
     // A repeated column is refused as well.
     let twice = narrow.replacen("success", "success,extra,extra", 1);
     file(folder.path(), "events.csv", twice);

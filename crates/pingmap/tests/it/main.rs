@@ -14,6 +14,7 @@ mod documentation;
 mod documents;
 mod evaluation;
 mod help;
+mod hostile_files;
 mod import;
 mod import_logs;
 mod import_modems;

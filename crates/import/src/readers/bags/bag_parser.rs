@@ -8,45 +8,12 @@ use crate::model::modem_ids::ModemIds;
 use crate::model::parsed_file::ParsedFile;
 use crate::model::recording::{Arrival, TransmissionRecord};
 use crate::readers::bags::cdr::CdrReader;
+use crate::readers::bags::encoding::{TopicFormat, decompress};
 use crate::readers::message_fields::MessageFields;
 use crate::readers::modem::micromodem::Micromodem;
 use crate::readers::modem::nmea::Sentence;
 use crate::readers::navigation::Navigation;
 use crate::readers::sink::Sink;
-
-/// The format of the messages in a topic.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum TopicFormat {
-    /// Positions in degrees, `sensor_msgs/NavSatFix`.
-    NavSatFix,
-    /// Positions in metres, `nav_msgs/Odometry`.
-    Odometry,
-    /// Text, `std_msgs/String`.
-    Text,
-    /// Bytes, `std_msgs/UInt8MultiArray` or `ByteMultiArray`.
-    Bytes,
-    /// JSON objects.
-    Json,
-    /// A type without information for the import.
-    Other,
-    /// An encoding that is not supported.
-    OtherEncoding,
-}
-
-impl TopicFormat {
-    /// Returns the format of a topic by its type and encoding.
-    pub(crate) fn new(kind: &str, encoding: &str) -> Self {
-        match (encoding, kind) {
-            ("json", _) => Self::Json,
-            ("cdr", "sensor_msgs/msg/NavSatFix") => Self::NavSatFix,
-            ("cdr", "nav_msgs/msg/Odometry") => Self::Odometry,
-            ("cdr", "std_msgs/msg/String") => Self::Text,
-            ("cdr", "std_msgs/msg/UInt8MultiArray" | "std_msgs/msg/ByteMultiArray") => Self::Bytes,
-            ("cdr", _) => Self::Other,
-            _ => Self::OtherEncoding,
-        }
-    }
-}
 
 /// The state of a bag that is being read.
 pub(crate) struct BagParser<'a> {
@@ -92,8 +59,13 @@ impl<'a> BagParser<'a> {
         is_selected
     }
 
-    /// Absorbs a message with the time of its record, in seconds.
+    /// Absorbs a message with the time of its record, in seconds. The message may be compressed with Zstandard.
     pub(crate) fn absorb(&mut self, time_s: f64, (topic, name): (TopicFormat, &str), message: &[u8]) {
+        let Some(message) = decompress(message) else {
+            self.count_garbled(true);
+            return;
+        };
+        let message = message.as_ref();
         let is_read = match topic {
             TopicFormat::NavSatFix => self.absorb_nav_sat_fix(time_s, name, message),
             TopicFormat::Odometry => self.absorb_odometry(time_s, name, message),

@@ -2,95 +2,51 @@
 //!
 //! The reader is written by hand, because no maintained crate decodes LCM logs with types known only at run time.
 
-use std::io::{self, Read};
+use std::io::Read;
 
 use crate::model::modem_ids::ModemIds;
 use crate::model::parsed_file::ParsedFile;
 use crate::readers::bags::bag_parser::BagParser;
-use crate::readers::lcm::types::{LcmTypes, Leaf};
+use crate::readers::lcm::decoder::Leaf;
+use crate::readers::lcm::events::{Event, Events};
+use crate::readers::lcm::types::LcmTypes;
 use crate::readers::message_fields::MessageFields;
 
-/// The first bytes of every event.
-pub(crate) const MAGIC: &[u8] = &[0xed, 0xa1, 0xda, 0x01];
-
-/// Longest name of a channel and longest message, in bytes.
-const CHANNEL_BYTES_MAX: usize = 1 << 12;
-const MESSAGE_BYTES_MAX: usize = 1 << 26;
-
-/// Reads a log event by event. Messages of unknown types are counted. Holds one message.
+/// Reads a log event by event. Messages of unknown types are counted, and so are damaged places. Holds one message.
 ///
 /// # Errors
 /// The problem with the file, and what was expected.
-pub(crate) fn read(
-    mut reader: impl Read,
-    types: &LcmTypes,
-    ids: &ModemIds,
-    prefix: &str,
-) -> Result<ParsedFile, String> {
+pub(crate) fn read(reader: impl Read, types: &LcmTypes, ids: &ModemIds, prefix: &str) -> Result<ParsedFile, String> {
     if types.is_empty() {
         return Err("an LCM log without the definitions of its types; expected them (.lcm) among the files".into());
     }
     let names = types.by_fingerprint();
-    let (mut bag, mut message, mut truncated, mut unknown_type) = (BagParser::new(ids, prefix), Vec::new(), 0, 0);
-    loop {
-        match read_event(&mut reader, &mut message).map_err(|error| format!("not a log of LCM: {error}"))? {
-            Event::End => break,
-            Event::Truncated => {
-                truncated += 1;
-                break;
+    let (mut bag, mut events, mut unknown_type, mut is_empty) =
+        (BagParser::new(ids, prefix), Events::new(reader), 0, true);
+    while let Some(Event { channel, time_s, message }) =
+        events.next().map_err(|error| format!("cannot be read: {error}"))?
+    {
+        is_empty = false;
+        if !bag.selects(&channel) {
+            continue;
+        }
+        let fingerprint = message.split_first_chunk().map(|(bytes, rest)| (u64::from_be_bytes(*bytes), rest));
+        match fingerprint.and_then(|(fingerprint, rest)| Some((names.get(&fingerprint)?, rest))) {
+            Some((name, rest)) => {
+                let decoded = absorb_message(&mut bag, (time_s, &channel), types, (name, rest));
+                bag.count_garbled(decoded.is_none());
             }
-            Event::Message(channel, time_s) if bag.selects(&channel) => {
-                let fingerprint = message.first_chunk().map(|bytes| u64::from_be_bytes(*bytes));
-                match fingerprint.and_then(|fingerprint| names.get(&fingerprint)) {
-                    Some(name) => {
-                        let decoded = absorb_message(&mut bag, (time_s, &channel), types, (name, &message[8..]));
-                        bag.count_garbled(decoded.is_none());
-                    }
-                    None => unknown_type += 1,
-                }
-            }
-            Event::Message(..) => {}
+            None => unknown_type += 1,
         }
     }
+    if is_empty && events.damaged > 0 {
+        return Err("not a log of LCM: none of its events can be read".into());
+    }
     let mut parsed = bag.finish()?;
-    parsed.skipped.truncated += truncated;
+    parsed.skipped.truncated += usize::from(events.is_truncated);
+    parsed.skipped.damaged += events.damaged;
     parsed.skipped.unknown_type += unknown_type;
     Ok(parsed)
-}
-
-enum Event {
-    /// An event with its channel and its time in seconds. The message is in the buffer of the caller.
-    Message(String, f64),
-    Truncated,
-    End,
-}
-
-/// Reads an event: sync word, event number, time in microseconds, lengths of channel and message, channel, message.
-fn read_event(reader: &mut impl Read, message: &mut Vec<u8>) -> io::Result<Event> {
-    let mut head = Vec::new();
-    reader.by_ref().take(28).read_to_end(&mut head)?;
-    if head.is_empty() {
-        return Ok(Event::End);
-    }
-    if !head.starts_with(MAGIC) && !MAGIC.starts_with(&head) {
-        return Err(io::Error::other("an event does not begin with 0xEDA1DA01"));
-    }
-    let Ok(head) = <[u8; 28]>::try_from(head) else { return Ok(Event::Truncated) };
-    let number =
-        |offset: usize| u32::from_be_bytes([head[offset], head[offset + 1], head[offset + 2], head[offset + 3]]);
-    let time_us = (u64::from(number(12)) << 32) | u64::from(number(16));
-    let (channel_bytes, message_bytes) = (number(20) as usize, number(24) as usize);
-    if channel_bytes > CHANNEL_BYTES_MAX || message_bytes > MESSAGE_BYTES_MAX {
-        return Err(io::Error::other(format!("an event states lengths of {channel_bytes} and {message_bytes} bytes")));
-    }
-    let mut channel = Vec::new();
-    reader.by_ref().take(channel_bytes as u64).read_to_end(&mut channel)?;
-    message.clear();
-    reader.by_ref().take(message_bytes as u64).read_to_end(message)?;
-    if channel.len() < channel_bytes || message.len() < message_bytes {
-        return Ok(Event::Truncated);
-    }
-    Ok(Event::Message(String::from_utf8_lossy(&channel).into_owned(), time_us as f64 * 1e-6))
 }
 
 /// Absorbs the members of a message by their names.

@@ -2,4 +2,7 @@
 
 pub(crate) mod tokens;
 pub(crate) mod types;
+pub(crate) mod fingerprints;
+pub(crate) mod decoder;
+pub(crate) mod events;
 pub(crate) mod log;

@@ -11,8 +11,10 @@ use pingmap_import::{
     SkipCounts, TIME, TableKind, parse_time, resolve_modem_ids,
 };
 
+use super::input_checks::{check_sqlite_logs, check_vehicles};
 use super::records::{self, RecordFile, Records, open, split_vehicle};
-use crate::cli_parsers::{crs, origin, place};
+use super::unpacked::Unpacked;
+use crate::cli_parsers::{crs, origin, place, positive};
 use crate::log::STANDARD_INPUT;
 use crate::output::{BadInput, note, progress_of_bytes, read_text};
 
@@ -50,6 +52,9 @@ pub struct Files {
     /// The file is a table of id and name. The name broadcast stands for all vehicles.
     #[arg(long, value_name = "FILE")]
     ids: Option<PathBuf>,
+    /// Largest size of all files in archives, and of standard input, in GB
+    #[arg(long, value_name = "GB", default_value_t = 8.0, value_parser = positive, allow_negative_numbers = true)]
+    unpacked_max: f64,
     /// Interval in which a modem was listening, if its first and last reception do not show it
     #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = parse_interval)]
     listening: Vec<(String, (f64, f64))>,
@@ -118,20 +123,21 @@ impl Files {
     /// Reads all files.
     pub fn read(&self) -> anyhow::Result<Inputs> {
         let mut reader = self.reader()?;
-        // Unpacked archives are deleted when `_unpacked` is dropped.
-        let (mut files, _unpacked) = records::unpack_archives(records::list_files(&self.records)?)?;
+        let mut unpacked = Unpacked::new((self.unpacked_max * 1e9) as u64);
+        let mut files = records::unpack_archives(records::list_files(&self.records)?, &mut unpacked)?;
         records::detect_kinds(&mut files, &reader)?;
+        check_sqlite_logs(&files)?;
         let find = |given: &Option<PathBuf>, kinds: &[RecordKind], option| match given {
-            Some(path) => Ok(Some(path.clone())),
+            Some(path) => Ok(Some(RecordFile::given(path))),
             None => records::single_file(&files, kinds, option),
         };
-        if let Some(path) = find(&self.ids, &[RecordKind::ModemIds], "--ids")? {
-            reader.ids = ModemIds::read(open(&path)?, &path)?;
+        if let Some(file) = find(&self.ids, &[RecordKind::ModemIds], "--ids")? {
+            reader.ids = ModemIds::read(file.open()?, &file.name)?;
         }
         let schedule = find(&self.schedule, &[RecordKind::Schedule, RecordKind::TeamFile], "--schedule")?;
-        let schedule = schedule.map(|path| Schedule::read(open(&path)?, &path, &reader.ids)).transpose()?;
+        let schedule = schedule.map(|file| Schedule::read(file.open()?, &file.name, &reader.ids)).transpose()?;
         for file in files.iter().filter(|file| file.kind == Some(RecordKind::LcmTypes)) {
-            reader.read_lcm_types(open(&file.path)?, &file.name)?;
+            reader.read_lcm_types(file.open()?, &file.name)?;
         }
         let (mut recordings, mut records) = (Recordings::new(), Records::default());
         self.read_records(&files, &reader, &mut records, &mut recordings)?;
@@ -171,20 +177,23 @@ impl Files {
             ];
             kinds.into_iter().flat_map(|(kind, files)| files.iter().map(move |file| (kind, split_vehicle(file))))
         };
-        let paths = files.iter().map(|file| file.path.as_path()).chain(option_tables().map(|(_, (_, path))| path));
-        let bar = progress_of_bytes(paths.filter_map(|path| Some(path.metadata().ok()?.len())).sum(), "reading");
+        let lengths = option_tables().filter_map(|(_, (_, path))| Some(path.metadata().ok()?.len()));
+        let bar = progress_of_bytes(files.iter().filter_map(RecordFile::length).chain(lengths).sum(), "reading");
         for file in logs {
-            records.read_file(file, bar.wrap_read(open(&file.path)?), reader, recordings)?;
+            records.read_file(file, bar.wrap_read(file.open()?), reader, recordings)?;
+            check_vehicles(&file.name, recordings)?;
         }
         // Metres in tables may use --crs. Metres of logs that name their own (0, 0) do not.
         let mut log_fixes = recordings.values().flat_map(|recording| &recording.fixes);
         records.has_metres = log_fixes.any(|fix| matches!(fix.place, Place::Metres(..)));
         for file in tables {
-            records.read_file(file, bar.wrap_read(open(&file.path)?), reader, recordings)?;
+            records.read_file(file, bar.wrap_read(file.open()?), reader, recordings)?;
+            check_vehicles(&file.name, recordings)?;
         }
         for (kind, (vehicle, path)) in option_tables() {
             let table = (bar.wrap_read(open(path)?), path);
             records.skipped = records.skipped.sum(reader.read_table(kind, table, vehicle.as_ref(), recordings)?);
+            check_vehicles(path, recordings)?;
         }
         bar.finish_and_clear();
         records.detected_tables.iter().for_each(note);

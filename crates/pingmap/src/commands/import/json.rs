@@ -127,6 +127,8 @@ pub struct LeftOutJson {
     unknown_sentences: BTreeMap<String, usize>,
     /// Files that end within a record.
     truncated: usize,
+    /// Damaged places of logs: chunks of MCAP files, and bytes between events of LCM logs.
+    damaged: usize,
     /// Files in folders and archives whose kind is unknown.
     files: usize,
     /// Positions that are invalid.
@@ -188,6 +190,7 @@ impl ImportJson {
                 unknown_type: inputs.skipped.unknown_type,
                 unknown_sentences: sentences.map(|(name, number)| (name.to_owned(), number)).collect(),
                 truncated: inputs.skipped.truncated,
+                damaged: inputs.skipped.damaged,
                 files: inputs.unknown_files.len(),
                 positions: inputs.skipped.missing_positions + left_out.unprojected,
             },

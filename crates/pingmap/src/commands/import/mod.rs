@@ -2,9 +2,11 @@
 
 mod archives;
 mod files;
+mod input_checks;
 pub mod json;
 mod records;
 mod summary;
+mod unpacked;
 
 use std::path::{Path, PathBuf};
 

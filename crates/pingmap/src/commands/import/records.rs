@@ -9,18 +9,22 @@ use pingmap_import::{
     FileSource, ImportError, Place, RecordKind, RecordReader, Recordings, Reference, SkipCounts, read_head,
 };
 use pingmap_trial::{FileError, Problem};
-use tempfile::TempDir;
 
-use super::archives::{is_archive, unpack_archive};
+use super::archives::{DEPTH_MAX, is_archive, unpack_archive};
+use super::unpacked::{Section, Unpacked};
 use crate::log::{self, STANDARD_INPUT};
 use crate::output::{BadInput, note, warn};
 
 /// Positions of (0, 0) within this distance in metres count as equal.
 const DATUM_M_MAX: f64 = 20.0;
 
-/// A file that was given, or that lies in a given folder.
+/// A file that was given, or that lies in a given folder or archive.
+#[derive(Clone)]
 pub struct RecordFile {
+    /// Path of the file. For a file in an archive, the path of the archive.
     pub path: PathBuf,
+    /// Content of a file in an archive, and of a stream.
+    pub section: Option<Section>,
     /// Name of the file in messages. For a file in an archive, the archive's name and its own.
     pub name: PathBuf,
     /// Prefix of the topics that are read.
@@ -33,6 +37,30 @@ pub struct RecordFile {
 }
 
 impl RecordFile {
+    /// Describes a file that was given.
+    pub fn given(path: &Path) -> Self {
+        let (path, name) = (path.to_owned(), path.to_owned());
+        Self { path, section: None, name, topics: String::new(), vehicle: None, is_given: true, kind: None }
+    }
+
+    /// Describes a file in this archive. It inherits the vehicle and topics.
+    fn containing(&self, path: &Path, section: Section) -> Self {
+        Self { section: Some(section), name: self.name.join(path), is_given: false, ..self.clone() }
+    }
+
+    /// Opens the file with the error messages of all readers.
+    pub fn open(&self) -> Result<Box<dyn Read + Send>, ImportError> {
+        match &self.section {
+            Some(section) => Ok(Box::new(section.clone())),
+            None => open(&self.path),
+        }
+    }
+
+    /// Returns the length of the file in bytes, if it is known.
+    pub fn length(&self) -> Option<u64> {
+        self.section.as_ref().map(|section| section.length).or_else(|| Some(self.path.metadata().ok()?.len()))
+    }
+
     /// Whether the file is standard input or a pipe. Such input is copied to a file first.
     fn is_stream(&self) -> bool {
         let is_pipe = || self.path.metadata().is_ok_and(|metadata| !metadata.is_file());
@@ -47,9 +75,8 @@ pub fn list_files(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
     for argument in given {
         let (vehicle, path) = split_vehicle(argument);
         let (path, topics) = split_topics(path);
-        let file =
-            RecordFile { path: path.to_owned(), name: path.to_owned(), topics, vehicle, is_given: true, kind: None };
-        if path.is_dir() { list_folder(&file, path, path, &mut files)? } else { files.push(file) }
+        let file = RecordFile { topics, vehicle, ..RecordFile::given(path) };
+        if path.is_dir() { list_folder(&file, path, DEPTH_MAX, &mut files)? } else { files.push(file) }
     }
     Ok(files)
 }
@@ -57,69 +84,69 @@ pub fn list_files(given: &[String]) -> anyhow::Result<Vec<RecordFile>> {
 /// Largest depth of archives within archives.
 const NESTED_MAX: usize = 4;
 
-/// Replaces archives, also nested ones, by the files that they contain. Also returns the folders with the unpacked
-/// files.
-pub fn unpack_archives(files: Vec<RecordFile>) -> anyhow::Result<(Vec<RecordFile>, Vec<TempDir>)> {
-    let (mut all, mut folders) = (Vec::new(), Vec::new());
-    unpack(files, NESTED_MAX, &mut all, &mut folders)?;
-    Ok((all, folders))
+/// Replaces archives, also nested ones, by the files that they contain.
+pub fn unpack_archives(files: Vec<RecordFile>, unpacked: &mut Unpacked) -> anyhow::Result<Vec<RecordFile>> {
+    let mut all = Vec::new();
+    unpack(files, NESTED_MAX, &mut all, unpacked)?;
+    Ok(all)
 }
 
 fn unpack(
     files: Vec<RecordFile>,
     depth: usize,
     all: &mut Vec<RecordFile>,
-    folders: &mut Vec<TempDir>,
+    unpacked: &mut Unpacked,
 ) -> anyhow::Result<()> {
     for mut file in files {
         if file.is_stream() {
-            let folder = tempfile::tempdir()?;
-            let mut stream = open(&file.path)?;
+            let stream = file.open()?;
             if file.path == Path::new(STANDARD_INPUT) {
                 file.name = "standard input".into();
             }
-            file.path = folder.path().join("input");
-            std::io::copy(&mut stream, &mut File::create_new(&file.path)?)?;
-            folders.push(folder);
+            let unreadable = |error| BadInput(format!("{}: cannot be read: {error}", file.name.display()));
+            file.section = Some(unpacked.add(stream).map_err(unreadable)?);
         }
-        let folder = match unpack_archive(&file.path, &file.name) {
-            _ if depth == 0 => None,
-            Ok(folder) => folder,
-            // Unreadable files in folders are skipped with a warning.
-            Err(error) if !file.is_given => {
-                warn(error);
-                None
+        let content = match &file.section {
+            _ if depth == 0 => Ok(None),
+            Some(section) => unpack_archive(section.clone(), &file.name, unpacked),
+            None => unpack_archive(pingmap_trial::open(&file.path).map_err(ImportError::from)?, &file.name, unpacked),
+        };
+        let fail = |error| BadInput(format!("{}: cannot be unpacked: {error}", file.name.display()));
+        match content.map_err(fail) {
+            Ok(Some(content)) => {
+                let inner = content.into_iter().map(|(path, section)| file.containing(&path, section)).collect();
+                unpack(inner, depth - 1, all, unpacked)?;
             }
-            Err(error) => return Err(error),
-        };
-        let Some(folder) = folder else {
-            all.push(file);
-            continue;
-        };
-        let mut content = Vec::new();
-        list_folder(&file, folder.path(), &file.name, &mut content)?;
-        folders.push(folder);
-        unpack(content, depth - 1, all, folders)?;
+            Ok(None) => all.push(file),
+            // Damaged archives in folders are of unknown kind.
+            Err(error) if !file.is_given => {
+                warn(error.0);
+                all.push(file);
+            }
+            Err(error) => return Err(error.into()),
+        }
     }
     Ok(())
 }
 
 /// Lists the files in a folder with their names. The files inherit the vehicle and topics of `parent`.
-fn list_folder(parent: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<RecordFile>) -> anyhow::Result<()> {
-    let unreadable = |error: std::io::Error| BadInput(format!("{}: cannot be read: {error}", name.display()));
+fn list_folder(parent: &RecordFile, folder: &Path, depth: usize, files: &mut Vec<RecordFile>) -> anyhow::Result<()> {
+    let unreadable = |error: std::io::Error| BadInput(format!("{}: cannot be read: {error}", folder.display()));
+    if depth == 0 {
+        return Err(unreadable(std::io::Error::other(format!("more than {DEPTH_MAX} folders deep"))).into());
+    }
     let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         entries.push(entry.map_err(unreadable)?);
     }
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
-        let (path, name) = (entry.path(), name.join(entry.file_name()));
+        let path = entry.path();
         // Links to files are followed. Links to folders are not, because they may form a loop.
         if entry.file_type().map_err(unreadable)?.is_dir() {
-            list_folder(parent, &path, &name, files)?;
+            list_folder(parent, &path, depth - 1, files)?;
         } else if path.is_file() {
-            let (topics, vehicle) = (parent.topics.clone(), parent.vehicle.clone());
-            files.push(RecordFile { path, name, topics, vehicle, is_given: false, kind: None });
+            files.push(RecordFile { name: path.clone(), path, is_given: false, ..parent.clone() });
         }
     }
     Ok(())
@@ -129,13 +156,13 @@ fn list_folder(parent: &RecordFile, folder: &Path, name: &Path, files: &mut Vec<
 pub fn detect_kinds(files: &mut [RecordFile], reader: &RecordReader) -> anyhow::Result<()> {
     for file in files {
         let unreadable = |error| FileError { path: file.name.clone(), problem: Problem::Unreadable(error) };
-        file.kind = reader.detect_kind(&read_head(open(&file.path)?).map_err(unreadable)?, &file.name);
+        file.kind = reader.detect_kind(&read_head(file.open()?).map_err(unreadable)?, &file.name);
     }
     Ok(())
 }
 
 /// Returns the only file of the first kind that occurs, and prints a note, because no option named the file.
-pub fn single_file(files: &[RecordFile], kinds: &[RecordKind], option: &str) -> anyhow::Result<Option<PathBuf>> {
+pub fn single_file(files: &[RecordFile], kinds: &[RecordKind], option: &str) -> anyhow::Result<Option<RecordFile>> {
     let occurs = |kind: &&RecordKind| files.iter().any(|file| file.kind == Some(**kind));
     let Some(kind) = kinds.iter().find(occurs) else { return Ok(None) };
     let mut matching = files.iter().filter(|file| file.kind == Some(*kind));
@@ -148,7 +175,7 @@ pub fn single_file(files: &[RecordFile], kinds: &[RecordKind], option: &str) -> 
         .into());
     }
     note(format_args!("{}: {}", first.name.display(), kind.description()));
-    Ok(Some(first.path.clone()))
+    Ok(Some(first.clone()))
 }
 
 /// Whether a file is read. Files in folders are skipped if their kind is unknown.
@@ -187,7 +214,8 @@ impl Records {
         reader: &RecordReader,
         recordings: &mut Recordings,
     ) -> anyhow::Result<()> {
-        let RecordFile { path, name, topics, vehicle, is_given, .. } = file;
+        let RecordFile { path, section, name, topics, vehicle, is_given, .. } = file;
+        let path = section.is_none().then_some(path.as_path());
         match reader.read_record(content, &FileSource { path, name, vehicle: vehicle.as_ref(), topics }, recordings)? {
             Some(summary) => {
                 // The kind of a table follows from its columns and its vehicle from its name. A message shows the user

@@ -114,6 +114,7 @@ fn left_out(imported: &ImportResult, inputs: &Inputs) -> impl Iterator<Item = St
             "in an unsupported encoding, or of types without a definition (.lcm), left out",
         ),
         (skipped.truncated, "file", "cut off within a record: only the records before are read"),
+        (skipped.damaged, "damaged place", "of logs (chunks of MCAP files, bytes between events of LCM logs) left out"),
         (skipped.missing_positions, "line", "of navigation without a position left out"),
         (imported.left_out.unprojected, "position", "outside of the map left out"),
         (imported.left_out.own_messages, "message", "that vehicles received from themselves left out"),
