@@ -42,11 +42,14 @@ mod readers;
 mod assemble;
 
 pub use assemble::clocks::clock::{Clock, ClockSegment};
+pub use assemble::clocks::fleet_clocks::ClockAmbiguity;
 pub use assemble::join::join;
+pub use assemble::pair_counts::PairCounts;
 pub use assemble::resolve_ids::resolve_modem_ids;
-pub use assemble::result::{ClockEstimate, EvidenceCounts, ImportResult, LeftOutCounts, PairCounts};
+pub use assemble::result::{ClockEstimate, EvidenceCounts, ImportResult, LeftOutCounts};
 pub use assemble::rules::{Rules, SlotUse};
 pub use assemble::vehicles::transmission::TransmissionEvidence;
+pub use assemble::verdict::Contradiction;
 pub use model::error::ImportError;
 pub use model::exclusion::ExclusionReason;
 pub use model::modem_ids::ModemIds;

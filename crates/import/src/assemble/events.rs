@@ -1,19 +1,15 @@
 //! Events from matched transmissions, and counts for each pair of vehicles.
 
-use std::collections::BTreeMap;
-
 use pingmap_agent::{Event, Link, ReferenceSystem};
 use pingmap_trial::EventLog;
 
 use crate::assemble::clocks::fleet_clocks::FleetClocks;
-use crate::assemble::listening::{TransmissionTimes, exclusion_reason};
-use crate::assemble::matching::MatchTable;
-use crate::assemble::result::PairCounts;
+use crate::assemble::evidence::undocumented_destinations;
+use crate::assemble::listening::{Decision, Opportunity, TransmissionTimes, decide};
+use crate::assemble::matching::{MatchTable, earliest_s};
+use crate::assemble::pair_counts::PairTable;
 use crate::assemble::vehicles::fleet::Fleet;
 use crate::assemble::vehicles::transmission::Transmission;
-
-/// The counts by receiver and sender.
-pub(crate) type PairTable = BTreeMap<(usize, usize), PairCounts>;
 
 /// Makes an event of every transmission with every receiver that was able to receive it, and counts the others by pair.
 pub(crate) fn make_events(
@@ -23,6 +19,7 @@ pub(crate) fn make_events(
     matched: &MatchTable,
 ) -> (EventLog, PairTable) {
     let transmission_times = TransmissionTimes::new(fleet, clocks, transmissions);
+    let by_reception = undocumented_destinations(transmissions);
     let mut events = Vec::new();
     let mut pairs = PairTable::new();
     for (sender, sender_transmissions) in transmissions.iter().enumerate() {
@@ -30,22 +27,25 @@ pub(crate) fn make_events(
             let [sender_name, receiver_name] = [sender, receiver].map(|vehicle| fleet.vehicles[vehicle].name.clone());
             let pair = pairs.entry((receiver, sender)).or_default();
             let matches = matched.get(&(receiver, sender));
+            let early_s = earliest_s(fleet, clocks, matched, transmissions, (sender, receiver));
             for (index, transmission) in sender_transmissions.iter().enumerate() {
-                if transmission.destination.as_ref().is_some_and(|destination| *destination != receiver_name)
-                    && !fleet.rules.overhear
-                {
-                    pair.overheard += 1;
-                    continue;
-                }
                 let (time_s, link) = time_and_link(fleet, clocks, (sender, transmission), receiver);
-                let reason =
-                    exclusion_reason(fleet, clocks, &transmission_times, (sender, transmission), (receiver, link));
-                if let Some(reason) = reason {
-                    *pair.excluded.entry(reason).or_default() += 1;
-                    continue;
+                let has_destinations_by_reception = by_reception.contains(&sender);
+                let opportunity =
+                    Opportunity { sender, transmission, receiver, link, early_s, has_destinations_by_reception };
+                match decide(fleet, clocks, &transmission_times, opportunity) {
+                    Decision::Counts => {}
+                    Decision::OtherDestination => {
+                        pair.overheard += 1;
+                        continue;
+                    }
+                    Decision::Excluded(reason) => {
+                        *pair.excluded.entry(reason).or_default() += 1;
+                        continue;
+                    }
                 }
                 let Some(link) = link else { continue };
-                let message = matches.and_then(|matches| matches.get(&index));
+                let message = matches.and_then(|matches| matches.assigned.get(&index));
                 let message = message.map(|&message| &fleet.vehicles[receiver].messages[&sender][message]);
                 let success =
                     message.is_some_and(|message| message.is_decoded(transmission.frames, fleet.rules.any_frame));

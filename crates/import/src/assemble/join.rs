@@ -5,14 +5,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use pingmap_agent::VehicleId;
 
 use crate::assemble::clocks::fleet_clocks::FleetClocks;
-use crate::assemble::events::{PairTable, make_events};
-use crate::assemble::evidence::{complete_from_receptions, unconfirmed_slot_owners};
-use crate::assemble::matching::{MatchTable, add_received, mark_ambiguous, match_all, receptions};
-use crate::assemble::result::{ClockEstimate, EvidenceCounts, ImportResult, LeftOutCounts, PairCounts};
+use crate::assemble::events::make_events;
+use crate::assemble::evidence::{complete_from_receptions, unconfirmed_slot_owners, undocumented_destinations};
+use crate::assemble::matching::{MatchTable, add_received, match_all, receptions};
+use crate::assemble::pair_counts::{PairCounts, PairTable};
+use crate::assemble::result::{ClockEstimate, EvidenceCounts, ImportResult, LeftOutCounts};
 use crate::assemble::rules::Rules;
 use crate::assemble::validation::{check_inputs, check_reference_clock};
 use crate::assemble::vehicles::fleet::Fleet;
 use crate::assemble::vehicles::transmission::{Transmission, documented_transmissions, senders};
+use crate::assemble::verdict::{Evidence, Verdict};
 use crate::model::error::ImportError;
 use crate::model::recording::Recordings;
 use crate::model::reference::Reference;
@@ -39,8 +41,8 @@ pub fn join(
     check_reference_clock(&fleet, &join.clocks)?;
     join.fit_clocks();
     join.process_unmatched();
-    let undocumented_destinations = join.complete_transmissions();
-    let mut result = join.into_result(&undocumented_destinations);
+    complete_from_receptions(join.fleet, &mut join.transmissions, &join.matched);
+    let mut result = join.into_result(schedule);
     result.log.reference = reference.system();
     Ok(result)
 }
@@ -54,10 +56,8 @@ struct Join<'a> {
     documented_senders: BTreeSet<usize>,
     clocks: FleetClocks,
     matched: MatchTable,
-    /// Messages that fit no transmission of a documented sender, by sender.
-    unexpected: BTreeMap<VehicleId, usize>,
-    /// Messages that fit no transmission in the sender's record, by receiver and sender.
-    unmatched: BTreeMap<(usize, usize), usize>,
+    /// Number of transmissions that only receptions show, of senders with a schedule.
+    unscheduled: BTreeMap<usize, usize>,
 }
 
 impl<'a> Join<'a> {
@@ -66,8 +66,8 @@ impl<'a> Join<'a> {
         let transmissions = documented_transmissions(fleet, schedule);
         let documented_senders = senders(&transmissions);
         let clocks = initial_clocks(fleet, &transmissions, &documented_senders);
-        let (matched, unexpected, unmatched) = (MatchTable::new(), BTreeMap::new(), BTreeMap::new());
-        Self { fleet, transmissions, documented_senders, clocks, matched, unexpected, unmatched }
+        let (matched, unscheduled) = (MatchTable::new(), BTreeMap::new());
+        Self { fleet, transmissions, documented_senders, clocks, matched, unscheduled }
     }
 
     /// Matches messages to transmissions and fits the clocks, in turn until the matches do not change.
@@ -82,48 +82,53 @@ impl<'a> Join<'a> {
         }
     }
 
-    /// Handles messages without a transmission, and matches again.
+    /// Adds the transmissions that only receptions show, and matches again.
     ///
-    /// A sender's own record is complete, so an unmatched message makes a recorded transmission ambiguous. For other
-    /// senders, the message is evidence of another transmission.
+    /// A sender's own record is complete. A message that fits none of its transmissions is counted, and yields no
+    /// event.
     fn process_unmatched(&mut self) {
         for (sender, transmissions) in self.transmissions.iter_mut().enumerate() {
-            let vehicle = &self.fleet.vehicles[sender];
-            let count = if vehicle.recording.transmissions.is_some() {
-                let by_receiver = mark_ambiguous(self.fleet, &self.clocks, sender, transmissions);
-                let count = by_receiver.values().sum();
-                self.unmatched.extend(by_receiver.into_iter().map(|(receiver, count)| ((receiver, sender), count)));
-                count
-            } else {
-                add_received(self.fleet, &self.clocks, sender, transmissions)
-            };
-            if count > 0 && self.documented_senders.contains(&sender) {
-                self.unexpected.insert(vehicle.name.clone(), count);
+            if self.fleet.vehicles[sender].recording.transmissions.is_none() {
+                let added = add_received(self.fleet, &self.clocks, sender, transmissions);
+                if self.documented_senders.contains(&sender) {
+                    self.unscheduled.insert(sender, added);
+                }
             }
         }
         self.matched = match_all(self.fleet, &self.clocks, &self.transmissions);
     }
 
-    /// Completes the transmissions by their receptions. Returns the senders whose destinations only receptions state.
-    fn complete_transmissions(&mut self) -> BTreeSet<usize> {
-        complete_from_receptions(self.fleet, &mut self.transmissions, &self.matched)
-    }
-
     /// Makes the events and collects all counts.
-    fn into_result(self, undocumented_destinations: &BTreeSet<usize>) -> ImportResult {
-        let Self { fleet, transmissions, documented_senders, clocks, matched, unexpected, unmatched } = self;
+    fn into_result(self, schedule: Option<&Schedule>) -> ImportResult {
+        let Self { fleet, transmissions, documented_senders, clocks, matched, unscheduled } = self;
         let (log, mut pairs) = make_events(fleet, &clocks, &transmissions, &matched);
         for (key, pair) in &mut pairs {
+            pair.transmissions = transmissions[key.1].len();
             pair.duplicates = fleet.duplicates.get(key).copied().unwrap_or(0);
-            pair.unmatched = unmatched.get(key).copied().unwrap_or(0);
+            if let Some(matches) = matched.get(key) {
+                pair.duplicates += matches.duplicates;
+                pair.assigned = matches.assigned.len();
+                pair.unassigned = decoded_count(fleet, *key, &matches.unassigned);
+            }
         }
+        let by_receptions = receptions(fleet, &transmissions, &matched);
+        let verdict = Verdict::new(&Evidence {
+            fleet,
+            clocks: &clocks,
+            transmissions: &transmissions,
+            matched: &matched,
+            pairs: &pairs,
+            receptions: &by_receptions,
+            unscheduled: &unscheduled,
+            schedule,
+        });
         let left_out = LeftOutCounts {
             unknown_sources: fleet.unknown_sources.clone(),
             unknown_destinations: fleet.unknown_destinations.clone(),
-            duplicates: fleet.duplicates.values().sum(),
+            duplicates: pairs.values().map(|pair| pair.duplicates).sum(),
             own_messages: fleet.own_messages,
             overheard: pairs.values().map(|pair| pair.overheard).sum(),
-            unexpected,
+            unexpected: verdict.unexpected,
             unprojected: fleet.vehicles.iter().map(|vehicle| vehicle.track.unprojected).sum(),
         };
         let undocumented_senders = senders(&transmissions).difference(&documented_senders).copied().collect();
@@ -131,15 +136,22 @@ impl<'a> Join<'a> {
             log,
             pairs: named_pairs(fleet, pairs),
             evidence: EvidenceCounts::new(&transmissions),
-            clocks: ClockEstimate::fleet_estimates(fleet, &clocks, &receptions(fleet, &transmissions, &matched)),
-            delay_s: clocks.delay_s,
-            clock_warnings: clocks.warnings,
+            clocks: ClockEstimate::fleet_estimates(fleet, &clocks, &by_receptions),
+            delay_s: clocks.delays.median_s(),
+            warnings: verdict.warnings,
+            contradictions: verdict.contradictions,
             left_out,
             undocumented_senders: fleet.names(&undocumented_senders),
-            undocumented_destinations: fleet.names(undocumented_destinations),
+            undocumented_destinations: fleet.names(&undocumented_destinations(&transmissions)),
             unconfirmed_slot_owners: fleet.names(&unconfirmed_slot_owners(&transmissions)),
         }
     }
+}
+
+/// Returns the number of decoded messages among some of a receiver and a sender.
+fn decoded_count(fleet: &Fleet, (receiver, sender): (usize, usize), indices: &[usize]) -> usize {
+    let messages = &fleet.vehicles[receiver].messages[&sender];
+    indices.iter().filter(|&&index| messages[index].is_any_decoded()).count()
 }
 
 /// Returns the counts of all pairs with any record, by the names of sender and receiver.
@@ -165,8 +177,9 @@ fn initial_clocks(
         let Some(receiver) = fleet.receivers().max_by_key(|&receiver| messages(receiver, sender).len()) else {
             continue;
         };
-        let derive_transmission =
-            |message| Transmission::from_reception(message, receiver, fleet.travel_s(sender, receiver, message.time_s));
+        let derive_transmission = |message| {
+            Transmission::from_reception(message, sender, receiver, fleet.travel_s(sender, receiver, message.time_s))
+        };
         initial_transmissions[sender] = messages(receiver, sender).iter().map(derive_transmission).collect();
         initial_transmissions[sender].sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     }

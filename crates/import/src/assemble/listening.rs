@@ -1,12 +1,16 @@
-//! Decides whether a receiver was able to receive a transmission, without regard to the outcome.
+//! Decides whether a transmission counts for a receiver, without regard to the outcome.
 
-use pingmap_agent::Link;
+use pingmap_agent::{Link, VehicleId};
 
 use crate::assemble::clocks::fleet_clocks::FleetClocks;
 use crate::assemble::vehicles::fleet::Fleet;
-use crate::assemble::vehicles::transmission::{Transmission, TransmissionEvidence};
+use crate::assemble::vehicles::transmission::Transmission;
 use crate::model::exclusion::ExclusionReason;
 use crate::model::recording::bands_differ;
+
+/// Time before the earliest record of a reception from which on a transmission of the receiver may be a reply to it, in
+/// seconds.
+const REPLY_MARGIN_S: f64 = 0.2;
 
 /// The times at which each vehicle transmitted, by its own clock and in the order of time.
 pub(crate) struct TransmissionTimes(Vec<Vec<f64>>);
@@ -15,9 +19,7 @@ impl TransmissionTimes {
     /// Collects the transmissions with evidence.
     pub(crate) fn new(fleet: &Fleet, clocks: &FleetClocks, transmissions: &[Vec<Transmission>]) -> Self {
         let sorted_times = |(sender, transmissions): (usize, &Vec<Transmission>)| {
-            let confirmed = transmissions
-                .iter()
-                .filter(|transmission| transmission.evidence != TransmissionEvidence::UnconfirmedSlot);
+            let confirmed = transmissions.iter().filter(|transmission| transmission.is_confirmed_for(sender));
             let mut times: Vec<f64> = confirmed.map(|transmission| clocks.local_s(transmission, sender)).collect();
             times.sort_by(f64::total_cmp);
             times
@@ -32,36 +34,102 @@ impl TransmissionTimes {
     }
 }
 
-/// Returns the first reason to exclude a transmission for a receiver; `None` if it counts as heard or missed.
+/// One transmission and one receiver, with all that the decision about them may use. The outcome is not part of it.
+#[derive(Clone, Copy)]
+pub(crate) struct Opportunity<'a> {
+    pub(crate) sender: usize,
+    pub(crate) transmission: &'a Transmission,
+    pub(crate) receiver: usize,
+    /// The positions of both vehicles.
+    pub(crate) link: Option<Link>,
+    /// Time in seconds by which receptions of this pair are recorded earlier than expected, at most.
+    pub(crate) early_s: f64,
+    /// Whether receptions are the only records of the sender's destinations.
+    pub(crate) has_destinations_by_reception: bool,
+}
+
+/// The destination of a transmission, as far as a receiver's own reception is not needed to know it.
+enum Destination<'a> {
+    Broadcast,
+    Vehicle(&'a VehicleId),
+    Unknown,
+}
+
+impl<'a> Opportunity<'a> {
+    fn destination(&self) -> Destination<'a> {
+        let known =
+            |destination: Option<&'a VehicleId>| destination.map_or(Destination::Broadcast, Destination::Vehicle);
+        if !self.has_destinations_by_reception {
+            return known(self.transmission.destination.as_ref());
+        }
+        self.transmission.other_witnesses(self.receiver).next().map_or(Destination::Unknown, known)
+    }
+}
+
+/// The decision about an opportunity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Decision {
+    /// The opportunity counts as heard or missed.
+    Counts,
+    /// The message is for another vehicle.
+    OtherDestination,
+    /// The outcome is unknown.
+    Excluded(ExclusionReason),
+}
+
+/// Decides whether an opportunity counts, by the first criterion that applies.
 ///
-/// `link` holds the positions of both vehicles. The function does not use the outcome, so it excludes successes and
-/// misses alike.
-pub(crate) fn exclusion_reason(
+/// No argument contains the outcome or a consequence of it, so successes and misses are excluded alike. A reply is such
+/// a consequence: the receiver's transmissions after the earliest time at which it may have decoded the message are
+/// ignored. The receiver's own record of the message is no evidence either.
+pub(crate) fn decide(
     fleet: &Fleet,
     clocks: &FleetClocks,
     transmission_times: &TransmissionTimes,
-    (sender, transmission): (usize, &Transmission),
-    (receiver, link): (usize, Option<Link>),
-) -> Option<ExclusionReason> {
-    if transmission.evidence == TransmissionEvidence::UnconfirmedSlot {
-        return Some(ExclusionReason::SlotUseUnknown);
+    opportunity: Opportunity,
+) -> Decision {
+    if !fleet.rules.overhear {
+        match opportunity.destination() {
+            Destination::Vehicle(name) if name != fleet.vehicles[opportunity.receiver].name => {
+                return Decision::OtherDestination;
+            }
+            Destination::Unknown if opportunity.transmission.is_confirmed_for(opportunity.receiver) => {
+                return Decision::Excluded(ExclusionReason::DestinationUnknown);
+            }
+            _ => {}
+        }
     }
+    exclusion_reason(fleet, clocks, transmission_times, opportunity).map_or(Decision::Counts, Decision::Excluded)
+}
+
+/// Returns the first reason for which the outcome of an opportunity is unknown.
+fn exclusion_reason(
+    fleet: &Fleet,
+    clocks: &FleetClocks,
+    transmission_times: &TransmissionTimes,
+    opportunity: Opportunity,
+) -> Option<ExclusionReason> {
+    let Opportunity { sender, transmission, receiver, link, early_s, .. } = opportunity;
     let rules = fleet.rules;
-    if transmission.destination_unknown && !rules.overhear {
-        return Some(ExclusionReason::DestinationUnknown);
+    if !transmission.is_confirmed_for(receiver) {
+        return Some(ExclusionReason::Unconfirmed);
     }
     let recording = fleet.vehicles[receiver].recording;
-    let arrival_s = clocks.expected_s(fleet, (sender, transmission), receiver);
-    let start_s = arrival_s - clocks.delay_s;
-    let is_active = |span: &(f64, f64)| span.0 <= arrival_s && arrival_s <= span.1;
+    let expected_s = clocks.expected_s(fleet, (sender, transmission), receiver);
+    let is_active = |span: &(f64, f64)| span.0 <= expected_s && expected_s <= span.1;
     if !fleet.vehicles[receiver].active_spans.iter().any(is_active) {
         return Some(ExclusionReason::NotRecording);
     }
-    if transmission_times.has_within(receiver, start_s - rules.message_s, start_s + rules.message_s) {
+    let decoded_from_s = expected_s - early_s;
+    let start_s = expected_s - clocks.delays.of_sender_s(sender).max(0.0);
+    let own_from_s = start_s.min(decoded_from_s - rules.message_s) - rules.message_s;
+    if transmission_times.has_within(receiver, own_from_s, decoded_from_s - REPLY_MARGIN_S) {
         return Some(ExclusionReason::Transmitting);
     }
-    let overlaps =
-        |interval: &&(f64, f64, ExclusionReason)| interval.0 <= start_s + rules.message_s && start_s <= interval.1;
+    let overlaps = |&&(from_s, to_s, reason): &&(f64, f64, ExclusionReason)| {
+        let is_reply = reason == ExclusionReason::Transmitting && from_s >= decoded_from_s - REPLY_MARGIN_S;
+        from_s <= start_s + rules.message_s && start_s <= to_s && !is_reply
+    };
     if let Some(interval) = recording.deaf_intervals.iter().find(overlaps) {
         return Some(interval.2);
     }
@@ -71,13 +139,8 @@ pub(crate) fn exclusion_reason(
     if bands.is_some_and(|(sender_band, receiver_band)| bands_differ(sender_band, receiver_band)) {
         return Some(ExclusionReason::OtherMode);
     }
-    // The sender's own clock matters only for its position. Its transmission may be timed by another clock,
-    // `sent.clock`.
-    let is_undetermined = |clock: usize| !clocks.clocks[clock].is_determined;
-    if transmission.ambiguous_receivers.contains(&receiver)
-        || is_undetermined(transmission.clock)
-        || is_undetermined(receiver)
-    {
+    // The sender's own clock matters only for its position. Its transmission may be timed by another clock.
+    if [transmission.clock, receiver].iter().any(|&clock| !clocks.clocks[clock].is_determined) {
         return Some(ExclusionReason::ClockUncertain);
     }
     let Some(link) = link else { return Some(ExclusionReason::NoNavigation) };

@@ -5,11 +5,13 @@ use std::collections::BTreeMap;
 use pingmap_agent::VehicleId;
 use pingmap_trial::EventLog;
 
-use crate::assemble::clocks::clock::{Clock, ClockSegment};
+use crate::assemble::clocks::clock::{Clock, ClockSegment, Comparison};
 use crate::assemble::clocks::fleet_clocks::FleetClocks;
 use crate::assemble::median::median;
+use crate::assemble::pair_counts::PairCounts;
 use crate::assemble::vehicles::fleet::Fleet;
 use crate::assemble::vehicles::transmission::{Reception, Transmission, TransmissionEvidence};
+use crate::assemble::verdict::Contradiction;
 use crate::model::exclusion::ExclusionReason;
 
 /// An event log with a report on its origin.
@@ -23,10 +25,13 @@ pub struct ImportResult {
     pub evidence: EvidenceCounts,
     /// The estimated clocks.
     pub clocks: Vec<ClockEstimate>,
-    /// Time from the start of a message to the record of its reception without the travel time of sound, in seconds.
+    /// Median over all senders of the time from the record of a transmission to the record of its reception, without
+    /// the travel time of sound, in seconds.
     pub delay_s: f64,
-    /// Warnings about ambiguous clock offsets, as sentences.
-    pub clock_warnings: Vec<String>,
+    /// Doubtful properties of the records, as sentences.
+    pub warnings: Vec<String>,
+    /// Contradictions between the records. A log with contradictions is probably wrong.
+    pub contradictions: Vec<Contradiction>,
     /// Counts of records that are in no event.
     pub left_out: LeftOutCounts,
     /// Senders whose transmissions are known by receptions only, separated by commas. Their messages that all receivers
@@ -50,23 +55,6 @@ impl ImportResult {
     }
 }
 
-/// Counts of the messages from one vehicle to another.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct PairCounts {
-    /// Events with a decoded message.
-    pub heard: usize,
-    /// Events with a missed message.
-    pub missed: usize,
-    /// Transmissions that yield no event, by reason.
-    pub excluded: BTreeMap<ExclusionReason, usize>,
-    /// Messages to other vehicles.
-    pub overheard: usize,
-    /// Duplicate arrivals.
-    pub duplicates: usize,
-    /// Received messages that fit no transmission in the sender's record.
-    pub unmatched: usize,
-}
-
 /// Number of transmissions by evidence.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EvidenceCounts {
@@ -82,8 +70,9 @@ pub struct EvidenceCounts {
 
 impl EvidenceCounts {
     pub(crate) fn new(transmissions: &[Vec<Transmission>]) -> Self {
-        let count =
-            |evidence| transmissions.iter().flatten().filter(|transmission| transmission.evidence == evidence).count();
+        let count = |evidence| {
+            transmissions.iter().flatten().filter(|transmission| transmission.total_evidence() == evidence).count()
+        };
         Self {
             recorded: count(TransmissionEvidence::Recorded),
             assumed_slots: count(TransmissionEvidence::AssumedSlot),
@@ -106,8 +95,7 @@ pub struct LeftOutCounts {
     pub own_messages: usize,
     /// Messages to other vehicles.
     pub overheard: usize,
-    /// Received messages without a matching transmission, by sender. If the sender recorded its transmissions, they are
-    /// no events. If it only has a schedule, they are.
+    /// Decoded messages that fit no transmission in the sender's record, or no slot of the schedule, by sender.
     pub unexpected: BTreeMap<VehicleId, usize>,
     /// Fixes that the reference system cannot convert to metres.
     pub unprojected: usize,
@@ -131,7 +119,8 @@ pub struct ClockEstimate {
 impl ClockEstimate {
     /// Returns an estimate for each vehicle, in the order of the fleet.
     pub(crate) fn fleet_estimates(fleet: &Fleet, clocks: &FleetClocks, receptions: &[Reception]) -> Vec<Self> {
-        let comparisons = clocks.comparisons(fleet, receptions);
+        let comparisons: Vec<Comparison> =
+            clocks.comparisons(fleet, receptions).map(|(_, comparison)| comparison).collect();
         let estimate = |(index, clock): (usize, &Clock)| {
             let own_comparisons =
                 comparisons.iter().filter(|comparison| [comparison.start.0, comparison.arrival.0].contains(&index));

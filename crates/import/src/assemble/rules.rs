@@ -11,13 +11,14 @@ pub struct Rules {
     pub sound_m_per_s: f64,
     /// Upper limit of the difference between two clocks, in seconds. At 0 the clocks agree, and none is estimated.
     pub clock_offset_s_max: f64,
-    /// Largest difference between the expected and the recorded arrival of one message, in seconds.
+    /// Upper limit of the difference between the expected and the recorded arrival of one message, in seconds. It is
+    /// lower where the sender's transmissions are close to each other.
     pub match_s: f64,
     /// The vehicle whose clock is right: times and positions are corrected to it. With `None` they stay as recorded.
     pub reference_clock: Option<VehicleId>,
     /// Longest gap between two fixes across which a position is interpolated, in seconds.
     pub nav_gap_s_max: f64,
-    /// Duration of a message, in seconds. A vehicle cannot receive for that long before and after its own transmission.
+    /// Duration of a message, in seconds. A vehicle cannot receive during its own transmission.
     pub message_s: f64,
     /// Largest time between two duplicates of one arrival, in seconds.
     pub duplicate_s: f64,
@@ -54,12 +55,13 @@ impl SlotUse {
 }
 
 impl Default for Rules {
-    /// Sea water, clocks that differ by at most 10 s, a position every 30 s, and messages of 3 s.
+    /// Sea water, clocks that differ by at most 10 s, a position every 30 s, messages of 3 s, and
+    /// arrivals up to 10 s from the expected time.
     fn default() -> Self {
         Self {
             sound_m_per_s: 1500.0,
             clock_offset_s_max: 10.0,
-            match_s: 1.0,
+            match_s: 10.0,
             reference_clock: None,
             nav_gap_s_max: 30.0,
             message_s: 3.0,

@@ -4,19 +4,22 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum ExclusionReason {
-    /// Only a schedule lists the transmission. No receiver recorded it and no record shows that it took place.
-    SlotUseUnknown,
-    /// The sender addresses single vehicles, and no reception states the destination of this message.
+    /// No record but the receiver's own shows that the transmission took place.
+    Unconfirmed,
+    /// The sender addresses single vehicles, and no record but the receiver's own states the destination of this
+    /// message.
     DestinationUnknown,
     /// The receiver's modem was not active yet or not active any more.
     NotRecording,
+    /// The receiver's modem was not listening, as stated by the user.
+    NotListening,
     /// The receiver was transmitting.
     Transmitting,
     /// The receiver's modem was starting.
     Rebooting,
     /// The receiver used another rate or band, or was ranging.
     OtherMode,
-    /// The offset between the two clocks is unknown, or an unmatched message makes the outcome ambiguous.
+    /// The offset between the two clocks is unknown.
     ClockUncertain,
     /// The position of the sender or the receiver is unknown.
     NoNavigation,
@@ -26,10 +29,11 @@ pub enum ExclusionReason {
 
 impl ExclusionReason {
     /// All reasons, in the order of the checks.
-    pub const ALL: [ExclusionReason; 9] = [
-        ExclusionReason::SlotUseUnknown,
+    pub const ALL: [ExclusionReason; 10] = [
+        ExclusionReason::Unconfirmed,
         ExclusionReason::DestinationUnknown,
         ExclusionReason::NotRecording,
+        ExclusionReason::NotListening,
         ExclusionReason::Transmitting,
         ExclusionReason::Rebooting,
         ExclusionReason::OtherMode,
@@ -41,9 +45,10 @@ impl ExclusionReason {
     /// Describes the reason in at most four words, for tables.
     pub fn description(self) -> &'static str {
         match self {
-            ExclusionReason::SlotUseUnknown => "slot use unknown",
+            ExclusionReason::Unconfirmed => "unconfirmed",
             ExclusionReason::DestinationUnknown => "destination unknown",
             ExclusionReason::NotRecording => "not recording",
+            ExclusionReason::NotListening => "not listening",
             ExclusionReason::Transmitting => "transmitting",
             ExclusionReason::Rebooting => "rebooting",
             ExclusionReason::OtherMode => "other mode",
@@ -56,9 +61,10 @@ impl ExclusionReason {
     /// Returns the key of the reason in JSON.
     pub fn key(self) -> &'static str {
         match self {
-            ExclusionReason::SlotUseUnknown => "slot_use_unknown",
+            ExclusionReason::Unconfirmed => "unconfirmed",
             ExclusionReason::DestinationUnknown => "destination_unknown",
             ExclusionReason::NotRecording => "not_recording",
+            ExclusionReason::NotListening => "not_listening",
             ExclusionReason::Transmitting => "transmitting",
             ExclusionReason::Rebooting => "rebooting",
             ExclusionReason::OtherMode => "other_mode",

@@ -101,10 +101,7 @@ fn an_unconfirmed_transmission_is_not_a_miss() {
     // --always-transmits may apply to some vehicles.
     let (partial, _) =
         import(folder, &format!("{options} --schedule mission/schedule.toml --always-transmits=auv1,auv2"));
-    assert!(
-        count(&partial, "slot_use_unknown") > 0
-            && count(&partial, "slot_use_unknown") < count(&found, "slot_use_unknown")
-    );
+    assert!(count(&partial, "unconfirmed") > 0 && count(&partial, "unconfirmed") < count(&found, "unconfirmed"));
     compare(folder);
     // Without a schedule transmissions are known from their receptions, and are the same. Common receptions tie the
     // clocks together, but the delay of a record remains unknown.

@@ -223,6 +223,7 @@ const IMPORT: &[Case] = &[
     ("--schedule", "listed.csv", ""),
     ("--ids", "other-ids.csv", ""),
     ("--listening", "auv3=0/1e10", "--always-transmits"),
+    ("--not-listening", "auv3=2026-05-03T12:00:00Z/2026-05-03T12:10:00Z", "--always-transmits"),
     ("--column", "heard.source=from", ""),
     ("--columns", "columns.toml", ""),
     ("--origin", "41,-70", ""),
@@ -289,7 +290,7 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
         ("select events.csv --vehicle ada --radius-m 400", vec![SELECT, GIVEN, EVENTS]),
         ("simulate --slots 300", vec![SIMULATE]),
         (
-            "import --nav nav.csv --heard heard.csv --schedule schedule.toml --ids ids.csv --output imported.csv",
+            "import --nav nav.csv --heard heard.csv --schedule schedule.toml --ids ids.csv --output imported.csv --accept-bad-log",
             vec![IMPORT],
         ),
         ("reproduce local --permutations 2", vec![REPRODUCE]),
@@ -485,7 +486,7 @@ fn the_cases_contain_every_option() {
             .filter_map(|line| line.split([' ', ',', '[']).find(is_option).map(str::to_owned))
             // The number of threads must have no effect. The other options here have their own tests.
             .filter(|option| {
-                !["--help", "--threads", "--overwrite", "--accept-bad-log", "--strict", "--quiet"]
+                !["--help", "--threads", "--overwrite", "--accept-bad-log", "--strict", "--quiet", "--unpacked-max"]
                     .contains(&option.as_str())
             })
             .filter(|option| ![CRITERION.0, ADDITIONS.0].contains(&option.as_str()) || known.contains(option))

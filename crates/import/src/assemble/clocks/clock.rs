@@ -17,9 +17,6 @@ const CHANGE_S_MAX: f64 = 1e-6;
 /// Lower limit of the residual up to which a comparison has full weight, in seconds.
 const FULL_WEIGHT_S_MIN: f64 = 1e-3;
 
-/// A window is a rival of the fullest one if it holds at least this share of its differences.
-const RIVAL_SHARE: f64 = 0.9;
-
 /// The offset of a clock against the reference clock: linear in time between the times at which the clock was set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clock {
@@ -41,7 +38,7 @@ pub struct ClockSegment {
 }
 
 impl ClockSegment {
-    fn offset_at_s(&self, time_s: f64) -> f64 {
+    pub(crate) fn offset_at_s(&self, time_s: f64) -> f64 {
         self.offset_s + self.drift * (time_s - self.middle_s)
     }
 }
@@ -68,24 +65,32 @@ impl Clock {
         self.segments.partition_point(|(start_s, _)| *start_s <= time_s).saturating_sub(1)
     }
 
-    /// Sets the offset of each segment to the peak of its comparisons. A segment without a peak keeps its offset.
+    /// Returns the offset that each comparison implies for this clock, by segment: the time by this clock, and the
+    /// offset.
     ///
-    /// `index` is the index of this clock in `clocks`.
-    pub(crate) fn search(&mut self, index: usize, comparisons: &[Comparison], clocks: &[Clock], half_width_s: f64) {
-        let mut offsets_s: Vec<Vec<f64>> = vec![Vec::new(); self.segments.len()];
-        for Comparison { start, arrival } in comparisons {
-            let (time_s, offset_s) = if arrival.0 == index {
-                (arrival.1, arrival.1 - start.1 + clocks[start.0].offset_s(start.1))
-            } else {
-                (start.1, clocks[arrival.0].offset_s(arrival.1) - (arrival.1 - start.1))
+    /// `index` is the index of this clock in `clocks`. Comparisons without this clock are ignored.
+    pub(crate) fn implied_offsets(
+        &self,
+        index: usize,
+        comparisons: &[Comparison],
+        clocks: &[Clock],
+    ) -> Vec<Vec<(f64, f64)>> {
+        let mut points = vec![Vec::new(); self.segments.len()];
+        for comparison in comparisons {
+            let Comparison { start, arrival } = *comparison;
+            let (time_s, offset_s) = match (start.0 == index, arrival.0 == index) {
+                (false, true) => (arrival.1, comparison.difference_s() + clocks[start.0].offset_s(start.1)),
+                (true, false) => (start.1, clocks[arrival.0].offset_s(arrival.1) - comparison.difference_s()),
+                _ => continue,
             };
-            offsets_s[self.segment_index(time_s)].push(offset_s);
+            points[self.segment_index(time_s)].push((time_s, offset_s));
         }
-        for ((_, segment), offsets_s) in self.segments.iter_mut().zip(offsets_s) {
-            if let Some(peak) = find_peak(offsets_s, half_width_s) {
-                *segment = ClockSegment { offset_s: peak.difference_s, ..ClockSegment::default() };
-            }
-        }
+        points
+    }
+
+    /// Sets a constant offset in one segment.
+    pub(crate) fn set_offset(&mut self, segment: usize, offset_s: f64) {
+        self.segments[segment].1 = ClockSegment { offset_s, ..ClockSegment::default() };
     }
 }
 
@@ -103,45 +108,16 @@ impl Comparison {
         self.arrival.1 - self.start.1
     }
 
+    /// Returns the time of the start and the difference, in seconds.
+    pub(crate) fn point(&self) -> (f64, f64) {
+        (self.start.1, self.difference_s())
+    }
+
     /// Returns the difference that the clock models do not explain, in seconds.
     pub(crate) fn residual_s(&self, clocks: &[Clock]) -> f64 {
         let offset_s = |(clock, time_s): (usize, f64)| clocks[clock].offset_s(time_s);
         self.difference_s() - (offset_s(self.arrival) - offset_s(self.start))
     }
-}
-
-/// The most frequent difference of two clocks.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Peak {
-    pub(crate) difference_s: f64,
-    pub(crate) count: usize,
-    /// A rival: another difference that is nearly as frequent.
-    pub(crate) rival_s: Option<f64>,
-}
-
-/// Finds the difference with the most others within `half_width_s` seconds. Among rivals it prefers the smallest
-/// absolute difference.
-///
-/// Returns `None` if no two differences lie close to each other. O(n log n).
-pub(crate) fn find_peak(mut differences_s: Vec<f64>, half_width_s: f64) -> Option<Peak> {
-    differences_s.sort_by(f64::total_cmp);
-    let mut end = 0;
-    let windows: Vec<(f64, usize)> = (0..differences_s.len())
-        .map(|first| {
-            while end < differences_s.len() && differences_s[end] <= differences_s[first] + 2.0 * half_width_s {
-                end += 1;
-            }
-            (differences_s[first + (end - first) / 2], end - first)
-        })
-        .collect();
-    let count_max = windows.iter().map(|window| window.1).max().filter(|count_max| *count_max >= 2)?;
-    let rivals = || windows.iter().filter(|window| window.1 as f64 >= RIVAL_SHARE * count_max as f64);
-    let rival_min_s = rivals().min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?.0;
-    // The smallest rival may lie on the slope of its peak, so the fullest window around it is the peak.
-    let peak_windows = rivals().filter(|window| (window.0 - rival_min_s).abs() <= 2.0 * half_width_s);
-    let (difference_s, count) = *peak_windows.max_by_key(|window| window.1)?;
-    let rival_s = rivals().map(|window| window.0).find(|rival_s| (rival_s - difference_s).abs() > 4.0 * half_width_s);
-    Some(Peak { difference_s, count, rival_s })
 }
 
 /// Fits all known clocks to the comparisons, one clock after the other until the offsets converge.
@@ -155,16 +131,7 @@ pub(crate) fn fit(clocks: &mut [Clock], comparisons: &[Comparison], reference: u
             if !clocks[clock].is_determined {
                 continue;
             }
-            let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); clocks[clock].segments.len()];
-            for comparison in comparisons {
-                let Comparison { start, arrival } = *comparison;
-                let (time_s, offset_s) = match (start.0 == clock, arrival.0 == clock) {
-                    (false, true) => (arrival.1, comparison.difference_s() + clocks[start.0].offset_s(start.1)),
-                    (true, false) => (start.1, clocks[arrival.0].offset_s(arrival.1) - comparison.difference_s()),
-                    _ => continue,
-                };
-                points[clocks[clock].segment_index(time_s)].push((time_s, offset_s));
-            }
+            let points = clocks[clock].implied_offsets(clock, comparisons, clocks);
             for (index, points) in points.iter().enumerate().filter(|(_, points)| !points.is_empty()) {
                 let fitted_segment = fit_line(points);
                 let segment = &mut clocks[clock].segments[index].1;
@@ -181,7 +148,7 @@ pub(crate) fn fit(clocks: &mut [Clock], comparisons: &[Comparison], reference: u
 /// Fits a line to points of time and offset by iteratively reweighted least squares with Huber weights.
 ///
 /// The drift is 0 if the points are few or span a short time.
-fn fit_line(points: &[(f64, f64)]) -> ClockSegment {
+pub(crate) fn fit_line(points: &[(f64, f64)]) -> ClockSegment {
     let middle_s = median(points.iter().map(|point| point.0).collect());
     let span = points.iter().fold((f64::MAX, f64::MIN), |(low, high), point| (low.min(point.0), high.max(point.0)));
     let has_drift = points.len() >= DRIFT_COMPARISONS_MIN && span.1 - span.0 >= DRIFT_SPAN_S_MIN;
@@ -210,18 +177,6 @@ fn fit_line(points: &[(f64, f64)]) -> ClockSegment {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_peak_is_the_fullest_window_and_names_a_rival() {
-        let cluster = |middle: f64, count: usize| (0..count).map(move |n| middle + 0.01 * n as f64);
-        let found = find_peak(cluster(3.0, 20).chain(cluster(-4.0, 5)).collect(), 0.5).unwrap();
-        assert!((found.difference_s - 3.1).abs() < 0.02 && found.count == 20 && found.rival_s.is_none(), "{found:?}");
-        // With a cycle of ten seconds, a shift by one cycle fits nearly as well. The smallest shift is chosen and the
-        // other is the rival.
-        let found = find_peak(cluster(-7.0, 20).chain(cluster(3.0, 19)).collect(), 0.5).unwrap();
-        assert!((found.difference_s - 3.1).abs() < 0.02 && found.rival_s.is_some(), "{found:?}");
-        assert_eq!(find_peak(vec![1.0, 5.0], 0.5), None);
-    }
 
     #[test]
     fn fit_finds_drift_and_steps_of_clocks_that_are_compared_in_a_chain() {

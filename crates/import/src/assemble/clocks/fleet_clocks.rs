@@ -1,26 +1,46 @@
 //! The clocks of a fleet, estimated from its transmissions and receptions.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use crate::assemble::clocks::clock::{Clock, Comparison, Peak, find_peak, fit};
-use crate::assemble::median::median;
+use pingmap_agent::VehicleId;
+
+use crate::assemble::clocks::clock::{Clock, Comparison, fit};
+use crate::assemble::clocks::delays::Delays;
+use crate::assemble::clocks::peak::{Peak, find_peak};
 use crate::assemble::vehicles::fleet::Fleet;
 use crate::assemble::vehicles::transmission::{Reception, Transmission};
 
-/// Estimated offsets of all clocks, and the delay between the arrival of a message and its record.
+/// Estimated offsets of all clocks, and the delays between the records of transmissions and receptions.
 pub(crate) struct FleetClocks {
     /// One clock for each vehicle.
     pub(crate) clocks: Vec<Clock>,
-    /// Time from the start of a message to the record of its reception without the travel time of sound, in seconds.
-    pub(crate) delay_s: f64,
+    /// Delays between the record of a transmission and the record of its reception.
+    pub(crate) delays: Delays,
     /// Index of the vehicle whose clock has the offset 0.
     pub(crate) reference: usize,
-    /// Warnings about ambiguous offsets, as sentences.
-    pub(crate) warnings: Vec<String>,
+    /// Clocks with several offsets that fit equally well.
+    pub(crate) ambiguities: Vec<ClockAmbiguity>,
+}
+
+/// Several offsets between two clocks that fit the receptions equally well, because slots repeat.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClockAmbiguity {
+    /// The vehicle whose clock is compared.
+    pub clock: VehicleId,
+    /// The vehicle whose clock it is compared with.
+    pub other: VehicleId,
+    /// The offset that is used, in seconds.
+    pub offset_s: f64,
+    /// The other offsets, in seconds.
+    pub others_s: Vec<f64>,
 }
 
 /// Longest travel time of sound that is considered, in seconds.
 const TRAVEL_S_MAX: f64 = 60.0;
+
+/// Clock offsets are searched up to this limit, in seconds, even if the rules state a lower one. A larger offset than
+/// that of the rules is used only if its residuals are clearly smaller.
+const SEARCH_S_MIN: f64 = 60.0;
 
 /// The clocks of the earlier and the later time of comparisons, and whether the earlier time derives from a reception,
 /// too.
@@ -30,7 +50,8 @@ impl FleetClocks {
     /// Returns clocks without any offset.
     fn with_zero_offsets(fleet: &Fleet, reference: usize) -> Self {
         let clocks = fleet.vehicles.iter().map(|_| Clock::constant(0.0, &[], true)).collect();
-        Self { clocks, delay_s: 0.0, reference, warnings: Vec::new() }
+        let delays = Delays::constant(fleet.vehicles.len(), 0.0);
+        Self { clocks, delays, reference, ambiguities: Vec::new() }
     }
 
     /// Estimates a constant offset for each clock, before any reception is matched to a transmission.
@@ -38,25 +59,22 @@ impl FleetClocks {
     /// The offset of a pair of clocks is the one at which most receptions fit a transmission. A spanning tree from the
     /// reference clock combines the pairs, those with the most receptions first.
     pub(crate) fn estimate_offsets(fleet: &Fleet, transmissions: &[Vec<Transmission>]) -> Self {
-        let peaks = pair_peaks(fleet, transmissions);
-        let reference = fleet.rules.reference_clock.as_ref().and_then(|name| fleet.index_of(name));
-        let mut clocks = Self::with_zero_offsets(fleet, reference.unwrap_or_else(|| best_reference(fleet, &peaks)));
-        if let Some(vehicle) = reference.filter(|&vehicle| !fleet.clock_sync_times_s(vehicle).is_empty()) {
-            clocks.warnings.push(format!(
-                "the clock of {0}, to which times are corrected, was set during the mission; its times before that are used as they are \
-                 (name another vehicle with --correct-clocks, unless the steps were small)",
-                fleet.vehicles[vehicle].name
-            ));
-        }
+        let limit_s = difference_s_max(fleet);
         if fleet.rules.clock_offset_s_max == 0.0 {
             // The clocks agree, so a difference consists of the delay only.
-            let sender_comparisons = candidates(fleet, transmissions).filter(|(pair, _)| !pair.2);
-            let differences_s = sender_comparisons.map(|(_, comparison)| comparison.difference_s()).collect();
-            let peak = find_peak(differences_s, fleet.rules.match_s);
-            clocks.delay_s = peak.map_or(0.0, |peak| peak.difference_s.max(0.0));
+            let mut clocks = Self::with_zero_offsets(fleet, fleet.reference_clock().unwrap_or(0));
+            let by_sender = candidates(fleet, transmissions, limit_s).filter(|(pair, _)| !pair.2);
+            let points = by_sender.map(|(_, comparison)| comparison.point()).collect();
+            let delay_s = find_peak(points, limit_s).map_or(0.0, |peak| peak.difference_s.max(0.0));
+            clocks.delays = Delays::constant(fleet.vehicles.len(), delay_s);
             return clocks;
         }
-        clocks.delay_s = round_trip_delay_s(&peaks);
+        let peaks = pair_peaks(fleet, transmissions);
+        let reference = fleet.reference_clock().unwrap_or_else(|| best_reference(fleet, &peaks));
+        let mut clocks = Self::with_zero_offsets(fleet, reference);
+        let by_sender = peaks.iter().filter(|(pair, _)| !pair.2);
+        let differences_s = by_sender.map(|(pair, peak)| ((pair.0, pair.1), peak.difference_s)).collect();
+        clocks.delays = Delays::from_round_trips(fleet.vehicles.len(), &differences_s);
         let offsets_s = clocks.spanning_tree_offsets_s(fleet, &peaks);
         for (vehicle, clock) in clocks.clocks.iter_mut().enumerate() {
             let offset_s = offsets_s.get(&vehicle).copied();
@@ -76,24 +94,22 @@ impl FleetClocks {
             let Some((&(start, arrival, is_by_reception), peak)) = border.max_by_key(|(_, peak)| peak.count) else {
                 return offsets_s;
             };
-            let delay_s = if is_by_reception { 0.0 } else { self.delay_s };
-            let difference_s = peak.difference_s - delay_s;
+            let delay_s = if is_by_reception { 0.0 } else { self.delays.of_sender_s(start) };
+            let offset_s = peak.difference_s - delay_s;
             match offsets_s.get(&start).copied() {
-                Some(offset_s) => offsets_s.insert(arrival, offset_s + difference_s),
-                None => offsets_s.insert(start, offsets_s[&arrival] - difference_s),
+                Some(start_offset_s) => offsets_s.insert(arrival, start_offset_s + offset_s),
+                None => offsets_s.insert(start, offsets_s[&arrival] - offset_s),
             };
-            if let Some(rival_s) = peak.rival_s {
-                let [a, b] = [arrival, start].map(|vehicle| fleet.vehicles[vehicle].name);
-                let rival_s = rival_s - delay_s;
-                self.warnings.push(format!(
-                    "the clock of {a} fits that of {b} with an offset of {difference_s:+.1} s, which is used, and nearly as well with \
-                     {rival_s:+.1} s; --clock-offset-s-max limits the offset"
-                ));
+            if !peak.rivals_s.is_empty() {
+                let [clock, other] = [arrival, start].map(|vehicle| fleet.vehicles[vehicle].name.clone());
+                let others_s = peak.rivals_s.iter().map(|rival_s| rival_s - delay_s).collect();
+                self.ambiguities.push(ClockAmbiguity { clock, other, offset_s, others_s });
             }
         }
     }
 
-    /// Predicts when a receiver records a transmission, by the receiver's clock in seconds.
+    /// Predicts when a receiver records a transmission, by the receiver's clock in seconds. The further delay of the
+    /// message's kind is not included.
     pub(crate) fn expected_s(
         &self,
         fleet: &Fleet,
@@ -102,12 +118,13 @@ impl FleetClocks {
     ) -> f64 {
         let true_s = self.true_s(transmission);
         let travel_s = fleet.travel_s(sender, receiver, true_s);
-        true_s + self.clocks[receiver].offset_s(true_s) + travel_s + self.delay_s
+        true_s + self.clocks[receiver].offset_s(true_s) + travel_s + self.delays.of_sender_s(sender)
     }
 
     /// Returns the start of a transmission by the clock that its time is of, in seconds.
     pub(crate) fn start_s(&self, transmission: &Transmission) -> f64 {
-        transmission.time_s - if transmission.is_reception_time { self.delay_s } else { 0.0 }
+        let delay_s = || self.delays.delay_s(transmission.sender, transmission.kind.as_ref());
+        transmission.time_s - if transmission.is_reception_time { delay_s() } else { 0.0 }
     }
 
     /// Returns the start of a transmission by the reference clock, in seconds.
@@ -125,45 +142,64 @@ impl FleetClocks {
         true_s + self.clocks[vehicle].offset_s(true_s)
     }
 
-    /// Fits the clocks to receptions that are matched to transmissions.
+    /// Fits the clocks, and the delays of kinds of messages, to receptions that are matched to transmissions.
     pub(crate) fn refit(&mut self, fleet: &Fleet, receptions: &[Reception]) {
-        let comparisons = self.comparisons(fleet, receptions);
         if fleet.rules.clock_offset_s_max > 0.0 {
+            let comparisons: Vec<Comparison> = self.comparisons(fleet, receptions).map(|(_, one)| one).collect();
             fit(&mut self.clocks, &comparisons, self.reference);
         }
+        let residuals: Vec<_> = self
+            .comparisons(fleet, receptions)
+            .filter_map(|(reception, comparison)| {
+                Some((reception.sender, reception.kind?, comparison.residual_s(&self.clocks)))
+            })
+            .collect();
+        self.delays.refit_kinds(residuals.into_iter());
     }
 
     /// Returns a comparison of two clocks for each reception.
-    pub(crate) fn comparisons(&self, fleet: &Fleet, receptions: &[Reception]) -> Vec<Comparison> {
-        let comparison = |&Reception { sender, transmission, receiver, time_s }: &Reception| {
+    pub(crate) fn comparisons<'a, 'r>(
+        &'a self,
+        fleet: &'a Fleet,
+        receptions: &'a [Reception<'r>],
+    ) -> impl Iterator<Item = (&'a Reception<'r>, Comparison)> {
+        receptions.iter().filter(|reception| reception.transmission.clock != reception.receiver).map(|reception| {
+            let &Reception { sender, transmission, receiver, time_s, kind } = reception;
             let start_s = self.start_s(transmission);
-            let travel_s = fleet.travel_s(sender, receiver, start_s);
-            Comparison { start: (transmission.clock, start_s), arrival: (receiver, time_s - travel_s - self.delay_s) }
-        };
-        receptions
-            .iter()
-            .filter(|reception| reception.transmission.clock != reception.receiver)
-            .map(comparison)
-            .collect()
+            let delay_s = fleet.travel_s(sender, receiver, start_s) + self.delays.delay_s(sender, kind);
+            let comparison = Comparison { start: (transmission.clock, start_s), arrival: (receiver, time_s - delay_s) };
+            (reception, comparison)
+        })
     }
 
-    /// Estimates the offset of each segment separately, for clocks that were set during the mission.
+    /// Estimates the offset of each segment separately, for clocks that were set during the mission. A segment without
+    /// a peak keeps its offset.
     pub(crate) fn search_segments(&mut self, fleet: &Fleet, transmissions: &[Vec<Transmission>]) {
+        let limit_s = difference_s_max(fleet);
         for vehicle in (0..self.clocks.len()).filter(|&vehicle| vehicle != self.reference) {
             if self.clocks[vehicle].segments().count() > 1 && self.clocks[vehicle].is_determined {
-                let candidates =
-                    candidates(fleet, transmissions).filter(|(pair, _)| [pair.0, pair.1].contains(&vehicle));
-                let comparisons: Vec<Comparison> = candidates
+                let with_vehicle = candidates(fleet, transmissions, limit_s)
+                    .filter(|(pair, _)| [pair.0, pair.1].contains(&vehicle))
                     .map(|(pair, mut comparison)| {
-                        comparison.arrival.1 -= if pair.2 { 0.0 } else { self.delay_s };
+                        comparison.arrival.1 -= if pair.2 { 0.0 } else { self.delays.of_sender_s(pair.0) };
                         comparison
-                    })
-                    .collect();
-                let others = self.clocks.clone();
-                self.clocks[vehicle].search(vehicle, &comparisons, &others, fleet.rules.match_s);
+                    });
+                let comparisons: Vec<Comparison> = with_vehicle.collect();
+                let points = self.clocks[vehicle].implied_offsets(vehicle, &comparisons, &self.clocks);
+                for (segment, points) in points.into_iter().enumerate() {
+                    if let Some(peak) = find_peak(points, limit_s) {
+                        self.clocks[vehicle].set_offset(segment, peak.difference_s);
+                    }
+                }
             }
         }
     }
+}
+
+/// Returns the largest difference between the records of a transmission and a reception: the clock offset and the delay
+/// until a message is recorded.
+fn difference_s_max(fleet: &Fleet) -> f64 {
+    fleet.rules.clock_offset_s_max + fleet.rules.message_s
 }
 
 /// Returns the vehicle with the most comparisons. A clock that was never set during the mission takes precedence.
@@ -181,9 +217,8 @@ fn best_reference(fleet: &Fleet, peaks: &BTreeMap<ClockPair, Peak>) -> usize {
 fn candidates<'a>(
     fleet: &'a Fleet,
     transmissions: &'a [Vec<Transmission>],
+    difference_s_max: f64,
 ) -> impl Iterator<Item = (ClockPair, Comparison)> + 'a {
-    // A difference consists of the clock offset and the delay until a message is recorded.
-    let difference_s_max = fleet.rules.clock_offset_s_max + fleet.rules.message_s;
     fleet.receivers().flat_map(move |receiver| {
         let messages = fleet.vehicles[receiver].messages.iter();
         messages.flat_map(move |(&sender, messages)| {
@@ -209,26 +244,10 @@ fn candidates<'a>(
 
 /// Returns the most frequent difference of each pair of clocks.
 fn pair_peaks(fleet: &Fleet, transmissions: &[Vec<Transmission>]) -> BTreeMap<ClockPair, Peak> {
-    let mut differences_s: BTreeMap<ClockPair, Vec<f64>> = BTreeMap::new();
-    for (pair, comparison) in candidates(fleet, transmissions) {
-        differences_s.entry(pair).or_default().push(comparison.difference_s());
+    let limit_s = difference_s_max(fleet);
+    let mut points: BTreeMap<ClockPair, Vec<(f64, f64)>> = BTreeMap::new();
+    for (pair, comparison) in candidates(fleet, transmissions, limit_s.max(SEARCH_S_MIN)) {
+        points.entry(pair).or_default().push(comparison.point());
     }
-    let peaks = differences_s
-        .into_iter()
-        .filter_map(|(pair, differences_s)| Some((pair, find_peak(differences_s, fleet.rules.match_s)?)));
-    peaks.collect()
-}
-
-/// Estimates the recording delay as half of the round trip by the clocks of both ends: the median over all pairs, in
-/// seconds.
-///
-/// Returns 0 if no pair of vehicles heard each other.
-fn round_trip_delay_s(peaks: &BTreeMap<ClockPair, Peak>) -> f64 {
-    let pairs: BTreeSet<(usize, usize)> = peaks.keys().filter(|pair| !pair.2).map(|pair| (pair.0, pair.1)).collect();
-    let half_round_trip = |&(start, arrival): &(usize, usize)| {
-        let outbound_s = peaks.get(&(start, arrival, false))?.difference_s;
-        let return_s = peaks.get(&(arrival, start, false))?.difference_s;
-        (start < arrival).then_some((outbound_s + return_s) / 2.0)
-    };
-    median(pairs.iter().filter_map(half_round_trip).collect()).max(0.0)
+    points.into_iter().filter_map(|(pair, points)| Some((pair, find_peak(points, limit_s)?))).collect()
 }

@@ -17,6 +17,9 @@ const SATELLITE_SILENCE_S: f64 = 60.0;
 /// Limit of silence for a receiver with rare reports, as a multiple of its median interval.
 const SATELLITE_SILENCE_INTERVALS: f64 = 5.0;
 
+/// Time between a message that bounds the record of a modem and the first or last transmission that counts, in seconds.
+const BOUNDARY_S: f64 = 5.0;
+
 /// One vehicle of a fleet.
 pub(crate) struct Vehicle<'a> {
     pub(crate) name: &'a VehicleId,
@@ -58,7 +61,7 @@ impl<'a> Fleet<'a> {
             fleet.count_unknown_destinations(recording, &indices);
             let messages = fleet.received_messages(name, recording, &indices);
             let track = Track::new(recording, reference);
-            let active_spans = active_spans(recording, &messages, rules.match_s);
+            let active_spans = active_spans(recording, &messages);
             fleet.vehicles.push(Vehicle { name, recording, track, messages, active_spans });
         }
         fleet
@@ -121,6 +124,11 @@ impl<'a> Fleet<'a> {
         syncs.windows(2).filter(is_resync).map(|pair| pair[1].0).collect()
     }
 
+    /// Returns the vehicle to whose clock times are corrected.
+    pub(crate) fn reference_clock(&self) -> Option<usize> {
+        self.rules.reference_clock.as_ref().and_then(|name| self.index_of(name))
+    }
+
     /// Returns the vehicles with a record of receptions.
     pub(crate) fn receivers(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.vehicles.len()).filter(|&vehicle| self.vehicles[vehicle].recording.arrivals.is_some())
@@ -152,24 +160,26 @@ impl<'a> Fleet<'a> {
     }
 }
 
-/// Returns the intervals in which a modem was active: from its first to its last record in each file, and as stated by
-/// the user.
+/// Returns the intervals in which a modem listened: those that the user stated, or else from its first to its last
+/// record in each file.
 ///
 /// If a message bounds such an interval, the message lies outside of it. It is recorded only because it was heard, so
 /// that it would always count as a success.
-fn active_spans(recording: &Recording, messages: &BTreeMap<usize, Vec<Message>>, match_s: f64) -> Vec<(f64, f64)> {
+fn active_spans(recording: &Recording, messages: &BTreeMap<usize, Vec<Message>>) -> Vec<(f64, f64)> {
+    if !recording.listening.is_empty() {
+        return recording.listening.clone();
+    }
     let exclude_bounding_messages = |&(from_s, to_s): &(f64, f64)| {
         let (mut start_s, mut end_s) = (from_s, to_s);
         for message in messages.values().flatten() {
             if message.time_s == from_s {
-                start_s = from_s + match_s;
+                start_s = from_s + BOUNDARY_S;
             }
             if message.last_s == to_s {
-                end_s = end_s.min(message.time_s - match_s);
+                end_s = end_s.min(message.time_s - BOUNDARY_S);
             }
         }
         (start_s, end_s)
     };
-    let active = recording.modem_activity.iter().map(exclude_bounding_messages);
-    active.chain(recording.listening.iter().copied()).collect()
+    recording.modem_activity.iter().map(exclude_bounding_messages).collect()
 }

@@ -1,6 +1,6 @@
 //! Transmissions, and scheduled slots that may have been used.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use pingmap_agent::{MessageKind, VehicleId};
 
@@ -25,32 +25,33 @@ pub enum TransmissionEvidence {
 /// A transmission, or a scheduled slot that may have stayed unused.
 #[derive(Debug, Clone)]
 pub(crate) struct Transmission {
+    pub(crate) sender: usize,
     /// Start by the clock `clock`, in seconds. If only a reception is known: its time minus the travel time of sound.
     pub(crate) time_s: f64,
     /// The vehicle whose clock the time is of.
     pub(crate) clock: usize,
     /// Whether the time derives from a reception.
     pub(crate) is_reception_time: bool,
+    /// The evidence apart from receptions. [`TransmissionEvidence::Received`] does not occur here.
     pub(crate) evidence: TransmissionEvidence,
+    /// The receivers with a record of the message, and the destination that each of them recorded.
+    pub(crate) witnesses: BTreeMap<usize, Option<VehicleId>>,
+    /// Destination by the sender's record.
     pub(crate) destination: Option<VehicleId>,
     pub(crate) frames: Option<u32>,
     pub(crate) kind: Option<MessageKind>,
     /// Frequency band by the sender's record.
     pub(crate) band: Option<String>,
-    /// Whether it may have been addressed to one vehicle that no record names.
-    pub(crate) destination_unknown: bool,
-    /// Receivers with an unmatched message of the same sender at about that time.
-    pub(crate) ambiguous_receivers: BTreeSet<usize>,
 }
 
 impl Transmission {
     /// Derives the transmission from a message that a receiver recorded.
-    pub(crate) fn from_reception(message: &Message, receiver: usize, travel_s: f64) -> Self {
+    pub(crate) fn from_reception(message: &Message, sender: usize, receiver: usize, travel_s: f64) -> Self {
         Self {
+            clock: receiver,
             is_reception_time: true,
-            destination: message.destination.clone(),
             kind: message.kind.clone(),
-            ..Self::new(message.time_s - travel_s, receiver, TransmissionEvidence::Received)
+            ..Self::new(message.time_s - travel_s, sender, TransmissionEvidence::UnconfirmedSlot)
         }
     }
 
@@ -64,19 +65,39 @@ impl Transmission {
         }
     }
 
-    fn new(time_s: f64, clock: usize, evidence: TransmissionEvidence) -> Self {
+    fn new(time_s: f64, sender: usize, evidence: TransmissionEvidence) -> Self {
         Self {
+            sender,
             time_s,
-            clock,
+            clock: sender,
             is_reception_time: false,
             evidence,
+            witnesses: BTreeMap::new(),
             destination: None,
             frames: None,
             kind: None,
             band: None,
-            destination_unknown: false,
-            ambiguous_receivers: BTreeSet::new(),
         }
+    }
+
+    /// Returns the evidence for the transmission, receptions included.
+    pub(crate) fn total_evidence(&self) -> TransmissionEvidence {
+        let by_reception = if self.witnesses.is_empty() { self.evidence } else { TransmissionEvidence::Received };
+        self.evidence.min(by_reception)
+    }
+
+    /// Returns whether a record other than that of `receiver` shows that the transmission took place.
+    ///
+    /// The receiver's own record exists only if it received the message. Such evidence would count every message that
+    /// is heard, and no message that is missed.
+    pub(crate) fn is_confirmed_for(&self, receiver: usize) -> bool {
+        self.evidence != TransmissionEvidence::UnconfirmedSlot || self.other_witnesses(receiver).next().is_some()
+    }
+
+    /// Returns the destinations that receivers other than `receiver` recorded.
+    pub(crate) fn other_witnesses(&self, receiver: usize) -> impl Iterator<Item = Option<&VehicleId>> {
+        let others = self.witnesses.iter().filter(move |(witness, _)| **witness != receiver);
+        others.map(|(_, destination)| destination.as_ref())
     }
 }
 
@@ -88,6 +109,8 @@ pub(crate) struct Reception<'a> {
     pub(crate) receiver: usize,
     /// Time of the reception by the receiver's clock, in seconds.
     pub(crate) time_s: f64,
+    /// Kind of message by the receiver's record.
+    pub(crate) kind: Option<&'a MessageKind>,
 }
 
 /// Returns the transmissions of each vehicle in the order of time.

@@ -7,8 +7,8 @@ use anyhow::Context;
 use clap::Args;
 use pingmap_agent::{Geographic, ReferenceSystem, VehicleId};
 use pingmap_import::{
-    Columns, Fix, ImportError, MOOS_PREFIX, ModemIds, Place, RecordKind, RecordReader, Recordings, Reference, Schedule,
-    SkipCounts, TIME, TableKind, parse_time, resolve_modem_ids,
+    Columns, ExclusionReason, Fix, ImportError, MOOS_PREFIX, ModemIds, Place, RecordKind, RecordReader, Recordings,
+    Reference, Schedule, SkipCounts, TIME, TableKind, parse_time, resolve_modem_ids,
 };
 
 use super::input_checks::{check_sqlite_logs, check_vehicles};
@@ -55,9 +55,14 @@ pub struct Files {
     /// Largest size of all files in archives, and of standard input, in GB
     #[arg(long, value_name = "GB", default_value_t = 8.0, value_parser = positive, allow_negative_numbers = true)]
     unpacked_max: f64,
-    /// Interval in which a modem was listening, if its first and last reception do not show it
+    /// Interval in which a modem was listening; outside of its intervals it was not
+    ///
+    /// Without the option, a modem was listening from its first to its last record in each file.
     #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = parse_interval)]
     listening: Vec<(String, (f64, f64))>,
+    /// Interval in which a modem was not listening
+    #[arg(long, value_name = "NAME=FROM/TO", num_args = 1.., value_parser = parse_interval)]
+    not_listening: Vec<(String, (f64, f64))>,
     /// Prefix of the modem's variables in MOOS logs: …NMEA_IN, …MODEM_RECEIVE
     #[arg(long, value_name = "PREFIX", default_value = MOOS_PREFIX)]
     acomms_prefix: String,
@@ -145,18 +150,29 @@ impl Files {
         for (name, fix) in &self.fixed {
             recordings.entry(VehicleId::new(name)).or_default().station = Some(*fix);
         }
-        for (name, interval) in &self.listening {
-            let Some(recording) =
-                recordings.get_mut(&VehicleId::new(name)).filter(|recording| recording.arrivals.is_some())
-            else {
-                let message = format!("--listening {name}: expected a vehicle with recorded receptions");
-                return Err(BadInput(message).into());
-            };
-            recording.listening.push(*interval);
-        }
+        self.set_listening(&mut recordings)?;
         let (reference, origin) = self.reference(&recordings, &records)?;
         let Records { skipped, unknown_files, .. } = records;
         Ok(Inputs { recordings, schedule, reference, origin, skipped, unknown_sources, unknown_files })
+    }
+
+    /// Adds the intervals in which modems were listening or not, as stated by the user.
+    fn set_listening(&self, recordings: &mut Recordings) -> anyhow::Result<()> {
+        for (option, intervals) in [("--listening", &self.listening), ("--not-listening", &self.not_listening)] {
+            for (name, interval) in intervals {
+                let receiver = recordings.get_mut(&VehicleId::new(name));
+                let Some(recording) = receiver.filter(|recording| recording.arrivals.is_some()) else {
+                    let message = format!("{option} {name}: expected a vehicle with recorded receptions");
+                    return Err(BadInput(message).into());
+                };
+                if option == "--listening" {
+                    recording.listening.push(*interval);
+                } else {
+                    recording.deaf_intervals.push((interval.0, interval.1, ExclusionReason::NotListening));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Reads all recorded files, and the tables of `--nav`, `--heard` and `--sent`.

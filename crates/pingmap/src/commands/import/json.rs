@@ -28,8 +28,13 @@ pub struct ImportJson {
     excluded: BTreeMap<&'static str, usize>,
     /// Estimated offsets and drifts of the vehicles' clocks.
     clocks: Vec<ClockJson>,
-    /// Time from the start of a message to the record of its reception in seconds, without the travel time of sound.
+    /// Median time from the record of a transmission to the record of its reception in seconds, without the travel time
+    /// of sound.
     delay_s: f64,
+    /// Doubtful properties of the records.
+    warnings: Vec<String>,
+    /// Contradictions between the records. The log is written only with `--accept-bad-log` then.
+    contradictions: Vec<String>,
     /// Reference system of the metres in the log.
     reference: String,
     /// Latitude and longitude of (0, 0) of the log in degrees.
@@ -64,8 +69,12 @@ pub struct PairJson {
     excluded: BTreeMap<&'static str, usize>,
     /// Messages to other vehicles.
     overheard: usize,
-    /// Receptions that match no recorded transmission of the sender.
-    unmatched: usize,
+    /// Transmissions and slots of the transmitter.
+    transmissions: usize,
+    /// Transmissions with a record of their reception.
+    assigned: usize,
+    /// Receptions that fit no recorded transmission of the sender.
+    unassigned: usize,
     /// Receptions that were recorded twice.
     duplicates: usize,
 }
@@ -135,6 +144,33 @@ pub struct LeftOutJson {
     positions: usize,
 }
 
+impl LeftOutJson {
+    fn new(imported: &ImportResult, inputs: &Inputs) -> Self {
+        let left_out = &imported.left_out;
+        let sentences = inputs.skipped.unknown_sentences.iter();
+        let named = |names: &BTreeMap<VehicleId, usize>| {
+            names.iter().map(|(name, number)| (name.to_string(), *number)).collect()
+        };
+        Self {
+            unknown_sources: named(&left_out.unknown_sources),
+            unknown_destinations: named(&left_out.unknown_destinations),
+            unexpected: named(&left_out.unexpected),
+            duplicates: left_out.duplicates,
+            overheard: left_out.overheard,
+            own_messages: left_out.own_messages,
+            failed_transmissions: inputs.skipped.failed_transmissions,
+            unattributed: inputs.skipped.unattributed,
+            garbled: inputs.skipped.garbled,
+            unknown_type: inputs.skipped.unknown_type,
+            unknown_sentences: sentences.map(|(name, number)| (name.to_owned(), number)).collect(),
+            truncated: inputs.skipped.truncated,
+            damaged: inputs.skipped.damaged,
+            files: inputs.unknown_files.len(),
+            positions: inputs.skipped.missing_positions + left_out.unprojected,
+        }
+    }
+}
+
 impl ImportJson {
     pub fn new(imported: &ImportResult, inputs: &Inputs) -> Self {
         let EvidenceCounts { recorded, assumed_slots, received, unconfirmed_slots } = imported.evidence;
@@ -145,7 +181,9 @@ impl ImportJson {
             missed: pair.missed,
             excluded: keys(&pair.excluded),
             overheard: pair.overheard,
-            unmatched: pair.unmatched,
+            transmissions: pair.transmissions,
+            assigned: pair.assigned,
+            unassigned: pair.unassigned,
             duplicates: pair.duplicates,
         };
         let clock = |clock: &ClockEstimate| ClockJson {
@@ -154,11 +192,6 @@ impl ImportJson {
             segments: clock.segments.iter().map(SegmentJson::new).collect(),
             messages: clock.comparisons,
             median_residual_s: clock.median_residual_s,
-        };
-        let left_out = &imported.left_out;
-        let sentences = inputs.skipped.unknown_sentences.iter();
-        let named = |names: &BTreeMap<VehicleId, usize>| {
-            names.iter().map(|(name, number)| (name.to_string(), *number)).collect()
         };
         Self {
             schema: 1,
@@ -175,25 +208,11 @@ impl ImportJson {
             excluded: keys(&imported.excluded()),
             clocks: imported.clocks.iter().map(clock).collect(),
             delay_s: imported.delay_s,
+            warnings: imported.warnings.clone(),
+            contradictions: imported.contradictions.iter().map(ToString::to_string).collect(),
             reference: inputs.reference.name(),
             origin: inputs.origin.map(|(origin, _)| [origin.latitude_deg, origin.longitude_deg]),
-            left_out: LeftOutJson {
-                unknown_sources: named(&left_out.unknown_sources),
-                unknown_destinations: named(&left_out.unknown_destinations),
-                unexpected: named(&left_out.unexpected),
-                duplicates: left_out.duplicates,
-                overheard: left_out.overheard,
-                own_messages: left_out.own_messages,
-                failed_transmissions: inputs.skipped.failed_transmissions,
-                unattributed: inputs.skipped.unattributed,
-                garbled: inputs.skipped.garbled,
-                unknown_type: inputs.skipped.unknown_type,
-                unknown_sentences: sentences.map(|(name, number)| (name.to_owned(), number)).collect(),
-                truncated: inputs.skipped.truncated,
-                damaged: inputs.skipped.damaged,
-                files: inputs.unknown_files.len(),
-                positions: inputs.skipped.missing_positions + left_out.unprojected,
-            },
+            left_out: LeftOutJson::new(imported, inputs),
         }
     }
 }

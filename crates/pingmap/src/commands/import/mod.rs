@@ -58,12 +58,16 @@ pub struct Decisions {
     #[arg(long, value_name = "NAME")]
     pub correct_clocks: Option<String>,
     /// Largest offset between clocks in seconds, at most 3600; 0 if the clocks agree
+    ///
+    /// Offsets up to 60 s are found in any case if they fit clearly better.
     #[arg(long, default_value_t = Rules::default().clock_offset_s_max, value_parser = clock_offset_s_max, allow_negative_numbers = true)]
     pub clock_offset_s_max: f64,
-    /// Largest difference between the expected and recorded time of a reception in seconds
+    /// Upper limit of the difference between the expected and recorded time of a reception in seconds
+    ///
+    /// Where the sender's transmissions are close to each other, the limit is .45 of the time between them.
     #[arg(long, default_value_t = Rules::default().match_s, value_parser = positive, allow_negative_numbers = true)]
     pub match_s: f64,
-    /// Duration of a message in seconds; a vehicle receives nothing this long before and after its own transmissions
+    /// Duration of a message in seconds; a vehicle receives nothing during its own transmissions
     #[arg(long, default_value_t = Rules::default().message_s, value_parser = positive, allow_negative_numbers = true)]
     pub message_s: f64,
     /// Largest gap between position fixes in seconds; positions within larger gaps are unknown
@@ -78,6 +82,9 @@ pub struct Decisions {
     /// Count a message of several frames as heard if any frame was received; by default all frames must be
     #[arg(long)]
     pub any_frame: bool,
+    /// Write the log even if its records contradict each other
+    #[arg(long)]
+    pub accept_bad_log: bool,
     /// Leave out vehicles above this depth, because they are at the surface
     #[arg(long, value_name = "METRES", value_parser = positive, allow_negative_numbers = true)]
     pub surfaced_above_m: Option<f64>,
@@ -150,6 +157,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         let message = format!("no event is left ({why}); expected some that were heard or missed for certain");
         return Err(BadInput(message).into());
     }
+    check_contradictions(&imported, options)?;
     let written = target.write(imported.log.to_csv().as_bytes(), results);
     if options.json {
         print_json(results, &ImportJson::new(&imported, &inputs))?;
@@ -160,4 +168,17 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         )?;
     }
     written
+}
+
+/// Refuses a log whose records contradict each other, unless the user accepts it.
+fn check_contradictions(imported: &ImportResult, options: &Options) -> anyhow::Result<()> {
+    for contradiction in imported.contradictions.iter().filter(|_| options.decisions.accept_bad_log) {
+        warn(contradiction);
+    }
+    if options.decisions.accept_bad_log || imported.contradictions.is_empty() {
+        return Ok(());
+    }
+    let reasons: Vec<String> = imported.contradictions.iter().map(ToString::to_string).collect();
+    let message = format!("{}\nno log is written; --accept-bad-log writes it anyway", reasons.join("\n"));
+    Err(BadInput(message).into())
 }

@@ -26,8 +26,8 @@ pub fn warnings(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Vec<
     let mut warnings = Vec::new();
     if !imported.undocumented_senders.is_empty() {
         warnings.push(format!(
-            "only receptions of messages from {} are recorded, so messages that all receivers missed are not in the log and the map will be optimistic: \
-             give the transmissions (--sent) or the schedule (--schedule)",
+            "only receptions of messages from {} are recorded, so a message counts for a receiver only if another receiver recorded it, and \
+             the map will be optimistic: give the transmissions (--sent) or the schedule (--schedule)",
             imported.undocumented_senders
         ));
     }
@@ -60,7 +60,7 @@ pub fn warnings(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Vec<
                 .into(),
         );
     }
-    warnings.extend(imported.clock_warnings.iter().cloned());
+    warnings.extend(imported.warnings.iter().cloned());
     warnings.extend(unknown_clocks(imported));
     for (name, messages) in imported.left_out.unknown_sources.iter().chain(&inputs.unknown_sources) {
         let messages = count(*messages, "message");
@@ -77,7 +77,7 @@ pub fn warnings(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Vec<
     for (name, messages) in &imported.left_out.unexpected {
         let messages = count(*messages, "message");
         warnings.push(format!(
-            "{messages} from {name} match no recorded transmission or slot: check the end of its records, the clocks, the ids and --match-s"
+            "{messages} from {name} fit no recorded transmission or slot: check the end of its records, the clocks and the ids"
         ));
     }
     warnings.extend(unknown_sentences(inputs));
@@ -133,7 +133,7 @@ fn unknown_clocks(imported: &ImportResult) -> Option<String> {
     (!names.is_empty()).then(|| {
         format!(
             "no two messages compare the clock of {} with the others': positions stay as recorded, and {left_out} messages are \
-             left out for this reason or because they match nothing: use --clock-offset-s-max 0 if the clocks agree",
+             left out: use --clock-offset-s-max 0 if the clocks agree",
             names.join(", ")
         )
     })
@@ -178,9 +178,9 @@ pub fn summary(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Strin
         "times and positions are as recorded"
     };
     text += &format!("\n{}\n\nClocks are compared by received messages; {times}.", clocks(&imported.clocks));
-    if imported.delay_s > 0.0 {
+    if imported.delay_s.abs() > 0.005 {
         text += &format!(
-            " A message is recorded {:.2} s after its start, in addition to the travel time of sound.",
+            " A reception is recorded {:.2} s after its transmission, in addition to the travel time of sound.",
             imported.delay_s
         );
     }
@@ -230,7 +230,7 @@ type Number = fn(&PairCounts) -> usize;
 /// Columns for messages that yield no event although their outcome is known.
 const OTHER_COUNTS: [(&str, Number); 3] = [
     ("other destination", |pair| pair.overheard),
-    ("unmatched", |pair| pair.unmatched),
+    ("unassigned", |pair| pair.unassigned),
     ("duplicates", |pair| pair.duplicates),
 ];
 
@@ -239,13 +239,15 @@ fn pairs(pairs: &Pairs) -> String {
         .into_iter()
         .filter(|reason| pairs.values().any(|pair| pair.excluded.contains_key(reason)))
         .collect();
-    let mut header = vec!["from → to", "heard", "missed"];
+    let mut header = vec!["from → to", "transmissions", "heard", "missed"];
     header.extend(reasons.iter().map(|reason| reason.description()));
     let columns: Vec<_> =
         OTHER_COUNTS.into_iter().filter(|(_, number)| pairs.values().any(|pair| number(pair) > 0)).collect();
     header.extend(columns.iter().map(|(words, _)| *words));
     let row = |((sender, receiver), pair): (&(_, _), &PairCounts)| {
-        let mut row = vec![format!("{sender} → {receiver}"), pair.heard.to_string(), pair.missed.to_string()];
+        let counts = [pair.transmissions, pair.heard, pair.missed];
+        let mut row = vec![format!("{sender} → {receiver}")];
+        row.extend(counts.map(|number| number.to_string()));
         let or_dash = |number: usize| if number > 0 { number.to_string() } else { "–".into() };
         row.extend(reasons.iter().map(|reason| or_dash(pair.excluded.get(reason).copied().unwrap_or(0))));
         row.extend(columns.iter().map(|(_, number)| or_dash(number(pair))));

@@ -1,0 +1,260 @@
+//! The verdict on an import: contradictions between the records, and doubtful properties.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use pingmap_agent::VehicleId;
+
+use crate::assemble::clocks::fleet_clocks::{ClockAmbiguity, FleetClocks};
+use crate::assemble::matching::{MatchTable, outside_record};
+use crate::assemble::pair_counts::{PairCounts, PairTable};
+use crate::assemble::vehicles::fleet::Fleet;
+use crate::assemble::vehicles::transmission::{Reception, Transmission, TransmissionEvidence};
+use crate::model::schedule::Schedule;
+
+/// Largest share of receptions that may fit no transmission.
+const UNASSIGNED_SHARE_MAX: f64 = 0.1;
+
+/// A clock agrees with another one up to this offset, in seconds.
+const ZERO_OFFSET_S: f64 = 1.5;
+
+/// Largest plausible drift of a clock, in seconds per second.
+const DRIFT_MAX: f64 = 1e-4;
+
+/// Largest plausible 75 % quantile of the residuals of a clock, in seconds.
+const RESIDUAL_S_MAX: f64 = 0.5;
+
+/// Largest plausible deviation of a sender's delay from the median delay, in seconds.
+const DELAY_DEVIATION_S_MAX: f64 = 0.5;
+
+/// Smallest number of opportunities of a pair from which silence is remarkable.
+const SILENT_OPPORTUNITIES_MIN: usize = 20;
+
+/// A contradiction between the records of the vehicles.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Contradiction {
+    /// Many receptions fit no transmission, so clocks, identifiers or records are wrong.
+    UnassignedReceptions {
+        /// Receptions that fit no transmission, within the record or the schedule of their sender.
+        unassigned: usize,
+        /// All receptions of messages from vehicles with a recording.
+        receptions: usize,
+    },
+    /// A sender recorded more transmissions than the schedule has slots for it.
+    MoreTransmissionsThanSlots {
+        /// The sender.
+        sender: VehicleId,
+        /// Number of its recorded transmissions.
+        transmissions: usize,
+        /// Number of its slots from its first to its last transmission.
+        slots: usize,
+    },
+    /// Several clock offsets fit equally well, and the offset zero does not fit.
+    AmbiguousClock(ClockAmbiguity),
+}
+
+impl fmt::Display for Contradiction {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Contradiction::UnassignedReceptions { unassigned, receptions } => write!(
+                formatter,
+                "{unassigned} of {receptions} receptions fit no recorded transmission or slot; expected at most a tenth: check the clocks \
+                 (--clock-offset-s-max), the ids (--ids), the schedule, and whether the records of transmissions are complete"
+            ),
+            Contradiction::MoreTransmissionsThanSlots { sender, transmissions, slots } => write!(
+                formatter,
+                "{sender} recorded {transmissions} transmissions, and the schedule gives it {slots} slots in this time: check the schedule"
+            ),
+            Contradiction::AmbiguousClock(ambiguity) => write!(
+                formatter,
+                "{}, because slots repeat, and no offset near zero fits: if you know the clock, shift the times of its files, or limit the \
+                 offset with --clock-offset-s-max",
+                describe(ambiguity)
+            ),
+        }
+    }
+}
+
+/// The verdict on the records of a fleet.
+pub(crate) struct Verdict {
+    pub(crate) contradictions: Vec<Contradiction>,
+    /// Doubtful properties, as sentences.
+    pub(crate) warnings: Vec<String>,
+    /// Number of messages that fit no recorded transmission or slot, by sender.
+    pub(crate) unexpected: BTreeMap<VehicleId, usize>,
+}
+
+/// All that a verdict is about.
+pub(crate) struct Evidence<'a> {
+    pub(crate) fleet: &'a Fleet<'a>,
+    pub(crate) clocks: &'a FleetClocks,
+    pub(crate) transmissions: &'a [Vec<Transmission>],
+    pub(crate) matched: &'a MatchTable,
+    pub(crate) pairs: &'a PairTable,
+    pub(crate) receptions: &'a [Reception<'a>],
+    /// Number of transmissions that only receptions show, of senders with a schedule.
+    pub(crate) unscheduled: &'a BTreeMap<usize, usize>,
+    pub(crate) schedule: Option<&'a Schedule>,
+}
+
+impl Verdict {
+    /// Examines the records. O(n) in the number of records.
+    pub(crate) fn new(evidence: &Evidence) -> Self {
+        let mut contradictions: Vec<Contradiction> = unassigned_receptions(evidence).into_iter().collect();
+        contradictions.extend(excess_transmissions(evidence));
+        let is_contradiction = |ambiguity: &&ClockAmbiguity| {
+            let mut offsets_s = ambiguity.others_s.iter().chain([&ambiguity.offset_s]);
+            // A reception that is recorded after the message's end resembles a clock that is ahead.
+            let latest_s = evidence.fleet.rules.message_s + ZERO_OFFSET_S;
+            offsets_s.all(|offset_s| !(-ZERO_OFFSET_S..=latest_s).contains(offset_s))
+        };
+        let (unknown, near_zero): (Vec<_>, Vec<_>) = evidence.clocks.ambiguities.iter().partition(is_contradiction);
+        contradictions.extend(unknown.into_iter().cloned().map(Contradiction::AmbiguousClock));
+        let mut warnings: Vec<String> = clock_warnings(evidence).collect();
+        warnings.extend(
+            near_zero
+                .into_iter()
+                .map(|ambiguity| format!("{}; --clock-offset-s-max limits the offset", describe(ambiguity))),
+        );
+        warnings.extend(late_senders(evidence));
+        warnings.extend(silent_pairs(evidence));
+        Self { contradictions, warnings, unexpected: unexpected(evidence) }
+    }
+}
+
+fn describe(ambiguity: &ClockAmbiguity) -> String {
+    let others: Vec<String> = ambiguity.others_s.iter().map(|offset_s| format!("{offset_s:+.1} s")).collect();
+    format!(
+        "the clock of {} fits that of {} with an offset of {:+.1} s, which is used, and as well with {}",
+        ambiguity.clock,
+        ambiguity.other,
+        ambiguity.offset_s,
+        others.join(", ")
+    )
+}
+
+/// Counts the messages that fit no recorded transmission or slot, by sender.
+fn unexpected(evidence: &Evidence) -> BTreeMap<VehicleId, usize> {
+    let mut counts = BTreeMap::new();
+    for (sender, vehicle) in evidence.fleet.vehicles.iter().enumerate() {
+        let to_all = evidence.pairs.iter().filter(|(pair, _)| pair.1 == sender);
+        let unassigned: usize = to_all.map(|(_, pair)| pair.unassigned).sum();
+        let count = unassigned + evidence.unscheduled.get(&sender).copied().unwrap_or(0);
+        counts.extend((count > 0).then(|| (vehicle.name.clone(), count)));
+    }
+    counts
+}
+
+/// Compares the receptions that fit nothing with all. A reception before the first or after the last recorded
+/// transmission of its sender is no contradiction: the record began late or ended early.
+fn unassigned_receptions(evidence: &Evidence) -> Option<Contradiction> {
+    let Evidence { fleet, clocks, transmissions, matched, pairs, unscheduled, .. } = *evidence;
+    let outside: usize =
+        matched.iter().map(|(&pair, matches)| outside_record(fleet, clocks, transmissions, pair, matches)).sum();
+    let unassigned: usize = pairs.values().map(|pair| pair.unassigned).sum::<usize>() - outside;
+    let unassigned = unassigned + unscheduled.values().sum::<usize>();
+    let count = |pair: &PairCounts| pair.assigned + pair.unassigned;
+    let receptions: usize = pairs.values().map(count).sum::<usize>() - outside;
+    let is_large = unassigned as f64 > UNASSIGNED_SHARE_MAX * receptions as f64;
+    is_large.then_some(Contradiction::UnassignedReceptions { unassigned, receptions })
+}
+
+/// Returns the senders with more recorded transmissions than slots.
+fn excess_transmissions<'a>(evidence: &'a Evidence) -> impl Iterator<Item = Contradiction> + 'a {
+    let senders = evidence.transmissions.iter().zip(&evidence.fleet.vehicles);
+    senders.filter_map(|(transmissions, vehicle)| {
+        let schedule = evidence.schedule.filter(|schedule| schedule.senders().any(|name| name == vehicle.name))?;
+        let recorded: Vec<f64> = transmissions
+            .iter()
+            .filter(|transmission| transmission.evidence == TransmissionEvidence::Recorded)
+            .map(|transmission| transmission.time_s)
+            .collect();
+        let margin_s = evidence.fleet.rules.match_s;
+        let (from_s, to_s) = (recorded.first()? - margin_s, recorded.last()? + margin_s);
+        let slots = schedule.slot_starts_s(vehicle.name, from_s, to_s).len();
+        let (sender, transmissions) = (vehicle.name.clone(), recorded.len());
+        (transmissions > slots).then_some(Contradiction::MoreTransmissionsThanSlots { sender, transmissions, slots })
+    })
+}
+
+/// Returns a warning for each clock with an implausible offset, drift or residual.
+fn clock_warnings<'a>(evidence: &'a Evidence) -> impl Iterator<Item = String> + 'a {
+    let Evidence { fleet, clocks, receptions, .. } = *evidence;
+    let residual_of = move |vehicle: usize| {
+        let own = clocks
+            .comparisons(fleet, receptions)
+            .filter(move |(_, comparison)| [comparison.start.0, comparison.arrival.0].contains(&vehicle));
+        let mut residuals_s: Vec<f64> =
+            own.map(|(_, comparison)| comparison.residual_s(&clocks.clocks).abs()).collect();
+        residuals_s.sort_by(f64::total_cmp);
+        residuals_s.get(residuals_s.len() * 3 / 4).copied().unwrap_or(0.0)
+    };
+    let reference = fleet.reference_clock().filter(|&vehicle| !fleet.clock_sync_times_s(vehicle).is_empty());
+    let was_set = reference.map(|vehicle| {
+        format!(
+            "the clock of {0}, to which times are corrected, was set during the mission; its times before that are used as they are \
+             (name another vehicle with --correct-clocks, unless the steps were small)",
+            fleet.vehicles[vehicle].name
+        )
+    });
+    let doubtful = clocks.clocks.iter().enumerate().flat_map(move |(vehicle, clock)| {
+        let name = fleet.vehicles[vehicle].name;
+        let limit_s = fleet.rules.clock_offset_s_max;
+        let offset_s = clock.segments().map(|segment| segment.offset_s.abs()).fold(0.0, f64::max);
+        let drift = clock.segments().map(|segment| segment.drift.abs()).fold(0.0, f64::max);
+        let residual_s = residual_of(vehicle);
+        let is_searched = limit_s > 0.0 && clock.is_determined;
+        let far = (is_searched && offset_s > limit_s + ZERO_OFFSET_S).then(|| {
+            format!("the clock of {name} fits best with an offset of {offset_s:.2} s, which is used although it exceeds --clock-offset-s-max {limit_s}")
+        });
+        let fast = (drift > DRIFT_MAX)
+            .then(|| format!("the clock of {name} seems to drift by {:.0} ppm; expected at most 100 ppm: check its times", 1e6 * drift));
+        let loose = (residual_s > RESIDUAL_S_MAX).then(|| {
+            format!(
+                "a quarter of the messages of {name} are recorded more than {residual_s:.1} s earlier or later than expected: its clock was \
+                 set during the mission, or its times are those of polling"
+            )
+        });
+        [far, fast, loose].into_iter().flatten()
+    });
+    was_set.into_iter().chain(doubtful)
+}
+
+/// Names the senders whose transmissions are recorded later or earlier than those of others.
+fn late_senders<'a>(evidence: &'a Evidence) -> impl Iterator<Item = String> + 'a {
+    let delays = &evidence.clocks.delays;
+    let median_s = delays.median_s();
+    evidence.fleet.vehicles.iter().enumerate().filter_map(move |(sender, vehicle)| {
+        let late_s = median_s - delays.of_sender_s(sender);
+        let is_late = late_s.abs() > DELAY_DEVIATION_S_MAX && !evidence.transmissions[sender].is_empty();
+        let (word, moment) = if late_s > 0.0 { ("later", "end") } else { ("earlier", "start") };
+        is_late.then(|| {
+            format!(
+                "{} records transmissions {:.1} s {word} than other vehicles, relative to receptions: probably the {moment} of each packet",
+                vehicle.name,
+                late_s.abs()
+            )
+        })
+    })
+}
+
+/// Names the pairs that hear nothing while the opposite direction hears half of the messages.
+fn silent_pairs<'a>(evidence: &'a Evidence) -> impl Iterator<Item = String> + 'a {
+    let Evidence { fleet, pairs, .. } = *evidence;
+    pairs.iter().filter_map(move |(&(receiver, sender), pair)| {
+        let reverse = pairs.get(&(sender, receiver))?;
+        let is_silent = pair.heard == 0 && pair.missed >= SILENT_OPPORTUNITIES_MIN;
+        let is_reverse_heard = reverse.heard >= reverse.missed && reverse.heard > 0;
+        let [receiver, sender] = [receiver, sender].map(|vehicle| fleet.vehicles[vehicle].name);
+        (is_silent && is_reverse_heard).then(|| {
+            format!(
+                "{receiver} heard none of {} messages from {sender}, and {sender} heard {} of {} from {receiver}: {receiver} may be deaf \
+                 (--not-listening {receiver}=FROM/TO excludes a span)",
+                pair.missed,
+                reverse.heard,
+                reverse.heard + reverse.missed
+            )
+        })
+    })
+}
