@@ -19,9 +19,9 @@ mod send;
 mod agent;
 
 pub use agent::ignore_reason::IgnoreReason;
-pub use agent::intervals::{INTERVAL_WIDENING, Interval};
+pub use agent::intervals::INTERVAL_WIDENING;
 pub use agent::options::AgentOptions;
-pub use agent::prediction::Prediction;
+pub use agent::prediction::{Interval, Prediction};
 pub use agent::state::{Agent, Which};
 pub use agent::status::{MemberStatus, Status};
 pub use codec::quantizer::SummaryQuantizer;

@@ -2,7 +2,7 @@
 
 use dgpc::{Latent, Posterior, Summary};
 
-use crate::agent::prediction::{CappedPrediction, Prediction};
+use crate::agent::prediction::{CappedPrediction, Interval, Prediction};
 use crate::agent::state::{Agent, Which};
 use crate::error::AgentError;
 use crate::inference::accepted::{packets_with, summaries};
@@ -15,19 +15,6 @@ const REACH: f64 = 1.644_854;
 /// represents. It was chosen on simulated trials such that intervals of 90 % contain that share
 /// (docs/evaluation/intervals.md).
 pub const INTERVAL_WIDENING: f64 = 1.7;
-
-/// Interval that contains nine in ten of the true probabilities, and the moments that it follows from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Interval {
-    /// Lower end; at most the predicted probability.
-    pub low: f64,
-    /// Upper end; at least the predicted probability.
-    pub high: f64,
-    /// Mean of the log-odds by expectation propagation.
-    pub mean: f64,
-    /// Variance of the log-odds by expectation propagation, widened by the square of [`INTERVAL_WIDENING`].
-    pub variance: f64,
-}
 
 impl Agent {
     /// Returns the posterior by expectation propagation, begun at the last fit. Its variances are not too small where

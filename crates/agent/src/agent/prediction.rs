@@ -2,11 +2,24 @@
 
 use dgpc::{Matrix, Posterior};
 
-use crate::agent::intervals::Interval;
 use crate::agent::state::{Agent, Which};
 use crate::error::AgentError;
 use crate::model::link_model::Model;
 use crate::types::query::LinkQuery;
+
+/// Interval that contains nine in ten of the true probabilities, and the moments that it follows from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interval {
+    /// Lower end; at most the predicted probability.
+    pub low: f64,
+    /// Upper end; at least the predicted probability.
+    pub high: f64,
+    /// Mean of the log-odds by expectation propagation.
+    pub mean: f64,
+    /// Variance of the log-odds by expectation propagation, widened by the square of
+    /// [`INTERVAL_WIDENING`](crate::INTERVAL_WIDENING).
+    pub variance: f64,
+}
 
 /// The prediction for a query.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -178,7 +178,12 @@ fn initial_clocks(
             continue;
         };
         let derive_transmission = |message| {
-            Transmission::from_reception(message, sender, receiver, fleet.travel_s(sender, receiver, message.time_s))
+            Transmission::from_reception(
+                message,
+                sender,
+                receiver,
+                fleet.travel_s((sender, message.time_s), (receiver, message.time_s)),
+            )
         };
         initial_transmissions[sender] = messages(receiver, sender).iter().map(derive_transmission).collect();
         initial_transmissions[sender].sort_by(|a, b| a.time_s.total_cmp(&b.time_s));

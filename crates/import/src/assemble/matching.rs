@@ -200,7 +200,7 @@ pub(crate) fn add_received(
                 };
                 if message.is_any_decoded() == is_decoded && (is_decoded || !is_near()) {
                     latest_s = message.time_s;
-                    let travel_s = fleet.travel_s(sender, receiver, message.time_s);
+                    let travel_s = fleet.travel_s((sender, message.time_s), (receiver, message.time_s));
                     transmissions.push(Transmission::from_reception(message, sender, receiver, travel_s));
                 }
             }

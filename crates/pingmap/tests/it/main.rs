@@ -17,6 +17,7 @@ mod help;
 mod hostile_files;
 mod import;
 mod import_logs;
+mod import_times;
 mod import_modems;
 mod learning;
 mod library;

@@ -117,8 +117,9 @@ impl FleetClocks {
         receiver: usize,
     ) -> f64 {
         let true_s = self.true_s(transmission);
-        let travel_s = fleet.travel_s(sender, receiver, true_s);
-        true_s + self.clocks[receiver].offset_s(true_s) + travel_s + self.delays.of_sender_s(sender)
+        let receiver_s = true_s + self.clocks[receiver].offset_s(true_s);
+        let travel_s = fleet.travel_s((sender, self.local_s(transmission, sender)), (receiver, receiver_s));
+        receiver_s + travel_s + self.delays.of_sender_s(sender)
     }
 
     /// Returns the start of a transmission by the clock that its time is of, in seconds.
@@ -166,7 +167,8 @@ impl FleetClocks {
         receptions.iter().filter(|reception| reception.transmission.clock != reception.receiver).map(|reception| {
             let &Reception { sender, transmission, receiver, time_s, kind } = reception;
             let start_s = self.start_s(transmission);
-            let delay_s = fleet.travel_s(sender, receiver, start_s) + self.delays.delay_s(sender, kind);
+            let travel_s = fleet.travel_s((sender, self.local_s(transmission, sender)), (receiver, time_s));
+            let delay_s = travel_s + self.delays.delay_s(sender, kind);
             let comparison = Comparison { start: (transmission.clock, start_s), arrival: (receiver, time_s - delay_s) };
             (reception, comparison)
         })
@@ -230,7 +232,7 @@ fn candidates<'a>(
                     .iter()
                     .take_while(move |transmission| transmission.time_s <= message.time_s + difference_s_max);
                 candidates.filter(move |transmission| transmission.clock != receiver).filter_map(move |transmission| {
-                    let travel_s = fleet.travel_s(sender, receiver, transmission.time_s);
+                    let travel_s = fleet.travel_s((sender, transmission.time_s), (receiver, message.time_s));
                     let arrival_s = message.time_s - travel_s;
                     let comparison =
                         Comparison { start: (transmission.clock, transmission.time_s), arrival: (receiver, arrival_s) };

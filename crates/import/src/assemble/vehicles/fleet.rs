@@ -105,8 +105,10 @@ impl<'a> Fleet<'a> {
     }
 
     /// Estimates the travel time of sound between two vehicles, in seconds; 0 if a position is unknown.
-    pub(crate) fn travel_s(&self, sender: usize, receiver: usize, time_s: f64) -> f64 {
-        let position = |vehicle: usize| self.vehicles[vehicle].track.estimate(time_s);
+    ///
+    /// Each end is a vehicle and the time of its position by its own clock.
+    pub(crate) fn travel_s(&self, sender: (usize, f64), receiver: (usize, f64)) -> f64 {
+        let position = |(vehicle, time_s): (usize, f64)| self.vehicles[vehicle].track.estimate(time_s);
         let Some((a, b)) = position(sender).zip(position(receiver)) else { return 0.0 };
         let depth_difference_m = a.depth_m.zip(b.depth_m).map_or(0.0, |(a, b)| a - b);
         (a.east_m - b.east_m).hypot(a.north_m - b.north_m).hypot(depth_difference_m) / self.rules.sound_m_per_s
