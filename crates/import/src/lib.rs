@@ -41,12 +41,13 @@ mod model;
 mod readers;
 mod assemble;
 
+pub use assemble::clock_estimate::ClockEstimate;
 pub use assemble::clocks::clock::{Clock, ClockSegment};
 pub use assemble::clocks::fleet_clocks::ClockAmbiguity;
 pub use assemble::join::join;
 pub use assemble::pair_counts::PairCounts;
 pub use assemble::resolve_ids::resolve_modem_ids;
-pub use assemble::result::{ClockEstimate, EvidenceCounts, ImportResult, LeftOutCounts};
+pub use assemble::result::{EvidenceCounts, ImportResult, LeftOutCounts};
 pub use assemble::rules::{Rules, SlotUse};
 pub use assemble::vehicles::transmission::TransmissionEvidence;
 pub use assemble::verdict::Contradiction;

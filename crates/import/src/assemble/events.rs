@@ -1,10 +1,11 @@
 //! Events from matched transmissions, and counts for each pair of vehicles.
 
+use std::collections::BTreeSet;
+
 use pingmap_agent::{Event, Link, ReferenceSystem};
 use pingmap_trial::EventLog;
 
 use crate::assemble::clocks::fleet_clocks::FleetClocks;
-use crate::assemble::evidence::undocumented_destinations;
 use crate::assemble::listening::{Decision, Opportunity, TransmissionTimes, decide};
 use crate::assemble::matching::{MatchTable, earliest_s};
 use crate::assemble::pair_counts::PairTable;
@@ -17,9 +18,9 @@ pub(crate) fn make_events(
     clocks: &FleetClocks,
     transmissions: &[Vec<Transmission>],
     matched: &MatchTable,
+    undocumented_destinations: &BTreeSet<usize>,
 ) -> (EventLog, PairTable) {
     let transmission_times = TransmissionTimes::new(fleet, clocks, transmissions);
-    let by_reception = undocumented_destinations(transmissions);
     let mut events = Vec::new();
     let mut pairs = PairTable::new();
     for (sender, sender_transmissions) in transmissions.iter().enumerate() {
@@ -30,7 +31,7 @@ pub(crate) fn make_events(
             let early_s = earliest_s(fleet, clocks, matched, transmissions, (sender, receiver));
             for (index, transmission) in sender_transmissions.iter().enumerate() {
                 let (time_s, link) = time_and_link(fleet, clocks, (sender, transmission), receiver);
-                let has_destinations_by_reception = by_reception.contains(&sender);
+                let has_destinations_by_reception = undocumented_destinations.contains(&sender);
                 let opportunity =
                     Opportunity { sender, transmission, receiver, link, early_s, has_destinations_by_reception };
                 match decide(fleet, clocks, &transmission_times, opportunity) {

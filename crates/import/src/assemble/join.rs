@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use pingmap_agent::VehicleId;
 
+use crate::assemble::clock_estimate::ClockEstimate;
 use crate::assemble::clocks::fleet_clocks::FleetClocks;
 use crate::assemble::events::make_events;
 use crate::assemble::evidence::{complete_from_receptions, unconfirmed_slot_owners, undocumented_destinations};
 use crate::assemble::matching::{MatchTable, add_received, match_all, receptions};
 use crate::assemble::pair_counts::{PairCounts, PairTable};
-use crate::assemble::result::{ClockEstimate, EvidenceCounts, ImportResult, LeftOutCounts};
+use crate::assemble::result::{EvidenceCounts, ImportResult, LeftOutCounts};
 use crate::assemble::rules::Rules;
 use crate::assemble::validation::{check_inputs, check_reference_clock};
 use crate::assemble::vehicles::fleet::Fleet;
@@ -101,24 +102,25 @@ impl<'a> Join<'a> {
     /// Makes the events and collects all counts.
     fn into_result(self, schedule: Option<&Schedule>) -> ImportResult {
         let Self { fleet, transmissions, documented_senders, clocks, matched, unscheduled } = self;
-        let (log, mut pairs) = make_events(fleet, &clocks, &transmissions, &matched);
+        let undocumented_destinations = undocumented_destinations(&transmissions);
+        let (log, mut pairs) = make_events(fleet, &clocks, &transmissions, &matched, &undocumented_destinations);
         for (key, pair) in &mut pairs {
             pair.transmissions = transmissions[key.1].len();
             pair.duplicates = fleet.duplicates.get(key).copied().unwrap_or(0);
             if let Some(matches) = matched.get(key) {
                 pair.duplicates += matches.duplicates;
                 pair.assigned = matches.assigned.len();
-                pair.unassigned = decoded_count(fleet, *key, &matches.unassigned);
+                pair.unassigned = matches.unassigned_decoded;
             }
         }
-        let by_receptions = receptions(fleet, &transmissions, &matched);
+        let estimates = ClockEstimate::fleet_estimates(fleet, &clocks, &receptions(fleet, &transmissions, &matched));
         let verdict = Verdict::new(&Evidence {
             fleet,
             clocks: &clocks,
             transmissions: &transmissions,
             matched: &matched,
             pairs: &pairs,
-            receptions: &by_receptions,
+            estimates: &estimates,
             unscheduled: &unscheduled,
             schedule,
         });
@@ -136,22 +138,16 @@ impl<'a> Join<'a> {
             log,
             pairs: named_pairs(fleet, pairs),
             evidence: EvidenceCounts::new(&transmissions),
-            clocks: ClockEstimate::fleet_estimates(fleet, &clocks, &by_receptions),
+            clocks: estimates,
             delay_s: clocks.delays.median_s(),
             warnings: verdict.warnings,
             contradictions: verdict.contradictions,
             left_out,
             undocumented_senders: fleet.names(&undocumented_senders),
-            undocumented_destinations: fleet.names(&undocumented_destinations(&transmissions)),
+            undocumented_destinations: fleet.names(&undocumented_destinations),
             unconfirmed_slot_owners: fleet.names(&unconfirmed_slot_owners(&transmissions)),
         }
     }
-}
-
-/// Returns the number of decoded messages among some of a receiver and a sender.
-fn decoded_count(fleet: &Fleet, (receiver, sender): (usize, usize), indices: &[usize]) -> usize {
-    let messages = &fleet.vehicles[receiver].messages[&sender];
-    indices.iter().filter(|&&index| messages[index].is_any_decoded()).count()
 }
 
 /// Returns the counts of all pairs with any record, by the names of sender and receiver.

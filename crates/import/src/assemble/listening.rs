@@ -79,9 +79,9 @@ pub(crate) enum Decision {
 
 /// Decides whether an opportunity counts, by the first criterion that applies.
 ///
-/// No argument contains the outcome or a consequence of it, so successes and misses are excluded alike. A reply is such
-/// a consequence: the receiver's transmissions after the earliest time at which it may have decoded the message are
-/// ignored. The receiver's own record of the message is no evidence either.
+/// No argument contains the outcome or a consequence of it, so successes and misses are excluded alike. A reply is a
+/// consequence. The receiver's transmissions after the earliest possible time of decoding are therefore ignored. The
+/// receiver's own record of the message is no evidence either.
 pub(crate) fn decide(
     fleet: &Fleet,
     clocks: &FleetClocks,

@@ -1,7 +1,7 @@
 //! Assignment of received messages to transmissions.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use crate::assemble::clocks::fleet_clocks::FleetClocks;
 use crate::assemble::vehicles::fleet::Fleet;
@@ -15,8 +15,12 @@ pub(crate) struct Matches {
     pub(crate) assigned: BTreeMap<usize, usize>,
     /// Further messages of transmissions that have one already.
     pub(crate) duplicates: usize,
-    /// Messages that fit no transmission.
+    /// Messages that fit no transmission, in the order of time.
     pub(crate) unassigned: Vec<usize>,
+    /// Decoded messages among them.
+    pub(crate) unassigned_decoded: usize,
+    /// Those before the first or after the last transmission of the sender.
+    pub(crate) outside_record: usize,
 }
 
 /// The matches by receiver and sender.
@@ -51,6 +55,12 @@ impl Timeline {
         let mut expected: Vec<(f64, usize)> = times.collect();
         expected.sort_by(|a, b| a.0.total_cmp(&b.0));
         Self { expected, match_s_max: fleet.rules.match_s }
+    }
+
+    /// Returns whether a time lies before the first or after the last transmission.
+    fn is_outside(&self, time_s: f64) -> bool {
+        self.expected.first().is_none_or(|first| time_s < first.0)
+            || self.expected.last().is_none_or(|last| time_s > last.0)
     }
 
     /// Returns the distance in seconds to the nearest transmission, its index, and the largest distance at which a
@@ -103,6 +113,8 @@ fn match_pair(
             timeline.nearest(message.time_s - kind_s).filter(|(distance_s, _, limit_s)| distance_s <= limit_s);
         let Some((distance_s, transmission, _)) = nearest else {
             matches.unassigned.push(index);
+            matches.unassigned_decoded += usize::from(message.is_any_decoded());
+            matches.outside_record += usize::from(message.is_any_decoded() && timeline.is_outside(message.time_s));
             continue;
         };
         let candidate = (!message.is_any_decoded(), distance_s, index);
@@ -154,24 +166,6 @@ pub(crate) fn earliest_s(
     early_s.get(quantile.min(early_s.len().saturating_sub(1))).map_or(0.0, |early_s| early_s.max(0.0))
 }
 
-/// Counts the decoded messages without a transmission that lie before the first or after the last transmission of the
-/// sender.
-pub(crate) fn outside_record(
-    fleet: &Fleet,
-    clocks: &FleetClocks,
-    transmissions: &[Vec<Transmission>],
-    (receiver, sender): (usize, usize),
-    matches: &Matches,
-) -> usize {
-    let timeline = Timeline::new(fleet, clocks, (sender, &transmissions[sender]), receiver);
-    let messages = matches.unassigned.iter().map(|&index| &fleet.vehicles[receiver].messages[&sender][index]);
-    let is_outside = |time_s: f64| {
-        timeline.expected.first().is_none_or(|first| time_s < first.0)
-            || timeline.expected.last().is_none_or(|last| time_s > last.0)
-    };
-    messages.filter(|message| message.is_any_decoded() && is_outside(message.time_s)).count()
-}
-
 /// Adds a transmission for each unmatched message of a sender, and returns their number.
 ///
 /// Decoded messages come first, then broken ones far from any transmission. If several receivers have one message, the
@@ -190,10 +184,9 @@ pub(crate) fn add_received(
         for &receiver in &receivers {
             let Some(messages) = fleet.vehicles[receiver].messages.get(&sender) else { continue };
             let matches = match_pair(fleet, clocks, (sender, transmissions), receiver);
-            let open: BTreeSet<usize> = matches.unassigned.into_iter().collect();
             let timeline = Timeline::new(fleet, clocks, (sender, transmissions), receiver);
             let mut latest_s = f64::NEG_INFINITY;
-            for message in open.into_iter().map(|index| &messages[index]) {
+            for message in matches.unassigned.into_iter().map(|index| &messages[index]) {
                 let is_near = || {
                     timeline.nearest(message.time_s).is_some_and(|(distance_s, ..)| distance_s <= CYCLE_S)
                         || message.time_s - latest_s <= CYCLE_S

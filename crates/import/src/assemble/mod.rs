@@ -10,6 +10,7 @@ pub(crate) mod matching;
 pub(crate) mod listening;
 pub(crate) mod evidence;
 pub(crate) mod pair_counts;
+pub(crate) mod clock_estimate;
 pub(crate) mod verdict;
 pub(crate) mod result;
 pub(crate) mod validation;

@@ -5,11 +5,12 @@ use std::fmt;
 
 use pingmap_agent::VehicleId;
 
+use crate::assemble::clock_estimate::ClockEstimate;
 use crate::assemble::clocks::fleet_clocks::{ClockAmbiguity, FleetClocks};
-use crate::assemble::matching::{MatchTable, outside_record};
+use crate::assemble::matching::MatchTable;
 use crate::assemble::pair_counts::{PairCounts, PairTable};
 use crate::assemble::vehicles::fleet::Fleet;
-use crate::assemble::vehicles::transmission::{Reception, Transmission, TransmissionEvidence};
+use crate::assemble::vehicles::transmission::{Transmission, TransmissionEvidence};
 use crate::model::schedule::Schedule;
 
 /// Largest share of receptions that may fit no transmission.
@@ -92,7 +93,7 @@ pub(crate) struct Evidence<'a> {
     pub(crate) transmissions: &'a [Vec<Transmission>],
     pub(crate) matched: &'a MatchTable,
     pub(crate) pairs: &'a PairTable,
-    pub(crate) receptions: &'a [Reception<'a>],
+    pub(crate) estimates: &'a [ClockEstimate],
     /// Number of transmissions that only receptions show, of senders with a schedule.
     pub(crate) unscheduled: &'a BTreeMap<usize, usize>,
     pub(crate) schedule: Option<&'a Schedule>,
@@ -149,9 +150,8 @@ fn unexpected(evidence: &Evidence) -> BTreeMap<VehicleId, usize> {
 /// Compares the receptions that fit nothing with all. A reception before the first or after the last recorded
 /// transmission of its sender is no contradiction: the record began late or ended early.
 fn unassigned_receptions(evidence: &Evidence) -> Option<Contradiction> {
-    let Evidence { fleet, clocks, transmissions, matched, pairs, unscheduled, .. } = *evidence;
-    let outside: usize =
-        matched.iter().map(|(&pair, matches)| outside_record(fleet, clocks, transmissions, pair, matches)).sum();
+    let Evidence { matched, pairs, unscheduled, .. } = *evidence;
+    let outside: usize = matched.values().map(|matches| matches.outside_record).sum();
     let unassigned: usize = pairs.values().map(|pair| pair.unassigned).sum::<usize>() - outside;
     let unassigned = unassigned + unscheduled.values().sum::<usize>();
     let count = |pair: &PairCounts| pair.assigned + pair.unassigned;
@@ -180,16 +180,7 @@ fn excess_transmissions<'a>(evidence: &'a Evidence) -> impl Iterator<Item = Cont
 
 /// Returns a warning for each clock with an implausible offset, drift or residual.
 fn clock_warnings<'a>(evidence: &'a Evidence) -> impl Iterator<Item = String> + 'a {
-    let Evidence { fleet, clocks, receptions, .. } = *evidence;
-    let residual_of = move |vehicle: usize| {
-        let own = clocks
-            .comparisons(fleet, receptions)
-            .filter(move |(_, comparison)| [comparison.start.0, comparison.arrival.0].contains(&vehicle));
-        let mut residuals_s: Vec<f64> =
-            own.map(|(_, comparison)| comparison.residual_s(&clocks.clocks).abs()).collect();
-        residuals_s.sort_by(f64::total_cmp);
-        residuals_s.get(residuals_s.len() * 3 / 4).copied().unwrap_or(0.0)
-    };
+    let Evidence { fleet, clocks, estimates, .. } = *evidence;
     let reference = fleet.reference_clock().filter(|&vehicle| !fleet.clock_sync_times_s(vehicle).is_empty());
     let was_set = reference.map(|vehicle| {
         format!(
@@ -203,7 +194,7 @@ fn clock_warnings<'a>(evidence: &'a Evidence) -> impl Iterator<Item = String> + 
         let limit_s = fleet.rules.clock_offset_s_max;
         let offset_s = clock.segments().map(|segment| segment.offset_s.abs()).fold(0.0, f64::max);
         let drift = clock.segments().map(|segment| segment.drift.abs()).fold(0.0, f64::max);
-        let residual_s = residual_of(vehicle);
+        let residual_s = estimates[vehicle].upper_residual_s;
         let is_searched = limit_s > 0.0 && clock.is_determined;
         let far = (is_searched && offset_s > limit_s + ZERO_OFFSET_S).then(|| {
             format!("the clock of {name} fits best with an offset of {offset_s:.2} s, which is used although it exceeds --clock-offset-s-max {limit_s}")

@@ -31,7 +31,7 @@ pub enum RecordKind {
     Mcap,
     /// A ROS 2 bag in an SQLite file.
     Sqlite,
-    /// The write-ahead log of an SQLite file, or the index of such a log. The bag is read with it.
+    /// The write-ahead log of an SQLite file, or its index. The bag is read with it.
     SqliteLog,
     /// An LCM log.
     Lcm,

@@ -128,7 +128,7 @@ fn a_sender_that_is_known_by_one_receiver_only_yields_no_event_of_that_receiver(
     let mut recordings = records(&transmission_table("", no_fields), [&of_b, &of_c], Some((0.0, 2000.0)));
     recordings.get_mut(&VehicleId::new("a")).unwrap().transmissions = None;
     let found = join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap();
-    // Each receiver has the messages that the other one heard: the share heard is two thirds, and a half.
+    // Events of b are the messages that c heard, and the reverse. The shares heard are two thirds and a half.
     let pair = |destination: &str| &found.pairs[&(VehicleId::new("a"), VehicleId::new(destination))];
     assert_eq!((pair("b").heard, pair("b").missed), (34, 16));
     assert_eq!((pair("c").heard, pair("c").missed), (34, 33));

@@ -33,8 +33,8 @@ impl Delays {
 
     /// Estimates a delay for each vehicle from the differences of pairs: `differences_s` by sender and receiver.
     ///
-    /// The sum of the differences in both directions is the sum of both delays, because the clock offset cancels. A
-    /// vehicle without such a pair gets the median delay.
+    /// The sum of the differences in both directions is the sum of both delays, because the clock offset cancels. If no
+    /// pair with a vehicle has both directions, the vehicle gets the median delay.
     pub(crate) fn from_round_trips(vehicles: usize, differences_s: &BTreeMap<(usize, usize), f64>) -> Self {
         let mut sums: Vec<Vec<(usize, f64)>> = vec![Vec::new(); vehicles];
         for (&(a, b), out_s) in differences_s {

@@ -124,7 +124,7 @@ mod tests {
     fn residuals_decide_between_offsets_that_differ_by_a_period() {
         let found = find_peak(cluster(-2.0, 20, 0.02).chain(cluster(18.0, 20, 0.001)).collect(), 10.0).unwrap();
         assert!((found.difference_s - 18.0).abs() < 0.02 && found.rivals_s.is_empty(), "{found:?}");
-        // Without a clear difference of residuals, the smallest offset is chosen and the other one is named.
+        // If the residuals are similar, the smallest offset is chosen, and its rival is named.
         let found = find_peak(cluster(-7.0, 20, 0.02).chain(cluster(3.0, 19, 0.02)).collect(), 10.0).unwrap();
         assert!((found.difference_s - 3.1).abs() < 0.02 && found.rivals_s.len() == 1, "{found:?}");
     }

@@ -53,7 +53,7 @@ impl<R: Read> Events<R> {
             let length = HEAD_BYTES + channel_bytes + message_bytes;
             let found = self.peek(length + MAGIC.len())?;
             let (event, following) = found.split_at(length.min(found.len()));
-            // If the next event begins within this one, the lengths of this one are damaged.
+            // If the next event begins within the present event, the lengths of the present event are damaged.
             let is_followed = event.len() == length && MAGIC.starts_with(following);
             if !is_followed && position_of_mark(&event[1..]).is_some() {
                 self.skip_damage()?;

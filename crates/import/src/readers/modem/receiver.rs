@@ -99,7 +99,7 @@ impl Receiver {
         }
     }
 
-    /// Ends the present message before the announced one. A frame that broke earlier is not part of the latter.
+    /// Ends the present message before the announced one. A frame that broke earlier is not part of the announced one.
     pub(super) fn start_cycle(&mut self, sink: &mut Sink) {
         self.finish_incoming(sink);
         self.broken_s = None;

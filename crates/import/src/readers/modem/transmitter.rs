@@ -1,4 +1,4 @@
-//! The packets that one modem transmits, by its own sentences and those of its host.
+//! The packets that a modem transmits, from the sentences of the modem and of its host.
 
 use pingmap_agent::MessageKind;
 
