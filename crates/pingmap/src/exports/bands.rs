@@ -4,6 +4,7 @@ use anyhow::Context;
 use contour::ContourBuilder;
 use geo_types::{LineString, MultiPolygon};
 
+use super::antimeridian::cut_areas;
 use super::export::Export;
 use crate::success_map::Side;
 
@@ -41,6 +42,7 @@ pub(super) fn bands(export: &Export, side: &Side) -> anyhow::Result<Vec<Band>> {
             });
             failed.map_or(Ok(()), Err)?;
         }
+        let polygons = cut_areas(polygons);
         if !polygons.0.is_empty() {
             bands.push(Band { from, to: to.min(1.0), polygons });
         }

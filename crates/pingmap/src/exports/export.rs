@@ -1,8 +1,10 @@
 //! The content of an exported map, independent of the file format.
 
+use geo_types::Coord;
 use pingmap_agent::{Event, Geographic, ReferenceSystem};
 use pingmap_import::Reference;
 
+use super::antimeridian::cut_line;
 use crate::cli_enums::name_of;
 use crate::grid::Point;
 use crate::output::BadInput;
@@ -24,6 +26,11 @@ impl Export<'_> {
         degrees(self.reference, (east_m, north_m))
     }
 
+    /// Converts a line to latitudes and longitudes, and cuts it at the antimeridian.
+    pub(super) fn lines(&self, points: &[Point]) -> anyhow::Result<Vec<Vec<Coord<f64>>>> {
+        Ok(cut_line(coords(self.reference, points)?))
+    }
+
     pub(super) fn has_degrees(&self) -> bool {
         self.reference.system() != ReferenceSystem::Unknown
     }
@@ -38,4 +45,13 @@ impl Export<'_> {
 pub(super) fn degrees(reference: &Reference, (east_m, north_m): Point) -> anyhow::Result<Geographic> {
     let place = reference.geographic(east_m, north_m);
     place.ok_or_else(|| BadInput(format!("({east_m:.0}, {north_m:.0}) m has no latitude and longitude")).into())
+}
+
+/// Converts metres of a log to longitudes (x) and latitudes (y).
+pub(super) fn coords(reference: &Reference, points: &[Point]) -> anyhow::Result<Vec<Coord<f64>>> {
+    let coord = |&point: &Point| {
+        let place = degrees(reference, point)?;
+        Ok(Coord { x: place.longitude_deg, y: place.latitude_deg })
+    };
+    points.iter().map(coord).collect()
 }

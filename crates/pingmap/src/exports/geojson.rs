@@ -1,22 +1,17 @@
 //! A map as GeoJSON (RFC 7946): WGS 84, longitude first.
 
+use geo_types::Coord;
 use geojson::{Feature, FeatureCollection, Geometry, GeometryValue, JsonObject};
 use serde_json::{Value, json};
 
 use super::bands::bands;
 use super::export::Export;
 use crate::cli_enums::name_of;
-use crate::grid::Point;
 use crate::tracks::tracks;
 
 /// Returns areas between levels, contours, tracks and the positions that the map is seen from.
 pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
     let map = export.map;
-    let position = |(east_m, north_m): Point| -> anyhow::Result<geojson::Position> {
-        let place = export.degrees(east_m, north_m)?;
-        Ok([place.longitude_deg, place.latitude_deg].into())
-    };
-    let line = |points: &[Point]| points.iter().map(|&point| position(point)).collect::<anyhow::Result<Vec<_>>>();
     let mut features = Vec::new();
     for side in &map.sides {
         let seen = name_of(&side.seen);
@@ -32,21 +27,19 @@ pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
         let values = side.values(|cell| cell.probability);
         for &level in export.levels {
             let lines = map.area.grid(&values).contour_lines(level);
-            let coordinates = lines.iter().map(|points| line(points)).collect::<anyhow::Result<Vec<_>>>()?;
+            let lines = lines.iter().map(|points| export.lines(points)).collect::<anyhow::Result<Vec<_>>>()?;
+            let coordinates = lines.iter().flatten().map(|line| positions(line)).collect();
             let properties = [("probability", json!(level)), ("seen_as", json!(seen)), ("as", json!(seen))];
             features.push(feature("contour", properties, GeometryValue::MultiLineString { coordinates }));
         }
     }
     for (id, points) in tracks(export.events) {
-        let coordinates = line(&points)?;
-        let geometry = match &coordinates[..] {
-            [place] => GeometryValue::Point { coordinates: place.clone() },
-            _ => GeometryValue::LineString { coordinates },
-        };
+        let geometry = line_geometry(&export.lines(&points)?);
         features.push(feature("track", [("vehicle", json!(id.as_str()))], geometry));
     }
     for place in &map.at {
-        let coordinates = position((place.east_m, place.north_m))?;
+        let place = export.degrees(place.east_m, place.north_m)?;
+        let coordinates = [place.longitude_deg, place.latitude_deg].into();
         let seen: Vec<String> = map.sides.iter().map(|side| name_of(&side.seen)).collect();
         features.push(feature(
             "place",
@@ -56,6 +49,21 @@ pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
     }
     let collection = collection(features);
     Ok(serde_json::to_vec_pretty(&collection)?)
+}
+
+/// Returns the geometry of a line that was cut into pieces. A line of one point is a point.
+pub(super) fn line_geometry(pieces: &[Vec<Coord<f64>>]) -> GeometryValue {
+    match pieces {
+        [piece] => match &positions(piece)[..] {
+            [place] => GeometryValue::Point { coordinates: place.clone() },
+            coordinates => GeometryValue::LineString { coordinates: coordinates.to_vec() },
+        },
+        pieces => GeometryValue::MultiLineString { coordinates: pieces.iter().map(|piece| positions(piece)).collect() },
+    }
+}
+
+fn positions(line: &[Coord<f64>]) -> Vec<geojson::Position> {
+    line.iter().map(|point| [point.x, point.y].into()).collect()
 }
 
 /// Returns a collection of features that names its generator.

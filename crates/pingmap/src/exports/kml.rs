@@ -8,9 +8,10 @@ use kml::{Kml, KmlDocument, KmlVersion, KmlWriter};
 use pingmap_import::Reference;
 use serde_json::Value;
 
+use super::antimeridian::{cut_area, cut_line};
 use super::bands::{Band, bands};
-use super::export::{Export, degrees};
-use super::lines::{Line, Shape, ring};
+use super::export::{Export, coords};
+use super::lines::{Line, Shape, area};
 use crate::cli_enums::name_of;
 use crate::figure::shade;
 use crate::tracks::tracks;
@@ -25,28 +26,19 @@ pub fn kml(export: &Export) -> anyhow::Result<Vec<u8>> {
         for (n, band) in bands(export, side)?.into_iter().enumerate() {
             let id = format!("{seen}-{n}");
             styles.push(Kml::Style(filled(&id, (band.from + band.to) / 2.0)));
-            elements.push(Kml::Placemark(area(&id, &band)));
+            elements.push(Kml::Placemark(band_area(&id, &band)));
         }
         folders.push(folder(format!("Probability of success, seen as {seen}"), elements));
     }
-    let coord = |east_m: f64, north_m: f64| -> anyhow::Result<Coord> {
-        let place = export.degrees(east_m, north_m)?;
-        Ok(Coord::new(place.longitude_deg, place.latitude_deg, None))
-    };
     let mut elements = Vec::new();
     for (id, points) in tracks(export.events) {
-        let coords =
-            points.iter().map(|&(east_m, north_m)| coord(east_m, north_m)).collect::<anyhow::Result<Vec<_>>>()?;
-        let geometry = match &coords[..] {
-            [place] => Geometry::Point(Point::from(*place)),
-            _ => Geometry::LineString(LineString { tessellate: true, ..LineString::from(coords) }),
-        };
+        let geometry = line_geometry(&export.lines(&points)?);
         elements.push(Kml::Placemark(placemark(id.as_str().to_owned(), geometry)));
     }
     folders.push(folder("Tracks".into(), elements));
     let mut elements = Vec::new();
     for place in &map.at {
-        let geometry = Geometry::Point(Point::from(coord(place.east_m, place.north_m)?));
+        let geometry = line_geometry(&export.lines(&[(place.east_m, place.north_m)])?);
         elements.push(Kml::Placemark(placemark("seen from here".into(), geometry)));
     }
     folders.push(folder("Places".into(), elements));
@@ -55,22 +47,12 @@ pub fn kml(export: &Export) -> anyhow::Result<Vec<u8>> {
 
 /// Returns positions, lines and areas of a plan, each with its properties.
 pub fn kml_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec<u8>> {
-    let coord = |point: &(f64, f64)| -> anyhow::Result<Coord> {
-        let place = degrees(reference, *point)?;
-        Ok(Coord::new(place.longitude_deg, place.latitude_deg, None))
-    };
-    let coords = |points: &[(f64, f64)]| points.iter().map(coord).collect::<anyhow::Result<Vec<_>>>();
     let mut elements = Vec::new();
     for line in lines {
         let geometry = match &line.shape {
-            Shape::Place(place) => Geometry::Point(Point::from(coord(place)?)),
-            Shape::Line(points) => {
-                Geometry::LineString(LineString { tessellate: true, ..LineString::from(coords(points)?) })
-            }
-            Shape::Area(corners) => {
-                let ring = LinearRing::from(coords(&ring(corners))?);
-                Geometry::Polygon(Polygon { tessellate: true, ..Polygon::new(ring, Vec::new()) })
-            }
+            Shape::Place(place) => line_geometry(&[coords(reference, &[*place])?]),
+            Shape::Line(points) => line_geometry(&cut_line(coords(reference, points)?)),
+            Shape::Area(corners) => area_geometry(&cut_area(area(reference, corners)?)),
         };
         let name = line.properties.iter().find(|(name, _)| *name == "name").and_then(|(_, name)| name.as_str());
         let style_url = Element { name: "styleUrl".into(), content: Some("#plan".into()), ..Element::default() };
@@ -133,17 +115,40 @@ fn filled(id: &str, probability: f64) -> Style {
     }
 }
 
-fn area(style: &str, band: &Band) -> Placemark {
-    let ring = |ring: &geo_types::LineString<f64>| {
-        LinearRing::from(ring.coords().map(|at| Coord::new(at.x, at.y, None)).collect::<Vec<_>>())
-    };
+fn band_area(style: &str, band: &Band) -> Placemark {
+    let geometry = area_geometry(&band.polygons.0);
+    // KML requires the style before the shape, but the crate's own field writes the style after it.
+    let style_url = Element { name: "styleUrl".into(), content: Some(format!("#{style}")), ..Element::default() };
+    Placemark { children: vec![style_url], ..placemark(format!("{} to {}", band.from, band.to), geometry) }
+}
+
+/// Returns the geometry of an area that was cut into parts.
+fn area_geometry(parts: &[geo_types::Polygon<f64>]) -> Geometry {
+    let ring = |ring: &geo_types::LineString<f64>| LinearRing::from(kml_coords(&ring.0));
     let polygon = |polygon: &geo_types::Polygon<f64>| {
         let polygon = Polygon::new(ring(polygon.exterior()), polygon.interiors().iter().map(ring).collect());
         Geometry::Polygon(Polygon { tessellate: true, ..polygon })
     };
-    let geometries = band.polygons.iter().map(polygon).collect();
-    let geometry = Geometry::MultiGeometry(MultiGeometry { geometries, ..MultiGeometry::default() });
-    // KML requires the style before the shape, but the crate's own field writes the style after it.
-    let style_url = Element { name: "styleUrl".into(), content: Some(format!("#{style}")), ..Element::default() };
-    Placemark { children: vec![style_url], ..placemark(format!("{} to {}", band.from, band.to), geometry) }
+    joined(parts.iter().map(polygon).collect())
+}
+
+/// Returns the geometry of a line that was cut into pieces. A line of one point is a point.
+fn line_geometry(pieces: &[Vec<geo_types::Coord<f64>>]) -> Geometry {
+    let line = |piece: &Vec<geo_types::Coord<f64>>| match &kml_coords(piece)[..] {
+        [place] => Geometry::Point(Point::from(*place)),
+        coords => Geometry::LineString(LineString { tessellate: true, ..LineString::from(coords.to_vec()) }),
+    };
+    joined(pieces.iter().map(line).collect())
+}
+
+/// Returns a geometry as it is, and several as one.
+fn joined(mut geometries: Vec<Geometry>) -> Geometry {
+    match geometries.len() {
+        1 => geometries.remove(0),
+        _ => Geometry::MultiGeometry(MultiGeometry { geometries, ..MultiGeometry::default() }),
+    }
+}
+
+fn kml_coords(line: &[geo_types::Coord<f64>]) -> Vec<Coord> {
+    line.iter().map(|at| Coord::new(at.x, at.y, None)).collect()
 }

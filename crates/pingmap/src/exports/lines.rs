@@ -1,11 +1,13 @@
 //! Lines, areas and positions of a plan as GeoJSON.
 
-use geojson::{GeometryValue, Position};
+use geo_types::{LineString, MultiPolygon, Polygon};
+use geojson::GeometryValue;
 use pingmap_import::Reference;
 use serde_json::Value;
 
-use super::export::degrees;
-use super::geojson::{collection, feature};
+use super::antimeridian::{cut_area, cut_line};
+use super::export::coords;
+use super::geojson::{collection, feature, line_geometry};
 use crate::grid::Point;
 
 /// A position, a line or an area, with its properties.
@@ -26,7 +28,7 @@ pub enum Shape {
 }
 
 /// Returns the closed ring around an area, counter-clockwise.
-pub(super) fn ring(corners: &[Point]) -> Vec<Point> {
+fn ring(corners: &[Point]) -> Vec<Point> {
     let mut ring = corners.to_vec();
     if twice_the_area(&ring) < 0.0 {
         ring.reverse();
@@ -35,18 +37,25 @@ pub(super) fn ring(corners: &[Point]) -> Vec<Point> {
     ring
 }
 
+/// Returns an area in longitudes and latitudes.
+pub(super) fn area(reference: &Reference, corners: &[Point]) -> anyhow::Result<Polygon<f64>> {
+    Ok(Polygon::new(LineString(coords(reference, &ring(corners))?), Vec::new()))
+}
+
+fn area_geometry(parts: &[Polygon<f64>]) -> GeometryValue {
+    match parts {
+        [part] => GeometryValue::from(part),
+        parts => GeometryValue::from(&MultiPolygon(parts.to_vec())),
+    }
+}
+
 /// Returns all shapes on WGS 84 (RFC 7946).
 pub fn geojson_of_lines(reference: &Reference, lines: &[Line]) -> anyhow::Result<Vec<u8>> {
-    let position = |&(east_m, north_m): &Point| -> anyhow::Result<Position> {
-        let place = degrees(reference, (east_m, north_m))?;
-        Ok([place.longitude_deg, place.latitude_deg].into())
-    };
-    let positions = |points: &[Point]| points.iter().map(position).collect::<anyhow::Result<Vec<_>>>();
     let one = |line: &Line| {
         let geometry = match &line.shape {
-            Shape::Place(place) => GeometryValue::Point { coordinates: position(place)? },
-            Shape::Line(points) => GeometryValue::LineString { coordinates: positions(points)? },
-            Shape::Area(corners) => GeometryValue::Polygon { coordinates: vec![positions(&ring(corners))?] },
+            Shape::Place(place) => line_geometry(&[coords(reference, &[*place])?]),
+            Shape::Line(points) => line_geometry(&cut_line(coords(reference, points)?)),
+            Shape::Area(corners) => area_geometry(&cut_area(area(reference, corners)?)),
         };
         Ok(feature(line.kind, line.properties.iter().cloned(), geometry))
     };

@@ -1,5 +1,6 @@
 //! Maps as files for other programs: tables, GeoJSON, KML, GeoTIFF.
 
+mod antimeridian;
 mod export;
 mod bands;
 mod table;
