@@ -129,7 +129,12 @@ pub fn origin(text: &str) -> Result<ReferenceSystem, String> {
     let found = text.parse().ok().filter(|system| matches!(system, ReferenceSystem::About(_)));
     found.ok_or_else(|| {
         let (latitude, longitude) = (bounds::LATITUDE_DEG, bounds::LONGITUDE_DEG);
-        format!("expected a latitude ({latitude}) and a longitude ({longitude})")
+        let swapped = text.split_once(',').map(|(a, b)| format!("{},{}", b.trim(), a.trim()));
+        let is_origin = |text: &String| text.parse().is_ok_and(|system| matches!(system, ReferenceSystem::About(_)));
+        match swapped.filter(is_origin) {
+            Some(swapped) => format!("expected the latitude first: --origin {swapped}"),
+            None => format!("expected a latitude ({latitude}) and a longitude ({longitude})"),
+        }
     })
 }
 

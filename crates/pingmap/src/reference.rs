@@ -1,7 +1,7 @@
 //! Reference systems of logs, from the log, a model or an option; and conversion of places to positions.
 
 use clap::Args;
-use pingmap_agent::{Position, ReferenceSystem};
+use pingmap_agent::{Geographic, Position, ReferenceSystem};
 use pingmap_import::{Place, Reference};
 use pingmap_trial::EventLog;
 use schemars::JsonSchema;
@@ -31,11 +31,15 @@ impl ReferenceOptions {
         if let Some(given) = self.origin.or(self.crs) {
             if !log.reference.agrees_with(&given) {
                 let known = log.reference;
-                return Err(BadInput(format!("the log uses {known}, but the option names {given}")).into());
+                let message = format!("the log uses {known}, but the option names {given}; expected no such option");
+                return Err(BadInput(message).into());
             }
             log.reference = given;
         }
-        reference(log.reference)?;
+        let reference = reference(log.reference)?;
+        if let Some(Position { east_m, north_m, .. }) = log.events.first().map(|event| event.link.transmitter) {
+            reference.check_scale(east_m, north_m).map_err(|error| BadInput(error.to_string()))?;
+        }
         check_near_origin(log)
     }
 }
@@ -47,6 +51,10 @@ pub fn reference(system: ReferenceSystem) -> Result<Reference, BadInput> {
 
 /// Converts a place that an option names to metres of the log.
 pub fn position(option: &str, place: Place, reference: &Reference) -> Result<Position, BadInput> {
+    if let Some(corrected) = bare_degrees(place, reference) {
+        let message = format!("{option}: these metres seem to be degrees near the log; expected {option} {corrected}");
+        return Err(BadInput(message));
+    }
     let metres = reference.metres(place).map(|(east_m, north_m)| Position::new(east_m, north_m));
     let reason = match reference.system() {
         ReferenceSystem::Unknown => "the log has no reference system; expected metres, or --origin or --crs",
@@ -61,6 +69,32 @@ pub fn position(option: &str, place: Place, reference: &Reference) -> Result<Pos
         return Err(BadInput(format!("{option}: {reason}")));
     }
     Ok(metres)
+}
+
+/// Largest difference in degrees between the log and metres that seem to be degrees.
+const BARE_DEGREES_MAX: f64 = 1.0;
+
+/// Returns the corrected text for metres that seem to be a latitude and longitude near the log, in this or the other
+/// order.
+fn bare_degrees(place: Place, reference: &Reference) -> Option<String> {
+    let Place::Metres(a, b) = place else { return None };
+    let is_near = |found: &Geographic| match reference.system() {
+        ReferenceSystem::About(origin) => {
+            let east_deg = (found.longitude_deg - origin.longitude_deg).abs();
+            let north_deg = (found.latitude_deg - origin.latitude_deg).abs();
+            north_deg.max(east_deg.min(360.0 - east_deg)) <= BARE_DEGREES_MAX
+        }
+        // No projected system has eastings and northings of a few metres in its area.
+        ReferenceSystem::Epsg(_) => reference.metres(Place::Degrees(*found)).is_some(),
+        ReferenceSystem::Unknown => false,
+    };
+    let orders = [Geographic::new(a, b), Geographic::new(b, a)];
+    let found = orders.into_iter().flatten().find(is_near)?;
+    let [latitude, longitude] =
+        [(found.latitude_deg, "N", "S"), (found.longitude_deg, "E", "W")].map(|(degrees, positive, negative)| {
+            format!("{}{}", degrees.abs(), if degrees < 0.0 { negative } else { positive })
+        });
+    Some(format!("{latitude},{longitude}"))
 }
 
 /// Converts several places. Depths that are not given are `depth_m`; a depth is an error if the log has no depths.
@@ -108,7 +142,7 @@ impl PlaceJson {
 }
 
 /// Largest distance from the origin of a tangent plane.
-const ORIGIN_DISTANCE_MAX_M: f64 = 1e5;
+pub const ORIGIN_DISTANCE_MAX_M: f64 = 1e5;
 
 /// Checks that the origin of a log is near its events, if the origin is a latitude and longitude.
 fn check_near_origin(log: &EventLog) -> anyhow::Result<()> {

@@ -1,13 +1,16 @@
 //! Reads delimited text line by line. Errors name file, line and column.
 
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use csv::StringRecord;
 use pingmap_agent::{Link, MessageKind, Position, VehicleId, bounds};
 
-use crate::delimited::{Records, records};
+use crate::delimited::{Delimited, Records};
 
 /// Error of an input file: the position of the problem, and the expected content.
 #[derive(Debug, thiserror::Error)]
@@ -26,8 +29,8 @@ pub enum Problem {
     /// The file could not be opened or read.
     #[error("cannot be read: {0}")]
     Unreadable(std::io::Error),
-    /// The file is not UTF-8 text.
-    #[error("line {line}: not a text file; expected CSV in UTF-8")]
+    /// The file is neither UTF-8 nor Windows-1252 text.
+    #[error("line {line}: not a text file; expected CSV in UTF-8 or Windows-1252 (save other encodings as UTF-8)")]
     NotText {
         /// The first line with other bytes.
         line: u64,
@@ -113,15 +116,19 @@ pub fn open(path: &Path) -> Result<std::fs::File, FileError> {
 }
 
 /// A text file of records with a header, read line by line. The header determines the delimiter: comma, semicolon or
-/// tab. Lines that begin with `#` are remarks. Names of columns are case-insensitive.
+/// tab. Lines that begin with `#` are remarks. Names of columns are case-insensitive. `Sound speed [m/s]` has the name
+/// `sound_speed` as well. Numbers may have decimal commas, unless the delimiter is a comma.
 pub struct Table<'a> {
     reader: Records<'a>,
     path: PathBuf,
     header: Vec<String>,
     /// Lines before the header.
     remarks: Vec<String>,
-    /// Index of each column by its name in lower case.
+    /// Index of each column by its name in lower case, and by its name without unit and spaces.
     places: HashMap<String, usize>,
+    delimiter: u8,
+    is_windows_1252: Arc<AtomicBool>,
+    has_decimal_commas: Cell<bool>,
     record: StringRecord,
     line: u64,
 }
@@ -133,7 +140,8 @@ impl<'a> Table<'a> {
     /// Returns [`FileError`] if the file is not text, lacks required columns, or repeats a column.
     pub fn new(reader: impl Read + 'a, path: &Path, required: &[&str]) -> Result<Self, FileError> {
         let fail = |problem| FileError { path: path.to_owned(), problem };
-        let (mut reader, remarks) = records(reader).map_err(|error| fail(Problem::Unreadable(error)))?;
+        let Delimited { records: mut reader, remarks, delimiter, is_windows_1252 } =
+            Delimited::new(reader).map_err(|error| fail(Problem::Unreadable(error)))?;
         let header = reader.headers().map_err(|error| fail(problem_of(&error, 1)))?;
         // Spreadsheets put a byte-order mark before the first column.
         let header: Vec<String> = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect();
@@ -144,8 +152,24 @@ impl<'a> Table<'a> {
                 return Err(fail(Problem::RepeatedColumn { column: column.clone() }));
             }
         }
-        let table =
-            Self { reader, path: path.to_owned(), header, remarks, places, record: StringRecord::new(), line: 1 };
+        for (place, column) in header.iter().enumerate() {
+            let plain = split_unit(&column.to_lowercase()).0.replace([' ', '-'], "_");
+            if !plain.is_empty() {
+                places.entry(plain).or_insert(place);
+            }
+        }
+        let table = Self {
+            reader,
+            path: path.to_owned(),
+            header,
+            remarks,
+            places,
+            delimiter,
+            is_windows_1252,
+            has_decimal_commas: Cell::new(false),
+            record: StringRecord::new(),
+            line: 1,
+        };
         table.require(required)?;
         Ok(table)
     }
@@ -217,6 +241,32 @@ impl<'a> Table<'a> {
         self.place(column).and_then(|place| self.record.get(place)).unwrap_or_default()
     }
 
+    /// Returns the unit of a column from its header, such as `m` of `Depth [m]`; empty without a unit.
+    pub fn unit(&self, column: &str) -> &str {
+        self.place(column).map_or("", |place| split_unit(&self.header[place]).1)
+    }
+
+    /// Returns whether the text was decoded from Windows-1252, up to the present line.
+    pub fn is_windows_1252(&self) -> bool {
+        self.is_windows_1252.load(Ordering::Relaxed)
+    }
+
+    /// Returns whether numbers had decimal commas, up to the present line.
+    pub fn has_decimal_commas(&self) -> bool {
+        self.has_decimal_commas.get()
+    }
+
+    /// Parses a number of this table. It may be infinite or NaN.
+    pub fn parse_number(&self, text: &str) -> Option<f64> {
+        if let Ok(number) = text.parse() {
+            return Some(number);
+        }
+        let is_comma = self.delimiter != b',' && text.matches(',').count() == 1 && !text.contains('.');
+        let number = text.replace(',', ".").parse().ok().filter(|_| is_comma)?;
+        self.has_decimal_commas.set(true);
+        Some(number)
+    }
+
     /// Returns the fields of the line as in the file.
     pub fn fields(&self) -> Vec<String> {
         self.record.iter().map(str::to_owned).collect()
@@ -233,12 +283,12 @@ impl<'a> Table<'a> {
     /// # Errors
     /// Returns [`Problem::BadValue`] for any other content.
     pub fn number(&self, column: &str) -> Result<f64, FileError> {
-        let number = self.field(column).parse::<f64>().ok().filter(|number| number.is_finite());
+        let number = self.parse_number(self.field(column)).filter(|number| number.is_finite());
         number.ok_or_else(|| self.bad(column, "a finite number"))
     }
 
     pub(crate) fn probability(&self, column: &str) -> Result<f64, FileError> {
-        let number = self.field(column).parse::<f64>().ok().filter(|number| (0.0..=1.0).contains(number));
+        let number = self.parse_number(self.field(column)).filter(|number| (0.0..=1.0).contains(number));
         number.ok_or_else(|| self.bad(column, "a probability from 0 to 1"))
     }
 
@@ -304,7 +354,7 @@ impl<'a> Table<'a> {
     /// # Errors
     /// Returns [`Problem::BadValue`] for any other content.
     pub fn metres(&self, column: &str) -> Result<f64, FileError> {
-        let number = self.field(column).parse::<f64>().ok().and_then(|number| bounds::COORDINATE_M.check(number));
+        let number = self.parse_number(self.field(column)).and_then(|number| bounds::COORDINATE_M.check(number));
         number.ok_or_else(|| self.bad(column, bounds::COORDINATE_M.words))
     }
 
@@ -320,14 +370,46 @@ impl<'a> Table<'a> {
     }
 }
 
-/// Texts that a flag may have.
-const FLAG: &str = "0 or 1, no or yes, false or true";
+/// Examples of the texts that a flag may have, for error messages.
+pub const FLAG: &str = "0 or 1, false or true, no or yes, failed or ok, missed or heard, lost or received";
 
-/// Parses a flag: 1, 1.0, true, yes; 0, 0.0, false, no; in upper or lower case.
+const TRUE_WORDS: [&str; 14] =
+    ["1", "1.0", "true", "t", "yes", "y", "ok", "good", "pass", "success", "heard", "received", "decoded", "delivered"];
+const FALSE_WORDS: [&str; 18] = [
+    "0",
+    "0.0",
+    "false",
+    "f",
+    "no",
+    "n",
+    "failed",
+    "fail",
+    "failure",
+    "bad",
+    "error",
+    "missed",
+    "lost",
+    "not received",
+    "not decoded",
+    "undelivered",
+    "bad_crc",
+    "timeout",
+];
+
+/// Parses a flag ([`FLAG`]) in upper or lower case.
 pub fn flag(text: &str) -> Option<bool> {
-    let is_one_of = |words: [&str; 4]| words.iter().any(|word| text.eq_ignore_ascii_case(word));
-    let yes = is_one_of(["1", "1.0", "true", "yes"]);
-    (yes || is_one_of(["0", "0.0", "false", "no"])).then_some(yes)
+    let is_one_of = |words: &[&str]| words.iter().any(|word| text.eq_ignore_ascii_case(word));
+    let is_true = is_one_of(&TRUE_WORDS);
+    (is_true || is_one_of(&FALSE_WORDS)).then_some(is_true)
+}
+
+/// Splits the name of a column and its unit in brackets. The unit is empty if there is none.
+fn split_unit(column: &str) -> (&str, &str) {
+    let split = |open: char, close: char| {
+        let (name, unit) = column.strip_suffix(close)?.rsplit_once(open)?;
+        Some((name.trim_end(), unit.trim()))
+    };
+    split('[', ']').or_else(|| split('(', ')')).unwrap_or((column, ""))
 }
 
 /// Converts an error of the CSV reader.

@@ -16,13 +16,17 @@ pub struct Geographic {
 
 impl Geographic {
     /// Returns the point at this latitude and longitude. Returns `None` if one of them is out of bounds.
+    ///
+    /// Longitudes from 180 to 360 degrees are converted to western longitudes.
     pub fn new(latitude_deg: f64, longitude_deg: f64) -> Option<Self> {
         let latitude_deg = bounds::LATITUDE_DEG.check(latitude_deg)?;
+        let is_eastward = longitude_deg > 180.0 && longitude_deg <= 360.0;
+        let longitude_deg = if is_eastward { longitude_deg - 360.0 } else { longitude_deg };
         Some(Self { latitude_deg, longitude_deg: bounds::LONGITUDE_DEG.check(longitude_deg)? })
     }
 
-    /// Returns the approximate distance to a nearby point, in metres.
-    fn distance_m(&self, other: &Self) -> f64 {
+    /// Returns the approximate distance to another point in metres. The error grows with the distance.
+    pub fn distance_m(&self, other: &Self) -> f64 {
         // A spherical Earth is accurate enough to distinguish rounding from another origin.
         const METRES_PER_DEGREE: f64 = 111_200.0;
         let north_deg = other.latitude_deg - self.latitude_deg;

@@ -57,15 +57,15 @@ pub(crate) fn make_events(
             }
         }
     }
+    (event_log(events), pairs)
+}
+
+/// Makes a log of events in the order of time. It has depths only if every position has one.
+pub(crate) fn event_log(mut events: Vec<Event>) -> EventLog {
     events.sort_by(|a, b| {
         let time_order = a.time_s.total_cmp(&b.time_s);
         time_order.then_with(|| (&a.transmitter_id, &a.receiver_id).cmp(&(&b.transmitter_id, &b.receiver_id)))
     });
-    (event_log(events), pairs)
-}
-
-/// Makes a log of events. It has depths only if every position has one.
-fn event_log(mut events: Vec<Event>) -> EventLog {
     let mut ends = events.iter().flat_map(|event| event.link.ends());
     let has_depths = !events.is_empty() && ends.all(|end| end.depth_m.is_some());
     if !has_depths {

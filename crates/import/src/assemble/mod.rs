@@ -4,6 +4,7 @@
 pub(crate) mod rules;
 pub(crate) mod median;
 pub(crate) mod resolve_ids;
+pub(crate) mod isolated_fixes;
 pub(crate) mod vehicles;
 pub(crate) mod clocks;
 pub(crate) mod matching;
@@ -15,4 +16,5 @@ pub(crate) mod verdict;
 pub(crate) mod result;
 pub(crate) mod validation;
 pub(crate) mod events;
+pub(crate) mod recorded_events;
 pub(crate) mod join;

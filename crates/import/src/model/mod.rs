@@ -2,7 +2,9 @@
 
 // Each file uses only those above it.
 pub(crate) mod time;
+pub(crate) mod utm_zone;
 pub(crate) mod reference;
+pub(crate) mod scale;
 pub(crate) mod error;
 pub(crate) mod exclusion;
 pub(crate) mod recording;

@@ -35,7 +35,7 @@ impl SentenceCounts {
 /// Number of lines and messages that yield no record, by reason.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SkipCounts {
-    /// Fixes without a position.
+    /// Fixes without a position: an empty field, NaN, latitude and longitude 0, or a receiver without a fix.
     pub missing_positions: usize,
     /// Broken receptions from an unknown sender.
     pub unattributed: usize,

@@ -6,6 +6,8 @@ use pingmap_agent::{Geographic, NoReferenceSystem, ReferenceSystem, bounds};
 use proj4rs::Proj;
 use proj4rs::transform::transform;
 
+use crate::model::utm_zone::UtmZone;
+
 /// A horizontal position, in metres or in degrees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Place {
@@ -57,6 +59,21 @@ pub enum ReferenceError {
     Unknown {
         /// The system that was requested.
         system: ReferenceSystem,
+    },
+    /// The metres of the system are no metres on the ground.
+    #[error(
+        "100 m of {system} are {:.0} m on the ground at {:.2}, {:.2}; expected a system with true metres there, such as {utm}",
+        100.0 * scale, place.latitude_deg, place.longitude_deg
+    )]
+    Scale {
+        /// The system that was requested.
+        system: ReferenceSystem,
+        /// A position of the log.
+        place: Geographic,
+        /// The length on the ground of one metre of the system.
+        scale: f64,
+        /// The UTM zone of the position.
+        utm: UtmZone,
     },
     /// The text is not the name of a reference system.
     #[error(transparent)]

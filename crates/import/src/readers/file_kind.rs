@@ -3,16 +3,18 @@
 use std::io::{self, Read};
 use std::path::Path;
 
+use pingmap_agent::VehicleId;
 use pingmap_trial::Table;
 
 use crate::readers::bags::{mcap_file, sqlite, sqlite_wal};
-use crate::readers::columns::{RoleTable, TableKind};
 use crate::readers::file_owner::{RECEPTION_WORDS, SCHEDULE_WORDS, TRANSMISSION_WORDS, split_words};
 use crate::readers::lcm::events;
 use crate::readers::lcm::types::LcmTypes;
 use crate::readers::modem::capture;
 use crate::readers::moos;
 use crate::readers::record_reader::RecordReader;
+use crate::readers::tables::role_table::RoleTable;
+use crate::readers::tables::roles::TableKind;
 
 /// Number of bytes at the beginning of a file that determine its kind.
 pub(crate) const HEAD_BYTES: u64 = 1 << 16;
@@ -62,6 +64,7 @@ impl RecordKind {
             Self::Table(TableKind::Navigation) => "navigation",
             Self::Table(TableKind::Receptions) => "receptions",
             Self::Table(TableKind::Transmissions) => "transmissions",
+            Self::Table(TableKind::Events) => "events",
             Self::ModemIds => "vehicle of each modem id",
             Self::Schedule => "schedule",
             Self::TeamFile => "team file with a schedule",
@@ -82,9 +85,11 @@ pub fn read_head(reader: impl Read) -> io::Result<Vec<u8>> {
 impl RecordReader {
     /// Detects the kind of a file from its beginning; `None` for an unknown kind.
     ///
+    /// `vehicle` is the owner if it is known; otherwise the name of the file may state it.
+    ///
     /// The content decides. A table of times and vehicles may hold receptions, transmissions or a schedule; then the
     /// file name decides.
-    pub fn detect_kind(&self, head: &[u8], name: &Path) -> Option<RecordKind> {
+    pub fn detect_kind(&self, head: &[u8], name: &Path, vehicle: Option<&VehicleId>) -> Option<RecordKind> {
         if head.starts_with(mcap_file::MAGIC) {
             return Some(RecordKind::Mcap);
         } else if head.starts_with(sqlite::MAGIC) {
@@ -108,11 +113,11 @@ impl RecordReader {
             let is_team = config.contains_key("model_file");
             Some(if is_team { RecordKind::TeamFile } else { RecordKind::Schedule })
         } else {
-            self.detect_table_kind(head, name)
+            self.detect_table_kind(head, name, vehicle)
         }
     }
 
-    fn detect_table_kind(&self, head: &[u8], name: &Path) -> Option<RecordKind> {
+    fn detect_table_kind(&self, head: &[u8], name: &Path, vehicle: Option<&VehicleId>) -> Option<RecordKind> {
         let table = Table::new(head, name, &[]).ok()?;
         if table.has("id") && table.has("name") && table.header().len() == 2 {
             return Some(RecordKind::ModemIds);
@@ -123,7 +128,9 @@ impl RecordReader {
         if is_link_table || table.has("probability") || is_backup {
             return None;
         }
-        let role_table = |kind| RoleTable::new(head, name, kind, &self.columns).ok();
+        // A missing column is reported when the table is read.
+        let columns = self.columns.of_table(name, self.table_owner(name, vehicle).as_ref()).present_in(&table);
+        let role_table = |kind| RoleTable::new(head, name, kind, &columns).ok();
         let has = |table: &Option<RoleTable>, roles: &[&str]| {
             table.as_ref().is_some_and(|table| roles.iter().all(|role| table.has(role)))
         };
@@ -156,7 +163,7 @@ mod tests {
     use super::*;
 
     fn kind(text: &str, name: &str) -> Option<RecordKind> {
-        RecordReader::default().detect_kind(text.as_bytes(), Path::new(name))
+        RecordReader::default().detect_kind(text.as_bytes(), Path::new(name), None)
     }
 
     #[test]

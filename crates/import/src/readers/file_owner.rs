@@ -20,6 +20,11 @@ impl RecordReader {
         let owner = names.map(strip_generic_words).find(|name| !name.is_empty()).unwrap_or_default();
         (!owner.is_empty()).then(|| self.ids.lookup(owner).unwrap_or_else(|| VehicleId::new(owner)))
     }
+
+    /// Returns the given vehicle, else the owner of the table by its path.
+    pub(crate) fn table_owner(&self, path: &Path, vehicle: Option<&VehicleId>) -> Option<VehicleId> {
+        vehicle.cloned().or_else(|| self.owner(path))
+    }
 }
 
 pub(crate) const RECEPTION_WORDS: &[&str] =

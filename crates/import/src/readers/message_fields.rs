@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-use crate::readers::columns::{TableKind, column_role};
+use crate::readers::tables::roles::{TableKind, column_role};
 
 /// The fields of a position, a reception or a transmission.
 #[derive(Debug, Default, PartialEq)]

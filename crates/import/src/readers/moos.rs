@@ -191,6 +191,7 @@ impl AlogParser {
         let mut recording = if self.modem.has_sentences { self.recording } else { self.host_recording };
         let navigation = if self.navigation.is_empty() { self.node_reports } else { self.navigation };
         let datum = navigation.datum();
+        skipped.missing_positions += navigation.missing;
         recording.fixes = navigation.into_fixes();
         ParsedFile { recording, name: self.name, datum, skipped }
     }

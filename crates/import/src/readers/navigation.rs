@@ -20,6 +20,11 @@ const DEPTH_S_MAX: f64 = 30.0;
 /// A value with the time of its record.
 type TimedValue = Option<(f64, f64)>;
 
+/// Whether degrees stand for no position: receivers report latitude and longitude 0 before their first fix.
+pub(crate) fn is_before_first_fix(latitude_deg: f64, longitude_deg: f64) -> bool {
+    latitude_deg == 0.0 && longitude_deg == 0.0
+}
+
 /// Collects the fixes of a vehicle.
 #[derive(Debug, Default)]
 pub(crate) struct Navigation {
@@ -34,6 +39,8 @@ pub(crate) struct Navigation {
     latest_metres: Option<(f64, (f64, f64))>,
     /// The position nearest to (0, 0) that was recorded in both forms, in degrees and in metres.
     datum_pair: Option<(Geographic, (f64, f64))>,
+    /// Number of positions with NaN, and with latitude and longitude 0.
+    pub(crate) missing: usize,
 }
 
 impl Navigation {
@@ -47,9 +54,12 @@ impl Navigation {
             "DEPTH" => (false, 2),
             _ => return true,
         };
-        let Some(value) = value.parse::<f64>().ok().and_then(|value| bounds::COORDINATE_M.check(value)) else {
-            return false;
-        };
+        let Ok(value) = value.parse::<f64>() else { return false };
+        if value.is_nan() {
+            self.missing += 1;
+            return true;
+        }
+        let Some(value) = bounds::COORDINATE_M.check(value) else { return false };
         if index == 2 {
             self.depth = Some((time_s, value));
             return true;
@@ -70,6 +80,10 @@ impl Navigation {
 
     /// Adds a position in degrees. Returns false if it is invalid.
     pub(crate) fn add_degrees(&mut self, time_s: f64, place: (f64, f64), depth_m: Option<f64>) -> bool {
+        if is_before_first_fix(place.0, place.1) || place.0.is_nan() || place.1.is_nan() {
+            self.missing += 1;
+            return true;
+        }
         let Some(place) = Geographic::new(place.0, place.1) else { return false };
         let is_bounded = |value: &f64| bounds::COORDINATE_M.check(*value).is_some();
         self.add_fix(time_s, Place::Degrees(place), depth_m.filter(is_bounded));
@@ -78,6 +92,10 @@ impl Navigation {
 
     /// Adds a position in metres. Returns false if it is invalid.
     pub(crate) fn add_metres(&mut self, time_s: f64, (x_m, y_m): (f64, f64), depth_m: Option<f64>) -> bool {
+        if x_m.is_nan() || y_m.is_nan() {
+            self.missing += 1;
+            return true;
+        }
         let is_bounded = |value: f64| bounds::COORDINATE_M.check(value).is_some();
         if !is_bounded(x_m) || !is_bounded(y_m) {
             return false;
@@ -166,7 +184,8 @@ mod tests {
         let datum = navigation.datum().unwrap();
         let error_m = reference.metres(Place::Degrees(datum)).unwrap();
         assert!(error_m.0.hypot(error_m.1) < 0.001, "{error_m:?}");
-        assert!(!navigation.absorb_coordinate(11.0, "X", "nan") && !navigation.absorb_coordinate(11.0, "LAT", "here"));
+        assert!(!navigation.absorb_coordinate(11.0, "X", "inf") && !navigation.absorb_coordinate(11.0, "LAT", "here"));
+        assert!(navigation.absorb_coordinate(11.0, "X", "nan") && navigation.missing == 1);
         let fixes = navigation.into_fixes();
         assert!((9..=11).contains(&fixes.len()) && fixes[1].depth_m == Some(12.0), "{}", fixes.len());
         // Coordinates too far apart in time form no position.
@@ -174,5 +193,18 @@ mod tests {
         navigation.absorb_coordinate(0.0, "X", "1");
         navigation.absorb_coordinate(0.9, "Y", "1");
         assert!(navigation.is_empty());
+    }
+
+    #[test]
+    fn zeros_before_the_first_fix_and_nan_are_counted_and_yield_no_position() {
+        let mut navigation = Navigation::default();
+        for (time_s, place) in [(0.0, (0.0, 0.0)), (1.0, (f64::NAN, 5.0)), (2.0, (0.0, 5.0)), (4.0, (43.8, 289.7))] {
+            assert!(navigation.add_degrees(time_s, place, None));
+        }
+        assert!(!navigation.add_degrees(5.0, (91.0, 0.0), None) && !navigation.add_degrees(5.0, (0.0, 361.0), None));
+        assert_eq!(navigation.missing, 2);
+        let fixes = navigation.into_fixes();
+        let Place::Degrees(last) = fixes[1].place else { panic!("{fixes:?}") };
+        assert!(fixes.len() == 2 && (last.longitude_deg + 70.3).abs() < 1e-9, "{fixes:?}");
     }
 }

@@ -11,12 +11,15 @@ use crate::model::parsed_file::{ParsedFile, SkipCounts};
 use crate::model::recording::{Recording, Recordings};
 use crate::readers::bags::bag_parser::BagParser;
 use crate::readers::bags::{mcap_file, sqlite};
-use crate::readers::columns::{RoleTable, TableKind};
 use crate::readers::file_kind::{RecordKind, read_head};
 use crate::readers::lcm::log;
 use crate::readers::modem::capture;
 use crate::readers::moos;
 use crate::readers::record_reader::RecordReader;
+use crate::readers::table_records::TableSummary;
+use crate::readers::tables::conversion::Conversion;
+use crate::readers::tables::role_table::RoleTable;
+use crate::readers::tables::roles::TableKind;
 
 /// Longest file of LCM types, in bytes.
 const TYPES_BYTES_MAX: u64 = 1 << 22;
@@ -32,6 +35,8 @@ pub struct FileSummary {
     pub datum: Option<Geographic>,
     /// Number of its lines and messages that yield no record.
     pub skipped: SkipCounts,
+    /// Differences of a table from plain CSV.
+    pub conversions: Vec<Conversion>,
 }
 
 /// A file, and how to read it.
@@ -63,7 +68,7 @@ impl RecordReader {
         let fail = |problem: String| ImportError::Content { file: name.display().to_string(), problem };
         let unreadable = |error| FileError { path: name.to_owned(), problem: Problem::Unreadable(error) };
         let mut bytes = read_head(&mut reader).map_err(unreadable)?;
-        if self.detect_kind(&bytes, name) == Some(RecordKind::LcmTypes) {
+        if self.detect_kind(&bytes, name, None) == Some(RecordKind::LcmTypes) {
             reader.take(TYPES_BYTES_MAX).read_to_end(&mut bytes).map_err(unreadable)?;
             self.lcm_types.read(&String::from_utf8_lossy(&bytes)).map_err(fail)?;
         }
@@ -92,8 +97,9 @@ impl RecordReader {
         let fail = |problem: String| ImportError::Content { file: name.display().to_string(), problem };
         let mut reader = BufReader::new(reader);
         let head = read_head(&mut reader).map_err(unreadable)?;
-        let Some(kind) = self.detect_kind(&head, name) else { return Ok(None) };
-        let summary = |datum| FileSummary { kind, vehicle: None, datum, skipped: SkipCounts::default() };
+        let Some(kind) = self.detect_kind(&head, name, source.vehicle) else { return Ok(None) };
+        let summary =
+            |datum| FileSummary { kind, vehicle: None, datum, skipped: SkipCounts::default(), conversions: Vec::new() };
         let text = head.as_slice().chain(reader);
         let parsed = match kind {
             RecordKind::MoosMission => return Ok(Some(summary(moos::mission_datum(&String::from_utf8_lossy(&head))))),
@@ -120,7 +126,7 @@ impl RecordReader {
         let ParsedFile { recording, name: own_name, datum, skipped } = parsed;
         // A log without any record needs no owner: for example one from the shore, without navigation and receptions.
         if recording == Recording::default() {
-            return Ok(Some(FileSummary { kind, vehicle: None, datum, skipped }));
+            return Ok(Some(FileSummary { kind, vehicle: None, datum, skipped, conversions: Vec::new() }));
         }
         let modem_owner = || recording.modem_ids.iter().find_map(|id| self.ids.lookup(id));
         let Some(vehicle) = source.vehicle.cloned().or(own_name).or_else(modem_owner) else {
@@ -129,7 +135,7 @@ impl RecordReader {
             ));
         };
         recordings.entry(vehicle.clone()).or_default().append(recording);
-        Ok(Some(FileSummary { kind, vehicle: Some(vehicle), datum, skipped }))
+        Ok(Some(FileSummary { kind, vehicle: Some(vehicle), datum, skipped, conversions: Vec::new() }))
     }
 
     /// Reads a table whose kind was detected.
@@ -140,7 +146,8 @@ impl RecordReader {
         &FileSource { name, vehicle, .. }: &FileSource,
         recordings: &mut Recordings,
     ) -> Result<FileSummary, ImportError> {
-        let has_vehicle_column = RoleTable::new(head, name, table, &self.columns)?.has("vehicle");
+        let columns = self.columns.of_table(name, self.table_owner(name, vehicle).as_ref());
+        let has_vehicle_column = RoleTable::new(head, name, table, &columns)?.has("vehicle");
         let vehicle = vehicle.cloned().or_else(|| if has_vehicle_column { None } else { self.owner(name) });
         if vehicle.is_none() && !has_vehicle_column {
             return Err(ImportError::Content {
@@ -148,7 +155,8 @@ impl RecordReader {
                 problem: "does not state its vehicle; expected NAME= in front of it, a name such as auv1.nav.csv, or a column vehicle".into(),
             });
         }
-        let skipped = self.read_table(table, (text, name), vehicle.as_ref(), recordings)?;
-        Ok(FileSummary { kind: RecordKind::Table(table), vehicle, datum: None, skipped })
+        let TableSummary { skipped, conversions } =
+            self.read_table(table, (text, name), vehicle.as_ref(), recordings)?;
+        Ok(FileSummary { kind: RecordKind::Table(table), vehicle, datum: None, skipped, conversions })
     }
 }

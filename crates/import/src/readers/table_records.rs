@@ -4,18 +4,30 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
-use pingmap_agent::{Geographic, VehicleId, bounds};
+use pingmap_agent::VehicleId;
 
 use crate::model::error::ImportError;
 use crate::model::parsed_file::SkipCounts;
 use crate::model::recording::{Arrival, Fix, Recording, Recordings, TransmissionRecord};
-use crate::model::reference::Place;
-use crate::readers::columns::{RoleTable, TableKind};
 use crate::readers::record_reader::RecordReader;
+use crate::readers::tables::conversion::Conversion;
+use crate::readers::tables::position::{read_position, require_position};
+use crate::readers::tables::role_table::RoleTable;
+use crate::readers::tables::roles::TableKind;
+
+/// Summary of a table that was read.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TableSummary {
+    /// Number of its rows that yield no record.
+    pub skipped: SkipCounts,
+    /// Its differences from plain CSV.
+    pub conversions: Vec<Conversion>,
+}
 
 impl RecordReader {
-    /// Reads a table. Its rows belong to `vehicle`, or to the vehicles in its column `vehicle`. O(rows) time; holds one
-    /// row.
+    /// Reads a table of navigation, receptions or transmissions. O(rows) time; holds one row.
+    ///
+    /// Its rows belong to `vehicle`, or to the vehicles in its column `vehicle`.
     ///
     /// # Errors
     /// [`ImportError`] with file, line, column, value and what was expected.
@@ -25,8 +37,10 @@ impl RecordReader {
         (reader, path): (impl Read, &Path),
         vehicle: Option<&VehicleId>,
         recordings: &mut Recordings,
-    ) -> Result<SkipCounts, ImportError> {
-        let mut row = RoleTable::new(reader, path, kind, &self.columns)?;
+    ) -> Result<TableSummary, ImportError> {
+        let columns = self.columns.of_table(path, vehicle);
+        let mut row = RoleTable::new(reader, path, kind, &columns)?.in_zone(&self.time_zone);
+        row.check_units(path)?;
         row.require(kind, &["time"])?;
         if vehicle.is_none() {
             row.require(kind, &["vehicle"])?;
@@ -39,7 +53,10 @@ impl RecordReader {
             // A table without rows is a record, too: nothing was received or transmitted.
             start_record(kind, recordings.entry(vehicle.clone()).or_default());
         }
-        self.require_columns(kind, &row)?;
+        require_columns(kind, &row)?;
+        if kind == TableKind::Receptions {
+            row.check_outcome(path, &columns)?;
+        }
         while row.table.next()? {
             let owner = match vehicle {
                 Some(vehicle) => vehicle.clone(),
@@ -52,17 +69,10 @@ impl RecordReader {
                 TableKind::Navigation => add_fix(&row, recording, &mut skipped)?,
                 TableKind::Receptions => self.add_arrival(&row, (recording, record), &mut skipped)?,
                 TableKind::Transmissions => self.add_transmission(&row, recording, &mut skipped)?,
+                TableKind::Events => {}
             }
         }
-        Ok(skipped)
-    }
-
-    fn require_columns(&self, kind: TableKind, row: &RoleTable) -> Result<(), ImportError> {
-        match kind {
-            TableKind::Navigation => require_position(row),
-            TableKind::Receptions => row.require(kind, &["source"]),
-            TableKind::Transmissions => Ok(()),
-        }
+        Ok(TableSummary { skipped, conversions: row.conversions() })
     }
 
     fn add_arrival(
@@ -117,9 +127,21 @@ impl RecordReader {
     }
 }
 
+fn require_columns(kind: TableKind, row: &RoleTable) -> Result<(), ImportError> {
+    match kind {
+        TableKind::Navigation => require_position(row),
+        TableKind::Receptions => row.require(kind, &["source"]),
+        TableKind::Transmissions => Ok(()),
+        TableKind::Events => {
+            let problem = "a table of events is read by read_events; expected navigation, receptions or transmissions";
+            Err(ImportError::Inconsistent(problem.into()))
+        }
+    }
+}
+
 fn start_record(kind: TableKind, recording: &mut Recording) {
     match kind {
-        TableKind::Navigation => {}
+        TableKind::Navigation | TableKind::Events => {}
         TableKind::Receptions => drop(recording.arrivals.get_or_insert_default()),
         TableKind::Transmissions => drop(recording.transmissions.get_or_insert_default()),
     }
@@ -139,29 +161,4 @@ fn add_fix(row: &RoleTable, recording: &mut Recording, skipped: &mut SkipCounts)
     };
     recording.fixes.push(Fix { time_s, place, depth_m });
     Ok(())
-}
-
-/// Checks that a table has columns for positions, in degrees or in metres.
-pub(crate) fn require_position(row: &RoleTable) -> Result<(), ImportError> {
-    let has_degrees = row.has("latitude") || row.has("longitude");
-    row.require(TableKind::Navigation, if has_degrees { &["latitude", "longitude"] } else { &["easting", "northing"] })
-}
-
-/// Reads the position and the depth of a row; `None` if a coordinate is empty.
-pub(crate) fn read_position(row: &RoleTable) -> Result<Option<(Place, Option<f64>)>, ImportError> {
-    let has_degrees = row.has("latitude");
-    let (first, second) = if has_degrees { ("latitude", "longitude") } else { ("easting", "northing") };
-    let (Some(a), Some(b)) = (row.number(first)?, row.number(second)?) else { return Ok(None) };
-    let place = if has_degrees {
-        let place =
-            Geographic::new(a, b).ok_or_else(|| row.bad(first, "degrees: latitudes to 90, longitudes to 180"))?;
-        Place::Degrees(place)
-    } else {
-        Place::Metres(a, b)
-    };
-    let depth_m = row.number("depth")?;
-    if depth_m.is_some_and(|depth_m| bounds::COORDINATE_M.check(depth_m).is_none()) {
-        return Err(row.bad("depth", bounds::COORDINATE_M.words).into());
-    }
-    Ok(Some((place, depth_m)))
 }

@@ -281,7 +281,7 @@ fn a_wrong_checksum_is_garbled_and_the_content_determines_the_kind() {
         ("1 $GPGGA,1,2,3\n", None),
         ("", None),
     ] {
-        assert_eq!(RecordReader::default().detect_kind(text.as_bytes(), Path::new("file")), kind, "{text}");
+        assert_eq!(RecordReader::default().detect_kind(text.as_bytes(), Path::new("file"), None), kind, "{text}");
     }
 }
 

@@ -99,7 +99,7 @@ fn messages_in_the_write_ahead_log_are_read_up_to_the_last_commit() {
     assert_eq!(names(&left).iter().filter(|name| name.starts_with("bag")).count(), 2, "{:?}", names(&left));
     drop((recorder, folder));
     // The log and its index are files of a known kind and no captures of a modem.
-    let kind = |head: &[u8]| RecordReader::default().detect_kind(head, Path::new("bag.db3-wal"));
+    let kind = |head: &[u8]| RecordReader::default().detect_kind(head, Path::new("bag.db3-wal"), None);
     let sentence = b"\n1777809600.25 $CARXD,2,1,0,1,AABB\n";
     assert_eq!(kind(&[&log[..32], sentence].concat()), Some(RecordKind::SqliteLog));
     assert_eq!(kind(sentence), Some(RecordKind::ModemCapture));

@@ -19,6 +19,8 @@ mod import;
 mod import_logs;
 mod import_times;
 mod import_modems;
+mod import_positions;
+mod import_tables;
 mod learning;
 mod library;
 mod machine_interface;

@@ -242,6 +242,8 @@ const IMPORT: &[Case] = &[
     ("--json", "", ""),
 ];
 
+const IMPORT_EVENTS: &[Case] = &[("--events", "other-table.csv", ""), ("--time-zone", "+02:00", "")];
+
 const REPRODUCE: &[Case] =
     &[("--data", "events.csv", ""), ("--permutations", "3", ""), ("--seed", "9", ""), ("--json", "", "")];
 
@@ -293,6 +295,7 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
             "import --nav nav.csv --heard heard.csv --schedule schedule.toml --ids ids.csv --output imported.csv --accept-bad-log",
             vec![IMPORT],
         ),
+        ("import --events table.csv --output imported.csv", vec![IMPORT_EVENTS]),
         ("reproduce local --permutations 2", vec![REPRODUCE]),
         ("reproduce points --permutations 2", vec![&[("--out", "page", "")]]),
         ("team events.csv --output new-team.toml", vec![TEAM]),
@@ -309,6 +312,9 @@ fn prepare(folder: &Path) {
     let of_kinds: String = log.lines().zip(kinds).map(|(line, kind)| format!("{line},{kind}\n")).collect();
     file(folder, "events.csv", of_kinds);
     file(folder, "other.csv", log.replace("200,500", "210,480"));
+    let table = "time,tx,rx,tx_x,tx_y,rx_x,rx_y,heard\n2026-05-03 12:00:00,ada,bob,0,0,50,90,yes\n2026-05-03 12:01:00,bob,ada,50,90,0,0,no\n";
+    file(folder, "table.csv", table);
+    file(folder, "other-table.csv", table.replace("12:00", "13:00"));
     let splits: String = (0..40).map(|n| if n % 4 == 0 { "1\n" } else { "0\n" }).collect();
     file(folder, "splits.csv", format!("split_0\n{splits}"));
     let links = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n100,200,500,300\n9000,200,500,300\n";

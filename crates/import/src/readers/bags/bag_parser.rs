@@ -240,6 +240,7 @@ impl<'a> BagParser<'a> {
         }
         self.parsed.recording.reported.extend((!self.reported.is_empty()).then_some(self.reported));
         self.parsed.datum = self.navigation.datum();
+        self.parsed.skipped.missing_positions += self.navigation.missing;
         self.parsed.recording.fixes = self.navigation.into_fixes();
         Ok(self.parsed)
     }

@@ -8,8 +8,10 @@ use pingmap_agent::bounds;
 use crate::model::error::ImportError;
 use crate::model::reference::Place;
 use crate::model::time::{TIME, parse_time};
-use crate::readers::columns::{Columns, RoleTable, TableKind};
-use crate::readers::table::{read_position, require_position};
+use crate::readers::tables::columns::Columns;
+use crate::readers::tables::position::{read_position, require_position};
+use crate::readers::tables::role_table::RoleTable;
+use crate::readers::tables::roles::TableKind;
 use pingmap_trial::Problem;
 
 /// A place in a list.

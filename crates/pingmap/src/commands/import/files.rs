@@ -1,18 +1,20 @@
 //! The input files of an import, and the options that describe them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
 use pingmap_agent::{Geographic, ReferenceSystem, VehicleId};
 use pingmap_import::{
-    Columns, ExclusionReason, Fix, ImportError, MOOS_PREFIX, ModemIds, Place, RecordKind, RecordReader, Recordings,
-    Reference, Schedule, SkipCounts, TIME, TableKind, parse_time, resolve_modem_ids,
+    Columns, EventRecords, ExclusionReason, Fix, IsolatedFixes, MOOS_PREFIX, ModemIds, Place, RecordKind, RecordReader,
+    Recordings, Reference, Schedule, SkipCounts, TIME, TableKind, TimeZone, exclude_isolated_fixes, parse_time,
+    resolve_modem_ids,
 };
 
 use super::input_checks::{check_sqlite_logs, check_vehicles};
-use super::records::{self, RecordFile, Records, open, split_vehicle};
+use super::origin::{OriginSource, choose_reference, has_metres};
+use super::records::{self, RecordFile, Records, note_conversions, open, split_vehicle};
 use super::unpacked::Unpacked;
 use crate::cli_parsers::{crs, origin, place, positive};
 use crate::log::STANDARD_INPUT;
@@ -39,6 +41,13 @@ pub struct Files {
     /// Tables of messages that a vehicle sent: time
     #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
     sent: Vec<String>,
+    /// Tables of events with their outcomes, instead of recordings: time, sender, receiver, positions of both, and
+    /// whether the message was received
+    #[arg(
+        long, value_name = "FILE", num_args = 1..,
+        conflicts_with_all = ["records", "nav", "heard", "sent", "fixed", "schedule", "listening", "not_listening"]
+    )]
+    events: Vec<PathBuf>,
     /// Position of a vehicle without navigation: metres, or degrees such as 41.52N,70.67W; and a depth in metres
     #[arg(long, value_name = "NAME=PLACE", value_parser = parse_station)]
     fixed: Vec<(String, Fix)>,
@@ -66,7 +75,13 @@ pub struct Files {
     /// Prefix of the modem's variables in MOOS logs: …NMEA_IN, …MODEM_RECEIVE
     #[arg(long, value_name = "PREFIX", default_value = MOOS_PREFIX)]
     acomms_prefix: String,
+    /// Zone of dates and times in tables that name none, such as Europe/Berlin or +02:00
+    #[arg(long, value_name = "ZONE", default_value = "UTC", allow_hyphen_values = true)]
+    time_zone: TimeZone,
     /// Name of a column, such as heard.source=from
+    ///
+    /// VEHICLE:heard.source=from and FILE:heard.source=from apply to the tables of one vehicle, or to one file. After
+    /// an empty name the role has no column.
     #[arg(long, value_name = "ROLE=COLUMN", num_args = 1.., value_parser = split_value)]
     column: Vec<(String, String)>,
     /// Names of columns from a TOML file: [heard], source = "from"
@@ -83,26 +98,19 @@ pub struct Files {
 /// Content of all input files.
 pub struct Inputs {
     pub recordings: Recordings,
+    /// Events of tables with outcomes. There are no recordings then.
+    pub events: Option<EventRecords>,
     pub schedule: Option<Schedule>,
     pub reference: Reference,
     /// Position of (0, 0) of the log, if known, and its source.
     pub origin: Option<(Geographic, OriginSource)>,
+    /// Positions that were excluded because they lie far from the rest of their track.
+    pub isolated_fixes: Vec<IsolatedFixes>,
     pub skipped: SkipCounts,
     /// Number of messages per source for which nothing else was recorded.
     pub unknown_sources: BTreeMap<VehicleId, usize>,
     /// Files in folders whose kind is unknown.
     pub unknown_files: Vec<PathBuf>,
-}
-
-/// Source of the position of (0, 0).
-#[derive(Clone, Copy, PartialEq)]
-pub enum OriginSource {
-    /// An option of the command.
-    Option,
-    /// The recorded files.
-    Files,
-    /// The mean of all positions.
-    Mean,
 }
 
 fn split_value(text: &str) -> Result<(String, String), String> {
@@ -127,6 +135,59 @@ fn parse_station(text: &str) -> Result<(String, Fix), String> {
 impl Files {
     /// Reads all files.
     pub fn read(&self) -> anyhow::Result<Inputs> {
+        if self.events.is_empty() { self.read_recordings() } else { self.read_events() }
+    }
+
+    /// Reads tables of events.
+    fn read_events(&self) -> anyhow::Result<Inputs> {
+        let mut reader = self.reader()?;
+        if let Some(path) = &self.ids {
+            reader.ids = ModemIds::read(open(path)?, path)?;
+        }
+        let mut events = EventRecords::default();
+        for path in &self.events {
+            let conversions = reader.read_events(open(path)?, path, &mut events)?;
+            note_conversions(path, &conversions);
+        }
+        self.check_scopes(&reader, &Recordings::new(), &[])?;
+        let places: Vec<Place> = events.events.iter().flat_map(|event| event.ends.map(|(place, _)| place)).collect();
+        let records = Records { has_metres: has_metres(&places), ..Records::default() };
+        let (reference, origin) = choose_reference(self.origin.or(self.crs), &places, &records)?;
+        let skipped = SkipCounts { missing_positions: events.missing_positions, ..SkipCounts::default() };
+        Ok(Inputs {
+            recordings: Recordings::new(),
+            events: Some(events),
+            schedule: None,
+            reference,
+            origin,
+            isolated_fixes: Vec::new(),
+            skipped,
+            unknown_sources: BTreeMap::new(),
+            unknown_files: Vec::new(),
+        })
+    }
+
+    /// Checks that assignments of columns for one vehicle or file name an existing one.
+    fn check_scopes(&self, reader: &RecordReader, recordings: &Recordings, files: &[RecordFile]) -> anyhow::Result<()> {
+        let option_files = [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| split_vehicle(file).1);
+        let paths = option_files
+            .chain(self.events.iter().map(PathBuf::as_path))
+            .chain(files.iter().map(|file| file.name.as_path()));
+        let names: BTreeSet<&str> = paths.filter_map(|path| path.file_name()?.to_str()).collect();
+        let is_known = |scope: &&str| names.contains(scope) || recordings.contains_key(&VehicleId::new(*scope));
+        match reader.columns.scopes().find(|scope| !is_known(scope)) {
+            None => Ok(()),
+            Some(scope) => {
+                let message = format!(
+                    "--column {scope}:…: no table is called {scope} or of a vehicle {scope}; expected the name of one"
+                );
+                Err(BadInput(message).into())
+            }
+        }
+    }
+
+    /// Reads all recordings.
+    fn read_recordings(&self) -> anyhow::Result<Inputs> {
         let mut reader = self.reader()?;
         let mut unpacked = Unpacked::new((self.unpacked_max * 1e9) as u64);
         let mut files = records::unpack_archives(records::list_files(&self.records)?, &mut unpacked)?;
@@ -151,9 +212,24 @@ impl Files {
             recordings.entry(VehicleId::new(name)).or_default().station = Some(*fix);
         }
         self.set_listening(&mut recordings)?;
-        let (reference, origin) = self.reference(&recordings, &records)?;
+        let isolated_fixes = exclude_isolated_fixes(&mut recordings);
+        self.check_scopes(&reader, &recordings, &files)?;
+        let fixes = recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.station));
+        let places: Vec<Place> = fixes.map(|fix| fix.place).collect();
+        let (reference, origin) = choose_reference(self.origin.or(self.crs), &places, &records)?;
         let Records { skipped, unknown_files, .. } = records;
-        Ok(Inputs { recordings, schedule, reference, origin, skipped, unknown_sources, unknown_files })
+        let events = None;
+        Ok(Inputs {
+            recordings,
+            events,
+            schedule,
+            reference,
+            origin,
+            isolated_fixes,
+            skipped,
+            unknown_sources,
+            unknown_files,
+        })
     }
 
     /// Adds the intervals in which modems were listening or not, as stated by the user.
@@ -200,15 +276,17 @@ impl Files {
             check_vehicles(&file.name, recordings)?;
         }
         // Metres in tables may use --crs. Metres of logs that name their own (0, 0) do not.
-        let mut log_fixes = recordings.values().flat_map(|recording| &recording.fixes);
-        records.has_metres = log_fixes.any(|fix| matches!(fix.place, Place::Metres(..)));
+        let log_fixes = recordings.values().flat_map(|recording| &recording.fixes);
+        records.has_metres = has_metres(&log_fixes.map(|fix| fix.place).collect::<Vec<_>>());
         for file in tables {
             records.read_file(file, bar.wrap_read(file.open()?), reader, recordings)?;
             check_vehicles(&file.name, recordings)?;
         }
         for (kind, (vehicle, path)) in option_tables() {
             let table = (bar.wrap_read(open(path)?), path);
-            records.skipped = records.skipped.sum(reader.read_table(kind, table, vehicle.as_ref(), recordings)?);
+            let summary = reader.read_table(kind, table, vehicle.as_ref(), recordings)?;
+            records.skipped = records.skipped.sum(summary.skipped);
+            note_conversions(path, &summary.conversions);
             check_vehicles(path, recordings)?;
         }
         bar.finish_and_clear();
@@ -220,7 +298,7 @@ impl Files {
     pub fn paths(&self) -> anyhow::Result<Vec<PathBuf>> {
         let tables =
             [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| split_vehicle(file).1.to_owned());
-        let other_files = [&self.schedule, &self.ids, &self.columns].into_iter().flatten().cloned();
+        let other_files = [&self.schedule, &self.ids, &self.columns].into_iter().flatten().chain(&self.events).cloned();
         let (reader, records) = (self.reader()?, records::list_files(&self.records)?);
         let records = records.into_iter().filter(|file| records::is_read(file, &reader)).map(|file| file.path);
         let all: Vec<PathBuf> = records.chain(tables).chain(other_files).collect();
@@ -233,7 +311,8 @@ impl Files {
     /// Returns the options of reading, without the names of ids.
     fn reader(&self) -> anyhow::Result<RecordReader> {
         let moos_prefix = self.acomms_prefix.clone();
-        Ok(RecordReader { columns: self.columns()?, moos_prefix, ..RecordReader::default() })
+        let (columns, time_zone) = (self.columns()?, self.time_zone.clone());
+        Ok(RecordReader { columns, time_zone, moos_prefix, ..RecordReader::default() })
     }
 
     fn columns(&self) -> anyhow::Result<Columns> {
@@ -257,73 +336,5 @@ impl Files {
             columns.assign(role, column)?;
         }
         Ok(columns)
-    }
-
-    /// Returns the reference system of the log, and the position of (0, 0).
-    fn reference(
-        &self,
-        recordings: &Recordings,
-        records: &Records,
-    ) -> anyhow::Result<(Reference, Option<(Geographic, OriginSource)>)> {
-        let with_origin = |origin| Reference::with_origin(origin).map_err(ImportError::from);
-        let places = || recordings.values().flat_map(|recording| recording.fixes.iter().chain(&recording.station));
-        let has_metres = places().any(|fix| matches!(fix.place, Place::Metres(..)));
-        if let (Some(crs), Some((path, _)), true) = (self.crs, records.datums.first(), records.has_metres) {
-            let message = format!(
-                "{}: its metres have an origin of their own and are not of {crs}; expected --origin, or no --crs",
-                path.display()
-            );
-            return Err(BadInput(message).into());
-        }
-        if let Some(system) = self.origin.or(self.crs) {
-            let origin = match system {
-                ReferenceSystem::About(place) => Some((place, OriginSource::Option)),
-                _ => None,
-            };
-            return Ok((Reference::new(system).map_err(ImportError::from)?, origin));
-        }
-        if let Some(datum) = records.datum()? {
-            return Ok((with_origin(datum)?, Some((datum, OriginSource::Files))));
-        }
-        let degrees = |fix: &Fix| match fix.place {
-            Place::Degrees(place) => Some(place),
-            Place::Metres(..) => None,
-        };
-        let degrees: Vec<Geographic> = places().filter_map(degrees).collect();
-        if degrees.is_empty() {
-            return Ok((Reference::unknown(), None));
-        }
-        if has_metres {
-            let message = "some positions are in metres and others in degrees; expected --origin, the latitude and longitude of (0, 0) of \
-                           the metres, or --crs";
-            return Err(BadInput(message.into()).into());
-        }
-        let mean = mean_position(&degrees);
-        Ok((with_origin(mean)?, Some((mean, OriginSource::Mean))))
-    }
-}
-
-/// Returns the mean of positions in degrees. It is rounded to a hundredth, so that logs of one area share it.
-fn mean_position(degrees: &[Geographic]) -> Geographic {
-    let mean = |of: &dyn Fn(&Geographic) -> f64| {
-        (degrees.iter().map(of).sum::<f64>() / degrees.len() as f64 * 100.0).round() / 100.0
-    };
-    // Longitudes jump at the antimeridian, so the mean is over differences from the first longitude.
-    let from_deg = degrees[0].longitude_deg.round();
-    let wrap_deg = |east_deg: f64| (east_deg + 180.0).rem_euclid(360.0) - 180.0;
-    let east_deg = mean(&|place| wrap_deg(place.longitude_deg - from_deg));
-    let longitude_deg = (wrap_deg(from_deg + east_deg) * 100.0).round() / 100.0;
-    Geographic { latitude_deg: mean(&|place| place.latitude_deg), longitude_deg }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_mean_is_between_positions_at_the_antimeridian() {
-        let place = |longitude_deg| Geographic { latitude_deg: -17.0, longitude_deg };
-        let found = mean_position(&[179.98, -179.98, -179.97].map(place));
-        assert!((found.longitude_deg + 179.99).abs() < 1e-9 && found.latitude_deg == -17.0, "{found:?}");
     }
 }

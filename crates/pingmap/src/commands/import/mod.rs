@@ -3,6 +3,7 @@
 mod archives;
 mod files;
 mod input_checks;
+mod origin;
 pub mod json;
 mod records;
 mod summary;
@@ -12,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_agent::VehicleId;
-use pingmap_import::{ImportResult, Rules, SlotUse, join};
+use pingmap_import::{ImportResult, Rules, SlotUse, join, join_events};
 
 use self::files::Files;
 use self::json::ImportJson;
@@ -136,7 +137,10 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     let target = options.overwrite.target(&options.output, &inputs)?.with_json(options.json)?;
     let inputs = options.files.read()?;
-    let joined = join(&inputs.recordings, inputs.schedule.as_ref(), &inputs.reference, &rules);
+    let joined = match &inputs.events {
+        Some(events) => Ok(join_events(events, &inputs.reference)),
+        None => join(&inputs.recordings, inputs.schedule.as_ref(), &inputs.reference, &rules),
+    };
     if let (Err(_), Some(unknown_files)) = (&joined, unknown_files(&inputs)) {
         warn(format_args!("left out: {unknown_files}"));
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use pingmap_agent::{Geographic, VehicleId};
 use pingmap_import::{
-    FileSource, ImportError, Place, RecordKind, RecordReader, Recordings, Reference, SkipCounts, read_head,
+    Conversion, FileSource, ImportError, Place, RecordKind, RecordReader, Recordings, Reference, SkipCounts, read_head,
 };
 use pingmap_trial::{FileError, Problem};
 
@@ -156,7 +156,8 @@ fn list_folder(parent: &RecordFile, folder: &Path, depth: usize, files: &mut Vec
 pub fn detect_kinds(files: &mut [RecordFile], reader: &RecordReader) -> anyhow::Result<()> {
     for file in files {
         let unreadable = |error| FileError { path: file.name.clone(), problem: Problem::Unreadable(error) };
-        file.kind = reader.detect_kind(&read_head(file.open()?).map_err(unreadable)?, &file.name);
+        file.kind =
+            reader.detect_kind(&read_head(file.open()?).map_err(unreadable)?, &file.name, file.vehicle.as_ref());
     }
     Ok(())
 }
@@ -180,7 +181,8 @@ pub fn single_file(files: &[RecordFile], kinds: &[RecordKind], option: &str) -> 
 
 /// Whether a file is read. Files in folders are skipped if their kind is unknown.
 pub fn is_read(file: &RecordFile, reader: &RecordReader) -> bool {
-    let is_readable = |head: Vec<u8>| is_archive(&head) || reader.detect_kind(&head, &file.name).is_some();
+    let is_readable =
+        |head: Vec<u8>| is_archive(&head) || reader.detect_kind(&head, &file.name, file.vehicle.as_ref()).is_some();
     // A given file may be a pipe, which can be read only once.
     file.is_given || File::open(&file.path).and_then(read_head).map_or(true, is_readable)
 }
@@ -225,6 +227,7 @@ impl Records {
                     self.detected_tables.push(format!("{}: {}{owner}", name.display(), summary.kind.description()));
                 }
                 self.skipped = self.skipped.sum(summary.skipped);
+                note_conversions(name, &summary.conversions);
                 self.datums.extend(summary.datum.map(|datum| (name.clone(), datum)));
             }
             None if *is_given => {
@@ -274,5 +277,13 @@ pub fn split_vehicle(file: &str) -> (Option<VehicleId>, &Path) {
             (Some(VehicleId::new(name)), Path::new(path))
         }
         _ => (None, Path::new(file)),
+    }
+}
+
+/// Prints how a table differs from plain CSV.
+pub fn note_conversions(name: &Path, conversions: &[Conversion]) {
+    if !conversions.is_empty() {
+        let conversions: Vec<String> = conversions.iter().map(ToString::to_string).collect();
+        note(format_args!("{}: {}", name.display(), conversions.join(", ")));
     }
 }

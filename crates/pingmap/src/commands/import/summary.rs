@@ -4,9 +4,13 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use pingmap_agent::VehicleId;
-use pingmap_import::{ClockEstimate, EvidenceCounts, ExclusionReason, ImportResult, PairCounts, Rules};
+use pingmap_import::{
+    ClockEstimate, EvidenceCounts, ExclusionReason, ImportResult, IsolatedFixes, PairCounts, Place, Rules,
+    time_in_words,
+};
 
-use super::files::{Inputs, OriginSource};
+use super::files::Inputs;
+use super::origin::OriginSource;
 use crate::output::{count, table};
 
 /// Smallest clock offset in seconds that causes a warning.
@@ -80,9 +84,24 @@ pub fn warnings(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Vec<
             "{messages} from {name} fit no recorded transmission or slot: check the end of its records, the clocks and the ids"
         ));
     }
+    warnings.extend(inputs.isolated_fixes.iter().map(isolated_fixes));
     warnings.extend(unknown_sentences(inputs));
     warnings.extend(left_out(imported, inputs));
     warnings
+}
+
+/// Warns about positions that were excluded because they lie far from the rest of their track.
+fn isolated_fixes(IsolatedFixes { vehicle, fixes, first, distance_m }: &IsolatedFixes) -> String {
+    let place = match first.place {
+        Place::Degrees(place) => format!("{:.4}, {:.4}", place.latitude_deg, place.longitude_deg),
+        Place::Metres(east_m, north_m) => format!("({east_m:.0}, {north_m:.0}) m"),
+    };
+    format!(
+        "{} of {vehicle} at {place}, {}, left out: {:.0} km from its other positions",
+        count(*fixes, "position"),
+        time_in_words(first.time_s),
+        distance_m / 1000.0
+    )
 }
 
 /// Warns about modem sentences that no reader absorbs, and names the most frequent ones.
@@ -172,6 +191,9 @@ pub fn summary(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Strin
     }
     text += &format!("Positions: {}{}.\n", inputs.reference.name(), origin_note(inputs));
     text += &format!("\n{}\n", pairs(&imported.pairs));
+    if inputs.events.is_some() {
+        return text.trim_end().to_owned();
+    }
     let times = if rules.reference_clock.is_some() {
         "times and positions are corrected"
     } else {

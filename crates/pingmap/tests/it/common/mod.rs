@@ -1,6 +1,7 @@
 //! Runs the program, and writes logs for it.
 
 pub mod mission;
+pub mod tables;
 
 use std::fmt::Write as _;
 use std::io::Write as _;
