@@ -29,6 +29,9 @@ const SILENCE_NATS: f64 = 15.0;
 const SILENCE_EVENTS_MIN: usize = 10;
 const UNWITNESSED_TIMES: f64 = 2.0;
 
+/// Smallest number of missed messages of a pair from which its silence is remarkable.
+const SILENT_PAIR_EVENTS_MIN: usize = 20;
+
 /// Two links are near each other within this share of the chart's scale. The probability of a miss is estimated from
 /// this many neighbours, for at most this many misses and among at most this many events.
 const NEAR_SHARE: f64 = 0.7;
@@ -100,7 +103,7 @@ impl EventLog {
 
     /// Returns all findings. O(n log n).
     pub fn findings(&self) -> Vec<Finding> {
-        let checks = [outcomes, positions, names, jumps, silences, rows];
+        let checks = [outcomes, positions, names, jumps, silences, silent_pairs, rows];
         checks.iter().flat_map(|check| check(self)).collect()
     }
 }
@@ -288,6 +291,27 @@ fn silences(log: &EventLog) -> Vec<Finding> {
         }
     }
     findings
+}
+
+/// Finds pairs that hear nothing while the opposite direction hears half of the messages.
+fn silent_pairs(log: &EventLog) -> Vec<Finding> {
+    let pairs = log.pairs();
+    let silent = pairs.iter().filter_map(|((sender, receiver), pair)| {
+        let reverse = pairs.get(&(receiver.clone(), sender.clone()))?;
+        let is_silent = pair.heard == 0 && pair.missed >= SILENT_PAIR_EVENTS_MIN;
+        let is_reverse_heard = reverse.heard >= reverse.missed && reverse.heard > 0;
+        (is_silent && is_reverse_heard).then(|| {
+            let text = format!(
+                "{receiver} heard none of {} messages from {sender}, and {sender} heard {} of {} from {receiver}: {receiver} may be deaf \
+                 (pingmap import --not-listening {receiver}=FROM/TO leaves out a span)",
+                pair.missed,
+                reverse.heard,
+                reverse.heard + reverse.missed
+            );
+            odd("silent_pair", text)
+        })
+    });
+    silent.collect()
 }
 
 /// Returns the improbability of a silence in nats, from the outcomes over nearly equal links at other times, in either

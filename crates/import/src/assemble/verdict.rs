@@ -4,14 +4,17 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use pingmap_agent::VehicleId;
+use pingmap_trial::EventLog;
 
 use crate::assemble::clock_estimate::ClockEstimate;
 use crate::assemble::clocks::fleet_clocks::{ClockAmbiguity, FleetClocks};
 use crate::assemble::matching::MatchTable;
 use crate::assemble::pair_counts::{PairCounts, PairTable};
+use crate::assemble::rules::Rules;
 use crate::assemble::vehicles::fleet::Fleet;
 use crate::assemble::vehicles::transmission::{Transmission, TransmissionEvidence};
 use crate::model::schedule::Schedule;
+use crate::model::time::time_in_words;
 
 /// Largest share of receptions that may fit no transmission.
 const UNASSIGNED_SHARE_MAX: f64 = 0.1;
@@ -28,8 +31,8 @@ const RESIDUAL_S_MAX: f64 = 0.5;
 /// Largest plausible deviation of a sender's delay from the median delay, in seconds.
 const DELAY_DEVIATION_S_MAX: f64 = 0.5;
 
-/// Smallest number of opportunities of a pair from which silence is remarkable.
-const SILENT_OPPORTUNITIES_MIN: usize = 20;
+/// Depths above this are no measurement errors of a vehicle at the surface, in metres.
+const IN_AIR_M: f64 = -0.5;
 
 /// A contradiction between the records of the vehicles.
 #[derive(Debug, Clone, PartialEq)]
@@ -119,7 +122,7 @@ impl Verdict {
                 .map(|ambiguity| format!("{}; --clock-offset-s-max limits the offset", describe(ambiguity))),
         );
         warnings.extend(late_senders(evidence));
-        warnings.extend(silent_pairs(evidence));
+        warnings.extend(surfaced_vehicles(evidence.fleet));
         Self { contradictions, warnings, unexpected: unexpected(evidence) }
     }
 }
@@ -164,18 +167,36 @@ fn unassigned_receptions(evidence: &Evidence) -> Option<Contradiction> {
 fn excess_transmissions<'a>(evidence: &'a Evidence) -> impl Iterator<Item = Contradiction> + 'a {
     let senders = evidence.transmissions.iter().zip(&evidence.fleet.vehicles);
     senders.filter_map(|(transmissions, vehicle)| {
-        let schedule = evidence.schedule.filter(|schedule| schedule.senders().any(|name| name == vehicle.name))?;
-        let recorded: Vec<f64> = transmissions
+        let recorded = transmissions
             .iter()
             .filter(|transmission| transmission.evidence == TransmissionEvidence::Recorded)
-            .map(|transmission| transmission.time_s)
-            .collect();
-        let margin_s = evidence.fleet.rules.match_s;
-        let (from_s, to_s) = (recorded.first()? - margin_s, recorded.last()? + margin_s);
-        let slots = schedule.slot_starts_s(vehicle.name, from_s, to_s).len();
-        let (sender, transmissions) = (vehicle.name.clone(), recorded.len());
-        (transmissions > slots).then_some(Contradiction::MoreTransmissionsThanSlots { sender, transmissions, slots })
+            .map(|transmission| transmission.time_s);
+        excess(evidence.schedule?, vehicle.name, &recorded.collect::<Vec<_>>(), evidence.fleet.rules.match_s)
     })
+}
+
+/// Compares the transmissions of a sender, in the order of time, with its slots.
+fn excess(schedule: &Schedule, sender: &VehicleId, times_s: &[f64], margin_s: f64) -> Option<Contradiction> {
+    schedule.senders().find(|name| *name == sender)?;
+    let (from_s, to_s) = (times_s.first()? - margin_s, times_s.last()? + margin_s);
+    let slots = schedule.slot_starts_s(sender, from_s, to_s).len();
+    let (sender, transmissions) = (sender.clone(), times_s.len());
+    (transmissions > slots).then_some(Contradiction::MoreTransmissionsThanSlots { sender, transmissions, slots })
+}
+
+/// Compares the transmissions in a log of any origin with a schedule. O(n log n).
+pub fn check_schedule(log: &EventLog, schedule: &Schedule) -> Vec<Contradiction> {
+    let mut by_sender: BTreeMap<&VehicleId, Vec<f64>> = BTreeMap::new();
+    for event in &log.events {
+        by_sender.entry(&event.transmitter_id).or_default().push(event.time_s);
+    }
+    let margin_s = Rules::default().match_s;
+    let compare = |(sender, mut times_s): (&VehicleId, Vec<f64>)| {
+        times_s.sort_by(f64::total_cmp);
+        times_s.dedup();
+        excess(schedule, sender, &times_s, margin_s)
+    };
+    by_sender.into_iter().filter_map(compare).collect()
 }
 
 /// Returns a warning for each clock with an implausible offset, drift or residual.
@@ -230,22 +251,19 @@ fn late_senders<'a>(evidence: &'a Evidence) -> impl Iterator<Item = String> + 'a
     })
 }
 
-/// Names the pairs that hear nothing while the opposite direction hears half of the messages.
-fn silent_pairs<'a>(evidence: &'a Evidence) -> impl Iterator<Item = String> + 'a {
-    let Evidence { fleet, pairs, .. } = *evidence;
-    pairs.iter().filter_map(move |(&(receiver, sender), pair)| {
-        let reverse = pairs.get(&(sender, receiver))?;
-        let is_silent = pair.heard == 0 && pair.missed >= SILENT_OPPORTUNITIES_MIN;
-        let is_reverse_heard = reverse.heard >= reverse.missed && reverse.heard > 0;
-        let [receiver, sender] = [receiver, sender].map(|vehicle| fleet.vehicles[vehicle].name);
-        (is_silent && is_reverse_heard).then(|| {
-            format!(
-                "{receiver} heard none of {} messages from {sender}, and {sender} heard {} of {} from {receiver}: {receiver} may be deaf \
-                 (--not-listening {receiver}=FROM/TO excludes a span)",
-                pair.missed,
-                reverse.heard,
-                reverse.heard + reverse.missed
-            )
-        })
+/// Names each vehicle that was at the surface by the rules, or in the air by its own depth, with the spans of time.
+fn surfaced_vehicles<'a>(fleet: &'a Fleet) -> impl Iterator<Item = String> + 'a {
+    fleet.vehicles.iter().filter_map(|vehicle| {
+        let above_m = fleet.rules.surfaced_above_m.unwrap_or(IN_AIR_M);
+        let spans = vehicle.track.spans_above(above_m);
+        let (from_s, to_s) = spans.first()?;
+        let name = vehicle.name;
+        let more = if spans.len() > 1 { format!(", and in {} more spans", spans.len() - 1) } else { String::new() };
+        let remedy = match fleet.rules.surfaced_above_m {
+            Some(_) => "its messages in this time are left out".to_owned(),
+            None => format!("was it in the air? --not-listening {name}=FROM/TO leaves out a span"),
+        };
+        let [from, to] = [*from_s, *to_s].map(time_in_words);
+        Some(format!("{name} is above {above_m} m depth from {from} to {to}{more}: {remedy}"))
     })
 }

@@ -11,3 +11,5 @@ pub(crate) mod recording;
 pub(crate) mod parsed_file;
 pub(crate) mod modem_ids;
 pub(crate) mod schedule;
+pub(crate) mod goby_mac;
+pub(crate) mod schedule_file;

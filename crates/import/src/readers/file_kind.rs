@@ -6,6 +6,7 @@ use std::path::Path;
 use pingmap_agent::VehicleId;
 use pingmap_trial::Table;
 
+use crate::model::goby_mac::is_mac_config;
 use crate::readers::bags::{mcap_file, sqlite, sqlite_wal};
 use crate::readers::file_owner::{RECEPTION_WORDS, SCHEDULE_WORDS, TRANSMISSION_WORDS, split_words};
 use crate::readers::lcm::events;
@@ -112,6 +113,8 @@ impl RecordReader {
         {
             let is_team = config.contains_key("model_file");
             Some(if is_team { RecordKind::TeamFile } else { RecordKind::Schedule })
+        } else if is_mac_config(&text) {
+            Some(RecordKind::Schedule)
         } else {
             self.detect_table_kind(head, name, vehicle)
         }
@@ -181,6 +184,7 @@ mod tests {
             ("time\n1\n", "sent.csv", Some(transmissions)),
             ("time_s,source\n", "turns.csv", Some(RecordKind::Schedule)),
             ("start = 1\n[slots]\n", "a", Some(RecordKind::Schedule)),
+            ("mac { type: MAC_FIXED_DECENTRALIZED slot { } }", "auv.pb.cfg", Some(RecordKind::Schedule)),
             ("name;id\n", "a", Some(RecordKind::ModemIds)),
             // The columns fit several kinds, or none.
             ("time,source,destination\n", "auv1.csv", None),

@@ -1,7 +1,10 @@
 //! `pingmap check`: finds problems in event logs.
 
+use std::path::PathBuf;
+
 use clap::Args;
-use pingmap_trial::{EventLog, Finding, PairCount, RangeBin};
+use pingmap_import::{Contradiction, ModemIds, Schedule, check_schedule};
+use pingmap_trial::{EventLog, Finding, PairCount, RangeBin, open};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -17,6 +20,9 @@ const BINS: usize = 8;
 pub struct Options {
     #[command(flatten)]
     pub logs: Logs,
+    /// Compare the transmissions with this schedule, as `pingmap import` reads it
+    #[arg(long, value_name = "FILE")]
+    pub schedule: Option<PathBuf>,
     /// Exit with status 2 if anything is suspicious
     #[arg(long)]
     pub strict: bool,
@@ -37,7 +43,17 @@ impl Options {
 
 fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let log = options.logs.read()?;
-    let findings = log.findings();
+    let mut findings = log.findings();
+    if let Some(path) = &options.schedule {
+        let schedule = Schedule::read(open(path)?, path, &ModemIds::default())?;
+        let contradictions = check_schedule(&log, &schedule);
+        let finding = |contradiction: &Contradiction| Finding {
+            check: "schedule",
+            is_nonsense: true,
+            text: contradiction.to_string(),
+        };
+        findings.extend(contradictions.iter().map(finding));
+    }
     if options.json {
         print_json(results, &CheckedJson::of(&log, &findings))?;
     } else {

@@ -112,3 +112,35 @@ fn several_logs_are_read_as_one() {
     );
     assert_eq!(pingmap(folder, &["check"]).status.code(), Some(2));
 }
+
+#[test]
+fn a_silent_pair_and_a_wrong_schedule_are_found_in_logs_of_any_origin() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let events: String = (0..60)
+        .map(|n| match n % 2 {
+            0 => format!("{},a,b,0,0,{},0,0\n", 10 * n, 500 + n),
+            _ => format!("{},b,a,{},0,0,0,1\n", 10 * n, 500 + n),
+        })
+        .collect();
+    file(folder, "events.csv", format!("{HEADER}\n{events}"));
+    let found = json(folder, &["check", "events.csv", "--json"]);
+    let texts = |found: &serde_json::Value| -> Vec<String> {
+        found["findings"].as_array().unwrap().iter().map(|finding| finding["text"].to_string()).collect()
+    };
+    assert!(texts(&found).iter().any(|text| text.contains("b heard none of 30 messages from a")), "{found}");
+    // The schedule gives each vehicle one slot in 20 s, or one in 40 s.
+    for (seconds, is_right) in [(10, true), (20, false)] {
+        file(
+            folder,
+            "mac.cfg",
+            format!(
+                "mac {{ type: MAC_FIXED_DECENTRALIZED slot {{ src: a slot_seconds: {seconds} }} slot {{ src: b slot_seconds: {seconds} }} }}"
+            ),
+        );
+        let found = json(folder, &["check", "events.csv", "--json", "--schedule", "mac.cfg"]);
+        let excess =
+            texts(&found).iter().filter(|text| text.contains("30 transmissions, and the schedule gives it")).count();
+        assert_eq!(excess, if is_right { 0 } else { 2 }, "{found}");
+    }
+}

@@ -158,3 +158,30 @@ fn maps_across_the_antimeridian_are_cut_there() {
         assert!(all.iter().flatten().any(|place| place[0] == edge_deg), "{edge_deg}");
     }
 }
+
+#[test]
+fn a_vehicle_at_the_surface_is_named_with_its_span() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_tables(folder, 43.83, -70.33);
+    for name in ["ada", "bob"] {
+        let table = format!("{name}.nav.csv");
+        rewrite(folder, &table, |text| {
+            let depth = |n: usize| match n {
+                0 => "depth",
+                60..90 if name == "ada" => "-1.5",
+                _ => "20",
+            };
+            text.lines().enumerate().map(|(n, line)| format!("{line},{}\n", depth(n))).collect()
+        });
+    }
+    let (log, warnings) = import_tables(folder, &[]);
+    let span = "from 2026-05-03T12:09:50Z to 2026-05-03T12:14:40Z";
+    assert!(warnings.contains(&format!("ada is above -0.5 m depth {span}: was it in the air?")), "{warnings}");
+    let (shorter, warnings) = import_tables(folder, &["--surfaced-above-m", "1"]);
+    assert!(
+        warnings.contains(&format!("ada is above 1 m depth {span}: its messages in this time are left out")),
+        "{warnings}"
+    );
+    assert!(events(&shorter).len() + 10 < events(&log).len());
+}

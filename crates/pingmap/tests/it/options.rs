@@ -278,7 +278,7 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
         ("demo", vec![DEMO]),
         ("replay events.csv --repeats 1 --frames 1", vec![REPLAY, GIVEN, MODEL, WORK, THINNED]),
         ("replay events.csv --model model.toml", vec![ONLINE]),
-        ("check events.csv", vec![&[("--json", "", "")]]),
+        ("check events.csv", vec![&[("--json", "", ""), ("--schedule", "listed.csv", "")]]),
         ("learn events.csv --output learned.toml", vec![LEARN, MODEL, WORK, THINNED]),
         ("predict events.csv --links links.csv", vec![PREDICT, ASKED, NO_CAP, GIVEN, WORK, THINNED]),
         ("map events.csv --at 500,200 --cell-m 150", vec![MAP, ASKED, NO_CAP, GIVEN, WORK, THINNED]),

@@ -140,6 +140,7 @@ fn sparse_fits_are_named_and_close_to_dense_fits() {
 }
 
 #[test]
+#[ignore = "takes a minute; .ci/full runs it"]
 fn a_million_events_are_thinned_and_replayed() {
     let mut content = format!("{HEADER}\n");
     for n in 0..1_000_000_u64 {

@@ -59,6 +59,14 @@ impl Track {
         })
     }
 
+    /// Returns the spans of successive fixes above a depth, from the first to the last fix of each.
+    pub(crate) fn spans_above(&self, depth_m: f64) -> Vec<(f64, f64)> {
+        let is_above = |position: &Position| position.depth_m.is_some_and(|own_m| own_m < depth_m);
+        let spans = self.fixes.chunk_by(|a, b| is_above(&a.1) == is_above(&b.1));
+        let above = spans.filter(|span| span.first().is_some_and(|fix| is_above(&fix.1)));
+        above.filter_map(|span| Some((span.first()?.0, span.last()?.0))).collect()
+    }
+
     /// Estimates the position at any time, for the travel time of sound: interpolated across any gap, else the nearest
     /// fix.
     pub(crate) fn estimate(&self, time_s: f64) -> Option<Position> {

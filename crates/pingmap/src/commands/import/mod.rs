@@ -144,12 +144,13 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if let (Err(_), Some(unknown_files)) = (&joined, unknown_files(&inputs)) {
         warn(format_args!("left out: {unknown_files}"));
     }
-    let imported: ImportResult = joined?;
+    let mut imported: ImportResult = joined?;
+    if !imported.log.events.is_empty() {
+        let findings = imported.log.findings();
+        imported.warnings.extend(findings.into_iter().map(|finding| finding.text));
+    }
     for warning in warnings(&imported, &inputs, &rules) {
         warn(warning);
-    }
-    for finding in imported.log.findings().into_iter().filter(|_| !imported.log.events.is_empty()) {
-        warn(finding.text);
     }
     if imported.log.events.is_empty() {
         let reasons: Vec<String> =
