@@ -185,6 +185,18 @@ fn initial_clocks(
         initial_transmissions[sender].sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     }
     let mut clocks = FleetClocks::estimate_offsets(fleet, &initial_transmissions);
+    for _ in 0..ROUNDS_MAX {
+        let matched = match_all(fleet, &clocks, &initial_transmissions);
+        if !clocks.correct_round_trips(fleet, &receptions(fleet, &initial_transmissions, &matched)) {
+            break;
+        }
+    }
     clocks.search_segments(fleet, &initial_transmissions);
+    for _ in 0..ROUNDS_MAX {
+        let matched = match_all(fleet, &clocks, &initial_transmissions);
+        if !clocks.split_at_step(fleet, &receptions(fleet, &initial_transmissions, &matched)) {
+            break;
+        }
+    }
     clocks
 }

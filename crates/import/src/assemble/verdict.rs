@@ -230,7 +230,11 @@ fn clock_warnings<'a>(evidence: &'a Evidence) -> impl Iterator<Item = String> + 
         });
         [far, fast, loose].into_iter().flatten()
     });
-    was_set.into_iter().chain(doubtful)
+    let stepped = clocks.steps.iter().map(move |(vehicle, step)| {
+        let (name, time) = (fleet.vehicles[*vehicle].name, time_in_words(step.time_s));
+        format!("the clock of {name} stepped by {:+.1} s at about {time}, which no record of it shows", step.size_s())
+    });
+    was_set.into_iter().chain(stepped).chain(doubtful)
 }
 
 /// Names the senders whose transmissions are recorded later or earlier than those of others.

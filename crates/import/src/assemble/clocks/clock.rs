@@ -88,6 +88,18 @@ impl Clock {
         points
     }
 
+    /// Divides the segment that contains a time by this clock, and sets a constant offset before and after it.
+    pub(crate) fn divide_segment(&mut self, time_s: f64, before_s: f64, after_s: f64) {
+        let index = self.segment_index(time_s);
+        self.segments.insert(index + 1, (time_s, ClockSegment { offset_s: after_s, ..ClockSegment::default() }));
+        self.set_offset(index, before_s);
+    }
+
+    /// Adds `change_s` to the offsets of all segments.
+    pub(crate) fn shift(&mut self, change_s: f64) {
+        self.segments.iter_mut().for_each(|(_, segment)| segment.offset_s += change_s);
+    }
+
     /// Sets a constant offset in one segment.
     pub(crate) fn set_offset(&mut self, segment: usize, offset_s: f64) {
         self.segments[segment].1 = ClockSegment { offset_s, ..ClockSegment::default() };

@@ -7,6 +7,7 @@ use pingmap_agent::VehicleId;
 use crate::assemble::clocks::clock::{Clock, Comparison, fit};
 use crate::assemble::clocks::delays::Delays;
 use crate::assemble::clocks::peak::{Peak, find_peak};
+use crate::assemble::clocks::step::ClockStep;
 use crate::assemble::vehicles::fleet::Fleet;
 use crate::assemble::vehicles::transmission::{Reception, Transmission};
 
@@ -20,6 +21,12 @@ pub(crate) struct FleetClocks {
     pub(crate) reference: usize,
     /// Clocks with several offsets that fit equally well.
     pub(crate) ambiguities: Vec<ClockAmbiguity>,
+    /// Steps of clocks that no record shows, by vehicle.
+    pub(crate) steps: Vec<(usize, ClockStep)>,
+    /// The most frequent difference of each pair of clocks.
+    peaks: BTreeMap<ClockPair, Peak>,
+    /// The differences of records of receptions to those of transmissions, in seconds, by sender and receiver.
+    pub(crate) differences_s: BTreeMap<(usize, usize), f64>,
 }
 
 /// Several offsets between two clocks that fit the receptions equally well, because slots repeat.
@@ -51,7 +58,8 @@ impl FleetClocks {
     fn with_zero_offsets(fleet: &Fleet, reference: usize) -> Self {
         let clocks = fleet.vehicles.iter().map(|_| Clock::constant(0.0, &[], true)).collect();
         let delays = Delays::constant(fleet.vehicles.len(), 0.0);
-        Self { clocks, delays, reference, ambiguities: Vec::new() }
+        let (peaks, differences_s) = (BTreeMap::new(), BTreeMap::new());
+        Self { clocks, delays, reference, ambiguities: Vec::new(), steps: Vec::new(), peaks, differences_s }
     }
 
     /// Estimates a constant offset for each clock, before any reception is matched to a transmission.
@@ -73,24 +81,31 @@ impl FleetClocks {
         let reference = fleet.reference_clock().unwrap_or_else(|| best_reference(fleet, &peaks));
         let mut clocks = Self::with_zero_offsets(fleet, reference);
         let by_sender = peaks.iter().filter(|(pair, _)| !pair.2);
-        let differences_s = by_sender.map(|(pair, peak)| ((pair.0, pair.1), peak.difference_s)).collect();
-        clocks.delays = Delays::from_round_trips(fleet.vehicles.len(), &differences_s);
-        let offsets_s = clocks.spanning_tree_offsets_s(fleet, &peaks);
-        for (vehicle, clock) in clocks.clocks.iter_mut().enumerate() {
+        clocks.differences_s = by_sender.map(|(pair, peak)| ((pair.0, pair.1), peak.difference_s)).collect();
+        clocks.peaks = peaks;
+        clocks.set_offsets(fleet);
+        clocks
+    }
+
+    /// Sets the delays and a constant offset for each clock from the peaks.
+    pub(crate) fn set_offsets(&mut self, fleet: &Fleet) {
+        self.delays = Delays::from_round_trips(fleet.vehicles.len(), &self.differences_s);
+        self.ambiguities.clear();
+        let offsets_s = self.spanning_tree_offsets_s(fleet);
+        for (vehicle, clock) in self.clocks.iter_mut().enumerate() {
             let offset_s = offsets_s.get(&vehicle).copied();
             let sync_times_s = fleet.clock_sync_times_s(vehicle);
             *clock = Clock::constant(offset_s.unwrap_or(0.0), &sync_times_s, offset_s.is_some());
         }
-        clocks
     }
 
     /// Returns the offset of each clock that a chain of pairs connects to the reference clock.
-    fn spanning_tree_offsets_s(&mut self, fleet: &Fleet, peaks: &BTreeMap<ClockPair, Peak>) -> BTreeMap<usize, f64> {
+    fn spanning_tree_offsets_s(&mut self, fleet: &Fleet) -> BTreeMap<usize, f64> {
         let mut offsets_s = BTreeMap::from([(self.reference, 0.0)]);
         loop {
             let is_at_border =
                 |(start, arrival, _): &ClockPair| offsets_s.contains_key(start) != offsets_s.contains_key(arrival);
-            let border = peaks.iter().filter(|(pair, _)| is_at_border(pair));
+            let border = self.peaks.iter().filter(|(pair, _)| is_at_border(pair));
             let Some((&(start, arrival, is_by_reception), peak)) = border.max_by_key(|(_, peak)| peak.count) else {
                 return offsets_s;
             };

@@ -5,7 +5,7 @@ use crate::assemble::median::median;
 
 /// Half of the width of a window of differences, in seconds. It covers the drift of a clock and the spread of travel
 /// times.
-const HALF_WIDTH_S: f64 = 1.0;
+pub(crate) const HALF_WIDTH_S: f64 = 1.0;
 
 /// Smallest distance between two candidates, in seconds.
 const SEPARATION_S: f64 = 6.0 * HALF_WIDTH_S;
@@ -14,13 +14,13 @@ const SEPARATION_S: f64 = 6.0 * HALF_WIDTH_S;
 const CANDIDATE_SHARE: f64 = 0.9;
 
 /// A candidate is dismissed if another one has residuals smaller by this factor.
-const CLEAR_FACTOR: f64 = 3.0;
+pub(crate) const CLEAR_FACTOR: f64 = 3.0;
 
 /// Smallest number of differences whose residuals are compared.
 const COUNT_FOR_RESIDUALS_MIN: usize = 8;
 
 /// Lower limit of the scale of residuals, in seconds: the resolution of recorded times.
-const RESIDUAL_S_MIN: f64 = 1e-3;
+pub(crate) const RESIDUAL_S_MIN: f64 = 1e-3;
 
 /// The most frequent difference of two clocks.
 #[derive(Debug, Clone, PartialEq)]
