@@ -12,4 +12,5 @@ mod modem_replies;
 mod modems;
 mod outcomes;
 mod properties;
+mod simulated_missions;
 mod sqlite_bags;
