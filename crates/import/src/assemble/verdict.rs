@@ -31,6 +31,9 @@ const RESIDUAL_S_MAX: f64 = 0.5;
 /// Largest plausible deviation of a sender's delay from the median delay, in seconds.
 const DELAY_DEVIATION_S_MAX: f64 = 0.5;
 
+/// Largest difference between a transmission in a slot and the start of the slot, in seconds, besides its length.
+const SLOT_MARGIN_S: f64 = 1.0;
+
 /// Depths above this are no measurement errors of a vehicle at the surface, in metres.
 const IN_AIR_M: f64 = -0.5;
 
@@ -171,7 +174,22 @@ fn excess_transmissions<'a>(evidence: &'a Evidence) -> impl Iterator<Item = Cont
             .iter()
             .filter(|transmission| transmission.evidence == TransmissionEvidence::Recorded)
             .map(|transmission| transmission.time_s);
-        excess(evidence.schedule?, vehicle.name, &recorded.collect::<Vec<_>>(), evidence.fleet.rules.match_s)
+        let (schedule, rules) = (evidence.schedule?, evidence.fleet.rules);
+        let times_s: Vec<f64> = recorded.collect();
+        let mut receptions_s: Vec<f64> = vehicle.messages.values().flatten().map(|message| message.time_s).collect();
+        receptions_s.sort_by(f64::total_cmp);
+        let has_within = |times_s: &[f64], from_s: f64, to_s: f64| {
+            times_s.get(times_s.partition_point(|time_s| *time_s < from_s)).is_some_and(|time_s| *time_s <= to_s)
+        };
+        let (from_s, to_s) = (times_s.first()? - rules.match_s, times_s.last()? + rules.match_s);
+        let slots_s = schedule.slot_starts_s(vehicle.name, from_s, to_s);
+        // Acknowledgements and replies follow a reception, and need no slot.
+        let is_answer = |time_s: &f64| {
+            has_within(&receptions_s, time_s - rules.message_s, *time_s)
+                && !has_within(&slots_s, time_s - rules.message_s - SLOT_MARGIN_S, time_s + SLOT_MARGIN_S)
+        };
+        let own: Vec<f64> = times_s.into_iter().filter(|time_s| !is_answer(time_s)).collect();
+        excess(schedule, vehicle.name, &own, rules.match_s)
     })
 }
 

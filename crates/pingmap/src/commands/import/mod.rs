@@ -8,6 +8,7 @@ pub mod json;
 mod records;
 mod summary;
 mod unpacked;
+mod warnings;
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +18,8 @@ use pingmap_import::{ImportResult, Rules, SlotUse, join, join_events};
 
 use self::files::Files;
 use self::json::ImportJson;
-use self::summary::{summary, unknown_files, warnings};
+use self::summary::{summary, unknown_files};
+use self::warnings::warnings;
 use crate::cli_parsers::{not_negative, positive};
 use crate::output::{BadInput, Results, print_json, warn};
 use crate::output_target::{Overwrite, RESULT};
