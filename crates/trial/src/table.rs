@@ -1,7 +1,7 @@
 //! Reads delimited text line by line. Errors name file, line and column.
 
 use std::cell::Cell;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -244,6 +244,13 @@ impl<'a> Table<'a> {
     /// Returns the unit of a column from its header, such as `m` of `Depth [m]`; empty without a unit.
     pub fn unit(&self, column: &str) -> &str {
         self.place(column).map_or("", |place| split_unit(&self.header[place]).1)
+    }
+
+    /// Returns the named columns of the header without those that are used.
+    pub fn unused_columns<'b>(&self, used: impl Iterator<Item = &'b str>) -> Vec<&str> {
+        let used: HashSet<usize> = used.filter_map(|column| self.place(column)).collect();
+        let is_unused = |(place, name): &(usize, &String)| !name.is_empty() && !used.contains(place);
+        self.header.iter().enumerate().filter(is_unused).map(|(_, name)| name.as_str()).collect()
     }
 
     /// Returns whether the text was decoded from Windows-1252, up to the present line.

@@ -10,6 +10,7 @@ mod modem_cases;
 mod modem_data;
 mod modem_replies;
 mod modems;
+mod mutated_files;
 mod outcomes;
 mod properties;
 mod simulated_missions;

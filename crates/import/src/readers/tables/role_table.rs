@@ -18,6 +18,9 @@ use crate::readers::tables::units::factor;
 const OUTCOME_WORDS: [&str; 12] =
     ["ok", "crc", "decoded", "status", "success", "valid", "outcome", "result", "error", "errors", "lost", "failed"];
 
+/// Columns that form the kind of a message.
+const KIND_COLUMNS: [&str; 5] = ["kind", "rate", "band", "level", "length"];
+
 /// A table whose fields are addressed by role.
 pub(crate) struct RoleTable<'a> {
     pub(crate) table: Table<'a>,
@@ -101,7 +104,10 @@ impl<'a> RoleTable<'a> {
             (self.table.has_decimal_commas(), Conversion::DecimalCommas),
             (unit != EpochUnit::Seconds, Conversion::Epoch(unit)),
         ];
-        conversions.into_iter().filter(|(applies, _)| *applies).map(|(_, conversion)| conversion).collect()
+        let applying = conversions.into_iter().filter(|(applies, _)| *applies).map(|(_, conversion)| conversion);
+        let used = self.columns.values().map(String::as_str).chain(KIND_COLUMNS);
+        let unused: Vec<String> = self.table.unused_columns(used).into_iter().map(str::to_owned).collect();
+        applying.chain((!unused.is_empty()).then_some(Conversion::UnusedColumns(unused))).collect()
     }
 
     /// Fails if a role has no column.
