@@ -1,13 +1,12 @@
 //! The input files of an import, and the options that describe them.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use clap::Args;
 use pingmap_agent::{Geographic, ReferenceSystem, VehicleId};
 use pingmap_import::{
-    Columns, EventRecords, ExclusionReason, Fix, IsolatedFixes, MOOS_PREFIX, ModemIds, Place, RecordKind, RecordReader,
+    EventRecords, ExclusionReason, Fix, IsolatedFixes, MOOS_PREFIX, ModemIds, Place, RecordKind, RecordReader,
     Recordings, Reference, Schedule, SkipCounts, TIME, TableKind, TimeZone, exclude_isolated_fixes, parse_time,
     resolve_modem_ids,
 };
@@ -18,7 +17,7 @@ use super::records::{self, RecordFile, Records, note_conversions, open, split_ve
 use super::unpacked::Unpacked;
 use crate::cli_parsers::{crs, origin, place, positive};
 use crate::log::STANDARD_INPUT;
-use crate::output::{BadInput, note, progress_of_bytes, read_text};
+use crate::output::{BadInput, note, progress_of_bytes};
 
 #[derive(Args)]
 #[command(next_help_heading = "Files")]
@@ -34,20 +33,20 @@ pub struct Files {
     /// Tables of a vehicle's positions: time, and latitude and longitude or metres. Without NAME= a column names the
     /// vehicle
     #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
-    nav: Vec<String>,
+    pub(super) nav: Vec<String>,
     /// Tables of messages that a vehicle's modem received: time and source
     #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
-    heard: Vec<String>,
+    pub(super) heard: Vec<String>,
     /// Tables of messages that a vehicle sent: time
     #[arg(long, value_name = "[NAME=]FILE", num_args = 1..)]
-    sent: Vec<String>,
+    pub(super) sent: Vec<String>,
     /// Tables of events with their outcomes, instead of recordings: time, sender, receiver, positions of both, and
     /// whether the message was received
     #[arg(
         long, value_name = "FILE", num_args = 1..,
         conflicts_with_all = ["records", "nav", "heard", "sent", "fixed", "schedule", "listening", "not_listening"]
     )]
-    events: Vec<PathBuf>,
+    pub(super) events: Vec<PathBuf>,
     /// Position of a vehicle without navigation: metres, or degrees such as 41.52N,70.67W; and a depth in metres
     #[arg(long, value_name = "NAME=PLACE", value_parser = parse_station)]
     fixed: Vec<(String, Fix)>,
@@ -83,10 +82,10 @@ pub struct Files {
     /// VEHICLE:heard.source=from and FILE:heard.source=from apply to the tables of one vehicle, or to one file. After
     /// an empty name the role has no column.
     #[arg(long, value_name = "ROLE=COLUMN", num_args = 1.., value_parser = split_value)]
-    column: Vec<(String, String)>,
+    pub(super) column: Vec<(String, String)>,
     /// Names of columns from a TOML file: [heard], source = "from"
     #[arg(long, value_name = "FILE")]
-    columns: Option<PathBuf>,
+    pub(super) columns: Option<PathBuf>,
     /// Position of (0, 0) of the log; if not given, that of the files, or the rounded mean of all positions in degrees
     #[arg(long, value_name = "LAT,LON", value_parser = origin, allow_hyphen_values = true, conflicts_with = "crs")]
     origin: Option<ReferenceSystem>,
@@ -165,25 +164,6 @@ impl Files {
             unknown_sources: BTreeMap::new(),
             unknown_files: Vec::new(),
         })
-    }
-
-    /// Checks that assignments of columns for one vehicle or file name an existing one.
-    fn check_scopes(&self, reader: &RecordReader, recordings: &Recordings, files: &[RecordFile]) -> anyhow::Result<()> {
-        let option_files = [&self.nav, &self.heard, &self.sent].into_iter().flatten().map(|file| split_vehicle(file).1);
-        let paths = option_files
-            .chain(self.events.iter().map(PathBuf::as_path))
-            .chain(files.iter().map(|file| file.name.as_path()));
-        let names: BTreeSet<&str> = paths.filter_map(|path| path.file_name()?.to_str()).collect();
-        let is_known = |scope: &&str| names.contains(scope) || recordings.contains_key(&VehicleId::new(*scope));
-        match reader.columns.scopes().find(|scope| !is_known(scope)) {
-            None => Ok(()),
-            Some(scope) => {
-                let message = format!(
-                    "--column {scope}:…: no table is called {scope} or of a vehicle {scope}; expected the name of one"
-                );
-                Err(BadInput(message).into())
-            }
-        }
     }
 
     /// Reads all recordings.
@@ -313,28 +293,5 @@ impl Files {
         let moos_prefix = self.acomms_prefix.clone();
         let (columns, time_zone) = (self.columns()?, self.time_zone.clone());
         Ok(RecordReader { columns, time_zone, moos_prefix, ..RecordReader::default() })
-    }
-
-    fn columns(&self) -> anyhow::Result<Columns> {
-        let mut columns = Columns::default();
-        if let Some(path) = &self.columns {
-            let text = read_text(path)?;
-            let file: BTreeMap<String, BTreeMap<String, String>> = toml::from_str(&text).map_err(|error| {
-                BadInput(format!(
-                    "{}: {}; expected tables such as [heard] with source = \"from\"",
-                    path.display(),
-                    error.message()
-                ))
-            })?;
-            for (kind, roles) in &file {
-                for (role, column) in roles {
-                    columns.assign(&format!("{kind}.{role}"), column).with_context(|| path.display().to_string())?;
-                }
-            }
-        }
-        for (role, column) in &self.column {
-            columns.assign(role, column)?;
-        }
-        Ok(columns)
     }
 }

@@ -1,6 +1,7 @@
 //! `pingmap import`: makes an event log from the vehicles' recordings.
 
 mod archives;
+mod columns;
 mod files;
 mod input_checks;
 mod origin;
