@@ -51,7 +51,9 @@ pub fn reference(system: ReferenceSystem) -> Result<Reference, BadInput> {
 
 /// Converts a place that an option names to metres of the log.
 pub fn position(option: &str, place: Place, reference: &Reference) -> Result<Position, BadInput> {
-    if let Some(corrected) = bare_degrees(place, reference) {
+    // Places of these options come from tables, whose columns name their unit.
+    let is_from_table = ["--along", "--among"].contains(&option);
+    if let Some(corrected) = bare_degrees(place, reference).filter(|_| !is_from_table) {
         let message = format!("{option}: these metres seem to be degrees near the log; expected {option} {corrected}");
         return Err(BadInput(message));
     }

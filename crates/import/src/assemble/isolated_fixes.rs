@@ -14,16 +14,16 @@ const SPEED_MAX_M_PER_S: f64 = 20.0;
 /// Largest share of a vehicle's positions that are isolated.
 const SHARE_MAX: f64 = 0.1;
 
-/// Positions that were excluded.
+/// The positions of one vehicle that were excluded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IsolatedFixes {
     /// The vehicle that recorded them.
     pub vehicle: VehicleId,
-    /// Number of positions that follow each other.
+    /// Number of positions.
     pub fixes: usize,
     /// The first of them.
     pub first: Fix,
-    /// Distance in metres to the nearest position before or after them.
+    /// Distance in metres of the first to the rest of the track.
     pub distance_m: f64,
 }
 
@@ -38,19 +38,27 @@ pub fn exclude_isolated_fixes(recordings: &mut Recordings) -> Vec<IsolatedFixes>
         let all = recording.fixes.len();
         let parts: Vec<&[Fix]> = recording.fixes.chunk_by(|a, b| !is_jump(a, b)).collect();
         let longest = parts.iter().map(|part| part.len()).max().unwrap_or(0);
-        let is_isolated =
+        let is_small =
             |part: &[Fix]| part.len() < longest && (part.len() == 1 || part.len() as f64 <= SHARE_MAX * all as f64);
         let mut kept = Vec::with_capacity(all);
+        let mut isolated: Option<IsolatedFixes> = None;
         for (n, part) in parts.iter().enumerate() {
-            if !is_isolated(part) {
+            // The nearest larger parts decide, because neighbours may be isolated, too.
+            let before = parts[..n].iter().rev().find(|part| !is_small(part)).zip(part.first());
+            let after = parts[n + 1..].iter().find(|part| !is_small(part)).zip(part.last());
+            let before = before.and_then(|(larger, first)| Some((larger.last()?, first)));
+            let after = after.and_then(|(larger, last)| Some((last, larger.first()?)));
+            let is_connected = [before, after].into_iter().flatten().any(|(a, b)| !is_jump(a, b));
+            if !is_small(part) || is_connected {
                 kept.extend_from_slice(part);
                 continue;
             }
-            let before = n.checked_sub(1).and_then(|n| distance_m(parts[n].last()?, part.first()?));
-            let after = parts.get(n + 1).and_then(|next| distance_m(part.last()?, next.first()?));
-            let distance_m = before.unwrap_or(f64::INFINITY).min(after.unwrap_or(f64::INFINITY));
-            excluded.push(IsolatedFixes { vehicle: vehicle.clone(), fixes: part.len(), first: part[0], distance_m });
+            let distances_m = [before, after].into_iter().flatten().filter_map(|(a, b)| distance_m(a, b));
+            let distance_m = distances_m.fold(f64::INFINITY, f64::min);
+            let new = IsolatedFixes { vehicle: vehicle.clone(), fixes: 0, first: part[0], distance_m };
+            isolated.get_or_insert(new).fixes += part.len();
         }
+        excluded.extend(isolated);
         if kept.len() < all {
             recording.fixes = kept;
         }
@@ -91,6 +99,7 @@ mod tests {
         let mut recordings = Recordings::from([(VehicleId::new("a"), recording)]);
         let excluded = exclude_isolated_fixes(&mut recordings);
         let left = recordings.values().map(|recording| recording.fixes.len()).sum();
+        assert_eq!(excluded.iter().map(|fixes| fixes.fixes).sum::<usize>(), east_m.len() - left);
         (excluded.iter().map(|fixes| fixes.first.time_s).collect(), left)
     }
 
@@ -102,7 +111,9 @@ mod tests {
         assert_eq!(excluded_s(&track(&[])), (vec![], 40));
         assert_eq!(excluded_s(&track(&[0])), (vec![0.0], 39));
         assert_eq!(excluded_s(&track(&[39])), (vec![390.0], 39));
-        assert_eq!(excluded_s(&track(&[7, 20, 21])), (vec![70.0, 200.0], 37));
+        assert_eq!(excluded_s(&track(&[7, 20, 21])), (vec![70.0], 37));
+        // A position between two isolated ones stays.
+        assert_eq!(excluded_s(&track(&[20, 22])), (vec![200.0], 38));
     }
 
     #[test]

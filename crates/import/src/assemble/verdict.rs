@@ -208,11 +208,12 @@ pub fn check_schedule(log: &EventLog, schedule: &Schedule) -> Vec<Contradiction>
     for event in &log.events {
         by_sender.entry(&event.transmitter_id).or_default().push(event.time_s);
     }
-    let margin_s = Rules::default().match_s;
+    let rules = Rules::default();
     let compare = |(sender, mut times_s): (&VehicleId, Vec<f64>)| {
         times_s.sort_by(f64::total_cmp);
-        times_s.dedup();
-        excess(schedule, sender, &times_s, margin_s)
+        // Some logs have the times at which each receiver recorded the message.
+        times_s.dedup_by(|later, earlier| *later - *earlier < rules.message_s);
+        excess(schedule, sender, &times_s, rules.match_s)
     };
     by_sender.into_iter().filter_map(compare).collect()
 }

@@ -14,7 +14,16 @@ const PARTS_MAX: u64 = 100_000;
 
 /// Whether a text contains a configuration of the MAC.
 pub(crate) fn is_mac_config(text: &str) -> bool {
-    text.contains("MAC_FIXED_DECENTRALIZED") || text.contains("MAC_POLLED")
+    let is_mentioned = ["MAC_FIXED_DECENTRALIZED", "MAC_POLLED"].iter().any(|name| text.contains(name));
+    is_mentioned && !Block::parse_text(&spaced(text)).cycles().is_empty()
+}
+
+/// Removes remarks, and puts spaces around the marks of the text form.
+fn spaced(text: &str) -> String {
+    let without_remarks =
+        text.lines().map(|line| line.split("//").next().unwrap_or("").split('#').next().unwrap_or(""));
+    let text: String = without_remarks.flat_map(|line| [line, "\n"]).collect();
+    text.replace('{', " { ").replace('}', " } ").replace(':', ": ").replace([',', ';'], " ")
 }
 
 /// A message in protobuf's text form. Other words are ignored.
@@ -25,6 +34,18 @@ struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
+    /// Parses a text that [`spaced`] returned.
+    fn parse_text(text: &'a str) -> Self {
+        Self::parse(&mut text.split_whitespace(), DEPTH_MAX)
+    }
+
+    /// Returns all blocks with slots, at any depth.
+    fn cycles(&self) -> Vec<&Self> {
+        let mut cycles = Vec::new();
+        self.find_cycles(&mut cycles);
+        cycles
+    }
+
     /// Parses words up to the end of the block.
     fn parse(words: &mut impl Iterator<Item = &'a str>, depth: usize) -> Self {
         let (mut block, mut latest) = (Self::default(), "");
@@ -44,7 +65,6 @@ impl<'a> Block<'a> {
         self.fields.iter().find(|(field, _)| *field == name).map(|(_, value)| *value)
     }
 
-    /// Collects all blocks with slots, at any depth.
     fn find_cycles<'b>(&'b self, cycles: &mut Vec<&'b Self>) {
         let is_mac = self.field("type").is_some_and(|kind| kind.starts_with("MAC_"));
         if is_mac && self.blocks.iter().any(|(name, _)| name.trim_end_matches(':') == "slot") {
@@ -62,13 +82,9 @@ const DEPTH_MAX: usize = 32;
 /// # Errors
 /// A description of the value that was found and what was expected.
 pub(crate) fn read_mac_config(text: &str, ids: &ModemIds) -> Result<Schedule, String> {
-    let without_remarks =
-        text.lines().map(|line| line.split("//").next().unwrap_or("").split('#').next().unwrap_or(""));
-    let spaced: String = without_remarks.flat_map(|line| [line, "\n"]).collect::<String>();
-    let spaced = spaced.replace('{', " { ").replace('}', " } ").replace(':', ": ");
-    let top = Block::parse(&mut spaced.split_whitespace(), DEPTH_MAX);
-    let mut cycles = Vec::new();
-    top.find_cycles(&mut cycles);
+    let text = spaced(text);
+    let top = Block::parse_text(&text);
+    let cycles = top.cycles();
     let [cycle] = cycles[..] else {
         return Err(format!("found {} MAC configurations with slots; expected one", cycles.len()));
     };
@@ -138,7 +154,7 @@ mod tests {
 
     const CONFIG: &str = "ProcessConfig = pAcommsHandler\n{\n  AppTick = 4 // fast\n  driver_cfg { driver_type: DRIVER_WHOI_MICROMODEM }\n  \
         mac_cfg {\n    type: MAC_FIXED_DECENTRALIZED  # TDMA\n    slot { src: 1 dest: 0 rate: 1 type: DATA slot_seconds: 10 }\n    \
-        slot { src:3 rate: 1 slot_seconds:15.5 }\n    slot { src: 1 type: DRIVER_SPECIFIC slot_seconds: 4.5 }\n  }\n}\n";
+        slot { src:3, rate: 1; slot_seconds:15.5 }\n    slot { src: 1 type: DRIVER_SPECIFIC slot_seconds: 4.5 }\n  }\n}\n";
 
     #[test]
     fn slots_have_their_lengths_from_midnight_on() {

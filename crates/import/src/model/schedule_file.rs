@@ -79,11 +79,9 @@ impl Schedule {
         if read.map_err(|error| fail(format!("cannot be read as text: {error}")))? as u64 > TEXT_BYTES_MAX {
             return Err(fail("longer than 16 MB; expected a schedule or a team file".into()));
         }
-        if is_mac_config(&text) {
-            return read_mac_config(&text, ids).map_err(fail);
-        }
         match toml::from_str::<TeamFile>(&text) {
             Ok(TeamFile { slots }) => Self::from_slot_table(&slots, ids).map_err(fail),
+            Err(_) if is_mac_config(&text) => read_mac_config(&text, ids).map_err(fail),
             Err(_) if !text.contains('=') => Self::from_table(&text, path, ids),
             Err(error) => Err(fail(format!(
                 "{}; expected [slots] with start_s, duration_s and order, or a table with the columns time_s and source",

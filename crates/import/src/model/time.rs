@@ -22,6 +22,14 @@ const EPOCH_UNITS: [(f64, EpochUnit); 4] = [
 pub const TIME: &str =
     "seconds, or a date and time such as 2026-05-03T12:00:00.5Z or 03.05.2026 12:00:00 (UTC without a zone)";
 
+/// Times of the years 1990 to 2100. Larger numbers that are no such time in any unit are no epochs, for example
+/// `20260503120000`.
+const EPOCH_S: std::ops::Range<f64> = 631_152_000.0..4_102_444_800.0;
+
+/// The formats that times in tables may have, for error messages.
+pub(crate) const TIME_IN_ZONE: &str = "seconds, or a date and time such as 2026-05-03T12:00:00.5Z or 03.05.2026 12:00:00, in UTC or \
+    --time-zone (times that occur twice or never in the zone need an offset)";
+
 /// The unit of a number that counts from the beginning of 1970.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EpochUnit {
@@ -101,9 +109,13 @@ pub(crate) fn parse_time_in(text: &str, zone: &TimeZone) -> Option<(f64, EpochUn
     let text = text.trim();
     if let Ok(number) = text.parse::<f64>() {
         let (parts, unit) = EPOCH_UNITS.into_iter().find(|(parts, _)| number.abs() <= SECONDS_MAX * parts)?;
-        return Some((number / parts, unit));
+        let is_plausible = unit == EpochUnit::Seconds || EPOCH_S.contains(&(number / parts));
+        return is_plausible.then_some((number / parts, unit));
     }
-    let civil = || zone.0.to_timestamp(text.parse::<DateTime>().ok().or_else(|| day_first(text))?).ok();
+    let civil = || {
+        let civil = text.parse::<DateTime>().ok().or_else(|| day_first(text))?;
+        zone.0.to_ambiguous_timestamp(civil).unambiguous().ok()
+    };
     let stamp = text.parse::<Timestamp>().ok().or_else(civil)?;
     Some((stamp.as_second() as f64 + f64::from(stamp.subsec_nanosecond()) * 1e-9, EpochUnit::Seconds))
 }
@@ -136,6 +148,7 @@ mod tests {
             "2026-13-01T00:00:00Z",
             "12:00:00",
             "1e21",
+            "20260503120000",
             "31.04.2026 12:00:00",
             "5/3/2026 12:00:00",
         ] {
@@ -168,6 +181,10 @@ mod tests {
         ] {
             let expected = if zone == "UTC" { 1_767_225_600.0 } else { 1_777_809_600.0 };
             assert_eq!(time_s(text, zone), expected, "{text} {zone}");
+        }
+        // The clocks were set back at 3:00 and forward at 2:00.
+        for never_or_twice in ["2026-10-25 02:30:00", "2026-03-29 02:30:00"] {
+            assert_eq!(parse_time_in(never_or_twice, &"Europe/Berlin".parse().unwrap()), None);
         }
         for wrong in ["", "Europe/Nowhere", "+25:00", "+1:99", "+x", "-"] {
             assert!(wrong.parse::<TimeZone>().is_err(), "{wrong}");

@@ -38,7 +38,7 @@ impl RecordReader {
         vehicle: Option<&VehicleId>,
         recordings: &mut Recordings,
     ) -> Result<TableSummary, ImportError> {
-        let columns = self.columns.of_table(path, vehicle);
+        let columns = self.columns.of_table(path, self.table_owner(path, vehicle).as_ref());
         let mut row = RoleTable::new(reader, path, kind, &columns)?.in_zone(&self.time_zone);
         row.check_units(path)?;
         row.require(kind, &["time"])?;

@@ -23,6 +23,9 @@ pub struct Options {
     /// Compare the transmissions with this schedule, as `pingmap import` reads it
     #[arg(long, value_name = "FILE")]
     pub schedule: Option<PathBuf>,
+    /// Names of modem ids in the schedule: a table of id and name
+    #[arg(long, value_name = "FILE", requires = "schedule")]
+    pub ids: Option<PathBuf>,
     /// Exit with status 2 if anything is suspicious
     #[arg(long)]
     pub strict: bool,
@@ -45,7 +48,12 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let log = options.logs.read()?;
     let mut findings = log.findings();
     if let Some(path) = &options.schedule {
-        let schedule = Schedule::read(open(path)?, path, &ModemIds::default())?;
+        let ids = options.ids.as_ref().map(|path| ModemIds::read(open(path)?, path)).transpose()?.unwrap_or_default();
+        let schedule = Schedule::read(open(path)?, path, &ids)?;
+        if !schedule.senders().any(|name| log.events.iter().any(|event| event.transmitter_id == *name)) {
+            let message = format!("{}: no slot belongs to a transmitter of the log; expected --ids", path.display());
+            return Err(BadInput(message).into());
+        }
         let contradictions = check_schedule(&log, &schedule);
         let finding = |contradiction: &Contradiction| Finding {
             check: "schedule",

@@ -278,7 +278,14 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
         ("demo", vec![DEMO]),
         ("replay events.csv --repeats 1 --frames 1", vec![REPLAY, GIVEN, MODEL, WORK, THINNED]),
         ("replay events.csv --model model.toml", vec![ONLINE]),
-        ("check events.csv", vec![&[("--json", "", ""), ("--schedule", "listed.csv", "")]]),
+        (
+            "check events.csv",
+            vec![&[
+                ("--json", "", ""),
+                ("--schedule", "own-slots.csv", ""),
+                ("--ids", "own-ids.csv", "--schedule own-slots.csv"),
+            ]],
+        ),
         ("learn events.csv --output learned.toml", vec![LEARN, MODEL, WORK, THINNED]),
         ("predict events.csv --links links.csv", vec![PREDICT, ASKED, NO_CAP, GIVEN, WORK, THINNED]),
         ("map events.csv --at 500,200 --cell-m 150", vec![MAP, ASKED, NO_CAP, GIVEN, WORK, THINNED]),
@@ -313,6 +320,8 @@ fn prepare(folder: &Path) {
     file(folder, "events.csv", of_kinds);
     file(folder, "other.csv", log.replace("200,500", "210,480"));
     let table = "time,tx,rx,tx_x,tx_y,rx_x,rx_y,heard\n2026-05-03 12:00:00,ada,bob,0,0,50,90,yes\n2026-05-03 12:01:00,bob,ada,50,90,0,0,no\n";
+    file(folder, "own-slots.csv", "time_s,source\n0,ada\n");
+    file(folder, "own-ids.csv", "id,name\nada,bob\n");
     file(folder, "table.csv", table);
     file(folder, "other-table.csv", table.replace("12:00", "13:00"));
     let splits: String = (0..40).map(|n| if n % 4 == 0 { "1\n" } else { "0\n" }).collect();

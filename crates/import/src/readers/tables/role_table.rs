@@ -1,22 +1,33 @@
 //! Tables whose fields are addressed by role.
 
 use std::cell::Cell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::Path;
 
 use pingmap_trial::{FLAG, FileError, Problem, Table, flag};
 
 use crate::model::error::ImportError;
-use crate::model::time::{EpochUnit, TIME, TimeZone, parse_time_in};
+use crate::model::time::{EpochUnit, TIME_IN_ZONE, TimeZone, parse_time_in};
 use crate::readers::tables::columns::Columns;
 use crate::readers::tables::conversion::Conversion;
 use crate::readers::tables::roles::TableKind;
 use crate::readers::tables::units::factor;
 
 /// Words in the names of columns that hold the outcome of a reception.
-const OUTCOME_WORDS: [&str; 12] =
-    ["ok", "crc", "decoded", "status", "success", "valid", "outcome", "result", "error", "errors", "lost", "failed"];
+const OUTCOME_WORDS: [&str; 8] = ["ok", "crc", "decoded", "status", "success", "valid", "outcome", "result"];
+
+/// Words in the names of columns that are 1 for messages that were not received.
+const FAILURE_WORDS: [&str; 5] = ["error", "errors", "lost", "failed", "missed"];
+
+/// Columns whose numbers have no known meaning: 0 may be a success.
+const CODE_COLUMNS: [&str; 3] = ["status", "result", "outcome"];
+
+/// Returns the words in the name of a column, in lower case.
+fn words(column: &str) -> impl Iterator<Item = String> {
+    let words: Vec<String> = column.to_lowercase().split(|c: char| !c.is_alphanumeric()).map(str::to_owned).collect();
+    words.into_iter()
+}
 
 /// Columns that form the kind of a message.
 const KIND_COLUMNS: [&str; 5] = ["kind", "rate", "band", "level", "length"];
@@ -26,6 +37,8 @@ pub(crate) struct RoleTable<'a> {
     pub(crate) table: Table<'a>,
     /// The column of each role that has one.
     columns: BTreeMap<&'static str, String>,
+    /// The roles whose column the user assigned.
+    assigned: BTreeSet<&'static str>,
     /// The zone of dates and times that name none.
     zone: TimeZone,
     /// The largest unit of epochs, up to the present row.
@@ -41,8 +54,9 @@ impl<'a> RoleTable<'a> {
         assigned: &Columns,
     ) -> Result<Self, ImportError> {
         let table = Table::new(reader, path, &[])?;
-        let mut columns = BTreeMap::new();
+        let (mut columns, mut roles) = (BTreeMap::new(), BTreeSet::new());
         for &(role, names) in kind.roles() {
+            roles.extend(assigned.column(kind, role).map(|_| role));
             let found = match assigned.column(kind, role) {
                 Some("") => None,
                 Some(column) if table.has(column) => Some(column.to_owned()),
@@ -51,7 +65,7 @@ impl<'a> RoleTable<'a> {
             };
             columns.extend(found.map(|column| (role, column)));
         }
-        Ok(Self { table, columns, zone: TimeZone::UTC, epoch_unit: Cell::new(EpochUnit::Seconds) })
+        Ok(Self { table, columns, assigned: roles, zone: TimeZone::UTC, epoch_unit: Cell::new(EpochUnit::Seconds) })
     }
 
     /// Sets the zone of dates and times that name none.
@@ -83,15 +97,22 @@ impl<'a> RoleTable<'a> {
         if self.has("good") || assigned.column(TableKind::Receptions, "good").is_some() {
             return Ok(());
         }
+        let used: Vec<&str> = self.columns.values().map(String::as_str).collect();
         let is_outcome = |column: &&String| {
-            let column = column.to_lowercase();
-            let is_used = self.columns.values().any(|used| *used == column);
-            !is_used && column.split(|c: char| !c.is_alphanumeric()).any(|word| OUTCOME_WORDS.contains(&word))
+            !used.contains(&column.to_lowercase().as_str())
+                && words(column)
+                    .any(|word| OUTCOME_WORDS.contains(&word.as_str()) || FAILURE_WORDS.contains(&word.as_str()))
         };
         let Some(column) = self.table.header().iter().find(is_outcome) else { return Ok(()) };
+        let file = path.file_name().unwrap_or_default().display();
+        let states_failure = words(column).any(|word| FAILURE_WORDS.contains(&word.as_str()));
+        let use_it = match states_failure {
+            true => "a column that is 1 for received messages".to_owned(),
+            false => format!("--column {file}:heard.good={column} to use it"),
+        };
         let problem = format!(
-            "the column {column} looks like the outcome of a reception; expected --column heard.good={column} to use it, or --column \
-             heard.good= if every row is a received message"
+            "the column {column} looks like the outcome of a reception; expected {use_it}, or --column {file}:heard.good= if every row is a \
+             received message"
         );
         Err(ImportError::Content { file: path.display().to_string(), problem })
     }
@@ -143,18 +164,24 @@ impl<'a> RoleTable<'a> {
 
     /// Parses the time of the current row, in seconds.
     pub(crate) fn time_s(&self) -> Result<f64, FileError> {
-        let (date, time, unit) = (self.text("date"), self.text("time"), self.table.unit(self.column("time")));
-        if let (Some(number), Some(factor)) = (self.table.parse_number(time), factor("time", unit))
+        let (date, time, column) = (self.text("date"), self.text("time"), self.column("time"));
+        let unit = self.table.unit(column).to_lowercase();
+        let number = self.table.parse_number(time);
+        let invalid = || self.bad("time", TIME_IN_ZONE);
+        if let (Some(number), Some(factor)) = (number, factor("time", &unit))
             && factor != 1.0
         {
-            return Ok(number * factor);
+            return if number.is_finite() { Ok(number * factor) } else { Err(invalid()) };
         }
-        let parsed = parse_time_in(time, &self.zone).or_else(|| {
-            let with_comma = self.table.parse_number(time)?.to_string();
-            parse_time_in(&with_comma, &self.zone)
-        });
-        let with_date = || parse_time_in(&format!("{date} {time}"), &self.zone);
-        let (time_s, unit) = parsed.or_else(with_date).ok_or_else(|| self.bad("time", TIME))?;
+        let is_utc = ["utc", "gmt"].contains(&unit.as_str()) || ["utc", "time_utc"].contains(&column);
+        let zone = if is_utc { &TimeZone::UTC } else { &self.zone };
+        let text = match number {
+            Some(number) if date.is_empty() => number.to_string(),
+            // A time of day, or a time with a date of its own.
+            None if date.is_empty() || time.contains(['-', 'T']) => time.to_owned(),
+            _ => format!("{date} {time}"),
+        };
+        let (time_s, unit) = parse_time_in(&text, zone).ok_or_else(invalid)?;
         self.epoch_unit.set(self.epoch_unit.get().max(unit));
         Ok(time_s)
     }
@@ -184,6 +211,13 @@ impl<'a> RoleTable<'a> {
         let text = self.text(role);
         if text.is_empty() {
             return Ok(None);
+        }
+        let is_code = CODE_COLUMNS.contains(&self.column(role)) && !self.assigned.contains(role);
+        if is_code && text.parse::<f64>().is_ok() {
+            return Err(self.bad(
+                role,
+                "a word such as ok or failed; --column names another column, or this one if 1 is a success",
+            ));
         }
         flag(text).map(Some).ok_or_else(|| self.bad(role, FLAG))
     }

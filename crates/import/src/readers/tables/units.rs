@@ -7,15 +7,22 @@ pub(crate) fn factor(role: &str, unit: &str) -> Option<f64> {
     match quantity {
         _ if unit.is_empty() => Some(1.0),
         "time" => match unit.as_str() {
-            "s" | "sec" | "second" | "seconds" | "utc" | "unix" | "epoch" | "iso" | "iso 8601" | "gmt" => Some(1.0),
+            "s" | "sec" | "second" | "seconds" | "utc" | "unix" | "epoch" | "iso" | "iso 8601" | "gmt" | "hh:mm:ss" => {
+                Some(1.0)
+            }
+            pattern if pattern.starts_with("yyyy") || pattern.starts_with("dd.mm") => Some(1.0),
             "ms" | "milliseconds" => Some(1e-3),
             "us" | "µs" | "microseconds" => Some(1e-6),
             "ns" | "nanoseconds" => Some(1e-9),
             _ => None,
         },
-        "latitude" | "longitude" => ["deg", "°", "degree", "degrees", "decimal degrees", "dd", "wgs84", "wgs 84"]
-            .contains(&unit.as_str())
-            .then_some(1.0),
+        "latitude" | "longitude" => {
+            let degrees = ["deg", "°", "degree", "degrees", "dd", "decimal degrees", "wgs84", "wgs 84"];
+            let plain = unit.replace('_', " ");
+            let sides = [" north", " east", " n", " e"];
+            let plain = sides.iter().find_map(|side| plain.strip_suffix(side)).unwrap_or(&plain);
+            degrees.contains(&plain).then_some(1.0)
+        }
         "easting" | "northing" | "depth" => match unit.as_str() {
             "m" | "metre" | "metres" | "meter" | "meters" => Some(1.0),
             "km" => Some(1e3),
@@ -38,6 +45,9 @@ mod tests {
             ("time", "MS", Some(1e-3)),
             ("latitude", "°", Some(1.0)),
             ("longitude", "rad", None),
+            ("latitude", "degrees_north", Some(1.0)),
+            ("longitude", "deg E", Some(1.0)),
+            ("time", "YYYY-MM-DD hh:mm:ss", Some(1.0)),
             ("tx_depth", "ft", Some(0.3048)),
             ("easting", "km", Some(1e3)),
             ("depth", "fathoms", None),

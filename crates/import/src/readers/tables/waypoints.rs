@@ -7,7 +7,6 @@ use pingmap_agent::bounds;
 
 use crate::model::error::ImportError;
 use crate::model::reference::Place;
-use crate::model::time::{TIME, parse_time};
 use crate::readers::tables::columns::Columns;
 use crate::readers::tables::position::{read_position, require_position};
 use crate::readers::tables::role_table::RoleTable;
@@ -34,6 +33,7 @@ pub struct Waypoint {
 /// [`ImportError`] with file, line, column, value and what was expected; also for a list without places.
 pub fn read_waypoints(reader: impl Read, path: &Path) -> Result<Vec<Waypoint>, ImportError> {
     let mut row = RoleTable::new(reader, path, TableKind::Navigation, &Columns::default())?;
+    row.check_units(path)?;
     require_position(&row)?;
     let mut waypoints = Vec::new();
     while row.table.next()? {
@@ -47,8 +47,7 @@ pub fn read_waypoints(reader: impl Read, path: &Path) -> Result<Vec<Waypoint>, I
             }
         }
         let name = Some(row.text("vehicle")).filter(|name| !name.is_empty()).map(str::to_owned);
-        let time = Some(row.text("time")).filter(|text| !text.is_empty());
-        let time_s = time.map(|text| parse_time(text).ok_or_else(|| row.bad("time", TIME))).transpose()?;
+        let time_s = if row.text("time").is_empty() { None } else { Some(row.time_s()?) };
         waypoints.push(Waypoint { name, time_s, place, depth_m });
     }
     match waypoints.is_empty() {

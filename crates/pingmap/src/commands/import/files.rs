@@ -44,7 +44,10 @@ pub struct Files {
     /// whether the message was received
     #[arg(
         long, value_name = "FILE", num_args = 1..,
-        conflicts_with_all = ["records", "nav", "heard", "sent", "fixed", "schedule", "listening", "not_listening"]
+        conflicts_with_all = [
+            "records", "nav", "heard", "sent", "fixed", "schedule", "listening", "not_listening", "always_transmits", "correct_clocks",
+            "clock_offset_s_max", "match_s", "message_s", "nav_gap_s_max", "sound_m_per_s", "overhear", "any_frame", "surfaced_above_m",
+        ]
     )]
     pub(super) events: Vec<PathBuf>,
     /// Position of a vehicle without navigation: metres, or degrees such as 41.52N,70.67W; and a depth in metres
@@ -52,7 +55,7 @@ pub struct Files {
     fixed: Vec<(String, Fix)>,
     /// Transmission schedule
     ///
-    /// The file is a team file, its part [slots], or a table of time_s and source.
+    /// The file is a team file, its part [slots], a table of time_s and source, or the MAC configuration of Goby.
     #[arg(long, value_name = "FILE")]
     schedule: Option<PathBuf>,
     /// Names of modem ids
@@ -74,7 +77,7 @@ pub struct Files {
     /// Prefix of the modem's variables in MOOS logs: …NMEA_IN, …MODEM_RECEIVE
     #[arg(long, value_name = "PREFIX", default_value = MOOS_PREFIX)]
     acomms_prefix: String,
-    /// Zone of dates and times in tables that name none, such as Europe/Berlin or +02:00
+    /// Zone of dates and times in tables of recordings and events that name none, such as Europe/Berlin or +02:00
     #[arg(long, value_name = "ZONE", default_value = "UTC", allow_hyphen_values = true)]
     time_zone: TimeZone,
     /// Name of a column, such as heard.source=from

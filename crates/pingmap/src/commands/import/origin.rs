@@ -33,6 +33,7 @@ pub fn choose_reference(given: Option<ReferenceSystem>, places: &[Place], record
     }
     let with_origin = |origin| Reference::with_origin(origin).map_err(ImportError::from);
     if let Some(datum) = records.datum()? {
+        check_origin("the origin in the files,", datum, &degrees)?;
         return Ok((with_origin(datum)?, Some((datum, OriginSource::Files))));
     }
     if degrees.is_empty() {
@@ -56,7 +57,7 @@ fn given_reference(
 ) -> anyhow::Result<Choice> {
     let reference = Reference::new(system).map_err(ImportError::from)?;
     if let ReferenceSystem::About(origin) = system {
-        check_origin(origin, degrees)?;
+        check_origin("--origin", origin, degrees)?;
         return Ok((reference, Some((origin, OriginSource::Option))));
     }
     if let (Some((path, _)), true) = (records.datums.first(), records.has_metres) {
@@ -72,8 +73,8 @@ fn given_reference(
     Ok((reference, None))
 }
 
-/// Checks that the origin of an option is near the positions.
-fn check_origin(origin: Geographic, degrees: &[Geographic]) -> anyhow::Result<()> {
+/// Checks that an origin is near the positions. `source` names it in the message.
+fn check_origin(source: &str, origin: Geographic, degrees: &[Geographic]) -> anyhow::Result<()> {
     let Some(place) = degrees.first() else { return Ok(()) };
     let distance_m = origin.distance_m(place);
     if distance_m <= ORIGIN_DISTANCE_MAX_M {
@@ -87,7 +88,7 @@ fn check_origin(origin: Geographic, degrees: &[Geographic]) -> anyhow::Result<()
         None => "at most 100 km; without --origin the log gets an origin at the mean of the positions".to_owned(),
     };
     let message = format!(
-        "--origin {},{} is {:.0} km from a position at {:.4}, {:.4}; expected {remedy}",
+        "{source} {},{} is {:.0} km from a position at {:.4}, {:.4}; expected {remedy}",
         origin.latitude_deg,
         origin.longitude_deg,
         distance_m / 1000.0,

@@ -17,12 +17,14 @@ pub fn summary(imported: &ImportResult, inputs: &Inputs, rules: &Rules) -> Strin
     let events = imported.log.events.len();
     let heard = imported.log.events.iter().filter(|event| event.success).count();
     let EvidenceCounts { recorded, assumed_slots, received, unconfirmed_slots } = imported.evidence;
-    let mut text = format!(
-        "{} ({heard} heard, {} missed) of {}: {recorded} recorded by the sender, {assumed_slots} assumed from the schedule, {received} recorded only by receivers.\n",
-        count(events, "event"),
-        events - heard,
-        count(recorded + assumed_slots + received, "transmission"),
-    );
+    let transmissions = match inputs.events {
+        Some(_) => "in tables with outcomes".to_owned(),
+        None => format!(
+            "of {}: {recorded} recorded by the sender, {assumed_slots} assumed from the schedule, {received} recorded only by receivers",
+            count(recorded + assumed_slots + received, "transmission")
+        ),
+    };
+    let mut text = format!("{} ({heard} heard, {} missed) {transmissions}.\n", count(events, "event"), events - heard,);
     if unconfirmed_slots > 0 {
         text += &format!("The use of {} is unknown.\n", count(unconfirmed_slots, "slot"));
     }

@@ -98,7 +98,7 @@ fn isolated_fixes(IsolatedFixes { vehicle, fixes, first, distance_m }: &Isolated
         Place::Metres(east_m, north_m) => format!("({east_m:.0}, {north_m:.0}) m"),
     };
     format!(
-        "{} of {vehicle} at {place}, {}, left out: {:.0} km from its other positions",
+        "{} of {vehicle} left out, the first at {place}, {}, {:.0} km from its other positions",
         count(*fixes, "position"),
         time_in_words(first.time_s),
         distance_m / 1000.0
@@ -126,6 +126,10 @@ fn unknown_sentences(inputs: &Inputs) -> Option<String> {
 /// Warns about data that yield no event and should not occur, one warning for each kind.
 fn left_out(imported: &ImportResult, inputs: &Inputs) -> impl Iterator<Item = String> {
     let skipped = &inputs.skipped;
+    let without_position = match inputs.events {
+        Some(_) => "without a position left out",
+        None => "of navigation without a position left out",
+    };
     let counts = [
         (skipped.garbled, "line", "garbled or of the wrong kind left out"),
         (
@@ -135,7 +139,7 @@ fn left_out(imported: &ImportResult, inputs: &Inputs) -> impl Iterator<Item = St
         ),
         (skipped.truncated, "file", "cut off within a record: only the records before are read"),
         (skipped.damaged, "damaged place", "of logs (chunks of MCAP files, bytes between events of LCM logs) left out"),
-        (skipped.missing_positions, "line", "of navigation without a position left out"),
+        (skipped.missing_positions, "line", without_position),
         (imported.left_out.unprojected, "position", "outside of the map left out"),
         (imported.left_out.own_messages, "message", "that vehicles received from themselves left out"),
     ];
