@@ -48,7 +48,10 @@ fn systems_round_trip_through_their_text_form() {
         assert_eq!(system.to_string().parse(), Ok(system));
     }
     assert_eq!(" epsg:3067 ".parse(), Ok(ReferenceSystem::Epsg(3067)));
-    for invalid in ["", "EPSG:", "EPSG:x", "epsg", "91,0", "0,181", "1", "1,2,3", "NaN,0", "é,1", "ééé"] {
+    // Longitudes may count to 360.
+    let west = Geographic { latitude_deg: 0.0, longitude_deg: -179.0 };
+    assert_eq!("0,181".parse(), Ok(ReferenceSystem::About(west)));
+    for invalid in ["", "EPSG:", "EPSG:x", "epsg", "91,0", "0,361", "1", "1,2,3", "NaN,0", "é,1", "ééé"] {
         assert_eq!(invalid.parse::<ReferenceSystem>(), Err(NoReferenceSystem(invalid.into())));
     }
 }
