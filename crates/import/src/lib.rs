@@ -52,7 +52,7 @@ pub use assemble::resolve_ids::resolve_modem_ids;
 pub use assemble::result::{EvidenceCounts, ImportResult, LeftOutCounts};
 pub use assemble::rules::{Rules, SlotUse};
 pub use assemble::vehicles::transmission::TransmissionEvidence;
-pub use assemble::verdict::{Contradiction, check_schedule};
+pub use assemble::verdict::{Contradiction, compare_with_schedule};
 pub use model::error::ImportError;
 pub use model::exclusion::ExclusionReason;
 pub use model::modem_ids::ModemIds;

@@ -14,7 +14,7 @@ const LINE_BYTES_MAX: usize = 1 << 20;
 /// A reader of the records after the remarks.
 pub(crate) type Records<'a> = csv::Reader<Box<dyn Read + 'a>>;
 
-/// The records of a text, with what its beginning states.
+/// The records of a text, its remarks, its delimiter and its encoding.
 pub(crate) struct Delimited<'a> {
     pub(crate) records: Records<'a>,
     /// Lines before the header.

@@ -54,4 +54,4 @@ pub use replay::{Calibrated, Replay, ReplayError, Sharing, SplitNll, SplitSummar
 pub use schedule::schedule;
 pub use score::{Estimate, MeanScore, Score};
 pub use split::{Split, read_splits, splits_to_csv, thin};
-pub use table::{FLAG, FileError, Problem, Table, flag, open};
+pub use table::{FLAG, FileError, KIND_COLUMNS, Problem, Table, flag, open};

@@ -331,7 +331,7 @@ impl<'a> Table<'a> {
     /// # Errors
     /// Returns [`Problem::BadValue`] for names with control characters.
     pub fn kind(&self) -> Result<Option<MessageKind>, FileError> {
-        self.kind_by(&["rate", "band", "level", "length"])
+        self.kind_by(&KIND_COLUMNS[1..])
     }
 
     /// Returns the kind of message from `kind`, or from the present ones of these columns; `None` if all are empty.
@@ -376,6 +376,9 @@ impl<'a> Table<'a> {
         })
     }
 }
+
+/// The columns that form the kind of a message: `kind` itself, or the parts that it consists of.
+pub const KIND_COLUMNS: [&str; 5] = ["kind", "rate", "band", "level", "length"];
 
 /// Examples of the texts that a flag may have, for error messages.
 pub const FLAG: &str = "0 or 1, false or true, no or yes, failed or ok, missed or heard, lost or received";

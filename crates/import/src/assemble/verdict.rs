@@ -181,29 +181,33 @@ fn excess_transmissions<'a>(evidence: &'a Evidence) -> impl Iterator<Item = Cont
         let has_within = |times_s: &[f64], from_s: f64, to_s: f64| {
             times_s.get(times_s.partition_point(|time_s| *time_s < from_s)).is_some_and(|time_s| *time_s <= to_s)
         };
-        let (from_s, to_s) = (times_s.first()? - rules.match_s, times_s.last()? + rules.match_s);
-        let slots_s = schedule.slot_starts_s(vehicle.name, from_s, to_s);
+        let slots_s = slots_around_s(schedule, vehicle.name, &times_s, rules.match_s)?;
         // Acknowledgements and replies follow a reception, and need no slot.
         let is_answer = |time_s: &f64| {
             has_within(&receptions_s, time_s - rules.message_s, *time_s)
                 && !has_within(&slots_s, time_s - rules.message_s - SLOT_MARGIN_S, time_s + SLOT_MARGIN_S)
         };
         let own: Vec<f64> = times_s.into_iter().filter(|time_s| !is_answer(time_s)).collect();
-        excess(schedule, vehicle.name, &own, rules.match_s)
+        excess(vehicle.name, &own, &slots_s, rules.match_s)
     })
 }
 
-/// Compares the transmissions of a sender, in the order of time, with its slots.
-fn excess(schedule: &Schedule, sender: &VehicleId, times_s: &[f64], margin_s: f64) -> Option<Contradiction> {
+/// Returns the slots of a sender around its transmissions, which are in the order of time; `None` without both.
+fn slots_around_s(schedule: &Schedule, sender: &VehicleId, times_s: &[f64], margin_s: f64) -> Option<Vec<f64>> {
     schedule.senders().find(|name| *name == sender)?;
-    let (from_s, to_s) = (times_s.first()? - margin_s, times_s.last()? + margin_s);
-    let slots = schedule.slot_starts_s(sender, from_s, to_s).len();
+    Some(schedule.slot_starts_s(sender, times_s.first()? - margin_s, times_s.last()? + margin_s))
+}
+
+/// Compares the transmissions of a sender with its slots around them. Both are in the order of time.
+fn excess(sender: &VehicleId, times_s: &[f64], slots_s: &[f64], margin_s: f64) -> Option<Contradiction> {
+    let span_s = times_s.first()? - margin_s..=times_s.last()? + margin_s;
+    let slots = slots_s.iter().filter(|slot_s| span_s.contains(slot_s)).count();
     let (sender, transmissions) = (sender.clone(), times_s.len());
     (transmissions > slots).then_some(Contradiction::MoreTransmissionsThanSlots { sender, transmissions, slots })
 }
 
 /// Compares the transmissions in a log of any origin with a schedule. O(n log n).
-pub fn check_schedule(log: &EventLog, schedule: &Schedule) -> Vec<Contradiction> {
+pub fn compare_with_schedule(log: &EventLog, schedule: &Schedule) -> Vec<Contradiction> {
     let mut by_sender: BTreeMap<&VehicleId, Vec<f64>> = BTreeMap::new();
     for event in &log.events {
         by_sender.entry(&event.transmitter_id).or_default().push(event.time_s);
@@ -213,7 +217,8 @@ pub fn check_schedule(log: &EventLog, schedule: &Schedule) -> Vec<Contradiction>
         times_s.sort_by(f64::total_cmp);
         // Some logs have the times at which each receiver recorded the message.
         times_s.dedup_by(|later, earlier| *later - *earlier < rules.message_s);
-        excess(schedule, sender, &times_s, rules.match_s)
+        let slots_s = slots_around_s(schedule, sender, &times_s, rules.match_s)?;
+        excess(sender, &times_s, &slots_s, rules.match_s)
     };
     by_sender.into_iter().filter_map(compare).collect()
 }

@@ -52,7 +52,7 @@ impl<'a> Block<'a> {
         while let Some(word) = words.next() {
             match word {
                 "}" => break,
-                "{" if depth > 0 => block.blocks.push((latest, Self::parse(words, depth - 1))),
+                "{" if depth > 0 => block.blocks.push((latest.trim_end_matches(':'), Self::parse(words, depth - 1))),
                 _ if latest.ends_with(':') => block.fields.push((latest.trim_end_matches(':'), word)),
                 _ => {}
             }
@@ -65,9 +65,13 @@ impl<'a> Block<'a> {
         self.fields.iter().find(|(field, _)| *field == name).map(|(_, value)| *value)
     }
 
+    fn slots(&self) -> impl Iterator<Item = &Self> {
+        self.blocks.iter().filter(|(name, _)| *name == "slot").map(|(_, slot)| slot)
+    }
+
     fn find_cycles<'b>(&'b self, cycles: &mut Vec<&'b Self>) {
         let is_mac = self.field("type").is_some_and(|kind| kind.starts_with("MAC_"));
-        if is_mac && self.blocks.iter().any(|(name, _)| name.trim_end_matches(':') == "slot") {
+        if is_mac && self.slots().next().is_some() {
             cycles.push(self);
         }
         self.blocks.iter().for_each(|(_, block)| block.find_cycles(cycles));
@@ -94,11 +98,7 @@ pub(crate) fn read_mac_config(text: &str, ids: &ModemIds) -> Result<Schedule, St
             cycle.field("type").unwrap_or_default()
         ));
     }
-    let slots = cycle
-        .blocks
-        .iter()
-        .filter(|(name, _)| name.trim_end_matches(':') == "slot")
-        .map(|(_, slot)| read_slot(slot, ids));
+    let slots = cycle.slots().map(|slot| read_slot(slot, ids));
     let (order, duration_s) = equal_parts(&slots.collect::<Result<Vec<_>, _>>()?)?;
     let is_fixed = cycle.field("ref_time_type") == Some("REFERENCE_FIXED");
     let start_s = match cycle.field("fixed_ref_time") {

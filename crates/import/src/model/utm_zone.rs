@@ -22,12 +22,10 @@ impl UtmZone {
 impl std::fmt::Display for UtmZone {
     /// Writes the EPSG code and the name of the zone.
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let hemisphere = if self.is_north { "north" } else { "south" };
-        match (self.zone, self.is_north) {
-            (Some(zone), true) => write!(formatter, "EPSG:{} (UTM zone {zone} {hemisphere})", 32600 + zone),
-            (Some(zone), false) => write!(formatter, "EPSG:{} (UTM zone {zone} {hemisphere})", 32700 + zone),
-            (None, true) => write!(formatter, "EPSG:32661 (UPS {hemisphere})"),
-            (None, false) => write!(formatter, "EPSG:32761 (UPS {hemisphere})"),
+        let (hemisphere, first_code) = if self.is_north { ("north", 32600) } else { ("south", 32700) };
+        match self.zone {
+            Some(zone) => write!(formatter, "EPSG:{} (UTM zone {zone} {hemisphere})", first_code + zone),
+            None => write!(formatter, "EPSG:{} (UPS {hemisphere})", first_code + 61),
         }
     }
 }

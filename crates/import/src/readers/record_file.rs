@@ -126,7 +126,7 @@ impl RecordReader {
         let ParsedFile { recording, name: own_name, datum, skipped } = parsed;
         // A log without any record needs no owner: for example one from the shore, without navigation and receptions.
         if recording == Recording::default() {
-            return Ok(Some(FileSummary { kind, vehicle: None, datum, skipped, conversions: Vec::new() }));
+            return Ok(Some(FileSummary { skipped, ..summary(datum) }));
         }
         let modem_owner = || recording.modem_ids.iter().find_map(|id| self.ids.lookup(id));
         let Some(vehicle) = source.vehicle.cloned().or(own_name).or_else(modem_owner) else {
@@ -135,7 +135,7 @@ impl RecordReader {
             ));
         };
         recordings.entry(vehicle.clone()).or_default().append(recording);
-        Ok(Some(FileSummary { kind, vehicle: Some(vehicle), datum, skipped, conversions: Vec::new() }))
+        Ok(Some(FileSummary { vehicle: Some(vehicle), skipped, ..summary(datum) }))
     }
 
     /// Reads a table whose kind was detected.

@@ -13,5 +13,6 @@ mod modems;
 mod mutated_files;
 mod outcomes;
 mod properties;
+mod random;
 mod simulated_missions;
 mod sqlite_bags;

@@ -8,6 +8,8 @@ use pingmap_import::{
     EventRecords, FileSource, ModemIds, RecordReader, Recordings, Reference, Rules, Schedule, join, resolve_modem_ids,
 };
 
+use crate::random::Random;
+
 /// Longest time for one file, and largest memory of the process in bytes.
 const TIME_MAX: Duration = Duration::from_secs(10);
 const MEMORY_BYTES_MAX: u64 = 512 << 20;
@@ -43,23 +45,6 @@ const TEXTS: [(&str, &str); 5] = [
     ),
 ];
 
-/// A generator of numbers (SplitMix64).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        mixed ^ (mixed >> 31)
-    }
-
-    /// Returns a number below a limit; 0 for the limit 0.
-    fn below(&mut self, limit: usize) -> usize {
-        (self.next() % (limit.max(1) as u64)) as usize
-    }
-}
-
 /// A file that is mutated.
 type Seed = (PathBuf, Vec<u8>);
 
@@ -82,23 +67,23 @@ fn seeds() -> Vec<Seed> {
 
 /// Changes a file in a few places.
 fn mutate(random: &mut Random, seeds: &[Seed], bytes: &mut Vec<u8>) {
-    for _ in 0..1 + random.below(6) {
-        let at = random.below(bytes.len());
-        let length = random.below(24).min(bytes.len() - at);
-        match random.below(7) {
-            0 if !bytes.is_empty() => bytes[at] ^= 1 << random.below(8),
+    for _ in 0..1 + random.index(6) {
+        let at = random.index(bytes.len());
+        let length = random.index(24).min(bytes.len() - at);
+        match random.index(7) {
+            0 if !bytes.is_empty() => bytes[at] ^= 1 << random.index(8),
             1 => drop(bytes.drain(at..at + length)),
             2 => bytes.truncate(at),
             3 => {
                 let copy = bytes[at..at + length].to_vec();
-                bytes.splice(at..at, copy.repeat(1 + random.below(3)));
+                bytes.splice(at..at, copy.repeat(1 + random.index(3)));
             }
             4 => {
-                let other = &seeds[random.below(seeds.len())].1;
-                let from = random.below(other.len());
+                let other = &seeds[random.index(seeds.len())].1;
+                let from = random.index(other.len());
                 bytes.splice(at..at + length, other[from..].iter().take(200).copied());
             }
-            _ => drop(bytes.splice(at..at + length, FRAGMENTS[random.below(FRAGMENTS.len())].iter().copied())),
+            _ => drop(bytes.splice(at..at + length, FRAGMENTS[random.index(FRAGMENTS.len())].iter().copied())),
         }
     }
 }
@@ -124,10 +109,10 @@ fn longest_time(seed: u64, inputs: usize) -> Duration {
     for (name, bytes) in seeds.iter().filter(|(name, _)| name.extension().is_some_and(|extension| extension == "lcm")) {
         reader.read_lcm_types(bytes.as_slice(), name).unwrap();
     }
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut longest = Duration::ZERO;
     for _ in 0..inputs {
-        let mut file = seeds[random.below(seeds.len())].clone();
+        let mut file = seeds[random.index(seeds.len())].clone();
         mutate(&mut random, &seeds, &mut file.1);
         let start = Instant::now();
         read(&reader, &file);

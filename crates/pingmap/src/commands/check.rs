@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use pingmap_import::{Contradiction, ModemIds, Schedule, check_schedule};
+use pingmap_import::{Contradiction, ModemIds, Schedule, compare_with_schedule};
 use pingmap_trial::{EventLog, Finding, PairCount, RangeBin, open};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -54,7 +54,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
             let message = format!("{}: no slot belongs to a transmitter of the log; expected --ids", path.display());
             return Err(BadInput(message).into());
         }
-        let contradictions = check_schedule(&log, &schedule);
+        let contradictions = compare_with_schedule(&log, &schedule);
         let finding = |contradiction: &Contradiction| Finding {
             check: "schedule",
             is_nonsense: true,

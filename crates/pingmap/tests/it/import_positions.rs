@@ -12,12 +12,9 @@ fn events(log: &str) -> Vec<&str> {
 
 /// Sets the position in rows of the navigation of ada.
 fn set_positions(folder: &Path, rows: std::ops::Range<usize>, position: &str) {
-    rewrite(folder, "ada.nav.csv", |text| {
-        let change = |(n, line): (usize, &str)| match rows.contains(&n) {
-            true => format!("{},{position}\n", line.split(',').next().unwrap()),
-            false => format!("{line}\n"),
-        };
-        text.lines().enumerate().map(change).collect()
+    rewrite_lines(folder, "ada.nav.csv", |n, line| match rows.contains(&n) {
+        true => format!("{},{position}", line.split(',').next().unwrap()),
+        false => line.to_owned(),
     });
 }
 
@@ -83,7 +80,7 @@ fn reference_systems_without_true_metres_are_refused_with_the_right_zone() {
             "{error}"
         );
     }
-    // A log in such a system is refused, too.
+    // A log with metres of Web Mercator is refused, too.
     let (log, _) = import_tables(folder, &["--crs", "EPSG:32619"]);
     file(folder, "events.csv", log.replace("EPSG:32619", "EPSG:3857"));
     let output = pingmap(folder, &["map", "events.csv", "--at", "0,0", "-o", "map.geojson"]);
@@ -165,13 +162,13 @@ fn a_vehicle_at_the_surface_is_named_with_its_span() {
     write_tables(folder, 43.83, -70.33);
     for name in ["ada", "bob"] {
         let table = format!("{name}.nav.csv");
-        rewrite(folder, &table, |text| {
-            let depth = |n: usize| match n {
+        rewrite_lines(folder, &table, |n, line| {
+            let depth = match n {
                 0 => "depth",
                 60..90 if name == "ada" => "-1.5",
                 _ => "20",
             };
-            text.lines().enumerate().map(|(n, line)| format!("{line},{}\n", depth(n))).collect()
+            format!("{line},{depth}")
         });
     }
     let (log, warnings) = import_tables(folder, &[]);

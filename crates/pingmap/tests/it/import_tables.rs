@@ -13,7 +13,7 @@ fn same_log(kinds: &[&str], change: impl Fn(usize, &str) -> String, options: &[&
     write_tables(folder, 43.83, -70.33);
     let (plain, _) = import_tables(folder, &[]);
     for name in table_names().filter(|name| kinds.iter().any(|kind| name.contains(kind))) {
-        rewrite(folder, &name, |text| text.lines().enumerate().map(|(n, line)| change(n, line) + "\n").collect());
+        rewrite_lines(folder, &name, &change);
     }
     let (log, messages) = import_tables(folder, options);
     assert_eq!(numbers(&log), numbers(&plain));
@@ -93,9 +93,7 @@ fn headers_may_have_units_and_columns_of_one_vehicle_their_own_names() {
         let folder = folder.path();
         write_tables(folder, 43.83, -70.33);
         let (plain, _) = import_tables(folder, &[]);
-        rewrite(folder, "ada.nav.csv", |text| {
-            text.lines().enumerate().map(|(n, line)| change(n, line) + "\n").collect()
-        });
+        rewrite_lines(folder, "ada.nav.csv", change);
         let (log, _) = import_tables(folder, &["--column", &columns[0], &columns[1], &columns[2]]);
         assert_eq!(log, plain);
     };
@@ -107,7 +105,7 @@ fn headers_may_have_units_and_columns_of_one_vehicle_their_own_names() {
     assert!(error.contains("bob.nav.csv: line 1: the header lacks the column zeit"), "{error}");
     let error = refused_tables(folder.path(), &["--column", "eve:nav.time=Zeit"]);
     assert!(error.contains("eve") && error.contains("expected the name of one"), "{error}");
-    rewrite(folder.path(), "ada.nav.csv", |text| text.replace("lat", "lat [rad]"));
+    rewrite_lines(folder.path(), "ada.nav.csv", |_, line| line.replace("lat", "lat [rad]"));
     let error = refused_tables(folder.path(), &[]);
     assert!(error.contains("unit rad; expected"), "{error}");
 }
@@ -135,17 +133,13 @@ fn a_column_that_looks_like_an_outcome_is_used_or_asked_about() {
     let (plain, _) = import_tables(folder, &[]);
     let with_column = |header: &str, bad: &str| {
         write_tables(folder, 43.83, -70.33);
-        rewrite(folder, "ada.heard.csv", |text| {
-            let value = |n: usize| {
-                if n == 0 {
-                    header
-                } else if n == 3 {
-                    bad
-                } else {
-                    "ok"
-                }
+        rewrite_lines(folder, "ada.heard.csv", |n, line| {
+            let value = match n {
+                0 => header,
+                3 => bad,
+                _ => "ok",
             };
-            text.lines().enumerate().map(|(n, line)| format!("{line},{}\n", value(n))).collect()
+            format!("{line},{value}")
         });
     };
     for (header, bad) in [("rx_ok", "failed"), ("status", "bad"), ("decoded", "no")] {

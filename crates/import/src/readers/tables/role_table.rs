@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::Path;
 
-use pingmap_trial::{FLAG, FileError, Problem, Table, flag};
+use pingmap_trial::{FLAG, FileError, KIND_COLUMNS, Problem, Table, flag};
 
 use crate::model::error::ImportError;
 use crate::model::time::{EpochUnit, TIME_IN_ZONE, TimeZone, parse_time_in};
@@ -28,9 +28,6 @@ fn words(column: &str) -> impl Iterator<Item = String> {
     let words: Vec<String> = column.to_lowercase().split(|c: char| !c.is_alphanumeric()).map(str::to_owned).collect();
     words.into_iter()
 }
-
-/// Columns that form the kind of a message.
-const KIND_COLUMNS: [&str; 5] = ["kind", "rate", "band", "level", "length"];
 
 /// A table whose fields are addressed by role.
 pub(crate) struct RoleTable<'a> {
@@ -97,16 +94,11 @@ impl<'a> RoleTable<'a> {
         if self.has("good") || assigned.column(TableKind::Receptions, "good").is_some() {
             return Ok(());
         }
-        let used: Vec<&str> = self.columns.values().map(String::as_str).collect();
-        let is_outcome = |column: &&String| {
-            !used.contains(&column.to_lowercase().as_str())
-                && words(column)
-                    .any(|word| OUTCOME_WORDS.contains(&word.as_str()) || FAILURE_WORDS.contains(&word.as_str()))
-        };
-        let Some(column) = self.table.header().iter().find(is_outcome) else { return Ok(()) };
+        let has_word = |column: &str, known: &[&str]| words(column).any(|word| known.contains(&word.as_str()));
+        let is_outcome = |column: &&str| has_word(column, &OUTCOME_WORDS) || has_word(column, &FAILURE_WORDS);
+        let Some(column) = self.unused_columns().into_iter().find(is_outcome) else { return Ok(()) };
         let file = path.file_name().unwrap_or_default().display();
-        let states_failure = words(column).any(|word| FAILURE_WORDS.contains(&word.as_str()));
-        let use_it = match states_failure {
+        let use_it = match has_word(column, &FAILURE_WORDS) {
             true => "a column that is 1 for received messages".to_owned(),
             false => format!("--column {file}:heard.good={column} to use it"),
         };
@@ -115,6 +107,11 @@ impl<'a> RoleTable<'a> {
              received message"
         );
         Err(ImportError::Content { file: path.display().to_string(), problem })
+    }
+
+    /// Returns the columns without a role that form no kind of message either.
+    fn unused_columns(&self) -> Vec<&str> {
+        self.table.unused_columns(self.columns.values().map(String::as_str).chain(KIND_COLUMNS))
     }
 
     /// Returns how the table differs from plain CSV, up to the present row.
@@ -126,8 +123,7 @@ impl<'a> RoleTable<'a> {
             (unit != EpochUnit::Seconds, Conversion::Epoch(unit)),
         ];
         let applying = conversions.into_iter().filter(|(applies, _)| *applies).map(|(_, conversion)| conversion);
-        let used = self.columns.values().map(String::as_str).chain(KIND_COLUMNS);
-        let unused: Vec<String> = self.table.unused_columns(used).into_iter().map(str::to_owned).collect();
+        let unused: Vec<String> = self.unused_columns().into_iter().map(str::to_owned).collect();
         applying.chain((!unused.is_empty()).then_some(Conversion::UnusedColumns(unused))).collect()
     }
 

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use pingmap_agent::{MessageKind, VehicleId};
 use pingmap_import::{Arrival, Recording, Recordings, Reply, Rules, Schedule, TransmissionRecord};
 
-use super::kinds::{MissionKind, Random};
+use super::kinds::MissionKind;
 use super::vehicle::{Vehicle, vehicle_name};
+use crate::random::Random;
 
 const SOUND_M_PER_S: f64 = 1500.0;
 const SLOTS: usize = 400;

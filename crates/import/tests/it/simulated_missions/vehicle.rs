@@ -3,7 +3,8 @@
 use pingmap_agent::VehicleId;
 use pingmap_import::{Fix, Place};
 
-use super::kinds::{MissionKind, Random};
+use super::kinds::MissionKind;
+use crate::random::Random;
 
 /// Time between two positions, in seconds.
 const FIX_INTERVAL_S: f64 = 4.0;

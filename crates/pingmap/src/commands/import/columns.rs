@@ -12,7 +12,7 @@ use super::records::{RecordFile, split_vehicle};
 use crate::output::{BadInput, read_text};
 
 impl Files {
-    /// Returns the assignments of `--columns` and `--column`. The latter replace the former.
+    /// Returns the assignments of `--columns` and `--column`. Those of `--column` take precedence.
     pub(super) fn columns(&self) -> anyhow::Result<Columns> {
         let mut columns = Columns::default();
         if let Some(path) = &self.columns {

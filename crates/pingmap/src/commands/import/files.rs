@@ -260,7 +260,7 @@ impl Files {
         }
         // Metres in tables may use --crs. Metres of logs that name their own (0, 0) do not.
         let log_fixes = recordings.values().flat_map(|recording| &recording.fixes);
-        records.has_metres = has_metres(&log_fixes.map(|fix| fix.place).collect::<Vec<_>>());
+        records.has_metres = has_metres(log_fixes.map(|fix| &fix.place));
         for file in tables {
             records.read_file(file, bar.wrap_read(file.open()?), reader, recordings)?;
             check_vehicles(&file.name, recordings)?;

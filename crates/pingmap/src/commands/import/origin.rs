@@ -99,8 +99,8 @@ fn check_origin(source: &str, origin: Geographic, degrees: &[Geographic]) -> any
 }
 
 /// Whether any position is in metres.
-pub fn has_metres(places: &[Place]) -> bool {
-    places.iter().any(|place| matches!(place, Place::Metres(..)))
+pub fn has_metres<'a>(places: impl IntoIterator<Item = &'a Place>) -> bool {
+    places.into_iter().any(|place| matches!(place, Place::Metres(..)))
 }
 
 fn degrees_of(place: &Place) -> Option<Geographic> {

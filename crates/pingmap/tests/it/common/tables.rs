@@ -38,10 +38,10 @@ pub fn write_tables(folder: &Path, latitude_deg: f64, longitude_deg: f64) {
     }
 }
 
-/// Replaces the text of a table.
-pub fn rewrite(folder: &Path, name: &str, change: impl Fn(&str) -> String) {
+/// Changes each line of a table. Lines count from 0, the header.
+pub fn rewrite_lines(folder: &Path, name: &str, change: impl Fn(usize, &str) -> String) {
     let text = std::fs::read_to_string(folder.join(name)).unwrap();
-    file(folder, name, change(&text));
+    file(folder, name, text.lines().enumerate().map(|(n, line)| change(n, line) + "\n").collect::<String>());
 }
 
 /// Returns the names of the six tables.
@@ -49,25 +49,24 @@ pub fn table_names() -> impl Iterator<Item = String> {
     ["ada", "bob"].into_iter().flat_map(|name| ["nav", "heard", "sent"].map(|kind| format!("{name}.{kind}.csv")))
 }
 
-/// Imports the tables in the folder with further options, and returns the log. `events.csv` is its name.
-pub fn import_tables(folder: &Path, options: &[&str]) -> (String, String) {
+/// Runs the import of the tables in the folder with further options.
+fn run_import(folder: &Path, options: &[&str]) -> std::process::Output {
     let names: Vec<String> = table_names().collect();
     let mut arguments = vec!["import"];
-    arguments.extend(names.iter().map(String::as_str));
-    arguments.extend(["--overwrite"]);
-    arguments.extend(options);
-    let output = super::pingmap(folder, &arguments);
+    arguments.extend(names.iter().map(String::as_str).chain(options.iter().copied()));
+    super::pingmap(folder, &arguments)
+}
+
+/// Imports the tables in the folder with further options, and returns the log `events.csv` and the messages.
+pub fn import_tables(folder: &Path, options: &[&str]) -> (String, String) {
+    let output = run_import(folder, &[&["--overwrite"], options].concat());
     assert!(output.status.success(), "{options:?}: {}", super::stderr(&output));
     (std::fs::read_to_string(folder.join("events.csv")).unwrap(), super::stderr(&output))
 }
 
 /// Imports the tables in the folder with further options that are refused with status 2, and returns the message.
 pub fn refused_tables(folder: &Path, options: &[&str]) -> String {
-    let names: Vec<String> = table_names().collect();
-    let mut arguments = vec!["import"];
-    arguments.extend(names.iter().map(String::as_str));
-    arguments.extend(options);
-    let output = super::pingmap(folder, &arguments);
+    let output = run_import(folder, options);
     assert_eq!(output.status.code(), Some(2), "{options:?}: {}", super::stderr(&output));
     assert!(!folder.join("events.csv").exists());
     super::stderr(&output)
