@@ -1,7 +1,7 @@
 //! Errors of an agent.
 
 use crate::team::config::TeamError;
-use crate::types::bounds::COORDINATE_M;
+use crate::types::bounds::{COORDINATE_M, HEADING_DEG};
 use crate::types::event::VehicleId;
 
 /// Error of an agent.
@@ -46,6 +46,12 @@ pub enum AgentError {
     Nowhere {
         /// The coordinate, in metres.
         value_m: f64,
+    },
+    /// A heading is out of bounds.
+    #[error("a heading must be {HEADING_DEG}, found {heading_deg}")]
+    NoHeading {
+        /// The heading, in degrees.
+        heading_deg: f64,
     },
     /// The number of an entry is out of bounds.
     #[error("the number of an entry must be below 2^48, found {0}")]

@@ -32,13 +32,13 @@ pub use inference::fitting::FitQuality;
 pub use model::fading::Fading;
 pub use model::file::error::ModelFileError;
 pub use model::file::model_file::{ModelFile, Provenance};
+pub use model::inputs::{End, InputSpec};
 #[cfg(feature = "learn")]
 pub use model::learning::{Criterion, LearnedModel, Learning};
-pub use model::link_model::{InputSpec, MODEL_SCHEMA, Model};
+pub use model::link_model::{MODEL_SCHEMA, Model};
+pub use model::optional_terms::{OptionalTerm, OptionalTerms};
 pub use model::site_prior::SitePrior;
-pub use model::structure::{
-    MeanStructure, OptionalTerm, OptionalTerms, PathInputs, Structure, StructureConstraints, Terms,
-};
+pub use model::structure::{MeanStructure, PathInputs, Structure, StructureConstraints, Terms};
 pub use pingmap_packet::Key;
 pub use store::clock::COUNTER_LEAD;
 pub use store::entry::Entry;

@@ -71,9 +71,9 @@ impl Prior {
         self.mean.has_structure_of(&other.mean) && self.kernel.has_structure_of(&other.kernel)
     }
 
-    /// Returns the learned parameters: [`Kernel::log_parameters`], then [`PriorMean::parameter_values`].
+    /// Returns the learned parameters: [`Kernel::parameter_values`], then [`PriorMean::parameter_values`].
     pub fn parameter_values(&self) -> Vec<f64> {
-        [self.kernel.log_parameters(), self.mean.parameter_values()].concat()
+        [self.kernel.parameter_values(), self.mean.parameter_values()].concat()
     }
 
     /// Returns the kind of each entry of [`Prior::parameter_values`].
@@ -84,10 +84,10 @@ impl Prior {
     /// Returns a prior of the same structure with other parameters, in the order of [`Prior::parameter_values`].
     ///
     /// # Errors
-    /// As [`Kernel::with_log_parameters`] and [`PriorMean::with_parameters`].
+    /// As [`Kernel::with_parameters`] and [`PriorMean::with_parameters`].
     pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
         let (kernel, mean) = parameters.split_at(self.kernel.parameter_count().min(parameters.len()));
-        Self::new(self.kernel.with_log_parameters(kernel)?, self.mean.with_parameters(mean)?)
+        Self::new(self.kernel.with_parameters(kernel)?, self.mean.with_parameters(mean)?)
     }
 
     /// Returns the prior with all length-scales multiplied by a positive factor.

@@ -111,6 +111,14 @@ pub enum AdditionName {
     Range,
     /// Noise at the position of the receiver
     ReceiverPlace,
+    /// Layers of the water: mean depth, difference of the depths, and range, if the log has depths
+    Vertical,
+    /// The direction of the receiver as seen from the transmitter's bow
+    TransmitterAspect,
+    /// The direction of the transmitter as seen from the receiver's bow
+    ReceiverAspect,
+    /// A difference between the two directions of a path
+    OneWay,
     /// An offset of every receiver, since receivers differ
     Receivers,
     /// An offset of every transmitter
@@ -131,6 +139,10 @@ impl AdditionName {
             AdditionName::None => None,
             AdditionName::Range => Some(OptionalTerm::Range),
             AdditionName::ReceiverPlace => Some(OptionalTerm::ReceiverPlace),
+            AdditionName::Vertical => Some(OptionalTerm::Vertical),
+            AdditionName::TransmitterAspect => Some(OptionalTerm::TransmitterAspect),
+            AdditionName::ReceiverAspect => Some(OptionalTerm::ReceiverAspect),
+            AdditionName::OneWay => Some(OptionalTerm::OneWay),
             AdditionName::Receivers => Some(OptionalTerm::Receivers),
             AdditionName::Transmitters => Some(OptionalTerm::Transmitters),
             AdditionName::Time => Some(OptionalTerm::Time),

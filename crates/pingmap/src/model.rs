@@ -187,8 +187,8 @@ pub fn stop_words(stop: &Stop) -> String {
 pub struct KernelJson {
     /// Shape of the path term's covariance over distance.
     pub shape: Option<String>,
-    /// Whether the path term has equal values for both directions of a link.
-    pub reciprocal: Option<bool>,
+    /// Correlation of the path term's values for both directions of a link: 1 if they are equal.
+    pub reciprocity: Option<f64>,
     /// Typical length-scale of the path term.
     pub length_scale_m: f64,
     /// Variance of the path term.
@@ -204,8 +204,8 @@ pub struct KernelJson {
 pub struct TermJson {
     /// Variance of the term.
     variance: f64,
-    /// Whether the term has equal values for both directions of a link.
-    reciprocal: bool,
+    /// Correlation of the term's values for both directions of a link: 1 if they are equal.
+    reciprocity: f64,
     #[serde(flatten)]
     first: CorrelationJson,
     /// Further correlations, by which the first is multiplied.
@@ -224,6 +224,9 @@ pub struct CorrelationJson {
     /// Length-scale in seconds of the time column.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     length_scales_s: Vec<f64>,
+    /// Length-scales of aspect columns, as chords of the unit circle.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    length_scales_chord: Vec<f64>,
 }
 
 impl KernelJson {
@@ -231,24 +234,29 @@ impl KernelJson {
         let names = model.inputs.column_names();
         let correlation = |correlation: &Correlation| {
             let length_scales = correlation.length_scales().to_vec();
-            let (length_scales_m, length_scales_s) = match correlation.columns() {
-                _ if correlation.shape().is_of_labels() => (Vec::new(), Vec::new()),
-                [column] if *column == model.inputs.time() => (Vec::new(), length_scales),
-                _ => (length_scales, Vec::new()),
-            };
+            let [mut length_scales_m, mut length_scales_s, mut length_scales_chord] = [const { Vec::new() }; 3];
+            match correlation.columns() {
+                _ if correlation.shape().is_of_labels() => {}
+                [column] if *column == model.inputs.time() => length_scales_s = length_scales,
+                columns if columns.iter().all(|&column| model.inputs.is_aspect(column)) => {
+                    length_scales_chord = length_scales;
+                }
+                _ => length_scales_m = length_scales,
+            }
             let columns = correlation.columns().iter().map(|&column| names[column].clone()).collect();
-            CorrelationJson { shape: correlation.shape().to_string(), columns, length_scales_m, length_scales_s }
+            let shape = correlation.shape().to_string();
+            CorrelationJson { shape, columns, length_scales_m, length_scales_s, length_scales_chord }
         };
         let term = |term: &Term| TermJson {
             variance: term.variance(),
-            reciprocal: term.is_reciprocal(),
+            reciprocity: term.reciprocity(),
             first: correlation(&term.correlations()[0]),
             times: term.correlations()[1..].iter().map(correlation).collect(),
         };
         let terms = model.prior.kernel().terms();
         Self {
             shape: terms.first().map(|path| path.correlations()[0].shape().to_string()),
-            reciprocal: terms.first().map(Term::is_reciprocal),
+            reciprocity: terms.first().map(Term::reciprocity),
             length_scale_m: model.length_scale_m(),
             variance: terms.first().map(Term::variance),
             terms: terms.iter().map(term).collect(),

@@ -67,7 +67,8 @@ pub struct ModelOptions {
     /// Inputs of the path term
     #[arg(long, value_enum)]
     pub inputs: Option<InputsName>,
-    /// Whether the two directions of a path have equal probabilities
+    /// Fix the two directions of a path as equal (yes) or independent (no); if not given, they are equal unless the
+    /// events contradict that
     #[arg(long, value_enum, value_name = "YES|NO")]
     pub reciprocal: Option<YesNo>,
     /// Terms whose sum is the log-odds
@@ -120,13 +121,14 @@ impl ModelOptions {
     }
 
     /// Returns the terms that may be added. If `--terms` is given, it decides about the common terms, so they are left
-    /// out.
+    /// out. If `--reciprocal` is given, it decides about the two directions of a path.
     fn additions(&self) -> Vec<OptionalTerm> {
         match &self.additions {
             Some(names) => names.iter().filter_map(|name| name.addition()).collect(),
             None => {
                 let all = OptionalTerm::ALL.into_iter();
-                all.filter(|addition| self.terms.is_none() || !addition.is_common()).collect()
+                let all = all.filter(|addition| self.terms.is_none() || !addition.is_common());
+                all.filter(|addition| self.reciprocal.is_none() || *addition != OptionalTerm::OneWay).collect()
             }
         }
     }

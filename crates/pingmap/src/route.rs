@@ -113,6 +113,7 @@ impl Route {
             east_m: between(from.east_m, to.east_m),
             north_m: between(from.north_m, to.north_m),
             depth_m: from.depth_m.zip(to.depth_m).map(|(a, b)| between(a, b)),
+            heading_deg: from.course_deg(&to),
         }
     }
 }
@@ -142,10 +143,13 @@ mod tests {
         assert_eq!((route.duration_s(), route.length_m(1), route.legs()), (75.0, 100.0, 2));
         let sendings = route.sendings(12.5).unwrap();
         assert_eq!(sendings.len(), 7);
-        assert_eq!(sendings[1], Sending { leg: 0, time_s: 12.5, position: Position::new(15.0, 20.0) });
+        let course_deg = 30f64.atan2(40.0).to_degrees();
+        let heading = |heading_deg, position| Position { heading_deg: Some(heading_deg), ..position };
+        let position = heading(course_deg, Position::new(15.0, 20.0));
+        assert_eq!(sendings[1], Sending { leg: 0, time_s: 12.5, position });
         // A leg begins at its waypoint. The last message is sent at the end.
-        assert_eq!((sendings[2].leg, sendings[2].position), (1, Position::new(30.0, 40.0)));
-        assert_eq!((sendings[6].leg, sendings[6].position), (1, Position::new(30.0, 140.0)));
+        assert_eq!((sendings[2].leg, sendings[2].position), (1, heading(0.0, Position::new(30.0, 40.0))));
+        assert_eq!((sendings[6].leg, sendings[6].position), (1, heading(0.0, Position::new(30.0, 140.0))));
     }
 
     #[test]

@@ -57,7 +57,8 @@ pub fn read_attempts(
             };
             let depth = ["tx_depth_m", "rx_depth_m"][which];
             let depth_m = has_depths.then(|| table.metres(depth)).transpose()?;
-            Ok(Position { east_m, north_m, depth_m })
+            let heading_deg = table.heading(["tx_heading_deg", "rx_heading_deg"][which])?;
+            Ok(Position { east_m, north_m, depth_m, heading_deg })
         };
         let link = Link { transmitter: end(0)?, receiver: end(1)? };
         attempts.push(attempt(&table, link, asked)?);

@@ -198,6 +198,7 @@ mod tests {
             events,
             true_probability: None,
             has_depths: false,
+            has_headings: false,
             unknown_columns: Vec::new(),
             reference: ReferenceSystem::Unknown,
         }

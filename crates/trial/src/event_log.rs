@@ -3,8 +3,9 @@
 //! Required columns, in any order: `time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m, rx_northing_m,
 //! success`.
 //!
-//! Optional columns: `true_probability` (for scoring only), `tx_depth_m` and `rx_depth_m`, and `kind`. With both
-//! depths, links have six inputs. Without `kind`, the columns `rate`, `band`, `level` and `length` form the kind of
+//! Optional columns: `true_probability` (for scoring only), `tx_depth_m` and `rx_depth_m`, `tx_heading_deg` and
+//! `rx_heading_deg`, and `kind`. With both depths, links have six inputs. An unknown heading is the course of the
+//! vehicle. Without `kind`, the columns `rate`, `band`, `level` and `length` form the kind of
 //! message. Other columns are listed in [`EventLog::unknown_columns`].
 //!
 //! A remark before the header may name the reference system: `# reference system: 41.52,-70.67` (latitude and longitude
@@ -17,6 +18,7 @@ use std::path::Path;
 use pingmap_agent::{Chart, Event, InputSpec, Link, Position, ReferenceSystem, VehicleId};
 use pingmap_packet::to_hex;
 
+use crate::headings::derive_headings;
 use crate::table::{FileError, Problem, Table, open};
 
 /// Required columns of an event log.
@@ -24,8 +26,18 @@ pub const REQUIRED_COLUMNS: [&str; 8] =
     ["time_s", "tx_id", "rx_id", "tx_easting_m", "tx_northing_m", "rx_easting_m", "rx_northing_m", "success"];
 
 /// Optional columns of an event log.
-const OPTIONAL_COLUMNS: [&str; 8] =
-    ["true_probability", "tx_depth_m", "rx_depth_m", "kind", "rate", "band", "level", "length"];
+const OPTIONAL_COLUMNS: [&str; 10] = [
+    "true_probability",
+    "tx_depth_m",
+    "rx_depth_m",
+    "tx_heading_deg",
+    "rx_heading_deg",
+    "kind",
+    "rate",
+    "band",
+    "level",
+    "length",
+];
 
 /// The events of a trial, in file order.
 #[derive(Debug, Clone)]
@@ -36,6 +48,8 @@ pub struct EventLog {
     pub true_probability: Option<Vec<f64>>,
     /// Whether both ends have depths.
     pub has_depths: bool,
+    /// Whether the log has a column of headings. Headings without a column are courses.
+    pub has_headings: bool,
     /// Columns of the file that are not used, such as the depth of one end only.
     pub unknown_columns: Vec<String>,
     /// Reference system of the positions.
@@ -62,6 +76,7 @@ impl EventLog {
     pub fn read(reader: impl Read, name: &Path) -> Result<Self, FileError> {
         let mut table = Table::new(reader, name, &REQUIRED_COLUMNS)?;
         let has_depths = table.has("tx_depth_m") && table.has("rx_depth_m");
+        let has_headings = table.has("tx_heading_deg") || table.has("rx_heading_deg");
         let has_probability = table.has("true_probability");
         let known = |column: &String| {
             let lone_depth = column.ends_with("_depth_m") && !has_depths;
@@ -92,8 +107,9 @@ impl EventLog {
         if events.is_empty() {
             return Err(table.error(Problem::Empty { what: "events" }));
         }
+        derive_headings(&mut events);
         let true_probability = has_probability.then_some(probabilities);
-        Ok(Self { events, true_probability, has_depths, unknown_columns, reference })
+        Ok(Self { events, true_probability, has_depths, has_headings, unknown_columns, reference })
     }
 
     /// Appends the events of another log in the same coordinates. True probabilities are kept only if both logs have
@@ -108,6 +124,7 @@ impl EventLog {
             other.unknown_columns.into_iter().filter(|column| !self.unknown_columns.contains(column)).collect();
         self.unknown_columns.extend(unknown);
         self.has_depths &= other.has_depths;
+        self.has_headings |= other.has_headings;
         if !self.reference.is_known() {
             self.reference = other.reference;
         }
@@ -136,18 +153,22 @@ impl EventLog {
             events: indices.iter().map(|&n| self.events[n].clone()).collect(),
             true_probability: self.true_probability.as_ref().map(pick),
             has_depths: self.has_depths,
+            has_headings: self.has_headings,
             unknown_columns: self.unknown_columns.clone(),
             reference: self.reference,
         }
     }
 
-    /// Returns the log as CSV that [`EventLog::read`] can read. Depths, kinds and true probabilities follow the
-    /// required columns if the log has them. A remark names the reference system if known. Numbers have the fewest
+    /// Returns the log as CSV that [`EventLog::read`] can read. Depths, headings, kinds and true probabilities follow
+    /// the required columns if the log has them. A remark names the reference system if known. Numbers have the fewest
     /// digits that identify them.
     pub fn to_csv(&self) -> String {
         let mut header = REQUIRED_COLUMNS.to_vec();
         if self.has_depths {
             header.extend(["tx_depth_m", "rx_depth_m"]);
+        }
+        if self.has_headings {
+            header.extend(["tx_heading_deg", "rx_heading_deg"]);
         }
         let has_kinds = self.events.iter().any(|event| event.kind.is_some());
         if has_kinds {
@@ -170,6 +191,10 @@ impl EventLog {
             if self.has_depths {
                 row.extend([tx.depth_m, rx.depth_m].map(|depth_m| depth_m.unwrap_or_default().to_string()));
             }
+            if self.has_headings {
+                let text = |heading_deg: Option<f64>| heading_deg.map_or_else(String::new, |deg| deg.to_string());
+                row.extend([tx.heading_deg, rx.heading_deg].map(text));
+            }
             if has_kinds {
                 row.push(event.kind.as_ref().map(|kind| kind.to_string()).unwrap_or_default());
             }
@@ -181,6 +206,7 @@ impl EventLog {
 
     /// Returns a digest of 32 hexadecimal digits. It does not depend on the file, other columns or the order of lines.
     /// The digest is the first half of the BLAKE3 digest of time, names, positions, outcome and kind of every event.
+    /// Headings count unless they are courses.
     pub fn digest(&self) -> String {
         let mut events: Vec<&Event> = self.events.iter().collect();
         events.sort_by(|a, b| a.canonical_order(b));
@@ -195,6 +221,9 @@ impl EventLog {
                 // A position without a depth is encoded as an infinite depth, which no log can contain.
                 let numbers = [end.east_m, end.north_m, end.depth_m.unwrap_or(f64::INFINITY)];
                 bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+                if self.has_headings {
+                    bytes.extend(end.heading_deg.unwrap_or(f64::INFINITY).to_le_bytes());
+                }
             }
             bytes.push(event.success.into());
             bytes.extend(event.kind.iter().flat_map(|kind| kind.as_str().as_bytes()));

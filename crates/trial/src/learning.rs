@@ -67,7 +67,7 @@ pub fn learn_additions(
     events: &[&Event],
 ) -> dgpc::Result<Added> {
     let mut added = Added { best: chosen, tried: Vec::new() };
-    let mut left = learning.additions_to(events);
+    let mut left = learning.additions_to(events, inputs);
     loop {
         let structure = added.best.structure;
         let mut possible: Vec<OptionalTerm> =

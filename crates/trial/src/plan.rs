@@ -120,8 +120,8 @@ impl Plan {
     }
 
     fn with_variable_terms(&self, structure: &Structure) -> Structure {
-        let variable = [OptionalTerm::Receivers, OptionalTerm::Time].into_iter();
-        let tried = variable.filter(|addition| self.learning.additions.contains(addition));
+        let variable = [OptionalTerm::Receivers, OptionalTerm::Time];
+        let tried = variable.into_iter().filter(|addition| self.learning.additions.contains(addition));
         tried.fold(*structure, |structure, addition| structure.with(addition))
     }
 }

@@ -120,6 +120,7 @@ mod tests {
             events: receivers.enumerate().map(event).collect(),
             true_probability: None,
             has_depths: false,
+            has_headings: false,
             unknown_columns: Vec::new(),
             reference: ReferenceSystem::Unknown,
         }

@@ -365,14 +365,27 @@ impl<'a> Table<'a> {
         number.ok_or_else(|| self.bad(column, bounds::COORDINATE_M.words))
     }
 
+    /// Parses a heading in degrees. Returns `None` if there is no such column, or if the field is empty.
+    ///
+    /// # Errors
+    /// Returns [`Problem::BadValue`] for any other content.
+    pub(crate) fn heading(&self, column: &str) -> Result<Option<f64>, FileError> {
+        if !self.has(column) || self.field(column).is_empty() {
+            return Ok(None);
+        }
+        let number = self.parse_number(self.field(column)).and_then(|number| bounds::HEADING_DEG.check(number));
+        number.map(Some).ok_or_else(|| self.bad(column, bounds::HEADING_DEG.words))
+    }
+
     pub(crate) fn link(&self, has_depths: bool) -> Result<Link, FileError> {
-        let end = |east, north, depth| {
+        let end = |east, north, depth, heading| {
             let depth_m = if has_depths { Some(self.metres(depth)?) } else { None };
-            Ok(Position { east_m: self.metres(east)?, north_m: self.metres(north)?, depth_m })
+            let heading_deg = self.heading(heading)?;
+            Ok(Position { east_m: self.metres(east)?, north_m: self.metres(north)?, depth_m, heading_deg })
         };
         Ok(Link {
-            transmitter: end("tx_easting_m", "tx_northing_m", "tx_depth_m")?,
-            receiver: end("rx_easting_m", "rx_northing_m", "rx_depth_m")?,
+            transmitter: end("tx_easting_m", "tx_northing_m", "tx_depth_m", "tx_heading_deg")?,
+            receiver: end("rx_easting_m", "rx_northing_m", "rx_depth_m", "rx_heading_deg")?,
         })
     }
 }

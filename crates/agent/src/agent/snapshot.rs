@@ -15,7 +15,7 @@ use crate::types::event::{Event, Link, MessageKind, Position, VehicleId};
 const MAGIC: &[u8; 8] = b"pingmapS";
 
 /// Version of a snapshot. Others are refused.
-const SNAPSHOT_VERSION: u16 = 5;
+const SNAPSHOT_VERSION: u16 = 6;
 
 const CHECK_BYTES: usize = 32;
 
@@ -207,10 +207,12 @@ fn write_position(out: &mut Writer, position: &Position) {
     out.f64(position.east_m);
     out.f64(position.north_m);
     out.option(position.depth_m);
+    out.option(position.heading_deg);
 }
 
 fn read_position(reader: &mut Reader<'_>) -> Option<Position> {
-    Some(Position { east_m: reader.f64()?, north_m: reader.f64()?, depth_m: reader.option()? })
+    let (east_m, north_m) = (reader.f64()?, reader.f64()?);
+    Some(Position { east_m, north_m, depth_m: reader.option()?, heading_deg: reader.option()? })
 }
 
 fn read_event(reader: &mut Reader<'_>, has_kind: bool) -> Option<Event> {

@@ -4,8 +4,10 @@
 use dgpc::{HyperPrior, LearnOptions, Learned, Prior, PriorMean, Summary, spread_out};
 
 use crate::model::fading::Fading;
-use crate::model::link_model::{InputSpec, Model};
-use crate::model::structure::{MeanStructure, OptionalTerm, Structure, StructureConstraints};
+use crate::model::inputs::InputSpec;
+use crate::model::link_model::Model;
+use crate::model::optional_terms::OptionalTerm;
+use crate::model::structure::{MeanStructure, Structure, StructureConstraints};
 use crate::types::chart::Chart;
 use crate::types::event::Event;
 use crate::types::limits::Limits;
@@ -211,7 +213,7 @@ impl Learning {
         let fits =
             self.structures.iter().map(|structure| self.fit(structure, chart, inputs, events.clone(), messages, None));
         let mut best = self.choose(fits.collect::<dgpc::Result<_>>()?)?;
-        for addition in self.additions_to(&events.clone().into_iter().collect::<Vec<_>>()) {
+        for addition in self.additions_to(&events.clone().into_iter().collect::<Vec<_>>(), inputs) {
             if best.structure.can_have(addition) {
                 let structure = best.structure.with(addition);
                 let after = self.fit(&structure, chart, inputs, events.clone(), messages, Some(&best))?;
@@ -221,10 +223,17 @@ impl Learning {
         self.with_fading(best, events, messages)
     }
 
-    /// Returns the additions to try on these events. Offsets of message kinds need several kinds.
-    pub fn additions_to(&self, events: &[&Event]) -> Vec<OptionalTerm> {
-        let has_kinds = events.iter().any(|event| event.kind != events[0].kind);
-        self.additions.iter().copied().filter(|&addition| has_kinds || addition != OptionalTerm::Kinds).collect()
+    /// Returns the additions to try on these events. Offsets of message kinds need several kinds, and layers need
+    /// depths. Aspects need headings.
+    pub fn additions_to(&self, events: &[&Event], inputs: InputSpec) -> Vec<OptionalTerm> {
+        let can_have = |addition: &OptionalTerm| match addition {
+            OptionalTerm::Kinds => events.iter().any(|event| event.kind != events[0].kind),
+            OptionalTerm::TransmitterAspect => events.iter().any(|event| event.link.transmitter.heading_deg.is_some()),
+            OptionalTerm::ReceiverAspect => events.iter().any(|event| event.link.receiver.heading_deg.is_some()),
+            OptionalTerm::Vertical => inputs.has_depths(),
+            _ => true,
+        };
+        self.additions.iter().copied().filter(can_have).collect()
     }
 
     /// Estimates fading from the residuals of a learned model, and learns the model again if the weights of events

@@ -1,158 +1,18 @@
-//! The model of links: the chart, the inputs that the method computes of a query, and the prior over these inputs.
+//! The model of links: the chart, the input columns, and the prior over them.
 
-use std::f64::consts::FRAC_1_SQRT_2;
-use std::ops::Range;
 use std::sync::Arc;
 
-use dgpc::{
-    Candidates, Correlation, Inputs, Kernel, Observations, Posterior, Prior, PriorMean, Reflection, Shape, Summary,
-    Term,
-};
+use dgpc::{Candidates, Correlation, Inputs, Kernel, Observations, Posterior, Prior, PriorMean, Shape, Summary, Term};
 
 use crate::model::fading::Fading;
+use crate::model::inputs::InputSpec;
 use crate::model::site_prior::SitePrior;
 use crate::types::chart::Chart;
 use crate::types::event::{Event, Link, Position};
 use crate::types::query::LinkQuery;
 
 /// Schema version of a [`Model`]. Readers of files and messages refuse a newer version.
-pub const MODEL_SCHEMA: u32 = 5;
-
-pub(crate) const TIME: &str = "time";
-
-/// The input columns of a query: raw positions, and quantities computed from them. Kernel terms use a subset of the
-/// columns.
-///
-/// | columns | meaning |
-/// |---|---|
-/// | `tx_…`, `rx_…` | both ends, in metres about the chart's origin: east, north (and depth) |
-/// | `u_…` | (tx + rx)/√2: the location of the link |
-/// | `v_…` | (tx − rx)/√2: direction and length of the link; swapping the ends changes the sign |
-/// | `range` | distance between the ends, in metres |
-/// | `time`, `water` | time in seconds, and a label that is negative at a typical time ([`crate::Time`]) |
-/// | `tx_vehicle`, `rx_vehicle` | labels of the vehicles ([`crate::Vehicle`]) |
-/// | `kind` | label of the message kind ([`crate::Kind`]) |
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum InputSpec {
-    /// East and north of each end. There are fourteen columns.
-    Positions,
-    /// East, north and depth of each end. There are eighteen columns. An unknown depth counts as 0.
-    PositionsAndDepths,
-}
-
-impl InputSpec {
-    /// Returns the number of columns.
-    pub fn dimension(self) -> usize {
-        4 * self.dimension_of_an_end() + 6
-    }
-
-    /// Returns true if the columns include depths.
-    pub fn has_depths(self) -> bool {
-        self == InputSpec::PositionsAndDepths
-    }
-
-    /// Returns the names of the columns, in order.
-    pub fn column_names(self) -> Vec<String> {
-        let axes = &["east", "north", "depth"][..self.dimension_of_an_end()];
-        let groups = ["tx", "rx", "u", "v"].iter();
-        let names = groups.flat_map(|group| axes.iter().map(move |axis| format!("{group}_{axis}")));
-        names.chain(["range", TIME, "water", "tx_vehicle", "rx_vehicle", "kind"].map(str::to_owned)).collect()
-    }
-
-    /// Returns the columns of the transmitter's position.
-    pub fn transmitter(self) -> Range<usize> {
-        self.group(0)
-    }
-
-    /// Returns the columns of the receiver's position.
-    pub fn receiver(self) -> Range<usize> {
-        self.group(1)
-    }
-
-    /// Returns the columns of both positions. All other position columns follow from these.
-    pub fn ends(self) -> Range<usize> {
-        0..self.group(1).end
-    }
-
-    /// Returns the columns of the link coordinates, u before v.
-    pub fn link_coordinates(self) -> Range<usize> {
-        self.group(2).start..self.group(3).end
-    }
-
-    /// Returns the column of the distance between the ends, in metres.
-    pub fn range(self) -> usize {
-        4 * self.dimension_of_an_end()
-    }
-
-    /// Returns the column of the time, in seconds.
-    pub fn time(self) -> usize {
-        self.range() + 1
-    }
-
-    /// Returns the column of the label of the water, which is negative at a typical time.
-    pub fn water(self) -> usize {
-        self.range() + 2
-    }
-
-    /// Returns the column of the transmitter's label.
-    pub fn transmitting_vehicle(self) -> usize {
-        self.range() + 3
-    }
-
-    /// Returns the column of the receiver's label.
-    pub fn receiving_vehicle(self) -> usize {
-        self.range() + 4
-    }
-
-    /// Returns the column of the label of the message kind.
-    pub fn kind(self) -> usize {
-        self.range() + 5
-    }
-
-    /// Returns the columns of one group of position columns. Groups 0 to 3 are tx, rx, u and v.
-    fn group(self, index: usize) -> Range<usize> {
-        let width = self.dimension_of_an_end();
-        index * width..(index + 1) * width
-    }
-
-    /// Returns the number of coordinates of one end.
-    fn dimension_of_an_end(self) -> usize {
-        match self {
-            InputSpec::Positions => 2,
-            InputSpec::PositionsAndDepths => 3,
-        }
-    }
-
-    /// Returns the reflection of the columns that swaps the two ends.
-    ///
-    /// # Errors
-    /// Never fails in practice, because no column occurs twice.
-    pub fn swap_ends(self) -> dgpc::Result<Reflection> {
-        let pairs: Vec<(usize, usize)> = self.transmitter().zip(self.receiver()).collect();
-        Reflection::swap(&pairs)?.and_negate(&self.group(3).collect::<Vec<_>>())
-    }
-
-    /// Returns a prior mean that decreases with the distance between the ends, in log-odds.
-    ///
-    /// # Errors
-    /// [`dgpc::Error::NotFinite`] for parameters that are not finite.
-    pub fn range_mean(self, intercept: f64, slope_per_m: f64) -> dgpc::Result<PriorMean> {
-        let columns = |range: Range<usize>| range.collect::<Vec<_>>();
-        PriorMean::range(intercept, slope_per_m, &columns(self.transmitter()), &columns(self.receiver()))
-    }
-
-    /// Appends the columns of a query to `values`. `ends` holds the coordinates of both ends.
-    fn append_row(self, ends: &[f64], query: &LinkQuery, values: &mut Vec<f64>) {
-        let (transmitter, receiver) = ends.split_at(self.dimension_of_an_end());
-        let pairs = || transmitter.iter().zip(receiver);
-        values.extend(ends);
-        values.extend(pairs().map(|(t, r)| (t + r) * FRAC_1_SQRT_2));
-        values.extend(pairs().map(|(t, r)| (t - r) * FRAC_1_SQRT_2));
-        values.push(pairs().map(|(t, r)| (t - r) * (t - r)).sum::<f64>().sqrt());
-        values.extend(query.when.columns());
-        values.extend([query.transmitter.label(), query.receiver.label(), query.kind.label()]);
-    }
-}
+pub const MODEL_SCHEMA: u32 = 6;
 
 /// A model of links: chart, inputs, prior and fading. All members of a team use one model, fixed before the mission.
 #[derive(Debug, Clone, PartialEq)]
@@ -200,12 +60,12 @@ impl Model {
         Ok(Self { schema: MODEL_SCHEMA, site: Some(Arc::new(site)), ..self.clone() })
     }
 
-    /// Returns the link with the depths that the model uses. Without depth columns depths are removed, else an unknown
-    /// depth becomes 0.
+    /// Returns the link with the depths that the model uses, and without headings. Without depth columns depths are
+    /// removed, else an unknown depth becomes 0.
     fn normalize_depths(&self, link: &Link) -> Link {
         let end = |end: Position| {
             let depth_m = self.inputs.has_depths().then_some(end.depth_m.unwrap_or(0.0));
-            Position { depth_m, ..end }
+            Position { depth_m, ..end.without_heading() }
         };
         Link { transmitter: end(link.transmitter), receiver: end(link.receiver) }
     }

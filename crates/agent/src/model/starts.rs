@@ -2,7 +2,8 @@
 
 use dgpc::{Kernel, Prior, Term};
 
-use crate::model::structure::{OptionalTerm, Part, Structure};
+use crate::model::optional_terms::OptionalTerm;
+use crate::model::structure::{Part, Structure};
 
 /// Factor of the length-scale of the range term in a further start.
 const RANGE_FACTOR: f64 = 1.0 / 8.0;
@@ -24,7 +25,13 @@ impl Structure {
         let term = |(part, term): (Part, &Term)| {
             let index = other.kernel_parts().position(|other| other == part);
             match index.and_then(|index| known.kernel().terms().get(index)) {
-                Some(known) => known.with_shape(term.correlations()[0].shape()),
+                Some(known) => {
+                    let known = known.with_shape(term.correlations()[0].shape())?;
+                    match term.reflection().filter(|_| known.reciprocity() == 1.0) {
+                        Some(swap) => known.partly_reciprocal(swap.clone(), term.reciprocity()),
+                        None => Ok(known),
+                    }
+                }
                 None => Ok(term.clone()),
             }
         };

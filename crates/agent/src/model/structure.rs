@@ -5,7 +5,8 @@ use std::ops::Range;
 
 use dgpc::{Correlation, Kernel, Prior, PriorMean, Shape, Term};
 
-use crate::model::link_model::InputSpec;
+use crate::model::inputs::{End, InputSpec};
+use crate::model::optional_terms::{OptionalTerm, OptionalTerms};
 
 /// The columns over which the path term measures distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,91 +55,6 @@ impl MeanStructure {
     }
 }
 
-/// A term of the latent function that learning may add to the basic terms.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum OptionalTerm {
-    /// Loss over the range as a smooth curve. The prior mean has only a line.
-    Range,
-    /// Offset of every receiver, because sensitivities differ.
-    Receivers,
-    /// Offset of every transmitter, because source levels differ.
-    Transmitters,
-    /// Slow changes of the water with time, equal at all positions.
-    Time,
-    /// Offset of every message kind. For example, higher rates are harder to decode.
-    Kinds,
-    /// Noise at the position of the receiver.
-    ReceiverPlace,
-    /// Loss over the range as a rough curve with steps and peaks: Matérn 1/2 instead of the structure's shape.
-    RoughRange,
-    /// Second path term over raw positions, with separate length-scales east and north. It models walls and quays.
-    Walls,
-}
-
-impl OptionalTerm {
-    /// All optional terms, in the order in which learning tries them.
-    pub const ALL: [OptionalTerm; 8] = [
-        OptionalTerm::Range,
-        OptionalTerm::ReceiverPlace,
-        OptionalTerm::Kinds,
-        OptionalTerm::Receivers,
-        OptionalTerm::Transmitters,
-        OptionalTerm::Time,
-        OptionalTerm::RoughRange,
-        OptionalTerm::Walls,
-    ];
-
-    /// Returns true if the term is common to links in all waters. Leave-one-out predictions alone then decide about it.
-    pub const fn is_common(self) -> bool {
-        matches!(self, OptionalTerm::Range | OptionalTerm::ReceiverPlace)
-    }
-
-    /// Returns the name of the term in files and on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            OptionalTerm::Range => "range",
-            OptionalTerm::Receivers => "receivers",
-            OptionalTerm::Transmitters => "transmitters",
-            OptionalTerm::Time => "time",
-            OptionalTerm::Kinds => "kinds",
-            OptionalTerm::ReceiverPlace => "receiver-place",
-            OptionalTerm::RoughRange => "rough-range",
-            OptionalTerm::Walls => "walls",
-        }
-    }
-}
-
-/// A set of optional terms, stored as bits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct OptionalTerms(u8);
-
-impl OptionalTerms {
-    /// Empty set.
-    pub const NONE: OptionalTerms = OptionalTerms(0);
-
-    /// Returns true if the set contains this term.
-    pub fn has(self, addition: OptionalTerm) -> bool {
-        self.0 & (1 << addition as u8) != 0
-    }
-
-    /// Returns the set with this term added.
-    #[must_use]
-    pub fn with(self, addition: OptionalTerm) -> Self {
-        Self(self.0 | 1 << addition as u8)
-    }
-
-    /// Returns the terms of the set, in the order of [`OptionalTerm::ALL`].
-    pub fn iter(self) -> impl Iterator<Item = OptionalTerm> {
-        OptionalTerm::ALL.into_iter().filter(move |&addition| self.has(addition))
-    }
-}
-
-impl FromIterator<OptionalTerm> for OptionalTerms {
-    fn from_iter<I: IntoIterator<Item = OptionalTerm>>(additions: I) -> Self {
-        additions.into_iter().fold(Self::NONE, Self::with)
-    }
-}
-
 /// The structure of a model: its kernel and prior mean without their parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Structure {
@@ -146,7 +62,7 @@ pub struct Structure {
     pub shape: Shape,
     /// Columns of the path term.
     pub path_inputs: PathInputs,
-    /// True if both directions of a path have equal path terms.
+    /// True if both directions of a path have equal path terms, unless [`OptionalTerm::OneWay`] is added.
     pub reciprocal: bool,
     /// Basic terms of the latent function.
     pub terms: Terms,
@@ -162,8 +78,17 @@ const PATH_VARIANCE: f64 = 4.0;
 /// Variance of all other terms before learning.
 const OTHER_VARIANCE: f64 = 1.0;
 
+/// Reciprocity of the path term before learning.
+const RECIPROCITY: f64 = 0.9;
+
 /// Length-scale of the time term before learning, in seconds.
 const MEMORY_S: f64 = 1800.0;
+
+/// Length-scale of depths before learning, in metres.
+const DEPTH_LENGTH_M: f64 = 20.0;
+
+/// Length-scale of the aspect terms before learning, as a chord of the unit circle: about 60 degrees.
+const ASPECT_LENGTH: f64 = 1.0;
 
 /// Log-odds at range zero before learning.
 const LOG_ODDS_NEAR: f64 = 3.0;
@@ -176,14 +101,15 @@ const LOSS_OVER_SCALE: f64 = 4.0;
 pub(crate) enum Part {
     /// Path between the ends.
     Path,
-    /// Another term. A rough range is no term of its own: it changes the range term.
+    /// Another term. A rough range and a one-way path are no terms of their own: they change another term.
     Other(OptionalTerm),
 }
 
 impl Part {
     /// Returns the kernel term of an optional term. Returns `None` for an optional term that only changes another term.
     fn from_addition(addition: OptionalTerm) -> Option<Self> {
-        (addition != OptionalTerm::RoughRange).then_some(Part::Other(addition))
+        let changes_another = matches!(addition, OptionalTerm::RoughRange | OptionalTerm::OneWay);
+        (!changes_another).then_some(Part::Other(addition))
     }
 }
 
@@ -209,11 +135,13 @@ impl Structure {
 
     /// Returns true if adding this term would change the structure.
     ///
-    /// The structure must not contain the term yet. A rough range also needs a range term.
+    /// The structure must not contain the term yet. A rough range also needs a range term, and a one-way path a
+    /// reciprocal one.
     pub fn can_have(&self, addition: OptionalTerm) -> bool {
-        match Part::from_addition(addition) {
-            Some(part) => self.kernel_parts().all(|own| own != part),
-            None => {
+        match (Part::from_addition(addition), addition) {
+            (Some(part), _) => self.kernel_parts().all(|own| own != part),
+            (None, OptionalTerm::OneWay) => !self.additions.has(addition) && self.reciprocal,
+            (None, _) => {
                 !self.additions.has(addition) && self.kernel_parts().any(|own| own == Part::Other(OptionalTerm::Range))
             }
         }
@@ -250,20 +178,31 @@ impl Structure {
 
     /// Returns a kernel term before learning.
     fn term(&self, part: Part, inputs: InputSpec, scale_m: f64) -> dgpc::Result<Term> {
-        let tied = |shape, columns: Range<usize>| Correlation::isotropic(shape, &Vec::from_iter(columns), scale_m);
-        let untied = |shape, columns: Range<usize>| {
-            Correlation::new(shape, &Vec::from_iter(columns.clone()), &vec![scale_m; columns.len()])
+        let untied = |shape, columns: &[usize]| {
+            let length_scale = |&column: &usize| if inputs.is_depth(column) { DEPTH_LENGTH_M } else { scale_m };
+            Correlation::new(shape, columns, &columns.iter().map(length_scale).collect::<Vec<_>>())
+        };
+        let tied = |shape, columns: Range<usize>| {
+            let columns = Vec::from_iter(columns);
+            let ties: Vec<usize> = columns.iter().map(|&column| inputs.is_depth(column).into()).collect();
+            untied(shape, &columns)?.tied(&ties)
         };
         let rough = if self.additions.has(OptionalTerm::RoughRange) { Shape::Matern12 } else { self.shape };
+        let aspect = |end| {
+            let direction = Correlation::isotropic(self.shape, &Vec::from_iter(inputs.aspect(end)), ASPECT_LENGTH)?;
+            Term::of(OTHER_VARIANCE, direction)?.times(Correlation::of_labels(&[inputs.heading(end)])?)
+        };
         let label = |column| Term::of(OTHER_VARIANCE, Correlation::of_labels(&[column])?);
-        let Part::Other(other) = part else {
+        let path = || {
             let correlation = match self.path_inputs {
                 PathInputs::Raw => tied(self.shape, inputs.ends())?,
-                PathInputs::Link => untied(self.shape, inputs.link_coordinates())?,
+                PathInputs::Link => untied(self.shape, &Vec::from_iter(inputs.link_coordinates()))?,
             };
             let path = Term::of(PATH_VARIANCE, correlation)?;
-            return if self.reciprocal { path.reciprocal(inputs.swap_ends()?) } else { Ok(path) };
+            let reciprocity = if self.additions.has(OptionalTerm::OneWay) { RECIPROCITY } else { 1.0 };
+            if self.reciprocal { path.partly_reciprocal(inputs.swap_ends()?, reciprocity) } else { Ok(path) }
         };
+        let Part::Other(other) = part else { return path() };
         match other {
             OptionalTerm::ReceiverPlace => Term::of(OTHER_VARIANCE, tied(self.shape, inputs.receiver())?),
             OptionalTerm::Range | OptionalTerm::RoughRange => {
@@ -272,12 +211,21 @@ impl Structure {
             OptionalTerm::Receivers => label(inputs.receiving_vehicle()),
             OptionalTerm::Transmitters => label(inputs.transmitting_vehicle()),
             OptionalTerm::Kinds => label(inputs.kind()),
+            OptionalTerm::Vertical => {
+                let columns = inputs.link_depths().chain([inputs.range()]);
+                let layers = untied(self.shape, &Vec::from_iter(columns))?;
+                Term::of(OTHER_VARIANCE, layers)?.reciprocal(inputs.swap_ends()?)
+            }
+            OptionalTerm::TransmitterAspect => aspect(End::Transmitter),
+            OptionalTerm::ReceiverAspect => aspect(End::Receiver),
             OptionalTerm::Time => {
                 let memory = Correlation::new(Shape::Matern12, &[inputs.time()], &[MEMORY_S])?;
                 Term::of(OTHER_VARIANCE, memory)?.times(Correlation::of_labels(&[inputs.water()])?)
             }
+            OptionalTerm::OneWay => path(),
             OptionalTerm::Walls => {
-                Term::of(OTHER_VARIANCE, untied(self.shape, inputs.ends())?)?.reciprocal(inputs.swap_ends()?)
+                let ends = untied(self.shape, &Vec::from_iter(inputs.ends()))?;
+                Term::of(OTHER_VARIANCE, ends)?.reciprocal(inputs.swap_ends()?)
             }
         }
     }
@@ -328,9 +276,6 @@ impl StructureConstraints {
         if self.path_inputs.is_none() {
             changed(&|structure| Structure { path_inputs: PathInputs::Raw, ..structure });
         }
-        if self.reciprocal.is_none() {
-            changed(&|structure| Structure { reciprocal: false, ..structure });
-        }
         all
     }
 }
@@ -342,7 +287,11 @@ impl Structure {
             PathInputs::Raw => "raw positions",
             PathInputs::Link => "link coordinates",
         };
-        let direction = if self.reciprocal { "reciprocal" } else { "one-way" };
+        let directions = match self.reciprocal {
+            true if self.additions.has(OptionalTerm::OneWay) => "partly reciprocal",
+            true => "reciprocal",
+            false => "one-way",
+        };
         let terms: Vec<String> = self.kernel_parts().map(|part| self.part_name(part)).collect();
         let mean = match self.mean {
             MeanStructure::Zero => "zero",
@@ -351,7 +300,7 @@ impl Structure {
             MeanStructure::Conservative { .. } => "conservative range",
         };
         let mean = format!("{mean} mean");
-        [self.shape.title().to_owned(), inputs.to_owned(), direction.to_owned(), terms.join(" + "), mean]
+        [self.shape.title().to_owned(), inputs.to_owned(), directions.to_owned(), terms.join(" + "), mean]
     }
 }
 

@@ -1,7 +1,7 @@
 //! The entries of a vehicle's memory.
 
 use crate::error::AgentError;
-use crate::types::bounds::COORDINATE_M;
+use crate::types::bounds::{COORDINATE_M, HEADING_DEG};
 use crate::types::event::{Event, Position, VehicleId};
 
 /// Largest number of an entry, plus one.
@@ -79,8 +79,11 @@ pub(crate) fn check_time(time_s: f64) -> Result<(), AgentError> {
 
 pub(crate) fn check_position(at: &Position) -> Result<(), AgentError> {
     let mut coordinates = [Some(at.east_m), Some(at.north_m), at.depth_m].into_iter().flatten();
-    match coordinates.find(|&value_m| COORDINATE_M.check(value_m).is_none()) {
-        Some(value_m) => Err(AgentError::Nowhere { value_m }),
+    if let Some(value_m) = coordinates.find(|&value_m| COORDINATE_M.check(value_m).is_none()) {
+        return Err(AgentError::Nowhere { value_m });
+    }
+    match at.heading_deg.filter(|&heading_deg| HEADING_DEG.check(heading_deg).is_none()) {
+        Some(heading_deg) => Err(AgentError::NoHeading { heading_deg }),
         None => Ok(()),
     }
 }

@@ -116,6 +116,7 @@ fn write_prior(out: &mut Writer, prior: &Prior) {
         out.u32(term.correlations().len() as u32);
         term.correlations().iter().for_each(|correlation| write_correlation(out, correlation));
         write_reflection(out, term.reflection());
+        write_number(out, term.reciprocity());
     }
 }
 

@@ -73,6 +73,7 @@ impl Cells {
             east_m: chart.origin.east_m + centre(cell.east),
             north_m: chart.origin.north_m + centre(cell.north),
             depth_m: has_depth.then(|| (f64::from(cell.depth) + 0.5) * self.height_m),
+            heading_deg: None,
         }
     }
 }

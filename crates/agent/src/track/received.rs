@@ -51,7 +51,9 @@ impl ReceivedTrack {
     /// The position is interpolated within a segment, and between waypoints that are at most 2 · `extrapolation_s_max`
     /// apart. After the last waypoint, and after a waypoint before a longer gap, it is extrapolated for
     /// `extrapolation_s_max`. Extrapolation uses the velocity of the preceding segment at constant depth; without a
-    /// preceding segment the member is at rest. Returns `None` for other slots. O(log waypoints).
+    /// preceding segment the member is at rest. Returns `None` for other slots. The heading is the course of the
+    /// segment. At a waypoint it is the course of the following segment, or else of the preceding one. O(log
+    /// waypoints).
     pub(crate) fn at(
         &self,
         slot: u32,
@@ -62,8 +64,14 @@ impl ReceivedTrack {
         let fix = |(&slot, &cell): (&u32, &Cell)| Some((slots.begin_s(slot)?, centre(cell)));
         let before = self.waypoints.range(..=slot).next_back()?;
         let (time_s, from) = (slots.begin_s(slot)?, fix(before)?);
+        let earlier =
+            self.waypoints.range(..before.0).next_back().filter(|earlier| self.is_segment(*earlier.0, *before.0));
         if *before.0 == slot {
-            return Some(from.1);
+            let after = self.waypoints.range(slot.saturating_add(1)..).next();
+            let after = after.filter(|after| self.is_segment(slot, *after.0));
+            let following = after.and_then(|(_, &cell)| from.1.course_deg(&centre(cell)));
+            let course_deg = following.or_else(|| centre(*earlier?.1).course_deg(&from.1));
+            return Some(Position { heading_deg: course_deg, ..from.1 });
         }
         if let Some(after) = self.waypoints.range(slot..).next() {
             let to = fix(after)?;
@@ -74,8 +82,6 @@ impl ReceivedTrack {
         if time_s - from.0 > extrapolation_s_max {
             return None;
         }
-        let earlier =
-            self.waypoints.range(..before.0).next_back().filter(|earlier| self.is_segment(*earlier.0, *before.0));
         Some(match earlier {
             Some(earlier) => Position { depth_m: from.1.depth_m, ..interpolate(&fix(earlier)?, &from, time_s) },
             None => from.1,

@@ -64,6 +64,9 @@ pub const LATITUDE_DEG: Bounds = Bounds::new(-89.999, 89.999, "a number from -89
 /// Longitudes, in degrees.
 pub const LONGITUDE_DEG: Bounds = Bounds::new(-180.0, 180.0, "a number from -180 to 180");
 
+/// Headings, in degrees clockwise from north.
+pub const HEADING_DEG: Bounds = Bounds::new(-360.0, 360.0, "a number of degrees from -360 to 360");
+
 /// Durations over which a track is extrapolated, in seconds.
 pub const EXTRAPOLATION_S: Bounds = Bounds::new(0.0, 86_400.0, "a number of seconds from 0 to 86400");
 

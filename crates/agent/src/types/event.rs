@@ -50,7 +50,10 @@ impl fmt::Display for MessageKind {
     }
 }
 
-/// A position, in metres.
+/// Shortest movement, in metres, that gives a course.
+const COURSE_MOVEMENT_MIN_M: f64 = 2.0;
+
+/// A position, in metres, and the heading of the vehicle there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
     /// Distance east of the log's origin, in metres.
@@ -59,12 +62,29 @@ pub struct Position {
     pub north_m: f64,
     /// Depth below the surface, in metres, if known.
     pub depth_m: Option<f64>,
+    /// Heading of the vehicle, in degrees clockwise from north, if known.
+    pub heading_deg: Option<f64>,
 }
 
 impl Position {
-    /// Returns a position of unknown depth.
+    /// Returns a position of unknown depth and heading.
     pub fn new(east_m: f64, north_m: f64) -> Self {
-        Self { east_m, north_m, depth_m: None }
+        Self { east_m, north_m, depth_m: None, heading_deg: None }
+    }
+
+    /// Returns the position without its heading.
+    #[must_use]
+    pub fn without_heading(self) -> Self {
+        Self { heading_deg: None, ..self }
+    }
+
+    /// Returns the course from this position to another one, in degrees clockwise from north, from 0 to 360.
+    ///
+    /// Returns `None` for positions that are less than two metres apart.
+    pub fn course_deg(&self, to: &Position) -> Option<f64> {
+        let (east_m, north_m) = (to.east_m - self.east_m, to.north_m - self.north_m);
+        let has_moved = east_m.hypot(north_m) >= COURSE_MOVEMENT_MIN_M;
+        has_moved.then(|| east_m.atan2(north_m).to_degrees().rem_euclid(360.0))
     }
 }
 
@@ -110,6 +130,7 @@ impl Link {
             east_m: along(from.east_m, to.east_m),
             north_m: along(from.north_m, to.north_m),
             depth_m: to.depth_m.map(|to_m| from.depth_m.map_or(to_m, |from_m| along(from_m, to_m))),
+            heading_deg: to.heading_deg,
         };
         Self { receiver, ..*self }
     }
@@ -139,12 +160,14 @@ impl Event {
     pub fn canonical_order(&self, other: &Event) -> Ordering {
         let coordinates = |event: &Event| {
             let Link { transmitter: t, receiver: r } = event.link;
-            // An unknown depth sorts before all known depths.
+            // An unknown depth or heading sorts before all known ones.
             let depth = |end: Position| end.depth_m.unwrap_or(f64::NEG_INFINITY);
-            [t.east_m, t.north_m, depth(t), r.east_m, r.north_m, depth(r)]
+            let heading = |end: Position| end.heading_deg.unwrap_or(f64::NEG_INFINITY);
+            let positions = [t.east_m, t.north_m, depth(t), r.east_m, r.north_m, depth(r)];
+            positions.into_iter().chain([heading(t), heading(r)])
         };
         let by_position = || {
-            let pairs = coordinates(self).into_iter().zip(coordinates(other));
+            let pairs = coordinates(self).zip(coordinates(other));
             pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
         };
         self.time_s

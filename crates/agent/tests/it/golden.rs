@@ -31,7 +31,7 @@ fn names() -> [VehicleId; 3] {
 fn model(inputs: InputSpec) -> Model {
     let columns: Vec<usize> = inputs.link_coordinates().collect();
     let path = Correlation::isotropic(Shape::Matern32, &columns, 400.0).unwrap();
-    let path = Term::of(2.5, path).unwrap().reciprocal(inputs.swap_ends().unwrap()).unwrap();
+    let path = Term::of(2.5, path).unwrap().partly_reciprocal(inputs.swap_ends().unwrap(), 0.75).unwrap();
     let ends: Vec<usize> = inputs.receiver().take(2).collect();
     let receiver = Correlation::new(Shape::RationalQuadratic { alpha: 1.5 }, &ends, &[300.0, 250.0]).unwrap();
     let range = Correlation::isotropic(Shape::SquaredExponential, &[inputs.range()], 600.0).unwrap();
@@ -118,6 +118,7 @@ fn snapshot(team: Team) -> Vec<u8> {
     for n in 0..5u8 {
         let place = |east: u8, north: u8| Position {
             depth_m: has_depth.then_some(f64::from(n)),
+            heading_deg: (n == 2).then_some(f64::from(east)),
             ..Position::new(500_000.0 + f64::from(east), 4_900_000.0 + f64::from(north))
         };
         let link = Link { transmitter: place(10 * n, 7), receiver: place(50, 20 * n) };

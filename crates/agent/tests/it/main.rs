@@ -14,6 +14,7 @@ mod clock;
 mod contradictions;
 mod cost;
 mod delivery;
+mod directions;
 mod entries;
 mod fading;
 mod fault_detection;

@@ -66,7 +66,7 @@ fn constraints_hold_in_every_candidate_structure() {
     assert_eq!(constraints.default_candidates().len(), 1);
     let all = constraints.all_candidates();
     assert!(all.iter().all(|s| s.shape == Shape::SquaredExponential && s.terms == Terms::Path));
-    assert_eq!(all.len(), 3);
+    assert_eq!(all.len(), 2);
 }
 
 #[test]

@@ -38,7 +38,7 @@ proptest! {
         let longer = Position {
             east_m: ends[0] + share * (ends[2] - ends[0]),
             north_m: ends[1] + share * (ends[3] - ends[1]),
-            depth_m: None,
+            ..Position::new(0.0, 0.0)
         };
         let longer = Link { receiver: longer, ..link };
         let part = longer.shortened_to(longest_m);

@@ -147,8 +147,12 @@ fn a_fast_kind_of_message_has_an_offset() {
     );
     // With one kind only, the term is not tried.
     let one: Vec<&Event> = events.iter().filter(|event| event.kind == events[0].kind).collect();
-    assert!(!Learning::default().additions_to(&one).contains(&OptionalTerm::Kinds));
-    assert!(Learning::default().additions_to(&events.iter().collect::<Vec<_>>()).contains(&OptionalTerm::Kinds));
+    assert!(!Learning::default().additions_to(&one, InputSpec::Positions).contains(&OptionalTerm::Kinds));
+    assert!(
+        Learning::default()
+            .additions_to(&events.iter().collect::<Vec<_>>(), InputSpec::Positions)
+            .contains(&OptionalTerm::Kinds)
+    );
 }
 
 #[test]

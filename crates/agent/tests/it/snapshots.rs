@@ -133,12 +133,12 @@ fn bytes_that_are_no_snapshot_of_this_vehicle_are_refused() {
 fn an_older_or_newer_snapshot_is_refused_with_its_version() {
     let team = Arc::new(team(2, model()));
     let (id, good) = snapshot(&team);
-    assert_eq!(good[8..10], [5, 0]);
-    for version in [4, 6, 9] {
+    assert_eq!(good[8..10], [6, 0]);
+    for version in [5, 7, 9] {
         let mut bytes = good.clone();
         bytes[8] = version;
         let error = restore(&id, &team, &with_check(bytes)).unwrap_err().to_string();
-        assert!(error.contains(&format!("version {version}, but this software reads version 5")), "{error}");
+        assert!(error.contains(&format!("version {version}, but this software reads version 6")), "{error}");
     }
 }
 

@@ -141,25 +141,27 @@ impl Kernel {
         Ok(diagonal)
     }
 
-    /// Returns the logarithms of the learned parameters. Each term has its variance first, then the parameters of every
-    /// correlation: untied length-scales, and the parameters of the shape.
-    pub fn log_parameters(&self) -> Vec<f64> {
-        self.terms.iter().flat_map(Term::log_parameters).collect()
+    /// Returns the learned parameters. Each term has its variance first, then its reciprocity if that is between 0 and
+    /// 1, then the parameters of every correlation: untied length-scales, and the parameters of the shape.
+    ///
+    /// The values are logarithms. For a reciprocity they are log-odds.
+    pub fn parameter_values(&self) -> Vec<f64> {
+        self.terms.iter().flat_map(Term::parameter_values).collect()
     }
 
-    /// Returns the kind of each entry of [`Kernel::log_parameters`].
+    /// Returns the kind of each entry of [`Kernel::parameter_values`].
     pub fn parameters(&self) -> impl Iterator<Item = Parameter> {
         self.terms.iter().flat_map(Term::parameters)
     }
 
-    /// Returns the kernel with other parameters, in the order of [`Kernel::log_parameters`].
+    /// Returns the kernel with other parameters, in the order of [`Kernel::parameter_values`].
     ///
     /// # Errors
     /// [`Error::SizeMismatch`] if the number of parameters differs. [`Error::OutOfRange`] or [`Error::NotFinite`] if a
     /// variance or length-scale leaves the floating-point range.
-    pub fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
+    pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
         same_size("parameters of a kernel", self.parameter_count(), parameters.len())?;
-        let terms = self.parts().map(|(term, part)| term.with_log_parameters(&parameters[part]));
+        let terms = self.parts().map(|(term, part)| term.with_parameters(&parameters[part]));
         Ok(Self { terms: terms.collect::<Result<_>>()? })
     }
 
@@ -183,7 +185,7 @@ impl Kernel {
         })
     }
 
-    /// Returns Σ_ij W_ij ∂k(x_i, x_j)/∂(log parameters) for a symmetric W, N×N. Only its lower triangle is read.
+    /// Returns Σ_ij W_ij ∂k(x_i, x_j)/∂(parameters) for a symmetric W, N×N. Only its lower triangle is read.
     /// O(N²d).
     pub(crate) fn gram_gradient(&self, inputs: &Inputs, weights: &Matrix) -> Vec<f64> {
         let pairs = self.pairs(inputs, inputs);
@@ -196,7 +198,7 @@ impl Kernel {
         gradient
     }
 
-    /// Returns Σ_ij W_ij ∂k(a_i, b_j)/∂(log parameters), W of size N_a×N_b. O(N_a N_b d).
+    /// Returns Σ_ij W_ij ∂k(a_i, b_j)/∂(parameters), W of size N_a×N_b. O(N_a N_b d).
     pub(crate) fn cross_gradient(&self, a: &Inputs, b: &Inputs, weights: &Matrix) -> Vec<f64> {
         self.columns_gradient(&self.pairs(a, b), 0..b.len(), |_| 0, weights)
     }
@@ -218,13 +220,13 @@ impl Kernel {
             }
         }
         let mut gradient = vec![0.0; self.parameter_count()];
-        for (((term, part), (_, pairs)), sums) in self.parts().zip(pairs).zip(&sums) {
-            term.add_gradient(pairs, sums, &mut gradient[part]);
+        for ((term, part), sums) in self.parts().zip(&sums) {
+            term.add_gradient(sums, &mut gradient[part]);
         }
         gradient
     }
 
-    /// Returns Σ_n w_n ∂k(x_n, x_n)/∂(log parameters). O(Nd).
+    /// Returns Σ_n w_n ∂k(x_n, x_n)/∂(parameters). O(Nd).
     pub(crate) fn diagonal_gradient(&self, inputs: &Inputs, weights: &[f64]) -> Vec<f64> {
         let mut gradient = vec![0.0; self.parameter_count()];
         for (term, part) in self.parts() {

@@ -4,13 +4,14 @@ use super::correlation::{Correlation, Slopes};
 use super::reflection::Reflection;
 use super::scaled::Scaled;
 use super::shape::Shape;
-use crate::error::{Result, positive};
+use crate::error::{Result, finite, in_range, positive};
 use crate::inputs::Inputs;
 use crate::linalg::add_scaled;
 use crate::parameter::Parameter;
+use crate::special::logistic;
 
 /// One term of a kernel: a variance times a correlation, or times a product of several correlations over their own
-/// columns. With a reflection R the term is reciprocal: ½[k(x, x′) + k(x, Rx′)].
+/// columns. With a reflection R and a reciprocity c the term is ½[k(x, x′) + c k(x, Rx′)].
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Term {
@@ -18,7 +19,12 @@ pub struct Term {
     /// The factors, at least one.
     correlations: Vec<Correlation>,
     reflection: Option<Reflection>,
+    /// See [`Term::reciprocity`].
+    reciprocity: f64,
 }
+
+/// Smallest distance of a learned reciprocity from 0 and from 1, where it would no longer be a parameter.
+const RECIPROCITY_MARGIN: f64 = 1e-9;
 
 /// Points scaled for each correlation of a term.
 type ScaledPoints = Vec<Scaled>;
@@ -60,7 +66,7 @@ impl Term {
     /// [`crate::Error::OutOfRange`] for a variance that is not finite and positive.
     pub fn of(variance: f64, correlation: Correlation) -> Result<Self> {
         positive("kernel variance", variance)?;
-        Ok(Self { variance, correlations: vec![correlation], reflection: None })
+        Ok(Self { variance, correlations: vec![correlation], reflection: None, reciprocity: 0.0 })
     }
 
     /// Multiplies the term by another correlation. Two points are then similar only if both factors are large.
@@ -82,7 +88,17 @@ impl Term {
     /// # Errors
     /// [`crate::Error::NotReciprocal`] if the result would not be positive definite. This is so if the reflection maps
     /// a column to a column outside the correlation, or exchanges columns of different length-scales.
-    pub fn reciprocal(mut self, reflection: Reflection) -> Result<Self> {
+    pub fn reciprocal(self, reflection: Reflection) -> Result<Self> {
+        self.partly_reciprocal(reflection, 1.0)
+    }
+
+    /// Makes the term reciprocal in part: ½[k(x, x′) + c k(x, Rx′)] ([`crate::method::kernels`]). The reciprocity c is
+    /// a learned parameter unless it is 0 or 1.
+    ///
+    /// # Errors
+    /// As [`Term::reciprocal`], and [`crate::Error::OutOfRange`] for a reciprocity outside 0 to 1.
+    pub fn partly_reciprocal(mut self, reflection: Reflection, reciprocity: f64) -> Result<Self> {
+        self.reciprocity = in_range("reciprocity of a kernel term", reciprocity, 0.0..=1.0, "a number from 0 to 1")?;
         let tied = self.correlations.into_iter().map(|correlation| correlation.tied_by(&reflection));
         self.correlations = tied.collect::<Result<_>>()?;
         self.reflection = Some(reflection);
@@ -135,37 +151,60 @@ impl Term {
         self.reflection.as_ref()
     }
 
-    /// Returns whether the term is reciprocal.
-    pub fn is_reciprocal(&self) -> bool {
-        self.reflection.is_some()
+    /// Returns the reciprocity c: the correlation of a point with its image, if the two are far apart.
+    ///
+    /// It is 1 if the term is equal for both, and 0 if they are independent or the term has no reflection.
+    pub fn reciprocity(&self) -> f64 {
+        self.reciprocity
     }
 
-    /// Returns the number of learned parameters: the variance, and those of every correlation.
+    /// Returns whether the reciprocity is a parameter.
+    fn learns_reciprocity(&self) -> bool {
+        self.reciprocity > 0.0 && self.reciprocity < 1.0
+    }
+
+    /// Returns the number of parameters that belong to no correlation: the variance and a learned reciprocity.
+    fn own_parameter_count(&self) -> usize {
+        1 + usize::from(self.learns_reciprocity())
+    }
+
+    /// Returns the number of learned parameters: the variance, a reciprocity between 0 and 1, and those of every
+    /// correlation.
     pub(super) fn parameter_count(&self) -> usize {
-        1 + self.correlations.iter().map(Correlation::parameter_count).sum::<usize>()
+        self.own_parameter_count() + self.correlations.iter().map(Correlation::parameter_count).sum::<usize>()
     }
 
-    /// Returns ln of the variance and of the parameters of every correlation.
-    pub(super) fn log_parameters(&self) -> impl Iterator<Item = f64> {
-        std::iter::once(self.variance.ln()).chain(self.correlations.iter().flat_map(Correlation::log_parameters))
+    /// Returns ln of the variance, the log-odds of a learned reciprocity, and ln of the parameters of every
+    /// correlation.
+    pub(super) fn parameter_values(&self) -> impl Iterator<Item = f64> {
+        let log_odds = self.learns_reciprocity().then(|| (self.reciprocity / (1.0 - self.reciprocity)).ln());
+        let own = std::iter::once(self.variance.ln()).chain(log_odds);
+        own.chain(self.correlations.iter().flat_map(Correlation::log_parameters))
     }
 
-    /// Returns the term with other parameters, in the order of [`Term::log_parameters`].
-    pub(super) fn with_log_parameters(&self, parameters: &[f64]) -> Result<Self> {
+    /// Returns the term with other parameters, in the order of [`Term::parameter_values`].
+    pub(super) fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
         let variance = positive("kernel variance", parameters[0].exp())?;
+        let reciprocity = match self.learns_reciprocity() {
+            true => logistic(finite("log-odds of a reciprocity", parameters[1])?)
+                .clamp(RECIPROCITY_MARGIN, 1.0 - RECIPROCITY_MARGIN),
+            false => self.reciprocity,
+        };
         let correlations = self.parts().map(|(correlation, part)| correlation.with_log_parameters(&parameters[part]));
         let correlations = correlations.collect::<Result<_>>()?;
-        Ok(Self { variance, correlations, reflection: self.reflection.clone() })
+        Ok(Self { variance, correlations, reflection: self.reflection.clone(), reciprocity })
     }
 
     /// Returns the kind of each parameter.
     pub(super) fn parameters(&self) -> impl Iterator<Item = Parameter> {
-        std::iter::once(Parameter::Variance).chain(self.correlations.iter().flat_map(Correlation::parameters))
+        let own = std::iter::once(Parameter::Variance);
+        let own = own.chain(self.learns_reciprocity().then_some(Parameter::Reciprocity));
+        own.chain(self.correlations.iter().flat_map(Correlation::parameters))
     }
 
     /// Returns every correlation with the range of its parameters among those of the term.
     fn parts(&self) -> impl Iterator<Item = (&Correlation, std::ops::Range<usize>)> {
-        self.correlations.iter().scan(1, |first, correlation| {
+        self.correlations.iter().scan(self.own_parameter_count(), |first, correlation| {
             let part = *first..*first + correlation.parameter_count();
             *first = part.end;
             Some((correlation, part))
@@ -177,6 +216,8 @@ impl Term {
         let mut pairs = self.correlations.iter().zip(&other.correlations);
         self.correlations.len() == other.correlations.len()
             && self.reflection == other.reflection
+            && self.learns_reciprocity() == other.learns_reciprocity()
+            && (self.learns_reciprocity() || self.reciprocity == other.reciprocity)
             && pairs.all(|(own, other)| own.has_structure_of(other))
     }
 
@@ -220,10 +261,17 @@ impl Term {
         Pairs { left: self.scaled_points(a, None), images: self.images(b) }
     }
 
+    /// Returns the factor of the correlations with each image of [`Term::images`].
+    fn image_weights(&self) -> [f64; 2] {
+        match self.reflection {
+            Some(_) => [0.5 * self.variance, 0.5 * self.variance * self.reciprocity],
+            None => [self.variance, 0.0],
+        }
+    }
+
     /// Adds the covariances of point `n` of the right side with the points from `first` on of the left side to `out`.
     pub(super) fn add_column(&self, pairs: &Pairs, (first, n): (usize, usize), out: &mut [f64], scratch: &mut Scratch) {
-        let weight = self.variance / pairs.images.len() as f64;
-        for image in &pairs.images {
+        for (image, weight) in pairs.images.iter().zip(self.image_weights()) {
             self.add_products(weight, (image, n), (&pairs.left, first), out, scratch);
         }
     }
@@ -273,9 +321,10 @@ impl Term {
         }
     }
 
-    /// Returns sums for [`Term::add_column_slopes`], all zero.
+    /// Returns sums for [`Term::add_column_slopes`], all zero: one for each image and correlation.
     pub(super) fn slopes(&self) -> Vec<Slopes> {
-        self.correlations.iter().map(Correlation::slopes).collect()
+        let images = 1 + usize::from(self.reflection.is_some());
+        (0..images).flat_map(|_| self.correlations.iter().map(Correlation::slopes)).collect()
     }
 
     /// Adds the weighted correlations of [`Term::add_column`], without the variance, and their slopes to `sums`.
@@ -287,22 +336,28 @@ impl Term {
         sums: &mut [Slopes],
         scratch: &mut Scratch,
     ) {
-        for image in &pairs.images {
+        for (image, sums) in pairs.images.iter().zip(sums.chunks_mut(self.correlations.len())) {
             self.add_slopes((image, n), (&pairs.left, first), weights, sums, scratch);
         }
     }
 
-    /// Adds Σ w ∂k/∂(log parameters) to `gradient`, from the sums of [`Term::add_column_slopes`].
-    pub(super) fn add_gradient(&self, pairs: &Pairs, sums: &[Slopes], gradient: &mut [f64]) {
-        let factor = self.variance / pairs.images.len() as f64;
-        // The weighted sum of every correlation includes all other factors, so any of them is the sum of products.
-        gradient[0] += factor * sums[0].correlation;
-        for ((correlation, part), sums) in self.parts().zip(sums) {
-            correlation.add_gradient(factor, sums, &mut gradient[part]);
+    /// Adds Σ w ∂k/∂(parameters) to `gradient`, from the sums of [`Term::add_column_slopes`].
+    pub(super) fn add_gradient(&self, sums: &[Slopes], gradient: &mut [f64]) {
+        let images = sums.chunks(self.correlations.len());
+        for (number, (sums, weight)) in images.zip(self.image_weights()).enumerate() {
+            // The weighted sum of every correlation includes all other factors, so any of them is the sum of products.
+            let products = weight * sums[0].correlation;
+            gradient[0] += products;
+            if number == 1 && self.learns_reciprocity() {
+                gradient[1] += (1.0 - self.reciprocity) * products;
+            }
+            for ((correlation, part), sums) in self.parts().zip(sums) {
+                correlation.add_gradient(weight, sums, &mut gradient[part]);
+            }
         }
     }
 
-    /// Adds Σ w_n ∂k(x_n, x_n)/∂(log parameters) to `gradient`.
+    /// Adds Σ w_n ∂k(x_n, x_n)/∂(parameters) to `gradient`.
     pub(super) fn add_diagonal_gradient(&self, inputs: &Inputs, weights: &[f64], gradient: &mut [f64]) {
         if self.reflection.is_none() && self.has_unit_diagonal() {
             gradient[0] += self.variance * weights.iter().sum::<f64>();
@@ -313,7 +368,7 @@ impl Term {
         for (n, weight) in weights.iter().enumerate() {
             self.add_column_slopes(&pairs, (n, n), std::slice::from_ref(weight), &mut sums, &mut scratch);
         }
-        self.add_gradient(&pairs, &sums, gradient);
+        self.add_gradient(&sums, gradient);
     }
 }
 
@@ -326,13 +381,16 @@ struct Parts {
     correlations: Vec<Correlation>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     reflection: Option<Reflection>,
+    /// Absent for a term without reflection.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reciprocity: Option<f64>,
 }
 
 #[cfg(feature = "serde")]
 impl TryFrom<Parts> for Term {
     type Error = crate::error::Error;
 
-    fn try_from(Parts { variance, correlations, reflection }: Parts) -> Result<Self> {
+    fn try_from(Parts { variance, correlations, reflection, reciprocity }: Parts) -> Result<Self> {
         let count = correlations.len() as f64;
         let mut correlations = correlations.into_iter();
         let first = correlations.next().ok_or(crate::error::Error::OutOfRange {
@@ -342,7 +400,7 @@ impl TryFrom<Parts> for Term {
         })?;
         let term = correlations.try_fold(Self::of(variance, first)?, Self::times)?;
         match reflection {
-            Some(reflection) => term.reciprocal(reflection),
+            Some(reflection) => term.partly_reciprocal(reflection, reciprocity.unwrap_or(1.0)),
             None => Ok(term),
         }
     }
@@ -350,7 +408,8 @@ impl TryFrom<Parts> for Term {
 
 #[cfg(feature = "serde")]
 impl From<Term> for Parts {
-    fn from(Term { variance, correlations, reflection }: Term) -> Self {
-        Self { variance, correlations, reflection }
+    fn from(Term { variance, correlations, reflection, reciprocity }: Term) -> Self {
+        let reciprocity = reflection.is_some().then_some(reciprocity);
+        Self { variance, correlations, reflection, reciprocity }
     }
 }

@@ -6,7 +6,8 @@ use crate::prior::Prior;
 
 /// A distribution over priors: independent normal distributions of the parameters about the template's values.
 ///
-/// All parameters but the intercept are distributed on the logarithmic scale. The standard deviations determine how far
+/// All parameters but the intercept are distributed on the logarithmic scale, and a reciprocity on the scale of
+/// log-odds. The standard deviations determine how far
 /// the data may move each parameter. A parameter with standard deviation 0 is fixed.
 ///
 /// The default is weak: a length-scale may change by a factor of 4.5 for half a nat. It is strong enough to keep
@@ -18,6 +19,8 @@ pub struct HyperPrior {
     pub length_scale: f64,
     /// Standard deviation of the logarithm of every variance.
     pub variance: f64,
+    /// Standard deviation of the log-odds of every reciprocity.
+    pub reciprocity: f64,
     /// Standard deviation of the logarithm of every parameter of a kernel shape.
     pub shape: f64,
     /// Standard deviation of a constant prior mean, or of the intercept of a range prior mean.
@@ -28,7 +31,7 @@ pub struct HyperPrior {
 
 impl Default for HyperPrior {
     fn default() -> Self {
-        Self { length_scale: 1.5, variance: 1.5, shape: 1.0, intercept: 1.0, slope: 0.25 }
+        Self { length_scale: 1.5, variance: 1.5, reciprocity: 2.0, shape: 1.0, intercept: 1.0, slope: 0.25 }
     }
 }
 
@@ -43,6 +46,12 @@ impl HyperPrior {
     #[must_use]
     pub fn variance(self, variance: f64) -> Self {
         Self { variance, ..self }
+    }
+
+    /// Sets [`HyperPrior::reciprocity`].
+    #[must_use]
+    pub fn reciprocity(self, reciprocity: f64) -> Self {
+        Self { reciprocity, ..self }
     }
 
     /// Sets [`HyperPrior::shape`].
@@ -65,7 +74,7 @@ impl HyperPrior {
 
     /// Checks that every number is finite and not negative.
     pub(super) fn check(&self) -> Result<()> {
-        let all = [self.length_scale, self.variance, self.shape, self.intercept, self.slope];
+        let all = [self.length_scale, self.variance, self.reciprocity, self.shape, self.intercept, self.slope];
         all.into_iter().try_for_each(|value| not_negative("standard deviation of a hyperprior", value).map(drop))
     }
 
@@ -74,6 +83,7 @@ impl HyperPrior {
         let of = |parameter: &Parameter| match parameter {
             Parameter::Variance => self.variance,
             Parameter::LengthScale => self.length_scale,
+            Parameter::Reciprocity => self.reciprocity,
             Parameter::Shape => self.shape,
             Parameter::Intercept => self.intercept,
             Parameter::Slope => self.slope,

@@ -40,9 +40,9 @@ fn equal_labels_share_an_offset_and_negative_labels_have_none() {
 fn only_the_variance_of_an_offset_is_learned() {
     let term = Term::of(0.8, Correlation::of_labels(&[1]).unwrap()).unwrap();
     let kernel = Kernel::new(vec![term]).unwrap();
-    assert_eq!(kernel.log_parameters(), [0.8f64.ln()]);
+    assert_eq!(kernel.parameter_values(), [0.8f64.ln()]);
     assert!(kernel.parameters().eq([Parameter::Variance]));
-    assert_eq!(kernel.with_log_parameters(&[0.0]).unwrap().terms()[0].variance(), 1.0);
+    assert_eq!(kernel.with_parameters(&[0.0]).unwrap().terms()[0].variance(), 1.0);
 }
 
 /// Computes the same covariances independently: each label has an indicator column and a linear kernel.

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use pingmap_agent::{Event, Link, ReferenceSystem};
-use pingmap_trial::EventLog;
+use pingmap_trial::{EventLog, derive_headings};
 
 use crate::assemble::clocks::fleet_clocks::FleetClocks;
 use crate::assemble::listening::{Decision, Opportunity, TransmissionTimes, decide};
@@ -74,10 +74,12 @@ pub(crate) fn event_log(mut events: Vec<Event>) -> EventLog {
             (transmitter.depth_m, receiver.depth_m) = (None, None);
         }
     }
+    derive_headings(&mut events);
     EventLog {
         events,
         true_probability: None,
         has_depths,
+        has_headings: false,
         unknown_columns: Vec::new(),
         reference: ReferenceSystem::Unknown,
     }

@@ -45,7 +45,7 @@ pub fn join_events(records: &EventRecords, reference: &Reference) -> ImportResul
 fn event(record: &EventRecord, reference: &Reference) -> Option<Event> {
     let position = |(place, depth_m): (Place, Option<f64>)| {
         let (east_m, north_m) = reference.metres(place)?;
-        Some(Position { east_m, north_m, depth_m })
+        Some(Position { depth_m, ..Position::new(east_m, north_m) })
     };
     let [transmitter, receiver] = record.ends;
     Some(Event {

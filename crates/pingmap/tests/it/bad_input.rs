@@ -258,7 +258,7 @@ fn models_with_overflowing_numbers_are_refused() {
     file(folder.path(), "events.csv", log(&["a", "b"], 40));
     let model = |kernel: &str, mean: &str| {
         format!(
-            "schema = 1\n[chart]\norigin_east_m = 0.0\norigin_north_m = 0.0\nscale_m = 500.0\n[prior_mean]\n{mean}\n\
+            "schema = 6\n[chart]\norigin_east_m = 0.0\norigin_north_m = 0.0\nscale_m = 500.0\n[prior_mean]\n{mean}\n\
              [[kernel]]\nshape = \"matern32\"\ncolumns = [\"range\"]\n{kernel}\n"
         )
     };

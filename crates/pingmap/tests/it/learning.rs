@@ -31,8 +31,8 @@ fn learn_prints_every_candidate_and_writes_the_best() {
     let command = ["learn", "events.csv", "--test-share", "0.3", "--reciprocal", "yes", "--json"];
     let result = json(folder.path(), &command);
     let candidates = result["candidates"].as_array().unwrap();
-    // Three shapes, raw positions, and six or seven optional terms.
-    assert!((10..=11).contains(&candidates.len()), "{candidates:?}");
+    // Three shapes, raw positions, and eight or nine optional terms.
+    assert!((12..=13).contains(&candidates.len()), "{candidates:?}");
     let merit = |candidate: &Value| candidate["leave_one_out"].as_f64().unwrap();
     assert!(candidates.windows(2).all(|pair| merit(&pair[0]) >= merit(&pair[1])));
     for candidate in candidates {
@@ -69,7 +69,7 @@ fn all_commands_accept_a_model_file() {
     let folder = tempfile::tempdir().unwrap();
     let text = learned(folder.path(), &["--terms", "path", "--prior-mean", "zero"]);
     for expected in
-        ["schema = 5", "[chart]", "origin_east_m", "scale_m", "length_scale_m = ", "evidence = ", "events = 120"]
+        ["schema = 6", "[chart]", "origin_east_m", "scale_m", "length_scale_m = ", "evidence = ", "events = 120"]
     {
         assert!(text.contains(expected), "{expected:?} is missing: {text}");
     }
@@ -114,7 +114,7 @@ fn an_invalid_model_file_is_refused_with_the_reason() {
     expect(with("length_scale_m = ", "length_scale_m = -"), &["kernel term 1", "length-scale", "positive"]);
     expect(with("\"tx_east\"", "\"tx_up\""), &["kernel term 1", "tx_up", "expected one of tx_east"]);
     expect(with("\"rx_east\", ", ""), &["reciprocal", "rx_east"]);
-    expect(with("schema = 5", "schema = 6"), &["schema 6", "newer"]);
+    expect(with("schema = 6", "schema = 7"), &["schema 7", "newer"]);
     expect(with("correlation = 0.35", "correlation = 1.5"), &["fading.correlation", "from 0 to 1", "1.5"]);
     expect(with("drift_m_per_s = 0.15", "drift_m_per_s = 0.0"), &["fading.drift_m_per_s", "above 0"]);
     expect(with("depths = false", "depths = true"), &["depths", "tx_depth_m"]);

@@ -177,7 +177,7 @@ mod tests {
     }
 
     fn link(range_m: f64) -> Link {
-        let at = |east_m| Position { east_m, north_m: 0.0, depth_m: Some(10.0) };
+        let at = |east_m| Position { depth_m: Some(10.0), ..Position::new(east_m, 0.0) };
         Link { transmitter: at(0.0), receiver: at(range_m) }
     }
 

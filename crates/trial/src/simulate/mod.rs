@@ -22,6 +22,7 @@ pub use error::SimulationError;
 pub use sea_floor::{Mound, Ridge, SeaFloor};
 
 use crate::event_log::EventLog;
+use crate::headings::derive_headings;
 use crate::streams::{self, stream};
 use error::within;
 use survey::Legs;
@@ -158,11 +159,13 @@ impl Simulation {
                 probabilities.push(probability);
             }
         }
+        derive_headings(&mut events);
         let true_probability = Some(probabilities);
         let log = EventLog {
             events,
             true_probability,
             has_depths: true,
+            has_headings: false,
             unknown_columns: Vec::new(),
             reference: ReferenceSystem::Unknown,
         };
@@ -227,7 +230,7 @@ impl Simulation {
         let (east_m, north_m) = (rounded(east_m, 10.0), rounded(north_m, 10.0));
         let above_floor_m = floor.depth_at_m(east_m, north_m) - ALTITUDE_MIN_M;
         let depth_m = rounded(self.depth_m.min(above_floor_m).max(DEPTH_MIN_M), 10.0);
-        Position { east_m, north_m, depth_m: Some(depth_m) }
+        Position { depth_m: Some(depth_m), ..Position::new(east_m, north_m) }
     }
 }
 

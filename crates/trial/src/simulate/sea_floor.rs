@@ -102,7 +102,7 @@ mod tests {
     }
 
     fn at(east_m: f64, depth_m: f64) -> Position {
-        Position { east_m, north_m: 0.0, depth_m: Some(depth_m) }
+        Position { depth_m: Some(depth_m), ..Position::new(east_m, 0.0) }
     }
 
     #[test]

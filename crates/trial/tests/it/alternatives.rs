@@ -22,6 +22,7 @@ fn log(links: &[Link], repeats: usize) -> (EventLog, Split) {
         events,
         true_probability: None,
         has_depths: false,
+        has_headings: false,
         unknown_columns: Vec::new(),
         reference: ReferenceSystem::Unknown,
     };

@@ -22,7 +22,7 @@ fn place(channel: &Channel, area_m: f64, area: usize, slot: usize) -> Position {
     let east_m = width_m * (area as f64 + 0.5 + 0.4 * (0.13 * t + phase).sin());
     let north_m = area_m * (0.5 + 0.45 * (0.071 * t + 2.0 * phase).cos());
     let depth_m = 10f64.min(channel.floor.depth_at_m(east_m, north_m) - 3.0).max(0.5);
-    Position { east_m, north_m, depth_m: Some(depth_m) }
+    Position { depth_m: Some(depth_m), ..Position::new(east_m, north_m) }
 }
 
 /// Returns both halves of a trial. Between them each vehicle moves to the next area.
@@ -50,6 +50,7 @@ fn trial(seed: u64, spread_db: f64) -> [EventLog; 2] {
             events,
             true_probability: Some(probabilities),
             has_depths: true,
+            has_headings: false,
             unknown_columns: Vec::new(),
             reference: ReferenceSystem::Unknown,
         }

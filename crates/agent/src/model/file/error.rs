@@ -13,6 +13,9 @@ pub enum ModelFileError {
     /// A newer version of this software wrote the text.
     #[error("schema {0}, but this version reads schema {MODEL_SCHEMA}; it was written by a newer version")]
     Newer(u32),
+    /// An older version of this software wrote the text.
+    #[error("schema {0}, but this version reads schema {MODEL_SCHEMA}; learn the model again with `pingmap learn`")]
+    Older(u32),
     /// The sizes of links, shift and precision of a site prior do not match.
     #[error(
         "[site_prior]: expected {points} entries of shift and rows of precision; row n of precision must have n entries"

@@ -11,7 +11,8 @@ use crate::model::fading::Fading;
 use crate::model::file::error::{ModelFileError, check_bounds};
 use crate::model::file::site_prior::SitePriorLayout;
 use crate::model::file::terms::TermLayout;
-use crate::model::link_model::{InputSpec, MODEL_SCHEMA, Model};
+use crate::model::inputs::InputSpec;
+use crate::model::link_model::{MODEL_SCHEMA, Model};
 use crate::types::bounds;
 use crate::types::chart::Chart;
 use crate::types::event::Position;
@@ -74,6 +75,9 @@ impl ModelFile {
         if version.schema > MODEL_SCHEMA {
             return Err(ModelFileError::Newer(version.schema));
         }
+        if version.schema < MODEL_SCHEMA {
+            return Err(ModelFileError::Older(version.schema));
+        }
         let ModelLayout { schema, depths, chart, prior_mean, fading, kernel, learned, site_prior: site } = read(text)?;
         let inputs = if depths { InputSpec::PositionsAndDepths } else { InputSpec::Positions };
         let terms =
@@ -131,6 +135,8 @@ const HEAD: &str = "\
 # u_... = (tx + rx)/sqrt(2), v_... = (tx - rx)/sqrt(2), range. One length-scale is for all columns of a term, a list has one for each;
 # ties numbers those of a list that stay equal when they are learned. The column time has length_scale_s; tx_vehicle, rx_vehicle, kind
 # and water are labels (shape = \"label\", no length-scale): every vehicle (and kind of message) has an offset of its own, a typical one none.
+# tx_ahead, tx_starboard (rx_...): cos and sin of the bearing of the other end from the bow, with length_scale (no unit), where the label
+# tx_heading (rx_...) is not negative. reciprocity: correlation of both directions of a path, 1 if they are equal.
 # prior_mean: kind = \"zero\", \"constant\" (log_odds) or \"range\" (log-odds = intercept - slope_per_m * range).
 # fading: outcomes of one pair of vehicles that lie still (slower than drift_m_per_s) are alike by correlation * exp(-t/memory_s) after
 # t seconds, beyond what the positions explain, and count less for it; correlation = 0: all count in full.
@@ -144,8 +150,8 @@ fn read<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, ModelFileError> {
     toml::from_str(text).map_err(|error| ModelFileError::Syntax(error.to_string().trim_end().to_owned()))
 }
 
-/// The schema version of a text. It is read first, so that a newer file yields [`ModelFileError::Newer`] and not an
-/// unknown key.
+/// The schema version of a text. It is read first, so that a file of another version yields
+/// [`ModelFileError::Newer`] or [`ModelFileError::Older`] and not an unknown key.
 #[derive(Deserialize)]
 struct SchemaVersion {
     schema: u32,
@@ -159,11 +165,10 @@ struct ModelLayout {
     depths: bool,
     chart: ChartLayout,
     prior_mean: MeanLayout,
-    /// Fading. Files before schema 4 have none.
+    /// Fading; the default if not given.
     fading: Option<Fading>,
     kernel: Vec<TermLayout>,
     learned: Option<Provenance>,
-    #[serde(alias = "place")]
     site_prior: Option<SitePriorLayout>,
 }
 

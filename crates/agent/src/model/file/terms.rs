@@ -4,7 +4,7 @@ use dgpc::{Correlation, Shape, Term};
 use serde::{Deserialize, Serialize};
 
 use crate::model::file::error::ModelFileError;
-use crate::model::link_model::{InputSpec, TIME};
+use crate::model::inputs::{ASPECTS, InputSpec, TIME};
 use crate::types::bounds::{self, Bounds};
 
 /// The layout of a kernel term in a model file. Its first correlation is inlined.
@@ -21,11 +21,15 @@ pub(crate) struct TermLayout {
     /// Length-scales of the time column, in seconds. Label columns have no length-scale.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     length_scale_s: Option<LengthScales>,
+    /// Length-scales of aspect columns, as chords of the unit circle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length_scale: Option<LengthScales>,
     /// Ties of length-scales, see [`CorrelationLayout`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     ties: Vec<usize>,
-    #[serde(default)]
-    reciprocal: bool,
+    /// Correlation of both directions of a path.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    reciprocity: f64,
     /// Further correlations. The term is the product of all of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     times: Vec<CorrelationLayout>,
@@ -44,6 +48,9 @@ struct CorrelationLayout {
     /// Length-scales of the time column, in seconds. Label columns have no length-scale.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     length_scale_s: Option<LengthScales>,
+    /// Length-scales of aspect columns, as chords of the unit circle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length_scale: Option<LengthScales>,
     /// Ties of length-scales: columns with equal numbers share one learned length-scale. The list is empty if all
     /// columns or none share it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -73,9 +80,43 @@ enum LengthScales {
     Each(Vec<f64>),
 }
 
-/// Returns true if all columns are the time column.
-fn is_time(columns: &[String]) -> bool {
-    columns.iter().all(|name| name == TIME)
+/// Returns true for 0.
+fn is_zero(reciprocity: &f64) -> bool {
+    *reciprocity == 0.0
+}
+
+/// The unit of the length-scales of some columns.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Unit {
+    /// None, because the columns are labels.
+    Label,
+    Metres,
+    Seconds,
+    /// Chords of the unit circle.
+    Chords,
+}
+
+impl Unit {
+    /// Returns the unit for these columns.
+    fn of(shape: Shape, columns: &[String]) -> Self {
+        let all = |known: &[&str]| columns.iter().all(|name| known.contains(&name.as_str()));
+        match () {
+            () if shape.is_of_labels() => Unit::Label,
+            () if all(&[TIME]) => Unit::Seconds,
+            () if all(&ASPECTS) => Unit::Chords,
+            () => Unit::Metres,
+        }
+    }
+
+    /// Names the key that the columns need.
+    fn expected(self) -> &'static str {
+        match self {
+            Unit::Label => "no length-scale, since its columns are labels",
+            Unit::Metres => "length_scale_m alone",
+            Unit::Seconds => "length_scale_s alone, since its column is the time",
+            Unit::Chords => "length_scale alone, since its columns are aspects",
+        }
+    }
 }
 
 impl CorrelationLayout {
@@ -84,26 +125,21 @@ impl CorrelationLayout {
     /// # Errors
     /// [`ModelFileError::LengthScaleUnit`] for a length-scale in another unit, or for a missing or needless one.
     fn length_scales(&self, term: usize) -> Result<&LengthScales, ModelFileError> {
-        let of_labels = self.shape.is_of_labels();
-        match (&self.length_scale_m, &self.length_scale_s) {
-            (None, None) if of_labels => Ok(&LengthScales::Tied(1.0)),
-            (Some(metres), None) if !of_labels && !is_time(&self.columns) => Ok(metres),
-            (None, Some(seconds)) if !of_labels && is_time(&self.columns) => Ok(seconds),
-            _ => {
-                let expected = match is_time(&self.columns) {
-                    _ if of_labels => "no length-scale, since its columns are labels",
-                    true => "length_scale_s alone, since its column is the time",
-                    false => "length_scale_m alone",
-                };
-                Err(ModelFileError::LengthScaleUnit { term, expected })
-            }
+        let unit = Unit::of(self.shape, &self.columns);
+        match (unit, &self.length_scale_m, &self.length_scale_s, &self.length_scale) {
+            (Unit::Label, None, None, None) => Ok(&LengthScales::Tied(1.0)),
+            (Unit::Metres, Some(given), None, None)
+            | (Unit::Seconds, None, Some(given), None)
+            | (Unit::Chords, None, None, Some(given)) => Ok(given),
+            _ => Err(ModelFileError::LengthScaleUnit { term, expected: unit.expected() }),
         }
     }
 
     /// Returns a correlation without columns, which [`CorrelationLayout::read`] refuses.
     fn empty() -> Self {
-        let (length_scale_m, length_scale_s) = (None, None);
-        Self { shape: Shape::Matern32, columns: Vec::new(), length_scale_m, length_scale_s, ties: Vec::new() }
+        let [length_scale_m, length_scale_s, length_scale] = [None, None, None];
+        let (columns, ties) = (Vec::new(), Vec::new());
+        Self { shape: Shape::Matern32, columns, length_scale_m, length_scale_s, length_scale, ties }
     }
 
     /// Returns the layout of a correlation over columns with these names.
@@ -119,12 +155,14 @@ impl CorrelationLayout {
         let columns: Vec<String> = correlation.columns().iter().map(name).collect();
         let ties = if all_are_tied || none_is { Vec::new() } else { ties.to_vec() };
         let shape = correlation.shape();
-        let (length_scale_m, length_scale_s) = match is_time(&columns) {
-            _ if shape.is_of_labels() => (None, None),
-            true => (None, Some(length_scales)),
-            false => (Some(length_scales), None),
-        };
-        Self { shape, columns, length_scale_m, length_scale_s, ties }
+        let mut layout = Self { shape, columns, ties, ..Self::empty() };
+        match Unit::of(shape, &layout.columns) {
+            Unit::Label => {}
+            Unit::Metres => layout.length_scale_m = Some(length_scales),
+            Unit::Seconds => layout.length_scale_s = Some(length_scales),
+            Unit::Chords => layout.length_scale = Some(length_scales),
+        }
+        layout
     }
 
     /// Returns the correlation over columns with these names. `term` is the number of the term, from 1.
@@ -183,10 +221,10 @@ impl TermLayout {
         // A term has at least one correlation.
         let first = layouts.next();
         let times = layouts.collect();
-        let CorrelationLayout { shape, columns, length_scale_m, length_scale_s, ties } =
+        let CorrelationLayout { shape, columns, length_scale_m, length_scale_s, length_scale, ties } =
             first.unwrap_or_else(CorrelationLayout::empty);
-        let (variance, reciprocal) = (term.variance(), term.is_reciprocal());
-        Self { shape, variance, columns, length_scale_m, length_scale_s, ties, reciprocal, times }
+        let (variance, reciprocity) = (term.variance(), term.reciprocity());
+        Self { shape, variance, columns, length_scale_m, length_scale_s, length_scale, ties, reciprocity, times }
     }
 
     /// Returns the kernel term over these inputs. `number` is the number of the term, from 1.
@@ -195,18 +233,20 @@ impl TermLayout {
     /// [`ModelFileError`] for an unknown column, a number out of bounds, and a reciprocal term that is not symmetric.
     pub(crate) fn read(self, number: usize, inputs: InputSpec) -> Result<Term, ModelFileError> {
         let names = inputs.column_names();
-        let Self { shape, variance, columns, length_scale_m, length_scale_s, ties, reciprocal, times } = self;
+        let Self { shape, variance, columns, length_scale_m, length_scale_s, length_scale, ties, reciprocity, times } =
+            self;
         check_kernel_number(number, "kernel variance", variance)?;
         let failed = |source| ModelFileError::Term { term: number, source };
-        let first = CorrelationLayout { shape, columns, length_scale_m, length_scale_s, ties }.read(number, &names)?;
+        let first = CorrelationLayout { shape, columns, length_scale_m, length_scale_s, length_scale, ties }
+            .read(number, &names)?;
         let mut term = Term::of(variance, first).map_err(failed)?;
         for layout in times {
             term = term.times(layout.read(number, &names)?).map_err(failed)?;
         }
-        if !reciprocal {
+        if reciprocity == 0.0 {
             return Ok(term);
         }
-        inputs.swap_ends().and_then(|swap| term.reciprocal(swap)).map_err(|error| match error {
+        inputs.swap_ends().and_then(|swap| term.partly_reciprocal(swap, reciprocity)).map_err(|error| match error {
             dgpc::Error::NotReciprocal { column, partner, length_scale, partner_length_scale } => {
                 let (column, partner) = (names[column].clone(), names[partner].clone());
                 ModelFileError::NotReciprocal { term: number, column, partner, length_scale, partner_length_scale }

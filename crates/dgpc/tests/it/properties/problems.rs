@@ -126,7 +126,10 @@ pub(crate) fn kernels(dimension: usize) -> impl Strategy<Value = Kernel> {
             columns.extend(partner(dimension, column));
             term = term.times(Correlation::new(shape, &columns, &vec![scale; columns.len()]).unwrap()).unwrap();
         }
-        let mut terms = vec![if reciprocal { term.reciprocal(swap(dimension)).unwrap() } else { term }];
+        // A term is reciprocal in whole or in part.
+        let reciprocity = if variance > 1.0 { 1.0 } else { 0.6 };
+        let mut terms =
+            vec![if reciprocal { term.partly_reciprocal(swap(dimension), reciprocity).unwrap() } else { term }];
         terms.extend(
             part.map(|(shape, variance, scale, column)| Term::new(shape, variance, &[column], &[scale]).unwrap()),
         );

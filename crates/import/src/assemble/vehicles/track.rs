@@ -18,7 +18,7 @@ impl Track {
     pub(crate) fn new(recording: &Recording, reference: &Reference) -> Self {
         let projected_position = |place, depth_m| {
             let (east_m, north_m) = reference.metres(place)?;
-            Some(Position { east_m, north_m, depth_m })
+            Some(Position { depth_m, ..Position::new(east_m, north_m) })
         };
         let projected =
             recording.fixes.iter().filter_map(|fix| Some((fix.time_s, projected_position(fix.place, fix.depth_m)?)));
@@ -56,6 +56,7 @@ impl Track {
             east_m: interpolate(previous.1.east_m, following.1.east_m),
             north_m: interpolate(previous.1.north_m, following.1.north_m),
             depth_m: previous.1.depth_m.zip(following.1.depth_m).map(|(a, b)| interpolate(a, b)),
+            heading_deg: None,
         })
     }
 

@@ -288,9 +288,11 @@ fn term_in_words(term: &Term, inputs: InputSpec) -> String {
         let columns: Vec<&str> = first.columns().iter().map(|&column| names[column].as_str()).collect();
         return format!("  offset of every {}, variance {:.2}", columns.join(", "), term.variance());
     }
-    let unit = |column| if column == inputs.time() { "s" } else { "m" };
-    let scale =
-        |(&column, length_scale): (&usize, &f64)| format!("{} {length_scale:.0} {}", names[column], unit(column));
+    let scale = |(&column, length_scale): (&usize, &f64)| match &names[column] {
+        name if inputs.is_aspect(column) => format!("{name} {length_scale:.2}"),
+        name if column == inputs.time() => format!("{name} {length_scale:.0} s"),
+        name => format!("{name} {length_scale:.0} m"),
+    };
     let scales: Vec<String> = first.columns().iter().zip(first.length_scales()).map(scale).collect();
     format!("  {} variance {:.2}, length-scales {}", first.shape().title(), term.variance(), scales.join(", "))
 }

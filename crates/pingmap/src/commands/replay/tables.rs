@@ -281,7 +281,7 @@ pub const LEGEND: &str = "\
 NLL: negative log-likelihood of held-out events in nats; lower is better. Brier: mean squared error of the probability. Regret: ten \
 held-out positions are compared. It is the difference in success between the best one and the one that the model prefers. Better, \
 worse: paired differences of NLL over splits; ≈ marks those that are not significant. Reports: packets with outcomes of single \
-events. ModelAndFit: share of the other vehicles' events that a vehicle has received one by one. Gap closed: position between own events \
+events. Known: share of the other vehicles' events that a vehicle has received one by one. Gap closed: position between own events \
 only (0 %) and all raw events in one place (100 %); a dash where that gap is not significant. Errors allow for splits that overlap \
 (Nadeau and Bengio 2003).";
 

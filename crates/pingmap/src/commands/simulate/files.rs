@@ -134,7 +134,7 @@ impl Files {
         let end_s = simulation.slot_s * (simulation.slots as f64 + 0.4);
         for second in 0..=end_s as u64 {
             let time_s = second as f64;
-            let Position { east_m, north_m, depth_m } = trial.position(vehicle, time_s);
+            let Position { east_m, north_m, depth_m, .. } = trial.position(vehicle, time_s);
             let place = reference.geographic(east_m, north_m);
             let place = place.ok_or_else(|| {
                 BadInput(format!("--origin: no projection covers an area of {} m there", simulation.area_m))
