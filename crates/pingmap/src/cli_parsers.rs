@@ -90,6 +90,10 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     number(text, bounds::NOT_NEGATIVE)
 }
 
+pub fn heading(text: &str) -> Result<f64, String> {
+    number(text, bounds::HEADING_DEG)
+}
+
 pub fn time(text: &str) -> Result<f64, String> {
     number(text, bounds::TIME_S)
 }

@@ -170,8 +170,14 @@ mod tests {
         let p = 0.3_f64;
         let at = [Position::new(0.0, 0.0)];
         let attempt = |link| LinkQuery::from(link);
-        let query =
-            MapQuery { at: &at, seen: crate::cli_enums::Seen::Rx, join: Join::All, depth_m: None, attempt: &attempt };
+        let query = MapQuery {
+            at: &at,
+            seen: crate::cli_enums::Seen::Rx,
+            join: Join::All,
+            depth_m: None,
+            heading_deg: None,
+            attempt: &attempt,
+        };
         let log_odds = (p / (1.0 - p)).ln();
         let nodes: Vec<usize> = (0..messages).collect();
         let found = Outages::new(&drawn(&vec![log_odds; messages], &nodes), &query, &route, &sendings, 1);

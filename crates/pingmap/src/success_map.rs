@@ -31,6 +31,8 @@ pub struct MapQuery<'a> {
     pub join: Join,
     /// Depth of the cells.
     pub depth_m: Option<f64>,
+    /// Heading of the vehicle in the cells; if not given, the mean over headings counts.
+    pub heading_deg: Option<f64>,
     /// Returns the query for a link.
     pub attempt: &'a dyn Fn(Link) -> LinkQuery,
 }
@@ -102,10 +104,12 @@ impl SuccessMap {
             let mut cells = Vec::with_capacity(area.cells());
             for row in 0..area.rows {
                 let middles = (0..area.columns).map(|column| area.middle(row * area.columns + column));
-                let middles: Vec<Position> = middles
-                    .map(|(east_m, north_m)| Position { depth_m: query.depth_m, ..Position::new(east_m, north_m) })
-                    .collect();
-                cells.extend(predicted(agent, query, seen, &middles)?);
+                let position = |(east_m, north_m)| Position {
+                    depth_m: query.depth_m,
+                    heading_deg: query.heading_deg,
+                    ..Position::new(east_m, north_m)
+                };
+                cells.extend(predicted(agent, query, seen, &middles.map(position).collect::<Vec<_>>())?);
             }
             sides.push(Side { seen, cells });
         }

@@ -4,6 +4,7 @@ use dgpc::{Latent, Posterior, Summary};
 
 use crate::agent::prediction::{CappedPrediction, Interval, Prediction};
 use crate::agent::state::{Agent, Which};
+use crate::agent::unknown_headings::HeadingAverage;
 use crate::error::AgentError;
 use crate::inference::accepted::{packets_with, summaries};
 use crate::types::query::LinkQuery;
@@ -73,8 +74,10 @@ impl Agent {
     }
 
     fn widened(&mut self, queries: impl Iterator<Item = LinkQuery>) -> Result<Latent, AgentError> {
-        let inputs = self.team().model.inputs(queries)?;
-        let mut latent = self.interval_posterior()?.latent(&inputs)?;
+        let queries: Vec<LinkQuery> = queries.collect();
+        self.interval_posterior()?;
+        let posterior = self.interval_cache.get().unwrap_or(&self.posteriors.fused);
+        let mut latent = HeadingAverage::new(&self.team().model, posterior, &queries)?.latent;
         latent.variance.iter_mut().for_each(|variance| *variance *= INTERVAL_WIDENING * INTERVAL_WIDENING);
         Ok(latent)
     }

@@ -3,6 +3,7 @@
 use dgpc::{Matrix, Posterior};
 
 use crate::agent::state::{Agent, Which};
+use crate::agent::unknown_headings::HeadingAverage;
 use crate::error::AgentError;
 use crate::model::link_model::Model;
 use crate::types::query::LinkQuery;
@@ -55,7 +56,8 @@ impl Agent {
 
     /// Predicts each query. Absorbs new data, up to a limit, and fits nothing: see [`Agent::refit_due`]. O(n²) a query.
     ///
-    /// Far from all data the probability returns to even odds. A link longer than every observed link has two parts of
+    /// If the model has aspect terms and a heading is unknown, the prediction is the mean over eight headings. Far from
+    /// all data the probability returns to even odds. A link longer than every observed link has two parts of
     /// the longest observed length, one at the transmitter and one at the receiver. The prediction for the link is
     /// therefore the smallest of three: its own, and those of these parts.
     /// [`AgentOptions::allow_extrapolated_increase`](crate::AgentOptions::allow_extrapolated_increase) turns that off.
@@ -72,7 +74,7 @@ impl Agent {
 
     /// Draws joint log-odds of these queries by expectation propagation: one column for each column of standard
     /// normals. Normals that are [`INTERVAL_WIDENING`](crate::INTERVAL_WIDENING) times as large give draws that spread
-    /// as the intervals of [`Agent::predict_intervals`] do. O(Mn² + M²n + M³) for M queries.
+    /// as the intervals of [`Agent::predict_intervals`] do. Aspect terms count only where headings are known. O(Mn² + M²n + M³) for M queries.
     ///
     /// # Errors
     /// As [`Agent::predict`], and for normals with another number of rows than queries.
@@ -151,16 +153,15 @@ fn capped(
 
 /// Predicts each query without a cap.
 fn predict(model: &Model, posterior: &Posterior, queries: &[LinkQuery]) -> dgpc::Result<Vec<Prediction>> {
-    let inputs = model.inputs(queries)?;
-    let latent = posterior.latent(&inputs)?;
-    let prior = posterior.prior().kernel().diagonal(&inputs)?;
-    let moments = latent.mean.iter().zip(&latent.variance).zip(latent.probability()).zip(&prior);
-    let prediction = |(((&mean, &variance), probability), prior): (((&f64, &f64), f64), &f64)| Prediction {
+    let HeadingAverage { latent, probability, explained } = HeadingAverage::new(model, posterior, queries)?;
+    let moments = latent.mean.into_iter().zip(latent.variance);
+    let shares = probability.into_iter().zip(explained);
+    let prediction = |((mean, variance), (probability, explained))| Prediction {
         mean,
         variance,
         probability,
-        explained: (1.0 - variance / prior).clamp(0.0, 1.0),
+        explained,
         interval: None,
     };
-    Ok(moments.map(prediction).collect())
+    Ok(moments.zip(shares).map(prediction).collect())
 }

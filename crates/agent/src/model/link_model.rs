@@ -5,7 +5,7 @@ use std::sync::Arc;
 use dgpc::{Candidates, Correlation, Inputs, Kernel, Observations, Posterior, Prior, PriorMean, Shape, Summary, Term};
 
 use crate::model::fading::Fading;
-use crate::model::inputs::InputSpec;
+use crate::model::inputs::{End, InputSpec};
 use crate::model::site_prior::SitePrior;
 use crate::types::chart::Chart;
 use crate::types::event::{Event, Link, Position};
@@ -68,6 +68,12 @@ impl Model {
             Position { depth_m, ..end.without_heading() }
         };
         Link { transmitter: end(link.transmitter), receiver: end(link.receiver) }
+    }
+
+    /// Returns true if a term depends on the aspect of this end.
+    pub fn has_aspect(&self, end: End) -> bool {
+        let correlations = self.prior.kernel().terms().iter().flat_map(Term::correlations);
+        correlations.flat_map(Correlation::columns).any(|column| self.inputs.aspect(end).contains(column))
     }
 
     /// Returns the posterior before the first event: the prior and the site prior.

@@ -130,3 +130,29 @@ fn a_receiver_aspect_is_learned_where_the_stern_is_deaf() {
     assert_eq!(tried.map(|term| model.structure.additions.has(term)), [false, true]);
     assert!(model.leave_one_out() > -0.25);
 }
+
+#[test]
+fn a_prediction_without_a_heading_is_the_mean_over_headings() {
+    let ahead = |link: &Link| template(&[]).inputs([link]).unwrap().row(0)[SPEC.aspect(End::Receiver).start];
+    let model = template(&[OptionalTerm::ReceiverAspect]);
+    let area = [Position::new(0.0, 0.0), Position::new(800.0, 800.0)];
+    let team = Team::new(["a", "b"].map(VehicleId::new), model, area).unwrap();
+    let mut agent = Agent::new(VehicleId::new("b"), std::sync::Arc::new(team), AgentOptions::default());
+    agent.record(events(150, |link| ahead(link) > 0.0)).unwrap();
+    agent.refit().unwrap();
+    let unknown = link([100.0, 200.0, 400.0, 350.0]);
+    let known = |heading_deg| Link { receiver: heading(unknown.receiver, heading_deg), ..unknown };
+    let each = agent.predict_intervals((0..8).map(|n| known(45.0 * f64::from(n)))).unwrap();
+    let average = |of: fn(&Prediction) -> f64| each.iter().map(of).sum::<f64>() / 8.0;
+    let found = agent.predict_intervals([unknown]).unwrap()[0];
+    // The ends differ by much more than the tolerance.
+    let probabilities = each.iter().map(|one| one.probability);
+    assert!(probabilities.clone().fold(0.0, f64::max) > probabilities.fold(1.0, f64::min) + 0.3);
+    assert!((found.probability - average(|one| one.probability)).abs() < 1e-12);
+    assert!((found.mean - average(|one| one.mean)).abs() < 1e-12);
+    // The variance includes that of the mean over headings.
+    let squared = average(|one| one.variance + one.mean * one.mean);
+    assert!((found.variance - (squared - found.mean * found.mean)).abs() < 1e-9);
+    let Interval { low, high, .. } = found.interval.unwrap();
+    assert!(low < found.probability && found.probability < high);
+}

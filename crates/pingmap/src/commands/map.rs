@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use pingmap_agent::End;
 use pingmap_import::{Place, Reference};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::area::Area;
 use crate::cli_enums::{Join, Layer, Seen, name_of};
-use crate::cli_parsers::{corners, not_negative, open_share, place, positive, print_width};
+use crate::cli_parsers::{corners, heading, not_negative, open_share, place, positive, print_width};
 use crate::exports::{self, Export};
 use crate::figure::{Figure, Image};
 use crate::learned_map::LearnedMap;
@@ -69,6 +70,9 @@ pub struct View {
     /// Depth of the cells, if the log has depths; the mean depth of the log if not given
     #[arg(long, value_name = "METRES", value_parser = not_negative, allow_negative_numbers = true)]
     pub depth: Option<f64>,
+    /// Heading of the vehicle in the cells, clockwise from north; if not given, the map shows the mean over headings
+    #[arg(long, value_name = "DEGREES", value_parser = heading, allow_negative_numbers = true)]
+    pub heading: Option<f64>,
     /// Width of a grid cell; the longer side has 120 cells if not given
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub cell_m: Option<f64>,
@@ -140,18 +144,32 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let attempt = options.query.attempt(&log)?;
     let mut learned_map = LearnedMap::learn(log, &options.source)?.capped(&options.query);
     let bar = spinner("drawing");
-    let query = MapQuery { at: &at, seen: view.seen, join: view.join, depth_m, attempt: &attempt };
+    let has_aspects = has_aspects(&learned_map);
+    if view.heading.is_some() && !has_aspects {
+        note("warning: --heading changes nothing: the model has no aspect terms");
+    }
+    let heading_deg = view.heading;
+    let query = MapQuery { at: &at, seen: view.seen, join: view.join, depth_m, heading_deg, attempt: &attempt };
     let map = SuccessMap::new(&mut learned_map.agent, area, &query)?;
     let bytes = bytes(format, &map, &learned_map, &reference, drawing)?;
     bar.finish_and_clear();
     let written = target.write(&bytes, results);
     if written.is_ok() {
         note(format_args!("wrote {}", options.output.display()));
+        if has_aspects && heading_deg.is_none() {
+            note("the map shows the mean over headings of both ends; --heading fixes that of the cells");
+        }
     }
     if options.json {
         print_json(results, &MapJson::of(options, &learned_map, &map, &reference))?;
     }
     written
+}
+
+/// Returns true if the model depends on headings.
+fn has_aspects(learned_map: &LearnedMap) -> bool {
+    let model = &learned_map.agent.team().model;
+    [End::Transmitter, End::Receiver].into_iter().any(|end| model.has_aspect(end))
 }
 
 fn bytes(
@@ -189,6 +207,10 @@ pub struct MapJson<'a> {
     at: [f64; 2],
     /// All positions that the map is seen from.
     places: Vec<PlaceJson>,
+    /// Whether the model depends on the headings of both ends.
+    depends_on_heading: bool,
+    /// Heading of the vehicle in the cells, in degrees clockwise from north; null for the mean over headings.
+    heading_deg: Option<f64>,
     /// Role of these positions: `tx` transmits, `rx` receives, `both` both roles on two maps, `worst` the less probable
     /// direction.
     #[serde(rename = "as")]
@@ -269,6 +291,8 @@ impl<'a> MapJson<'a> {
             digests: learned_map.digests(),
             file: &options.output,
             at: [map.at[0].east_m, map.at[0].north_m],
+            depends_on_heading: has_aspects(learned_map),
+            heading_deg: options.view.heading,
             places: map.at.iter().map(|place| PlaceJson::of(place, reference)).collect(),
             seen: name_of(&options.view.seen),
             join: name_of(&map.join),

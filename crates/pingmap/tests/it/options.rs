@@ -119,6 +119,7 @@ const MAP: &[Case] = &[
     ("--title", "A_map", ""),
     ("--width-mm", "90", ""),
     ("--cell-m", "77", ""),
+    ("--heading", "90", "--model aspect.toml"),
     ("--json", "", ""),
 ];
 
@@ -349,6 +350,7 @@ fn prepare(folder: &Path) {
     }
     let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
     file(folder, "offsets.toml", read("model.toml") + OFFSETS);
+    file(folder, "aspect.toml", read("model.toml") + ASPECT);
     prepare_mission(folder, &read);
     file(folder, "packet.json", stdout(&pingmap(folder, &["packet", "decode", PACKET, "--json"])));
 }
@@ -382,6 +384,19 @@ fn prepare_mission(folder: &Path, read: &dyn Fn(&str) -> String) {
     file(folder, "more.alog", format!("%% LOG FILE: more\n{row}"));
     file(folder, "columns.toml", "[heard]\nsource = \"from\"\n");
 }
+
+/// A term of the aspect of the receiver.
+const ASPECT: &str = "
+[[kernel]]
+shape = \"matern32\"
+variance = 2.0
+columns = [\"rx_ahead\", \"rx_starboard\"]
+length_scale = 1.0
+
+[[kernel.times]]
+shape = \"label\"
+columns = [\"rx_heading\"]
+";
 
 /// Terms of a model for vehicles, kinds of messages and times.
 const OFFSETS: &str = "

@@ -136,7 +136,7 @@ pub struct QueryTemplate {
 impl QueryTemplate {
     /// Returns the queries of a map or plan seen from these positions.
     pub fn of<'a>(&'a self, at: &'a [Position], join: Join) -> MapQuery<'a> {
-        MapQuery { at, seen: self.seen, join, depth_m: self.depth_m, attempt: &*self.attempt }
+        MapQuery { at, seen: self.seen, join, depth_m: self.depth_m, heading_deg: None, attempt: &*self.attempt }
     }
 }
 

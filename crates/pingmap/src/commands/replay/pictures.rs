@@ -78,7 +78,8 @@ fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
     let attempt = |link| LinkQuery { transmitter, when, ..LinkQuery::from(link) };
     let ends = events.iter().flat_map(|event| event.link.ends());
     let area = Area::around(ends.chain([at]), None)?;
-    let query = MapQuery { at: &[at], seen: Seen::Tx, join: Join::All, depth_m: at.depth_m, attempt: &attempt };
+    let (at, depth_m) = (at.without_heading(), at.depth_m);
+    let query = MapQuery { at: &[at], seen: Seen::Tx, join: Join::All, depth_m, heading_deg: None, attempt: &attempt };
     let map = SuccessMap::new(viewer, area, &query)?;
     let place = reference(replayed.log.reference)?;
     let content = FigureContent {
