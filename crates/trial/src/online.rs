@@ -75,8 +75,9 @@ impl Step {
 /// Runs the mission. Every transmission of a vehicle is one of its slots. A vehicle that heard the transmission in the
 /// log also receives its packet and piggybacked outcomes, unless the channel loses them.
 ///
-/// Without a given model, the prior of the first structure is used, with offsets of receivers and a change with time.
-/// No event is therefore predicted by a model that was learned from it. `step` is called after every event.
+/// Without a given model, the prior of the first structure is used, with the optional terms of
+/// [`crate::Preshared::Nothing`]. No event is therefore predicted by a model that was learned from it. `step` is called
+/// after every event.
 ///
 /// # Errors
 /// Returns [`AgentError`] for a numerical failure.

@@ -23,14 +23,25 @@ pub enum ModelSource {
 #[derive(Debug, Clone)]
 pub enum Preshared {
     /// Nothing is given: the packet model is learned from the pooled training events. If every vehicle learns by
-    /// itself, the packet model is the prior of the first structure. Without training events, offsets of receivers and
-    /// a change with time are added to that prior, if they are among the additions.
+    /// itself, the packet model is the prior of the first structure. Without training events, that prior also has the
+    /// optional terms that need no evidence, if they are among the additions: offsets of receivers, aspects, layers, a
+    /// change with time, and a difference between both directions.
     Nothing,
     /// The packet model is given.
     Model(Model),
     /// The whole configuration is given.
     Team(Box<Team>),
 }
+
+/// Optional terms of a model before any event.
+const VARIABLE_TERMS: [OptionalTerm; 6] = [
+    OptionalTerm::Receivers,
+    OptionalTerm::Time,
+    OptionalTerm::OneWay,
+    OptionalTerm::TransmitterAspect,
+    OptionalTerm::ReceiverAspect,
+    OptionalTerm::Vertical,
+];
 
 /// Options of learning and sharing.
 #[derive(Debug, Clone)]
@@ -106,8 +117,8 @@ impl Plan {
     fn model(&self, log: &EventLog, training: Option<&[&Event]>) -> dgpc::Result<(Model, Option<LearnedModel>)> {
         let (chart, inputs) = (log.chart(), log.inputs());
         let expected = match (self.learning.structures.first(), training) {
-            // Without learning there is no evidence that receivers are alike and that the water does not change.
-            (Some(structure), None) => Some(self.with_variable_terms(structure)),
+            // Without learning there is no evidence that receivers, directions, headings, layers and times are alike.
+            (Some(structure), None) => Some(self.with_variable_terms(structure, log)),
             (Some(structure), Some(_)) if self.model_source == ModelSource::Own => Some(*structure),
             _ => None,
         };
@@ -119,9 +130,9 @@ impl Plan {
         Ok((fit.model.clone(), Some(fit)))
     }
 
-    fn with_variable_terms(&self, structure: &Structure) -> Structure {
-        let variable = [OptionalTerm::Receivers, OptionalTerm::Time];
-        let tried = variable.into_iter().filter(|addition| self.learning.additions.contains(addition));
-        tried.fold(*structure, |structure, addition| structure.with(addition))
+    fn with_variable_terms(&self, structure: &Structure, log: &EventLog) -> Structure {
+        let possible = self.learning.additions_to(&log.events.iter().collect::<Vec<_>>(), log.inputs());
+        let expected = VARIABLE_TERMS.into_iter().filter(|term| possible.contains(term) && structure.can_have(*term));
+        expected.fold(*structure, |structure, term| structure.with(term))
     }
 }

@@ -74,7 +74,8 @@ impl Agent {
 
     /// Draws joint log-odds of these queries by expectation propagation: one column for each column of standard
     /// normals. Normals that are [`INTERVAL_WIDENING`](crate::INTERVAL_WIDENING) times as large give draws that spread
-    /// as the intervals of [`Agent::predict_intervals`] do. Aspect terms count only where headings are known. O(Mn² + M²n + M³) for M queries.
+    /// as the intervals of [`Agent::predict_intervals`] do. Aspect terms count only where headings are known.
+    /// O(Mn² + M²n + M³) for M queries.
     ///
     /// # Errors
     /// As [`Agent::predict`], and for normals with another number of rows than queries.
