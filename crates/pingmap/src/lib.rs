@@ -51,7 +51,8 @@ use crate::short_help::with_short_help;
 /// Learn, while under way, the probability that a message from here reaches there.
 ///
 /// Event logs are CSV files with the columns time_s, tx_id, rx_id, tx_easting_m, tx_northing_m, rx_easting_m,
-/// rx_northing_m and success (1 heard, 0 missed), one line per attempted transmission. Results go to standard output,
+/// rx_northing_m and success (1 heard, 0 missed), one line per attempted transmission. Optional columns are tx_depth_m
+/// and rx_depth_m, tx_heading_deg and rx_heading_deg, and kind. Results go to standard output,
 /// everything else to standard error. Exit status: 0 success, 1 failure, 2 bad input.
 #[derive(Parser)]
 #[command(
