@@ -86,7 +86,8 @@ pub struct ModelOptions {
     /// Decrease of that prior mean in log-odds per kilometre; four over the conservative range if not given
     #[arg(long, value_parser = positive, allow_negative_numbers = true, requires = "conservative_range_m")]
     pub conservative_slope_per_km: Option<f64>,
-    /// Fix the length-scale of every term
+    /// Fix the horizontal length-scale of every term; those of depths, aspects and times then keep their values before
+    /// learning
     #[arg(long, value_parser = positive, allow_negative_numbers = true)]
     pub length_scale_m: Option<f64>,
     /// Fix the variance of every term

@@ -74,7 +74,8 @@ impl Agent {
 
     /// Draws joint log-odds of these queries by expectation propagation: one column for each column of standard
     /// normals. Normals that are [`INTERVAL_WIDENING`](crate::INTERVAL_WIDENING) times as large give draws that spread
-    /// as the intervals of [`Agent::predict_intervals`] do. Aspect terms count only where headings are known.
+    /// as the intervals of [`Agent::predict_intervals`] do. Where a heading is unknown the aspect term of that end is
+    /// left out, so that draws spread less than these intervals.
     /// O(Mn² + M²n + M³) for M queries.
     ///
     /// # Errors

@@ -187,7 +187,8 @@ impl Agent {
     ///
     /// # Errors
     /// [`AgentError::NotMine`] for an event of another receiver, unless [`AgentOptions::record_all_receivers`] is set.
-    /// [`AgentError::NoTime`] and [`AgentError::Nowhere`] for numbers out of bounds. Then none is recorded.
+    /// [`AgentError::NoTime`], [`AgentError::Nowhere`] and [`AgentError::NoHeading`] for numbers out of bounds.
+    /// Then none is recorded.
     pub fn record(&mut self, events: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
         let numbered: Vec<(u64, Event)> = (self.memory.events.next_number()..).zip(events).collect();
         numbered.iter().try_for_each(|(_, event)| self.check_receiver(event))?;
@@ -207,7 +208,8 @@ impl Agent {
     /// events are known without that. Reports need positions. O(N) for N positions.
     ///
     /// # Errors
-    /// [`AgentError::NoTime`] and [`AgentError::Nowhere`] for numbers out of bounds; then none is recorded.
+    /// [`AgentError::NoTime`], [`AgentError::Nowhere`] and [`AgentError::NoHeading`] for numbers out of bounds;
+    /// then none is recorded.
     pub fn record_positions(&mut self, fixes: impl IntoIterator<Item = (f64, Position)>) -> Result<(), AgentError> {
         let fixes: Vec<(f64, Position)> = fixes.into_iter().collect();
         self.memory.record_positions(&fixes)?;

@@ -28,7 +28,9 @@ impl HeadingAverage {
     /// Predicts every query. If the model has aspect terms, an unknown heading is replaced by eight headings, evenly
     /// distributed over the circle. O(n²) for a query and heading.
     pub(crate) fn new(model: &Model, posterior: &Posterior, queries: &[LinkQuery]) -> dgpc::Result<Self> {
-        let has_aspect = [End::Transmitter, End::Receiver].map(|end| model.has_aspect(end));
+        // The prior may be one that the vehicle learned itself.
+        let kernel = posterior.prior().kernel();
+        let has_aspect = [End::Transmitter, End::Receiver].map(|end| model.inputs.is_aspect_in(kernel, end));
         let is_open = |query: &LinkQuery| {
             let mut ends = query.link.ends().into_iter().zip(has_aspect);
             ends.any(|(end, has_aspect)| has_aspect && end.heading_deg.is_none())

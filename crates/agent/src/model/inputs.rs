@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
-use dgpc::{PriorMean, Reflection};
+use dgpc::{Correlation, Kernel, PriorMean, Reflection, Term};
 
 use crate::types::event::Position;
 use crate::types::query::LinkQuery;
@@ -138,6 +138,12 @@ impl InputSpec {
     /// Returns true for a column of an aspect. Its length-scale is a chord of the unit circle.
     pub fn is_aspect(self, column: usize) -> bool {
         [End::Transmitter, End::Receiver].iter().any(|&end| self.aspect(end).contains(&column))
+    }
+
+    /// Returns true if a term of this kernel depends on the aspect of this end.
+    pub fn is_aspect_in(self, kernel: &Kernel, end: End) -> bool {
+        let correlations = kernel.terms().iter().flat_map(Term::correlations);
+        correlations.flat_map(Correlation::columns).any(|column| self.aspect(end).contains(column))
     }
 
     /// Returns the column of the label that is negative where the heading of `end` is unknown.

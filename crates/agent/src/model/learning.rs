@@ -44,7 +44,8 @@ pub struct Learning {
     pub additions: Vec<OptionalTerm>,
     /// Criterion for the choice among the structures.
     pub criterion: Criterion,
-    /// Fixed value of all length-scales, in metres. `None` if they are learned.
+    /// Fixed value of all horizontal length-scales, in metres. `None` if length-scales are learned. With a fixed value,
+    /// those of depths, aspects and times keep the values of the template.
     pub length_scale_m: Option<f64>,
     /// Fixed variance of every term. `None` if variances are learned.
     pub variance: Option<f64>,

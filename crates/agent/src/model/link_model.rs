@@ -51,8 +51,9 @@ impl Model {
         if *learned.prior() != self.prior {
             return Err(dgpc::Error::DifferentPriors { what: "a model and the posterior for its site prior" });
         }
-        let chosen = Candidates::new(self.prior.kernel(), &self.inputs(links)?)?.greedy(points_max).indices;
-        let links: Vec<Link> = chosen.into_iter().map(|n| self.normalize_depths(&links[n])).collect();
+        let links: Vec<Link> = links.iter().map(|link| self.typical_link(link)).collect();
+        let chosen = Candidates::new(self.prior.kernel(), &self.inputs(&links)?)?.greedy(points_max).indices;
+        let links: Vec<Link> = chosen.into_iter().map(|n| links[n]).collect();
         let inputs = self.inputs(&links)?;
         let summary = learned.summarise(&inputs)?;
         let (precision, shift) = (summary.whitened_precision().clone(), summary.whitened_shift().to_vec());
@@ -62,7 +63,7 @@ impl Model {
 
     /// Returns the link with the depths that the model uses, and without headings. Without depth columns depths are
     /// removed, else an unknown depth becomes 0.
-    fn normalize_depths(&self, link: &Link) -> Link {
+    fn typical_link(&self, link: &Link) -> Link {
         let end = |end: Position| {
             let depth_m = self.inputs.has_depths().then_some(end.depth_m.unwrap_or(0.0));
             Position { depth_m, ..end.without_heading() }
@@ -72,8 +73,7 @@ impl Model {
 
     /// Returns true if a term depends on the aspect of this end.
     pub fn has_aspect(&self, end: End) -> bool {
-        let correlations = self.prior.kernel().terms().iter().flat_map(Term::correlations);
-        correlations.flat_map(Correlation::columns).any(|column| self.inputs.aspect(end).contains(column))
+        self.inputs.is_aspect_in(self.prior.kernel(), end)
     }
 
     /// Returns the posterior before the first event: the prior and the site prior.
@@ -87,14 +87,16 @@ impl Model {
         self.site.as_ref().map(|site| site.summary())
     }
 
-    /// Returns the geometric mean of the length-scales of the first correlation of the first kernel term, in metres.
+    /// Returns the geometric mean of the horizontal length-scales of the first correlation of the first kernel term, in
+    /// metres.
     ///
     /// It is the distance over which links are correlated.
     pub fn length_scale_m(&self) -> f64 {
-        let terms = self.prior.kernel().terms();
-        let length_scales = terms.first().map_or(&[][..], |term| term.correlations()[0].length_scales());
-        (length_scales.iter().map(|length_scale| length_scale.ln()).sum::<f64>() / length_scales.len().max(1) as f64)
-            .exp()
+        let path = self.prior.kernel().terms().first().map(|term| &term.correlations()[0]);
+        let columns = path.into_iter().flat_map(|path| path.columns().iter().zip(path.length_scales()));
+        let logarithms: Vec<f64> =
+            columns.filter(|(column, _)| !self.inputs.is_depth(**column)).map(|(_, scale)| scale.ln()).collect();
+        (logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64).exp()
     }
 
     /// Returns the events as observations of the method. Their weights are those of [`Fading::weights`].

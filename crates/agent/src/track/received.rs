@@ -51,9 +51,10 @@ impl ReceivedTrack {
     /// The position is interpolated within a segment, and between waypoints that are at most 2 · `extrapolation_s_max`
     /// apart. After the last waypoint, and after a waypoint before a longer gap, it is extrapolated for
     /// `extrapolation_s_max`. Extrapolation uses the velocity of the preceding segment at constant depth; without a
-    /// preceding segment the member is at rest. Returns `None` for other slots. The heading is the course of the
-    /// segment. At a waypoint it is the course of the following segment, or else of the preceding one. O(log
-    /// waypoints).
+    /// preceding segment the member is at rest. Returns `None` for other slots. O(log waypoints).
+    ///
+    /// The heading is the course of the segment. At a waypoint it is that of the following segment, or else of the
+    /// preceding one. Waypoints in neighbouring cells give no course, because a vehicle at rest may drift between them.
     pub(crate) fn at(
         &self,
         slot: u32,
@@ -69,21 +70,26 @@ impl ReceivedTrack {
         if *before.0 == slot {
             let after = self.waypoints.range(slot.saturating_add(1)..).next();
             let after = after.filter(|after| self.is_segment(slot, *after.0));
-            let following = after.and_then(|(_, &cell)| from.1.course_deg(&centre(cell)));
-            let course_deg = following.or_else(|| centre(*earlier?.1).course_deg(&from.1));
-            return Some(Position { heading_deg: course_deg, ..from.1 });
+            let following = after.and_then(|(_, to)| course_deg(before.1, to, centre));
+            let heading_deg = following.or_else(|| course_deg(earlier?.1, before.1, centre));
+            return Some(Position { heading_deg, ..from.1 });
         }
         if let Some(after) = self.waypoints.range(slot..).next() {
             let to = fix(after)?;
             if self.is_segment(*before.0, *after.0) || to.0 - from.0 <= 2.0 * extrapolation_s_max {
-                return Some(interpolate(&from, &to, time_s));
+                let heading_deg = course_deg(before.1, after.1, centre);
+                return Some(Position { heading_deg, ..interpolate(&from, &to, time_s) });
             }
         }
         if time_s - from.0 > extrapolation_s_max {
             return None;
         }
         Some(match earlier {
-            Some(earlier) => Position { depth_m: from.1.depth_m, ..interpolate(&fix(earlier)?, &from, time_s) },
+            Some(earlier) => Position {
+                depth_m: from.1.depth_m,
+                heading_deg: course_deg(earlier.1, before.1, centre),
+                ..interpolate(&fix(earlier)?, &from, time_s)
+            },
             None => from.1,
         })
     }
@@ -113,6 +119,12 @@ impl ReceivedTrack {
     }
 }
 
+/// Returns the course between two cells, in degrees. Returns `None` for neighbouring cells.
+fn course_deg(from: &Cell, to: &Cell, centre: &dyn Fn(Cell) -> Position) -> Option<f64> {
+    let cells = from.east.abs_diff(to.east).max(from.north.abs_diff(to.north));
+    if cells > 1 { centre(*from).course_deg(&centre(*to)) } else { None }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,9 +145,24 @@ mod tests {
         track
     }
 
-    fn east_m(track: &ReceivedTrack, slot: u32) -> Option<f64> {
+    fn position(track: &ReceivedTrack, slot: u32) -> Option<Position> {
         let slots = Slots::cycle(10.0, ["a", "b"].map(VehicleId::new).into());
-        track.at(slot, &slots, &centre, 40.0).map(|at| at.east_m.round())
+        track.at(slot, &slots, &centre, 40.0)
+    }
+
+    fn east_m(track: &ReceivedTrack, slot: u32) -> Option<f64> {
+        position(track, slot).map(|at| at.east_m.round())
+    }
+
+    #[test]
+    fn headings_are_the_courses_of_segments_longer_than_a_cell() {
+        let heading_deg = |track: &ReceivedTrack, slot| position(track, slot).and_then(|at| at.heading_deg);
+        let there_and_back = track(&[&[(0, 0), (20, 20), (40, 0)]]);
+        let found = [0, 10, 19, 20, 30, 40, 43].map(|slot| heading_deg(&there_and_back, slot));
+        assert_eq!(found, [90.0, 90.0, 90.0, 270.0, 270.0, 270.0, 270.0].map(Some));
+        // A vehicle at rest may drift between two cells.
+        let drifting = track(&[&[(0, 0), (20, 1), (40, 0)]]);
+        assert_eq!([0, 10, 20, 43].map(|slot| heading_deg(&drifting, slot)), [None; 4]);
     }
 
     #[test]
@@ -189,7 +216,8 @@ mod tests {
             let waypoints: Vec<(u32, Cell)> = all[0].iter().map(|&(slot, east)| (slot, Cell { east, north: 0, depth: 0 })).collect();
             prop_assert_eq!(with.range_affected_by(&waypoints), without.range_affected_by(&waypoints));
             let affected = with.range_affected_by(&waypoints);
-            prop_assert!((0..80).filter(|slot| !affected.contains(slot)).all(|slot| east_m(&with, slot) == east_m(&without, slot)));
+            let mut outside = (0..80).filter(|slot| !affected.contains(slot));
+            prop_assert!(outside.all(|slot| position(&with, slot) == position(&without, slot)));
         }
     }
 

@@ -156,3 +156,20 @@ fn a_prediction_without_a_heading_is_the_mean_over_headings() {
     let Interval { low, high, .. } = found.interval.unwrap();
     assert!(low < found.probability && found.probability < high);
 }
+
+#[test]
+fn headings_are_averaged_under_a_model_that_the_vehicle_learned_itself() {
+    let ahead = |link: &Link| template(&[]).inputs([link]).unwrap().row(0)[SPEC.aspect(End::Receiver).start];
+    let area = [Position::new(0.0, 0.0), Position::new(800.0, 800.0)];
+    let team = Team::new(["a", "b"].map(VehicleId::new), template(&[]), area).unwrap();
+    let mut agent = Agent::new(VehicleId::new("b"), std::sync::Arc::new(team), AgentOptions::default());
+    agent.record(events(250, |link| ahead(link) > -0.3)).unwrap();
+    let learning = Learning { additions: vec![OptionalTerm::ReceiverAspect], ..Learning::default() };
+    let learned = agent.adapt(&learning).unwrap();
+    assert!(learned.structure.additions.has(OptionalTerm::ReceiverAspect));
+    let unknown = link([100.0, 200.0, 400.0, 350.0]);
+    let known = |n: u8| Link { receiver: heading(unknown.receiver, 45.0 * f64::from(n)), ..unknown };
+    let each: Vec<f64> = (0..8).map(|n| agent.probability(known(n)).unwrap()).collect();
+    let average = each.iter().sum::<f64>() / 8.0;
+    assert!((agent.probability(unknown).unwrap() - average).abs() < 1e-12);
+}

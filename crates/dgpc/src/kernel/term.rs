@@ -93,12 +93,13 @@ impl Term {
     }
 
     /// Makes the term reciprocal in part: ½[k(x, x′) + c k(x, Rx′)] ([`crate::method::kernels`]). The reciprocity c is
-    /// a learned parameter unless it is 0 or 1.
+    /// a learned parameter unless it is 1.
     ///
     /// # Errors
-    /// As [`Term::reciprocal`], and [`crate::Error::OutOfRange`] for a reciprocity outside 0 to 1.
+    /// As [`Term::reciprocal`], and [`crate::Error::OutOfRange`] for a reciprocity that is not above 0 and at most 1.
     pub fn partly_reciprocal(mut self, reflection: Reflection, reciprocity: f64) -> Result<Self> {
-        self.reciprocity = in_range("reciprocity of a kernel term", reciprocity, 0.0..=1.0, "a number from 0 to 1")?;
+        let range = f64::MIN_POSITIVE..=1.0;
+        self.reciprocity = in_range("reciprocity of a kernel term", reciprocity, range, "above 0, and at most 1")?;
         let tied = self.correlations.into_iter().map(|correlation| correlation.tied_by(&reflection));
         self.correlations = tied.collect::<Result<_>>()?;
         self.reflection = Some(reflection);

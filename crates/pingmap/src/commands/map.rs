@@ -145,8 +145,8 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let mut learned_map = LearnedMap::learn(log, &options.source)?.capped(&options.query);
     let bar = spinner("drawing");
     let has_aspects = has_aspects(&learned_map);
-    if view.heading.is_some() && !has_aspects {
-        note("warning: --heading changes nothing: the model has no aspect terms");
+    if view.heading.is_some() && !cells_have_aspect(&learned_map, view.seen) {
+        note("warning: --heading changes nothing: the model has no aspect term of the vehicle in the cells");
     }
     let heading_deg = view.heading;
     let query = MapQuery { at: &at, seen: view.seen, join: view.join, depth_m, heading_deg, attempt: &attempt };
@@ -170,6 +170,16 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
 fn has_aspects(learned_map: &LearnedMap) -> bool {
     let model = &learned_map.agent.team().model;
     [End::Transmitter, End::Receiver].into_iter().any(|end| model.has_aspect(end))
+}
+
+/// Returns true if the model depends on the heading of the vehicle in the cells.
+fn cells_have_aspect(learned_map: &LearnedMap, seen: Seen) -> bool {
+    let model = &learned_map.agent.team().model;
+    match seen {
+        Seen::Tx => model.has_aspect(End::Receiver),
+        Seen::Rx => model.has_aspect(End::Transmitter),
+        Seen::Both | Seen::Worst => has_aspects(learned_map),
+    }
 }
 
 fn bytes(

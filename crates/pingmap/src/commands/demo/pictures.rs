@@ -105,7 +105,7 @@ fn posterior(replayed: &Replayed, mission: &Mission, packages: &[Package]) -> an
     let events = &replayed.log.events;
     let viewer = mission.vehicles.first().context("every log has a receiver")?;
     let last = viewer.events().last().context("the first vehicle has events")?;
-    let transmitter = last.link.receiver;
+    let transmitter = last.link.receiver.without_heading();
     let area = Area::around(events.iter().flat_map(|event| event.link.ends()), None)?;
     let query = |cell| {
         let (east_m, north_m) = area.middle(cell);
