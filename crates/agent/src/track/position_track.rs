@@ -2,9 +2,6 @@
 
 use crate::types::event::Position;
 
-/// Longest time between two positions that give a course, in seconds.
-const COURSE_S_MAX: f64 = 60.0;
-
 /// Positions in the order of time.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Track(Vec<(f64, Position)>);
@@ -39,8 +36,7 @@ impl Track {
     }
 
     /// Returns the position at a time, interpolated linearly. `None` before the first position and after the last one.
-    /// Without a heading, the result has the course from an earlier position. It is the latest one that is two metres
-    /// away and at most a minute old.
+    /// A position without a heading gets the course from the position before it.
     pub(crate) fn at(&self, time_s: f64) -> Option<Position> {
         self.at_within(time_s, f64::INFINITY)
     }
@@ -52,10 +48,11 @@ impl Track {
         let next = self.0.get(after)?;
         let before = after.checked_sub(1).and_then(|before| self.0.get(before));
         let before = before.filter(|before| next.0 - before.0 <= gap_s_max);
-        let at = if next.0 == time_s { next.1 } else { interpolate(before?, next, time_s) };
-        let mut earlier = self.0[..after].iter().rev().take_while(|fix| time_s - fix.0 <= COURSE_S_MAX);
-        let course_deg = || earlier.find_map(|fix| fix.1.course_deg(&at));
-        Some(Position { heading_deg: at.heading_deg.or_else(course_deg), ..at })
+        if next.0 == time_s {
+            let course_deg = || before.and_then(|before| before.1.course_deg(&next.1));
+            return Some(Position { heading_deg: next.1.heading_deg.or_else(course_deg), ..next.1 });
+        }
+        before.map(|before| interpolate(before, next, time_s))
     }
 }
 
