@@ -32,7 +32,7 @@ pub use inference::fitting::FitQuality;
 pub use model::fading::Fading;
 pub use model::file::error::ModelFileError;
 pub use model::file::model_file::{ModelFile, Provenance};
-pub use model::inputs::{End, InputSpec};
+pub use model::inputs::{End, InputSpec, LengthUnit};
 #[cfg(feature = "learn")]
 pub use model::learning::{Criterion, LearnedModel, Learning};
 pub use model::link_model::{MODEL_SCHEMA, Model};
@@ -53,6 +53,6 @@ pub use types::bounds::Bounds;
 pub use types::chart::{Chart, SCALE_FALLBACK_M};
 pub use types::event::{Event, Link, MessageKind, Position, VehicleId};
 pub use types::limits::Limits;
-pub use types::query::{Kind, Label, LinkQuery, Time, Vehicle};
+pub use types::query::{Kind, Label, LinkQuery, Time, UnknownHeading, Vehicle};
 pub use types::reference_system::{Geographic, NoReferenceSystem, ReferenceSystem};
 pub use types::sharing::Sharing;

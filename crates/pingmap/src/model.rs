@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dgpc::{Calibration, Correlation, PriorMean, Stop, Term};
-use pingmap_agent::{Chart, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile};
+use pingmap_agent::{Chart, InputSpec, LearnedModel, Learning, LengthUnit, Limits, Link, Model, ModelFile};
 use pingmap_trial::{EventLog, Preshared, learn_best};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -235,13 +235,11 @@ impl KernelJson {
         let correlation = |correlation: &Correlation| {
             let length_scales = correlation.length_scales().to_vec();
             let [mut length_scales_m, mut length_scales_s, mut length_scales_chord] = [const { Vec::new() }; 3];
-            match correlation.columns() {
+            match model.inputs.length_unit(correlation.columns()) {
                 _ if correlation.shape().is_of_labels() => {}
-                [column] if *column == model.inputs.time() => length_scales_s = length_scales,
-                columns if columns.iter().all(|&column| model.inputs.is_aspect(column)) => {
-                    length_scales_chord = length_scales;
-                }
-                _ => length_scales_m = length_scales,
+                LengthUnit::Metres => length_scales_m = length_scales,
+                LengthUnit::Seconds => length_scales_s = length_scales,
+                LengthUnit::Chords => length_scales_chord = length_scales,
             }
             let columns = correlation.columns().iter().map(|&column| names[column].clone()).collect();
             let shape = correlation.shape().to_string();

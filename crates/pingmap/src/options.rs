@@ -210,7 +210,7 @@ impl QueryOptions {
             Moment::At(time_s) => Time::At(time_s),
         };
         let kind = kind(&self.kind, log)?;
-        Ok(move |link| LinkQuery { link, transmitter, receiver, when, kind })
+        Ok(move |link| LinkQuery { transmitter, receiver, when, kind, ..LinkQuery::from(link) })
     }
 }
 

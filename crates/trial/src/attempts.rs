@@ -100,7 +100,7 @@ mod tests {
         let nowhere = Position::new(0.0, 0.0);
         let link = Link { transmitter: nowhere, receiver: nowhere };
         let (transmitter, receiver, when, kind) = (Vehicle::Typical, Vehicle::Typical, Time::Typical, Kind::Typical);
-        let asked = LinkQuery { link, transmitter, receiver, when, kind };
+        let asked = LinkQuery { transmitter, receiver, when, kind, ..LinkQuery::from(link) };
         let north = |place: Geographic| (place.latitude_deg > 0.0).then_some((place.longitude_deg, 1.0));
         read_attempts((text.as_bytes(), Path::new("links.csv")), &asked, &north).map_err(|error| error.to_string())
     }

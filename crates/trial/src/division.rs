@@ -91,13 +91,13 @@ impl Division {
     }
 }
 
-/// Holds out a share of every vehicle's own events, for a share from 0 to 1.
+/// Returns a split that holds out a share of every vehicle's own events, for a share from 0 to 1.
 pub(crate) fn draw_split(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Split {
     let own = events_by_vehicle(log).into_values().map(|own| own.into_iter().map(|n| vec![n]).collect());
     hold_out(log, format!("r{repeat}"), own.collect(), test_share, repeat, seed)
 }
 
-/// Holds out a share of the transmissions of every vehicle, with all their receivers.
+/// Returns a split that holds out a share of the transmissions of every vehicle, with all their receivers.
 fn draw_transmissions(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Split {
     let mut by_sender: BTreeMap<&VehicleId, Vec<Vec<usize>>> = BTreeMap::new();
     for transmission in transmissions(log) {
@@ -106,7 +106,7 @@ fn draw_transmissions(log: &EventLog, repeat: usize, test_share: f64, seed: u64)
     hold_out(log, format!("r{repeat}"), by_sender.into_values().collect(), test_share, repeat, seed)
 }
 
-/// Holds out a share of 20 blocks of time.
+/// Returns a split that holds out a share of 20 blocks of time.
 fn draw_blocks(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Split {
     let transmissions = transmissions(log);
     let blocks = BLOCKS.min(transmissions.len()).max(1);
@@ -115,7 +115,7 @@ fn draw_blocks(log: &EventLog, repeat: usize, test_share: f64, seed: u64) -> Spl
     hold_out(log, format!("t{repeat}"), vec![(0..blocks).map(block).collect()], test_share, repeat, seed)
 }
 
-/// Holds out a random share of the parts of every group.
+/// Returns a split that holds out a random share of the parts of every group.
 fn hold_out(
     log: &EventLog,
     name: String,
@@ -134,7 +134,7 @@ fn hold_out(
     Split { name, held_out }
 }
 
-/// Holds out the farthest links.
+/// Returns the split that holds out the farthest links.
 fn farthest(log: &EventLog, test_share: f64) -> Split {
     let mut order: Vec<usize> = (0..log.events.len()).collect();
     let range_m = |n: &usize| log.events[*n].link.range_m();
@@ -145,7 +145,7 @@ fn farthest(log: &EventLog, test_share: f64) -> Split {
     Split { name: "far".to_owned(), held_out }
 }
 
-/// Holds out each vehicle's events in one split.
+/// Returns one split for each vehicle, which holds out its events.
 fn one_vehicle_each(log: &EventLog) -> Result<Vec<Split>, DivisionError> {
     let vehicles = log.vehicles();
     if vehicles.len() < 2 {

@@ -18,7 +18,6 @@ use std::path::Path;
 use pingmap_agent::{Chart, Event, InputSpec, Link, Position, ReferenceSystem, VehicleId};
 use pingmap_packet::to_hex;
 
-use crate::headings::derive_headings;
 use crate::table::{FileError, Problem, Table, open};
 
 /// Required columns of an event log.
@@ -107,9 +106,10 @@ impl EventLog {
         if events.is_empty() {
             return Err(table.error(Problem::Empty { what: "events" }));
         }
-        derive_headings(&mut events);
         let true_probability = has_probability.then_some(probabilities);
-        Ok(Self { events, true_probability, has_depths, has_headings, unknown_columns, reference })
+        let mut log = Self { events, true_probability, has_depths, has_headings, unknown_columns, reference };
+        log.derive_headings();
+        Ok(log)
     }
 
     /// Appends the events of another log in the same coordinates. True probabilities are kept only if both logs have

@@ -2,35 +2,31 @@
 
 use std::collections::BTreeMap;
 
-use pingmap_agent::{Event, Position, VehicleId};
+use pingmap_agent::{Position, VehicleId};
+
+use crate::event_log::EventLog;
 
 /// Longest time between a position and its neighbour that gives a course, in seconds.
 const NEIGHBOUR_S_MAX: f64 = 60.0;
 
-/// Sets every unknown heading to the course of the vehicle: from its position before the event to the one after it.
-///
-/// The positions are those in the events, heard and missed alike. A neighbour counts if it is at most a minute away.
-/// The heading stays unknown without neighbours, and if the vehicle moved less than two metres. O(n log n).
-pub fn derive_headings(events: &mut [Event]) {
-    let mut tracks = BTreeMap::<VehicleId, Vec<(f64, Position)>>::new();
-    for event in &*events {
-        for (id, position) in
-            [(&event.transmitter_id, event.link.transmitter), (&event.receiver_id, event.link.receiver)]
-        {
-            tracks.entry(id.clone()).or_default().push((event.time_s, position));
+impl EventLog {
+    /// Sets every unknown heading to the course of the vehicle: from its position before the event to the one after it.
+    ///
+    /// The positions are those in the events, heard and missed alike. A neighbour counts if it is at most a minute
+    /// away. The heading stays unknown without neighbours, and if the vehicle moved less than two metres.
+    /// O(VN + N log N) for N events of V vehicles.
+    pub fn derive_headings(&mut self) {
+        let ids = self.events.iter().flat_map(|event| [&event.transmitter_id, &event.receiver_id]);
+        let mut tracks: BTreeMap<VehicleId, Vec<(f64, Position)>> = ids.map(|id| (id.clone(), Vec::new())).collect();
+        for (id, track) in &mut tracks {
+            track.extend(self.track(id));
+            track.sort_by(|a, b| a.0.total_cmp(&b.0));
+            track.dedup_by_key(|fix| fix.0);
         }
-    }
-    for track in tracks.values_mut() {
-        track.sort_by(|a, b| a.0.total_cmp(&b.0));
-        track.dedup_by_key(|fix| fix.0);
-    }
-    for event in events {
-        let time_s = event.time_s;
-        for (id, end) in
-            [(&event.transmitter_id, &mut event.link.transmitter), (&event.receiver_id, &mut event.link.receiver)]
-        {
-            if end.heading_deg.is_none() {
-                end.heading_deg = tracks.get(id).and_then(|track| course_deg(track, time_s, end));
+        for event in &mut self.events {
+            let ends = [&mut event.link.transmitter, &mut event.link.receiver];
+            for (id, end) in [&event.transmitter_id, &event.receiver_id].into_iter().zip(ends) {
+                end.heading_deg = end.heading_deg.or_else(|| course_deg(&tracks[id], event.time_s, end));
             }
         }
     }

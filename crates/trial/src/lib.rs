@@ -10,8 +10,8 @@
 mod streams;
 mod delimited;
 mod table;
-mod headings;
 mod event_log;
+mod headings;
 mod attempts;
 mod built_in;
 mod split;
@@ -46,7 +46,6 @@ pub use check::{Finding, PairCount, RangeBin, is_everybody};
 pub use decision::Decisions;
 pub use division::{DivideBy, Division, DivisionError};
 pub use event_log::{EventLog, REQUIRED_COLUMNS};
-pub use headings::derive_headings;
 pub use ignored::Ignored;
 pub use learning::{Added, learn_additions, learn_all, learn_best};
 pub use mission::{Mission, Traffic, probabilities, send_frames, transmissions};

@@ -23,9 +23,9 @@ pub enum ModelSource {
 #[derive(Debug, Clone)]
 pub enum Preshared {
     /// Nothing is given: the packet model is learned from the pooled training events. If every vehicle learns by
-    /// itself, the packet model is the prior of the first structure. Without training events, that prior also has the
-    /// optional terms that need no evidence, if they are among the additions: offsets of receivers, aspects, layers, a
-    /// change with time, and a difference between both directions.
+    /// itself, the packet model is the prior of the first structure. Without training events, that prior also has
+    /// optional terms, if they are among the additions. These are offsets of receivers, aspects, layers, a change with
+    /// time, and a difference between both directions.
     Nothing,
     /// The packet model is given.
     Model(Model),

@@ -56,10 +56,12 @@ impl Agent {
 
     /// Predicts each query. Absorbs new data, up to a limit, and fits nothing: see [`Agent::refit_due`]. O(n²) a query.
     ///
-    /// If the model has aspect terms and a heading is unknown, the prediction is the mean over eight headings. Far from
-    /// all data the probability returns to even odds. A link longer than every observed link has two parts of
-    /// the longest observed length, one at the transmitter and one at the receiver. The prediction for the link is
-    /// therefore the smallest of three: its own, and those of these parts.
+    /// Far from all data the probability returns to even odds. If the model has aspect terms,
+    /// [`LinkQuery::unknown_heading`] determines what an unknown heading means.
+    ///
+    /// A link longer than every observed link has two parts of the longest observed length, one at the transmitter and
+    /// one at the receiver. The prediction for the link is therefore the smallest of three: its own, and those of these
+    /// parts.
     /// [`AgentOptions::allow_extrapolated_increase`](crate::AgentOptions::allow_extrapolated_increase) turns that off.
     ///
     /// # Errors
@@ -75,8 +77,7 @@ impl Agent {
     /// Draws joint log-odds of these queries by expectation propagation: one column for each column of standard
     /// normals. Normals that are [`INTERVAL_WIDENING`](crate::INTERVAL_WIDENING) times as large give draws that spread
     /// as the intervals of [`Agent::predict_intervals`] do. Where a heading is unknown the aspect term of that end is
-    /// left out, so that draws spread less than these intervals.
-    /// O(Mn² + M²n + M³) for M queries.
+    /// left out, so that draws spread less than these intervals. O(Mn² + M²n + M³) for M queries.
     ///
     /// # Errors
     /// As [`Agent::predict`], and for normals with another number of rows than queries.

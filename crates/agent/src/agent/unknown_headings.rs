@@ -5,7 +5,7 @@ use dgpc::{Inputs, Latent, Posterior};
 use crate::model::inputs::End;
 use crate::model::link_model::Model;
 use crate::types::event::{Link, Position};
-use crate::types::query::LinkQuery;
+use crate::types::query::{LinkQuery, UnknownHeading};
 
 /// Number of headings over which a prediction is averaged.
 const HEADINGS: usize = 8;
@@ -26,20 +26,21 @@ pub(crate) struct HeadingAverage {
 
 impl HeadingAverage {
     /// Predicts every query. If the model has aspect terms, an unknown heading is replaced by eight headings, evenly
-    /// distributed over the circle. O(n²) for a query and heading.
+    /// distributed over the circle, unless the query leaves it out. O(n²) for a query and heading.
     pub(crate) fn new(model: &Model, posterior: &Posterior, queries: &[LinkQuery]) -> dgpc::Result<Self> {
         // The prior may be one that the vehicle learned itself.
         let kernel = posterior.prior().kernel();
         let has_aspect = [End::Transmitter, End::Receiver].map(|end| model.inputs.is_aspect_in(kernel, end));
         let is_open = |query: &LinkQuery| {
             let mut ends = query.link.ends().into_iter().zip(has_aspect);
-            ends.any(|(end, has_aspect)| has_aspect && end.heading_deg.is_none())
+            query.unknown_heading == UnknownHeading::Averaged
+                && ends.any(|(end, has_aspect)| has_aspect && end.heading_deg.is_none())
         };
         let inputs = match queries.iter().any(is_open) {
             false => model.inputs(queries)?,
             true => model.inputs(queries.iter().flat_map(|query| (0..HEADINGS).map(|n| with_heading(query, n))))?,
         };
-        Self::of_groups(posterior, &inputs, inputs.len() / queries.len().max(1))
+        Self::of_groups(posterior, &inputs, inputs.len().checked_div(queries.len()).unwrap_or(1))
     }
 
     /// Predicts `inputs`, and averages over groups of `each`.
@@ -47,10 +48,7 @@ impl HeadingAverage {
         let latent = posterior.latent(inputs)?;
         let prior = posterior.prior().kernel().diagonal(inputs)?;
         let probability = latent.probability();
-        if each <= 1 {
-            let shares = latent.variance.iter().zip(&prior).map(|(variance, prior)| explained(*variance, *prior));
-            return Ok(Self { explained: shares.collect(), latent, probability });
-        }
+        let average = |values: &[f64]| values.iter().sum::<f64>() / each as f64;
         let averages = |values: &[f64]| values.chunks(each).map(average).collect::<Vec<f64>>();
         let mean = averages(&latent.mean);
         let within = averages(&latent.variance);
@@ -59,21 +57,16 @@ impl HeadingAverage {
                 group.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / each as f64
             });
         let variance = within.iter().zip(between).map(|(within, between)| within + between).collect();
-        let shares = within.iter().zip(averages(&prior)).map(|(within, prior)| explained(*within, prior));
+        let shares = within.iter().zip(averages(&prior)).map(|(within, prior)| (1.0 - within / prior).clamp(0.0, 1.0));
         Ok(Self { explained: shares.collect(), latent: Latent { mean, variance }, probability: averages(&probability) })
     }
 }
 
-fn average(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn explained(variance: f64, prior: f64) -> f64 {
-    (1.0 - variance / prior).clamp(0.0, 1.0)
-}
-
-/// Returns the query with heading `n` of [`HEADINGS`] at each end of unknown heading.
+/// Returns the query with heading `n` of [`HEADINGS`] at each end of unknown heading, unless it leaves them out.
 fn with_heading(query: &LinkQuery, n: usize) -> LinkQuery {
+    if query.unknown_heading == UnknownHeading::LeftOut {
+        return *query;
+    }
     let end = |end: Position, step: usize| {
         let heading_deg = (n * step % HEADINGS) as f64 * 360.0 / HEADINGS as f64;
         Position { heading_deg: end.heading_deg.or(Some(heading_deg)), ..end }

@@ -8,11 +8,6 @@ use dgpc::{Correlation, Kernel, PriorMean, Reflection, Term};
 use crate::types::event::Position;
 use crate::types::query::LinkQuery;
 
-pub(crate) const TIME: &str = "time";
-
-/// Names of the columns of both aspects.
-pub(crate) const ASPECTS: [&str; 4] = ["tx_ahead", "tx_starboard", "rx_ahead", "rx_starboard"];
-
 /// Label of an end whose heading is unknown.
 const UNKNOWN_HEADING: f64 = -1.0;
 
@@ -23,6 +18,17 @@ pub enum End {
     Transmitter,
     /// The end that receives.
     Receiver,
+}
+
+/// The unit of a length-scale.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LengthUnit {
+    /// Metres, for positions, depths and ranges.
+    Metres,
+    /// Seconds, for the time.
+    Seconds,
+    /// Chords of the unit circle, for aspects.
+    Chords,
 }
 
 /// The input columns of a query: raw positions, and quantities computed from them. Kernel terms use a subset of the
@@ -64,9 +70,9 @@ impl InputSpec {
         let axes = &["east", "north", "depth"][..self.dimension_of_an_end()];
         let groups = ["tx", "rx", "u", "v"].iter();
         let names = groups.flat_map(|group| axes.iter().map(move |axis| format!("{group}_{axis}")));
-        let others = ["range", TIME, "water", "tx_vehicle", "rx_vehicle", "kind"].into_iter();
-        let others = others.chain(ASPECTS).chain(["tx_heading", "rx_heading"]);
-        names.chain(others.map(str::to_owned)).collect()
+        let others = ["range", "time", "water", "tx_vehicle", "rx_vehicle", "kind"].into_iter();
+        let aspects = ["tx_ahead", "tx_starboard", "rx_ahead", "rx_starboard", "tx_heading", "rx_heading"];
+        names.chain(others.chain(aspects).map(str::to_owned)).collect()
     }
 
     /// Returns the columns of the transmitter's position.
@@ -135,9 +141,14 @@ impl InputSpec {
         first..first + 2
     }
 
-    /// Returns true for a column of an aspect. Its length-scale is a chord of the unit circle.
-    pub fn is_aspect(self, column: usize) -> bool {
-        [End::Transmitter, End::Receiver].iter().any(|&end| self.aspect(end).contains(&column))
+    /// Returns the unit of the length-scales of these columns, which are no labels.
+    pub fn length_unit(self, columns: &[usize]) -> LengthUnit {
+        let aspects = self.aspect(End::Transmitter).start..self.aspect(End::Receiver).end;
+        match () {
+            () if columns.iter().all(|&column| column == self.time()) => LengthUnit::Seconds,
+            () if columns.iter().all(|column| aspects.contains(column)) => LengthUnit::Chords,
+            () => LengthUnit::Metres,
+        }
     }
 
     /// Returns true if a term of this kernel depends on the aspect of this end.

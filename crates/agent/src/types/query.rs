@@ -121,12 +121,25 @@ pub struct LinkQuery {
     pub when: Time,
     /// Message kind.
     pub kind: Kind,
+    /// Treatment of an end whose heading is unknown.
+    pub unknown_heading: UnknownHeading,
+}
+
+/// Treatment of an end whose heading is unknown, if the model has an aspect term of that end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum UnknownHeading {
+    /// The prediction is the mean over headings.
+    #[default]
+    Averaged,
+    /// The aspect term of that end is left out, as in the events from which the vehicle learns.
+    LeftOut,
 }
 
 impl From<Link> for LinkQuery {
     fn from(link: Link) -> Self {
         let (transmitter, receiver) = (Vehicle::Typical, Vehicle::Typical);
-        Self { link, transmitter, receiver, when: Time::Typical, kind: Kind::Typical }
+        let unknown_heading = UnknownHeading::default();
+        Self { link, transmitter, receiver, when: Time::Typical, kind: Kind::Typical, unknown_heading }
     }
 }
 
@@ -151,6 +164,7 @@ impl Event {
             receiver: (&self.receiver_id).into(),
             when: Time::At(self.time_s),
             kind: self.kind.as_ref().map_or(Kind::Typical, Kind::from),
+            unknown_heading: UnknownHeading::LeftOut,
         }
     }
 }

@@ -173,3 +173,25 @@ fn headings_are_averaged_under_a_model_that_the_vehicle_learned_itself() {
     let average = each.iter().sum::<f64>() / 8.0;
     assert!((agent.probability(unknown).unwrap() - average).abs() < 1e-12);
 }
+
+#[test]
+fn an_event_without_a_heading_is_predicted_without_the_aspect_term() {
+    let team = Team::new(
+        ["a", "b"].map(VehicleId::new),
+        template(&[OptionalTerm::ReceiverAspect]),
+        [Position::new(0.0, 0.0), Position::new(800.0, 800.0)],
+    );
+    let mut agent = Agent::new(VehicleId::new("b"), std::sync::Arc::new(team.unwrap()), AgentOptions::default());
+    let mut all = events(60, |link| link.range_m() < 400.0);
+    let event = Event { link: link([100.0, 200.0, 400.0, 350.0]), ..all.pop().unwrap() };
+    agent.record(all).unwrap();
+    agent.refit().unwrap();
+    let inputs = agent.team().model.inputs([event.query()]).unwrap();
+    let direct = agent.posterior(Which::Fused).unwrap().latent(&inputs).unwrap();
+    let found = agent.predict([event.query()], Which::Fused).unwrap()[0];
+    assert_eq!([found.mean, found.variance], [direct.mean[0], direct.variance[0]]);
+    // The mean over headings is another prediction.
+    let averaged = LinkQuery { unknown_heading: UnknownHeading::Averaged, ..event.query() };
+    let averaged = agent.predict([averaged], Which::Fused).unwrap()[0];
+    assert!((averaged.variance - found.variance).abs() > 1e-3);
+}

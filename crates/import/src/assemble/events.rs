@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use pingmap_agent::{Event, Link, ReferenceSystem};
-use pingmap_trial::{EventLog, derive_headings};
+use pingmap_trial::EventLog;
 
 use crate::assemble::clocks::fleet_clocks::FleetClocks;
 use crate::assemble::listening::{Decision, Opportunity, TransmissionTimes, decide};
@@ -74,15 +74,16 @@ pub(crate) fn event_log(mut events: Vec<Event>) -> EventLog {
             (transmitter.depth_m, receiver.depth_m) = (None, None);
         }
     }
-    derive_headings(&mut events);
-    EventLog {
+    let mut log = EventLog {
         events,
         true_probability: None,
         has_depths,
         has_headings: false,
         unknown_columns: Vec::new(),
         reference: ReferenceSystem::Unknown,
-    }
+    };
+    log.derive_headings();
+    log
 }
 
 /// Returns the start of a transmission and the positions of both vehicles at that time.

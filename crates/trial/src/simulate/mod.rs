@@ -22,7 +22,6 @@ pub use error::SimulationError;
 pub use sea_floor::{Mound, Ridge, SeaFloor};
 
 use crate::event_log::EventLog;
-use crate::headings::derive_headings;
 use crate::streams::{self, stream};
 use error::within;
 use survey::Legs;
@@ -159,9 +158,8 @@ impl Simulation {
                 probabilities.push(probability);
             }
         }
-        derive_headings(&mut events);
         let true_probability = Some(probabilities);
-        let log = EventLog {
+        let mut log = EventLog {
             events,
             true_probability,
             has_depths: true,
@@ -169,6 +167,7 @@ impl Simulation {
             unknown_columns: Vec::new(),
             reference: ReferenceSystem::Unknown,
         };
+        log.derive_headings();
         Ok(Simulated { log, vehicles, channel, tracks, simulation: self.clone() })
     }
 

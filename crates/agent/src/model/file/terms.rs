@@ -4,7 +4,7 @@ use dgpc::{Correlation, Shape, Term};
 use serde::{Deserialize, Serialize};
 
 use crate::model::file::error::ModelFileError;
-use crate::model::inputs::{ASPECTS, InputSpec, TIME};
+use crate::model::inputs::{InputSpec, LengthUnit};
 use crate::types::bounds::{self, Bounds};
 
 /// The layout of a kernel term in a model file. Its first correlation is inlined.
@@ -85,54 +85,25 @@ fn is_zero(reciprocity: &f64) -> bool {
     *reciprocity == 0.0
 }
 
-/// The unit of the length-scales of some columns.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Unit {
-    /// None, because the columns are labels.
-    Label,
-    Metres,
-    Seconds,
-    /// Chords of the unit circle.
-    Chords,
-}
-
-impl Unit {
-    /// Returns the unit for these columns.
-    fn of(shape: Shape, columns: &[String]) -> Self {
-        let all = |known: &[&str]| columns.iter().all(|name| known.contains(&name.as_str()));
-        match () {
-            () if shape.is_of_labels() => Unit::Label,
-            () if all(&[TIME]) => Unit::Seconds,
-            () if all(&ASPECTS) => Unit::Chords,
-            () => Unit::Metres,
-        }
-    }
-
-    /// Names the key that the columns need.
-    fn expected(self) -> &'static str {
-        match self {
-            Unit::Label => "no length-scale, since its columns are labels",
-            Unit::Metres => "length_scale_m alone",
-            Unit::Seconds => "length_scale_s alone, since its column is the time",
-            Unit::Chords => "length_scale alone, since its columns are aspects",
-        }
-    }
-}
-
 impl CorrelationLayout {
     /// Returns the length-scales, in the unit of the columns. `term` is the number of the term, from 1.
     ///
     /// # Errors
     /// [`ModelFileError::LengthScaleUnit`] for a length-scale in another unit, or for a missing or needless one.
-    fn length_scales(&self, term: usize) -> Result<&LengthScales, ModelFileError> {
-        let unit = Unit::of(self.shape, &self.columns);
-        match (unit, &self.length_scale_m, &self.length_scale_s, &self.length_scale) {
-            (Unit::Label, None, None, None) => Ok(&LengthScales::Tied(1.0)),
-            (Unit::Metres, Some(given), None, None)
-            | (Unit::Seconds, None, Some(given), None)
-            | (Unit::Chords, None, None, Some(given)) => Ok(given),
-            _ => Err(ModelFileError::LengthScaleUnit { term, expected: unit.expected() }),
-        }
+    fn length_scales(&self, term: usize, unit: Option<LengthUnit>) -> Result<&LengthScales, ModelFileError> {
+        let (given, expected) = match unit {
+            None => (Some(&LengthScales::Tied(1.0)), "no length-scale, since its columns are labels"),
+            Some(LengthUnit::Metres) => (self.length_scale_m.as_ref(), "length_scale_m alone"),
+            Some(LengthUnit::Seconds) => {
+                (self.length_scale_s.as_ref(), "length_scale_s alone, since its column is the time")
+            }
+            Some(LengthUnit::Chords) => {
+                (self.length_scale.as_ref(), "length_scale alone, since its columns are aspects")
+            }
+        };
+        let count = [&self.length_scale_m, &self.length_scale_s, &self.length_scale].into_iter().flatten().count();
+        let is_alone = count == usize::from(unit.is_some());
+        given.filter(|_| is_alone).ok_or(ModelFileError::LengthScaleUnit { term, expected })
     }
 
     /// Returns a correlation without columns, which [`CorrelationLayout::read`] refuses.
@@ -142,8 +113,9 @@ impl CorrelationLayout {
         Self { shape: Shape::Matern32, columns, length_scale_m, length_scale_s, length_scale, ties }
     }
 
-    /// Returns the layout of a correlation over columns with these names.
-    fn write(correlation: &Correlation, names: &[String]) -> Self {
+    /// Returns the layout of a correlation over columns of these inputs.
+    fn write(correlation: &Correlation, inputs: InputSpec) -> Self {
+        let names = inputs.column_names();
         let ties = correlation.ties();
         let (all_are_tied, none_is) = (ties.iter().all(|&tie| tie == 0), ties.iter().copied().eq(0..ties.len()));
         let length_scales = match correlation.length_scales() {
@@ -156,20 +128,23 @@ impl CorrelationLayout {
         let ties = if all_are_tied || none_is { Vec::new() } else { ties.to_vec() };
         let shape = correlation.shape();
         let mut layout = Self { shape, columns, ties, ..Self::empty() };
-        match Unit::of(shape, &layout.columns) {
-            Unit::Label => {}
-            Unit::Metres => layout.length_scale_m = Some(length_scales),
-            Unit::Seconds => layout.length_scale_s = Some(length_scales),
-            Unit::Chords => layout.length_scale = Some(length_scales),
+        if !shape.is_of_labels() {
+            let place = match inputs.length_unit(correlation.columns()) {
+                LengthUnit::Metres => &mut layout.length_scale_m,
+                LengthUnit::Seconds => &mut layout.length_scale_s,
+                LengthUnit::Chords => &mut layout.length_scale,
+            };
+            *place = Some(length_scales);
         }
         layout
     }
 
-    /// Returns the correlation over columns with these names. `term` is the number of the term, from 1.
+    /// Returns the correlation over columns of these inputs. `term` is the number of the term, from 1.
     ///
     /// # Errors
     /// [`ModelFileError`] for an unknown column, and for length-scales or ties that are not valid.
-    fn read(&self, term: usize, names: &[String]) -> Result<Correlation, ModelFileError> {
+    fn read(&self, term: usize, inputs: InputSpec) -> Result<Correlation, ModelFileError> {
+        let names = inputs.column_names();
         let column = |name: &String| {
             names.iter().position(|known| known == name).ok_or_else(|| ModelFileError::UnknownColumn {
                 term,
@@ -178,7 +153,8 @@ impl CorrelationLayout {
             })
         };
         let columns = self.columns.iter().map(column).collect::<Result<Vec<_>, _>>()?;
-        let correlation = match self.length_scales(term)? {
+        let unit = (!self.shape.is_of_labels()).then(|| inputs.length_unit(&columns));
+        let correlation = match self.length_scales(term, unit)? {
             // Label columns have no ties.
             LengthScales::Tied(_) if self.shape.is_of_labels() => Correlation::of_labels(&columns),
             LengthScales::Tied(length_scale) => {
@@ -216,8 +192,7 @@ fn check_kernel_number(term: usize, what: &'static str, value: f64) -> Result<()
 impl TermLayout {
     /// Returns the layout of a kernel term over these inputs.
     pub(crate) fn write(term: &Term, inputs: InputSpec) -> Self {
-        let names = inputs.column_names();
-        let mut layouts = term.correlations().iter().map(|correlation| CorrelationLayout::write(correlation, &names));
+        let mut layouts = term.correlations().iter().map(|correlation| CorrelationLayout::write(correlation, inputs));
         // A term has at least one correlation.
         let first = layouts.next();
         let times = layouts.collect();
@@ -232,20 +207,20 @@ impl TermLayout {
     /// # Errors
     /// [`ModelFileError`] for an unknown column, a number out of bounds, and a reciprocal term that is not symmetric.
     pub(crate) fn read(self, number: usize, inputs: InputSpec) -> Result<Term, ModelFileError> {
-        let names = inputs.column_names();
         let Self { shape, variance, columns, length_scale_m, length_scale_s, length_scale, ties, reciprocity, times } =
             self;
         check_kernel_number(number, "kernel variance", variance)?;
         let failed = |source| ModelFileError::Term { term: number, source };
         let first = CorrelationLayout { shape, columns, length_scale_m, length_scale_s, length_scale, ties }
-            .read(number, &names)?;
+            .read(number, inputs)?;
         let mut term = Term::of(variance, first).map_err(failed)?;
         for layout in times {
-            term = term.times(layout.read(number, &names)?).map_err(failed)?;
+            term = term.times(layout.read(number, inputs)?).map_err(failed)?;
         }
         if reciprocity == 0.0 {
             return Ok(term);
         }
+        let names = inputs.column_names();
         inputs.swap_ends().and_then(|swap| term.partly_reciprocal(swap, reciprocity)).map_err(|error| match error {
             dgpc::Error::NotReciprocal { column, partner, length_scale, partner_length_scale } => {
                 let (column, partner) = (names[column].clone(), names[partner].clone());

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dgpc::{PriorMean, Term, spread_out};
 use pingmap_agent::{
-    Criterion, Event, Fading, InputSpec, LearnedModel, Learning, Limits, Link, Model, ModelFile, Provenance, Which,
+    Criterion, Event, Fading, InputSpec, LearnedModel, Learning, LengthUnit, Limits, Link, Model, ModelFile,
+    Provenance, Which,
 };
 use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
 
@@ -288,10 +289,10 @@ fn term_in_words(term: &Term, inputs: InputSpec) -> String {
         let columns: Vec<&str> = first.columns().iter().map(|&column| names[column].as_str()).collect();
         return format!("  offset of every {}, variance {:.2}", columns.join(", "), term.variance());
     }
-    let scale = |(&column, length_scale): (&usize, &f64)| match &names[column] {
-        name if inputs.is_aspect(column) => format!("{name} {length_scale:.2}"),
-        name if column == inputs.time() => format!("{name} {length_scale:.0} s"),
-        name => format!("{name} {length_scale:.0} m"),
+    let scale = |(&column, length_scale): (&usize, &f64)| match (&names[column], inputs.length_unit(&[column])) {
+        (name, LengthUnit::Metres) => format!("{name} {length_scale:.0} m"),
+        (name, LengthUnit::Seconds) => format!("{name} {length_scale:.0} s"),
+        (name, LengthUnit::Chords) => format!("{name} {length_scale:.2}"),
     };
     let scales: Vec<String> = first.columns().iter().zip(first.length_scales()).map(scale).collect();
     format!("  {} variance {:.2}, length-scales {}", first.shape().title(), term.variance(), scales.join(", "))
