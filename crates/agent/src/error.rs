@@ -56,6 +56,9 @@ pub enum AgentError {
     /// The number of an entry is out of bounds.
     #[error("the number of an entry must be below 2^48, found {0}")]
     NumberTooLarge(u64),
+    /// The alternative model has another chart origin than the team's model, or only one of both has depths.
+    #[error("the alternative model must have the chart origin and the depth columns of the team's model")]
+    DifferentInputs,
     /// The frame is too small for a packet.
     #[error(transparent)]
     Team(#[from] TeamError),

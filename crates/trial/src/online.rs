@@ -4,11 +4,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, AgentOptions, Event, Receipt, Team, VehicleId, Which};
+use pingmap_agent::{Agent, AgentError, AgentOptions, Event, Link, Model, Receipt, Team, VehicleId, Which};
 
+use crate::baseline::DistanceOnly;
 use crate::event_log::EventLog;
 use crate::mission::{CENTRALISED, probabilities, slots_of, transmissions};
-use crate::plan::Plan;
+use crate::plan::{Plan, Preshared};
 use crate::score::Score;
 
 /// Scores of predictions that were made before the events.
@@ -26,6 +27,9 @@ pub struct Online {
     pub received: usize,
     /// Bytes of piggybacked outcomes in all transmissions.
     pub piggyback_bytes: usize,
+    /// Final weight of the given model in the predictions of every vehicle: its posterior probability, next to the
+    /// prior of a team without data. Empty if no model was given.
+    pub model_weights: BTreeMap<VehicleId, f64>,
 }
 
 /// Data that are sent with the transmissions of a log.
@@ -42,6 +46,10 @@ pub struct TrafficPlan {
 pub struct Step {
     /// Time of the event in seconds.
     pub time_s: f64,
+    /// Number of earlier events of the receiver.
+    pub earlier: usize,
+    /// NLL of the outcome by [`DistanceOnly`] of the receiver's own earlier events; before any, even odds.
+    pub range_only: f64,
     /// NLL of the outcome by the receiver's own earlier events.
     pub own: f64,
     /// NLL of the outcome by these events and the received data.
@@ -60,11 +68,14 @@ impl Online {
 
 impl Step {
     /// Returns the mean of some steps, at the time of the last; `None` of none.
-    pub fn mean(steps: &[Step]) -> Option<Step> {
-        let mean = |of: fn(&Step) -> f64| steps.iter().map(of).sum::<f64>() / steps.len() as f64;
+    pub fn mean<'a>(steps: impl IntoIterator<Item = &'a Step>) -> Option<Step> {
+        let steps: Vec<&Step> = steps.into_iter().collect();
+        let mean = |of: fn(&Step) -> f64| steps.iter().map(|step| of(step)).sum::<f64>() / steps.len() as f64;
         let last = steps.last()?;
         Some(Step {
             time_s: last.time_s,
+            earlier: last.earlier,
+            range_only: mean(|step| step.range_only),
             own: mean(|step| step.own),
             team: mean(|step| step.team),
             centralised: mean(|step| step.centralised),
@@ -76,8 +87,9 @@ impl Step {
 /// log also receives its packet and piggybacked outcomes, unless the channel loses them.
 ///
 /// Without a given model, the prior of the first structure is used, with the optional terms of
-/// [`crate::Preshared::Nothing`]. No event is therefore predicted by a model that was learned from it. `step` is called
-/// after every event.
+/// [`crate::Preshared::Nothing`]. No event is therefore predicted by a model that was learned from it. With a given
+/// model, predictions are averages over that model and that prior ([`Agent::average_with`]), because the model may come
+/// from other water. `step` is called after every event.
 ///
 /// # Errors
 /// Returns [`AgentError`] for a numerical failure.
@@ -86,12 +98,16 @@ pub fn online(log: &EventLog, plan: &Plan, traffic: TrafficPlan, step: &dyn Fn()
     // Piggybacking is requested explicitly, so a key does not turn it off.
     let piggyback = if traffic.piggyback_bytes > 0 { Some(true) } else { team.piggyback };
     let team = Team { slots: slots_of(&log.events), piggyback, ..team };
-    let mut mission = Run::new(log, Arc::new(team), plan, traffic);
+    let alternative = match &plan.preshared {
+        Preshared::Nothing => None,
+        Preshared::Model(_) | Preshared::Team(_) => plan.model_before_data(log, &team.model)?,
+    };
+    let mut mission = Run::new(log, Arc::new(team), plan, traffic, alternative)?;
     for transmission in &transmissions(&log.events) {
         mission.transmit(transmission)?;
         transmission.iter().for_each(|_| step());
     }
-    Ok(mission.online)
+    Ok(mission.finish())
 }
 
 /// A mission in progress.
@@ -99,22 +115,41 @@ struct Run<'a> {
     plan: &'a Plan,
     traffic: TrafficPlan,
     vehicles: BTreeMap<VehicleId, Agent>,
+    /// Copies of the vehicles without received data, if predictions are averages. Otherwise own posteriors are
+    /// equivalent.
+    alone: BTreeMap<VehicleId, Agent>,
     centralised: Agent,
+    /// Links and outcomes of the earlier events of every receiver.
+    earlier: BTreeMap<VehicleId, (Vec<Link>, Vec<bool>)>,
     /// Number of transmissions of every vehicle so far.
     slots: BTreeMap<VehicleId, usize>,
     online: Online,
 }
 
 impl<'a> Run<'a> {
-    fn new(log: &EventLog, team: Arc<Team>, plan: &'a Plan, traffic: TrafficPlan) -> Self {
+    fn new(
+        log: &EventLog,
+        team: Arc<Team>,
+        plan: &'a Plan,
+        traffic: TrafficPlan,
+        alternative: Option<Model>,
+    ) -> Result<Self, AgentError> {
         let options = AgentOptions { sharing: plan.sharing, ..AgentOptions::default() };
-        let agent = |id: VehicleId| (id.clone(), Agent::new(id, team.clone(), options));
+        let agent = |id: VehicleId, options: AgentOptions| -> Result<Agent, AgentError> {
+            let mut agent = Agent::new(id, team.clone(), options);
+            alternative.iter().try_for_each(|alternative| agent.average_with(alternative.clone()))?;
+            Ok(agent)
+        };
+        let vehicle = |id: VehicleId| Ok((id.clone(), agent(id, options)?));
+        let vehicles = log.vehicles().into_iter().map(vehicle).collect::<Result<BTreeMap<_, _>, AgentError>>()?;
         let shore = AgentOptions { record_all_receivers: true, ..options };
-        Self {
+        Ok(Self {
             plan,
             traffic,
-            vehicles: log.vehicles().into_iter().map(agent).collect(),
-            centralised: Agent::new(VehicleId::new(CENTRALISED), team.clone(), shore),
+            alone: if alternative.is_some() { vehicles.clone() } else { BTreeMap::new() },
+            vehicles,
+            centralised: agent(VehicleId::new(CENTRALISED), shore)?,
+            earlier: BTreeMap::new(),
             slots: BTreeMap::new(),
             online: Online {
                 team,
@@ -123,8 +158,17 @@ impl<'a> Run<'a> {
                 bytes: 0,
                 received: 0,
                 piggyback_bytes: 0,
+                model_weights: BTreeMap::new(),
             },
+        })
+    }
+
+    fn finish(mut self) -> Online {
+        if !self.alone.is_empty() {
+            let weight = |(id, agent): (&VehicleId, &Agent)| (id.clone(), 1.0 - agent.status().alternative_weight);
+            self.online.model_weights = self.vehicles.iter().map(weight).collect();
         }
+        self.online
     }
 
     /// Processes one transmission. Each receiver predicts its event, learns from it, and then receives the data.
@@ -167,18 +211,17 @@ impl<'a> Run<'a> {
 
     /// Lets all receivers of a transmission, and the centralised vehicle, predict the events and then learn from them.
     fn apply(&mut self, events: &[&Event]) -> Result<(), AgentError> {
-        let (vehicles, centralised) = (&mut self.vehicles, &mut self.centralised);
+        let Self { vehicles, alone, centralised, .. } = self;
         let (mine, all) = rayon::join(
             || -> Result<Vec<_>, AgentError> {
                 let mut predicted = Vec::with_capacity(events.len());
                 for &event in events {
                     let Some(agent) = vehicles.get_mut(&event.receiver_id) else { continue };
-                    predicted.push((
-                        event,
-                        agent.predict([event.query()], Which::Own)?[0].probability,
-                        agent.probability(event.query())?,
-                    ));
-                    record_and_refit(agent, [event.clone()])?;
+                    let own = match alone.get_mut(&event.receiver_id) {
+                        Some(alone) => predict_and_record(alone, event)?,
+                        None => agent.predict([event.query()], Which::Own)?[0].probability,
+                    };
+                    predicted.push((event, own, predict_and_record(agent, event)?));
                 }
                 Ok(predicted)
             },
@@ -190,8 +233,18 @@ impl<'a> Run<'a> {
         );
         for ((event, own, team), all) in mine?.into_iter().zip(all?) {
             let nll = |p: f64| Score::new(&[p], &[event.success]).map_or(0.0, |score| score.nll);
-            let step = Step { time_s: event.time_s, own: nll(own), team: nll(team), centralised: nll(all) };
-            self.online.steps.push(step);
+            let (links, outcomes) = self.earlier.entry(event.receiver_id.clone()).or_default();
+            let range_only = DistanceOnly::fit(links, outcomes).probability(&event.link);
+            self.online.steps.push(Step {
+                time_s: event.time_s,
+                earlier: links.len(),
+                range_only: nll(range_only),
+                own: nll(own),
+                team: nll(team),
+                centralised: nll(all),
+            });
+            links.push(event.link);
+            outcomes.push(event.success);
         }
         Ok(())
     }
@@ -206,6 +259,13 @@ impl<'a> Run<'a> {
             self.online.received += usize::from(read(agent) == Some(Receipt::Accepted));
         }
     }
+}
+
+/// Returns the probability of an event before it is recorded, and records it.
+fn predict_and_record(agent: &mut Agent, event: &Event) -> Result<f64, AgentError> {
+    let probability = agent.probability(event.query())?;
+    record_and_refit(agent, [event.clone()])?;
+    Ok(probability)
 }
 
 /// Records events, and refits if a refit is due.

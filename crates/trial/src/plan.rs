@@ -100,6 +100,7 @@ impl Plan {
     ) -> Result<(Team, Option<LearnedModel>), AgentError> {
         let (model, fit) = match &self.preshared {
             Preshared::Team(team) => return Ok(((**team).clone(), None)),
+            Preshared::Model(model) if log.has_depths && !model.inputs.has_depths() => (model.with_depths()?, None),
             Preshared::Model(model) => (model.clone(), None),
             Preshared::Nothing => self.model(log, training)?,
         };
@@ -128,6 +129,17 @@ impl Plan {
         }
         let fit = learn_best(&self.learning, chart, inputs, training.unwrap_or_default())?;
         Ok((fit.model.clone(), Some(fit)))
+    }
+
+    /// Returns the model of a team without data, with the chart and columns of `given`, and with the scale of the log.
+    ///
+    /// # Errors
+    /// Returns [`AgentError`] for a numerical failure.
+    pub(crate) fn model_before_data(&self, log: &EventLog, given: &Model) -> Result<Option<Model>, AgentError> {
+        let Some(structure) = self.learning.structures.first() else { return Ok(None) };
+        let structure = self.with_variable_terms(structure, log);
+        let prior = self.learning.template(&structure, given.inputs, log.chart().scale_m)?;
+        Ok(Some(Model::new(given.chart, given.inputs, prior)))
     }
 
     fn with_variable_terms(&self, structure: &Structure, log: &EventLog) -> Structure {

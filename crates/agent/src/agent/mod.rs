@@ -11,5 +11,6 @@ pub(crate) mod receive;
 pub(crate) mod sending;
 pub(crate) mod piggyback;
 pub(crate) mod prediction;
+pub(crate) mod averaging;
 pub(crate) mod intervals;
 pub(crate) mod snapshot;

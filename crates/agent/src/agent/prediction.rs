@@ -64,6 +64,8 @@ impl Agent {
     /// parts.
     /// [`AgentOptions::allow_extrapolated_increase`](crate::AgentOptions::allow_extrapolated_increase) turns that off.
     ///
+    /// After [`Agent::average_with`] the result for [`Which::Fused`] is the average over two models.
+    ///
     /// # Errors
     /// [`AgentError::Method`] if a position is not finite.
     pub fn predict(
@@ -71,7 +73,11 @@ impl Agent {
         queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
         which: Which<'_>,
     ) -> Result<Vec<Prediction>, AgentError> {
-        Ok(self.capped(which, queries)?.into_iter().map(|capped| capped.prediction).collect())
+        let queries: Vec<LinkQuery> = queries.into_iter().map(Into::into).collect();
+        match which {
+            Which::Fused => Ok(self.by_model(queries)?.average(self.alternative_weight())),
+            _ => Ok(self.capped(which, queries)?.into_iter().map(|capped| capped.prediction).collect()),
+        }
     }
 
     /// Draws joint log-odds of these queries by expectation propagation: one column for each column of standard
@@ -86,7 +92,7 @@ impl Agent {
         queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
         normals: &Matrix,
     ) -> Result<Matrix, AgentError> {
-        let capped = self.capped(Which::Fused, queries)?;
+        let capped = self.capped(Which::Fused, queries.into_iter().map(Into::into).collect())?;
         let inputs = self.team().model.inputs(capped.iter().map(|capped| capped.evaluated_at))?;
         Ok(self.interval_posterior()?.draws(&inputs, normals)?.0)
     }
@@ -94,13 +100,22 @@ impl Agent {
     pub(crate) fn capped(
         &mut self,
         which: Which<'_>,
-        queries: impl IntoIterator<Item = impl Into<LinkQuery>>,
+        queries: Vec<LinkQuery>,
     ) -> Result<Vec<CappedPrediction>, AgentError> {
         self.update()?;
         let longest_m = if let Which::Own = which { self.own_longest_m() } else { self.longest_m() };
+        self.capped_under(self.current_posterior(which), longest_m, queries)
+    }
+
+    /// Predicts each query from a current posterior. `longest_m` is the length of the longest observed link.
+    pub(crate) fn capped_under(
+        &self,
+        posterior: &Posterior,
+        longest_m: Option<f64>,
+        queries: Vec<LinkQuery>,
+    ) -> Result<Vec<CappedPrediction>, AgentError> {
         let longest_m = longest_m.filter(|_| !self.options.allow_extrapolated_increase);
-        let queries = queries.into_iter().map(Into::into).collect();
-        Ok(capped(&self.team().model, self.current_posterior(which), longest_m, queries)?)
+        Ok(capped(&self.team().model, posterior, longest_m, queries)?)
     }
 
     /// Returns the length of the longest link in own events, in data of trusted members, and in the site prior.

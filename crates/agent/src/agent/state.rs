@@ -11,8 +11,8 @@ use crate::codec::receipt::{Counts, Receipt};
 use crate::codec::team_codec::TeamCodec;
 use crate::error::AgentError;
 use crate::inference::accepted::AcceptedData;
+use crate::inference::event_fit::RefitStart;
 use crate::inference::posteriors::Posteriors;
-use crate::inference::refit::RefitStart;
 use crate::store::entry::Entry;
 use crate::store::memory::{Effect, Memory};
 use crate::team::config::Team;
@@ -192,7 +192,12 @@ impl Agent {
     pub fn record(&mut self, events: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
         let numbered: Vec<(u64, Event)> = (self.memory.events.next_number()..).zip(events).collect();
         numbered.iter().try_for_each(|(_, event)| self.check_receiver(event))?;
-        self.record_numbered(numbered)
+        let difference = self.score_difference(numbered.iter().map(|(_, event)| event));
+        self.record_numbered(numbered)?;
+        // Invalid events are refused first.
+        let difference = difference?;
+        self.posteriors.alternative.iter_mut().for_each(|alternative| alternative.add_score(difference));
+        Ok(())
     }
 
     pub(crate) fn record_numbered(&mut self, events: Vec<(u64, Event)>) -> Result<(), AgentError> {

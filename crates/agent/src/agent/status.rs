@@ -33,6 +33,8 @@ pub struct Status {
     pub live_packets: usize,
     /// Received packets by result.
     pub counts: Counts,
+    /// Weight of the alternative model in predictions: see [`Agent::average_with`]; 0 without one.
+    pub alternative_weight: f64,
     /// Quality of the last fit of own events; `None` before the first.
     pub fit: Option<FitQuality>,
     /// Whether the last fit was dense, or will be.
@@ -93,6 +95,7 @@ impl Agent {
             longest_link_m: self.longest_m(),
             live_packets: memory.own_packets().count() + self.accepted().packets.len(),
             counts: self.counts,
+            alternative_weight: self.alternative_weight(),
             fit: self.posteriors.own_fit.as_ref().map(|own| FitQuality::of(&own.fit)),
             is_dense: memory.events.len() <= self.team().limits.dense_events_max,
         }

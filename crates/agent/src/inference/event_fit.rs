@@ -160,6 +160,18 @@ pub(crate) fn all_events<'a>(memory: &'a Memory, accepted: &'a AcceptedData) -> 
     all.into_iter().unzip()
 }
 
+/// The start of a refit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum RefitStart {
+    /// Starts at the previous fit. Amends it if few events changed and it is sparse.
+    Incremental,
+    /// Starts at the previous fit and fits all events. It takes fewer iterations than a cold start, and the result is
+    /// equal to the tolerance of a fit.
+    Warm,
+    /// Starts from nothing. The result does not depend on earlier fits, to the bit.
+    Cold,
+}
+
 /// The previous fit, from which a new fit starts.
 pub(crate) struct PreviousFit<'a> {
     pub(crate) fit: &'a EventFit,

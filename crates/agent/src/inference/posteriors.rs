@@ -9,6 +9,7 @@ use crate::codec::decoded::EventKey;
 use crate::codec::decoded::PacketKey;
 use crate::error::AgentError;
 use crate::inference::accepted::{AcceptedData, packets_with, summaries, summaries_under};
+use crate::inference::alternative::Alternative;
 use crate::inference::event_fit::{EventFit, EventSource, PartialSummary};
 use crate::inference::fitting::absorb_event;
 use crate::model::link_model::Model;
@@ -44,6 +45,8 @@ pub(crate) struct Posteriors {
     pub(crate) shared: Posterior,
     /// Posterior of own events and of accepted data of other members, under the vehicle's own model if it learned one.
     pub(crate) fused: Posterior,
+    /// The alternative model, if there is one.
+    pub(crate) alternative: Option<Alternative>,
     /// Summary of the own events that reports have delivered, if the last fit is sparse.
     delivered: Option<PartialSummary>,
     pub(crate) included: Included,
@@ -97,6 +100,7 @@ impl Posteriors {
             own: prior.clone(),
             shared: prior.clone(),
             fused: prior,
+            alternative: None,
             delivered: None,
             included: Included::default(),
             excluded: BTreeSet::new(),
@@ -139,6 +143,7 @@ impl Posteriors {
             (self.excluded, self.own, self.fused) = (excluded, own, fused);
             let trusted = data.without(&self.excluded);
             self.included.pending_own.sort_by(RecordedEvent::order);
+            self.rebuild_alternative(memory, &trusted)?;
             self.included.packets = Self::wanted(memory, &trusted);
             self.included.remote = self.fitted_among(&trusted).map(|(&key, event)| (key, event.clone())).collect();
             self.included.pending_remote = [0, trusted.events.len() - self.included.remote.len()];
@@ -330,12 +335,11 @@ impl Posteriors {
     fn absorb_own(&mut self, memory: &Memory) -> Result<(), AgentError> {
         let end = self.included.pending_own.len().min(memory.codec.team.limits.pending_events_max);
         for recorded in &self.included.pending_own[self.included.absorbed..end] {
-            absorb_event(
-                &memory.observation(&recorded.event)?,
-                &mut self.own,
-                &mut self.fused,
-                self.own_model.is_some(),
-            )?;
+            let observation = memory.observation(&recorded.event)?;
+            absorb_event(&observation, &mut self.own, &mut self.fused, self.own_model.is_some())?;
+            if let Some(alternative) = &mut self.alternative {
+                dgpc::absorb_observations(&mut alternative.posterior, &observation)?;
+            }
         }
         self.included.absorbed = end;
         Ok(())
@@ -350,6 +354,9 @@ impl Posteriors {
         let waiting = new.split_off(room);
         let observations = memory.codec.team.model.observations(new.iter().map(|(_, event)| &**event))?;
         dgpc::absorb_observations(&mut self.fused, &observations)?;
+        if let Some(alternative) = &mut self.alternative {
+            dgpc::absorb_observations(&mut alternative.posterior, &observations)?;
+        }
         self.included.remote.extend(new);
         self.included.pending_remote = [included + room, waiting.len()];
         Ok(())
@@ -380,10 +387,18 @@ impl Posteriors {
         self.shared = shared;
         self.included.pending_own.sort_by(RecordedEvent::order);
         (self.included.absorbed, self.included.is_stale) = (0, false);
+        self.rebuild_alternative(memory, trusted)?;
         self.included.packets.clone_from(wanted);
         self.included.remote = self.fitted_among(trusted).map(|(&key, event)| (key, event.clone())).collect();
         self.included.pending_remote = [0, 0];
         Ok(())
+    }
+
+    /// Computes the posterior under the alternative model, of the same own events as [`Posteriors::own`] and of the
+    /// fitted events of trusted members.
+    fn rebuild_alternative(&mut self, memory: &Memory, trusted: &AcceptedData) -> Result<(), AgentError> {
+        let absorbed = &self.included.pending_own[..self.included.absorbed];
+        self.alternative.as_mut().map_or(Ok(()), |alternative| alternative.rebuild(memory, trusted, absorbed))
     }
 
     /// Requests a rebuild of the posteriors, and another detection of faulty members.

@@ -7,22 +7,10 @@ use dgpc::{Prior, Summary};
 
 use crate::error::AgentError;
 use crate::inference::accepted::{AcceptedData, packets_with, summaries};
-use crate::inference::event_fit::{EventFit, PreviousFit, fit_events};
+use crate::inference::event_fit::{EventFit, PreviousFit, RefitStart, fit_events};
 use crate::inference::posteriors::{OwnModel, Posteriors};
 use crate::store::memory::Memory;
 use crate::types::limits::Limits;
-
-/// The start of a refit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum RefitStart {
-    /// Starts at the previous fit. Amends it if few events changed and it is sparse.
-    Incremental,
-    /// Starts at the previous fit and fits all events. It takes fewer iterations than a cold start, and the result is
-    /// equal to the tolerance of a fit.
-    Warm,
-    /// Starts from nothing. The result does not depend on earlier fits, to the bit.
-    Cold,
-}
 
 impl Posteriors {
     /// Returns whether more events were added or removed since the last fit than the refit threshold, as of the last
@@ -55,14 +43,15 @@ impl Posteriors {
 
     /// Fits own events under the team's model, and then own events with the data of trusted members. The second fit
     /// uses the vehicle's own model if it has one. Otherwise it uses the team's model, and is omitted without remote
-    /// events. Existing fits of equal data are kept.
+    /// events. A third fit is under the alternative model, if there is one. Existing fits of equal data are kept.
     fn fit_trusted(&mut self, memory: &Memory, trusted: &AcceptedData, start: RefitStart) -> Result<(), AgentError> {
         let has_untrusted = start == RefitStart::Incremental && self.has_fitted_untrusted(trusted);
         let start = if has_untrusted { RefitStart::Warm } else { start };
         let is_reusable = start != RefitStart::Cold || self.began_cold;
         let has_own_events =
             self.own_fit.is_some() && self.included.pending_own.is_empty() && self.included.forgotten == 0;
-        if has_own_events && is_reusable && self.has_fitted(trusted) {
+        let has_alternative = self.alternative.as_ref().is_none_or(|alternative| alternative.last_fit().is_some());
+        if has_own_events && is_reusable && has_alternative && self.has_fitted(trusted) {
             return Ok(());
         }
         let model = &memory.codec.team.model;
@@ -92,6 +81,9 @@ impl Posteriors {
             let before = self.joint_fit.as_deref().or(self.own_fit.as_deref());
             let before = before.map(|fit| previous(fit, &self.fused, true));
             joint_fit = Some(Arc::new(fit(&model.prior, trusted, &site, before)?));
+        }
+        if let Some(alternative) = &mut self.alternative {
+            alternative.refit(memory, trusted, start)?;
         }
         self.began_cold = start == RefitStart::Cold || self.own_fit.is_none();
         (self.own_fit, self.own_model, self.joint_fit) = (Some(own_fit), own_model, joint_fit);

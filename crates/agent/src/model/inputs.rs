@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
-use dgpc::{Correlation, Kernel, PriorMean, Reflection, Term};
+use dgpc::{Correlation, Kernel, Prior, PriorMean, Reflection, Term};
 
 use crate::types::event::Position;
 use crate::types::query::LinkQuery;
@@ -192,6 +192,39 @@ impl InputSpec {
     pub fn range_mean(self, intercept: f64, slope_per_m: f64) -> dgpc::Result<PriorMean> {
         let columns = |range: Range<usize>| range.collect::<Vec<_>>();
         PriorMean::range(intercept, slope_per_m, &columns(self.transmitter()), &columns(self.receiver()))
+    }
+
+    /// Converts a prior over these columns to a prior over columns of equal names in `other`, which must have them all.
+    ///
+    /// # Errors
+    /// [`dgpc::Error`] for a term over columns that these inputs do not have.
+    pub(crate) fn converted_prior(self, prior: &Prior, other: InputSpec) -> dgpc::Result<Prior> {
+        let (names, other_names) = (self.column_names(), other.column_names());
+        let column = |&column: &usize| other_names.iter().position(|name| names.get(column) == Some(name));
+        let correlation = |correlation: &Correlation| {
+            let columns: Vec<usize> = correlation.columns().iter().filter_map(column).collect();
+            match correlation.shape().is_of_labels() {
+                true => Correlation::of_labels(&columns),
+                false => Correlation::new(correlation.shape(), &columns, correlation.length_scales())?
+                    .tied(correlation.ties()),
+            }
+        };
+        let term = |term: &Term| {
+            let mut correlations = term.correlations().iter().map(correlation);
+            // A term has at least one correlation.
+            let first = correlations.next().unwrap_or_else(|| Correlation::of_labels(&[]))?;
+            let product = correlations.try_fold(Term::of(term.variance(), first)?, |term, next| term.times(next?))?;
+            match term.reciprocity() {
+                0.0 => Ok(product),
+                reciprocity => product.partly_reciprocal(other.swap_ends()?, reciprocity),
+            }
+        };
+        let kernel = Kernel::new(prior.kernel().terms().iter().map(term).collect::<dgpc::Result<_>>()?)?;
+        let mean = match prior.mean() {
+            PriorMean::Range(range) => other.range_mean(range.intercept(), range.slope())?,
+            constant => constant.clone(),
+        };
+        Prior::new(kernel, mean)
     }
 
     /// Appends the columns of a query to `values`. `ends` holds the coordinates of both ends.

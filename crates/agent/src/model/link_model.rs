@@ -61,6 +61,23 @@ impl Model {
         Ok(Self { schema: MODEL_SCHEMA, site: Some(Arc::new(site)), ..self.clone() })
     }
 
+    /// Returns the model with depth columns. Its terms ignore them, but ranges become slant ranges.
+    ///
+    /// # Errors
+    /// [`dgpc::Error`] for a term over columns that the model does not have.
+    pub fn with_depths(&self) -> dgpc::Result<Self> {
+        let inputs = InputSpec::PositionsAndDepths;
+        let prior = self.inputs.converted_prior(&self.prior, inputs)?;
+        let mut model = Self { inputs, prior, site: None, ..self.clone() };
+        if let Some(site) = &self.site {
+            let (links, summary) = (site.links().to_vec(), site.summary());
+            let rows = model.inputs(&links)?;
+            let (precision, shift) = (summary.whitened_precision().clone(), summary.whitened_shift().to_vec());
+            model.site = Some(Arc::new(SitePrior::new(&model.prior, links, &rows, precision, shift)?));
+        }
+        Ok(model)
+    }
+
     /// Returns the link with the depths that the model uses, and without headings. Without depth columns depths are
     /// removed, else an unknown depth becomes 0.
     fn typical_link(&self, link: &Link) -> Link {

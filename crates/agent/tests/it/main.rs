@@ -9,6 +9,7 @@ mod common;
 mod adaptation;
 mod agent;
 mod authentication;
+mod averaging;
 mod chart;
 mod clock;
 mod contradictions;

@@ -101,3 +101,34 @@ fn the_digest_of_a_model_depends_on_its_predictions_alone() {
         assert!(*other != plain && !others[..n].contains(other), "{n}");
     }
 }
+
+#[test]
+fn a_model_with_depths_added_is_equal_on_links_of_one_depth() {
+    let additions = OptionalTerm::ALL.into_iter().filter(|&term| term != OptionalTerm::Vertical);
+    for (structure, _) in all_templates() {
+        let structure =
+            additions.clone().filter(|&term| structure.can_have(term)).fold(structure, |all, term| all.with(term));
+        let prior = structure.template(InputSpec::Positions, 500.0).unwrap();
+        let flat = Model::new(Chart::about([]), InputSpec::Positions, prior);
+        let links = [link([10.0, 200.0, 430.0, -50.0]), link([-100.0, 250.0, 300.0, 90.0])];
+        let flat = flat.with_site_prior(&flat.prior_posterior(), &links, 2).unwrap();
+        let deep = flat.with_depths().unwrap();
+        assert!(deep.inputs.has_depths() && deep.with_depths().unwrap() == deep);
+        let at_depth = |depth_m: f64| {
+            links.map(|link| {
+                let [transmitter, receiver] = link.ends().map(|end| Position { depth_m: Some(depth_m), ..end });
+                Link { transmitter, receiver }
+            })
+        };
+        let moments = |model: &Model, links: &[Link]| {
+            let inputs = model.inputs(links).unwrap();
+            let gram = model.prior.kernel().gram(&inputs).unwrap()[(0, 1)];
+            let latent = model.prior_posterior().latent(&inputs).unwrap();
+            [vec![gram], model.prior.mean().values(&inputs).unwrap(), latent.mean, latent.variance].concat()
+        };
+        for depth_m in [0.0, 40.0] {
+            let pairs = moments(&flat, &links).into_iter().zip(moments(&deep, &at_depth(depth_m)));
+            pairs.for_each(|(flat, deep)| assert!((flat - deep).abs() < 1e-6, "{structure}: {flat} {deep}"));
+        }
+    }
+}

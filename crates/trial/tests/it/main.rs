@@ -6,6 +6,7 @@ mod alternatives;
 mod fading;
 mod fleet;
 mod log_checks;
+mod online;
 mod optional_terms;
 mod paper;
 mod swapped_areas;

@@ -1,6 +1,7 @@
 //! `pingmap replay --online`: replays the mission in the order of time.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use pingmap_trial::{EventLog, Online, Plan, Preshared, Step, TrafficPlan};
@@ -18,13 +19,19 @@ use crate::page::Page;
 /// Number of parts of the mission in the table.
 const PARTS: usize = 10;
 
+/// Ranges of the early events of each vehicle in the table.
+const EARLY_EVENTS: [Range<usize>; 3] = [0..50, 50..100, 100..200];
+
 /// Points of a curve.
 const CURVE_POINTS: usize = 200;
 
 /// A series of the comparison: name, style of its curve, and score in a step.
 type Way = (&'static str, Style<'static>, fn(&Step) -> f64);
 
-const WAYS: [Way; 3] = [
+const WAYS: [Way; 4] = [
+    ("range only", Style { color: "#8c6bb1", width: 1.6, dash: &[1.0, 3.0], mark: Mark::Cross }, |step| {
+        step.range_only
+    }),
     ("own events only", Style { color: "#d7301f", width: 1.6, dash: &[2.0, 3.0], mark: Mark::Triangle }, |step| {
         step.own
     }),
@@ -70,9 +77,12 @@ impl OnlineMission {
     fn headline(&self, online: &Online) -> String {
         let packets: usize = online.packets.values().sum();
         let model = match self.plan.preshared {
-            Preshared::Nothing => "the model is the prior before any event; --model gives a learned one",
-            Preshared::Model(_) | Preshared::Team(_) if self.has_seen_log => HAS_SEEN_LOG,
-            Preshared::Model(_) | Preshared::Team(_) => "model as given",
+            Preshared::Nothing => "the model is the prior before any event; --model gives a learned one".to_owned(),
+            Preshared::Model(_) | Preshared::Team(_) => {
+                let mean = online.model_weights.values().sum::<f64>() / online.model_weights.len().max(1) as f64;
+                let model = if self.has_seen_log { HAS_SEEN_LOG } else { "model as given" };
+                format!("{model}; its final weight is {mean:.2}, and the rest is that of the prior before any event")
+            }
         };
         let vehicles = online.team.members.len();
         let slots = self
@@ -99,7 +109,7 @@ impl OnlineMission {
 
     fn text(&self, online: &Online) -> String {
         format!(
-            "{}\n\n{}\n\nNLL: negative log-likelihood in nats of every event, predicted by its receiver beforehand; lower is better.\nSlots are the transmissions of the log, in the order of time.",
+            "{}\n\n{}\n\nNLL: negative log-likelihood in nats of every event, predicted by its receiver beforehand; lower is better.\nRange only: logistic regression on range, from the own events of the receiver.\nSlots are the transmissions of the log, in the order of time.",
             self.headline(online),
             table(&header(), &rows(online))
         )
@@ -158,7 +168,13 @@ fn rows(online: &Online) -> Vec<Vec<String>> {
         let mean = Step::mean(part)?;
         Some(row(format!("{:.0} s to {:.0} s", part.first()?.time_s, mean.time_s), &mean))
     });
-    parts.chain(Step::mean(&online.steps).map(|mean| row("all".to_owned(), &mean))).collect()
+    let early = EARLY_EVENTS.into_iter().filter_map(|events| {
+        let steps = online.steps.iter().filter(|step| events.contains(&step.earlier));
+        let name = format!("own events {} to {}", events.start + 1, events.end);
+        Some(row(name, &Step::mean(steps)?))
+    });
+    let all = Step::mean(&online.steps).map(|mean| row("all".to_owned(), &mean));
+    parts.chain(early).chain(all).collect()
 }
 
 fn header() -> Vec<&'static str> {
@@ -190,6 +206,9 @@ pub struct OnlineJson {
     received: usize,
     /// Bytes of piggybacked outcomes in all transmissions.
     piggyback_bytes_sent: usize,
+    /// Final weight of the given model in the predictions of each vehicle, 0 to 1; the rest is that of the prior before
+    /// any event. Empty if no model was given.
+    model_weights: BTreeMap<String, f64>,
     /// Mean negative log-likelihood over the whole mission, in nats.
     nll: Option<StepJson>,
     /// Mean negative log-likelihood up to each time, in nats.
@@ -200,6 +219,8 @@ pub struct OnlineJson {
 pub struct StepJson {
     /// Time in seconds.
     time_s: f64,
+    /// Logistic regression on range of each vehicle's own events.
+    range_only: f64,
     /// Each vehicle with its own events only.
     own: f64,
     /// The team, with received packets.
@@ -210,7 +231,13 @@ pub struct StepJson {
 
 impl OnlineJson {
     fn of(online: &Online, mission: &OnlineMission) -> Self {
-        let step = |&Step { time_s, own, team, centralised }: &Step| StepJson { time_s, own, team, centralised };
+        let step = |&Step { time_s, range_only, own, team, centralised, .. }: &Step| StepJson {
+            time_s,
+            range_only,
+            own,
+            team,
+            centralised,
+        };
         Self {
             schema: 1,
             digests: InputDigests::given(&mission.whole, &mission.plan.preshared),
@@ -223,6 +250,7 @@ impl OnlineJson {
             bytes: online.bytes,
             received: online.received,
             piggyback_bytes_sent: online.piggyback_bytes,
+            model_weights: online.model_weights.iter().map(|(id, &weight)| (id.to_string(), weight)).collect(),
             nll: Step::mean(&online.steps).as_ref().map(step),
             running_nll: online.running(CURVE_POINTS).iter().map(step).collect(),
         }
