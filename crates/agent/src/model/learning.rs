@@ -18,6 +18,9 @@ const GAIN_MIN_NATS: f64 = 0.001;
 /// Factor of the gain in corrected evidence that an uncommon term must exceed, relative to the leave-one-out threshold.
 const EVIDENCE_FACTOR: f64 = 2.0;
 
+/// Gain in corrected evidence that the time term must exceed, in nats.
+const TIME_EVIDENCE_MIN_NATS: f64 = 1.0;
+
 /// Smallest share of the total weight that fading must remove, or change, before the model is learned again.
 const WEIGHT_CHANGE_MIN: f64 = 0.02;
 
@@ -109,6 +112,10 @@ impl LearnedModel {
     /// Both models must be fits of the same events. The mean gain of leave-one-out predictions must exceed a threshold.
     /// The threshold is 0.001 nats per event, or one standard error of the paired gains if that is larger. For an
     /// uncommon term the gain in corrected evidence per event must also exceed twice the threshold.
+    ///
+    /// The time term has another rule: the corrected evidence must rise by more than 1 nat in total, which is positive
+    /// evidence on the scale of Kass and Raftery (1995). Leave-one-out predictions hardly show a change with time,
+    /// because events at nearly the same time and place remain.
     pub fn improves_on(&self, addition: OptionalTerm, before: &LearnedModel) -> bool {
         let [after, before] = [self, before].map(|model| &model.learned.fit);
         let pairs = after.leave_one_out().into_iter().zip(before.leave_one_out());
@@ -124,8 +131,11 @@ impl LearnedModel {
         let mean = weighted(&|gain| gain) / count;
         let variance = weighted(&|gain| (gain - mean).powi(2)) / (count - 1.0);
         let threshold = GAIN_MIN_NATS.max((variance / count).sqrt());
-        let evidence = (after.corrected_evidence() - before.corrected_evidence()) / count;
-        mean > threshold && (addition.is_common() || evidence > EVIDENCE_FACTOR * threshold)
+        let evidence = after.corrected_evidence() - before.corrected_evidence();
+        if addition == OptionalTerm::Time {
+            return evidence > TIME_EVIDENCE_MIN_NATS;
+        }
+        mean > threshold && (addition.is_common() || evidence / count > EVIDENCE_FACTOR * threshold)
     }
 
     /// Returns the value of `criterion` for this model. A larger value is better.

@@ -202,6 +202,8 @@ const SIMULATE: &[Case] = &[
     ("--fading-db", "15", ""),
     ("--direction-loss-db", "8", ""),
     ("--favoured-bearing-deg", "90", "--direction-loss-db 8"),
+    ("--noise-swing-db", "10", ""),
+    ("--noise-period-s", "600", "--noise-swing-db 10"),
     ("--water-depth-m", "15", "--depths"),
     ("--ridge-m", "5", ""),
     ("--mound-m", "5", ""),

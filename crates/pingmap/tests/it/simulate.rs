@@ -427,6 +427,8 @@ fn parameters_out_of_range_are_refused() {
         ("--self-noise-spread-db", "spread", "-5"),
         ("--threshold-db", "threshold", "-500"),
         ("--fading-db", "fading", "-5"),
+        ("--noise-swing-db", "swing", "-5"),
+        ("--noise-period-s", "period", "-5"),
         ("--water-depth-m", "water depth", "-5"),
         ("--ridge-m", "ridge", "-5"),
         ("--mound-m", "mound", "-5"),

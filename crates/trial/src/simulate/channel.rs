@@ -48,6 +48,10 @@ pub struct Sound {
     pub direction_loss_db: f64,
     /// Bearing of propagation without that loss, in degrees clockwise from north.
     pub favoured_bearing_deg: f64,
+    /// Amplitude of a slow change of the noise in dB: a sine over time about the mean noise; 0 for constant noise.
+    pub noise_swing_db: f64,
+    /// Period of that change, seconds.
+    pub noise_period_s: f64,
 }
 
 impl Default for Sound {
@@ -67,6 +71,8 @@ impl Default for Sound {
             fading_db: 6.0,
             direction_loss_db: 0.0,
             favoured_bearing_deg: 0.0,
+            noise_swing_db: 0.0,
+            noise_period_s: 3600.0,
         }
     }
 }
@@ -88,7 +94,9 @@ impl Sound {
         within("threshold (dB)", self.threshold_db, -100.0, 200.0)?;
         within("fading (dB)", self.fading_db, 1e-6, 100.0)?;
         within("loss by direction (dB)", self.direction_loss_db, 0.0, 100.0)?;
-        within("favoured bearing (°)", self.favoured_bearing_deg, -360.0, 360.0)
+        within("favoured bearing (°)", self.favoured_bearing_deg, -360.0, 360.0)?;
+        within("swing of the noise (dB)", self.noise_swing_db, 0.0, 50.0)?;
+        within("period of the noise (s)", self.noise_period_s, 1.0, 1e7)
     }
 }
 
@@ -139,8 +147,16 @@ impl Channel {
     }
 
     /// Returns the probability that a receiver with this own noise hears a message: Φ((ratio − threshold) / fading).
+    /// The noise is the mean over time.
     pub fn probability(&self, link: &Link, self_noise_db: f64) -> f64 {
         self.probability_at(self.sound.source_level_db - self.transmission_loss_db(link) - self.noise_db(self_noise_db))
+    }
+
+    /// Returns the probability as [`Channel::probability`], with the noise at a time.
+    pub fn probability_at_time(&self, link: &Link, self_noise_db: f64, time_s: f64) -> f64 {
+        let swing_db = self.sound.noise_swing_db * (std::f64::consts::TAU * time_s / self.sound.noise_period_s).sin();
+        let noise_db = self.noise_db(self_noise_db) + swing_db;
+        self.probability_at(self.sound.source_level_db - self.transmission_loss_db(link) - noise_db)
     }
 
     fn probability_at(&self, ratio_db: f64) -> f64 {
@@ -229,6 +245,21 @@ mod tests {
         assert!(with(|sound| sound.frequency_khz = 40.0) < reference);
         assert!(with(|sound| sound.source_level_db = 158.0) < reference);
         assert!(with(|sound| sound.water.salinity = 0.0) > reference, "a lake absorbs less");
+    }
+
+    #[test]
+    fn a_swing_of_the_noise_acts_as_a_change_of_the_source_level() {
+        let mut channel = channel(0.0);
+        let link = link(900.0);
+        let mut at_level = |level_db: f64| {
+            channel.sound.source_level_db = level_db;
+            channel.probability(&link, 45.0)
+        };
+        let [loud, mean, quiet] = [158.0, 162.0, 166.0].map(&mut at_level);
+        channel.sound = Sound { source_level_db: 162.0, noise_swing_db: 4.0, noise_period_s: 1200.0, ..channel.sound };
+        for (time_s, expected) in [(0.0, mean), (300.0, loud), (900.0, quiet), (1500.0, loud)] {
+            assert!((channel.probability_at_time(&link, 45.0, time_s) - expected).abs() < 1e-9, "{time_s} s");
+        }
     }
 
     #[test]

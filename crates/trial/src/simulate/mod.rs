@@ -151,7 +151,7 @@ impl Simulation {
             for receiver in (0..self.vehicles).filter(|&receiver| receiver != transmitter) {
                 let link = Link { transmitter: places[transmitter], receiver: places[receiver] };
                 let (receiver_id, self_noise_db) = vehicles[receiver].clone();
-                let probability = rounded(channel.probability(&link, self_noise_db), 1e4);
+                let probability = rounded(channel.probability_at_time(&link, self_noise_db, time_s), 1e4);
                 let transmitter_id = vehicles[transmitter].0.clone();
                 let success = rng.random::<f64>() < probability;
                 events.push(Event { time_s, transmitter_id, receiver_id, link, kind: None, success });

@@ -125,6 +125,12 @@ pub struct Sound {
     /// Bearing of messages without that loss, degrees clockwise from north
     #[arg(long, default_value_t = simulate::Sound::default().favoured_bearing_deg, allow_negative_numbers = true)]
     pub favoured_bearing_deg: f64,
+    /// Amplitude of a slow change of the noise: a sine over time about its mean
+    #[arg(long, default_value_t = simulate::Sound::default().noise_swing_db, allow_negative_numbers = true)]
+    pub noise_swing_db: f64,
+    /// Period of that change
+    #[arg(long, default_value_t = simulate::Sound::default().noise_period_s, allow_negative_numbers = true)]
+    pub noise_period_s: f64,
 }
 
 #[derive(Args)]
@@ -185,7 +191,7 @@ impl Options {
     /// Returns the properties of source, water and receivers.
     pub fn sound(&self) -> simulate::Sound {
         let Sound { frequency_khz, bandwidth_khz, source_level_db, spreading, shipping, .. } = self.sound;
-        let Sound { direction_loss_db, favoured_bearing_deg, .. } = self.sound;
+        let Sound { direction_loss_db, favoured_bearing_deg, noise_swing_db, noise_period_s, .. } = self.sound;
         let Sound { threshold_db, fading_db, temperature_c, salinity, ph, sea_state, .. } = self.sound;
         let absorption = match self.sound.absorption {
             AbsorptionName::Thorp => Absorption::Thorp,
@@ -204,6 +210,8 @@ impl Options {
             fading_db,
             direction_loss_db,
             favoured_bearing_deg,
+            noise_swing_db,
+            noise_period_s,
         }
     }
 }
