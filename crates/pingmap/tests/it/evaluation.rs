@@ -142,3 +142,40 @@ fn differences_are_paired_and_an_indistinguishable_gap_has_no_closed_share() {
     assert!(single["sharing"][0]["gap_closed"].is_null() && single["scores"]["own"]["nll_se"].is_null());
     assert_eq!(single["scores"]["gap"]["indistinguishable"], true);
 }
+
+#[test]
+fn every_split_is_listed_with_its_terms_excluded_members_and_scores() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    file(folder, "events.csv", log(&["a", "b", "c"], 90));
+    let splits = replay(folder, &["--repeats", "3"])["per_split"].as_array().unwrap().clone();
+    let output = pingmap(folder, &[&QUICK[..QUICK.len() - 1], &["--repeats", "3"]].concat());
+    let text = stdout(&output);
+    for split in &splits {
+        let nll = ["distance_only", "own", "centralised"].map(|name| split["nll"][name].as_f64().unwrap());
+        let terms = split["structure"].as_str().unwrap().split(", ").nth(3).unwrap();
+        let name = split["name"].as_str().unwrap();
+        let line = text.lines().find(|line| line.split_whitespace().next() == Some(name)).unwrap();
+        let expected = [terms.to_owned(), "none".to_owned()].into_iter().chain(nll.map(|nll| format!("{nll:.4}")));
+        expected.for_each(|part| assert!(line.contains(&part), "{part}: {line}"));
+    }
+    assert_eq!(splits.len(), 3);
+}
+
+#[test]
+fn a_mission_in_the_order_of_time_reports_the_weight_of_a_given_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    file(folder, "events.csv", log(&["a", "b", "c"], 90));
+    assert!(pingmap(folder, &["learn", "events.csv", "-o", "model.toml"]).status.success());
+    let online = |more: &[&str]| json(folder, &[&["replay", "events.csv", "--online", "--json"], more].concat());
+    let given = online(&["--model", "model.toml"]);
+    let weights = given["model_weights"].as_object().unwrap();
+    assert_eq!(weights.keys().collect::<Vec<_>>(), ["a", "b", "c"]);
+    assert!(weights.values().all(|weight| (0.0..=1.0).contains(&weight.as_f64().unwrap())), "{weights:?}");
+    assert!(online(&[])["model_weights"].as_object().unwrap().is_empty());
+    let text = pingmap(folder, &["replay", "events.csv", "--online", "--model", "model.toml"]);
+    let text = stdout(&text);
+    assert!(text.contains("its final weight is") && text.contains("own events 1 to 50"), "{text}");
+    assert_ne!(given["nll"]["range_only"], given["nll"]["own"]);
+}

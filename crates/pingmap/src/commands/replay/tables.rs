@@ -1,11 +1,11 @@
 //! A replay as text and tables.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
-use pingmap_agent::VehicleId;
+use pingmap_agent::{Structure, VehicleId};
 use pingmap_trial::{
     Alternative, Bin, Calibrated, Calibration, ChannelImpairments, Estimate, INTERVALS, MeanScore, ModelSource, Replay,
-    Sharing, Traffic,
+    Sharing, SplitNll, SplitSummary, Traffic,
 };
 
 use super::replayed::Replayed;
@@ -30,6 +30,9 @@ pub fn text(replayed: &Replayed) -> String {
         table_of(&score_header(replayed), &score_rows(replayed)),
         sharing_tables(replayed),
     );
+    if replay.splits.len() > 1 {
+        text += &format!("\n\n{}", table(&SPLIT_HEADER, &split_rows(replayed)));
+    }
     if !replayed.plan.alternatives.is_empty() {
         text += &format!("\n\n{}", comparison_table(replayed));
         text += "\n\nA star marks the best of those that can be sent.";
@@ -201,23 +204,50 @@ pub fn kernel_line(replayed: &Replayed) -> String {
         let given = if replayed.has_seen_log { HAS_SEEN_LOG } else { "model as given" };
         return format!("{given}; {numbers}");
     };
-    let mut structures: BTreeMap<String, usize> = BTreeMap::new();
-    for fit in splits.iter().filter_map(|split| split.fit.as_ref()) {
-        *structures.entry(fit.structure.to_string()).or_default() += 1;
-    }
-    let in_splits = |(structure, &count): (&String, &usize)| {
-        if count == splits.len() {
-            structure.clone()
-        } else {
-            format!("{structure} ({count} of {} splits)", splits.len())
-        }
+    let (parts, differs) = (fit.structure.parts(), differing_parts(replayed));
+    let part = |(part, differs): (&String, &bool)| {
+        if *differs { "… (see the splits below)".to_owned() } else { part.clone() }
     };
-    let structures: Vec<String> = structures.iter().map(in_splits).collect();
+    let parts: Vec<String> = parts.iter().zip(&differs).map(part).collect();
     format!(
         "{}; learned from {}; {numbers}",
-        structures.join("; "),
+        parts.join(", "),
         of_events(fit.events_used, fit.events, "pooled training event"),
     )
+}
+
+/// Returns which parts of the structure differ among splits, in the order of [`Structure::parts`].
+fn differing_parts(replayed: &Replayed) -> [bool; 5] {
+    let parts = replayed.replay.splits.iter().filter_map(|split| split.fit.as_ref()).map(|fit| fit.structure.parts());
+    let all: Vec<[String; 5]> = parts.collect();
+    std::array::from_fn(|place| all.iter().any(|parts| parts[place] != all[0][place]))
+}
+
+/// Index of the kernel terms in [`Structure::parts`].
+const TERMS_PART: usize = 3;
+
+/// Header of [`split_rows`].
+pub const SPLIT_HEADER: [&str; 7] = ["split", "terms", "excluded", "distance only", "own", "team", "all"];
+
+/// Returns the terms of the kernel, other parts of the structure that differ, the excluded members and the NLL of each
+/// split. The NLL of the team is that after most packets.
+pub fn split_rows(replayed: &Replayed) -> Vec<Vec<String>> {
+    let differs = differing_parts(replayed);
+    let words = |structure: &Structure| {
+        let parts = structure.parts().into_iter().enumerate();
+        let shown = parts.filter(|&(place, _)| differs[place] || place == TERMS_PART).map(|(_, part)| part);
+        shown.collect::<Vec<_>>().join(", ")
+    };
+    let row = |split: &SplitSummary| {
+        let structure = split.fit.as_ref().map_or_else(|| "as given".to_owned(), |fit| words(&fit.structure));
+        let excluded: BTreeSet<&str> = split.ignored.iter().map(|ignored| ignored.member.as_str()).collect();
+        let excluded = Vec::from_iter(excluded).join(", ");
+        let SplitNll { distance_only, own, team, centralised } = &split.nll;
+        let team = team.last().unwrap_or(own);
+        let names = [split.name.clone(), structure, if excluded.is_empty() { "none".to_owned() } else { excluded }];
+        names.into_iter().chain([distance_only, own, team, centralised].map(|nll| format!("{nll:.4}"))).collect()
+    };
+    replayed.replay.splits.iter().map(row).collect()
 }
 
 pub fn inference_line(replayed: &Replayed) -> String {
@@ -282,7 +312,8 @@ NLL: negative log-likelihood of held-out events in nats; lower is better. Brier:
 held-out positions are compared. It is the difference in success between the best one and the one that the model prefers. Better, \
 worse: paired differences of NLL over splits; ≈ marks those that are not significant. Reports: packets with outcomes of single \
 events. Known: share of the other vehicles' events that a vehicle has received one by one. Gap closed: position between own events \
-only (0 %) and all raw events in one place (100 %); a dash where that gap is not significant. Errors allow for splits that overlap \
+only (0 %) and all raw events in one place (100 %); a dash where that gap is not significant. Excluded: members whose data at least \
+one vehicle does not use in full. In rows of splits, the team is scored after most packets. Errors allow for splits that overlap \
 (Nadeau and Bengio 2003).";
 
 /// Returns the name of an alternative; in brackets if the alternative cannot be sent.
