@@ -7,14 +7,14 @@ use dgpc::Summary;
 use crate::agent::state::Agent;
 use crate::error::AgentError;
 use crate::inference::accepted::{packets_with, summaries};
-use crate::inference::event_fit::{all_events, fit_events};
+use crate::inference::event_fit::{RefitStart, all_events, fit_events};
 use crate::inference::posteriors::OwnModel;
 use crate::model::learning::{LearnedModel, Learning};
 use crate::model::link_model::Model;
 
 impl Agent {
     /// Learns the vehicle's own model from its own events and from the data of trusted members. Predictions are under
-    /// this model from then on. Frames stay under the team's model. The first call tries every structure. Later calls
+    /// this model from then on. Frames stay under the team's model. The first call tries all additions. Later calls
     /// continue from the last optimum of the chosen structure, at the cost of one search, and never lower the evidence.
     ///
     /// # Errors
@@ -38,6 +38,9 @@ impl Agent {
             None => learning.best(chart, inputs, events(), &messages)?,
         };
         let fitted = fit_events(&self.memory, &learned.model.prior, &trusted, &messages, None)?;
+        if let Some(alternative) = &mut self.posteriors.alternative {
+            alternative.refit(&self.memory, &trusted, RefitStart::Incremental)?;
+        }
         let own = self
             .posteriors
             .own_model

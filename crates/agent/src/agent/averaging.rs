@@ -5,7 +5,7 @@ use dgpc::Latent;
 use crate::agent::prediction::{CappedPrediction, Prediction};
 use crate::agent::state::{Agent, Which};
 use crate::error::AgentError;
-use crate::inference::alternative::Alternative;
+use crate::inference::alternative::AlternativeModel;
 use crate::model::link_model::Model;
 use crate::types::event::Event;
 use crate::types::query::LinkQuery;
@@ -14,12 +14,12 @@ use crate::types::query::LinkQuery;
 const PROBABILITY_MIN: f64 = 1e-9;
 
 /// Fused predictions under the team's model, and under the alternative model if there is one.
-pub(crate) struct ByModel {
+pub(crate) struct ModelPredictions {
     pub(crate) first: Vec<CappedPrediction>,
     pub(crate) second: Option<Vec<CappedPrediction>>,
 }
 
-impl ByModel {
+impl ModelPredictions {
     /// Returns the average for each query; `weight` is that of the alternative.
     pub(crate) fn average(&self, weight: f64) -> Vec<Prediction> {
         let first = self.first.iter().map(|capped| capped.prediction);
@@ -47,11 +47,14 @@ impl Agent {
     ///
     /// The weights are the posterior probabilities of both models. Before any event they are equal. They follow from
     /// the probabilities that each model gave to own events before [`Agent::record`] recorded them; the events of one
-    /// call are predicted together. In total the average is at most ln 2 nats behind the better model. Weights are not
-    /// part of a snapshot. See docs/method/averaging.md.
+    /// call are predicted together. If every event is predicted and recorded by itself, the average is at most ln 2
+    /// nats behind the better model in total. The alternative is not part of a snapshot, and [`Agent::apply`] scores
+    /// nothing: after [`Agent::restore`], call this function again. See docs/method/averaging.md.
     ///
-    /// Both models use the same events. The alternative uses no summary packets, because these are under the team's
-    /// model. Frames and [`Agent::draws`] stay under the team's model. Refits and queries cost about twice as much.
+    /// Both models use the same events, with the weights of repeated outcomes of the team's model. The alternative uses
+    /// no summary packets, because these are under the team's model. Frames and [`Agent::draws`] stay under the team's
+    /// model. After [`Agent::adapt`] the own model replaces the team's model in the average. Refits and queries cost
+    /// about twice as much.
     ///
     /// # Errors
     /// [`AgentError::DifferentInputs`] if the models differ in the chart's origin, or if only one of them has depths.
@@ -61,15 +64,21 @@ impl Agent {
         if (own.chart.origin, own.inputs) != (alternative.chart.origin, alternative.inputs) {
             return Err(AgentError::DifferentInputs);
         }
-        self.posteriors.alternative = Some(Alternative::new(alternative));
+        let before = self.posteriors.alternative.replace(AlternativeModel::new(alternative));
         self.posteriors.invalidate();
         self.data_changed();
-        if self.posteriors.own_fit.is_some() { self.refit() } else { Ok(()) }
+        let refitted = if self.posteriors.own_fit.is_some() { self.refit() } else { Ok(()) };
+        if refitted.is_err() {
+            self.posteriors.alternative = before;
+            self.posteriors.invalidate();
+            self.data_changed();
+        }
+        refitted
     }
 
     /// Returns the weight of the alternative model; 0 without one.
     pub(crate) fn alternative_weight(&self) -> f64 {
-        self.posteriors.alternative.as_ref().map_or(0.0, Alternative::weight)
+        self.posteriors.alternative.as_ref().map_or(0.0, AlternativeModel::weight)
     }
 
     /// Returns the log score by which the team's model predicts these events better than the alternative, in nats.
@@ -84,12 +93,13 @@ impl Agent {
     }
 
     /// Predicts each query from the fused posterior, and from that under the alternative model if there is one.
-    pub(crate) fn by_model(&mut self, queries: Vec<LinkQuery>) -> Result<ByModel, AgentError> {
+    pub(crate) fn by_model(&mut self, queries: Vec<LinkQuery>) -> Result<ModelPredictions, AgentError> {
         self.update()?;
-        let under_alternative =
-            |alternative: &Alternative| self.capped_under(&alternative.posterior, self.longest_m(), queries.clone());
+        let under_alternative = |alternative: &AlternativeModel| {
+            self.capped_under(&alternative.posterior, self.longest_m(), queries.clone())
+        };
         let second = self.posteriors.alternative.as_ref().map(under_alternative).transpose()?;
-        Ok(ByModel { first: self.capped(Which::Fused, queries)?, second })
+        Ok(ModelPredictions { first: self.capped(Which::Fused, queries)?, second })
     }
 }
 

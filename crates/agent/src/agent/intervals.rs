@@ -1,14 +1,18 @@
 //! Intervals of predicted probabilities.
 
+use std::sync::Arc;
+
 use dgpc::{Latent, Posterior, Summary};
 
-use crate::agent::averaging::{ByModel, mixture};
+use crate::agent::averaging::{ModelPredictions, mixture};
 use crate::agent::prediction::{CappedPrediction, Interval, Prediction};
 use crate::agent::state::Agent;
 use crate::agent::unknown_headings::HeadingAverage;
 use crate::error::AgentError;
 use crate::inference::accepted::{packets_with, summaries};
+use crate::inference::alternative::AlternativeModel;
 use crate::inference::event_fit::EventFit;
+use crate::inference::posteriors::IntervalPosteriors;
 use crate::types::query::LinkQuery;
 
 /// Standard deviations that contain nine in ten of a normal distribution, to either side of its mean.
@@ -20,22 +24,30 @@ const REACH: f64 = 1.644_854;
 pub const INTERVAL_WIDENING: f64 = 1.7;
 
 impl Agent {
-    /// Returns the posterior by expectation propagation, begun at the last fit. Its variances are not too small where
-    /// all outcomes are equal, as those of the mean field are. The result is kept until data change. Ten to thirty
-    /// iterations of [`Agent::refit`]; without a fit, the fused posterior.
+    /// Returns the posteriors by expectation propagation, begun at the last fits. Their variances are not too small
+    /// where all outcomes are equal, as those of the mean field are. The result is kept until data change. Ten to
+    /// thirty iterations of [`Agent::refit`]; without a fit, the posteriors of predictions.
     ///
     /// # Errors
     /// [`AgentError::Method`] for a numerical failure.
-    pub(crate) fn interval_posterior(&mut self) -> Result<&Posterior, AgentError> {
+    pub(crate) fn interval_posteriors(&mut self) -> Result<Arc<IntervalPosteriors>, AgentError> {
         self.update()?;
-        if self.interval_cache.get().is_none() {
-            let packets = packets_with(&self.memory, &*self.trusted().packets);
-            let site = self.team().model.site_summary().into_iter();
-            let messages: Vec<&Summary> = site.chain(summaries(&packets)).collect();
-            let posterior = self.propagated(self.posteriors.last_fit(), &messages)?;
-            self.interval_cache.set(posterior.unwrap_or_else(|| self.posteriors.fused.clone())).ok();
+        if let Some(known) = self.interval_cache.get() {
+            return Ok(known.clone());
         }
-        Ok(self.interval_cache.get().unwrap_or(&self.posteriors.fused))
+        let packets = packets_with(&self.memory, &*self.trusted().packets);
+        let site = self.team().model.site_summary().into_iter();
+        let messages: Vec<&Summary> = site.chain(summaries(&packets)).collect();
+        let fused = self.propagated(self.posteriors.last_fit(), &messages)?;
+        let of_alternative = |alternative: &AlternativeModel| -> Result<Posterior, AgentError> {
+            let posterior = self.propagated(alternative.last_fit(), &alternative.site())?;
+            Ok(posterior.unwrap_or_else(|| alternative.posterior.clone()))
+        };
+        let posteriors = IntervalPosteriors {
+            fused: fused.unwrap_or_else(|| self.posteriors.fused.clone()),
+            alternative: self.posteriors.alternative.as_ref().map(of_alternative).transpose()?,
+        };
+        Ok(self.interval_cache.get_or_init(|| Arc::new(posteriors)).clone())
     }
 
     /// Returns the posterior by expectation propagation of a fit, of these messages, and of own events since that fit;
@@ -80,15 +92,14 @@ impl Agent {
 
     /// Returns the moments of the log-odds from which intervals follow: at the links where the capped predictions were
     /// evaluated, and at the whole links. With an alternative model they are those of the mixture.
-    fn interval_moments(&mut self, by_model: &ByModel) -> Result<[Latent; 2], AgentError> {
-        self.interval_posterior()?;
-        let first = self.widened(self.interval_cache.get().unwrap_or(&self.posteriors.fused), &by_model.first)?;
-        let (Some(alternative), Some(second)) = (&self.posteriors.alternative, &by_model.second) else {
+    fn interval_moments(&mut self, by_model: &ModelPredictions) -> Result<[Latent; 2], AgentError> {
+        let posteriors = self.interval_posteriors()?;
+        let first = self.widened(&posteriors.fused, &by_model.first)?;
+        let (Some(alternative), Some(second)) = (&posteriors.alternative, &by_model.second) else {
             return Ok(first);
         };
-        let posterior = self.propagated(alternative.last_fit(), &alternative.site())?;
-        let second = self.widened(posterior.as_ref().unwrap_or(&alternative.posterior), second)?;
-        let mixture = |[first, second]: [Latent; 2]| mixture(&first, &second, alternative.weight());
+        let (second, weight) = (self.widened(alternative, second)?, self.alternative_weight());
+        let mixture = |[first, second]: [Latent; 2]| mixture(&first, &second, weight);
         let [[first_part, first_whole], [second_part, second_whole]] = [first, second];
         Ok([[first_part, second_part], [first_whole, second_whole]].map(mixture))
     }

@@ -94,7 +94,7 @@ impl Agent {
     ) -> Result<Matrix, AgentError> {
         let capped = self.capped(Which::Fused, queries.into_iter().map(Into::into).collect())?;
         let inputs = self.team().model.inputs(capped.iter().map(|capped| capped.evaluated_at))?;
-        Ok(self.interval_posterior()?.draws(&inputs, normals)?.0)
+        Ok(self.interval_posteriors()?.fused.draws(&inputs, normals)?.0)
     }
 
     pub(crate) fn capped(

@@ -12,8 +12,8 @@ use crate::codec::team_codec::TeamCodec;
 use crate::error::AgentError;
 use crate::inference::accepted::AcceptedData;
 use crate::inference::event_fit::RefitStart;
-use crate::inference::posteriors::Posteriors;
-use crate::store::entry::Entry;
+use crate::inference::posteriors::{IntervalPosteriors, Posteriors};
+use crate::store::entry::{Entry, check_event};
 use crate::store::memory::{Effect, Memory};
 use crate::team::config::Team;
 use crate::types::event::{Event, Position, VehicleId};
@@ -78,8 +78,8 @@ pub struct Agent {
     is_current: bool,
     /// Length of the longest observed link: see [`Status::longest_link_m`](crate::Status::longest_link_m).
     pub(crate) longest_cache: OnceLock<Option<f64>>,
-    /// Posterior by expectation propagation, from which intervals follow.
-    pub(crate) interval_cache: OnceLock<Posterior>,
+    /// Posteriors by expectation propagation, from which intervals follow.
+    pub(crate) interval_cache: OnceLock<Arc<IntervalPosteriors>>,
 }
 
 /// A posterior from which a vehicle predicts.
@@ -183,19 +183,24 @@ impl Agent {
 
     /// Records events of which the vehicle is the receiver, in any order. Beyond
     /// [`Limits::events_max`](crate::Limits::events_max) the events that were recorded first are forgotten, a sixteenth
-    /// at a time. O(log N) for one event, O(N log N) for many.
+    /// at a time. O(log N) for one event, O(N log N) for many. After [`Agent::average_with`] it also costs a
+    /// prediction of each event.
     ///
     /// # Errors
     /// [`AgentError::NotMine`] for an event of another receiver, unless [`AgentOptions::record_all_receivers`] is set.
     /// [`AgentError::NoTime`], [`AgentError::Nowhere`] and [`AgentError::NoHeading`] for numbers out of bounds.
-    /// Then none is recorded.
+    /// [`AgentError::Method`] for a numerical failure of that prediction. Then none is recorded.
     pub fn record(&mut self, events: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
         let numbered: Vec<(u64, Event)> = (self.memory.events.next_number()..).zip(events).collect();
         numbered.iter().try_for_each(|(_, event)| self.check_receiver(event))?;
-        let difference = self.score_difference(numbered.iter().map(|(_, event)| event));
+        let difference = match &self.posteriors.alternative {
+            None => 0.0,
+            Some(_) => {
+                numbered.iter().try_for_each(|(_, event)| check_event(event))?;
+                self.score_difference(numbered.iter().map(|(_, event)| event))?
+            }
+        };
         self.record_numbered(numbered)?;
-        // Invalid events are refused first.
-        let difference = difference?;
         self.posteriors.alternative.iter_mut().for_each(|alternative| alternative.add_score(difference));
         Ok(())
     }

@@ -12,10 +12,10 @@ use crate::store::event_location::is_among;
 use crate::store::events::RecordedEvent;
 use crate::store::memory::Memory;
 
-/// A second model next to the team's, with its posterior of own events and of trusted events of other members.
+/// A second model in addition to the team's, with its posterior of own events and of trusted events of other members.
 /// Summaries are under the team's model, so that this posterior has none.
 #[derive(Debug, Clone)]
-pub(crate) struct Alternative {
+pub(crate) struct AlternativeModel {
     model: Arc<Model>,
     /// The last fit; it has the same events as the last fit under the team's model.
     fit: Option<Arc<EventFit>>,
@@ -24,7 +24,7 @@ pub(crate) struct Alternative {
     log_bayes_factor: f64,
 }
 
-impl Alternative {
+impl AlternativeModel {
     pub(crate) fn new(model: Model) -> Self {
         Self { posterior: model.prior_posterior(), model: Arc::new(model), fit: None, log_bayes_factor: 0.0 }
     }
@@ -69,7 +69,7 @@ impl Alternative {
         trusted: &AcceptedData,
         since: &[RecordedEvent],
     ) -> Result<(), AgentError> {
-        self.posterior = match &self.fit {
+        let mut posterior = match &self.fit {
             None => self.model.prior_posterior(),
             Some(fit) => {
                 let is_in = |source: &EventSource| match source {
@@ -82,8 +82,9 @@ impl Alternative {
             }
         };
         for recorded in since {
-            dgpc::absorb_observations(&mut self.posterior, &memory.observation(&recorded.event)?)?;
+            dgpc::absorb_observations(&mut posterior, &memory.observation(&recorded.event)?)?;
         }
+        self.posterior = posterior;
         Ok(())
     }
 }

@@ -9,7 +9,7 @@ use crate::codec::decoded::EventKey;
 use crate::codec::decoded::PacketKey;
 use crate::error::AgentError;
 use crate::inference::accepted::{AcceptedData, packets_with, summaries, summaries_under};
-use crate::inference::alternative::Alternative;
+use crate::inference::alternative::AlternativeModel;
 use crate::inference::event_fit::{EventFit, EventSource, PartialSummary};
 use crate::inference::fitting::absorb_event;
 use crate::model::link_model::Model;
@@ -46,7 +46,7 @@ pub(crate) struct Posteriors {
     /// Posterior of own events and of accepted data of other members, under the vehicle's own model if it learned one.
     pub(crate) fused: Posterior,
     /// The alternative model, if there is one.
-    pub(crate) alternative: Option<Alternative>,
+    pub(crate) alternative: Option<AlternativeModel>,
     /// Summary of the own events that reports have delivered, if the last fit is sparse.
     delivered: Option<PartialSummary>,
     pub(crate) included: Included,
@@ -56,6 +56,15 @@ pub(crate) struct Posteriors {
     pub(crate) examined: Option<Arc<BTreeSet<PacketKey>>>,
     /// The frame length and the ways of sharing for which nothing was worth sending, if nothing has changed since.
     pub(crate) nothing_to_send: Option<(usize, Sharing)>,
+}
+
+/// Posteriors by expectation propagation.
+#[derive(Debug)]
+pub(crate) struct IntervalPosteriors {
+    /// Of the data of the fused posterior.
+    pub(crate) fused: Posterior,
+    /// Under the alternative model, if there is one.
+    pub(crate) alternative: Option<Posterior>,
 }
 
 /// The part of the memory that the posteriors include.
@@ -140,10 +149,10 @@ impl Posteriors {
     pub(crate) fn update(&mut self, memory: &Memory, data: &AcceptedData) -> Result<(), AgentError> {
         self.include(memory, &data.without(&self.excluded))?;
         if let Some((excluded, [own, fused])) = self.detect_faulty_members(memory, data)? {
-            (self.excluded, self.own, self.fused) = (excluded, own, fused);
-            let trusted = data.without(&self.excluded);
+            let trusted = data.without(&excluded);
             self.included.pending_own.sort_by(RecordedEvent::order);
-            self.rebuild_alternative(memory, &trusted)?;
+            self.rebuild_alternative(memory, &trusted, self.included.absorbed)?;
+            (self.excluded, self.own, self.fused) = (excluded, own, fused);
             self.included.packets = Self::wanted(memory, &trusted);
             self.included.remote = self.fitted_among(&trusted).map(|(&key, event)| (key, event.clone())).collect();
             self.included.pending_remote = [0, trusted.events.len() - self.included.remote.len()];
@@ -383,21 +392,27 @@ impl Posteriors {
         let own = packets_with(memory, own_of(memory, wanted));
         let mut shared = memory.codec.team.model.prior_posterior();
         shared.absorb_summaries(&summaries(&own))?;
-        (self.own, self.fused) = self.at_fit(memory, trusted)?;
-        self.shared = shared;
+        let (own, fused) = self.at_fit(memory, trusted)?;
+        // This is the last step that may fail. The posteriors change together.
+        self.rebuild_alternative(memory, trusted, 0)?;
+        (self.own, self.fused, self.shared) = (own, fused, shared);
         self.included.pending_own.sort_by(RecordedEvent::order);
         (self.included.absorbed, self.included.is_stale) = (0, false);
-        self.rebuild_alternative(memory, trusted)?;
         self.included.packets.clone_from(wanted);
         self.included.remote = self.fitted_among(trusted).map(|(&key, event)| (key, event.clone())).collect();
         self.included.pending_remote = [0, 0];
         Ok(())
     }
 
-    /// Computes the posterior under the alternative model, of the same own events as [`Posteriors::own`] and of the
-    /// fitted events of trusted members.
-    fn rebuild_alternative(&mut self, memory: &Memory, trusted: &AcceptedData) -> Result<(), AgentError> {
-        let absorbed = &self.included.pending_own[..self.included.absorbed];
+    /// Computes the posterior under the alternative model: of the last fit, without events of members that are not
+    /// trusted, and of the first `absorbed` own events since that fit.
+    fn rebuild_alternative(
+        &mut self,
+        memory: &Memory,
+        trusted: &AcceptedData,
+        absorbed: usize,
+    ) -> Result<(), AgentError> {
+        let absorbed = &self.included.pending_own[..absorbed];
         self.alternative.as_mut().map_or(Ok(()), |alternative| alternative.rebuild(memory, trusted, absorbed))
     }
 

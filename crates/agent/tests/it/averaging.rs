@@ -201,3 +201,79 @@ fn refused_events_change_no_weight() {
     assert!(matches!(agent.record([nowhere]), Err(AgentError::Nowhere { .. })));
     assert_eq!(agent.status().alternative_weight, weight);
 }
+
+#[test]
+fn events_of_one_call_are_scored_by_the_probabilities_before_the_call() {
+    let [first, second] = [rough_model(), model()].map(|model| Arc::new(team(2, model)));
+    let events = walk(0, 40, 0.0);
+    let mut average = averaging(&first, model());
+    prequential(&mut average, &events[..30]);
+    let scored = |team: &Arc<Team>| {
+        let mut agent = vehicle(team, 0, []);
+        let before = log_sum(&prequential(&mut agent, &events[..30]));
+        let success = probabilities(&mut agent, events[30..].iter().map(Event::query));
+        let last =
+            success.iter().zip(&events[30..]).map(|(p, event)| if event.success { p.ln() } else { (1.0 - p).ln() });
+        before + last.sum::<f64>()
+    };
+    average.record(events[30..].iter().cloned()).unwrap();
+    let weight = 1.0 / (1.0 + (scored(&first) - scored(&second)).exp());
+    assert!((average.status().alternative_weight - weight).abs() < 0.02, "{weight}");
+}
+
+#[test]
+fn a_sparse_alternative_equals_the_map_of_a_vehicle_with_that_model() {
+    let limits = Limits { dense_events_max: 20, inducing_points_max: 15, candidates_max: 60, ..Limits::default() };
+    let [first, second] = [rough_model(), model()].map(|model| Arc::new(Team { limits, ..team(2, model) }));
+    let events = walk(0, 120, 0.0);
+    let mut plain = vehicle(&first, 0, []);
+    let mut average = averaging(&first, model());
+    let mut expected = vehicle(&second, 0, []);
+    for agent in [&mut plain, &mut average, &mut expected] {
+        prequential(agent, &events);
+        agent.rebuild().unwrap();
+    }
+    let weight = average.status().alternative_weight;
+    let [plain, average, expected] = [plain, average, expected].map(|mut agent| test_probabilities(&mut agent));
+    for ((plain, average), expected) in plain.into_iter().zip(average).zip(expected) {
+        assert!((average - (1.0 - weight) * plain - weight * expected).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn forgotten_events_leave_the_alternative_too() {
+    let limits = Limits { events_max: 32, ..Limits::default() };
+    let rough = Arc::new(Team { limits, ..team(2, rough_model()) });
+    let smooth = Arc::new(Team { limits, ..team(2, model()) });
+    let [mut plain, mut expected] = [&rough, &smooth].map(|team| vehicle(team, 0, walk(0, 80, 0.0)));
+    let mut average = vehicle(&rough, 0, walk(0, 80, 0.0));
+    average.average_with(model()).unwrap();
+    let found = of_alternative(&mut average, &mut plain);
+    assert!(found.iter().zip(test_probabilities(&mut expected)).all(|(a, b)| (a - b).abs() < 1e-6));
+}
+
+#[test]
+fn after_adaptation_the_average_is_with_the_own_model() {
+    let rough = Arc::new(team(2, rough_model()));
+    let learning = Learning { additions: Vec::new(), ..Learning::default() };
+    let mut plain = vehicle(&rough, 0, walk(0, 60, 0.0));
+    let mut average = plain.clone();
+    average.average_with(model()).unwrap();
+    let mut expected = vehicle(&Arc::new(team(2, model())), 0, walk(0, 60, 0.0));
+    for agent in [&mut plain, &mut average] {
+        agent.adapt(&learning).unwrap();
+    }
+    let found = of_alternative(&mut average, &mut plain);
+    assert!(found.iter().zip(test_probabilities(&mut expected)).all(|(a, b)| (a - b).abs() < 1e-6));
+}
+
+#[test]
+fn a_restored_vehicle_has_no_alternative_until_it_is_given_again() {
+    let team = Arc::new(team(2, rough_model()));
+    let mut average = averaging(&team, model());
+    prequential(&mut average, &walk(0, 30, 0.0));
+    let mut restored = restored(&average, &average.snapshot());
+    assert_eq!(restored.status().alternative_weight, 0.0);
+    restored.average_with(model()).unwrap();
+    assert_eq!(restored.status().alternative_weight, 0.5);
+}

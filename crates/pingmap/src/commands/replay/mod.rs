@@ -279,7 +279,7 @@ fn plan(options: &Options, preshared: Preshared) -> anyhow::Result<Plan> {
         alternatives: if options.compare { Alternative::ALL.to_vec() } else { Vec::new() },
         // A report always shows the calibration, so that its reader can judge the maps.
         calibration: options.calibration || options.report.is_some() && !options.online,
-        ..Plan::new(model.learning(model.constraints().default_candidates(), options.work.limits()), options.work.seed)
+        ..Plan::new(model.learning(options.work.limits()), options.work.seed)
     })
 }
 

@@ -81,7 +81,7 @@ impl OnlineMission {
             Preshared::Model(_) | Preshared::Team(_) => {
                 let mean = online.model_weights.values().sum::<f64>() / online.model_weights.len().max(1) as f64;
                 let model = if self.has_seen_log { HAS_SEEN_LOG } else { "model as given" };
-                format!("{model}; its final weight is {mean:.2}, and the rest is that of the prior before any event")
+                format!("{model}; the mean final weight of the model is {mean:.2}, that of the prior {:.2}", 1.0 - mean)
             }
         };
         let vehicles = online.team.members.len();

@@ -94,7 +94,9 @@ fn scores(page: &mut Page, replayed: &Replayed) {
     page.heading("How well are held-out events predicted?");
     page.table(&tables::score_header(replayed), &tables::score_rows(replayed));
     page.table(&SHARING_HEADER, &tables::sharing_rows(replayed));
-    page.table(&tables::SPLIT_HEADER, &tables::split_rows(replayed));
+    if replayed.replay.splits.len() > 1 {
+        page.table(&tables::SPLIT_HEADER, &tables::split_rows(replayed));
+    }
     page.paragraph(tables::LEGEND);
     if !replayed.plan.alternatives.is_empty() {
         page.heading("Other uses of the same bytes");

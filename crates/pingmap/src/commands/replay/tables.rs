@@ -238,8 +238,9 @@ pub fn split_rows(replayed: &Replayed) -> Vec<Vec<String>> {
         let shown = parts.filter(|&(place, _)| differs[place] || place == TERMS_PART).map(|(_, part)| part);
         shown.collect::<Vec<_>>().join(", ")
     };
+    let without_fit = if replayed.plan.model_source == ModelSource::Own { "own models" } else { "as given" };
     let row = |split: &SplitSummary| {
-        let structure = split.fit.as_ref().map_or_else(|| "as given".to_owned(), |fit| words(&fit.structure));
+        let structure = split.fit.as_ref().map_or_else(|| without_fit.to_owned(), |fit| words(&fit.structure));
         let excluded: BTreeSet<&str> = split.ignored.iter().map(|ignored| ignored.member.as_str()).collect();
         let excluded = Vec::from_iter(excluded).join(", ");
         let SplitNll { distance_only, own, team, centralised } = &split.nll;
