@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let names = ["ada", "bob"].map(VehicleId::new);
     let learning = Learning::default();
     let chart = Chart { scale_m: 800.0, ..Chart::about([]) };
-    let prior = learning.template(&learning.structures[0], InputSpec::Positions, chart.scale_m)?;
+    let prior = learning.template(&learning.structure, InputSpec::Positions, chart.scale_m)?;
     let model = Model::new(chart, InputSpec::Positions, prior);
     let reach = [Position::new(-1000.0, -1000.0), Position::new(1000.0, 1000.0)];
     let team = Arc::new(Team::new(names.clone(), model, reach)?);

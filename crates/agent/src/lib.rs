@@ -34,11 +34,11 @@ pub use model::file::error::ModelFileError;
 pub use model::file::model_file::{ModelFile, Provenance};
 pub use model::inputs::{End, InputSpec, LengthUnit};
 #[cfg(feature = "learn")]
-pub use model::learning::{Criterion, LearnedModel, Learning};
+pub use model::learning::{LearnedModel, Learning};
 pub use model::link_model::{MODEL_SCHEMA, Model};
 pub use model::optional_terms::{OptionalTerm, OptionalTerms};
 pub use model::site_prior::SitePrior;
-pub use model::structure::{MeanStructure, PathInputs, Structure, StructureConstraints, Terms};
+pub use model::structure::{MeanStructure, PathInputs, Structure, Terms};
 pub use pingmap_packet::Key;
 pub use store::clock::COUNTER_LEAD;
 pub use store::entry::Entry;

@@ -6,7 +6,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Arg, Command, ValueEnum};
 use dgpc::Shape;
-use pingmap_agent::{Criterion, MeanStructure, OptionalTerm, PathInputs, Sharing, Terms};
+use pingmap_agent::{MeanStructure, OptionalTerm, PathInputs, Sharing, Terms};
 use pingmap_trial::DivideBy;
 use pingmap_trial::paper::Policy;
 
@@ -169,23 +169,6 @@ impl MeanName {
             MeanName::Zero => MeanStructure::Zero,
             MeanName::Constant => MeanStructure::Constant,
             MeanName::Range => MeanStructure::Range,
-        }
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum CriterionName {
-    /// The leave-one-out log predictive probability
-    LeaveOneOut,
-    /// The evidence bound
-    Evidence,
-}
-
-impl CriterionName {
-    pub fn criterion(self) -> Criterion {
-        match self {
-            CriterionName::LeaveOneOut => Criterion::LeaveOneOut,
-            CriterionName::Evidence => Criterion::Evidence,
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use dgpc::{Calibration, Correlation, PriorMean, Stop, Term};
 use pingmap_agent::{Chart, InputSpec, LearnedModel, Learning, LengthUnit, Limits, Link, Model, ModelFile};
-use pingmap_trial::{EventLog, Preshared, learn_best};
+use pingmap_trial::{EventLog, Preshared, learn};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -50,7 +50,7 @@ impl ModelAndFit {
         }
         let bar = spinner("learning");
         let learning = Learning { limits, ..Learning::default() };
-        let fit = learn_best(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?;
+        let fit = learn(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?.best;
         bar.finish_and_clear();
         warn_of_search(&fit);
         Ok(Self { model: fit.model.clone(), fit: Some(fit) })

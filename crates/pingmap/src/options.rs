@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dgpc::Shape;
 use pingmap_agent::{
-    Fading, Kind, Learning, Limits, Link, LinkQuery, MeanStructure, MessageKind, OptionalTerm, Structure,
-    StructureConstraints, Time, Vehicle, VehicleId,
+    Fading, Kind, Learning, Limits, Link, LinkQuery, MeanStructure, MessageKind, OptionalTerm, Structure, Time,
+    Vehicle, VehicleId,
 };
 use pingmap_trial::EventLog;
 
@@ -98,26 +98,25 @@ pub struct ModelOptions {
     /// if not given
     #[arg(long, value_parser = fading, value_name = "C,S,M_PER_S")]
     pub fading: Option<Fading>,
-    /// Criterion for the choice of kernel and prior mean
-    #[arg(long, value_enum, default_value_t = CriterionName::LeaveOneOut)]
-    pub criterion: CriterionName,
     /// Largest number of events from which kernel and prior mean are learned, spread evenly over the log
     #[arg(long, default_value_t = Learning::default().events_max, value_parser = events)]
     pub learn_events_max: usize,
 }
 
 impl ModelOptions {
-    /// Returns the parts of the structure that the options fix.
-    pub fn constraints(&self) -> StructureConstraints {
+    /// Returns the structure with which learning starts. Options replace parts of the default.
+    fn structure(&self) -> Structure {
         let conservative = self.conservative_range_m.map(|range_m| {
             MeanStructure::conservative(range_m, self.conservative_slope_per_km.map(|slope| slope / 1000.0))
         });
-        StructureConstraints {
-            shape: self.shape,
-            path_inputs: self.inputs.map(InputsName::inputs),
-            reciprocal: self.reciprocal.map(|reciprocal| reciprocal == YesNo::Yes),
-            terms: self.terms.map(TermsName::terms),
-            mean: conservative.or(self.prior_mean.map(MeanName::mean)),
+        let default = Structure::default();
+        Structure {
+            shape: self.shape.unwrap_or(default.shape),
+            path_inputs: self.inputs.map_or(default.path_inputs, InputsName::inputs),
+            reciprocal: self.reciprocal.map_or(default.reciprocal, |reciprocal| reciprocal == YesNo::Yes),
+            terms: self.terms.map_or(default.terms, TermsName::terms),
+            mean: conservative.or(self.prior_mean.map(MeanName::mean)).unwrap_or(default.mean),
+            additions: default.additions,
         }
     }
 
@@ -134,12 +133,11 @@ impl ModelOptions {
         }
     }
 
-    /// Returns the options of learning that chooses among these structures.
-    pub fn learning(&self, structures: Vec<Structure>, limits: Limits) -> Learning {
+    /// Returns the settings of learning.
+    pub fn learning(&self, limits: Limits) -> Learning {
         let Self { length_scale_m, variance, fading, learn_events_max: events_max, .. } = *self;
-        let additions = self.additions();
-        let criterion = self.criterion.criterion();
-        Learning { structures, additions, criterion, length_scale_m, variance, fading, events_max, limits }
+        let (structure, additions) = (self.structure(), self.additions());
+        Learning { structure, additions, length_scale_m, variance, fading, events_max, limits }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Learning a model from pooled events, structures in parallel.
+//! Learning a model from pooled events, additions in parallel.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -9,64 +9,25 @@ use rayon::prelude::*;
 /// A fit and its duration in seconds.
 type Timed = (LearnedModel, f64);
 
-/// Learns every structure of `learning` in parallel on the current thread pool. Returns the fits in the order of the
-/// structures, each with its duration in seconds. Calls `step` after each fit.
-///
-/// # Errors
-/// Returns [`dgpc::Error`] for a position that is not finite, or a fixed parameter that is not finite and positive.
-pub fn learn_all(
-    learning: &Learning,
-    chart: Chart,
-    inputs: InputSpec,
-    events: &[&Event],
-    step: &(dyn Fn() + Sync),
-) -> dgpc::Result<Vec<Timed>> {
-    let fit = |structure| {
-        let begin = Instant::now();
-        let fit = learning.fit(structure, chart, inputs, events.iter().copied(), &[], None)?;
-        step();
-        Ok((fit, begin.elapsed().as_secs_f64()))
-    };
-    learning.structures.par_iter().map(fit).collect()
-}
-
-/// Returns the best fit of [`learn_all`], extended by additions.
-///
-/// # Errors
-/// As [`learn_all`]; [`dgpc::Error::OutOfRange`] without structures.
-pub fn learn_best(
-    learning: &Learning,
-    chart: Chart,
-    inputs: InputSpec,
-    events: &[&Event],
-) -> dgpc::Result<LearnedModel> {
-    let fits = learn_all(learning, chart, inputs, events, &|| ())?;
-    let chosen = learning.choose(fits.into_iter().map(|(fit, _)| fit).collect())?;
-    Ok(learn_additions(learning, chosen, chart, inputs, events)?.best)
-}
-
-/// Result of trying additions.
+/// Result of learning a structure and its additions.
 pub struct Added {
-    /// The chosen structure with the accepted additions.
+    /// The structure with the accepted additions.
     pub best: LearnedModel,
-    /// All fits in the order of trial, each with its duration in seconds.
+    /// All fits in the order of trial, from the structure without additions on, each with its duration in seconds.
     pub tried: Vec<Timed>,
 }
 
-/// Tries [`Learning::additions`] one after the other, each starting from the optimum before, and accepts an addition if
-/// the fit improves ([`LearnedModel::improves_on`]). Idle threads already try later additions; these fits are discarded
-/// if an earlier addition is accepted. Results do not depend on the number of threads.
+/// Learns [`Learning::structure`]. Then tries [`Learning::additions`] one after the other, each starting from the
+/// optimum before, and accepts an addition if the fit improves ([`LearnedModel::improves_on`]). Idle threads already
+/// try later additions; these fits are discarded if an earlier addition is accepted. Results do not depend on the
+/// number of threads.
 ///
 /// # Errors
-/// As [`learn_all`].
-pub fn learn_additions(
-    learning: &Learning,
-    chosen: LearnedModel,
-    chart: Chart,
-    inputs: InputSpec,
-    events: &[&Event],
-) -> dgpc::Result<Added> {
-    let mut added = Added { best: chosen, tried: Vec::new() };
+/// Returns [`dgpc::Error`] for a position that is not finite, or a fixed parameter that is not finite and positive.
+pub fn learn(learning: &Learning, chart: Chart, inputs: InputSpec, events: &[&Event]) -> dgpc::Result<Added> {
+    let begin = Instant::now();
+    let first = learning.fit(&learning.structure, chart, inputs, events.iter().copied(), &[], None)?;
+    let mut added = Added { best: first.clone(), tried: vec![(first, begin.elapsed().as_secs_f64())] };
     let mut left = learning.additions_to(events, inputs);
     loop {
         let structure = added.best.structure;

@@ -47,7 +47,7 @@ pub use decision::Decisions;
 pub use division::{DivideBy, Division, DivisionError};
 pub use event_log::{EventLog, REQUIRED_COLUMNS};
 pub use ignored::Ignored;
-pub use learning::{Added, learn_additions, learn_all, learn_best};
+pub use learning::{Added, learn};
 pub use mission::{Mission, Traffic, probabilities, send_frames, transmissions};
 pub use online::{Online, Step, TrafficPlan, online, record_and_refit};
 pub use plan::{ModelSource, Plan, Preshared};

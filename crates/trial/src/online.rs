@@ -100,7 +100,7 @@ pub fn online(log: &EventLog, plan: &Plan, traffic: TrafficPlan, step: &dyn Fn()
     let team = Team { slots: slots_of(&log.events), piggyback, ..team };
     let alternative = match &plan.preshared {
         Preshared::Nothing => None,
-        Preshared::Model(_) | Preshared::Team(_) => plan.model_before_data(log, &team.model)?,
+        Preshared::Model(_) | Preshared::Team(_) => Some(plan.model_before_data(log, &team.model)?),
     };
     let mut mission = Run::new(log, Arc::new(team), plan, traffic, alternative)?;
     for transmission in &transmissions(&log.events) {

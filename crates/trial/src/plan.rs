@@ -1,13 +1,13 @@
 //! Options of a mission: the models, their learning, sharing and the channel.
 
 use pingmap_agent::{
-    AgentError, Event, Key, LearnedModel, Learning, Limits, Model, OptionalTerm, Sharing, Structure, Team,
+    AgentError, Event, InputSpec, Key, LearnedModel, Learning, Limits, Model, OptionalTerm, Sharing, Structure, Team,
 };
 
 use crate::alternative::Alternative;
 use crate::channel_impairments::ChannelImpairments;
 use crate::event_log::EventLog;
-use crate::learning::learn_best;
+use crate::learning::learn;
 
 /// Data from which the models are learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -117,34 +117,33 @@ impl Plan {
 
     fn model(&self, log: &EventLog, training: Option<&[&Event]>) -> dgpc::Result<(Model, Option<LearnedModel>)> {
         let (chart, inputs) = (log.chart(), log.inputs());
-        let expected = match (self.learning.structures.first(), training) {
+        let structure = match training {
             // Without learning there is no evidence that receivers, directions, headings, layers and times are alike.
-            (Some(structure), None) => Some(self.with_variable_terms(structure, log)),
-            (Some(structure), Some(_)) if self.model_source == ModelSource::Own => Some(*structure),
-            _ => None,
+            None => self.with_variable_terms(log, inputs),
+            Some(_) if self.model_source == ModelSource::Own => self.learning.structure,
+            Some(training) => {
+                let fit = learn(&self.learning, chart, inputs, training)?.best;
+                return Ok((fit.model.clone(), Some(fit)));
+            }
         };
-        if let Some(structure) = expected {
-            let prior = self.learning.template(&structure, inputs, chart.scale_m)?;
-            return Ok((Model::new(chart, inputs, prior), None));
-        }
-        let fit = learn_best(&self.learning, chart, inputs, training.unwrap_or_default())?;
-        Ok((fit.model.clone(), Some(fit)))
+        let prior = self.learning.template(&structure, inputs, chart.scale_m)?;
+        Ok((Model::new(chart, inputs, prior), None))
     }
 
     /// Returns the model of a team without data, with the chart and columns of `given`, and with the scale of the log.
     ///
     /// # Errors
     /// Returns [`AgentError`] for a numerical failure.
-    pub(crate) fn model_before_data(&self, log: &EventLog, given: &Model) -> Result<Option<Model>, AgentError> {
-        let Some(structure) = self.learning.structures.first() else { return Ok(None) };
-        let structure = self.with_variable_terms(structure, log);
-        let prior = self.learning.template(&structure, given.inputs, log.chart().scale_m)?;
-        Ok(Some(Model::new(given.chart, given.inputs, prior)))
+    pub(crate) fn model_before_data(&self, log: &EventLog, given: &Model) -> Result<Model, AgentError> {
+        let prior =
+            self.learning.template(&self.with_variable_terms(log, given.inputs), given.inputs, log.chart().scale_m)?;
+        Ok(Model::new(given.chart, given.inputs, prior))
     }
 
-    fn with_variable_terms(&self, structure: &Structure, log: &EventLog) -> Structure {
-        let possible = self.learning.additions_to(&log.events.iter().collect::<Vec<_>>(), log.inputs());
+    fn with_variable_terms(&self, log: &EventLog, inputs: InputSpec) -> Structure {
+        let structure = self.learning.structure;
+        let possible = self.learning.additions_to(&log.events.iter().collect::<Vec<_>>(), inputs);
         let expected = VARIABLE_TERMS.into_iter().filter(|term| possible.contains(term) && structure.can_have(*term));
-        expected.fold(*structure, |structure, term| structure.with(term))
+        expected.fold(structure, |structure, term| structure.with(term))
     }
 }

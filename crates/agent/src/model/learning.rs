@@ -7,7 +7,7 @@ use crate::model::fading::Fading;
 use crate::model::inputs::InputSpec;
 use crate::model::link_model::Model;
 use crate::model::optional_terms::OptionalTerm;
-use crate::model::structure::{MeanStructure, Structure, StructureConstraints};
+use crate::model::structure::{MeanStructure, Structure};
 use crate::types::chart::Chart;
 use crate::types::event::Event;
 use crate::types::limits::Limits;
@@ -28,25 +28,14 @@ const WEIGHT_CHANGE_MIN: f64 = 0.02;
 /// added.
 const ADDITION_TOLERANCE: f64 = 1e-6;
 
-/// The criterion for the choice among structures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Criterion {
-    /// Mean leave-one-out log predictive probability.
-    LeaveOneOut,
-    /// Lower bound E of the evidence.
-    Evidence,
-}
-
-/// The settings of learning: candidate structures, fixed parameters, and limits on the work.
+/// The settings of learning: structure, fixed parameters, and limits on the work.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Learning {
-    /// Candidate structures.
-    pub structures: Vec<Structure>,
-    /// Optional terms to add to the chosen structure, in order of trial. [`LearnedModel::improves_on`] decides about
+    /// Structure with which learning starts.
+    pub structure: Structure,
+    /// Optional terms to add to the structure, in order of trial. [`LearnedModel::improves_on`] decides about
     /// each.
     pub additions: Vec<OptionalTerm>,
-    /// Criterion for the choice among the structures.
-    pub criterion: Criterion,
     /// Fixed value of all horizontal length-scales, in metres. `None` if length-scales are learned. With a fixed value,
     /// those of depths, aspects and times keep the values of the template.
     pub length_scale_m: Option<f64>,
@@ -61,12 +50,11 @@ pub struct Learning {
 }
 
 impl Default for Learning {
-    /// Returns settings with one structure ([`StructureConstraints::default_candidates`]) and all optional terms.
+    /// Returns settings with the default structure and all optional terms.
     fn default() -> Self {
         Self {
-            structures: StructureConstraints::default().default_candidates(),
+            structure: Structure::default(),
             additions: OptionalTerm::ALL.to_vec(),
-            criterion: Criterion::LeaveOneOut,
             length_scale_m: None,
             variance: None,
             fading: None,
@@ -114,7 +102,7 @@ impl LearnedModel {
     /// uncommon term the gain in corrected evidence per event must also exceed twice the threshold.
     ///
     /// The time term has another rule: the corrected evidence must rise by more than 1 nat in total, which is positive
-    /// evidence on the scale of Kass and Raftery (1995). Leave-one-out predictions hardly show a change with time,
+    /// evidence on the scale of Kass and Raftery (1995). Leave-one-out predictions rarely show a change with time,
     /// because events at nearly the same time and place remain.
     pub fn improves_on(&self, addition: OptionalTerm, before: &LearnedModel) -> bool {
         let [after, before] = [self, before].map(|model| &model.learned.fit);
@@ -136,14 +124,6 @@ impl LearnedModel {
             return evidence > TIME_EVIDENCE_MIN_NATS;
         }
         mean > threshold && (addition.is_common() || evidence / count > EVIDENCE_FACTOR * threshold)
-    }
-
-    /// Returns the value of `criterion` for this model. A larger value is better.
-    pub fn merit(&self, criterion: Criterion) -> f64 {
-        match criterion {
-            Criterion::LeaveOneOut => self.leave_one_out(),
-            Criterion::Evidence => self.evidence(),
-        }
     }
 }
 
@@ -209,11 +189,10 @@ impl Learning {
         })
     }
 
-    /// Learns every structure, selects the best fit by [`Learning::criterion`], and adds the [`Learning::additions`]
-    /// that improve it.
+    /// Learns [`Learning::structure`], and adds the [`Learning::additions`] that improve it.
     ///
     /// # Errors
-    /// As [`Learning::fit`]. [`dgpc::Error::OutOfRange`] without structures.
+    /// As [`Learning::fit`].
     pub fn best<'a>(
         &self,
         chart: Chart,
@@ -221,9 +200,7 @@ impl Learning {
         events: impl IntoIterator<Item = &'a Event> + Clone,
         messages: &[&Summary],
     ) -> dgpc::Result<LearnedModel> {
-        let fits =
-            self.structures.iter().map(|structure| self.fit(structure, chart, inputs, events.clone(), messages, None));
-        let mut best = self.choose(fits.collect::<dgpc::Result<_>>()?)?;
+        let mut best = self.fit(&self.structure, chart, inputs, events.clone(), messages, None)?;
         for addition in self.additions_to(&events.clone().into_iter().collect::<Vec<_>>(), inputs) {
             if best.structure.can_have(addition) {
                 let structure = best.structure.with(addition);
@@ -282,16 +259,6 @@ impl Learning {
     /// Returns at most [`Learning::events_max`] of the events, spread evenly.
     fn select_events<'a>(&self, events: &[&'a Event]) -> Vec<&'a Event> {
         spread_out(events.len(), self.events_max).into_iter().map(|n| events[n]).collect()
-    }
-
-    /// Returns the best of several fits by [`Learning::criterion`]. If several are equal, it returns the first.
-    ///
-    /// # Errors
-    /// [`dgpc::Error::OutOfRange`] without fits.
-    pub fn choose(&self, fits: Vec<LearnedModel>) -> dgpc::Result<LearnedModel> {
-        let merit = |fit: &LearnedModel| fit.merit(self.criterion);
-        let best = fits.into_iter().reduce(|best, next| if merit(&next) > merit(&best) { next } else { best });
-        best.ok_or(dgpc::Error::OutOfRange { what: "number of structures", expected: "at least 1", value: 0.0 })
     }
 
     /// Returns the options of the search for the parameters of a structure.

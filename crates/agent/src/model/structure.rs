@@ -231,52 +231,18 @@ impl Structure {
     }
 }
 
-/// The parts of a structure that the user fixes. A part that is `None` may differ among candidates.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct StructureConstraints {
-    /// Shape of the covariance as a function of distance.
-    pub shape: Option<Shape>,
-    /// Columns of the path term.
-    pub path_inputs: Option<PathInputs>,
-    /// True if both directions of a path have equal path terms.
-    pub reciprocal: Option<bool>,
-    /// Basic terms of the latent function.
-    pub terms: Option<Terms>,
-    /// Form of the prior mean.
-    pub mean: Option<MeanStructure>,
-}
-
-impl StructureConstraints {
-    /// Returns the structure with which learning starts.
-    ///
-    /// Unless fixed otherwise, it has a reciprocal path term over link coordinates and odds that decrease with range.
-    /// Learning adds further terms as [`OptionalTerm`]s.
-    pub fn default_candidates(&self) -> Vec<Structure> {
-        let structure = |terms| Structure {
-            shape: self.shape.unwrap_or(Shape::Matern32),
-            path_inputs: self.path_inputs.unwrap_or(PathInputs::Link),
-            reciprocal: self.reciprocal.unwrap_or(true),
-            terms,
-            mean: self.mean.unwrap_or(MeanStructure::Range),
+impl Default for Structure {
+    /// Returns the structure with which learning starts: a reciprocal path term over link coordinates, and odds that
+    /// decrease with range. Learning adds further terms as [`OptionalTerm`]s.
+    fn default() -> Self {
+        Self {
+            shape: Shape::Matern32,
+            path_inputs: PathInputs::Link,
+            reciprocal: true,
+            terms: Terms::Path,
+            mean: MeanStructure::Range,
             additions: OptionalTerms::NONE,
-        };
-        vec![structure(self.terms.unwrap_or(Terms::Path))]
-    }
-
-    /// Returns [`StructureConstraints::default_candidates`], followed by all structures that differ from them in one
-    /// part of the kernel.
-    pub fn all_candidates(&self) -> Vec<Structure> {
-        let default = self.default_candidates();
-        let mut all = default.clone();
-        let mut changed = |change: &dyn Fn(Structure) -> Structure| all.extend(default.iter().copied().map(change));
-        if self.shape.is_none() {
-            changed(&|structure| Structure { shape: Shape::Matern52, ..structure });
-            changed(&|structure| Structure { shape: Shape::SquaredExponential, ..structure });
         }
-        if self.path_inputs.is_none() {
-            changed(&|structure| Structure { path_inputs: PathInputs::Raw, ..structure });
-        }
-        all
     }
 }
 

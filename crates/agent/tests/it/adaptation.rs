@@ -23,7 +23,7 @@ fn links_of(events: &[Event]) -> Vec<Link> {
 }
 
 fn team() -> Arc<Team> {
-    let structure = StructureConstraints::default().default_candidates()[0];
+    let structure = Structure::default();
     let prior: Prior = structure.template(InputSpec::Positions, 500.0).unwrap();
     let chart = Chart { scale_m: 500.0, ..Chart::about([]) };
     let reach = [Position::new(-500.0, -500.0), Position::new(500.0, 500.0)];
@@ -80,8 +80,8 @@ fn adaptation_learns_from_received_packets_too() {
     let fresh = || vehicle(&team, "a", events("a", 12, 0.0));
     let (mut alone, mut informed) = (fresh(), fresh());
     // A mean that falls with range would explain nearly everything here without any packet.
-    let zero = StructureConstraints { mean: Some(MeanStructure::Zero), ..StructureConstraints::default() };
-    let learning = Learning { structures: zero.default_candidates(), ..Learning::default() };
+    let structure = Structure { mean: MeanStructure::Zero, ..Structure::default() };
+    let learning = Learning { structure, ..Learning::default() };
     let learned_alone = alone.adapt(&learning).unwrap().model.prior.clone();
     packets.iter().for_each(|bytes| assert_eq!(informed.receive(bytes, None), Receipt::Accepted));
     assert_ne!(learned_alone, informed.adapt(&learning).unwrap().model.prior);

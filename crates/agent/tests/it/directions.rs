@@ -6,7 +6,7 @@ use pingmap_agent::*;
 const SPEC: InputSpec = InputSpec::Positions;
 
 fn structure(additions: &[OptionalTerm]) -> Structure {
-    additions.iter().fold(StructureConstraints::default().default_candidates()[0], |all, &term| all.with(term))
+    additions.iter().fold(Structure::default(), |all, &term| all.with(term))
 }
 
 fn template(additions: &[OptionalTerm]) -> Model {

@@ -28,7 +28,7 @@ fn a_model_file_is_read_back_to_the_same_model() {
 
 #[test]
 fn a_model_file_keeps_depths_and_the_reference_system() {
-    let structure = StructureConstraints::default().default_candidates()[0];
+    let structure = Structure::default();
     let prior = structure.template(InputSpec::PositionsAndDepths, 77.0).unwrap();
     let place = Geographic { latitude_deg: 42.5, longitude_deg: -70.25 };
     for reference in [ReferenceSystem::Unknown, ReferenceSystem::About(place), ReferenceSystem::Epsg(32_619)] {

@@ -1,12 +1,11 @@
 //! Models: the columns of a link, structures, and the digest of a model.
 
 use crate::common::*;
-use dgpc::Shape;
 use pingmap_agent::*;
 
 /// Every structure, with its template on a chart of 500 m.
 pub fn all_templates() -> Vec<(Structure, Model)> {
-    let mut all = StructureConstraints::default().all_candidates();
+    let mut all = structures();
     all.push(Structure { mean: MeanStructure::Conservative { range_m: 400.0, slope_per_m: 0.01 }, ..all[0] });
     let template = |structure: Structure| {
         let prior = structure.template(InputSpec::Positions, 500.0).unwrap();
@@ -20,7 +19,7 @@ fn columns_follow_from_the_positions_of_both_ends() {
     let deep = |east_m, north_m, depth_m| Position { depth_m: Some(depth_m), ..Position::new(east_m, north_m) };
     let link = Link { transmitter: deep(3.0, 0.0, 12.0), receiver: deep(0.0, 4.0, 0.0) };
     let spec = InputSpec::PositionsAndDepths;
-    let prior = StructureConstraints::default().default_candidates()[0].template(spec, 10.0).unwrap();
+    let prior = Structure::default().template(spec, 10.0).unwrap();
     let inputs = Model::new(Chart::about([]), spec, prior).inputs([&link]).unwrap();
     assert_eq!(spec.column_names().len(), inputs.dimension());
     assert_eq!(inputs.row(0)[spec.ends()], [3.0, 0.0, 12.0, 0.0, 4.0, 0.0]);
@@ -48,7 +47,7 @@ fn the_path_term_is_symmetric_only_in_reciprocal_structures() {
 #[test]
 fn a_conservative_mean_has_even_odds_at_its_range() {
     let mean = MeanStructure::Conservative { range_m: 500.0, slope_per_m: 0.008 };
-    let structure = Structure { mean, ..StructureConstraints::default().default_candidates()[0] };
+    let structure = Structure { mean, ..Structure::default() };
     let prior = structure.template(InputSpec::Positions, 300.0).unwrap();
     let model = Model::new(Chart::about([]), InputSpec::Positions, prior);
     let links = [link([0.0, 0.0, 300.0, 400.0]), link([0.0, 0.0, 0.0, 250.0])];
@@ -57,24 +56,10 @@ fn a_conservative_mean_has_even_odds_at_its_range() {
 }
 
 #[test]
-fn constraints_hold_in_every_candidate_structure() {
-    let constraints = StructureConstraints {
-        shape: Some(Shape::SquaredExponential),
-        terms: Some(Terms::Path),
-        ..StructureConstraints::default()
-    };
-    assert_eq!(constraints.default_candidates().len(), 1);
-    let all = constraints.all_candidates();
-    assert!(all.iter().all(|s| s.shape == Shape::SquaredExponential && s.terms == Terms::Path));
-    assert_eq!(all.len(), 2);
-}
-
-#[test]
 fn given_hyperparameters_are_kept_in_a_fit() {
     let learning = Learning { variance: Some(3.0), length_scale_m: Some(250.0), ..Learning::default() };
     let events = walk(0, 60, 0.0);
-    let fit =
-        learning.fit(&learning.structures[0], Chart::about([]), InputSpec::Positions, &events, &[], None).unwrap();
+    let fit = learning.fit(&learning.structure, Chart::about([]), InputSpec::Positions, &events, &[], None).unwrap();
     let term = &fit.model.prior.kernel().terms()[0];
     assert!((term.variance() - 3.0).abs() < 1e-12);
     assert!(term.correlations()[0].length_scales().iter().all(|l| (l - 250.0).abs() < 1e-9));

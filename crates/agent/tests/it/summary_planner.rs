@@ -148,8 +148,7 @@ fn many_certain_events_with_a_sharp_edge_are_worth_frames() {
     // themselves.
     let chart = Chart { scale_m: 800.0, ..Chart::about([]) };
     let learning = Learning::default();
-    let path = learning.structures.iter().find(|structure| structure.terms == Terms::Path).unwrap();
-    let prior = learning.template(path, InputSpec::Positions, chart.scale_m).unwrap();
+    let prior = learning.template(&learning.structure, InputSpec::Positions, chart.scale_m).unwrap();
     let model = Model::new(chart, InputSpec::Positions, prior);
     let reach = [Position::new(-1000.0, -1000.0), Position::new(1000.0, 1000.0)];
     let team = Arc::new(Team::new(names(2), model, reach).unwrap());

@@ -176,6 +176,6 @@ fn a_mission_in_the_order_of_time_reports_the_weight_of_a_given_model() {
     assert!(online(&[])["model_weights"].as_object().unwrap().is_empty());
     let text = pingmap(folder, &["replay", "events.csv", "--online", "--model", "model.toml"]);
     let text = stdout(&text);
-    assert!(text.contains("its final weight is") && text.contains("own events 1 to 50"), "{text}");
+    assert!(text.contains("mean final weight of the model is") && text.contains("own events 1 to 50"), "{text}");
     assert_ne!(given["nll"]["range_only"], given["nll"]["own"]);
 }

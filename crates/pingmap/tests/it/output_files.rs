@@ -156,7 +156,7 @@ fn a_result_is_printed_if_its_file_cannot_be_written() {
         ("predict events.csv --model model.toml --links events.csv -o /dev/full", "probability,lower,upper"),
         ("team events.csv -o /dev/full", "schema = "),
         ("team events.csv -o /dev/full --json", "team_digest"),
-        ("learn events.csv --kernel matern32 --additions none --site-prior 8 --json -o /dev/full", "criterion"),
+        ("learn events.csv --kernel matern32 --additions none --site-prior 8 --json -o /dev/full", "candidates"),
         ("learn events.csv --site-prior 8 --update model.toml --json -o /dev/full", "site_points"),
         ("learn events.csv --site-prior 8 --update model.toml -o /dev/full", "# A model of how links behave"),
     ] {

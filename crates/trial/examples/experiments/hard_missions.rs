@@ -5,7 +5,7 @@ use std::io::Write;
 use anyhow::Context;
 use clap::Args;
 use pingmap_agent::{Event, Learning, VehicleId};
-use pingmap_trial::{EventLog, Mission, Plan, Preshared, Split, Step, TrafficPlan, learn_best, online};
+use pingmap_trial::{EventLog, Mission, Plan, Preshared, Split, Step, TrafficPlan, learn, online};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -153,5 +153,5 @@ fn mean_excess(log: &EventLog, noise: f64, plan: &Plan) -> anyhow::Result<[f64; 
 fn model_of_earlier_mission(log: &EventLog, noise: f64) -> anyhow::Result<Preshared> {
     let (earlier, _) = noisy(log, noise, DRAWS + 1)?;
     let events: Vec<&Event> = earlier.events.iter().collect();
-    Ok(Preshared::Model(learn_best(&Learning::default(), log.chart(), log.inputs(), &events)?.model))
+    Ok(Preshared::Model(learn(&Learning::default(), log.chart(), log.inputs(), &events)?.best.model))
 }

@@ -9,7 +9,7 @@ use anyhow::Context;
 use clap::Args;
 use pingmap_agent::{Agent, AgentOptions, Event, Learning, Position, Sharing, Team, VehicleId, Which};
 use pingmap_trial::simulate::{Simulation, Sound};
-use pingmap_trial::{EventLog, learn_best, probabilities, schedule};
+use pingmap_trial::{EventLog, learn, probabilities, schedule};
 
 use crate::agents::agent_of_all_receivers;
 use crate::statistics::{columns, nll};
@@ -91,7 +91,7 @@ fn simulate(slots: usize, seed: u64) -> anyhow::Result<EventLog> {
 fn team(log: &EventLog) -> anyhow::Result<Team> {
     let before = simulate(300, 2)?;
     let events: Vec<&Event> = before.events.iter().collect();
-    let learned = learn_best(&Learning::default(), before.chart(), before.inputs(), &events)?;
+    let learned = learn(&Learning::default(), before.chart(), before.inputs(), &events)?.best;
     let mut corners = [Position::new(f64::MAX, f64::MAX), Position::new(f64::MIN, f64::MIN)];
     for at in log.events.iter().flat_map(|event| event.link.ends()) {
         corners[0] = Position::new(corners[0].east_m.min(at.east_m), corners[0].north_m.min(at.north_m));

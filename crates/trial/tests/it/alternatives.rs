@@ -1,6 +1,6 @@
 //! Alternative uses of the same bytes.
 
-use pingmap_agent::{Event, Learning, Link, MeanStructure, Position, ReferenceSystem, StructureConstraints, VehicleId};
+use pingmap_agent::{Event, Learning, Link, MeanStructure, Position, ReferenceSystem, Structure, VehicleId};
 use pingmap_trial::{Alternative, EventLog, Mission, ModelSource, Plan, Split};
 
 /// Returns a log in which `a` hears `b` over each of these links `repeats` times, and then `b` hears `a` over each link
@@ -39,9 +39,8 @@ fn links(count: usize, apart_m: f64) -> Vec<Link> {
 fn predictions_of_b(way: Alternative, links: &[Link], repeats: usize) -> Vec<f64> {
     let (log, split) = log(links, repeats);
     // All vehicles use the prior of the first structure, with even odds before any event.
-    let constraints = StructureConstraints { mean: Some(MeanStructure::Zero), ..StructureConstraints::default() };
-    let structures = constraints.default_candidates();
-    let learning = Learning { structures, ..Learning::default() };
+    let structure = Structure { mean: MeanStructure::Zero, ..Structure::default() };
+    let learning = Learning { structure, ..Learning::default() };
     let plan = Plan { model_source: ModelSource::Own, ..Plan::new(learning, 1) };
     let mission = Mission::prepare(&log, &split, &plan, 1).unwrap();
     way.predict(&mission, 1).unwrap().pop().unwrap()

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pingmap_agent::*;
-use pingmap_trial::{EventLog, learn_additions, learn_all};
+use pingmap_trial::{EventLog, learn};
 
 /// Returns the structures tried, in order, with the bits of their learned parameters. The last entry is the best
 /// structure.
@@ -12,11 +12,7 @@ fn tried(log: &EventLog, threads: usize) -> Vec<(Structure, Vec<u64>)> {
     let learning = Learning::default();
     let events: Vec<&Event> = log.events.iter().collect();
     let (chart, inputs) = (log.chart(), log.inputs());
-    let added = pool.install(|| {
-        let fits = learn_all(&learning, chart, inputs, &events, &|| ()).unwrap();
-        let chosen = learning.choose(fits.into_iter().map(|(fit, _)| fit).collect()).unwrap();
-        learn_additions(&learning, chosen, chart, inputs, &events).unwrap()
-    });
+    let added = pool.install(|| learn(&learning, chart, inputs, &events).unwrap());
     let numbers =
         |fit: &LearnedModel| fit.model.prior.parameter_values().iter().map(|number| number.to_bits()).collect();
     let tried = added.tried.iter().map(|(fit, _)| fit);

@@ -4,7 +4,7 @@
 use dgpc::Posterior;
 use pingmap_agent::*;
 use pingmap_trial::simulate::{Channel, Simulation, Sound};
-use pingmap_trial::{EventLog, Score, learn_best};
+use pingmap_trial::{EventLog, Score, learn};
 use rand::RngExt;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use rayon::prelude::*;
@@ -62,7 +62,7 @@ fn trial(seed: u64, spread_db: f64) -> [EventLog; 2] {
 fn nll([first, second]: &[EventLog; 2], additions: Vec<OptionalTerm>) -> (f64, bool) {
     let learning = Learning { additions, ..Learning::default() };
     let events: Vec<&Event> = first.events.iter().collect();
-    let learned = learn_best(&learning, first.chart(), InputSpec::Positions, &events).unwrap();
+    let learned = learn(&learning, first.chart(), InputSpec::Positions, &events).unwrap().best;
     let posterior: Posterior = learned.learned.fit.posterior().unwrap();
     let inputs = learned.model.inputs(second.events.iter().map(Event::query)).unwrap();
     let outcomes: Vec<bool> = second.events.iter().map(|event| event.success).collect();

@@ -49,7 +49,7 @@ pub struct Provenance {
 /// use pingmap_agent::{Chart, InputSpec, Learning, Model, ModelFile};
 ///
 /// let learning = Learning::default();
-/// let prior = learning.template(&learning.structures[0], InputSpec::Positions, 490.0)?;
+/// let prior = learning.template(&learning.structure, InputSpec::Positions, 490.0)?;
 /// let model = Model::new(Chart::about([]), InputSpec::Positions, prior);
 /// let file = ModelFile { model, learned: None, site_log_digests: Vec::new() };
 /// assert_eq!(ModelFile::parse(&file.write()?)?, file);

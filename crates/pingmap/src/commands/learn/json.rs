@@ -40,8 +40,6 @@ pub struct LearnJson<'a> {
     pub held_out_events: usize,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Criterion for the choice among the candidates.
-    pub criterion: String,
     /// All candidates, the best first.
     pub candidates: Vec<CandidateJson>,
     /// The model that was written.

@@ -7,19 +7,17 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dgpc::{PriorMean, Term, spread_out};
 use pingmap_agent::{
-    Criterion, Event, Fading, InputSpec, LearnedModel, Learning, LengthUnit, Limits, Link, Model, ModelFile,
-    Provenance, Which,
+    Event, Fading, InputSpec, LearnedModel, Learning, LengthUnit, Limits, Link, Model, ModelFile, Provenance, Which,
 };
-use pingmap_trial::{Division, EventLog, Score, learn_additions, learn_all, learn_best};
+use pingmap_trial::{Division, EventLog, Score, learn};
 
 use self::json::{AddedJson, CandidateJson, LearnJson, ModelJson};
-use crate::cli_enums::name_of;
 use crate::cli_parsers::{open_share, site_points};
 use crate::learned_map::all_in_one;
 use crate::log::{Logs, thinned};
 use crate::model::{InputDigests, counted, of_events, open_model, stop_words, warn_of_search};
 use crate::options::{ModelOptions, RESULT, Work};
-use crate::output::{BadInput, Results, note, print_json, progress, spinner, table, warn};
+use crate::output::{BadInput, Results, note, print_json, spinner, table, warn};
 use crate::output_target::{Overwrite, Target};
 use crate::reference::ReferenceOptions;
 
@@ -81,23 +79,19 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if let Some((base, points)) = options.update.as_deref().zip(options.site_prior) {
         return add_to_site_prior(options, &target, (&log, log_digest), (base, points), results);
     }
-    let learning = options.model.learning(options.model.constraints().all_candidates(), limits);
+    let learning = options.model.learning(limits);
     let (training, held_out) = divided(&log, options)?;
 
-    let bar = progress(learning.structures.len() as u64, "learning");
-    let fits = learn_all(&learning, log.chart(), log.inputs(), &training, &|| bar.inc(1))?;
-    bar.finish_and_clear();
-    let chosen = learning.choose(fits.iter().map(|(fit, _)| fit.clone()).collect())?;
-    let bar = spinner("trying additions");
-    let added = learn_additions(&learning, chosen, log.chart(), log.inputs(), &training)?;
+    let bar = spinner("learning");
+    let added = learn(&learning, log.chart(), log.inputs(), &training)?;
     bar.finish_and_clear();
     let mut candidates = Vec::new();
-    for (fit, seconds) in fits.into_iter().chain(added.tried) {
+    for (fit, seconds) in added.tried {
         warn_of_search(&fit);
         let held_out_nll = held_out_nll(&fit.model, &training, &held_out, limits)?;
         candidates.push(Candidate { fit, seconds, held_out_nll });
     }
-    let merit = |candidate: &Candidate| candidate.fit.merit(learning.criterion);
+    let merit = |candidate: &Candidate| candidate.fit.leave_one_out();
     candidates.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
 
     // The final model is learned from all events, including the held-out ones.
@@ -115,20 +109,19 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         print_json(
             results,
             &LearnJson {
-                schema: 1,
+                schema: 2,
                 digests,
                 file: &options.output,
                 events: log.events.len(),
                 training_events: training.len(),
                 held_out_events: held_out.len(),
                 seed: options.work.seed,
-                criterion: name_of(&options.model.criterion),
                 candidates: candidates.iter().map(Candidate::json).collect(),
                 model: ModelJson::of(&best),
             },
         )?;
     } else {
-        target.print_message(&text(&candidates, &best, learning.criterion, !held_out.is_empty()), results)?;
+        target.print_message(&text(&candidates, &best, !held_out.is_empty()), results)?;
     }
     if written.is_ok() {
         note(format_args!("wrote {}", options.output.display()));
@@ -183,8 +176,8 @@ fn add_to_site_prior(
 /// Learns the chosen structure from all events.
 fn learn_again(learning: &Learning, chosen: &LearnedModel, log: &EventLog) -> anyhow::Result<LearnedModel> {
     let bar = spinner("learning from all events");
-    let learning = Learning { structures: vec![chosen.structure], additions: Vec::new(), ..learning.clone() };
-    let fit = learn_best(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?;
+    let learning = Learning { structure: chosen.structure, additions: Vec::new(), ..learning.clone() };
+    let fit = learn(&learning, log.chart(), log.inputs(), &log.events.iter().collect::<Vec<_>>())?.best;
     bar.finish_and_clear();
     Ok(fit)
 }
@@ -245,15 +238,11 @@ fn held_out_nll(
     Ok(Score::new(&probabilities, &outcomes).map(|score| score.nll))
 }
 
-fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, held_out: bool) -> String {
+fn text(candidates: &[Candidate], best: &LearnedModel, held_out: bool) -> String {
     let mut header = vec!["kernel", "inputs", "direction", "terms", "mean", "E", "LOO"];
     if held_out {
         header.push("NLL");
     }
-    let by = match criterion {
-        Criterion::LeaveOneOut => "leave-one-out log predictive",
-        Criterion::Evidence => "evidence bound E",
-    };
     let terms = best.model.prior.kernel().terms().iter().map(|term| term_in_words(term, best.model.inputs));
     let mean = match best.model.prior.mean() {
         PriorMean::Constant(log_odds) => format!("  prior mean {log_odds:.2}"),
@@ -271,7 +260,7 @@ fn text(candidates: &[Candidate], best: &LearnedModel, criterion: Criterion, hel
         counted(best),
     );
     format!(
-        "{}\n\nChosen by {by}, learned from {}: {}\n{}\n{mean}\n{fading}\nE: evidence bound. LOO: leave-one-out log predictive. Both \
+        "{}\n\nChosen by leave-one-out log predictive, learned from {}: {}\n{}\n{mean}\n{fading}\nE: evidence bound. LOO: leave-one-out log predictive. Both \
          are in nats an event; higher is better. NLL: negative log-likelihood \
          of a held-out event in nats; lower is better.",
         table(&header, &candidates.iter().map(Candidate::row).collect::<Vec<_>>()),
