@@ -2,6 +2,9 @@
 
 use crate::types::event::Position;
 
+/// Longest time over which a course is computed from positions that are not neighbours, in seconds.
+const COURSE_S_MAX: f64 = 60.0;
+
 /// Positions in the order of time.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Track(Vec<(f64, Position)>);
@@ -36,7 +39,8 @@ impl Track {
     }
 
     /// Returns the position at a time, interpolated linearly. `None` before the first position and after the last one.
-    /// A position without a heading gets the course from the position before it.
+    /// A position without a heading gets the course from the position before it. If that one is less than two metres
+    /// away, an earlier one counts that is at most a minute older.
     pub(crate) fn at(&self, time_s: f64) -> Option<Position> {
         self.at_within(time_s, f64::INFINITY)
     }
@@ -48,11 +52,23 @@ impl Track {
         let next = self.0.get(after)?;
         let before = after.checked_sub(1).and_then(|before| self.0.get(before));
         let before = before.filter(|before| next.0 - before.0 <= gap_s_max);
+        let course_deg = || self.course_deg(after, gap_s_max);
         if next.0 == time_s {
-            let course_deg = || before.and_then(|before| before.1.course_deg(&next.1));
             return Some(Position { heading_deg: next.1.heading_deg.or_else(course_deg), ..next.1 });
         }
-        before.map(|before| interpolate(before, next, time_s))
+        let between = interpolate(before?, next, time_s);
+        Some(Position { heading_deg: between.heading_deg.or_else(course_deg), ..between })
+    }
+
+    /// Returns the course to the position at `index` from the position before it. If they are too near for a course, an
+    /// earlier position counts that is at most [`COURSE_S_MAX`] older.
+    fn course_deg(&self, index: usize, gap_s_max: f64) -> Option<f64> {
+        let (time_s, to) = &self.0[index];
+        let earlier = self.0[..index].iter().rev().enumerate();
+        let is_near = |(place, fix): &(usize, &(f64, Position))| {
+            time_s - fix.0 <= if *place == 0 { gap_s_max } else { COURSE_S_MAX }
+        };
+        earlier.take_while(is_near).find_map(|(_, fix)| fix.1.course_deg(to))
     }
 }
 
@@ -76,4 +92,35 @@ pub(crate) fn interpolate(from: &(f64, Position), to: &(f64, Position), time_s: 
 /// Returns the shorter turn from one heading to another, from −180 to 180 degrees, positive to starboard.
 fn turn_deg(from_deg: f64, to_deg: f64) -> f64 {
     (to_deg - from_deg + 180.0).rem_euclid(360.0) - 180.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn navigation_at_a_high_rate_gives_the_course_of_a_moving_vehicle() {
+        // One fix a tenth of a second, at one metre a second to the east.
+        let fixes = (0..600).map(|n| (0.1 * f64::from(n), Position::new(0.1 * f64::from(n), 0.0)));
+        let track = Track::new(fixes.collect());
+        let heading = |time_s: f64| track.at(time_s).unwrap().heading_deg;
+        assert_eq!(heading(30.0), Some(90.0));
+        assert_eq!(heading(30.05), Some(90.0));
+        // The vehicle has not moved two metres yet.
+        assert_eq!(heading(1.0), None);
+        let moored = Track::new((0..600).map(|n| (f64::from(n), Position::new(1e-3 * f64::from(n), 0.0))).collect());
+        assert_eq!(moored.at(300.0).unwrap().heading_deg, None);
+    }
+
+    #[test]
+    fn a_course_comes_from_the_position_before_if_the_vehicle_moved_that_far() {
+        let fixes = [(0.0, 0.0, 0.0), (100.0, 0.0, 50.0), (200.0, 50.0, 50.0)];
+        let track = Track::new(fixes.map(|(time_s, east_m, north_m)| (time_s, Position::new(east_m, north_m))).into());
+        let heading = |time_s: f64| track.at(time_s).unwrap().heading_deg;
+        assert_eq!(
+            [heading(0.0), heading(100.0), heading(150.0), heading(200.0)],
+            [None, Some(0.0), Some(90.0), Some(90.0)]
+        );
+        assert_eq!(track.at_within(200.0, 50.0).unwrap().heading_deg, None);
+    }
 }
