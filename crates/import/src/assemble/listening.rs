@@ -121,6 +121,11 @@ fn exclusion_reason(
         return Some(ExclusionReason::NotRecording);
     }
     let decoded_from_s = expected_s - early_s;
+    // A reception at the edge of a span bounds it only because it was heard, so the edges belong to the span.
+    let is_lost = |span: &(f64, f64)| span.0 <= expected_s + rules.match_s && decoded_from_s - rules.match_s <= span.1;
+    if recording.lost_spans.iter().any(is_lost) {
+        return Some(ExclusionReason::DamagedLog);
+    }
     let start_s = expected_s - clocks.delays.of_sender_s(sender).max(0.0);
     let own_from_s = start_s.min(decoded_from_s - rules.message_s) - rules.message_s;
     if transmission_times.has_within(receiver, own_from_s, decoded_from_s - REPLY_MARGIN_S) {

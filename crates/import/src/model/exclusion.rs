@@ -11,6 +11,8 @@ pub enum ExclusionReason {
     DestinationUnknown,
     /// The receiver's modem was not active yet or not active any more.
     NotRecording,
+    /// The receiver's log is damaged at that time, so that a record of a reception may be lost.
+    DamagedLog,
     /// The receiver's modem was not listening, as stated by the user.
     NotListening,
     /// The receiver was transmitting.
@@ -29,10 +31,11 @@ pub enum ExclusionReason {
 
 impl ExclusionReason {
     /// All reasons, in the order of the checks.
-    pub const ALL: [ExclusionReason; 10] = [
+    pub const ALL: [ExclusionReason; 11] = [
         ExclusionReason::Unconfirmed,
         ExclusionReason::DestinationUnknown,
         ExclusionReason::NotRecording,
+        ExclusionReason::DamagedLog,
         ExclusionReason::NotListening,
         ExclusionReason::Transmitting,
         ExclusionReason::Rebooting,
@@ -48,6 +51,7 @@ impl ExclusionReason {
             ExclusionReason::Unconfirmed => "unconfirmed",
             ExclusionReason::DestinationUnknown => "destination unknown",
             ExclusionReason::NotRecording => "not recording",
+            ExclusionReason::DamagedLog => "damaged log",
             ExclusionReason::NotListening => "not listening",
             ExclusionReason::Transmitting => "transmitting",
             ExclusionReason::Rebooting => "rebooting",
@@ -64,6 +68,7 @@ impl ExclusionReason {
             ExclusionReason::Unconfirmed => "unconfirmed",
             ExclusionReason::DestinationUnknown => "destination_unknown",
             ExclusionReason::NotRecording => "not_recording",
+            ExclusionReason::DamagedLog => "damaged_log",
             ExclusionReason::NotListening => "not_listening",
             ExclusionReason::Transmitting => "transmitting",
             ExclusionReason::Rebooting => "rebooting",

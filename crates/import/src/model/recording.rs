@@ -34,6 +34,8 @@ pub struct Recording {
     pub replies: Vec<Reply>,
     /// Intervals in which its modem could not receive, and the reason.
     pub deaf_intervals: Vec<(f64, f64, ExclusionReason)>,
+    /// Time spans in which records of a damaged log were lost.
+    pub lost_spans: Vec<(f64, f64)>,
     /// Band of its modem from a time on, by the modem's own records.
     pub bands: Vec<(f64, String)>,
     /// Times with a report of satellite navigation, and whether it had a fix. A fix sets the clock.
@@ -122,6 +124,7 @@ impl Recording {
             listening,
             replies,
             deaf_intervals,
+            lost_spans,
             bands,
             clock_syncs,
         } = other;
@@ -139,6 +142,7 @@ impl Recording {
         self.listening.extend(listening);
         self.replies.extend(replies);
         self.deaf_intervals.extend(deaf_intervals);
+        self.lost_spans.extend(lost_spans);
         self.bands.extend(bands);
         self.clock_syncs.extend(clock_syncs);
     }

@@ -40,7 +40,10 @@ fn an_lcm_log_is_read_on_behind_damage() {
     for count in [1, 3, 300, (1 << 16) - 1, 1 << 16, (1 << 16) + 1, 1 << 18] {
         for byte in [0, 0xed] {
             let inserted = [&log[..middle], &vec![byte; count], &log[middle..]].concat();
-            assert_eq!(read("a.lcmlog", &inserted).unwrap(), (whole.clone(), damaged.clone()), "{count} bytes {byte}");
+            let (mut found, skipped) = read("a.lcmlog", &inserted).unwrap();
+            let spans = std::mem::take(&mut found.lost_spans);
+            assert!(matches!(spans[..], [(from_s, to_s)] if from_s <= to_s), "{spans:?}");
+            assert_eq!((found, skipped), (whole.clone(), damaged.clone()), "{count} bytes {byte}");
         }
     }
     // A damaged mark, an impossible length, and a possible length that is wrong: one event is lost.
@@ -110,6 +113,11 @@ fn a_damaged_chunk_of_mcap_is_left_out_and_the_others_are_read() {
                 let mut expected = recording.fixes.clone();
                 expected.drain(5 * index..5 * index + 5);
                 assert_eq!(found.fixes, expected, "{compression:?} {index} {from_end}");
+                // Fix n is at 2(n + 1) seconds. Nothing follows the last chunk.
+                let span = (10.0 * index as f64, 10.0 * index as f64 + 12.0);
+                let rounded = found.lost_spans.iter().map(|&(from_s, to_s)| (from_s.round(), to_s.round()));
+                let expected = (index < 9).then_some(span);
+                assert!(rounded.eq(expected), "{compression:?} {index} {from_end}: {:?}", found.lost_spans);
             }
         }
         // Behind a damaged length no record can be found. Those before it are read.

@@ -200,6 +200,35 @@ fn receptions_that_bound_the_modem_activity_do_not_count() {
 }
 
 #[test]
+fn messages_in_a_damaged_place_of_a_log_do_not_count_whether_heard_or_missed() {
+    let (b, everything) = (VehicleId::new("b"), |_: u32| true);
+    let heard = reception_table("", two_of_three, no_fields);
+    // Records of b from 399 s to 601 s were lost. A record may deviate by ten seconds from its message (`match_s`).
+    let outside = |n: u32| two_of_three(n) && !(40..=60).contains(&n);
+    let damaged = |is_heard: &dyn Fn(u32) -> bool| {
+        let receptions = [&*reception_table("", is_heard, no_fields), &heard];
+        let mut recordings = records(&transmission_table("", no_fields), receptions, Some((0.0, 2000.0)));
+        recordings.get_mut(&b).unwrap().lost_spans.push((399.0, 601.0));
+        join(&recordings, None, &Reference::unknown(), &Rules::default()).unwrap()
+    };
+    let whole = join_tables(&transmission_table("", no_fields), [&heard, &heard], &Rules::default());
+    let found = damaged(&outside);
+    let excluded = &found.pairs[&(VehicleId::new("a"), b.clone())].excluded;
+    assert_eq!(
+        excluded.iter().map(|(&reason, &count)| (reason, count)).collect::<Vec<_>>(),
+        [(ExclusionReason::DamagedLog, 23)]
+    );
+    let is_counted = |event: &&pingmap_agent::Event| event.receiver_id != b || !(389.0..=612.0).contains(&event.time_s);
+    let expected: Vec<_> = whole.log.events.iter().filter(is_counted).collect();
+    assert_eq!(found.log.events.iter().collect::<Vec<_>>(), expected);
+    // Outcomes in the span have no effect.
+    for is_heard in [&two_of_three as &dyn Fn(u32) -> bool, &everything] {
+        let inside = |n: u32| if (40..=60).contains(&n) { is_heard(n) } else { two_of_three(n) };
+        assert_eq!(damaged(&inside).log.events, found.log.events);
+    }
+}
+
+#[test]
 fn a_packet_that_broke_near_a_message_is_a_miss_of_that_message() {
     // For every third message, a cycle breaks two seconds before the data, and the data are missed.
     let broken = |n: u32| n.is_multiple_of(3);

@@ -9,6 +9,7 @@ use crate::model::parsed_file::ParsedFile;
 use crate::model::recording::{Arrival, TransmissionRecord};
 use crate::readers::bags::cdr::CdrReader;
 use crate::readers::bags::encoding::{TopicFormat, decompress};
+use crate::readers::bags::lost_spans::LostSpans;
 use crate::readers::message_fields::MessageFields;
 use crate::readers::modem::micromodem::Micromodem;
 use crate::readers::modem::nmea::Sentence;
@@ -29,6 +30,8 @@ pub(crate) struct BagParser<'a> {
     recent_lines: Vec<(f64, String, String)>,
     /// Possible receptions in messages with named members.
     reported: Vec<Arrival>,
+    /// Time spans in which records were lost.
+    pub(crate) lost: LostSpans,
     /// Whether any topic has the prefix.
     is_any_selected: bool,
 }
@@ -48,6 +51,7 @@ impl<'a> BagParser<'a> {
             positions,
             recent_lines: Vec::new(),
             reported: Vec::new(),
+            lost: LostSpans::default(),
             is_any_selected: false,
         }
     }
@@ -239,6 +243,7 @@ impl<'a> BagParser<'a> {
             ));
         }
         self.parsed.recording.reported.extend((!self.reported.is_empty()).then_some(self.reported));
+        self.parsed.recording.lost_spans = self.lost.into_spans();
         self.parsed.datum = self.navigation.datum();
         self.parsed.skipped.missing_positions += self.navigation.missing;
         self.parsed.recording.fixes = self.navigation.into_fixes();

@@ -1,6 +1,6 @@
 //! MCAP files from ROS 2 and other systems.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read};
 
 use mcap::records::{Record, op};
@@ -25,7 +25,8 @@ const CHUNK_END: &[u8] = &[op::DATA_END, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
 
 /// Reads a file from its beginning to its end, or to the point where it is truncated.
 ///
-/// A chunk counts only if its checksum is right. A damaged chunk or record is left out and counted. If the length of a
+/// A chunk counts only if its checksum is right. A damaged chunk or record is left out and counted,
+/// and its time span is noted. If the length of a
 /// record is damaged, the rest of the file is left out. Memory holds one message, or one chunk as stored.
 ///
 /// # Errors
@@ -56,14 +57,19 @@ pub(crate) fn read(mut reader: impl Read, ids: &ModemIds, prefix: &str) -> Resul
         if opcode == op::CHUNK {
             // A chunk that the end of the file cuts cannot be checked. Its messages up to the end count.
             let is_intact = is_cut || read_chunk(&head, &record, &mut |_| {});
-            damaged += usize::from(!is_intact);
             if is_intact {
                 read_chunk(&head, &record, &mut |record| topics.absorb(record));
+            } else {
+                damaged += 1;
+                topics.bag.lost.note_damage();
             }
         } else if !is_cut {
             match mcap::parse_record(opcode, &record) {
                 Ok(record) => topics.absorb(record),
-                Err(_) => damaged += 1,
+                Err(_) => {
+                    damaged += 1;
+                    topics.bag.lost.note_damage();
+                }
             }
             is_whole |= opcode == op::DATA_END;
         }
@@ -112,27 +118,38 @@ struct Topics<'a> {
     bag: BagParser<'a>,
     schemas: BTreeMap<u16, String>,
     channels: BTreeMap<u16, (TopicFormat, String)>,
+    /// Channels with a definition, selected or not.
+    defined: BTreeSet<u16>,
     /// Whether any topic has a message.
     has_messages: bool,
 }
 
 impl<'a> Topics<'a> {
     fn new(bag: BagParser<'a>) -> Self {
-        Self { bag, schemas: BTreeMap::new(), channels: BTreeMap::new(), has_messages: false }
+        Self { bag, schemas: BTreeMap::new(), channels: BTreeMap::new(), defined: BTreeSet::new(), has_messages: false }
     }
 
     fn absorb(&mut self, record: Record) {
         match record {
             Record::Schema { header, .. } => drop(self.schemas.insert(header.id, header.name)),
-            Record::Channel(channel) if self.bag.selects(&channel.topic) => {
+            Record::Channel(channel) => {
+                self.defined.insert(channel.id);
+                if !self.bag.selects(&channel.topic) {
+                    return;
+                }
                 let kind = self.schemas.get(&channel.schema_id).map_or("", String::as_str);
                 let topic = TopicFormat::new(kind, &channel.message_encoding);
                 self.channels.insert(channel.id, (topic, channel.topic));
             }
             Record::Message { header, data } => {
                 self.has_messages = true;
+                let time_s = header.log_time as f64 * 1e-9;
+                self.bag.lost.note_record(time_s);
+                if !self.defined.contains(&header.channel_id) {
+                    self.bag.lost.note_undefined_topic();
+                }
                 if let Some((topic, name)) = self.channels.get(&header.channel_id) {
-                    self.bag.absorb(header.log_time as f64 * 1e-9, (*topic, name), &data);
+                    self.bag.absorb(time_s, (*topic, name), &data);
                 }
             }
             _ => {}

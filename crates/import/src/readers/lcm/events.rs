@@ -20,6 +20,8 @@ pub(crate) struct Event<'a> {
     pub(crate) channel: String,
     pub(crate) time_s: f64,
     pub(crate) message: &'a [u8],
+    /// Number of damaged places before it.
+    pub(crate) damaged: usize,
 }
 
 /// Iterates over the events. After damage it goes on at the next mark. Holds one event.
@@ -66,7 +68,8 @@ impl<R: Read> Events<R> {
             let event = self.position..self.position + length;
             self.position = event.end;
             let (channel, message) = self.buffer[event][HEAD_BYTES..].split_at(channel_bytes);
-            return Ok(Some(Event { channel: String::from_utf8_lossy(channel).into_owned(), time_s, message }));
+            let (channel, damaged) = (String::from_utf8_lossy(channel).into_owned(), self.damaged);
+            return Ok(Some(Event { channel, time_s, message, damaged }));
         }
         Ok(None)
     }

@@ -23,9 +23,15 @@ pub(crate) fn read(reader: impl Read, types: &LcmTypes, ids: &ModemIds, prefix: 
     let names = types.by_fingerprint();
     let (mut bag, mut events, mut unknown_type, mut is_empty) =
         (BagParser::new(ids, prefix), Events::new(reader), 0, true);
-    while let Some(Event { channel, time_s, message }) =
-        events.next().map_err(|error| format!("cannot be read: {error}"))?
-    {
+    let mut damaged = 0;
+    loop {
+        let next = events.next().map_err(|error| format!("cannot be read: {error}"))?;
+        let Some(Event { channel, time_s, message, damaged: damaged_before }) = next else { break };
+        if damaged_before > damaged {
+            damaged = damaged_before;
+            bag.lost.note_damage();
+        }
+        bag.lost.note_record(time_s);
         is_empty = false;
         if !bag.selects(&channel) {
             continue;

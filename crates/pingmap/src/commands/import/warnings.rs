@@ -138,7 +138,11 @@ fn left_out(imported: &ImportResult, inputs: &Inputs) -> impl Iterator<Item = St
             "in an unsupported encoding, or of types without a definition (.lcm), left out",
         ),
         (skipped.truncated, "file", "cut off within a record: only the records before are read"),
-        (skipped.damaged, "damaged place", "of logs (chunks of MCAP files, bytes between events of LCM logs) left out"),
+        (
+            skipped.damaged,
+            "damaged place",
+            "of logs (chunks of MCAP files, bytes between events of LCM logs) left out; messages at these times do not count",
+        ),
         (skipped.missing_positions, "line", without_position),
         (imported.left_out.unprojected, "position", "outside of the map left out"),
         (imported.left_out.own_messages, "message", "that vehicles received from themselves left out"),
