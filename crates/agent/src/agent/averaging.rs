@@ -7,6 +7,7 @@ use crate::agent::state::{Agent, Which};
 use crate::error::AgentError;
 use crate::inference::alternative::AlternativeModel;
 use crate::model::link_model::Model;
+use crate::store::entry::check_event;
 use crate::types::event::Event;
 use crate::types::query::LinkQuery;
 
@@ -89,6 +90,7 @@ impl Agent {
         if self.posteriors.alternative.is_none() {
             return Ok(0.0);
         }
+        events.clone().try_for_each(check_event)?;
         Ok(self.by_model(events.clone().map(Event::query).collect())?.score_difference(events))
     }
 
@@ -120,9 +122,8 @@ fn moments(first: [f64; 2], second: [f64; 2], weight: f64) -> [f64; 2] {
 
 /// Returns the moments of the mixture of two latent functions at equal queries; `weight` is that of the second.
 pub(crate) fn mixture(first: &Latent, second: &Latent, weight: f64) -> Latent {
-    let each = |latent: &Latent| latent.mean.iter().copied().zip(latent.variance.iter().copied()).collect::<Vec<_>>();
-    let pairs = each(first).into_iter().zip(each(second));
-    let mixed = |((a, b), (c, d)): ((f64, f64), (f64, f64))| <(f64, f64)>::from(moments([a, b], [c, d], weight));
-    let (mean, variance) = pairs.map(mixed).unzip();
+    let of = |latent: &Latent, n: usize| [latent.mean[n], latent.variance[n]];
+    let mixed = |n: usize| <(f64, f64)>::from(moments(of(first, n), of(second, n), weight));
+    let (mean, variance) = (0..first.mean.len()).map(mixed).unzip();
     Latent { mean, variance }
 }

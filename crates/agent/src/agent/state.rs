@@ -13,7 +13,7 @@ use crate::error::AgentError;
 use crate::inference::accepted::AcceptedData;
 use crate::inference::event_fit::RefitStart;
 use crate::inference::posteriors::{IntervalPosteriors, Posteriors};
-use crate::store::entry::{Entry, check_event};
+use crate::store::entry::Entry;
 use crate::store::memory::{Effect, Memory};
 use crate::team::config::Team;
 use crate::types::event::{Event, Position, VehicleId};
@@ -193,13 +193,7 @@ impl Agent {
     pub fn record(&mut self, events: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
         let numbered: Vec<(u64, Event)> = (self.memory.events.next_number()..).zip(events).collect();
         numbered.iter().try_for_each(|(_, event)| self.check_receiver(event))?;
-        let difference = match &self.posteriors.alternative {
-            None => 0.0,
-            Some(_) => {
-                numbered.iter().try_for_each(|(_, event)| check_event(event))?;
-                self.score_difference(numbered.iter().map(|(_, event)| event))?
-            }
-        };
+        let difference = self.score_difference(numbered.iter().map(|(_, event)| event))?;
         self.record_numbered(numbered)?;
         self.posteriors.alternative.iter_mut().for_each(|alternative| alternative.add_score(difference));
         Ok(())

@@ -8,7 +8,6 @@ use crate::error::AgentError;
 use crate::inference::accepted::AcceptedData;
 use crate::inference::event_fit::{EventFit, EventSource, PreviousFit, RefitStart, fit_events};
 use crate::model::link_model::Model;
-use crate::store::event_location::is_among;
 use crate::store::events::RecordedEvent;
 use crate::store::memory::Memory;
 
@@ -20,7 +19,7 @@ pub(crate) struct AlternativeModel {
     /// The last fit; it has the same events as the last fit under the team's model.
     fit: Option<Arc<EventFit>>,
     pub(crate) posterior: Posterior,
-    /// Log Bayes factor in nats: what the team's model has predicted better than this one, over own events.
+    /// Log Bayes factor in nats: the log score of the team's model minus that of the alternative, over own events.
     log_bayes_factor: f64,
 }
 
@@ -74,9 +73,7 @@ impl AlternativeModel {
             Some(fit) => {
                 let is_in = |source: &EventSource| match source {
                     EventSource::Own(_) => true,
-                    EventSource::Remote(key) => {
-                        fit.remote.get_key_value(key).is_some_and(|event| is_among(&trusted.events, event))
-                    }
+                    EventSource::Remote(key) => fit.is_accepted(key, trusted),
                 };
                 fit.posterior_of(is_in, &self.site())?
             }

@@ -88,6 +88,11 @@ impl EventFit {
         Ok(self.fit.summary_of_part(&wanted)?.map(|summary| PartialSummary { numbers, summary, sites_id }))
     }
 
+    /// Returns whether a remote event of the fit is accepted with the positions that it has in the fit.
+    pub(crate) fn is_accepted(&self, key: &EventKey, accepted: &AcceptedData) -> bool {
+        self.remote.get_key_value(key).is_some_and(|event| is_among(&accepted.events, event))
+    }
+
     /// Returns the indices of the own events with wanted numbers.
     pub(crate) fn own_indices(&self, is_wanted: impl Fn(u64) -> bool) -> Vec<usize> {
         (0..self.sources.len()).filter(|&index| self.own_number(index).is_some_and(&is_wanted)).collect()
@@ -106,9 +111,7 @@ impl EventFit {
         let wanted: HashSet<&EventSource> = sources.iter().collect();
         kept.retain(|source, _| match source {
             EventSource::Own(_) => wanted.contains(source),
-            EventSource::Remote(key) => {
-                self.remote.get_key_value(key).is_some_and(|event| is_among(&accepted.events, event))
-            }
+            EventSource::Remote(key) => self.is_accepted(key, accepted),
         });
         kept
     }

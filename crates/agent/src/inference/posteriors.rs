@@ -13,7 +13,7 @@ use crate::inference::alternative::AlternativeModel;
 use crate::inference::event_fit::{EventFit, EventSource, PartialSummary};
 use crate::inference::fitting::absorb_event;
 use crate::model::link_model::Model;
-use crate::store::event_location::{RemoteEvents, among, is_among};
+use crate::store::event_location::{RemoteEvents, among};
 use crate::store::events::{EventChange, RecordedEvent};
 use crate::store::memory::Memory;
 use crate::store::reports::ReceivedReports;
@@ -242,9 +242,7 @@ impl Posteriors {
         };
         let is_in = |source: &EventSource| match source {
             EventSource::Own(number) => !omitted.contains(number),
-            EventSource::Remote(key) => {
-                fit.remote.get_key_value(key).is_some_and(|event| is_among(&trusted.events, event))
-            }
+            EventSource::Remote(key) => fit.is_accepted(key, trusted),
         };
         let messages: Vec<&Summary> = model.site_summary().into_iter().chain(summaries(&packets)).collect();
         Ok(fit.posterior_of(is_in, &messages)?)

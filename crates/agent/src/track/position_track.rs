@@ -39,8 +39,8 @@ impl Track {
     }
 
     /// Returns the position at a time, interpolated linearly. `None` before the first position and after the last one.
-    /// A position without a heading gets the course from the position before it. If that one is less than two metres
-    /// away, an earlier one counts that is at most a minute older.
+    /// A position without a heading gets the course from the position before it. If these two are less than two
+    /// metres apart, the latest earlier position counts that is two metres away. It is at most a minute older.
     pub(crate) fn at(&self, time_s: f64) -> Option<Position> {
         self.at_within(time_s, f64::INFINITY)
     }
