@@ -1,6 +1,8 @@
 //! Gaussian sites: the likelihood of events given ω.
 
 use crate::error::{Result, positive, same_size};
+#[cfg(feature = "serde")]
+use crate::error::{all_finite, not_negative};
 use crate::inputs::Inputs;
 use crate::observations::Observations;
 use crate::prior_mean::PriorMean;
@@ -11,6 +13,7 @@ use crate::prior_mean::PriorMean;
 /// weight. Sites depend on no kernel and no prior mean; κ̃ = κ − Ωμ₀ follows from them under any prior mean
 /// ([`crate::method::likelihood`]).
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts", into = "Parts"))]
 pub struct Sites {
     inputs: Inputs,
     omega: Vec<f64>,
@@ -96,5 +99,36 @@ impl Sites {
     pub fn shift(&self, mean: &PriorMean) -> Result<Vec<f64>> {
         let mean = mean.values(&self.inputs)?;
         Ok(self.kappa.iter().zip(&self.omega).zip(&mean).map(|((kappa, omega), mean)| kappa - omega * mean).collect())
+    }
+}
+
+/// The serialised form of [`Sites`].
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parts {
+    inputs: Inputs,
+    omega: Vec<f64>,
+    kappa: Vec<f64>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Parts> for Sites {
+    type Error = crate::error::Error;
+
+    fn try_from(Parts { inputs, omega, kappa }: Parts) -> Result<Self> {
+        same_size("Pólya-Gamma variables, one per site", inputs.len(), omega.len())?;
+        same_size("κ, one per site", inputs.len(), kappa.len())?;
+        // Expectation propagation may give a site no precision.
+        omega.iter().try_for_each(|&omega| not_negative("Pólya-Gamma variable ω", omega).map(drop))?;
+        all_finite("κ of the sites", &kappa)?;
+        Ok(Self { inputs, omega, kappa })
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<Sites> for Parts {
+    fn from(Sites { inputs, omega, kappa }: Sites) -> Self {
+        Self { inputs, omega, kappa }
     }
 }

@@ -14,11 +14,15 @@ fn prior() -> Prior {
     Prior::new(Kernel::new(vec![term, other]).unwrap(), mean).unwrap()
 }
 
-fn summary() -> Summary {
+fn sites() -> Sites {
     let inputs = Inputs::from_rows(&[[0.0, 1.0, 2.0], [1.0, 0.5, -1.0], [2.0, 2.0, 0.0]]).unwrap();
-    let observations = Observations::new(inputs.clone(), vec![true, false, true]).unwrap();
-    let sites = Sites::new(&observations, vec![0.2; 3]).unwrap();
-    Summary::marginal(&prior(), &sites, &inputs.select(&[0, 2])).unwrap()
+    let observations = Observations::new(inputs, vec![true, false, true]).unwrap();
+    Sites::new(&observations, vec![0.2; 3]).unwrap()
+}
+
+fn summary() -> Summary {
+    let sites = sites();
+    Summary::marginal(&prior(), &sites, &sites.inputs().select(&[0, 2])).unwrap()
 }
 
 fn round_trip<T: Serialize + DeserializeOwned>(value: &T) -> T {
@@ -40,6 +44,7 @@ fn all_types_round_trip() {
     assert_eq!(again.inducing_points(), summary.inducing_points());
     assert_eq!(again.whitened_precision(), summary.whitened_precision());
     assert_eq!(again.whitened_shift(), summary.whitened_shift());
+    assert_eq!(round_trip(&sites()), sites());
     let factor = summary.factor().unwrap();
     assert_eq!(round_trip(&factor), factor);
 }
@@ -67,5 +72,8 @@ fn deserialisation_checks_values() {
     refused(&summary, "/whitened_shift", json!([1.0]), "entries of a summary's shift");
     refused(&summary, "/whitened_precision/rows", json!(3), "entries of a matrix");
     refused(&summary, "/inducing_points/dimension", json!(0), "input dimension");
+    refused(&sites(), "/omega/1", json!(-0.1), "Pólya-Gamma variable ω must be");
+    refused(&sites(), "/omega", json!([0.2]), "Pólya-Gamma variables, one per site");
+    refused(&sites(), "/kappa", json!([0.5, 0.5, 0.5, 0.5]), "κ, one per site: expected 3, found 4");
     refused(&summary.factor().unwrap(), "/shift", json!([]), "entries of a factor's shift");
 }
