@@ -145,6 +145,9 @@ pub enum Error {
         "template and warm start have different structures: other terms, columns, ties or another kind of prior mean"
     )]
     DifferentStructures,
+    /// The callback of a [`crate::Monitor`] asked to stop.
+    #[error("the computation was stopped by its monitor")]
+    Stopped,
     /// An event weight is not whole. Gibbs sampling draws PG(1, c) once for every unit of weight.
     #[error("Gibbs sampling needs whole event weights up to 1e6, event {event} has weight {weight}")]
     FractionalWeight {

@@ -92,6 +92,7 @@
 
 // In the order of the data flow: each module uses only modules above it.
 mod error;
+mod monitor;
 mod special;
 mod linalg;
 mod inputs;
@@ -133,7 +134,7 @@ pub use concatenation::Concatenation;
 pub use error::{Error, Place, Result};
 pub use evidence::{Evidence, evidence};
 pub use factor::Factor;
-pub use fit::{Fit, FitOptions, Propagated, absorb_observations, fit, sites_given};
+pub use fit::{Fit, FitOptions, FitStop, Propagated, absorb_observations, fit, sites_given};
 pub use gibbs::Gibbs;
 pub use greedy::{greedy_by_variance, greedy_judged};
 pub use inputs::{COLUMN_MAX, Inputs, spread_out};
@@ -142,6 +143,7 @@ pub use latent::{Latent, success_probability};
 #[cfg(feature = "learn")]
 pub use learn::{Calibration, HyperPrior, LearnOptions, Learned, Start, Stop, common_length_scales, learn};
 pub use linalg::Matrix;
+pub use monitor::{Monitor, Progress};
 pub use observations::Observations;
 pub use parameter::Parameter;
 pub use posterior::Posterior;

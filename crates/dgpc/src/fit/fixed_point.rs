@@ -5,8 +5,10 @@ use super::dense::Dense;
 use super::mean_field::{MeanField, TILT_MIN};
 use super::options::FitOptions;
 use super::pass::Pass;
+use super::stagnation::{FitStop, Stagnation};
 use crate::error::{Result, finite};
 use crate::likelihood::Likelihood;
+use crate::monitor::Progress;
 use crate::prior::Prior;
 use crate::sites::Sites;
 
@@ -25,7 +27,8 @@ pub(super) fn iterate(
     let mut anderson = Anderson::new();
     let (mut evidence, mut best) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
     let (mut change, mut iterations) = (f64::INFINITY, 0);
-    while iterations < options.iterations_max && change > options.tolerance {
+    let (mut stop, mut stagnation) = (FitStop::IterationsMax, Stagnation::new());
+    while iterations < options.iterations_max && stop == FitStop::IterationsMax {
         iterations += 1;
         let is_plain = log_tilts == plain_step;
         pass.set_sites(&log_tilts);
@@ -35,6 +38,7 @@ pub(super) fn iterate(
             terms => terms? + pass.sum_terms(),
         };
         change = pass.set_images();
+        options.monitor.report(Progress::Iteration { iterations, change })?;
         // Plain steps never lower E. If another step lowered it or overflowed, the plain step replaces it and the
         // acceleration restarts.
         if !is_plain && (evidence.is_nan() || evidence < best - 1e-10 * best.abs()) {
@@ -45,12 +49,16 @@ pub(super) fn iterate(
         }
         best = best.max(finite("evidence bound", evidence)?);
         plain_step.copy_from_slice(&pass.images);
+        if change <= options.tolerance {
+            stop = FitStop::Converged;
+        } else if stagnation.record(change, evidence) {
+            stop = FitStop::Stagnated;
+        }
         // The last iteration takes the plain step, because no later pass could reject another step.
-        let goes_on = change > options.tolerance && iterations + 1 < options.iterations_max;
+        let goes_on = stop == FitStop::IterationsMax && iterations + 1 < options.iterations_max;
         let step = if goes_on { engine.newton(&pass, &log_tilts) } else { Some(plain_step.clone()) };
         log_tilts = step.unwrap_or_else(|| anderson.propose(&log_tilts, &pass.images));
     }
-    let converged = change <= options.tolerance;
     let Pass { mut omega, mut mean, mut variance, tilts, .. } = pass;
     let events = likelihood.events();
     omega.truncate(events);
@@ -65,7 +73,7 @@ pub(super) fn iterate(
         evidence,
         iterations,
         change,
-        converged,
+        stop,
         // Only I + Ω^½KΩ^½ is factorised, without jitter.
         jitter: 0.0,
         weights: likelihood.observations.weights().to_vec(),

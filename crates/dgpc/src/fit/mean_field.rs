@@ -1,5 +1,6 @@
 //! The mean field, as dense and sparse iterations return it.
 
+use super::stagnation::FitStop;
 use crate::linalg::Matrix;
 use crate::sites::Sites;
 
@@ -40,8 +41,7 @@ pub(crate) struct MeanField {
     pub(crate) iterations: usize,
     /// Largest change of a tilt in the last iteration.
     pub(crate) change: f64,
-    /// Whether `change` reached the tolerance.
-    pub(crate) converged: bool,
+    pub(crate) stop: FitStop,
     /// Jitter on the diagonal of K_MM.
     pub(crate) jitter: f64,
     /// Weights of the events.

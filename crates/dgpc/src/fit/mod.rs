@@ -17,6 +17,7 @@ mod single;
 mod solve;
 mod sparse;
 mod sparse_gradient;
+mod stagnation;
 
 #[cfg(feature = "learn")]
 pub(crate) use cavity::corrected_evidence;
@@ -25,6 +26,7 @@ pub use options::FitOptions;
 pub use propagation::Propagated;
 pub use single::{absorb_observations, sites_given};
 pub(crate) use solve::{solve, solve_with_gradient};
+pub use stagnation::FitStop;
 
 use append::append;
 use posterior::posterior_of;
@@ -82,6 +84,7 @@ pub struct Fit {
 /// * [`crate::Error::NotPositiveDefinite`] or [`crate::Error::NotFinite`] if numbers near the end of the floating-point
 ///   range overflow.
 /// * [`crate::Error::NegativeEigenvalue`] for a message whose precision is not positive semi-definite.
+/// * [`crate::Error::Stopped`] if the monitor asks to stop.
 pub fn fit(prior: &Prior, observations: &Observations, options: &FitOptions<'_>) -> Result<Fit> {
     let likelihood = Likelihood::new(observations, options.messages)?;
     let support = options.support()?;
@@ -185,7 +188,7 @@ impl Fit {
     /// Each new event gets its site given all events before it, at the existing inducing points. The remaining events
     /// keep their sites, so the result differs slightly from a new fit of all events. Their [`Fit::mean`] and
     /// [`Fit::variance`] are those of the old fit. [`Fit::evidence`], [`Fit::iterations`], [`Fit::change`] and
-    /// [`Fit::converged`] are those of the old fit, too. O(mM²) for m events that are removed or added, however many
+    /// [`Fit::stop`] are those of the old fit, too. O(mM²) for m events that are removed or added, however many
     /// remain.
     ///
     /// ```
@@ -335,9 +338,14 @@ impl Fit {
         self.mean_field.change
     }
 
+    /// Returns the reason why the iteration ended.
+    pub fn stop(&self) -> FitStop {
+        self.mean_field.stop
+    }
+
     /// Returns whether [`Fit::change`] reached the tolerance.
     pub fn converged(&self) -> bool {
-        self.mean_field.converged
+        self.mean_field.stop == FitStop::Converged
     }
 
     /// Returns the jitter on the diagonal of K_MM. It is 0 for a dense fit, which factorises only I + Ω^½KΩ^½.

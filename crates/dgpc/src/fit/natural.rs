@@ -6,10 +6,12 @@ use super::anderson::Anderson;
 use super::mean_field::{MeanField, TILT_MIN, TILT_START, omega, omega_and_ln_2_cosh};
 use super::options::FitOptions;
 use super::sparse::{EventMoments, Site, Sparse};
+use super::stagnation::{FitStop, Stagnation};
 use crate::cross::Sums;
 use crate::error::{Result, finite};
 use crate::likelihood::Likelihood;
 use crate::linalg::Matrix;
+use crate::monitor::Progress;
 use crate::prior::Prior;
 use crate::sites::Sites;
 
@@ -27,10 +29,11 @@ pub(super) fn iterate(
     let (mut at, mut plain, mut is_plain) = (initial, None, true);
     let mut anderson = Anderson::new();
     let (mut best, mut iterations) = (f64::NEG_INFINITY, 0);
-    let mut was_rejected = false;
+    let (mut was_rejected, mut stagnation) = (false, Stagnation::new());
     loop {
         iterations += 1;
         let walk = engine.walk(moments.columns(), |n, event, moments| move_site(likelihood, n, event, moments))?;
+        options.monitor.report(Progress::Iteration { iterations, change: walk.change })?;
         let evidence = match engine.take(&walk.sums) {
             Err(_) if !is_plain => f64::NAN,
             taken => taken.map(|()| engine.evidence(walk.bound))?,
@@ -48,7 +51,8 @@ pub(super) fn iterate(
         // After a rejected step, the tilts changed from the point where that step led, not from the plain point.
         let converged = walk.change <= options.tolerance && !was_rejected;
         was_rejected = false;
-        if converged || iterations >= options.iterations_max {
+        let stagnates = stagnation.record(walk.change, evidence);
+        if converged || stagnates || iterations >= options.iterations_max {
             let tilts = moments.tilts();
             if !converged {
                 // The stored moments belong to the tilts, not yet to the final posterior.
@@ -63,7 +67,11 @@ pub(super) fn iterate(
                 evidence,
                 iterations,
                 change: walk.change,
-                converged,
+                stop: match (converged, stagnates) {
+                    (true, _) => FitStop::Converged,
+                    (false, true) => FitStop::Stagnated,
+                    (false, false) => FitStop::IterationsMax,
+                },
                 sums: walk.sums,
             });
         }
@@ -148,7 +156,7 @@ pub(super) struct FixedPoint {
     evidence: f64,
     iterations: usize,
     change: f64,
-    converged: bool,
+    stop: FitStop,
     sums: Sums,
 }
 
@@ -174,7 +182,7 @@ impl FixedPoint {
             evidence: self.evidence,
             iterations: self.iterations,
             change: self.change,
-            converged: self.converged,
+            stop: self.stop,
             jitter,
             weights: likelihood.observations.weights().to_vec(),
             condensed: Some((self.sums.precision, self.sums.shift)),

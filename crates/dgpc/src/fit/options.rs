@@ -1,7 +1,10 @@
 //! Options of a fit.
 
+use std::ops::ControlFlow;
+
 use crate::error::{Result, not_negative, positive, same_size};
 use crate::inputs::Inputs;
+use crate::monitor::{Monitor, Progress};
 use crate::summary::Summary;
 
 /// Options of a fit: the messages of peers, the inducing points, the stopping rule and the starting point.
@@ -28,13 +31,22 @@ pub struct FitOptions<'a> {
     /// The fit stops after this number of iterations even without convergence. The default is 1000.
     /// [`crate::Fit::change`] then gives the remaining change.
     pub iterations_max: usize,
+    /// The callback that receives the progress and can stop the fit; none by default.
+    pub monitor: Monitor<'a>,
     /// Tilts to start from, one per event, such as [`crate::Fit::tilts`] of a fit under a similar prior.
     pub start: Option<&'a [f64]>,
 }
 
 impl Default for FitOptions<'_> {
     fn default() -> Self {
-        Self { messages: &[], inducing_points: None, tolerance: 1e-10, iterations_max: 1000, start: None }
+        Self {
+            messages: &[],
+            inducing_points: None,
+            tolerance: 1e-10,
+            iterations_max: 1000,
+            monitor: Monitor::default(),
+            start: None,
+        }
     }
 }
 
@@ -61,6 +73,12 @@ impl<'a> FitOptions<'a> {
     #[must_use]
     pub fn iterations_max(self, iterations_max: usize) -> Self {
         Self { iterations_max, ..self }
+    }
+
+    /// Sets [`FitOptions::monitor`].
+    #[must_use]
+    pub fn monitor(self, callback: &'a (dyn Fn(Progress) -> ControlFlow<()> + Sync)) -> Self {
+        Self { monitor: Monitor::new(callback), ..self }
     }
 
     /// Sets [`FitOptions::start`].

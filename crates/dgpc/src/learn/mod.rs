@@ -23,6 +23,7 @@ use crate::inputs::{Inputs, spread_out};
 use crate::likelihood::Likelihood;
 use crate::observations::Observations;
 use crate::parameter::Parameter;
+use crate::monitor::{Latch, Monitor};
 use crate::parts::on_parts;
 use crate::prior::Prior;
 use search::{Search, SearchEnd};
@@ -110,7 +111,8 @@ const RACE_MARGIN: f64 = 5.0;
 /// * As [`crate::fit`] if E cannot be computed at any start.
 /// * [`Error::OutOfRange`] for invalid options.
 /// * [`Error::DifferentStructures`] for a start of another structure than the template.
-/// * [`Error::SizeMismatch`] if the tilts are not one per event.
+/// * [`Error::SizeMismatch`] if the tilts are not one per event, or the bounds not one per parameter.
+/// * [`Error::Stopped`] if the monitor asks to stop.
 pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptions<'_>) -> Result<Learned> {
     options.check(observations.len())?;
     if !options.warm_start.iter().copied().chain(options.further_starts).all(|start| start.has_structure_of(template)) {
@@ -118,6 +120,15 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
     }
     let searched = spread_out(observations.len(), options.search_events_max);
     if searched.len() == observations.len() {
+    // A search may go on although one of its evaluations failed, so the request to stop is remembered.
+    let latch = Latch::new(options.monitor);
+    let report = |progress| latch.report(progress);
+    let learned = learn_from_some(template, observations, &LearnOptions { monitor: Monitor::new(&report), ..*options });
+    latch.check().and(learned)
+}
+
+/// Learns as [`learn`] does, with at most [`LearnOptions::search_events_max`] events in the search.
+fn learn_from_some(template: &Prior, observations: &Observations, options: &LearnOptions<'_>) -> Result<Learned> {
         return learn_from_all(template, observations, options);
     }
     let tilts = options.tilts.map(|tilts| searched.iter().map(|&n| tilts[n]).collect::<Vec<f64>>());
@@ -125,7 +136,8 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
     let learned = learn_from_all(template, &observations.select(&searched), &some)?;
     let likelihood = Likelihood::new(observations, options.messages)?;
     let points = inducing_points(&learned.prior, &likelihood, options)?;
-    let fit = solve(&learned.prior, &likelihood, points.as_ref(), &FitOptions::default().tolerance(ALL_TOLERANCE))?;
+    let fit_options = FitOptions { monitor: options.monitor, ..FitOptions::default().tolerance(ALL_TOLERANCE) };
+    let fit = solve(&learned.prior, &likelihood, points.as_ref(), &fit_options)?;
     let fit = Fit::new(&learned.prior, fit, points.as_ref(), options.messages)?;
     Ok(Learned { fit, searched_events: searched.len(), ..learned })
 }

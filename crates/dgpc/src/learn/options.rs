@@ -1,7 +1,11 @@
 //! Options for learning a prior.
 
+use std::ops::ControlFlow;
+
+use super::bounds::{self, Bounds};
 use super::hyper_prior::HyperPrior;
 use crate::error::{Result, not_negative, positive, same_size};
+use crate::monitor::{Monitor, Progress};
 use crate::prior::Prior;
 use crate::summary::Summary;
 
@@ -51,6 +55,8 @@ pub struct LearnOptions<'a> {
 }
 
 impl Default for LearnOptions<'_> {
+    /// The callback that receives the progress and can stop the search; none by default.
+    pub monitor: Monitor<'a>,
     fn default() -> Self {
         Self {
             messages: &[],
@@ -70,6 +76,7 @@ impl Default for LearnOptions<'_> {
     }
 }
 
+            monitor: Monitor::default(),
 impl<'a> LearnOptions<'a> {
     /// Sets [`LearnOptions::messages`].
     #[must_use]
@@ -153,4 +160,10 @@ impl<'a> LearnOptions<'a> {
         not_negative("tolerance of a search", self.tolerance)?;
         self.hyper_prior.check()
     }
+    /// Sets [`LearnOptions::monitor`].
+    #[must_use]
+    pub fn monitor(self, callback: &'a (dyn Fn(Progress) -> ControlFlow<()> + Sync)) -> Self {
+        Self { monitor: Monitor::new(callback), ..self }
+    }
+
 }

@@ -15,6 +15,8 @@ use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
 use crate::linalg::Matrix;
 use crate::parts::on_parts;
+use crate::monitor::{Monitor, Progress};
+use crate::parameter::Parameter;
 use crate::prior::Prior;
 
 /// Largest distance of a search beyond its start, in standard deviations of the hyperprior.
@@ -64,6 +66,7 @@ pub(super) struct Search<'a> {
     tilts: Option<&'a [f64]>,
     iterations_max: u64,
     tolerance: f64,
+    monitor: Monitor<'a>,
 }
 
 /// The end of a search, or the place from which it leads to the end of an earlier search.
@@ -84,13 +87,24 @@ impl<'a> Search<'a> {
         template: &'a Prior,
         likelihood: &'a Likelihood<'a>,
         points: Option<&'a Inputs>,
-        options: &LearnOptions<'_>,
+        options: &LearnOptions<'a>,
     ) -> Self {
         let spread = options.hyper_prior.of_parameters(template);
         let moving = spread.into_iter().enumerate().filter(|&(_, spread)| spread > 0.0).collect();
         let iterations_max = options.iterations_max as u64;
-        let (centre, tolerance) = (template.parameter_values(), options.tolerance);
-        Self { likelihood, points, template, centre, moving, few: None, tilts: None, iterations_max, tolerance }
+        let (centre, tolerance, monitor) = (template.parameter_values(), options.tolerance, options.monitor);
+        Self {
+            likelihood,
+            points,
+            template,
+            centre,
+            moving,
+            few: None,
+            tilts: None,
+            iterations_max,
+            tolerance,
+            monitor,
+        }
     }
 
     /// Scales the steps by the curvature of the objective at the first start. The curvature is computed from `few`, the
@@ -150,7 +164,8 @@ impl<'a> Search<'a> {
 
     /// Returns the fit and the gradient of E.
     fn gradient(&self, prior: &Prior, options: &FitOptions<'_>) -> Result<(MeanField, Vec<f64>)> {
-        solve_with_gradient(prior, self.likelihood, self.points, options)
+        let options = FitOptions { monitor: self.monitor, ..*options };
+        solve_with_gradient(prior, self.likelihood, self.points, &options)
     }
 
     /// Converts a gradient by all parameters to a gradient by coordinates.
@@ -192,7 +207,7 @@ impl<'a> Search<'a> {
 
     /// Returns the fit without a gradient.
     pub(super) fn fit(&self, prior: &Prior, options: &FitOptions<'_>) -> Result<MeanField> {
-        solve(prior, self.likelihood, self.points, options)
+        solve(prior, self.likelihood, self.points, &FitOptions { monitor: self.monitor, ..*options })
     }
 
     /// Returns an accurate fit, whose error of E is 1e-13 nats an event.
@@ -348,6 +363,7 @@ impl Objective<'_> {
     }
 
     /// Returns whether the best place so far leads to the end of an earlier search.
+        self.search.monitor.report(Progress::Evaluation { objective })?;
     fn leads_to_known_end(&self) -> bool {
         let memory = self.memory.borrow();
         let leads_to = |step: &Step, end: &Step| self.search.leads_to(self.curvature, step, end);

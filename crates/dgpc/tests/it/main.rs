@@ -13,6 +13,7 @@ mod gibbs;
 mod labels;
 #[cfg(feature = "learn")]
 mod learning;
+mod monitor;
 mod polya_gamma;
 mod properties;
 mod reference;
