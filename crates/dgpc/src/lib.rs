@@ -141,7 +141,7 @@ pub use inputs::{COLUMN_MAX, Inputs, spread_out};
 pub use kernel::{Correlation, Image, Kernel, Reflection, Shape, Term};
 pub use latent::{Latent, success_probability};
 #[cfg(feature = "learn")]
-pub use learn::{Calibration, HyperPrior, LearnOptions, Learned, Start, Stop, common_length_scales, learn};
+pub use learn::{Bounds, Calibration, HyperPrior, LearnOptions, Learned, Start, Stop, common_length_scales, learn};
 pub use linalg::Matrix;
 pub use monitor::{Monitor, Progress};
 pub use observations::Observations;

@@ -78,7 +78,7 @@ struct Try {
 
 impl Try {
     fn at(log: f64, search: &Search<'_>, prior: &Prior, tilts: &[f64], spread: f64) -> Result<Self> {
-        let prior = prior.with_variances_times(log.exp())?;
+        let prior = search.with_variances_times(prior, log.exp())?;
         let fit = search.fit(&prior, &FitOptions::default().tolerance(TILT_TOLERANCE).start(tilts))?;
         let cost = finite("corrected evidence", 0.5 * (log / spread).powi(2) - corrected_evidence(&fit))?;
         Ok(Self { log, cost, tilts: fit.tilts })

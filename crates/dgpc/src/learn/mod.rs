@@ -2,6 +2,7 @@
 //!
 //! No other folder uses the optimiser crate.
 
+mod bounds;
 mod calibration;
 mod common;
 mod curvature;
@@ -10,6 +11,7 @@ mod options;
 mod paths;
 mod search;
 
+pub use bounds::Bounds;
 pub use calibration::Calibration;
 pub use common::common_length_scales;
 pub use hyper_prior::HyperPrior;
@@ -21,9 +23,9 @@ use crate::error::{Error, Result};
 use crate::fit::{Fit, FitOptions, solve};
 use crate::inputs::{Inputs, spread_out};
 use crate::likelihood::Likelihood;
+use crate::monitor::{Latch, Monitor};
 use crate::observations::Observations;
 use crate::parameter::Parameter;
-use crate::monitor::{Latch, Monitor};
 use crate::parts::on_parts;
 use crate::prior::Prior;
 use search::{Search, SearchEnd};
@@ -109,17 +111,15 @@ const RACE_MARGIN: f64 = 5.0;
 ///
 /// # Errors
 /// * As [`crate::fit`] if E cannot be computed at any start.
-/// * [`Error::OutOfRange`] for invalid options.
+/// * [`Error::OutOfRange`] for invalid options, or bounds that the template does not keep.
 /// * [`Error::DifferentStructures`] for a start of another structure than the template.
 /// * [`Error::SizeMismatch`] if the tilts are not one per event, or the bounds not one per parameter.
 /// * [`Error::Stopped`] if the monitor asks to stop.
 pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptions<'_>) -> Result<Learned> {
-    options.check(observations.len())?;
+    options.check(template, observations.len())?;
     if !options.warm_start.iter().copied().chain(options.further_starts).all(|start| start.has_structure_of(template)) {
         return Err(Error::DifferentStructures);
     }
-    let searched = spread_out(observations.len(), options.search_events_max);
-    if searched.len() == observations.len() {
     // A search may go on although one of its evaluations failed, so the request to stop is remembered.
     let latch = Latch::new(options.monitor);
     let report = |progress| latch.report(progress);
@@ -129,6 +129,8 @@ pub fn learn(template: &Prior, observations: &Observations, options: &LearnOptio
 
 /// Learns as [`learn`] does, with at most [`LearnOptions::search_events_max`] events in the search.
 fn learn_from_some(template: &Prior, observations: &Observations, options: &LearnOptions<'_>) -> Result<Learned> {
+    let searched = spread_out(observations.len(), options.search_events_max);
+    if searched.len() == observations.len() {
         return learn_from_all(template, observations, options);
     }
     let tilts = options.tilts.map(|tilts| searched.iter().map(|&n| tilts[n]).collect::<Vec<f64>>());
@@ -251,13 +253,12 @@ fn best(ends: Vec<Result<SearchEnd>>) -> Result<SearchEnd> {
 
 /// Returns the starts: the template, a third of all its length-scales, and a third of each alone.
 fn starting_points(template: &Prior, options: &LearnOptions<'_>) -> Result<Vec<Prior>> {
-    if options.hyper_prior.length_scale == 0.0 {
+    let (parameters, kinds) = (template.parameter_values(), template.parameters());
+    let moving = bounds::moving(template, options).into_iter().map(|moving| moving.place);
+    let length_scales: Vec<usize> = moving.filter(|&place| kinds[place] == Parameter::LengthScale).collect();
+    if length_scales.is_empty() {
         return Ok(vec![template.clone()]);
     }
-    let parameters = template.parameter_values();
-    let is_length_scale = |(_, parameter): &(usize, Parameter)| *parameter == Parameter::LengthScale;
-    let length_scales = template.parameters().into_iter().enumerate().filter(is_length_scale);
-    let length_scales: Vec<usize> = length_scales.map(|(place, _)| place).collect();
     let shortened = |&place: &usize| {
         let mut parameters = parameters.clone();
         parameters[place] -= 3f64.ln();
@@ -325,10 +326,10 @@ fn finish(search: &Search<'_>, found: SearchEnd, points: Option<&Inputs>, option
         None => (found.prior, at_end),
     };
     let optimum_evidence = fit.evidence;
-    let calibrate = options.calibrate && options.hyper_prior.variance > 0.0;
+    let calibrate = options.calibrate && search.moves_a_variance();
     let (prior, fit, calibration) = if calibrate {
         let (calibration, tilts) = calibration::calibrate(search, &optimum, &fit, options.hyper_prior.variance);
-        let prior = optimum.with_variances_times(calibration.factor())?;
+        let prior = search.with_variances_times(&optimum, calibration.factor())?;
         let fit = search.careful_fit(&prior, &tilts)?;
         (prior, fit, calibration)
     } else {

@@ -17,6 +17,9 @@ pub struct LearnOptions<'a> {
     pub messages: &'a [&'a Summary],
     /// Distribution of the parameters about the template's values.
     pub hyper_prior: HyperPrior,
+    /// Bounds of the parameters, one per entry of [`Prior::parameter_values`]; none by default. A search moves no
+    /// parameter beyond its bounds, and the calibration of the variances does not either.
+    pub bounds: &'a [Bounds],
     /// The only start, apart from `further_starts`: an earlier [`crate::Learned::optimum`], of the template's
     /// structure. The new optimum is never worse in E, over the events of the search. Without a warm start there are
     /// several starts.
@@ -52,15 +55,16 @@ pub struct LearnOptions<'a> {
     /// ([`crate::Fit::corrected_evidence`]). The default is true. The slack of E grows with the variance, so that E
     /// alone leaves the variance too small.
     pub calibrate: bool,
+    /// The callback that receives the progress and can stop the search; none by default.
+    pub monitor: Monitor<'a>,
 }
 
 impl Default for LearnOptions<'_> {
-    /// The callback that receives the progress and can stop the search; none by default.
-    pub monitor: Monitor<'a>,
     fn default() -> Self {
         Self {
             messages: &[],
             hyper_prior: HyperPrior::default(),
+            bounds: &[],
             warm_start: None,
             tilts: None,
             further_starts: &[],
@@ -72,11 +76,11 @@ impl Default for LearnOptions<'_> {
             iterations_max: 60,
             tolerance: 1e-7,
             calibrate: true,
+            monitor: Monitor::default(),
         }
     }
 }
 
-            monitor: Monitor::default(),
 impl<'a> LearnOptions<'a> {
     /// Sets [`LearnOptions::messages`].
     #[must_use]
@@ -88,6 +92,12 @@ impl<'a> LearnOptions<'a> {
     #[must_use]
     pub fn hyper_prior(self, hyper_prior: HyperPrior) -> Self {
         Self { hyper_prior, ..self }
+    }
+
+    /// Sets [`LearnOptions::bounds`].
+    #[must_use]
+    pub fn bounds(self, bounds: &'a [Bounds]) -> Self {
+        Self { bounds, ..self }
     }
 
     /// Sets [`LearnOptions::warm_start`].
@@ -150,8 +160,15 @@ impl<'a> LearnOptions<'a> {
         Self { calibrate, ..self }
     }
 
+    /// Sets [`LearnOptions::monitor`].
+    #[must_use]
+    pub fn monitor(self, callback: &'a (dyn Fn(Progress) -> ControlFlow<()> + Sync)) -> Self {
+        Self { monitor: Monitor::new(callback), ..self }
+    }
+
     /// Checks the options.
-    pub(super) fn check(&self, events: usize) -> Result<()> {
+    pub(super) fn check(&self, template: &Prior, events: usize) -> Result<()> {
+        bounds::check(template, self.bounds)?;
         if let Some(tilts) = self.tilts {
             same_size("tilts to begin at, one per event", events, tilts.len())?;
         }
@@ -160,10 +177,4 @@ impl<'a> LearnOptions<'a> {
         not_negative("tolerance of a search", self.tolerance)?;
         self.hyper_prior.check()
     }
-    /// Sets [`LearnOptions::monitor`].
-    #[must_use]
-    pub fn monitor(self, callback: &'a (dyn Fn(Progress) -> ControlFlow<()> + Sync)) -> Self {
-        Self { monitor: Monitor::new(callback), ..self }
-    }
-
 }

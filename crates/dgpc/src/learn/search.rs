@@ -6,6 +6,7 @@ use argmin::core::{CostFunction, Executor, Gradient, State, TerminationReason, T
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 
+use super::bounds::{self, Moving};
 use super::curvature::Curvature;
 use super::options::LearnOptions;
 use super::paths::{Path, Paths, Step, Stop};
@@ -14,9 +15,9 @@ use crate::fit::{FitOptions, MeanField, solve, solve_with_gradient};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
 use crate::linalg::Matrix;
-use crate::parts::on_parts;
 use crate::monitor::{Monitor, Progress};
 use crate::parameter::Parameter;
+use crate::parts::on_parts;
 use crate::prior::Prior;
 
 /// Largest distance of a search beyond its start, in standard deviations of the hyperprior.
@@ -58,8 +59,7 @@ pub(super) struct Search<'a> {
     points: Option<&'a Inputs>,
     template: &'a Prior,
     centre: Vec<f64>,
-    /// Indices of the parameters that may move, with their standard deviations in the hyperprior.
-    moving: Vec<(usize, f64)>,
+    moving: Vec<Moving>,
     /// This search on fewer events, from which the curvature of the objective is computed.
     few: Option<&'a Search<'a>>,
     /// Initial tilts of the first fit.
@@ -89,8 +89,7 @@ impl<'a> Search<'a> {
         points: Option<&'a Inputs>,
         options: &LearnOptions<'a>,
     ) -> Self {
-        let spread = options.hyper_prior.of_parameters(template);
-        let moving = spread.into_iter().enumerate().filter(|&(_, spread)| spread > 0.0).collect();
+        let moving = bounds::moving(template, options);
         let iterations_max = options.iterations_max as u64;
         let (centre, tolerance, monitor) = (template.parameter_values(), options.tolerance, options.monitor);
         Self {
@@ -137,12 +136,33 @@ impl<'a> Search<'a> {
     /// deviations.
     fn coordinates(&self, prior: &Prior) -> Vec<f64> {
         let parameters = prior.parameter_values();
-        self.moving.iter().map(|&(place, spread)| (parameters[place] - self.centre[place]) / spread).collect()
+        self.moving.iter().map(|moving| moving.coordinate(parameters[moving.place])).collect()
+    }
+
+    /// Returns the coordinates from which a search with this start begins: the nearest ones within the bounds.
+    fn nearest_coordinates(&self, start: &Prior) -> Vec<f64> {
+        let parameters = start.parameter_values();
+        self.moving.iter().map(|moving| moving.coordinate(moving.nearest(parameters[moving.place]))).collect()
     }
 
     /// Returns the prior from which a search with this start begins. Fixed parameters are those of the template.
     pub(super) fn within_reach(&self, start: &Prior) -> Result<Prior> {
-        self.prior(&self.coordinates(start))
+        self.prior(&self.nearest_coordinates(start))
+    }
+
+    /// Returns whether the search may change a variance.
+    pub(super) fn moves_a_variance(&self) -> bool {
+        let parameters = self.template.parameters();
+        self.moving.iter().any(|moving| parameters[moving.place] == Parameter::Variance)
+    }
+
+    /// Returns a prior with the variances that may change multiplied by a factor, as far as their bounds permit it.
+    pub(super) fn with_variances_times(&self, prior: &Prior, factor: f64) -> Result<Prior> {
+        let (mut values, parameters) = (prior.parameter_values(), self.template.parameters());
+        for moving in self.moving.iter().filter(|moving| parameters[moving.place] == Parameter::Variance) {
+            values[moving.place] = moving.nearest(values[moving.place] + factor.ln());
+        }
+        prior.with_parameters(&values)
     }
 
     /// Returns the log density of the hyperprior, up to a constant.
@@ -152,10 +172,15 @@ impl<'a> Search<'a> {
 
     fn prior(&self, coordinates: &[f64]) -> Result<Prior> {
         let mut parameters = self.centre.clone();
-        for (&(place, spread), coordinate) in self.moving.iter().zip(coordinates) {
-            parameters[place] += spread * coordinate;
+        for (moving, coordinate) in self.moving.iter().zip(coordinates) {
+            parameters[moving.place] = moving.nearest(parameters[moving.place] + moving.spread * coordinate);
         }
         self.template.with_parameters(&parameters)
+    }
+
+    /// Returns the coordinates within the bounds that belong to the optimiser's coordinates, and their derivatives.
+    fn bounded(&self, unbounded: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        self.moving.iter().zip(unbounded).map(|(moving, &u)| moving.bounded(u)).unzip()
     }
 
     fn per_event(&self) -> f64 {
@@ -170,7 +195,7 @@ impl<'a> Search<'a> {
 
     /// Converts a gradient by all parameters to a gradient by coordinates.
     fn by_coordinates(&self, by_parameter: &[f64]) -> Vec<f64> {
-        self.moving.iter().map(|&(place, spread)| spread * by_parameter[place]).collect()
+        self.moving.iter().map(|moving| moving.spread * by_parameter[moving.place]).collect()
     }
 
     /// Returns the gradient of −E per event by the coordinates, and the tilts of the fit.
@@ -232,7 +257,7 @@ impl<'a> Search<'a> {
     }
 
     fn path_from(&self, number: usize, start: &Prior, curvature: &Curvature, paths: &Paths) -> Result<Path> {
-        let start = self.coordinates(start);
+        let start = self.nearest_coordinates(start);
         let reach = start.iter().fold(0.0, |reach: f64, x| reach.max(x.abs())) + COORDINATE_MAX;
         let mut objective =
             Objective { search: self, start, reach, number, paths, curvature, scale: 1.0, memory: RefCell::default() };
@@ -320,34 +345,37 @@ impl Objective<'_> {
         Ok((FIRST_STEP / farthest(&end, &self.start)).min(1.0))
     }
 
-    /// Returns cost and gradient at the given coordinates.
-    fn at(&self, coordinates: &[f64]) -> Result<(f64, Vec<f64>)> {
-        if coordinates.iter().any(|x| x.abs() > self.reach) {
-            return Ok(self.beyond(coordinates));
+    /// Returns cost and gradient at the given coordinates of the optimiser.
+    fn at(&self, unbounded: &[f64]) -> Result<(f64, Vec<f64>)> {
+        if unbounded.iter().any(|x| x.abs() > self.reach) {
+            return Ok(self.beyond(unbounded));
         }
         let mut memory = self.memory.borrow_mut();
         if let Some((last, cost, gradient)) = &memory.last
-            && last == coordinates
+            && last == unbounded
         {
             return Ok((*cost, gradient.clone()));
         }
+        let (coordinates, slopes) = self.search.bounded(unbounded);
         let tolerance = self.search.tilt_tolerance(memory.gained.unwrap_or(f64::INFINITY));
         let mut options = FitOptions::default().tolerance(tolerance).iterations_max(200);
         options.start = if memory.steps.is_empty() { self.search.tilts } else { Some(&memory.tilts) };
-        let (fit, by_parameter) = self.search.gradient(&self.search.prior(coordinates)?, &options)?;
+        let (fit, by_parameter) = self.search.gradient(&self.search.prior(&coordinates)?, &options)?;
         memory.evaluations += 1;
         let objective = fit.evidence - 0.5 * coordinates.iter().map(|x| x * x).sum::<f64>();
+        self.search.monitor.report(Progress::Evaluation { objective })?;
         let per_event = self.search.per_event();
         let by_coordinates = self.search.by_coordinates(&by_parameter);
-        let gradient: Vec<f64> = by_coordinates.iter().zip(coordinates).map(|(by, x)| -per_event * (by - x)).collect();
+        let by_coordinates = by_coordinates.iter().zip(&coordinates).zip(slopes);
+        let gradient: Vec<f64> = by_coordinates.map(|((by, x), slope)| -per_event * (by - x) * slope).collect();
         let gained = memory.steps.last().map(|best| per_event * (objective - best.objective));
         if gained.is_none_or(|gained| gained > 0.0) {
-            let step = Step { coordinates: coordinates.to_vec(), objective, evaluations: memory.evaluations };
+            let step = Step { coordinates, objective, evaluations: memory.evaluations };
             memory.steps.push(step);
             (memory.gained, memory.tilts) = (gained, fit.tilts);
         }
         let cost = -per_event * objective;
-        memory.last = Some((coordinates.to_vec(), cost, gradient.clone()));
+        memory.last = Some((unbounded.to_vec(), cost, gradient.clone()));
         Ok((cost, gradient))
     }
 
@@ -363,7 +391,6 @@ impl Objective<'_> {
     }
 
     /// Returns whether the best place so far leads to the end of an earlier search.
-        self.search.monitor.report(Progress::Evaluation { objective })?;
     fn leads_to_known_end(&self) -> bool {
         let memory = self.memory.borrow();
         let leads_to = |step: &Step, end: &Step| self.search.leads_to(self.curvature, step, end);

@@ -1,6 +1,7 @@
 //! Learning a prior: the evidence bound against the marginal likelihood, the ends of searches, and invalid arguments.
 
 mod bound;
+mod bounds;
 mod little_information;
 mod recovery;
 mod refusals;
