@@ -1,5 +1,6 @@
 //! Covariances of events with inducing points, and sums over the events, block by block. Each event is a row.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use crate::error::Result;
@@ -20,7 +21,7 @@ pub(crate) struct Cross<'a> {
     points: &'a Inputs,
     inputs: &'a Inputs,
     /// The first blocks of K_NM.
-    kept: Vec<Matrix>,
+    kept: Cow<'a, [Matrix]>,
 }
 
 impl<'a> Cross<'a> {
@@ -31,7 +32,12 @@ impl<'a> Cross<'a> {
     pub(crate) fn new(kernel: &'a Kernel, points: &'a Inputs, inputs: &'a Inputs) -> Result<Self> {
         kernel.check(points)?;
         kernel.check(inputs)?;
-        Ok(Self { kernel, points, inputs, kept: Vec::new() })
+        Ok(Self { kernel, points, inputs, kept: Cow::Borrowed(&[]) })
+    }
+
+    /// Creates covariances whose first blocks are already computed.
+    pub(crate) fn of_kept(kernel: &'a Kernel, points: &'a Inputs, inputs: &'a Inputs, kept: Cow<'a, [Matrix]>) -> Self {
+        Self { kernel, points, inputs, kept }
     }
 
     /// Computes and keeps the first covariances, at most 59 MB of them. O(NMd).
@@ -40,7 +46,12 @@ impl<'a> Cross<'a> {
         let whole = blocks(0..self.inputs.len()).take(blocks_max).collect();
         let compute = |block| -> Result<Matrix> { self.kernel.cross(&self.inputs.slice(block), self.points) };
         let kept = on_parts(whole, compute).into_iter().collect::<Result<_>>()?;
-        Ok(Self { kept, ..self })
+        Ok(Self { kept: Cow::Owned(kept), ..self })
+    }
+
+    /// Returns the first blocks of the covariances, which are kept.
+    pub(crate) fn into_kept(self) -> Vec<Matrix> {
+        self.kept.into_owned()
     }
 
     /// Writes the features of one block of events, Φ = KL⁻ᵀ. O(M²) an event.
@@ -54,11 +65,6 @@ impl<'a> Cross<'a> {
         Ok(())
     }
 
-    /// Returns the inputs of the events.
-    pub(crate) fn inputs(&self) -> &'a Inputs {
-        self.inputs
-    }
-
     /// Splits the events into the parts over which sums are computed.
     pub(crate) fn parts(&self) -> Vec<Range<usize>> {
         parts(self.inputs.len(), self.points.len() * self.points.len())
@@ -66,7 +72,7 @@ impl<'a> Cross<'a> {
 }
 
 /// The sums ΦᵀΩΦ and Φᵀκ̃ over some of the events, for features Φ of M columns.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub(crate) struct Sums {
     /// ΦᵀΩΦ, M×M. Only the lower triangle is valid until the caller mirrors it.
     pub(crate) precision: Matrix,

@@ -148,6 +148,12 @@ pub enum Error {
     /// The callback of a [`crate::Monitor`] asked to stop.
     #[error("the computation was stopped by its monitor")]
     Stopped,
+    /// The contribution of a shard answers another request.
+    #[error("the contribution of a shard answers another request, or belongs to another fit")]
+    WrongContribution,
+    /// A result was requested before the end of a fit.
+    #[error("the fit has not ended; its shards must answer further requests")]
+    Unfinished,
     /// An event weight is not whole. Gibbs sampling draws PG(1, c) once for every unit of weight.
     #[error("Gibbs sampling needs whole event weights up to 1e6, event {event} has weight {weight}")]
     FractionalWeight {

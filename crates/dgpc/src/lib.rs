@@ -134,7 +134,10 @@ pub use concatenation::Concatenation;
 pub use error::{Error, Place, Result};
 pub use evidence::{Evidence, evidence};
 pub use factor::Factor;
-pub use fit::{Fit, FitOptions, FitStop, Propagated, absorb_observations, fit, sites_given};
+pub use fit::{
+    Fit, FitOptions, FitStop, Propagated, Shard, ShardContribution, ShardRequest, ShardedFit, absorb_observations, fit,
+    sites_given,
+};
 pub use gibbs::Gibbs;
 pub use greedy::{greedy_by_variance, greedy_judged};
 pub use inputs::{COLUMN_MAX, Inputs, spread_out};

@@ -81,10 +81,14 @@ impl<'a> Likelihood<'a> {
     /// Returns the prior mean of all observations, n.
     pub(crate) fn prior_mean(&self, mean: &PriorMean) -> Result<Vec<f64>> {
         let mut values = mean.values(&self.support)?;
-        for (root, first) in self.blocks(self.events()) {
-            let part = root.transposed_times(&values[first..first + root.rows()]);
-            values[first..first + root.rows()].copy_from_slice(&part);
-        }
+        self.compress(&mut values, self.events());
+        Ok(values)
+    }
+
+    /// Returns the prior mean of the message observations, m.
+    pub(crate) fn message_prior_mean(&self, mean: &PriorMean) -> Result<Vec<f64>> {
+        let mut values = mean.values(&self.points)?;
+        self.compress(&mut values, 0);
         Ok(values)
     }
 
@@ -120,12 +124,13 @@ impl<'a> Likelihood<'a> {
 
     /// Returns the gradient by the prior mean's parameters, from the derivative by the prior mean of all observations.
     pub(crate) fn mean_gradient(&self, mean: &PriorMean, weights: &[f64]) -> Vec<f64> {
-        let mut weights = weights.to_vec();
-        for (root, first) in self.blocks(self.events()) {
-            let part = root.times(&weights[first..first + root.rows()]);
-            weights[first..first + root.rows()].copy_from_slice(&part);
-        }
-        mean.gradient(&self.support, &weights)
+        mean.gradient(&self.support, &self.expanded(weights, self.events()))
+    }
+
+    /// Returns the gradient by the prior mean's parameters, from the derivative by the prior mean of the message
+    /// observations.
+    pub(crate) fn message_mean_gradient(&self, mean: &PriorMean, weights: &[f64]) -> Vec<f64> {
+        mean.gradient(&self.points, &self.expanded(weights, 0))
     }
 
     /// Returns the gradient by the kernel's parameters, from the lower triangle of the derivative by
@@ -170,6 +175,24 @@ impl<'a> Likelihood<'a> {
             *next += root.rows();
             Some((root, first))
         })
+    }
+
+    /// Multiplies the entries from `first` on by blockdiag(Rᵀ).
+    fn compress(&self, values: &mut [f64], first: usize) {
+        for (root, first) in self.blocks(first) {
+            let part = root.transposed_times(&values[first..first + root.rows()]);
+            values[first..first + root.rows()].copy_from_slice(&part);
+        }
+    }
+
+    /// Returns `values` with the entries from `first` on multiplied by blockdiag(R).
+    fn expanded(&self, values: &[f64], first: usize) -> Vec<f64> {
+        let mut values = values.to_vec();
+        for (root, first) in self.blocks(first) {
+            let part = root.times(&values[first..first + root.rows()]);
+            values[first..first + root.rows()].copy_from_slice(&part);
+        }
+        values
     }
 
     /// Multiplies the rows from `first` on by blockdiag(Rᵀ).

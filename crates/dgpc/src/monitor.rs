@@ -2,7 +2,6 @@
 
 use std::fmt;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
 
@@ -69,31 +68,5 @@ impl<'a> Monitor<'a> {
 impl fmt::Debug for Monitor<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(if self.0.is_some() { "Monitor(callback)" } else { "Monitor(none)" })
-    }
-}
-
-/// Remembers a request to stop. Later progress is not reported to the callback: the answer stays.
-pub(crate) struct Latch<'a> {
-    monitor: Monitor<'a>,
-    is_stopped: AtomicBool,
-}
-
-impl<'a> Latch<'a> {
-    pub(crate) fn new(monitor: Monitor<'a>) -> Self {
-        Self { monitor, is_stopped: AtomicBool::new(false) }
-    }
-
-    /// Reports progress to the callback, unless the callback has asked to stop.
-    pub(crate) fn report(&self, progress: Progress) -> ControlFlow<()> {
-        if self.check().and_then(|()| self.monitor.report(progress)).is_ok() {
-            return ControlFlow::Continue(());
-        }
-        self.is_stopped.store(true, Ordering::Relaxed);
-        ControlFlow::Break(())
-    }
-
-    /// Returns [`Error::Stopped`] if the callback has asked to stop.
-    pub(crate) fn check(&self) -> Result<()> {
-        if self.is_stopped.load(Ordering::Relaxed) { Err(Error::Stopped) } else { Ok(()) }
     }
 }

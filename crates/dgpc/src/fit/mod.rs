@@ -7,7 +7,6 @@ mod cavity;
 mod dense;
 mod fixed_point;
 mod mean_field;
-mod natural;
 mod newton;
 mod options;
 mod pass;
@@ -16,7 +15,6 @@ mod propagation;
 mod single;
 mod solve;
 mod sparse;
-mod sparse_gradient;
 mod stagnation;
 
 #[cfg(feature = "learn")]
@@ -26,6 +24,7 @@ pub use options::FitOptions;
 pub use propagation::Propagated;
 pub use single::{absorb_observations, sites_given};
 pub(crate) use solve::{solve, solve_with_gradient};
+pub use sparse::{Shard, ShardContribution, ShardRequest, ShardedFit};
 pub use stagnation::FitStop;
 
 use append::append;

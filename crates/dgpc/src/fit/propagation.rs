@@ -1,9 +1,11 @@
 //! Expectation propagation: Gaussian sites that match the moments of the likelihood ([`crate::method::inference`]).
 
+use std::sync::Arc;
+
 use super::dense::Dense;
 use super::mean_field::MeanField;
 use super::posterior::posterior_of;
-use super::sparse::{Site, Sparse};
+use super::sparse::{Coordinator, EventCovariances, Site};
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
@@ -167,17 +169,24 @@ impl Run {
         likelihood: &Likelihood<'_>,
         points: &Inputs,
     ) -> Result<OmegaKappa> {
-        let mut engine = Sparse::new(prior, likelihood, points)?;
+        let mut coordinator = Coordinator::new(prior, likelihood, points)?;
+        let inputs = likelihood.observations.inputs();
+        let mut events = EventCovariances::new(prior, inputs, points, Arc::clone(coordinator.cholesky()))?;
         let (mut omega, mut kappa) = (mean_field.sites.omega().to_vec(), mean_field.sites.kappa().to_vec());
-        let mut walk = engine.begin(prior, |n| (omega[n], kappa[n]))?;
+        let mut walk = events.begin(inputs, |n| (omega[n], kappa[n]))?;
         while self.is_unfinished() {
-            engine.take(&walk.sums)?;
+            coordinator.take(&walk.sums)?;
             let step = self.step;
-            walk = engine.walk([&mut omega, &mut kappa], |n, moments, [omega, kappa]| {
-                let cavity = Cavity::without((*omega, *kappa), moments.mean, moments.explained, moments.residual);
-                let change = cavity.move_site((&mut *omega, &mut *kappa), likelihood.observations, n, step);
-                Site { omega: *omega, kappa: *kappa, bound: 0.0, change }
-            })?;
+            walk = events.walk(
+                inputs,
+                coordinator.posterior(),
+                [&mut omega, &mut kappa],
+                |n, moments, [omega, kappa]| {
+                    let cavity = Cavity::without((*omega, *kappa), moments.mean, moments.explained, moments.residual);
+                    let change = cavity.move_site((&mut *omega, &mut *kappa), likelihood.observations, n, step);
+                    Site { omega: *omega, kappa: *kappa, bound: 0.0, change }
+                },
+            )?;
             self.record(walk.change);
         }
         Ok((omega, kappa))

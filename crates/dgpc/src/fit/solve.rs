@@ -3,8 +3,7 @@
 use super::dense::Dense;
 use super::mean_field::MeanField;
 use super::options::FitOptions;
-use super::sparse::Sparse;
-use super::{fixed_point, natural, sparse_gradient};
+use super::{fixed_point, sparse};
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
@@ -20,9 +19,7 @@ pub(crate) fn solve(
     let Some(points) = points else {
         return fixed_point::iterate(&mut Dense::new(prior, likelihood)?, prior, likelihood, options);
     };
-    let mut engine = Sparse::new(prior, likelihood, points)?;
-    let fixed_point = natural::iterate(&mut engine, prior, likelihood, options)?;
-    fixed_point.mean_field(engine, likelihood)
+    sparse::solve(prior, likelihood, points, options)
 }
 
 /// Returns the fixed point, and the gradient of E there by all learned parameters of the prior. At the fixed point E
@@ -38,8 +35,5 @@ pub(crate) fn solve_with_gradient(
         let fixed_point = fixed_point::iterate(&mut engine, prior, likelihood, options)?;
         return Ok((fixed_point, engine.gradient(prior, likelihood)));
     };
-    let mut engine = Sparse::new(prior, likelihood, points)?;
-    let fixed_point = natural::iterate(&mut engine, prior, likelihood, options)?;
-    let gradient = sparse_gradient::gradient(&engine, &fixed_point, prior, likelihood)?;
-    Ok((fixed_point.mean_field(engine, likelihood)?, gradient))
+    sparse::solve_with_gradient(prior, likelihood, points, options)
 }

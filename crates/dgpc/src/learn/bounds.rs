@@ -1,6 +1,6 @@
 //! Bounds of the parameters that learning may change.
 
-use super::options::LearnOptions;
+use super::hyper_prior::HyperPrior;
 use crate::error::{Error, Result, finite, same_size};
 use crate::prior::Prior;
 
@@ -74,11 +74,11 @@ fn softplus(x: f64, width: f64) -> (f64, f64) {
 }
 
 /// Returns the parameters that the search may change.
-pub(super) fn moving(template: &Prior, options: &LearnOptions<'_>) -> Vec<Moving> {
-    let (spreads, parameters) = (options.hyper_prior.of_parameters(template), template.parameters());
+pub(super) fn moving(template: &Prior, hyper_prior: &HyperPrior, bounds: &[Bounds]) -> Vec<Moving> {
+    let (spreads, parameters) = (hyper_prior.of_parameters(template), template.parameters());
     let all = template.parameter_values().into_iter().zip(spreads).zip(parameters).enumerate();
     let moving = all.filter_map(|(place, ((centre, spread), parameter))| {
-        let (lower, upper) = match options.bounds.get(place).copied().unwrap_or_default() {
+        let (lower, upper) = match bounds.get(place).copied().unwrap_or_default() {
             Bounds::Free => (f64::NEG_INFINITY, f64::INFINITY),
             Bounds::Fixed => return None,
             Bounds::Between { lower, upper } => (parameter.learned_value(lower), parameter.learned_value(upper)),

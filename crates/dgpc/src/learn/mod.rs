@@ -7,6 +7,7 @@ mod calibration;
 mod common;
 mod curvature;
 mod hyper_prior;
+mod latch;
 mod options;
 mod paths;
 mod search;
@@ -23,11 +24,12 @@ use crate::error::{Error, Result};
 use crate::fit::{Fit, FitOptions, solve};
 use crate::inputs::{Inputs, spread_out};
 use crate::likelihood::Likelihood;
-use crate::monitor::{Latch, Monitor};
+use crate::monitor::Monitor;
 use crate::observations::Observations;
 use crate::parameter::Parameter;
 use crate::parts::on_parts;
 use crate::prior::Prior;
+use latch::Latch;
 use search::{Search, SearchEnd};
 
 /// A start of the search.
@@ -254,7 +256,7 @@ fn best(ends: Vec<Result<SearchEnd>>) -> Result<SearchEnd> {
 /// Returns the starts: the template, a third of all its length-scales, and a third of each alone.
 fn starting_points(template: &Prior, options: &LearnOptions<'_>) -> Result<Vec<Prior>> {
     let (parameters, kinds) = (template.parameter_values(), template.parameters());
-    let moving = bounds::moving(template, options).into_iter().map(|moving| moving.place);
+    let moving = bounds::moving(template, &options.hyper_prior, options.bounds).into_iter().map(|moving| moving.place);
     let length_scales: Vec<usize> = moving.filter(|&place| kinds[place] == Parameter::LengthScale).collect();
     if length_scales.is_empty() {
         return Ok(vec![template.clone()]);

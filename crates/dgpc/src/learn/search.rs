@@ -89,7 +89,7 @@ impl<'a> Search<'a> {
         points: Option<&'a Inputs>,
         options: &LearnOptions<'a>,
     ) -> Self {
-        let moving = bounds::moving(template, options);
+        let moving = bounds::moving(template, &options.hyper_prior, options.bounds);
         let iterations_max = options.iterations_max as u64;
         let (centre, tolerance, monitor) = (template.parameter_values(), options.tolerance, options.monitor);
         Self {

@@ -31,6 +31,23 @@ impl Cholesky {
         }
     }
 
+    /// Creates the factorisation from L, whose lower triangle is read.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] if an entry of the diagonal is not positive.
+    pub(crate) fn of_lower(what: &'static str, factor: Matrix) -> Result<Self> {
+        let size = factor.rows();
+        match factor.diagonal().iter().position(|&entry| entry.is_nan() || entry <= 0.0) {
+            Some(pivot) => Err(Error::NotPositiveDefinite { what, pivot, size, jitter: 0.0 }),
+            None => Ok(Self { factor, jitter: 0.0 }),
+        }
+    }
+
+    /// Returns L in the lower triangle. The entries above the diagonal are unspecified.
+    pub(crate) fn factor(&self) -> &Matrix {
+        &self.factor
+    }
+
     /// Returns the factor of the identity.
     pub(crate) fn of_identity(size: usize) -> Self {
         let mut factor = Matrix::zeros(size, size);

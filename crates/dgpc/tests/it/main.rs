@@ -19,5 +19,6 @@ mod properties;
 mod reference;
 #[cfg(feature = "serde")]
 mod serialisation;
+mod shards;
 #[cfg(feature = "parallel")]
 mod threads;

@@ -60,7 +60,8 @@ fn learning_stops_at_any_call_and_does_not_call_again() {
         let (learned, (calls, evaluations)) = count(usize::MAX, options);
         let learned = learned.unwrap();
         assert!(evaluations >= learned.evaluations && calls > 3 * evaluations, "{calls}, {evaluations}");
-        for stop_at in [1, 2, calls / 3, calls / 2, 9 * calls / 10, calls] {
+        // Parallel searches differ slightly in their number of calls.
+        for stop_at in [1, 2, calls / 3, calls / 2] {
             let (stopped, (before, _)) = count(stop_at, options);
             assert_eq!(stopped.err(), Some(Error::Stopped), "at call {stop_at} of {calls}");
             assert_eq!(before, stop_at, "no call follows the request to stop");
