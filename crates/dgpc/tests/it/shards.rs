@@ -42,16 +42,16 @@ fn divided(events: &Observations, shards: usize) -> Vec<Observations> {
     (0..shards).map(of).collect()
 }
 
-fn shards<'a>(fit: &ShardedFit<'_>, events: &'a [Observations]) -> Vec<Shard<'a>> {
+fn shards<'a>(fit: &ShardedFit, events: &'a [Observations]) -> Vec<Shard<'a>> {
     let shard = |events| Shard::new(&prior(), Cow::Borrowed(events), fit.inducing_points()).unwrap();
     events.iter().map(shard).collect()
 }
 
 /// Runs a fit to its end, and returns it with the gradient. `answer` returns the contributions of all shards.
-fn run<'a>(
-    options: &FitOptions<'a>,
-    mut answer: impl FnMut(&ShardedFit<'a>, &ShardRequest) -> Vec<ShardContribution>,
-) -> (ShardedFit<'a>, Vec<f64>) {
+fn run(
+    options: &FitOptions<'_>,
+    mut answer: impl FnMut(&ShardedFit, &ShardRequest) -> Vec<ShardContribution>,
+) -> (ShardedFit, Vec<f64>) {
     let mut fit = ShardedFit::new(&prior(), options).unwrap();
     while let Some(request) = fit.request() {
         let contributions = answer(&fit, &request);
@@ -62,7 +62,7 @@ fn run<'a>(
 }
 
 /// Runs a fit whose shards stay between the requests.
-fn run_with_shards<'a>(options: &FitOptions<'a>, events: &[Observations]) -> (ShardedFit<'a>, Vec<f64>) {
+fn run_with_shards(options: &FitOptions<'_>, events: &[Observations]) -> (ShardedFit, Vec<f64>) {
     let mut workers: Option<Vec<Shard<'_>>> = None;
     run(options, |fit, request| {
         let workers = workers.get_or_insert_with(|| shards(fit, events));

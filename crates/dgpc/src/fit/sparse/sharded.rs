@@ -45,28 +45,30 @@ use crate::summary::Summary;
 /// assert!(probability[0] > 0.5 && probability[1] < 0.5);
 /// # Ok::<(), dgpc::Error>(())
 /// ```
-pub struct ShardedFit<'a> {
+pub struct ShardedFit {
     prior: Prior,
     points: Inputs,
-    options: FitOptions<'a>,
-    iteration: Iteration<'a>,
+    messages: Vec<Summary>,
+    iteration: Iteration<'static>,
 }
 
-impl<'a> ShardedFit<'a> {
+impl ShardedFit {
     /// Creates the fit before its first request. The options must contain inducing points, and no tilts to start from.
     /// The inducing points of the messages are added to the inducing points, so that shards must be created with
-    /// [`ShardedFit::inducing_points`]. O(M³).
+    /// [`ShardedFit::inducing_points`]. The monitor of the options is not called, because the caller sees every round.
+    /// O(M³).
     ///
     /// # Errors
     /// As [`crate::fit`]; [`Error::OutOfRange`] without inducing points.
-    pub fn new(prior: &Prior, options: &FitOptions<'a>) -> Result<Self> {
+    pub fn new(prior: &Prior, options: &FitOptions<'_>) -> Result<Self> {
         options.check(0)?;
         let none = Error::OutOfRange { what: "number of inducing points", expected: "at least 1", value: 0.0 };
         let points = options.support()?.filter(|points| !points.is_empty()).ok_or(none)?;
         let events = no_events(&points)?;
         let coordinator = Coordinator::new(prior, &Likelihood::new(&events, options.messages)?, &points)?;
-        let iteration = Iteration::new(coordinator, options);
-        Ok(Self { prior: prior.clone(), points, options: *options, iteration })
+        let rule = FitOptions::default().tolerance(options.tolerance).iterations_max(options.iterations_max);
+        let messages = options.messages.iter().map(|&message| message.clone()).collect();
+        Ok(Self { prior: prior.clone(), points, messages, iteration: Iteration::new(coordinator, &rule) })
     }
 
     /// Returns the inducing points, with those of the messages.
@@ -99,7 +101,7 @@ impl<'a> ShardedFit<'a> {
     /// [`Error::WrongContribution`] for the answer to another request.
     pub fn gradient(&self, sum: ShardContribution) -> Result<Vec<f64>> {
         let events = no_events(&self.points)?;
-        self.iteration.gradient(sum, &self.prior, &Likelihood::new(&events, self.options.messages)?)
+        self.iteration.gradient(sum, &self.prior, &Likelihood::new(&events, &self.messages())?)
     }
 
     /// Returns the summary of the events at the inducing points, after the end of the fit.
@@ -120,7 +122,11 @@ impl<'a> ShardedFit<'a> {
     /// As [`ShardedFit::summary`].
     pub fn posterior(&self) -> Result<Posterior> {
         let no_sites = Sites::empty(self.points.dimension());
-        posterior_of(&self.prior, &no_sites, Some(&self.summary()?), self.options.messages)
+        posterior_of(&self.prior, &no_sites, Some(&self.summary()?), &self.messages())
+    }
+
+    fn messages(&self) -> Vec<&Summary> {
+        self.messages.iter().collect()
     }
 
     /// Returns the evidence bound E after the last walk, in nats.
