@@ -50,7 +50,7 @@ pub use team::members::Members;
 pub use team::slots::{ScheduledTransmission, Slots};
 pub use types::bounds;
 pub use types::bounds::Bounds;
-pub use types::chart::{Chart, SCALE_FALLBACK_M};
+pub use types::chart::{Chart, MainArea, SCALE_FALLBACK_M};
 pub use types::event::{Event, Link, MessageKind, Position, VehicleId};
 pub use types::limits::Limits;
 pub use types::query::{Kind, Label, LinkQuery, Time, UnknownHeading, Vehicle};

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
-use pingmap_agent::{Event, Link, Position, VehicleId};
+use pingmap_agent::{Event, Link, MainArea, Position, VehicleId};
 
 use crate::baseline::DistanceOnly;
 use crate::event_log::EventLog;
@@ -13,11 +13,6 @@ const EVENTS_MIN: usize = 30;
 /// Largest speed of a vehicle in metres per second, and largest error of a position fix in metres.
 const SPEED_MAX_M_PER_S: f64 = 10.0;
 const JUMP_MIN_M: f64 = 100.0;
-
-/// A position is far away if its distance from the centre is this multiple of the median distance, and at least this
-/// many metres.
-const FAR_TIMES: f64 = 30.0;
-const FAR_MIN_M: f64 = 5_000.0;
 
 /// Positions within this distance are taken for degrees if a coordinate exceeds their spread by this factor.
 const DEGREES_WIDE: f64 = 2.0;
@@ -169,16 +164,13 @@ fn positions(log: &EventLog) -> Vec<Finding> {
         );
         findings.push(nonsense("degrees", text));
     }
-    let away_m = |end: &Position| (end.east_m - east_m).hypot(end.north_m - north_m);
-    let mut distances: Vec<f64> = ends().map(|end| away_m(&end)).collect();
-    distances.sort_by(f64::total_cmp);
-    let far_m = (FAR_TIMES * distances.get(distances.len() / 2).copied().unwrap_or(0.0)).max(FAR_MIN_M);
-    let is_far = |event: &&Event| event.link.ends().iter().any(|end| away_m(end) > far_m);
+    let area = MainArea::of(&ends().collect::<Vec<_>>());
+    let is_far = |event: &&Event| event.link.ends().iter().any(|end| !area.contains(end));
     let far = log.events.iter().filter(is_far).count();
     if let Some(first) = log.events.iter().find(is_far) {
         let text = format!(
             "{far} events have an end more than {:.0} km from the centre of the log, the first at {} s: are their positions right?",
-            far_m / 1000.0,
+            area.radius_m / 1000.0,
             first.time_s
         );
         findings.push(odd("far_away", text));

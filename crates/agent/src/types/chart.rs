@@ -24,6 +24,47 @@ pub const SCALE_FALLBACK_M: f64 = 500.0;
 /// Largest spread of positions that count as a single position, in metres.
 const SCALE_MIN_M: f64 = 1e-3;
 
+/// A position is far away if its distance from the median position is this multiple of the median distance, and at
+/// least [`FAR_MIN_M`].
+const FAR_TIMES: f64 = 30.0;
+
+/// Smallest distance of a position that is far away, in metres.
+const FAR_MIN_M: f64 = 5_000.0;
+
+/// The area of nearly all positions of a log, without single positions far away.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MainArea {
+    /// The median position, coordinate by coordinate.
+    pub middle: Position,
+    /// Distance from the middle beyond which positions are far away, in metres.
+    pub radius_m: f64,
+}
+
+impl MainArea {
+    /// Returns the main area of `positions`. O(n log n).
+    pub fn of(positions: &[Position]) -> Self {
+        let coordinate = |of: fn(&Position) -> f64| median(positions.iter().map(of).collect());
+        let middle = Position::new(coordinate(|position| position.east_m), coordinate(|position| position.north_m));
+        let distances = positions.iter().map(|position| distance_m(&middle, position)).collect();
+        Self { middle, radius_m: (FAR_TIMES * median(distances)).max(FAR_MIN_M) }
+    }
+
+    /// Returns whether a position is not far away.
+    pub fn contains(&self, position: &Position) -> bool {
+        distance_m(&self.middle, position) <= self.radius_m
+    }
+}
+
+/// Returns the upper median, or 0 without values.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+fn distance_m(a: &Position, b: &Position) -> f64 {
+    (a.east_m - b.east_m).hypot(a.north_m - b.north_m)
+}
+
 /// Returns a positive number rounded to two significant digits.
 fn round_to_two_digits(number: f64) -> f64 {
     let unit = 10f64.powf(number.log10().floor() - 1.0);
@@ -35,9 +76,12 @@ impl Chart {
     ///
     /// The origin is rounded to 100 m, so that logs of one site share it. Without positions it is (0, 0). The scale is
     /// the root-mean-square distance of the positions from their mean, rounded to two digits. It is
-    /// [`SCALE_FALLBACK_M`] if all positions coincide.
+    /// [`SCALE_FALLBACK_M`] if all positions coincide. Positions outside of the [`MainArea`] do not count: one of them
+    /// would make all length-scales too long.
     pub fn about(positions: impl IntoIterator<Item = Position>) -> Self {
-        let positions: Vec<Position> = positions.into_iter().collect();
+        let mut positions: Vec<Position> = positions.into_iter().collect();
+        let area = MainArea::of(&positions);
+        positions.retain(|position| area.contains(position));
         let count = positions.len().max(1) as f64;
         let east_m = positions.iter().map(|position| position.east_m / count).sum::<f64>();
         let north_m = positions.iter().map(|position| position.north_m / count).sum::<f64>();

@@ -333,11 +333,13 @@ fn field_trial(name: &str, centralised_max: f64) {
 }
 
 #[test]
+#[ignore = "takes a minute; .ci/full runs it"]
 fn sharing_closes_the_gap_on_bay2() {
     field_trial("bay2", 0.202);
 }
 
 #[test]
+#[ignore = "takes a minute; .ci/full runs it"]
 fn sharing_closes_the_gap_on_lake2() {
     field_trial("lake2", 0.330);
 }
@@ -358,6 +360,7 @@ fn the_model_beats_distance_on_underwater_data() {
 }
 
 #[test]
+#[ignore = "takes a minute; .ci/full runs it"]
 fn the_model_beats_distance_and_boosting_with_900_underwater_events() {
     let Some(events) = shared_data("measured/towtrack_4_receivers.csv") else { return };
     let share = format!("{}", 1.0 - 900.0 / 12_972.0);

@@ -254,3 +254,34 @@ fn kernel_shapes_accept_a_parameter_after_a_colon() {
         assert!(output.status.code() == Some(2) && stderr(&output).contains(expected), "{shape}: {}", stderr(&output));
     }
 }
+
+/// Returns the probabilities over links of 50, 500 and 950 m, learned from a log.
+fn predicted(content: &str) -> [f64; 3] {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", content);
+    let links = "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n0,500,50,500\n0,500,500,500\n0,500,950,500\n";
+    file(folder.path(), "links.csv", links);
+    let result = json(folder.path(), &["predict", "events.csv", "--links", "links.csv", "--json"]);
+    [0, 1, 2].map(|row| result["predictions"][row]["probability"].as_f64().unwrap())
+}
+
+#[test]
+fn one_miss_far_away_changes_no_prediction() {
+    // Links in a square kilometre, heard up to about 500 m.
+    let place = |n: usize, step: f64| 1000.0 * (n as f64 * step).fract();
+    let mut content = format!("{HEADER}\n");
+    for n in 0..200 {
+        let [tx, rx] = [[0.618_034, 0.754_878], [0.569_84, 0.819_173]].map(|steps| steps.map(|step| place(n, step)));
+        let range_m = (tx[0] - rx[0]).hypot(tx[1] - rx[1]);
+        let heard = range_m < 400.0 + 200.0 * (n as f64 * 0.414_214).fract();
+        writeln!(content, "{},a,b,{},{},{},{},{}", n * 10, tx[0], tx[1], rx[0], rx[1], u8::from(heard)).unwrap();
+    }
+    let without = predicted(&content);
+    assert!(without[0] > 0.9 && without[2] < 0.1, "{without:?}");
+    for (east_m, north_m) in [(3e4, 0.0), (4e5, -3e5), (1.1e7, -4.9e6)] {
+        let with = predicted(&format!("{content}2000,a,b,500,500,{east_m},{north_m},0\n"));
+        for (with, without) in with.iter().zip(without) {
+            assert!((with - without).abs() < 0.05, "{with} and {without}, with a miss at {east_m} m");
+        }
+    }
+}
