@@ -13,7 +13,7 @@ use crate::parts::{BLOCK, blocks, on_parts, parts};
 
 /// Largest number of covariances that are kept in memory, 59 MB. Further covariances are computed each time they are
 /// needed.
-const KEPT_MAX: usize = 7 << 20;
+pub(crate) const KEPT_MAX: usize = 7 << 20;
 
 /// The covariances K_NM of N events with M inducing points.
 pub(crate) struct Cross<'a> {
@@ -40,9 +40,9 @@ impl<'a> Cross<'a> {
         Self { kernel, points, inputs, kept }
     }
 
-    /// Computes and keeps the first covariances, at most 59 MB of them. O(NMd).
-    pub(crate) fn kept(self) -> Result<Self> {
-        let blocks_max = KEPT_MAX / (BLOCK * self.points.len()).max(1);
+    /// Computes and keeps the first covariances, at most `numbers_max` of them. O(NMd).
+    pub(crate) fn kept(self, numbers_max: usize) -> Result<Self> {
+        let blocks_max = numbers_max / (BLOCK * self.points.len()).max(1);
         let whole = blocks(0..self.inputs.len()).take(blocks_max).collect();
         let compute = |block| -> Result<Matrix> { self.kernel.cross(&self.inputs.slice(block), self.points) };
         let kept = on_parts(whole, compute).into_iter().collect::<Result<_>>()?;
@@ -150,7 +150,7 @@ mod tests {
         let omega: Vec<f64> = (0..700).map(|n| 0.05 + 0.2 * f64::from(n % 7) / 7.0).collect();
         let shift: Vec<f64> = (0..700).map(|n| if n % 3 == 0 { 0.5 } else { -0.5 }).collect();
         let recomputed = Cross::new(&kernel, &points, &inputs).unwrap();
-        let kept = Cross::new(&kernel, &points, &inputs).unwrap().kept().unwrap();
+        let kept = Cross::new(&kernel, &points, &inputs).unwrap().kept(KEPT_MAX).unwrap();
         assert_eq!((recomputed.kept.len(), kept.kept.len()), (0, 3));
         let [one, other] = [&recomputed, &kept].map(|cross| condense(cross, &cholesky, &omega, &shift).unwrap());
         assert_eq!((&one.precision, &one.shift), (&other.precision, &other.shift));

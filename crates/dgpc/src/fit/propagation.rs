@@ -6,6 +6,7 @@ use super::dense::Dense;
 use super::mean_field::MeanField;
 use super::posterior::posterior_of;
 use super::sparse::{Coordinator, EventCovariances, Site};
+use crate::cross::KEPT_MAX;
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
@@ -171,7 +172,7 @@ impl Run {
     ) -> Result<OmegaKappa> {
         let mut coordinator = Coordinator::new(prior, likelihood, points)?;
         let inputs = likelihood.observations.inputs();
-        let mut events = EventCovariances::new(prior, inputs, points, Arc::clone(coordinator.cholesky()))?;
+        let mut events = EventCovariances::new(prior, inputs, points, Arc::clone(coordinator.cholesky()), KEPT_MAX)?;
         let (mut omega, mut kappa) = (mean_field.sites.omega().to_vec(), mean_field.sites.kappa().to_vec());
         let mut walk = events.begin(inputs, |n| (omega[n], kappa[n]))?;
         while self.is_unfinished() {

@@ -78,9 +78,15 @@ pub(crate) struct EventCovariances {
 }
 
 impl EventCovariances {
-    /// Computes the prior means, and the covariances that are kept in memory. O(NMd).
-    pub(crate) fn new(prior: &Prior, inputs: &Inputs, points: &Inputs, cholesky: Arc<Cholesky>) -> Result<Self> {
-        let kept = Cross::new(prior.kernel(), points, inputs)?.kept()?.into_kept();
+    /// Computes the prior means, and the covariances that are kept in memory: at most `kept_max` numbers. O(NMd).
+    pub(crate) fn new(
+        prior: &Prior,
+        inputs: &Inputs,
+        points: &Inputs,
+        cholesky: Arc<Cholesky>,
+        kept_max: usize,
+    ) -> Result<Self> {
+        let kept = Cross::new(prior.kernel(), points, inputs)?.kept(kept_max)?.into_kept();
         let prior_mean = prior.mean().values(inputs)?;
         Ok(Self { prior: prior.clone(), points: points.clone(), cholesky, kept, prior_mean, residual: Vec::new() })
     }

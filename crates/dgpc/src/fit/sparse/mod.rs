@@ -23,6 +23,7 @@ use std::sync::Arc;
 
 use super::mean_field::MeanField;
 use super::options::FitOptions;
+use crate::cross::KEPT_MAX;
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
@@ -61,8 +62,8 @@ fn run<'a>(
 ) -> Result<(Shard<'a>, Iteration<'a>)> {
     options.check(likelihood.events())?;
     let coordinator = Coordinator::new(prior, likelihood, points)?;
-    let covariances =
-        EventCovariances::new(prior, likelihood.observations.inputs(), points, Arc::clone(coordinator.cholesky()))?;
+    let (inputs, cholesky) = (likelihood.observations.inputs(), Arc::clone(coordinator.cholesky()));
+    let covariances = EventCovariances::new(prior, inputs, points, cholesky, KEPT_MAX)?;
     let mut shard = Shard::of_covariances(Cow::Borrowed(likelihood.observations), covariances, options.start);
     let mut iteration = Iteration::new(coordinator, options);
     while let Some(request) = iteration.request() {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::events::{EventCovariances, EventMoments, Site, Walk};
 use super::gradient::Slope;
 use super::point_posterior::PointPosterior;
+use crate::cross::KEPT_MAX;
 use crate::error::{Error, Result, same_size};
 use crate::fit::mean_field::{TILT_MIN, TILT_START, omega, omega_and_ln_2_cosh};
 use crate::inputs::Inputs;
@@ -18,7 +19,7 @@ use crate::sites::Sites;
 ///
 /// A shard keeps the moments of its events between requests. They save work, but no result depends on them: a new
 /// shard with the same events gives the same contribution to the same request, to the bit. Memory is O(N + M²) for N
-/// events and M inducing points, plus at most 59 MB of covariances.
+/// events and M inducing points, plus at most 59 MB of covariances ([`Shard::with_memory`]).
 pub struct Shard<'a> {
     observations: Cow<'a, Observations>,
     covariances: EventCovariances,
@@ -137,9 +138,25 @@ impl<'a> Shard<'a> {
     /// and inducing points have different dimensions; [`Error::NotPositiveDefinite`] if inducing points coincide too
     /// closely for any small jitter.
     pub fn new(prior: &Prior, observations: Cow<'a, Observations>, inducing_points: &Inputs) -> Result<Self> {
+        Self::with_memory(prior, observations, inducing_points, KEPT_MAX)
+    }
+
+    /// Creates a shard that keeps at most `covariances_max` covariances in memory, 8 bytes each. Other covariances are
+    /// computed again for every request. This bounds the memory of a process with many shards; the contributions have
+    /// the same bits.
+    ///
+    /// # Errors
+    /// As [`Shard::new`].
+    pub fn with_memory(
+        prior: &Prior,
+        observations: Cow<'a, Observations>,
+        inducing_points: &Inputs,
+        covariances_max: usize,
+    ) -> Result<Self> {
         same_size("input dimension", inducing_points.dimension(), observations.inputs().dimension())?;
         let cholesky = Cholesky::with_jitter("K_MM", &prior.kernel().gram(inducing_points)?)?;
-        let covariances = EventCovariances::new(prior, observations.inputs(), inducing_points, Arc::new(cholesky))?;
+        let (inputs, cholesky) = (observations.inputs(), Arc::new(cholesky));
+        let covariances = EventCovariances::new(prior, inputs, inducing_points, cholesky, covariances_max)?;
         Ok(Self::of_covariances(observations, covariances, None))
     }
 
