@@ -1,0 +1,76 @@
+"""Decentralised Gaussian process classification.
+
+Several agents observe binary outcomes of one latent function. Each fits its events, summarises them at a few inducing
+points, and fuses the summaries of the others.
+
+All arguments are arrays, or objects that NumPy turns into arrays. Bad arguments raise a ``ValueError``. A computation
+that fails raises ``dgpc.Error``.
+"""
+
+from ._dgpc import (
+    Candidates,
+    Certificate,
+    Concatenation,
+    Correlation,
+    Error,
+    Fit,
+    Kernel,
+    Learned,
+    LocalityRegion,
+    Posterior,
+    Prior,
+    Propagated,
+    RangeMean,
+    Selection,
+    Shift,
+    Sites,
+    Summary,
+    Term,
+    busiest_region,
+    effective_sample_size,
+    evidence,
+    fit,
+    gibbs,
+    greedy_by_variance,
+    greedy_judged,
+    learn,
+    log_evidence,
+    region_around,
+)
+from ._elementwise import polya_gamma, polya_gamma_moments, success_probability
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Candidates",
+    "Certificate",
+    "Concatenation",
+    "Correlation",
+    "Error",
+    "Fit",
+    "Kernel",
+    "Learned",
+    "LocalityRegion",
+    "Posterior",
+    "Prior",
+    "Propagated",
+    "RangeMean",
+    "Selection",
+    "Shift",
+    "Sites",
+    "Summary",
+    "Term",
+    "busiest_region",
+    "effective_sample_size",
+    "evidence",
+    "fit",
+    "gibbs",
+    "greedy_by_variance",
+    "greedy_judged",
+    "learn",
+    "log_evidence",
+    "polya_gamma",
+    "polya_gamma_moments",
+    "region_around",
+    "success_probability",
+]

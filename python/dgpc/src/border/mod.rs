@@ -1,0 +1,11 @@
+//! The border between Python and the crate: numbers, errors, threads and bytes.
+
+mod arrays;
+mod bytes;
+mod errors;
+mod work;
+
+pub use arrays::{Count, Numbers, Outcomes, Points, Square, Table, Vector, Whole, array, indices, matrix, vector};
+pub use bytes::{decode, encode, reduce};
+pub use errors::{Error, bad_input};
+pub use work::{check_memory, generator, interruptible, remember_process, work};

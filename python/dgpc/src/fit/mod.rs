@@ -1,0 +1,14 @@
+//! Fits of events, learning of priors, and sampling.
+
+mod options;
+mod fitted;
+mod mean_field;
+mod learning;
+mod sampling;
+mod polya_gamma;
+
+pub use fitted::{Fit, Propagated};
+pub use learning::{Learned, learn};
+pub use mean_field::{evidence, fit};
+pub use polya_gamma::{polya_gamma_draws, polya_gamma_moments, success_probabilities};
+pub use sampling::{effective_sample_size, gibbs};

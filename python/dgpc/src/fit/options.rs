@@ -1,0 +1,151 @@
+//! Options of fits and of learning. Monitors for Ctrl-C and progress belong here.
+
+use std::collections::HashMap;
+
+use dgpc::{FitOptions, HyperPrior, LearnOptions, Observations};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::border::{Count, Numbers, Points, check_memory, work};
+use crate::posterior::{Summary, references};
+use crate::prior::Prior;
+use crate::selection::greedy;
+
+/// Inducing points: a number of them, or the points.
+pub enum InducingPoints {
+    Number(Count),
+    Points(Points),
+}
+
+impl<'py> FromPyObject<'_, 'py> for InducingPoints {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if object.len().is_ok() { object.extract().map(Self::Points) } else { object.extract().map(Self::Number) }
+    }
+}
+
+/// The arguments of a fit that become its options.
+pub struct FitArguments {
+    pub inducing_points: Option<InducingPoints>,
+    pub messages: Vec<Py<Summary>>,
+    pub tolerance: f64,
+    pub iterations_max: Count,
+    pub start: Option<Numbers>,
+}
+
+/// Runs `compute` with the options of a fit, without the interpreter's lock.
+pub fn with_fit_options<T: Send>(
+    py: Python<'_>,
+    prior: &dgpc::Prior,
+    observations: &Observations,
+    arguments: FitArguments,
+    compute: impl FnOnce(&FitOptions<'_>) -> dgpc::Result<T> + Send,
+) -> PyResult<T> {
+    let inputs = observations.inputs();
+    let points = match arguments.inducing_points {
+        None => None,
+        Some(InducingPoints::Points(points)) => Some(points.0),
+        Some(InducingPoints::Number(Count(0))) => {
+            return Err(PyValueError::new_err("inducing_points must be at least 1, or None for a dense fit"));
+        }
+        Some(InducingPoints::Number(Count(count))) => {
+            let candidates = count.saturating_mul(4).min(inputs.len());
+            check_memory(&[2, candidates, candidates])?;
+            Some(work(py, || greedy(prior.kernel(), inputs, count))?)
+        }
+    };
+    let messages = references(&arguments.messages);
+    check_memory_of_fit(observations, &messages, points.as_ref().map(dgpc::Inputs::len))?;
+    work(py, || {
+        let mut options = FitOptions::default()
+            .messages(&messages)
+            .tolerance(arguments.tolerance)
+            .iterations_max(arguments.iterations_max.0);
+        options.inducing_points = points.as_ref();
+        options.start = arguments.start.as_ref().map(|start| start.0.as_slice());
+        compute(&options)
+    })
+}
+
+/// Checks that the matrices of a fit can be reserved: four of all events, or four of all inducing points.
+fn check_memory_of_fit(
+    observations: &Observations,
+    messages: &[&dgpc::Summary],
+    inducing_points: Option<usize>,
+) -> PyResult<()> {
+    let of_messages: usize = messages.iter().map(|message| message.len()).sum();
+    let size = inducing_points.unwrap_or(observations.len()) + of_messages;
+    check_memory(&[4, size, size])
+}
+
+/// The arguments of learning that become its options.
+pub struct LearnArguments {
+    pub messages: Vec<Py<Summary>>,
+    pub hyper_prior: HashMap<String, f64>,
+    pub warm_start: Option<Py<Prior>>,
+    pub start: Option<Numbers>,
+    pub further_starts: Vec<Py<Prior>>,
+    pub start_events_max: Count,
+    pub race_events_max: Count,
+    pub search_events_max: Count,
+    pub dense_events_max: Count,
+    pub inducing_points_max: Count,
+    pub iterations_max: Count,
+    pub tolerance: f64,
+    pub calibrate: bool,
+}
+
+/// Runs `compute` with the options of learning, without the interpreter's lock.
+pub fn with_learn_options<T: Send>(
+    py: Python<'_>,
+    observations: &Observations,
+    arguments: LearnArguments,
+    compute: impl FnOnce(&LearnOptions<'_>) -> dgpc::Result<T> + Send,
+) -> PyResult<T> {
+    let hyper_prior = hyper_prior(&arguments.hyper_prior)?;
+    let messages = references(&arguments.messages);
+    let further: Vec<dgpc::Prior> = arguments.further_starts.iter().map(|start| start.get().0.clone()).collect();
+    let is_sparse = observations.len() > arguments.dense_events_max.0;
+    let points = is_sparse.then_some(arguments.inducing_points_max.0.min(observations.len()));
+    check_memory_of_fit(observations, &messages, points)?;
+    work(py, || {
+        let mut options = LearnOptions::default()
+            .messages(&messages)
+            .hyper_prior(hyper_prior)
+            .further_starts(&further)
+            .start_events_max(arguments.start_events_max.0)
+            .race_events_max(arguments.race_events_max.0)
+            .search_events_max(arguments.search_events_max.0)
+            .sparse_beyond(arguments.dense_events_max.0, arguments.inducing_points_max.0)
+            .iterations_max(arguments.iterations_max.0)
+            .tolerance(arguments.tolerance)
+            .calibrate(arguments.calibrate);
+        options.warm_start = arguments.warm_start.as_ref().map(|start| &start.get().0);
+        options.tilts = arguments.start.as_ref().map(|start| start.0.as_slice());
+        compute(&options)
+    })
+}
+
+/// Returns the hyperprior with the standard deviations that are named.
+fn hyper_prior(deviations: &HashMap<String, f64>) -> PyResult<HyperPrior> {
+    let mut hyper_prior = HyperPrior::default();
+    for (name, &deviation) in deviations {
+        let place = match name.as_str() {
+            "length_scale" => &mut hyper_prior.length_scale,
+            "variance" => &mut hyper_prior.variance,
+            "reciprocity" => &mut hyper_prior.reciprocity,
+            "shape" => &mut hyper_prior.shape,
+            "intercept" => &mut hyper_prior.intercept,
+            "slope" => &mut hyper_prior.slope,
+            other => {
+                let known = "length_scale, variance, reciprocity, shape, intercept, slope";
+                return Err(PyValueError::new_err(format!(
+                    "no parameter is called {other:?}; expected one of {known}"
+                )));
+            }
+        };
+        *place = deviation;
+    }
+    Ok(hyper_prior)
+}

@@ -1,0 +1,256 @@
+//! Posteriors of events and summaries.
+
+use dgpc::Matrix;
+use pyo3::prelude::*;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::shift::Shift;
+use super::sites::{Sites, observations};
+use super::summary::{Summary, references};
+use crate::border::{Count, Numbers, Outcomes, Points, Table, Vector, check_memory, generator, matrix, vector, work};
+use crate::prior::Prior;
+
+/// A Gaussian posterior over the latent function that predicts anywhere.
+///
+/// The prior counts once, however many summaries there are and wherever their regions overlap. No method changes a
+/// posterior; each returns a new one. O(n³) for n events and inducing points.
+///
+/// Parameters
+/// ----------
+/// prior : Prior
+/// sites : Sites, optional
+///     The events of this agent.
+/// summaries : sequence of Summary, optional
+///     The messages of other agents, formed under the same prior.
+/// dimension : int, optional
+///     Number of columns of the inputs, if there are neither sites nor summaries.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> prior = dgpc.Prior(dgpc.Term("matern52", 1.0, variance=2.0, dimension=1))
+///     >>> own = dgpc.fit(prior, [[0.0], [0.5]], [1, 1])
+///     >>> other = dgpc.fit(prior, [[3.0], [3.5]], [0, 0])
+///     >>> message = dgpc.Summary.marginal(prior, other.sites, [[3.2]])
+///     >>> fused = dgpc.Posterior(prior, own.sites, [message])
+///     >>> fused.probability([[0.2], [3.3]]).round(2)
+///     array([0.7, 0.3])
+#[pyclass(frozen, module = "dgpc")]
+pub struct Posterior(pub dgpc::Posterior);
+
+/// Returns means and variances as two arrays.
+pub fn pair<'py>(py: Python<'py>, latent: dgpc::Latent) -> (Vector<'py>, Vector<'py>) {
+    (vector(py, latent.mean), vector(py, latent.variance))
+}
+
+impl Posterior {
+    /// Returns the posterior that `absorb` made from a copy of this one.
+    fn changed(
+        &self,
+        py: Python<'_>,
+        new_rows: usize,
+        absorb: impl FnOnce(&mut dgpc::Posterior) -> dgpc::Result<()> + Send,
+    ) -> PyResult<Self> {
+        let rows = self.0.len() + new_rows;
+        check_memory(&[2, rows, rows])?;
+        work(py, || {
+            let mut posterior = self.0.clone();
+            absorb(&mut posterior).map(|()| Self(posterior))
+        })
+    }
+}
+
+#[pymethods]
+impl Posterior {
+    #[new]
+    #[pyo3(signature = (prior, sites=None, summaries=vec![], *, dimension=None),
+           text_signature = "(prior, sites=None, summaries=(), *, dimension=None)")]
+    fn new(
+        py: Python<'_>,
+        prior: &Prior,
+        sites: Option<&Sites>,
+        summaries: Vec<Py<Summary>>,
+        dimension: Option<Count>,
+    ) -> PyResult<Self> {
+        let summaries = references(&summaries);
+        let of_summaries = summaries.first().map(|summary| summary.inducing_points().dimension());
+        let dimension = dimension.map(|Count(dimension)| dimension).or(of_summaries).unwrap_or(1);
+        let nothing = dgpc::Sites::empty(dimension);
+        let sites = sites.map_or(&nothing, |sites| &sites.0);
+        let rows = sites.len() + summaries.iter().map(|summary| summary.len()).sum::<usize>();
+        check_memory(&[3, rows, rows])?;
+        work(py, || dgpc::Posterior::fuse(&prior.0, sites, &summaries).map(Self))
+    }
+
+    /// Returns the mean and the variance of the latent function at every point. O(n²) a point.
+    ///
+    /// Parameters
+    /// ----------
+    /// x : array of shape (N, d)
+    ///
+    /// Returns
+    /// -------
+    /// mean : array of shape (N,)
+    ///     Log-odds of success.
+    /// variance : array of shape (N,)
+    fn latent<'py>(&self, py: Python<'py>, x: Points) -> PyResult<(Vector<'py>, Vector<'py>)> {
+        Ok(pair(py, work(py, || self.0.latent(&x.0))?))
+    }
+
+    /// Returns the probability of success at every point, averaged over the latent function.
+    ///
+    /// Parameters
+    /// ----------
+    /// x : array of shape (N, d)
+    ///
+    /// Returns
+    /// -------
+    /// array of shape (N,)
+    fn probability<'py>(&self, py: Python<'py>, x: Points) -> PyResult<Vector<'py>> {
+        Ok(vector(py, work(py, || self.0.probability(&x.0))?))
+    }
+
+    /// Returns the joint mean and covariance of the latent function at the points.
+    ///
+    /// Returns
+    /// -------
+    /// mean : array of shape (N,)
+    /// covariance : array of shape (N, N)
+    fn joint<'py>(&self, py: Python<'py>, x: Points) -> PyResult<(Vector<'py>, Table<'py>)> {
+        check_memory(&[x.0.len(), x.0.len() + self.0.len()])?;
+        let (mean, covariance) = work(py, || self.0.joint(&x.0))?;
+        Ok((vector(py, mean), matrix(py, &covariance)?))
+    }
+
+    /// Draws functions from the posterior at the points.
+    ///
+    /// Parameters
+    /// ----------
+    /// x : array of shape (N, d)
+    /// count : int
+    ///     Number of functions.
+    /// seed : int
+    ///     Equal seeds give equal draws.
+    ///
+    /// Returns
+    /// -------
+    /// array of shape (count, N)
+    #[pyo3(signature = (x, count, *, seed))]
+    fn draws<'py>(&self, py: Python<'py>, x: Points, count: Count, seed: u64) -> PyResult<Table<'py>> {
+        check_memory(&[x.0.len(), x.0.len() + self.0.len()])?;
+        check_memory(&[3, x.0.len(), count.0])?;
+        let draws = work(py, || {
+            let mut generator = generator(seed, 0);
+            let normals = Matrix::from_fn(x.0.len(), count.0, |_, _| StandardNormal.sample(&mut generator));
+            self.0.draws(&x.0, &normals).map(|(draws, _)| draws.transposed())
+        })?;
+        matrix(py, &draws)
+    }
+
+    /// Returns the summary of this posterior at inducing points.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : array of shape (M, d)
+    fn summarise(&self, py: Python<'_>, points: Points) -> PyResult<Summary> {
+        check_memory(&[points.0.len(), points.0.len() + self.0.len()])?;
+        work(py, || self.0.summarise(&points.0).map(Summary))
+    }
+
+    /// Returns the message at inducing points that a receiver lacks if it holds the posterior `known`.
+    fn residual(&self, py: Python<'_>, known: &Self, points: Points) -> PyResult<Summary> {
+        check_memory(&[points.0.len(), points.0.len() + self.0.len().max(known.0.len())])?;
+        work(py, || self.0.residual(&known.0, &points.0).map(Summary))
+    }
+
+    /// Returns the posterior with more events. The existing sites stay as they are. O(n²m) for m events.
+    fn absorb_events(&self, py: Python<'_>, sites: &Sites) -> PyResult<Self> {
+        self.changed(py, sites.0.len(), |posterior| posterior.absorb_events(&sites.0))
+    }
+
+    /// Returns the posterior with more summaries, formed under its prior.
+    fn absorb_summaries(&self, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Self> {
+        let summaries = references(&summaries);
+        let rows = summaries.iter().map(|summary| summary.len()).sum();
+        self.changed(py, rows, |posterior| posterior.absorb_summaries(&summaries))
+    }
+
+    /// Returns the posterior with more events whose ω is not known yet, and their sites.
+    ///
+    /// Each event gets its own fixed point given the events before it. O(n²) an event.
+    ///
+    /// Returns
+    /// -------
+    /// posterior : Posterior
+    /// sites : Sites
+    #[pyo3(signature = (x, y, weights=None))]
+    fn absorb_observations(
+        &self,
+        py: Python<'_>,
+        x: Points,
+        y: Outcomes,
+        weights: Option<Numbers>,
+    ) -> PyResult<(Self, Sites)> {
+        let (new, mut sites) = (observations(x, y, weights)?, None);
+        let posterior = self.changed(py, new.len(), |posterior| {
+            sites = Some(dgpc::absorb_observations(posterior, &new)?);
+            Ok(())
+        })?;
+        let sites = sites.unwrap_or_else(|| dgpc::Sites::empty(new.inputs().dimension()));
+        Ok((posterior, Sites(sites)))
+    }
+
+    /// Returns the sites of more events given this posterior, each on its own.
+    #[pyo3(signature = (x, y, weights=None))]
+    fn sites_given(&self, py: Python<'_>, x: Points, y: Outcomes, weights: Option<Numbers>) -> PyResult<Sites> {
+        let new = observations(x, y, weights)?;
+        work(py, || dgpc::sites_given(&self.0, &new).map(Sites))
+    }
+
+    /// Returns the shift that summaries would cause. The posterior must not hold them yet.
+    fn shift_by(&self, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Shift> {
+        let summaries = references(&summaries);
+        work(py, || self.0.shift_by(&summaries).map(Shift))
+    }
+
+    /// Returns the shift that summaries have caused. The posterior must hold them.
+    fn shift_of(&self, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Shift> {
+        let summaries = references(&summaries);
+        work(py, || self.0.shift_of(&summaries).map(Shift))
+    }
+
+    /// Returns how strongly outcomes contradict this posterior, in standard deviations. It must not hold them.
+    ///
+    /// Parameters
+    /// ----------
+    /// x : array of shape (N, d)
+    /// y : array of shape (N,)
+    /// offset_sd : float, optional
+    ///     Standard deviation of a common offset of the latent function that is no contradiction.
+    #[pyo3(signature = (x, y, *, offset_sd=0.0))]
+    fn contradiction(&self, py: Python<'_>, x: Points, y: Outcomes, offset_sd: f64) -> PyResult<f64> {
+        check_memory(&[4, x.0.len(), x.0.len()])?;
+        let reported = observations(x, y, None)?;
+        work(py, || self.0.contradiction(&reported, offset_sd))
+    }
+
+    /// The prior of the posterior.
+    #[getter]
+    fn prior(&self) -> Prior {
+        Prior(self.0.prior().clone())
+    }
+
+    /// The largest jitter of all factorisations behind the posterior, ordinarily 0.
+    #[getter]
+    fn jitter(&self) -> f64 {
+        self.0.jitter()
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Posterior of {} events and inducing points", self.0.len())
+    }
+}
