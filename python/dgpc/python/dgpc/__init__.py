@@ -7,6 +7,8 @@ All arguments are arrays, or objects that NumPy turns into arrays. Bad arguments
 that fails raises ``dgpc.Error``.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from ._dgpc import (
     Candidates,
     Certificate,
@@ -39,6 +41,9 @@ from ._dgpc import (
 )
 from ._elementwise import polya_gamma, polya_gamma_moments, success_probability
 
+if TYPE_CHECKING:
+    from ._classifier import GaussianProcessClassifier
+
 __version__ = "0.1.0"
 
 __all__ = [
@@ -48,6 +53,7 @@ __all__ = [
     "Correlation",
     "Error",
     "Fit",
+    "GaussianProcessClassifier",
     "Kernel",
     "Learned",
     "LocalityRegion",
@@ -74,3 +80,17 @@ __all__ = [
     "region_around",
     "success_probability",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Imports the estimator when it is first used, because scikit-learn is optional."""
+    if name != "GaussianProcessClassifier":
+        raise AttributeError(f"module 'dgpc' has no attribute {name!r}")
+    try:
+        import sklearn  # noqa: F401
+    except ModuleNotFoundError as error:
+        message = "dgpc.GaussianProcessClassifier needs scikit-learn 1.6 or later: pip install 'dgpc[sklearn]'"
+        raise ImportError(message) from error
+    from ._classifier import GaussianProcessClassifier
+
+    return GaussianProcessClassifier
