@@ -65,12 +65,12 @@ fn copied(array: &Bound<'_, PyUntypedArray>) -> PyResult<Vec<f64>> {
     let (py, shape) = (array.py(), array.shape());
     let (rows, width) = (shape[0], shape[1..].iter().product::<usize>());
     check_memory(&[rows, width])?;
-    let convert = py.import("numpy")?.getattr("ascontiguousarray")?;
+    let convert = py.import("numpy")?.getattr("require")?;
     let mut numbers = Vec::with_capacity(rows * width);
     let step = (BLOCK / width.max(1)).max(1);
     for first in (0..rows).step_by(step) {
         let block = array.get_item(PySlice::new(py, first as isize, rows.min(first + step) as isize, 1))?;
-        let block = convert.call1((block, "float64"))?.call_method1("reshape", (-1,))?;
+        let block = convert.call1((block, "float64", ["C_CONTIGUOUS", "ALIGNED"]))?.call_method1("reshape", (-1,))?;
         let block = block.cast_into::<PyArray1<f64>>()?;
         numbers.extend_from_slice(block.try_readonly()?.as_slice()?);
     }

@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use super::arrays::Count;
 use super::errors::failed;
 
 /// Time between two checks for Ctrl-C.
@@ -83,8 +84,8 @@ pub fn check_memory(sizes: &[usize]) -> PyResult<()> {
 }
 
 /// Returns the random number generator of a seed and a stream. Streams of one seed are independent.
-pub fn generator(seed: u64, stream: u64) -> ChaCha8Rng {
-    let mut generator = ChaCha8Rng::seed_from_u64(seed);
-    generator.set_stream(stream);
+pub fn generator(Count(seed): Count, stream: usize) -> ChaCha8Rng {
+    let mut generator = ChaCha8Rng::seed_from_u64(seed as u64);
+    generator.set_stream(stream as u64);
     generator
 }

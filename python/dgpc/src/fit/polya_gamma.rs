@@ -1,10 +1,10 @@
 //! Pólya-Gamma variables and probabilities, number by number. The Python functions broadcast their arguments.
 
-use dgpc::polya_gamma;
+use dgpc::{Place, polya_gamma};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::border::{Numbers, Vector, Whole, generator, interruptible, vector, work};
+use crate::border::{Count, Numbers, Vector, Whole, generator, interruptible, vector, work};
 
 /// Largest shape of a variable that is drawn, as a sum of that many variables of shape 1.
 const SHAPE_MAX: usize = 1_000_000;
@@ -17,7 +17,7 @@ fn same_length(first: usize, second: usize) -> PyResult<()> {
 
 /// Draws from PG(shape, tilt) for every pair of numbers.
 #[pyfunction]
-pub fn polya_gamma_draws<'py>(py: Python<'py>, shape: Whole, tilt: Numbers, seed: u64) -> PyResult<Vector<'py>> {
+pub fn polya_gamma_draws<'py>(py: Python<'py>, shape: Whole, tilt: Numbers, seed: Count) -> PyResult<Vector<'py>> {
     let (Whole(shape), Numbers(tilt)) = (shape, tilt);
     same_length(shape.len(), tilt.len())?;
     if let Some(bad) = shape.iter().find(|shape| !(1..=SHAPE_MAX).contains(shape)) {
@@ -43,9 +43,14 @@ pub fn polya_gamma_moments<'py>(
     if let Some(bad) = shape.0.iter().find(|shape| **shape <= 0.0) {
         return Err(PyValueError::new_err(format!("shape must be positive, found {bad}")));
     }
-    let pairs = || shape.0.iter().zip(&tilt.0);
-    let each = |of: fn(f64, f64) -> f64| -> Vec<f64> { pairs().map(|(&shape, &tilt)| of(shape, tilt)).collect() };
-    let (mean, variance) = work(py, || Ok((each(polya_gamma::mean), each(polya_gamma::variance))))?;
+    let each = |of: fn(f64, f64) -> f64| -> dgpc::Result<Vec<f64>> {
+        let values: Vec<f64> = shape.0.iter().zip(&tilt.0).map(|(&shape, &tilt)| of(shape, tilt)).collect();
+        let (what, overflow) = ("moment of a Pólya-Gamma variable", values.iter().position(|value| !value.is_finite()));
+        let error = |place| dgpc::Error::NotFinite { what, place: Place::Element(place), value: values[place] };
+        overflow.map(error).map_or(Ok(()), Err)?;
+        Ok(values)
+    };
+    let (mean, variance) = work(py, || Ok((each(polya_gamma::mean)?, each(polya_gamma::variance)?)))?;
     Ok((vector(py, mean), vector(py, variance)))
 }
 

@@ -51,7 +51,7 @@ pub fn gibbs<'py>(
     x: Points,
     y: Outcomes,
     draws: Count,
-    seed: u64,
+    seed: Count,
     chains: Count,
     warm_up: Count,
     weights: Option<Numbers>,
@@ -64,7 +64,7 @@ pub fn gibbs<'py>(
     let (mut latent, mut omega) = (Vec::new(), Vec::new());
     for chain in 0..chains {
         let mut sampler = work(py, || dgpc::Gibbs::new(&prior.0, events.clone()))?;
-        let mut generator = generator(seed, chain as u64);
+        let mut generator = generator(seed, chain);
         interruptible(py, sweeps, |sweep| {
             sampler.sweep(&mut generator)?;
             if sweep >= warm_up {

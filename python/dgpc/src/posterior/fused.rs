@@ -44,7 +44,7 @@ pub fn pair<'py>(py: Python<'py>, latent: dgpc::Latent) -> (Vector<'py>, Vector<
 }
 
 impl Posterior {
-    /// Returns the posterior that `absorb` made from a copy of this one.
+    /// Returns the posterior that `absorb` made from a copy of this posterior.
     fn changed(
         &self,
         py: Python<'_>,
@@ -136,7 +136,7 @@ impl Posterior {
     /// -------
     /// array of shape (count, N)
     #[pyo3(signature = (x, count, *, seed))]
-    fn draws<'py>(&self, py: Python<'py>, x: Points, count: Count, seed: u64) -> PyResult<Table<'py>> {
+    fn draws<'py>(&self, py: Python<'py>, x: Points, count: Count, seed: Count) -> PyResult<Table<'py>> {
         check_memory(&[x.0.len(), x.0.len() + self.0.len()])?;
         check_memory(&[3, x.0.len(), count.0])?;
         let draws = work(py, || {

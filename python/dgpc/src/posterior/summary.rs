@@ -35,7 +35,7 @@ pub fn references(summaries: &[Py<Summary>]) -> Vec<&dgpc::Summary> {
 }
 
 impl Summary {
-    /// Returns a summary that `change` made from a copy of this one.
+    /// Returns a summary that `change` made from a copy of it.
     fn changed(
         &self,
         py: Python<'_>,

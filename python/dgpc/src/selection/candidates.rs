@@ -97,7 +97,7 @@ impl Candidates {
 
     /// Returns distinct candidates, drawn uniformly. Equal seeds give equal choices.
     #[pyo3(signature = (count, *, seed))]
-    fn random(&self, py: Python<'_>, count: Count, seed: u64) -> PyResult<Selection> {
+    fn random(&self, py: Python<'_>, count: Count, seed: Count) -> PyResult<Selection> {
         work(py, || Ok(Selection(self.0.random(count.0, &mut generator(seed, 0)))))
     }
 
