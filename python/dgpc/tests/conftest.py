@@ -1,0 +1,18 @@
+"""Data that several tests use."""
+
+import dgpc
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def prior() -> dgpc.Prior:
+    """A prior over two columns."""
+    return dgpc.Prior(dgpc.Term("matern52", 0.8, variance=2.0, dimension=2), mean=0.2)
+
+
+@pytest.fixture
+def events() -> tuple[np.ndarray, np.ndarray]:
+    """Forty events: success near the origin."""
+    x = np.random.default_rng(1).normal(size=(40, 2))
+    return x, np.hypot(*x.T) < 1.2
