@@ -235,6 +235,12 @@ def test_a_computation_that_fails_raises_the_error_of_the_package() -> None:
     assert issubclass(dgpc.Error, RuntimeError)
 
 
+def test_a_matrix_that_is_too_large_raises_a_memory_error() -> None:
+    kernel = dgpc.Kernel([dgpc.Term("matern32", columns=[0])])
+    with pytest.raises(MemoryError, match="10000000 × 10000000 numbers"):
+        kernel.gram(np.zeros((10_000_000, 1)))
+
+
 def test_one_outcome_is_no_error_for_functions() -> None:
     assert (dgpc.fit(PRIOR, X, np.ones(12)).mean > 0).all()
 

@@ -128,7 +128,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         return self
 
     def partial_fit(self, X: ArrayLike, y: ArrayLike, classes: ArrayLike | None = None) -> GaussianProcessClassifier:
-        """Adds events and keeps the hyperparameters.
+        """Adds events and keeps the hyperparameters. An estimator that was not fitted keeps the initial values.
 
         Parameters
         ----------

@@ -79,8 +79,11 @@ fn on_live_threads<T: Send>(compute: impl FnOnce() -> T + Send) -> PyResult<T> {
 pub fn check_memory(sizes: &[usize]) -> PyResult<()> {
     let numbers = sizes.iter().try_fold(1_usize, |product, &size| product.checked_mul(size));
     let is_free = numbers.is_some_and(|numbers| Vec::<f64>::new().try_reserve_exact(numbers).is_ok());
-    let message = || format!("not enough memory for {sizes:?} numbers of eight bytes");
-    if is_free { Ok(()) } else { Err(PyMemoryError::new_err(message())) }
+    if is_free {
+        return Ok(());
+    }
+    let product = sizes.iter().map(usize::to_string).collect::<Vec<_>>().join(" × ");
+    Err(PyMemoryError::new_err(format!("not enough memory for {product} numbers of eight bytes")))
 }
 
 /// Returns the random number generator of a seed and a stream. Streams of one seed are independent.
